@@ -1,0 +1,22 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+# Install, so that others can find_package(soilvdb) and #include <soilvdb/core/tracker.h>.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/soilvdb)
+
+foreach(module IN ITEMS core io)
+  install(TARGETS soilvdb_${module} EXPORT soilvdb-${module}-targets)
+  install(EXPORT soilvdb-${module}-targets NAMESPACE soilvdb:: DESTINATION ${config_dir})
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${module}
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/soilvdb FILES_MATCHING PATTERN *.h)
+endforeach()
+
+configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/soilvdb-config.cmake.in
+  ${PROJECT_BINARY_DIR}/soilvdb-config.cmake INSTALL_DESTINATION ${config_dir})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/soilvdb-config-version.cmake
+  COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/soilvdb-config.cmake
+              ${PROJECT_BINARY_DIR}/soilvdb-config-version.cmake
+              ${CMAKE_CURRENT_LIST_DIR}/FindOpenVDB.cmake
+        DESTINATION ${config_dir})

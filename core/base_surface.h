@@ -1,0 +1,76 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The ground before anyone dug: never voxelised as a whole, only where a bucket comes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "core/types.h"
+
+namespace soilvdb {
+
+/// Voxels per side of a leaf, the chunk in which ground gets voxels.
+inline constexpr int kLeafSide = 8;
+inline constexpr int kLeafSize = kLeafSide * kLeafSide * kLeafSide;
+
+/// Points spread over one voxel cell, in voxels from the cell's low corner, each in [0, 1).
+struct CellPoints {
+  alignas(64) float x[64], y[64], z[64];
+};
+
+/// What a box of ground holds.
+enum class Content { kAir, kSoil, kMixed };
+
+/// The undisturbed ground: a set of points of the world, soil.
+///
+/// All members are const and safe to call from several threads. World coordinates, metres.
+class BaseSurface {
+ public:
+  virtual ~BaseSurface() = default;
+
+  /// Is the axis-aligned box surely free of soil, surely full of it, or neither? Where there is no
+  /// ground (NODATA, outside a raster) counts as air.
+  virtual Content classify(const Eigen::AlignedBox3d& box) const = 0;
+
+  /// Is it known what the box holds? False where it comes over ground without a height and isn't
+  /// above all the ground near it.
+  virtual bool known(const Eigen::AlignedBox3d& box) const = 0;
+
+  /// Signed distance at the 8x8x8 voxel centres that start at `first` and are `h` apart: true
+  /// distance to the surface, negative in soil, clamped to +-band. phi[x*64 + y*8 + z].
+  virtual void distance(const Vec3& first, double h, double band, float* phi) const = 0;
+
+  /// Bit i is set where point i of the cell with low corner `low` and side `h` is soil.
+  virtual std::uint64_t occupancy(const Vec3& low, double h, const CellPoints& points) const = 0;
+
+  /// Height of the topmost soil at (x, y); nothing where there is none or it isn't known.
+  virtual std::optional<double> height(double x, double y) const = 0;
+};
+
+/// z = height + slope . (x, y); unbounded.
+std::unique_ptr<BaseSurface> make_plane(double height_m, Vec2 slope);
+
+/// Where a HeightField gets its heights from.
+class HeightSource {
+ public:
+  virtual ~HeightSource() = default;
+  /// Reads a window of posts, row-major from low y to high y and low x to high x, NaN where there
+  /// is no height. @param out nx * ny values, m. @throw std::runtime_error if it can't be read.
+  virtual void read(int x0, int y0, int nx, int ny, float* out) const = 0;
+};
+
+/// A regular grid of heights (posts) in world coordinates.
+struct HeightGrid {
+  int nx = 0, ny = 0;
+  Vec2 first = Vec2::Zero();   ///< x, y of post (0, 0), the one with the lowest x and y
+  Vec2 spacing = Vec2::Ones(); ///< > 0
+};
+
+/// Heights bilinear between posts; known on the rectangle of the posts, less every patch one of
+/// whose four posts is NaN. Posts are read by tile, when first needed.
+std::unique_ptr<BaseSurface> make_height_field(const HeightGrid& grid,
+                                               std::shared_ptr<const HeightSource> source);
+
+}  // namespace soilvdb

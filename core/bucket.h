@@ -1,0 +1,28 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The digging tool: its mouth, and the outline of its body where one is given.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "core/types.h"
+
+namespace soilvdb {
+
+/// A bucket in its own frame: origin at the middle of the lip, y along the lip, z from the lip to
+/// the upper edge, x out of the mouth. The mouth is {x = 0, |y| <= width/2, 0 <= z <= height}.
+struct Bucket {
+  double width_m = 0;
+  double height_m = 0;
+  /// Side outline (x, z) of the body from the lip (0, 0) to the upper edge (0, height), x <= 0,
+  /// not self-intersecting; closed by the mouth. Empty: the mouth alone digs.
+  std::vector<Vec2> profile;
+  /// The load leaves when the mouth looks this far below the horizontal, rad.
+  std::optional<double> dump_angle_rad;
+
+  /// @throw std::invalid_argument naming the field, its value and what would be right.
+  void validate() const;
+};
+
+}  // namespace soilvdb

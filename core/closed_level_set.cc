@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include <openvdb/tools/Prune.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/chunk_range.h"
+#include "core/soil_grids.h"
+
+namespace soilvdb {
+namespace {
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+
+/// Chunks in a box above which a closed level set is refused: 32 GB of leaves.
+constexpr double kMostChunks = 1.6e7;
+
+/// Signed distance to a box, negative inside.
+double box_distance(const Eigen::AlignedBox3d& box, const Vec3& p) {
+  const Vec3 beyond = (box.min() - p).cwiseMax(p - box.max());
+  return beyond.maxCoeff() <= 0 ? beyond.maxCoeff() : beyond.cwiseMax(0).norm();
+}
+
+}  // namespace
+
+openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedBox3d& box) {
+  const float band = static_cast<float>(soil.band_m());
+  const SoilGrids like(soil.voxel_size_m(), soil.band_m());
+  openvdb::FloatGrid::Ptr grid = like.surface().copyWithNewTree();
+
+  const Vec3 margin = Vec3::Constant(soil.band_m() / soil.voxel_size_m());
+  const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()) - margin,
+                                  soil.index_from_world(box.max()) + margin);
+  if ((cells.sizes() / kLeafSide).prod() > kMostChunks) {
+    throw std::invalid_argument("the region is too large at this voxel size; choose a smaller one");
+  }
+  std::vector<Coord3> origins;
+  for_each_chunk(cells, [&](const Coord3& origin) { origins.push_back(origin); });
+
+  // Per chunk: a leaf, or a tile that is all soil, or nothing.
+  std::vector<std::unique_ptr<Leaf>> leaves(origins.size());
+  std::vector<std::uint8_t> solid(origins.size());
+  tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
+    const Coord3& origin = origins[i];
+    if (soil.find(origin) == nullptr) {
+      // The band reaches beyond the chunk's own cells.
+      const Vec3 low = soil.world_from_index(origin.cast<double>()) - Vec3::Constant(band);
+      const Vec3 high = soil.world_from_index((origin + Coord3::Constant(kLeafSide)).cast<double>()) +
+                        Vec3::Constant(band);
+      const Content content = soil.base().classify({low, high});
+      if (content == Content::kAir) return;
+      const bool interior = (low.array() - band >= box.min().array()).all() &&
+                            (high.array() + band <= box.max().array()).all();
+      if (content == Content::kSoil && interior) {
+        solid[i] = 1;
+        return;
+      }
+    }
+    std::array<float, kLeafSize> phi;
+    soil.read_phi(origin, phi.data());
+    bool air = true;
+    for (int n = 0; n < kLeafSize; ++n) {
+      const Vec3 p = soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
+      phi[n] = std::max(phi[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
+      air &= phi[n] >= band;
+    }
+    if (air) return;
+    auto leaf = std::make_unique<Leaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band);
+    for (int n = 0; n < kLeafSize; ++n) {
+      leaf->setValueOnly(static_cast<openvdb::Index>(n), phi[n]);
+      leaf->setActiveState(static_cast<openvdb::Index>(n), std::abs(phi[n]) < band);
+    }
+    leaves[i] = std::move(leaf);
+  });
+  auto& tree = grid->tree();
+  for (std::size_t i = 0; i < origins.size(); ++i) {
+    if (leaves[i]) {
+      tree.addLeaf(leaves[i].release());
+    } else if (solid[i]) {
+      tree.addTile(1, openvdb::Coord(origins[i].x(), origins[i].y(), origins[i].z()), -band, false);
+    }
+  }
+  openvdb::tools::pruneLevelSet(tree);
+  return grid;
+}
+
+}  // namespace soilvdb

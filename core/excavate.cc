@@ -1,0 +1,328 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/excavate.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "core/affine.h"
+#include "core/chunk_range.h"
+#include "core/polygon.h"
+
+namespace soilvdb {
+namespace {
+
+constexpr std::uint64_t kAll = ~std::uint64_t{0};
+/// Chunks times strokes below which one thread is quicker than two.
+constexpr std::size_t kParallelWork = 64;
+
+/// A facet moving over one segment of the path, seen from one chunk.
+struct Stroke {
+  AffineFrame a, b;                       // the facet's frame at both ends
+  float y_low, y_high, z_low, z_high;     // bounds of its outline, voxels
+
+  Stroke moved(float x, float y, float z) const {
+    return {a.moved(x, y, z), b.moved(x, y, z), y_low, y_high, z_low, z_high};
+  }
+};
+
+struct Job {
+  Chunk* chunk;
+  const Facet* facet;
+  Stroke stroke;
+};
+
+/// Bit i is set where sample i crosses the facet's plane.
+SOILVDB_FOR_CPUS std::uint64_t crossing_plane(const CellPoints& p, const Stroke& s) {
+  std::uint32_t half[2];
+  for (int g = 0; g < 2; ++g) {
+    std::uint32_t bits = 0;
+    for (int i = 0; i < 32; ++i) {
+      const int n = g * 32 + i;
+      const float u = s.a.x.at(p.x[n], p.y[n], p.z[n]), v = s.b.x.at(p.x[n], p.y[n], p.z[n]);
+      bits |= ((u > 0) != (v > 0)) ? kBits.bit[i] : 0u;
+    }
+    half[g] = bits;
+  }
+  return std::uint64_t{half[1]} << 32 | half[0];
+}
+
+/// Bit i is set where sample i crosses the facet's rectangle. At the crossing, the fraction
+/// u / (u - v) of the segment, y is (y_a v - y_b u) / (v - u); the division is multiplied out.
+SOILVDB_FOR_CPUS std::uint64_t crossing_rectangle(const CellPoints& p, const Stroke& s) {
+  std::uint32_t half[2];
+  for (int g = 0; g < 2; ++g) {
+    std::uint32_t bits = 0;
+    for (int i = 0; i < 32; ++i) {
+      const int n = g * 32 + i;
+      const float px = p.x[n], py = p.y[n], pz = p.z[n];
+      const float u = s.a.x.at(px, py, pz), v = s.b.x.at(px, py, pz);
+      const float sign = v > u ? 1.0f : -1.0f;
+      const float whole = (v - u) * sign;
+      const float y = (s.a.y.at(px, py, pz) * v - s.b.y.at(px, py, pz) * u) * sign;
+      const float z = (s.a.z.at(px, py, pz) * v - s.b.z.at(px, py, pz) * u) * sign;
+      const bool in = ((u > 0) != (v > 0)) & (y >= s.y_low * whole) & (y <= s.y_high * whole) &
+                      (z >= s.z_low * whole) & (z <= s.z_high * whole);
+      bits |= in ? kBits.bit[i] : 0u;
+    }
+    half[g] = bits;
+  }
+  return std::uint64_t{half[1]} << 32 | half[0];
+}
+
+/// Of the samples in `candidates`, which all cross the plane, those inside the facet's outline.
+std::uint64_t crossing_outline(const CellPoints& p, const Stroke& s, const Facet& facet, double h,
+                               std::uint64_t candidates) {
+  std::uint64_t hit = 0;
+  for (; candidates != 0; candidates &= candidates - 1) {
+    const int n = std::countr_zero(candidates);
+    const float px = p.x[n], py = p.y[n], pz = p.z[n];
+    const double u = s.a.x.at(px, py, pz), v = s.b.x.at(px, py, pz), f = u / (u - v);
+    const double ya = s.a.y.at(px, py, pz), yb = s.b.y.at(px, py, pz);
+    const double za = s.a.z.at(px, py, pz), zb = s.b.z.at(px, py, pz);
+    if (inside(facet.outline, h * Vec2(ya + f * (yb - ya), za + f * (zb - za)))) {
+      hit |= candidates & -candidates;
+    }
+  }
+  return hit;
+}
+
+/// Values of two affine functions over a box about a point.
+struct Range {
+  float u, v, ru, rv;
+  Range(const Affine& a, const Affine& b, float x, float y, float z, float half)
+      : u(a.at(x, y, z)), v(b.at(x, y, z)), ru(a.reach(half)), rv(b.reach(half)) {}
+  bool may_cross_zero() const { return !((u > ru && v > rv) || (u < -ru && v < -rv)); }
+  bool surely_crosses_zero() const { return (u > ru && v < -rv) || (u < -ru && v > rv); }
+  bool meets(float low, float high) const {
+    return std::max(u + ru, v + rv) >= low && std::min(u - ru, v - rv) <= high;
+  }
+  bool within(float low, float high) const {
+    return std::min(u - ru, v - rv) > low && std::max(u + ru, v + rv) < high;
+  }
+};
+
+bool may_cut(const Stroke& s, float x, float y, float z, float half) {
+  return Range(s.a.x, s.b.x, x, y, z, half).may_cross_zero() &&
+         Range(s.a.y, s.b.y, x, y, z, half).meets(s.y_low, s.y_high) &&
+         Range(s.a.z, s.b.z, x, y, z, half).meets(s.z_low, s.z_high);
+}
+
+/// The samples of one cell that a stroke removes if they are there. @param cx,cy,cz cell's centre
+std::uint64_t removed_from_cell(const Job& job, const Coord3& cell, double h) {
+  const Stroke& s = job.stroke;
+  const float cx = static_cast<float>(cell.x()) + 0.5f, cy = static_cast<float>(cell.y()) + 0.5f,
+              cz = static_cast<float>(cell.z()) + 0.5f;
+  const Range x(s.a.x, s.b.x, cx, cy, cz, 0.5f);
+  if (!x.may_cross_zero()) return 0;
+  const Range y(s.a.y, s.b.y, cx, cy, cz, 0.5f), z(s.a.z, s.b.z, cx, cy, cz, 0.5f);
+  if (!y.meets(s.y_low, s.y_high) || !z.meets(s.z_low, s.z_high)) return 0;
+  const bool middle =
+      job.facet->rectangle && y.within(s.y_low, s.y_high) && z.within(s.z_low, s.z_high);
+  if (middle && x.surely_crosses_zero()) return kAll;
+
+  CellPoints points;
+  sample_points(job.chunk->origin + cell, points);
+  const Stroke local = s.moved(static_cast<float>(cell.x()), static_cast<float>(cell.y()),
+                               static_cast<float>(cell.z()));
+  if (middle) return crossing_plane(points, local);
+  if (job.facet->rectangle) return crossing_rectangle(points, local);
+  const std::uint64_t candidates = crossing_plane(points, local);
+  return crossing_outline(points, local, *job.facet, h, candidates);
+}
+
+/// Takes what the stroke passes through out of its chunk. @return the samples removed.
+std::int64_t cut_chunk(const Job& job, double h) {
+  Chunk& chunk = *job.chunk;
+  std::int64_t removed = 0;
+  for (int row = 0; row < kLeafSize; row += kLeafSide) {
+    std::uint64_t* cells = &chunk.samples[row];
+    for (int z = 0; z < kLeafSide; ++z) {
+      if (cells[z] == 0) continue;
+      const std::uint64_t hit =
+          cells[z] & removed_from_cell(job, {row >> 6, row >> 3 & 7, z}, h);
+      removed += std::popcount(hit);
+      cells[z] ^= hit;
+    }
+  }
+  chunk.now -= static_cast<std::uint32_t>(removed);
+  return removed;
+}
+
+/// The chunk, made if it holds soil and isn't resident; null if there is no soil in it.
+Chunk* with_soil(Soil& soil, const Coord3& origin) {
+  Chunk* chunk = soil.find(origin);
+  if (chunk == nullptr && soil.classify(origin) != Content::kAir) chunk = &soil.make(origin);
+  return chunk != nullptr && chunk->now > 0 ? chunk : nullptr;
+}
+
+/// Where a facet is at one end of a segment, in index space.
+struct Station {
+  Pose index_from_facet;
+  Eigen::AlignedBox3d box;
+
+  Station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) {
+    index_from_facet = world_from_bucket * facet.bucket_from_facet;
+    for (const double y : {facet.low.x(), facet.high.x()}) {
+      for (const double z : {facet.low.y(), facet.high.y()}) {
+        box.extend(soil.index_from_world(index_from_facet * Vec3(0, y, z)));
+      }
+    }
+    index_from_facet.position = soil.index_from_world(index_from_facet.position);
+  }
+};
+
+void require_known(const Soil& soil, const Eigen::AlignedBox3d& index_box) {
+  const Vec3 low = soil.world_from_index(index_box.min());
+  const Vec3 high = soil.world_from_index(index_box.max());
+  if (soil.base().known({low, high})) return;
+  throw NoGroundError("the bucket reaches ground without a height at x " + std::to_string(low.x()) +
+                      " to " + std::to_string(high.x()) + ", y " + std::to_string(low.y()) + " to " +
+                      std::to_string(high.y()) + ", z " + std::to_string(low.z()));
+}
+
+/// Every facet and segment that may take something from a chunk, by chunk and then in the order of
+/// the path. Makes the chunks.
+std::vector<Job> find_jobs(Soil& soil, std::span<const Facet> facets, std::span<const Pose> path) {
+  std::vector<Job> jobs;
+  std::vector<Station> last, next;
+  for (const Facet& facet : facets) last.emplace_back(soil, facet, path[0]);
+  const float half = kLeafSide / 2.0f;
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    next.clear();
+    Eigen::AlignedBox3d whole;
+    for (std::size_t f = 0; f < facets.size(); ++f) {
+      next.emplace_back(soil, facets[f], path[i]);
+      whole.extend(last[f].box.merged(next[f].box));
+    }
+    require_known(soil, whole);
+    const Vec3 low = soil.world_from_index(whole.min()), high = soil.world_from_index(whole.max());
+    if (soil.base().classify({low, high}) != Content::kAir) {
+      for (std::size_t f = 0; f < facets.size(); ++f) {
+        for_each_chunk(last[f].box.merged(next[f].box), [&](const Coord3& origin) {
+          Stroke s;
+          s.a = AffineFrame(last[f].index_from_facet, origin);
+          s.b = AffineFrame(next[f].index_from_facet, origin);
+          const float scale = static_cast<float>(1 / soil.voxel_size_m());
+          s.y_low = static_cast<float>(facets[f].low.x()) * scale;
+          s.y_high = static_cast<float>(facets[f].high.x()) * scale;
+          s.z_low = static_cast<float>(facets[f].low.y()) * scale;
+          s.z_high = static_cast<float>(facets[f].high.y()) * scale;
+          if (!may_cut(s, half, half, half, half)) return;
+          if (Chunk* chunk = with_soil(soil, origin)) jobs.push_back({chunk, &facets[f], s});
+        });
+      }
+    }
+    std::swap(last, next);
+  }
+  std::stable_sort(jobs.begin(), jobs.end(), [](const Job& a, const Job& b) {
+    return before(a.chunk->origin, b.chunk->origin);
+  });
+  return jobs;
+}
+
+Facet rectangle(const Pose& bucket_from_facet, double y_low, double y_high, double z_high) {
+  return {bucket_from_facet, {}, {y_low, 0}, {y_high, z_high}, true};
+}
+
+}  // namespace
+
+std::vector<Facet> facets(const Bucket& bucket) {
+  const double half = bucket.width_m / 2;
+  std::vector<Facet> all{rectangle(Pose{}, -half, half, bucket.height_m)};
+  for (std::size_t i = 1; i < bucket.profile.size(); ++i) {
+    const Vec2 a = bucket.profile[i - 1], along = bucket.profile[i] - a;
+    Eigen::Matrix3d axes;
+    axes.col(1) = Vec3::UnitY();
+    axes.col(2) = Vec3(along.x(), 0, along.y()).normalized();
+    axes.col(0) = axes.col(1).cross(axes.col(2));
+    all.push_back(rectangle({{a.x(), 0, a.y()}, Eigen::Quaterniond(axes)}, -half, half, along.norm()));
+  }
+  if (bucket.profile.empty()) return all;
+  // The two sides: the facet's x is the bucket's y, its y the bucket's z, its z the bucket's x.
+  Eigen::Matrix3d axes;
+  axes << 0, 0, 1, 1, 0, 0, 0, 1, 0;
+  for (const double y : {-half, half}) {
+    Facet side{{{0, y, 0}, Eigen::Quaterniond(axes)}, {}, {}, {}, false};
+    Eigen::AlignedBox2d bounds;
+    for (const Vec2& p : bucket.profile) {
+      side.outline.emplace_back(p.y(), p.x());
+      bounds.extend(side.outline.back());
+    }
+    side.low = bounds.min();
+    side.high = bounds.max();
+    all.push_back(side);
+  }
+  return all;
+}
+
+Cut excavate(Soil& soil, std::span<const Facet> facets, std::span<const Pose> path) {
+  Cut cut;
+  if (path.size() < 2 || facets.empty()) return cut;
+  const std::vector<Job> jobs = find_jobs(soil, facets, path);
+  std::vector<std::size_t> starts;   // of each chunk's jobs
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    if (i == 0 || jobs[i].chunk != jobs[i - 1].chunk) starts.push_back(i);
+  }
+  const std::size_t chunks = starts.size();
+  starts.push_back(jobs.size());
+  std::vector<std::int64_t> captured(chunks), displaced(chunks);
+  const Facet* mouth = &facets.front();
+  const auto cut_one = [&](std::size_t c) {
+    for (std::size_t i = starts[c]; i < starts[c + 1]; ++i) {
+      (jobs[i].facet == mouth ? captured : displaced)[c] += cut_chunk(jobs[i], soil.voxel_size_m());
+    }
+  };
+  if (jobs.size() >= kParallelWork) {
+    tbb::parallel_for(std::size_t{0}, chunks, cut_one);
+  } else {
+    for (std::size_t c = 0; c < chunks; ++c) cut_one(c);
+  }
+  for (std::size_t c = 0; c < chunks; ++c) {
+    cut.captured += captured[c];
+    cut.displaced += displaced[c];
+    if (captured[c] + displaced[c] > 0) cut.changed.push_back(jobs[starts[c]].chunk->origin);
+  }
+  return cut;
+}
+
+Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
+  Cut cut;
+  if (bucket.profile.empty()) return cut;
+  Eigen::AlignedBox3d box;
+  for (const Facet& facet : facets(bucket)) box.extend(Station(soil, facet, world_from_bucket).box);
+  require_known(soil, box);
+  const Pose bucket_from_world = world_from_bucket.inverse();
+  CellPoints points;
+  for_each_chunk(box, [&](const Coord3& origin) {
+    Chunk* chunk = with_soil(soil, origin);
+    if (chunk == nullptr) return;
+    std::int64_t removed = 0;
+    for (int n = 0; n < kLeafSize; ++n) {
+      if (chunk->samples[n] == 0) continue;
+      const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+      sample_points(voxel, points);
+      const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
+      std::uint64_t hit = 0;
+      for (int i = 0; i < 64; ++i) {
+        const Vec3 p = bucket_from_world *
+                       soil.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
+        const bool in = std::abs(p.y()) <= bucket.width_m / 2 && inside(bucket.profile, {p.x(), p.z()});
+        hit |= std::uint64_t{in} << i;
+      }
+      hit &= chunk->samples[n];
+      removed += std::popcount(hit);
+      chunk->samples[n] ^= hit;
+    }
+    chunk->now -= static_cast<std::uint32_t>(removed);
+    cut.displaced += removed;
+    if (removed > 0) cut.changed.push_back(origin);
+  });
+  return cut;
+}
+
+}  // namespace soilvdb

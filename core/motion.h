@@ -1,0 +1,46 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A bucket's motion: rows in time, by poses or by joints, and the pose at any time between them.
+#pragma once
+
+#include <vector>
+
+#include "core/bucket.h"
+#include "core/kinematics.h"
+
+namespace soilvdb {
+
+/// A motion over [begin_s, end_s]. Between rows joints are linear, positions linear and rotations
+/// slerp. Times strictly increase; at least one row.
+class Motion {
+ public:
+  /// @throw std::invalid_argument if the sizes differ, are zero or times don't strictly increase.
+  Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket);
+  /// @param joint_values row-major, times_s.size() x chain.movable().size()
+  Motion(std::vector<double> times_s, std::vector<double> joint_values, Chain chain);
+
+  const std::vector<double>& times_s() const { return times_s_; }
+  double begin_s() const { return times_s_.front(); }
+  double end_s() const { return times_s_.back(); }
+
+  /// Pose at `time_s`, clamped to [begin_s, end_s].
+  Pose pose(double time_s) const;
+
+  /// Poses from `t0` to `t1`, both included, close enough together that a point fixed in the world
+  /// moves in a straight line in the bucket frame between two of them, to within `tolerance_m` over
+  /// the whole bucket, and no corner moves more than `stride_m`. Every row between is respected.
+  std::vector<Pose> trace(double t0, double t1, const Bucket& bucket, double tolerance_m,
+                          double stride_m) const;
+
+ private:
+  std::vector<double> times_s_;
+  std::vector<Pose> poses_;
+  std::vector<double> joint_values_;
+  Chain chain_;
+};
+
+/// trace() for a straight interpolation between two poses.
+void trace(const Pose& a, const Pose& b, const Bucket& bucket, double tolerance_m, double stride_m,
+           std::vector<Pose>& out);
+
+}  // namespace soilvdb

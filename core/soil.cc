@@ -1,0 +1,305 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/soil.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <deque>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include "core/soil_grids.h"
+
+namespace soilvdb {
+namespace {
+
+using Leaf = openvdb::FloatTree::LeafNodeType;
+
+constexpr std::uint64_t kAllSoil = ~std::uint64_t{0};
+
+/// A bijective mix of 64 bits (the finaliser of SplitMix64).
+constexpr std::uint64_t mix(std::uint64_t v) {
+  v = (v ^ (v >> 30)) * 0xbf58476d1ce4e5b9u;
+  v = (v ^ (v >> 27)) * 0x94d049bb133111ebu;
+  return v ^ (v >> 31);
+}
+
+/// One word for a chunk's origin; 21 bits of chunk index per axis.
+std::uint64_t key_of(const Coord3& origin) {
+  constexpr std::uint64_t kMask = (1u << 21) - 1;
+  return (std::uint64_t(origin.x() >> 3) & kMask) << 42 |
+         (std::uint64_t(origin.y() >> 3) & kMask) << 21 | (std::uint64_t(origin.z() >> 3) & kMask);
+}
+
+openvdb::Coord coord(const Coord3& c) { return {c.x(), c.y(), c.z()}; }
+
+/// The rank-1 lattice i * (1, 19, 37) / 64 mod 1. Of all such lattices with 64 points this is among
+/// those with the least mean square error on randomly cut cells (0.0137 of a cell; plain 4 x 4 x 4
+/// points 0.068, random points 0.044).
+struct Lattice {
+  CellPoints points;
+  constexpr Lattice() : points() {
+    for (int i = 0; i < 64; ++i) {
+      points.x[i] = static_cast<float>(i) / 64;
+      points.y[i] = static_cast<float>(i * 19 % 64) / 64;
+      points.z[i] = static_cast<float>(i * 37 % 64) / 64;
+    }
+  }
+};
+constexpr Lattice kLattice;
+
+}  // namespace
+
+void sample_points(const Coord3& voxel, CellPoints& out) {
+  const std::uint64_t key = std::uint64_t(std::uint32_t(voxel.x())) << 32 ^
+                            std::uint64_t(std::uint32_t(voxel.y())) << 16 ^
+                            std::uint64_t(std::uint32_t(voxel.z()));
+  const std::uint64_t bits = mix(mix(key) + std::uint64_t(std::uint32_t(voxel.z())));
+  constexpr float kUnit = 1.0f / (1 << 21);
+  constexpr std::uint64_t kMask = (1 << 21) - 1;
+  const float sx = static_cast<float>(bits & kMask) * kUnit;
+  const float sy = static_cast<float>(bits >> 21 & kMask) * kUnit;
+  const float sz = static_cast<float>(bits >> 42 & kMask) * kUnit;
+  for (int i = 0; i < 64; ++i) {
+    const float x = kLattice.points.x[i] + sx;
+    const float y = kLattice.points.y[i] + sy;
+    const float z = kLattice.points.z[i] + sz;
+    out.x[i] = x >= 1 ? x - 1 : x;
+    out.y[i] = y >= 1 ? y - 1 : y;
+    out.z[i] = z >= 1 ? z - 1 : z;
+  }
+}
+
+SoilGrids::SoilGrids(double voxel_size_m, double band_m) {
+  surface_ = openvdb::FloatGrid::create(static_cast<float>(band_m));
+  surface_->setTransform(openvdb::math::Transform::createLinearTransform(voxel_size_m));
+  surface_->setGridClass(openvdb::GRID_LEVEL_SET);
+  surface_->setName("surface");
+}
+
+/// Resident chunks by origin: open addressing, power-of-two size, never shrinks.
+struct Soil::Index {
+  std::vector<Chunk*> slots = std::vector<Chunk*>(1024);
+  std::deque<Chunk> chunks;   // stable addresses
+
+  Chunk* find(const Coord3& origin) const {
+    const std::size_t mask = slots.size() - 1;
+    for (std::size_t i = mix(key_of(origin)) & mask;; i = (i + 1) & mask) {
+      if (slots[i] == nullptr || slots[i]->origin == origin) return slots[i];
+    }
+  }
+  void place(Chunk* chunk) {
+    const std::size_t mask = slots.size() - 1;
+    std::size_t i = mix(key_of(chunk->origin)) & mask;
+    while (slots[i] != nullptr) i = (i + 1) & mask;
+    slots[i] = chunk;
+  }
+  Chunk& add(const Coord3& origin) {
+    Chunk& chunk = chunks.emplace_back();
+    chunk.origin = origin;
+    if (chunks.size() * 2 > slots.size()) {
+      slots.assign(slots.size() * 2, nullptr);
+      for (Chunk& c : chunks) place(&c);
+    } else {
+      place(&chunk);
+    }
+    return chunk;
+  }
+};
+
+Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base)
+    : h_(voxel_size_m), origin_(origin), base_(std::move(base)), index_(std::make_unique<Index>()) {
+  if (!(std::isfinite(h_) && h_ > 0)) {
+    throw std::invalid_argument("voxel size must be above 0 m, not " + std::to_string(h_));
+  }
+  openvdb::initialize();
+  grids_ = std::make_unique<SoilGrids>(h_, band_m());
+}
+
+Soil::~Soil() = default;
+
+const Chunk* Soil::find(const Coord3& origin) const { return index_->find(origin); }
+Chunk* Soil::find(const Coord3& origin) { return index_->find(origin); }
+
+Content Soil::classify(const Coord3& origin) const {
+  const Vec3 low = world_from_index(origin.cast<double>() - Vec3::Constant(0.5));
+  return base_->classify({low, low + Vec3::Constant(h_ * kLeafSide)});
+}
+
+void Soil::read_phi(const Coord3& origin, float* phi) const {
+  if (const Chunk* chunk = find(origin)) {
+    std::copy_n(chunk->phi, kLeafSize, phi);
+  } else {
+    base_->distance(world_from_index(origin.cast<double>()), h_, band_m(), phi);
+  }
+}
+
+void Soil::read_samples(const Coord3& origin, std::uint64_t* samples) const {
+  if (const Chunk* chunk = find(origin)) {
+    std::copy_n(chunk->samples.data(), kLeafSize, samples);
+    return;
+  }
+  const Content content = classify(origin);
+  if (content != Content::kMixed) {
+    std::fill_n(samples, kLeafSize, content == Content::kSoil ? kAllSoil : 0);
+    return;
+  }
+  std::array<float, kLeafSize> phi;
+  base_->distance(world_from_index(origin.cast<double>()), h_, band_m(), phi.data());
+  // A voxel whose centre is farther from the surface than its corners are from it is all one.
+  const float clear = static_cast<float>(h_ * 0.9);
+  CellPoints points;
+  for (int n = 0; n < kLeafSize; ++n) {
+    if (std::abs(phi[n]) > clear) {
+      samples[n] = phi[n] < 0 ? kAllSoil : 0;
+      continue;
+    }
+    const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+    sample_points(voxel, points);
+    samples[n] =
+        base_->occupancy(world_from_index(voxel.cast<double>() - Vec3::Constant(0.5)), h_, points);
+  }
+}
+
+Chunk& Soil::make(const Coord3& origin) {
+  if (Chunk* chunk = find(origin)) return *chunk;
+  std::array<float, kLeafSize> phi;
+  std::array<std::uint64_t, kLeafSize> samples;
+  read_phi(origin, phi.data());
+  read_samples(origin, samples.data());
+  restore(origin, phi.data(), samples.data());
+  return *find(origin);
+}
+
+void Soil::restore(const Coord3& origin, const float* phi, const std::uint64_t* samples) {
+  if (find(origin) != nullptr) throw std::invalid_argument("the chunk is resident already");
+  auto* leaf = new Leaf(coord(origin), static_cast<float>(band_m()));
+  grids_->surface().tree().addLeaf(leaf);
+  Chunk& chunk = index_->add(origin);
+  chunk.phi = leaf->buffer().data();
+  std::copy_n(phi, kLeafSize, chunk.phi);
+  std::copy_n(samples, kLeafSize, chunk.samples.data());
+  for (const std::uint64_t s : chunk.samples) chunk.made += std::popcount(s);
+  chunk.now = chunk.made;
+  phi_changed(chunk);
+}
+
+void Soil::phi_changed(const Chunk& chunk) {
+  const float band = static_cast<float>(band_m());
+  auto* leaf = grids_->surface().tree().probeLeaf(coord(chunk.origin));
+  auto& mask = leaf->getValueMask();
+  for (int word = 0; word < kLeafSize / 64; ++word) {
+    std::uint64_t active = 0;
+    for (int i = 0; i < 64; ++i) {
+      active |= std::uint64_t{std::abs(chunk.phi[word * 64 + i]) < band} << i;
+    }
+    mask.template getWord<openvdb::Index64>(word) = active;
+  }
+}
+
+std::vector<const Chunk*> Soil::chunks() const {
+  std::vector<const Chunk*> all;
+  all.reserve(index_->chunks.size());
+  for (const Chunk& chunk : index_->chunks) all.push_back(&chunk);
+  std::sort(all.begin(), all.end(), [](const Chunk* a, const Chunk* b) {
+    return std::lexicographical_compare(a->origin.data(), a->origin.data() + 3, b->origin.data(),
+                                        b->origin.data() + 3);
+  });
+  return all;
+}
+
+std::optional<double> Soil::height(double x, double y) const {
+  const std::optional<double> base = base_->height(x, y);
+  if (!base) return std::nullopt;   // soil only shrinks: none before, none now
+  // Down from the base surface to the first change of sign, bilinear between four columns.
+  const Vec3 top = index_from_world({x, y, *base});
+  const int i = static_cast<int>(std::floor(top.x())), j = static_cast<int>(std::floor(top.y()));
+  const double s = top.x() - i, t = top.y() - j;
+  const auto floor8 = [](int v) { return v & ~(kLeafSide - 1); };
+  struct Column {
+    const Chunk* chunk = nullptr;
+    int z = 0;
+    bool known = false;
+  } columns[4];
+  const auto value = [&](int c, int k) -> std::optional<double> {
+    const int ci = i + (c & 1), cj = j + (c >> 1);
+    Column& column = columns[c];
+    if (!column.known || column.z != floor8(k)) {
+      column = {find({floor8(ci), floor8(cj), floor8(k)}), floor8(k), true};
+    }
+    if (column.chunk == nullptr) return std::nullopt;
+    return column.chunk->phi[(ci & 7) * 64 + (cj & 7) * 8 + (k & 7)];
+  };
+  const auto layer = [&](int k) -> std::optional<double> {
+    double sum = 0;
+    for (int c = 0; c < 4; ++c) {
+      const double weight = (c & 1 ? s : 1 - s) * (c >> 1 ? t : 1 - t);
+      if (weight == 0) continue;
+      const auto v = value(c, k);
+      if (!v) return std::nullopt;
+      sum += weight * *v;
+    }
+    return sum;
+  };
+  std::optional<double> above;
+  for (int k = static_cast<int>(std::ceil(top.z()));; --k) {
+    const std::optional<double> here = layer(k);
+    if (here && *here <= 0) {
+      if (!above || *above <= 0) return base;
+      return world_from_index({0, 0, k + *here / (*here - *above)}).z();
+    }
+    if (!here && k < top.z() - 1) {   // the resident ground ends here
+      return above ? world_from_index({0, 0, k + 1.0}).z() : *base;
+    }
+    above = here;
+  }
+}
+
+double Soil::change_m3() const {
+  std::int64_t change = 0;
+  for (const Chunk& chunk : index_->chunks) {
+    std::int64_t now = 0;
+    for (const std::uint64_t s : chunk.samples) now += std::popcount(s);
+    change += now - chunk.made;
+  }
+  return static_cast<double>(change) * sample_m3();
+}
+
+std::uint64_t Soil::active_voxels() const { return grids_->surface().activeVoxelCount(); }
+
+double Soil::resident_m2() const {
+  std::vector<std::uint64_t> columns;
+  columns.reserve(index_->chunks.size());
+  for (const Chunk& c : index_->chunks) columns.push_back(key_of({c.origin.x(), c.origin.y(), 0}));
+  std::sort(columns.begin(), columns.end());
+  columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  return static_cast<double>(columns.size()) * h_ * h_ * kLeafSide * kLeafSide;
+}
+
+std::uint64_t Soil::memory_bytes() const {
+  return index_->slots.size() * sizeof(Chunk*) + index_->chunks.size() * sizeof(Chunk) +
+         grids_->surface().memUsage();
+}
+
+std::uint64_t Soil::state_hash() const {
+  const auto all = chunks();
+  std::vector<std::uint64_t> digests(all.size());
+  tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
+    std::uint64_t digest = key_of(all[i]->origin);
+    for (int n = 0; n < kLeafSize; ++n) {
+      digest = mix(digest ^ std::bit_cast<std::uint32_t>(all[i]->phi[n]));
+      digest = mix(digest + all[i]->samples[n]);
+    }
+    digests[i] = digest;
+  });
+  std::uint64_t digest = mix(std::bit_cast<std::uint64_t>(h_));
+  for (int a = 0; a < 3; ++a) digest = mix(digest ^ std::bit_cast<std::uint64_t>(origin_[a]));
+  for (const std::uint64_t d : digests) digest = mix(digest ^ d) + 1;
+  return digest;
+}
+
+}  // namespace soilvdb

@@ -1,0 +1,172 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/tracker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "core/chunk_range.h"
+#include "core/cut_surface.h"
+#include "core/excavate.h"
+#include "core/motion.h"
+
+namespace soilvdb {
+namespace {
+
+// In voxels; a bucket's travel is that of its fastest corner.
+constexpr double kTolerance = 5e-4;      ///< bend of a path between poses: 1/2000 of a voxel
+constexpr double kStride = 16;           ///< between poses, so that boxes around segments stay small
+constexpr double kRefresh = 0.5;         ///< travel after which phi is brought up to date
+constexpr double kSpacing = 0.5;         ///< travel between the poses that phi is carved by
+constexpr double kHistory = 12;          ///< travel a window remembers: four bands
+
+/// How far the fastest corner of the mouth moves between two poses, m.
+double travel(const Bucket& bucket, const Pose& a, const Pose& b) {
+  double most = 0;
+  for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
+    for (const double z : {0.0, bucket.height_m}) {
+      const Vec3 corner(0, y, z);
+      most = std::max(most, (b * corner - a * corner).norm());
+    }
+  }
+  return most;
+}
+
+/// How far below the horizontal the mouth looks, rad.
+double looks_down(const Pose& world_from_bucket) {
+  return std::asin(std::clamp(-(world_from_bucket.rotation * Vec3::UnitX()).z(), -1.0, 1.0));
+}
+
+}  // namespace
+
+/// One bucket: its load, and as much of its path as phi still needs.
+struct Tracker::Machine {
+  Bucket bucket;
+  std::vector<Facet> facets;
+  Ledger ledger;
+  bool placed = false;
+  Pose current;
+  std::vector<Pose> kept;          // the path before `current`, thinned
+  std::size_t fresh = 0;           // the first kept pose that the last refresh did not see
+  bool begins = true;              // kept reaches back to where the path starts
+  bool mouth_cut = false, body_cut = false;   // since the last refresh
+  double moved_m = 0;              // since the last refresh
+
+  void move_to(const Pose& pose, double spacing_m) {
+    moved_m += travel(bucket, current, pose);
+    const double gone = kept.empty() ? 0 : travel(bucket, kept.back(), current);
+    const bool turned = gone > 0 && travel(bucket, kept.back(), pose) < 0.9 * gone;
+    if (kept.empty() || gone >= spacing_m || turned) kept.push_back(current);
+    current = pose;
+  }
+
+  /// Brings phi up to date. @return the chunks whose phi changed
+  std::vector<Coord3> refresh(Soil& soil) {
+    std::vector<Coord3> changed;
+    kept.push_back(current);
+    if (mouth_cut) changed = cut_surface(soil, bucket, {kept, begins});
+    if (body_cut) {
+      const auto more = cut_surface_by_body(soil, bucket, std::span(kept).subspan(fresh));
+      changed.insert(changed.end(), more.begin(), more.end());
+    }
+    kept.pop_back();
+    mouth_cut = body_cut = false;
+    moved_m = 0;
+
+    double length = kept.empty() ? 0 : travel(bucket, kept.back(), current);
+    std::size_t first = kept.size();
+    while (first > 0 && length < kHistory * soil.voxel_size_m()) {
+      --first;
+      if (first > 0) length += travel(bucket, kept[first - 1], kept[first]);
+    }
+    if (first > 0) begins = false;
+    kept.erase(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(first));
+    fresh = kept.size();
+    return changed;
+  }
+};
+
+Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets) : soil_(soil) {
+  for (Bucket& bucket : buckets) {
+    bucket.validate();
+    auto machine = std::make_unique<Machine>();
+    machine->facets = facets(bucket);
+    machine->bucket = std::move(bucket);
+    machine->ledger.sample_m3 = soil.sample_m3();
+    machines_.push_back(std::move(machine));
+  }
+}
+
+Tracker::~Tracker() = default;
+
+double Tracker::tolerance_m() const { return kTolerance * soil_.voxel_size_m(); }
+double Tracker::stride_m() const { return kStride * soil_.voxel_size_m(); }
+
+Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
+  Machine& m = *machines_.at(machine);
+  std::vector<Pose> path{m.placed ? m.current : world_from_bucket};
+  if (m.placed) trace(m.current, world_from_bucket, m.bucket, tolerance_m(), stride_m(), path);
+  return update(machine, path);
+}
+
+Update Tracker::update(std::size_t machine, std::span<const Pose> path) {
+  Machine& m = *machines_.at(machine);
+  const std::int64_t cut_before = m.ledger.captured + m.ledger.displaced;
+  if (!m.placed && !path.empty()) {
+    const Cut cut = stamp(soil_, m.bucket, path.front());
+    m.ledger.displaced += cut.displaced;
+    m.body_cut = cut.displaced > 0;
+    m.current = path.front();
+    m.placed = true;
+  }
+  // A load leaves at a pose, so the path is dug from each pose that dumps to the next.
+  for (std::size_t from = 0, i = 0; i < path.size(); ++i) {
+    const bool dumps = m.bucket.dump_angle_rad && looks_down(path[i]) >= *m.bucket.dump_angle_rad;
+    if (!dumps && i + 1 < path.size()) continue;
+    const Cut cut = excavate(soil_, m.facets, path.subspan(from, i - from + 1));
+    m.ledger.captured += cut.captured;
+    m.ledger.displaced += cut.displaced;
+    if (dumps) m.ledger.dumped = m.ledger.captured;
+    m.mouth_cut |= cut.captured > 0;
+    m.body_cut |= cut.displaced > 0;
+    from = i;
+  }
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    m.move_to(path[i], kSpacing * soil_.voxel_size_m());
+  }
+  if (m.moved_m >= kRefresh * soil_.voxel_size_m()) note_changed(m.refresh(soil_));
+  const std::int64_t cut = m.ledger.captured + m.ledger.displaced - cut_before;
+  return {static_cast<double>(cut) * soil_.sample_m3(), m.ledger.bucket_m3()};
+}
+
+void Tracker::note_changed(const std::vector<Coord3>& chunks) {
+  changed_.insert(changed_.end(), chunks.begin(), chunks.end());
+}
+
+void Tracker::flush() {
+  for (auto& machine : machines_) note_changed(machine->refresh(soil_));
+}
+
+const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(machine)->ledger; }
+
+Ledger Tracker::total() const {
+  Ledger sum;
+  sum.sample_m3 = soil_.sample_m3();
+  for (const auto& machine : machines_) {
+    sum.captured += machine->ledger.captured;
+    sum.displaced += machine->ledger.displaced;
+    sum.dumped += machine->ledger.dumped;
+  }
+  return sum;
+}
+
+std::vector<Coord3> Tracker::take_changed() {
+  flush();
+  std::sort(changed_.begin(), changed_.end(), before);
+  changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
+  return std::exchange(changed_, {});
+}
+
+}  // namespace soilvdb

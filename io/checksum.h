@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Checksums against damage by accident, not against forgery.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace soilvdb::io {
+
+/// CRC-64/XZ.
+std::uint64_t crc64(std::string_view bytes);
+
+/// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of 64
+/// blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
+/// @throw InputError if it can't be read.
+std::string file_fingerprint(const std::filesystem::path& file);
+
+}  // namespace soilvdb::io

@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Lines and fields of a CSV file.
+#include "io/csv.h"
+
+#include <fmt/format.h>
+
+#include "io/text.h"
+
+namespace soilvdb::io {
+namespace {
+
+constexpr std::size_t kLongestLine = 1 << 16;
+constexpr const char* kBlanks = " \t\r";
+
+std::string_view trim(std::string_view s) {
+  const auto first = s.find_first_not_of(kBlanks);
+  if (first == s.npos) return {};
+  return s.substr(first, s.find_last_not_of(kBlanks) - first + 1);
+}
+
+}  // namespace
+
+CsvLines::CsvLines(const std::filesystem::path& file) : file_(file), buffer_(kLongestLine) {
+  check_readable(file);
+  in_.open(file, std::ios::binary);
+}
+
+bool CsvLines::next(std::string_view& line) {
+  in_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
+  auto length = static_cast<std::size_t>(in_.gcount());
+  if (in_.bad()) throw InputError(file_, "can't be read to its end");
+  if (in_.eof() && length == 0) return false;
+  ++number_;
+  if (in_.fail()) fail(fmt::format("line is longer than {} characters", kLongestLine));
+  if (!in_.eof()) --length;  // the line end, counted but not stored
+  line = {buffer_.data(), length};
+  if (line.find('\0') != line.npos) fail("is a binary file; it must be UTF-8 text");
+  if (number_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);
+  return true;
+}
+
+void CsvLines::fail(const std::string& message) const { throw InputError(file_, number_, message); }
+
+bool is_blank(std::string_view line) { return line.find_first_not_of(kBlanks) == line.npos; }
+
+void split_fields(std::string_view line, std::vector<std::string_view>& fields) {
+  fields.clear();
+  while (true) {
+    std::size_t from = 0;
+    if (const auto first = line.find_first_not_of(kBlanks);
+        first != line.npos && line[first] == '"') {
+      const auto close = line.find('"', first + 1);
+      if (close != line.npos) from = close;
+    }
+    const auto comma = line.find(',', from);
+    std::string_view field = trim(line.substr(0, comma));
+    if (field.size() >= 2 && field.front() == '"' && field.back() == '"') {
+      field = trim(field.substr(1, field.size() - 2));
+    }
+    fields.push_back(field);
+    if (comma == line.npos) return;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+}  // namespace soilvdb::io

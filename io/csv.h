@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Lines and fields of a CSV file, one line in memory at a time.
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "io/error.h"
+
+namespace soilvdb::io {
+
+/// The lines of a text file, with their numbers. A byte order mark is skipped.
+class CsvLines {
+ public:
+  /// @throw InputError unless the file is there and can be read.
+  explicit CsvLines(const std::filesystem::path& file);
+
+  /// @param line without its end; good until the next call
+  /// @return false at the end of the file
+  /// @throw InputError if the line is too long or not text
+  bool next(std::string_view& line);
+
+  long number() const { return number_; }
+
+  /// @throw InputError at the current line.
+  [[noreturn]] void fail(const std::string& message) const;
+
+ private:
+  std::filesystem::path file_;
+  std::ifstream in_;
+  std::vector<char> buffer_;
+  long number_ = 0;
+};
+
+/// Nothing but spaces, tabs and carriage returns?
+bool is_blank(std::string_view line);
+
+/// Fields between commas, trimmed, without their quotes; a quoted field may hold commas.
+void split_fields(std::string_view line, std::vector<std::string_view>& fields);
+
+}  // namespace soilvdb::io

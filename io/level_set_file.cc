@@ -1,0 +1,167 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/level_set_file.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/soil_grids.h"
+#include "io/text.h"
+
+namespace soilvdb::io {
+namespace {
+
+using openvdb::Coord;
+using openvdb::FloatGrid;
+using Leaf = openvdb::FloatTree::LeafNodeType;
+
+constexpr const char* kMakeLevelSet =
+    "a closed level set of the ground would do (Houdini: VDB from Polygons, or Convert VDB with Fog "
+    "to SDF; Blender: Mesh to SDF Grid)";
+
+std::string described(const openvdb::GridBase& grid) {
+  return fmt::format("'{}' ({}, {})", printable(grid.getName()),
+                     openvdb::GridBase::gridClassToString(grid.getGridClass()), grid.valueType());
+}
+
+/// All that is read of a foreign file is read here.
+FloatGrid::Ptr read_grid(const std::filesystem::path& file) {
+  openvdb::initialize();
+  openvdb::io::File vdb(file.string());
+  vdb.open(/*delayLoad=*/false);
+  const openvdb::GridPtrVecPtr grids = vdb.readAllGridMetadata();
+  openvdb::GridBase::Ptr chosen;
+  std::string found;
+  for (const openvdb::GridBase::Ptr& grid : *grids) {
+    found += (found.empty() ? "" : ", ") + described(*grid);
+    if (!grid->isType<FloatGrid>() || grid->getGridClass() != openvdb::GRID_LEVEL_SET) continue;
+    if (!chosen || (grid->getName() == "surface" && chosen->getName() != "surface")) chosen = grid;
+  }
+  if (!chosen) {
+    throw InputError(file, fmt::format("has no float grid of class level set, only {}; {}",
+                                       found.empty() ? "no grids at all" : found, kMakeLevelSet));
+  }
+  const auto grid = openvdb::gridPtrCast<FloatGrid>(vdb.readGrid(chosen->getName()));
+  if (!grid) throw std::runtime_error("its grid is not of the type its header names");
+  return grid;
+}
+
+void check_transform(const std::filesystem::path& file, const FloatGrid& grid) {
+  if (!grid.transform().isLinear()) {
+    throw InputError(file, "has a frustum transform; a linear one with cubic voxels would do");
+  }
+  const openvdb::Mat4d m = grid.transform().baseMap()->getAffineMap()->getMat4();
+  const double h = m[0][0];
+  bool cubic = std::isfinite(h) && h > 0;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) cubic &= std::abs(m[i][j] - (i == j ? h : 0)) <= 1e-6 * h;
+    cubic &= std::abs(m[3][i]) < 1e12;
+  }
+  if (cubic) return;
+  const openvdb::Vec3d size = grid.voxelSize();
+  throw InputError(
+      file, fmt::format("grid {} is turned, mirrored or stretched (voxels of {:g} x {:g} x {:g} m); "
+                        "resample it to cubic voxels along the axes",
+                        described(grid), size.x(), size.y(), size.z()));
+}
+
+/// The first place, in the order of leaves, where the ground's surface is missing: soil beside
+/// voxels that nobody wrote a distance to.
+std::optional<Coord> hole(const FloatGrid& grid) {
+  std::vector<const Leaf*> leaves;
+  grid.tree().getNodes(leaves);
+  using Range = tbb::blocked_range<std::size_t>;
+  const std::size_t none = leaves.size() * Leaf::SIZE;
+  const std::size_t first = tbb::parallel_reduce(
+      Range(0, leaves.size(), 64), none,
+      [&](const Range& range, std::size_t found) {
+        auto values = grid.getConstUnsafeAccessor();
+        for (std::size_t i = range.begin(); i < range.end() && found == none; ++i) {
+          const Leaf& leaf = *leaves[i];
+          for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
+            const bool soil = leaf.getValue(n) < 0, known = leaf.isValueOn(n);
+            const Coord c = leaf.offsetToGlobalCoord(n);
+            for (int face = 0; face < 6; ++face) {
+              Coord next = c;
+              next[face / 2] += face % 2 ? 1 : -1;
+              float value;
+              const bool next_known = values.probeValue(next, value);
+              if ((value < 0) != soil && !(known && next_known)) {
+                found = i * Leaf::SIZE + n;
+                n = Leaf::SIZE - 1;
+                break;
+              }
+            }
+          }
+        }
+        return found;
+      },
+      [](std::size_t a, std::size_t b) { return std::min(a, b); });
+  if (first == none) return std::nullopt;
+  return leaves[first / Leaf::SIZE]->offsetToGlobalCoord(
+      static_cast<openvdb::Index>(first % Leaf::SIZE));
+}
+
+void check_values(const std::filesystem::path& file, const FloatGrid& grid) {
+  if (grid.activeVoxelCount() == 0) throw InputError(file, "is empty: it has no active voxels");
+  const float background = grid.background();
+  if (!(std::isfinite(background) && background > 0)) {
+    throw InputError(file, fmt::format("grid {} has background {:g}; a level set's is its band's "
+                                       "half width, above 0, and values are negative in soil",
+                                       described(grid), background));
+  }
+  bool finite = true, soil = false;
+  for (auto leaf = grid.tree().cbeginLeaf(); leaf; ++leaf) {
+    for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
+      finite &= std::isfinite(leaf->getValue(n));
+      soil |= leaf->getValue(n) < 0;
+    }
+  }
+  if (!finite) throw InputError(file, "has values that are not numbers; write it anew");
+  if (!soil) throw InputError(file, "has no soil: no value is negative, as in soil they must be");
+  if (const auto c = hole(grid)) {
+    const openvdb::Vec3d p = grid.indexToWorld(*c);
+    throw InputError(file, fmt::format("is not closed: its surface is missing at x {:g}, y {:g}, z "
+                                       "{:g} of its own coordinates; {}",
+                                       p.x(), p.y(), p.z(), kMakeLevelSet));
+  }
+}
+
+}  // namespace
+
+LevelSetInput read_level_set(const std::filesystem::path& file) {
+  check_readable(file);
+  FloatGrid::Ptr grid;
+  try {
+    grid = read_grid(file);
+  } catch (const InputError&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    throw InputError(file, "is damaged, or needs more memory than there is");
+  } catch (const std::exception& error) {
+    throw InputError(file, fmt::format("is not a .vdb file or is damaged ({})",
+                                       printable(error.what())));
+  }
+  check_transform(file, *grid);
+  check_values(file, *grid);
+  LevelSetInput input;
+  Vec3 origin = Vec3::Zero();
+  if (const auto at = grid->getMetadata<openvdb::Vec3DMetadata>(kOriginKey)) {
+    origin = {at->value().x(), at->value().y(), at->value().z()};
+  }
+  if (const auto crs = grid->getMetadata<openvdb::StringMetadata>(kCrsKey)) {
+    input.crs_wkt = crs->value();
+  }
+  const openvdb::CoordBBox box = grid->evalActiveVoxelBoundingBox();
+  const openvdb::Vec3d low = grid->indexToWorld(box.min()), high = grid->indexToWorld(box.max());
+  input.bounds = {origin + Vec3(low.x(), low.y(), low.z()),
+                  origin + Vec3(high.x(), high.y(), high.z())};
+  input.surface = make_level_set_surface(std::move(grid), origin);
+  return input;
+}
+
+}  // namespace soilvdb::io

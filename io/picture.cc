@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/picture.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+
+#include "io/ground_source.h"
+
+namespace soilvdb::io {
+namespace {
+
+Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
+  Eigen::AlignedBox2d box;
+  for (const Chunk* chunk : soil.chunks()) {
+    if (cut_only && chunk->now >= chunk->made) continue;
+    // Cells reach half a voxel beyond the centres.
+    const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
+    box.extend(soil.world_from_index(low).head<2>());
+    box.extend(soil.world_from_index(low + Vec3::Constant(kLeafSide)).head<2>());
+  }
+  return box;
+}
+
+}  // namespace
+
+Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
+  Eigen::AlignedBox2d box = footprint(soil, true);
+  if (box.isEmpty()) box = footprint(soil, false);
+  if (box.isEmpty()) {
+    const Vec2 centre = soil.origin().head<2>();
+    return {centre - Vec2::Constant(10), centre + Vec2::Constant(10)};
+  }
+  const double size_m = box.sizes().maxCoeff();
+  const Vec2 margin = Vec2::Constant(0.15 * size_m + std::min(1.0, 0.5 * size_m));
+  return {box.min() - margin, box.max() + margin};
+}
+
+Ground ground_of(const Soil& soil) {
+  return {.now = [&soil](double x, double y) { return soil.height(x, y); },
+          .base = [&soil](double x, double y) { return soil.base().height(x, y); },
+          .voxel_size_m = soil.voxel_size_m(),
+          .cut = footprint(soil, true)};
+}
+
+DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
+  const Eigen::AlignedBox2d part = box.intersection(ground.cut);
+  if (ground.cut.isEmpty() || part.isEmpty() || !(part.sizes().minCoeff() > 0)) return {};
+  const double cell = std::max(ground.voxel_size_m / 3, part.sizes().maxCoeff() / 700);
+  const auto cells = [&](double length) {
+    return std::max(1, static_cast<int>(std::ceil(length / cell)));
+  };
+  return DepthScale::up_to(
+      deepest(sample_relief(ground.now, ground.base, part, cells(part.sizes().x()),
+                            cells(part.sizes().y()))),
+      0.5 * ground.voxel_size_m);
+}
+
+Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m) {
+  if (box.isEmpty() || !box.min().allFinite() || !box.max().allFinite()) {
+    throw std::invalid_argument("a picture needs a region with finite sides, xmin < xmax and ymin < ymax");
+  }
+  const double least =
+      std::max({4 * voxel_size_m, box.sizes().maxCoeff() / 12, 1e-9 * box.max().cwiseAbs().maxCoeff()});
+  const Vec2 half = box.sizes().cwiseMax(least) / 2;
+  return {box.center() - half, box.center() + half};
+}
+
+void save(const std::filesystem::path& file, Canvas& canvas) {
+  const std::string bytes = canvas.png();
+  errno = 0;
+  std::ofstream out(file, std::ios::binary);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  if (!out) throw std::runtime_error(file.string() + ": can't write the picture: " + std::strerror(errno));
+}
+
+}  // namespace soilvdb::io

@@ -1,0 +1,182 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Reads a scenario section by section; the motions, which can be long, come last.
+#include "io/scenario.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include "io/motion_csv.h"
+#include "io/text.h"
+#include "io/urdf.h"
+#include "io/yaml_map.h"
+
+namespace soilvdb::io {
+namespace {
+
+constexpr double kMinVoxelM = 1e-4, kMaxVoxelM = 100;
+constexpr double kMinEveryS = 1e-3, kMaxEveryS = 1e9;
+constexpr double kMinCellM = 1e-3, kMaxCellM = 1e4;
+constexpr std::array kMeshFormats = {"ply", "obj", "stl", "glb"};
+
+void check_version(const YamlMap& scenario) {
+  const std::string version = scenario.text("soilvdb");
+  if (version != "1") {
+    scenario.fail("soilvdb", fmt::format("format version is '{}'; this program reads version 1",
+                                         printable(version)));
+  }
+}
+
+std::string read_name(const YamlMap& scenario, const std::filesystem::path& file) {
+  if (scenario.has("name")) return scenario.name("name");
+  const std::string stem = file.stem().string();
+  try {
+    check_name(stem);
+  } catch (const std::invalid_argument&) {
+    scenario.fail("name", "key 'name' is missing in scenario");
+  }
+  return stem;
+}
+
+Terrain read_terrain(const YamlMap& scenario) {
+  const YamlMap terrain = scenario.map("terrain", {"plane", "raster", "level_set"});
+  const int kinds = terrain.has("plane") + terrain.has("raster") + terrain.has("level_set");
+  if (kinds != 1) {
+    scenario.fail("terrain", fmt::format("terrain has {}; it must have exactly one of plane, "
+                                         "raster and level_set",
+                                         kinds == 0 ? "no kind" : fmt::format("{} kinds", kinds)));
+  }
+  if (terrain.has("raster")) return RasterTerrain{terrain.path("raster")};
+  if (terrain.has("level_set")) return LevelSetTerrain{terrain.path("level_set")};
+  const YamlMap map = terrain.map("plane", {"z", "slope"});
+  PlaneTerrain plane;
+  plane.height_m = map.number("z");
+  if (map.has("slope")) {
+    const auto slope = map.numbers("slope", 2);
+    plane.slope = {slope[0], slope[1]};
+  }
+  return plane;
+}
+
+Bucket read_bucket(const YamlMap& machine) {
+  const YamlMap map = machine.map("bucket", {"width", "height", "profile", "dump_angle"});
+  Bucket bucket;
+  bucket.width_m = map.number("width");
+  bucket.height_m = map.number("height");
+  if (map.has("profile")) {
+    bucket.profile = map.points("profile");
+    if (bucket.profile.empty()) {
+      map.fail("profile", "profile is empty; give its points, or leave it out");
+    }
+  }
+  if (map.has("dump_angle")) bucket.dump_angle_rad = map.number("dump_angle");
+  try {
+    bucket.validate();
+  } catch (const std::invalid_argument& e) {
+    const std::string message = e.what();  // begins with the key
+    map.fail(message.substr(0, message.find(' ')), message);
+  }
+  return bucket;
+}
+
+Pose read_pose(const YamlMap& map) {
+  Pose pose;
+  if (map.has("xyz")) pose.position = Vec3(map.numbers("xyz", 3).data());
+  if (map.has("rpy")) {
+    const auto rpy = map.numbers("rpy", 3);
+    pose.rotation = from_rpy(rpy[0], rpy[1], rpy[2]);
+  }
+  return pose;
+}
+
+/// The path under `key` of a file that is there.
+std::filesystem::path read_file_path(const YamlMap& map, const std::string& key) {
+  const auto path = map.path(key);
+  try {
+    check_readable(path);
+  } catch (const InputError& e) {
+    map.fail(key, fmt::format("{}: {}", key, e.what()));
+  }
+  return path;
+}
+
+std::optional<Chain> read_machine_chain(const YamlMap& machine) {
+  if (!machine.has("urdf")) {
+    for (const char* key : {"base", "lip"}) {
+      if (machine.has(key)) {
+        machine.fail(key, fmt::format("'{}' is for a machine with a 'urdf'; add that, or remove "
+                                      "'{}'",
+                                      key, key));
+      }
+    }
+    return std::nullopt;
+  }
+  const auto file = read_file_path(machine, "urdf");
+  if (!machine.has("lip")) {
+    machine.fail("urdf", "key 'lip' is missing in machine; a 'urdf' needs it to place the bucket");
+  }
+  const YamlMap lip = machine.map("lip", {"link", "xyz", "rpy"});
+  Chain chain;
+  try {
+    chain = read_chain(file, lip.text("link"));
+  } catch (const std::invalid_argument& e) {
+    lip.fail("link", e.what());
+  }
+  chain.link_from_bucket = read_pose(lip);
+  if (machine.has("base")) chain.world_from_root = read_pose(machine.map("base", {"xyz", "rpy"}));
+  return chain;
+}
+
+void read_output(const YamlMap& scenario, Scenario& result) {
+  if (!scenario.has("output")) return;
+  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster"});
+  if (output.has("snapshots")) {
+    result.snapshot_every_s =
+        output.map("snapshots", {"every"}).number("every", kMinEveryS, kMaxEveryS, "s");
+  }
+  if (output.has("mesh")) {
+    result.mesh = output.text("mesh");
+    if (std::find(kMeshFormats.begin(), kMeshFormats.end(), *result.mesh) == kMeshFormats.end()) {
+      output.fail("mesh", fmt::format("mesh is '{}'; it must be ply, obj, stl or glb",
+                                      printable(*result.mesh)));
+    }
+  }
+  if (output.has("raster")) {
+    result.raster_cell_m = output.map("raster", {"cell"}).number("cell", kMinCellM, kMaxCellM, "m");
+  }
+}
+
+}  // namespace
+
+Scenario read_scenario(const std::filesystem::path& file) {
+  const YamlMap map = YamlMap::load(
+      file, "scenario", {"soilvdb", "name", "voxel_size", "terrain", "machines", "output"});
+  check_version(map);
+  Scenario scenario;
+  scenario.file = file;
+  scenario.name = read_name(map, file);
+  scenario.voxel_size_m = map.number("voxel_size", kMinVoxelM, kMaxVoxelM, "m");
+  scenario.terrain = read_terrain(map);
+  read_output(map, scenario);
+
+  std::set<std::string> names;
+  for (const YamlMap& machine :
+       map.maps("machines", "machine", {"name", "bucket", "motion", "urdf", "base", "lip"})) {
+    const std::string name = machine.name("name");
+    if (!names.insert(name).second) {
+      machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
+    }
+    const Bucket bucket = read_bucket(machine);
+    const auto chain = read_machine_chain(machine);
+    MotionInput motion = read_motion(read_file_path(machine, "motion"), chain);
+    scenario.warnings.insert(scenario.warnings.end(), motion.warnings.begin(),
+                             motion.warnings.end());
+    scenario.machines.push_back({name, bucket, std::move(motion.motion)});
+  }
+  return scenario;
+}
+
+}  // namespace soilvdb::io

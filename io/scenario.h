@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A scenario: terrain, machines with their motions, and what to write. YAML, format version 1.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "core/bucket.h"
+#include "core/motion.h"
+#include "io/error.h"
+
+namespace soilvdb::io {
+
+struct PlaneTerrain {
+  double height_m = 0;             ///< at x = y = 0
+  Vec2 slope = Vec2::Zero();       ///< dz/dx, dz/dy
+};
+struct RasterTerrain {
+  std::filesystem::path file;
+};
+struct LevelSetTerrain {
+  std::filesystem::path file;      ///< a snapshot or any closed level set
+};
+using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
+
+struct MachineInput {
+  std::string name;
+  Bucket bucket;
+  Motion motion;
+};
+
+struct Scenario {
+  std::filesystem::path file;
+  std::string name;
+  double voxel_size_m = 0;
+  Terrain terrain;
+  std::vector<MachineInput> machines;      ///< names are unique
+  std::optional<double> snapshot_every_s;
+  std::optional<std::string> mesh;         ///< "ply", "obj", "stl" or "glb"
+  std::optional<double> raster_cell_m;
+  std::vector<std::string> warnings;       ///< unused columns, joints beyond their limits
+};
+
+/// Reads a scenario with all its machines and motions; doesn't open the terrain.
+/// @throw InputError naming file, line, what is wrong and what would be right.
+Scenario read_scenario(const std::filesystem::path& file);
+
+}  // namespace soilvdb::io

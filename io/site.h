@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Opens a site: the terrain a scenario names, as soil that is ready to be dug.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "core/soil.h"
+#include "io/scenario.h"
+
+namespace soilvdb::io {
+
+/// How to find a base surface again.
+struct BaseReference {
+  Terrain terrain;                 ///< never itself a snapshot; paths absolute
+  std::string checksum;            ///< of the file's size and a sample of its bytes; empty for a plane
+};
+
+/// A base surface, and the coordinate system it came with.
+struct Base {
+  std::shared_ptr<const BaseSurface> surface;
+  BaseReference reference;
+  std::string crs_wkt;             ///< empty: not known
+  Eigen::AlignedBox2d bounds;      ///< where it is known, world; infinite for a plane
+};
+
+/// @throw InputError if the terrain can't be used: missing, not a height raster or closed level
+///        set, in degrees or feet.
+Base open_base(const Terrain& terrain);
+
+/// The ground of a site, and what goes with it into a snapshot.
+struct Site {
+  std::unique_ptr<Soil> soil;
+  BaseReference reference;
+  std::string crs_wkt;
+  Eigen::AlignedBox2d bounds;
+};
+
+/// Opens a scenario's terrain at its voxel size: a new site, its origin near the first lip position
+/// (a multiple of 100 m), or the one a snapshot holds.
+/// @throw InputError also where no machine's motion comes over the terrain, a mouth goes below the
+///        ground's height around it where the terrain has none, or the voxel size isn't the
+///        snapshot's.
+Site open_site(const Scenario& scenario);
+
+}  // namespace soilvdb::io

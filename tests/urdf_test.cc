@@ -1,0 +1,189 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What is read from a URDF, and the one line said about each way to get it wrong.
+#include "io/urdf.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "temp_folder.h"
+
+namespace soilvdb::io {
+namespace {
+
+using test::TempFolder;
+
+/// A machine a - slide - b - JOINT - c, with a thumb beyond c.
+std::string machine(const std::string& joint) {
+  return R"(<?xml version="1.0"?>
+<robot name="m">
+  <link name="a"><visual><geometry><mesh filename="package://nowhere/a.dae"/></geometry></visual></link>
+  <link name="b"/><link name="c"/><link name="d"/>
+  <!-- <joint name="turn" type="fixed"> is a comment -->
+  <joint name="slide" type="prismatic">
+    <parent link="a"/><child link="b"/><origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>
+    <axis xyz="0 3 4"/><limit lower="-0.5" upper="1.5" effort="1" velocity="1"/>
+  </joint>
+  )" + joint +
+         R"(
+  <joint name="thumb" type="planar"><parent link="c"/><child link="d"/></joint>
+</robot>
+)";
+}
+
+const std::string kTurn =
+    R"(<joint name="turn" type="continuous"><parent link="b"/><child link="c"/></joint>)";
+
+class Urdf : public testing::Test {
+ protected:
+  Chain read(const std::string& content, const std::string& link = "c") {
+    return read_chain(folder_.write("m.urdf", content), link);
+  }
+  std::string error(const std::string& content, const std::string& link = "c") {
+    testing::internal::CaptureStderr();
+    testing::internal::CaptureStdout();
+    const auto message = test::message_of(folder_, [&] { read(content, link); });
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+    EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+    EXPECT_EQ(message.find('\n'), message.npos);
+    return message;
+  }
+
+  TempFolder folder_;
+};
+
+TEST_F(Urdf, TheChainRunsFromTheRootToTheLinkAndNoFurther) {
+  const Chain chain = read(machine(kTurn));
+  ASSERT_EQ(chain.movable(), (std::vector<std::string>{"slide", "turn"}));
+  EXPECT_EQ(read(machine(kTurn), "b").movable(), std::vector<std::string>{"slide"});
+  EXPECT_TRUE(read(machine(kTurn), "a").joints.empty());
+}
+
+TEST_F(Urdf, OriginsAxesAndLimitsAreTheJoints) {
+  const Chain chain = read(machine(kTurn));
+  const Joint& slide = chain.joints[0];
+  EXPECT_EQ(slide.type, Joint::Type::kPrismatic);
+  EXPECT_EQ(slide.parent_from_joint.position, Vec3(1, 2, 3));
+  EXPECT_TRUE((slide.parent_from_joint.rotation * Vec3::UnitX()).isApprox(Vec3::UnitY(), 1e-12));
+  EXPECT_TRUE(slide.axis.isApprox(Vec3(0, 0.6, 0.8), 1e-15)) << "made unit";
+  EXPECT_EQ(slide.lower, -0.5);
+  EXPECT_EQ(slide.upper, 1.5);
+  EXPECT_EQ(chain.joints[1].type, Joint::Type::kContinuous);
+  EXPECT_EQ(chain.joints[1].axis, Vec3::UnitX()) << "the default of URDF";
+}
+
+TEST_F(Urdf, AMissingLinkNamesTheNearest) {
+  const std::string content = R"(<robot name="m"><link name="boom_link"/></robot>)";
+  EXPECT_EQ(error(content, "bom_link"), "no link 'bom_link' in m.urdf; did you mean 'boom_link'?");
+}
+
+TEST_F(Urdf, JointsThatCantBeDrivenByOneNumber) {
+  const auto of_type = [&](const std::string& type) {
+    return error(machine("<joint name=\"turn\" type=\"" + type +
+                         "\"><parent link=\"b\"/><child link=\"c\"/></joint>"));
+  };
+  EXPECT_EQ(of_type("floating"),
+            "m.urdf:10: joint 'turn' is floating; it must be fixed, revolute, continuous or "
+            "prismatic");
+  EXPECT_EQ(
+      of_type("planar"),
+      "m.urdf:10: joint 'turn' is planar; it must be fixed, revolute, continuous or prismatic");
+  EXPECT_EQ(error(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><mimic joint="slide"/></joint>)")),
+            "m.urdf:10: joint 'turn' mimics joint 'slide', which is not supported; make it a joint "
+            "of its own with its own column in the motion");
+}
+
+TEST_F(Urdf, AxesAndLimitsWithoutSense) {
+  EXPECT_EQ(error(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><axis xyz="0 0 0"/></joint>)")),
+            "m.urdf:10: joint 'turn' has the axis 0 0 0; it must have a direction");
+  EXPECT_EQ(error(machine(R"(<joint name="turn" type="revolute"><parent link="b"/>
+      <child link="c"/><limit lower="1" upper="-1" effort="1" velocity="1"/></joint>)")),
+            "m.urdf:10: joint 'turn' has the lower limit 1 above its upper limit -1; swap them");
+}
+
+TEST_F(Urdf, WhatUrdfdomRefusesIsSaidOnceAndNotPrinted) {
+  EXPECT_EQ(error("<robot><link name=\"a\"/></robot>", "a"),
+            "m.urdf: is not a valid URDF: No name given for the robot");
+  EXPECT_EQ(error("<html></html>"),
+            "m.urdf: is not a valid URDF: Could not find the 'robot' element in the xml file");
+  EXPECT_NE(error(machine(R"(<joint name="turn" type="revolute"><parent link="b"/>
+      <child link="c"/></joint>)"))
+                .find("m.urdf: is not a valid URDF: Joint [turn]"),
+            std::string::npos);
+  EXPECT_NE(error(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><origin xyz="1 2 three"/></joint>)"))
+                .find("m.urdf: is not a valid URDF: "),
+            std::string::npos);
+  EXPECT_NE(error(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><origin xyz="1 2 nan"/></joint>)"))
+                .find("m.urdf: is not a valid URDF: "),
+            std::string::npos);
+}
+
+TEST_F(Urdf, ALoopAndTwoParents) {
+  EXPECT_EQ(error(R"(<robot name="m"><link name="a"/><link name="c"/><link name="d"/>
+<joint name="p" type="fixed"><parent link="c"/><child link="d"/></joint>
+<joint name="q" type="fixed"><parent link="d"/><child link="c"/></joint></robot>)"),
+            "m.urdf: link 'c' is not connected to the root link 'a'");
+  EXPECT_EQ(error(R"(<robot name="m"><link name="a"/><link name="b"/><link name="c"/>
+<joint name="o" type="fixed"><parent link="a"/><child link="b"/></joint>
+<joint name="p" type="fixed"><parent link="a"/><child link="c"/></joint>
+<joint name="q" type="fixed"><parent link="b"/><child link="c"/></joint></robot>)"),
+            "m.urdf:4: joint 'q' leads to link 'c', as joint 'p' does; a link has one parent");
+}
+
+TEST_F(Urdf, FilesThatAreNone) {
+  EXPECT_EQ(test::message_of(folder_, [&] { read_chain(folder_ / "none.urdf", "c"); }),
+            "none.urdf: no such file");
+  EXPECT_EQ(error(" \n"), "m.urdf: is empty");
+  EXPECT_EQ(error(std::string("\x7f"
+                              "ELF\0",
+                              5)),
+            "m.urdf: is a binary file; it must be UTF-8 text");
+  const std::string whole = machine(kTurn);
+  EXPECT_EQ(error(whole.substr(0, whole.find("prismatic"))),
+            "m.urdf:6: a tag isn't closed; the file may be cut short");
+  EXPECT_EQ(error(whole.substr(0, whole.find(" is a comment"))),
+            "m.urdf:5: a comment isn't closed; '-->' is missing");
+}
+
+TEST_F(Urdf, EntityBombsAndDeepNestingAreRefusedUnparsed) {
+  EXPECT_EQ(error("<?xml version=\"1.0\"?>\n<!DOCTYPE robot [<!ENTITY a \"aaaa\">\n"
+                  "<!ENTITY b \"&a;&a;\">]>\n<robot name=\"&b;\"/>\n"),
+            "m.urdf:2: document type and entity declarations are not accepted; remove them");
+  std::string deep = "<robot name=\"m\">\n";
+  for (int i = 0; i < 1'000'000; ++i) deep += "<a>";
+  EXPECT_EQ(error(deep), "m.urdf:2: elements are nested more than 64 deep");
+}
+
+TEST_F(Urdf, AJointNamedTimeWouldTakeTheMotionsFirstColumn) {
+  EXPECT_EQ(error(machine(R"(<joint name="time" type="continuous"><parent link="b"/>
+      <child link="c"/></joint>)")),
+            "m.urdf: joint 'time' has the name of the motion's first column; rename it");
+}
+
+TEST_F(Urdf, CanBeReadFromSeveralThreads) {
+  const auto good = folder_.write("good.urdf", machine(kTurn));
+  const auto bad = folder_.write("bad.urdf", "<robot><link name=\"a\"/></robot>");
+  std::vector<int> right(4, 0);
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < right.size(); ++i) {
+    threads.emplace_back([&, i] {
+      for (int k = 0; k < 50; ++k) {
+        try {
+          right[i] += read_chain(i % 2 ? bad : good, "c").movable().size() == 2;
+        } catch (const InputError& e) {
+          right[i] += std::string(e.what()).find("No name given") != std::string::npos;
+        }
+      }
+    });
+  }
+  for (auto& thread : threads) thread.join();
+  EXPECT_EQ(right, (std::vector<int>{50, 50, 50, 50}));
+}
+
+}  // namespace
+}  // namespace soilvdb::io

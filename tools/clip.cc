@@ -1,0 +1,106 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/clip.h"
+
+#include <openvdb/io/Stream.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <string_view>
+#include <vector>
+
+#include "core/soil_grids.h"
+#include "io/atomic_file.h"
+#include "io/raster.h"
+
+namespace soilvdb::tools {
+namespace {
+
+/// The mesh without the points that no triangle uses.
+Mesh compacted(const Mesh& mesh) {
+  constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> place(mesh.points.size(), kUnused);
+  Mesh result;
+  for (auto triangle : mesh.triangles) {
+    for (std::uint32_t& vertex : triangle) {
+      if (place[vertex] == kUnused) {
+        place[vertex] = static_cast<std::uint32_t>(result.points.size());
+        result.points.push_back(mesh.points[vertex]);
+      }
+      vertex = place[vertex];
+    }
+    result.triangles.push_back(triangle);
+  }
+  return result;
+}
+
+}  // namespace
+
+Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
+  // A block's vertices lie within a voxel of its cells.
+  const Vec2 low = (box.min() - soil.origin().head<2>()) / soil.voxel_size_m();
+  const Vec2 high = (box.max() - soil.origin().head<2>()) / soil.voxel_size_m();
+  std::vector<Coord3> chunks;
+  for (const Chunk* chunk : soil.chunks()) chunks.push_back(chunk->origin);
+  std::map<Coord3, Mesh, SurfaceMesh::Less> patches;
+  for (const Coord3& block : blocks_touched(chunks)) {
+    bool meets = true;
+    for (int axis = 0; axis < 2; ++axis)
+      meets &= block[axis] + kBlockSide + 1 >= low[axis] && block[axis] - 1 <= high[axis];
+    if (meets) patches.emplace(block, mesh_block(soil, block));
+  }
+  Mesh mesh = weld(patches);
+  const Vec2 local_min = box.min() - soil.origin().head<2>();
+  const Vec2 local_max = box.max() - soil.origin().head<2>();
+  std::erase_if(mesh.triangles, [&](const std::array<std::uint32_t, 3>& t) {
+    const Vec2 centre =
+        (mesh.points[t[0]] + mesh.points[t[1]] + mesh.points[t[2]]).head<2>().cast<double>() / 3;
+    return (centre.array() < local_min.array()).any() ||
+           (centre.array() >= local_max.array()).any();
+  });
+  return compacted(mesh);
+}
+
+Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan) {
+  constexpr double kMargin_voxels = 10;
+  constexpr double kMostCells = 1000;   // across
+  const double h = soil.voxel_size_m();
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  const io::SurfaceRaster heights =
+      io::rasterise(soil, plan, std::max(h, plan.sizes().maxCoeff() / kMostCells));
+  for (const std::vector<float>* surface : {&heights.surface, &heights.base}) {
+    for (const float z : *surface) {
+      if (std::isnan(z)) continue;
+      low = std::min<double>(low, z);
+      high = std::max<double>(high, z);
+    }
+  }
+  for (const Chunk* chunk : soil.chunks()) {
+    const Vec3 first = soil.world_from_index(chunk->origin.cast<double>());
+    const Vec3 last = first + Vec3::Constant(h * (kLeafSide - 1));
+    if (!plan.intersects(Eigen::AlignedBox2d(first.head<2>(), last.head<2>()))) continue;
+    low = std::min(low, first.z());
+    high = std::max(high, last.z());
+  }
+  const double margin = kMargin_voxels * h;
+  return {Vec3(plan.min().x(), plan.min().y(), low - margin),
+          Vec3(plan.max().x(), plan.max().y(), high + margin)};
+}
+
+std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site& site,
+                              const Eigen::AlignedBox3d& box) {
+  const openvdb::FloatGrid::Ptr grid = closed_level_set(*site.soil, box);
+  const Vec3& origin = site.soil->origin();
+  grid->setName("surface");
+  grid->insertMeta("soilvdb_origin",
+                   openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
+  grid->insertMeta("soilvdb_crs", openvdb::StringMetadata(site.crs_wkt));
+  std::ostringstream bytes;
+  openvdb::io::Stream(bytes).write(openvdb::GridCPtrVec{grid});
+  io::write_atomically(file, bytes.view());
+  return grid->activeVoxelCount();
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Progress of a run as a bar on stderr, with rate and time left; silent unless stderr is a terminal.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+namespace soilvdb::tools {
+
+/// A duration in one short word: "0.8 s", "42 s", "3:05", "1:02:03".
+std::string short_duration(double seconds);
+
+/// A count with a k, M or G: "950", "12.3k", "1.50M".
+std::string short_count(double count);
+
+/// The bar's line for a terminal of `columns` columns, at most columns - 1 characters long.
+std::string progress_line(const std::string& title, std::int64_t done, std::int64_t total,
+                          double elapsed_s, int columns);
+
+/// Draws the line ten times a second at most, and wipes it at the end.
+class Progress {
+ public:
+  Progress(std::string title, std::int64_t total);
+  ~Progress() { clear(); }
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  void update(std::int64_t done) {
+    if (on_) draw(done);
+  }
+  void clear();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  void draw(std::int64_t done);
+
+  std::string title_;
+  std::int64_t total_;
+  bool on_, drawn_ = false;
+  Clock::time_point begin_ = Clock::now(), next_ = begin_ + std::chrono::milliseconds(200);
+};
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The folder a run writes to: checked first, made late, and left as it was when a run turns out to
+// have wrong input.
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace soilvdb::tools {
+
+/// Checks on construction that the folder is there or could be made, without making it.
+class RunFolder {
+ public:
+  /// @throw io::InputError if it isn't a folder and can't become one, or can't be written to.
+  explicit RunFolder(std::filesystem::path path);
+
+  const std::filesystem::path& path() const { return path_; }
+
+  /// @throw io::InputError if the run would write over `input`.
+  void spare(const std::filesystem::path& input) const;
+
+  /// Makes the folder. @throw io::InputError if that can't be done.
+  void make();
+
+  /// Takes back make(): removes the folders it made, if they are still empty.
+  void unmake();
+
+  /// Where to write the file `name`. The summary of a run before this one, if there is any, goes:
+  /// it doesn't tell of the files that are in the folder from here on.
+  std::filesystem::path begin(const std::string& name);
+
+  /// The file `name` is whole and on disk.
+  void done(const std::string& name);
+  const std::vector<std::string>& files() const { return files_; }
+
+  /// "on disk: out/dig: soil_1.vdb, soil_2.vdb", for messages.
+  std::string safe() const;
+
+ private:
+  std::filesystem::path path_;
+  std::vector<std::filesystem::path> made_;   ///< outermost first
+  std::vector<std::string> files_;
+  bool begun_ = false;
+};
+
+inline constexpr const char* kSummaryName = "summary.json";
+inline constexpr const char* kUpdatesName = "updates.csv";
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,201 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The program: its command line, and how what goes wrong becomes one line and an exit status.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <new>
+#include <string>
+#include <vector>
+
+#include "io/error.h"
+#include "io/text.h"
+#include "tools/commands.h"
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr double kLeastVoxel_m = 1e-4, kMostVoxel_m = 100;   // as in a scenario
+enum ExitStatus { kDone = 0, kFailed = 1, kWrongInput = 2 };
+
+int complain(ExitStatus status, std::string message) {
+  // Messages quote file names and fields, which may hold anything; the line stays one line.
+  for (char& c : message)
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
+  fmt::print(stderr, "soilvdb: {}\n", message);
+  return status;
+}
+
+/// An option's text must be a number in [low, high].
+CLI::Validator number_between(double low, double high, bool whole, const std::string& meaning) {
+  return CLI::Validator(
+      [=](std::string& text) {
+        const auto value = io::parse_number(text);
+        if (value && *value >= low && *value <= high && (!whole || *value == std::floor(*value)))
+          return std::string();
+        return fmt::format("'{}' is not {}", io::printable(text), meaning);
+      },
+      "");
+}
+
+void on_stop(int) { stop_requested = 1; }
+
+void set_signals() {
+  struct sigaction stop {};
+  stop.sa_handler = on_stop;
+  stop.sa_flags = SA_RESETHAND | SA_RESTART;   // a second signal ends the program at once
+  sigaction(SIGINT, &stop, nullptr);
+  sigaction(SIGTERM, &stop, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);               // a full quota is a failed write, not a crash
+}
+
+/// The command line, and the options of all commands.
+class CommandLine {
+ public:
+  CommandLine() {
+    app_.require_subcommand(1);
+    app_.set_version_flag("--version", "soilvdb " SOILVDB_VERSION);
+    app_.footer("Exit status: 0 done; 2 the input or the command line is wrong, nothing was "
+                "written; 1 anything else.");
+    add_run();
+    add_info();
+    add_export();
+    add_diff();
+  }
+
+  int main(int argc, char** argv) {
+    if (argc > 1 && argv[1][0] != '-') {
+      const std::vector<std::string> known = commands();
+      if (std::find(known.begin(), known.end(), argv[1]) == known.end())
+        return complain(kWrongInput, unknown_command(argv[1]));
+    }
+    try {
+      app_.parse(argc, argv);
+    } catch (const CLI::Success& e) {
+      app_.exit(e);   // prints the help or the version asked for
+      return kDone;
+    } catch (const CLI::ParseError& e) {
+      return complain(kWrongInput, fmt::format("{}; see soilvdb {}--help", e.what(), command()));
+    }
+    set_signals();
+    command_();
+    return kDone;
+  }
+
+ private:
+  std::vector<std::string> commands() const {
+    std::vector<std::string> names;
+    for (const CLI::App* sub : app_.get_subcommands([](const CLI::App*) { return true; }))
+      names.push_back(sub->get_name());
+    return names;
+  }
+
+  std::string unknown_command(const std::string& word) const {
+    const std::vector<std::string> names = commands();
+    return fmt::format("no command '{}', the nearest is '{}'; there are {}", io::printable(word),
+                       io::nearest(word, names), fmt::join(names, ", "));
+  }
+
+  std::string command() const {
+    const auto used = app_.get_subcommands();
+    return used.empty() ? "" : used.front()->get_name() + ' ';
+  }
+
+  void add_run() {
+    CLI::App* sub = app_.add_subcommand("run", "dig a scenario");
+    sub->add_option("SCENARIO", run_.scenario, "scenario file (YAML)")->required();
+    sub->add_option("--out", run_.out, "folder to write to; default: out/<scenario name>")
+        ->type_name("DIR");
+    sub->add_option("--voxel", run_.voxel_size_m, "voxel size instead of the scenario's, m")
+        ->type_name("M")
+        ->check(number_between(kLeastVoxel_m, kMostVoxel_m, false,
+                               fmt::format("a voxel size from {} to {} m", kLeastVoxel_m,
+                                           kMostVoxel_m)));
+    sub->add_option("--threads", run_.threads, "threads; default: one per core")
+        ->type_name("N")
+        ->check(number_between(1, 1024, true, "a whole number from 1 to 1024"));
+    sub->add_option("--updates", run_.updates,
+                    "updates of each machine, even in time over its motion; default: one per row "
+                    "of the motion")
+        ->type_name("N")
+        ->check(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
+    sub->add_flag("!--no-mesh", run_.mesh, "no mesh, even if the scenario asks for one");
+    sub->add_flag("!--no-snapshots", run_.snapshots, "no snapshots, not even the last");
+    sub->callback([this] { command_ = [this] { run(run_); }; });
+  }
+
+  void add_info() {
+    CLI::App* sub = app_.add_subcommand("info", "say what is in a file");
+    sub->add_option("FILE", info_.file, ".vdb, raster or scenario")->required();
+    sub->callback([this] { command_ = [this] { info(info_); }; });
+  }
+
+  void add_export() {
+    CLI::App* sub = app_.add_subcommand("export", "write a snapshot for other programs");
+    sub->add_option("FILE", export_.file, "snapshot (.vdb)")->required();
+    sub->add_option("--to", export_.to,
+                    "file to write: .ply .obj .stl .glb mesh, .tif surface and change, .png "
+                    "picture, .vdb closed level set")
+        ->type_name("OUT")
+        ->required();
+    sub->add_option("--region", export_.region, "only this part of the site, m")
+        ->type_name("XMIN,YMIN,XMAX,YMAX");
+    sub->add_option("--view", view_, "of a picture: plan (default) or perspective")
+        ->type_name("VIEW")
+        ->check(CLI::Validator(
+            [](std::string& text) {
+              if (text == "plan" || text == "perspective") return std::string();
+              return fmt::format("'{}' is neither plan nor perspective", io::printable(text));
+            },
+            ""));
+    sub->callback([this] {
+      export_.perspective = view_ == "perspective";
+      command_ = [this] { export_file(export_); };
+    });
+  }
+
+  void add_diff() {
+    CLI::App* sub = app_.add_subcommand("diff", "cut and fill between two snapshots of a site");
+    sub->add_option("A.vdb", diff_.before, "snapshot before")->required();
+    sub->add_option("B.vdb", diff_.after, "snapshot after")->required();
+    sub->add_option("--to", diff_.to, "write the change of height: .tif raster or .png picture")
+        ->type_name("OUT");
+    sub->add_flag("--json", diff_.json, "print the numbers as JSON");
+    sub->callback([this] { command_ = [this] { diff(diff_); }; });
+  }
+
+  CLI::App app_{"Tracks the ground and the soil in the bucket while excavators dig.", "soilvdb"};
+  RunOptions run_;
+  InfoOptions info_;
+  ExportOptions export_;
+  DiffOptions diff_;
+  std::string view_ = "plan";
+  std::function<void()> command_;
+};
+
+int guarded_main(int argc, char** argv) {
+  try {
+    const int status = CommandLine().main(argc, argv);
+    if (std::fflush(stdout) != 0 || std::ferror(stdout))
+      return complain(kFailed, "standard output can't be written to");
+    return status;
+  } catch (const io::InputError& e) {
+    return complain(kWrongInput, e.what());
+  } catch (const std::bad_alloc&) {
+    return complain(kFailed, "out of memory");
+  } catch (const std::exception& e) {
+    return complain(kFailed, e.what());
+  }
+}
+
+}  // namespace
+}  // namespace soilvdb::tools
+
+int main(int argc, char** argv) { return soilvdb::tools::guarded_main(argc, argv); }

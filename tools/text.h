@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Numbers and names as people read them in the program's output.
+#pragma once
+
+#include <string>
+
+#include "io/site.h"
+
+namespace soilvdb::tools {
+
+/// Four significant digits without an exponent for anything a site can hold: "0.03927", "1234.5".
+std::string number(double value);
+
+/// "12.3 MB", by powers of 1000.
+std::string bytes(double count);
+
+/// A time for file names and messages: microseconds at most, no trailing zeros: "12.5".
+std::string time_text(double seconds);
+
+/// "1 update", "2 updates".
+std::string counted(double count, const std::string& noun);
+
+/// "EPSG:26918", or what it means that there is none.
+std::string crs_text(const std::string& wkt);
+
+/// "plane z = 0, slope 0 0", "raster /data/quarry.tif".
+std::string terrain_text(const io::Terrain& terrain);
+
+}  // namespace soilvdb::tools
