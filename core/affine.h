@@ -32,9 +32,9 @@ struct Affine {
         nz(static_cast<float>(axis.z())) {}
 
   float at(float x, float y, float z) const { return c + (nx * x + (ny * y + nz * z)); }
-  /// The most it differs within `half` of a point along each axis, with room for rounding.
-  float reach(float half) const {
-    return half * (std::abs(nx) + std::abs(ny) + std::abs(nz)) + 1e-4f;
+  /// The most it differs over a box with these half sides, with room for rounding.
+  float reach(float half_x, float half_y, float half_z) const {
+    return half_x * std::abs(nx) + half_y * std::abs(ny) + half_z * std::abs(nz) + 1e-4f;
   }
   Affine moved(float x, float y, float z) const {
     Affine m = *this;
@@ -43,34 +43,23 @@ struct Affine {
   }
 };
 
-/// One frame's three coordinates.
+/// A frame's three coordinates.
 struct AffineFrame {
-  Affine x, y, z;
+  Affine axis[3];   // x, y, z
 
   AffineFrame() = default;
-  /// @param index_from_frame the frame in index space, voxels
-  AffineFrame(const Pose& index_from_frame, const Coord3& chunk) {
-    const Eigen::Matrix3d axes = index_from_frame.rotation.toRotationMatrix();
-    const Vec3 from = chunk.cast<double>() - Vec3::Constant(0.5) - index_from_frame.position;
-    x = Affine(axes.col(0), from);
-    y = Affine(axes.col(1), from);
-    z = Affine(axes.col(2), from);
-  }
-  AffineFrame moved(float px, float py, float pz) const {
-    AffineFrame m;
-    m.x = x.moved(px, py, pz);
-    m.y = y.moved(px, py, pz);
-    m.z = z.moved(px, py, pz);
-    return m;
+  /// @param axes columns are the frame's axes; @param position the frame's origin, index space
+  AffineFrame(const Eigen::Matrix3d& axes, const Vec3& position, const Coord3& chunk) {
+    const Vec3 from = chunk.cast<double>() - Vec3::Constant(0.5) - position;
+    for (int a = 0; a < 3; ++a) axis[a] = Affine(axes.col(a), from);
   }
 };
 
-inline constexpr std::uint32_t bit32(int i) { return std::uint32_t{1} << i; }
-/// bit(i) as a table, which the vectoriser can load.
+/// 1 << i as a table, which the vectoriser can load.
 struct BitTable {
   std::uint32_t bit[32];
   constexpr BitTable() : bit() {
-    for (int i = 0; i < 32; ++i) bit[i] = bit32(i);
+    for (int i = 0; i < 32; ++i) bit[i] = std::uint32_t{1} << i;
   }
 };
 inline constexpr BitTable kBits;

@@ -3,11 +3,10 @@
 // Checks a bucket before it digs. Every message begins with the name of the field.
 #include "core/bucket.h"
 
-#include <fmt/format.h>
-
-#include <cmath>
+#include <charconv>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 
 namespace soilvdb {
 namespace {
@@ -19,9 +18,17 @@ constexpr double kSamePointM = 1e-9;  // rounding of decimal input
 
 [[noreturn]] void refuse(const std::string& message) { throw std::invalid_argument(message); }
 
-void check_side(const char* name, double side_m) {
+/// The shortest text that reads back as `value`.
+std::string text(double value) {
+  char buffer[32];
+  return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
+}
+std::string text(const Vec2& p) { return "[" + text(p.x()) + ", " + text(p.y()) + "]"; }
+
+void check_side(const std::string& name, double side_m) {
   if (side_m >= kMinSideM && side_m <= kMaxSideM) return;
-  refuse(fmt::format("{} is {} m; it must be from {} to {} m", name, side_m, kMinSideM, kMaxSideM));
+  refuse(name + " is " + text(side_m) + " m; it must be from " + text(kMinSideM) + " to " +
+         text(kMaxSideM) + " m");
 }
 
 double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
@@ -44,58 +51,51 @@ bool meet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
 
 void check_profile(const std::vector<Vec2>& profile, double height_m) {
   const std::size_t n = profile.size();
+  const Vec2 lip(0, 0), upper_edge(0, height_m);
   if (n < 3) {
-    refuse(
-        fmt::format("profile has {} point{}; it needs at least 3, from the lip [0, 0] to the "
-                    "upper edge [0, {}]",
-                    n, n == 1 ? "" : "s", height_m));
+    refuse("profile has " + std::to_string(n) + (n == 1 ? " point" : " points") +
+           "; it needs at least 3, from the lip " + text(lip) + " to the upper edge " +
+           text(upper_edge));
   }
   if (n > kMaxProfilePoints) {
-    refuse(fmt::format("profile has {} points; it may have at most {}", n, kMaxProfilePoints));
+    refuse("profile has " + std::to_string(n) + " points; it may have at most " +
+           std::to_string(kMaxProfilePoints));
   }
   for (const Vec2& p : profile) {
     if (!(p.cwiseAbs().maxCoeff() <= kMaxSideM)) {
-      refuse(fmt::format("profile has the point [{}, {}]; coordinates must be within {} m", p.x(),
-                         p.y(), kMaxSideM));
+      refuse("profile has the point " + text(p) + "; coordinates must be within " +
+             text(kMaxSideM) + " m");
     }
     if (p.x() > 0) {
-      refuse(
-          fmt::format("profile has the point [{}, {}] in front of the mouth; x must be 0 or less",
-                      p.x(), p.y()));
+      refuse("profile has the point " + text(p) + " in front of the mouth; x must be 0 or less");
     }
   }
-  if (profile.front().norm() > kSamePointM) {
-    refuse(fmt::format("profile starts at [{}, {}]; it must start at the lip, [0, 0]",
-                       profile.front().x(), profile.front().y()));
+  if ((profile.front() - lip).norm() > kSamePointM) {
+    refuse("profile starts at " + text(profile.front()) + "; it must start at the lip, " +
+           text(lip));
   }
-  if ((profile.back() - Vec2(0, height_m)).norm() > kSamePointM) {
-    refuse(fmt::format("profile ends at [{}, {}]; it must end at the upper edge, [0, {}]",
-                       profile.back().x(), profile.back().y(), height_m));
+  if ((profile.back() - upper_edge).norm() > kSamePointM) {
+    refuse("profile ends at " + text(profile.back()) + "; it must end at the upper edge, " +
+           text(upper_edge));
   }
   // Edge i runs from point i to point i + 1; edge n - 1 is the mouth.
   const auto point = [&](std::size_t i) -> const Vec2& { return profile[i % n]; };
   for (std::size_t i = 0; i < n; ++i) {
     const Vec2 &a = point(i), &b = point(i + 1), &c = point(i + 2);
     if ((b - a).norm() <= kSamePointM) {
-      refuse(fmt::format("profile has the point [{}, {}] twice in a row; leave one out", a.x(),
-                         a.y()));
+      refuse("profile has the point " + text(a) + " twice in a row; leave one out");
     }
     if (cross(b - a, c - b) == 0 && (b - a).dot(c - b) < 0) {
-      refuse(
-          fmt::format("profile turns back on itself at [{}, {}]; it must enclose an area with "
-                      "the mouth",
-                      b.x(), b.y()));
+      refuse("profile turns back on itself at " + text(b) +
+             "; it must enclose an area with the mouth");
     }
   }
   for (std::size_t i = 0; i < n; ++i) {
-    const Vec2 &a = point(i), &b = point(i + 1);
     for (std::size_t j = i + 2; j < n; ++j) {
       if (i == 0 && j == n - 1) continue;  // neighbours across the lip
-      if (meet(a, b, point(j), point(j + 1))) {
-        refuse(
-            fmt::format("profile crosses itself between the edges that start at [{}, {}] and "
-                        "[{}, {}]; it and the mouth must be a simple polygon",
-                        a.x(), a.y(), point(j).x(), point(j).y()));
+      if (meet(point(i), point(i + 1), point(j), point(j + 1))) {
+        refuse("profile crosses itself between the edges that start at " + text(point(i)) +
+               " and " + text(point(j)) + "; it and the mouth must be a simple polygon");
       }
     }
   }
@@ -108,10 +108,8 @@ void Bucket::validate() const {
   check_side("height", height_m);
   if (!profile.empty()) check_profile(profile, height_m);
   if (dump_angle_rad && !(*dump_angle_rad >= 0 && *dump_angle_rad <= std::numbers::pi / 2)) {
-    refuse(
-        fmt::format("dump_angle is {} rad; it must be from 0 to 1.5708 (the mouth looks straight "
-                    "down)",
-                    *dump_angle_rad));
+    refuse("dump_angle is " + text(*dump_angle_rad) +
+           " rad; it must be from 0 to 1.5708 (the mouth looks straight down)");
   }
 }
 

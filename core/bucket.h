@@ -3,6 +3,7 @@
 // The digging tool: its mouth, and the outline of its body where one is given.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -24,5 +25,18 @@ struct Bucket {
   /// @throw std::invalid_argument naming the field, its value and what would be right.
   void validate() const;
 };
+
+/// The four corners of the mouth, in the bucket frame.
+inline std::vector<Vec3> mouth_corners(const Bucket& bucket) {
+  const double y = bucket.width_m / 2;
+  return {{0, -y, 0}, {0, y, 0}, {0, -y, bucket.height_m}, {0, y, bucket.height_m}};
+}
+
+/// How far the fastest corner of the mouth moves between two poses, m.
+inline double travel(const Bucket& bucket, const Pose& a, const Pose& b) {
+  double most = 0;
+  for (const Vec3& p : mouth_corners(bucket)) most = std::max(most, (b * p - a * p).norm());
+  return most;
+}
 
 }  // namespace soilvdb

@@ -17,227 +17,226 @@ namespace soilvdb {
 namespace {
 
 constexpr float kFar = std::numeric_limits<float>::max();
+constexpr float kHalf = 0.5f * kLeafSide;
 /// Chunks below which one thread is quicker than two.
 constexpr std::size_t kParallelChunks = 8;
 
-/// The mouth in voxels.
-struct Mouth {
-  float half_width, height;
-
-  /// Distance to the rectangle from a point in the bucket frame.
-  float distance(float x, float y, float z) const {
-    const float dy = std::max(std::abs(y) - half_width, 0.0f);
-    const float dz = std::max(std::max(-z, z - height), 0.0f);
-    return std::sqrt(x * x + dy * dy + dz * dz);
-  }
-
-  /// Signed distance across the path to the surface the mouth's edges trail, of a point that the
-  /// mouth's plane crosses on the way from bucket coordinates a to b: the coordinate beyond the
-  /// edge at the crossing, over the length of its gradient, 1 + (dy/dx)^2 or 1 + (dz/dx)^2.
-  float lateral(const float* a, const float* b) const {
-    const float dx = b[0] - a[0], dy = b[1] - a[1], dz = b[2] - a[2];
-    const float f = a[0] / (a[0] - b[0]);
-    const float y = a[1] + f * dy, z = a[2] + f * dz;
-    const float ey = (std::abs(y) - half_width) * std::abs(dx) / std::sqrt(dx * dx + dy * dy);
-    const float ez = std::max(-z, z - height) * std::abs(dx) / std::sqrt(dx * dx + dz * dz);
-    return ey > 0 && ez > 0 ? std::sqrt(ey * ey + ez * ez) : std::max(ey, ez);
-  }
-};
-
-/// Lowers nothing: phi = max(phi, value). @return whether it changed.
+/// phi = max(phi, value). @return whether it changed.
 bool raise(float& phi, float value) {
   if (!(value > phi)) return false;
   phi = value;
   return true;
 }
 
-/// The window over one chunk: which segments may cross it, and the frames at their ends.
-struct LocalWindow {
-  std::vector<AffineFrame> frames;
-  std::vector<std::uint8_t> crosses;   // segment i, between frames i and i + 1
-};
+/// Distance from a point in the bucket frame to the mouth, all in voxels.
+float distance_to_mouth(const float* p, float half_width, float height) {
+  const float dy = std::max(std::abs(p[1]) - half_width, 0.0f);
+  const float dz = std::max(std::max(-p[2], p[2] - height), 0.0f);
+  return std::sqrt(p[0] * p[0] + dy * dy + dz * dz);
+}
 
-/// Poses at which part of the mouth stops to turn back, and the window's ends: there the mouth
-/// itself bounds what it swept.
-std::vector<std::size_t> stops(std::span<const Pose> poses, const Bucket& bucket, bool begins) {
-  std::vector<std::size_t> all;
-  if (begins) all.push_back(0);
+/// Signed distance to the surface that the mouth's edges trail, of a point which the mouth's plane
+/// passes on its way from bucket coordinates a to b: how far it is beyond the edge at the crossing,
+/// over the length of the gradient of that, sqrt(1 + (dy/dx)^2) or sqrt(1 + (dz/dx)^2).
+float distance_to_trail(const float* a, const float* b, float half_width, float height) {
+  const float dx = b[0] - a[0], dy = b[1] - a[1], dz = b[2] - a[2];
+  const float f = a[0] / (a[0] - b[0]);
+  const float y = a[1] + f * dy, z = a[2] + f * dz;
+  const float ey = (std::abs(y) - half_width) * std::abs(dx) / std::sqrt(dx * dx + dy * dy);
+  const float ez = std::max(-z, z - height) * std::abs(dx) / std::sqrt(dx * dx + dz * dz);
+  return ey > 0 && ez > 0 ? std::sqrt(ey * ey + ez * ez) : std::max(ey, ez);
+}
+
+/// Poses at which part of the mouth stops to turn back, the last pose, and the first if the path
+/// begins there: the mouth itself bounds what it swept.
+std::vector<std::size_t> find_stops(const Bucket& bucket, const SweepWindow& window) {
+  const auto& poses = window.world_from_bucket;
+  std::vector<std::size_t> stops;
+  if (window.begins) stops.push_back(0);
   for (std::size_t i = 1; i + 1 < poses.size(); ++i) {
     const Vec3 normal = poses[i].rotation * Vec3::UnitX();
-    for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
-      for (const double z : {0.0, bucket.height_m}) {
-        const Vec3 p(0, y, z), at = poses[i] * p;
-        const double in = normal.dot(at - poses[i - 1] * p), out = normal.dot(poses[i + 1] * p - at);
-        if (in * out < 0 && (all.empty() || all.back() != i)) all.push_back(i);
-      }
+    for (const Vec3& p : mouth_corners(bucket)) {
+      const Vec3 at = poses[i] * p;
+      const double in = normal.dot(at - poses[i - 1] * p), out = normal.dot(poses[i + 1] * p - at);
+      if (in * out < 0 && (stops.empty() || stops.back() != i)) stops.push_back(i);
     }
   }
-  all.push_back(poses.size() - 1);
-  return all;
-}
-
-bool cut_chunk(float* phi, const LocalWindow& window, const Mouth& mouth,
-               const std::vector<std::size_t>& stops, float h, float band) {
-  bool changed = false;
-  const std::size_t last = window.frames.size() - 1;
-  std::array<float, 3> a{}, b{};
-  for (int n = 0; n < kLeafSize; ++n) {
-    if (phi[n] >= band) continue;
-    const float x = static_cast<float>(n >> 6) + 0.5f, y = static_cast<float>(n >> 3 & 7) + 0.5f,
-                z = static_cast<float>(n & 7) + 0.5f;
-    const auto local = [&](std::size_t i, std::array<float, 3>& p) {
-      const AffineFrame& f = window.frames[i];
-      p = {f.x.at(x, y, z), f.y.at(x, y, z), f.z.at(x, y, z)};
-    };
-    float lateral = kFar;
-    for (std::size_t i = 0; i < last; ++i) {
-      if (!window.crosses[i]) continue;
-      const float u = window.frames[i].x.at(x, y, z), v = window.frames[i + 1].x.at(x, y, z);
-      if ((u > 0) == (v > 0)) continue;
-      local(i, a);
-      local(i + 1, b);
-      lateral = std::min(lateral, mouth.lateral(a.data(), b.data()));
-    }
-    float ends = kFar;
-    for (const std::size_t i : stops) {
-      local(i, a);
-      ends = std::min(ends, mouth.distance(a[0], a[1], a[2]));
-    }
-    const float distance = lateral < 0 ? -std::min(-lateral, ends) : std::min(lateral, ends);
-    changed |= raise(phi[n], std::clamp(-distance * h, -band, band));
-  }
-  return changed;
-}
-
-/// Runs `carve(phi, origin)` on phi of each chunk in a box where there is soil, in parallel, and
-/// puts back what it changed, making chunks where needed.
-template <typename Carve>
-std::vector<Coord3> carve_chunks(Soil& soil, const Eigen::AlignedBox3d& box, const Carve& carve) {
-  struct Task {
-    Coord3 origin;
-    Chunk* chunk;
-    bool changed = false;
-  };
-  std::vector<Task> tasks;
-  for_each_chunk(box, [&](const Coord3& origin) {
-    Chunk* chunk = soil.find(origin);
-    if (chunk == nullptr && soil.classify(origin) == Content::kAir) return;
-    tasks.push_back({origin, chunk});
-  });
-  const auto run = [&](std::size_t i) {
-    Task& task = tasks[i];
-    if (task.chunk != nullptr) {
-      task.changed = carve(task.chunk->phi, task.origin);
-      if (task.changed) soil.phi_changed(*task.chunk);
-    } else {
-      std::array<float, kLeafSize> phi;
-      soil.read_phi(task.origin, phi.data());
-      task.changed = carve(phi.data(), task.origin);
-    }
-  };
-  if (tasks.size() >= kParallelChunks) {
-    tbb::parallel_for(std::size_t{0}, tasks.size(), run);
-  } else {
-    for (std::size_t i = 0; i < tasks.size(); ++i) run(i);
-  }
-  std::vector<Coord3> changed;
-  for (Task& task : tasks) {
-    if (!task.changed) continue;
-    changed.push_back(task.origin);
-    if (task.chunk == nullptr) {
-      Chunk& made = soil.make(task.origin);
-      carve(made.phi, task.origin);
-      soil.phi_changed(made);
-    }
-  }
-  return changed;
-}
-
-Pose index_from_bucket(const Soil& soil, const Pose& world_from_bucket) {
-  return {soil.index_from_world(world_from_bucket.position), world_from_bucket.rotation};
+  stops.push_back(poses.size() - 1);
+  return stops;
 }
 
 }  // namespace
 
-std::vector<Coord3> cut_surface(Soil& soil, const Bucket& bucket, const SweepWindow& window) {
-  const double h = soil.voxel_size_m();
-  const float band = static_cast<float>(soil.band_m());
-  const Mouth mouth{static_cast<float>(bucket.width_m / 2 / h), static_cast<float>(bucket.height_m / h)};
-  std::vector<Pose> poses;
-  Eigen::AlignedBox3d box;
-  for (const Pose& pose : window.world_from_bucket) {
-    poses.push_back(index_from_bucket(soil, pose));
-    for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
-      for (const double z : {0.0, bucket.height_m}) {
-        box.extend(soil.index_from_world(pose * Vec3(0, y, z)));
-      }
+SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window)
+    : bucket_(bucket),
+      mouth_(window.mouth && window.world_from_bucket.size() > 1),
+      body_(window.body && !bucket.profile.empty()),
+      half_width_(static_cast<float>(bucket.width_m / 2 / soil.voxel_size_m())),
+      height_(static_cast<float>(bucket.height_m / soil.voxel_size_m())),
+      h_(static_cast<float>(soil.voxel_size_m())),
+      band_(static_cast<float>(soil.band_m())),
+      fresh_(window.fresh) {
+  if (mouth_) stops_ = find_stops(bucket, window);
+  const double margin = soil.band_m() / soil.voxel_size_m();
+  std::vector<Vec3> corners = mouth_corners(bucket);
+  if (body_) {
+    for (const Vec2& p : bucket.profile) {
+      for (const double side : {-0.5, 0.5}) corners.emplace_back(p.x(), side * bucket.width_m, p.y());
     }
   }
-  if (poses.size() < 2) return {};
-  const std::vector<std::size_t> ends = stops(window.world_from_bucket, bucket, window.begins);
-  const Vec3 margin = Vec3::Constant(soil.band_m() / h);
-  box = {box.min() - margin, box.max() + margin};
-
-  return carve_chunks(soil, box, [&](float* phi, const Coord3& origin) {
-    if (*std::min_element(phi, phi + kLeafSize) >= band) return false;
-    thread_local LocalWindow local;
-    local.frames.clear();
-    local.crosses.assign(poses.size(), 0);
-    const float mid = kLeafSide / 2.0f, half = kLeafSide / 2.0f;
-    bool near = false;
-    for (std::size_t i = 0; i < poses.size(); ++i) {
-      local.frames.emplace_back(poses[i], origin);
-      const AffineFrame& f = local.frames.back();
-      if (i == 0) continue;
-      const AffineFrame& e = local.frames[i - 1];
-      const float u = e.x.at(mid, mid, mid), v = f.x.at(mid, mid, mid);
-      const float ru = e.x.reach(half), rv = f.x.reach(half);
-      local.crosses[i - 1] = !((u > ru && v > rv) || (u < -ru && v < -rv));
-      near |= local.crosses[i - 1] != 0;
+  // New distances are found along the fresh segments, and behind them as far as the band reaches.
+  std::vector<Eigen::AlignedBox3d> boxes;
+  for (const Pose& pose : window.world_from_bucket) {
+    axes_.push_back(pose.rotation.toRotationMatrix());
+    positions_.push_back(soil.index_from_world(pose.position));
+    Eigen::AlignedBox3d& box = boxes.emplace_back();
+    for (const Vec3& p : corners) box.extend(soil.index_from_world(pose * p));
+  }
+  double behind = 0;
+  for (std::size_t i = boxes.size(); i-- > 0;) {
+    if (i < fresh_) {
+      behind += (positions_[i + 1] - positions_[i]).norm();
+      if (behind > margin) break;
     }
-    const auto end_is_near = [&](const AffineFrame& f) {
-      return mouth.distance(f.x.at(mid, mid, mid), f.y.at(mid, mid, mid), f.z.at(mid, mid, mid)) <
-             band / static_cast<float>(h) + 1.75f * half;
-    };
-    for (const std::size_t i : ends) near |= end_is_near(local.frames[i]);
-    return near && cut_chunk(phi, local, mouth, ends, static_cast<float>(h), band);
+    Eigen::AlignedBox3d box = boxes[i];
+    if (i + 1 < boxes.size()) box.extend(boxes[i + 1]);
+    const Vec3 wide = Vec3::Constant(margin);
+    for_each_chunk({box.min() - wide, box.max() + wide},
+                   [&](const Coord3& origin) { chunks_.push_back(origin); });
+  }
+  std::sort(chunks_.begin(), chunks_.end(), before);
+  chunks_.erase(std::unique(chunks_.begin(), chunks_.end()), chunks_.end());
+  std::erase_if(chunks_, [&](const Coord3& origin) {
+    return soil.find(origin) == nullptr && soil.classify(origin) == Content::kAir;
   });
 }
 
-std::vector<Coord3> cut_surface_by_body(Soil& soil, const Bucket& bucket,
-                                        std::span<const Pose> world_from_bucket) {
-  const double h = soil.voxel_size_m();
-  const float band = static_cast<float>(soil.band_m());
-  std::vector<Coord3> all;
-  for (const Pose& pose : world_from_bucket) {
-    const Pose bucket_from_world = pose.inverse();
-    Eigen::AlignedBox3d box;
-    for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
-      for (const Vec2& p : bucket.profile) {
-        box.extend(soil.index_from_world(pose * Vec3(p.x(), y, p.y())));
-      }
+void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed) {
+  const std::size_t from = done_;
+  count = std::min(count, remaining());
+  done_ += count;
+  std::vector<std::uint8_t> touched(count);
+  const auto run = [&](std::size_t i) {
+    const Coord3& origin = chunks_[from + i];
+    if (Chunk* chunk = soil.find(origin)) {
+      touched[i] = carve_chunk(origin, chunk->phi);
+      if (touched[i]) soil.phi_changed(*chunk);
+    } else {
+      std::array<float, kLeafSize> phi;
+      soil.read_phi(origin, phi.data());
+      touched[i] = carve_chunk(origin, phi.data());
     }
-    const Vec3 margin = Vec3::Constant(soil.band_m() / h);
-    box = {box.min() - margin, box.max() + margin};
-    const auto changed = carve_chunks(soil, box, [&](float* phi, const Coord3& origin) {
-      bool any = false;
-      for (int n = 0; n < kLeafSize; ++n) {
-        if (phi[n] >= band) continue;
-        const Vec3 p = bucket_from_world * soil.world_from_index(
-                                               (origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
-        const double outline = signed_distance(bucket.profile, {p.x(), p.z()});
-        const double side = std::abs(p.y()) - bucket.width_m / 2;
-        const double d =
-            outline > 0 && side > 0 ? std::hypot(outline, side) : std::max(outline, side);
-        any |= raise(phi[n], std::clamp(static_cast<float>(-d), -band, band));
-      }
-      return any;
-    });
-    all.insert(all.end(), changed.begin(), changed.end());
+  };
+  if (count >= kParallelChunks) {
+    tbb::parallel_for(std::size_t{0}, count, run);
+  } else {
+    for (std::size_t i = 0; i < count; ++i) run(i);
   }
-  std::sort(all.begin(), all.end(), before);
-  all.erase(std::unique(all.begin(), all.end()), all.end());
-  return all;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!touched[i]) continue;
+    const Coord3& origin = chunks_[from + i];
+    changed.push_back(origin);
+    if (soil.find(origin) == nullptr) {
+      Chunk& chunk = soil.make(origin);
+      carve_chunk(origin, chunk.phi);
+      soil.phi_changed(chunk);
+    }
+  }
+}
+
+bool SurfaceCut::carve_chunk(const Coord3& origin, float* phi) const {
+  if (*std::min_element(phi, phi + kLeafSize) >= band_) return false;
+  bool changed = mouth_ && carve_mouth(origin, phi);
+  if (body_) changed |= carve_body(origin, phi);
+  return changed;
+}
+
+bool SurfaceCut::carve_mouth(const Coord3& origin, float* phi) const {
+  const std::size_t poses = axes_.size();
+  thread_local std::vector<AffineFrame> frames;
+  thread_local std::vector<float> at_row, reach, row_reach;
+  thread_local std::vector<std::size_t> near, crossing;   // segments by their first pose
+  frames.clear();
+  at_row.resize(poses);
+  reach.resize(poses);
+  row_reach.resize(poses);
+  for (std::size_t i = 0; i < poses; ++i) {
+    const Affine& x = frames.emplace_back(axes_[i], positions_[i], origin).axis[0];
+    reach[i] = x.reach(kHalf, kHalf, kHalf);
+    row_reach[i] = x.reach(0, 0, kHalf);
+    at_row[i] = x.at(kHalf, kHalf, kHalf);
+  }
+  const auto may_cross = [&](std::size_t i, const std::vector<float>& r) {
+    const float u = at_row[i], v = at_row[i + 1];
+    return !((u > r[i] && v > r[i + 1]) || (u < -r[i] && v < -r[i + 1]));
+  };
+  near.clear();
+  for (std::size_t i = 0; i + 1 < poses; ++i) {
+    if (may_cross(i, reach)) near.push_back(i);
+  }
+  const auto to_stops = [&](float x, float y, float z) {
+    float least = kFar;
+    for (const std::size_t i : stops_) {
+      const AffineFrame& f = frames[i];
+      const float p[3] = {f.axis[0].at(x, y, z), f.axis[1].at(x, y, z), f.axis[2].at(x, y, z)};
+      least = std::min(least, distance_to_mouth(p, half_width_, height_));
+    }
+    return least;
+  };
+  const float band = band_ / h_;
+  const bool stops_near = to_stops(kHalf, kHalf, kHalf) < band + 1.75f * kHalf;
+  if (near.empty() && !stops_near) return false;
+
+  bool changed = false;
+  for (int n = 0; n < kLeafSize; n += kLeafSide) {
+    float* row = phi + n;
+    if (*std::min_element(row, row + kLeafSide) >= band_) continue;
+    const float x = static_cast<float>(n >> 6) + 0.5f, y = static_cast<float>(n >> 3 & 7) + 0.5f;
+    for (const std::size_t i : near) {
+      at_row[i] = frames[i].axis[0].at(x, y, kHalf);
+      at_row[i + 1] = frames[i + 1].axis[0].at(x, y, kHalf);
+    }
+    crossing.clear();
+    for (const std::size_t i : near) {
+      if (may_cross(i, row_reach)) crossing.push_back(i);
+    }
+    const bool row_stops = stops_near && to_stops(x, y, kHalf) < band + kHalf;
+    if (crossing.empty() && !row_stops) continue;
+    for (int k = 0; k < kLeafSide; ++k) {
+      if (row[k] >= band_) continue;
+      const float z = static_cast<float>(k) + 0.5f;
+      float trail = kFar;
+      for (const std::size_t i : crossing) {
+        const AffineFrame &f = frames[i], &g = frames[i + 1];
+        const float u = f.axis[0].at(x, y, z), v = g.axis[0].at(x, y, z);
+        if ((u > 0) == (v > 0)) continue;
+        const float a[3] = {u, f.axis[1].at(x, y, z), f.axis[2].at(x, y, z)};
+        const float b[3] = {v, g.axis[1].at(x, y, z), g.axis[2].at(x, y, z)};
+        trail = std::min(trail, distance_to_trail(a, b, half_width_, height_));
+      }
+      const float stop = row_stops ? to_stops(x, y, z) : kFar;
+      const float distance = trail < 0 ? -std::min(-trail, stop) : std::min(trail, stop);
+      if (distance < band) changed |= raise(row[k], std::min(-distance * h_, band_));
+    }
+  }
+  return changed;
+}
+
+bool SurfaceCut::carve_body(const Coord3& origin, float* phi) const {
+  bool changed = false;
+  const double h = h_;
+  for (std::size_t i = fresh_; i < axes_.size(); ++i) {
+    for (int n = 0; n < kLeafSize; ++n) {
+      if (phi[n] >= band_) continue;
+      const Vec3 voxel = (origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
+      const Vec3 p = h * (axes_[i].transpose() * (voxel - positions_[i]));
+      const double outline = signed_distance(bucket_.profile, {p.x(), p.z()});
+      const double side = std::abs(p.y()) - bucket_.width_m / 2;
+      const double d = outline > 0 && side > 0 ? std::hypot(outline, side) : std::max(outline, side);
+      changed |= raise(phi[n], std::clamp(static_cast<float>(-d), -band_, band_));
+    }
+  }
+  return changed;
 }
 
 }  // namespace soilvdb

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Level-set CSG: carves the volume a mouth sweeps over the last poses out of phi.
+// Level-set CSG: carves the volume a bucket sweeps over the last poses out of phi.
 #pragma once
 
 #include <span>
@@ -11,24 +11,50 @@
 
 namespace soilvdb {
 
-/// The recent path of a mouth, as a swept volume.
+/// The recent path of a bucket, as a swept volume.
 ///
 /// One step sweeps a slab thinner than a voxel, whose back is no surface of anything. So the volume
 /// is that of a window of history: closed at its front, where soil stands against the mouth, open
 /// at its back unless the path begins there.
 struct SweepWindow {
-  std::span<const Pose> world_from_bucket;   ///< oldest first
-  bool begins = false;                       ///< the first pose is where the path starts
+  std::span<const Pose> world_from_bucket;  ///< oldest first; two or more
+  std::size_t fresh = 0;                    ///< the segments from this pose on are new
+  bool begins = false;                      ///< the first pose is where the path starts
+  bool mouth = true, body = false;          ///< what of the bucket has cut soil
 };
 
-/// phi = max(phi, -b) with b the signed distance to the window's swept volume, m, b < 0 inside:
-/// to the surface that the mouth's edges trail (first order in the window's spacing along the path,
-/// exact across it) and to the mouth at the window's ends.
-/// @return origins of the chunks whose phi changed, sorted. Chunks are made where it does.
-std::vector<Coord3> cut_surface(Soil& soil, const Bucket& bucket, const SweepWindow& window);
+/// A window's sweep on its way out of phi, chunk by chunk: phi = max(phi, -b) with b the signed
+/// distance to the swept volume, m, b < 0 inside.
+///
+/// For the mouth, b is the distance to the surface its edges trail (by the gradient of the distance
+/// across the edge at the time the mouth's plane passes a point) and to the mouth where it stops;
+/// for the body, the distance to it at each fresh pose. Chunks are independent of each other, and
+/// phi only grows, so cuts may be carved in any order and in parts.
+class SurfaceCut {
+ public:
+  SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window);
 
-/// phi = max(phi, -b) with b the signed distance to the bucket's body at each pose.
-std::vector<Coord3> cut_surface_by_body(Soil& soil, const Bucket& bucket,
-                                        std::span<const Pose> world_from_bucket);
+  std::size_t remaining() const { return chunks_.size() - done_; }
+
+  /// Carves the next `count` chunks, in parallel where there are many, and makes those that change
+  /// and aren't resident. Appends the origins of the chunks whose phi changed.
+  void carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed);
+
+ private:
+  bool carve_chunk(const Coord3& origin, float* phi) const;
+  bool carve_mouth(const Coord3& origin, float* phi) const;
+  bool carve_body(const Coord3& origin, float* phi) const;
+
+  Bucket bucket_;
+  bool mouth_, body_;
+  float half_width_, height_;               // of the mouth, voxels
+  float h_, band_;                          // m
+  std::vector<Eigen::Matrix3d> axes_;       // of the bucket at each pose
+  std::vector<Vec3> positions_;             // index space
+  std::size_t fresh_;
+  std::vector<std::size_t> stops_;          // poses at which the mouth itself bounds its sweep
+  std::vector<Coord3> chunks_;
+  std::size_t done_ = 0;
+};
 
 }  // namespace soilvdb

@@ -22,12 +22,8 @@ constexpr std::size_t kParallelWork = 64;
 
 /// A facet moving over one segment of the path, seen from one chunk.
 struct Stroke {
-  AffineFrame a, b;                       // the facet's frame at both ends
-  float y_low, y_high, z_low, z_high;     // bounds of its outline, voxels
-
-  Stroke moved(float x, float y, float z) const {
-    return {a.moved(x, y, z), b.moved(x, y, z), y_low, y_high, z_low, z_high};
-  }
+  AffineFrame a, b;                    // the facet's frame at both ends
+  float y_low, y_high, z_low, z_high;  // bounds of its outline, voxels
 };
 
 struct Job {
@@ -36,14 +32,55 @@ struct Job {
   Stroke stroke;
 };
 
+/// One coordinate of a facet at both ends of a stroke, over boxes of one shape.
+struct Span {
+  Affine a, b;
+  float ra, rb;   // most the values differ over a box from those at its centre
+
+  Span() = default;
+  Span(const Stroke& s, int axis, float half_x, float half_y, float half_z)
+      : a(s.a.axis[axis]),
+        b(s.b.axis[axis]),
+        ra(a.reach(half_x, half_y, half_z)),
+        rb(b.reach(half_x, half_y, half_z)) {}
+
+  bool may_cross_zero(float x, float y, float z) const {
+    const float u = a.at(x, y, z), v = b.at(x, y, z);
+    return !((u > ra && v > rb) || (u < -ra && v < -rb));
+  }
+  bool surely_crosses_zero(float x, float y, float z) const {
+    const float u = a.at(x, y, z), v = b.at(x, y, z);
+    return (u > ra && v < -rb) || (u < -ra && v > rb);
+  }
+  bool meets(float x, float y, float z, float low, float high) const {
+    const float u = a.at(x, y, z), v = b.at(x, y, z);
+    return std::max(u + ra, v + rb) >= low && std::min(u - ra, v - rb) <= high;
+  }
+  bool within(float x, float y, float z, float low, float high) const {
+    const float u = a.at(x, y, z), v = b.at(x, y, z);
+    return std::min(u - ra, v - rb) > low && std::max(u + ra, v + rb) < high;
+  }
+};
+
+/// The three of them.
+struct Spans {
+  Span x, y, z;
+  Spans(const Stroke& s, float half_x, float half_y, float half_z)
+      : x(s, 0, half_x, half_y, half_z), y(s, 1, half_x, half_y, half_z), z(s, 2, half_x, half_y, half_z) {}
+  bool may_cut(const Stroke& s, float px, float py, float pz) const {
+    return x.may_cross_zero(px, py, pz) && y.meets(px, py, pz, s.y_low, s.y_high) &&
+           z.meets(px, py, pz, s.z_low, s.z_high);
+  }
+};
+
 /// Bit i is set where sample i crosses the facet's plane.
-SOILVDB_FOR_CPUS std::uint64_t crossing_plane(const CellPoints& p, const Stroke& s) {
+SOILVDB_FOR_CPUS std::uint64_t crossing_plane(const CellPoints& p, Affine a, Affine b) {
   std::uint32_t half[2];
   for (int g = 0; g < 2; ++g) {
     std::uint32_t bits = 0;
     for (int i = 0; i < 32; ++i) {
       const int n = g * 32 + i;
-      const float u = s.a.x.at(p.x[n], p.y[n], p.z[n]), v = s.b.x.at(p.x[n], p.y[n], p.z[n]);
+      const float u = a.at(p.x[n], p.y[n], p.z[n]), v = b.at(p.x[n], p.y[n], p.z[n]);
       bits |= ((u > 0) != (v > 0)) ? kBits.bit[i] : 0u;
     }
     half[g] = bits;
@@ -54,19 +91,20 @@ SOILVDB_FOR_CPUS std::uint64_t crossing_plane(const CellPoints& p, const Stroke&
 /// Bit i is set where sample i crosses the facet's rectangle. At the crossing, the fraction
 /// u / (u - v) of the segment, y is (y_a v - y_b u) / (v - u); the division is multiplied out.
 SOILVDB_FOR_CPUS std::uint64_t crossing_rectangle(const CellPoints& p, const Stroke& s) {
+  const Stroke t = s;   // so that the compiler knows nothing else writes to it
   std::uint32_t half[2];
   for (int g = 0; g < 2; ++g) {
     std::uint32_t bits = 0;
     for (int i = 0; i < 32; ++i) {
       const int n = g * 32 + i;
       const float px = p.x[n], py = p.y[n], pz = p.z[n];
-      const float u = s.a.x.at(px, py, pz), v = s.b.x.at(px, py, pz);
+      const float u = t.a.axis[0].at(px, py, pz), v = t.b.axis[0].at(px, py, pz);
       const float sign = v > u ? 1.0f : -1.0f;
       const float whole = (v - u) * sign;
-      const float y = (s.a.y.at(px, py, pz) * v - s.b.y.at(px, py, pz) * u) * sign;
-      const float z = (s.a.z.at(px, py, pz) * v - s.b.z.at(px, py, pz) * u) * sign;
-      const bool in = ((u > 0) != (v > 0)) & (y >= s.y_low * whole) & (y <= s.y_high * whole) &
-                      (z >= s.z_low * whole) & (z <= s.z_high * whole);
+      const float y = (t.a.axis[1].at(px, py, pz) * v - t.b.axis[1].at(px, py, pz) * u) * sign;
+      const float z = (t.a.axis[2].at(px, py, pz) * v - t.b.axis[2].at(px, py, pz) * u) * sign;
+      const bool in = ((u > 0) != (v > 0)) & (y >= t.y_low * whole) & (y <= t.y_high * whole) &
+                      (z >= t.z_low * whole) & (z <= t.z_high * whole);
       bits |= in ? kBits.bit[i] : 0u;
     }
     half[g] = bits;
@@ -80,73 +118,60 @@ std::uint64_t crossing_outline(const CellPoints& p, const Stroke& s, const Facet
   std::uint64_t hit = 0;
   for (; candidates != 0; candidates &= candidates - 1) {
     const int n = std::countr_zero(candidates);
-    const float px = p.x[n], py = p.y[n], pz = p.z[n];
-    const double u = s.a.x.at(px, py, pz), v = s.b.x.at(px, py, pz), f = u / (u - v);
-    const double ya = s.a.y.at(px, py, pz), yb = s.b.y.at(px, py, pz);
-    const double za = s.a.z.at(px, py, pz), zb = s.b.z.at(px, py, pz);
-    if (inside(facet.outline, h * Vec2(ya + f * (yb - ya), za + f * (zb - za)))) {
+    double a[3], b[3];
+    for (int axis = 0; axis < 3; ++axis) {
+      a[axis] = s.a.axis[axis].at(p.x[n], p.y[n], p.z[n]);
+      b[axis] = s.b.axis[axis].at(p.x[n], p.y[n], p.z[n]);
+    }
+    const double f = a[0] / (a[0] - b[0]);
+    if (inside(facet.outline, h * Vec2(a[1] + f * (b[1] - a[1]), a[2] + f * (b[2] - a[2])))) {
       hit |= candidates & -candidates;
     }
   }
   return hit;
 }
 
-/// Values of two affine functions over a box about a point.
-struct Range {
-  float u, v, ru, rv;
-  Range(const Affine& a, const Affine& b, float x, float y, float z, float half)
-      : u(a.at(x, y, z)), v(b.at(x, y, z)), ru(a.reach(half)), rv(b.reach(half)) {}
-  bool may_cross_zero() const { return !((u > ru && v > rv) || (u < -ru && v < -rv)); }
-  bool surely_crosses_zero() const { return (u > ru && v < -rv) || (u < -ru && v > rv); }
-  bool meets(float low, float high) const {
-    return std::max(u + ru, v + rv) >= low && std::min(u - ru, v - rv) <= high;
+/// The stroke seen from another corner of the chunk.
+Stroke moved(const Stroke& s, float x, float y, float z) {
+  Stroke m = s;
+  for (int axis = 0; axis < 3; ++axis) {
+    m.a.axis[axis].c = s.a.axis[axis].at(x, y, z);
+    m.b.axis[axis].c = s.b.axis[axis].at(x, y, z);
   }
-  bool within(float low, float high) const {
-    return std::min(u - ru, v - rv) > low && std::max(u + ru, v + rv) < high;
-  }
-};
-
-bool may_cut(const Stroke& s, float x, float y, float z, float half) {
-  return Range(s.a.x, s.b.x, x, y, z, half).may_cross_zero() &&
-         Range(s.a.y, s.b.y, x, y, z, half).meets(s.y_low, s.y_high) &&
-         Range(s.a.z, s.b.z, x, y, z, half).meets(s.z_low, s.z_high);
-}
-
-/// The samples of one cell that a stroke removes if they are there. @param cx,cy,cz cell's centre
-std::uint64_t removed_from_cell(const Job& job, const Coord3& cell, double h) {
-  const Stroke& s = job.stroke;
-  const float cx = static_cast<float>(cell.x()) + 0.5f, cy = static_cast<float>(cell.y()) + 0.5f,
-              cz = static_cast<float>(cell.z()) + 0.5f;
-  const Range x(s.a.x, s.b.x, cx, cy, cz, 0.5f);
-  if (!x.may_cross_zero()) return 0;
-  const Range y(s.a.y, s.b.y, cx, cy, cz, 0.5f), z(s.a.z, s.b.z, cx, cy, cz, 0.5f);
-  if (!y.meets(s.y_low, s.y_high) || !z.meets(s.z_low, s.z_high)) return 0;
-  const bool middle =
-      job.facet->rectangle && y.within(s.y_low, s.y_high) && z.within(s.z_low, s.z_high);
-  if (middle && x.surely_crosses_zero()) return kAll;
-
-  CellPoints points;
-  sample_points(job.chunk->origin + cell, points);
-  const Stroke local = s.moved(static_cast<float>(cell.x()), static_cast<float>(cell.y()),
-                               static_cast<float>(cell.z()));
-  if (middle) return crossing_plane(points, local);
-  if (job.facet->rectangle) return crossing_rectangle(points, local);
-  const std::uint64_t candidates = crossing_plane(points, local);
-  return crossing_outline(points, local, *job.facet, h, candidates);
+  return m;
 }
 
 /// Takes what the stroke passes through out of its chunk. @return the samples removed.
 std::int64_t cut_chunk(const Job& job, double h) {
   Chunk& chunk = *job.chunk;
+  const Stroke& s = job.stroke;
+  const Spans row(s, 0.5f, 0.5f, 0.5f * kLeafSide), cell(s, 0.5f, 0.5f, 0.5f);
   std::int64_t removed = 0;
-  for (int row = 0; row < kLeafSize; row += kLeafSide) {
-    std::uint64_t* cells = &chunk.samples[row];
+  for (int n = 0; n < kLeafSize; n += kLeafSide) {
+    std::uint64_t* cells = &chunk.samples[static_cast<std::size_t>(n)];
+    const float x0 = static_cast<float>(n >> 6), y0 = static_cast<float>(n >> 3 & 7);
+    const float cx = x0 + 0.5f, cy = y0 + 0.5f;
+    if (!row.may_cut(s, cx, cy, 0.5f * kLeafSide)) continue;
     for (int z = 0; z < kLeafSide; ++z) {
       if (cells[z] == 0) continue;
-      const std::uint64_t hit =
-          cells[z] & removed_from_cell(job, {row >> 6, row >> 3 & 7, z}, h);
-      removed += std::popcount(hit);
+      const float z0 = static_cast<float>(z), cz = z0 + 0.5f;
+      if (!cell.may_cut(s, cx, cy, cz)) continue;
+      const bool middle = job.facet->rectangle && cell.y.within(cx, cy, cz, s.y_low, s.y_high) &&
+                          cell.z.within(cx, cy, cz, s.z_low, s.z_high);
+      std::uint64_t hit = kAll;
+      if (!middle || !cell.x.surely_crosses_zero(cx, cy, cz)) {
+        const CellPoints& points = sample_points(chunk.origin + Coord3(n >> 6, n >> 3 & 7, z));
+        const Stroke local = moved(s, x0, y0, z0);
+        if (!middle && job.facet->rectangle) {
+          hit = crossing_rectangle(points, local);
+        } else {
+          hit = crossing_plane(points, local.a.axis[0], local.b.axis[0]);
+          if (!middle) hit = crossing_outline(points, local, *job.facet, h, hit & cells[z]);
+        }
+      }
+      hit &= cells[z];
       cells[z] ^= hit;
+      removed += std::popcount(hit);
     }
   }
   chunk.now -= static_cast<std::uint32_t>(removed);
@@ -162,17 +187,19 @@ Chunk* with_soil(Soil& soil, const Coord3& origin) {
 
 /// Where a facet is at one end of a segment, in index space.
 struct Station {
-  Pose index_from_facet;
+  Eigen::Matrix3d axes;   // columns are the facet's
+  Vec3 position;
   Eigen::AlignedBox3d box;
 
   Station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) {
-    index_from_facet = world_from_bucket * facet.bucket_from_facet;
+    const Pose world_from_facet = world_from_bucket * facet.bucket_from_facet;
+    axes = world_from_facet.rotation.toRotationMatrix();
+    position = soil.index_from_world(world_from_facet.position);
     for (const double y : {facet.low.x(), facet.high.x()}) {
       for (const double z : {facet.low.y(), facet.high.y()}) {
-        box.extend(soil.index_from_world(index_from_facet * Vec3(0, y, z)));
+        box.extend(position + (y * axes.col(1) + z * axes.col(2)) / soil.voxel_size_m());
       }
     }
-    index_from_facet.position = soil.index_from_world(index_from_facet.position);
   }
 };
 
@@ -205,14 +232,14 @@ std::vector<Job> find_jobs(Soil& soil, std::span<const Facet> facets, std::span<
       for (std::size_t f = 0; f < facets.size(); ++f) {
         for_each_chunk(last[f].box.merged(next[f].box), [&](const Coord3& origin) {
           Stroke s;
-          s.a = AffineFrame(last[f].index_from_facet, origin);
-          s.b = AffineFrame(next[f].index_from_facet, origin);
+          s.a = AffineFrame(last[f].axes, last[f].position, origin);
+          s.b = AffineFrame(next[f].axes, next[f].position, origin);
           const float scale = static_cast<float>(1 / soil.voxel_size_m());
           s.y_low = static_cast<float>(facets[f].low.x()) * scale;
           s.y_high = static_cast<float>(facets[f].high.x()) * scale;
           s.z_low = static_cast<float>(facets[f].low.y()) * scale;
           s.z_high = static_cast<float>(facets[f].high.y()) * scale;
-          if (!may_cut(s, half, half, half, half)) return;
+          if (!Spans(s, half, half, half).may_cut(s, half, half, half)) return;
           if (Chunk* chunk = with_soil(soil, origin)) jobs.push_back({chunk, &facets[f], s});
         });
       }
@@ -297,7 +324,6 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
   for (const Facet& facet : facets(bucket)) box.extend(Station(soil, facet, world_from_bucket).box);
   require_known(soil, box);
   const Pose bucket_from_world = world_from_bucket.inverse();
-  CellPoints points;
   for_each_chunk(box, [&](const Coord3& origin) {
     Chunk* chunk = with_soil(soil, origin);
     if (chunk == nullptr) return;
@@ -305,7 +331,7 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
     for (int n = 0; n < kLeafSize; ++n) {
       if (chunk->samples[n] == 0) continue;
       const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
-      sample_points(voxel, points);
+      const CellPoints& points = sample_points(voxel);
       const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
       std::uint64_t hit = 0;
       for (int i = 0; i < 64; ++i) {

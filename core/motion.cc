@@ -77,8 +77,12 @@ Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Ch
 
 Pose Motion::pose(double time_s) const {
   const auto after = std::upper_bound(times_s_.begin(), times_s_.end(), time_s);
-  const std::size_t j = std::min<std::size_t>(after - times_s_.begin(), times_s_.size() - 1);
-  const std::size_t i = j == 0 ? 0 : j - 1;
+  const auto j = std::min(static_cast<std::size_t>(after - times_s_.begin()), times_s_.size() - 1);
+  return between(j == 0 ? 0 : j - 1, j, time_s);
+}
+
+/// The pose at a time, interpolated between rows i and j.
+Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
   const double span = times_s_[j] - times_s_[i];
   const double s = span > 0 ? std::clamp((time_s - times_s_[i]) / span, 0.0, 1.0) : 0.0;
   if (!poses_.empty()) return interpolate(poses_[i], poses_[j], s);
@@ -92,6 +96,46 @@ Pose Motion::pose(double time_s) const {
     q[k] = a + s * (b - a);
   }
   return chain_.world_from_bucket({q, n});
+}
+
+Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
+  const std::vector<Vec3> points = extremes(bucket);
+  const auto straight = [&](std::size_t i, std::size_t j) {
+    for (std::size_t k = i + 1; k < j; ++k) {
+      const Pose is = between(k, k, times_s_[k]), would_be = between(i, j, times_s_[k]);
+      for (const Vec3& p : points) {
+        if ((is * p - would_be * p).norm() > tolerance_m) return false;
+      }
+    }
+    return true;
+  };
+  const std::size_t last = times_s_.size() - 1;
+  std::vector<std::size_t> kept{0};
+  while (kept.back() < last) {
+    // Twice as far each time, then back: rows are looked at a few times each, however many.
+    const std::size_t i = kept.back();
+    std::size_t good = 1, step = 2;
+    while (i + good < last && straight(i, std::min(i + step, last))) {
+      good = std::min(step, last - i);
+      step *= 2;
+    }
+    for (std::size_t half = good / 2; half > 0; half /= 2) {
+      const std::size_t further = std::min(good + half, last - i);
+      if (further > good && straight(i, i + further)) good = further;
+    }
+    kept.push_back(i + good);
+  }
+  const std::size_t n = joint_values_.size() / times_s_.size();
+  std::vector<double> times, joints;
+  std::vector<Pose> poses;
+  for (const std::size_t i : kept) {
+    times.push_back(times_s_[i]);
+    if (!poses_.empty()) poses.push_back(poses_[i]);
+    const auto row = joint_values_.begin() + static_cast<std::ptrdiff_t>(i * n);
+    joints.insert(joints.end(), row, row + static_cast<std::ptrdiff_t>(n));
+  }
+  if (!poses_.empty()) return {std::move(times), std::move(poses)};
+  return {std::move(times), std::move(joints), chain_};
 }
 
 std::vector<Pose> Motion::trace(double t0, double t1, const Bucket& bucket, double tolerance_m,

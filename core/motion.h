@@ -26,6 +26,10 @@ class Motion {
   /// Pose at `time_s`, clamped to [begin_s, end_s].
   Pose pose(double time_s) const;
 
+  /// The same motion with as few of its rows as keep every corner of the bucket within
+  /// `tolerance_m` of where it was at each row's time.
+  Motion simplified(const Bucket& bucket, double tolerance_m) const;
+
   /// Poses from `t0` to `t1`, both included, close enough together that a point fixed in the world
   /// moves in a straight line in the bucket frame between two of them, to within `tolerance_m` over
   /// the whole bucket, and no corner moves more than `stride_m`. Every row between is respected.
@@ -33,6 +37,8 @@ class Motion {
                           double stride_m) const;
 
  private:
+  Pose between(std::size_t i, std::size_t j, double time_s) const;
+
   std::vector<double> times_s_;
   std::vector<Pose> poses_;
   std::vector<double> joint_values_;

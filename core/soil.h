@@ -29,9 +29,9 @@ struct Chunk {
   std::uint32_t now = 0;         ///< samples of soil now
 };
 
-/// The 64 sample points of the cell of voxel (i, j, k): a rank-1 lattice, shifted by a hash of the
-/// voxel's index, so that counts are unbiased whatever the surface's direction.
-void sample_points(const Coord3& voxel, CellPoints& out);
+/// The 64 sample points of the cell of a voxel: a rank-1 lattice, shifted by one of 64 shifts that a
+/// hash of the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
+const CellPoints& sample_points(const Coord3& voxel);
 
 class SoilGrids;  // core/soil_grids.h: the OpenVDB side
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "core/chunk_range.h"
@@ -18,21 +19,9 @@ namespace {
 // In voxels; a bucket's travel is that of its fastest corner.
 constexpr double kTolerance = 5e-4;      ///< bend of a path between poses: 1/2000 of a voxel
 constexpr double kStride = 16;           ///< between poses, so that boxes around segments stay small
-constexpr double kRefresh = 0.5;         ///< travel after which phi is brought up to date
-constexpr double kSpacing = 0.5;         ///< travel between the poses that phi is carved by
+constexpr double kRefresh = 4;           ///< travel after which phi is carved anew
+constexpr double kSpacing = 1;           ///< travel between the poses that phi is carved by
 constexpr double kHistory = 12;          ///< travel a window remembers: four bands
-
-/// How far the fastest corner of the mouth moves between two poses, m.
-double travel(const Bucket& bucket, const Pose& a, const Pose& b) {
-  double most = 0;
-  for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
-    for (const double z : {0.0, bucket.height_m}) {
-      const Vec3 corner(0, y, z);
-      most = std::max(most, (b * corner - a * corner).norm());
-    }
-  }
-  return most;
-}
 
 /// How far below the horizontal the mouth looks, rad.
 double looks_down(const Pose& world_from_bucket) {
@@ -49,10 +38,12 @@ struct Tracker::Machine {
   bool placed = false;
   Pose current;
   std::vector<Pose> kept;          // the path before `current`, thinned
-  std::size_t fresh = 0;           // the first kept pose that the last refresh did not see
+  std::size_t fresh = 0;           // the first kept pose that no surface cut has seen
   bool begins = true;              // kept reaches back to where the path starts
-  bool mouth_cut = false, body_cut = false;   // since the last refresh
-  double moved_m = 0;              // since the last refresh
+  bool mouth_cut = false, body_cut = false;   // soil, since the last surface cut
+  double moved_m = 0;              // since the last surface cut
+  std::optional<SurfaceCut> carving;          // of the path before `fresh`
+  std::size_t carving_chunks = 0;
 
   void move_to(const Pose& pose, double spacing_m) {
     moved_m += travel(bucket, current, pose);
@@ -62,29 +53,51 @@ struct Tracker::Machine {
     current = pose;
   }
 
-  /// Brings phi up to date. @return the chunks whose phi changed
-  std::vector<Coord3> refresh(Soil& soil) {
-    std::vector<Coord3> changed;
-    kept.push_back(current);
-    if (mouth_cut) changed = cut_surface(soil, bucket, {kept, begins});
-    if (body_cut) {
-      const auto more = cut_surface_by_body(soil, bucket, std::span(kept).subspan(fresh));
-      changed.insert(changed.end(), more.begin(), more.end());
+  /// Carves on in step with the path, so that no single update bears it all: what the last stretch
+  /// swept is out of phi by the end of this one.
+  void carve(Soil& soil, std::vector<Coord3>& changed) {
+    const double stretch_m = kRefresh * soil.voxel_size_m();
+    if (carving) {
+      const double left = std::max(0.0, 1 - moved_m / stretch_m);
+      const auto keep = static_cast<std::size_t>(static_cast<double>(carving_chunks) * left);
+      if (carving->remaining() > keep) carving->carve(soil, carving->remaining() - keep, changed);
+      if (carving->remaining() == 0) carving.reset();
     }
-    kept.pop_back();
+    if (moved_m >= stretch_m) start_carving(soil, changed);
+  }
+
+  /// Carves all that has been swept.
+  void finish(Soil& soil, std::vector<Coord3>& changed) {
+    start_carving(soil, changed);
+    if (carving) carving->carve(soil, carving->remaining(), changed);
+    carving.reset();
+  }
+
+  void start_carving(Soil& soil, std::vector<Coord3>& changed) {
+    if (carving) carving->carve(soil, carving->remaining(), changed);
+    carving.reset();
+    if (mouth_cut || body_cut) {
+      kept.push_back(current);
+      carving.emplace(soil, bucket, SweepWindow{kept, fresh, begins, mouth_cut, body_cut});
+      carving_chunks = carving->remaining();
+      kept.pop_back();
+    }
     mouth_cut = body_cut = false;
     moved_m = 0;
+    forget(kHistory * soil.voxel_size_m());
+  }
 
+  /// Drops what is farther back than `length_m`.
+  void forget(double length_m) {
     double length = kept.empty() ? 0 : travel(bucket, kept.back(), current);
     std::size_t first = kept.size();
-    while (first > 0 && length < kHistory * soil.voxel_size_m()) {
+    while (first > 0 && length < length_m) {
       --first;
       if (first > 0) length += travel(bucket, kept[first - 1], kept[first]);
     }
     if (first > 0) begins = false;
     kept.erase(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(first));
     fresh = kept.size();
-    return changed;
   }
 };
 
@@ -136,17 +149,13 @@ Update Tracker::update(std::size_t machine, std::span<const Pose> path) {
   for (std::size_t i = 1; i < path.size(); ++i) {
     m.move_to(path[i], kSpacing * soil_.voxel_size_m());
   }
-  if (m.moved_m >= kRefresh * soil_.voxel_size_m()) note_changed(m.refresh(soil_));
+  m.carve(soil_, changed_);
   const std::int64_t cut = m.ledger.captured + m.ledger.displaced - cut_before;
   return {static_cast<double>(cut) * soil_.sample_m3(), m.ledger.bucket_m3()};
 }
 
-void Tracker::note_changed(const std::vector<Coord3>& chunks) {
-  changed_.insert(changed_.end(), chunks.begin(), chunks.end());
-}
-
 void Tracker::flush() {
-  for (auto& machine : machines_) note_changed(machine->refresh(soil_));
+  for (auto& machine : machines_) machine->finish(soil_, changed_);
 }
 
 const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(machine)->ledger; }

@@ -56,8 +56,8 @@ class Tracker {
   /// before (for a machine's first update: where it starts).
   Update update(std::size_t machine, std::span<const Pose> path);
 
-  /// Brings phi up to date with the samples. Updates do so by themselves once a bucket has moved on
-  /// by half a voxel.
+  /// Brings phi up to date with the samples. Updates do so by themselves, a part each, and are never
+  /// more than eight voxels of travel behind.
   void flush();
 
   const Ledger& ledger(std::size_t machine) const;
@@ -71,7 +71,6 @@ class Tracker {
 
  private:
   struct Machine;
-  void note_changed(const std::vector<Coord3>& chunks);
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;
   std::vector<Coord3> changed_;

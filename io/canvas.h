@@ -3,7 +3,7 @@
 // A cairo image to draw on: pixels, text that never fails, PNG bytes.
 #pragma once
 
-#include <cairo.h>
+#include <cairo/cairo.h>
 
 #include <cstdint>
 #include <memory>

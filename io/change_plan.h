@@ -10,8 +10,8 @@
 
 namespace soilvdb::io {
 
-/// The plan of write_plan(), of the ground after, with the depth cut since `before` in colour. Where
-/// soil was added nothing is coloured.
+/// The plan of write_plan(), of the ground after, with the depth cut since `before` in colour.
+/// Where soil was added nothing is coloured.
 /// @param changed what changed, world, m; shown with a margin
 /// @throw std::runtime_error naming the file and the cause.
 void write_change_plan(const std::filesystem::path& file, const Soil& before, const Soil& after,

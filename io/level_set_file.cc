@@ -69,41 +69,54 @@ void check_transform(const std::filesystem::path& file, const FloatGrid& grid) {
                         described(grid), size.x(), size.y(), size.z()));
 }
 
-/// The first place, in the order of leaves, where the ground's surface is missing: soil beside
-/// voxels that nobody wrote a distance to.
+/// Does soil meet air here without both having a distance? That is where a surface is missing.
+bool torn(float a, bool a_known, float b, bool b_known) {
+  return (a < 0) != (b < 0) && !(a_known && b_known);
+}
+
+/// The first voxel of a leaf whose surface to a neighbour is missing; Leaf::SIZE if none.
+openvdb::Index hole(const Leaf& leaf, const FloatGrid::ConstUnsafeAccessor& values) {
+  constexpr openvdb::Index kStep[3] = {64, 8, 1};   // to the next voxel along x, y, z
+  for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
+    const float value = leaf.getValue(n);
+    const bool known = leaf.isValueOn(n);
+    for (int axis = 0; axis < 3; ++axis) {
+      const openvdb::Index at = n / kStep[axis] % Leaf::DIM;
+      if (at + 1 < Leaf::DIM) {
+        const openvdb::Index next = n + kStep[axis];
+        if (torn(value, known, leaf.getValue(next), leaf.isValueOn(next))) return n;
+      }
+      for (const int side : {-1, 1}) {
+        if (at != (side < 0 ? 0 : Leaf::DIM - 1)) continue;
+        Coord beyond = leaf.offsetToGlobalCoord(n);
+        beyond[axis] += side;
+        float next;
+        const bool next_known = values.probeValue(beyond, next);
+        if (torn(value, known, next, next_known)) return n;
+      }
+    }
+  }
+  return Leaf::SIZE;
+}
+
+/// The first place, in the order of leaves, where the surface is missing.
 std::optional<Coord> hole(const FloatGrid& grid) {
   std::vector<const Leaf*> leaves;
   grid.tree().getNodes(leaves);
   using Range = tbb::blocked_range<std::size_t>;
-  const std::size_t none = leaves.size() * Leaf::SIZE;
+  const std::size_t none = leaves.size();
   const std::size_t first = tbb::parallel_reduce(
-      Range(0, leaves.size(), 64), none,
+      Range(0, none, 64), none,
       [&](const Range& range, std::size_t found) {
-        auto values = grid.getConstUnsafeAccessor();
+        const auto values = grid.getConstUnsafeAccessor();
         for (std::size_t i = range.begin(); i < range.end() && found == none; ++i) {
-          const Leaf& leaf = *leaves[i];
-          for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
-            const bool soil = leaf.getValue(n) < 0, known = leaf.isValueOn(n);
-            const Coord c = leaf.offsetToGlobalCoord(n);
-            for (int face = 0; face < 6; ++face) {
-              Coord next = c;
-              next[face / 2] += face % 2 ? 1 : -1;
-              float value;
-              const bool next_known = values.probeValue(next, value);
-              if ((value < 0) != soil && !(known && next_known)) {
-                found = i * Leaf::SIZE + n;
-                n = Leaf::SIZE - 1;
-                break;
-              }
-            }
-          }
+          if (hole(*leaves[i], values) < Leaf::SIZE) found = i;
         }
         return found;
       },
       [](std::size_t a, std::size_t b) { return std::min(a, b); });
   if (first == none) return std::nullopt;
-  return leaves[first / Leaf::SIZE]->offsetToGlobalCoord(
-      static_cast<openvdb::Index>(first % Leaf::SIZE));
+  return leaves[first]->offsetToGlobalCoord(hole(*leaves[first], grid.getConstUnsafeAccessor()));
 }
 
 void check_values(const std::filesystem::path& file, const FloatGrid& grid) {

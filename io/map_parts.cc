@@ -130,15 +130,12 @@ double draw_scale_bar(Canvas& canvas, double x, double y, double width, double m
   return length;
 }
 
-void draw_north(Canvas& canvas, double x, double y, const Vec2& north) {
-  const double length = std::max(north.norm(), 1.0);
-  const Vec2 along = north / length;
-  const Vec2 side(-along.y(), along.x());
-  const Vec2 tip = north, tail = -north;
+void draw_north(Canvas& canvas, double x, double y, const Vec2& north, const Vec2& east) {
+  const Vec2 along = north.normalized(), tip = north, tail = -north;
   cairo_t* cr = canvas.cr();
   cairo_set_line_width(cr, 1);
   for (const double s : {-1.0, 1.0}) {
-    const Vec2 wing = tail + s * 0.42 * 26 * side, notch = tail + 0.3 * north;
+    const Vec2 wing = tail + s * 0.32 * east, notch = tail + 0.3 * north;
     cairo_move_to(cr, x + tip.x(), y + tip.y());
     cairo_line_to(cr, x + wing.x(), y + wing.y());
     cairo_line_to(cr, x + notch.x(), y + notch.y());

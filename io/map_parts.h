@@ -41,8 +41,8 @@ void draw_legend(Canvas& canvas, const Area& bar, const DepthScale& scale);
 /// y is the bar's top. @return its length, px.
 double draw_scale_bar(Canvas& canvas, double x, double y, double width, double metres_per_px);
 
-/// An arrow with an N, `north` its direction and length from the centre on screen, px.
-void draw_north(Canvas& canvas, double x, double y, const Vec2& north);
+/// An arrow with an N. @param north, east how these unit directions show on screen, px per arrow
+void draw_north(Canvas& canvas, double x, double y, const Vec2& north, const Vec2& east);
 
 /// Draws a ring labelled "cut" about a cut that is smaller than kSmallCut_px in the picture.
 inline constexpr double kSmallCut_px = 26;

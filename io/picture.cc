@@ -3,12 +3,10 @@
 #include "io/picture.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <stdexcept>
 
+#include "io/atomic_file.h"
 #include "io/ground_source.h"
 
 namespace soilvdb::io {
@@ -36,7 +34,7 @@ Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
     return {centre - Vec2::Constant(10), centre + Vec2::Constant(10)};
   }
   const double size_m = box.sizes().maxCoeff();
-  const Vec2 margin = Vec2::Constant(0.15 * size_m + std::min(1.0, 0.5 * size_m));
+  const Vec2 margin = Vec2::Constant(0.15 * size_m + std::min(1.0, 0.3 * size_m));
   return {box.min() - margin, box.max() + margin};
 }
 
@@ -62,7 +60,8 @@ DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
 
 Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m) {
   if (box.isEmpty() || !box.min().allFinite() || !box.max().allFinite()) {
-    throw std::invalid_argument("a picture needs a region with finite sides, xmin < xmax and ymin < ymax");
+    throw std::invalid_argument(
+        "a picture needs a region with finite sides, xmin < xmax and ymin < ymax");
   }
   const double least =
       std::max({4 * voxel_size_m, box.sizes().maxCoeff() / 12, 1e-9 * box.max().cwiseAbs().maxCoeff()});
@@ -71,12 +70,7 @@ Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m
 }
 
 void save(const std::filesystem::path& file, Canvas& canvas) {
-  const std::string bytes = canvas.png();
-  errno = 0;
-  std::ofstream out(file, std::ios::binary);
-  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  out.close();
-  if (!out) throw std::runtime_error(file.string() + ": can't write the picture: " + std::strerror(errno));
+  write_atomically(file, canvas.png());
 }
 
 }  // namespace soilvdb::io

@@ -173,7 +173,7 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
   const bool legend = style.scale.max_m > 0;
   if (layout.beside) {
     const double x = map.x + map.w + 30;
-    draw_north(canvas, x + 20, map.y + 56, {0, -34});
+    draw_north(canvas, x + 20, map.y + 56, {0, -34}, {34, 0});
     const double bar_top = map.y + 150;
     const double bar_h = std::min(340.0, bottom - bar_top - 150);
     if (legend) draw_legend(canvas, {x, bar_top, 24, bar_h}, style.scale);
@@ -184,7 +184,7 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
     if (legend) draw_legend(canvas, {map.x, y, 380, 22}, style.scale);
     draw_notes(canvas, map.x + (legend ? 470 : 0), y, 260, lines);
     draw_scale_bar(canvas, map.x + map.w - 420, y + 8, 280, metres_per_px);
-    draw_north(canvas, map.x + map.w - 24, y + 10, {0, -28});
+    draw_north(canvas, map.x + map.w - 24, y + 10, {0, -28}, {28, 0});
   }
   return canvas;
 }

@@ -33,7 +33,7 @@ RasterFacts raster_facts(const std::filesystem::path& file) {
   int has_nodata = 0;
   const double nodata = band->GetNoDataValue(&has_nodata);
   if (has_nodata) facts.nodata = fmt::format("{}", nodata);
-  std::array<double, 6> t{};   // x = t0 + column t1 + row t2, y = t3 + column t4 + row t5
+  std::array<double, 6> t{};  // x = t0 + column t1 + row t2, y = t3 + column t4 + row t5
   if (raster->GetGeoTransform(t.data()) == CE_None) {
     facts.placed = true;
     facts.cell = {std::hypot(t[1], t[4]), std::hypot(t[2], t[5])};

@@ -11,14 +11,14 @@
 namespace soilvdb::io {
 
 struct RasterFacts {
-  std::string driver;              ///< GDAL's name of the format
+  std::string driver;  ///< GDAL's name of the format
   int columns = 0, rows = 0, bands = 0;
-  std::string value_type;          ///< of the first band, such as "Float32"
-  std::string nodata;              ///< of the first band; empty: none
-  bool placed = false;             ///< it says where it is; if not, cell and box mean nothing
-  Vec2 cell = Vec2::Zero();        ///< in units of its CRS
-  Eigen::AlignedBox2d box;         ///< outer edges of its cells, in its CRS
-  std::string crs_wkt;             ///< empty: not known
+  std::string value_type;    ///< of the first band, such as "Float32"
+  std::string nodata;        ///< of the first band; empty: none
+  bool placed = false;       ///< it says where it is; if not, cell and box mean nothing
+  Vec2 cell = Vec2::Zero();  ///< in units of its CRS
+  Eigen::AlignedBox2d box;   ///< outer edges of its cells, in its CRS
+  std::string crs_wkt;       ///< empty: not known
 };
 
 /// @throw InputError if GDAL can't open it as a raster.

@@ -15,6 +15,7 @@ namespace {
 
 constexpr float kNoHeight = std::numeric_limits<float>::quiet_NaN();
 constexpr double kWallSlope = 2.5;
+constexpr double kTouched = 0.02;  // voxels: more than rounding ever lowers the ground
 constexpr Rgb kEarth{0.800, 0.765, 0.705};
 constexpr Rgb kNoGround{0.955, 0.955, 0.955};
 constexpr Rgb kHatch{0.875, 0.875, 0.875};
@@ -26,11 +27,12 @@ void for_rows(int rows, const std::function<void(int)>& row) {
   });
 }
 
-/// dz/dx (east) and dz/dy (north) over `reach` cells to both sides, as far as there is ground.
+/// dz/dx (east) and dz/dy (north) over `reach` cells to both sides, as far as there is ground and
+/// not over the rim of the cut, where depths pass rim_m.
 struct Gradient {
   double east = 0, north = 0;
 };
-Gradient gradient(const Relief& r, int x, int y, int reach) {
+Gradient gradient(const Relief& r, int x, int y, int reach, double rim_m) {
   const auto difference = [&](int dx, int dy, double cell) {
     int a = 0, b = 0;
     // On to the next cell, but not over a rim: a wall belongs to its own pixels.
@@ -39,7 +41,9 @@ Gradient gradient(const Relief& r, int x, int y, int reach) {
       if (px < 0 || px >= r.nx || py < 0 || py >= r.ny) return false;
       const float h = r.height[r.at(px, py)];
       const float step = h - r.height[r.at(x + from * dx, y + from * dy)];
-      return !std::isnan(h) && (std::abs(to) == 1 || std::abs(step) < kWallSlope * cell);
+      if (std::isnan(h) || std::abs(to) == 1) return !std::isnan(h);
+      const bool rim = (r.depth[r.at(px, py)] > rim_m) != (r.depth[r.at(x, y)] > rim_m);
+      return !rim && std::abs(step) < kWallSlope * cell;
     };
     while (a < reach && onward(a, a + 1)) ++a;
     while (b < reach && onward(-b, -b - 1)) ++b;
@@ -68,13 +72,13 @@ int reach_px(const Relief& r, double voxel_size_m) {
 }
 
 /// Gentle ground is exaggerated until its slopes show, at most fourfold.
-double exaggeration(const Relief& r, int reach) {
+double exaggeration(const Relief& r, int reach, double touched) {
   std::vector<double> slopes;
-  const int stride = std::max(1, static_cast<int>(std::sqrt(r.height.size() / 20000.0)));
+  const int stride = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(r.height.size()) / 20000)));
   for (int y = 0; y < r.ny; y += stride) {
     for (int x = 0; x < r.nx; x += stride) {
-      if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] > 0) continue;
-      const Gradient g = gradient(r, x, y, reach);
+      if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] > touched) continue;
+      const Gradient g = gradient(r, x, y, reach, touched);
       slopes.push_back(std::hypot(g.east, g.north));
     }
   }
@@ -157,8 +161,8 @@ double depth_at(const Relief& r, double x, double y) {
 std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
   std::vector<std::uint32_t> pixels(r.height.size());
   const int reach = reach_px(r, style.voxel_size_m);
-  const double steeper = exaggeration(r, reach);
-  const double half = 0.5 * style.voxel_size_m;
+  const double half = 0.5 * style.voxel_size_m, touched = kTouched * style.voxel_size_m;
+  const double steeper = exaggeration(r, reach, touched);
   for_rows(r.ny, [&](int y) {
     for (int x = 0; x < r.nx; ++x) {
       const std::size_t at = r.at(x, y);
@@ -166,11 +170,12 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
         pixels[at] = to_pixel((x + y) % 12 < 2 ? kHatch : kNoGround);
         continue;
       }
-      const Gradient g = gradient(r, x, y, reach);
+      const Gradient g = gradient(r, x, y, reach, touched);
       const double depth = r.depth[at];
       const bool cut = style.scale.max_m > 0 && depth > half;
       // In the cut colour speaks of depth first: the light only models it.
-      const double light = cut ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
+      const double light = depth > touched ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1)
+                                           : hillshade(g, steeper);
       Rgb color = kEarth;
       if (cut) {
         color = mix(color, style.scale.color(depth), 0.55 + 0.4 * std::min(1.0, depth / half - 1));
@@ -179,7 +184,7 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
       color = light < 1 ? mix({0.16, 0.13, 0.17}, color, 0.12 + 0.88 * std::pow(light, 0.7))
                         : mix(color, {1, 0.99, 0.95}, std::min(0.6, 1.8 * (light - 1)));
       if (style.contour_m > 0) {
-        const Gradient fine = gradient(r, x, y, 1);
+        const Gradient fine = gradient(r, x, y, 1, touched);
         const double per_px = std::hypot(fine.east * r.cell_x(), fine.north * r.cell_y());
         color = mix(color, kContour,
                     contour_cover(r.height[at] + r.datum_m, per_px, style.contour_m));
@@ -216,7 +221,7 @@ std::vector<ContourLabel> label_contours(const Relief& r, const PlanStyle& style
       for (int x = 0; x < r.nx; x += 3) {
         const std::size_t at = r.at(x, y);
         if (std::isnan(r.height[at])) continue;
-        const Gradient g = gradient(r, x, y, 3);
+        const Gradient g = gradient(r, x, y, 3, 0);
         const double per_px = std::hypot(g.east * r.cell_x(), g.north * r.cell_y());
         const double off = level - r.datum_m - r.height[at];
         if (!(per_px > 1e-4 * step) || std::abs(off) > 3 * per_px) continue;

@@ -47,9 +47,7 @@ void Durations::add(double us) {
   max_us_ = std::max(max_us_, us);
 }
 
-double Durations::mean_us() const {
-  return count_ ? sum_us_ / static_cast<double>(count_) : 0;
-}
+double Durations::mean_us() const { return count_ ? sum_us_ / static_cast<double>(count_) : 0; }
 
 double Durations::quantile_us(double q) const {
   if (!count_) return 0;
@@ -93,9 +91,7 @@ std::string to_json(const Summary& s) {
        {{"open", s.open_s}, {"updates", s.updates.sum_us() * 1e-6}, {"total", s.total_s}}},
       {"memory_bytes", {{"soil", s.soil_bytes}, {"peak_rss", s.peak_rss_bytes}}},
       {"soil",
-       {{"leaves", s.leaves},
-        {"active_voxels", s.active_voxels},
-        {"resident_m2", s.resident_m2}}},
+       {{"leaves", s.leaves}, {"active_voxels", s.active_voxels}, {"resident_m2", s.resident_m2}}},
       {"state_hash", fmt::format("{:016x}", s.state_hash)},
       {"files", s.files},
   };
@@ -118,8 +114,8 @@ UpdatesCsv::~UpdatesCsv() {
 
 void UpdatesCsv::add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
                      double update_us) {
-  const std::string row = fmt::format("{},{},{},{},{:.3f}\n", time_s, csv_field(machine), cut_m3,
-                                      bucket_m3, update_us);
+  const std::string row =
+      fmt::format("{},{},{},{},{:.3f}\n", time_s, csv_field(machine), cut_m3, bucket_m3, update_us);
   if (std::fwrite(row.data(), 1, row.size(), stream_.get()) != row.size()) fail(file_, errno);
 }
 

@@ -27,8 +27,8 @@ class Durations {
 
  private:
   static constexpr int kPerOctave = 64;
-  static constexpr int kOctaves = 50;                        ///< from 1 ns to 13 days
-  std::array<std::int64_t, kPerOctave * kOctaves> bins_{};   ///< by logarithm of the duration
+  static constexpr int kOctaves = 50;                       ///< from 1 ns to 13 days
+  std::array<std::int64_t, kPerOctave * kOctaves> bins_{};  ///< by logarithm of the duration
   std::int64_t count_ = 0;
   double sum_us_ = 0, max_us_ = 0;
 };
@@ -51,7 +51,7 @@ struct Summary {
   std::uint64_t leaves = 0, active_voxels = 0;
   double resident_m2 = 0;
   std::uint64_t state_hash = 0;
-  std::vector<std::string> files;   ///< relative to the run's folder
+  std::vector<std::string> files;  ///< relative to the run's folder
 };
 
 /// The text of summary.json.

@@ -17,7 +17,7 @@ namespace {
 
 using Vec3f = Eigen::Vector3f;
 
-constexpr Rgb kSunLight{1.02, 0.97, 0.88}, kSkyLight{0.44, 0.48, 0.56};
+constexpr Rgb kSunLight{0.84, 0.80, 0.73}, kSkyLight{0.58, 0.61, 0.68};
 constexpr Rgb kBackgroundTop{0.995, 0.995, 0.995}, kBackgroundFoot{0.915, 0.925, 0.94};
 constexpr int kTile = 4;                         // sky directions repeat every 4 x 4 pixels,
 constexpr int kSkyRays = kTile * kTile * 4;      // one for each of their four rays
@@ -29,14 +29,21 @@ Vec3f linear(const Rgb& c) {
 Vec3f plain(const Rgb& c) { return Vec3(c.r, c.g, c.b).cast<float>(); }
 
 /// Casts rays from one thread.
+///
+/// OpenVDB's search tests a ray where it passes from voxel to voxel, so that a corner it cuts off
+/// between two tests is lost and edges come out toothed. Here it looks for a shell kShell voxels
+/// out, which no ray that meets the ground can slip by; from there on the ray goes by small steps.
 class Caster {
  public:
   explicit Caster(const Scene& scene)
-      : ground_(*scene.ground), intersector_(ground_), values_(ground_.getConstAccessor()) {}
+      : ground_(*scene.ground),
+        voxel_(static_cast<float>(ground_.voxelSize().x())),
+        intersector_(ground_, kShell * voxel_),
+        values_(ground_.getConstAccessor()) {}
 
   bool hit(const Vec3& eye, const Vec3& direction, Vec3& point, Vec3& normal) const {
-    openvdb::Vec3d at;
-    if (!intersector_.intersectsIS(ray(index(eye), direction), at)) return false;
+    openvdb::Vec3d at = index(eye);
+    if (!march(at, {direction.x(), direction.y(), direction.z()})) return false;
     const openvdb::Vec3d p = ground_.indexToWorld(at);
     point = {p.x(), p.y(), p.z()};
     normal = gradient(at);
@@ -45,23 +52,43 @@ class Caster {
 
   /// Does the ground stand between a point on it and the sky?
   bool shaded(const Vec3& point, const Vec3& normal, const Vec3& direction) const {
-    const Vec3 start = index_vector(point) + 1.2 * normal;
-    return intersector_.intersectsIS(
-        ray({start.x(), start.y(), start.z()}, direction));
+    openvdb::Vec3d at =
+        index(point) + 1.2 * openvdb::Vec3d(normal.x(), normal.y(), normal.z());
+    return march(at, {direction.x(), direction.y(), direction.z()});
   }
 
  private:
   using Intersector = openvdb::tools::LevelSetRayIntersector<openvdb::FloatGrid>;
+  static constexpr float kShell = 0.8f;  // voxels
 
   openvdb::Vec3d index(const Vec3& p) const {
     return ground_.worldToIndex(openvdb::Vec3d(p.x(), p.y(), p.z()));
   }
-  Vec3 index_vector(const Vec3& p) const {
-    const openvdb::Vec3d i = index(p);
-    return {i.x(), i.y(), i.z()};
+  /// Voxels to the ground.
+  double distance(const openvdb::Vec3d& at) const {
+    return openvdb::tools::BoxSampler::sample(values_, at) / voxel_;
   }
-  static Intersector::RayType ray(const openvdb::Vec3d& start, const Vec3& direction) {
-    return {start, openvdb::Vec3d(direction.x(), direction.y(), direction.z())};
+  /// Takes `at` (index space) along a unit direction to the ground; false if there is none.
+  bool march(openvdb::Vec3d& at, const openvdb::Vec3d& direction) const {
+    double before = distance(at), step = 0;
+    for (int i = 0; i < 1000; ++i) {
+      if (before > kShell + 0.1) {
+        openvdb::Vec3d entry;
+        if (!intersector_.intersectsIS(Intersector::RayType(at, direction), entry)) return false;
+        at = entry;
+        before = distance(at);
+      }
+      if (before <= 0) return true;
+      step = std::max(0.2, before);
+      at += step * direction;
+      const double now = distance(at);
+      if (now <= 0) {
+        at -= step * now / (now - before) * direction;
+        return true;
+      }
+      before = now;
+    }
+    return false;
   }
   /// Differences over a voxel to both sides: the trilinear gradient alone shows every voxel.
   Vec3 gradient(const openvdb::Vec3d& at) const {
@@ -77,6 +104,7 @@ class Caster {
   }
 
   const openvdb::FloatGrid& ground_;
+  float voxel_;
   Intersector intersector_;
   openvdb::FloatGrid::ConstAccessor values_;
 };
@@ -150,6 +178,7 @@ void trace_pixel(const Scene& scene, const Camera& camera, const Caster& caster,
     out.distance += static_cast<float>((point - camera.eye).norm());
     out.hits += 1;
   }
+  out.normal.normalize();
 }
 
 /// Sky light averaged over the pixels that together looked everywhere, as far as they show the
@@ -160,7 +189,7 @@ float smooth_sky(const std::vector<Pixel>& pixels, int w, int h, int x, int y, f
                   static_cast<std::size_t>(i)];
   };
   const Pixel& mine = at(x, y);
-  const Vec3f normal = mine.normal.normalized();
+  const Vec3f& normal = mine.normal;
   const float distance = mine.distance / mine.hits;
   float sum = 0, weight = 0;
   for (int j = std::max(0, y - 4); j <= std::min(h - 1, y + 4); ++j) {
@@ -168,7 +197,7 @@ float smooth_sky(const std::vector<Pixel>& pixels, int w, int h, int x, int y, f
       const Pixel& p = at(i, j);
       if (p.hits == 0) continue;
       const float apart = std::abs(p.distance / p.hits - distance);
-      const float alike = p.normal.normalized().dot(normal);
+      const float alike = p.normal.dot(normal);
       if (alike < 0.8f || apart > std::max(2 * voxel, 0.004f * distance)) continue;
       // Half weight at the ends makes each 4-periodic direction count the same.
       const float ends = (std::abs(i - x) == 4 ? 0.5f : 1) * (std::abs(j - y) == 4 ? 0.5f : 1);

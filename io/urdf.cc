@@ -96,7 +96,14 @@ urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file, const std
   } catch (const std::exception& e) {
     error = e.what();
   }
-  if (model) return model;
+  if (model) {
+    // Links own their children, so links in a loop would keep each other alive; not needed here.
+    for (const auto& [name, link] : model->links_) {
+      link->child_links.clear();
+      link->child_joints.clear();
+    }
+    return model;
+  }
   if (!silence.first_error().empty()) error = silence.first_error();
   while (!error.empty() && (error.back() == '\n' || error.back() == '.')) error.pop_back();
   throw InputError(file, fmt::format("is not a valid URDF: {}", error.substr(0, error.find('\n'))));

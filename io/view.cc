@@ -18,7 +18,8 @@ namespace {
 constexpr int kWidth = 1600;
 constexpr double kEdge = 36, kSide = 90, kTop = 104, kRulerRoom = 64, kFoot = 104;
 constexpr double kMaxBlockHeight = 900;
-constexpr double kElevation = 40 * std::numbers::pi / 180;
+constexpr double kElevation = 46 * std::numbers::pi / 180;
+constexpr double kSunHeight = 55 * std::numbers::pi / 180;
 /// Columns beyond which voxels are finer than pixels by far, and the block is made of heights.
 constexpr double kMaxColumns = 1.5e6;
 constexpr int kHeightColumns = 900;
@@ -97,8 +98,8 @@ void draw_ruler(Canvas& canvas, const Camera& camera, const Vec3& low, const Vec
         x_edge ? (upper ? high.y() : low.y()) : (upper ? high.x() : low.x());
     if (normal.dot(camera.eye - a) <= 0) continue;
     const Vec2 shown = camera.project(b) - camera.project(a);
-    if (shown.norm() <= longest) continue;
-    longest = shown.norm();
+    if (std::abs(shown.x()) <= longest) continue;  // the more level, the better it reads
+    longest = std::abs(shown.x());
     if (shown.x() < 0) std::swap(a, b);
     from = a;
     along = b - a;
@@ -172,11 +173,11 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
     const auto before = ground.base(x, y);
     return before ? *before - (p.z() + origin.z()) : 0.0;
   };
-  const double rim = 0.6 * scene.ground->voxelSize().x();
+  const double rim = 1.1 * scene.ground->voxelSize().x();
   const double line_m = round_down_125(size / 6);
-  scene.color = [&, rim, line_m](const Vec3& p, const Vec3&) -> Rgb {
-    const bool section = p.x() < scene.low.x() + rim || p.x() > scene.high.x() - rim ||
-                         p.y() < scene.low.y() + rim || p.y() > scene.high.y() - rim;
+  scene.color = [&, rim, line_m](const Vec3& p, const Vec3& normal) -> Rgb {
+    const bool section = normal.z() < 0.5 && (p.x() < scene.low.x() + rim || p.x() > scene.high.x() - rim ||
+                         p.y() < scene.low.y() + rim || p.y() > scene.high.y() - rim);
     const double d = depth(p);
     const double x = p.x() + origin.x(), y = p.y() + origin.y();
     if (section) {
@@ -184,7 +185,7 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
       const double v = std::clamp(y, box.min().y() + rim, box.max().y() - rim);
       const auto top = ground.base(u, v);
       const double below = top ? *top - (p.z() + origin.z()) : 0;
-      if (below > 2 * rim) return section_color(below, size);
+      return section_color(below, size);
     }
     if (d > 0.5 * voxel) {
       return mix(kTopSoil, scale.color(d), 0.6 + 0.4 * std::min(1.0, d / voxel - 0.5));
@@ -196,14 +197,15 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   const std::vector<Vec3> points = hull(relief, scene.low, scene.high, origin);
   Camera camera;
   double most = -1;
-  for (int i = 0; i < 8; ++i) {
-    // From the south-south-west on, clockwise: oblique to both sides of the block.
-    const double azimuth = (202.5 + 45 * i) * std::numbers::pi / 180;
+  for (const double degrees : {202.5, 157.5, 225.0, 135.0, 247.5, 112.5, 292.5, 67.5, 315.0, 45.0,
+                               337.5, 22.5}) {  // oblique to both sides, rather from the south
+    const double azimuth = degrees * std::numbers::pi / 180;
     Camera candidate = look(scene.low, scene.high, azimuth);
     frame(candidate, points, {0, 0, 200, 130});
     const double share = scale.max_m <= 0 ? 0 : seen(scene, candidate, 200, 130, [&](const Vec3& p) {
       const double d = depth(p);
-      return d > 0.5 * voxel ? 0.5 + d / scale.max_m : 0.0;
+      const double part = d / scale.max_m;
+      return d > 0.5 * voxel ? 0.1 + part * part : 0.0;
     });
     if (share > 1.02 * most) {
       most = share;
@@ -216,8 +218,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   Canvas canvas(kWidth, static_cast<int>(std::ceil(foot + kFoot)));
   // Sun from over the camera's left shoulder.
   scene.to_sun = (-0.62 * camera.right - 0.18 * camera.forward + 0.2 * camera.up).normalized();
-  scene.to_sun = Vec3(scene.to_sun.x(), scene.to_sun.y(), 0).normalized() * std::cos(0.82) +
-                 Vec3::UnitZ() * std::sin(0.82);
+  scene.to_sun = Vec3(scene.to_sun.x(), scene.to_sun.y(), 0).normalized() * std::cos(kSunHeight) +
+                 Vec3::UnitZ() * std::sin(kSunHeight);
   canvas.blit(0, 0, canvas.width(), canvas.height(),
               render(scene, camera, canvas.width(), canvas.height()).data());
   draw_caption(canvas, kEdge, 20, kWidth - 2 * kEdge, caption);
@@ -236,8 +238,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   } else {
     canvas.text(kEdge + 4, y + 16, "Nothing cut here", {.size = 14, .color = kFaintInk});
   }
-  const Vec2 north(camera.right.y(), -camera.up.y());
-  draw_north(canvas, kWidth - 84, y, 32 * north);
+  draw_north(canvas, kWidth - 84, y - 6, 34 * Vec2(camera.right.y(), -camera.up.y()),
+             34 * Vec2(camera.right.x(), -camera.up.x()));
   return canvas;
 }
 

@@ -13,6 +13,7 @@
 
 #include "core/soil_grids.h"
 #include "io/atomic_file.h"
+#include "io/level_set_file.h"
 #include "io/raster.h"
 
 namespace soilvdb::tools {
@@ -65,7 +66,7 @@ Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
 
 Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan) {
   constexpr double kMargin_voxels = 10;
-  constexpr double kMostCells = 1000;   // across
+  constexpr double kMostCells = 1000;  // across
   const double h = soil.voxel_size_m();
   double low = std::numeric_limits<double>::infinity(), high = -low;
   const io::SurfaceRaster heights =
@@ -94,9 +95,8 @@ std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site&
   const openvdb::FloatGrid::Ptr grid = closed_level_set(*site.soil, box);
   const Vec3& origin = site.soil->origin();
   grid->setName("surface");
-  grid->insertMeta("soilvdb_origin",
-                   openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
-  grid->insertMeta("soilvdb_crs", openvdb::StringMetadata(site.crs_wkt));
+  grid->insertMeta(io::kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
+  grid->insertMeta(io::kCrsKey, openvdb::StringMetadata(site.crs_wkt));
   std::ostringstream bytes;
   openvdb::io::Stream(bytes).write(openvdb::GridCPtrVec{grid});
   io::write_atomically(file, bytes.view());

@@ -16,7 +16,8 @@ namespace soilvdb::tools {
 /// regions which tile the plane share them out. Meshes only the blocks that reach into it.
 Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box);
 
-/// The box over `plan` that holds the surface of the ground there with a margin of ten voxels, world.
+/// The box over `plan` that holds the surface of the ground there with a margin of ten voxels,
+/// world.
 Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan);
 
 /// Writes a closed, self-contained level set of the ground in the box, grid `surface`, with the

@@ -18,10 +18,10 @@ extern volatile std::sig_atomic_t stop_requested;
 
 struct RunOptions {
   std::filesystem::path scenario;
-  std::optional<std::filesystem::path> out;   ///< default: out/<scenario name>
-  std::optional<double> voxel_size_m;         ///< instead of the scenario's
-  int threads = 0;                            ///< 0: one per core
-  std::optional<std::int64_t> updates;        ///< of each machine; default: one per row
+  std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>
+  std::optional<double> voxel_size_m;        ///< instead of the scenario's
+  int threads = 0;                           ///< 0: one per core
+  std::optional<std::int64_t> updates;       ///< of each machine; default: one per row
   bool mesh = true;
   bool snapshots = true;
 };
@@ -34,8 +34,8 @@ void info(const InfoOptions& options);
 
 struct ExportOptions {
   std::filesystem::path file, to;
-  std::optional<std::string> region;          ///< XMIN,YMIN,XMAX,YMAX
-  bool perspective = false;                   ///< for a picture; default: a plan
+  std::optional<std::string> region;  ///< XMIN,YMIN,XMAX,YMAX
+  bool perspective = false;           ///< for a picture; default: a plan
 };
 void export_file(const ExportOptions& options);
 

@@ -36,8 +36,9 @@ struct Snapshot {
 Snapshot open(const fs::path& file) {
   io::check_readable(file);
   if (!io::is_snapshot(file))
-    throw io::InputError(file, "is not a snapshot of soilvdb; give a soil_*.vdb that soilvdb run "
-                               "wrote");
+    throw io::InputError(file,
+                         "is not a snapshot of soilvdb; give a soil_*.vdb that soilvdb run "
+                         "wrote");
   Snapshot snapshot;
   snapshot.file = file;
   snapshot.site = io::read_snapshot(file, &snapshot.info);
@@ -55,17 +56,17 @@ bool same_base(const io::BaseReference& a, const io::BaseReference& b) {
 
 void check_same_site(const Snapshot& a, const Snapshot& b) {
   const auto refuse = [&](const std::string& what) -> io::InputError {
-    return io::InputError(b.file, fmt::format("is not of the same site as {}: {}", a.file.string(),
-                                              what));
+    return io::InputError(b.file,
+                          fmt::format("is not of the same site as {}: {}", a.file.string(), what));
   };
   const auto text = [](const Vec3& v) { return fmt::format("{} {} {}", v.x(), v.y(), v.z()); };
   const Soil &soil_a = *a.site.soil, &soil_b = *b.site.soil;
   if (soil_a.voxel_size_m() != soil_b.voxel_size_m())
-    throw refuse(fmt::format("its voxels are {} m, not {} m", soil_b.voxel_size_m(),
-                             soil_a.voxel_size_m()));
+    throw refuse(
+        fmt::format("its voxels are {} m, not {} m", soil_b.voxel_size_m(), soil_a.voxel_size_m()));
   if (soil_a.origin() != soil_b.origin())
-    throw refuse(fmt::format("its origin is {}, not {}", text(soil_b.origin()),
-                             text(soil_a.origin())));
+    throw refuse(
+        fmt::format("its origin is {}, not {}", text(soil_b.origin()), text(soil_a.origin())));
   if (!same_base(a.site.reference, b.site.reference))
     throw refuse(fmt::format("its ground before digging is {}, not {}",
                              terrain_text(b.site.reference.terrain),
@@ -88,14 +89,14 @@ std::vector<Coord3> chunks_of_both(const Soil& a, const Soil& b) {
 /// What changed, in samples; columns of voxels for the area.
 struct Change {
   std::int64_t cut = 0, fill = 0, columns = 0;
-  Eigen::AlignedBox2d box;         ///< of the columns that changed, world
+  Eigen::AlignedBox2d box;  ///< of the columns that changed, world
 };
 
 Change compare(const Soil& a, const Soil& b) {
   const std::vector<Coord3> origins = chunks_of_both(a, b);
   struct Part {
     std::int64_t cut = 0, fill = 0;
-    std::uint64_t columns = 0;     ///< bit x * 8 + y
+    std::uint64_t columns = 0;  ///< bit x * 8 + y
   };
   std::vector<Part> parts(origins.size());
   tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
@@ -109,7 +110,7 @@ Change compare(const Soil& a, const Soil& b) {
     }
   });
   Change change;
-  std::map<std::pair<int, int>, std::uint64_t> columns;   // of all chunks above each other
+  std::map<std::pair<int, int>, std::uint64_t> columns;  // of all chunks above each other
   for (std::size_t i = 0; i < origins.size(); ++i) {
     change.cut += parts[i].cut;
     change.fill += parts[i].fill;

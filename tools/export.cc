@@ -57,8 +57,7 @@ void export_picture(const fs::path& to, const io::Site& site, const io::Snapshot
   fmt::print("{}: {}\n", to.string(), perspective ? "perspective view" : "plan");
 }
 
-void export_level_set(const fs::path& to, const io::Site& site,
-                      const std::optional<Box2>& region) {
+void export_level_set(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
   const Soil& soil = *site.soil;
   Box2 plan = region ? *region : io::region_of_interest(soil);
   if (!site.bounds.isEmpty()) plan = plan.intersection(site.bounds);
@@ -81,19 +80,22 @@ void export_file(const ExportOptions& options) {
   io::check_readable(options.file);
   check_output(options.to, options.file);
   if (!io::is_snapshot(options.file))
-    throw io::InputError(options.file, "is not a snapshot of soilvdb; give a soil_*.vdb that "
-                                       "soilvdb run wrote");
+    throw io::InputError(options.file,
+                         "is not a snapshot of soilvdb; give a soil_*.vdb that "
+                         "soilvdb run wrote");
   io::SnapshotInfo info;
   const io::Site site = io::read_snapshot(options.file, &info);
   const Box2 resident = resident_box(*site.soil);
   if (resident.isEmpty())
-    throw io::InputError(options.file, "holds no ground: no bucket had met any soil yet; give a "
-                                       "later snapshot");
+    throw io::InputError(options.file,
+                         "holds no ground: no bucket had met any soil yet; give a "
+                         "later snapshot");
   if (region && region->intersection(resident).isEmpty())
-    throw io::InputError(fmt::format("--region {}: misses the dug ground, which is at "
-                                     "{:.3f},{:.3f},{:.3f},{:.3f}",
-                                     *options.region, resident.min().x(), resident.min().y(),
-                                     resident.max().x(), resident.max().y()));
+    throw io::InputError(
+        fmt::format("--region {}: misses the dug ground, which is at "
+                    "{:.3f},{:.3f},{:.3f},{:.3f}",
+                    *options.region, resident.min().x(), resident.min().y(), resident.max().x(),
+                    resident.max().y()));
   if (is_mesh(suffix)) export_mesh(options.to, site, region);
   if (suffix == "tif") export_raster(options.to, site, region);
   if (suffix == "png") export_picture(options.to, site, info, region, options.perspective);

@@ -1,13 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What is in a .vdb that is not one of our snapshots.
+// A .vdb that is not one of our snapshots.
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 namespace soilvdb::tools {
 
-/// Prints its grids. @throw io::InputError if it can't be read.
-void info_foreign_vdb(const std::filesystem::path& file);
+/// Its grids in words. Call it through in_child(). @throw io::InputError if it can't be read.
+std::string foreign_vdb_text(const std::filesystem::path& file);
 
 }  // namespace soilvdb::tools

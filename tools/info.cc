@@ -18,6 +18,7 @@
 #include "io/scenario.h"
 #include "io/snapshot.h"
 #include "io/text.h"
+#include "tools/child.h"
 #include "tools/commands.h"
 #include "tools/foreign_vdb.h"
 #include "tools/outputs.h"
@@ -59,13 +60,13 @@ void info_snapshot(const fs::path& file) {
   line("scenario", info.scenario);
   line("time", time_text(info.time_s) + " s");
   line("voxels", fmt::format("{} m", soil.voxel_size_m()));
-  line("origin", fmt::format("{} {} {} m", soil.origin().x(), soil.origin().y(),
-                             soil.origin().z()));
+  line("origin",
+       fmt::format("{} {} {} m", soil.origin().x(), soil.origin().y(), soil.origin().z()));
   line("CRS", crs_text(site.crs_wkt));
   line("base", terrain_text(site.reference.terrain));
-  line("cut", fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
-                          number(info.captured_m3), number(info.displaced_m3),
-                          number(info.dumped_m3)));
+  line("cut",
+       fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
+                   number(info.captured_m3), number(info.displaced_m3), number(info.dumped_m3)));
   line("resident", fmt::format("{} m², {} chunks, {} voxels", number(soil.resident_m2()),
                                soil.chunks().size(), soil.active_voxels()));
   line("bounds", box_text(box));
@@ -151,10 +152,10 @@ void info_scenario(const fs::path& file) {
       for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
         for (const double z : {0.0, bucket.height_m}) box.extend(world_from_bucket * Vec3(0, y, z));
     }
-    line("  motion", fmt::format("{}, {} s from {} s", counted(
-                                     static_cast<double>(motion.times_s().size()), "row"),
-                                 time_text(motion.end_s() - motion.begin_s()),
-                                 time_text(motion.begin_s())));
+    line("  motion",
+         fmt::format("{}, {} s from {} s",
+                     counted(static_cast<double>(motion.times_s().size()), "row"),
+                     time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
     line("  mouth in", box_text(box));
   }
   if (scenario.snapshot_every_s)
@@ -187,12 +188,14 @@ void info(const InfoOptions& options) {
   const std::string head = head_of(file);
   if (head.starts_with(kVdbMagic) || suffix_of(file) == "vdb") {
     if (io::is_snapshot(file)) return info_snapshot(file);
-    return info_foreign_vdb(file);
+    fmt::print("{}", in_child(file, [&] { return foreign_vdb_text(file); }));
+    return;
   }
   if (looks_like_scenario(file, head)) return info_scenario(file);
   try {
     info_raster(file);
-  } catch (const io::InputError&) {
+  } catch (const io::InputError& e) {
+    if (std::string_view(e.what()).find("not recognized") == std::string_view::npos) throw;
     throw io::InputError(file, "is neither a .vdb, nor a scenario, nor a raster that GDAL reads");
   }
 }

@@ -31,9 +31,10 @@ Eigen::AlignedBox2d resident_box(const Soil& soil) {
 
 Eigen::AlignedBox2d parse_region(const std::string& text) {
   const auto refuse = [&](const char* why) -> io::InputError {
-    return io::InputError(fmt::format("--region {}: {}; right is XMIN,YMIN,XMAX,YMAX in the "
-                                      "site's metres, such as 10,20,30.5,40",
-                                      io::printable(text), why));
+    return io::InputError(
+        fmt::format("--region {}: {}; right is XMIN,YMIN,XMAX,YMAX in the "
+                    "site's metres, such as 10,20,30.5,40",
+                    io::printable(text), why));
   };
   std::vector<double> numbers;
   for (std::size_t begin = 0; begin <= text.size();) {
@@ -65,10 +66,10 @@ void write_surface_raster(const fs::path& file, const Soil& soil, const Eigen::A
   constexpr double kMostCells = 1e9;
   const double cells = box.sizes().x() / cell_m * (box.sizes().y() / cell_m);
   if (cells > kMostCells)
-    throw std::runtime_error(fmt::format("{}: cells of {} m would be {:.2g} over the dug ground, "
-                                         "which is too many; cells of {} m would do",
-                                         file.string(), cell_m, cells,
-                                         affordable_cell_m(box, cell_m)));
+    throw std::runtime_error(
+        fmt::format("{}: cells of {} m would be {:.2g} over the dug ground, "
+                    "which is too many; cells of {} m would do",
+                    file.string(), cell_m, cells, affordable_cell_m(box, cell_m)));
   const io::SurfaceRaster raster = io::rasterise(soil, box, cell_m);
   std::vector<float> change(raster.surface.size());
   for (std::size_t i = 0; i < change.size(); ++i) change[i] = raster.surface[i] - raster.base[i];
@@ -90,11 +91,11 @@ void check_output(const fs::path& to, const fs::path& input) {
   if (fs::is_directory(to, error)) throw io::InputError(to, "is a folder; name a file in it");
   const fs::path folder = to.has_parent_path() ? to.parent_path() : fs::path(".");
   if (!fs::is_directory(folder, error))
-    throw io::InputError(to, fmt::format("there is no folder '{}'; make it first",
-                                         folder.string()));
+    throw io::InputError(to,
+                         fmt::format("there is no folder '{}'; make it first", folder.string()));
   if (access(folder.c_str(), W_OK | X_OK) != 0)
-    throw io::InputError(to, fmt::format("the folder '{}' can't be written to; name another file",
-                                         folder.string()));
+    throw io::InputError(
+        to, fmt::format("the folder '{}' can't be written to; name another file", folder.string()));
 }
 
 }  // namespace soilvdb::tools

@@ -16,8 +16,8 @@ Eigen::AlignedBox2d resident_box(const Soil& soil);
 /// Parses XMIN,YMIN,XMAX,YMAX. @throw io::InputError that says what would be right.
 Eigen::AlignedBox2d parse_region(const std::string& text);
 
-/// A cell of `cell_m`, or the next of 1, 2 and 5 times a power of ten with which a raster of the box
-/// has at most 25 million cells.
+/// A cell of `cell_m`, or the next of 1, 2 and 5 times a power of ten with which a raster of the
+/// box has at most 25 million cells.
 double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m);
 
 /// Surface and its change against the base surface, as GeoTIFF.

@@ -50,8 +50,8 @@ std::string progress_line(const std::string& title, std::int64_t done, std::int6
                           double elapsed_s, int columns) {
   const double share = total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 1;
   const double rate = elapsed_s > 0 ? static_cast<double>(done) / elapsed_s : 0;
-  std::string tail = fmt::format(" {:3.0f} %  {} updates/s", std::floor(share * 100),
-                                 short_count(rate));
+  std::string tail =
+      fmt::format(" {:3.0f} %  {} updates/s", std::floor(share * 100), short_count(rate));
   if (rate > 0 && done < total)
     tail += fmt::format("  {} left", short_duration(static_cast<double>(total - done) / rate));
 

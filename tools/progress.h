@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Progress of a run as a bar on stderr, with rate and time left; silent unless stderr is a terminal.
+// Progress of a run as a bar on stderr, with rate and time left; silent unless stderr is a
+// terminal.
 #pragma once
 
 #include <chrono>

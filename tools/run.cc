@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // soilvdb run: digs a scenario and writes what it asks for.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <sys/resource.h>
 #include <tbb/global_control.h>
 #include <tbb/info.h>
@@ -18,17 +17,20 @@
 #include "core/mesher.h"
 #include "core/tracker.h"
 #include "io/atomic_file.h"
+#include "io/level_set_file.h"
 #include "io/mesh_file.h"
 #include "io/raster.h"
 #include "io/report.h"
 #include "io/scenario.h"
 #include "io/site.h"
 #include "io/snapshot.h"
+#include "tools/child.h"
 #include "tools/commands.h"
 #include "tools/outputs.h"
 #include "tools/progress.h"
 #include "tools/run_folder.h"
 #include "tools/schedule.h"
+#include "tools/summary_text.h"
 #include "tools/text.h"
 
 namespace soilvdb::tools {
@@ -56,12 +58,23 @@ io::Scenario read(const RunOptions& options) {
   return scenario;
 }
 
+/// Other programs' .vdb files crash OpenVDB when they are damaged; a child finds out.
+void try_out(const io::Terrain& terrain) {
+  const auto* level_set = std::get_if<io::LevelSetTerrain>(&terrain);
+  if (!level_set || io::is_snapshot(level_set->file)) return;
+  in_child(level_set->file, [&] {
+    io::read_level_set(level_set->file);
+    return std::string();
+  });
+}
+
 fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
   if (options.out) return *options.out;
   const std::string& name = scenario.name;
   if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
     throw io::InputError(scenario.file, fmt::format("the name '{}' can't be that of a folder; "
-                                                    "give --out DIR", name));
+                                                    "give --out DIR",
+                                                    name));
   return fs::path("out") / name;
 }
 
@@ -81,7 +94,8 @@ std::vector<const Motion*> motions(const io::Scenario& scenario) {
 class SnapshotClock {
  public:
   SnapshotClock(std::optional<double> every_s, const Schedule& schedule)
-      : every_s_(every_s), begin_s_(schedule.begin_s()),
+      : every_s_(every_s),
+        begin_s_(schedule.begin_s()),
         slack_s_(1e-9 * (schedule.end_s() - schedule.begin_s())) {}
 
   /// Has one come due since the last time this said so?
@@ -101,9 +115,10 @@ class SnapshotClock {
 /// One run, from checked input to its last file.
 class Run {
  public:
-  Run(const RunOptions& options, int threads)
-      : options_(options),
-        scenario_(read(options)),
+  Run(const RunOptions& options, io::Scenario scenario, Clock::time_point begin, int threads)
+      : begin_(begin),
+        options_(options),
+        scenario_(std::move(scenario)),
         folder_(folder_of(options, scenario_)),
         site_(io::open_site(scenario_)),
         tracker_(*site_.soil, buckets(scenario_)),
@@ -130,13 +145,13 @@ class Run {
     } catch (const NoGroundError& e) {
       folder_.unmake();
       if (folder_.files().empty()) throw io::InputError(scenario_.file, e.what());
-      throw std::runtime_error(fmt::format("{}: {}; {}", scenario_.file.string(), e.what(),
-                                           folder_.safe()));
+      throw std::runtime_error(
+          fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), folder_.safe()));
     } catch (const std::exception& e) {
       folder_.unmake();
       throw std::runtime_error(fmt::format("{}; {}", e.what(), folder_.safe()));
     }
-    print();
+    print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
     if (stopped_)
       throw std::runtime_error(fmt::format("stopped by a signal at {} s of {} s; {}",
                                            time_text(time_s_), time_text(schedule_.end_s()),
@@ -237,72 +252,30 @@ class Run {
     summary_.peak_rss_bytes = peak_rss_bytes();
   }
 
-  void print() const {
-    const io::Summary& s = summary_;
-    const auto line = [](const char* label, const std::string& text) {
-      fmt::print("{:<12}{}\n", label, text);
-    };
-    const auto& updates = s.updates;
-    fmt::print("{}: {} of {}, {} s of motion, {} m voxels, {}\n\n", s.scenario,
-               counted(static_cast<double>(updates.count()), "update"),
-               counted(static_cast<double>(s.machines.size()), "machine"),
-               time_text(time_s_ - schedule_.begin_s()), s.voxel_size_m,
-               counted(s.threads, "thread"));
-    line("cut", fmt::format("{} m³", number(s.cut_m3)));
-    line("  captured", fmt::format("{} m³", number(s.captured_m3)));
-    line("  displaced", fmt::format("{} m³", number(s.displaced_m3)));
-    line("dumped", fmt::format("{} m³", number(s.dumped_m3)));
-    constexpr std::size_t kMost = 8;
-    for (std::size_t i = 0; i < s.machines.size() && i < kMost; ++i)
-      line(i ? "" : "in bucket",
-           fmt::format("{} m³ {}", number(s.machines[i].bucket_m3), s.machines[i].name));
-    if (s.machines.size() > kMost)
-      line("", fmt::format("... {} more in {}", s.machines.size() - kMost, kSummaryName));
-    line("ground", fmt::format("{} m³ by recount, residual {} m³", number(s.ground_change_m3),
-                               s.residual_m3 == 0 ? "0" : fmt::format("{:.1e}", s.residual_m3)));
-    line("", fmt::format("{} m² resident, {} chunks, {} voxels", number(s.resident_m2), s.leaves,
-                         s.active_voxels));
-    line("update", fmt::format("p50 {} µs, p99 {} µs, max {} µs; {} updates/s",
-                               number(updates.quantile_us(0.5)), number(updates.quantile_us(0.99)),
-                               number(updates.max_us()),
-                               short_count(1e6 / std::max(updates.mean_us(), 1e-3))));
-    line("memory", fmt::format("soil {}, peak {}", bytes(static_cast<double>(s.soil_bytes)),
-                               bytes(static_cast<double>(s.peak_rss_bytes))));
-    line("time", fmt::format("opening {}, updates {}, in all {}", short_duration(s.open_s),
-                             short_duration(updates.sum_us() * 1e-6), short_duration(s.total_s)));
-    line("files", fmt::format("in {}: {}", folder_.path().string(), file_list()));
-  }
-
-  std::string file_list() const {
-    constexpr std::size_t kMost = 8;
-    const auto& files = folder_.files();
-    if (files.size() <= kMost) return fmt::format("{}", fmt::join(files, ", "));
-    return fmt::format("{}, ... ({} files)",
-                       fmt::join(files.end() - static_cast<std::ptrdiff_t>(kMost - 2), files.end(), ", "),
-                       files.size());
-  }
-
-  Clock::time_point begin_ = Clock::now();
+  Clock::time_point begin_;
   const RunOptions& options_;
   io::Scenario scenario_;
   RunFolder folder_;
   io::Site site_;
   Tracker tracker_;
   Schedule schedule_;
-  double change_before_m3_;   ///< of a site that was dug before
+  double change_before_m3_;  ///< of a site that was dug before
   io::Summary summary_;
-  double time_s_ = 0;         ///< how far the motion has come
+  double time_s_ = 0;  ///< how far the motion has come
   bool stopped_ = false;
 };
 
 }  // namespace
 
 void run(const RunOptions& options) {
+  const Clock::time_point begin = Clock::now();
+  io::Scenario scenario = read(options);
+  try_out(scenario.terrain);  // before there are threads
   const int threads = options.threads > 0 ? options.threads : tbb::info::default_concurrency();
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                   static_cast<std::size_t>(threads));
   tbb::task_arena arena(threads);
-  arena.execute([&] { Run(options, threads).go(); });
+  arena.execute([&] { Run(options, std::move(scenario), begin, threads).go(); });
 }
 
 }  // namespace soilvdb::tools

@@ -20,10 +20,11 @@ RunFolder::RunFolder(fs::path path) : path_(std::move(path)) {
   while (!fs::exists(there, error) && there.has_relative_path()) there = there.parent_path();
   if (!fs::is_directory(there, error))
     throw io::InputError(path_, fmt::format("can't be made, '{}' is not a folder; give another "
-                                            "--out", there.string()));
-  if (access(there.c_str(), W_OK | X_OK) != 0)
-    throw io::InputError(path_, fmt::format("'{}' can't be written to; give another --out",
+                                            "--out",
                                             there.string()));
+  if (access(there.c_str(), W_OK | X_OK) != 0)
+    throw io::InputError(
+        path_, fmt::format("'{}' can't be written to; give another --out", there.string()));
 }
 
 void RunFolder::spare(const fs::path& input) const {
@@ -31,23 +32,24 @@ void RunFolder::spare(const fs::path& input) const {
   const std::string name = input.filename().string();
   const bool ours = name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName;
   if (ours && fs::equivalent(input.parent_path().empty() ? "." : input.parent_path(), path_, error))
-    throw io::InputError(input, "is an input in the folder that the run writes to, and would be "
-                                "written over; give another --out");
+    throw io::InputError(input,
+                         "is an input in the folder that the run writes to, and would be "
+                         "written over; give another --out");
 }
 
 void RunFolder::make() {
   std::vector<fs::path> missing;
   std::error_code error;
   fs::path at = fs::absolute(path_).lexically_normal();
-  if (!at.has_filename()) at = at.parent_path();   // a trailing slash
+  if (!at.has_filename()) at = at.parent_path();  // a trailing slash
   for (; !fs::exists(at, error) && at.has_relative_path(); at = at.parent_path())
     missing.push_back(at);
   for (auto folder = missing.rbegin(); folder != missing.rend(); ++folder) {
     fs::create_directory(*folder, error);
     if (error) {
       unmake();
-      throw io::InputError(path_, fmt::format("can't be made a folder: {}; give another --out",
-                                              error.message()));
+      throw io::InputError(
+          path_, fmt::format("can't be made a folder: {}; give another --out", error.message()));
     }
     made_.push_back(*folder);
   }

@@ -41,7 +41,7 @@ class RunFolder {
 
  private:
   std::filesystem::path path_;
-  std::vector<std::filesystem::path> made_;   ///< outermost first
+  std::vector<std::filesystem::path> made_;  ///< outermost first
   std::vector<std::string> files_;
   bool begun_ = false;
 };

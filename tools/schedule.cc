@@ -34,8 +34,7 @@ std::optional<Step> Schedule::next() {
       first = &cursor;
   }
   if (!first) return std::nullopt;
-  const Step step{static_cast<std::size_t>(first - cursors_.data()), first->at_s,
-                  first->until_s()};
+  const Step step{static_cast<std::size_t>(first - cursors_.data()), first->at_s, first->until_s()};
   first->at_s = step.end_s;
   ++first->done;
   return step;

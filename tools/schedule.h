@@ -28,8 +28,8 @@ class Schedule {
   Schedule(std::vector<const Motion*> motions, std::optional<std::int64_t> updates);
 
   std::int64_t total() const { return total_; }
-  double begin_s() const { return begin_s_; }   ///< of the earliest motion
-  double end_s() const { return end_s_; }       ///< of the latest
+  double begin_s() const { return begin_s_; }  ///< of the earliest motion
+  double end_s() const { return end_s_; }      ///< of the latest
 
   std::optional<Step> next();
 
@@ -38,7 +38,7 @@ class Schedule {
     const Motion* motion;
     std::int64_t count, done = 0;
     bool by_rows;
-    double at_s;        ///< where the last step ended
+    double at_s;  ///< where the last step ended
     double until_s() const;
   };
   std::vector<Cursor> cursors_;

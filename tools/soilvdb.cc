@@ -22,7 +22,7 @@
 namespace soilvdb::tools {
 namespace {
 
-constexpr double kLeastVoxel_m = 1e-4, kMostVoxel_m = 100;   // as in a scenario
+constexpr double kLeastVoxel_m = 1e-4, kMostVoxel_m = 100;  // as in a scenario
 enum ExitStatus { kDone = 0, kFailed = 1, kWrongInput = 2 };
 
 int complain(ExitStatus status, std::string message) {
@@ -50,10 +50,10 @@ void on_stop(int) { stop_requested = 1; }
 void set_signals() {
   struct sigaction stop {};
   stop.sa_handler = on_stop;
-  stop.sa_flags = SA_RESETHAND | SA_RESTART;   // a second signal ends the program at once
+  stop.sa_flags = SA_RESETHAND | SA_RESTART;  // a second signal ends the program at once
   sigaction(SIGINT, &stop, nullptr);
   sigaction(SIGTERM, &stop, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);               // a full quota is a failed write, not a crash
+  std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
 }
 
 /// The command line, and the options of all commands.
@@ -62,8 +62,9 @@ class CommandLine {
   CommandLine() {
     app_.require_subcommand(1);
     app_.set_version_flag("--version", "soilvdb " SOILVDB_VERSION);
-    app_.footer("Exit status: 0 done; 2 the input or the command line is wrong, nothing was "
-                "written; 1 anything else.");
+    app_.footer(
+        "Exit status: 0 done; 2 the input or the command line is wrong, nothing was "
+        "written; 1 anything else.");
     add_run();
     add_info();
     add_export();
@@ -79,7 +80,7 @@ class CommandLine {
     try {
       app_.parse(argc, argv);
     } catch (const CLI::Success& e) {
-      app_.exit(e);   // prints the help or the version asked for
+      app_.exit(e);  // prints the help or the version asked for
       return kDone;
     } catch (const CLI::ParseError& e) {
       return complain(kWrongInput, fmt::format("{}; see soilvdb {}--help", e.what(), command()));
@@ -115,9 +116,9 @@ class CommandLine {
         ->type_name("DIR");
     sub->add_option("--voxel", run_.voxel_size_m, "voxel size instead of the scenario's, m")
         ->type_name("M")
-        ->check(number_between(kLeastVoxel_m, kMostVoxel_m, false,
-                               fmt::format("a voxel size from {} to {} m", kLeastVoxel_m,
-                                           kMostVoxel_m)));
+        ->check(number_between(
+            kLeastVoxel_m, kMostVoxel_m, false,
+            fmt::format("a voxel size from {} to {} m", kLeastVoxel_m, kMostVoxel_m)));
     sub->add_option("--threads", run_.threads, "threads; default: one per core")
         ->type_name("N")
         ->check(number_between(1, 1024, true, "a whole number from 1 to 1024"));

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// OctoMap: ground as occupied leaves; each step deletes the leaves whose centre the mouth sweeps
+// over and counts them.
+//
+// Best setting: only voxels in the step's box are looked at; nodes are deleted outright (faster than
+// lowering their log odds) and the count is kept as they go, so volume costs nothing more; ground
+// comes as one box around the dig, pruned, as a map made of scans would be.
+#include <octomap/octomap.h>
+
+#include <cmath>
+
+#include "bench/engine.h"
+
+namespace soilvdb::bench {
+namespace {
+
+class OctoMap : public Engine {
+ public:
+  explicit OctoMap(const Task& task)
+      : task_(task), tree_(task.voxel_m), pose_(task.motion->pose(task.motion->begin_s())) {
+    const Eigen::AlignedBox3d box = soil_reach(task);
+    const Coord3 first = index(box.min()) - Coord3::Ones(), last = index(box.max()) + Coord3::Ones();
+    float phi[kLeafSize];
+    const double h = task.voxel_m;
+    for (int x = first.x(); x <= last.x(); x += kLeafSide) {
+      for (int y = first.y(); y <= last.y(); y += kLeafSide) {
+        for (int z = first.z(); z <= last.z(); z += kLeafSide) {
+          task.ground->distance(centre({x, y, z}), h, 3 * h, phi);
+          for (int n = 0; n < kLeafSize; ++n) {
+            if (phi[n] < 0) {
+              tree_.setNodeValue(key(Coord3(x, y, z) + Coord3(n >> 6, n >> 3 & 7, n & 7)),
+                                 tree_.getClampingThresMaxLog(), true);
+            }
+          }
+        }
+      }
+    }
+    tree_.updateInnerOccupancy();
+    tree_.prune();
+  }
+
+  void advance(const Step& step) override {
+    const Pose next = task_.motion->pose(step.t1);
+    const StepSweep sweep(task_.bucket, pose_, next);
+    const Coord3 first = index(sweep.box().min()), last = index(sweep.box().max());
+    for (int x = first.x(); x <= last.x(); ++x) {
+      for (int y = first.y(); y <= last.y(); ++y) {
+        for (int z = first.z(); z <= last.z(); ++z) {
+          const Coord3 voxel(x, y, z);
+          if (!sweep.contains(centre(voxel))) continue;
+          const octomap::OcTreeKey k = key(voxel);
+          if (tree_.search(k) != nullptr && tree_.deleteNode(k)) ++removed_;
+        }
+      }
+    }
+    pose_ = next;
+  }
+
+  double cut_m3() override { return static_cast<double>(removed_) * std::pow(task_.voxel_m, 3); }
+  double memory_bytes() const override { return static_cast<double>(tree_.memoryUsage()); }
+
+ private:
+  static constexpr int kMiddle = 1 << 15;   // of OctoMap's 2^16 keys per axis
+
+  Coord3 index(const Vec3& p) const {
+    return ((p - task_.origin) / task_.voxel_m).array().floor().matrix().cast<int>();
+  }
+  Vec3 centre(const Coord3& voxel) const {
+    return task_.origin + task_.voxel_m * (voxel.cast<double>() + Vec3::Constant(0.5));
+  }
+  static octomap::OcTreeKey key(const Coord3& voxel) {
+    const Coord3 k = voxel + Coord3::Constant(kMiddle);
+    return {static_cast<octomap::key_type>(k.x()), static_cast<octomap::key_type>(k.y()),
+            static_cast<octomap::key_type>(k.z())};
+  }
+
+  Task task_;
+  octomap::OcTree tree_;
+  Pose pose_;
+  std::int64_t removed_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> make_octomap(const Task& task) { return std::make_unique<OctoMap>(task); }
+
+}  // namespace soilvdb::bench

@@ -1,0 +1,34 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb as anyone uses it: a Soil, a Tracker, each step traced and given to Tracker::update().
+// Timed: the trace, the update with phi and ledger, and the flush after the last step.
+#include "bench/engine.h"
+#include "core/tracker.h"
+
+namespace soilvdb::bench {
+namespace {
+
+class SoilVdb : public Engine {
+ public:
+  explicit SoilVdb(const Task& task)
+      : task_(task), soil_(task.voxel_m, task.origin, task.ground), tracker_(soil_, {task.bucket}) {}
+
+  void advance(const Step& step) override {
+    tracker_.update(0, task_.motion->trace(step.t0, step.t1, task_.bucket, tracker_.tolerance_m(),
+                                           tracker_.stride_m()));
+  }
+  void finish() override { tracker_.flush(); }
+  double cut_m3() override { return tracker_.total().cut_m3(); }
+  double memory_bytes() const override { return static_cast<double>(soil_.memory_bytes()); }
+
+ private:
+  Task task_;
+  Soil soil_;
+  Tracker tracker_;
+};
+
+}  // namespace
+
+std::unique_ptr<Engine> make_soilvdb(const Task& task) { return std::make_unique<SoilVdb>(task); }
+
+}  // namespace soilvdb::bench

@@ -1,0 +1,265 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The command line: what is refused and how, and the commands that look at what a run left.
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+
+#include "io/raster.h"
+#include "io/snapshot.h"
+#include "tests/program.h"
+
+namespace soilvdb::testing {
+namespace {
+
+class CommandLine : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    write_file(folder() / "dig.yaml", half_sine_scenario());
+    write_file(folder() / "dig.csv", HalfSine{}.csv(101));
+  }
+};
+
+TEST_F(CommandLine, HelpAndVersionAreNoErrors) {
+  for (const char* arguments :
+       {"--help", "run --help", "info --help", "export --help", "diff --help", "--version"}) {
+    const Result result = run(arguments);
+    EXPECT_EQ(result.status, 0) << arguments;
+    EXPECT_NE(result.out, "") << arguments;
+    EXPECT_EQ(result.err, "") << arguments;
+  }
+  EXPECT_EQ(run("--version").out, "soilvdb " SOILVDB_VERSION "\n");
+  for (const char* option :
+       {"--out", "--voxel", "--threads", "--updates", "--no-mesh", "--no-snapshots"})
+    EXPECT_NE(run("run --help").out.find(option), std::string::npos) << option;
+}
+
+TEST_F(CommandLine, RefusesWhatItDoesNotKnow) {
+  expect_refused("", "--help");
+  expect_refused("dig dig.yaml", "no command 'dig'");
+  expect_refused("exprot a.vdb", "the nearest is 'export'");
+  expect_refused("--colour run dig.yaml", "--colour");
+  expect_refused("run dig.yaml --colour", "--colour");
+  expect_refused("run --colour dig.yaml", "--colour");
+  expect_refused("run dig.yaml other.yaml", "other.yaml");
+  expect_refused("run", "SCENARIO");
+  expect_refused("export dig.vdb", "--to");
+  expect_refused("diff a.vdb", "B.vdb");
+}
+
+TEST_F(CommandLine, RefusesOptionsWithWrongValuesInBothOrders) {
+  const std::array<std::array<const char*, 2>, 14> cases = {{
+      {"--updates 0", "--updates"},
+      {"--updates -5", "--updates"},
+      {"--updates 1.5", "--updates"},
+      {"--updates 100000001", "--updates"},
+      {"--updates many", "'many' is not a whole number"},
+      {"--threads 0", "--threads"},
+      {"--threads 2x", "--threads"},
+      {"--voxel 0", "--voxel"},
+      {"--voxel -0.1", "--voxel"},
+      {"--voxel nan", "--voxel"},
+      {"--voxel inf", "--voxel"},
+      {"--voxel 1000", "--voxel"},
+      {"--voxel ''", "--voxel"},
+      {"--no-mesh=maybe", "--no-mesh"},
+  }};
+  for (const auto& [option, hint] : cases) {
+    expect_refused(fmt::format("run dig.yaml {}", option), hint);
+    expect_refused(fmt::format("run {} dig.yaml", option), hint);
+  }
+  expect_refused("run dig.yaml --out", "--out");
+}
+
+TEST_F(CommandLine, RefusesFilesThatAreMissingOrSomethingElse) {
+  write_file(folder() / "noise.bin", std::string("\x01\x02\x03\0\xff", 5));
+  write_file(folder() / "empty.vdb", "");
+  write_file(folder() / "short.vdb", std::string("\x20\x42\x44\x56\0\0\0\0", 8));
+  fs::create_directories(folder() / "a folder");
+  expect_refused("run none.yaml", "none.yaml");
+  expect_refused("run 'a folder'", "a folder");
+  expect_refused("run noise.bin", "noise.bin");
+  for (const char* file : {"none.vdb", "'a folder'", "noise.bin", "empty.vdb", "short.vdb", "''"})
+    expect_refused(fmt::format("info {}", file), "");
+  for (const char* file : {"none.vdb", "noise.bin", "empty.vdb", "short.vdb", "dig.yaml"}) {
+    expect_refused(fmt::format("export {} --to x.ply", file), file);
+    expect_refused(fmt::format("diff {0} {0}", file), file);
+  }
+}
+
+TEST_F(CommandLine, RefusesABrokenScenarioByFileAndLine) {
+  std::string scenario = half_sine_scenario();
+  scenario.replace(scenario.find("voxel_size"), 10, "voxel_sise");
+  write_file(folder() / "broken.yaml", scenario);
+  expect_refused("run broken.yaml", "broken.yaml:3: ");
+  expect_refused("info broken.yaml", "broken.yaml:3: ");
+  write_file(folder() / "dig.csv", "time,x,y,z\n0,0,0,1\n0,0,0,1\n");
+  expect_refused("run dig.yaml --out deep/new/folder", "dig.csv:3: ");
+}
+
+TEST_F(CommandLine, RefusesAnOutFolderThatCannotBe) {
+  write_file(folder() / "file", "x");
+  expect_refused("run dig.yaml --out file", "--out");
+  expect_refused("run dig.yaml --out file/below", "--out");
+}
+
+TEST_F(CommandLine, KeepsItsErrorOnOneLine) {
+  expect_refused("run $'two\\nlines.yaml'", "lines.yaml");
+  expect_refused("$'ru\\nn' x", "no command");
+}
+
+TEST_F(CommandLine, WorksWithSpacesInNames) {
+  write_file(folder() / "my site/my dig.yaml", half_sine_scenario("{plane: {z: 0}}", "my dig.csv"));
+  write_file(folder() / "my site/my dig.csv", HalfSine{}.csv(101));
+  EXPECT_EQ(run("run --out 'the out' 'my site/my dig.yaml'").status, 0);
+  EXPECT_TRUE(fs::exists(folder() / "the out/summary.json"));
+  EXPECT_EQ(run("export 'the out/soil_final.vdb' --to 'the out/my mesh.ply'").status, 0);
+  EXPECT_TRUE(fs::exists(folder() / "the out/my mesh.ply"));
+}
+
+TEST_F(CommandLine, AFullStandardOutputIsAnError) {
+  const Result result = shell(fmt::format("'{}' info dig.yaml >/dev/full", SOILVDB_PROGRAM));
+  EXPECT_EQ(result.status, 1);
+  EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+}
+
+/// A dig with snapshots at 1 s, 2 s, ... 5 s, and what is made of them.
+class AfterARun : public CommandLine {
+ protected:
+  void SetUp() override {
+    CommandLine::SetUp();
+    write_file(folder() / "dig.yaml",
+               half_sine_scenario("{plane: {z: 0}}", "dig.csv", "{snapshots: {every: 1}}"));
+    ASSERT_EQ(run("run dig.yaml --out o").status, 0);
+  }
+  Result good(const std::string& arguments) const {
+    const Result result = run(arguments);
+    EXPECT_EQ(result.status, 0) << arguments << ": " << result.err;
+    EXPECT_EQ(result.err, "") << arguments;
+    return result;
+  }
+};
+
+TEST_F(AfterARun, ExportsEveryFormat) {
+  for (const char* suffix : {"ply", "obj", "stl", "glb", "tif", "png", "vdb"}) {
+    good(fmt::format("export o/soil_final.vdb --to whole.{}", suffix));
+    good(fmt::format("export --region 0.2,-0.5,0.6,0.5 --to part.{} o/soil_final.vdb", suffix));
+    EXPECT_GT(fs::file_size(folder() / fmt::format("whole.{}", suffix)), 500u) << suffix;
+    EXPECT_GT(fs::file_size(folder() / fmt::format("part.{}", suffix)), 500u) << suffix;
+  }
+  EXPECT_LT(fs::file_size(folder() / "part.ply"), fs::file_size(folder() / "whole.ply"));
+  const std::string png = read_file(folder() / "whole.png");
+  EXPECT_EQ(png.substr(1, 3), "PNG");
+  EXPECT_EQ(read_file(folder() / "whole.glb").substr(0, 4), "glTF");
+  good("export o/soil_final.vdb --to view.png --view perspective");
+  EXPECT_NE(read_file(folder() / "view.png"), png);
+}
+
+TEST_F(AfterARun, ExportsTheSurfaceThatWasDug) {
+  good("export o/soil_final.vdb --to dug.tif");
+  const auto raster = io::open_raster(folder() / "dug.tif");
+  std::vector<float> heights(static_cast<std::size_t>(raster.grid.nx * raster.grid.ny));
+  raster.source->read(0, 0, raster.grid.nx, raster.grid.ny, heights.data());
+  const float lowest = *std::min_element(heights.begin(), heights.end());
+  EXPECT_NEAR(lowest, -HalfSine::kDepth_m, 0.025);  // to a voxel
+}
+
+TEST_F(AfterARun, AnExportedLevelSetIsGroundForOthersAndForUs) {
+  good("export o/soil_1.vdb --to closed.vdb --region -1,-1,2,1");
+  const Result info = good("info closed.vdb");
+  EXPECT_NE(info.out.find("level set"), std::string::npos) << info.out;
+  write_file(folder() / "on.yaml", half_sine_scenario("{level_set: closed.vdb}"));
+  good("run on.yaml --out on");
+  const double cut = read_json(folder() / "on/summary.json")["volume_m3"]["cut"];
+  const auto rest = nlohmann::json::parse(good("diff o/soil_1.vdb o/soil_final.vdb --json").out);
+  EXPECT_NEAR(cut, rest["cut_m3"], 0.01 * HalfSine::kVolume_m3);
+}
+
+TEST_F(AfterARun, RefusesExportsThatCannotBe) {
+  const std::string from = "export o/soil_final.vdb --to ";
+  expect_refused(from + "x.xyz", "suffix");
+  expect_refused(from + "x", "suffix");
+  expect_refused(from + "o/soil_final.vdb", "input");
+  expect_refused(from + "none/x.ply", "none");
+  expect_refused(from + "x.ply --region 1,2,3", "four numbers");
+  expect_refused(from + "x.ply --region 1,2,3,4,5", "four numbers");
+  expect_refused(from + "x.ply --region 1,2,3,nan", "four numbers");
+  expect_refused(from + "x.ply --region 1,2,3,", "four numbers");
+  expect_refused(from + "x.ply --region 1,0,0,1", "below");
+  expect_refused(from + "x.ply --region 100,100,110,110", "misses");
+  expect_refused(from + "x.png --view side", "side");
+}
+
+TEST_F(AfterARun, DiffIsWhatTheLedgerBooked) {
+  const auto d = [&](const std::string& a, const std::string& b) {
+    return nlohmann::json::parse(good(fmt::format("diff {} {} --json", a, b)).out);
+  };
+  io::SnapshotInfo one, final;
+  io::read_snapshot(folder() / "o/soil_1.vdb", &one);
+  io::read_snapshot(folder() / "o/soil_final.vdb", &final);
+  const auto forth = d("o/soil_1.vdb", "o/soil_final.vdb");
+  EXPECT_NEAR(forth["cut_m3"], final.cut_m3 - one.cut_m3, 1e-12);
+  EXPECT_EQ(forth["fill_m3"], 0);
+  EXPECT_EQ(forth["net_m3"].get<double>(), -forth["cut_m3"].get<double>());
+  // What is left to dig from 1 s on is 4/5 of the length, at most a column more on each side.
+  EXPECT_NEAR(forth["area_m2"], 0.8 * HalfSine::kLength_m * HalfSine::kWidth_m, 0.05);
+  const auto back = d("o/soil_final.vdb", "o/soil_1.vdb");
+  EXPECT_EQ(back["fill_m3"], forth["cut_m3"]);
+  EXPECT_EQ(back["cut_m3"], 0);
+  EXPECT_EQ(d("o/soil_1.vdb", "o/soil_1.vdb")["area_m2"], 0);
+  const auto first = d("o/soil_1.vdb", "o/soil_2.vdb"),
+             rest = d("o/soil_2.vdb", "o/soil_final.vdb");
+  EXPECT_NEAR(first["cut_m3"].get<double>() + rest["cut_m3"].get<double>(), forth["cut_m3"], 1e-12);
+}
+
+TEST_F(AfterARun, DiffWritesARasterAndAPicture) {
+  good("diff o/soil_1.vdb o/soil_final.vdb --to d.tif");
+  good("diff --to d.png o/soil_1.vdb o/soil_final.vdb");
+  good("diff o/soil_1.vdb o/soil_1.vdb --to same.png");
+  EXPECT_EQ(read_file(folder() / "d.png").substr(1, 3), "PNG");
+  const auto raster = io::open_raster(folder() / "d.tif");
+  std::vector<float> change(static_cast<std::size_t>(raster.grid.nx * raster.grid.ny));
+  raster.source->read(0, 0, raster.grid.nx, raster.grid.ny, change.data());
+  EXPECT_NEAR(*std::min_element(change.begin(), change.end()), -HalfSine::kDepth_m, 0.025);
+  EXPECT_NEAR(*std::max_element(change.begin(), change.end()), 0, 1e-6);
+  expect_refused("diff o/soil_1.vdb o/soil_final.vdb --to d.ply", "suffix");
+  expect_refused("diff o/soil_1.vdb o/soil_final.vdb --to o/soil_1.vdb", "suffix");
+}
+
+TEST_F(AfterARun, DiffRefusesTwoSites) {
+  ASSERT_EQ(run("run dig.yaml --out coarse --voxel 0.05").status, 0);
+  write_file(folder() / "low.yaml", half_sine_scenario("{plane: {z: -0.1}}"));
+  ASSERT_EQ(run("run low.yaml --out low").status, 0);
+  expect_refused("diff o/soil_final.vdb coarse/soil_final.vdb", "voxels");
+  expect_refused("diff o/soil_final.vdb low/soil_final.vdb", "z = -0.1");
+}
+
+TEST_F(AfterARun, InfoTellsWhatFilesAre) {
+  const std::string snapshot = good("info o/soil_2.vdb").out;
+  EXPECT_NE(snapshot.find("snapshot"), std::string::npos);
+  EXPECT_NE(snapshot.find("2 s"), std::string::npos);
+  const std::string hash = read_json(folder() / "o/summary.json")["state_hash"];
+  EXPECT_NE(good("info o/soil_final.vdb").out.find(hash), std::string::npos);
+  const std::string scenario = good("info dig.yaml").out;
+  EXPECT_NE(scenario.find("101 rows, 5 s"), std::string::npos) << scenario;
+  good("export o/soil_final.vdb --to dug.tif");
+  const std::string raster = good("info dug.tif").out;
+  EXPECT_NE(raster.find("usable"), std::string::npos) << raster;
+  EXPECT_NE(raster.find("GTiff"), std::string::npos) << raster;
+}
+
+TEST_F(AfterARun, ADamagedSnapshotIsRefused) {
+  std::string bytes = read_file(folder() / "o/soil_final.vdb");
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 16);
+  write_file(folder() / "damaged.vdb", bytes);
+  for (const char* command :
+       {"info damaged.vdb", "export damaged.vdb --to x.ply", "diff o/soil_1.vdb damaged.vdb"})
+    expect_refused(command, "damaged.vdb");
+  write_file(folder() / "cut.vdb", bytes.substr(0, bytes.size() / 3));
+  expect_refused("info cut.vdb", "cut.vdb");
+}
+
+}  // namespace
+}  // namespace soilvdb::testing

@@ -1,0 +1,383 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/oracle.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace soilvdb::testing {
+namespace {
+
+constexpr int kSteps = 256;          // of time, in which roots are looked for
+constexpr int kBisections = 34;      // of one such step
+constexpr int kGolden = 24;          // shrinks a step by 1e-5, an extreme's error by 1e-10
+constexpr int kTerrainSteps = 48;    // along a range, in which crossings of the terrain are looked for
+constexpr double kParallel = 1e-9;   // cosine below which a line doesn't meet a plane
+constexpr double kOut = -1e9;
+
+std::vector<double> times_of(const Sweep& sweep) {
+  std::vector<double> times(sweep.kinks);
+  for (int i = 0; i <= kSteps; ++i) times.push_back(static_cast<double>(i) / kSteps);
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  return times;
+}
+
+struct Line {
+  Vec3 origin, direction;
+};
+
+/// Where a line meets a blade's plane, and how far inside the blade's edges (negative: outside).
+struct Meeting {
+  double s = 0, inside = kOut, cosine = 0;
+};
+
+Meeting meet(const Line& line, const Blade& blade, const Pose& world_from_blade) {
+  const Eigen::Matrix3d axes = world_from_blade.rotation.toRotationMatrix();
+  Meeting m;
+  m.cosine = axes.col(0).dot(line.direction);
+  if (std::abs(m.cosine) < kParallel) return m;
+  m.s = axes.col(0).dot(world_from_blade.position - line.origin) / m.cosine;
+  const Vec3 p = line.origin + m.s * line.direction - world_from_blade.position;
+  const double y = axes.col(1).dot(p), z = axes.col(2).dot(p);
+  m.inside = std::min({y - blade.y_low, blade.y_high - y, z, blade.z_high - z});
+  return m;
+}
+
+using Range = std::pair<double, double>;
+
+/// Lines of one direction through one sweep.
+class Scan {
+ public:
+  Scan(const Sweep& sweep, const Terrain& terrain, const Vec3& direction)
+      : sweep_(sweep), terrain_(terrain), direction_(direction.normalized()), times_(times_of(sweep)) {
+    for (const Blade& blade : sweep.blades) {
+      for (const double t : times_) {
+        const Pose pose = sweep.world_from_bucket(t) * blade.bucket_from_blade;
+        const Eigen::Matrix3d a = pose.rotation.toRotationMatrix();
+        nodes_.push_back({a.col(0), a.col(1), a.col(2), a.col(0).dot(pose.position),
+                          a.col(1).dot(pose.position), a.col(2).dot(pose.position),
+                          a.col(0).dot(direction_), a.col(1).dot(direction_),
+                          a.col(2).dot(direction_)});
+      }
+    }
+  }
+
+  /// Length of the swept soil on the line through `origin`.
+  double length(const Vec3& origin) const {
+    const Line line{origin, direction_};
+    std::vector<Range> ranges;
+    for (std::size_t b = 0; b < sweep_.blades.size(); ++b) add_ranges(line, b, ranges);
+    std::sort(ranges.begin(), ranges.end());
+    double sum = 0, reached = -std::numeric_limits<double>::infinity();
+    for (const Range& r : ranges) {
+      const double from = std::max(r.first, reached);
+      if (r.second > from) sum += soil_between(line, from, r.second);
+      reached = std::max(reached, r.second);
+    }
+    return sum;
+  }
+
+  /// Bounds of the sweep in the coordinates given by the columns of `axes`.
+  Eigen::AlignedBox3d bounds(const Eigen::Matrix3d& axes) const {
+    Eigen::AlignedBox3d box;
+    for (const Blade& blade : sweep_.blades) {
+      for (const double t : times_) {
+        const Pose pose = sweep_.world_from_bucket(t) * blade.bucket_from_blade;
+        for (const double y : {blade.y_low, blade.y_high}) {
+          for (const double z : {0.0, blade.z_high}) {
+            box.extend(axes.transpose() * (pose * Vec3(0, y, z)));
+          }
+        }
+      }
+    }
+    const Vec3 margin = 1e-3 * box.sizes();   // for the bend of the path between the times
+    return {box.min() - margin, box.max() + margin};
+  }
+
+ private:
+  struct Node {
+    Vec3 nx, ny, nz;
+    double cx, cy, cz, dx, dy, dz;
+  };
+
+  Meeting exact(const Line& line, std::size_t b, double t) const {
+    const Blade& blade = sweep_.blades[b];
+    return meet(line, blade, sweep_.world_from_bucket(t) * blade.bucket_from_blade);
+  }
+
+  Meeting at_node(const Line& line, std::size_t b, std::size_t i) const {
+    const Node& n = nodes_[b * times_.size() + i];
+    const Blade& blade = sweep_.blades[b];
+    Meeting m;
+    m.cosine = n.dx;
+    if (std::abs(n.dx) < kParallel) return m;
+    m.s = (n.cx - n.nx.dot(line.origin)) / n.dx;
+    const double y = n.ny.dot(line.origin) - n.cy + m.s * n.dy;
+    const double z = n.nz.dot(line.origin) - n.cz + m.s * n.dz;
+    m.inside = std::min({y - blade.y_low, blade.y_high - y, z, blade.z_high - z});
+    return m;
+  }
+
+  /// The meeting at the last time, going from `in` to `out`, at which it is inside. A plane that
+  /// turns through the line's direction leaves it by way of infinity, so there it is outside.
+  Meeting edge(const Line& line, std::size_t b, double in, double out, Meeting last) const {
+    for (int k = 0; k < kBisections; ++k) {
+      const double mid = (in + out) / 2;
+      const Meeting m = exact(line, b, mid);
+      if (m.inside >= 0 && m.cosine * last.cosine > 0) {
+        in = mid;
+        last = m;
+      } else {
+        out = mid;
+      }
+    }
+    return last;
+  }
+
+  /// The greatest (sign 1) or least (sign -1) s between two times.
+  double extreme(const Line& line, std::size_t b, double from, double to, double sign) const {
+    constexpr double kRatio = 0.6180339887498949;
+    double best = -std::numeric_limits<double>::infinity();
+    const auto value = [&](double t) {
+      const Meeting m = exact(line, b, t);
+      const double v = m.inside >= 0 ? sign * m.s : -std::numeric_limits<double>::infinity();
+      best = std::max(best, v);
+      return v;
+    };
+    double c = to - kRatio * (to - from), d = from + kRatio * (to - from);
+    double vc = value(c), vd = value(d);
+    for (int k = 0; k < kGolden; ++k) {
+      if (vc > vd) {
+        to = d, d = c, vd = vc;
+        c = to - kRatio * (to - from), vc = value(c);
+      } else {
+        from = c, c = d, vc = vd;
+        d = from + kRatio * (to - from), vd = value(d);
+      }
+    }
+    return sign * best;
+  }
+
+  void add_ranges(const Line& line, std::size_t b, std::vector<Range>& ranges) const {
+    Meeting before, here = at_node(line, b, 0);
+    bool open = false;
+    Range range;
+    const auto extend = [&](double s) {
+      range.first = std::min(range.first, s);
+      range.second = std::max(range.second, s);
+    };
+    const auto start = [&](double s) {
+      range = {s, s};
+      open = true;
+    };
+    const auto finish = [&] {
+      ranges.push_back(range);
+      open = false;
+    };
+    if (here.inside >= 0) start(here.s);
+    for (std::size_t i = 1; i < times_.size(); ++i) {
+      const Meeting last2 = before;
+      before = here;
+      here = at_node(line, b, i);
+      const bool was = before.inside >= 0, is = here.inside >= 0;
+      if (!was && !is) continue;
+      const double t0 = times_[i - 1], t1 = times_[i];
+      if (was && is && before.cosine * here.cosine > 0) {
+        extend(here.s);
+        // A turn at the node between this step and the last one.
+        if (i > 1 && last2.inside >= 0 && (before.s - last2.s) * (here.s - before.s) < 0) {
+          extend(extreme(line, b, times_[i - 2], t1, before.s > here.s ? 1 : -1));
+        }
+        continue;
+      }
+      if (was) {
+        const Meeting end = edge(line, b, t0, t1, before);
+        extend(end.s);
+        if (i > 1 && last2.inside >= 0 && (before.s - last2.s) * (end.s - before.s) < 0) {
+          extend(extreme(line, b, times_[i - 2], t1, before.s > end.s ? 1 : -1));
+        }
+        finish();
+      }
+      if (is) {
+        start(here.s);
+        const Meeting begin = edge(line, b, t1, t0, here);
+        extend(begin.s);
+        // A turn just inside: compare with the direction in which it goes on.
+        if (i + 1 < times_.size()) {
+          const Meeting next = at_node(line, b, i + 1);
+          if (next.inside >= 0 && (here.s - begin.s) * (next.s - here.s) < 0) {
+            extend(extreme(line, b, t0, times_[i + 1], here.s > next.s ? 1 : -1));
+          }
+        }
+      }
+    }
+    if (open) finish();
+  }
+
+  double soil_between(const Line& line, double from, double to) const {
+    const auto above = [&](double s) {
+      const Vec3 p = line.origin + s * line.direction;
+      return p.z() - terrain_.height(p.head<2>());
+    };
+    const int steps = terrain_.flat ? 1 : kTerrainSteps;
+    double sum = 0, a = from, fa = above(a);
+    for (int k = 1; k <= steps; ++k) {
+      const double b = from + (to - from) * k / steps, fb = above(b);
+      if (fa < 0 && fb < 0) sum += b - a;
+      if ((fa < 0) != (fb < 0)) {
+        double in = fa < 0 ? a : b, out = fa < 0 ? b : a;
+        if (terrain_.flat) {
+          in = a + (b - a) * fa / (fa - fb);
+        } else {
+          for (int i = 0; i < kBisections; ++i) {
+            const double mid = (in + out) / 2;
+            (above(mid) < 0 ? in : out) = mid;
+          }
+        }
+        sum += std::abs(in - (fa < 0 ? a : b));
+      }
+      a = b;
+      fa = fb;
+    }
+    return sum;
+  }
+
+  const Sweep& sweep_;
+  const Terrain& terrain_;
+  Vec3 direction_;
+  std::vector<double> times_;
+  std::vector<Node> nodes_;
+};
+
+/// Mean of `f(i)` over 0 <= i < n, the same for any number of threads.
+template <typename F>
+double mean(int n, const F& f) {
+  std::vector<double> values(static_cast<std::size_t>(n));
+  tbb::parallel_for(0, n, [&](int i) { values[static_cast<std::size_t>(i)] = f(i); });
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum / n;
+}
+
+}  // namespace
+
+Blade mouth(const Bucket& bucket) {
+  return {{}, -bucket.width_m / 2, bucket.width_m / 2, bucket.height_m};
+}
+
+std::vector<Blade> profile_faces(const Bucket& bucket) {
+  std::vector<Blade> faces;
+  for (std::size_t i = 1; i < bucket.profile.size(); ++i) {
+    const Vec2 a = bucket.profile[i - 1], along = bucket.profile[i] - a;
+    // Pitch turns z from straight up towards +x.
+    const Pose frame{{a.x(), 0, a.y()}, from_rpy(0, std::atan2(along.x(), along.y()), 0)};
+    faces.push_back({frame, -bucket.width_m / 2, bucket.width_m / 2, along.norm()});
+  }
+  return faces;
+}
+
+Volume spatial_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& direction, int sides) {
+  const Scan scan(sweep, terrain, direction);
+  Eigen::Matrix3d axes;
+  axes.col(0) = direction.normalized();
+  axes.col(1) = axes.col(0).unitOrthogonal();
+  axes.col(2) = axes.col(0).cross(axes.col(1));
+  const Eigen::AlignedBox3d box = scan.bounds(axes);
+  const Vec3 size = box.sizes();
+  constexpr int kShifts = 4;
+  double sum = 0, squares = 0;
+  for (int k = 0; k < kShifts; ++k) {
+    const double su = (k + 0.5) / kShifts, sv = ((k * 2 + 1) % kShifts + 0.25) / kShifts;
+    const double v = size.y() * size.z() * mean(sides * sides, [&](int i) {
+      const double u = (i / sides + su) / sides, w = (i % sides + sv) / sides;
+      return scan.length(axes * (box.min() + Vec3(0, u * size.y(), w * size.z())));
+    });
+    sum += v;
+    squares += v * v;
+  }
+  const double v = sum / kShifts;
+  const double variance = std::max(0.0, squares / kShifts - v * v) / (kShifts - 1);
+  return {v, 3 * std::sqrt(variance) + 1e-6 * v};
+}
+
+Volume planar_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& direction, int lines,
+                     int slices) {
+  const Scan scan(sweep, terrain, direction);
+  const Blade& blade = sweep.blades.front();
+  const double width = blade.y_high - blade.y_low;
+  Eigen::Matrix3d axes;
+  axes.col(0) = direction.normalized();
+  axes.col(1) = Vec3::UnitY();
+  axes.col(2) = axes.col(0).cross(axes.col(1));
+  const Eigen::AlignedBox3d box = scan.bounds(axes);
+  const double middle = sweep.world_from_bucket(0).position.y() + (blade.y_low + blade.y_high) / 2;
+  const auto with = [&](int n, int m) {
+    return width * box.sizes().z() * mean(n * m, [&](int i) {
+      const double y = middle + width * ((i / n + 0.5) / m - 0.5);
+      const double w = box.min().z() + box.sizes().z() * (i % n + 0.5) / n;
+      return scan.length(y * axes.col(1) + w * axes.col(2));
+    });
+  };
+  const double fine = with(lines, slices);
+  const double coarse = with(lines * 5 / 8, (slices * 5 + 7) / 8);
+  return {fine, 2 * std::abs(fine - coarse) + 1e-6 * fine};
+}
+
+bool passes_through(const Sweep& sweep, const Vec3& p) {
+  const std::vector<double> times = times_of(sweep);
+  for (const Blade& blade : sweep.blades) {
+    const auto local = [&](double t) {
+      return (sweep.world_from_bucket(t) * blade.bucket_from_blade).inverse() * p;
+    };
+    double before = local(times.front()).x();
+    for (std::size_t i = 1; i < times.size(); ++i) {
+      const double here = local(times[i]).x();
+      if ((before < 0) != (here < 0)) {
+        double a = times[i - 1], b = times[i];
+        for (int k = 0; k < kBisections; ++k) {
+          const double mid = (a + b) / 2;
+          ((local(mid).x() < 0) == (before < 0) ? a : b) = mid;
+        }
+        const Vec3 q = local(a);
+        if (q.y() >= blade.y_low && q.y() <= blade.y_high && q.z() >= 0 && q.z() <= blade.z_high) {
+          return true;
+        }
+      }
+      before = here;
+    }
+  }
+  return false;
+}
+
+Volume sampled_volume(const Sweep& sweep, const Terrain& terrain, int sides, unsigned seed) {
+  const Eigen::AlignedBox3d box =
+      Scan(sweep, terrain, Vec3::UnitX()).bounds(Eigen::Matrix3d::Identity());
+  constexpr int kRepeats = 4;
+  const int boxes = sides * sides * sides;
+  double sum = 0, squares = 0;
+  for (int k = 0; k < kRepeats; ++k) {
+    const double v = box.volume() * mean(boxes, [&](int i) {
+      std::mt19937_64 random(seed + static_cast<std::uint64_t>(k) * static_cast<std::uint64_t>(boxes) +
+                             static_cast<std::uint64_t>(i));
+      std::uniform_real_distribution<double> unit;
+      const Vec3 f((i % sides + unit(random)) / sides, (i / sides % sides + unit(random)) / sides,
+                   (i / sides / sides + unit(random)) / sides);
+      const Vec3 p = box.min() + f.cwiseProduct(box.sizes());
+      return p.z() < terrain.height(p.head<2>()) && passes_through(sweep, p) ? 1.0 : 0.0;
+    });
+    sum += v;
+    squares += v * v;
+  }
+  const double v = sum / kRepeats;
+  // Four repeats tell the spread poorly: at least that of boxes that lie half inside.
+  const double variance = std::max(0.0, squares / kRepeats - v * v) / (kRepeats - 1);
+  const double theory = box.volume() * 0.5 / std::pow(sides, 2.0) / std::sqrt(kRepeats);
+  return {v, 3 * std::max(std::sqrt(variance), theory)};
+}
+
+}  // namespace soilvdb::testing

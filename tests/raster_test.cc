@@ -1,0 +1,433 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/raster.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "io/atomic_file.h"
+#include "io/crs.h"
+#include "tests/temp_folder.h"
+
+namespace soilvdb::io {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+using test::TempFolder;
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr const char* kUtm17 =
+    "PROJCS[\"WGS 84 / UTM zone 17N\",GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\","
+    "6378137,298.257223563]],PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]],"
+    "PROJECTION[\"Transverse_Mercator\"],PARAMETER[\"latitude_of_origin\",0],"
+    "PARAMETER[\"central_meridian\",-81],PARAMETER[\"scale_factor\",0.9996],"
+    "PARAMETER[\"false_easting\",500000],PARAMETER[\"false_northing\",0],UNIT[\"metre\",1],"
+    "AUTHORITY[\"EPSG\",\"32617\"]]";
+constexpr const char* kDegrees =
+    "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\",6378137,298.257223563]],"
+    "PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]]";
+
+std::string with_unit(std::string wkt, const std::string& from, const std::string& to) {
+  const auto at = wkt.rfind(from);
+  return wkt.replace(at, from.size(), to);
+}
+
+/// An Esri ASCII grid of 3 x 2 cells of 2 m at (100, 200).
+std::string ascii(const std::string& values, const std::string& more = "") {
+  return "ncols 3\nnrows 2\nxllcorner 100\nyllcorner 200\ncellsize 2\n" + more + values;
+}
+
+std::vector<float> all_of(const RasterInput& raster) {
+  std::vector<float> out(std::size_t(raster.grid.nx) * raster.grid.ny);
+  raster.source->read(0, 0, raster.grid.nx, raster.grid.ny, out.data());
+  return out;
+}
+
+void expect_same(const std::vector<float>& a, const std::vector<float>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (std::isnan(a[i]) && std::isnan(b[i])) continue;
+    EXPECT_EQ(a[i], b[i]) << "post " << i;
+  }
+}
+
+std::string refusal(const TempFolder& folder, const std::filesystem::path& file) {
+  try {
+    open_raster(file);
+  } catch (const InputError& e) {
+    EXPECT_THAT(e.what(), Not(HasSubstr("\n")));
+    return test::message_of(folder, [&] { throw e; });
+  }
+  return "accepted";
+}
+
+std::filesystem::path shared(const std::string& name) {
+  const char* folder = std::getenv("SOILVDB_SHARED");
+  return (folder != nullptr ? std::filesystem::path(folder)
+                            : std::filesystem::path(SOILVDB_SOURCE_DIR) / ".." / "shared") /
+         "data" / name;
+}
+
+#define SKIP_UNLESS_THERE(file) \
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << (file) << " is not there"
+
+/// What a shell command prints; nothing if it fails.
+std::string output_of(const std::string& command) {
+  std::FILE* pipe = ::popen((command + " 2>/dev/null").c_str(), "r");
+  std::string text;
+  char buffer[4096];
+  for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) text.append(buffer, n);
+  return ::pclose(pipe) == 0 ? text : "";
+}
+
+HeightGrid grid_of(int nx, int ny, Vec2 first, Vec2 spacing) { return {nx, ny, first, spacing}; }
+
+// ---- reading
+
+TEST(Raster, PostsAreTheCentresOfTheCellsFromTheSouthWestCorner) {
+  const TempFolder folder;
+  const RasterInput raster = open_raster(folder.write("a.asc", ascii("4 5 6\n1 2 3\n")));
+  EXPECT_EQ(raster.driver, "AAIGrid");
+  EXPECT_EQ(raster.grid.nx, 3);
+  EXPECT_EQ(raster.grid.ny, 2);
+  EXPECT_EQ(raster.grid.first, Vec2(101, 201));
+  EXPECT_EQ(raster.grid.spacing, Vec2(2, 2));
+  EXPECT_EQ(raster.crs_wkt, "");
+  expect_same(all_of(raster), {1, 2, 3, 4, 5, 6});
+}
+
+TEST(Raster, AWindowHoldsTheSameHeightsAsTheWhole) {
+  const TempFolder folder;
+  const RasterInput raster = open_raster(folder.write("a.asc", ascii("4 5 6\n1 2 3\n")));
+  std::vector<float> window(2);
+  raster.source->read(1, 1, 2, 1, window.data());
+  expect_same(window, {5, 6});
+}
+
+TEST(Raster, ADecimalAfterAHundredKilobytesOfIntegersIsNotCutOff) {
+  const TempFolder folder;
+  std::string text = "ncols 300\nnrows 300\nxllcorner 0\nyllcorner 0\ncellsize 1\n";
+  for (int i = 0; i < 300 * 300 - 1; ++i) text += "17 ";
+  const auto heights = all_of(open_raster(folder.write("a.asc", text + "17.75\n")));
+  EXPECT_EQ(heights[299], 17.75f);
+}
+
+TEST(Raster, DeclaredNodataIsNoHeightEvenIfItIsZero) {
+  const TempFolder folder;
+  const auto file = folder.write("a.asc", ascii("4 0 6\n1 2 3\n", "NODATA_value 0\n"));
+  expect_same(all_of(open_raster(file)), {1, 2, 3, 4, kNone, 6});
+}
+
+TEST(Raster, UndeclaredVoidsOfCommonUseAreNoHeight) {
+  const TempFolder folder;
+  const auto file = folder.write("a.asc", ascii("-9999 -32768 -3.4028235e38\n1 -9998.5 1e6\n"));
+  expect_same(all_of(open_raster(file)), {1, -9998.5f, kNone, kNone, kNone, kNone});
+}
+
+TEST(Raster, RowsMayRunNorthward) {
+  const TempFolder folder;
+  const float values[6] = {1, 2, 3, 4, 5, 6};
+  folder.write("a.img", std::string_view(reinterpret_cast<const char*>(values), sizeof values));
+  const auto header = [&](const std::string& dy) {
+    folder.write("a.hdr", "ENVI\nsamples = 3\nlines = 2\nbands = 1\nheader offset = 0\n"
+                          "data type = 4\ninterleave = bsq\nbyte order = 0\n"
+                          "map info = {Arbitrary, 1, 1, 100, 204, 2, " + dy + "}\n");
+    return folder / "a.img";
+  };
+  expect_same(all_of(open_raster(header("2"))), {4, 5, 6, 1, 2, 3});
+  EXPECT_EQ(open_raster(header("2")).grid.first, Vec2(101, 201));
+  expect_same(all_of(open_raster(header("-2"))), {1, 2, 3, 4, 5, 6});
+  EXPECT_EQ(open_raster(header("-2")).grid.first, Vec2(101, 205));
+}
+
+TEST(Raster, WhatIsWrittenIsReadBackBitForBit) {
+  const TempFolder folder;
+  const HeightGrid grid = grid_of(301, 277, {400000.25, 5e6}, {0.5, 0.25});
+  std::vector<float> values(301 * 277);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i] = i % 7 == 0 ? kNone : 500 + 3 * std::sin(0.01f * static_cast<float>(i));
+  }
+  write_geotiff(folder / "a.tif", grid, {{"surface", values}, {"change", values}}, kUtm17);
+  const RasterInput back = open_raster(folder / "a.tif");
+  EXPECT_EQ(back.grid.first, grid.first);
+  EXPECT_EQ(back.grid.spacing, grid.spacing);
+  EXPECT_EQ(crs_label(back.crs_wkt), "EPSG:32617");
+  expect_same(all_of(back), values);
+}
+
+TEST(Raster, SeveralThreadsReadTheSameHeights) {
+  const TempFolder folder;
+  const HeightGrid grid = grid_of(600, 600, {0, 0}, {1, 1});
+  std::vector<float> values(600 * 600);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i % 1009);
+  write_geotiff(folder / "a.tif", grid, {{"z", values}}, "");
+  const RasterInput raster = open_raster(folder / "a.tif");
+  std::vector<std::vector<float>> out(4);
+  std::vector<std::thread> threads;
+  for (auto& heights : out) threads.emplace_back([&] { heights = all_of(raster); });
+  for (auto& thread : threads) thread.join();
+  for (const auto& heights : out) EXPECT_EQ(heights, values);
+}
+
+// ---- refusals
+
+TEST(Raster, DegreesAreRefusedWithTheCommandThatReprojects) {
+  const TempFolder folder;
+  const auto file = folder.write(
+      "a.asc", "ncols 2\nnrows 2\nxllcorner -77\nyllcorner 38\ncellsize 0.1\n1 2\n3 4\n");
+  folder.write("a.prj", kDegrees);
+  EXPECT_THAT(refusal(folder, file), HasSubstr("is in degrees"));
+  EXPECT_THAT(refusal(folder, file),
+              HasSubstr("gdalwarp -t_srs EPSG:32618 -r bilinear a.asc a_utm.tif"));
+}
+
+TEST(Raster, TheUtmZoneIsThatOfThePlace) {
+  EXPECT_EQ(utm_epsg(-180, 10), 32601);
+  EXPECT_EQ(utm_epsg(179.99, 10), 32660);
+  EXPECT_EQ(utm_epsg(180, 10), 32601);
+  EXPECT_EQ(utm_epsg(9, 48), 32632);
+  EXPECT_EQ(utm_epsg(18.4, -33.9), 32734);
+  EXPECT_EQ(utm_epsg(283, 38), 32618);
+  EXPECT_EQ(utm_epsg(0, 85), 32661);
+  EXPECT_EQ(utm_epsg(0, -85), 32761);
+}
+
+TEST(Raster, FeetAreRefusedWithTheCommandThatReprojects) {
+  const TempFolder folder;
+  const auto file = folder.write("a.asc", ascii("4 5 6\n1 2 3\n"));
+  folder.write("a.prj", with_unit(with_unit(kUtm17, ",AUTHORITY[\"EPSG\",\"32617\"]", ""),
+                                  "UNIT[\"metre\",1]",
+                                  "UNIT[\"US survey foot\",0.3048006096012192]"));
+  EXPECT_THAT(refusal(folder, file), HasSubstr("'US survey foot', not metres"));
+  EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:326"));
+}
+
+TEST(Raster, DegreesWithoutACrsAreRecognised) {
+  const TempFolder folder;
+  const std::string header = "ncols 3\nnrows 2\nxllcorner -77\nyllcorner 38\ncellsize 0.0003\n";
+  EXPECT_THAT(refusal(folder, folder.write("a.asc", header + "40 50 60\n10 20 30\n")),
+              HasSubstr("gdalwarp -s_srs EPSG:4326 -t_srs EPSG:32618"));
+  // A tray of sand, scanned at 0.3 mm, is as small but flatter than wide.
+  EXPECT_EQ(refusal(folder, folder.write("b.asc", header + "1e-4 0 0\n0 0 1e-4\n")), "accepted");
+}
+
+TEST(Raster, ARotatedRasterIsRefused) {
+  const TempFolder folder;
+  folder.write("a.img", std::string(6 * 4, '\0'));
+  folder.write("a.hdr", "ENVI\nsamples = 3\nlines = 2\nbands = 1\nheader offset = 0\n"
+                        "data type = 4\ninterleave = bsq\nbyte order = 0\n"
+                        "map info = {Arbitrary, 1, 1, 100, 204, 2, 2, units=Meters, rotation=30}\n");
+  EXPECT_THAT(refusal(folder, folder / "a.img"),
+              HasSubstr("is rotated; turn it north up with: gdalwarp -r bilinear a.img"));
+}
+
+TEST(Raster, WhatIsNoRasterIsRefusedInOneLine) {
+  const TempFolder folder;
+  EXPECT_THAT(refusal(folder, folder / "none.tif"), HasSubstr("no such file"));
+  EXPECT_THAT(refusal(folder, folder.path()), HasSubstr("is a folder"));
+  EXPECT_THAT(refusal(folder, folder.write("empty.tif", "")), HasSubstr("is not a raster"));
+  EXPECT_THAT(refusal(folder, folder.write("text.tif", "hello")), HasSubstr("is not a raster"));
+  EXPECT_THAT(refusal(folder, folder.write("void.asc", ascii("-9999 -9999 -9999\n-9999 -9999 -9999"))),
+              HasSubstr("has no height"));
+  EXPECT_THAT(refusal(folder, folder.write("one.asc", "ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\n"
+                                                      "cellsize 1\n5\n")),
+              HasSubstr("1 x 1 cells"));
+}
+
+TEST(Raster, FormatsThatReferToOtherFilesAreNotFollowed) {
+  const TempFolder folder;
+  folder.write("a.asc", ascii("4 5 6\n1 2 3\n"));
+  const auto vrt = folder.write(
+      "a.vrt", "<VRTDataset rasterXSize=\"3\" rasterYSize=\"2\"><GeoTransform>100,2,0,204,0,-2"
+               "</GeoTransform><VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource>"
+               "<SourceFilename relativeToVRT=\"1\">a.asc</SourceFilename><SourceBand>1</SourceBand>"
+               "</SimpleSource></VRTRasterBand></VRTDataset>");
+  EXPECT_THAT(refusal(folder, vrt), HasSubstr("is of format VRT"));
+  EXPECT_THAT(refusal(folder, vrt), HasSubstr("gdal_translate a.vrt a.tif"));
+}
+
+TEST(Raster, ACutOffRasterIsRefusedAtOpening) {
+  const TempFolder folder;
+  EXPECT_THAT(refusal(folder, folder.write("a.asc", ascii("4 5 6\n1 2\n"))), HasSubstr("is damaged"));
+  std::vector<float> values(3000 * 1000);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i * i % 1013);
+  write_geotiff(folder / "a.tif", grid_of(3000, 1000, {0, 0}, {1, 1}), {{"z", values}}, "");
+  ASSERT_EQ(refusal(folder, folder / "a.tif"), "accepted");
+  const auto size = std::filesystem::file_size(folder / "a.tif");
+  for (const double share : {0.05, 0.5, 0.9, 0.999}) {
+    std::filesystem::copy_file(folder / "a.tif", folder / "b.tif",
+                               std::filesystem::copy_options::overwrite_existing);
+    std::filesystem::resize_file(folder / "b.tif", static_cast<std::uintmax_t>(share * double(size)));
+    EXPECT_THAT(refusal(folder, folder / "b.tif"), HasSubstr("b.tif: is damaged")) << share;
+  }
+}
+
+TEST(Raster, DamageThatShowsLateNamesTheFile) {
+  const TempFolder folder;
+  std::vector<float> values(3000 * 1000);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i * i % 1013);
+  write_geotiff(folder / "a.tif", grid_of(3000, 1000, {0, 0}, {1, 1}), {{"z", values}}, "");
+  {
+    std::fstream file(folder / "a.tif", std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(folder / "a.tif") * 3 / 10));
+    file << std::string(3000, 'x');
+  }
+  std::shared_ptr<const HeightSource> source;
+  try {
+    source = open_raster(folder / "a.tif").source;
+  } catch (const InputError&) {
+    GTEST_SKIP() << "seen at opening already";
+  }
+  EXPECT_THAT(test::message_of(folder, [&] { source->read(0, 0, 3000, 1000, values.data()); }),
+              HasSubstr("a.tif: is damaged: rows"));
+}
+
+TEST(Raster, OpeningALargeRasterIsQuick) {
+  const TempFolder folder;
+  // 20 000 x 20 000 floats, sparse on disk: ENVI has no header of its own.
+  folder.write("a.img", "");
+  std::filesystem::resize_file(folder / "a.img", 20'000ull * 20'000 * 4);
+  folder.write("a.hdr", "ENVI\nsamples = 20000\nlines = 20000\nbands = 1\nheader offset = 0\n"
+                        "data type = 4\ninterleave = bsq\nbyte order = 0\n"
+                        "map info = {Arbitrary, 1, 1, 100, 204, 2, 2}\n");
+  const auto begin = std::chrono::steady_clock::now();
+  const RasterInput raster = open_raster(folder / "a.img");
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  EXPECT_EQ(raster.grid.nx, 20'000);
+  EXPECT_LT(took.count(), 0.5);   // the project's bound for opening a site
+}
+
+TEST(Raster, GdalPrintsNothing) {
+  const TempFolder folder;
+  ::testing::internal::CaptureStderr();
+  refusal(folder, folder.write("a.tif", std::string("II*\0\x08\0\0\0\xff\xff garbage", 20)));
+  refusal(folder, folder.write("a.asc", ascii("4 5 6\n1 x\n")));
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+}
+
+// ---- real files
+
+TEST(Raster, RealTerrainIsRead) {
+  SKIP_UNLESS_THERE(shared("dem/dtm.tif"));
+  const RasterInput dtm = open_raster(shared("dem/dtm.tif"));
+  EXPECT_EQ(crs_label(dtm.crs_wkt), "EPSG:26918");
+  EXPECT_EQ(dtm.grid.nx, 283);
+  EXPECT_EQ(dtm.grid.ny, 259);
+  EXPECT_EQ(dtm.grid.first, Vec2(321499, 4297501));
+  const RasterInput reach = open_raster(shared("dem/DEM-kootenai_37x50_1x1.asc"));
+  EXPECT_EQ(reach.grid.first, Vec2(556440.5, 5394932.5));
+  const auto heights = all_of(reach);
+  EXPECT_FLOAT_EQ(heights[36 * 50], 543.340026855468977f);   // the first number of the file
+}
+
+TEST(Raster, RealVoidsAreNoHeight) {
+  SKIP_UNLESS_THERE(shared("dem/hugo_site_filled.asc"));
+  for (const float z : all_of(open_raster(shared("dem/hugo_site_filled.asc")))) {
+    EXPECT_TRUE(std::isnan(z) || (z > 1000 && z < 2000)) << z;
+  }
+  for (const float z : all_of(open_raster(shared("dem/west_bijou_gully.asc")))) {
+    EXPECT_TRUE(std::isnan(z) || (z > 1680 && z < 1726)) << z;
+  }
+}
+
+TEST(Raster, RealDamagedFilesAreRefused) {
+  SKIP_UNLESS_THERE(shared("malformed/corrupt1.tif"));
+  const TempFolder folder;
+  ::testing::internal::CaptureStderr();
+  EXPECT_THAT(refusal(folder, shared("malformed/corrupt1.tif")), HasSubstr("corrupt1.tif: "));
+  EXPECT_THAT(refusal(folder, shared("malformed/crash-1633.tif")), HasSubstr("crash-1633.tif: "));
+  EXPECT_THAT(refusal(folder, shared("malformed/sphere.vdb")), HasSubstr("is not a raster"));
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(Raster, ForeignFeetOfHeightAreRefusedAndTheCommandHelps) {
+  SKIP_UNLESS_THERE(shared("dem/dtm.tif"));
+  const TempFolder folder;
+  if (output_of("gdal_translate -a_srs EPSG:26918+6360 " + shared("dem/dtm.tif").string() + " " +
+                (folder / "a.tif").string()).empty()) {
+    GTEST_SKIP() << "gdal_translate is not there";
+  }
+  const std::string message = refusal(folder, folder / "a.tif");
+  EXPECT_THAT(message, HasSubstr("heights are in 'US survey foot'"));
+  const auto command = message.find("gdal_calc.py");
+  ASSERT_NE(command, message.npos);
+  if (output_of("command -v gdal_calc.py").empty()) GTEST_SKIP() << "gdal_calc.py is not there";
+  output_of("cd " + folder.path().string() + " && " + message.substr(command));
+  EXPECT_EQ(refusal(folder, folder / "a_m.tif"), "accepted");
+}
+
+// ---- writing
+
+TEST(Raster, OtherProgramsSeeTheSamePlaceAndCrs) {
+  const TempFolder folder;
+  write_geotiff(folder / "a.tif", grid_of(3, 2, {400000.25, 5000000.25}, {0.5, 0.5}),
+                {{"surface", {1, 2, 3, 4, 5, kNone}}, {"change", {0, 0, 0, 0, 0, 0}}}, kUtm17);
+  const std::string text = output_of("gdalinfo -json " + (folder / "a.tif").string());
+  if (text.empty()) GTEST_SKIP() << "gdalinfo is not there";
+  const auto info = nlohmann::json::parse(text);
+  EXPECT_EQ(info["driverShortName"], "GTiff");
+  EXPECT_EQ(info["size"], nlohmann::json({3, 2}));
+  EXPECT_EQ(info["geoTransform"], nlohmann::json({400000.0, 0.5, 0.0, 5000000.5, 0.0, -0.5}));
+  EXPECT_THAT(info["coordinateSystem"]["wkt"].get<std::string>(), HasSubstr("ID[\"EPSG\",32617]"));
+  EXPECT_EQ(info["bands"].size(), 2u);
+  EXPECT_EQ(info["bands"][0]["description"], "surface");
+  EXPECT_EQ(info["bands"][0]["noDataValue"], -9999.0);
+  EXPECT_EQ(info["bands"][1]["description"], "change");
+}
+
+TEST(Raster, AFileThatCantBeWrittenIsNamedAndNothingIsLeft) {
+  const TempFolder folder;
+  const HeightGrid grid = grid_of(2, 2, {0, 0}, {1, 1});
+  const std::vector<RasterBand> bands{{"z", {1, 2, 3, 4}}};
+  EXPECT_THAT(test::message_of(folder, [&] { write_geotiff(folder / "no/a.tif", grid, bands, ""); }),
+              HasSubstr("no/a.tif: can't be written: No such file"));
+  EXPECT_THAT(test::message_of(folder, [&] { write_geotiff("/dev/full", grid, bands, ""); }),
+              HasSubstr("/dev/full: can't be written"));
+  EXPECT_THAT(test::message_of(folder, [&] { write_geotiff(folder / "a.tif", grid, bands, "x"); }),
+              HasSubstr("a.tif: can't be written"));
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
+}
+
+TEST(AtomicFile, ReplacesWholeFilesAndKeepsLinks) {
+  const TempFolder folder;
+  folder.write("a", "old");
+  std::filesystem::create_symlink("a", folder / "link");
+  write_atomically(folder / "link", "new");
+  EXPECT_TRUE(std::filesystem::is_symlink(folder / "link"));
+  std::string text;
+  std::getline(std::ifstream(folder / "a"), text);
+  EXPECT_EQ(text, "new");
+  const auto files = std::filesystem::directory_iterator(folder.path());
+  EXPECT_EQ(std::distance(begin(files), end(files)), 2);
+}
+
+TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldBothSurfaces) {
+  const Soil soil(0.1, {0, 0, 0}, make_plane(1, {0.5, -0.25}));
+  const SurfaceRaster raster = rasterise(soil, {Vec2(0.3, -0.9), Vec2(2.2, 0.4)}, 0.5);
+  EXPECT_EQ(raster.grid.nx, 5);
+  EXPECT_EQ(raster.grid.ny, 3);
+  EXPECT_EQ(raster.grid.first, Vec2(0.25, -0.75));
+  for (int j = 0; j < 3; ++j) {
+    for (int i = 0; i < 5; ++i) {
+      const double z = 1 + 0.5 * (0.25 + 0.5 * i) - 0.25 * (-0.75 + 0.5 * j);
+      EXPECT_FLOAT_EQ(raster.base[j * 5 + i], float(z));
+      EXPECT_FLOAT_EQ(raster.surface[j * 5 + i], float(z));
+    }
+  }
+  EXPECT_THROW(rasterise(soil, {Vec2(0, 0), Vec2(1, 1)}, 1e-6), std::invalid_argument);
+  EXPECT_THROW(rasterise(soil, {Vec2(0, 0), Vec2(1, 1)}, 0), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace soilvdb::io

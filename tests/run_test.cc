@@ -1,0 +1,271 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb run, from a scenario on disk to the files it leaves.
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "core/soil.h"
+#include "io/raster.h"
+#include "io/snapshot.h"
+#include "tests/program.h"
+
+namespace soilvdb::testing {
+namespace {
+
+constexpr int kRows = 1001;  // chords cut (pi / 1000)^2 / 12 < 1e-6 of the volume short
+
+class Run : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    write_file(folder() / "dig.yaml", half_sine_scenario());
+    write_file(folder() / "dig.csv", HalfSine{}.csv(kRows));
+  }
+  /// The summary of a run that must be good.
+  nlohmann::json summary(const std::string& arguments, const std::string& out = "out/dig") const {
+    const Result result = run("run " + arguments);
+    EXPECT_EQ(result.status, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+    return read_json(folder() / out / "summary.json");
+  }
+};
+
+std::vector<std::string> keys(const nlohmann::json& map) {
+  std::vector<std::string> names;
+  for (const auto& [key, value] : map.items()) names.push_back(key);
+  return names;
+}
+
+TEST_F(Run, HalfSineVolumeIsExactHoweverTheMotionIsSplit) {
+  for (const int updates : {50, 500}) {
+    const auto s = summary(fmt::format("dig.yaml --updates {}", updates));
+    EXPECT_EQ(s["updates"], updates);
+    EXPECT_NEAR(s["volume_m3"]["cut"], HalfSine::kVolume_m3, 0.005 * HalfSine::kVolume_m3);
+    EXPECT_LT(std::abs(s["volume_m3"]["residual"].get<double>()), 1e-9);
+    EXPECT_EQ(s["machines"][0]["bucket_m3"], s["volume_m3"]["captured"]);
+  }
+}
+
+TEST_F(Run, VolumeIsTheSameAtUtmCoordinatesAndAnyHeading) {
+  HalfSine dig;
+  dig.x_m = 500000, dig.y_m = 4200000, dig.yaw_rad = 33 * std::numbers::pi / 180;
+  write_file(folder() / "dig.csv", dig.csv(kRows));
+  const auto s = summary("dig.yaml --updates 500");
+  EXPECT_NEAR(s["volume_m3"]["cut"], HalfSine::kVolume_m3, 0.002 * HalfSine::kVolume_m3);
+}
+
+TEST_F(Run, SummaryHasTheDocumentedKeys) {
+  const auto s = summary("dig.yaml --threads 1");
+  using Keys = std::vector<std::string>;  // nlohmann::json sorts them
+  EXPECT_EQ(keys(s),
+            (Keys{"files", "machines", "memory_bytes", "scenario", "soil", "soilvdb", "state_hash",
+                  "threads", "update_us", "updates", "volume_m3", "voxel_size_m", "wall_s"}));
+  EXPECT_EQ(keys(s["volume_m3"]),
+            (Keys{"captured", "cut", "displaced", "dumped", "ground_change", "residual"}));
+  EXPECT_EQ(keys(s["machines"][0]), (Keys{"bucket_m3", "cut_m3", "name"}));
+  EXPECT_EQ(keys(s["update_us"]), (Keys{"max", "mean", "p50", "p99"}));
+  EXPECT_EQ(keys(s["wall_s"]), (Keys{"open", "total", "updates"}));
+  EXPECT_EQ(keys(s["memory_bytes"]), (Keys{"peak_rss", "soil"}));
+  EXPECT_EQ(keys(s["soil"]), (Keys{"active_voxels", "leaves", "resident_m2"}));
+  EXPECT_EQ(s["soilvdb"], 1);
+  EXPECT_EQ(s["scenario"], "dig");
+  EXPECT_EQ(s["voxel_size_m"], 0.025);
+  EXPECT_EQ(s["threads"], 1);
+  EXPECT_EQ(s["state_hash"].get<std::string>().size(), 16u);
+  EXPECT_LE(s["update_us"]["p50"], s["update_us"]["p99"]);
+  EXPECT_LE(s["update_us"]["p99"], s["update_us"]["max"]);
+  EXPECT_GT(s["soil"]["leaves"], 0);
+}
+
+TEST_F(Run, UpdatesCsvHasARowPerRowOfTheMotionAndSumsToTheCut) {
+  const auto s = summary("dig.yaml");
+  EXPECT_EQ(s["updates"], kRows);
+  std::istringstream csv(read_file(folder() / "out/dig/updates.csv"));
+  std::string line;
+  std::getline(csv, line);
+  EXPECT_EQ(line, "time,machine,cut_m3,bucket_m3,update_us");
+  int rows = 0;
+  double cut_m3 = 0, bucket_m3 = 0, time_s = -1;
+  for (; std::getline(csv, line); ++rows) {
+    std::istringstream fields(line);
+    std::vector<std::string> f;
+    for (std::string field; std::getline(fields, field, ',');) f.push_back(field);
+    ASSERT_EQ(f.size(), 5u) << line;
+    EXPECT_GT(std::stod(f[0]), time_s);
+    time_s = std::stod(f[0]);
+    EXPECT_EQ(f[1], "digger");
+    cut_m3 += std::stod(f[2]);
+    bucket_m3 = std::stod(f[3]);
+  }
+  EXPECT_EQ(rows, kRows);
+  EXPECT_EQ(time_s, 5);
+  EXPECT_NEAR(cut_m3, s["volume_m3"]["cut"], 1e-12);
+  EXPECT_NEAR(bucket_m3, s["machines"][0]["bucket_m3"], 1e-12);
+}
+
+TEST_F(Run, SameBitsWithAnyNumberOfThreads) {
+  std::set<std::string> hashes;
+  for (const int threads : {1, 2, 3})
+    hashes.insert(summary(fmt::format("dig.yaml --threads {}", threads))["state_hash"]);
+  EXPECT_EQ(hashes.size(), 1u);
+}
+
+TEST_F(Run, SnapshotsOnTheWayDoNotChangeTheGround) {
+  write_file(folder() / "often.yaml",
+             half_sine_scenario("{plane: {z: 0}}", "dig.csv", "{snapshots: {every: 1}}"));
+  const auto often = summary("often.yaml --out often", "often");
+  const auto never = summary("often.yaml --no-snapshots --out never", "never");
+  EXPECT_EQ(often["state_hash"], never["state_hash"]);
+  EXPECT_EQ(often["files"],
+            nlohmann::json({"soil_1.vdb", "soil_2.vdb", "soil_3.vdb", "soil_4.vdb", "soil_5.vdb",
+                            "updates.csv", "soil_final.vdb", "summary.json"}));
+  EXPECT_EQ(never["files"], nlohmann::json({"updates.csv", "summary.json"}));
+  for (const auto& [out, s] : {std::pair("often", often), std::pair("never", never)}) {
+    std::set<std::string> there;
+    for (const auto& entry : fs::directory_iterator(folder() / out))
+      there.insert(entry.path().filename());
+    EXPECT_EQ(there, s["files"].get<std::set<std::string>>());
+  }
+  io::SnapshotInfo info;
+  io::read_snapshot(folder() / "often/soil_2.vdb", &info);
+  EXPECT_EQ(info.time_s, 2);
+}
+
+TEST_F(Run, GoesOnFromASnapshotWithTheSameBits) {
+  const auto whole = summary("dig.yaml");
+  constexpr int kHalf = kRows / 2;
+  write_file(folder() / "first.csv", HalfSine{}.csv(kRows, 0, kHalf));
+  write_file(folder() / "second.csv", HalfSine{}.csv(kRows, kHalf, kRows - 1));
+  write_file(folder() / "first.yaml", half_sine_scenario("{plane: {z: 0}}", "first.csv"));
+  write_file(folder() / "second.yaml",
+             half_sine_scenario("{level_set: first/soil_final.vdb}", "second.csv"));
+  const auto first = summary("first.yaml --out first", "first");
+  const auto second = summary("second.yaml --out second", "second");
+  EXPECT_LT(first["volume_m3"]["cut"], whole["volume_m3"]["cut"]);
+  EXPECT_DOUBLE_EQ(
+      first["volume_m3"]["cut"].get<double>() + second["volume_m3"]["cut"].get<double>(),
+      whole["volume_m3"]["cut"]);
+  EXPECT_LT(std::abs(second["volume_m3"]["residual"].get<double>()), 1e-9);
+  EXPECT_EQ(second["state_hash"], whole["state_hash"]);
+}
+
+TEST_F(Run, VoxelOptionReplacesTheScenariosSize) {
+  const auto s = summary("--voxel 0.05 dig.yaml --updates 50");
+  EXPECT_EQ(s["voxel_size_m"], 0.05);
+  EXPECT_NEAR(s["volume_m3"]["cut"], HalfSine::kVolume_m3, 0.02 * HalfSine::kVolume_m3);
+}
+
+TEST_F(Run, AMotionOfOneRowIsOneUpdate) {
+  write_file(folder() / "dig.csv", "time,x,y,z\n0,0,0,-0.1\n");
+  for (const char* updates : {"", "--updates 7"}) {
+    const auto s = summary(std::string("dig.yaml --no-snapshots ") + updates);
+    EXPECT_EQ(s["updates"], 1);
+    EXPECT_EQ(s["volume_m3"]["cut"], 0);
+  }
+}
+
+TEST_F(Run, MachinesMoveInTheOrderOfTime) {
+  HalfSine beside;
+  beside.y_m = 3, beside.duration_s = 2.5;
+  write_file(folder() / "beside.csv", beside.csv(11));
+  write_file(folder() / "dig.csv", HalfSine{}.csv(11));
+  write_file(
+      folder() / "two.yaml",
+      half_sine_scenario() +
+          "  - name: \"a, b\"\n    bucket: {width: 0.2, height: 0.5}\n    motion: beside.csv\n");
+  const auto s = summary("two.yaml --updates 4");
+  EXPECT_EQ(s["updates"], 8);
+  ASSERT_EQ(s["machines"].size(), 2u);
+  EXPECT_NEAR(s["machines"][0]["cut_m3"], s["machines"][1]["cut_m3"], 0.005 * HalfSine::kVolume_m3);
+  std::istringstream csv(read_file(folder() / "out/dig/updates.csv"));
+  std::string line;
+  std::getline(csv, line);
+  for (const char* begin : {"0.625,\"a, b\",", "1.25,digger,", "1.25,\"a, b\",", "1.875,\"a, b\",",
+                            "2.5,digger,", "2.5,\"a, b\",", "3.75,digger,", "5,digger,"}) {
+    std::getline(csv, line);
+    EXPECT_TRUE(line.starts_with(begin)) << line << " instead of " << begin;
+  }
+}
+
+TEST_F(Run, AsksForMeshAndRasterAreMet) {
+  write_file(folder() / "dig.yaml",
+             half_sine_scenario("{plane: {z: 0}}", "dig.csv", "{mesh: obj, raster: {cell: 0.05}}"));
+  summary("dig.yaml");
+  EXPECT_GT(fs::file_size(folder() / "out/dig/soil_final.obj"), 1000u);
+  const auto raster = io::open_raster(folder() / "out/dig/soil_final.tif");
+  EXPECT_DOUBLE_EQ(raster.grid.spacing.x(), 0.05);
+  const auto s = summary("dig.yaml --no-mesh --out plain", "plain");
+  EXPECT_FALSE(fs::exists(folder() / "plain/soil_final.obj"));
+}
+
+TEST_F(Run, OpensAKilometreQuicklyAndInLittleMemory) {
+  constexpr int kPosts = 1001;
+  HeightGrid grid{kPosts, kPosts, Vec2(500000, 4200000), Vec2(1, 1)};
+  std::vector<float> heights;
+  for (int y = 0; y < kPosts; ++y)
+    for (int x = 0; x < kPosts; ++x)
+      heights.push_back(static_cast<float>(100 + 5 * std::sin(x / 40.0) * std::cos(y / 60.0)));
+  io::write_geotiff(folder() / "site.tif", grid, {{"height", heights}}, "");
+  write_file(folder() / "site.yaml", half_sine_scenario("{raster: site.tif}"));
+  write_file(folder() / "dig.csv", "time,x,y,z\n0,500500,4200500,120\n1,500501,4200500,120\n");
+  const Result result = run("run site.yaml --voxel 0.02");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.err.find("no bucket met any soil"), std::string::npos);
+  const auto s = read_json(folder() / "out/dig/summary.json");
+  EXPECT_LT(s["wall_s"]["open"], 1.0);
+  EXPECT_LT(s["memory_bytes"]["peak_rss"], 200'000'000);
+  EXPECT_EQ(s["soil"]["leaves"], 0);
+}
+
+TEST_F(Run, LeavesOtherFilesAloneAndReplacesItsOwn) {
+  write_file(folder() / "out/dig/notes.txt", "mine");
+  summary("dig.yaml");
+  const auto again = summary("dig.yaml --updates 3");
+  EXPECT_EQ(again["updates"], 3);
+  EXPECT_EQ(read_file(folder() / "out/dig/notes.txt"), "mine");
+}
+
+TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
+  // A limit on the size of files stands for the full disk: writes fail in the same places.
+  const Result result =
+      shell(fmt::format("ulimit -f 8; '{}' run dig.yaml --out full", SOILVDB_PROGRAM));
+  EXPECT_EQ(result.status, 1);
+  EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+  EXPECT_NE(result.err.find("on disk"), std::string::npos) << result.err;
+  EXPECT_FALSE(fs::exists(folder() / "full/summary.json"));
+}
+
+TEST_F(Run, ASignalStopsItWithWhatItHas) {
+  const Result result = shell(fmt::format(
+      "timeout --preserve-status -s TERM 1 '{}' run dig.yaml --updates 100000000 --out stopped",
+      SOILVDB_PROGRAM));
+  EXPECT_EQ(result.status, 1);
+  EXPECT_NE(result.err.find("stopped by a signal"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("soil_final.vdb"), std::string::npos) << result.err;
+  const auto s = read_json(folder() / "stopped/summary.json");
+  EXPECT_LT(s["updates"], 100000000);
+  EXPECT_LT(std::abs(s["volume_m3"]["residual"].get<double>()), 1e-9);
+  io::SnapshotInfo info;
+  io::read_snapshot(folder() / "stopped/soil_final.vdb", &info);
+  EXPECT_LT(info.time_s, 5);
+}
+
+TEST_F(Run, ShowsAProgressBarOnATerminalAndNothingWhenPiped) {
+  if (std::system("script -qec true /dev/null >/dev/null 2>&1") != 0) GTEST_SKIP();
+  const Result result = shell(fmt::format(
+      "TERM=xterm script -qec \"'{}' run dig.yaml --updates 20000\" /dev/null", SOILVDB_PROGRAM));
+  EXPECT_EQ(result.status, 0);
+  EXPECT_NE(result.out.find("#"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find(" left"), std::string::npos) << result.out;
+  EXPECT_EQ(run("run dig.yaml --updates 20000").err, "");
+}
+
+TEST_F(Run, RefusesToWriteOverItsTerrain) {
+  summary("dig.yaml");
+  write_file(folder() / "next.yaml", half_sine_scenario("{level_set: out/dig/soil_final.vdb}"));
+  expect_refused("run next.yaml", "soil_final.vdb: is an input");
+}
+
+}  // namespace
+}  // namespace soilvdb::testing

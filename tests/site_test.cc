@@ -1,0 +1,266 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/site.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/LevelSetSphere.h>
+
+#include <cmath>
+#include <limits>
+
+#include "core/soil_grids.h"
+#include "io/level_set_file.h"
+#include "io/raster.h"
+#include "tests/temp_folder.h"
+
+namespace soilvdb::io {
+namespace {
+
+using ::testing::HasSubstr;
+using test::TempFolder;
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+/// A bucket of 1 m x 0.5 m whose lip goes from one place to another in 10 s, mouth to +x.
+Scenario scenario_of(const Terrain& terrain, const Vec3& from, const Vec3& to) {
+  Bucket bucket;
+  bucket.width_m = 1;
+  bucket.height_m = 0.5;
+  Scenario scenario{.file = "dig.yaml", .name = "dig", .voxel_size_m = 0.1, .terrain = terrain};
+  scenario.machines.push_back({"digger", bucket, Motion({0, 10}, {{from, {}}, {to, {}}})});
+  return scenario;
+}
+
+template <typename F>
+std::string refusal(const TempFolder& folder, F f) {
+  bool refused = false;
+  const std::string message = test::message_of(folder, [&] {
+    try {
+      f();
+    } catch (const InputError&) {
+      refused = true;
+      throw;
+    }
+  });
+  return refused ? message : "accepted: " + message;
+}
+
+/// 40 m x 40 m at (1000, 2000), 10 m high, with a hole of no height about (1030, 2020).
+std::filesystem::path raster_with_hole(const TempFolder& folder) {
+  HeightGrid grid{41, 41, {1000, 2000}, {1, 1}};
+  std::vector<float> heights(41 * 41, 10);
+  for (int y = 15; y <= 25; ++y) {
+    for (int x = 25; x <= 35; ++x) heights[y * 41 + x] = kNone;
+  }
+  write_geotiff(folder / "hole.tif", grid, {{"z", heights}}, "");
+  return folder / "hole.tif";
+}
+
+std::filesystem::path shared(const std::string& name) {
+  const char* folder = std::getenv("SOILVDB_SHARED");
+  return (folder != nullptr ? std::filesystem::path(folder)
+                            : std::filesystem::path(SOILVDB_SOURCE_DIR) / ".." / "shared") /
+         "data" / name;
+}
+
+void write_grids(const std::filesystem::path& file, openvdb::GridPtrVec grids) {
+  openvdb::io::File(file.string()).write(grids);
+}
+
+openvdb::FloatGrid::Ptr sphere() {
+  return openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(5.0f, {0, 0, 0}, 0.25f);
+}
+
+TEST(Site, ItsOriginIsTheFirstLipToAHundredMetres) {
+  const Site site = open_site(scenario_of(PlaneTerrain{0, {0, 0}}, {556449.9, 5394951, 540},
+                                          {556451, 5394951, 540}));
+  EXPECT_EQ(site.soil->origin(), Vec3(556400, 5395000, 500));
+  EXPECT_EQ(site.soil->voxel_size_m(), 0.1);
+  EXPECT_TRUE(std::isinf(site.bounds.max().x()));
+  EXPECT_EQ(site.reference.checksum, "");
+  EXPECT_TRUE(site.soil->chunks().empty());
+}
+
+TEST(Site, ARasterIsItsTerrainInItsOwnCoordinates) {
+  const TempFolder folder;
+  const Site site = open_site(
+      scenario_of(RasterTerrain{raster_with_hole(folder)}, {1005, 2010, 9}, {1008, 2010, 9}));
+  EXPECT_EQ(site.soil->height(1005.5, 2010.5), 10);
+  EXPECT_EQ(site.soil->height(1030, 2020), std::nullopt);
+  EXPECT_EQ(site.bounds.min(), Vec2(1000, 2000));
+  EXPECT_EQ(site.bounds.max(), Vec2(1040, 2040));
+  EXPECT_TRUE(std::get<RasterTerrain>(site.reference.terrain).file.is_absolute());
+  EXPECT_EQ(site.reference.checksum.size(), 16u);
+}
+
+TEST(Site, AMotionThatNeverComesOverTheTerrainIsRefusedWithBothBoxes) {
+  const TempFolder folder;
+  const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
+  const std::string message =
+      refusal(folder, [&] { open_site(scenario_of(terrain, {12, 0, 0}, {14, 0, 0})); });
+  EXPECT_THAT(message, HasSubstr("dig.yaml: no bucket ever comes over the terrain"));
+  EXPECT_THAT(message, HasSubstr("the terrain covers x 1000.0 to 1040.0, y 2000.0 to 2040.0"));
+}
+
+TEST(Site, DiggingWhereThereIsNoHeightIsRefusedBeforeTheRun) {
+  const TempFolder folder;
+  const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
+  const std::string message =
+      refusal(folder, [&] { open_site(scenario_of(terrain, {1010, 2020, 9}, {1030, 2020, 9})); });
+  EXPECT_THAT(message, HasSubstr("dig.yaml: machine 'digger' reaches ground without a height"));
+  EXPECT_THAT(message, HasSubstr("between 0 s and 10 s, at x 102"));
+}
+
+TEST(Site, PassingHighOverNoHeightIsFine) {
+  const TempFolder folder;
+  const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
+  EXPECT_NO_THROW(open_site(scenario_of(terrain, {1010, 2020, 10.1}, {1038, 2020, 10.1})));
+  EXPECT_NO_THROW(open_site(scenario_of(terrain, {1010, 2005, 9}, {1038, 2005, 9})));
+}
+
+TEST(Site, DiggingBeyondTheEdgeIsRefusedToo) {
+  const TempFolder folder;
+  const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
+  EXPECT_THAT(refusal(folder,
+                      [&] { open_site(scenario_of(terrain, {1035, 2005, 9}, {1045, 2005, 9})); }),
+              HasSubstr("reaches ground without a height"));
+}
+
+TEST(Site, AVoxelSizeBeyondTheMemoryIsRefusedWithOneThatWouldDo) {
+  const TempFolder folder;
+  Scenario scenario = scenario_of(PlaneTerrain{0, {0, 0}}, {0, 0, -0.4}, {20, 0, -0.4});
+  scenario.voxel_size_m = 1e-4;
+  const std::string message = refusal(folder, [&] { open_site(scenario); });
+  ASSERT_THAT(message, HasSubstr("voxel_size 0.0001 is too small for what is dug"));
+  const auto end = message.rfind(" would do");
+  const auto begin = message.rfind(' ', end - 1) + 1;
+  scenario.voxel_size_m = std::stod(message.substr(begin, end - begin));
+  EXPECT_GT(scenario.voxel_size_m, 1e-4);
+  EXPECT_NO_THROW(open_site(scenario)) << message;
+  // Nothing is dug above the ground, however small the voxels.
+  scenario = scenario_of(PlaneTerrain{-10, {0, 0}}, {0, 0, 0}, {20, 0, 0});
+  scenario.voxel_size_m = 1e-4;
+  EXPECT_NO_THROW(open_site(scenario));
+}
+
+TEST(Site, AMotionBeyondWhatVoxelsCanNumberIsRefused) {
+  const TempFolder folder;
+  EXPECT_THAT(refusal(folder,
+                      [&] {
+                        open_site(scenario_of(PlaneTerrain{0, {0, 0}}, {0, 0, 1}, {1e7, 0, 1}));
+                      }),
+              HasSubstr("machine 'digger' goes"));
+}
+
+TEST(LevelSet, AClosedOneIsGround) {
+  const TempFolder folder;
+  write_grids(folder / "a.vdb", {sphere()});
+  const Site site =
+      open_site(scenario_of(LevelSetTerrain{folder / "a.vdb"}, {-3, 0, 4.5}, {3, 0, 4.5}));
+  // Trilinear in a ball's distance: second order in the file's voxels.
+  EXPECT_NEAR(*site.soil->height(0, 0), 5, 0.25 * 0.25);
+  EXPECT_EQ(site.soil->height(6, 0), std::nullopt);
+}
+
+TEST(LevelSet, ItsOriginAndCrsAreMetadata) {
+  const TempFolder folder;
+  const auto grid = sphere();
+  grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({556000, 5394000, 100}));
+  grid->insertMeta(kCrsKey, openvdb::StringMetadata("LOCAL_CS[\"x\"]"));
+  write_grids(folder / "a.vdb", {grid});
+  const LevelSetInput input = read_level_set(folder / "a.vdb");
+  EXPECT_EQ(input.crs_wkt, "LOCAL_CS[\"x\"]");
+  EXPECT_NEAR(*input.surface->height(556000, 5394000), 105, 0.25 * 0.25);
+}
+
+TEST(LevelSet, TheGridNamedSurfaceComesFirst) {
+  const TempFolder folder;
+  const auto other = openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(2, {0, 0, 0}, 0.25f);
+  other->setName("other");
+  const auto surface = sphere();
+  surface->setName("surface");
+  write_grids(folder / "a.vdb", {other, surface});
+  EXPECT_NEAR(*read_level_set(folder / "a.vdb").surface->height(0, 0), 5, 0.1);
+}
+
+TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
+  const TempFolder folder;
+  const auto said = [&](const std::string& name) {
+    return refusal(folder, [&] { open_base(LevelSetTerrain{folder / name}); });
+  };
+  const auto fog = sphere();
+  fog->setGridClass(openvdb::GRID_FOG_VOLUME);
+  fog->setName("density");
+  write_grids(folder / "fog.vdb", {fog});
+  EXPECT_THAT(said("fog.vdb"), HasSubstr("only 'density' (fog volume, float)"));
+  const auto wide = openvdb::DoubleGrid::create(0.75);
+  wide->setGridClass(openvdb::GRID_LEVEL_SET);
+  write_grids(folder / "double.vdb", {wide});
+  EXPECT_THAT(said("double.vdb"), HasSubstr("(level set, double)"));
+  write_grids(folder / "none.vdb", {});
+  EXPECT_THAT(said("none.vdb"), HasSubstr("no grids at all"));
+  const auto flat = sphere();
+  flat->setTransform(openvdb::math::Transform::createLinearTransform(
+      openvdb::math::Mat4d(0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0.2, 0, 0, 0, 0, 1)));
+  write_grids(folder / "flat.vdb", {flat});
+  EXPECT_THAT(said("flat.vdb"), HasSubstr("0.1 x 0.1 x 0.2"));
+  const auto turned = sphere();
+  turned->transform().postRotate(0.5, openvdb::math::Z_AXIS);
+  write_grids(folder / "turned.vdb", {turned});
+  EXPECT_THAT(said("turned.vdb"), HasSubstr("is turned"));
+  const auto half = sphere();
+  for (auto leaf = half->tree().beginLeaf(); leaf; ++leaf) {
+    if (leaf->origin().x() < 0) continue;
+    for (openvdb::Index n = 0; n < 512; ++n) leaf->setValueOff(n, half->background());
+  }
+  write_grids(folder / "half.vdb", {half});
+  EXPECT_THAT(said("half.vdb"), HasSubstr("is not closed"));
+  write_grids(folder / "empty.vdb", {openvdb::createLevelSet<openvdb::FloatGrid>(0.1)});
+  EXPECT_THAT(said("empty.vdb"), HasSubstr("is empty"));
+  const auto nan = sphere();
+  nan->tree().setValueOn({0, 0, 20}, std::nanf(""));
+  write_grids(folder / "nan.vdb", {nan});
+  EXPECT_THAT(said("nan.vdb"), HasSubstr("not numbers"));
+  folder.write("text.vdb", "hello");
+  EXPECT_THAT(said("text.vdb"), HasSubstr("is not a .vdb file or is damaged"));
+  EXPECT_THAT(said("missing.vdb"), HasSubstr("no such file"));
+  write_grids(folder / "cut.vdb", {sphere()});
+  std::filesystem::resize_file(folder / "cut.vdb", 20'000);
+  EXPECT_THAT(said("cut.vdb"), HasSubstr("is damaged"));
+}
+
+TEST(LevelSet, ARealFogVolumeIsRefused) {
+  if (!std::filesystem::exists(shared("malformed/sphere.vdb"))) GTEST_SKIP() << "not there";
+  const TempFolder folder;
+  EXPECT_THAT(refusal(folder, [] { open_base(LevelSetTerrain{shared("malformed/sphere.vdb")}); }),
+              HasSubstr("only 'density' (fog volume, float)"));
+}
+
+TEST(LevelSet, AnExportedRegionIsGroundAgain) {
+  const TempFolder folder;
+  const Soil soil(0.1, {1000, 2000, 0}, make_plane(0.03, {0.1, 0}));
+  const auto grid = closed_level_set(soil, {Vec3(999, 1999, -2), Vec3(1001, 2001, 150)});
+  grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({1000, 2000, 0}));
+  write_grids(folder / "a.vdb", {grid});
+  const Base base = open_base(LevelSetTerrain{folder / "a.vdb"});
+  EXPECT_NEAR(*base.surface->height(1000, 2000), *soil.height(1000, 2000), 1e-4);
+}
+
+TEST(Site, RealTerrainIsOpened) {
+  if (!std::filesystem::exists(shared("dem/dtm.tif"))) GTEST_SKIP() << "not there";
+  const Site site = open_site(scenario_of(RasterTerrain{shared("dem/dtm.tif")},
+                                          {321700, 4297700, 11}, {321703, 4297700, 11}));
+  EXPECT_TRUE(site.soil->height(321700, 4297700).has_value());
+  const TempFolder folder;
+  EXPECT_THAT(refusal(folder,
+                      [] {
+                        open_site(scenario_of(RasterTerrain{shared("dem/hugo_site_filled.asc")},
+                                              {8, 8, 1500}, {9, 8, 1500}));
+                      }),
+              HasSubstr("reaches ground without a height"));
+}
+
+}  // namespace
+}  // namespace soilvdb::io

@@ -1,0 +1,271 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/snapshot.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <random>
+#include <sstream>
+
+#include "core/tracker.h"
+#include "io/checksum.h"
+#include "io/raster.h"
+#include "tests/temp_folder.h"
+
+namespace soilvdb::io {
+namespace {
+
+using ::testing::HasSubstr;
+using test::TempFolder;
+
+const SnapshotInfo kInfo{"dig", 1.0 / 3, 0.5, 0.4, 0.1, 0.05};
+
+Bucket bucket() {
+  Bucket b;
+  b.width_m = 0.5;
+  b.height_m = 0.4;
+  return b;
+}
+
+/// A pose of the bucket on its way through the ground of `open()`.
+Pose pose(double s) {
+  return {{400001 + 0.8 * s, 5000002 + 0.1 * s, 99.9 - 0.3 * std::sin(3 * s)},
+          from_rpy(0.1, -0.4 + s, 0.2)};
+}
+
+std::filesystem::path hills(const TempFolder& folder) {
+  const HeightGrid grid{21, 21, {399996, 4999996}, {0.5, 0.5}};
+  std::vector<float> heights;
+  for (int i = 0; i < 21 * 21; ++i) heights.push_back(100 + 0.3f * std::sin(float(i)));
+  write_geotiff(folder / "hills.tif", grid, {{"z", heights}}, "");
+  return folder / "hills.tif";
+}
+
+Site site_on(const Terrain& terrain) {
+  Base base = open_base(terrain);
+  return {std::make_unique<Soil>(0.05, Vec3(400000, 5000000, 100), base.surface), base.reference,
+          "LOCAL_CS[\"site\"]", base.bounds};
+}
+
+void dig(Soil& soil, double from, double to) {
+  Tracker tracker(soil, {bucket()});
+  for (int i = 0; i <= 20; ++i) tracker.update(0, pose(from + (to - from) * i / 20));
+  tracker.flush();
+}
+
+std::string content(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+std::string output_of(const std::string& command) {
+  std::FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
+  std::string text;
+  char buffer[4096];
+  for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) text.append(buffer, n);
+  return ::pclose(pipe) == 0 ? text : "";
+}
+
+std::string refusal(const TempFolder& folder, const std::filesystem::path& file) {
+  bool refused = false;
+  const std::string message = test::message_of(folder, [&] {
+    try {
+      read_snapshot(file);
+    } catch (const InputError&) {
+      refused = true;
+      throw;
+    }
+  });
+  return refused ? message : "accepted: " + message;
+}
+
+TEST(Checksum, IsTheOneThatXzUses) {
+  EXPECT_EQ(crc64("123456789"), 0x995dc9bbdf1939fau);   // the check value of CRC-64/XZ
+}
+
+TEST(Checksum, TellsFilesApartByTheirStartMiddleAndEnd) {
+  const TempFolder folder;
+  std::string bytes(10 << 20, 'a');
+  const std::string before = file_fingerprint(folder.write("a", bytes));
+  EXPECT_EQ(file_fingerprint(folder.write("b", bytes)), before);
+  for (const std::size_t at : {std::size_t{0}, bytes.size() - 1}) {
+    std::string other = bytes;
+    other[at] = 'b';
+    EXPECT_NE(file_fingerprint(folder.write("b", other)), before) << at;
+  }
+  EXPECT_NE(file_fingerprint(folder.write("b", bytes + "a")), before);
+}
+
+class Snapshot : public ::testing::TestWithParam<const char*> {
+ protected:
+  Terrain terrain() const {
+    if (std::string(GetParam()) == "raster") return RasterTerrain{hills(folder_)};
+    return PlaneTerrain{100 - 400000 * 0.1 + 5000000 * 0.2, {0.1, -0.2}};
+  }
+  TempFolder folder_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Terrains, Snapshot, ::testing::Values("plane", "raster"));
+
+TEST_P(Snapshot, GivesBackTheSameBits) {
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 1);
+  ASSERT_FALSE(site.soil->chunks().empty());
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  SnapshotInfo info;
+  const Site back = read_snapshot(folder_ / "a.vdb", &info);
+  EXPECT_EQ(back.soil->state_hash(), site.soil->state_hash());
+  EXPECT_EQ(back.soil->chunks().size(), site.soil->chunks().size());
+  EXPECT_EQ(back.soil->origin(), site.soil->origin());
+  EXPECT_EQ(back.soil->voxel_size_m(), site.soil->voxel_size_m());
+  EXPECT_EQ(back.crs_wkt, site.crs_wkt);
+  EXPECT_EQ(back.bounds.min(), site.bounds.min());
+  EXPECT_EQ(back.reference.checksum, site.reference.checksum);
+  EXPECT_EQ(info.scenario, kInfo.scenario);
+  EXPECT_EQ(info.time_s, kInfo.time_s);
+  EXPECT_EQ(info.cut_m3, kInfo.cut_m3);
+  EXPECT_EQ(info.captured_m3, kInfo.captured_m3);
+  EXPECT_EQ(info.displaced_m3, kInfo.displaced_m3);
+  EXPECT_EQ(info.dumped_m3, kInfo.dumped_m3);
+  for (const Chunk* chunk : site.soil->chunks()) {
+    const Chunk* other = back.soil->find(chunk->origin);
+    ASSERT_NE(other, nullptr);
+    EXPECT_EQ(other->samples, chunk->samples);
+  }
+}
+
+TEST_P(Snapshot, DiggingOnFromItEndsInTheSameBits) {
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 0.6);
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  const Site back = read_snapshot(folder_ / "a.vdb");
+  dig(*site.soil, 0.5, 1);
+  dig(*back.soil, 0.5, 1);
+  EXPECT_EQ(back.soil->state_hash(), site.soil->state_hash());
+}
+
+TEST_P(Snapshot, TheSameGroundMakesTheSameBytes) {
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 1);
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  write_snapshot(folder_ / "b.vdb", site, kInfo);
+  EXPECT_EQ(content(folder_ / "a.vdb"), content(folder_ / "b.vdb"));
+  write_snapshot(folder_ / "c.vdb", read_snapshot(folder_ / "a.vdb"), kInfo);
+  EXPECT_EQ(content(folder_ / "a.vdb"), content(folder_ / "c.vdb"));
+}
+
+TEST_P(Snapshot, OfGroundThatWasNeverTouchedIsEmptyButWhole) {
+  const Site site = site_on(terrain());
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  const Site back = read_snapshot(folder_ / "a.vdb");
+  EXPECT_TRUE(back.soil->chunks().empty());
+  EXPECT_EQ(back.soil->height(400001, 5000001), site.soil->height(400001, 5000001));
+}
+
+TEST_P(Snapshot, IsAPlainVdbForOthers) {
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 1);
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  const std::string text = output_of("vdb_print -l " + (folder_ / "a.vdb").string());
+  if (text.empty()) GTEST_SKIP() << "vdb_print is not there";
+  EXPECT_THAT(text, HasSubstr("Name: surface"));
+  EXPECT_THAT(text, HasSubstr("class: level set"));
+  EXPECT_THAT(text, HasSubstr("voxel size: 0.05"));
+  EXPECT_THAT(text, HasSubstr("Name: samples"));
+  EXPECT_THAT(text, HasSubstr("soilvdb_origin: [400000, 5e+06, 100]"));
+}
+
+TEST_P(Snapshot, AnyFlippedBitIsFound) {
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 0.3);
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  const std::string good = content(folder_ / "a.vdb");
+  std::mt19937 random(7);
+  for (int i = 0; i < 300; ++i) {
+    std::string bad = good;
+    const std::size_t at = random() % bad.size();
+    bad[at] = static_cast<char>(bad[at] ^ (1 << random() % 8));
+    folder_.write("b.vdb", bad);
+    ASSERT_TRUE(is_snapshot(folder_ / "b.vdb")) << at;
+    EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("b.vdb: is damaged")) << at;
+  }
+}
+
+TEST_P(Snapshot, ACutOffFileIsFoundAndStillKnownAsOurs) {
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 0.3);
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  const std::string good = content(folder_ / "a.vdb");
+  for (std::size_t size = 60; size < good.size(); size += 1 + good.size() / 50) {
+    folder_.write("b.vdb", good.substr(0, size));
+    ASSERT_TRUE(is_snapshot(folder_ / "b.vdb")) << size;
+    EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("b.vdb: is damaged")) << size;
+  }
+  EXPECT_THAT(refusal(folder_, folder_.write("c.vdb", "")), HasSubstr("is not a snapshot"));
+  EXPECT_THAT(refusal(folder_, folder_ / "d.vdb"), HasSubstr("no such file"));
+}
+
+TEST(SnapshotBase, IsFoundAgainWhenBothHaveMoved) {
+  const TempFolder folder;
+  std::filesystem::create_directories(folder / "job/out");
+  std::filesystem::rename(hills(folder), folder / "job/hills.tif");
+  const Site site = site_on(RasterTerrain{folder / "job/hills.tif"});
+  dig(*site.soil, 0, 0.3);
+  write_snapshot(folder / "job/out/a.vdb", site, kInfo);
+  std::filesystem::rename(folder / "job", folder / "moved");
+  EXPECT_EQ(read_snapshot(folder / "moved/out/a.vdb").soil->state_hash(), site.soil->state_hash());
+}
+
+TEST(SnapshotBase, IsFoundAgainWhenTheSnapshotHasMoved) {
+  const TempFolder folder;
+  const Site site = site_on(RasterTerrain{hills(folder)});
+  dig(*site.soil, 0, 0.3);
+  write_snapshot(folder / "a.vdb", site, kInfo);
+  std::filesystem::create_directories(folder / "far/away");
+  std::filesystem::rename(folder / "a.vdb", folder / "far/away/a.vdb");
+  EXPECT_EQ(read_snapshot(folder / "far/away/a.vdb").soil->state_hash(), site.soil->state_hash());
+}
+
+TEST(SnapshotBase, ThatIsGoneOrHasChangedIsSaid) {
+  const TempFolder folder;
+  const Site site = site_on(RasterTerrain{hills(folder)});
+  write_snapshot(folder / "a.vdb", site, kInfo);
+  std::filesystem::rename(folder / "hills.tif", folder / "else.tif");
+  EXPECT_THAT(refusal(folder, folder / "a.vdb"), HasSubstr("base surface hills.tif is missing"));
+  std::string bytes = content(folder / "else.tif");
+  bytes.back() = static_cast<char>(bytes.back() + 1);
+  folder.write("hills.tif", bytes);
+  EXPECT_THAT(refusal(folder, folder / "a.vdb"), HasSubstr("base surface hills.tif has changed"));
+}
+
+TEST(SnapshotFile, ThatCantBeWrittenIsNamedAndNothingIsLeft) {
+  const TempFolder folder;
+  const Site site = site_on(PlaneTerrain{100, {0, 0}});
+  EXPECT_THAT(test::message_of(folder, [&] { write_snapshot(folder / "no/a.vdb", site, kInfo); }),
+              HasSubstr("no/a.vdb: can't be written"));
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  EXPECT_FALSE(is_snapshot(folder / "no/a.vdb"));
+  EXPECT_FALSE(is_snapshot(folder.path()));
+}
+
+TEST(SnapshotTerrain, MustHaveTheScenariosVoxelSize) {
+  const TempFolder folder;
+  const Site site = site_on(PlaneTerrain{100, {0, 0}});
+  dig(*site.soil, 0, 0.3);
+  write_snapshot(folder / "a.vdb", site, kInfo);
+  Scenario scenario{.file = "dig.yaml", .name = "dig", .voxel_size_m = 0.05,
+                    .terrain = LevelSetTerrain{folder / "a.vdb"}};
+  scenario.machines.push_back({"digger", bucket(), Motion({0, 1}, {pose(0.3), pose(0.4)})});
+  EXPECT_EQ(open_site(scenario).soil->state_hash(), site.soil->state_hash());
+  scenario.voxel_size_m = 0.1;
+  EXPECT_THAT(test::message_of(folder, [&] { open_site(scenario); }),
+              HasSubstr("has voxels of 0.05 m; voxel_size: 0.05 would do"));
+}
+
+}  // namespace
+}  // namespace soilvdb::io
