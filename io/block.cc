@@ -72,8 +72,7 @@ openvdb::FloatGrid::Ptr block_of_heights(const Relief& relief, double bottom_m,
     for (int i = -kBand; i < relief.nx + kBand; ++i) {
       const bool known = columns.known(i, j);
       int near_i = i, near_j = j;
-      const double rim =
-          columns.distance(i, j, !known, near_i, near_j) - 0.5;
+      const double rim = columns.distance(i, j, !known, near_i, near_j) - 0.5;
       if (!known && rim > kBand) continue;
       const double side = known ? -rim : rim;
       if (known) near_i = i, near_j = j;

@@ -30,13 +30,13 @@ inline constexpr Rgb kInk{0.13, 0.13, 0.14};
 inline constexpr Rgb kFaintInk{0.42, 0.42, 0.43};
 
 struct TextStyle {
-  double size = 14;            ///< px
+  double size = 14;  ///< px
   bool bold = false;
   Rgb color = kInk;
-  double align_x = 0;          ///< 0: starts at the point, 0.5: centred on it, 1: ends there
-  double align_y = 0;          ///< 0: baseline there, 0.5: digits centred on it, 1: digits hang below
-  double angle = 0;            ///< rad, clockwise on screen
-  double halo = 0;             ///< px of white around the letters
+  double align_x = 0;  ///< 0: starts at the point, 0.5: centred on it, 1: ends there
+  double align_y = 0;  ///< 0: baseline there, 0.5: digits centred on it, 1: digits hang below
+  double angle = 0;    ///< rad, clockwise on screen
+  double halo = 0;     ///< px of white around the letters
 };
 
 /// A white picture. Not copyable; one thread at a time.

@@ -15,7 +15,7 @@ namespace soilvdb::io {
 struct Ground {
   HeightFunction now, base;
   double voxel_size_m = 0;
-  Eigen::AlignedBox2d cut;         ///< holds all that was cut; empty where nothing was
+  Eigen::AlignedBox2d cut;  ///< holds all that was cut; empty where nothing was
 };
 
 Ground ground_of(const Soil& soil);

@@ -56,7 +56,8 @@ DepthScale DepthScale::up_to(double deepest_m, double least_m) {
 }
 
 Rgb DepthScale::color(double depth_m) const {
-  const double at = max_m > 0 ? std::clamp(depth_m / max_m, 0.0, 1.0) * (kDepthColors.size() - 1) : 0;
+  const double at =
+      max_m > 0 ? std::clamp(depth_m / max_m, 0.0, 1.0) * (kDepthColors.size() - 1) : 0;
   const auto i = std::min<std::size_t>(static_cast<std::size_t>(at), kDepthColors.size() - 2);
   return mix(kDepthColors[i], kDepthColors[i + 1], at - static_cast<double>(i));
 }
@@ -160,8 +161,12 @@ void draw_cut_ring(Canvas& canvas, double x, double y, double right_end) {
   }
   const bool left = x > right_end - 70;
   canvas.text(x + (left ? -30 : 30), y, "cut",
-              {.size = 15, .bold = true, .color = {0.36, 0.01, 0.50},
-               .align_x = left ? 1.0 : 0.0, .align_y = 0.5, .halo = 2.5});
+              {.size = 15,
+               .bold = true,
+               .color = {0.36, 0.01, 0.50},
+               .align_x = left ? 1.0 : 0.0,
+               .align_y = 0.5,
+               .halo = 2.5});
 }
 
 }  // namespace soilvdb::io

@@ -22,7 +22,7 @@ std::string length_label(double length_m);
 
 /// Cut depth as colour: amber where shallow, violet where deep, lightness falling all the way.
 struct DepthScale {
-  double max_m = 0;    ///< a multiple of tick_m; 0: nothing was cut
+  double max_m = 0;  ///< a multiple of tick_m; 0: nothing was cut
   double tick_m = 0;
 
   /// The scale for depths up to `deepest_m`; none below `least_m`.

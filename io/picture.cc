@@ -52,10 +52,9 @@ DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
   const auto cells = [&](double length) {
     return std::max(1, static_cast<int>(std::ceil(length / cell)));
   };
-  return DepthScale::up_to(
-      deepest(sample_relief(ground.now, ground.base, part, cells(part.sizes().x()),
-                            cells(part.sizes().y()))),
-      0.5 * ground.voxel_size_m);
+  return DepthScale::up_to(deepest(sample_relief(ground.now, ground.base, part,
+                                                 cells(part.sizes().x()), cells(part.sizes().y()))),
+                           0.5 * ground.voxel_size_m);
 }
 
 Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m) {
@@ -63,8 +62,8 @@ Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m
     throw std::invalid_argument(
         "a picture needs a region with finite sides, xmin < xmax and ymin < ymax");
   }
-  const double least =
-      std::max({4 * voxel_size_m, box.sizes().maxCoeff() / 12, 1e-9 * box.max().cwiseAbs().maxCoeff()});
+  const double least = std::max(
+      {4 * voxel_size_m, box.sizes().maxCoeff() / 12, 1e-9 * box.max().cwiseAbs().maxCoeff()});
   const Vec2 half = box.sizes().cwiseMax(least) / 2;
   return {box.center() - half, box.center() + half};
 }

@@ -12,8 +12,8 @@ namespace soilvdb::io {
 
 /// What a picture says in words.
 struct Caption {
-  std::string title;       ///< the scenario's name
-  std::string detail;      ///< e.g. "cut 1.83 m3, 5 cm voxels, EPSG:26918"
+  std::string title;   ///< the scenario's name
+  std::string detail;  ///< e.g. "cut 1.83 m3, 5 cm voxels, EPSG:26918"
 };
 
 /// Shaded plan of a box of the world: hillshade, cut depth in colour, contours, scale bar, legend,

@@ -30,7 +30,7 @@ struct Ticks {
 
 struct Layout {
   Area map;
-  bool beside = true;              ///< legend at the map's right; else below it
+  bool beside = true;  ///< legend at the map's right; else below it
   int width = 0, height = 0;
 };
 
@@ -49,8 +49,8 @@ Layout lay_out(const Eigen::AlignedBox2d& box, double label_width) {
   return l;
 }
 
-void draw_frame(Canvas& canvas, const Area& map, const Eigen::AlignedBox2d& box,
-                const Ticks& east, const Ticks& north) {
+void draw_frame(Canvas& canvas, const Area& map, const Eigen::AlignedBox2d& box, const Ticks& east,
+                const Ticks& north) {
   cairo_t* cr = canvas.cr();
   cairo_set_line_width(cr, 1);
   const TextStyle label{.size = 13, .color = kFaintInk};
@@ -137,8 +137,8 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
     if (east.step / metres_per_px > widest + 26) break;
   }
 
-  const Relief relief = sample_relief(ground.now, ground.base, box, static_cast<int>(map.w),
-                                      static_cast<int>(map.h));
+  const Relief relief =
+      sample_relief(ground.now, ground.base, box, static_cast<int>(map.w), static_cast<int>(map.h));
   PlanStyle style{.voxel_size_m = ground.voxel_size_m, .scale = depth_scale(ground, box)};
   if (const auto range = height_range(relief);
       range && range->high - range->low > std::max(1e-3, 2 * ground.voxel_size_m)) {
@@ -151,14 +151,17 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
   draw_frame(canvas, map, box, east, north);
   for (const ContourLabel& l : label_contours(relief, style)) {
     canvas.text(map.x + l.x, map.y + l.y, number(l.height_m, 5 * style.contour_m),
-                {.size = 12, .color = {0.30, 0.22, 0.15}, .align_x = 0.5, .align_y = 0.5,
-                 .angle = l.angle, .halo = 2});
+                {.size = 12,
+                 .color = {0.30, 0.22, 0.15},
+                 .align_x = 0.5,
+                 .align_y = 0.5,
+                 .angle = l.angle,
+                 .halo = 2});
   }
   if (!ground.cut.isEmpty() && box.contains(ground.cut.center()) &&
       ground.cut.sizes().maxCoeff() < kSmallCut_px * metres_per_px) {
     draw_cut_ring(canvas, map.x + (ground.cut.center().x() - box.min().x()) / metres_per_px,
-                  map.y + (box.max().y() - ground.cut.center().y()) / metres_per_px,
-                  map.x + map.w);
+                  map.y + (box.max().y() - ground.cut.center().y()) / metres_per_px, map.x + map.w);
   }
 
   const double bottom = map.y + map.h;

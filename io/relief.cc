@@ -63,8 +63,7 @@ double hillshade(const Gradient& g, double exaggeration) {
     return std::max(0.0, normal.dot(light)) / kSin;
   };
   constexpr double kNorthWest = -std::numbers::pi / 4, kWest = -std::numbers::pi / 2;
-  return 0.55 * lambert(kNorthWest) + 0.15 * lambert(kWest) + 0.15 * lambert(0) +
-         0.15 * normal.z();
+  return 0.55 * lambert(kNorthWest) + 0.15 * lambert(kWest) + 0.15 * lambert(0) + 0.15 * normal.z();
 }
 
 int reach_px(const Relief& r, double voxel_size_m) {
@@ -74,7 +73,8 @@ int reach_px(const Relief& r, double voxel_size_m) {
 /// Gentle ground is exaggerated until its slopes show, at most fourfold.
 double exaggeration(const Relief& r, int reach, double touched) {
   std::vector<double> slopes;
-  const int stride = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(r.height.size()) / 20000)));
+  const int stride =
+      std::max(1, static_cast<int>(std::sqrt(static_cast<double>(r.height.size()) / 20000)));
   for (int y = 0; y < r.ny; y += stride) {
     for (int x = 0; x < r.nx; x += stride) {
       if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] > touched) continue;
@@ -174,8 +174,8 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
       const double depth = r.depth[at];
       const bool cut = style.scale.max_m > 0 && depth > half;
       // In the cut colour speaks of depth first: the light only models it.
-      const double light = depth > touched ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1)
-                                           : hillshade(g, steeper);
+      const double light =
+          depth > touched ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
       Rgb color = kEarth;
       if (cut) {
         color = mix(color, style.scale.color(depth), 0.55 + 0.4 * std::min(1.0, depth / half - 1));
@@ -186,8 +186,8 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
       if (style.contour_m > 0) {
         const Gradient fine = gradient(r, x, y, 1, touched);
         const double per_px = std::hypot(fine.east * r.cell_x(), fine.north * r.cell_y());
-        color = mix(color, kContour,
-                    contour_cover(r.height[at] + r.datum_m, per_px, style.contour_m));
+        color =
+            mix(color, kContour, contour_cover(r.height[at] + r.datum_m, per_px, style.contour_m));
       }
       pixels[at] = to_pixel(color);
     }
@@ -227,8 +227,7 @@ std::vector<ContourLabel> label_contours(const Relief& r, const PlanStyle& style
         if (!(per_px > 1e-4 * step) || std::abs(off) > 3 * per_px) continue;
         // Towards the middle of the picture, where neighbouring contours leave room.
         const double apart_px = style.contour_m / per_px;
-        const double middle =
-            1 - std::hypot((x - 0.5 * r.nx) / r.nx, (y - 0.5 * r.ny) / r.ny);
+        const double middle = 1 - std::hypot((x - 0.5 * r.nx) / r.nx, (y - 0.5 * r.ny) / r.ny);
         const double score = std::min(1.0, apart_px / 16) * middle;
         if (apart_px < 9 || score <= best_score || !clear(x, y)) continue;
         // From the pixel onto the contour, along the gradient (screen y points south).

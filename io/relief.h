@@ -20,9 +20,9 @@ namespace soilvdb::io {
 struct Relief {
   int nx = 0, ny = 0;
   Eigen::AlignedBox2d box;
-  double datum_m = 0;              ///< a height in the box: floats keep their precision anywhere
-  std::vector<float> height;       ///< above datum_m; NaN where there is no ground
-  std::vector<float> depth;        ///< base surface less the ground now, >= 0
+  double datum_m = 0;         ///< a height in the box: floats keep their precision anywhere
+  std::vector<float> height;  ///< above datum_m; NaN where there is no ground
+  std::vector<float> depth;   ///< base surface less the ground now, >= 0
 
   double cell_x() const { return box.sizes().x() / nx; }
   double cell_y() const { return box.sizes().y() / ny; }
@@ -50,9 +50,9 @@ double depth_at(const Relief& relief, double x, double y);
 
 /// How a plan is drawn.
 struct PlanStyle {
-  double voxel_size_m = 0;         ///< depths under half of it are not shown
+  double voxel_size_m = 0;  ///< depths under half of it are not shown
   DepthScale scale;
-  double contour_m = 0;            ///< height between contours; 0: none
+  double contour_m = 0;  ///< height between contours; 0: none
 };
 
 /// Opaque pixels, row by row: earth tones under a hillshade, cut depth in colour, contours.

@@ -19,8 +19,8 @@ using Vec3f = Eigen::Vector3f;
 
 constexpr Rgb kSunLight{0.84, 0.80, 0.73}, kSkyLight{0.58, 0.61, 0.68};
 constexpr Rgb kBackgroundTop{0.995, 0.995, 0.995}, kBackgroundFoot{0.915, 0.925, 0.94};
-constexpr int kTile = 4;                         // sky directions repeat every 4 x 4 pixels,
-constexpr int kSkyRays = kTile * kTile * 4;      // one for each of their four rays
+constexpr int kTile = 4;                     // sky directions repeat every 4 x 4 pixels,
+constexpr int kSkyRays = kTile * kTile * 4;  // one for each of their four rays
 
 Vec3f linear(const Rgb& c) {
   return {static_cast<float>(std::pow(c.r, 2.2)), static_cast<float>(std::pow(c.g, 2.2)),
@@ -52,8 +52,7 @@ class Caster {
 
   /// Does the ground stand between a point on it and the sky?
   bool shaded(const Vec3& point, const Vec3& normal, const Vec3& direction) const {
-    openvdb::Vec3d at =
-        index(point) + 1.2 * openvdb::Vec3d(normal.x(), normal.y(), normal.z());
+    openvdb::Vec3d at = index(point) + 1.2 * openvdb::Vec3d(normal.x(), normal.y(), normal.z());
     return march(at, {direction.x(), direction.y(), direction.z()});
   }
 
@@ -125,13 +124,13 @@ std::array<Vec3, kSkyRays> sky_directions() {
 
 /// Sums over the rays of one pixel.
 struct Pixel {
-  Vec3f sunlit = Vec3f::Zero();    ///< light that needs no smoothing
-  Vec3f albedo = Vec3f::Zero();    ///< what sky light is multiplied by
+  Vec3f sunlit = Vec3f::Zero();  ///< light that needs no smoothing
+  Vec3f albedo = Vec3f::Zero();  ///< what sky light is multiplied by
   Vec3f normal = Vec3f::Zero();
-  float sky = 0;                   ///< of the rays that hit: sum of open sky in [0, 1]
+  float sky = 0;  ///< of the rays that hit: sum of open sky in [0, 1]
   float hits = 0;
-  float distance = 0;              ///< sum
-  float shadow = 0;                ///< background: darkening beside the block
+  float distance = 0;  ///< sum
+  float shadow = 0;    ///< background: darkening beside the block
 };
 
 float contact_shadow(const Scene& scene, const Vec3& eye, const Vec3& direction) {
@@ -165,8 +164,8 @@ void trace_pixel(const Scene& scene, const Camera& camera, const Caster& caster,
     // 37 is coprime to 64: neighbouring pixels look to far-apart parts of the sky.
     const int n = (((y % kTile) * kTile + x % kTile) * 4 + s) * 37 % kSkyRays;
     const Vec3 local = sky[static_cast<std::size_t>(n)];
-    const Vec3 side = (std::abs(normal.x()) > 0.9 ? Vec3::UnitY() : Vec3::UnitX())
-                          .cross(normal).normalized();
+    const Vec3 side =
+        (std::abs(normal.x()) > 0.9 ? Vec3::UnitY() : Vec3::UnitX()).cross(normal).normalized();
     const Vec3 up = local.x() * side + local.y() * normal.cross(side) + local.z() * normal;
     if (!caster.shaded(point, normal, up)) {
       out.sky += static_cast<float>(up.z() > 0 ? 0.75 + 0.25 * up.z() : 0.45);

@@ -23,7 +23,8 @@ constexpr double kSunHeight = 55 * std::numbers::pi / 180;
 /// Columns beyond which voxels are finer than pixels by far, and the block is made of heights.
 constexpr double kMaxColumns = 1.5e6;
 constexpr int kHeightColumns = 900;
-constexpr Rgb kTopSoil{0.79, 0.725, 0.63}, kSection{0.50, 0.40, 0.31}, kSectionDark{0.43, 0.335, 0.26};
+constexpr Rgb kTopSoil{0.79, 0.725, 0.63}, kSection{0.50, 0.40, 0.31},
+    kSectionDark{0.43, 0.335, 0.26};
 
 /// Square cells over the box: at most `most` along its longer side.
 Relief heights(const Ground& ground, const Eigen::AlignedBox2d& box, int most, double finest_m) {
@@ -58,7 +59,8 @@ double frame(Camera& c, const std::vector<Vec3>& points, Area area) {
 }
 
 /// Points that hold the block: its surface, coarsely, and its lower corners.
-std::vector<Vec3> hull(const Relief& relief, const Vec3& low, const Vec3& high, const Vec3& origin) {
+std::vector<Vec3> hull(const Relief& relief, const Vec3& low, const Vec3& high,
+                       const Vec3& origin) {
   std::vector<Vec3> points;
   for (const double x : {low.x(), high.x()}) {
     for (const double y : {low.y(), high.y()}) points.emplace_back(x, y, low.z());
@@ -113,8 +115,9 @@ void draw_ruler(Canvas& canvas, const Camera& camera, const Vec3& low, const Vec
   const int parts = std::lround(mantissa) == 2 ? 4 : 5;
   cairo_t* cr = canvas.cr();
   const auto quad = [&](double s0, double s1) {
-    for (const Vec3& p : {Vec3(start + s0 * step), Vec3(start + s1 * step),
-                          Vec3(start + s1 * step + thick * out), Vec3(start + s0 * step + thick * out)}) {
+    for (const Vec3& p :
+         {Vec3(start + s0 * step), Vec3(start + s1 * step), Vec3(start + s1 * step + thick * out),
+          Vec3(start + s0 * step + thick * out)}) {
       const Vec2 at = camera.project(p);
       cairo_line_to(cr, at.x(), at.y());
     }
@@ -148,7 +151,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   if (!range) {
     Canvas canvas(kWidth, 480);
     draw_caption(canvas, kEdge, 20, kWidth - 2 * kEdge, caption);
-    canvas.text(kWidth / 2, 270, "No ground here", {.size = 20, .color = kFaintInk, .align_x = 0.5});
+    canvas.text(kWidth / 2, 270, "No ground here",
+                {.size = 20, .color = kFaintInk, .align_x = 0.5});
     return canvas;
   }
   box = relief.box;
@@ -176,8 +180,9 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   const double rim = 1.1 * scene.ground->voxelSize().x();
   const double line_m = round_down_125(size / 6);
   scene.color = [&, rim, line_m](const Vec3& p, const Vec3& normal) -> Rgb {
-    const bool section = normal.z() < 0.5 && (p.x() < scene.low.x() + rim || p.x() > scene.high.x() - rim ||
-                         p.y() < scene.low.y() + rim || p.y() > scene.high.y() - rim);
+    const bool section =
+        normal.z() < 0.5 && (p.x() < scene.low.x() + rim || p.x() > scene.high.x() - rim ||
+                             p.y() < scene.low.y() + rim || p.y() > scene.high.y() - rim);
     const double d = depth(p);
     const double x = p.x() + origin.x(), y = p.y() + origin.y();
     if (section) {
@@ -190,7 +195,9 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
     if (d > 0.5 * voxel) {
       return mix(kTopSoil, scale.color(d), 0.6 + 0.4 * std::min(1.0, d / voxel - 0.5));
     }
-    const auto off = [&](double v) { return std::abs(v / line_m - std::round(v / line_m)) * line_m; };
+    const auto off = [&](double v) {
+      return std::abs(v / line_m - std::round(v / line_m)) * line_m;
+    };
     return std::min(off(x), off(y)) < 0.0007 * size ? scaled(kTopSoil, 0.93) : kTopSoil;
   };
 
@@ -202,18 +209,18 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
     const double azimuth = degrees * std::numbers::pi / 180;
     Camera candidate = look(scene.low, scene.high, azimuth);
     frame(candidate, points, {0, 0, 200, 130});
-    const double share = scale.max_m <= 0 ? 0 : seen(scene, candidate, 200, 130, [&](const Vec3& p) {
-      const double d = depth(p);
-      const double part = d / scale.max_m;
-      return d > 0.5 * voxel ? 0.1 + part * part : 0.0;
-    });
+    const double share =
+        scale.max_m <= 0 ? 0 : seen(scene, candidate, 200, 130, [&](const Vec3& p) {
+          const double d = depth(p);
+          const double part = d / scale.max_m;
+          return d > 0.5 * voxel ? 0.1 + part * part : 0.0;
+        });
     if (share > 1.02 * most) {
       most = share;
       camera = candidate;
     }
   }
-  const double block_h =
-      frame(camera, points, {kSide, kTop, kWidth - 2 * kSide, kMaxBlockHeight});
+  const double block_h = frame(camera, points, {kSide, kTop, kWidth - 2 * kSide, kMaxBlockHeight});
   const double foot = kTop + block_h + kRulerRoom;
   Canvas canvas(kWidth, static_cast<int>(std::ceil(foot + kFoot)));
   // Sun from over the camera's left shoulder.
@@ -228,7 +235,9 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
     const Vec2 c = ground.cut.center();
     if (const auto z = ground.now(c.x(), c.y())) {
       const Vec2 at = camera.project(Vec3(c.x(), c.y(), *z) - origin);
-      const double px = (ground.cut.sizes().maxCoeff() / (camera.eye - (Vec3(c.x(), c.y(), *z) - origin)).norm()) / camera.s;
+      const double px = (ground.cut.sizes().maxCoeff() /
+                         (camera.eye - (Vec3(c.x(), c.y(), *z) - origin)).norm()) /
+                        camera.s;
       if (px < kSmallCut_px) draw_cut_ring(canvas, at.x(), at.y(), kWidth);
     }
   }
@@ -245,7 +254,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
 
 void write_view(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
                 const Caption& caption) {
-  const MakeBlock make_block = [&](const Eigen::AlignedBox3d& space) -> openvdb::FloatGrid::ConstPtr {
+  const MakeBlock make_block =
+      [&](const Eigen::AlignedBox3d& space) -> openvdb::FloatGrid::ConstPtr {
     try {
       return closed_level_set(soil, space);
     } catch (const NoGroundError&) {

@@ -12,8 +12,7 @@ namespace soilvdb::io {
 
 /// The ground in a box of the world as a closed level set relative to the origin; null where that
 /// can't be made, and the view makes do with heights.
-using MakeBlock =
-    std::function<openvdb::FloatGrid::ConstPtr(const Eigen::AlignedBox3d& box)>;
+using MakeBlock = std::function<openvdb::FloatGrid::ConstPtr(const Eigen::AlignedBox3d& box)>;
 
 /// The picture write_view() writes.
 Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& origin,

@@ -95,12 +95,18 @@ Family named(std::string name, double width_m, double height_m) {
   return f;
 }
 
+/// Lines of the oracle lean against the ground and against the mouth's normal: where they run along
+/// a face of the swept set, lengths jump from line to line.
+constexpr double kLean = 0.3;
+
+Vec3 lines_at(double pitch) { return {std::cos(pitch + kLean), 0, -std::sin(pitch + kLean)}; }
+
 /// Planar, by a lip that goes from point (x, z) to point at one pitch.
 Family lip_path(Family f, const std::vector<Vec2>& lip, double pitch) {
   Arm arm;
   for (const Vec2& p : lip) arm.knots.push_back({{p.x(), 0, p.y()}, pitch});
   f.planar = true;
-  f.direction = {std::cos(pitch), 0, -std::sin(pitch)};
+  f.direction = lines_at(pitch);
   return with_arm(std::move(f), arm, false);
 }
 
@@ -109,13 +115,13 @@ struct Turn {
 };
 
 /// Planar, about a pin at (x, z) of the bucket frame that goes along; angles curl the bucket up.
-Family pin_path(Family f, const Vec2& pin, const std::vector<Turn>& turns, double line_pitch) {
+Family pin_path(Family f, const Vec2& pin, const std::vector<Turn>& turns) {
   Arm arm;
   arm.axis = -Vec3::UnitY();
   arm.joint_from_bucket.position = {-pin.x(), 0, -pin.y()};
   for (const Turn& t : turns) arm.knots.push_back({{t.x, 0, t.z}, t.angle});
   f.planar = true;
-  f.direction = {std::cos(line_pitch), 0, -std::sin(line_pitch)};
+  f.direction = lines_at(-(turns.front().angle + turns.back().angle) / 2);
   return with_arm(std::move(f), arm, true);
 }
 
@@ -140,7 +146,7 @@ Family curl_inside_pin() {
   Family f = named("curl_inside_pin", 0.6, 0.6);
   const double angle = 120 * kDegree, below = 0.25, above = 0.35;   // of the pin
   f.closed_form_m3 = 0.6 * angle / 2 * (below * below + above * above);
-  return pin_path(f, {0, below}, {{0, -1, -angle / 2}, {0, -1, angle / 2}}, 0);
+  return pin_path(f, {0, below}, {{0, -1, -angle / 2}, {0, -1, angle / 2}});
 }
 
 Family swing() {
@@ -232,7 +238,7 @@ Family helix() {
     return Pose{{radius * std::sin(yaw), radius * (1 - std::cos(yaw)), -0.2 + 0.08 * std::sin(3 * t)},
                 from_rpy(0.35 * std::sin(2.5 * t), 0.15 * std::cos(2 * t), yaw)};
   };
-  f.direction = {1, 0.6, 0.3};
+  f.direction = {1, 0.6, -0.4};
   return with_rows(f);
 }
 
@@ -243,12 +249,12 @@ const std::vector<Family>& all_families() {
       half_ellipse(named("half_sine", 0.2, 0.5), 0.5, 0.25, [](double t) { return t; }),
       drag(),
       pin_path(named("drag_curl", 1.0, 0.5), {0, 0.9},
-               {{0, 0.65, -45 * kDegree}, {0.9, 0.65, 0}, {1, 0.65, 70 * kDegree}}, 0.1),
+               {{0, 0.65, -45 * kDegree}, {0.9, 0.65, 0}, {1, 0.65, 70 * kDegree}}),
       // The pin goes on while the mouth turns the other way: the lip falls behind.
       pin_path(named("drag_curl_retreat", 1.0, 0.5), {0, 0.3},
-               {{0, -0.2, 0}, {0.8, -0.2, 0}, {0.95, -0.2, -70 * kDegree}}, 0.3),
+               {{0, -0.2, 0}, {0.8, -0.2, 0}, {0.95, -0.2, -70 * kDegree}}),
       pin_path(named("curl_outside_pin", 0.8, 0.5), {-0.15, 0.8},
-               {{0, 0.55, -60 * kDegree}, {0, 0.55, 60 * kDegree}}, 0),
+               {{0, 0.55, -60 * kDegree}, {0, 0.55, 60 * kDegree}}),
       curl_inside_pin(),
       swing(),
       half_ellipse(named("reversal", 0.5, 0.4), 0.4, 0.2,
@@ -282,8 +288,8 @@ Family random_family(std::uint64_t seed) {
     const double z = slope.dot(at) + 0.08 - (0.08 + depth) * std::sin(kPi * t);
     return Pose{{at.x(), at.y(), z}, from_rpy(roll, pitch - curl * t, yaw + kPi)};
   };
-  const double middle = pitch - curl / 2;   // of the mouth's pitch, which also tilts the lines
-  f.direction = {-std::cos(middle), 0.25, -std::sin(middle)};
+  const double middle = pitch - curl / 2;   // of the mouth's pitch
+  f.direction = {-std::cos(middle + kLean), 0.45, -std::sin(middle + kLean)};
   return with_rows(f);
 }
 

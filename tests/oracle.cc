@@ -16,6 +16,7 @@ constexpr int kSteps = 256;          // of time, in which roots are looked for
 constexpr int kBisections = 34;      // of one such step
 constexpr int kGolden = 24;          // shrinks a step by 1e-5, an extreme's error by 1e-10
 constexpr int kTerrainSteps = 48;    // along a range, in which crossings of the terrain are looked for
+constexpr int kLines = 17711, kLinesBefore = 10946;   // consecutive Fibonacci numbers
 constexpr double kParallel = 1e-9;   // cosine below which a line doesn't meet a plane
 constexpr double kOut = -1e9;
 
@@ -281,7 +282,7 @@ std::vector<Blade> profile_faces(const Bucket& bucket) {
   return faces;
 }
 
-Volume spatial_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& direction, int sides) {
+Volume spatial_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& direction) {
   const Scan scan(sweep, terrain, direction);
   Eigen::Matrix3d axes;
   axes.col(0) = direction.normalized();
@@ -293,8 +294,10 @@ Volume spatial_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& di
   double sum = 0, squares = 0;
   for (int k = 0; k < kShifts; ++k) {
     const double su = (k + 0.5) / kShifts, sv = ((k * 2 + 1) % kShifts + 0.25) / kShifts;
-    const double v = size.y() * size.z() * mean(sides * sides, [&](int i) {
-      const double u = (i / sides + su) / sides, w = (i % sides + sv) / sides;
+    const double v = size.y() * size.z() * mean(kLines, [&](int i) {
+      // A Fibonacci lattice; at the borders of the box lengths are 0, so they are periodic.
+      const double u = (i + su) / kLines;
+      const double w = std::fmod(static_cast<double>(i) * kLinesBefore / kLines + sv, 1.0);
       return scan.length(axes * (box.min() + Vec3(0, u * size.y(), w * size.z())));
     });
     sum += v;

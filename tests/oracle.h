@@ -46,10 +46,10 @@ std::vector<Blade> profile_faces(const Bucket& bucket);
 /// Along a line a moving plane meets it in one point that moves without jumps. So the swept set
 /// meets the line in the ranges of that point over the intervals of time when it lies inside the
 /// blade. The interval ends are found by bisection on the exact motion, the measure of the union of
-/// the ranges is clipped by the terrain, and integrated over parallel lines.
+/// the ranges is clipped by the terrain, and integrated over parallel lines. Four shifted lattices
+/// of lines tell the uncertainty, three standard errors.
 /// @param direction of the lines; no blade may keep parallel to it for a time
-/// @param sides lines per side of their grid; four shifted grids tell the uncertainty
-Volume spatial_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& direction, int sides);
+Volume spatial_volume(const Sweep& sweep, const Terrain& terrain, const Vec3& direction);
 
 /// The same where all blades have the same y range and the motion stays in the x-z plane: lines in
 /// that plane at `slices` values of y (1 if the terrain doesn't depend on y).

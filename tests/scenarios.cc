@@ -61,7 +61,7 @@ Volume truth(const Family& f, double yaw_rad) {
   if (f.closed_form_m3) return {*f.closed_form_m3, 1e-12 * *f.closed_form_m3};
   const Terrain ground = terrain(f, yaw_rad);
   const Sweep sweep = f.sweep();
-  if (!f.planar) return spatial_volume(sweep, ground, f.direction, 144);
+  if (!f.planar) return spatial_volume(sweep, ground, f.direction);
   const bool uniform = !f.posts && f.slope.y() == 0;
   return uniform ? planar_volume(sweep, ground, f.direction, 6000, 1)
                  : planar_volume(sweep, ground, f.direction, 600, 48);
