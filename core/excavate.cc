@@ -16,7 +16,6 @@
 namespace soilvdb {
 namespace {
 
-constexpr std::uint64_t kAll = ~std::uint64_t{0};
 /// Chunks times strokes below which one thread is quicker than two.
 constexpr std::size_t kParallelWork = 64;
 
@@ -141,14 +140,13 @@ Stroke moved(const Stroke& s, float x, float y, float z) {
   return m;
 }
 
-/// Takes what the stroke passes through out of its chunk. @return the samples removed.
-std::int64_t cut_chunk(const Job& job, double h) {
-  Chunk& chunk = *job.chunk;
+/// Takes what the stroke passes through out of its chunk's samples. @return how many were removed.
+std::int64_t cut_chunk(const Job& job, double h, SampleWords& samples) {
   const Stroke& s = job.stroke;
   const Spans row(s, 0.5f, 0.5f, 0.5f * kLeafSide), cell(s, 0.5f, 0.5f, 0.5f);
   std::int64_t removed = 0;
   for (int n = 0; n < kLeafSize; n += kLeafSide) {
-    std::uint64_t* cells = &chunk.samples[static_cast<std::size_t>(n)];
+    std::uint64_t* cells = &samples[static_cast<std::size_t>(n)];
     const float x0 = static_cast<float>(n >> 6), y0 = static_cast<float>(n >> 3 & 7);
     const float cx = x0 + 0.5f, cy = y0 + 0.5f;
     if (!row.may_cut(s, cx, cy, 0.5f * kLeafSide)) continue;
@@ -158,9 +156,9 @@ std::int64_t cut_chunk(const Job& job, double h) {
       if (!cell.may_cut(s, cx, cy, cz)) continue;
       const bool middle = job.facet->rectangle && cell.y.within(cx, cy, cz, s.y_low, s.y_high) &&
                           cell.z.within(cx, cy, cz, s.z_low, s.z_high);
-      std::uint64_t hit = kAll;
+      std::uint64_t hit = Samples::kAllSoil;
       if (!middle || !cell.x.surely_crosses_zero(cx, cy, cz)) {
-        const CellPoints& points = sample_points(chunk.origin + Coord3(n >> 6, n >> 3 & 7, z));
+        const CellPoints& points = sample_points(job.chunk->origin + Coord3(n >> 6, n >> 3 & 7, z));
         const Stroke local = moved(s, x0, y0, z0);
         if (!middle && job.facet->rectangle) {
           hit = crossing_rectangle(points, local);
@@ -174,8 +172,13 @@ std::int64_t cut_chunk(const Job& job, double h) {
       removed += std::popcount(hit);
     }
   }
-  chunk.now -= static_cast<std::uint32_t>(removed);
   return removed;
+}
+
+/// Stores what is left of a chunk's samples.
+void keep(Chunk& chunk, const SampleWords& samples, std::int64_t removed) {
+  chunk.samples.assign(samples);
+  chunk.now -= static_cast<std::uint32_t>(removed);
 }
 
 /// The chunk, made if it holds soil and isn't resident; null if there is no soil in it.
@@ -300,9 +303,14 @@ Cut excavate(Soil& soil, std::span<const Facet> facets, std::span<const Pose> pa
   std::vector<std::int64_t> captured(chunks), displaced(chunks);
   const Facet* mouth = &facets.front();
   const auto cut_one = [&](std::size_t c) {
+    Chunk& chunk = *jobs[starts[c]].chunk;
+    SampleWords samples;
+    chunk.samples.expand(samples);
     for (std::size_t i = starts[c]; i < starts[c + 1]; ++i) {
-      (jobs[i].facet == mouth ? captured : displaced)[c] += cut_chunk(jobs[i], soil.voxel_size_m());
+      (jobs[i].facet == mouth ? captured : displaced)[c] +=
+          cut_chunk(jobs[i], soil.voxel_size_m(), samples);
     }
+    if (captured[c] + displaced[c] > 0) keep(chunk, samples, captured[c] + displaced[c]);
   };
   if (jobs.size() >= kParallelWork) {
     tbb::parallel_for(std::size_t{0}, chunks, cut_one);
@@ -327,9 +335,12 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
   for_each_chunk(box, [&](const Coord3& origin) {
     Chunk* chunk = with_soil(soil, origin);
     if (chunk == nullptr) return;
+    SampleWords samples;
+    chunk->samples.expand(samples);
     std::int64_t removed = 0;
     for (int n = 0; n < kLeafSize; ++n) {
-      if (chunk->samples[n] == 0) continue;
+      std::uint64_t& cell = samples[static_cast<std::size_t>(n)];
+      if (cell == 0) continue;
       const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
       const CellPoints& points = sample_points(voxel);
       const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
@@ -340,13 +351,14 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
         const bool in = std::abs(p.y()) <= bucket.width_m / 2 && inside(bucket.profile, {p.x(), p.z()});
         hit |= std::uint64_t{in} << i;
       }
-      hit &= chunk->samples[n];
+      hit &= cell;
       removed += std::popcount(hit);
-      chunk->samples[n] ^= hit;
+      cell ^= hit;
     }
-    chunk->now -= static_cast<std::uint32_t>(removed);
+    if (removed == 0) return;
+    keep(*chunk, samples, removed);
     cut.displaced += removed;
-    if (removed > 0) cut.changed.push_back(origin);
+    cut.changed.push_back(origin);
   });
   return cut;
 }

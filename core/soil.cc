@@ -19,8 +19,6 @@ namespace {
 
 using Leaf = openvdb::FloatTree::LeafNodeType;
 
-constexpr std::uint64_t kAllSoil = ~std::uint64_t{0};
-
 /// A bijective mix of 64 bits (the finaliser of SplitMix64).
 constexpr std::uint64_t mix(std::uint64_t v) {
   v = (v ^ (v >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -131,14 +129,14 @@ void Soil::read_phi(const Coord3& origin, float* phi) const {
   }
 }
 
-void Soil::read_samples(const Coord3& origin, std::uint64_t* samples) const {
+void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
   if (const Chunk* chunk = find(origin)) {
-    std::copy_n(chunk->samples.data(), kLeafSize, samples);
+    chunk->samples.expand(samples);
     return;
   }
   const Content content = classify(origin);
   if (content != Content::kMixed) {
-    std::fill_n(samples, kLeafSize, content == Content::kSoil ? kAllSoil : 0);
+    samples.fill(content == Content::kSoil ? Samples::kAllSoil : 0);
     return;
   }
   std::array<float, kLeafSize> phi;
@@ -147,7 +145,7 @@ void Soil::read_samples(const Coord3& origin, std::uint64_t* samples) const {
   const float clear = static_cast<float>(h_ * 0.9);
   for (int n = 0; n < kLeafSize; ++n) {
     if (std::abs(phi[n]) > clear) {
-      samples[n] = phi[n] < 0 ? kAllSoil : 0;
+      samples[n] = phi[n] < 0 ? Samples::kAllSoil : 0;
       continue;
     }
     const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
@@ -159,23 +157,22 @@ void Soil::read_samples(const Coord3& origin, std::uint64_t* samples) const {
 Chunk& Soil::make(const Coord3& origin) {
   if (Chunk* chunk = find(origin)) return *chunk;
   std::array<float, kLeafSize> phi;
-  std::array<std::uint64_t, kLeafSize> samples;
+  SampleWords samples;
   read_phi(origin, phi.data());
-  read_samples(origin, samples.data());
-  restore(origin, phi.data(), samples.data());
+  read_samples(origin, samples);
+  restore(origin, phi.data(), samples);
   return *find(origin);
 }
 
-void Soil::restore(const Coord3& origin, const float* phi, const std::uint64_t* samples) {
+void Soil::restore(const Coord3& origin, const float* phi, const SampleWords& samples) {
   if (find(origin) != nullptr) throw std::invalid_argument("the chunk is resident already");
   auto* leaf = new Leaf(coord(origin), static_cast<float>(band_m()));
   grids_->surface().tree().addLeaf(leaf);
   Chunk& chunk = index_->add(origin);
   chunk.phi = leaf->buffer().data();
   std::copy_n(phi, kLeafSize, chunk.phi);
-  std::copy_n(samples, kLeafSize, chunk.samples.data());
-  for (const std::uint64_t s : chunk.samples) chunk.made += std::popcount(s);
-  chunk.now = chunk.made;
+  chunk.samples.assign(samples);
+  chunk.now = chunk.made = chunk.samples.count();
   phi_changed(chunk);
 }
 
@@ -253,9 +250,7 @@ std::optional<double> Soil::height(double x, double y) const {
 double Soil::change_m3() const {
   std::int64_t change = 0;
   for (const Chunk& chunk : index_->chunks) {
-    std::int64_t now = 0;
-    for (const std::uint64_t s : chunk.samples) now += std::popcount(s);
-    change += now - chunk.made;
+    change += std::int64_t{chunk.samples.count()} - chunk.made;
   }
   return static_cast<double>(change) * sample_m3();
 }
@@ -272,8 +267,9 @@ double Soil::resident_m2() const {
 }
 
 std::uint64_t Soil::memory_bytes() const {
-  return index_->slots.size() * sizeof(Chunk*) + index_->chunks.size() * sizeof(Chunk) +
-         grids_->surface().memUsage();
+  std::uint64_t bytes = index_->slots.size() * sizeof(Chunk*) + grids_->surface().memUsage();
+  for (const Chunk& chunk : index_->chunks) bytes += sizeof(Chunk) + chunk.samples.heap_bytes();
+  return bytes;
 }
 
 std::uint64_t Soil::state_hash() const {
@@ -281,9 +277,11 @@ std::uint64_t Soil::state_hash() const {
   std::vector<std::uint64_t> digests(all.size());
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
     std::uint64_t digest = key_of(all[i]->origin);
-    for (int n = 0; n < kLeafSize; ++n) {
+    SampleWords samples;
+    all[i]->samples.expand(samples);
+    for (std::size_t n = 0; n < kLeafSize; ++n) {
       digest = mix(digest ^ std::bit_cast<std::uint32_t>(all[i]->phi[n]));
-      digest = mix(digest + all[i]->samples[n]);
+      digest = mix(digest + samples[n]);
     }
     digests[i] = digest;
   });

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/base_surface.h"
+#include "core/samples.h"
 #include "core/types.h"
 
 namespace soilvdb {
@@ -19,12 +20,12 @@ namespace soilvdb {
 ///
 /// A voxel has a value and a cell. The value `phi` is the signed distance at the voxel's centre:
 /// phi < 0 in soil, metres, clamped to +-band. The cell is the cube of one voxel's side about the
-/// centre; it holds 64 sample points, and bit i of `samples` says whether point i is soil.
+/// centre; it holds 64 sample points, and a bit of `samples` for each says whether it is soil.
 /// Volumes are counted on samples, surfaces are read off phi.
 struct Chunk {
   Coord3 origin;                 ///< index of the first voxel, a multiple of 8
   float* phi = nullptr;          ///< 512 values, the buffer of the OpenVDB leaf
-  std::array<std::uint64_t, kLeafSize> samples;
+  Samples samples;
   std::uint32_t made = 0;        ///< samples of soil when the chunk was made
   std::uint32_t now = 0;         ///< samples of soil now
 };
@@ -71,14 +72,14 @@ class Soil {
   void phi_changed(const Chunk& chunk);
   /// phi of a chunk, resident or not, into 512 values.
   void read_phi(const Coord3& origin, float* phi) const;
-  /// samples of a chunk, resident or not, into 512 words.
-  void read_samples(const Coord3& origin, std::uint64_t* samples) const;
+  /// samples of a chunk, resident or not.
+  void read_samples(const Coord3& origin, SampleWords& samples) const;
 
   /// Resident chunks, ordered by origin (x, then y, then z).
   std::vector<const Chunk*> chunks() const;
 
   /// Puts back a chunk as a snapshot held it. @throw std::invalid_argument if it is resident.
-  void restore(const Coord3& origin, const float* phi, const std::uint64_t* samples);
+  void restore(const Coord3& origin, const float* phi, const SampleWords& samples);
 
   /// Height of the topmost soil at (x, y) of the world, m.
   std::optional<double> height(double x, double y) const;

@@ -17,7 +17,7 @@ namespace {
 using Box3 = Eigen::AlignedBox3d;
 
 constexpr std::size_t kBlock = 64;              // rows looked at together at first
-constexpr double kBytesPerChunk = 7000;         // a Chunk, its leaf, its share of index and tree
+constexpr double kBytesPerChunk = 3500;         // a Chunk, its leaf, its share of index and tree
 constexpr double kMostVoxels = 1 << 23;         // either way from the origin: 21 bits of chunks
 constexpr int kPointsAcross = 8;                // of a mouth, where its sweep is estimated
 

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <fstream>
 #include <sstream>
 
@@ -103,11 +102,13 @@ Int64Grid::Ptr samples_grid(const Soil& soil) {
   Int64Grid::Ptr grid = Int64Grid::create(0);
   grid->setName("samples");
   grid->setTransform(soil.grids().surface().transform().copy());
+  SampleWords words;
   for (const Chunk* chunk : soil.chunks()) {
     const Coord3& o = chunk->origin;
+    chunk->samples.expand(words);
     auto* leaf = new SamplesLeaf(openvdb::Coord(o.x(), o.y(), o.z()), 0);
     for (openvdb::Index n = 0; n < SamplesLeaf::SIZE; ++n) {
-      const auto value = static_cast<std::int64_t>(chunk->samples[n]);
+      const auto value = static_cast<std::int64_t>(words[n]);
       leaf->setValueOnly(n, value);
       leaf->setActiveState(n, value != 0 && value != -1);
     }
@@ -203,15 +204,15 @@ Base open_referenced(const std::filesystem::path& snapshot, const Reader& meta) 
 /// @throw std::exception on anything that isn't as write_snapshot() makes it.
 void restore(Soil& soil, const FloatGrid& surface, const Int64Grid& samples) {
   std::size_t leaves = 0;
-  std::array<std::uint64_t, kLeafSize> bits;
+  SampleWords words;
   for (auto leaf = surface.tree().cbeginLeaf(); leaf; ++leaf, ++leaves) {
     const auto* other = samples.tree().probeConstLeaf(leaf->origin());
     if (other == nullptr) throw std::runtime_error("its grids don't cover the same ground");
     for (openvdb::Index n = 0; n < kLeafSize; ++n) {
-      bits[n] = static_cast<std::uint64_t>(other->getValue(n));
+      words[n] = static_cast<std::uint64_t>(other->getValue(n));
     }
     const openvdb::Coord o = leaf->origin();
-    soil.restore({o.x(), o.y(), o.z()}, leaf->buffer().data(), bits.data());
+    soil.restore({o.x(), o.y(), o.z()}, leaf->buffer().data(), words);
   }
   if (leaves != samples.tree().leafCount()) {
     throw std::runtime_error("its grids don't cover the same ground");

@@ -276,20 +276,20 @@ Family random_family(std::uint64_t seed) {
     return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
   };
   Family f = named("random_" + std::to_string(seed), between(0.5, 1.1), between(0.35, 0.6));
-  const double fall = std::tan(between(0, 15 * kDegree)), toward = between(0, 2 * kPi);
+  const double fall = std::tan(between(0, 12 * kDegree)), toward = between(0, 2 * kPi);
   f.slope = fall * Vec2(std::cos(toward), std::sin(toward));
   // A backhoe: the lip comes closer while it dips, curls and swings; the mouth faces the machine.
   const double far = between(4, 6), drag = between(0.8, 1.6), swing = between(-0.15, 0.15);
-  const double depth = between(0.12, 0.3), pitch = between(0, 30 * kDegree);
-  const double curl = between(20 * kDegree, 70 * kDegree), roll = between(-0.1, 0.1);
+  const double depth = between(0.12, 0.3), pitch = between(0, 20 * kDegree);
+  const double curl = between(20 * kDegree, 50 * kDegree), roll = between(-0.1, 0.1);
   f.pose = [=, slope = f.slope](double t) {
     const double yaw = swing * (t - 0.5), r = far - drag * t;
     const Vec2 at(r * std::cos(yaw) - far, r * std::sin(yaw));
     const double z = slope.dot(at) + 0.08 - (0.08 + depth) * std::sin(kPi * t);
     return Pose{{at.x(), at.y(), z}, from_rpy(roll, pitch - curl * t, yaw + kPi)};
   };
-  const double middle = pitch - curl / 2;   // of the mouth's pitch
-  f.direction = {-std::cos(middle + kLean), 0.45, -std::sin(middle + kLean)};
+  // The mouth's pitch stays within 20 to -50 degrees, the ground's below 12.
+  f.direction = {-std::cos(27 * kDegree), 0.45, -std::sin(27 * kDegree)};
   return with_rows(f);
 }
 

@@ -16,7 +16,7 @@ constexpr int kSteps = 256;          // of time, in which roots are looked for
 constexpr int kBisections = 34;      // of one such step
 constexpr int kGolden = 24;          // shrinks a step by 1e-5, an extreme's error by 1e-10
 constexpr int kTerrainSteps = 48;    // along a range, in which crossings of the terrain are looked for
-constexpr int kLines = 17711, kLinesBefore = 10946;   // consecutive Fibonacci numbers
+constexpr int kLines = 28657, kLinesBefore = 17711;   // consecutive Fibonacci numbers
 constexpr double kParallel = 1e-9;   // cosine below which a line doesn't meet a plane
 constexpr double kOut = -1e9;
 

@@ -100,9 +100,9 @@ Change compare(const Soil& a, const Soil& b) {
   };
   std::vector<Part> parts(origins.size());
   tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
-    std::array<std::uint64_t, kLeafSize> before, after;
-    a.read_samples(origins[i], before.data());
-    b.read_samples(origins[i], after.data());
+    SampleWords before, after;
+    a.read_samples(origins[i], before);
+    b.read_samples(origins[i], after);
     for (std::size_t n = 0; n < before.size(); ++n) {
       parts[i].cut += std::popcount(before[n] & ~after[n]);
       parts[i].fill += std::popcount(after[n] & ~before[n]);

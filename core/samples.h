@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The sample points of a chunk, kept small: most cells are all soil or all air.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "core/base_surface.h"
+
+namespace soilvdb {
+
+/// One word of 64 samples per cell of a chunk; bit i of word n: point i of cell n is soil.
+using SampleWords = std::array<std::uint64_t, kLeafSize>;
+
+/// SampleWords with a word only for the cells that are neither all soil nor all air.
+class Samples {
+ public:
+  void assign(const SampleWords& words) {
+    mixed_words_.clear();
+    for (int g = 0; g < kGroups; ++g) {
+      std::uint64_t soil = 0, mixed = 0;
+      for (int i = 0; i < 64; ++i) {
+        const std::uint64_t word = words[static_cast<std::size_t>(64 * g + i)];
+        soil |= std::uint64_t{word == kAllSoil} << i;
+        mixed |= std::uint64_t{word != 0 && word != kAllSoil} << i;
+      }
+      soil_[g] = soil;
+      mixed_[g] = mixed;
+      for (; mixed != 0; mixed &= mixed - 1) {
+        mixed_words_.push_back(words[static_cast<std::size_t>(64 * g + std::countr_zero(mixed))]);
+      }
+    }
+  }
+
+  void expand(SampleWords& words) const {
+    const std::uint64_t* next = mixed_words_.data();
+    for (int g = 0; g < kGroups; ++g) {
+      std::uint64_t* out = &words[static_cast<std::size_t>(64 * g)];
+      for (int i = 0; i < 64; ++i) out[i] = soil_[g] >> i & 1 ? kAllSoil : 0;
+      for (std::uint64_t mixed = mixed_[g]; mixed != 0; mixed &= mixed - 1) {
+        out[std::countr_zero(mixed)] = *next++;
+      }
+    }
+  }
+
+  /// Samples of soil.
+  std::uint32_t count() const {
+    int sum = 0;
+    for (const std::uint64_t soil : soil_) sum += 64 * std::popcount(soil);
+    for (const std::uint64_t word : mixed_words_) sum += std::popcount(word);
+    return static_cast<std::uint32_t>(sum);
+  }
+
+  std::size_t heap_bytes() const { return mixed_words_.capacity() * sizeof(std::uint64_t); }
+  bool operator==(const Samples&) const = default;
+
+  static constexpr std::uint64_t kAllSoil = ~std::uint64_t{0};
+
+ private:
+  static constexpr int kGroups = kLeafSize / 64;
+  std::array<std::uint64_t, kGroups> soil_{}, mixed_{};
+  std::vector<std::uint64_t> mixed_words_;   // in the order of cells
+};
+
+}  // namespace soilvdb
