@@ -73,7 +73,7 @@ struct Spans {
 };
 
 /// Bit i is set where sample i crosses the facet's plane.
-SOILVDB_FOR_CPUS std::uint64_t crossing_plane(const CellPoints& p, Affine a, Affine b) {
+inline std::uint64_t crossing_plane(const CellPoints& p, Affine a, Affine b) {
   std::uint32_t half[2];
   for (int g = 0; g < 2; ++g) {
     std::uint32_t bits = 0;
@@ -89,7 +89,7 @@ SOILVDB_FOR_CPUS std::uint64_t crossing_plane(const CellPoints& p, Affine a, Aff
 
 /// Bit i is set where sample i crosses the facet's rectangle. At the crossing, the fraction
 /// u / (u - v) of the segment, y is (y_a v - y_b u) / (v - u); the division is multiplied out.
-SOILVDB_FOR_CPUS std::uint64_t crossing_rectangle(const CellPoints& p, const Stroke& s) {
+inline std::uint64_t crossing_rectangle(const CellPoints& p, const Stroke& s) {
   const Stroke t = s;   // so that the compiler knows nothing else writes to it
   std::uint32_t half[2];
   for (int g = 0; g < 2; ++g) {
@@ -140,45 +140,42 @@ Stroke moved(const Stroke& s, float x, float y, float z) {
   return m;
 }
 
-/// Takes what the stroke passes through out of its chunk's samples. @return how many were removed.
-std::int64_t cut_chunk(const Job& job, double h, SampleWords& samples) {
+/// Takes what the stroke passes through out of its chunk. @return how many samples were removed.
+SOILVDB_FOR_CPUS std::int64_t cut_chunk(const Job& job, double h) {
+  Samples& samples = job.chunk->samples;
   const Stroke& s = job.stroke;
   const Spans row(s, 0.5f, 0.5f, 0.5f * kLeafSide), cell(s, 0.5f, 0.5f, 0.5f);
   std::int64_t removed = 0;
   for (int n = 0; n < kLeafSize; n += kLeafSide) {
-    std::uint64_t* cells = &samples[static_cast<std::size_t>(n)];
+    std::uint32_t soil = samples.any_of_row(n);
     const float x0 = static_cast<float>(n >> 6), y0 = static_cast<float>(n >> 3 & 7);
     const float cx = x0 + 0.5f, cy = y0 + 0.5f;
-    if (!row.may_cut(s, cx, cy, 0.5f * kLeafSide)) continue;
-    for (int z = 0; z < kLeafSide; ++z) {
-      if (cells[z] == 0) continue;
+    if (soil == 0 || !row.may_cut(s, cx, cy, 0.5f * kLeafSide)) continue;
+    for (; soil != 0; soil &= soil - 1) {
+      const int z = std::countr_zero(soil);
       const float z0 = static_cast<float>(z), cz = z0 + 0.5f;
       if (!cell.may_cut(s, cx, cy, cz)) continue;
+      const std::uint64_t word = samples.word(n + z);
       const bool middle = job.facet->rectangle && cell.y.within(cx, cy, cz, s.y_low, s.y_high) &&
                           cell.z.within(cx, cy, cz, s.z_low, s.z_high);
-      std::uint64_t hit = Samples::kAllSoil;
+      std::uint64_t hit = word;
       if (!middle || !cell.x.surely_crosses_zero(cx, cy, cz)) {
         const CellPoints& points = sample_points(job.chunk->origin + Coord3(n >> 6, n >> 3 & 7, z));
         const Stroke local = moved(s, x0, y0, z0);
         if (!middle && job.facet->rectangle) {
-          hit = crossing_rectangle(points, local);
+          hit &= crossing_rectangle(points, local);
         } else {
-          hit = crossing_plane(points, local.a.axis[0], local.b.axis[0]);
-          if (!middle) hit = crossing_outline(points, local, *job.facet, h, hit & cells[z]);
+          hit &= crossing_plane(points, local.a.axis[0], local.b.axis[0]);
+          if (!middle && hit != 0) hit = crossing_outline(points, local, *job.facet, h, hit);
         }
       }
-      hit &= cells[z];
-      cells[z] ^= hit;
+      if (hit == 0) continue;
+      samples.set_word(n + z, word ^ hit);
       removed += std::popcount(hit);
     }
   }
+  job.chunk->now -= static_cast<std::uint32_t>(removed);
   return removed;
-}
-
-/// Stores what is left of a chunk's samples.
-void keep(Chunk& chunk, const SampleWords& samples, std::int64_t removed) {
-  chunk.samples.assign(samples);
-  chunk.now -= static_cast<std::uint32_t>(removed);
 }
 
 /// The chunk, made if it holds soil and isn't resident; null if there is no soil in it.
@@ -303,14 +300,9 @@ Cut excavate(Soil& soil, std::span<const Facet> facets, std::span<const Pose> pa
   std::vector<std::int64_t> captured(chunks), displaced(chunks);
   const Facet* mouth = &facets.front();
   const auto cut_one = [&](std::size_t c) {
-    Chunk& chunk = *jobs[starts[c]].chunk;
-    SampleWords samples;
-    chunk.samples.expand(samples);
     for (std::size_t i = starts[c]; i < starts[c + 1]; ++i) {
-      (jobs[i].facet == mouth ? captured : displaced)[c] +=
-          cut_chunk(jobs[i], soil.voxel_size_m(), samples);
+      (jobs[i].facet == mouth ? captured : displaced)[c] += cut_chunk(jobs[i], soil.voxel_size_m());
     }
-    if (captured[c] + displaced[c] > 0) keep(chunk, samples, captured[c] + displaced[c]);
   };
   if (jobs.size() >= kParallelWork) {
     tbb::parallel_for(std::size_t{0}, chunks, cut_one);
@@ -335,12 +327,10 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
   for_each_chunk(box, [&](const Coord3& origin) {
     Chunk* chunk = with_soil(soil, origin);
     if (chunk == nullptr) return;
-    SampleWords samples;
-    chunk->samples.expand(samples);
     std::int64_t removed = 0;
     for (int n = 0; n < kLeafSize; ++n) {
-      std::uint64_t& cell = samples[static_cast<std::size_t>(n)];
-      if (cell == 0) continue;
+      const std::uint64_t word = chunk->samples.word(n);
+      if (word == 0) continue;
       const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
       const CellPoints& points = sample_points(voxel);
       const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
@@ -351,12 +341,12 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
         const bool in = std::abs(p.y()) <= bucket.width_m / 2 && inside(bucket.profile, {p.x(), p.z()});
         hit |= std::uint64_t{in} << i;
       }
-      hit &= cell;
+      hit &= word;
       removed += std::popcount(hit);
-      cell ^= hit;
+      chunk->samples.set_word(n, word ^ hit);
     }
     if (removed == 0) return;
-    keep(*chunk, samples, removed);
+    chunk->now -= static_cast<std::uint32_t>(removed);
     cut.displaced += removed;
     cut.changed.push_back(origin);
   });

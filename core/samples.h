@@ -46,6 +46,32 @@ class Samples {
     }
   }
 
+  /// Bit i: cell `first` + i holds soil; `first` a multiple of 8, i < 8.
+  std::uint32_t any_of_row(int first) const {
+    return (soil_[first >> 6] | mixed_[first >> 6]) >> (first & 63) & 0xff;
+  }
+
+  std::uint64_t word(int n) const {
+    const std::uint64_t bit = std::uint64_t{1} << (n & 63);
+    if (soil_[n >> 6] & bit) return kAllSoil;
+    return mixed_[n >> 6] & bit ? mixed_words_[static_cast<std::size_t>(index(n))] : 0;
+  }
+
+  void set_word(int n, std::uint64_t word) {
+    const std::uint64_t bit = std::uint64_t{1} << (n & 63);
+    const auto at = mixed_words_.begin() + index(n);
+    const bool was_mixed = mixed_[n >> 6] & bit, mixed = word != 0 && word != kAllSoil;
+    if (mixed && was_mixed) {
+      *at = word;
+    } else if (mixed) {
+      mixed_words_.insert(at, word);
+    } else if (was_mixed) {
+      mixed_words_.erase(at);
+    }
+    mixed_[n >> 6] = mixed ? mixed_[n >> 6] | bit : mixed_[n >> 6] & ~bit;
+    soil_[n >> 6] = word == kAllSoil ? soil_[n >> 6] | bit : soil_[n >> 6] & ~bit;
+  }
+
   /// Samples of soil.
   std::uint32_t count() const {
     int sum = 0;
@@ -61,7 +87,15 @@ class Samples {
 
  private:
   static constexpr int kGroups = kLeafSize / 64;
-  std::array<std::uint64_t, kGroups> soil_{}, mixed_{};
+
+  /// Where the word of cell n is, or would be.
+  std::ptrdiff_t index(int n) const {
+    std::ptrdiff_t before = std::popcount(mixed_[n >> 6] & ((std::uint64_t{1} << (n & 63)) - 1));
+    for (int g = 0; g < n >> 6; ++g) before += std::popcount(mixed_[g]);
+    return before;
+  }
+
+  std::uint64_t soil_[kGroups] = {}, mixed_[kGroups] = {};
   std::vector<std::uint64_t> mixed_words_;   // in the order of cells
 };
 

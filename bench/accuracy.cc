@@ -1,0 +1,223 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Run time against error: engines x families x voxel sizes x numbers of updates, in one process.
+#include <fmt/core.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <exception>
+#include <map>
+
+#include "bench/curves.h"
+#include "bench/digs.h"
+#include "bench/report.h"
+
+namespace soilvdb::bench {
+namespace {
+
+struct Plan {
+  std::vector<std::string> families;
+  std::vector<std::size_t> placements;   ///< peers only get the last
+  std::vector<double> voxels_m;          ///< coarse to fine
+  std::vector<int> updates;
+  double run_cap_s, engine_cap_s;
+};
+
+Plan plan(bool quick) {
+  const auto& all = testing::families();
+  if (quick) {
+    return {{all.begin(), all.begin() + 3}, {1}, {0.1, 0.05, 0.025}, {20, 100}, 1, 6};
+  }
+  return {all, {0, 1}, {0.2, 0.1, 0.05, 0.025, 0.0125}, {20, 100, 500, 5000}, 6, 75};
+}
+
+/// The number of updates that engines are compared at: about 20 Hz over a dig of five seconds.
+constexpr int kCommonUpdates = 100;
+
+class Accuracy {
+ public:
+  explicit Accuracy(const Options& options)
+      : plan_(plan(options.quick)), folder_(options.out),
+        csv_(options.out / "accuracy.csv",
+             "engine,family,placement,voxel_m,updates,error,uncertainty,us_per_update,failures,"
+             "complete") {}
+
+  void measure() {
+    std::vector<const Peer*> sound;
+    for (const Peer& peer : engines()) {
+      const double error = check(peer);
+      if (std::abs(error) <= kBroken) {
+        sound.push_back(&peer);
+      } else {
+        fmt::print("{} is left out: {:+.1f} % on a drag in thick strokes\n", peer.name, 100 * error);
+      }
+      checked_[peer.name] = error;
+    }
+    std::size_t steps = 0;
+    for (const Peer* peer : sound) steps += placements(*peer).size();
+    Progress progress(steps * plan_.families.size());
+    for (const Peer* peer : sound) {
+      const Stopwatch spent;
+      // Coarse and few first: where the time runs out, it is the dearest runs that are missing.
+      for (const std::size_t placement : placements(*peer)) {
+        for (const std::string& family : plan_.families) {
+          progress.step(fmt::format("{} {}", peer->name, family));
+          const testing::Dig dig = testing::make_dig(family, testing::placements()[placement]);
+          measure(*peer, dig, placement, spent);
+        }
+      }
+    }
+  }
+
+  void write_curves() const {
+    Csv csv(folder_ / "curves.csv", "engine,updates,voxel_m,error_rms,us_per_update,digs");
+    Csv over(folder_ / "updates.csv", "engine,voxel_m,updates,error_rms,error_mean");
+    for (const Peer& peer : engines()) {
+      for (const int updates : plan_.updates) {
+        const auto digs = digs_done(samples_, peer.name, updates);
+        for (const Point& p : curve(samples_, peer.name, updates, digs)) {
+          csv.row(fmt::format("{},{},{},{:.6g},{:.6g},{}", peer.name, updates, p.voxel_m, p.error,
+                              p.us_per_update, p.digs));
+        }
+      }
+      for (const double voxel : plan_.voxels_m) {
+        for (const int updates : plan_.updates) write_mean(over, peer.name, voxel, updates);
+      }
+    }
+  }
+
+  void print() const {
+    print_families();
+    fmt::print("\nAt the paper's own error, {} %: {} updates, time per update by linear interpolation"
+               "\nof log time over log error (rms over the digs both completed).\n\n",
+               100 * kPaperError, kCommonUpdates);
+    fmt::print("{:<16}{:>8}{:>14}{:>14}{:>12}  {}\n", "engine", "digs", "its us", "soilvdb us",
+               "times", "");
+    Csv csv(folder_ / "at_paper_error.csv", "engine,digs,us_per_update,soilvdb_us_per_update,ratio");
+    for (const Peer& peer : engines()) {
+      const auto digs = digs_done(samples_, peer.name, kCommonUpdates);
+      const auto theirs = curve(samples_, peer.name, kCommonUpdates, digs);
+      const auto ours = curve(samples_, "soilvdb", kCommonUpdates, digs);
+      const auto us = us_at_error(theirs, kPaperError), our_us = us_at_error(ours, kPaperError);
+      if (us && our_us) {
+        fmt::print("{:<16}{:>8}{:>14.1f}{:>14.1f}{:>11.1f}x\n", peer.name, digs.size(), *us, *our_us,
+                   *us / *our_us);
+        csv.row(fmt::format("{},{},{:.6g},{:.6g},{:.4g}", peer.name, digs.size(), *us, *our_us,
+                            *us / *our_us));
+        continue;
+      }
+      const Point* best = nullptr;
+      for (const Point& p : theirs) {
+        if (best == nullptr || p.error < best->error) best = &p;
+      }
+      if (best == nullptr) continue;
+      fmt::print("{:<16}{:>8}   never gets there: {:.2f} % at {:g} cm, {:.0f} us\n", peer.name,
+                 digs.size(), 100 * best->error, 100 * best->voxel_m, best->us_per_update);
+      csv.row(fmt::format("{},{},,,", peer.name, digs.size()));
+    }
+  }
+
+ private:
+  std::vector<std::size_t> placements(const Peer& peer) const {
+    if (peer.name == "soilvdb") return plan_.placements;
+    return {plan_.placements.back()};
+  }
+
+  void measure(const Peer& peer, const testing::Dig& dig, std::size_t placement,
+               const Stopwatch& spent) {
+    for (const int updates : plan_.updates) {
+      bool too_slow = false;
+      for (const double voxel : plan_.voxels_m) {
+        Sample s{peer.name, dig.family, static_cast<int>(placement), voxel, updates};
+        if (!too_slow && spent.seconds() < plan_.engine_cap_s) {
+          try {
+            const Run r = run(peer.make, dig, voxel, updates, plan_.run_cap_s);
+            s.error = r.error;
+            s.us_per_update = r.us_per_update;
+            s.failures = r.failures;
+            s.complete = r.complete;
+            too_slow = !r.complete || r.setup_s > plan_.run_cap_s;
+          } catch (const std::exception& e) {
+            fmt::print("{} failed on {}: {}\n", peer.name, dig.family, e.what());
+          }
+        }
+        csv_.row(fmt::format("{},{},{},{},{},{},{:.3g},{:.6g},{},{}", s.engine, s.family, s.placement,
+                             s.voxel_m, s.updates, s.complete ? fmt::format("{:.6g}", s.error) : "",
+                             dig.uncertainty_m3 / dig.exact_m3, s.us_per_update, s.failures,
+                             int{s.complete}));
+        samples_.push_back(std::move(s));
+      }
+    }
+  }
+
+  void write_mean(Csv& csv, const std::string& engine, double voxel, int updates) const {
+    double squares = 0, sum = 0, n = 0;
+    for (const Sample& s : samples_) {
+      if (s.engine != engine || s.voxel_m != voxel || s.updates != updates || !s.complete) continue;
+      squares += s.error * s.error;
+      sum += s.error;
+      ++n;
+    }
+    if (n == 0) return;
+    csv.row(fmt::format("{},{},{},{:.6g},{:.6g}", engine, voxel, updates, std::sqrt(squares / n),
+                        sum / n));
+  }
+
+  /// soilvdb: the worst error of each family at each voxel size, and the order of convergence.
+  void print_families() const {
+    fmt::print("\nsoilvdb, worst |error| over placements and numbers of updates, %\n{:<22}", "family");
+    for (const double voxel : plan_.voxels_m) fmt::print("{:>8g} cm", 100 * voxel);
+    fmt::print("{:>18}{:>14}\n", "spread at finest", "us at finest");
+    for (const std::string& family : plan_.families) {
+      fmt::print("{:<22}", family);
+      std::map<int, std::pair<double, double>> ranges;   // by placement, at the finest voxels
+      double us = 0;
+      for (const double voxel : plan_.voxels_m) {
+        double worst = 0;
+        for (const Sample& s : samples_) {
+          if (s.engine != "soilvdb" || s.family != family || s.voxel_m != voxel || !s.complete) continue;
+          worst = std::max(worst, std::abs(s.error));
+          if (voxel != plan_.voxels_m.back()) continue;
+          const auto [it, added] = ranges.try_emplace(s.placement, s.error, s.error);
+          it->second = {std::min(it->second.first, s.error), std::max(it->second.second, s.error)};
+          if (s.updates == kCommonUpdates) us = std::max(us, s.us_per_update);
+        }
+        fmt::print("{:>11.4f}", 100 * worst);
+      }
+      double spread = 0;
+      for (const auto& [placement, range] : ranges) {
+        spread = std::max(spread, range.second - range.first);
+      }
+      fmt::print("{:>18.4f}{:>14.1f}\n", 100 * spread, us);
+    }
+    fmt::print("\nchecked on a drag in eight thick strokes at 2.5 cm:");
+    for (const auto& [name, error] : checked_) fmt::print("  {} {:+.2f} %", name, 100 * error);
+    fmt::print("\n");
+  }
+
+  Plan plan_;
+  std::filesystem::path folder_;
+  Csv csv_;
+  std::vector<Sample> samples_;
+  std::map<std::string, double> checked_;
+};
+
+}  // namespace
+}  // namespace soilvdb::bench
+
+int main(int argc, char** argv) try {
+  using namespace soilvdb::bench;
+  const Options options = parse(argc, argv, "accuracy");
+  std::optional<tbb::global_control> limit;
+  if (options.threads > 0) {
+    limit.emplace(tbb::global_control::max_allowed_parallelism, options.threads);
+  }
+  fmt::print("{}\n", machine());
+  Accuracy accuracy(options);
+  accuracy.measure();
+  accuracy.write_curves();
+  accuracy.print();
+} catch (const std::exception& e) {
+  fmt::print(stderr, "bench accuracy: {}\n", e.what());
+  return 1;
+}
