@@ -57,13 +57,11 @@ class Accuracy {
     for (const Peer* peer : sound) steps += placements(*peer).size();
     Progress progress(steps * plan_.families.size());
     for (const Peer* peer : sound) {
-      const Stopwatch spent;
-      // Coarse and few first: where the time runs out, it is the dearest runs that are missing.
       for (const std::size_t placement : placements(*peer)) {
         for (const std::string& family : plan_.families) {
           progress.step(fmt::format("{} {}", peer->name, family));
           const testing::Dig dig = testing::make_dig(family, testing::placements()[placement]);
-          measure(*peer, dig, placement, spent);
+          measure(*peer, dig, placement);
         }
       }
     }
@@ -123,13 +121,15 @@ class Accuracy {
     return {plan_.placements.back()};
   }
 
-  void measure(const Peer& peer, const testing::Dig& dig, std::size_t placement,
-               const Stopwatch& spent) {
+  /// Coarse and few first: where the time runs out, it is the dearest runs that are missing.
+  void measure(const Peer& peer, const testing::Dig& dig, std::size_t placement) {
+    const Stopwatch spent;
+    const double cap_s = plan_.engine_cap_s / static_cast<double>(plan_.families.size());
     for (const int updates : plan_.updates) {
       bool too_slow = false;
       for (const double voxel : plan_.voxels_m) {
         Sample s{peer.name, dig.family, static_cast<int>(placement), voxel, updates};
-        if (!too_slow && spent.seconds() < plan_.engine_cap_s) {
+        if (!too_slow && spent.seconds() < cap_s) {
           try {
             const Run r = run(peer.make, dig, voxel, updates, plan_.run_cap_s);
             s.error = r.error;

@@ -49,7 +49,7 @@ Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int upd
 }
 
 double check(const Peer& peer) {
-  const testing::Dig dig = testing::make_dig(kCheckFamily, testing::Placement{});
+  const testing::Dig dig = testing::make_dig("drag", testing::Placement{});
   return run(peer.make, dig, 0.025, 8, 60).error;
 }
 

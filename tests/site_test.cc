@@ -28,8 +28,15 @@ Scenario scenario_of(const Terrain& terrain, const Vec3& from, const Vec3& to) {
   Bucket bucket;
   bucket.width_m = 1;
   bucket.height_m = 0.5;
-  Scenario scenario{.file = "dig.yaml", .name = "dig", .voxel_size_m = 0.1, .terrain = terrain};
-  scenario.machines.push_back({"digger", bucket, Motion({0, 10}, {{from, {}}, {to, {}}})});
+  Scenario scenario;
+  scenario.file = "dig.yaml";
+  scenario.name = "dig";
+  scenario.voxel_size_m = 0.1;
+  scenario.terrain = terrain;
+  Pose first, last;
+  first.position = from;
+  last.position = to;
+  scenario.machines.push_back({"digger", bucket, Motion({0, 10}, {first, last})});
   return scenario;
 }
 
@@ -202,10 +209,9 @@ TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
   write_grids(folder / "none.vdb", {});
   EXPECT_THAT(said("none.vdb"), HasSubstr("no grids at all"));
   const auto flat = sphere();
-  flat->setTransform(openvdb::math::Transform::createLinearTransform(
-      openvdb::math::Mat4d(0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0.2, 0, 0, 0, 0, 1)));
+  flat->transform().preScale(openvdb::Vec3d(1, 1, 2));
   write_grids(folder / "flat.vdb", {flat});
-  EXPECT_THAT(said("flat.vdb"), HasSubstr("0.1 x 0.1 x 0.2"));
+  EXPECT_THAT(said("flat.vdb"), HasSubstr("0.25 x 0.25 x 0.5"));
   const auto turned = sphere();
   turned->transform().postRotate(0.5, openvdb::math::Z_AXIS);
   write_grids(folder / "turned.vdb", {turned});

@@ -258,8 +258,11 @@ TEST(SnapshotTerrain, MustHaveTheScenariosVoxelSize) {
   const Site site = site_on(PlaneTerrain{100, {0, 0}});
   dig(*site.soil, 0, 0.3);
   write_snapshot(folder / "a.vdb", site, kInfo);
-  Scenario scenario{.file = "dig.yaml", .name = "dig", .voxel_size_m = 0.05,
-                    .terrain = LevelSetTerrain{folder / "a.vdb"}};
+  Scenario scenario;
+  scenario.file = "dig.yaml";
+  scenario.name = "dig";
+  scenario.voxel_size_m = 0.05;
+  scenario.terrain = LevelSetTerrain{folder / "a.vdb"};
   scenario.machines.push_back({"digger", bucket(), Motion({0, 1}, {pose(0.3), pose(0.4)})});
   EXPECT_EQ(open_site(scenario).soil->state_hash(), site.soil->state_hash());
   scenario.voxel_size_m = 0.1;

@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/core.h>
+#include <tbb/global_control.h>
+
+#include "bench/site.h"
+#include "bench/speed.h"
+#include "core/tracker.h"
+
+namespace soilvdb::bench {
+namespace {
+
+struct Replay {
+  double seconds = 0, cut_m3 = 0, memory_bytes = 0, resident_m2 = 0, rss_bytes = 0;
+  std::uint64_t hash = 0;
+  std::size_t updates = 0, cutting = 0;
+};
+
+/// Ten machines at 10 Hz for a while, one update per machine and tick. Poses are made as they are
+/// needed, which is timed too (about a tenth of a microsecond each).
+Replay replay(double voxel_m, double hours, int threads) {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
+  constexpr double kRate_hz = 10;
+  const double rss = rss_bytes();
+  const std::vector<DigCycles> machines = fleet();
+  Soil soil(voxel_m, Vec3::Zero(), make_hills(1000));
+  Tracker tracker(soil, std::vector<Bucket>(machines.size(), excavator_bucket()));
+  Replay r;
+  const auto ticks = static_cast<std::size_t>(hours * 3600 * kRate_hz);
+  const Stopwatch watch;
+  for (std::size_t tick = 0; tick < ticks; ++tick) {
+    for (std::size_t m = 0; m < machines.size(); ++m) {
+      // Machines are not in step with each other.
+      const double time_s = static_cast<double>(tick) / kRate_hz + 1.9 * static_cast<double>(m);
+      r.cutting += tracker.update(m, machines[m].world_from_bucket(time_s)).cut_m3 > 0;
+      ++r.updates;
+    }
+  }
+  tracker.flush();
+  r.seconds = watch.seconds();
+  r.cut_m3 = tracker.total().cut_m3();
+  r.memory_bytes = static_cast<double>(soil.memory_bytes());
+  r.resident_m2 = soil.resident_m2();
+  r.rss_bytes = rss_bytes() - rss;
+  r.hash = soil.state_hash();
+  return r;
+}
+
+}  // namespace
+
+void measure_replay(const Options& options, Goals& goals) {
+  Csv csv(options.out / "replay.csv",
+          "voxel_m,hours,threads,seconds,updates,cutting,cut_m3,memory_bytes,resident_m2,rss_growth_"
+          "bytes,state_hash");
+  const auto measure = [&](double voxel, double hours, int threads) {
+    const Replay r = replay(voxel, hours, threads);
+    csv.row(fmt::format("{},{},{},{:.4g},{},{},{:.9g},{:.0f},{:.6g},{:.0f},{:016x}", voxel, hours,
+                        threads, r.seconds, r.updates, r.cutting, r.cut_m3, r.memory_bytes,
+                        r.resident_m2, r.rss_bytes, r.hash));
+    return r;
+  };
+  const double hours = options.quick ? 0.05 : 8;
+  const Replay two = measure(0.05, hours, 2);
+  const Replay one = measure(0.05, options.quick ? hours : hours / 8, 1);
+  const Replay again = options.quick ? two : measure(0.05, hours / 8, 2);
+  const Replay fine = measure(0.025, options.quick ? 0.02 : 0.5, 2);
+  const double shift_s = two.seconds * 8 / hours;
+  goals.add({"shift of 10 machines, 8 h at 10 Hz, 1 km2, 5 cm", shift_s, "s", 30, {},
+             fmt::format("{} updates, {:.0f} % cutting, {:.0f} m3{}", two.updates,
+                         100.0 * static_cast<double>(two.cutting) / static_cast<double>(two.updates),
+                         two.cut_m3, options.quick ? ", scaled up" : "")});
+  goals.add({"2 threads over 1, replay of 10 machines", one.seconds / again.seconds, "x", {}, 1.7,
+             one.hash == again.hash ? "same bits" : "BITS DIFFER"});
+  goals.add({"memory per m2 touched at 5 cm", two.memory_bytes / two.resident_m2 / 1000, "kB", 30});
+  goals.add({"memory per m2 touched at 2.5 cm", fine.memory_bytes / fine.resident_m2 / 1000, "kB", 100});
+  if (!options.quick) {
+    goals.add({"memory accounted over growth of the resident set", two.memory_bytes / two.rss_bytes, "x"});
+  }
+}
+
+}  // namespace soilvdb::bench
