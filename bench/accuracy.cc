@@ -17,8 +17,8 @@ namespace {
 
 struct Plan {
   std::vector<std::string> families;
-  std::vector<std::size_t> placements;   ///< peers only get the last
-  std::vector<double> voxels_m;          ///< coarse to fine
+  std::vector<std::size_t> placements;  ///< peers only get the last
+  std::vector<double> voxels_m;         ///< coarse to fine
   std::vector<int> updates;
   double run_cap_s, engine_cap_s;
 };
@@ -37,7 +37,8 @@ constexpr int kCommonUpdates = 100;
 class Accuracy {
  public:
   explicit Accuracy(const Options& options)
-      : plan_(plan(options.quick)), folder_(options.out),
+      : plan_(plan(options.quick)),
+        folder_(options.out),
         csv_(options.out / "accuracy.csv",
              "engine,family,placement,voxel_m,updates,error,uncertainty,us_per_update,failures,"
              "complete") {}
@@ -49,7 +50,8 @@ class Accuracy {
       if (std::abs(error) <= kBroken) {
         sound.push_back(&peer);
       } else {
-        fmt::print("{} is left out: {:+.1f} % on a drag in thick strokes\n", peer.name, 100 * error);
+        fmt::print("{} is left out: {:+.1f} % on a drag in twenty strokes\n", peer.name,
+                   100 * error);
       }
       checked_[peer.name] = error;
     }
@@ -86,20 +88,22 @@ class Accuracy {
 
   void print() const {
     print_families();
-    fmt::print("\nAt the paper's own error, {} %: {} updates, time per update by linear interpolation"
-               "\nof log time over log error (rms over the digs both completed).\n\n",
-               100 * kPaperError, kCommonUpdates);
+    fmt::print(
+        "\nAt the paper's own error, {} %: {} updates, time per update by linear interpolation"
+        "\nof log time over log error (rms over the digs both completed).\n\n",
+        100 * kPaperError, kCommonUpdates);
     fmt::print("{:<16}{:>8}{:>14}{:>14}{:>12}  {}\n", "engine", "digs", "its us", "soilvdb us",
                "times", "");
-    Csv csv(folder_ / "at_paper_error.csv", "engine,digs,us_per_update,soilvdb_us_per_update,ratio");
+    Csv csv(folder_ / "at_paper_error.csv",
+            "engine,digs,us_per_update,soilvdb_us_per_update,ratio");
     for (const Peer& peer : engines()) {
       const auto digs = digs_done(samples_, peer.name, kCommonUpdates);
       const auto theirs = curve(samples_, peer.name, kCommonUpdates, digs);
       const auto ours = curve(samples_, "soilvdb", kCommonUpdates, digs);
       const auto us = us_at_error(theirs, kPaperError), our_us = us_at_error(ours, kPaperError);
       if (us && our_us) {
-        fmt::print("{:<16}{:>8}{:>14.1f}{:>14.1f}{:>11.1f}x\n", peer.name, digs.size(), *us, *our_us,
-                   *us / *our_us);
+        fmt::print("{:<16}{:>8}{:>14.1f}{:>14.1f}{:>11.1f}x\n", peer.name, digs.size(), *us,
+                   *our_us, *us / *our_us);
         csv.row(fmt::format("{},{},{:.6g},{:.6g},{:.4g}", peer.name, digs.size(), *us, *our_us,
                             *us / *our_us));
         continue;
@@ -141,10 +145,10 @@ class Accuracy {
             fmt::print("{} failed on {}: {}\n", peer.name, dig.family, e.what());
           }
         }
-        csv_.row(fmt::format("{},{},{},{},{},{},{:.3g},{:.6g},{},{}", s.engine, s.family, s.placement,
-                             s.voxel_m, s.updates, s.complete ? fmt::format("{:.6g}", s.error) : "",
-                             dig.uncertainty_m3 / dig.exact_m3, s.us_per_update, s.failures,
-                             int{s.complete}));
+        csv_.row(fmt::format(
+            "{},{},{},{},{},{},{:.3g},{:.6g},{},{}", s.engine, s.family, s.placement, s.voxel_m,
+            s.updates, s.complete ? fmt::format("{:.6g}", s.error) : "",
+            dig.uncertainty_m3 / dig.exact_m3, s.us_per_update, s.failures, int{s.complete}));
         samples_.push_back(std::move(s));
       }
     }
@@ -165,17 +169,19 @@ class Accuracy {
 
   /// soilvdb: the worst error of each family at each voxel size, and the order of convergence.
   void print_families() const {
-    fmt::print("\nsoilvdb, worst |error| over placements and numbers of updates, %\n{:<22}", "family");
+    fmt::print("\nsoilvdb, worst |error| over placements and numbers of updates, %\n{:<22}",
+               "family");
     for (const double voxel : plan_.voxels_m) fmt::print("{:>8g} cm", 100 * voxel);
     fmt::print("{:>18}{:>14}\n", "spread at finest", "us at finest");
     for (const std::string& family : plan_.families) {
       fmt::print("{:<22}", family);
-      std::map<int, std::pair<double, double>> ranges;   // by placement, at the finest voxels
+      std::map<int, std::pair<double, double>> ranges;  // by placement, at the finest voxels
       double us = 0;
       for (const double voxel : plan_.voxels_m) {
         double worst = 0;
         for (const Sample& s : samples_) {
-          if (s.engine != "soilvdb" || s.family != family || s.voxel_m != voxel || !s.complete) continue;
+          if (s.engine != "soilvdb" || s.family != family || s.voxel_m != voxel || !s.complete)
+            continue;
           worst = std::max(worst, std::abs(s.error));
           if (voxel != plan_.voxels_m.back()) continue;
           const auto [it, added] = ranges.try_emplace(s.placement, s.error, s.error);
@@ -190,7 +196,7 @@ class Accuracy {
       }
       fmt::print("{:>18.4f}{:>14.1f}\n", 100 * spread, us);
     }
-    fmt::print("\nchecked on a drag in eight thick strokes at 2.5 cm:");
+    fmt::print("\nchecked on a drag in twenty thick strokes at 2.5 cm:");
     for (const auto& [name, error] : checked_) fmt::print("  {} {:+.2f} %", name, 100 * error);
     fmt::print("\n");
   }

@@ -50,7 +50,7 @@ std::vector<Point> curve(const std::vector<Sample>& samples, const std::string& 
   }
   std::vector<Point> line;
   for (auto& [voxel, p] : points) {
-    if (p.digs != digs.size()) continue;   // the same digs at every point
+    if (p.digs != digs.size()) continue;  // the same digs at every point
     const double n = static_cast<double>(p.digs);
     line.push_back({p.voxel_m, std::sqrt(p.error / n), std::exp(p.us_per_update / n), p.digs});
   }

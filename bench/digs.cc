@@ -22,7 +22,8 @@ Task task_of(const testing::Dig& dig, double voxel_m) {
   return task;
 }
 
-Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int updates, double cap_s) {
+Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int updates,
+        double cap_s) {
   Run result;
   const Stopwatch setup;
   const Task task = task_of(dig, voxel_m);
@@ -49,8 +50,8 @@ Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int upd
 }
 
 double check(const Peer& peer) {
-  const testing::Dig dig = testing::make_dig("drag", testing::Placement{});
-  return run(peer.make, dig, 0.025, 8, 60).error;
+  const testing::Dig dig = testing::make_dig("drag", testing::placements()[1]);
+  return run(peer.make, dig, 0.025, 20, 60).error;
 }
 
 }  // namespace soilvdb::bench

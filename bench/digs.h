@@ -12,12 +12,12 @@
 namespace soilvdb::bench {
 
 struct Run {
-  double error = 0;           ///< (cut - exact) / exact
+  double error = 0;  ///< (cut - exact) / exact
   double us_per_update = 0;
   double setup_s = 0;
   int updates = 0;
   int failures = 0;
-  bool complete = false;      ///< false: given up at the time cap
+  bool complete = false;  ///< false: given up at the time cap
 };
 
 Task task_of(const testing::Dig& dig, double voxel_m);
@@ -26,8 +26,8 @@ Task task_of(const testing::Dig& dig, double voxel_m);
 /// @throw EngineFailed and whatever the engine throws
 Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int updates, double cap_s);
 
-/// Does the engine get a dig right that asks nothing of it but to be correct? A drag in eight thick
-/// strokes at 2.5 cm voxels. @return the error
+/// Does the engine get a dig right that asks nothing of it but to be correct? A drag in twenty
+/// thick strokes at 2.5 cm voxels, off the grid. @return the error
 double check(const Peer& peer);
 
 /// Error above which check() means that an engine is broken, not coarse: half a voxel all round the

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What every engine under test offers: set up a dig, move the bucket on, tell the volume cut so far.
+// What every engine under test offers: set up a dig, move the bucket on, tell the volume cut so
+// far.
 #pragma once
 
 #include <functional>
@@ -23,12 +24,12 @@ struct EngineFailed : std::runtime_error {
 /// A dig as an engine is given it.
 struct Task {
   double voxel_m = 0;
-  Vec3 origin = Vec3::Zero();    ///< engines put a lattice point here
+  Vec3 origin = Vec3::Zero();  ///< engines put a lattice point here
   Bucket bucket;
   const Motion* motion = nullptr;
   std::shared_ptr<const BaseSurface> ground;
-  Eigen::AlignedBox3d reach;     ///< of the mouth over the whole motion
-  Eigen::AlignedBox3d site;      ///< ground that engines without a base surface represent
+  Eigen::AlignedBox3d reach;  ///< of the mouth over the whole motion
+  Eigen::AlignedBox3d site;   ///< ground that engines without a base surface represent
 };
 
 /// Part of the task's motion, one update.
@@ -59,7 +60,7 @@ using MakeEngine = std::function<std::unique_ptr<Engine>(const Task&)>;
 struct Peer {
   std::string name;
   MakeEngine make;
-  bool grows_with_site = true;   ///< represents all of Task::site
+  bool grows_with_site = true;  ///< represents all of Task::site
 };
 
 /// soilvdb first, then the peers built in, in a fixed order.
@@ -91,7 +92,7 @@ class StepSweep {
 
  private:
   bool crosses_mouth(const Vec3& world, double fraction) const;
-  Pose a_, b_;   // bucket_from_world
+  Pose a_, b_;  // bucket_from_world
   Vec3 normal_a_, normal_b_;
   double offset_a_, offset_b_;
   double half_width_, height_;

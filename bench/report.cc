@@ -41,7 +41,8 @@ Options parse(int argc, char** argv, const std::string& name) {
     } else if (arg == "--threads" && i + 1 < argc && std::atoi(argv[i + 1]) > 0) {
       options.threads = std::atoi(argv[++i]);
     } else {
-      throw std::invalid_argument(fmt::format("'{}': expected --quick, --out DIR, --threads N", arg));
+      throw std::invalid_argument(
+          fmt::format("'{}': expected --quick, --out DIR, --threads N", arg));
     }
   }
   std::filesystem::create_directories(options.out);
@@ -83,7 +84,8 @@ void Progress::step(const std::string& what) {
     return;
   }
   const std::size_t filled = steps_ > 0 ? 30 * n / steps_ : 0;
-  const double left = n > 0 ? since_.seconds() * static_cast<double>(steps_ - n) / static_cast<double>(n) : 0;
+  const double left =
+      n > 0 ? since_.seconds() * static_cast<double>(steps_ - n) / static_cast<double>(n) : 0;
   fmt::print(stderr, "\r\033[K[{:-<30}] {}/{} ~{:.0f} s left  {}", std::string(filled, '#'), n,
              steps_, left, what);
 }
@@ -97,15 +99,15 @@ void Csv::row(const std::string& line) { out_ << line << '\n' << std::flush; }
 
 void Goals::add(const Figure& f) {
   figures_.push_back(f);
-  csv_.row(fmt::format("\"{}\",{:.6g},{},{},{},\"{}\"", f.what, f.value, f.unit, goal(f), verdict(f),
-                       f.note));
+  csv_.row(fmt::format("\"{}\",{:.6g},{},{},{},\"{}\"", f.what, f.value, f.unit, goal(f),
+                       verdict(f), f.note));
 }
 
 void Goals::print() const {
   fmt::print("\n{:<62} {:>12} {:<10} {:>10}  {}\n", "figure", "measured", "", "goal", "");
   for (const Figure& f : figures_) {
-    fmt::print("{:<62} {:>12.4g} {:<10} {:>10}  {} {}\n", f.what, f.value, f.unit, goal(f), verdict(f),
-               f.note);
+    fmt::print("{:<62} {:>12.4g} {:<10} {:>10}  {} {}\n", f.what, f.value, f.unit, goal(f),
+               verdict(f), f.note);
   }
 }
 

@@ -13,9 +13,9 @@
 namespace soilvdb::bench {
 
 struct Options {
-  bool quick = false;                  ///< small sizes, seconds instead of minutes
-  std::filesystem::path out;           ///< folder for CSV and data for plots
-  int threads = 0;                     ///< 0: all
+  bool quick = false;         ///< small sizes, seconds instead of minutes
+  std::filesystem::path out;  ///< folder for CSV and data for plots
+  int threads = 0;            ///< 0: all
 };
 
 /// From `--quick`, `--out DIR`, `--threads N`; makes the folder. @throw std::invalid_argument.
@@ -66,8 +66,8 @@ struct Figure {
   std::string what;
   double value = 0;
   std::string unit;
-  std::optional<double> at_most, at_least;
-  std::string note;
+  std::optional<double> at_most = {}, at_least = {};
+  std::string note = {};
 };
 
 /// Figures as they come; printed as a table and kept in goals.csv.

@@ -71,11 +71,11 @@ Pose DigCycles::world_from_bucket(double time_s) const {
   // Five strokes side by side, then the same again deeper.
   const double swing_dig = heading_rad_ + 0.3 * (turn % 5 - 2);
   const double depth = 0.35 * (1 + turn / 5);
-  const double back = ease((t - kDig_s) / 1.5);                                   // lifting
-  const double away = ease((t - kDig_s - 1) / 4) - ease((t - kDig_s - 8) / 5);    // swinging
+  const double back = ease((t - kDig_s) / 1.5);                                 // lifting
+  const double away = ease((t - kDig_s - 1) / 4) - ease((t - kDig_s - 8) / 5);  // swinging
   const double swing = swing_dig + 1.6 * away;
   const double s = std::clamp(t / kDig_s, 0.0, 1.0);
-  const double down = 1 - ease((t - (kCycle_s - 1)));                             // coming back
+  const double down = 1 - ease((t - (kCycle_s - 1)));  // coming back
   const double radius = kFar_m + (kNear_m - kFar_m) * s * (t < kDig_s ? 1 : 1 - ease((t - 13) / 5));
   const double lift = kLift_m * back * down;
   const double curl = -0.5 + 1.4 * s * (t < kDig_s ? 1 : 1 - ease((t - 9) / 3));

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Updates at 100 Hz while the mesh is kept up to date and snapshots are taken. Meshing and snapshots
-// run between updates on the same thread for as long as core has no service thread for them: their
-// own time is reported apart from the updates', whose caches they do disturb.
+// Updates at 100 Hz while the mesh is kept up to date and snapshots are taken. Meshing and
+// snapshots run between updates on the same thread for as long as core has no service thread for
+// them: their own time is reported apart from the updates', whose caches they do disturb.
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -61,11 +61,19 @@ void latency(const Options& options, Goals& goals) {
   report("update that cuts", cutting);
   report("mesh patches", meshing);
   report("snapshot", snapshots);
-  const std::string cuts = fmt::format("p50 {:.1f} us, p99 {:.1f} us", quantile(cutting, 0.5),
-                                       quantile(cutting, 0.99));
+  const std::string cuts =
+      fmt::format("p50 {:.1f} us, p99 {:.1f} us", quantile(cutting, 0.5), quantile(cutting, 0.99));
   goals.add({"100 Hz: p99 over median, updates that cut",
-             quantile(cutting, 0.99) / quantile(cutting, 0.5), "x", 3, {}, cuts});
-  goals.add({"100 Hz: slowest update", quantile(all, 1) / 1000, "ms", 5, {},
+             quantile(cutting, 0.99) / quantile(cutting, 0.5),
+             "x",
+             3,
+             {},
+             cuts});
+  goals.add({"100 Hz: slowest update",
+             quantile(all, 1) / 1000,
+             "ms",
+             5,
+             {},
              "mesh and snapshots between updates, same thread"});
 }
 
@@ -93,7 +101,8 @@ void services(const Options& options, Goals& goals) {
     io::snapshot_bytes(options.out / "service.vdb", site, {});
     cost.snapshot_us = save.us();
     csv.row(fmt::format("{:.6g},{},{},{:.6g},{:.6g}", site.soil->resident_m2(),
-                        site.soil->chunks().size(), changed.size(), cost.mesh_us, cost.snapshot_us));
+                        site.soil->chunks().size(), changed.size(), cost.mesh_us,
+                        cost.snapshot_us));
     return cost;
   };
   const Cost little = measure(2);
@@ -101,9 +110,17 @@ void services(const Options& options, Goals& goals) {
   const int many = options.quick ? 10 : 160;
   const Cost much = measure(many);
   const std::string site = fmt::format("after {} cycles over after 2, one stroke since", many);
-  goals.add({"mesh patches: much dug over little dug", much.mesh_us / little.mesh_us, "x", 1.5, {},
+  goals.add({"mesh patches: much dug over little dug",
+             much.mesh_us / little.mesh_us,
+             "x",
+             1.5,
+             {},
              fmt::format("{}; {:.1f} ms", site, much.mesh_us / 1000)});
-  goals.add({"snapshot: much dug over little dug", much.snapshot_us / little.snapshot_us, "x", 1.5, {},
+  goals.add({"snapshot: much dug over little dug",
+             much.snapshot_us / little.snapshot_us,
+             "x",
+             1.5,
+             {},
              fmt::format("{}; {:.1f} ms", site, much.snapshot_us / 1000)});
 }
 

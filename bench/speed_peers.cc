@@ -13,8 +13,8 @@ namespace soilvdb::bench {
 namespace {
 
 struct Score {
-  double error = 0;   ///< root mean square
-  double us = 0;      ///< geometric mean per update
+  double error = 0;  ///< root mean square
+  double us = 0;     ///< geometric mean per update
   int failures = 0;
 };
 
@@ -25,7 +25,8 @@ Score score(const MakeEngine& make, const std::vector<std::string>& families, do
   double n = 0;
   for (const std::string& family : families) {
     for (std::size_t p = 0; p < placements; ++p) {
-      const Run r = run(make, testing::make_dig(family, testing::placements()[p]), voxel_m, updates, 60);
+      const Run r =
+          run(make, testing::make_dig(family, testing::placements()[p]), voxel_m, updates, 60);
       if (!r.complete) throw EngineFailed(family + " took more than a minute");
       total.error += r.error * r.error;
       total.us += std::log(r.us_per_update);
@@ -41,7 +42,9 @@ Score score(const MakeEngine& make, const std::vector<std::string>& families, do
 class Peers {
  public:
   Peers(const Options& options, Goals& goals)
-      : quick_(options.quick), goals_(goals), placements_(options.quick ? 2 : 4),
+      : quick_(options.quick),
+        goals_(goals),
+        placements_(options.quick ? 2 : 4),
         csv_(options.out / "peers.csv",
              "peer,voxel_m,us_per_update,error,soilvdb_voxel_m,soilvdb_us,soilvdb_error,ratio") {}
 
@@ -67,7 +70,8 @@ class Peers {
   }
 
   /// On a site of 100 m, a few updates: time only.
-  void on_site(const std::string& name, const MakeEngine& make, double side_m, int updates, double goal) {
+  void on_site(const std::string& name, const MakeEngine& make, double side_m, int updates,
+               double goal) {
     constexpr double kVoxel_m = 0.05;
     constexpr int kOfWhole = 100;
     const testing::Dig dig = testing::make_dig("drag", {});
@@ -80,7 +84,7 @@ class Peers {
       const auto e = engine(task);
       std::vector<double> us;
       for (int i = 0; i < n; ++i) {
-        const int at = kOfWhole / 2 + i;   // well in the ground
+        const int at = kOfWhole / 2 + i;  // well in the ground
         const Step step{begin + length * at / kOfWhole, begin + length * (at + 1) / kOfWhole};
         if (i == 0) e->advance({begin, step.t0});
         e->prepare(step);
@@ -111,8 +115,8 @@ class Peers {
   void add(const std::string& name, double voxel_m, const Score& theirs, double our_voxel_m,
            const Score& ours, double goal) {
     const double ratio = theirs.us / ours.us;
-    csv_.row(fmt::format("\"{}\",{},{:.6g},{:.4g},{},{:.6g},{:.4g},{:.4g}", name, voxel_m, theirs.us,
-                         theirs.error, our_voxel_m, ours.us, ours.error, ratio));
+    csv_.row(fmt::format("\"{}\",{},{:.6g},{:.4g},{},{:.6g},{:.4g},{:.4g}", name, voxel_m,
+                         theirs.us, theirs.error, our_voxel_m, ours.us, ours.error, ratio));
     std::string note = fmt::format("{:.0f} us at {:g} cm; soilvdb {:.1f} us at {:g} cm", theirs.us,
                                    100 * voxel_m, ours.us, 100 * our_voxel_m);
     if (!std::isnan(theirs.error)) {
@@ -133,7 +137,8 @@ class Peers {
 void measure_peers(const Options& options, Goals& goals) {
   Peers peers(options, goals);
   const double side = options.quick ? 10 : 100;
-  peers.on_site("openvdb_stock (cut and volume)", make_openvdb_stock, side, options.quick ? 2 : 3, 5000);
+  peers.on_site("openvdb_stock (cut and volume)", make_openvdb_stock, side, options.quick ? 2 : 3,
+                5000);
   peers.on_site("openvdb_csg (cut alone, tool ready)", make_openvdb_csg, side, 10, 30);
   peers.at_error(
       "the paper's method on its grid of 100^3",
@@ -143,7 +148,8 @@ void measure_peers(const Options& options, Goals& goals) {
   peers.at_error("octomap, at a tenth of its error", make_octomap, 0.05, 100, digs, 0.1, 10);
 #endif
 #ifdef SOILVDB_WITH_CGAL
-  peers.at_voxel("cgal corefinement", make_cgal, 0.025, options.quick ? 20 : 50, {"half_sine"}, 200);
+  peers.at_voxel("cgal corefinement", make_cgal, 0.025, options.quick ? 20 : 50, {"half_sine"},
+                 200);
 #endif
 }
 

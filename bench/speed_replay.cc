@@ -50,9 +50,10 @@ Replay replay(double voxel_m, double hours, int threads) {
 }  // namespace
 
 void measure_replay(const Options& options, Goals& goals) {
-  Csv csv(options.out / "replay.csv",
-          "voxel_m,hours,threads,seconds,updates,cutting,cut_m3,memory_bytes,resident_m2,rss_growth_"
-          "bytes,state_hash");
+  Csv csv(
+      options.out / "replay.csv",
+      "voxel_m,hours,threads,seconds,updates,cutting,cut_m3,memory_bytes,resident_m2,rss_growth_"
+      "bytes,state_hash");
   const auto measure = [&](double voxel, double hours, int threads) {
     const Replay r = replay(voxel, hours, threads);
     csv.row(fmt::format("{},{},{},{:.4g},{},{},{:.9g},{:.0f},{:.6g},{:.0f},{:016x}", voxel, hours,
@@ -66,16 +67,27 @@ void measure_replay(const Options& options, Goals& goals) {
   const Replay again = options.quick ? two : measure(0.05, hours / 8, 2);
   const Replay fine = measure(0.025, options.quick ? 0.02 : 0.5, 2);
   const double shift_s = two.seconds * 8 / hours;
-  goals.add({"shift of 10 machines, 8 h at 10 Hz, 1 km2, 5 cm", shift_s, "s", 30, {},
-             fmt::format("{} updates, {:.0f} % cutting, {:.0f} m3{}", two.updates,
-                         100.0 * static_cast<double>(two.cutting) / static_cast<double>(two.updates),
-                         two.cut_m3, options.quick ? ", scaled up" : "")});
-  goals.add({"2 threads over 1, replay of 10 machines", one.seconds / again.seconds, "x", {}, 1.7,
+  goals.add(
+      {"shift of 10 machines, 8 h at 10 Hz, 1 km2, 5 cm",
+       shift_s,
+       "s",
+       30,
+       {},
+       fmt::format("{} updates, {:.0f} % cutting, {:.0f} m3{}", two.updates,
+                   100.0 * static_cast<double>(two.cutting) / static_cast<double>(two.updates),
+                   two.cut_m3, options.quick ? ", scaled up" : "")});
+  goals.add({"2 threads over 1, replay of 10 machines",
+             one.seconds / again.seconds,
+             "x",
+             {},
+             1.7,
              one.hash == again.hash ? "same bits" : "BITS DIFFER"});
   goals.add({"memory per m2 touched at 5 cm", two.memory_bytes / two.resident_m2 / 1000, "kB", 30});
-  goals.add({"memory per m2 touched at 2.5 cm", fine.memory_bytes / fine.resident_m2 / 1000, "kB", 100});
+  goals.add(
+      {"memory per m2 touched at 2.5 cm", fine.memory_bytes / fine.resident_m2 / 1000, "kB", 100});
   if (!options.quick) {
-    goals.add({"memory accounted over growth of the resident set", two.memory_bytes / two.rss_bytes, "x"});
+    goals.add({"memory accounted over growth of the resident set", two.memory_bytes / two.rss_bytes,
+               "x"});
   }
 }
 

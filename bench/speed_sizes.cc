@@ -32,8 +32,8 @@ Motion stroke(const Vec2& from, double depth_m) {
 }
 
 struct Cost {
-  double us = 0;         ///< per update, the median of the strokes
-  double cut_m3 = 0;     ///< in all
+  double us = 0;      ///< per update, the median of the strokes
+  double cut_m3 = 0;  ///< in all
   int updates = 0;
 };
 
@@ -102,8 +102,8 @@ void measure_site_sizes(const Options& options, Goals& goals) {
         best = std::min(best, dig(soil, excavator_bucket(), options.quick ? 3 : 10, 0.4).us);
         memory = static_cast<double>(soil.memory_bytes());
       }
-      csv.row(fmt::format("soilvdb_{},{},{},{:.6g},{:.0f}", hills ? "hills" : "plane", side, kVoxel_m,
-                          best, memory));
+      csv.row(fmt::format("soilvdb_{},{},{},{:.6g},{:.0f}", hills ? "hills" : "plane", side,
+                          kVoxel_m, best, memory));
       if (hills) {
         least = std::min(least, best);
         most = std::max(most, best);
@@ -112,7 +112,8 @@ void measure_site_sizes(const Options& options, Goals& goals) {
     }
   }
   goals.add({"slowest over fastest, sites of 20 m to 10 km", most / least, "x", 1.1});
-  for (const double side : options.quick ? std::vector{20.0} : std::vector{20.0, 50.0, 100.0, 200.0}) {
+  for (const double side :
+       options.quick ? std::vector{20.0} : std::vector{20.0, 50.0, 100.0, 200.0}) {
     const double us = stock_us(side, kVoxel_m, 2);
     csv.row(fmt::format("openvdb_stock,{},{},{:.6g},", side, kVoxel_m, us));
   }
@@ -144,7 +145,8 @@ void measure_voxel_sizes(const Options& options, Goals& goals) {
       for (const int threads : {1, 2}) {
         const double us = cost(voxel, width, threads, 0.8, 0.4);
         if (width == 1.2 && threads == 2) {
-          goals.add({fmt::format("update, bucket 1.2 m, {:g} cm, 2 threads", 100 * voxel), us, "us"});
+          goals.add(
+              {fmt::format("update, bucket 1.2 m, {:g} cm, 2 threads", 100 * voxel), us, "us"});
         }
       }
     }
@@ -152,8 +154,12 @@ void measure_voxel_sizes(const Options& options, Goals& goals) {
   // A dozer's blade.
   const double voxel = options.quick ? 0.05 : 0.025;
   const double one = cost(voxel, 4, 1, 2, 1.5), two = cost(voxel, 4, 2, 2, 1.5);
-  goals.add({fmt::format("blade 4 m x 2 m at {:g} cm: 2 threads over 1", 100 * voxel), one / two, "x",
-             {}, 1.5, fmt::format("{:.0f} us and {:.0f} us", one, two)});
+  goals.add({fmt::format("blade 4 m x 2 m at {:g} cm: 2 threads over 1", 100 * voxel),
+             one / two,
+             "x",
+             {},
+             1.5,
+             fmt::format("{:.0f} us and {:.0f} us", one, two)});
 }
 
 }  // namespace soilvdb::bench

@@ -35,7 +35,8 @@ class Creep {
 class Stability {
  public:
   explicit Stability(const Options& options)
-      : quick_(options.quick), goals_(options.out),
+      : quick_(options.quick),
+        goals_(options.out),
         csv_(options.out / "stability.csv",
              "what,case,relative_error,not_finite,grown_cells,residual_m3,first_us,last_us,"
              "memory_bytes") {}
@@ -104,8 +105,8 @@ class Stability {
       tracker.flush();
       // Lifting out at the end sweeps nothing more of the ground: the mouth moves in its own plane.
       const double lost = tracker.total().cut_m3() - 0.6 * 3 * depth;
-      report("grazing", fmt::format("lip {:g} voxels deep", lip_voxels), lost / drag.exact_m3(), soil,
-             tracker, Creep(1));
+      report("grazing", fmt::format("lip {:g} voxels deep", lip_voxels), lost / drag.exact_m3(),
+             soil, tracker, Creep(1));
     }
   }
 
@@ -191,8 +192,8 @@ class Stability {
   }
 
   void print() {
-    goals_.add({"values of phi that are not finite or beyond the band", static_cast<double>(not_finite_),
-                "", 0.0});
+    goals_.add({"values of phi that are not finite or beyond the band",
+                static_cast<double>(not_finite_), "", 0.0});
     goals_.add({"cells with soil that was not there", static_cast<double>(grown_), "", 0.0});
     goals_.add({"largest residual of the ledger", residual_m3_, "m3", 0.0});
     goals_.add({"slowest last tenth over first tenth", creep_, "x", 1.2});

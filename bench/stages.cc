@@ -43,7 +43,8 @@ void trace(benchmark::State& state) {
   const double h = voxel_m(state);
   int i = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), 5e-4 * h, 16 * h));
+    benchmark::DoNotOptimize(
+        motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), 5e-4 * h, 16 * h));
     i = (i + 1) % kUpdates;
   }
 }
@@ -142,7 +143,8 @@ void cut_surface(benchmark::State& state) {
   }
 }
 
-void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurface>& ground, double z_m) {
+void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurface>& ground,
+                 double z_m) {
   const double h = voxel_m(state);
   std::unique_ptr<Soil> soil;
   int i = 0;
@@ -179,7 +181,8 @@ void mesh_one_block(benchmark::State& state) {
   for (const Chunk* chunk : site.soil->chunks()) origins.push_back(chunk->origin);
   const std::vector<Coord3> blocks = blocks_touched(origins);
   std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(mesh_block(*site.soil, blocks[i++ % blocks.size()]));
+  for (auto _ : state)
+    benchmark::DoNotOptimize(mesh_block(*site.soil, blocks[i++ % blocks.size()]));
   state.counters["blocks"] = static_cast<double>(blocks.size());
 }
 

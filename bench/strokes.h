@@ -14,9 +14,9 @@ namespace soilvdb::bench {
 
 /// What is measured on the ground itself.
 struct Health {
-  std::uint64_t not_finite = 0;     ///< values of phi that are NaN, infinite or beyond the band
-  std::uint64_t grown = 0;          ///< cells with soil that the untouched ground has not
-  double residual_m3 = 0;           ///< change of the ground plus what the ledger says was cut
+  std::uint64_t not_finite = 0;  ///< values of phi that are NaN, infinite or beyond the band
+  std::uint64_t grown = 0;       ///< cells with soil that the untouched ground has not
+  double residual_m3 = 0;        ///< change of the ground plus what the ledger says was cut
   std::uint64_t chunks = 0;
   double memory_bytes = 0;
 };
@@ -28,16 +28,16 @@ Bucket small_bucket(double scale = 1);
 /// A straight drag along a plane, the mouth upright on it, 1 m long and 0.2 m deep times `scale`.
 struct Drag {
   double voxel_m = 0.025, scale = 1;
-  Vec3 offset = Vec3::Zero();   ///< of the middle of the drag
-  double yaw_rad = 0;           ///< direction on the plane before it is tilted
-  double slope_rad = 0;         ///< of the plane, towards x
+  Vec3 offset = Vec3::Zero();  ///< of the middle of the drag
+  double yaw_rad = 0;          ///< direction on the plane before it is tilted
+  double slope_rad = 0;        ///< of the plane, towards x
   int updates = 50;
 
-  Vec3 origin() const;          ///< near the offset, a multiple of 100 m and of the scale
+  Vec3 origin() const;  ///< near the offset, a multiple of 100 m and of the scale
   std::unique_ptr<BaseSurface> ground() const;
-  Pose pose(double s) const;    ///< lip at fraction s of the way
+  Pose pose(double s) const;  ///< lip at fraction s of the way
   double exact_m3() const { return 0.6 * 0.2 * 1.0 * scale * scale * scale; }
-  double cut_m3() const;        ///< of a drag on fresh ground
+  double cut_m3() const;  ///< of a drag on fresh ground
 };
 
 /// Uniform in [0, 1): SplitMix64.

@@ -113,7 +113,7 @@ SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow
 
 void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed) {
   const std::size_t from = done_;
-  count = std::min(count, remaining());
+  count = std::min(count, pending().size());
   done_ += count;
   std::vector<std::uint8_t> touched(count);
   const auto run = [&](std::size_t i) {

@@ -34,7 +34,8 @@ class SurfaceCut {
  public:
   SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window);
 
-  std::size_t remaining() const { return chunks_.size() - done_; }
+  /// Origins of the chunks still to carve, sorted.
+  std::span<const Coord3> pending() const { return std::span(chunks_).subspan(done_); }
 
   /// Carves the next `count` chunks, in parallel where there are many, and makes those that change
   /// and aren't resident. Appends the origins of the chunks whose phi changed.

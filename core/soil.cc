@@ -75,32 +75,55 @@ SoilGrids::SoilGrids(double voxel_size_m, double band_m) {
 /// Resident chunks by origin: open addressing, power-of-two size, never shrinks.
 struct Soil::Index {
   std::vector<Chunk*> slots = std::vector<Chunk*>(1024);
-  std::deque<Chunk> chunks;   // stable addresses
+  std::deque<Chunk> chunks;   // stable addresses; the last may move into a gap
 
-  Chunk* find(const Coord3& origin) const {
-    const std::size_t mask = slots.size() - 1;
-    for (std::size_t i = mix(key_of(origin)) & mask;; i = (i + 1) & mask) {
-      if (slots[i] == nullptr || slots[i]->origin == origin) return slots[i];
-    }
+  std::size_t home(const Coord3& origin) const { return mix(key_of(origin)) & (slots.size() - 1); }
+  std::size_t after(std::size_t slot) const { return (slot + 1) & (slots.size() - 1); }
+  /// The chunk's slot, or the free one where it would go.
+  std::size_t slot(const Coord3& origin) const {
+    std::size_t i = home(origin);
+    while (slots[i] != nullptr && slots[i]->origin != origin) i = after(i);
+    return i;
   }
-  void place(Chunk* chunk) {
-    const std::size_t mask = slots.size() - 1;
-    std::size_t i = mix(key_of(chunk->origin)) & mask;
-    while (slots[i] != nullptr) i = (i + 1) & mask;
-    slots[i] = chunk;
-  }
+
+  Chunk* find(const Coord3& origin) const { return slots[slot(origin)]; }
+
   Chunk& add(const Coord3& origin) {
     Chunk& chunk = chunks.emplace_back();
     chunk.origin = origin;
     if (chunks.size() * 2 > slots.size()) {
       slots.assign(slots.size() * 2, nullptr);
-      for (Chunk& c : chunks) place(&c);
+      for (Chunk& c : chunks) slots[slot(c.origin)] = &c;
     } else {
-      place(&chunk);
+      slots[slot(origin)] = &chunk;
     }
     return chunk;
   }
+
+  void remove(const Coord3& origin) {
+    std::size_t gap = slot(origin);
+    Chunk* const gone = slots[gap];
+    // Chunks behind the gap move up unless that would put them before their home.
+    for (std::size_t i = after(gap); slots[i] != nullptr; i = after(i)) {
+      const std::size_t from_home = (i - home(slots[i]->origin)) & (slots.size() - 1);
+      if (from_home < ((i - gap) & (slots.size() - 1))) continue;
+      slots[gap] = slots[i];
+      gap = i;
+    }
+    slots[gap] = nullptr;
+    if (gone != &chunks.back()) {
+      slots[slot(chunks.back().origin)] = gone;
+      *gone = std::move(chunks.back());
+    }
+    chunks.pop_back();
+  }
 };
+
+void Soil::drop(const Coord3& origin) {
+  if (find(origin) == nullptr) return;
+  index_->remove(origin);
+  grids_->surface().tree().addTile(1, coord(origin), static_cast<float>(band_m()), false);
+}
 
 Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base)
     : h_(voxel_size_m), origin_(origin), base_(std::move(base)), index_(std::make_unique<Index>()) {
@@ -160,11 +183,14 @@ Chunk& Soil::make(const Coord3& origin) {
   SampleWords samples;
   read_phi(origin, phi.data());
   read_samples(origin, samples);
-  restore(origin, phi.data(), samples);
-  return *find(origin);
+  restore(origin, phi.data(), samples, 0);
+  Chunk& chunk = *find(origin);
+  chunk.base = chunk.now;
+  return chunk;
 }
 
-void Soil::restore(const Coord3& origin, const float* phi, const SampleWords& samples) {
+void Soil::restore(const Coord3& origin, const float* phi, const SampleWords& samples,
+                   std::uint32_t base) {
   if (find(origin) != nullptr) throw std::invalid_argument("the chunk is resident already");
   auto* leaf = new Leaf(coord(origin), static_cast<float>(band_m()));
   grids_->surface().tree().addLeaf(leaf);
@@ -172,7 +198,8 @@ void Soil::restore(const Coord3& origin, const float* phi, const SampleWords& sa
   chunk.phi = leaf->buffer().data();
   std::copy_n(phi, kLeafSize, chunk.phi);
   chunk.samples.assign(samples);
-  chunk.now = chunk.made = chunk.samples.count();
+  chunk.now = chunk.samples.count();
+  chunk.base = base;
   phi_changed(chunk);
 }
 
@@ -250,7 +277,7 @@ std::optional<double> Soil::height(double x, double y) const {
 double Soil::change_m3() const {
   std::int64_t change = 0;
   for (const Chunk& chunk : index_->chunks) {
-    change += std::int64_t{chunk.samples.count()} - chunk.made;
+    change += std::int64_t{chunk.samples.count()} - chunk.base;
   }
   return static_cast<double>(change) * sample_m3();
 }

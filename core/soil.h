@@ -26,7 +26,7 @@ struct Chunk {
   Coord3 origin;                 ///< index of the first voxel, a multiple of 8
   float* phi = nullptr;          ///< 512 values, the buffer of the OpenVDB leaf
   Samples samples;
-  std::uint32_t made = 0;        ///< samples of soil when the chunk was made
+  std::uint32_t base = 0;        ///< samples of soil in the base surface
   std::uint32_t now = 0;         ///< samples of soil now
 };
 
@@ -66,6 +66,8 @@ class Soil {
   const Chunk* find(const Coord3& origin) const;
   /// The same, made from the base surface if it isn't resident. Not thread-safe.
   Chunk& make(const Coord3& origin);
+  /// Forgets a resident chunk: there the ground is the base surface again. Not thread-safe.
+  void drop(const Coord3& origin);
   /// What a chunk that isn't resident would hold, its cells included.
   Content classify(const Coord3& origin) const;
   /// Tells that a chunk's phi was written. May run together with itself on other chunks.
@@ -79,12 +81,14 @@ class Soil {
   std::vector<const Chunk*> chunks() const;
 
   /// Puts back a chunk as a snapshot held it. @throw std::invalid_argument if it is resident.
-  void restore(const Coord3& origin, const float* phi, const SampleWords& samples);
+  /// @param base samples of soil that the base surface has there
+  void restore(const Coord3& origin, const float* phi, const SampleWords& samples,
+               std::uint32_t base);
 
   /// Height of the topmost soil at (x, y) of the world, m.
   std::optional<double> height(double x, double y) const;
 
-  /// Volume of the resident ground now less when its chunks were made, counted anew, m^3.
+  /// Volume of the ground now less that of the base surface, counted anew, m^3.
   double change_m3() const;
   std::uint64_t active_voxels() const;   ///< |phi| < band
   double resident_m2() const;            ///< footprint of the resident chunks

@@ -45,6 +45,12 @@ struct Tracker::Machine {
   std::optional<SurfaceCut> carving;          // of the path before `fresh`
   std::size_t carving_chunks = 0;
 
+  struct Before {
+    Coord3 origin;
+    std::optional<std::array<float, kLeafSize>> phi;   // of a chunk that was resident
+  };
+  std::vector<Before> ahead;       // what flush() changed, to be undone by the next update
+
   void move_to(const Pose& pose, double spacing_m) {
     moved_m += travel(bucket, current, pose);
     const double gone = kept.empty() ? 0 : travel(bucket, kept.back(), current);
@@ -60,31 +66,56 @@ struct Tracker::Machine {
     if (carving) {
       const double left = std::max(0.0, 1 - moved_m / stretch_m);
       const auto keep = static_cast<std::size_t>(static_cast<double>(carving_chunks) * left);
-      if (carving->remaining() > keep) carving->carve(soil, carving->remaining() - keep, changed);
-      if (carving->remaining() == 0) carving.reset();
+      const std::size_t pending = carving->pending().size();
+      if (pending > keep) carving->carve(soil, pending - keep, changed);
+      if (keep == 0) carving.reset();
     }
-    if (moved_m >= stretch_m) start_carving(soil, changed);
-  }
-
-  /// Carves all that has been swept.
-  void finish(Soil& soil, std::vector<Coord3>& changed) {
-    start_carving(soil, changed);
-    if (carving) carving->carve(soil, carving->remaining(), changed);
-    carving.reset();
-  }
-
-  void start_carving(Soil& soil, std::vector<Coord3>& changed) {
-    if (carving) carving->carve(soil, carving->remaining(), changed);
-    carving.reset();
-    if (mouth_cut || body_cut) {
-      kept.push_back(current);
-      carving.emplace(soil, bucket, SweepWindow{kept, fresh, begins, mouth_cut, body_cut});
-      carving_chunks = carving->remaining();
-      kept.pop_back();
-    }
+    if (moved_m < stretch_m) return;
+    carving = cut_since_stretch(soil);
+    carving_chunks = carving ? carving->pending().size() : 0;
     mouth_cut = body_cut = false;
     moved_m = 0;
     forget(kHistory * soil.voxel_size_m());
+  }
+
+  /// What has cut soil since the last stretch began, up to the current pose.
+  std::optional<SurfaceCut> cut_since_stretch(const Soil& soil) {
+    if (!mouth_cut && !body_cut) return std::nullopt;
+    kept.push_back(current);
+    SurfaceCut cut(soil, bucket, SweepWindow{kept, fresh, begins, mouth_cut, body_cut});
+    kept.pop_back();
+    return cut;
+  }
+
+  /// Carves all that has been swept so far, until take_back().
+  void carve_ahead(Soil& soil, std::vector<Coord3>& changed) {
+    for (std::optional<SurfaceCut> cut : {carving, cut_since_stretch(soil)}) {
+      if (!cut) continue;
+      for (const Coord3& origin : cut->pending()) {
+        Before& before = ahead.emplace_back();
+        before.origin = origin;
+        if (const Chunk* chunk = soil.find(origin)) {
+          before.phi.emplace();
+          std::copy_n(chunk->phi, kLeafSize, before.phi->data());
+        }
+      }
+      cut->carve(soil, cut->pending().size(), changed);
+    }
+  }
+
+  void take_back(Soil& soil, std::vector<Coord3>& changed) {
+    for (; !ahead.empty(); ahead.pop_back()) {
+      const Before& before = ahead.back();
+      Chunk* chunk = soil.find(before.origin);
+      if (chunk == nullptr) continue;
+      changed.push_back(before.origin);
+      if (before.phi) {
+        std::copy_n(before.phi->data(), kLeafSize, chunk->phi);
+        soil.phi_changed(*chunk);
+      } else {
+        soil.drop(before.origin);
+      }
+    }
   }
 
   /// Drops what is farther back than `length_m`.
@@ -127,6 +158,10 @@ Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
 Update Tracker::update(std::size_t machine, std::span<const Pose> path) {
   Machine& m = *machines_.at(machine);
   const std::int64_t cut_before = m.ledger.captured + m.ledger.displaced;
+  // So that the ground is the same whether or not anyone read it on the way.
+  for (auto it = machines_.rbegin(); it != machines_.rend(); ++it) {
+    (*it)->take_back(soil_, changed_);
+  }
   if (!m.placed && !path.empty()) {
     const Cut cut = stamp(soil_, m.bucket, path.front());
     m.ledger.displaced += cut.displaced;
@@ -155,7 +190,9 @@ Update Tracker::update(std::size_t machine, std::span<const Pose> path) {
 }
 
 void Tracker::flush() {
-  for (auto& machine : machines_) machine->finish(soil_, changed_);
+  for (auto& machine : machines_) {
+    if (machine->ahead.empty()) machine->carve_ahead(soil_, changed_);
+  }
 }
 
 const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(machine)->ledger; }

@@ -13,8 +13,8 @@
 namespace soilvdb::io {
 namespace {
 
-using Crc64 = boost::crc_optimal<64, 0x42F0E1EBA9EA3693u, ~std::uint64_t{0}, ~std::uint64_t{0},
-                                 true, true>;
+using Crc64 =
+    boost::crc_optimal<64, 0x42F0E1EBA9EA3693u, ~std::uint64_t{0}, ~std::uint64_t{0}, true, true>;
 
 }  // namespace
 

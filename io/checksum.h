@@ -13,8 +13,8 @@ namespace soilvdb::io {
 /// CRC-64/XZ.
 std::uint64_t crc64(std::string_view bytes);
 
-/// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of 64
-/// blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
+/// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of
+/// 64 blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
 /// @throw InputError if it can't be read.
 std::string file_fingerprint(const std::filesystem::path& file);
 

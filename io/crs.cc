@@ -60,8 +60,8 @@ std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec
 [[noreturn]] void refuse_heights(const std::filesystem::path& file, const std::string& unit,
                                  double metres, const std::string& horizontal) {
   const auto out = shell_quoted(beside(file, "_m"));
-  std::string command = fmt::format("gdal_calc.py --calc=A*{} -A {} --outfile={}", metres,
-                                    shell_quoted(file), out);
+  std::string command =
+      fmt::format("gdal_calc.py --calc=A*{} -A {} --outfile={}", metres, shell_quoted(file), out);
   // gdal_calc copies the vertical CRS, and with it the unit that is no longer right.
   if (!horizontal.empty()) command += fmt::format(" && gdal_edit.py -a_srs {} {}", horizontal, out);
   throw InputError(file, fmt::format("heights are in '{}', not metres; convert them with: {}",
@@ -124,13 +124,13 @@ void require_metres(const std::filesystem::path& file, const OGRSpatialReference
   if (!wrong.empty()) {
     const auto place = longitude_latitude(srs, centre);
     if (!place) {
-      throw InputError(file, wrong + "; reproject it to a CRS in metres, as with: gdalwarp -t_srs "
-                             "EPSG:<the site's UTM zone> -r bilinear " + shell_quoted(file) + " " +
-                             shell_quoted(beside(file, "_utm")));
+      throw InputError(file, wrong +
+                                 "; reproject it to a CRS in metres, as with: gdalwarp -t_srs "
+                                 "EPSG:<the site's UTM zone> -r bilinear " +
+                                 shell_quoted(file) + " " + shell_quoted(beside(file, "_utm")));
     }
-    throw InputError(
-        file, fmt::format("{}; reproject it with: {}", wrong,
-                          warp_command(file, utm_epsg(place->x(), place->y()), "")));
+    throw InputError(file, fmt::format("{}; reproject it with: {}", wrong,
+                                       warp_command(file, utm_epsg(place->x(), place->y()), "")));
   }
   std::string unit = vertical_unit;
   double length = unit_metres(unit).value_or(1);

@@ -19,11 +19,9 @@ GdalMessages::GdalMessages() {
     // GDAL's own choice is 5 % of the memory; tiles are kept decoded by the height field anyway.
     GDALSetCacheMax64(GIntBig{64} << 20);
   });
-  CPLPushErrorHandlerEx(
-      [](CPLErr severity, CPLErrorNum number, const char* message) {
-        keep(severity, number, message);
-      },
-      this);
+  CPLPushErrorHandlerEx([](CPLErr severity, CPLErrorNum number,
+                           const char* message) { keep(severity, number, message); },
+                        this);
 }
 
 GdalMessages::~GdalMessages() {

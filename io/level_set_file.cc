@@ -20,7 +20,8 @@ using openvdb::FloatGrid;
 using Leaf = openvdb::FloatTree::LeafNodeType;
 
 constexpr const char* kMakeLevelSet =
-    "a closed level set of the ground would do (Houdini: VDB from Polygons, or Convert VDB with Fog "
+    "a closed level set of the ground would do (Houdini: VDB from Polygons, or Convert VDB with "
+    "Fog "
     "to SDF; Blender: Mesh to SDF Grid)";
 
 std::string described(const openvdb::GridBase& grid) {
@@ -64,9 +65,10 @@ void check_transform(const std::filesystem::path& file, const FloatGrid& grid) {
   if (cubic) return;
   const openvdb::Vec3d size = grid.voxelSize();
   throw InputError(
-      file, fmt::format("grid {} is turned, mirrored or stretched (voxels of {:g} x {:g} x {:g} m); "
-                        "resample it to cubic voxels along the axes",
-                        described(grid), size.x(), size.y(), size.z()));
+      file,
+      fmt::format("grid {} is turned, mirrored or stretched (voxels of {:g} x {:g} x {:g} m); "
+                  "resample it to cubic voxels along the axes",
+                  described(grid), size.x(), size.y(), size.z()));
 }
 
 /// Does soil meet air here without both having a distance? That is where a surface is missing.
@@ -76,7 +78,7 @@ bool torn(float a, bool a_known, float b, bool b_known) {
 
 /// The first voxel of a leaf whose surface to a neighbour is missing; Leaf::SIZE if none.
 openvdb::Index hole(const Leaf& leaf, const FloatGrid::ConstUnsafeAccessor& values) {
-  constexpr openvdb::Index kStep[3] = {64, 8, 1};   // to the next voxel along x, y, z
+  constexpr openvdb::Index kStep[3] = {64, 8, 1};  // to the next voxel along x, y, z
   for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
     const float value = leaf.getValue(n);
     const bool known = leaf.isValueOn(n);
@@ -156,8 +158,8 @@ LevelSetInput read_level_set(const std::filesystem::path& file) {
   } catch (const std::bad_alloc&) {
     throw InputError(file, "is damaged, or needs more memory than there is");
   } catch (const std::exception& error) {
-    throw InputError(file, fmt::format("is not a .vdb file or is damaged ({})",
-                                       printable(error.what())));
+    throw InputError(file,
+                     fmt::format("is not a .vdb file or is damaged ({})", printable(error.what())));
   }
   check_transform(file, *grid);
   check_values(file, *grid);

@@ -14,8 +14,8 @@ namespace soilvdb::io {
 
 struct LevelSetInput {
   std::shared_ptr<const BaseSurface> surface;
-  Eigen::AlignedBox3d bounds;      ///< of its narrow band, world
-  std::string crs_wkt;             ///< empty: not known
+  Eigen::AlignedBox3d bounds;  ///< of its narrow band, world
+  std::string crs_wkt;         ///< empty: not known
 };
 
 /// Metadata of a grid: world coordinates of the origin its transform is relative to (Vec3d, m), and

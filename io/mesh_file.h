@@ -10,10 +10,10 @@
 
 namespace soilvdb::io {
 
-/// Writes PLY (binary), OBJ, STL (binary) or GLB by the file's suffix, in local coordinates; vertices
-/// and triangles keep their order but for STL, which has no vertices to share. The site's origin and
-/// CRS stand in the header where the format has a place for them: comments in PLY and OBJ, the
-/// header (80 bytes, the origin alone) in STL, `extras` of the root node in GLB. GLB is turned y up,
+/// Writes PLY (binary), OBJ, STL (binary) or GLB by the file's suffix, in local coordinates;
+/// vertices and triangles keep their order but for STL, which has no vertices to share. The site's
+/// origin and CRS stand in the header where the format has a place for them: comments in PLY and
+/// OBJ, the header (80 bytes, the origin alone) in STL, `asset.extras` in GLB. GLB is turned y up,
 /// as the format demands: its x, y, z are x, z, -y of the site. Atomic.
 /// @throw std::runtime_error naming the file and the cause; std::invalid_argument for an unknown
 ///        suffix or a mesh without triangles.

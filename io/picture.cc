@@ -15,7 +15,7 @@ namespace {
 Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
   Eigen::AlignedBox2d box;
   for (const Chunk* chunk : soil.chunks()) {
-    if (cut_only && chunk->now >= chunk->made) continue;
+    if (cut_only && chunk->now >= chunk->base) continue;
     // Cells reach half a voxel beyond the centres.
     const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
     box.extend(soil.world_from_index(low).head<2>());

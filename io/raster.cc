@@ -21,20 +21,20 @@
 namespace soilvdb::io {
 namespace {
 
-constexpr const char* kDrivers[] = {"GTiff", "AAIGrid",        "AIG",  "GRASSASCIIGrid", "EHdr",
-                                    "ENVI",  "HFA",            "GSAG", "GSBG",           "GS7BG",
-                                    "SAGA",  "SRTMHGT",        "DTED", "USGSDEM",        nullptr};
+constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIG",  "GRASSASCIIGrid", "EHdr",
+                                    "ENVI",  "HFA",     "GSAG", "GSBG",           "GS7BG",
+                                    "SAGA",  "SRTMHGT", "DTED", "USGSDEM",        nullptr};
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-constexpr double kHighest = 1e5;                 // m, either way
+constexpr double kHighest = 1e5;  // m, either way
 constexpr double kVoids[] = {-9999, -99999, -32768, -32767};
-constexpr double kMostPosts = 4e11;              // a state of 600 km x 600 km at 1 m
-constexpr std::int64_t kReadWhole = 1 << 20;     // posts up to which a raster is read at opening
+constexpr double kMostPosts = 4e11;           // a state of 600 km x 600 km at 1 m
+constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which a raster is read at opening
 constexpr std::int64_t kReadWholeBytes = 1 << 24;
 
 /// What a look at some of a raster's heights has shown.
 struct Probe {
   double low = std::numeric_limits<double>::infinity(), high = -low;
-  bool whole = false;   ///< all were read
+  bool whole = false;  ///< all were read
 };
 
 class GdalHeights final : public HeightSource {
@@ -70,15 +70,14 @@ class GdalHeights final : public HeightSource {
             CE_None ||
         (mask_ != nullptr && mask_->RasterIO(GF_Read, column, row, w, h, valid.data(), w, h,
                                              GDT_Byte, 0, 0, nullptr) != CE_None)) {
-      throw std::runtime_error(
-          fmt::format("{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})",
-                      file_.string(), row, row + h - 1, column, column + w - 1,
-                      messages.error_or("GDAL doesn't say why")));
+      throw std::runtime_error(fmt::format(
+          "{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})", file_.string(), row,
+          row + h - 1, column, column + w - 1, messages.error_or("GDAL doesn't say why")));
     }
     for (int j = 0; j < h; ++j) {
       for (int i = 0; i < w; ++i) {
-        const std::size_t from = std::size_t(southward_ ? h - 1 - j : j) * w +
-                                 (westward_ ? w - 1 - i : i);
+        const std::size_t from =
+            std::size_t(southward_ ? h - 1 - j : j) * w + (westward_ ? w - 1 - i : i);
         const bool there = valid.empty() || valid[from] != 0;
         out[std::size_t(j) * w + i] = there ? height(raw[from]) : kNone;
       }
@@ -98,7 +97,7 @@ class GdalHeights final : public HeightSource {
   GDALRasterBand* mask_ = nullptr;
   double scale_ = 1, offset_ = 0;
   bool westward_ = false, southward_ = true;
-  mutable std::mutex mutex_;   // a GDAL dataset serves one thread at a time
+  mutable std::mutex mutex_;  // a GDAL dataset serves one thread at a time
 };
 
 GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
@@ -133,9 +132,9 @@ void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
   if (dataset.GetRasterCount() < 1) throw InputError(file, "has no band; the first one is read");
   const double posts = double(dataset.GetRasterXSize()) * dataset.GetRasterYSize();
   if (dataset.GetRasterXSize() < 2 || dataset.GetRasterYSize() < 2 || posts > kMostPosts) {
-    throw InputError(file, fmt::format("has {} x {} cells; 2 x 2 to {:.0e} cells in all would do",
-                                       dataset.GetRasterXSize(), dataset.GetRasterYSize(),
-                                       kMostPosts));
+    throw InputError(file,
+                     fmt::format("has {} x {} cells; 2 x 2 to {:.0e} cells in all would do",
+                                 dataset.GetRasterXSize(), dataset.GetRasterYSize(), kMostPosts));
   }
   GDALRasterBand& band = *dataset.GetRasterBand(1);
   if (GDALDataTypeIsComplex(band.GetRasterDataType())) {
@@ -165,7 +164,8 @@ HeightGrid place(const std::filesystem::path& file, GdalHeights& source) {
     std::filesystem::path out = file;
     out.replace_filename(file.stem().string() + "_north_up.tif");
     throw InputError(file, fmt::format("is rotated; turn it north up with: gdalwarp -r bilinear {} "
-                                       "{}", shell_quoted(file), shell_quoted(out)));
+                                       "{}",
+                                       shell_quoted(file), shell_quoted(out)));
   }
   if (t[1] == 0 || t[5] == 0) throw InputError(file, "has cells of size 0; above 0 m is needed");
   source.set_direction(t[1] < 0, t[5] < 0);
@@ -206,8 +206,8 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
   const bool ascii = driver == "AAIGrid" || driver == "GRASSASCIIGrid" || driver == "GSAG";
   if (driver == "GTiff") check_blocks_within_file(file, source);
   if (ascii && bytes < 2 * static_cast<std::uintmax_t>(nx * ny)) {
-    throw InputError(file, fmt::format("is damaged: {} bytes can't hold {} x {} heights", bytes, nx,
-                                       ny));
+    throw InputError(file,
+                     fmt::format("is damaged: {} bytes can't hold {} x {} heights", bytes, nx, ny));
   }
   Probe result;
   std::vector<float> heights;
@@ -240,14 +240,16 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
 void refuse_likely_degrees(const std::filesystem::path& file, const HeightGrid& grid,
                            const Probe& seen) {
   const Vec2 size = grid.spacing.cwiseProduct(Vec2(grid.nx, grid.ny));
-  const Vec2 centre = grid.first + size / 2, far = grid.first.cwiseAbs().cwiseMax((grid.first + size).cwiseAbs());
+  const Vec2 centre = grid.first + size / 2,
+             far = grid.first.cwiseAbs().cwiseMax((grid.first + size).cwiseAbs());
   if (far.x() > 361 || far.y() > 91 || grid.spacing.maxCoeff() > 0.01) return;
   if (!(seen.high - seen.low > size.maxCoeff())) return;
   throw InputError(
-      file, fmt::format("has no CRS and looks to be in degrees (cells of {:g}, heights from {:g} to "
-                        "{:g} m); reproject it with: {}",
-                        grid.spacing.x(), seen.low, seen.high,
-                        warp_command(file, utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
+      file,
+      fmt::format("has no CRS and looks to be in degrees (cells of {:g}, heights from {:g} to "
+                  "{:g} m); reproject it with: {}",
+                  grid.spacing.x(), seen.low, seen.high,
+                  warp_command(file, utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
 }
 
 }  // namespace
@@ -261,8 +263,9 @@ RasterInput open_raster(const std::filesystem::path& file) {
   input.grid = place(file, *source);
   const OGRSpatialReference* srs = source->dataset().GetSpatialRef();
   const char* unit = source->band().GetUnitType();
-  const Vec2 centre = input.grid.first +
-                      input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
+  const Vec2 centre =
+      input.grid.first +
+      input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
   if (srs != nullptr && !srs->IsEmpty()) {
     require_metres(file, *srs, centre, unit != nullptr ? unit : "");
     char* wkt = nullptr;
@@ -277,7 +280,7 @@ RasterInput open_raster(const std::filesystem::path& file) {
     seen = probe(file, *source, input.driver);
   } catch (const InputError&) {
     throw;
-  } catch (const std::runtime_error& error) {   // names the file already
+  } catch (const std::runtime_error& error) {  // names the file already
     throw InputError(error.what());
   }
   if (seen.whole && seen.low > seen.high) {

@@ -16,9 +16,9 @@ namespace soilvdb::io {
 
 struct RasterInput {
   HeightGrid grid;
-  std::shared_ptr<const HeightSource> source;   ///< safe to call from several threads
-  std::string crs_wkt;             ///< empty: not known, taken as metres
-  std::string driver;              ///< GDAL's name of the format
+  std::shared_ptr<const HeightSource> source;  ///< safe to call from several threads
+  std::string crs_wkt;                         ///< empty: not known, taken as metres
+  std::string driver;                          ///< GDAL's name of the format
 };
 
 /// Opens the first band of a raster as heights in metres: integers and floats of any width, scale
@@ -32,7 +32,8 @@ struct RasterInput {
 /// Formats: GeoTIFF and COG, Esri ASCII, binary and .bil, GRASS ASCII, ENVI, Erdas .img, Surfer
 /// grids, SAGA, SRTM .hgt, DTED, USGS DEM. What GDAL reads else (VRT and the like refer to other
 /// files and addresses) has to be converted first, and the error says how.
-/// @throw InputError if it is missing, damaged, not a raster of heights, without a position, rotated,
+/// @throw InputError if it is missing, damaged, not a raster of heights, without a position,
+/// rotated,
 ///        in degrees or feet (with the command that would mend it), or has no height at all. The
 ///        source's read() throws std::runtime_error naming the file if damage shows later.
 RasterInput open_raster(const std::filesystem::path& file);
@@ -52,7 +53,7 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
 /// Heights of a site's surface on a grid of square cells, and of its base surface.
 struct SurfaceRaster {
   HeightGrid grid;
-  std::vector<float> surface, base;   ///< NaN where there is no ground
+  std::vector<float> surface, base;  ///< NaN where there is no ground
 };
 
 /// The cells that meet the box, their sides at multiples of cell_m; heights at their centres. Rows

@@ -48,17 +48,18 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
   const GdalMessages messages;
   const auto require = [&](bool good) {
     if (good) return;
-    throw std::runtime_error(file.string() + ": can't be written: " +
-                             messages.error_or("GDAL doesn't say why"));
+    throw std::runtime_error(file.string() +
+                             ": can't be written: " + messages.error_or("GDAL doesn't say why"));
   };
   const std::size_t cells = std::size_t(grid.nx) * grid.ny;
   for (const RasterBand& band : bands) {
-    if (band.values.size() != cells) throw std::invalid_argument("a band is not of the grid's size");
+    if (band.values.size() != cells)
+      throw std::invalid_argument("a band is not of the grid's size");
   }
   MemoryFile memory;
   GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
   require(driver != nullptr);
-  const char* const options[] = {"COMPRESS=DEFLATE", "PREDICTOR=3", "TILED=YES",
+  const char* const options[] = {"COMPRESS=DEFLATE", "PREDICTOR=3",     "TILED=YES",
                                  "BIGTIFF=IF_SAFER", "INTERLEAVE=BAND", nullptr};
   GDALDatasetUniquePtr dataset(driver->Create(memory.path(), grid.nx, grid.ny,
                                               static_cast<int>(bands.size()), GDT_Float32,
@@ -91,7 +92,7 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
     require(band.RasterIO(GF_Write, 0, 0, grid.nx, grid.ny, rows.data(), grid.nx, grid.ny,
                           GDT_Float32, 0, 0, nullptr) == CE_None);
   }
-  dataset.reset();   // completes the file
+  dataset.reset();  // completes the file
   require(messages.error().empty() && !memory.bytes().empty());
   write_atomically(file, memory.bytes());
 }

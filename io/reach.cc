@@ -16,10 +16,10 @@ namespace {
 
 using Box3 = Eigen::AlignedBox3d;
 
-constexpr std::size_t kBlock = 64;              // rows looked at together at first
-constexpr double kBytesPerChunk = 3500;         // a Chunk, its leaf, its share of index and tree
-constexpr double kMostVoxels = 1 << 23;         // either way from the origin: 21 bits of chunks
-constexpr int kPointsAcross = 8;                // of a mouth, where its sweep is estimated
+constexpr std::size_t kBlock = 64;       // rows looked at together at first
+constexpr double kBytesPerChunk = 3500;  // a Chunk, its leaf, its share of index and tree
+constexpr double kMostVoxels = 1 << 23;  // either way from the origin: 21 bits of chunks
+constexpr int kPointsAcross = 8;         // of a mouth, where its sweep is estimated
 
 /// Corners of everything of a bucket that digs, in the bucket frame.
 std::vector<Vec3> corners(const Bucket& bucket) {
@@ -41,8 +41,8 @@ Box3 box_at(const std::vector<Vec3>& points, const Pose& world_from_bucket) {
 struct Way {
   const MachineInput& machine;
   std::vector<Vec3> points;
-  std::vector<Box3> intervals;   // the bucket between row i and row i + 1, or at the only row
-  std::vector<Box3> blocks;      // of kBlock intervals
+  std::vector<Box3> intervals;  // the bucket between row i and row i + 1, or at the only row
+  std::vector<Box3> blocks;     // of kBlock intervals
   Box3 whole;
 
   explicit Way(const MachineInput& m) : machine(m), points(corners(m.bucket)) {
@@ -127,12 +127,13 @@ void check_known(const Scenario& scenario, const Site& site, const Way& way) {
         if (base.known(box)) continue;
         throw InputError(
             scenario.file,
-            fmt::format("machine '{}' reaches ground without a height between {:g} s and {:g} s, "
-                        "at {}, {}, {}; a terrain that has heights there would do, or a motion that "
-                        "keeps off",
-                        m.name, t0, t1, range("x", box.min().x(), box.max().x()),
-                        range("y", box.min().y(), box.max().y()),
-                        range("z", box.min().z(), box.max().z())));
+            fmt::format(
+                "machine '{}' reaches ground without a height between {:g} s and {:g} s, "
+                "at {}, {}, {}; a terrain that has heights there would do, or a motion that "
+                "keeps off",
+                m.name, t0, t1, range("x", box.min().x(), box.max().x()),
+                range("y", box.min().y(), box.max().y()),
+                range("z", box.min().z(), box.max().z())));
       }
     }
   }
@@ -209,9 +210,10 @@ void check_memory(const Scenario& scenario, const Site& site, const std::vector<
   const double step = std::pow(10, std::floor(std::log10(enough)) - 1);
   throw InputError(
       scenario.file,
-      fmt::format("voxel_size {:g} is too small for what is dug: its voxels would take about {:.3g} "
-                  "GB, and this machine has {:.3g} GB; {:g} would do",
-                  h, bytes / 1e9, memory_bytes() / 1e9, std::ceil(enough / step) * step));
+      fmt::format(
+          "voxel_size {:g} is too small for what is dug: its voxels would take about {:.3g} "
+          "GB, and this machine has {:.3g} GB; {:g} would do",
+          h, bytes / 1e9, memory_bytes() / 1e9, std::ceil(enough / step) * step));
 }
 
 }  // namespace

@@ -13,16 +13,16 @@ namespace soilvdb::io {
 
 /// How to find a base surface again.
 struct BaseReference {
-  Terrain terrain;                 ///< never itself a snapshot; paths absolute
-  std::string checksum;            ///< of the file's size and a sample of its bytes; empty for a plane
+  Terrain terrain;       ///< never itself a snapshot; paths absolute
+  std::string checksum;  ///< of the file's size and a sample of its bytes; empty for a plane
 };
 
 /// A base surface, and the coordinate system it came with.
 struct Base {
   std::shared_ptr<const BaseSurface> surface;
   BaseReference reference;
-  std::string crs_wkt;             ///< empty: not known
-  Eigen::AlignedBox2d bounds;      ///< where it is known, world; infinite for a plane
+  std::string crs_wkt;         ///< empty: not known
+  Eigen::AlignedBox2d bounds;  ///< where it is known, world; infinite for a plane
 };
 
 /// @throw InputError if the terrain can't be used: missing, not a height raster or closed level

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Snapshots: the resident ground and what it takes to go on from it, as a plain .vdb.
 //
-// Grid `surface` (FloatGrid, level set) is the soil's phi, grid `samples` (Int64Grid) its samples, a
-// leaf per resident chunk in each; coordinates are relative to the site's origin. Metadata of the
+// Grid `surface` (FloatGrid, level set) is the soil's phi, grid `samples` (Int64Grid) its samples,
+// a leaf per resident chunk in each; coordinates are relative to the site's origin. Metadata of the
 // file and of `surface`, all named soilvdb_*, hold the rest. After the last byte that OpenVDB reads
 // come a CRC-64 of all before and their number, which other programs don't see.
 //
@@ -33,7 +33,8 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
 /// @throw std::runtime_error naming the file and the cause.
 void write_snapshot(const std::filesystem::path& file, const Site& site, const SnapshotInfo& info);
 
-/// Is this .vdb one of ours, damaged or not? Reads its first and last bytes. False if there is none.
+/// Is this .vdb one of ours, damaged or not? Reads its first and last bytes. False if there is
+/// none.
 bool is_snapshot(const std::filesystem::path& file);
 
 /// Opens a snapshot, its base surface included. The soil has the same bits as the one written.

@@ -27,7 +27,7 @@ constexpr double kRequiredSpread = 3e-4;   // over numbers of updates
 
 /// Root mean square error of 64 samples on a cell that a plane cuts, in cells: over all directions,
 /// and in the direction worst for the lattice. Random samples would have 0.051.
-constexpr double kCellError = 0.021, kWorstCellError = 0.09;
+constexpr double kCellError = 0.0204, kWorstCellError = 0.088;
 constexpr double kSigmas = 5;
 constexpr double kPathBend = 5e-4;   // voxels, Tracker::tolerance_m()
 constexpr int kUpdates = 50;

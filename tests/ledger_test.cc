@@ -86,7 +86,8 @@ TEST(Ledger, ALoadLeavesWhereTheMouthLooksDown) {
   Bucket bucket{0.6, 0.4, {}, 0.8};
   Tracker tracker(soil, {bucket});
   tracker.update(0, at(0, 0, -0.2));
-  const double load = tracker.update(0, at(1, 0, -0.2)).bucket_m3;
+  tracker.update(0, at(1, 0, -0.2));
+  const double load = tracker.update(0, at(1, 0, 0.5)).bucket_m3;
   EXPECT_GT(load, 0);
   EXPECT_EQ(tracker.update(0, at(1, 0, 0.5, 0.79)).bucket_m3, load) << "not yet steep enough";
   EXPECT_EQ(tracker.update(0, at(1, 0, 0.5, 0.81)).bucket_m3, 0);

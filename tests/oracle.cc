@@ -186,8 +186,11 @@ class Scan {
       before = here;
       here = at_node(line, b, i);
       const bool was = before.inside >= 0, is = here.inside >= 0;
-      if (!was && !is) continue;
       const double t0 = times_[i - 1], t1 = times_[i];
+      if (!was && !is) {
+        add_glimpse(line, b, i, before, here, last2, ranges);
+        continue;
+      }
       if (was && is && before.cosine * here.cosine > 0) {
         extend(here.s);
         // A turn at the node between this step and the last one.
@@ -218,6 +221,33 @@ class Scan {
       }
     }
     if (open) finish();
+  }
+
+  /// A range that begins and ends within the step up to node i. Looked for only where the changes
+  /// around the step are steep enough for the line to have come inside.
+  void add_glimpse(const Line& line, std::size_t b, std::size_t i, const Meeting& before,
+                   const Meeting& here, const Meeting& last2, std::vector<Range>& ranges) const {
+    double steepest = std::abs(here.inside - before.inside);
+    if (i > 1) steepest = std::max(steepest, std::abs(before.inside - last2.inside));
+    if (i + 1 < times_.size()) {
+      steepest = std::max(steepest, std::abs(at_node(line, b, i + 1).inside - here.inside));
+    }
+    if (before.inside + here.inside + 1.5 * steepest <= 0) return;
+    constexpr double kRatio = 0.6180339887498949;
+    double from = times_[i - 1], to = times_[i];
+    for (int k = 0; k < 2 * kGolden; ++k) {
+      const double c = to - kRatio * (to - from), d = from + kRatio * (to - from);
+      const Meeting mc = exact(line, b, c), md = exact(line, b, d);
+      if (std::max(mc.inside, md.inside) >= 0) {
+        const double in = mc.inside >= 0 ? c : d;
+        const Meeting& peak = mc.inside >= 0 ? mc : md;
+        const double s0 = edge(line, b, in, times_[i - 1], peak).s;
+        const double s1 = edge(line, b, in, times_[i], peak).s;
+        ranges.push_back({std::min({s0, s1, peak.s}), std::max({s0, s1, peak.s})});
+        return;
+      }
+      (mc.inside > md.inside ? to : from) = mc.inside > md.inside ? d : c;
+    }
   }
 
   double soil_between(const Line& line, double from, double to) const {

@@ -21,9 +21,9 @@
 namespace soilvdb::io {
 namespace {
 
+using test::TempFolder;
 using ::testing::HasSubstr;
 using ::testing::Not;
-using test::TempFolder;
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 constexpr const char* kUtm17 =
@@ -139,9 +139,11 @@ TEST(Raster, RowsMayRunNorthward) {
   const float values[6] = {1, 2, 3, 4, 5, 6};
   folder.write("a.img", std::string_view(reinterpret_cast<const char*>(values), sizeof values));
   const auto header = [&](const std::string& dy) {
-    folder.write("a.hdr", "ENVI\nsamples = 3\nlines = 2\nbands = 1\nheader offset = 0\n"
-                          "data type = 4\ninterleave = bsq\nbyte order = 0\n"
-                          "map info = {Arbitrary, 1, 1, 100, 204, 2, " + dy + "}\n");
+    folder.write("a.hdr",
+                 "ENVI\nsamples = 3\nlines = 2\nbands = 1\nheader offset = 0\n"
+                 "data type = 4\ninterleave = bsq\nbyte order = 0\n"
+                 "map info = {Arbitrary, 1, 1, 100, 204, 2, " +
+                     dy + "}\n");
     return folder / "a.img";
   };
   expect_same(all_of(open_raster(header("2"))), {4, 5, 6, 1, 2, 3});
@@ -205,9 +207,9 @@ TEST(Raster, TheUtmZoneIsThatOfThePlace) {
 TEST(Raster, FeetAreRefusedWithTheCommandThatReprojects) {
   const TempFolder folder;
   const auto file = folder.write("a.asc", ascii("4 5 6\n1 2 3\n"));
-  folder.write("a.prj", with_unit(with_unit(kUtm17, ",AUTHORITY[\"EPSG\",\"32617\"]", ""),
-                                  "UNIT[\"metre\",1]",
-                                  "UNIT[\"US survey foot\",0.3048006096012192]"));
+  folder.write("a.prj",
+               with_unit(with_unit(kUtm17, ",AUTHORITY[\"EPSG\",\"32617\"]", ""),
+                         "UNIT[\"metre\",1]", "UNIT[\"US survey foot\",0.3048006096012192]"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("'US survey foot', not metres"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:326"));
 }
@@ -224,9 +226,10 @@ TEST(Raster, DegreesWithoutACrsAreRecognised) {
 TEST(Raster, ARotatedRasterIsRefused) {
   const TempFolder folder;
   folder.write("a.img", std::string(6 * 4, '\0'));
-  folder.write("a.hdr", "ENVI\nsamples = 3\nlines = 2\nbands = 1\nheader offset = 0\n"
-                        "data type = 4\ninterleave = bsq\nbyte order = 0\n"
-                        "map info = {Arbitrary, 1, 1, 100, 204, 2, 2, units=Meters, rotation=30}\n");
+  folder.write("a.hdr",
+               "ENVI\nsamples = 3\nlines = 2\nbands = 1\nheader offset = 0\n"
+               "data type = 4\ninterleave = bsq\nbyte order = 0\n"
+               "map info = {Arbitrary, 1, 1, 100, 204, 2, 2, units=Meters, rotation=30}\n");
   EXPECT_THAT(refusal(folder, folder / "a.img"),
               HasSubstr("is rotated; turn it north up with: gdalwarp -r bilinear a.img"));
 }
@@ -237,10 +240,12 @@ TEST(Raster, WhatIsNoRasterIsRefusedInOneLine) {
   EXPECT_THAT(refusal(folder, folder.path()), HasSubstr("is a folder"));
   EXPECT_THAT(refusal(folder, folder.write("empty.tif", "")), HasSubstr("is not a raster"));
   EXPECT_THAT(refusal(folder, folder.write("text.tif", "hello")), HasSubstr("is not a raster"));
-  EXPECT_THAT(refusal(folder, folder.write("void.asc", ascii("-9999 -9999 -9999\n-9999 -9999 -9999"))),
-              HasSubstr("has no height"));
-  EXPECT_THAT(refusal(folder, folder.write("one.asc", "ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\n"
-                                                      "cellsize 1\n5\n")),
+  EXPECT_THAT(
+      refusal(folder, folder.write("void.asc", ascii("-9999 -9999 -9999\n-9999 -9999 -9999"))),
+      HasSubstr("has no height"));
+  EXPECT_THAT(refusal(folder, folder.write("one.asc",
+                                           "ncols 1\nnrows 1\nxllcorner 0\nyllcorner 0\n"
+                                           "cellsize 1\n5\n")),
               HasSubstr("1 x 1 cells"));
 }
 
@@ -248,10 +253,11 @@ TEST(Raster, FormatsThatReferToOtherFilesAreNotFollowed) {
   const TempFolder folder;
   folder.write("a.asc", ascii("4 5 6\n1 2 3\n"));
   const auto vrt = folder.write(
-      "a.vrt", "<VRTDataset rasterXSize=\"3\" rasterYSize=\"2\"><GeoTransform>100,2,0,204,0,-2"
-               "</GeoTransform><VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource>"
-               "<SourceFilename relativeToVRT=\"1\">a.asc</SourceFilename><SourceBand>1</SourceBand>"
-               "</SimpleSource></VRTRasterBand></VRTDataset>");
+      "a.vrt",
+      "<VRTDataset rasterXSize=\"3\" rasterYSize=\"2\"><GeoTransform>100,2,0,204,0,-2"
+      "</GeoTransform><VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource>"
+      "<SourceFilename relativeToVRT=\"1\">a.asc</SourceFilename><SourceBand>1</SourceBand>"
+      "</SimpleSource></VRTRasterBand></VRTDataset>");
   EXPECT_THAT(refusal(folder, vrt), HasSubstr("is of format VRT"));
   EXPECT_THAT(refusal(folder, vrt), HasSubstr("gdal_translate a.vrt a.tif"));
 }
@@ -267,7 +273,8 @@ TEST(Raster, ACutOffRasterIsRefusedAtOpening) {
   for (const double share : {0.05, 0.5, 0.9, 0.999}) {
     std::filesystem::copy_file(folder / "a.tif", folder / "b.tif",
                                std::filesystem::copy_options::overwrite_existing);
-    std::filesystem::resize_file(folder / "b.tif", static_cast<std::uintmax_t>(share * double(size)));
+    std::filesystem::resize_file(folder / "b.tif",
+                                 static_cast<std::uintmax_t>(share * double(size)));
     EXPECT_THAT(refusal(folder, folder / "b.tif"), HasSubstr("b.tif: is damaged")) << share;
   }
 }
@@ -297,14 +304,15 @@ TEST(Raster, OpeningALargeRasterIsQuick) {
   // 20 000 x 20 000 floats, sparse on disk: ENVI has no header of its own.
   folder.write("a.img", "");
   std::filesystem::resize_file(folder / "a.img", 20'000ull * 20'000 * 4);
-  folder.write("a.hdr", "ENVI\nsamples = 20000\nlines = 20000\nbands = 1\nheader offset = 0\n"
-                        "data type = 4\ninterleave = bsq\nbyte order = 0\n"
-                        "map info = {Arbitrary, 1, 1, 100, 204, 2, 2}\n");
+  folder.write("a.hdr",
+               "ENVI\nsamples = 20000\nlines = 20000\nbands = 1\nheader offset = 0\n"
+               "data type = 4\ninterleave = bsq\nbyte order = 0\n"
+               "map info = {Arbitrary, 1, 1, 100, 204, 2, 2}\n");
   const auto begin = std::chrono::steady_clock::now();
   const RasterInput raster = open_raster(folder / "a.img");
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   EXPECT_EQ(raster.grid.nx, 20'000);
-  EXPECT_LT(took.count(), 0.5);   // the project's bound for opening a site
+  EXPECT_LT(took.count(), 0.5);  // the project's bound for opening a site
 }
 
 TEST(Raster, GdalPrintsNothing) {
@@ -327,7 +335,7 @@ TEST(Raster, RealTerrainIsRead) {
   const RasterInput reach = open_raster(shared("dem/DEM-kootenai_37x50_1x1.asc"));
   EXPECT_EQ(reach.grid.first, Vec2(556440.5, 5394932.5));
   const auto heights = all_of(reach);
-  EXPECT_FLOAT_EQ(heights[36 * 50], 543.340026855468977f);   // the first number of the file
+  EXPECT_FLOAT_EQ(heights[36 * 50], 543.340026855468977f);  // the first number of the file
 }
 
 TEST(Raster, RealVoidsAreNoHeight) {
@@ -354,7 +362,8 @@ TEST(Raster, ForeignFeetOfHeightAreRefusedAndTheCommandHelps) {
   SKIP_UNLESS_THERE(shared("dem/dtm.tif"));
   const TempFolder folder;
   if (output_of("gdal_translate -a_srs EPSG:26918+6360 " + shared("dem/dtm.tif").string() + " " +
-                (folder / "a.tif").string()).empty()) {
+                (folder / "a.tif").string())
+          .empty()) {
     GTEST_SKIP() << "gdal_translate is not there";
   }
   const std::string message = refusal(folder, folder / "a.tif");
@@ -389,8 +398,9 @@ TEST(Raster, AFileThatCantBeWrittenIsNamedAndNothingIsLeft) {
   const TempFolder folder;
   const HeightGrid grid = grid_of(2, 2, {0, 0}, {1, 1});
   const std::vector<RasterBand> bands{{"z", {1, 2, 3, 4}}};
-  EXPECT_THAT(test::message_of(folder, [&] { write_geotiff(folder / "no/a.tif", grid, bands, ""); }),
-              HasSubstr("no/a.tif: can't be written: No such file"));
+  EXPECT_THAT(
+      test::message_of(folder, [&] { write_geotiff(folder / "no/a.tif", grid, bands, ""); }),
+      HasSubstr("no/a.tif: can't be written: No such file"));
   EXPECT_THAT(test::message_of(folder, [&] { write_geotiff("/dev/full", grid, bands, ""); }),
               HasSubstr("/dev/full: can't be written"));
   EXPECT_THAT(test::message_of(folder, [&] { write_geotiff(folder / "a.tif", grid, bands, "x"); }),

@@ -159,7 +159,10 @@ TEST_F(Run, VoxelOptionReplacesTheScenariosSize) {
 TEST_F(Run, AMotionOfOneRowIsOneUpdate) {
   write_file(folder() / "dig.csv", "time,x,y,z\n0,0,0,-0.1\n");
   for (const char* updates : {"", "--updates 7"}) {
-    const auto s = summary(std::string("dig.yaml --no-snapshots ") + updates);
+    const Result result = run(std::string("run dig.yaml ") + updates);
+    EXPECT_EQ(result.status, 0);
+    EXPECT_EQ(result.err, "soilvdb: warning: no bucket met any soil\n");
+    const auto s = read_json(folder() / "out/dig/summary.json");
     EXPECT_EQ(s["updates"], 1);
     EXPECT_EQ(s["volume_m3"]["cut"], 0);
   }

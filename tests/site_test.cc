@@ -18,8 +18,8 @@
 namespace soilvdb::io {
 namespace {
 
-using ::testing::HasSubstr;
 using test::TempFolder;
+using ::testing::HasSubstr;
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
@@ -81,8 +81,8 @@ openvdb::FloatGrid::Ptr sphere() {
 }
 
 TEST(Site, ItsOriginIsTheFirstLipToAHundredMetres) {
-  const Site site = open_site(scenario_of(PlaneTerrain{0, {0, 0}}, {556449.9, 5394951, 540},
-                                          {556451, 5394951, 540}));
+  const Site site = open_site(
+      scenario_of(PlaneTerrain{0, {0, 0}}, {556449.9, 5394951, 540}, {556451, 5394951, 540}));
   EXPECT_EQ(site.soil->origin(), Vec3(556400, 5395000, 500));
   EXPECT_EQ(site.soil->voxel_size_m(), 0.1);
   EXPECT_TRUE(std::isinf(site.bounds.max().x()));
@@ -105,8 +105,9 @@ TEST(Site, ARasterIsItsTerrainInItsOwnCoordinates) {
 TEST(Site, AMotionThatNeverComesOverTheTerrainIsRefusedWithBothBoxes) {
   const TempFolder folder;
   const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
-  const std::string message =
-      refusal(folder, [&] { open_site(scenario_of(terrain, {12, 0, 0}, {14, 0, 0})); });
+  const std::string message = refusal(folder, [&] {
+    open_site(scenario_of(terrain, {12, 0, 0}, {14, 0, 0}));
+  });
   EXPECT_THAT(message, HasSubstr("dig.yaml: no bucket ever comes over the terrain"));
   EXPECT_THAT(message, HasSubstr("the terrain covers x 1000.0 to 1040.0, y 2000.0 to 2040.0"));
 }
@@ -114,8 +115,9 @@ TEST(Site, AMotionThatNeverComesOverTheTerrainIsRefusedWithBothBoxes) {
 TEST(Site, DiggingWhereThereIsNoHeightIsRefusedBeforeTheRun) {
   const TempFolder folder;
   const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
-  const std::string message =
-      refusal(folder, [&] { open_site(scenario_of(terrain, {1010, 2020, 9}, {1030, 2020, 9})); });
+  const std::string message = refusal(folder, [&] {
+    open_site(scenario_of(terrain, {1010, 2020, 9}, {1030, 2020, 9}));
+  });
   EXPECT_THAT(message, HasSubstr("dig.yaml: machine 'digger' reaches ground without a height"));
   EXPECT_THAT(message, HasSubstr("between 0 s and 10 s, at x 102"));
 }
@@ -131,7 +133,9 @@ TEST(Site, DiggingBeyondTheEdgeIsRefusedToo) {
   const TempFolder folder;
   const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
   EXPECT_THAT(refusal(folder,
-                      [&] { open_site(scenario_of(terrain, {1035, 2005, 9}, {1045, 2005, 9})); }),
+                      [&] {
+                        open_site(scenario_of(terrain, {1035, 2005, 9}, {1045, 2005, 9}));
+                      }),
               HasSubstr("reaches ground without a height"));
 }
 

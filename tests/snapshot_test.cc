@@ -19,8 +19,8 @@
 namespace soilvdb::io {
 namespace {
 
-using ::testing::HasSubstr;
 using test::TempFolder;
+using ::testing::HasSubstr;
 
 const SnapshotInfo kInfo{"dig", 1.0 / 3, 0.5, 0.4, 0.1, 0.05};
 
@@ -85,7 +85,7 @@ std::string refusal(const TempFolder& folder, const std::filesystem::path& file)
 }
 
 TEST(Checksum, IsTheOneThatXzUses) {
-  EXPECT_EQ(crc64("123456789"), 0x995dc9bbdf1939fau);   // the check value of CRC-64/XZ
+  EXPECT_EQ(crc64("123456789"), 0x995dc9bbdf1939fau);  // the check value of CRC-64/XZ
 }
 
 TEST(Checksum, TellsFilesApartByTheirStartMiddleAndEnd) {

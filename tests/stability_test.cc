@@ -12,9 +12,9 @@
 namespace soilvdb {
 namespace {
 
-/// Volume is counted on lattice points, 64 to a cell, random with respect to the swept surface; in a
-/// cell that the surface cuts, the count has a variance of kCellVariance cells squared (measured for
-/// this lattice on random planes, core/soil.cc). Errors of the cells are independent, so four
+/// Volume is counted on lattice points, 64 to a cell, random with respect to the swept surface; in
+/// a cell that the surface cuts, the count has a variance of kCellVariance cells squared (measured
+/// for this lattice on random planes, core/soil.cc). Errors of the cells are independent, so four
 /// standard deviations of their sum bound the error of a cut with `surface_m2` of surface. A plane
 /// cuts at most 3 cells per face of a cell.
 double sampling_bound_m3(double surface_m2, double h) {
@@ -65,8 +65,8 @@ void drag_once(Tracker& tracker, const Drag& drag, int updates = 20) {
   tracker.update(0, drag.above(1));
 }
 
-/// phi is finite and within its band, no cell has soil that it did not have, and what the ground lost
-/// is what the ledger says.
+/// phi is finite and within its band, no cell has soil that it did not have, and what the ground
+/// lost is what the ledger says.
 void expect_sound(const Soil& soil, Tracker& tracker) {
   tracker.flush();
   const Soil untouched(soil.voxel_size_m(), soil.origin(),
@@ -101,7 +101,9 @@ TEST(Stability, RandomStrokesLeaveTheGroundSound) {
   Soil soil(0.1, Vec3::Zero(), make_plane(0, {0.1, -0.05}));
   Tracker tracker(soil, {bucket()});
   std::srand(1);
-  const auto between = [](double low, double high) { return low + (high - low) * std::rand() / RAND_MAX; };
+  const auto between = [](double low, double high) {
+    return low + (high - low) * std::rand() / RAND_MAX;
+  };
   for (int i = 0; i < 3000; ++i) {
     Pose pose;
     pose.position = {between(-1, 1), between(-1, 1), between(-0.5, 0.2)};

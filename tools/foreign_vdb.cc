@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <openvdb/openvdb.h>
 
+#include <cmath>
+
 #include "io/error.h"
 #include "io/text.h"
 
@@ -16,14 +18,18 @@ std::string line(const char* label, const std::string& text) {
 }
 
 std::string text_of(const openvdb::Vec3d& v) {
-  return fmt::format("{} {} {}", v.x(), v.y(), v.z());
+  constexpr double kNothing = 1e-9;  // beside voxels of any use
+  const auto number = [](double x) {
+    return fmt::format("{:.9g}", std::abs(x) < kNothing ? 0 : x);
+  };
+  return fmt::format("{} {} {}", number(v.x()), number(v.y()), number(v.z()));
 }
 
 std::string transform_text(const openvdb::math::Transform& transform) {
   if (!transform.isLinear()) return "frustum";
   const openvdb::Vec3d size = transform.voxelSize();
   const std::string voxels = transform.hasUniformScale()
-                                 ? fmt::format("voxels of {:.9g}", size.x())
+                                 ? fmt::format("voxels of {:.6g}", size.x())
                                  : fmt::format("voxels of {}", text_of(size));
   return fmt::format("{}, index 0 at {}", voxels,
                      text_of(transform.indexToWorld(openvdb::Vec3d())));
@@ -31,7 +37,7 @@ std::string transform_text(const openvdb::math::Transform& transform) {
 
 std::string background_text(const openvdb::GridBase& grid) {
   if (const auto* floats = dynamic_cast<const openvdb::FloatGrid*>(&grid))
-    return fmt::format("{}", floats->background());
+    return fmt::format("{:.6g}", floats->background());
   if (const auto* doubles = dynamic_cast<const openvdb::DoubleGrid*>(&grid))
     return fmt::format("{}", doubles->background());
   return "";
@@ -40,9 +46,8 @@ std::string background_text(const openvdb::GridBase& grid) {
 std::string grid_text(const openvdb::GridBase& grid) {
   std::string text = fmt::format("grid '{}'\n", io::printable(grid.getName()));
   const auto kind = grid.getGridClass();
-  text +=
-      line("class", kind == openvdb::GRID_UNKNOWN ? "none named"
-                                                  : openvdb::GridBase::gridClassToMenuName(kind));
+  text += line("class", kind == openvdb::GRID_UNKNOWN ? "none named"
+                                                      : openvdb::GridBase::gridClassToString(kind));
   text += line("values", grid.valueType());
   text += line("transform", transform_text(grid.transform()));
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
@@ -66,6 +71,8 @@ std::string foreign_vdb_text(const std::filesystem::path& file) {
     openvdb::io::File vdb(file.string());
     vdb.open(/*delayLoad=*/false);
     const openvdb::GridPtrVecPtr grids = vdb.getGrids();
+    // OpenVDB also takes a header that was cut off for a file without grids.
+    if (grids->empty()) throw io::InputError(file, "has no grids, or was cut off; write it anew");
     std::string text = fmt::format("{}: OpenVDB file, not a snapshot of soilvdb, {} grid{}\n",
                                    file.string(), grids->size(), grids->size() == 1 ? "" : "s");
     for (const openvdb::GridBase::Ptr& grid : *grids) text += grid_text(*grid);

@@ -71,7 +71,7 @@ void info_snapshot(const fs::path& file) {
                                soil.chunks().size(), soil.active_voxels()));
   line("bounds", box_text(box));
   line("state hash", fmt::format("{:016x}", soil.state_hash()));
-  line("checksums", "good, of this file and of its base");
+  line("checksums", site.reference.checksum.empty() ? "good" : "good, also of its base");
 }
 
 /// Heights of a raster, all of them or evenly spread windows of a large one.
@@ -128,7 +128,10 @@ void info_raster(const fs::path& file) {
     line("no height", fmt::format("{:.3g} % of the cells", 100 * share));
     line("as terrain", "usable");
   } catch (const std::exception& e) {
-    line("as terrain", fmt::format("not usable: {}", e.what()));
+    std::string_view reason = e.what();
+    const std::string file_said = file.string() + ": ";
+    if (reason.starts_with(file_said)) reason.remove_prefix(file_said.size());
+    line("as terrain", fmt::format("not usable: {}", reason));
   }
 }
 

@@ -29,6 +29,8 @@ int terminal_columns() {
 }  // namespace
 
 std::string short_duration(double seconds) {
+  if (seconds < 0.0995) return fmt::format("{:.2g} ms", seconds * 1e3);
+  if (seconds < 0.9995) return fmt::format("{:.0f} ms", seconds * 1e3);
   if (seconds < 9.95) return fmt::format("{:.1f} s", seconds);
   const auto s = static_cast<std::int64_t>(std::llround(seconds));
   if (s < 60) return fmt::format("{} s", s);

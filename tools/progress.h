@@ -10,7 +10,7 @@
 
 namespace soilvdb::tools {
 
-/// A duration in one short word: "0.8 s", "42 s", "3:05", "1:02:03".
+/// A duration in one short word: "27 ms", "1.8 s", "42 s", "3:05", "1:02:03".
 std::string short_duration(double seconds);
 
 /// A count with a k, M or G: "950", "12.3k", "1.50M".

@@ -127,9 +127,13 @@ class CommandLine {
                     "of the motion")
         ->type_name("N")
         ->check(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
-    sub->add_flag("!--no-mesh", run_.mesh, "no mesh, even if the scenario asks for one");
-    sub->add_flag("!--no-snapshots", run_.snapshots, "no snapshots, not even the last");
-    sub->callback([this] { command_ = [this] { run(run_); }; });
+    sub->add_flag("--no-mesh", no_mesh_, "no mesh, even if the scenario asks for one");
+    sub->add_flag("--no-snapshots", no_snapshots_, "no snapshots, not even the last");
+    sub->callback([this] {
+      run_.mesh = !no_mesh_;
+      run_.snapshots = !no_snapshots_;
+      command_ = [this] { run(run_); };
+    });
   }
 
   void add_info() {
@@ -174,6 +178,7 @@ class CommandLine {
 
   CLI::App app_{"Tracks the ground and the soil in the bucket while excavators dig.", "soilvdb"};
   RunOptions run_;
+  bool no_mesh_ = false, no_snapshots_ = false;
   InfoOptions info_;
   ExportOptions export_;
   DiffOptions diff_;

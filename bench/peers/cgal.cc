@@ -5,9 +5,10 @@
 //
 // Best setting: exact predicates, inexact constructions (the kernel its manual recommends for
 // speed); plane ground is a box of 12 triangles, other ground has a grid of posts one voxel apart;
-// the hexahedron is the mouth at both ends of a step. A step whose corefinement throws, or says that
-// its result is no manifold, is retried with the hexahedron a millionth of a voxel larger; if that
-// fails too the step is left out and counted as a failure.
+// the hexahedron is the mouth at both ends of a step, each step's a ten-millionth of a voxel larger
+// than the one before, so that no faces are coplanar (with coplanar ones most steps fail). A step
+// whose corefinement throws, or whose result is not closed, is retried with a larger hexahedron; if
+// that fails too the step is left out and counted as a failure.
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Polygon_mesh_processing/corefinement.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
@@ -29,7 +30,9 @@ using Vertex = SurfaceMesh::Vertex_index;
 class Cgal : public Engine {
  public:
   explicit Cgal(const Task& task)
-      : task_(task), middle_(task.reach.center()), pose_(task.motion->pose(task.motion->begin_s())) {
+      : task_(task),
+        middle_(task.reach.center()),
+        pose_(task.motion->pose(task.motion->begin_s())) {
     const Vec3 margin = Vec3::Constant(4 * task.voxel_m);
     box_ = Eigen::AlignedBox3d(task.reach.min() - margin, task.reach.max() + margin);
     if (!task.site.isEmpty()) box_.extend(task.site);
@@ -39,7 +42,9 @@ class Cgal : public Engine {
 
   void advance(const Step& step) override {
     const Pose next = task_.motion->pose(step.t1);
-    if (!subtract(next, 0) && !subtract(next, 1e-6 * task_.voxel_m)) ++failures_;
+    ++steps_;
+    const double hair = 1e-7 * task_.voxel_m;
+    if (!subtract(next, steps_ * hair) && !subtract(next, (steps_ + 0.5) * hair)) ++failures_;
     now_m3_ = CGAL::to_double(pmp::volume(soil_));
     pose_ = next;
   }
@@ -62,7 +67,8 @@ class Cgal : public Engine {
     return true;
   }
 
-  /// Posts on top, the same posts at the bottom, sides between. @param n posts less one, 0: by voxel
+  /// Posts on top, the same posts at the bottom, sides between. @param n posts less one, 0: by
+  /// voxel
   void make_ground(int n) {
     const Vec3 size = box_.sizes();
     const int nx = n > 0 ? n : std::max(1, static_cast<int>(std::ceil(size.x() / task_.voxel_m)));
@@ -93,7 +99,7 @@ class Cgal : public Engine {
         quad(bottom[a], bottom[d], bottom[c], bottom[b]);
       }
     }
-    const auto wall = [&](std::size_t a, std::size_t b) {   // a to b with the ground to the left
+    const auto wall = [&](std::size_t a, std::size_t b) {  // a to b with the ground to the left
       quad(bottom[a], bottom[b], top[b], top[a]);
     };
     for (int i = 0; i < nx; ++i) {
@@ -120,7 +126,8 @@ class Cgal : public Engine {
       for (const Vec3& corner : mouth_corners(task_.bucket, pose)) corners.push_back(corner);
     }
     for (const Vec3& corner : corners) centre += corner / 8;
-    for (const Vec3& corner : corners) v.push_back(add(tool, corner + grow_m * (corner - centre).normalized()));
+    for (const Vec3& corner : corners)
+      v.push_back(add(tool, corner + grow_m * (corner - centre).normalized()));
     constexpr std::size_t kTriangles[12][3] = {{0, 1, 2}, {0, 2, 3}, {4, 6, 5}, {4, 7, 6},
                                                {0, 4, 5}, {0, 5, 1}, {1, 5, 6}, {1, 6, 2},
                                                {2, 6, 7}, {2, 7, 3}, {3, 7, 4}, {3, 4, 0}};
@@ -144,7 +151,7 @@ class Cgal : public Engine {
   SurfaceMesh soil_;
   Pose pose_;
   double initial_m3_ = 0, now_m3_ = 0;
-  int failures_ = 0;
+  int steps_ = 0, failures_ = 0;
 };
 
 }  // namespace

@@ -14,7 +14,7 @@
 namespace soilvdb::bench {
 namespace {
 
-using Edge = std::pair<int, int>;   // corners, lower first
+using Edge = std::pair<int, int>;  // corners, lower first
 
 Edge edge(int a, int b) { return a < b ? Edge{a, b} : Edge{b, a}; }
 Vec3 corner(int i) { return Vec3(i & 1, i >> 1 & 1, i >> 2 & 1); }
@@ -26,8 +26,8 @@ constexpr int kFaces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
 
 double volume(int mask) {
   const auto soil = [mask](int c) { return (mask >> c & 1) != 0; };
-  std::map<Edge, Edge> next;   // of the surface's outline, soil to its left seen from outside
-  double area = 0;             // of soil on the faces x = 1, y = 1, z = 1
+  std::map<Edge, Edge> next;  // of the surface's outline, soil to its left seen from outside
+  double area = 0;            // of soil on the faces x = 1, y = 1, z = 1
   for (const auto& face : kFaces) {
     int count = 0;
     for (int i = 0; i < 4; ++i) count += soil(face[i]);

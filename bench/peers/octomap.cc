@@ -1,11 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// OctoMap: ground as occupied leaves; each step deletes the leaves whose centre the mouth sweeps
-// over and counts them.
+// OctoMap: ground as occupied leaves; each step sets the leaves free whose centre the mouth sweeps
+// over, and counts them.
 //
-// Best setting: only voxels in the step's box are looked at; nodes are deleted outright (faster than
-// lowering their log odds) and the count is kept as they go, so volume costs nothing more; ground
-// comes as one box around the dig, pruned, as a map made of scans would be.
+// Best setting: only voxels in the step's box are looked at; nodes are set at once instead of by
+// many hits, inner nodes are brought up to date once, after the last step; the count is kept as
+// they go, so volume costs nothing more. (deleteNode() would be the other way, but in 1.9.7 it trips
+// an assertion of its own when a node loses its last child.) Ground comes as one box around the dig,
+// pruned, as a map made of scans would be.
 #include <octomap/octomap.h>
 
 #include <cmath>
@@ -20,7 +22,8 @@ class OctoMap : public Engine {
   explicit OctoMap(const Task& task)
       : task_(task), tree_(task.voxel_m), pose_(task.motion->pose(task.motion->begin_s())) {
     const Eigen::AlignedBox3d box = soil_reach(task);
-    const Coord3 first = index(box.min()) - Coord3::Ones(), last = index(box.max()) + Coord3::Ones();
+    const Coord3 first = index(box.min()) - Coord3::Ones(),
+                 last = index(box.max()) + Coord3::Ones();
     float phi[kLeafSize];
     const double h = task.voxel_m;
     for (int x = first.x(); x <= last.x(); x += kLeafSide) {
@@ -50,18 +53,22 @@ class OctoMap : public Engine {
           const Coord3 voxel(x, y, z);
           if (!sweep.contains(centre(voxel))) continue;
           const octomap::OcTreeKey k = key(voxel);
-          if (tree_.search(k) != nullptr && tree_.deleteNode(k)) ++removed_;
+          const octomap::OcTreeNode* node = tree_.search(k);
+          if (node == nullptr || !tree_.isNodeOccupied(node)) continue;
+          tree_.setNodeValue(k, tree_.getClampingThresMinLog(), true);
+          ++removed_;
         }
       }
     }
     pose_ = next;
   }
 
+  void finish() override { tree_.updateInnerOccupancy(); }
   double cut_m3() override { return static_cast<double>(removed_) * std::pow(task_.voxel_m, 3); }
   double memory_bytes() const override { return static_cast<double>(tree_.memoryUsage()); }
 
  private:
-  static constexpr int kMiddle = 1 << 15;   // of OctoMap's 2^16 keys per axis
+  static constexpr int kMiddle = 1 << 15;  // of OctoMap's 2^16 keys per axis
 
   Coord3 index(const Vec3& p) const {
     return ((p - task_.origin) / task_.voxel_m).array().floor().matrix().cast<int>();

@@ -5,9 +5,10 @@
 // openvdb_stock: meshToLevelSet of the step's hexahedron, csgDifference (pruned), levelSetVolume,
 // all timed: what its documentation leads to.
 //
-// openvdb_csg, its best setting: hexahedra are rasterised beforehand (not timed), only csgDifference
-// without pruning is timed; volume is measured afterwards (not timed) by the fraction of each voxel
-// below a plane at distance phi, over the slab. Its error is what the CSG itself does.
+// openvdb_csg, its best setting: hexahedra are rasterised beforehand (not timed), only
+// csgDifference without pruning is timed; volume is measured afterwards (not timed) by the fraction
+// of each voxel below a plane at distance phi, over the slab. Its error is what the CSG itself
+// does.
 //
 // Both: half width 3 voxels as usual; the slab ends 4 voxels beside and below the dig (or spans the
 // task's site, where that is larger); grids are kept near the index origin, where levelSetVolume is
@@ -28,8 +29,8 @@
 namespace soilvdb::bench {
 namespace {
 
-constexpr int kBand = 3;     // voxels
-constexpr int kMargin = 4;   // voxels of ground beside and below the dig
+constexpr int kBand = 3;    // voxels
+constexpr int kMargin = 4;  // voxels of ground beside and below the dig
 
 using openvdb::Coord;
 using openvdb::FloatGrid;
@@ -52,7 +53,8 @@ class Slab {
     grid->setTransform(openvdb::math::Transform::createLinearTransform(h));
     grid->setGridClass(openvdb::GRID_LEVEL_SET);
     const Vec3 low = (box_.min() - local_) / h, high = (box_.max() - local_) / h;
-    const Coord3 first = chunk(low - Vec3::Constant(kBand + 1)), last = chunk(high + Vec3::Constant(kBand + 1));
+    const Coord3 first = chunk(low - Vec3::Constant(kBand + 1)),
+                 last = chunk(high + Vec3::Constant(kBand + 1));
     for (int x = first.x(); x <= last.x(); x += kLeafSide) {
       for (int y = first.y(); y <= last.y(); y += kLeafSide) {
         for (int z = first.z(); z <= last.z(); z += kLeafSide) add_leaf(*grid, {x, y, z});
@@ -77,10 +79,12 @@ class Slab {
     if (side_at_centre - half > band) return;
     const Vec3 reach = Vec3::Constant(half + 2 * band);
     const Content content = task_.ground->classify({centre - reach, centre + reach});
-    if (content == Content::kAir || (content == Content::kSoil && side_at_centre + half < -band)) return;
+    if (content == Content::kAir || (content == Content::kSoil && side_at_centre + half < -band))
+      return;
     float phi[kLeafSize];
     task_.ground->distance(local_ + h * origin.cast<double>(), h, band, phi);
-    auto* leaf = new Tree::LeafNodeType(Coord(origin.x(), origin.y(), origin.z()), static_cast<float>(band));
+    auto* leaf =
+        new Tree::LeafNodeType(Coord(origin.x(), origin.y(), origin.z()), static_cast<float>(band));
     bool surface = false;
     for (int n = 0; n < kLeafSize; ++n) {
       const Vec3 p = local_ + h * (origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
@@ -147,7 +151,8 @@ class OpenVdb : public Engine {
     static const std::vector<Triangle> kTriangles = {{0, 1, 2}, {0, 2, 3}, {4, 6, 5}, {4, 7, 6},
                                                      {0, 4, 5}, {0, 5, 1}, {1, 5, 6}, {1, 6, 2},
                                                      {2, 6, 7}, {2, 7, 3}, {3, 7, 4}, {3, 4, 0}};
-    tool_ = openvdb::tools::meshToLevelSet<FloatGrid>(soil_->transform(), points, kTriangles, kBand);
+    tool_ =
+        openvdb::tools::meshToLevelSet<FloatGrid>(soil_->transform(), points, kTriangles, kBand);
     pose_ = next;
   }
 

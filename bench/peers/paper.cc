@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The paper's method, rebuilt: a dense grid whose vertices are soil or air; each step sets those to
-// air that the mouth sweeps over in a straight line from pose to pose, then evaluates all cells anew
-// by the marching-cubes table, surface vertices at edge midpoints; volume in the bucket = volume
-// lost by the ground.
+// air that the mouth sweeps over in a straight line from pose to pose, then evaluates all cells
+// anew by the marching-cubes table, surface vertices at edge midpoints; volume in the bucket =
+// volume lost by the ground.
 //
 // Best setting: membership in the step's swept volume is exact (no mesh of it is made), the surface
 // itself is not built, only its volume; both passes run on all of the arena's threads, four cells'
@@ -26,7 +26,9 @@ class Paper : public Engine {
  public:
   /// @param first, last vertices of the grid, both included
   Paper(const Task& task, const Coord3& first, const Coord3& last)
-      : task_(task), first_(first), size_(last - first + Coord3::Ones()),
+      : task_(task),
+        first_(first),
+        size_(last - first + Coord3::Ones()),
         soil_(static_cast<std::size_t>(size_.cast<std::int64_t>().prod())),
         pose_(task.motion->pose(task.motion->begin_s())) {
     for (int c = 0; c < 256; ++c) volumes_[c] = static_cast<float>(marching_cubes_volumes()[c]);
@@ -55,7 +57,8 @@ class Paper : public Engine {
  private:
   std::size_t at(int x, int y) const {
     return (static_cast<std::size_t>(x) * static_cast<std::size_t>(size_.y()) +
-            static_cast<std::size_t>(y)) * static_cast<std::size_t>(size_.z());
+            static_cast<std::size_t>(y)) *
+           static_cast<std::size_t>(size_.z());
   }
   Vec3 world(int x, int y, int z) const {
     return task_.origin + task_.voxel_m * (first_ + Coord3(x, y, z)).cast<double>();
@@ -91,8 +94,8 @@ class Paper : public Engine {
         const std::uint8_t* d = &soil_[at(x + 1, y + 1)];
         unsigned low = 0;
         for (int z = 0; z < size_.z(); ++z) {
-          const unsigned high = unsigned{a[z]} | unsigned{b[z]} << 1 | unsigned{c[z]} << 2 |
-                                unsigned{d[z]} << 3;
+          const unsigned high =
+              unsigned{a[z]} | unsigned{b[z]} << 1 | unsigned{c[z]} << 2 | unsigned{d[z]} << 3;
           if (z > 0) cells += volumes_[low | high << 4];
           low = high;
         }
@@ -111,7 +114,7 @@ class Paper : public Engine {
 
   Task task_;
   Coord3 first_, size_;
-  std::vector<std::uint8_t> soil_;   // by x, then y, then z
+  std::vector<std::uint8_t> soil_;  // by x, then y, then z
   float volumes_[256];
   Pose pose_;
   double initial_m3_ = 0, now_m3_ = 0;
@@ -132,7 +135,7 @@ std::unique_ptr<Engine> make_paper(const Task& task) {
 std::unique_ptr<Engine> make_paper_cube(const Task& task, int cells) {
   const Eigen::AlignedBox3d box = soil_reach(task);
   Coord3 first = floor_index(task, box.center()) - Coord3::Constant(cells / 2);
-  first.z() = floor_index(task, box.max()).z() + 2 - cells;   // the ground near the top
+  first.z() = floor_index(task, box.max()).z() + 2 - cells;  // the ground near the top
   return std::make_unique<Paper>(task, first, first + Coord3::Constant(cells));
 }
 

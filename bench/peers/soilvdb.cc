@@ -11,7 +11,9 @@ namespace {
 class SoilVdb : public Engine {
  public:
   explicit SoilVdb(const Task& task)
-      : task_(task), soil_(task.voxel_m, task.origin, task.ground), tracker_(soil_, {task.bucket}) {}
+      : task_(task),
+        soil_(task.voxel_m, task.origin, task.ground),
+        tracker_(soil_, {task.bucket}) {}
 
   void advance(const Step& step) override {
     tracker_.update(0, task_.motion->trace(step.t0, step.t1, task_.bucket, tracker_.tolerance_m(),
