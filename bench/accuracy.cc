@@ -28,7 +28,7 @@ Plan plan(bool quick) {
   if (quick) {
     return {{all.begin(), all.begin() + 3}, {1}, {0.1, 0.05, 0.025}, {20, 100}, 1, 6};
   }
-  return {all, {0, 1}, {0.2, 0.1, 0.05, 0.025, 0.0125}, {20, 100, 500, 5000}, 6, 75};
+  return {all, {0, 1}, {0.2, 0.1, 0.05, 0.025, 0.0125}, {20, 100, 500, 5000}, 6, 60};
 }
 
 /// The number of updates that engines are compared at: about 20 Hz over a dig of five seconds.

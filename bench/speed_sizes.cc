@@ -48,7 +48,6 @@ Cost dig(Soil& soil, const Bucket& bucket, int strokes, double depth_m) {
     const Motion motion = stroke({-1.5, 1.3 * bucket.width_m * (n - strokes / 2)}, depth_m);
     Pose lifted = motion.pose(0);
     lifted.position.z() += 20;
-    tracker.update(0, std::vector{lifted});
     tracker.update(0, lifted);
     tracker.update(0, motion.pose(0));
     const Stopwatch watch;

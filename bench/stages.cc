@@ -138,7 +138,7 @@ void cut_surface(benchmark::State& state) {
     window.world_from_bucket = path;
     window.fresh = path.size() - 2;
     SurfaceCut carving(soil, bucket, window);
-    carving.carve(soil, carving.remaining(), changed);
+    carving.carve(soil, carving.pending().size(), changed);
     changed.clear();
   }
 }

@@ -185,6 +185,7 @@ Update Tracker::update(std::size_t machine, std::span<const Pose> path) {
     m.move_to(path[i], kSpacing * soil_.voxel_size_m());
   }
   m.carve(soil_, changed_);
+  if (changed_.size() > 2 * changed_unique_ + 1024) compact_changed();
   const std::int64_t cut = m.ledger.captured + m.ledger.displaced - cut_before;
   return {static_cast<double>(cut) * soil_.sample_m3(), m.ledger.bucket_m3()};
 }
@@ -208,10 +209,16 @@ Ledger Tracker::total() const {
   return sum;
 }
 
-std::vector<Coord3> Tracker::take_changed() {
-  flush();
+void Tracker::compact_changed() {
   std::sort(changed_.begin(), changed_.end(), before);
   changed_.erase(std::unique(changed_.begin(), changed_.end()), changed_.end());
+  changed_unique_ = changed_.size();
+}
+
+std::vector<Coord3> Tracker::take_changed() {
+  flush();
+  compact_changed();
+  changed_unique_ = 0;
   return std::exchange(changed_, {});
 }
 

@@ -71,9 +71,11 @@ class Tracker {
 
  private:
   struct Machine;
+  void compact_changed();
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;
-  std::vector<Coord3> changed_;
+  std::vector<Coord3> changed_;      // with repeats
+  std::size_t changed_unique_ = 0;   // of those, when they were last counted
 };
 
 }  // namespace soilvdb

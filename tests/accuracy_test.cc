@@ -23,18 +23,18 @@ struct Resolution {
 constexpr std::array<Resolution, 3> kResolutions{
     {{0.05, 4e-3, 4e-3}, {0.025, 1e-3, 1.5e-3}, {0.0125, 3e-4, 3e-4}}};
 constexpr double kRequiredOrder = 1.8;
-constexpr double kRequiredSpread = 3e-4;   // over numbers of updates
+constexpr double kRequiredSpread = 3e-4;  // over numbers of updates
 
 /// Root mean square error of 64 samples on a cell that a plane cuts, in cells: over all directions,
 /// and in the direction worst for the lattice. Random samples would have 0.051.
 constexpr double kCellError = 0.0204, kWorstCellError = 0.088;
 constexpr double kSigmas = 5;
-constexpr double kPathBend = 5e-4;   // voxels, Tracker::tolerance_m()
+constexpr double kPathBend = 5e-4;  // voxels, Tracker::tolerance_m()
 constexpr int kUpdates = 50;
 
 struct Result {
   std::string dig;
-  double voxel_size_m, error, required, sigma;   // relative to the exact volume
+  double voxel_size_m, error, required, sigma;  // relative to the exact volume
   double bound;
 };
 
@@ -106,7 +106,8 @@ TEST(CutVolume, ConvergesInSecondOrder) {
   std::map<double, double> squares;
   for (const Result& r : results()) squares[r.voxel_size_m] += r.error * r.error;
   const double fine = kResolutions.back().voxel_size_m, coarse = kResolutions.front().voxel_size_m;
-  const double order = std::log(std::sqrt(squares[coarse] / squares[fine])) / std::log(coarse / fine);
+  const double order =
+      std::log(std::sqrt(squares[coarse] / squares[fine])) / std::log(coarse / fine);
   EXPECT_GE(order, kRequiredOrder);
 }
 

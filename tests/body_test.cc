@@ -16,7 +16,7 @@ namespace {
 constexpr double kVoxel = 0.025;
 constexpr double kWidth = 0.6, kHeight = 0.4;
 constexpr double kSigmas = 5;
-constexpr double kWorstCellError = 0.09;   // root mean square in the worst direction, in cells
+constexpr double kWorstCellError = 0.09;  // root mean square in the worst direction, in cells
 
 const std::vector<Vec2> kCleared{{0, 0}, {-0.3, 0.08}, {-0.35, 0.3}, {0, kHeight}};
 const std::vector<Vec2> kHeel{{0, 0}, {-0.3, -0.06}, {-0.35, 0.3}, {0, kHeight}};
@@ -44,10 +44,12 @@ struct Site {
 const Terrain kFlat{[](const Vec2&) { return 0.0; }, true};
 const Vec3 kLines{1, 0, -0.35};
 
-/// The soil that mouth and body pass through, mouth alone and both, for a motion that starts in air.
+/// The soil that mouth and body pass through, mouth alone and both, for a motion that starts in
+/// air.
 struct Truth {
   Volume mouth_alone, both;
-  Truth(const Bucket& b, const std::function<Pose(double)>& pose, const std::vector<double>& kinks) {
+  Truth(const Bucket& b, const std::function<Pose(double)>& pose,
+        const std::vector<double>& kinks) {
     Sweep sweep{{mouth(b)}, pose, kinks};
     mouth_alone = planar_volume(sweep, kFlat, kLines, 4000, 1);
     for (const Blade& face : profile_faces(b)) sweep.blades.push_back(face);
@@ -90,7 +92,8 @@ TEST(Body, ADraggedHeelDisplacesWhatLiesBelowTheLip) {
   for (const Pose& pose : kDrag) site.go(pose);
   const Truth truth = truth_of(bucket(kHeel), kDrag);
   EXPECT_GT(truth.both.m3, 1.1 * truth.mouth_alone.m3);
-  EXPECT_NEAR(site.ledger().cut_m3(), truth.both.m3, site.tolerance_m3() + truth.both.uncertainty_m3);
+  EXPECT_NEAR(site.ledger().cut_m3(), truth.both.m3,
+              site.tolerance_m3() + truth.both.uncertainty_m3);
 }
 
 TEST(Body, DisplacesOnlyWhatTheMouthDidNotReachFirst) {
@@ -99,7 +102,7 @@ TEST(Body, DisplacesOnlyWhatTheMouthDidNotReachFirst) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   Tracker tracker(soil, {Bucket{2, 2, {}, {}}, b});
   tracker.update(0, at(-2, -0.8));
-  tracker.update(0, at(0, -0.8));   // a pit up to x = 0
+  tracker.update(0, at(0, -0.8));  // a pit up to x = 0
   for (const double x : {-0.5, 0.0, 0.4, 0.9}) tracker.update(1, at(x, -0.15));
   const double travel = 0.9;
   const double captured = kWidth * travel * 0.15;
@@ -118,7 +121,7 @@ TEST(Body, BackingIntoABankDisplacesIt) {
     Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Tracker tracker(soil, {Bucket{2, 2, {}, {}}, bucket(kCleared)});
     tracker.update(0, at(2, -0.8));
-    tracker.update(0, at(0, -0.8));   // a pit from x = 0 on
+    tracker.update(0, at(0, -0.8));  // a pit from x = 0 on
     for (int i = 0; i <= updates; ++i) tracker.update(1, at(0.6 - 1.4 * i / updates, -0.35));
     EXPECT_GT(tracker.ledger(1).displaced, 0) << updates;
     EXPECT_EQ(tracker.ledger(1).captured, 0) << "updates: " << updates;
@@ -131,7 +134,8 @@ TEST(Body, ACurlWithAHeelCutsTheUnionOfMouthAndBody) {
   Site site(b);
   for (const Pose& pose : knots) site.go(pose);
   const Truth truth = truth_of(b, knots);
-  EXPECT_NEAR(site.ledger().cut_m3(), truth.both.m3, site.tolerance_m3() + truth.both.uncertainty_m3);
+  EXPECT_NEAR(site.ledger().cut_m3(), truth.both.m3,
+              site.tolerance_m3() + truth.both.uncertainty_m3);
   EXPECT_LE(site.ledger().captured_m3(),
             truth.mouth_alone.m3 + site.tolerance_m3() + truth.mouth_alone.uncertainty_m3);
 }
@@ -139,10 +143,10 @@ TEST(Body, ACurlWithAHeelCutsTheUnionOfMouthAndBody) {
 TEST(Body, SwungSidewaysCutsWithItsSides) {
   // Straight along y, the mouth edge-on: only the side of the body cuts, from face to face.
   const Bucket b = bucket(kCleared);
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(1, {0, 0}));   // all under ground
+  Soil soil(kVoxel, Vec3::Zero(), make_plane(1, {0, 0}));  // all under ground
   Tracker tracker(soil, {b});
   tracker.update(0, Pose{{0.0131, 0.0077, 0.003}, Eigen::Quaterniond::Identity()});
-  double area = 0;   // shoelace
+  double area = 0;  // shoelace
   for (std::size_t i = 0; i < kCleared.size(); ++i) {
     const Vec2 &p = kCleared[i], &q = kCleared[(i + 1) % kCleared.size()];
     area += (q.x() * p.y() - p.x() * q.y()) / 2;
@@ -169,11 +173,13 @@ TEST_P(ThinPlate, NeitherLosesNorInventsSoil) {
     without.go(pose);
   }
   const Truth truth = truth_of(b, knots);
-  EXPECT_NEAR(site.ledger().cut_m3(), truth.both.m3, site.tolerance_m3() + truth.both.uncertainty_m3);
+  EXPECT_NEAR(site.ledger().cut_m3(), truth.both.m3,
+              site.tolerance_m3() + truth.both.uncertainty_m3);
   // The plate's lower rear edge cuts a strip on the way in, no more; the mouth gets the rest.
   EXPECT_LE(site.ledger().captured, without.ledger().captured);
   EXPECT_GE(site.ledger().captured + site.ledger().displaced, without.ledger().captured);
-  EXPECT_LE(std::abs(site.soil.change_m3() + site.ledger().cut_m3()), 1e-9 * site.ledger().cut_m3());
+  EXPECT_LE(std::abs(site.soil.change_m3() + site.ledger().cut_m3()),
+            1e-9 * site.ledger().cut_m3());
 }
 
 TEST_P(ThinPlate, PressedIntoTheGroundLeavesASlot) {
@@ -202,7 +208,7 @@ TEST(Body, PlacedInTheGroundTakesItsOwnVolume) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   Tracker tracker(soil, {b});
   tracker.update(0, deep);
-  const double area = (0.3 * 0.3 + 0.35 * (0.4 - 0.08)) / 2;   // half the diagonals' cross product
+  const double area = (0.3 * 0.3 + 0.35 * (0.4 - 0.08)) / 2;  // half the diagonals' cross product
   const double tolerance = kSigmas * kWorstCellError * std::pow(kVoxel, 3) *
                            std::sqrt(static_cast<double>(border_cells(soil)));
   EXPECT_NEAR(tracker.ledger(0).displaced_m3(), kWidth * area, tolerance);

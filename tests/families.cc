@@ -132,19 +132,20 @@ Family half_ellipse(Family f, double a, double b, const std::function<double(dou
     return Pose{{-a * std::cos(angle), 0, -b * std::sin(angle)}, Eigen::Quaterniond::Identity()};
   };
   f.planar = true;
+  f.direction = lines_at(0);
   f.closed_form_m3 = f.bucket.width_m * kPi * a * b / 2;
   return with_rows(std::move(f));
 }
 
 Family drag() {
   Family f = named("drag", 0.6, 0.4);
-  f.closed_form_m3 = 0.6 * 0.15 * (1.2 + 0.15 * 0.3 / 0.2);   // trapezoid
+  f.closed_form_m3 = 0.6 * 0.15 * (1.2 + 0.15 * 0.3 / 0.2);  // trapezoid
   return lip_path(f, {{-0.6, 0.05}, {-0.3, -0.15}, {0.9, -0.15}, {1.2, 0.05}}, 0);
 }
 
 Family curl_inside_pin() {
   Family f = named("curl_inside_pin", 0.6, 0.6);
-  const double angle = 120 * kDegree, below = 0.25, above = 0.35;   // of the pin
+  const double angle = 120 * kDegree, below = 0.25, above = 0.35;  // of the pin
   f.closed_form_m3 = 0.6 * angle / 2 * (below * below + above * above);
   return pin_path(f, {0, below}, {{0, -1, -angle / 2}, {0, -1, angle / 2}});
 }
@@ -164,14 +165,15 @@ Family swing() {
 Family buried() {
   Family f = named("buried", 0.6, 0.35);
   const double pitch = 0.35;
-  f.closed_form_m3 = 0.6 * 0.35 * (std::cos(pitch) + 0.2 * std::sin(pitch));   // normal . travel
+  f.closed_form_m3 = 0.6 * 0.35 * (std::cos(pitch) + 0.2 * std::sin(pitch));  // normal . travel
   return lip_path(f, {{0, -0.9}, {1, -1.1}}, pitch);
 }
 
 Family repeated() {
   std::vector<Vec2> lip{{-0.3, 0.1}};
   for (int pass = 0; pass < 3; ++pass) {
-    lip.insert(lip.end(), {{0, -0.2}, {1, -0.2}, {1.25, 0.1}, {1.25, 0.7}, {-0.3, 0.7}, {-0.3, 0.1}});
+    lip.insert(lip.end(),
+               {{0, -0.2}, {1, -0.2}, {1.25, 0.1}, {1.25, 0.7}, {-0.3, 0.7}, {-0.3, 0.1}});
   }
   return lip_path(named("repeated", 0.7, 0.45), lip, 0.2);
 }
@@ -188,7 +190,7 @@ Family overlapping() {
     arm.knots.push_back({{-0.3, aside, 0.8}, 0});
   }
   const auto trapezoid = [](double depth) { return depth * (1 + depth * 0.3 / (depth + 0.1)); };
-  f.closed_form_m3 = aside * trapezoid(shallow) + 0.7 * trapezoid(deep);   // deep holds shallow
+  f.closed_form_m3 = aside * trapezoid(shallow) + 0.7 * trapezoid(deep);  // deep holds shallow
   f.direction = {1, 0.3, 0.2};
   return with_arm(f, arm, false);
 }
@@ -235,8 +237,9 @@ Family helix() {
   Family f = named("helix", 0.7, 0.45);
   f.pose = [](double t) {
     const double yaw = 0.8 * (t - 0.5), radius = 1.5;
-    return Pose{{radius * std::sin(yaw), radius * (1 - std::cos(yaw)), -0.2 + 0.08 * std::sin(3 * t)},
-                from_rpy(0.35 * std::sin(2.5 * t), 0.15 * std::cos(2 * t), yaw)};
+    return Pose{
+        {radius * std::sin(yaw), radius * (1 - std::cos(yaw)), -0.2 + 0.08 * std::sin(3 * t)},
+        from_rpy(0.35 * std::sin(2.5 * t), 0.15 * std::cos(2 * t), yaw)};
   };
   f.direction = {1, 0.6, -0.4};
   return with_rows(f);
@@ -246,8 +249,7 @@ Family helix() {
 
 const std::vector<Family>& all_families() {
   static const std::vector<Family> all{
-      half_ellipse(named("half_sine", 0.2, 0.5), 0.5, 0.25, [](double t) { return t; }),
-      drag(),
+      half_ellipse(named("half_sine", 0.2, 0.5), 0.5, 0.25, [](double t) { return t; }), drag(),
       pin_path(named("drag_curl", 1.0, 0.5), {0, 0.9},
                {{0, 0.65, -45 * kDegree}, {0.9, 0.65, 0}, {1, 0.65, 70 * kDegree}}),
       // The pin goes on while the mouth turns the other way: the lip falls behind.
@@ -255,18 +257,10 @@ const std::vector<Family>& all_families() {
                {{0, -0.2, 0}, {0.8, -0.2, 0}, {0.95, -0.2, -70 * kDegree}}),
       pin_path(named("curl_outside_pin", 0.8, 0.5), {-0.15, 0.8},
                {{0, 0.55, -60 * kDegree}, {0, 0.55, 60 * kDegree}}),
-      curl_inside_pin(),
-      swing(),
+      curl_inside_pin(), swing(),
       half_ellipse(named("reversal", 0.5, 0.4), 0.4, 0.2,
                    [](double t) { return t < 0.5 ? 2 * t : 2 - 2 * t; }),
-      buried(),
-      repeated(),
-      overlapping(),
-      undercut(),
-      slope_drag(),
-      steep(),
-      raster(),
-      helix()};
+      buried(), repeated(), overlapping(), undercut(), slope_drag(), steep(), raster(), helix()};
   return all;
 }
 

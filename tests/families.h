@@ -18,21 +18,21 @@ namespace soilvdb::testing {
 struct Posts {
   int side = 0;
   double spacing_m = 0;
-  std::vector<float> heights_m;   ///< row-major, low y first
+  std::vector<float> heights_m;  ///< row-major, low y first
 };
 
 /// A dig before it is placed. Time runs over [0, 1].
 struct Family {
   std::string name;
   Bucket bucket;
-  std::function<Pose(double)> pose;   ///< family_from_bucket at a time
-  std::vector<double> kinks;          ///< times where the velocity jumps
+  std::function<Pose(double)> pose;  ///< family_from_bucket at a time
+  std::vector<double> kinks;         ///< times where the velocity jumps
   std::function<Motion(const Pose& world_from_family)> motion;
-  double height_m = 0;                ///< ground: a plane, unless there are posts
+  double height_m = 0;  ///< ground: a plane, unless there are posts
   Vec2 slope = Vec2::Zero();
   std::optional<Posts> posts;
-  bool planar = false;                ///< moves in the x-z plane, mouth along y
-  Vec3 direction = Vec3::UnitX();     ///< of the oracle's lines
+  bool planar = false;             ///< moves in the x-z plane, mouth along y
+  Vec3 direction = Vec3::UnitX();  ///< of the oracle's lines
   std::optional<double> closed_form_m3;
 
   Sweep sweep() const { return {{mouth(bucket)}, pose, kinks}; }

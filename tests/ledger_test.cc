@@ -16,9 +16,7 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kVoxel = 0.05;
 
 /// A bucket of 0.6 m by 0.4 m with a body behind its mouth.
-Bucket bucket_with_body() {
-  return {0.6, 0.4, {{0, 0}, {-0.3, 0.08}, {-0.35, 0.3}, {0, 0.4}}, {}};
-}
+Bucket bucket_with_body() { return {0.6, 0.4, {{0, 0}, {-0.3, 0.08}, {-0.35, 0.3}, {0, 0.4}}, {}}; }
 
 Pose at(double x, double y, double z, double pitch = 0, double yaw = 0) {
   return {{x, y, z}, from_rpy(0, pitch, yaw)};
@@ -36,7 +34,7 @@ TEST(Ledger, BalancesForEveryDig) {
     const Dug dug(make_dig(family, placements()[1]), kVoxel, 30);
     SCOPED_TRACE(family);
     expect_balanced(dug.soil, dug.tracker.total());
-    EXPECT_EQ(dug.tracker.total().displaced, 0);   // there is no body
+    EXPECT_EQ(dug.tracker.total().displaced, 0);  // there is no body
     EXPECT_EQ(dug.tracker.total().dumped, 0);
   }
 }
@@ -47,9 +45,9 @@ TEST(Ledger, BalancesAfterAHundredThousandUpdates) {
   constexpr int kUpdates = 100000;
   double sum = 0;
   for (int i = 0; i <= kUpdates; ++i) {
-    const double t = static_cast<double>(i) / kUpdates * 40 * kPi;   // twenty strokes, each aside
-    const Update u = tracker.update(
-        0, at(0.7 * std::cos(t), 0.015 * t, -0.15 - 0.25 * std::sin(t), 0.3 * std::sin(t), 0.01 * t));
+    const double t = static_cast<double>(i) / kUpdates * 40 * kPi;  // twenty strokes, each aside
+    const Update u = tracker.update(0, at(0.7 * std::cos(t), 0.015 * t, -0.15 - 0.25 * std::sin(t),
+                                          0.3 * std::sin(t), 0.01 * t));
     sum += u.cut_m3;
     ASSERT_GE(u.cut_m3, 0);
   }
@@ -104,7 +102,7 @@ TEST(Ledger, ALoadLeavesWithinAnUpdateToo) {
   Tracker tracker(soil, {Bucket{0.6, 0.4, {}, 0.8}});
   tracker.update(0, at(0, 0, -0.2));
   // Down to 1.2 rad and back within one path.
-  const std::vector<Pose> path{at(0, 0, -0.2),      at(1, 0, -0.2),   at(1, 0, 0.6),
+  const std::vector<Pose> path{at(0, 0, -0.2),     at(1, 0, -0.2),   at(1, 0, 0.6),
                                at(1, 0, 0.6, 1.2), at(1, 0, 0.6, 0), at(2, 0, 0.6)};
   EXPECT_EQ(tracker.update(0, path).bucket_m3, 0);
   EXPECT_EQ(tracker.ledger(0).dumped, tracker.ledger(0).captured);

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The truth that digs are measured against: volumes of swept sets, from the continuous motion alone.
+// The truth that digs are measured against: volumes of swept sets, from the continuous motion
+// alone.
 #pragma once
 
 #include <functional>
@@ -23,13 +24,13 @@ struct Blade {
 struct Sweep {
   std::vector<Blade> blades;
   std::function<Pose(double)> world_from_bucket;
-  std::vector<double> kinks;   ///< times where the velocity jumps
+  std::vector<double> kinks;  ///< times where the velocity jumps
 };
 
 /// Soil is where z < height(x, y).
 struct Terrain {
   std::function<double(const Vec2&)> height;
-  bool flat = false;   ///< height is a linear function
+  bool flat = false;  ///< height is a linear function
 };
 
 struct Volume {

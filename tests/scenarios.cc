@@ -48,7 +48,8 @@ double bilinear(const Posts& posts, const Vec2& p) {
          t * ((1 - s) * at(i, j + 1) + s * at(i + 1, j + 1));
 }
 
-/// The ground in the family's frame. A raster stays aligned with the world, so it turns the other way.
+/// The ground in the family's frame. A raster stays aligned with the world, so it turns the other
+/// way.
 Terrain terrain(const Family& f, double yaw_rad) {
   if (!f.posts) {
     return {[&f](const Vec2& p) { return f.height_m + f.slope.dot(p); }, true};

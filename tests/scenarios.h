@@ -14,11 +14,11 @@
 
 namespace soilvdb::testing {
 
-/// Where a dig is put: a rotation about z, then a shift. The ground moves along; only a raster stays
-/// aligned with the axes, so its exact volume depends on the rotation.
+/// Where a dig is put: a rotation about z, then a shift. The ground moves along; only a raster
+/// stays aligned with the axes, so its exact volume depends on the rotation.
 struct Placement {
   double yaw_rad = 0;
-  Vec3 offset = Vec3::Zero();   ///< m
+  Vec3 offset = Vec3::Zero();  ///< m
 };
 
 /// One dig with its ground.
@@ -28,9 +28,9 @@ struct Dig {
   Bucket bucket;
   Motion motion;
   std::shared_ptr<const BaseSurface> ground;
-  Vec3 origin = Vec3::Zero();   ///< for Soil
-  double exact_m3 = 0;          ///< volume the mouth passes through, by the oracle
-  double uncertainty_m3 = 0;    ///< of exact_m3, by comparing finer with coarser quadrature
+  Vec3 origin = Vec3::Zero();  ///< for Soil
+  double exact_m3 = 0;         ///< volume the mouth passes through, by the oracle
+  double uncertainty_m3 = 0;   ///< of exact_m3, by comparing finer with coarser quadrature
 };
 
 /// Names of all families, in a fixed order.

@@ -5,9 +5,9 @@
 //
 // Best setting: only voxels in the step's box are looked at; nodes are set at once instead of by
 // many hits, inner nodes are brought up to date once, after the last step; the count is kept as
-// they go, so volume costs nothing more. (deleteNode() would be the other way, but in 1.9.7 it trips
-// an assertion of its own when a node loses its last child.) Ground comes as one box around the dig,
-// pruned, as a map made of scans would be.
+// they go, so volume costs nothing more. (deleteNode() would be the other way, but in 1.9.7 it
+// trips an assertion of its own when a node loses its last child.) Ground comes as one box around
+// the dig, pruned, as a map made of scans would be.
 #include <octomap/octomap.h>
 
 #include <cmath>
