@@ -8,8 +8,8 @@
 
 #include "core/types.h"
 
-// Compiled once for any x86-64 and once for AVX2, chosen when the program starts. Both give the same
-// bits: no contraction to fused multiply-add. Sanitizers can't run the choice that early.
+// Compiled once for any x86-64 and once for AVX2, chosen when the program starts. Both give the
+// same bits: no contraction to fused multiply-add. Sanitizers can't run the choice that early.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define SOILVDB_FOR_CPUS __attribute__((target_clones("avx2", "default")))
@@ -45,7 +45,7 @@ struct Affine {
 
 /// A frame's three coordinates.
 struct AffineFrame {
-  Affine axis[3];   // x, y, z
+  Affine axis[3];  // x, y, z
 
   AffineFrame() = default;
   /// @param axes columns are the frame's axes; @param position the frame's origin, index space

@@ -64,8 +64,8 @@ class HeightSource {
 /// A regular grid of heights (posts) in world coordinates.
 struct HeightGrid {
   int nx = 0, ny = 0;
-  Vec2 first = Vec2::Zero();   ///< x, y of post (0, 0), the one with the lowest x and y
-  Vec2 spacing = Vec2::Ones(); ///< > 0
+  Vec2 first = Vec2::Zero();    ///< x, y of post (0, 0), the one with the lowest x and y
+  Vec2 spacing = Vec2::Ones();  ///< > 0
 };
 
 /// Heights bilinear between posts; known on the rectangle of the posts, less every patch one of

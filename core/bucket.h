@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -27,9 +28,9 @@ struct Bucket {
 };
 
 /// The four corners of the mouth, in the bucket frame.
-inline std::vector<Vec3> mouth_corners(const Bucket& bucket) {
+inline std::array<Vec3, 4> mouth_corners(const Bucket& bucket) {
   const double y = bucket.width_m / 2;
-  return {{0, -y, 0}, {0, y, 0}, {0, -y, bucket.height_m}, {0, y, bucket.height_m}};
+  return {Vec3(0, -y, 0), Vec3(0, y, 0), Vec3(0, -y, bucket.height_m), Vec3(0, y, bucket.height_m)};
 }
 
 /// How far the fastest corner of the mouth moves between two poses, m.

@@ -17,7 +17,8 @@ inline bool before(const Coord3& a, const Coord3& b) {
 
 /// Origin of the chunk whose cells hold a point of index space.
 inline Coord3 chunk_of(const Vec3& index) {
-  return ((index + Vec3::Constant(0.5)) / kLeafSide).array().floor().matrix().cast<int>() * kLeafSide;
+  return ((index + Vec3::Constant(0.5)) / kLeafSide).array().floor().matrix().cast<int>() *
+         kLeafSide;
 }
 
 /// Calls `f(origin)` for each chunk whose cells meet a box in index space, in order.

@@ -49,8 +49,9 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
     if (soil.find(origin) == nullptr) {
       // The band reaches beyond the chunk's own cells.
       const Vec3 low = soil.world_from_index(origin.cast<double>()) - Vec3::Constant(band);
-      const Vec3 high = soil.world_from_index((origin + Coord3::Constant(kLeafSide)).cast<double>()) +
-                        Vec3::Constant(band);
+      const Vec3 high =
+          soil.world_from_index((origin + Coord3::Constant(kLeafSide)).cast<double>()) +
+          Vec3::Constant(band);
       const Content content = soil.base().classify({low, high});
       if (content == Content::kAir) return;
       const bool interior = (low.array() - band >= box.min().array()).all() &&
@@ -64,7 +65,8 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
     soil.read_phi(origin, phi.data());
     bool air = true;
     for (int n = 0; n < kLeafSize; ++n) {
-      const Vec3 p = soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
+      const Vec3 p =
+          soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
       phi[n] = std::max(phi[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
       air &= phi[n] >= band;
     }

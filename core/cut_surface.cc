@@ -47,24 +47,6 @@ float distance_to_trail(const float* a, const float* b, float half_width, float 
   return ey > 0 && ez > 0 ? std::sqrt(ey * ey + ez * ez) : std::max(ey, ez);
 }
 
-/// Poses at which part of the mouth stops to turn back, the last pose, and the first if the path
-/// begins there: the mouth itself bounds what it swept.
-std::vector<std::size_t> find_stops(const Bucket& bucket, const SweepWindow& window) {
-  const auto& poses = window.world_from_bucket;
-  std::vector<std::size_t> stops;
-  if (window.begins) stops.push_back(0);
-  for (std::size_t i = 1; i + 1 < poses.size(); ++i) {
-    const Vec3 normal = poses[i].rotation * Vec3::UnitX();
-    for (const Vec3& p : mouth_corners(bucket)) {
-      const Vec3 at = poses[i] * p;
-      const double in = normal.dot(at - poses[i - 1] * p), out = normal.dot(poses[i + 1] * p - at);
-      if (in * out < 0 && (stops.empty() || stops.back() != i)) stops.push_back(i);
-    }
-  }
-  stops.push_back(poses.size() - 1);
-  return stops;
-}
-
 }  // namespace
 
 SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window)
@@ -75,13 +57,15 @@ SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow
       height_(static_cast<float>(bucket.height_m / soil.voxel_size_m())),
       h_(static_cast<float>(soil.voxel_size_m())),
       band_(static_cast<float>(soil.band_m())),
-      fresh_(window.fresh) {
-  if (mouth_) stops_ = find_stops(bucket, window);
+      fresh_(window.fresh),
+      begins_(window.begins) {
   const double margin = soil.band_m() / soil.voxel_size_m();
-  std::vector<Vec3> corners = mouth_corners(bucket);
+  const auto mouth = mouth_corners(bucket);
+  std::vector<Vec3> corners(mouth.begin(), mouth.end());
   if (body_) {
     for (const Vec2& p : bucket.profile) {
-      for (const double side : {-0.5, 0.5}) corners.emplace_back(p.x(), side * bucket.width_m, p.y());
+      for (const double side : {-0.5, 0.5})
+        corners.emplace_back(p.x(), side * bucket.width_m, p.y());
     }
   }
   // New distances are found along the fresh segments, and behind them as far as the band reaches.
@@ -91,6 +75,15 @@ SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow
     positions_.push_back(soil.index_from_world(pose.position));
     Eigen::AlignedBox3d& box = boxes.emplace_back();
     for (const Vec3& p : corners) box.extend(soil.index_from_world(pose * p));
+  }
+  for (std::size_t i = 1; i < axes_.size(); ++i) advances_.push_back(advance(i));
+  if (!window.begins) {
+    const auto& poses = window.world_from_bucket;
+    double from_back = 0;
+    while (settled_ + 1 < poses.size() && settled_ < fresh_ && from_back < soil.band_m()) {
+      from_back += travel(bucket, poses[settled_], poses[settled_ + 1]);
+      ++settled_;
+    }
   }
   double behind = 0;
   for (std::size_t i = boxes.size(); i-- > 0;) {
@@ -109,6 +102,21 @@ SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow
   std::erase_if(chunks_, [&](const Coord3& origin) {
     return soil.find(origin) == nullptr && soil.classify(origin) == Content::kAir;
   });
+}
+
+SurfaceCut::Advance SurfaceCut::advance(std::size_t i) const {
+  const Vec3 normal = axes_[i].col(0);
+  const Eigen::Matrix3d turn = axes_[i] - axes_[i - 1];
+  return {static_cast<float>(normal.dot(positions_[i] - positions_[i - 1])),
+          static_cast<float>(normal.dot(turn.col(1))), static_cast<float>(normal.dot(turn.col(2)))};
+}
+
+bool SurfaceCut::stops(std::size_t i, float y, float z) const {
+  if (i == 0) return begins_;
+  if (i + 1 == axes_.size()) return true;
+  y = std::clamp(y, -half_width_, half_width_);
+  z = std::clamp(z, 0.0f, height_);
+  return (advances_[i - 1].at(y, z) > 0) != (advances_[i].at(y, z) > 0);
 }
 
 void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed) {
@@ -155,7 +163,7 @@ bool SurfaceCut::carve_mouth(const Coord3& origin, float* phi) const {
   const std::size_t poses = axes_.size();
   thread_local std::vector<AffineFrame> frames;
   thread_local std::vector<float> at_row, reach, row_reach;
-  thread_local std::vector<std::size_t> near, crossing;   // segments by their first pose
+  thread_local std::vector<std::size_t> near, crossing;  // segments by their first pose
   frames.clear();
   at_row.resize(poses);
   reach.resize(poses);
@@ -174,18 +182,29 @@ bool SurfaceCut::carve_mouth(const Coord3& origin, float* phi) const {
   for (std::size_t i = 0; i + 1 < poses; ++i) {
     if (may_cross(i, reach)) near.push_back(i);
   }
-  const auto to_stops = [&](float x, float y, float z) {
-    float least = kFar;
-    for (const std::size_t i : stops_) {
-      const AffineFrame& f = frames[i];
-      const float p[3] = {f.axis[0].at(x, y, z), f.axis[1].at(x, y, z), f.axis[2].at(x, y, z)};
-      least = std::min(least, distance_to_mouth(p, half_width_, height_));
+  // Distance to the mouth at a pose.
+  const auto to_mouth = [&](std::size_t i, float x, float y, float z) {
+    const AffineFrame& f = frames[i];
+    const float p[3] = {f.axis[0].at(x, y, z), f.axis[1].at(x, y, z), f.axis[2].at(x, y, z)};
+    return distance_to_mouth(p, half_width_, height_);
+  };
+  // How far ahead of a point the mouth was at most, before it came back over it in segment i.
+  const auto farthest_before = [&](std::size_t i, float x, float y, float z) {
+    float most = 0;
+    for (std::size_t j = i + 1; j-- > 0;) {
+      const float at = -frames[j].axis[0].at(x, y, z);
+      if (at < 0) break;
+      most = std::max(most, at);
     }
-    return least;
+    return most;
   };
   const float band = band_ / h_;
-  const bool stops_near = to_stops(kHalf, kHalf, kHalf) < band + 1.75f * kHalf;
-  if (near.empty() && !stops_near) return false;
+  thread_local std::vector<std::size_t> close, row_close;  // poses
+  close.clear();
+  for (std::size_t i = 0; i < poses; ++i) {
+    if (to_mouth(i, kHalf, kHalf, kHalf) < band + 1.75f * kHalf) close.push_back(i);
+  }
+  if (near.empty() && close.empty()) return false;
 
   bool changed = false;
   for (int n = 0; n < kLeafSize; n += kLeafSide) {
@@ -200,22 +219,35 @@ bool SurfaceCut::carve_mouth(const Coord3& origin, float* phi) const {
     for (const std::size_t i : near) {
       if (may_cross(i, row_reach)) crossing.push_back(i);
     }
-    const bool row_stops = stops_near && to_stops(x, y, kHalf) < band + kHalf;
-    if (crossing.empty() && !row_stops) continue;
+    row_close.clear();
+    for (const std::size_t i : close) {
+      if (to_mouth(i, x, y, kHalf) < band + kHalf) row_close.push_back(i);
+    }
+    if (crossing.empty() && row_close.empty()) continue;
     for (int k = 0; k < kLeafSide; ++k) {
       if (row[k] >= band_) continue;
       const float z = static_cast<float>(k) + 0.5f;
-      float trail = kFar;
+      float trail = kFar, gone = kFar;
+      bool leave = false;
       for (const std::size_t i : crossing) {
         const AffineFrame &f = frames[i], &g = frames[i + 1];
         const float u = f.axis[0].at(x, y, z), v = g.axis[0].at(x, y, z);
         if ((u > 0) == (v > 0)) continue;
         const float a[3] = {u, f.axis[1].at(x, y, z), f.axis[2].at(x, y, z)};
         const float b[3] = {v, g.axis[1].at(x, y, z), g.axis[2].at(x, y, z)};
-        trail = std::min(trail, distance_to_trail(a, b, half_width_, height_));
+        const float side = distance_to_trail(a, b, half_width_, height_);
+        leave |= side < 0 && i < settled_;
+        if (u <= 0) gone = std::min(gone, farthest_before(i, x, y, z));
+        trail = std::min(trail, side);
       }
-      const float stop = row_stops ? to_stops(x, y, z) : kFar;
-      const float distance = trail < 0 ? -std::min(-trail, stop) : std::min(trail, stop);
+      if (leave) continue;
+      float mouth = kFar;
+      for (const std::size_t i : row_close) {
+        const AffineFrame& f = frames[i];
+        if (trail < 0 && !stops(i, f.axis[1].at(x, y, z), f.axis[2].at(x, y, z))) continue;
+        mouth = std::min(mouth, to_mouth(i, x, y, z));
+      }
+      const float distance = trail < 0 ? -std::min({-trail, mouth, gone}) : std::min(trail, mouth);
       if (distance < band) changed |= raise(row[k], std::min(-distance * h_, band_));
     }
   }
@@ -232,7 +264,8 @@ bool SurfaceCut::carve_body(const Coord3& origin, float* phi) const {
       const Vec3 p = h * (axes_[i].transpose() * (voxel - positions_[i]));
       const double outline = signed_distance(bucket_.profile, {p.x(), p.z()});
       const double side = std::abs(p.y()) - bucket_.width_m / 2;
-      const double d = outline > 0 && side > 0 ? std::hypot(outline, side) : std::max(outline, side);
+      const double d =
+          outline > 0 && side > 0 ? std::hypot(outline, side) : std::max(outline, side);
       changed |= raise(phi[n], std::clamp(static_cast<float>(-d), -band_, band_));
     }
   }

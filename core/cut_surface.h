@@ -27,9 +27,11 @@ struct SweepWindow {
 /// distance to the swept volume, m, b < 0 inside.
 ///
 /// For the mouth, b is the distance to the surface its edges trail (by the gradient of the distance
-/// across the edge at the time the mouth's plane passes a point) and to the mouth where it stops;
-/// for the body, the distance to it at each fresh pose. Chunks are independent of each other, and
-/// phi only grows, so cuts may be carved in any order and in parts.
+/// across the edge at the time the mouth's plane passes a point), and to the mouth: where it stops
+/// for points it passed, anywhere for others; for the body, the distance to it at each fresh pose.
+/// Points passed near the window's open back are left alone, since what bounds the sweep there may
+/// be forgotten; they got their distance when they were nearer its front. Chunks are independent of
+/// each other, and phi only grows, so cuts may be carved in any order and in parts.
 class SurfaceCut {
  public:
   SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window);
@@ -42,18 +44,28 @@ class SurfaceCut {
   void carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed);
 
  private:
+  /// How far a point (0, y, z) of the mouth moves ahead, voxels, as a linear function.
+  struct Advance {
+    float c, y, z;
+    float at(float py, float pz) const { return c + py * y + pz * z; }
+  };
+  Advance advance(std::size_t i) const;
+  /// Does the mouth bound its sweep at this pose, near a point of it: it ends or turns back there?
+  bool stops(std::size_t i, float y, float z) const;
   bool carve_chunk(const Coord3& origin, float* phi) const;
   bool carve_mouth(const Coord3& origin, float* phi) const;
   bool carve_body(const Coord3& origin, float* phi) const;
 
   Bucket bucket_;
   bool mouth_, body_;
-  float half_width_, height_;               // of the mouth, voxels
-  float h_, band_;                          // m
-  std::vector<Eigen::Matrix3d> axes_;       // of the bucket at each pose
-  std::vector<Vec3> positions_;             // index space
+  float half_width_, height_;          // of the mouth, voxels
+  float h_, band_;                     // m
+  std::vector<Eigen::Matrix3d> axes_;  // of the bucket at each pose
+  std::vector<Vec3> positions_;        // index space
   std::size_t fresh_;
-  std::vector<std::size_t> stops_;          // poses at which the mouth itself bounds its sweep
+  std::size_t settled_ = 0;  // the first segment that isn't near the open back
+  bool begins_;
+  std::vector<Advance> advances_;  // over each segment
   std::vector<Coord3> chunks_;
   std::size_t done_ = 0;
 };

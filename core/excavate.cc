@@ -31,10 +31,19 @@ struct Job {
   Stroke stroke;
 };
 
+/// What strokes took out of a chunk.
+struct Removed {
+  std::int64_t captured = 0, displaced = 0;
+};
+
+/// How a facet books what it removes. Behind the mouth of a bucket with a body lies the body: soil
+/// that the mouth leaves backwards was displaced by the body's back before, if in the same segment.
+enum class Books { kCaptured, kCapturedAhead, kDisplaced };
+
 /// One coordinate of a facet at both ends of a stroke, over boxes of one shape.
 struct Span {
   Affine a, b;
-  float ra, rb;   // most the values differ over a box from those at its centre
+  float ra, rb;  // most the values differ over a box from those at its centre
 
   Span() = default;
   Span(const Stroke& s, int axis, float half_x, float half_y, float half_z)
@@ -65,12 +74,21 @@ struct Span {
 struct Spans {
   Span x, y, z;
   Spans(const Stroke& s, float half_x, float half_y, float half_z)
-      : x(s, 0, half_x, half_y, half_z), y(s, 1, half_x, half_y, half_z), z(s, 2, half_x, half_y, half_z) {}
+      : x(s, 0, half_x, half_y, half_z),
+        y(s, 1, half_x, half_y, half_z),
+        z(s, 2, half_x, half_y, half_z) {}
   bool may_cut(const Stroke& s, float px, float py, float pz) const {
     return x.may_cross_zero(px, py, pz) && y.meets(px, py, pz, s.y_low, s.y_high) &&
            z.meets(px, py, pz, s.z_low, s.z_high);
   }
 };
+
+/// Bit i is set where sample i is ahead of the facet's plane.
+inline std::uint64_t ahead_of_plane(const CellPoints& p, Affine a) {
+  std::uint64_t bits = 0;
+  for (int i = 0; i < 64; ++i) bits |= std::uint64_t{a.at(p.x[i], p.y[i], p.z[i]) > 0} << i;
+  return bits;
+}
 
 /// Bit i is set where sample i crosses the facet's plane.
 inline std::uint64_t crossing_plane(const CellPoints& p, Affine a, Affine b) {
@@ -90,7 +108,7 @@ inline std::uint64_t crossing_plane(const CellPoints& p, Affine a, Affine b) {
 /// Bit i is set where sample i crosses the facet's rectangle. At the crossing, the fraction
 /// u / (u - v) of the segment, y is (y_a v - y_b u) / (v - u); the division is multiplied out.
 inline std::uint64_t crossing_rectangle(const CellPoints& p, const Stroke& s) {
-  const Stroke t = s;   // so that the compiler knows nothing else writes to it
+  const Stroke t = s;  // so that the compiler knows nothing else writes to it
   std::uint32_t half[2];
   for (int g = 0; g < 2; ++g) {
     std::uint32_t bits = 0;
@@ -140,12 +158,12 @@ Stroke moved(const Stroke& s, float x, float y, float z) {
   return m;
 }
 
-/// Takes what the stroke passes through out of its chunk. @return how many samples were removed.
-SOILVDB_FOR_CPUS std::int64_t cut_chunk(const Job& job, double h) {
+/// Takes what the stroke passes through out of its chunk.
+SOILVDB_FOR_CPUS Removed cut_chunk(const Job& job, double h, Books books) {
   Samples& samples = job.chunk->samples;
   const Stroke& s = job.stroke;
   const Spans row(s, 0.5f, 0.5f, 0.5f * kLeafSide), cell(s, 0.5f, 0.5f, 0.5f);
-  std::int64_t removed = 0;
+  Removed removed;
   for (int n = 0; n < kLeafSize; n += kLeafSide) {
     std::uint32_t soil = samples.any_of_row(n);
     const float x0 = static_cast<float>(n >> 6), y0 = static_cast<float>(n >> 3 & 7);
@@ -171,10 +189,16 @@ SOILVDB_FOR_CPUS std::int64_t cut_chunk(const Job& job, double h) {
       }
       if (hit == 0) continue;
       samples.set_word(n + z, word ^ hit);
-      removed += std::popcount(hit);
+      std::uint64_t captured = books == Books::kDisplaced ? 0 : hit;
+      if (books == Books::kCapturedAhead) {
+        const CellPoints& points = sample_points(job.chunk->origin + Coord3(n >> 6, n >> 3 & 7, z));
+        captured &= ahead_of_plane(points, moved(s, x0, y0, z0).a.axis[0]);
+      }
+      removed.captured += std::popcount(captured);
+      removed.displaced += std::popcount(hit ^ captured);
     }
   }
-  job.chunk->now -= static_cast<std::uint32_t>(removed);
+  job.chunk->now -= static_cast<std::uint32_t>(removed.captured + removed.displaced);
   return removed;
 }
 
@@ -187,7 +211,7 @@ Chunk* with_soil(Soil& soil, const Coord3& origin) {
 
 /// Where a facet is at one end of a segment, in index space.
 struct Station {
-  Eigen::Matrix3d axes;   // columns are the facet's
+  Eigen::Matrix3d axes;  // columns are the facet's
   Vec3 position;
   Eigen::AlignedBox3d box;
 
@@ -208,8 +232,8 @@ void require_known(const Soil& soil, const Eigen::AlignedBox3d& index_box) {
   const Vec3 high = soil.world_from_index(index_box.max());
   if (soil.base().known({low, high})) return;
   throw NoGroundError("the bucket reaches ground without a height at x " + std::to_string(low.x()) +
-                      " to " + std::to_string(high.x()) + ", y " + std::to_string(low.y()) + " to " +
-                      std::to_string(high.y()) + ", z " + std::to_string(low.z()));
+                      " to " + std::to_string(high.x()) + ", y " + std::to_string(low.y()) +
+                      " to " + std::to_string(high.y()) + ", z " + std::to_string(low.z()));
 }
 
 /// Every facet and segment that may take something from a chunk, by chunk and then in the order of
@@ -267,7 +291,8 @@ std::vector<Facet> facets(const Bucket& bucket) {
     axes.col(1) = Vec3::UnitY();
     axes.col(2) = Vec3(along.x(), 0, along.y()).normalized();
     axes.col(0) = axes.col(1).cross(axes.col(2));
-    all.push_back(rectangle({{a.x(), 0, a.y()}, Eigen::Quaterniond(axes)}, -half, half, along.norm()));
+    all.push_back(
+        rectangle({{a.x(), 0, a.y()}, Eigen::Quaterniond(axes)}, -half, half, along.norm()));
   }
   if (bucket.profile.empty()) return all;
   // The two sides: the facet's x is the bucket's y, its y the bucket's z, its z the bucket's x.
@@ -291,17 +316,21 @@ Cut excavate(Soil& soil, std::span<const Facet> facets, std::span<const Pose> pa
   Cut cut;
   if (path.size() < 2 || facets.empty()) return cut;
   const std::vector<Job> jobs = find_jobs(soil, facets, path);
-  std::vector<std::size_t> starts;   // of each chunk's jobs
+  std::vector<std::size_t> starts;  // of each chunk's jobs
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     if (i == 0 || jobs[i].chunk != jobs[i - 1].chunk) starts.push_back(i);
   }
   const std::size_t chunks = starts.size();
   starts.push_back(jobs.size());
-  std::vector<std::int64_t> captured(chunks), displaced(chunks);
+  std::vector<Removed> removed(chunks);
   const Facet* mouth = &facets.front();
+  const Books through_mouth = facets.size() > 1 ? Books::kCapturedAhead : Books::kCaptured;
   const auto cut_one = [&](std::size_t c) {
     for (std::size_t i = starts[c]; i < starts[c + 1]; ++i) {
-      (jobs[i].facet == mouth ? captured : displaced)[c] += cut_chunk(jobs[i], soil.voxel_size_m());
+      const Books books = jobs[i].facet == mouth ? through_mouth : Books::kDisplaced;
+      const Removed part = cut_chunk(jobs[i], soil.voxel_size_m(), books);
+      removed[c].captured += part.captured;
+      removed[c].displaced += part.displaced;
     }
   };
   if (jobs.size() >= kParallelWork) {
@@ -310,9 +339,10 @@ Cut excavate(Soil& soil, std::span<const Facet> facets, std::span<const Pose> pa
     for (std::size_t c = 0; c < chunks; ++c) cut_one(c);
   }
   for (std::size_t c = 0; c < chunks; ++c) {
-    cut.captured += captured[c];
-    cut.displaced += displaced[c];
-    if (captured[c] + displaced[c] > 0) cut.changed.push_back(jobs[starts[c]].chunk->origin);
+    cut.captured += removed[c].captured;
+    cut.displaced += removed[c].displaced;
+    if (removed[c].captured + removed[c].displaced > 0)
+      cut.changed.push_back(jobs[starts[c]].chunk->origin);
   }
   return cut;
 }
@@ -338,7 +368,8 @@ Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket) {
       for (int i = 0; i < 64; ++i) {
         const Vec3 p = bucket_from_world *
                        soil.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
-        const bool in = std::abs(p.y()) <= bucket.width_m / 2 && inside(bucket.profile, {p.x(), p.z()});
+        const bool in =
+            std::abs(p.y()) <= bucket.width_m / 2 && inside(bucket.profile, {p.x(), p.z()});
         hit |= std::uint64_t{in} << i;
       }
       hit &= word;

@@ -14,10 +14,10 @@ namespace soilvdb {
 
 /// A flat polygon of the bucket that cuts as it moves: the mouth, or a face of the body.
 struct Facet {
-  Pose bucket_from_facet;              ///< the polygon lies in x = 0 of the facet frame
-  std::vector<Vec2> outline;           ///< convex or not, (y, z) in the facet frame, m
-  Vec2 low, high;                      ///< bounds of the outline
-  bool rectangle = false;              ///< the outline is its bounds
+  Pose bucket_from_facet;     ///< the polygon lies in x = 0 of the facet frame
+  std::vector<Vec2> outline;  ///< convex or not, (y, z) in the facet frame, m
+  Vec2 low, high;             ///< bounds of the outline
+  bool rectangle = false;     ///< the outline is its bounds
 };
 
 /// The mouth first, then the faces of the body.
@@ -25,9 +25,9 @@ std::vector<Facet> facets(const Bucket& bucket);
 
 /// What one call took away, in samples of Soil::sample_m3().
 struct Cut {
-  std::int64_t captured = 0;           ///< through the mouth
-  std::int64_t displaced = 0;          ///< by the body alone
-  std::vector<Coord3> changed;         ///< origins of the chunks that lost samples, sorted
+  std::int64_t captured = 0;    ///< through the mouth
+  std::int64_t displaced = 0;   ///< by the body alone
+  std::vector<Coord3> changed;  ///< origins of the chunks that lost samples, sorted
 };
 
 /// Removes every sample that a facet passes through between consecutive poses of `path`, in order.

@@ -12,13 +12,13 @@
 namespace soilvdb {
 namespace {
 
-constexpr int kTile = 128;               // posts per side of a tile, read at once
-constexpr int kSearch = 64;              // posts around unknown ground in which a height is looked for
+constexpr int kTile = 128;   // posts per side of a tile, read at once
+constexpr int kSearch = 64;  // posts around unknown ground in which a height is looked for
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 struct Tile {
   std::vector<float> posts;
-  float low, high;                       // of the posts with a height; low > high: none
+  float low, high;  // of the posts with a height; low > high: none
   bool complete;
 };
 
@@ -113,7 +113,7 @@ class HeightField final : public BaseSurface {
     }
     for (int k = 0; k < 64; ++k) {
       const double ground = at(w, low.x() + h * points.x[k], low.y() + h * points.y[k]);
-      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;   // false where there is none
+      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false where there is none
     }
     return bits;
   }
@@ -140,7 +140,8 @@ class HeightField final : public BaseSurface {
     const std::lock_guard lock(mutex_);
     if (Tile* t = slot.load(std::memory_order_acquire)) return *t;
     auto t = std::make_unique<Tile>();
-    const int nx = std::min(kTile, grid_.nx - tx * kTile), ny = std::min(kTile, grid_.ny - ty * kTile);
+    const int nx = std::min(kTile, grid_.nx - tx * kTile),
+              ny = std::min(kTile, grid_.ny - ty * kTile);
     t->posts.resize(std::size_t(nx) * ny);
     source_->read(tx * kTile, ty * kTile, nx, ny, t->posts.data());
     t->low = std::numeric_limits<float>::infinity();
@@ -186,7 +187,7 @@ class HeightField final : public BaseSurface {
         const Tile& t = tile(tx, ty);
         const int ax = std::max(x0 - tx * kTile, 0), bx = std::min(x1 - tx * kTile, kTile - 1);
         const int ay = std::max(y0 - ty * kTile, 0), by = std::min(y1 - ty * kTile, kTile - 1);
-        if ((bx - ax) * (by - ay) > kTile * kTile / 4) {   // a looser bound is quick and safe
+        if ((bx - ax) * (by - ay) > kTile * kTile / 4) {  // a looser bound is quick and safe
           least = std::min(least, t.low);
           most = std::max(most, t.high);
           complete &= t.complete;
@@ -279,7 +280,7 @@ class HeightField final : public BaseSurface {
         const double z[4] = {w.at(i, j), w.at(i + 1, j), w.at(i, j + 1), w.at(i + 1, j + 1)};
         const double low = std::min(std::min(z[0], z[1]), std::min(z[2], z[3]));
         const double high = std::max(std::max(z[0], z[1]), std::max(z[2], z[3]));
-        if (!(p.z() - high < best && low - p.z() < best)) continue;   // also where a post is NaN
+        if (!(p.z() - high < best && low - p.z() < best)) continue;  // also where a post is NaN
         best = std::min(best, patch_distance(i, j, z, p));
       }
     }
@@ -299,7 +300,7 @@ class HeightField final : public BaseSurface {
       const double d = r.norm();
       if (d >= best - 1e-9 * dx) return std::min(d, best);
       best = d;
-      const double su = zu + v * twist, sv = zv + u * twist;   // dz/du, dz/dv
+      const double su = zu + v * twist, sv = zv + u * twist;  // dz/du, dz/dv
       const double a = dx * dx + su * su, b = su * sv, c = dy * dy + sv * sv;
       const double gu = dx * r.x() + su * r.z(), gv = dy * r.y() + sv * r.z();
       const double det = a * c - b * b;

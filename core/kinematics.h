@@ -16,16 +16,16 @@ struct Joint {
   enum class Type { kFixed, kRevolute, kContinuous, kPrismatic };
   std::string name;
   Type type = Type::kFixed;
-  Pose parent_from_joint;        ///< the URDF <origin>
-  Vec3 axis = Vec3::UnitX();     ///< unit, in the joint frame
-  double lower = 0, upper = 0;   ///< rad or m; equal values mean no limit
+  Pose parent_from_joint;       ///< the URDF <origin>
+  Vec3 axis = Vec3::UnitX();    ///< unit, in the joint frame
+  double lower = 0, upper = 0;  ///< rad or m; equal values mean no limit
 };
 
 /// A serial chain. Joint values come in the order of the movable joints (all but the fixed ones).
 struct Chain {
   Pose world_from_root;
-  std::vector<Joint> joints;     ///< root to lip link
-  Pose link_from_bucket;         ///< the bucket frame in the last joint's child link
+  std::vector<Joint> joints;  ///< root to lip link
+  Pose link_from_bucket;      ///< the bucket frame in the last joint's child link
 
   /// Names of the movable joints, in order.
   std::vector<std::string> movable() const;

@@ -89,7 +89,7 @@ class LevelSetSurface final : public BaseSurface {
   openvdb::FloatGrid::ConstPtr grid_;
   Vec3 origin_;
   double voxel_;
-  Eigen::AlignedBox3d box_;   // beyond it there is only air
+  Eigen::AlignedBox3d box_;  // beyond it there is only air
 };
 
 }  // namespace

@@ -46,7 +46,8 @@ openvdb::FloatGrid::Ptr with_halo(const Soil& soil, const std::vector<Coord3>& c
   grid->setGridClass(openvdb::GRID_LEVEL_SET);
   std::set<Coord3, SurfaceMesh::Less> all;
   for (const Coord3& c : chunks) {
-    for (int n = 0; n < 27; ++n) all.insert(c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+    for (int n = 0; n < 27; ++n)
+      all.insert(c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
   }
   std::array<float, kLeafSize> phi;
   for (const Coord3& c : all) {
@@ -125,7 +126,8 @@ std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
   std::set<Coord3, SurfaceMesh::Less> blocks;
   for (const Coord3& c : chunks) {
     for (int n = 0; n < 27; ++n) {
-      blocks.insert(floor_to(c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1), kBlockSide));
+      blocks.insert(
+          floor_to(c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1), kBlockSide));
     }
   }
   return {blocks.begin(), blocks.end()};
@@ -152,11 +154,13 @@ Mesh weld(const std::map<Coord3, Mesh, SurfaceMesh::Less>& patches) {
   for (const auto& [block, patch] : patches) {
     std::vector<std::uint32_t> map;
     for (const Eigen::Vector3f& p : patch.points) {
-      const auto [it, fresh] = index.try_emplace(p, static_cast<std::uint32_t>(whole.points.size()));
+      const auto [it, fresh] =
+          index.try_emplace(p, static_cast<std::uint32_t>(whole.points.size()));
       if (fresh) whole.points.push_back(p);
       map.push_back(it->second);
     }
-    for (const auto& t : patch.triangles) whole.triangles.push_back({map[t[0]], map[t[1]], map[t[2]]});
+    for (const auto& t : patch.triangles)
+      whole.triangles.push_back({map[t[0]], map[t[1]], map[t[2]]});
   }
   return whole;
 }

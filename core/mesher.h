@@ -15,7 +15,7 @@ namespace soilvdb {
 
 /// Triangles, or quads as two triangles each. Local coordinates: add Soil::origin() for the world.
 struct Mesh {
-  std::vector<Eigen::Vector3f> points;                ///< m, relative to the site's origin
+  std::vector<Eigen::Vector3f> points;                  ///< m, relative to the site's origin
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
 };
 

@@ -67,7 +67,9 @@ Motion::Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket)
 }
 
 Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Chain chain)
-    : times_s_(std::move(times_s)), joint_values_(std::move(joint_values)), chain_(std::move(chain)) {
+    : times_s_(std::move(times_s)),
+      joint_values_(std::move(joint_values)),
+      chain_(std::move(chain)) {
   const std::size_t joints = chain_.movable().size();
   if (joint_values_.size() != joints * times_s_.size()) {
     throw std::invalid_argument("a motion needs a value for each movable joint in each row");

@@ -96,7 +96,7 @@ class Samples {
   }
 
   std::uint64_t soil_[kGroups] = {}, mixed_[kGroups] = {};
-  std::vector<std::uint64_t> mixed_words_;   // in the order of cells
+  std::vector<std::uint64_t> mixed_words_;  // in the order of cells
 };
 
 }  // namespace soilvdb

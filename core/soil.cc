@@ -35,23 +35,27 @@ std::uint64_t key_of(const Coord3& origin) {
 
 openvdb::Coord coord(const Coord3& c) { return {c.x(), c.y(), c.z()}; }
 
-/// The rank-1 lattice i * (1, 19, 37) / 64, at 64 shifts, mod 1. Of all such lattices with 64 points
-/// this is among those with the least mean square error on randomly cut cells (0.0137 of a cell;
-/// plain 4 x 4 x 4 points 0.068, random points 0.044). The shifts are points of the Kronecker
-/// sequence of the plastic number (Roberts 2018), which fills the cell evenly.
+/// The rank-1 lattice i * (1, 7, 18) / 64 mod 1, turned and mirrored in 24 ways and shifted in 64.
+///
+/// A cell cut by a plane is counted with a root mean square error of 0.0168 of a cell over all
+/// directions of the plane, 0.022 in the worst (random points: 0.042 and 0.054; a shifted 4 x 4 x 4
+/// grid: 0.018 and 0.072; the lattice without turns: 0.017 and 0.049). The shifts are points of the
+/// Kronecker sequence of the plastic number (Roberts 2018), which fills the cell evenly.
 struct Patterns {
   CellPoints points[64];
   Patterns() {
-    constexpr double kPlastic = 1.2207440846057596;   // root of x^4 = x + 1
+    constexpr double kPlastic = 1.2207440846057596;  // root of x^4 = x + 1
+    constexpr int kGenerator[3] = {1, 7, 18};
+    constexpr int kTurns[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {2, 1, 0}, {1, 0, 2}};
     for (int s = 0; s < 64; ++s) {
-      const auto at = [s](int i, int generator, double step) {
-        const double v = i * generator / 64.0 + s * step + 0.5 / 64;
-        return static_cast<float>(v - std::floor(v));
-      };
-      for (int i = 0; i < 64; ++i) {
-        points[s].x[i] = at(i, 1, 1 / kPlastic);
-        points[s].y[i] = at(i, 19, 1 / (kPlastic * kPlastic));
-        points[s].z[i] = at(i, 37, 1 / (kPlastic * kPlastic * kPlastic));
+      float* axes[3] = {points[s].x, points[s].y, points[s].z};
+      for (int a = 0; a < 3; ++a) {
+        const int step = kGenerator[kTurns[s % 6][a]] * ((s / 6 >> a & 1) != 0 ? -1 : 1);
+        const double shift = s * std::pow(kPlastic, -(a + 1)) + 0.5 / 64;
+        for (int i = 0; i < 64; ++i) {
+          const double v = i * step / 64.0 + shift;
+          axes[a][i] = static_cast<float>(v - std::floor(v));
+        }
       }
     }
   }
@@ -75,7 +79,7 @@ SoilGrids::SoilGrids(double voxel_size_m, double band_m) {
 /// Resident chunks by origin: open addressing, power-of-two size, never shrinks.
 struct Soil::Index {
   std::vector<Chunk*> slots = std::vector<Chunk*>(1024);
-  std::deque<Chunk> chunks;   // stable addresses; the last may move into a gap
+  std::deque<Chunk> chunks;  // stable addresses; the last may move into a gap
 
   std::size_t home(const Coord3& origin) const { return mix(key_of(origin)) & (slots.size() - 1); }
   std::size_t after(std::size_t slot) const { return (slot + 1) & (slots.size() - 1); }
@@ -229,7 +233,7 @@ std::vector<const Chunk*> Soil::chunks() const {
 
 std::optional<double> Soil::height(double x, double y) const {
   const std::optional<double> base = base_->height(x, y);
-  if (!base) return std::nullopt;   // soil only shrinks: none before, none now
+  if (!base) return std::nullopt;  // soil only shrinks: none before, none now
   // Down from the base surface to the first change of sign, bilinear between four columns.
   const Vec3 top = index_from_world({x, y, *base});
   const int i = static_cast<int>(std::floor(top.x())), j = static_cast<int>(std::floor(top.y()));
@@ -267,7 +271,7 @@ std::optional<double> Soil::height(double x, double y) const {
       if (!above || *above <= 0) return base;
       return world_from_index({0, 0, k + *here / (*here - *above)}).z();
     }
-    if (!here && k < top.z() - 1) {   // the resident ground ends here
+    if (!here && k < top.z() - 1) {  // the resident ground ends here
       return above ? world_from_index({0, 0, k + 1.0}).z() : *base;
     }
     above = here;

@@ -23,15 +23,15 @@ namespace soilvdb {
 /// centre; it holds 64 sample points, and a bit of `samples` for each says whether it is soil.
 /// Volumes are counted on samples, surfaces are read off phi.
 struct Chunk {
-  Coord3 origin;                 ///< index of the first voxel, a multiple of 8
-  float* phi = nullptr;          ///< 512 values, the buffer of the OpenVDB leaf
+  Coord3 origin;         ///< index of the first voxel, a multiple of 8
+  float* phi = nullptr;  ///< 512 values, the buffer of the OpenVDB leaf
   Samples samples;
-  std::uint32_t base = 0;        ///< samples of soil in the base surface
-  std::uint32_t now = 0;         ///< samples of soil now
+  std::uint32_t base = 0;  ///< samples of soil in the base surface
+  std::uint32_t now = 0;   ///< samples of soil now
 };
 
-/// The 64 sample points of the cell of a voxel: a rank-1 lattice, shifted by one of 64 shifts that a
-/// hash of the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
+/// The 64 sample points of the cell of a voxel: a rank-1 lattice, turned and shifted as a hash of
+/// the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
 const CellPoints& sample_points(const Coord3& voxel);
 
 class SoilGrids;  // core/soil_grids.h: the OpenVDB side
@@ -90,8 +90,8 @@ class Soil {
 
   /// Volume of the ground now less that of the base surface, counted anew, m^3.
   double change_m3() const;
-  std::uint64_t active_voxels() const;   ///< |phi| < band
-  double resident_m2() const;            ///< footprint of the resident chunks
+  std::uint64_t active_voxels() const;  ///< |phi| < band
+  double resident_m2() const;           ///< footprint of the resident chunks
   std::uint64_t memory_bytes() const;
   /// Digest of voxel size, origin and every resident chunk's phi and samples.
   std::uint64_t state_hash() const;

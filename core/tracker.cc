@@ -17,11 +17,12 @@ namespace soilvdb {
 namespace {
 
 // In voxels; a bucket's travel is that of its fastest corner.
-constexpr double kTolerance = 5e-4;      ///< bend of a path between poses: 1/2000 of a voxel
-constexpr double kStride = 16;           ///< between poses, so that boxes around segments stay small
-constexpr double kRefresh = 4;           ///< travel after which phi is carved anew
-constexpr double kSpacing = 1;           ///< travel between the poses that phi is carved by
-constexpr double kHistory = 12;          ///< travel a window remembers: four bands
+constexpr double kTolerance = 2.5e-4;  ///< bend of a path between poses
+constexpr double kStride = 16;         ///< between poses, so that boxes around segments stay small
+constexpr double kRefresh = 4;         ///< travel after which phi is carved anew
+constexpr double kSpacing = 1;         ///< travel between the poses that phi is carved by
+constexpr double kBend = 0.1;          ///< of the path between those poses
+constexpr double kHistory = 12;        ///< travel a window remembers: four bands
 
 /// How far below the horizontal the mouth looks, rad.
 double looks_down(const Pose& world_from_bucket) {
@@ -37,26 +38,47 @@ struct Tracker::Machine {
   Ledger ledger;
   bool placed = false;
   Pose current;
-  std::vector<Pose> kept;          // the path before `current`, thinned
-  std::size_t fresh = 0;           // the first kept pose that no surface cut has seen
-  bool begins = true;              // kept reaches back to where the path starts
-  bool mouth_cut = false, body_cut = false;   // soil, since the last surface cut
-  double moved_m = 0;              // since the last surface cut
-  std::optional<SurfaceCut> carving;          // of the path before `fresh`
+  std::vector<Pose> kept;                    // the path before `current`, thinned
+  std::vector<Pose> between;                 // some of those since the last kept one
+  std::size_t fresh = 0;                     // the first kept pose that no surface cut has seen
+  bool begins = true;                        // kept reaches back to where the path starts
+  bool mouth_cut = false, body_cut = false;  // soil, since the last surface cut
+  double moved_m = 0;                        // since the last surface cut
+  std::optional<SurfaceCut> carving;         // of the path before `fresh`
   std::size_t carving_chunks = 0;
 
   struct Before {
     Coord3 origin;
-    std::optional<std::array<float, kLeafSize>> phi;   // of a chunk that was resident
+    std::optional<std::array<float, kLeafSize>> phi;  // of a chunk that was resident
   };
-  std::vector<Before> ahead;       // what flush() changed, to be undone by the next update
+  std::vector<Before> ahead;  // what flush() changed, to be undone by the next update
 
-  void move_to(const Pose& pose, double spacing_m) {
+  /// Moves on, and keeps the pose left where the path bends or the last kept one is far enough.
+  void move_to(const Pose& pose, double voxel_size_m) {
     moved_m += travel(bucket, current, pose);
-    const double gone = kept.empty() ? 0 : travel(bucket, kept.back(), current);
-    const bool turned = gone > 0 && travel(bucket, kept.back(), pose) < 0.9 * gone;
-    if (kept.empty() || gone >= spacing_m || turned) kept.push_back(current);
+    const double since = kept.empty() ? 0 : travel(bucket, kept.back(), current);
+    if (kept.empty() || since >= kSpacing * voxel_size_m || bends(pose, kBend * voxel_size_m)) {
+      kept.push_back(current);
+      between.clear();
+    } else if (travel(bucket, between.empty() ? kept.back() : between.back(), current) >=
+               kBend * voxel_size_m) {
+      between.push_back(current);
+    }
     current = pose;
+  }
+
+  /// Is a pose since the last kept one off the straight way from there to `pose`?
+  bool bends(const Pose& pose, double tolerance_m) const {
+    const auto off = [&](const Pose& mid) {
+      for (const Vec3& p : mouth_corners(bucket)) {
+        const Vec3 a = kept.back() * p, along = pose * p - a, to = mid * p - a;
+        const double length2 = along.squaredNorm();
+        const double s = length2 > 0 ? std::clamp(to.dot(along) / length2, 0.0, 1.0) : 0.0;
+        if ((to - s * along).squaredNorm() > tolerance_m * tolerance_m) return true;
+      }
+      return false;
+    };
+    return off(current) || std::any_of(between.begin(), between.end(), off);
   }
 
   /// Carves on in step with the path, so that no single update bears it all: what the last stretch
@@ -182,7 +204,7 @@ Update Tracker::update(std::size_t machine, std::span<const Pose> path) {
     from = i;
   }
   for (std::size_t i = 1; i < path.size(); ++i) {
-    m.move_to(path[i], kSpacing * soil_.voxel_size_m());
+    m.move_to(path[i], soil_.voxel_size_m());
   }
   m.carve(soil_, changed_);
   if (changed_.size() > 2 * changed_unique_ + 1024) compact_changed();

@@ -16,7 +16,7 @@ namespace soilvdb {
 /// Volumes booked for one machine, or for all. cut = captured + displaced. Kept as counts of
 /// samples, so sums are exact in any order.
 struct Ledger {
-  std::int64_t captured = 0, displaced = 0, dumped = 0;   ///< samples
+  std::int64_t captured = 0, displaced = 0, dumped = 0;  ///< samples
   double sample_m3 = 0;
 
   double cut_m3() const { return static_cast<double>(captured + displaced) * sample_m3; }
@@ -29,8 +29,8 @@ struct Ledger {
 
 /// What one update did.
 struct Update {
-  double cut_m3 = 0;      ///< removed from the ground by this update
-  double bucket_m3 = 0;   ///< in the bucket after it
+  double cut_m3 = 0;     ///< removed from the ground by this update
+  double bucket_m3 = 0;  ///< in the bucket after it
 };
 
 /// Tracks the ground and the loads of a site's machines.
@@ -56,8 +56,8 @@ class Tracker {
   /// before (for a machine's first update: where it starts).
   Update update(std::size_t machine, std::span<const Pose> path);
 
-  /// Brings phi up to date with the samples. Updates do so by themselves, a part each, and are never
-  /// more than eight voxels of travel behind.
+  /// Brings phi up to date with the samples. Updates do so by themselves, a part each, and are
+  /// never more than eight voxels of travel behind.
   void flush();
 
   const Ledger& ledger(std::size_t machine) const;
@@ -74,8 +74,8 @@ class Tracker {
   void compact_changed();
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;
-  std::vector<Coord3> changed_;      // with repeats
-  std::size_t changed_unique_ = 0;   // of those, when they were last counted
+  std::vector<Coord3> changed_;     // with repeats
+  std::size_t changed_unique_ = 0;  // of those, when they were last counted
 };
 
 }  // namespace soilvdb

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Points, rotations and poses that every stage shares. Metres, radians, seconds; right-handed, z up.
+// Points, rotations and poses that every stage shares. Metres, radians, seconds; right-handed, z
+// up.
 #pragma once
 
 #include <Eigen/Core>
@@ -15,8 +16,8 @@ using Coord3 = Eigen::Vector3i;
 
 /// A rigid transform, named a_from_b where it maps coordinates in frame b to frame a.
 struct Pose {
-  Vec3 position = Vec3::Zero();                                     ///< origin of b in a, m
-  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();     ///< axes of b in a, unit
+  Vec3 position = Vec3::Zero();                                  ///< origin of b in a, m
+  Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< axes of b in a, unit
 
   Vec3 operator*(const Vec3& p) const { return rotation * p + position; }
   Pose operator*(const Pose& o) const { return {*this * o.position, rotation * o.rotation}; }

@@ -16,14 +16,14 @@
 namespace soilvdb::io {
 
 struct PlaneTerrain {
-  double height_m = 0;             ///< at x = y = 0
-  Vec2 slope = Vec2::Zero();       ///< dz/dx, dz/dy
+  double height_m = 0;        ///< at x = y = 0
+  Vec2 slope = Vec2::Zero();  ///< dz/dx, dz/dy
 };
 struct RasterTerrain {
   std::filesystem::path file;
 };
 struct LevelSetTerrain {
-  std::filesystem::path file;      ///< a snapshot or any closed level set
+  std::filesystem::path file;  ///< a snapshot or any closed level set
 };
 using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
 
@@ -38,11 +38,11 @@ struct Scenario {
   std::string name;
   double voxel_size_m = 0;
   Terrain terrain;
-  std::vector<MachineInput> machines;      ///< names are unique
+  std::vector<MachineInput> machines;  ///< names are unique
   std::optional<double> snapshot_every_s;
-  std::optional<std::string> mesh;         ///< "ply", "obj", "stl" or "glb"
+  std::optional<std::string> mesh;  ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
-  std::vector<std::string> warnings;       ///< unused columns, joints beyond their limits
+  std::vector<std::string> warnings;  ///< unused columns, joints beyond their limits
 };
 
 /// Reads a scenario with all its machines and motions; doesn't open the terrain.

@@ -135,8 +135,7 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   archive.setCompression((openvdb::io::Archive::hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC
                                                                       : openvdb::io::COMPRESS_ZIP) |
                          openvdb::io::COMPRESS_ACTIVE_MASK);
-  archive.write_to(
-      out, {surface, samples_grid(*site.soil), base_samples_grid(*site.soil)}, meta);
+  archive.write_to(out, {surface, samples_grid(*site.soil), base_samples_grid(*site.soil)}, meta);
   if (!out) throw std::runtime_error(file.string() + ": can't be written: out of memory");
   std::string bytes = std::move(out).str();
   // OpenVDB draws the UUID at random; ours is the mark and a digest of the rest.

@@ -121,8 +121,8 @@ void restore(Soil& soil, const FloatGrid& surface, const Int64Grid& samples,
       words[n] = static_cast<std::uint64_t>(other->getValue(n));
     }
     const openvdb::Coord o = leaf->origin();
-    const auto base = base_samples.tree().getValue(
-        {o.x() / kLeafSide, o.y() / kLeafSide, o.z() / kLeafSide});
+    const auto base =
+        base_samples.tree().getValue({o.x() / kLeafSide, o.y() / kLeafSide, o.z() / kLeafSide});
     soil.restore({o.x(), o.y(), o.z()}, leaf->buffer().data(), words,
                  static_cast<std::uint32_t>(base));
   }
@@ -144,7 +144,8 @@ Site read_site(const std::filesystem::path& file, SnapshotInfo* info) {
   const auto surface = openvdb::gridPtrCast<FloatGrid>(vdb.readGrid("surface"));
   const auto samples = openvdb::gridPtrCast<Int64Grid>(vdb.readGrid("samples"));
   const auto base_samples = openvdb::gridPtrCast<openvdb::Int32Grid>(vdb.readGrid("base_samples"));
-  if (!surface || !samples || !base_samples) throw std::runtime_error("its grids are not of the right types");
+  if (!surface || !samples || !base_samples)
+    throw std::runtime_error("its grids are not of the right types");
 
   Base base = open_referenced(file, meta);
   const openvdb::Vec3d origin = meta.vector(kOriginKey);

@@ -16,7 +16,7 @@ namespace {
 constexpr double kVoxel = 0.025;
 constexpr double kWidth = 0.6, kHeight = 0.4;
 constexpr double kSigmas = 5;
-constexpr double kWorstCellError = 0.09;  // root mean square in the worst direction, in cells
+constexpr double kWorstCellError = 0.0225;  // root mean square in the worst direction, in cells
 
 const std::vector<Vec2> kCleared{{0, 0}, {-0.3, 0.08}, {-0.35, 0.3}, {0, kHeight}};
 const std::vector<Vec2> kHeel{{0, 0}, {-0.3, -0.06}, {-0.35, 0.3}, {0, kHeight}};

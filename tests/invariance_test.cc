@@ -25,7 +25,7 @@ constexpr double kVoxel = 0.05;
 constexpr int kUpdates = 40;
 /// Standard errors that two counts of one cut, on other cells, may differ by.
 constexpr double kSigmas = 5;
-constexpr double kWorstCellError = 0.09;  // root mean square in the worst direction, in cells
+constexpr double kWorstCellError = 0.0225;  // root mean square in the worst direction, in cells
 
 double count_error(const Soil& soil) {
   return kSigmas * kWorstCellError * std::pow(soil.voxel_size_m(), 3) *
@@ -73,7 +73,7 @@ TEST(Cut, TheSamePathAgainRemovesNothing) {
   for (const std::string& family : families()) {
     const Dig dig = make_dig(family, placements()[1]);
     Soil soil(kVoxel, dig.origin, dig.ground);
-    const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * 5e-4, kVoxel * 16);
+    const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * 2.5e-4, kVoxel * 16);
     const auto faces = facets(dig.bucket);
     EXPECT_GT(excavate(soil, faces, path).captured, 0) << family;
     EXPECT_EQ(excavate(soil, faces, path).captured, 0) << family << " again";
@@ -132,6 +132,9 @@ Disagreement disagreement(const Soil& soil) {
   // A cell that a right-angled crease or corner cuts in halves has its centre within 0.3 voxels of
   // the surface, and reaches 0.87 voxels from its centre.
   const double crease = 0.5 * soil.voxel_size_m(), reach = 0.87 * soil.voxel_size_m();
+  // Within a voxel of a bend of the path, phi is the distance to the tangent of one side: at a bend
+  // of up to 60 degrees no more than twice the distance to both.
+  constexpr double kBend = 2;
   Disagreement d;
   SampleWords samples;
   for (const Chunk* chunk : soil.chunks()) {
@@ -140,7 +143,7 @@ Disagreement disagreement(const Soil& soil) {
       const int count = std::popcount(samples[static_cast<std::size_t>(n)]);
       const double phi = chunk->phi[n];
       d.sign += std::abs(phi) > crease && (phi < 0) != (count > 32);
-      d.distance += std::abs(phi) > reach && count != (phi < 0 ? 64 : 0);
+      d.distance += std::abs(phi) > kBend * reach && count != (phi < 0 ? 64 : 0);
     }
   }
   return d;
