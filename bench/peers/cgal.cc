@@ -6,7 +6,7 @@
 // Best setting: exact predicates, inexact constructions (the kernel its manual recommends for
 // speed); plane ground is a box of 12 triangles, other ground has a grid of posts one voxel apart;
 // the hexahedron is the mouth at both ends of a step, each step's a ten-millionth of a voxel larger
-// than the one before, so that no faces are coplanar (with coplanar ones most steps fail). A step
+// than the one before, so that no faces are coplanar. A step
 // whose corefinement throws, or whose result is not closed, is retried with a larger hexahedron; if
 // that fails too the step is left out and counted as a failure.
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
