@@ -265,7 +265,8 @@ TEST_F(Run, ASignalStopsItWithWhatItHas) {
 TEST_F(Run, ShowsAProgressBarOnATerminalAndNothingWhenPiped) {
   if (std::system("script -qec true /dev/null >/dev/null 2>&1") != 0) GTEST_SKIP();
   const Result result = shell(fmt::format(
-      "TERM=xterm script -qec \"'{}' run dig.yaml --voxel 0.01 --updates 100000\" /dev/null", SOILVDB_PROGRAM));
+      "TERM=xterm script -qec \"'{}' run dig.yaml --voxel 0.01 --updates 100000\" /dev/null",
+      SOILVDB_PROGRAM));
   EXPECT_EQ(result.status, 0);
   EXPECT_NE(result.out.find("#"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find(" left"), std::string::npos) << result.out;
