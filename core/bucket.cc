@@ -107,7 +107,7 @@ void Bucket::validate() const {
   check_side("width", width_m);
   check_side("height", height_m);
   if (!profile.empty()) check_profile(profile, height_m);
-  if (dump_angle_rad && !(*dump_angle_rad >= 0 && *dump_angle_rad <= std::numbers::pi / 2)) {
+  if (dump_angle_rad && !(*dump_angle_rad >= 0 && *dump_angle_rad <= 1.5708)) {
     refuse("dump_angle is " + text(*dump_angle_rad) +
            " rad; it must be from 0 to 1.5708 (the mouth looks straight down)");
   }

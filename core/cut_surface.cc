@@ -100,7 +100,12 @@ SurfaceCut::SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow
   std::sort(chunks_.begin(), chunks_.end(), before);
   chunks_.erase(std::unique(chunks_.begin(), chunks_.end()), chunks_.end());
   std::erase_if(chunks_, [&](const Coord3& origin) {
-    return soil.find(origin) == nullptr && soil.classify(origin) == Content::kAir;
+    if (soil.find(origin) != nullptr) return false;
+    // Air, but maybe within the band of the ground.
+    const Vec3 wide = Vec3::Constant(soil.band_m());
+    const Vec3 low = soil.world_from_index(origin.cast<double>());
+    const Vec3 high = soil.world_from_index((origin + Coord3::Constant(kLeafSide)).cast<double>());
+    return soil.base().classify({low - wide, high + wide}) == Content::kAir;
   });
 }
 

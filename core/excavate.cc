@@ -227,13 +227,26 @@ struct Station {
   }
 };
 
-void require_known(const Soil& soil, const Eigen::AlignedBox3d& index_box) {
-  const Vec3 low = soil.world_from_index(index_box.min());
-  const Vec3 high = soil.world_from_index(index_box.max());
+/// @throw NoGroundError where a box in index space holds ground without a height.
+void require_known(const Soil& soil, const Eigen::AlignedBox3d& box) {
+  const Vec3 low = soil.world_from_index(box.min()), high = soil.world_from_index(box.max());
   if (soil.base().known({low, high})) return;
   throw NoGroundError("the bucket reaches ground without a height at x " + std::to_string(low.x()) +
                       " to " + std::to_string(high.x()) + ", y " + std::to_string(low.y()) +
                       " to " + std::to_string(high.y()) + ", z " + std::to_string(low.z()));
+}
+
+/// The same for a segment, of which `box` is all. Only boxes of single poses are refused: that of a
+/// segment reaches far beyond what the bucket passes.
+void require_known(const Soil& soil, std::span<const Facet> facets, const Pose& from,
+                   const Pose& to, const Eigen::AlignedBox3d& box) {
+  if (soil.base().known({soil.world_from_index(box.min()), soil.world_from_index(box.max())}))
+    return;
+  constexpr int kPoses = 8;
+  for (int k = 0; k <= kPoses; ++k) {
+    const Pose pose = interpolate(from, to, static_cast<double>(k) / kPoses);
+    for (const Facet& facet : facets) require_known(soil, Station(soil, facet, pose).box);
+  }
 }
 
 /// Every facet and segment that may take something from a chunk, by chunk and then in the order of
@@ -250,7 +263,7 @@ std::vector<Job> find_jobs(Soil& soil, std::span<const Facet> facets, std::span<
       next.emplace_back(soil, facets[f], path[i]);
       whole.extend(last[f].box.merged(next[f].box));
     }
-    require_known(soil, whole);
+    require_known(soil, facets, path[i - 1], path[i], whole);
     const Vec3 low = soil.world_from_index(whole.min()), high = soil.world_from_index(whole.max());
     if (soil.base().classify({low, high}) != Content::kAir) {
       for (std::size_t f = 0; f < facets.size(); ++f) {

@@ -187,10 +187,10 @@ class HeightField final : public BaseSurface {
         const Tile& t = tile(tx, ty);
         const int ax = std::max(x0 - tx * kTile, 0), bx = std::min(x1 - tx * kTile, kTile - 1);
         const int ay = std::max(y0 - ty * kTile, 0), by = std::min(y1 - ty * kTile, kTile - 1);
-        if ((bx - ax) * (by - ay) > kTile * kTile / 4) {  // a looser bound is quick and safe
+        if (t.complete &&
+            (bx - ax) * (by - ay) > kTile * kTile / 4) {  // a looser bound is quick and safe
           least = std::min(least, t.low);
           most = std::max(most, t.high);
-          complete &= t.complete;
           continue;
         }
         const int nx = std::min(kTile, grid_.nx - tx * kTile);

@@ -140,6 +140,17 @@ Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
   return {std::move(times), std::move(joints), chain_};
 }
 
+/// Pieces of the way from row j - 1 to row j in which no joint moves more than a radian.
+std::size_t Motion::row_pieces(std::size_t j) const {
+  if (joint_values_.empty() || j == 0) return 1;
+  const std::size_t n = joint_values_.size() / times_s_.size();
+  double most = 0;
+  for (std::size_t k = 0; k < n; ++k) {
+    most = std::max(most, std::abs(joint_values_[j * n + k] - joint_values_[(j - 1) * n + k]));
+  }
+  return std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(most)));
+}
+
 std::vector<Pose> Motion::trace(double t0, double t1, const Bucket& bucket, double tolerance_m,
                                 double stride_m) const {
   const std::vector<Vec3> points = extremes(bucket);
@@ -149,8 +160,17 @@ std::vector<Pose> Motion::trace(double t0, double t1, const Bucket& bucket, doub
   const auto at = [this](double t) { return pose(t); };
   while (from < t1) {
     const double to = row == times_s_.end() ? t1 : std::min(*row, t1);
-    const Pose a = out.back();
-    bisect(a, from, pose(to), to, at, points, tolerance_m, stride_m, 0, out);
+    // A turn and its half may look like standing still, so joints start from pieces of a turn.
+    const auto j = static_cast<std::size_t>(row - times_s_.begin());
+    const std::size_t pieces = row == times_s_.end() ? 1 : row_pieces(j);
+    for (std::size_t k = 1; k <= pieces; ++k) {
+      const double s = static_cast<double>(k) / static_cast<double>(pieces);
+      const double until = k == pieces ? to : from + s * (to - from);
+      const double since =
+          k == 1 ? from : from + (s - 1.0 / static_cast<double>(pieces)) * (to - from);
+      const Pose a = out.back();
+      bisect(a, since, pose(until), until, at, points, tolerance_m, stride_m, 0, out);
+    }
     from = to;
     if (row != times_s_.end()) ++row;
   }

@@ -37,6 +37,7 @@ class Motion {
                           double stride_m) const;
 
  private:
+  std::size_t row_pieces(std::size_t j) const;
   Pose between(std::size_t i, std::size_t j, double time_s) const;
 
   std::vector<double> times_s_;

@@ -199,6 +199,24 @@ class LimitCheck {
   std::vector<Count> joints_;
 };
 
+/// Refuses turns in one row that no machine makes and that would take forever to sweep.
+void check_turns(const CsvLines& lines, const Chain& chain, const std::vector<std::string>& names,
+                 const std::vector<double>& row, const std::vector<double>& joint_values) {
+  constexpr double kMostRad = 100;
+  if (joint_values.empty()) return;
+  const double* before = joint_values.data() + joint_values.size() - (row.size() - 1);
+  std::size_t i = 0;
+  for (const Joint& joint : chain.joints) {
+    if (joint.type == Joint::Type::kFixed) continue;
+    const double turn = row[i + 1] - before[i];
+    ++i;
+    if (joint.type == Joint::Type::kPrismatic || std::abs(turn) <= kMostRad) continue;
+    lines.fail(
+        fmt::format("joint {} turns {:g} rad since the row before; at most {} rad in one row",
+                    names[i], turn, kMostRad));
+  }
+}
+
 }  // namespace
 
 MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain) {
@@ -249,6 +267,7 @@ MotionInput read_motion(const std::filesystem::path& file, const std::optional<C
     times_s.push_back(row[0]);
     if (chain) {
       limits.row(row, lines.number());
+      check_turns(lines, *chain, columns.names, row, joint_values);
       joint_values.insert(joint_values.end(), row.begin() + 1, row.end());
     } else {
       poses.push_back(make_pose(lines, row, columns.quaternion));

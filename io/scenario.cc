@@ -171,7 +171,9 @@ Scenario read_scenario(const std::filesystem::path& file) {
     }
     const Bucket bucket = read_bucket(machine);
     const auto chain = read_machine_chain(machine);
-    MotionInput motion = read_motion(read_file_path(machine, "motion"), chain);
+    scenario.inputs.push_back(read_file_path(machine, "motion"));
+    MotionInput motion = read_motion(scenario.inputs.back(), chain);
+    if (chain) scenario.inputs.push_back(machine.path("urdf"));
     scenario.warnings.insert(scenario.warnings.end(), motion.warnings.begin(),
                              motion.warnings.end());
     scenario.machines.push_back({name, bucket, std::move(motion.motion)});

@@ -42,7 +42,8 @@ struct Scenario {
   std::optional<double> snapshot_every_s;
   std::optional<std::string> mesh;  ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
-  std::vector<std::string> warnings;  ///< unused columns, joints beyond their limits
+  std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
+  std::vector<std::string> warnings;          ///< unused columns, joints beyond their limits
 };
 
 /// Reads a scenario with all its machines and motions; doesn't open the terrain.

@@ -58,6 +58,17 @@ io::Scenario read(const RunOptions& options) {
   return scenario;
 }
 
+/// Leaves out rows that say no more than their neighbours where an update covers several of them.
+io::Scenario& thin_out(io::Scenario& scenario, const RunOptions& options, const Tracker& tracker) {
+  for (io::MachineInput& machine : scenario.machines) {
+    if (!options.updates ||
+        machine.motion.times_s().size() <= 2 * static_cast<std::size_t>(*options.updates))
+      continue;
+    machine.motion = machine.motion.simplified(machine.bucket, tracker.tolerance_m());
+  }
+  return scenario;
+}
+
 /// Other programs' .vdb files crash OpenVDB when they are damaged; a child finds out.
 void try_out(const io::Terrain& terrain) {
   const auto* level_set = std::get_if<io::LevelSetTerrain>(&terrain);
@@ -122,9 +133,10 @@ class Run {
         folder_(folder_of(options, scenario_)),
         site_(io::open_site(scenario_)),
         tracker_(*site_.soil, buckets(scenario_)),
-        schedule_(motions(scenario_), options.updates),
+        schedule_(motions(thin_out(scenario_, options, tracker_)), options.updates),
         change_before_m3_(site_.soil->change_m3()) {
     folder_.spare(scenario_.file);
+    for (const auto& input : scenario_.inputs) folder_.spare(input);
     if (const auto* raster = std::get_if<io::RasterTerrain>(&scenario_.terrain))
       folder_.spare(raster->file);
     if (const auto* level_set = std::get_if<io::LevelSetTerrain>(&scenario_.terrain))
