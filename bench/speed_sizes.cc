@@ -52,8 +52,7 @@ Cost dig(Soil& soil, const Bucket& bucket, int strokes, double depth_m) {
     tracker.update(0, motion.pose(0));
     const Stopwatch watch;
     for (int i = 0; i < kUpdates; ++i) {
-      tracker.update(0, motion.trace(5.0 * i / kUpdates, 5.0 * (i + 1) / kUpdates, bucket,
-                                     tracker.tolerance_m(), tracker.stride_m()));
+      tracker.update(0, motion, 5.0 * i / kUpdates, 5.0 * (i + 1) / kUpdates);
     }
     tracker.flush();
     if (n > 0) {

@@ -53,7 +53,7 @@ void trace(benchmark::State& state) {
 void excavate(benchmark::State& state) {
   const Motion motion = drag();
   const Bucket bucket = excavator_bucket();
-  const auto all = facets(bucket);
+  Excavator excavator(bucket);
   const double h = voxel_m(state);
   std::unique_ptr<Soil> soil;
   int i = 0;
@@ -65,7 +65,7 @@ void excavate(benchmark::State& state) {
       state.ResumeTiming();
     }
     const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, 2.5e-4 * h, 16 * h);
-    samples += soilvdb::excavate(*soil, all, path).captured;
+    samples += excavator.sweep(*soil, path).captured;
     i = (i + 1) % kUpdates;
   }
   state.counters["cut_voxels"] =
@@ -76,15 +76,15 @@ void excavate(benchmark::State& state) {
 void excavate_again(benchmark::State& state) {
   const Motion motion = drag();
   const Bucket bucket = excavator_bucket();
-  const auto all = facets(bucket);
+  Excavator excavator(bucket);
   const double h = voxel_m(state);
   Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
   const auto whole = motion.trace(0, 1, bucket, 2.5e-4 * h, 16 * h);
-  soilvdb::excavate(soil, all, whole);
+  excavator.sweep(soil, whole);
   int i = 0;
   for (auto _ : state) {
     const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, 2.5e-4 * h, 16 * h);
-    benchmark::DoNotOptimize(soilvdb::excavate(soil, all, path));
+    benchmark::DoNotOptimize(excavator.sweep(soil, path));
     i = (i + 1) % kUpdates;
   }
 }
@@ -155,7 +155,11 @@ void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurfac
       soil = std::make_unique<Soil>(h, Vec3::Zero(), ground);
       state.ResumeTiming();
     }
-    benchmark::DoNotOptimize(&soil->make({8 * (i % 64), 8 * (i / 64), z}));
+    const Coord3 origin(8 * (i % 64), 8 * (i / 64), z);
+    Phi phi;
+    soil->read_phi(origin, phi);
+    soil->set_phi(soil->make(origin), phi);
+    benchmark::DoNotOptimize(soil->with_samples(origin));
     i = (i + 1) % 4096;
   }
 }

@@ -13,12 +13,13 @@ Health health(const Soil& soil, const Tracker& tracker) {
   const Soil untouched(soil.voxel_size_m(), soil.origin(),
                        std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
   SampleWords before, now;
+  float phi_m[kLeafSize];
   for (const Chunk* chunk : soil.chunks()) {
     untouched.read_samples(chunk->origin, before);
     soil.read_samples(chunk->origin, now);
+    soil.read_phi(chunk->origin, phi_m);
     for (std::size_t i = 0; i < kLeafSize; ++i) {
-      const float phi = chunk->phi[i];
-      h.not_finite += !std::isfinite(phi) || std::abs(phi) > band;
+      h.not_finite += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       h.grown += (now[i] & ~before[i]) != 0;
     }
     ++h.chunks;

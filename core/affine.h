@@ -24,6 +24,8 @@ struct Affine {
   float c = 0, nx = 0, ny = 0, nz = 0;
 
   Affine() = default;
+  Affine(float constant, float along_x, float along_y, float along_z)
+      : c(constant), nx(along_x), ny(along_y), nz(along_z) {}
   /// The coordinate along `axis` of the points; `from` is the first corner relative to the frame.
   Affine(const Vec3& axis, const Vec3& from)
       : c(static_cast<float>(axis.dot(from))),
@@ -35,6 +37,15 @@ struct Affine {
   /// The most it differs over a box with these half sides, with room for rounding.
   float reach(float half_x, float half_y, float half_z) const {
     return half_x * std::abs(nx) + half_y * std::abs(ny) + half_z * std::abs(nz) + 1e-4f;
+  }
+  friend Affine operator+(const Affine& a, const Affine& b) {
+    return {a.c + b.c, a.nx + b.nx, a.ny + b.ny, a.nz + b.nz};
+  }
+  friend Affine operator-(const Affine& a, const Affine& b) {
+    return {a.c - b.c, a.nx - b.nx, a.ny - b.ny, a.nz - b.nz};
+  }
+  friend Affine operator*(float s, const Affine& a) {
+    return {s * a.c, s * a.nx, s * a.ny, s * a.nz};
   }
   Affine moved(float x, float y, float z) const {
     Affine m = *this;

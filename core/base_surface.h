@@ -3,6 +3,7 @@
 // The ground before anyone dug: never voxelised as a whole, only where a bucket comes.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -19,6 +20,14 @@ inline constexpr int kLeafSize = kLeafSide * kLeafSide * kLeafSide;
 struct CellPoints {
   alignas(64) float x[64], y[64], z[64];
 };
+
+/// The 64 sample points of the cell of a voxel: a rank-1 lattice, turned and shifted as a hash of
+/// the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
+const CellPoints& sample_points(const Coord3& voxel);
+
+/// One word of 64 samples per cell of a chunk; bit i of word n: point i of cell n is soil.
+using SampleWords = std::array<std::uint64_t, kLeafSize>;
+inline constexpr std::uint64_t kAllSoil = ~std::uint64_t{0};
 
 /// What a box of ground holds.
 enum class Content { kAir, kSoil, kMixed };
@@ -42,8 +51,10 @@ class BaseSurface {
   /// distance to the surface, negative in soil, clamped to +-band. phi[x*64 + y*8 + z].
   virtual void distance(const Vec3& first, double h, double band, float* phi) const = 0;
 
-  /// Bit i is set where point i of the cell with low corner `low` and side `h` is soil.
-  virtual std::uint64_t occupancy(const Vec3& low, double h, const CellPoints& points) const = 0;
+  /// Which samples of a chunk are soil: those of the cells around the voxels whose centres are as
+  /// for distance(). @param chunk index of the first voxel, which chooses the sample points
+  virtual void samples(const Coord3& chunk, const Vec3& first, double h,
+                       SampleWords& words) const = 0;
 
   /// Height of the topmost soil at (x, y); nothing where there is none or it isn't known.
   virtual std::optional<double> height(double x, double y) const = 0;

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Checks a bucket before it digs. Every message begins with the name of the field.
+// What bounds a bucket, and its check before it digs, whose every message begins with the name of a
+// field.
 #include "core/bucket.h"
 
 #include <charconv>
@@ -102,6 +103,16 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
 }
 
 }  // namespace
+
+std::vector<Vec3> extremes(const Bucket& bucket) {
+  std::vector<Vec3> points;
+  for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
+    points.emplace_back(0, y, 0);
+    points.emplace_back(0, y, bucket.height_m);
+    for (const Vec2& p : bucket.profile) points.emplace_back(p.x(), y, p.y());
+  }
+  return points;
+}
 
 void Bucket::validate() const {
   check_side("width", width_m);

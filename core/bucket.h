@@ -33,6 +33,9 @@ inline std::array<Vec3, 4> mouth_corners(const Bucket& bucket) {
   return {Vec3(0, -y, 0), Vec3(0, y, 0), Vec3(0, -y, bucket.height_m), Vec3(0, y, bucket.height_m)};
 }
 
+/// The points that bound a bucket, in its frame: the mouth's corners and the body's outline.
+std::vector<Vec3> extremes(const Bucket& bucket);
+
 /// How far the fastest corner of the mouth moves between two poses, m.
 inline double travel(const Bucket& bucket, const Pose& a, const Pose& b) {
   double most = 0;

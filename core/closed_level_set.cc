@@ -14,8 +14,6 @@
 namespace soilvdb {
 namespace {
 
-using Leaf = openvdb::FloatTree::LeafNodeType;
-
 /// Chunks in a box above which a closed level set is refused: 32 GB of leaves.
 constexpr double kMostChunks = 1.6e7;
 
@@ -29,8 +27,7 @@ double box_distance(const Eigen::AlignedBox3d& box, const Vec3& p) {
 
 openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedBox3d& box) {
   const float band = static_cast<float>(soil.band_m());
-  const SoilGrids like(soil.voxel_size_m(), soil.band_m());
-  openvdb::FloatGrid::Ptr grid = like.surface().copyWithNewTree();
+  openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
 
   const Vec3 margin = Vec3::Constant(soil.band_m() / soil.voxel_size_m());
   const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()) - margin,
@@ -42,7 +39,7 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
   for_each_chunk(cells, [&](const Coord3& origin) { origins.push_back(origin); });
 
   // Per chunk: a leaf, or a tile that is all soil, or nothing.
-  std::vector<std::unique_ptr<Leaf>> leaves(origins.size());
+  std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
   std::vector<std::uint8_t> solid(origins.size());
   tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
     const Coord3& origin = origins[i];
@@ -71,7 +68,8 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
       air &= phi[n] >= band;
     }
     if (air) return;
-    auto leaf = std::make_unique<Leaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band);
+    auto leaf =
+        std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band);
     for (int n = 0; n < kLeafSize; ++n) {
       leaf->setValueOnly(static_cast<openvdb::Index>(n), phi[n]);
       leaf->setActiveState(static_cast<openvdb::Index>(n), std::abs(phi[n]) < band);

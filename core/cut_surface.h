@@ -8,6 +8,7 @@
 
 #include "core/bucket.h"
 #include "core/soil.h"
+#include "core/sweep_distance.h"
 
 namespace soilvdb {
 
@@ -35,6 +36,9 @@ struct SweepWindow {
 class SurfaceCut {
  public:
   SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window);
+  /// The same with nothing to carve but these chunks, sorted.
+  SurfaceCut(const Soil& soil, const Bucket& bucket, const SweepWindow& window,
+             std::vector<Coord3> chunks);
 
   /// Origins of the chunks still to carve, sorted.
   std::span<const Coord3> pending() const { return std::span(chunks_).subspan(done_); }
@@ -44,28 +48,26 @@ class SurfaceCut {
   void carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed);
 
  private:
-  /// How far a point (0, y, z) of the mouth moves ahead, voxels, as a linear function.
-  struct Advance {
-    float c, y, z;
-    float at(float py, float pz) const { return c + py * y + pz * z; }
-  };
+  struct Near;  // what of the path is near a chunk
+  void find_chunks(const Soil& soil, const Bucket& bucket);
   Advance advance(std::size_t i) const;
-  /// Does the mouth bound its sweep at this pose, near a point of it: it ends or turns back there?
-  bool stops(std::size_t i, float y, float z) const;
-  bool carve_chunk(const Coord3& origin, float* phi) const;
-  bool carve_mouth(const Coord3& origin, float* phi) const;
-  bool carve_body(const Coord3& origin, float* phi) const;
+  Bounds bounds(std::size_t i, std::span<const Vec3> corners, double voxel_size_m) const;
+  bool find_near(const Coord3& origin, Near& near) const;
+  bool find_rows(Near& near) const;
+  /// The first pose near which distances change: the window before ended between it and the next.
+  std::size_t changing() const { return fresh_ > 0 ? fresh_ - 1 : 0; }
+  bool carve_chunk(const Near& near, Phi& phi) const;
 
-  Bucket bucket_;
+  SweepDistance sweep_;
   bool mouth_, body_;
-  float half_width_, height_;          // of the mouth, voxels
-  float h_, band_;                     // m
   std::vector<Eigen::Matrix3d> axes_;  // of the bucket at each pose
   std::vector<Vec3> positions_;        // index space
   std::size_t fresh_;
   std::size_t settled_ = 0;  // the first segment that isn't near the open back
   bool begins_;
+  float spacing_ = 0;  // half the longest segment, voxels: every point of the path is near a pose
   std::vector<Advance> advances_;  // over each segment
+  std::vector<Bounds> bounds_;     // of each pose
   std::vector<Coord3> chunks_;
   std::size_t done_ = 0;
 };

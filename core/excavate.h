@@ -7,38 +7,74 @@
 #include <span>
 #include <vector>
 
-#include "core/bucket.h"
+#include "core/facet.h"
 #include "core/soil.h"
 
 namespace soilvdb {
 
-/// A flat polygon of the bucket that cuts as it moves: the mouth, or a face of the body.
-struct Facet {
-  Pose bucket_from_facet;     ///< the polygon lies in x = 0 of the facet frame
-  std::vector<Vec2> outline;  ///< convex or not, (y, z) in the facet frame, m
-  Vec2 low, high;             ///< bounds of the outline
-  bool rectangle = false;     ///< the outline is its bounds
-};
-
-/// The mouth first, then the faces of the body.
-std::vector<Facet> facets(const Bucket& bucket);
+/// Most that a point fixed in the world may leave the straight way in the bucket frame in a segment
+/// of a path, voxels.
+inline constexpr double kMostBend = 0.02;
 
 /// What one call took away, in samples of Soil::sample_m3().
 struct Cut {
-  std::int64_t captured = 0;    ///< through the mouth
-  std::int64_t displaced = 0;   ///< by the body alone
-  std::vector<Coord3> changed;  ///< origins of the chunks that lost samples, sorted
+  std::int64_t captured = 0;   ///< through the mouth
+  std::int64_t displaced = 0;  ///< by the body alone
 };
 
-/// Removes every sample that a facet passes through between consecutive poses of `path`, in order.
+/// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated.
 ///
-/// Guarantees: the union of what a path removes does not depend on where it is split; the same path
-/// again removes nothing; the result is the same for any number of threads.
-/// @param path world_from_bucket, as from Motion::trace(); fewer than two poses remove nothing
-/// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
-Cut excavate(Soil& soil, std::span<const Facet> facets, std::span<const Pose> path);
+/// One soil may be dug by several excavators at once where their strokes touch different chunks.
+class Excavator {
+ public:
+  explicit Excavator(const Bucket& bucket) : bucket_(bucket), facets_(facets(bucket)) {}
 
-/// Removes every sample inside the body at one pose (a bucket that starts in the ground).
-Cut stamp(Soil& soil, const Bucket& bucket, const Pose& world_from_bucket);
+  /// Removes every sample that a facet passes through between consecutive poses of `path`, in
+  /// order.
+  ///
+  /// Guarantees: the union of what a path removes does not depend on where it is split; the same
+  /// path again removes nothing; the result is the same for any number of threads.
+  /// @param path world_from_bucket, as from Motion::trace(): ends of segments and, between them,
+  ///        their middles in time; points bend less than kMostBend. One pose alone removes nothing.
+  /// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
+  Cut sweep(Soil& soil, std::span<const Pose> path);
+
+  /// Removes every sample inside the body at one pose (a bucket that starts in the ground).
+  Cut stamp(Soil& soil, const Pose& world_from_bucket);
+
+ private:
+  /// Where a facet is at a pose of the path, in index space.
+  struct Station {
+    Eigen::Matrix3d axes;  // columns are the facet's
+    Vec3 position;
+    Eigen::AlignedBox3d box;
+    float reach[3];  // most the facet's coordinates differ over a chunk from those at its middle
+  };
+  /// A stroke on its way through a chunk.
+  struct Job {
+    const Facet* facet;
+    Stroke stroke;
+  };
+  /// A chunk and its jobs, in the order of the path.
+  struct Work {
+    Coord3 origin;
+    std::size_t first, last;
+    Removed removed;
+  };
+
+  Station station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) const;
+  void require_known(const Soil& soil, std::span<const Pose> path) const;
+  Eigen::AlignedBox3d box(std::size_t pose) const;
+  AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
+  void find_jobs(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
+  void dig(Soil& soil, Work& work) const;
+  void sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut);
+
+  Bucket bucket_;
+  std::vector<Facet> facets_;
+  std::vector<Station> stations_;  // by pose, then facet
+  std::vector<Job> jobs_;
+  std::vector<Work> work_;
+};
 
 }  // namespace soilvdb

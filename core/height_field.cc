@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "core/base_surface.h"
+#include "core/bilinear_patch.h"
 
 namespace soilvdb {
 namespace {
@@ -26,9 +28,8 @@ struct Tile {
 struct Window {
   int x0, y0, nx, ny;
   std::vector<float> posts;
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-  bool complete = true;
+  double low, high;
+  bool complete;
 
   float at(int x, int y) const { return posts[std::size_t(y - y0) * nx + (x - x0)]; }
 };
@@ -64,58 +65,51 @@ class HeightField final : public BaseSurface {
   void distance(const Vec3& first, double h, double band, float* phi) const override {
     const Vec3 last = first + Vec3::Constant(h * (kLeafSide - 1));
     const Vec2 margin = Vec2::Constant(band);
-    const Window w = window(first.head<2>() - margin, last.head<2>() + margin);
+    const Window& w = window(first.head<2>() - margin, last.head<2>() + margin);
     if (first.z() - band >= w.high || (w.complete && last.z() + band <= w.low)) {
       std::fill_n(phi, kLeafSize, static_cast<float>(first.z() - band >= w.high ? band : -band));
       return;
     }
-    const double steepest = steepness(w);
+    // The ratio of vertical gap to true distance is never larger.
+    const double steepest = std::hypot(1.0, steepest_x(w), steepest_y(w));
     for (int x = 0; x < kLeafSide; ++x) {
-      for (int y = 0; y < kLeafSide; ++y) {
+      for (int y = 0; y < kLeafSide; ++y, phi += kLeafSide) {
         const double px = first.x() + h * x, py = first.y() + h * y;
         const double ground = at(w, px, py);
-        const bool none = std::isnan(ground);
-        for (int z = 0; z < kLeafSide; ++z, ++phi) {
-          const Vec3 p(px, py, first.z() + h * z);
-          const double gap = none ? std::numeric_limits<double>::infinity() : p.z() - ground;
-          double d = band;
-          if (none || std::abs(gap) < band * steepest) {
-            d = nearest(w, p, std::min(std::abs(gap), band));
-          }
-          *phi = static_cast<float>(gap < 0 ? -d : d);
+        std::array<float, kLeafSide> best;
+        bool near = false;
+        for (int z = 0; z < kLeafSide; ++z) {
+          const double gap = std::isnan(ground) ? kFar : std::abs(first.z() + h * z - ground);
+          near |= std::isnan(ground) || gap < band * steepest;
+          best[static_cast<std::size_t>(z)] = static_cast<float>(std::min(gap, band));
+        }
+        if (near) nearest(w, {px, py, first.z()}, h, best);
+        for (int z = 0; z < kLeafSide; ++z) {
+          const float d = best[static_cast<std::size_t>(z)];
+          phi[z] = first.z() + h * z < ground ? -d : d;
         }
       }
     }
   }
 
-  std::uint64_t occupancy(const Vec3& low, double h, const CellPoints& points) const override {
-    const Vec2 u0 = post(low.x(), low.y()), u1 = post(low.x() + h, low.y() + h);
-    const int i = static_cast<int>(std::floor(u0.x())), j = static_cast<int>(std::floor(u0.y()));
-    const Window w = window(low.head<2>(), low.head<2>() + Vec2::Constant(h));
-    std::uint64_t bits = 0;
-    if (u1.x() <= i + 1 && u1.y() <= j + 1 && i >= 0 && j >= 0 && i + 1 < grid_.nx &&
-        j + 1 < grid_.ny) {
-      // The cell lies in one patch: z = a + b x + c y + d x y in cell units.
-      const double z00 = w.at(i, j), z10 = w.at(i + 1, j), z01 = w.at(i, j + 1),
-                   z11 = w.at(i + 1, j + 1);
-      const double twist = z00 - z10 - z01 + z11, u = u0.x() - i, v = u0.y() - j;
-      const double du = h / grid_.spacing.x(), dv = h / grid_.spacing.y();
-      const double a0 = z00 + u * (z10 - z00) + v * (z01 - z00) + u * v * twist;
-      const float a = static_cast<float>((a0 - low.z()) / h);
-      const float b = static_cast<float>(((z10 - z00) + v * twist) * du / h);
-      const float c = static_cast<float>(((z01 - z00) + u * twist) * dv / h);
-      const float d = static_cast<float>(twist * du * dv / h);
-      for (int k = 0; k < 64; ++k) {
-        const float x = points.x[k], y = points.y[k];
-        bits |= std::uint64_t{points.z[k] < a + b * x + (c + d * x) * y} << k;
+  void samples(const Coord3& chunk, const Vec3& first, double h,
+               SampleWords& words) const override {
+    const Vec2 half = Vec2::Constant(h / 2);
+    const Vec2 last = first.head<2>() + Vec2::Constant(h * (kLeafSide - 1));
+    const Window& w = window(first.head<2>() - half, last + half);
+    // Over a cell the ground is within this of its height in the middle.
+    const double reach = h / 2 * (1 + steepest_x(w) + steepest_y(w));
+    for (int n = 0; n < kLeafSize; ++n) {
+      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
+      const double gap = middle.z() - at(w, middle.x(), middle.y());
+      if (w.complete && std::abs(gap) > reach) {
+        words[static_cast<std::size_t>(n)] = gap < 0 ? kAllSoil : 0;
+      } else {
+        const CellPoints& points = sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7));
+        words[static_cast<std::size_t>(n)] =
+            occupancy(w, middle - Vec3::Constant(h / 2), h, points);
       }
-      return bits;
     }
-    for (int k = 0; k < 64; ++k) {
-      const double ground = at(w, low.x() + h * points.x[k], low.y() + h * points.y[k]);
-      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false where there is none
-    }
-    return bits;
   }
 
   std::optional<double> height(double x, double y) const override {
@@ -125,6 +119,34 @@ class HeightField final : public BaseSurface {
   }
 
  private:
+  static constexpr double kFar = std::numeric_limits<double>::infinity();
+
+  /// Bit i is set where point i of the cell with low corner `low` and side `h` is soil.
+  std::uint64_t occupancy(const Window& w, const Vec3& low, double h,
+                          const CellPoints& points) const {
+    const Vec2 u0 = post(low.x(), low.y()), u1 = post(low.x() + h, low.y() + h);
+    const int i = static_cast<int>(std::floor(u0.x())), j = static_cast<int>(std::floor(u0.y()));
+    if (u1.x() <= i + 1 && u1.y() <= j + 1 && i >= 0 && j >= 0 && i + 1 < grid_.nx &&
+        j + 1 < grid_.ny) {
+      // The cell lies in one patch: z = a + b x + c y + d x y in cell units.
+      const double z00 = w.at(i, j), z10 = w.at(i + 1, j), z01 = w.at(i, j + 1),
+                   z11 = w.at(i + 1, j + 1);
+      const double twist = z00 - z10 - z01 + z11, u = u0.x() - i, v = u0.y() - j;
+      const double du = h / grid_.spacing.x(), dv = h / grid_.spacing.y();
+      const double a0 = z00 + u * (z10 - z00) + v * (z01 - z00) + u * v * twist;
+      return points_below(points, static_cast<float>((a0 - low.z()) / h),
+                          static_cast<float>(((z10 - z00) + v * twist) * du / h),
+                          static_cast<float>(((z01 - z00) + u * twist) * dv / h),
+                          static_cast<float>(twist * du * dv / h));
+    }
+    std::uint64_t bits = 0;
+    for (int k = 0; k < 64; ++k) {
+      const double ground = at(w, low.x() + h * points.x[k], low.y() + h * points.y[k]);
+      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false where there is none
+    }
+    return bits;
+  }
+
   struct Bounds {
     double low, high;
     bool complete;
@@ -210,8 +232,11 @@ class HeightField final : public BaseSurface {
     return {least, most, complete};
   }
 
-  Window window(const Vec2& low, const Vec2& high) const {
-    Window w;
+  /// Good until the thread asks for the next.
+  const Window& window(const Vec2& low, const Vec2& high) const {
+    thread_local Window w;
+    w.low = kFar;
+    w.high = -kFar;
     int x1, y1;
     range(low, high, 0, w.x0, w.y0, x1, y1, w.complete);
     w.nx = std::max(0, x1 - w.x0 + 1);
@@ -246,29 +271,31 @@ class HeightField final : public BaseSurface {
     return (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d);
   }
 
-  /// Length of surface normal (-dz/dx, -dz/dy, 1) where the window is steepest: the ratio of
-  /// vertical gap to true distance is never larger.
-  double steepness(const Window& w) const {
-    double gx = 0, gy = 0;
+  /// Largest |dz/dx| and |dz/dy| between the window's posts, those without a height left out.
+  double steepest_x(const Window& w) const {
+    float most = 0;
     for (int y = 0; y < w.ny; ++y) {
-      for (int x = 0; x < w.nx; ++x) {
-        const float z = w.posts[std::size_t(y) * w.nx + x];
-        if (x + 1 < w.nx) {
-          const double g = std::abs(w.posts[std::size_t(y) * w.nx + x + 1] - z) / grid_.spacing.x();
-          if (g > gx) gx = g;
-        }
-        if (y + 1 < w.ny) {
-          const double g = std::abs(w.posts[std::size_t(y + 1) * w.nx + x] - z) / grid_.spacing.y();
-          if (g > gy) gy = g;
-        }
-      }
+      const float* z = &w.posts[std::size_t(y) * w.nx];
+      for (int x = 0; x + 1 < w.nx; ++x) most = larger(most, z[x + 1] - z[x]);
     }
-    return std::sqrt(1 + gx * gx + gy * gy);
+    return most / grid_.spacing.x();
+  }
+  double steepest_y(const Window& w) const {
+    float most = 0;
+    for (int y = 0; y + 1 < w.ny; ++y) {
+      const float* z = &w.posts[std::size_t(y) * w.nx];
+      for (int x = 0; x < w.nx; ++x) most = larger(most, z[x + w.nx] - z[x]);
+    }
+    return most / grid_.spacing.y();
+  }
+  static float larger(float most, float step) {
+    return std::abs(step) > most ? std::abs(step) : most;
   }
 
-  /// Distance from p to the patches within `reach` of it sideways, at most `reach`.
-  double nearest(const Window& w, const Vec3& p, double reach) const {
-    double best = reach;
+  /// Lowers `best` to the distances from p and the points above it, `step` apart, to the patches.
+  void nearest(const Window& w, const Vec3& p, double step,
+               std::array<float, kLeafSide>& best) const {
+    const double reach = *std::max_element(best.begin(), best.end());
     const Vec2 c = post(p.x(), p.y());
     const Vec2 r = Vec2::Constant(reach).cwiseQuotient(grid_.spacing);
     const int i0 = std::max(static_cast<int>(std::floor(c.x() - r.x())), w.x0);
@@ -277,49 +304,17 @@ class HeightField final : public BaseSurface {
     const int j1 = std::min(static_cast<int>(std::floor(c.y() + r.y())), w.y0 + w.ny - 2);
     for (int j = j0; j <= j1; ++j) {
       for (int i = i0; i <= i1; ++i) {
-        const double z[4] = {w.at(i, j), w.at(i + 1, j), w.at(i, j + 1), w.at(i + 1, j + 1)};
-        const double low = std::min(std::min(z[0], z[1]), std::min(z[2], z[3]));
-        const double high = std::max(std::max(z[0], z[1]), std::max(z[2], z[3]));
-        if (!(p.z() - high < best && low - p.z() < best)) continue;  // also where a post is NaN
-        best = std::min(best, patch_distance(i, j, z, p));
+        const BilinearPatch patch{grid_.spacing.x(), grid_.spacing.y(), w.at(i, j),
+                                  w.at(i + 1, j),    w.at(i, j + 1),    w.at(i + 1, j + 1)};
+        const double low = std::min(std::min(patch.z00, patch.z10), std::min(patch.z01, patch.z11));
+        const double high =
+            std::max(std::max(patch.z00, patch.z10), std::max(patch.z01, patch.z11));
+        if (std::isnan(patch.z00 + patch.z10 + patch.z01 + patch.z11)) continue;
+        if (p.z() - high >= reach || low - (p.z() + step * (kLeafSide - 1)) >= reach) continue;
+        nearest_on_patch(patch, p.x() - (grid_.first.x() + i * grid_.spacing.x()),
+                         p.y() - (grid_.first.y() + j * grid_.spacing.y()), p.z(), step, best);
       }
     }
-    return best;
-  }
-
-  /// Distance from p to the bilinear patch at post (i, j): Gauss-Newton on (u, v) in [0, 1]^2.
-  double patch_distance(int i, int j, const double* z, const Vec3& p) const {
-    if (std::isnan(z[0] + z[1] + z[2] + z[3])) return std::numeric_limits<double>::infinity();
-    const double dx = grid_.spacing.x(), dy = grid_.spacing.y();
-    const double px = p.x() - (grid_.first.x() + i * dx), py = p.y() - (grid_.first.y() + j * dy);
-    double u = std::clamp(px / dx, 0.0, 1.0), v = std::clamp(py / dy, 0.0, 1.0);
-    const double zu = z[1] - z[0], zv = z[2] - z[0], twist = z[0] - z[1] - z[2] + z[3];
-    double best = std::numeric_limits<double>::infinity();
-    for (int iteration = 0; iteration < 6; ++iteration) {
-      const Vec3 r(u * dx - px, v * dy - py, z[0] + u * zu + v * zv + u * v * twist - p.z());
-      const double d = r.norm();
-      if (d >= best - 1e-9 * dx) return std::min(d, best);
-      best = d;
-      const double su = zu + v * twist, sv = zv + u * twist;  // dz/du, dz/dv
-      const double a = dx * dx + su * su, b = su * sv, c = dy * dy + sv * sv;
-      const double gu = dx * r.x() + su * r.z(), gv = dy * r.y() + sv * r.z();
-      const double det = a * c - b * b;
-      const double full_u = u - (c * gu - b * gv) / det, full_v = v - (a * gv - b * gu) / det;
-      const double nu = std::clamp(full_u, 0.0, 1.0);
-      const double nv = std::clamp(full_v, 0.0, 1.0);
-      // On a border the other coordinate is free to move on along it.
-      if (nu != full_u) {
-        v = std::clamp(v - (gv + b * (nu - u)) / c, 0.0, 1.0);
-        u = nu;
-      } else if (nv != full_v) {
-        u = std::clamp(u - (gu + b * (nv - v)) / a, 0.0, 1.0);
-        v = nv;
-      } else {
-        u = nu;
-        v = nv;
-      }
-    }
-    return best;
   }
 
   HeightGrid grid_;

@@ -47,14 +47,26 @@ class LevelSetSurface final : public BaseSurface {
     }
   }
 
-  std::uint64_t occupancy(const Vec3& low, double h, const CellPoints& points) const override {
+  void samples(const Coord3& chunk, const Vec3& first, double h,
+               SampleWords& words) const override {
     const Sampler sampler(*grid_);
-    std::uint64_t bits = 0;
-    for (int i = 0; i < 64; ++i) {
-      const Vec3 p = low + h * Vec3(points.x[i], points.y[i], points.z[i]);
-      bits |= std::uint64_t{at(sampler, p) < 0} << i;
+    // A cell whose middle is farther from the surface than its corners are is all one; where the
+    // band is narrower than that, each point counts.
+    const double clear = h * 0.9;
+    for (int n = 0; n < kLeafSize; ++n) {
+      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
+      const double d = at(sampler, middle);
+      std::uint64_t bits = d < 0 ? kAllSoil : 0;
+      if (std::abs(d) <= clear) {
+        const CellPoints& points = sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7));
+        bits = 0;
+        for (int i = 0; i < 64; ++i) {
+          const Vec3 q(points.x[i] - 0.5, points.y[i] - 0.5, points.z[i] - 0.5);
+          bits |= std::uint64_t{at(sampler, middle + h * q) < 0} << i;
+        }
+      }
+      words[static_cast<std::size_t>(n)] = bits;
     }
-    return bits;
   }
 
   std::optional<double> height(double x, double y) const override {

@@ -18,7 +18,6 @@
 namespace soilvdb {
 namespace {
 
-using Leaf = openvdb::FloatTree::LeafNodeType;
 using openvdb::Coord;
 
 constexpr int kChunksPerBlock = kBlockSide / kLeafSide;
@@ -42,28 +41,20 @@ std::vector<Coord3> resident(const Soil& soil, const Coord3& block) {
 /// A level set of these chunks and all that touch them, so that quads on their faces are whole.
 openvdb::FloatGrid::Ptr with_halo(const Soil& soil, const std::vector<Coord3>& chunks) {
   const float band = static_cast<float>(soil.band_m());
-  auto grid = openvdb::FloatGrid::create(band);
-  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
+  grid->setTransform(openvdb::math::Transform::createLinearTransform());
   std::set<Coord3, SurfaceMesh::Less> all;
   for (const Coord3& c : chunks) {
     for (int n = 0; n < 27; ++n)
       all.insert(c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
   }
-  std::array<float, kLeafSize> phi;
   for (const Coord3& c : all) {
-    soil.read_phi(c, phi.data());
-    const auto [low, high] = std::minmax_element(phi.begin(), phi.end());
-    if (*low >= band) continue;
-    if (*high <= -band) {
+    std::unique_ptr<FloatLeaf> leaf = surface_leaf(soil, c);
+    if (!leaf->getValueMask().isOff()) {
+      grid->tree().addLeaf(leaf.release());
+    } else if (leaf->getValue(0) < 0) {
       grid->tree().addTile(1, coord(c), -band, false);
-      continue;
     }
-    auto* leaf = new Leaf(coord(c), band);
-    for (int n = 0; n < kLeafSize; ++n) {
-      leaf->setValueOnly(static_cast<openvdb::Index>(n), phi[n]);
-      leaf->setActiveState(static_cast<openvdb::Index>(n), std::abs(phi[n]) < band);
-    }
-    grid->tree().addLeaf(leaf);
   }
   return grid;
 }

@@ -27,25 +27,16 @@ void check_times(const std::vector<double>& times_s, std::size_t rows) {
   }
 }
 
-/// The points of a bucket that move farthest: the mouth's corners and the body's outline.
-std::vector<Vec3> extremes(const Bucket& bucket) {
-  std::vector<Vec3> points;
-  for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
-    points.emplace_back(0, y, 0);
-    points.emplace_back(0, y, bucket.height_m);
-    for (const Vec2& p : bucket.profile) points.emplace_back(p.x(), y, p.y());
-  }
-  return points;
-}
-
-/// Appends poses after `a` up to and including `b`; `at(s)` is the pose at fraction s between them.
+/// Appends poses after `a` up to and including `b`, middles of segments and their ends; `at(s)` is
+/// the pose at fraction s between them.
 template <typename At>
 void bisect(const Pose& a, double sa, const Pose& b, double sb, const At& at,
             const std::vector<Vec3>& points, double tolerance_m, double stride_m, int depth,
             std::vector<Pose>& out) {
   const double sm = (sa + sb) / 2;
+  const Pose m = at(sm);
   if (depth < kMaxBisections && sm > sa && sm < sb) {
-    const Pose m = at(sm), bucket_a = a.inverse(), bucket_b = b.inverse();
+    const Pose bucket_a = a.inverse(), bucket_b = b.inverse();
     for (const Vec3& p : points) {
       const Vec3 world = m * p;
       const double bend = ((bucket_a * world + bucket_b * world) / 2 - p).norm();
@@ -56,6 +47,7 @@ void bisect(const Pose& a, double sa, const Pose& b, double sb, const At& at,
       }
     }
   }
+  out.push_back(m);
   out.push_back(b);
 }
 

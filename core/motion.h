@@ -30,10 +30,11 @@ class Motion {
   /// `tolerance_m` of where it was at each row's time.
   Motion simplified(const Bucket& bucket, double tolerance_m) const;
 
-  /// Poses from `t0` to `t1`, both included, close enough together that a point fixed in the world
-  /// moves in a straight line in the bucket frame between two of them, to within `tolerance_m` over
-  /// the whole bucket, and no corner moves more than `stride_m`. Every row between is respected.
-  std::vector<Pose> trace(double t0, double t1, const Bucket& bucket, double tolerance_m,
+  /// The motion from `t0` to `t1` in segments: the pose where it starts, then for each segment the
+  /// pose half-way in time and the one at its end. In a segment no corner moves more than
+  /// `stride_m` and a point fixed in the world leaves the straight way in the bucket frame by no
+  /// more than `bend_m`, over the whole bucket. Every row between is respected.
+  std::vector<Pose> trace(double t0, double t1, const Bucket& bucket, double bend_m,
                           double stride_m) const;
 
  private:

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/base_surface.h"
+#include "core/bilinear_patch.h"
 
 namespace soilvdb {
 namespace {
@@ -36,15 +36,23 @@ class Plane final : public BaseSurface {
     }
   }
 
-  std::uint64_t occupancy(const Vec3& low, double h, const CellPoints& points) const override {
-    // Relative to the cell, so that float is enough.
-    const float a = static_cast<float>((at(low.x(), low.y()) - low.z()) / h);
-    const float sx = static_cast<float>(slope_.x()), sy = static_cast<float>(slope_.y());
-    std::uint64_t bits = 0;
-    for (int i = 0; i < 64; ++i) {
-      bits |= std::uint64_t{points.z[i] < a + sx * points.x[i] + sy * points.y[i]} << i;
+  void samples(const Coord3& chunk, const Vec3& first, double h,
+               SampleWords& words) const override {
+    const double reach = h / 2 * (1 + slope_.cwiseAbs().sum());
+    for (int n = 0; n < kLeafSize; ++n) {
+      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
+      const double gap = middle.z() - at(middle.x(), middle.y());
+      if (std::abs(gap) > reach) {
+        words[static_cast<std::size_t>(n)] = gap < 0 ? kAllSoil : 0;
+        continue;
+      }
+      // Relative to the cell, so that float is enough.
+      const Vec3 low = middle - Vec3::Constant(h / 2);
+      words[static_cast<std::size_t>(n)] =
+          points_below(sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7)),
+                       static_cast<float>((at(low.x(), low.y()) - low.z()) / h),
+                       static_cast<float>(slope_.x()), static_cast<float>(slope_.y()), 0);
     }
-    return bits;
   }
 
   std::optional<double> height(double x, double y) const override { return at(x, y); }

@@ -16,25 +16,26 @@
 
 namespace soilvdb {
 
+/// phi of a chunk's voxels in 1/32767 of the band, at voxel x*64 + y*8 + z.
+using Phi = std::array<std::int16_t, kLeafSize>;
+inline constexpr std::int16_t kPhiMax = 32767;
+
 /// One resident chunk of 8x8x8 voxels, at voxel x*64 + y*8 + z.
 ///
 /// A voxel has a value and a cell. The value `phi` is the signed distance at the voxel's centre:
-/// phi < 0 in soil, metres, clamped to +-band. The cell is the cube of one voxel's side about the
-/// centre; it holds 64 sample points, and a bit of `samples` for each says whether it is soil.
-/// Volumes are counted on samples, surfaces are read off phi.
+/// phi < 0 in soil, clamped to +-band, kept in 16 bits. The cell is the cube of one voxel's side
+/// about the centre; it holds 64 sample points, and a bit of `samples` for each says whether it is
+/// soil. Volumes are counted on samples, surfaces are read off phi. Each is made when something
+/// first changes it: until then it is that of the base surface.
 struct Chunk {
-  Coord3 origin;         ///< index of the first voxel, a multiple of 8
-  float* phi = nullptr;  ///< 512 values, the buffer of the OpenVDB leaf
-  Samples samples;
+  Coord3 origin;           ///< index of the first voxel, a multiple of 8
+  bool sampled = false;    ///< else samples, base and now are still to be made
+  bool air = false;        ///< phi is +band all over, and isn't stored
   std::uint32_t base = 0;  ///< samples of soil in the base surface
   std::uint32_t now = 0;   ///< samples of soil now
+  std::unique_ptr<Phi> phi;
+  Samples samples;
 };
-
-/// The 64 sample points of the cell of a voxel: a rank-1 lattice, turned and shifted as a hash of
-/// the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
-const CellPoints& sample_points(const Coord3& voxel);
-
-class SoilGrids;  // core/soil_grids.h: the OpenVDB side
 
 /// The ground of a site.
 ///
@@ -42,7 +43,9 @@ class SoilGrids;  // core/soil_grids.h: the OpenVDB side
 /// indices, grids and meshes stay near zero on sites in UTM coordinates.
 ///
 /// Invariants: a chunk that is not resident equals the base surface; soil only shrinks.
-/// Not copyable. Const members may run together with each other, not with the others.
+/// Not copyable. Const members may run together with each other. make() and what changes a chunk
+/// may run together with all of them where other chunks are concerned; restore() and drop() may
+/// not.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
@@ -64,25 +67,32 @@ class Soil {
   /// The chunk whose first voxel is `origin` (multiples of 8), or null if it isn't resident.
   Chunk* find(const Coord3& origin);
   const Chunk* find(const Coord3& origin) const;
-  /// The same, made from the base surface if it isn't resident. Not thread-safe.
+  /// The same, made resident if it isn't.
   Chunk& make(const Coord3& origin);
-  /// Forgets a resident chunk: there the ground is the base surface again. Not thread-safe.
+  /// The chunk with its samples, made resident if it holds soil; null if it isn't and doesn't.
+  Chunk* with_samples(const Coord3& origin);
+  /// Puts phi into a chunk.
+  void set_phi(Chunk& chunk, const Phi& phi) const;
+  /// Forgets a resident chunk: there the ground is the base surface again.
   void drop(const Coord3& origin);
   /// What a chunk that isn't resident would hold, its cells included.
   Content classify(const Coord3& origin) const;
-  /// Tells that a chunk's phi was written. May run together with itself on other chunks.
-  void phi_changed(const Chunk& chunk);
-  /// phi of a chunk, resident or not, into 512 values.
-  void read_phi(const Coord3& origin, float* phi) const;
+
+  /// phi of a chunk, resident or not.
+  void read_phi(const Coord3& origin, Phi& phi) const;
+  /// The same in metres, 512 values.
+  void read_phi(const Coord3& origin, float* phi_m) const;
   /// samples of a chunk, resident or not.
   void read_samples(const Coord3& origin, SampleWords& samples) const;
+  /// Samples of soil that the base surface has in a chunk.
+  std::uint32_t base_samples(const Coord3& origin) const;
 
   /// Resident chunks, ordered by origin (x, then y, then z).
   std::vector<const Chunk*> chunks() const;
 
   /// Puts back a chunk as a snapshot held it. @throw std::invalid_argument if it is resident.
   /// @param base samples of soil that the base surface has there
-  void restore(const Coord3& origin, const float* phi, const SampleWords& samples,
+  void restore(const Coord3& origin, const float* phi_m, const SampleWords& samples,
                std::uint32_t base);
 
   /// Height of the topmost soil at (x, y) of the world, m.
@@ -96,16 +106,14 @@ class Soil {
   /// Digest of voxel size, origin and every resident chunk's phi and samples.
   std::uint64_t state_hash() const;
 
-  /// The level set as OpenVDB grids.
-  SoilGrids& grids() { return *grids_; }
-  const SoilGrids& grids() const { return *grids_; }
+  /// One unit of phi, m.
+  float phi_step_m() const { return static_cast<float>(band_m()) / kPhiMax; }
 
  private:
-  struct Index;
+  class Index;
   double h_;
   Vec3 origin_;
   std::shared_ptr<const BaseSurface> base_;
-  std::unique_ptr<SoilGrids> grids_;
   std::unique_ptr<Index> index_;
 };
 

@@ -9,19 +9,17 @@
 
 namespace soilvdb {
 
-/// Owns the leaves of the resident ground.
-class SoilGrids {
- public:
-  SoilGrids(double voxel_size_m, double band_m);
+using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 
-  /// The resident ground: class level set, background +band, leaves only. World coordinates of the
-  /// grid's transform are relative to Soil::origin(). Active where |phi| < band.
-  openvdb::FloatGrid& surface() { return *surface_; }
-  const openvdb::FloatGrid& surface() const { return *surface_; }
+/// phi of a chunk, resident or not, as a leaf.
+std::unique_ptr<FloatLeaf> surface_leaf(const Soil& soil, const Coord3& origin);
 
- private:
-  openvdb::FloatGrid::Ptr surface_;
-};
+/// The resident ground as a grid `surface`: class level set, background +band, a leaf for each
+/// chunk, active where |phi| < band. Its transform is relative to Soil::origin().
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil);
+
+/// A grid like that without leaves.
+openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil);
 
 /// Base surface from a closed level set: trilinear between its voxels.
 /// @param origin added to the grid's own world coordinates

@@ -6,9 +6,12 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/bucket.h"
+#include "core/motion.h"
 #include "core/soil.h"
 
 namespace soilvdb {
@@ -31,7 +34,19 @@ struct Ledger {
 struct Update {
   double cut_m3 = 0;     ///< removed from the ground by this update
   double bucket_m3 = 0;  ///< in the bucket after it
+  double us = 0;         ///< it took
 };
+
+/// What a machine is to do next: go straight on to a pose or, with a motion, along that from
+/// `begin_s`, where it is, to `end_s`.
+struct Move {
+  std::size_t machine = 0;
+  Pose to;
+  const Motion* motion = nullptr;
+  double begin_s = 0, end_s = 0;
+};
+
+class Machine;  // core/machine.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
@@ -49,12 +64,15 @@ class Tracker {
   ~Tracker();
 
   /// Moves a machine's bucket on to a pose, in a straight line and by slerp from the last one. The
-  /// first update of a machine places its bucket.
+  /// first update of a machine places its bucket. @throw NoGroundError
   Update update(std::size_t machine, const Pose& world_from_bucket);
-
-  /// Moves it along a path, as from Motion::trace(), whose first pose is the last of the update
-  /// before (for a machine's first update: where it starts).
-  Update update(std::size_t machine, std::span<const Pose> path);
+  /// Moves it along a motion from one time to another. The first is that of the update before (for
+  /// a machine's first update: where it starts).
+  Update update(std::size_t machine, const Motion& motion, double begin_s, double end_s);
+  /// The same for many moves, one update each. Machines that are far enough apart move in parallel;
+  /// the result is that of the moves one after another, bit for bit.
+  /// @throw NoGroundError; other machines may then have moved further than this one
+  std::vector<Update> update(std::span<const Move> moves);
 
   /// Brings phi up to date with the samples. Updates do so by themselves, a part each, and are
   /// never more than eight voxels of travel behind.
@@ -65,17 +83,19 @@ class Tracker {
   /// Origins of the chunks whose phi changed since the last call, sorted; calls flush() first.
   std::vector<Coord3> take_changed();
 
-  /// How far apart poses on a path may be (Motion::trace's tolerance and stride).
+  /// How far the path that is dug may be from a machine's own: no more than this over the bucket.
   double tolerance_m() const;
-  double stride_m() const;
+
+  /// All that the next update depends on besides the soil, as bytes; call flush() first. A tracker
+  /// of the same buckets on the soil as it is then goes on from there as this one would.
+  std::string state() const;
+  /// @throw std::invalid_argument if these bytes are of other buckets, or not from state()
+  void restore(std::string_view state);
 
  private:
-  struct Machine;
-  void compact_changed();
+  void take_back();
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;
-  std::vector<Coord3> changed_;     // with repeats
-  std::size_t changed_unique_ = 0;  // of those, when they were last counted
 };
 
 }  // namespace soilvdb

@@ -87,11 +87,11 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
 Int64Grid::Ptr samples_grid(const Soil& soil) {
   Int64Grid::Ptr grid = Int64Grid::create(0);
   grid->setName("samples");
-  grid->setTransform(soil.grids().surface().transform().copy());
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(soil.voxel_size_m()));
   SampleWords words;
   for (const Chunk* chunk : soil.chunks()) {
     const Coord3& o = chunk->origin;
-    chunk->samples.expand(words);
+    soil.read_samples(o, words);
     auto* leaf = new SamplesLeaf(openvdb::Coord(o.x(), o.y(), o.z()), 0);
     for (openvdb::Index n = 0; n < SamplesLeaf::SIZE; ++n) {
       const auto value = static_cast<std::int64_t>(words[n]);
@@ -111,7 +111,8 @@ openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil) {
       openvdb::math::Transform::createLinearTransform(soil.voxel_size_m() * kLeafSide));
   for (const Chunk* chunk : soil.chunks()) {
     const Coord3 o = chunk->origin / kLeafSide;
-    grid->tree().setValue({o.x(), o.y(), o.z()}, static_cast<std::int32_t>(chunk->base));
+    grid->tree().setValue({o.x(), o.y(), o.z()},
+                          static_cast<std::int32_t>(soil.base_samples(chunk->origin)));
   }
   return grid;
 }
@@ -123,13 +124,10 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   openvdb::initialize();
   MetaMap meta;
   put_all(meta, file, site, info);
-  // A grid of its own metadata that shares the soil's tree.
-  const FloatGrid& soil_grid = site.soil->grids().surface();
-  MetaMap of_grid = soil_grid;
+  const FloatGrid::Ptr surface = surface_grid(*site.soil);
   for (auto item = meta.beginMeta(); item != meta.endMeta(); ++item) {
-    of_grid.insertMeta(item->first, *item->second);
+    surface->insertMeta(item->first, *item->second);
   }
-  const FloatGrid::ConstPtr surface = soil_grid.copyReplacingMetadata(of_grid);
   std::ostringstream out(std::ios::binary);
   SeekableArchive archive;
   archive.setCompression((openvdb::io::Archive::hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC

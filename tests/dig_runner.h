@@ -13,8 +13,7 @@ inline void run(Tracker& tracker, const Dig& dig, int updates, std::size_t machi
   const double begin = dig.motion.begin_s(), span = dig.motion.end_s() - begin;
   for (int i = 0; i < updates; ++i) {
     const double from = begin + span * i / updates, to = begin + span * (i + 1) / updates;
-    tracker.update(
-        machine, dig.motion.trace(from, to, dig.bucket, tracker.tolerance_m(), tracker.stride_m()));
+    tracker.update(machine, dig.motion, from, to);
   }
 }
 

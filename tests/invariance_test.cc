@@ -74,11 +74,11 @@ TEST(Cut, TheSamePathAgainRemovesNothing) {
     const Dig dig = make_dig(family, placements()[1]);
     Soil soil(kVoxel, dig.origin, dig.ground);
     const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * 2.5e-4, kVoxel * 16);
-    const auto faces = facets(dig.bucket);
-    EXPECT_GT(excavate(soil, faces, path).captured, 0) << family;
-    EXPECT_EQ(excavate(soil, faces, path).captured, 0) << family << " again";
+    Excavator excavator(dig.bucket);
+    EXPECT_GT(excavator.sweep(soil, path).captured, 0) << family;
+    EXPECT_EQ(excavator.sweep(soil, path).captured, 0) << family << " again";
     const std::vector<Pose> back(path.rbegin(), path.rend());
-    EXPECT_EQ(excavate(soil, faces, back).captured, 0) << family << " backwards";
+    EXPECT_EQ(excavator.sweep(soil, back).captured, 0) << family << " backwards";
   }
 }
 
@@ -101,12 +101,13 @@ TEST(Cut, SoilOnlyShrinks) {
   Tracker tracker(soil, {dig.bucket});
   std::map<const Chunk*, std::vector<float>> before;
   for (int i = 0; i < kUpdates; ++i) {
-    tracker.update(0, dig.motion.trace(i / 40.0, (i + 1) / 40.0, dig.bucket, tracker.tolerance_m(),
-                                       tracker.stride_m()));
+    tracker.update(0, dig.motion, i / 40.0, (i + 1) / 40.0);
     for (const Chunk* chunk : soil.chunks()) {
       std::vector<float>& old = before[chunk];
-      for (std::size_t n = 0; n < old.size(); ++n) ASSERT_GE(chunk->phi[n], old[n]);
-      old.assign(chunk->phi, chunk->phi + kLeafSize);
+      std::vector<float> now(kLeafSize);
+      soil.read_phi(chunk->origin, now.data());
+      for (std::size_t n = 0; n < old.size(); ++n) ASSERT_GE(now[n], old[n]);
+      old = std::move(now);
     }
   }
 }
@@ -137,11 +138,13 @@ Disagreement disagreement(const Soil& soil) {
   constexpr double kBend = 2;
   Disagreement d;
   SampleWords samples;
+  float phi_m[kLeafSize];
   for (const Chunk* chunk : soil.chunks()) {
     soil.read_samples(chunk->origin, samples);
+    soil.read_phi(chunk->origin, phi_m);
     for (int n = 0; n < kLeafSize; ++n) {
       const int count = std::popcount(samples[static_cast<std::size_t>(n)]);
-      const double phi = chunk->phi[n];
+      const double phi = phi_m[n];
       d.sign += std::abs(phi) > crease && (phi < 0) != (count > 32);
       d.distance += std::abs(phi) > kBend * reach && count != (phi < 0 ? 64 : 0);
     }
@@ -200,13 +203,15 @@ TEST_P(PlanarSurface, ZeroOfPhiLiesOnTheTrueSurface) {
     const Dug dug(dig, h, 200);
     double worst = 0;
     int looked = 0, bad = 0;
+    float phi_m[kLeafSize];
     for (const Chunk* chunk : dug.soil.chunks()) {
+      dug.soil.read_phi(chunk->origin, phi_m);
       for (int n = 0; n < kLeafSize; n += 3) {
         const int x = n >> 6, y = n >> 3 & 7, z = n & 7;
         if (x % 7 == 0 || y % 7 == 0 || z % 7 == 0) continue;
-        const double phi = chunk->phi[n];
+        const double phi = phi_m[n];
         if (std::abs(phi) > 0.5 * h) continue;
-        const auto slope = [&](int step) { return chunk->phi[n + step] - chunk->phi[n - step]; };
+        const auto slope = [&](int step) { return phi_m[n + step] - phi_m[n - step]; };
         const Vec3 normal = Vec3(slope(64), slope(8), slope(1)).normalized();
         const Coord3 voxel = chunk->origin + Coord3(x, y, z);
         const Vec3 on = dug.soil.world_from_index(voxel.cast<double>()) - phi * normal;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/excavate.h"
 #include "tests/dig_runner.h"
 
 namespace soilvdb::testing {
@@ -101,10 +102,10 @@ TEST(Ledger, ALoadLeavesWithinAnUpdateToo) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   Tracker tracker(soil, {Bucket{0.6, 0.4, {}, 0.8}});
   tracker.update(0, at(0, 0, -0.2));
-  // Down to 1.2 rad and back within one path.
-  const std::vector<Pose> path{at(0, 0, -0.2),     at(1, 0, -0.2),   at(1, 0, 0.6),
-                               at(1, 0, 0.6, 1.2), at(1, 0, 0.6, 0), at(2, 0, 0.6)};
-  EXPECT_EQ(tracker.update(0, path).bucket_m3, 0);
+  // Down to 1.2 rad and back within one update.
+  const Motion motion({0, 1, 2, 3, 4, 5}, {at(0, 0, -0.2), at(1, 0, -0.2), at(1, 0, 0.6),
+                                           at(1, 0, 0.6, 1.2), at(1, 0, 0.6, 0), at(2, 0, 0.6)});
+  EXPECT_EQ(tracker.update(0, motion, 0, 5).bucket_m3, 0);
   EXPECT_EQ(tracker.ledger(0).dumped, tracker.ledger(0).captured);
   EXPECT_GT(tracker.ledger(0).dumped, 0);
 }
@@ -133,13 +134,17 @@ TEST(Ledger, AnySplitOfAPathGivesTheSameSamples) {
     if (body) dig.bucket.profile = {{0, 0}, {-0.4, 0.1}, {-0.4, 0.4}, {0, 0.5}};
     const auto path = dig.motion.trace(0, 1, dig.bucket, 1e-5, 0.4);
     std::int64_t whole = 0, whole_captured = 0;
-    for (const std::size_t length : {path.size(), std::size_t{2}, std::size_t{7}}) {
+    for (const std::size_t length : {path.size(), std::size_t{3}, std::size_t{7}}) {
       Soil soil(kVoxel, dig.origin, dig.ground);
-      Tracker tracker(soil, {dig.bucket});
+      Excavator excavator(dig.bucket);
+      Ledger total;
+      total.sample_m3 = soil.sample_m3();
       for (std::size_t i = 0; i + 1 < path.size(); i += length - 1) {
-        tracker.update(0, std::span(path).subspan(i, std::min(length, path.size() - i)));
+        const Cut cut =
+            excavator.sweep(soil, std::span(path).subspan(i, std::min(length, path.size() - i)));
+        total.captured += cut.captured;
+        total.displaced += cut.displaced;
       }
-      const Ledger total = tracker.total();
       if (length == path.size()) whole = total.captured + total.displaced;
       if (length == path.size()) whole_captured = total.captured;
       EXPECT_EQ(total.captured + total.displaced, whole) << "poses per update: " << length;

@@ -72,13 +72,15 @@ void expect_sound(const Soil& soil, Tracker& tracker) {
   const Soil untouched(soil.voxel_size_m(), soil.origin(),
                        std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
   SampleWords before, now;
+  float phi_m[kLeafSize];
   long bad = 0, grown = 0;
   const float band = static_cast<float>(soil.band_m());
   for (const Chunk* chunk : soil.chunks()) {
     untouched.read_samples(chunk->origin, before);
     soil.read_samples(chunk->origin, now);
+    soil.read_phi(chunk->origin, phi_m);
     for (std::size_t i = 0; i < kLeafSize; ++i) {
-      bad += !std::isfinite(chunk->phi[i]) || std::abs(chunk->phi[i]) > band;
+      bad += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       grown += (now[i] & ~before[i]) != 0;
     }
   }

@@ -197,13 +197,9 @@ class Run {
 
   void update(const Step& step, io::UpdatesCsv& csv) {
     const io::MachineInput& machine = scenario_.machines[step.machine];
-    const Clock::time_point begin = Clock::now();
-    const Update result = tracker_.update(
-        step.machine, machine.motion.trace(step.begin_s, step.end_s, machine.bucket,
-                                           tracker_.tolerance_m(), tracker_.stride_m()));
-    const double us = seconds_since(begin) * 1e6;
-    summary_.updates.add(us);
-    csv.add(step.end_s, machine.name, result.cut_m3, result.bucket_m3, us);
+    const Update result = tracker_.update(step.machine, machine.motion, step.begin_s, step.end_s);
+    summary_.updates.add(result.us);
+    csv.add(step.end_s, machine.name, result.cut_m3, result.bucket_m3, result.us);
     time_s_ = step.end_s;
   }
 

@@ -15,10 +15,7 @@ class SoilVdb : public Engine {
         soil_(task.voxel_m, task.origin, task.ground),
         tracker_(soil_, {task.bucket}) {}
 
-  void advance(const Step& step) override {
-    tracker_.update(0, task_.motion->trace(step.t0, step.t1, task_.bucket, tracker_.tolerance_m(),
-                                           tracker_.stride_m()));
-  }
+  void advance(const Step& step) override { tracker_.update(0, *task_.motion, step.t0, step.t1); }
   void finish() override { tracker_.flush(); }
   double cut_m3() override { return tracker_.total().cut_m3(); }
   double memory_bytes() const override { return static_cast<double>(soil_.memory_bytes()); }
