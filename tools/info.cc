@@ -143,21 +143,24 @@ void info_scenario(const fs::path& file) {
   line("terrain", terrain_text(scenario.terrain));
   for (const io::MachineInput& machine : scenario.machines) {
     const Bucket& bucket = machine.bucket;
-    const Motion& motion = machine.motion;
+    const io::LongMotion& motion = machine.motion;
     line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name, bucket.width_m,
                                 bucket.height_m,
                                 bucket.profile.empty()
                                     ? std::string("no body")
                                     : fmt::format("body of {} points", bucket.profile.size())));
     Eigen::AlignedBox3d box;
-    for (const double time_s : motion.times_s()) {
-      const Pose world_from_bucket = motion.pose(time_s);
-      for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
-        for (const double z : {0.0, bucket.height_m}) box.extend(world_from_bucket * Vec3(0, y, z));
+    for (std::size_t i = 0; i < motion.parts(); ++i) {
+      const auto part = motion.part(i);
+      for (std::size_t row = 0; row < part->times_s().size(); ++row) {
+        const Pose world_from_bucket = part->row(row);
+        for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
+          for (const double z : {0.0, bucket.height_m})
+            box.extend(world_from_bucket * Vec3(0, y, z));
+      }
     }
     line("  motion",
-         fmt::format("{}, {} s from {} s",
-                     counted(static_cast<double>(motion.times_s().size()), "row"),
+         fmt::format("{}, {} s from {} s", counted(static_cast<double>(motion.rows()), "row"),
                      time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
     line("  mouth in", box_text(box));
   }
