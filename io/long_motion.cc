@@ -2,6 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/long_motion.h"
 
+#include <algorithm>
+#include <stdexcept>
+
 #include "io/motion_csv.h"
 
 namespace soilvdb::io {

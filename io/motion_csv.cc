@@ -175,8 +175,7 @@ MotionReader::MotionReader(const std::filesystem::path& file, const std::optiona
     : state_(std::make_unique<State>(file, chain)) {
   if (!state_->advance()) {
     throw InputError(file, state_->lines.number(),
-                     "has a header but no rows; it needs at least "
-                     "one");
+                     "has a header but no rows; it needs at least one");
   }
 }
 MotionReader::~MotionReader() = default;

@@ -3,6 +3,7 @@
 #include "io/way.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace soilvdb::io {
