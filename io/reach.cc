@@ -8,12 +8,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <limits>
-#include <memory>
 #include <unordered_set>
 #include <vector>
 
+#include "io/closer_look.h"
 #include "io/raster.h"
 
 namespace soilvdb::io {
@@ -27,45 +26,10 @@ constexpr double kMostCells = 1e6;       // looked at for one block of steps
 
 Eigen::AlignedBox2d plan(const Box3& box) { return {box.min().head<2>(), box.max().head<2>()}; }
 
-/// Shows the steps in those blocks of a machine's way that are wanted, until one is what was looked
-/// for. Only the parts of the motion that hold one are read. @return whether it was found
-bool look_closer(const MachineInput& machine, const std::function<bool(const Box3&)>& wanted,
-                 const std::function<bool(const Motion& part, const StepBox&)>& found) {
-  constexpr std::size_t kPartBlocks = LongMotion::kPartSteps / Way::kBlockSteps;
-  const std::vector<Box3>& blocks = machine.way.blocks();
-  std::shared_ptr<const Motion> part;
-  std::size_t loaded = machine.motion.parts();
-  for (std::size_t block = 0; block < blocks.size(); ++block) {
-    if (!wanted(blocks[block])) continue;
-    const std::size_t i = std::min(block / kPartBlocks, machine.motion.parts() - 1);
-    if (i != loaded) part = machine.motion.part(loaded = i);
-    const std::size_t steps = std::max<std::size_t>(part->times_s().size() - 1, 1);
-    const std::size_t first = (block - i * kPartBlocks) * Way::kBlockSteps;
-    for (const StepBox& step :
-         step_boxes(*part, machine.bucket, first, std::min(first + Way::kBlockSteps, steps))) {
-      if (found(*part, step)) return true;
-    }
-  }
-  return false;
-}
-
-/// Boxes about the bucket from pose to pose of a step's path, as close together as excavate() will
-/// look.
-std::vector<Box3> close_boxes(const MachineInput& m, const Motion& part, std::size_t row,
-                              double h) {
-  const std::vector<double>& times = part.times_s();
-  const std::vector<Pose> path =
-      part.trace(times[row], times[std::min(row + 1, times.size() - 1)], m.bucket, h / 100, 8 * h);
-  const Corners corners = bucket_corners(m.bucket);
-  std::vector<Box3> boxes;
-  Box3 last;
-  for (const Pose& pose : path) {
-    Box3 box;
-    for (const auto& p : corners.colwise()) box.extend(pose * Vec3(p));
-    if (!last.isEmpty() || path.size() == 1) boxes.push_back(box.merged(last));
-    last = box;
-  }
-  return boxes;
+/// To two digits.
+double rounded_up(double value) {
+  const double step = std::pow(10, std::floor(std::log10(value)) - 1);
+  return std::ceil(value / step) * step;
 }
 
 std::string range(const char* axis, double low, double high) {
@@ -107,7 +71,7 @@ void check_distance(const Scenario& scenario, const Site& site, const MachineInp
 
 /// Looks ever closer, as excavate() will look at last, wherever the ground isn't known.
 void check_known(const Scenario& scenario, const Site& site, const MachineInput& m) {
-  const auto unknown = [&](const Box3& box) { return !site.soil->base().known(box); };
+  const auto unknown = [&](const Box3& box) { return !surely_known(site, box); };
   look_closer(m, unknown, [&](const Motion& part, const StepBox& step) {
     if (!unknown(step.box)) return false;
     const std::vector<double>& times = part.times_s();
@@ -176,7 +140,7 @@ class SoilCells {
 double reached_soil_m3(const Site& site, const MachineInput& m, double chunk_m, double enough_m3) {
   SoilCells cells(*site.soil, std::max({chunk_m, 2 * m.bucket.width_m, 2 * m.bucket.height_m}));
   for (const Box3& block : m.way.blocks()) {
-    if (site.soil->base().classify(block) == Content::kAir) continue;
+    if (surely_air(site, block)) continue;
     if (!cells.mark(block)) return std::numeric_limits<double>::infinity();
     if (cells.volume_m3() > enough_m3) break;
   }
@@ -190,7 +154,9 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
   const int ny = std::max(1, static_cast<int>(std::ceil(m.bucket.width_m / cell_m)));
   const int nz = std::max(1, static_cast<int>(std::ceil(m.bucket.height_m / cell_m)));
   SoilCells cells(*site.soil, cell_m);
+  const Corners corners = bucket_corners(m.bucket);
   const auto mark = [&](const Pose& pose) {
+    if (surely_air(site, box_at(pose, corners))) return;
     for (int j = 0; j <= ny; ++j) {
       for (int k = 0; k <= nz; ++k) {
         cells.mark(pose * Vec3(0, (double(j) / ny - 0.5) * m.bucket.width_m,
@@ -198,12 +164,9 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
       }
     }
   };
-  const Corners corners = bucket_corners(m.bucket);
   Pose last = m.motion.part(0)->row(0);
   mark(last);
-  const auto in_soil = [&](const Box3& box) {
-    return site.soil->base().classify(box) != Content::kAir;
-  };
+  const auto in_soil = [&](const Box3& box) { return !surely_air(site, box); };
   look_closer(m, in_soil, [&](const Motion& part, const StepBox& step) {
     if (!in_soil(step.box)) return false;
     const std::vector<double>& times = part.times_s();
@@ -234,19 +197,17 @@ void check_memory(const Scenario& scenario, const Site& site) {
     bytes += swept_soil_m3(site, m, chunk_m, 1000 * limit / bytes_per_m3) * bytes_per_m3;
   if (bytes <= limit) return;
   const double enough = h * std::cbrt(bytes / limit);
-  const double step = std::pow(10, std::floor(std::log10(enough)) - 1);
   throw InputError(
       scenario.file,
       fmt::format(
           "voxel_size {:g} is too small for what is dug: its voxels would take about {:.3g} "
           "GB, and this machine has {:.3g} GB; {:g} would do",
-          h, bytes / 1e9, memory_bytes() / 1e9, std::ceil(enough / step) * step));
+          h, bytes / 1e9, memory_bytes() / 1e9, rounded_up(enough)));
 }
 
 /// The output raster covers all the ground that is dug, and all between.
 void check_raster(const Scenario& scenario, const Site& site) {
   if (!scenario.raster_cell_m) return;
-  const BaseSurface& base = site.soil->base();
   const double h = site.soil->voxel_size_m(), cell_m = *scenario.raster_cell_m;
   const auto cells = [&](const Eigen::AlignedBox2d& box) {
     // Ground gets voxels by whole chunks.
@@ -259,7 +220,7 @@ void check_raster(const Scenario& scenario, const Site& site) {
   for (const MachineInput& m : scenario.machines) all.extend(plan(m.way.whole()));
   if (cells(all) <= kMostRasterCells) return;
   const auto more = [&](const Box3& box) {
-    return !dug.contains(plan(box)) && base.classify(box) != Content::kAir;
+    return !dug.contains(plan(box)) && !surely_air(site, box);
   };
   for (const MachineInput& m : scenario.machines) {
     look_closer(m, more, [&](const Motion& part, const StepBox& step) {
@@ -270,15 +231,13 @@ void check_raster(const Scenario& scenario, const Site& site) {
       return false;
     });
   }
-  if (cells(dug) <= kMostRasterCells) return;
+  if (dug.isEmpty() || cells(dug) <= kMostRasterCells) return;
   const double enough = cell_m * std::sqrt(cells(dug) / kMostRasterCells);
-  const double step = std::pow(10, std::floor(std::log10(enough)) - 1);
   throw InputError(
       scenario.file,
       fmt::format("a raster of cells of {:g} m over all that is dug, {:.0f} m x {:.0f} m, would "
                   "have more than {:.0e} cells; cells of {:g} m would do",
-                  cell_m, dug.sizes().x(), dug.sizes().y(), kMostRasterCells,
-                  std::ceil(enough / step) * step));
+                  cell_m, dug.sizes().x(), dug.sizes().y(), kMostRasterCells, rounded_up(enough)));
 }
 
 }  // namespace
