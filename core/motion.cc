@@ -27,28 +27,63 @@ void check_times(const std::vector<double>& times_s, std::size_t rows) {
   }
 }
 
+/// The points of a bucket that move farthest, and how far the farthest is from the bucket's origin.
+struct Extremes {
+  std::vector<Vec3> points;  // the mouth's corners and the body's outline
+  double radius_m = 0;
+
+  explicit Extremes(const Bucket& bucket) : points(extremes(bucket)) {
+    for (const Vec3& p : points) radius_m = std::max(radius_m, p.norm());
+  }
+
+  /// Does the map p -> turn p + shift take every point at most `limit_m` from zero?
+  bool within(const Eigen::Matrix3d& turn, const Vec3& shift, double limit_m) const {
+    if (shift.norm() + turn.norm() * radius_m <= limit_m) return true;
+    return std::all_of(points.begin(), points.end(),
+                       [&](const Vec3& p) { return (turn * p + shift).norm() <= limit_m; });
+  }
+};
+
+/// A pose as a matrix, for many points.
+struct Frame {
+  Pose pose;
+  Eigen::Matrix3d axes;
+
+  Frame(const Pose& p) : pose(p), axes(p.rotation.toRotationMatrix()) {}
+};
+
+/// How close together poses must be: see Motion::trace().
+struct Closeness {
+  Extremes extremes;
+  double tolerance_m, stride_m;
+
+  bool holds(const Frame& a, const Frame& middle, const Frame& b) const {
+    const Vec3 &from = a.pose.position, &mid = middle.pose.position, &to = b.pose.position;
+    // A point p of the bucket halfway, seen from both ends: their mean is p if the way is straight.
+    const Eigen::Matrix3d turn =
+        (a.axes + b.axes).transpose() * middle.axes / 2 - Eigen::Matrix3d::Identity();
+    const Vec3 bend = (a.axes.transpose() * (mid - from) + b.axes.transpose() * (mid - to)) / 2;
+    return extremes.within(turn, bend, tolerance_m) &&
+           extremes.within(b.axes - a.axes, to - from, stride_m);
+  }
+};
+
 /// Appends poses after `a` up to and including `b`, middles of segments and their ends; `at(s)` is
 /// the pose at fraction s between them.
 template <typename At>
-void bisect(const Pose& a, double sa, const Pose& b, double sb, const At& at,
-            const std::vector<Vec3>& points, double tolerance_m, double stride_m, int depth,
-            std::vector<Pose>& out) {
+void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
+            const Closeness& close, int depth, std::vector<Pose>& out) {
   const double sm = (sa + sb) / 2;
-  const Pose m = at(sm);
+  const Frame m = at(sm);
   if (depth < kMaxBisections && sm > sa && sm < sb) {
-    const Pose bucket_a = a.inverse(), bucket_b = b.inverse();
-    for (const Vec3& p : points) {
-      const Vec3 world = m * p;
-      const double bend = ((bucket_a * world + bucket_b * world) / 2 - p).norm();
-      if (bend > tolerance_m || (b * p - a * p).norm() > stride_m) {
-        bisect(a, sa, m, sm, at, points, tolerance_m, stride_m, depth + 1, out);
-        bisect(m, sm, b, sb, at, points, tolerance_m, stride_m, depth + 1, out);
-        return;
-      }
+    if (!close.holds(a, m, b)) {
+      bisect(a, sa, m, sm, at, close, depth + 1, out);
+      bisect(m, sm, b, sb, at, close, depth + 1, out);
+      return;
     }
   }
-  out.push_back(m);
-  out.push_back(b);
+  out.push_back(m.pose);
+  out.push_back(b.pose);
 }
 
 }  // namespace
@@ -80,7 +115,7 @@ Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
   const double span = times_s_[j] - times_s_[i];
   const double s = span > 0 ? std::clamp((time_s - times_s_[i]) / span, 0.0, 1.0) : 0.0;
   if (!poses_.empty()) return interpolate(poses_[i], poses_[j], s);
-  const std::size_t n = joint_values_.size() / times_s_.size();
+  const std::size_t n = joints();
   constexpr std::size_t kFew = 16;
   std::array<double, kFew> few;
   std::vector<double> many(n > kFew ? n : 0);
@@ -93,13 +128,13 @@ Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
 }
 
 Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
-  const std::vector<Vec3> points = extremes(bucket);
+  const Extremes extremes(bucket);
   const auto straight = [&](std::size_t i, std::size_t j) {
     for (std::size_t k = i + 1; k < j; ++k) {
-      const Pose is = between(k, k, times_s_[k]), would_be = between(i, j, times_s_[k]);
-      for (const Vec3& p : points) {
-        if ((is * p - would_be * p).norm() > tolerance_m) return false;
-      }
+      const Frame is = row(k), would_be = between(i, j, times_s_[k]);
+      if (!extremes.within(is.axes - would_be.axes, is.pose.position - would_be.pose.position,
+                           tolerance_m))
+        return false;
     }
     return true;
   };
@@ -119,52 +154,49 @@ Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
     }
     kept.push_back(i + good);
   }
-  const std::size_t n = joint_values_.size() / times_s_.size();
-  std::vector<double> times, joints;
+  const std::size_t n = joints();
+  std::vector<double> times, values;
   std::vector<Pose> poses;
   for (const std::size_t i : kept) {
     times.push_back(times_s_[i]);
     if (!poses_.empty()) poses.push_back(poses_[i]);
     const auto row = joint_values_.begin() + static_cast<std::ptrdiff_t>(i * n);
-    joints.insert(joints.end(), row, row + static_cast<std::ptrdiff_t>(n));
+    values.insert(values.end(), row, row + static_cast<std::ptrdiff_t>(n));
   }
   if (!poses_.empty()) return {std::move(times), std::move(poses)};
-  return {std::move(times), std::move(joints), chain_};
+  return {std::move(times), std::move(values), chain_};
 }
 
-/// Pieces of the way from row j - 1 to row j in which no joint moves more than a radian.
-std::size_t Motion::row_pieces(std::size_t j) const {
-  if (joint_values_.empty() || j == 0) return 1;
-  const std::size_t n = joint_values_.size() / times_s_.size();
+std::size_t Motion::row_pieces(std::size_t i) const {
+  if (joint_values_.empty() || i == 0) return 1;
+  const std::size_t n = joints();
   double most = 0;
   for (std::size_t k = 0; k < n; ++k) {
-    most = std::max(most, std::abs(joint_values_[j * n + k] - joint_values_[(j - 1) * n + k]));
+    most = std::max(most, std::abs(joint_values_[i * n + k] - joint_values_[(i - 1) * n + k]));
   }
   return std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(most)));
 }
 
 std::vector<Pose> Motion::trace(double t0, double t1, const Bucket& bucket, double tolerance_m,
                                 double stride_m) const {
-  const std::vector<Vec3> points = extremes(bucket);
+  const Closeness close{Extremes(bucket), tolerance_m, stride_m};
+  const auto first = std::upper_bound(times_s_.begin(), times_s_.end(), t0);
+  auto row = static_cast<std::size_t>(first - times_s_.begin());
+  const std::size_t last = times_s_.size() - 1;
   std::vector<Pose> out{pose(t0)};
-  double from = t0;
-  auto row = std::upper_bound(times_s_.begin(), times_s_.end(), t0);
-  const auto at = [this](double t) { return pose(t); };
-  while (from < t1) {
-    const double to = row == times_s_.end() ? t1 : std::min(*row, t1);
+  Frame a = out.front();
+  for (double t = t0; t < t1; ++row) {
+    const double to = row > last ? t1 : std::min(times_s_[row], t1);
+    const std::size_t i = row == 0 ? 0 : std::min(row - 1, last), j = std::min(row, last);
+    const auto at = [&](double time_s) { return between(i, j, time_s); };
     // A turn and its half may look like standing still, so joints start from pieces of a turn.
-    const auto j = static_cast<std::size_t>(row - times_s_.begin());
-    const std::size_t pieces = row == times_s_.end() ? 1 : row_pieces(j);
-    for (std::size_t k = 1; k <= pieces; ++k) {
-      const double s = static_cast<double>(k) / static_cast<double>(pieces);
-      const double until = k == pieces ? to : from + s * (to - from);
-      const double since =
-          k == 1 ? from : from + (s - 1.0 / static_cast<double>(pieces)) * (to - from);
-      const Pose a = out.back();
-      bisect(a, since, pose(until), until, at, points, tolerance_m, stride_m, 0, out);
+    for (std::size_t left = row > last ? 1 : row_pieces(row); left > 0; --left) {
+      const double until = left == 1 ? to : t + (to - t) / static_cast<double>(left);
+      const Frame b = at(until);
+      bisect(a, t, b, until, at, close, 0, out);
+      a = b;
+      t = until;
     }
-    from = to;
-    if (row != times_s_.end()) ++row;
   }
   return out;
 }
@@ -172,7 +204,7 @@ std::vector<Pose> Motion::trace(double t0, double t1, const Bucket& bucket, doub
 void trace(const Pose& a, const Pose& b, const Bucket& bucket, double tolerance_m, double stride_m,
            std::vector<Pose>& out) {
   const auto at = [&](double s) { return interpolate(a, b, s); };
-  bisect(a, 0.0, b, 1.0, at, extremes(bucket), tolerance_m, stride_m, 0, out);
+  bisect(a, 0.0, b, 1.0, at, {Extremes(bucket), tolerance_m, stride_m}, 0, out);
 }
 
 }  // namespace soilvdb

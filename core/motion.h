@@ -23,6 +23,12 @@ class Motion {
   double begin_s() const { return times_s_.front(); }
   double end_s() const { return times_s_.back(); }
 
+  /// Pose at times_s()[i].
+  Pose row(std::size_t i) const { return between(i, i, times_s_[i]); }
+
+  /// Pieces of the way from row i - 1 to row i in which no joint moves more than a radian or metre.
+  std::size_t row_pieces(std::size_t i) const;
+
   /// Pose at `time_s`, clamped to [begin_s, end_s].
   Pose pose(double time_s) const;
 
@@ -38,7 +44,7 @@ class Motion {
                           double stride_m) const;
 
  private:
-  std::size_t row_pieces(std::size_t j) const;
+  std::size_t joints() const { return joint_values_.size() / times_s_.size(); }
   Pose between(std::size_t i, std::size_t j, double time_s) const;
 
   std::vector<double> times_s_;

@@ -11,12 +11,13 @@ namespace soilvdb::io {
 namespace {
 
 constexpr std::size_t kLongestLine = 1 << 16;
-constexpr const char* kBlanks = " \t\r";
+
+bool blank(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
 std::string_view trim(std::string_view s) {
-  const auto first = s.find_first_not_of(kBlanks);
-  if (first == s.npos) return {};
-  return s.substr(first, s.find_last_not_of(kBlanks) - first + 1);
+  while (!s.empty() && blank(s.front())) s.remove_prefix(1);
+  while (!s.empty() && blank(s.back())) s.remove_suffix(1);
+  return s;
 }
 
 }  // namespace
@@ -32,6 +33,7 @@ bool CsvLines::next(std::string_view& line) {
   if (in_.bad()) throw InputError(file_, "can't be read to its end");
   if (in_.eof() && length == 0) return false;
   ++number_;
+  bytes_ += static_cast<std::int64_t>(length);
   if (in_.fail()) fail(fmt::format("line is longer than {} characters", kLongestLine));
   if (!in_.eof()) --length;  // the line end, counted but not stored
   line = {buffer_.data(), length};
@@ -40,17 +42,24 @@ bool CsvLines::next(std::string_view& line) {
   return true;
 }
 
+void CsvLines::go_to(const Mark& mark) {
+  in_.clear();
+  in_.seekg(mark.bytes);
+  bytes_ = mark.bytes;
+  number_ = mark.lines;
+}
+
 void CsvLines::fail(const std::string& message) const { throw InputError(file_, number_, message); }
 
-bool is_blank(std::string_view line) { return line.find_first_not_of(kBlanks) == line.npos; }
+bool is_blank(std::string_view line) { return trim(line).empty(); }
 
 void split_fields(std::string_view line, std::vector<std::string_view>& fields) {
   fields.clear();
   while (true) {
+    while (!line.empty() && blank(line.front())) line.remove_prefix(1);
     std::size_t from = 0;
-    if (const auto first = line.find_first_not_of(kBlanks);
-        first != line.npos && line[first] == '"') {
-      const auto close = line.find('"', first + 1);
+    if (line.starts_with('"')) {
+      const auto close = line.find('"', 1);
       if (close != line.npos) from = close;
     }
     const auto comma = line.find(',', from);

@@ -3,6 +3,7 @@
 // Lines and fields of a CSV file, one line in memory at a time.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -24,6 +25,15 @@ class CsvLines {
   /// @throw InputError if the line is too long or not text
   bool next(std::string_view& line);
 
+  /// Where a line begins: bytes before it, lines before it.
+  struct Mark {
+    std::int64_t bytes = 0;
+    long lines = 0;
+  };
+  Mark mark() const { return {bytes_, number_}; }  ///< of the line that comes next
+  /// Goes on from a mark of the same file.
+  void go_to(const Mark& mark);
+
   long number() const { return number_; }
 
   /// @throw InputError at the current line.
@@ -33,6 +43,7 @@ class CsvLines {
   std::filesystem::path file_;
   std::ifstream in_;
   std::vector<char> buffer_;
+  std::int64_t bytes_ = 0;
   long number_ = 0;
 };
 

@@ -5,11 +5,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <string_view>
 
-#include "io/csv.h"
+#include "io/motion_columns.h"
 #include "io/text.h"
 
 namespace soilvdb::io {
@@ -18,120 +19,7 @@ namespace {
 constexpr double kMaxTimeS = 1e11;             // seconds since 1970 are fine, milliseconds are not
 constexpr double kQuaternionTolerance = 0.01;  // two decimals; more is no rotation
 constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad or m
-
-const std::vector<std::string> kAngles = {"roll", "pitch", "yaw"};
-const std::vector<std::string> kQuaternion = {"qx", "qy", "qz", "qw"};
-
-/// Where the columns in use are. Values are kept in the order of `names`; names[0] is the time.
-struct Columns {
-  std::size_t count = 0;  ///< of the file
-  std::vector<std::string> names;
-  std::vector<std::size_t> fields;  ///< for each name, its field; kNone: 0 for all rows
-  bool quaternion = false;
-  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
-};
-
-class Header {
- public:
-  Header(const CsvLines& lines, const std::vector<std::string_view>& fields)
-      : lines_(lines), names_(fields.begin(), fields.end()) {
-    for (std::size_t i = 0; i < names_.size(); ++i) {
-      if (names_[i].empty()) continue;
-      if (find(names_[i]) != i) {
-        lines_.fail(fmt::format("column '{}' is there twice; leave one out", printable(names_[i])));
-      }
-    }
-  }
-
-  std::size_t find(const std::string& name) const {
-    const auto it = std::find(names_.begin(), names_.end(), name);
-    return it == names_.end() ? Columns::kNone : static_cast<std::size_t>(it - names_.begin());
-  }
-  bool has(const std::string& name) const { return find(name) != Columns::kNone; }
-  std::vector<std::string> missing(const std::vector<std::string>& wanted) const {
-    std::vector<std::string> names;
-    for (const auto& name : wanted) {
-      if (!has(name)) names.push_back(name);
-    }
-    return names;
-  }
-
-  Columns columns(const std::optional<Chain>& chain) const {
-    if (!has("time")) fail_missing({"time"}, "the header must be time and the columns of a motion");
-    Columns c = chain ? joints(chain->movable()) : poses();
-    c.count = names_.size();
-    for (const auto& name : c.names) c.fields.push_back(find(name));
-    return c;
-  }
-
-  std::vector<std::string> unused(const Columns& c) const {
-    std::vector<std::string> names;
-    for (std::size_t i = 0; i < names_.size(); ++i) {
-      if (std::find(c.fields.begin(), c.fields.end(), i) == c.fields.end()) {
-        names.push_back(names_[i]);
-      }
-    }
-    return names;
-  }
-
- private:
-  Columns joints(const std::vector<std::string>& movable) const {
-    Columns c;
-    c.names = {"time"};
-    c.names.insert(c.names.end(), movable.begin(), movable.end());
-    if (const auto lacking = missing(movable); !lacking.empty()) {
-      fail_missing(lacking,
-                   "the machine has a urdf, so its motion needs a column for each joint "
-                   "from the root to the lip: " +
-                       quoted_list(movable));
-    }
-    const auto used = [&](const char* n) {
-      return std::find(c.names.begin(), c.names.end(), n) != c.names.end();
-    };
-    if (!used("x") && !used("y") && !used("z") && has("x") && has("y") && has("z")) {
-      lines_.fail(
-          "has both joints and a pose (x, y, z); remove the columns of the pose, or the "
-          "machine's urdf");
-    }
-    return c;
-  }
-
-  Columns poses() const {
-    const std::vector<std::string> xyz = {"x", "y", "z"};
-    if (const auto lacking = missing(xyz); !lacking.empty()) {
-      fail_missing(lacking,
-                   "a motion by poses needs time,x,y,z (a motion by joints needs the "
-                   "machine's urdf)");
-    }
-    Columns c;
-    c.names = {"time", "x", "y", "z"};
-    const auto lacking = missing(kQuaternion);
-    c.quaternion = lacking.size() < kQuaternion.size();
-    if (c.quaternion && missing(kAngles).size() < kAngles.size()) {
-      lines_.fail("has both angles (roll, pitch, yaw) and a quaternion (qx, qy, qz, qw); keep one");
-    }
-    if (c.quaternion && !lacking.empty()) {
-      fail_missing(lacking, "a quaternion needs qx,qy,qz,qw");
-    }
-    const auto& rotation = c.quaternion ? kQuaternion : kAngles;
-    c.names.insert(c.names.end(), rotation.begin(), rotation.end());
-    return c;
-  }
-
-  [[noreturn]] void fail_missing(const std::vector<std::string>& lacking,
-                                 const std::string& what_is_right) const {
-    std::string hint;
-    if (names_.size() == 1 && names_[0].find_first_of(";\t") != std::string::npos) {
-      hint = "; columns must be separated by commas";
-    }
-    lines_.fail(fmt::format("column{} {} {} missing; {}{}", lacking.size() == 1 ? "" : "s",
-                            quoted_list(lacking), lacking.size() == 1 ? "is" : "are", what_is_right,
-                            hint));
-  }
-
-  const CsvLines& lines_;
-  std::vector<std::string> names_;
-};
+constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
 
 double number(const CsvLines& lines, const std::string& name, std::string_view field) {
   const auto value = parse_number(field);
@@ -201,15 +89,13 @@ class LimitCheck {
 
 /// Refuses turns in one row that no machine makes and that would take forever to sweep.
 void check_turns(const CsvLines& lines, const Chain& chain, const std::vector<std::string>& names,
-                 const std::vector<double>& row, const std::vector<double>& joint_values) {
+                 const std::vector<double>& before, const std::vector<double>& row) {
   constexpr double kMostRad = 100;
-  if (joint_values.empty()) return;
-  const double* before = joint_values.data() + joint_values.size() - (row.size() - 1);
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
     if (joint.type == Joint::Type::kFixed) continue;
-    const double turn = row[i + 1] - before[i];
     ++i;
+    const double turn = row[i] - before[i];
     if (joint.type == Joint::Type::kPrismatic || std::abs(turn) <= kMostRad) continue;
     lines.fail(
         fmt::format("joint {} turns {:g} rad since the row before; at most {} rad in one row",
@@ -219,66 +105,127 @@ void check_turns(const CsvLines& lines, const Chain& chain, const std::vector<st
 
 }  // namespace
 
-MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain) {
-  CsvLines lines(file);
-  std::string_view line;
-  std::vector<std::string_view> fields;
-  if (!lines.next(line)) throw InputError(file, "is empty; it must be a motion as CSV");
-  split_fields(line, fields);
-  const Header header(lines, fields);
-  const Columns columns = header.columns(chain);
-
-  std::vector<std::string> warnings;
-  if (const auto unused = header.unused(columns); !unused.empty()) {
-    warnings.push_back(fmt::format("{}: ignored column{} {}", file.string(),
-                                   unused.size() == 1 ? "" : "s", quoted_list(unused)));
+struct MotionReader::State {
+  State(const std::filesystem::path& f, const std::optional<Chain>& c)
+      : file(f), chain(c), lines(f), limits(c.value_or(Chain{})) {
+    std::string_view line;
+    if (!lines.next(line)) throw InputError(file, "is empty; it must be a motion as CSV");
+    split_fields(line, fields);
+    columns = read_columns(lines, fields, chain);
+    row.resize(columns.names.size(), 0.0);
+    before = row;
   }
 
-  LimitCheck limits(chain.value_or(Chain{}));
-  std::vector<double> times_s, joint_values, row(columns.names.size(), 0.0);
-  std::vector<Pose> poses;
-  std::string time_before;
-  long blank_line = 0;
-  while (lines.next(line)) {
-    if (is_blank(line)) {
-      if (blank_line == 0) blank_line = lines.number();
-      continue;
-    }
+  /// Reads the next row. @return false at the end of the file
+  bool advance() {
+    std::string_view line;
+    CsvLines::Mark mark;
+    long blank_line = 0;
+    do {
+      mark = lines.mark();
+      if (!lines.next(line)) return false;
+      if (is_blank(line) && blank_line == 0) blank_line = lines.number();
+    } while (is_blank(line));
     if (blank_line > 0) {
       throw InputError(file, blank_line, "is a blank line between rows; leave it out");
     }
+    at = mark;
+    hash = std::hash<std::string_view>()(line);
     split_fields(line, fields);
     if (fields.size() != columns.count) {
       lines.fail(fmt::format("has {} field{}; the header has {} columns", fields.size(),
                              fields.size() == 1 ? "" : "s", columns.count));
     }
+    std::swap(before, row);
     for (std::size_t i = 0; i < row.size(); ++i) {
       if (columns.fields[i] == Columns::kNone) continue;
       row[i] = number(lines, columns.names[i], fields[columns.fields[i]]);
     }
     const auto time = fields[columns.fields[0]];
-    if (!times_s.empty() && !(row[0] > times_s.back())) {
+    if (!first && !(row[0] > before[0])) {
       lines.fail(
           fmt::format("time {} doesn't come after {} in the row before; times must strictly "
                       "increase",
-                      printable(time), printable(time_before)));
+                      printable(time), printable(time_text)));
     }
-    time_before = time;
-    times_s.push_back(row[0]);
+    time_text = time;
     if (chain) {
       limits.row(row, lines.number());
-      check_turns(lines, *chain, columns.names, row, joint_values);
-      joint_values.insert(joint_values.end(), row.begin() + 1, row.end());
-    } else {
-      poses.push_back(make_pose(lines, row, columns.quaternion));
+      if (!first) check_turns(lines, *chain, columns.names, before, row);
     }
+    first = false;
+    return true;
   }
-  if (times_s.empty()) {
-    throw InputError(file, lines.number(), "has a header but no rows; it needs at least one");
+
+  std::filesystem::path file;
+  std::optional<Chain> chain;
+  CsvLines lines;
+  Columns columns;
+  LimitCheck limits;
+  std::vector<std::string_view> fields;
+  std::vector<double> row, before;  // the row read last, and the one before it
+  std::string time_text;            // of the row read last
+  CsvLines::Mark at;                // of the row read last
+  std::size_t hash = 0;             // of the row read last
+  std::size_t digest = 0;           // of the rows of the last part
+  bool first = true;                // no row was read before
+};
+
+MotionReader::MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain)
+    : state_(std::make_unique<State>(file, chain)) {
+  if (!state_->advance()) {
+    throw InputError(file, state_->lines.number(),
+                     "has a header but no rows; it needs at least one");
   }
-  limits.warn(file, warnings);
-  if (chain) return {Motion(std::move(times_s), std::move(joint_values), *chain), warnings};
-  return {Motion(std::move(times_s), std::move(poses)), warnings};
+}
+MotionReader::~MotionReader() = default;
+
+CsvLines::Mark MotionReader::mark() const { return state_->at; }
+
+std::int64_t MotionReader::bytes_read() const { return state_->lines.mark().bytes; }
+
+void MotionReader::go_to(const CsvLines::Mark& mark) {
+  state_->lines.go_to(mark);
+  state_->first = true;
+  if (!state_->advance()) throw InputError(state_->file, mark.lines + 1, "is not there any more");
+}
+
+Motion MotionReader::next(std::int64_t most_steps) {
+  State& s = *state_;
+  std::vector<double> times_s, joint_values;
+  std::vector<Pose> poses;
+  s.digest = 0;
+  const auto add = [&] {
+    times_s.push_back(s.row[0]);
+    if (s.chain) {
+      joint_values.insert(joint_values.end(), s.row.begin() + 1, s.row.end());
+    } else {
+      poses.push_back(make_pose(s.lines, s.row, s.columns.quaternion));
+    }
+    s.digest = s.digest * kDigestFactor + s.hash;
+  };
+  add();
+  for (std::int64_t i = 0; i < most_steps && s.advance(); ++i) add();
+  if (s.chain) return {std::move(times_s), std::move(joint_values), *s.chain};
+  return {std::move(times_s), std::move(poses)};
+}
+
+std::size_t MotionReader::digest() const { return state_->digest; }
+
+std::vector<std::string> MotionReader::warnings() const {
+  std::vector<std::string> warnings;
+  if (const auto& unused = state_->columns.unused; !unused.empty()) {
+    warnings.push_back(fmt::format("{}: ignored column{} {}", state_->file.string(),
+                                   unused.size() == 1 ? "" : "s", quoted_list(unused)));
+  }
+  state_->limits.warn(state_->file, warnings);
+  return warnings;
+}
+
+MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain) {
+  MotionReader reader(file, chain);
+  Motion motion = reader.next(std::numeric_limits<std::int64_t>::max());
+  return {std::move(motion), reader.warnings()};
 }
 
 }  // namespace soilvdb::io

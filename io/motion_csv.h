@@ -3,13 +3,15 @@
 // Motions of buckets as CSV: a header, then one row per time, by poses or by joints.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "core/motion.h"
-#include "io/error.h"
+#include "io/csv.h"
 
 namespace soilvdb::io {
 
@@ -26,5 +28,32 @@ struct MotionInput {
 /// fields, blank lines at the end. Columns it has no use for are skipped unread, with one warning.
 /// @throw InputError naming file, line, what is wrong and what would be right.
 MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain);
+
+/// Reads the same part by part, in memory for one part. Parts join: each begins with the last row
+/// of the one before.
+class MotionReader {
+ public:
+  /// @throw InputError as read_motion() does; so does next().
+  MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain);
+  ~MotionReader();
+  MotionReader(const MotionReader&) = delete;
+  MotionReader& operator=(const MotionReader&) = delete;
+
+  /// The row it is at and up to `most_steps` more; goes on to the last of them. One row: the end.
+  Motion next(std::int64_t most_steps);
+  /// Of the text of the rows that next() returned last; differs from one process to the next.
+  std::size_t digest() const;
+
+  CsvLines::Mark mark() const;  ///< of the row it is at
+  void go_to(const CsvLines::Mark& mark);
+  std::int64_t bytes_read() const;
+
+  /// What read_motion() would warn of, for all rows read so far.
+  std::vector<std::string> warnings() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace soilvdb::io

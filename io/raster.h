@@ -50,6 +50,9 @@ struct RasterBand {
 void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
                    const std::vector<RasterBand>& bands, const std::string& crs_wkt);
 
+/// As many cells as a run writes: two bands of them are 0.8 GB.
+inline constexpr double kMostRasterCells = 1e8;
+
 /// Heights of a site's surface on a grid of square cells, and of its base surface.
 struct SurfaceRaster {
   HeightGrid grid;

@@ -29,6 +29,8 @@ RasterFacts raster_facts(const std::filesystem::path& file) {
   facts.rows = raster->GetRasterYSize();
   facts.bands = raster->GetRasterCount();
   GDALRasterBand* band = raster->GetRasterBand(1);
+  int block_rows = 0;
+  band->GetBlockSize(&facts.block_columns, &block_rows);
   facts.value_type = GDALGetDataTypeName(band->GetRasterDataType());
   int has_nodata = 0;
   const double nodata = band->GetNoDataValue(&has_nodata);

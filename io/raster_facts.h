@@ -13,6 +13,7 @@ namespace soilvdb::io {
 struct RasterFacts {
   std::string driver;  ///< GDAL's name of the format
   int columns = 0, rows = 0, bands = 0;
+  int block_columns = 0;     ///< width of the blocks that it is stored in
   std::string value_type;    ///< of the first band, such as "Float32"
   std::string nodata;        ///< of the first band; empty: none
   bool placed = false;       ///< it says where it is; if not, cell and box mean nothing

@@ -8,11 +8,12 @@
 
 namespace soilvdb::io {
 
-/// Refuses what a run would fail on, or what is surely a slip. Costs a pose per row of the motions,
-/// and more only where they come near ground without a height or would dig a great deal.
+/// Refuses what a run would fail on, or what is surely a slip. Motions are read again only where
+/// they come near ground without a height or would dig a great deal.
 /// @throw InputError naming the scenario and what would be right: no bucket ever comes over the
 ///        terrain; one digs where the terrain has no height; the motion is too far from the site's
-///        origin for the voxel size; the ground it digs would need more than half of the memory.
+///        origin for the voxel size; the ground it digs would need more than half of the memory, or
+///        an output raster of more cells than can be written.
 void check_reach(const Scenario& scenario, const Site& site);
 
 }  // namespace soilvdb::io

@@ -9,7 +9,6 @@
 #include <array>
 #include <set>
 
-#include "io/motion_csv.h"
 #include "io/text.h"
 #include "io/urdf.h"
 #include "io/yaml_map.h"
@@ -149,9 +148,43 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
 }
 
+/// A machine's section of a scenario, all but the rows of its motion.
+struct Section {
+  std::string name;
+  Bucket bucket;
+  std::optional<Chain> chain;
+  std::filesystem::path motion;
+};
+
+std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result) {
+  std::vector<Section> sections;
+  std::set<std::string> names;
+  for (const YamlMap& machine :
+       scenario.maps("machines", "machine", {"name", "bucket", "motion", "urdf", "base", "lip"})) {
+    const std::string name = machine.name("name");
+    if (!names.insert(name).second) {
+      machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
+    }
+    const Bucket bucket = read_bucket(machine);
+    sections.push_back(
+        {name, bucket, read_machine_chain(machine), read_file_path(machine, "motion")});
+    result.inputs.push_back(sections.back().motion);
+    if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
+  }
+  return sections;
+}
+
 }  // namespace
 
-Scenario read_scenario(const std::filesystem::path& file) {
+MachineInput::MachineInput(std::string n, Bucket b, Motion m)
+    : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)) {
+  way.add(*motion.part(0), bucket);
+}
+
+MachineInput::MachineInput(std::string n, Bucket b, LongMotion m, Way w)
+    : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)), way(std::move(w)) {}
+
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress) {
   const YamlMap map = YamlMap::load(
       file, "scenario", {"soilvdb", "name", "voxel_size", "terrain", "machines", "output"});
   check_version(map);
@@ -162,21 +195,23 @@ Scenario read_scenario(const std::filesystem::path& file) {
   scenario.terrain = read_terrain(map);
   read_output(map, scenario);
 
-  std::set<std::string> names;
-  for (const YamlMap& machine :
-       map.maps("machines", "machine", {"name", "bucket", "motion", "urdf", "base", "lip"})) {
-    const std::string name = machine.name("name");
-    if (!names.insert(name).second) {
-      machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
-    }
-    const Bucket bucket = read_bucket(machine);
-    const auto chain = read_machine_chain(machine);
-    scenario.inputs.push_back(read_file_path(machine, "motion"));
-    MotionInput motion = read_motion(scenario.inputs.back(), chain);
-    if (chain) scenario.inputs.push_back(machine.path("urdf"));
-    scenario.warnings.insert(scenario.warnings.end(), motion.warnings.begin(),
-                             motion.warnings.end());
-    scenario.machines.push_back({name, bucket, std::move(motion.motion)});
+  const std::vector<Section> sections = read_machines(map, scenario);
+  std::int64_t done = 0, total = 0;
+  const auto size = [](const Section& section) {
+    return static_cast<std::int64_t>(std::filesystem::file_size(section.motion));
+  };
+  for (const Section& section : sections) total += size(section);
+  for (const Section& section : sections) {
+    Way way;
+    LongMotion motion(
+        section.motion, section.chain,
+        [&](const Motion& part, std::int64_t bytes) {
+          way.add(part, section.bucket);
+          if (progress) progress(done + bytes, total);
+        },
+        scenario.warnings);
+    done += size(section);
+    scenario.machines.emplace_back(section.name, section.bucket, std::move(motion), std::move(way));
   }
   return scenario;
 }

@@ -3,7 +3,9 @@
 // A scenario: terrain, machines with their motions, and what to write. YAML, format version 1.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <variant>
@@ -12,6 +14,8 @@
 #include "core/bucket.h"
 #include "core/motion.h"
 #include "io/error.h"
+#include "io/long_motion.h"
+#include "io/way.h"
 
 namespace soilvdb::io {
 
@@ -28,9 +32,14 @@ struct LevelSetTerrain {
 using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
 
 struct MachineInput {
+  /// A machine whose motion is in memory.
+  MachineInput(std::string name, Bucket bucket, Motion motion);
+  MachineInput(std::string name, Bucket bucket, LongMotion motion, Way way);
+
   std::string name;
   Bucket bucket;
-  Motion motion;
+  LongMotion motion;
+  Way way;  ///< of the bucket
 };
 
 struct Scenario {
@@ -46,8 +55,12 @@ struct Scenario {
   std::vector<std::string> warnings;          ///< unused columns, joints beyond their limits
 };
 
-/// Reads a scenario with all its machines and motions; doesn't open the terrain.
+/// Is told how many bytes of all the motions have been read, and how many there are.
+using ReadProgress = std::function<void(std::int64_t done, std::int64_t total)>;
+
+/// Reads a scenario with all its machines, and their motions from end to end; doesn't open the
+/// terrain.
 /// @throw InputError naming file, line, what is wrong and what would be right.
-Scenario read_scenario(const std::filesystem::path& file);
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress = {});
 
 }  // namespace soilvdb::io

@@ -46,8 +46,7 @@ Base open_level_set_base(const std::filesystem::path& file) {
 
 /// Where the first machine's lip starts, to 100 m.
 Vec3 origin_of(const Scenario& scenario) {
-  const Motion& motion = scenario.machines.front().motion;
-  const Vec3 lip = motion.pose(motion.begin_s()).position;
+  const Vec3 lip = scenario.machines.front().motion.part(0)->row(0).position;
   // Adding 0 turns -0 into 0.
   return (lip.array() / kOriginStep).round() * kOriginStep + 0.0;
 }

@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -299,6 +300,15 @@ TEST(Raster, DamageThatShowsLateNamesTheFile) {
               HasSubstr("a.tif: is damaged: rows"));
 }
 
+/// Bytes that this process has asked files for.
+std::int64_t bytes_read() {
+  std::ifstream in("/proc/self/io");
+  std::string name;
+  std::int64_t value = -1;
+  in >> name >> value;  // rchar is the first
+  return value;
+}
+
 TEST(Raster, OpeningALargeRasterIsQuick) {
   const TempFolder folder;
   // 20 000 x 20 000 floats, sparse on disk: ENVI has no header of its own.
@@ -308,11 +318,17 @@ TEST(Raster, OpeningALargeRasterIsQuick) {
                "ENVI\nsamples = 20000\nlines = 20000\nbands = 1\nheader offset = 0\n"
                "data type = 4\ninterleave = bsq\nbyte order = 0\n"
                "map info = {Arbitrary, 1, 1, 100, 204, 2, 2}\n");
+  const std::int64_t before = bytes_read();
   const auto begin = std::chrono::steady_clock::now();
   const RasterInput raster = open_raster(folder / "a.img");
   const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
   EXPECT_EQ(raster.grid.nx, 20'000);
   EXPECT_LT(took.count(), 0.5);  // the project's bound for opening a site
+  const auto ground = make_height_field(raster.grid, raster.source);
+  for (const double x : {150.0, 20'000.0, 40'000.0}) EXPECT_EQ(ground->height(x, -20'000), 0);
+  if (before < 0) GTEST_SKIP() << "no /proc";
+  // A look at nine posts and three windows of 128 x 128, each by whole rows of the file.
+  EXPECT_LT(bytes_read() - before, (9 + 3 * 128) * 20'000 * 4 + 1'000'000);
 }
 
 TEST(Raster, GdalPrintsNothing) {

@@ -3,6 +3,7 @@
 // soilvdb run, from a scenario on disk to the files it leaves.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include "core/soil.h"
@@ -174,6 +175,46 @@ TEST_F(Run, AMotionOfOneRowIsOneUpdate) {
     EXPECT_EQ(s["updates"], 1);
     EXPECT_EQ(s["volume_m3"]["cut"], 0);
   }
+}
+
+/// A bucket that shuttles along a trench, in more rows than are in memory at once.
+TEST_F(Run, AMotionOfAnyLengthDigsTheSameHoweverItIsSplit) {
+  constexpr int kLong = 40'001;
+  constexpr double kTrench_m3 = 2.0 * 0.2 * 0.25;  // length x width x depth
+  std::string csv = "time,x,y,z\n";
+  for (int i = 0; i < kLong; ++i)
+    csv +=
+        fmt::format("{:.2f},{:.6f},0,-0.25\n", i * 0.01, -std::cos(std::numbers::pi * i / 10'000));
+  write_file(folder() / "dig.csv", csv);
+  const auto count = [&] {
+    const std::string rows = read_file(folder() / "out/dig/updates.csv");
+    return std::count(rows.begin(), rows.end(), '\n') - 1;
+  };
+  const double by_rows_m3 = summary("dig.yaml")["volume_m3"]["cut"];
+  EXPECT_EQ(count(), kLong);
+  EXPECT_NEAR(by_rows_m3, kTrench_m3, 0.002 * kTrench_m3);
+  for (const char* updates : {"1", "7", "1e3"}) {
+    const auto s = summary(fmt::format("dig.yaml --updates {}", updates));
+    EXPECT_EQ(s["updates"], std::stod(updates));
+    EXPECT_EQ(count(), std::stod(updates));
+    EXPECT_NEAR(s["volume_m3"]["cut"], by_rows_m3, 1e-4 * by_rows_m3);
+  }
+}
+
+TEST_F(Run, AnOutputRasterTooLargeIsRefusedBeforeTheRun) {
+  write_file(folder() / "dig.yaml", half_sine_scenario() + "output: {raster: {cell: 0.1}}\n");
+  // Two digs of a metre, 2 km apart either way; the bucket travels above the ground.
+  write_file(folder() / "dig.csv",
+             "time,x,y,z\n0,0,0,-0.2\n1,1,0,-0.2\n2,1,0,1\n500,2001,2000,1\n"
+             "501,2001,2000,-0.2\n502,2002,2000,-0.2\n");
+  expect_refused("run dig.yaml", "cells of 0.21 m would do");
+  write_file(folder() / "dig.yaml", half_sine_scenario() + "output: {raster: {cell: 2}}\n");
+  summary("dig.yaml");
+  // Travel alone counts for nothing.
+  write_file(folder() / "dig.yaml", half_sine_scenario() + "output: {raster: {cell: 0.1}}\n");
+  write_file(folder() / "dig.csv",
+             "time,x,y,z\n0,0,0,-0.2\n1,1,0,-0.2\n2,1,0,1\n500,2001,2000,1\n");
+  summary("dig.yaml");
 }
 
 TEST_F(Run, MachinesMoveInTheOrderOfTime) {

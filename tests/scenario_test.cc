@@ -86,7 +86,7 @@ TEST_F(ScenarioFile, EverythingInItIsRead) {
   ASSERT_EQ(s.machines[0].bucket.profile.size(), 4u);
   EXPECT_EQ(s.machines[0].bucket.profile[2], Vec2(-0.45, 0.25));
   EXPECT_EQ(s.machines[0].bucket.dump_angle_rad, 0.8);
-  EXPECT_EQ(s.machines[0].motion.pose(0.5).position, Vec3(0.5, 0, 0));
+  EXPECT_EQ(s.machines[0].motion.part(0)->pose(0.5).position, Vec3(0.5, 0, 0));
   EXPECT_EQ(s.snapshot_every_s, 2);
   EXPECT_EQ(s.mesh, "obj");
   EXPECT_EQ(s.raster_cell_m, 0.1);
@@ -128,7 +128,7 @@ TEST_F(ScenarioFile, AMachineMayBeGivenByItsJoints) {
   const double a = 0.5;
   const Vec3 expected =
       Vec3(10, 20, 30) + from_rpy(0, 0, 1) * Vec3(2 * std::cos(a), 0, 1 + 2 * std::sin(a));
-  EXPECT_LT((s.machines[0].motion.pose(0).position - expected).norm(), 1e-12);
+  EXPECT_LT((s.machines[0].motion.part(0)->pose(0).position - expected).norm(), 1e-12);
   ASSERT_EQ(s.warnings.size(), 1u);
   EXPECT_EQ(s.warnings[0],
             (folder_ / "joints.csv").string() +
@@ -384,7 +384,7 @@ std::filesystem::path data(const std::string& name) {
 
 TEST(HalfSine, TheLipFollowsItsHalfEllipse) {
   const Scenario s = read_scenario(data("half_sine.yaml"));
-  const Motion& motion = s.machines.at(0).motion;
+  const Motion& motion = *s.machines.at(0).motion.part(0);
   EXPECT_EQ(motion.begin_s(), 0);
   EXPECT_EQ(motion.end_s(), 1);
   double area = 0;
@@ -404,7 +404,7 @@ TEST(HalfSine, TheLipFollowsItsHalfEllipse) {
 TEST(Excavator, StaysWithinItsLimitsAndDigsMouthForward) {
   const Scenario s = read_scenario(data("excavator.yaml"));
   EXPECT_TRUE(s.warnings.empty()) << s.warnings.front();
-  const Motion& motion = s.machines.at(0).motion;
+  const Motion& motion = *s.machines.at(0).motion.part(0);
   EXPECT_GT(motion.end_s(), 100);
   // While the mouth looks roughly level and the lip moves at digging speed, it moves mouth first.
   int digging = 0;

@@ -7,12 +7,16 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/LevelSetSphere.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <memory>
 
 #include "core/soil_grids.h"
 #include "io/level_set_file.h"
 #include "io/raster.h"
+#include "io/reach.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -154,6 +158,30 @@ TEST(Site, AVoxelSizeBeyondTheMemoryIsRefusedWithOneThatWouldDo) {
   scenario = scenario_of(PlaneTerrain{-10, {0, 0}}, {0, 0, 0}, {20, 0, 0});
   scenario.voxel_size_m = 1e-4;
   EXPECT_NO_THROW(open_site(scenario));
+}
+
+/// Flat ground, 20 km x 20 km; counts the posts that are read.
+class CountedHeights final : public HeightSource {
+ public:
+  void read(int, int, int nx, int ny, float* out) const override {
+    posts += std::int64_t{nx} * ny;
+    std::fill_n(out, std::int64_t{nx} * ny, 0.0f);
+  }
+  mutable std::int64_t posts = 0;
+};
+
+TEST(Site, AStepAcrossALargeRasterReadsOnlyWhatIsBeneathIt) {
+  constexpr int kSide = 20'000;
+  const auto heights = std::make_shared<CountedHeights>();
+  Site site;
+  site.soil = std::make_unique<Soil>(0.1, Vec3::Zero(),
+                                     make_height_field({kSide, kSide, {0, 0}, {1, 1}}, heights));
+  site.bounds = {Vec2(0, 0), Vec2(kSide - 1, kSide - 1)};
+  Scenario scenario = scenario_of(PlaneTerrain{}, {10, 10, 5}, {19'000, 19'000, 5});
+  scenario.raster_cell_m = 0.1;
+  check_reach(scenario, site);
+  // The tiles that the diagonal crosses are less than 4 in each of its 157 rows of tiles.
+  EXPECT_LT(heights->posts, 157 * 4 * 128 * 128);
 }
 
 TEST(Site, AMotionBeyondWhatVoxelsCanNumberIsRefused) {

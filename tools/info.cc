@@ -81,18 +81,21 @@ struct Heights {
   bool all = true;
 };
 
-Heights sample_heights(const io::RasterInput& raster) {
-  constexpr int kWindow = 256, kMostWindows = 256;
+/// @param block_columns windows as wide as what is stored together are quick to read
+Heights sample_heights(const io::RasterInput& raster, int block_columns) {
+  constexpr int kWindow = 1 << 14, kMostWindows = 256, kLeastColumns = 128;
   const HeightGrid& grid = raster.grid;
-  const std::int64_t nx = (grid.nx + kWindow - 1) / kWindow, ny = (grid.ny + kWindow - 1) / kWindow;
+  const int columns = std::min(std::max(block_columns, kLeastColumns), grid.nx);
+  const int rows = std::clamp(kWindow / columns, 1, grid.ny);
+  const std::int64_t nx = (grid.nx + columns - 1) / columns, ny = (grid.ny + rows - 1) / rows;
   const std::int64_t windows = std::min<std::int64_t>(nx * ny, kMostWindows);
   Heights heights;
   heights.all = windows == nx * ny;
   std::vector<float> values;
   for (std::int64_t i = 0; i < windows; ++i) {
     const std::int64_t at = i * (nx * ny) / windows;
-    const int x0 = static_cast<int>(at % nx) * kWindow, y0 = static_cast<int>(at / nx) * kWindow;
-    const int width = std::min(kWindow, grid.nx - x0), depth = std::min(kWindow, grid.ny - y0);
+    const int x0 = static_cast<int>(at % nx) * columns, y0 = static_cast<int>(at / nx) * rows;
+    const int width = std::min(columns, grid.nx - x0), depth = std::min(rows, grid.ny - y0);
     values.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(depth));
     raster.source->read(x0, y0, width, depth, values.data());
     for (const float z : values) {
@@ -118,7 +121,7 @@ void info_raster(const fs::path& file) {
   line("CRS", facts.crs_wkt.empty() ? "not known" : crs_text(facts.crs_wkt));
   line("NODATA", facts.nodata.empty() ? "none named" : facts.nodata);
   try {
-    const Heights heights = sample_heights(io::open_raster(file));
+    const Heights heights = sample_heights(io::open_raster(file), facts.block_columns);
     const double share = 1 - static_cast<double>(heights.known) /
                                  static_cast<double>(std::max<std::int64_t>(heights.read, 1));
     line("heights", heights.known == 0
@@ -143,21 +146,24 @@ void info_scenario(const fs::path& file) {
   line("terrain", terrain_text(scenario.terrain));
   for (const io::MachineInput& machine : scenario.machines) {
     const Bucket& bucket = machine.bucket;
-    const Motion& motion = machine.motion;
+    const io::LongMotion& motion = machine.motion;
     line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name, bucket.width_m,
                                 bucket.height_m,
                                 bucket.profile.empty()
                                     ? std::string("no body")
                                     : fmt::format("body of {} points", bucket.profile.size())));
     Eigen::AlignedBox3d box;
-    for (const double time_s : motion.times_s()) {
-      const Pose world_from_bucket = motion.pose(time_s);
-      for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
-        for (const double z : {0.0, bucket.height_m}) box.extend(world_from_bucket * Vec3(0, y, z));
+    for (std::size_t i = 0; i < motion.parts(); ++i) {
+      const auto part = motion.part(i);
+      for (std::size_t row = 0; row < part->times_s().size(); ++row) {
+        const Pose world_from_bucket = part->row(row);
+        for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
+          for (const double z : {0.0, bucket.height_m})
+            box.extend(world_from_bucket * Vec3(0, y, z));
+      }
     }
     line("  motion",
-         fmt::format("{}, {} s from {} s",
-                     counted(static_cast<double>(motion.times_s().size()), "row"),
+         fmt::format("{}, {} s from {} s", counted(static_cast<double>(motion.rows()), "row"),
                      time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
     line("  mouth in", box_text(box));
   }

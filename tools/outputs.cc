@@ -63,9 +63,8 @@ double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m) {
 
 void write_surface_raster(const fs::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
                           double cell_m, const std::string& crs_wkt) {
-  constexpr double kMostCells = 1e8;  // two bands of it are 0.8 GB
   const double cells = box.sizes().x() / cell_m * (box.sizes().y() / cell_m);
-  if (cells > kMostCells)
+  if (cells > io::kMostRasterCells)
     throw std::runtime_error(
         fmt::format("{}: cells of {} m would be {:.2g} over the dug ground, "
                     "which is too many; cells of {} m would do",

@@ -49,11 +49,11 @@ std::string short_count(double count) {
 }
 
 std::string progress_line(const std::string& title, std::int64_t done, std::int64_t total,
-                          double elapsed_s, int columns) {
+                          const std::string& unit, double elapsed_s, int columns) {
   const double share = total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 1;
   const double rate = elapsed_s > 0 ? static_cast<double>(done) / elapsed_s : 0;
   std::string tail =
-      fmt::format(" {:3.0f} %  {} updates/s", std::floor(share * 100), short_count(rate));
+      fmt::format(" {:3.0f} %  {}{}/s", std::floor(share * 100), short_count(rate), unit);
   if (rate > 0 && done < total)
     tail += fmt::format("  {} left", short_duration(static_cast<double>(total - done) / rate));
 
@@ -69,15 +69,16 @@ std::string progress_line(const std::string& title, std::int64_t done, std::int6
                      std::string(static_cast<std::size_t>(bar - full), '.'), tail);
 }
 
-Progress::Progress(std::string title, std::int64_t total)
-    : title_(std::move(title)), total_(total), on_(is_terminal()) {}
+Progress::Progress(std::string title, std::int64_t total, std::string unit)
+    : title_(std::move(title)), total_(total), unit_(std::move(unit)), on_(is_terminal()) {}
 
 void Progress::draw(std::int64_t done) {
   const Clock::time_point now = Clock::now();
   if (now < next_) return;
   next_ = now + std::chrono::milliseconds(100);
   const double elapsed_s = std::chrono::duration<double>(now - begin_).count();
-  const std::string line = progress_line(title_, done, total_, elapsed_s, terminal_columns());
+  const std::string line =
+      progress_line(title_, done, total_, unit_, elapsed_s, terminal_columns());
   fmt::print(stderr, "\r\033[K{}", line);
   std::fflush(stderr);
   drawn_ = true;

@@ -17,13 +17,14 @@ std::string short_duration(double seconds);
 std::string short_count(double count);
 
 /// The bar's line for a terminal of `columns` columns, at most columns - 1 characters long.
+/// @param unit of `done` and `total`, as it stands after a number: " updates", "B"
 std::string progress_line(const std::string& title, std::int64_t done, std::int64_t total,
-                          double elapsed_s, int columns);
+                          const std::string& unit, double elapsed_s, int columns);
 
 /// Draws the line ten times a second at most, and wipes it at the end.
 class Progress {
  public:
-  Progress(std::string title, std::int64_t total);
+  Progress(std::string title, std::int64_t total, std::string unit);
   ~Progress() { clear(); }
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
@@ -39,6 +40,7 @@ class Progress {
 
   std::string title_;
   std::int64_t total_;
+  std::string unit_;
   bool on_, drawn_ = false;
   Clock::time_point begin_ = Clock::now(), next_ = begin_ + std::chrono::milliseconds(200);
 };

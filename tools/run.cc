@@ -53,19 +53,13 @@ std::uint64_t peak_rss_bytes() {
 }
 
 io::Scenario read(const RunOptions& options) {
-  io::Scenario scenario = io::read_scenario(options.scenario);
+  std::optional<Progress> progress;
+  io::Scenario scenario =
+      io::read_scenario(options.scenario, [&](std::int64_t done, std::int64_t total) {
+        if (!progress) progress.emplace("reading motions", total, "B");
+        progress->update(done);
+      });
   if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
-  return scenario;
-}
-
-/// Leaves out rows that say no more than their neighbours where an update covers several of them.
-io::Scenario& thin_out(io::Scenario& scenario, const RunOptions& options, const Tracker& tracker) {
-  for (io::MachineInput& machine : scenario.machines) {
-    if (!options.updates ||
-        machine.motion.times_s().size() <= 2 * static_cast<std::size_t>(*options.updates))
-      continue;
-    machine.motion = machine.motion.simplified(machine.bucket, tracker.tolerance_m());
-  }
   return scenario;
 }
 
@@ -92,12 +86,6 @@ fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
 std::vector<Bucket> buckets(const io::Scenario& scenario) {
   std::vector<Bucket> all;
   for (const io::MachineInput& machine : scenario.machines) all.push_back(machine.bucket);
-  return all;
-}
-
-std::vector<const Motion*> motions(const io::Scenario& scenario) {
-  std::vector<const Motion*> all;
-  for (const io::MachineInput& machine : scenario.machines) all.push_back(&machine.motion);
   return all;
 }
 
@@ -133,7 +121,7 @@ class Run {
         folder_(folder_of(options, scenario_)),
         site_(io::open_site(scenario_)),
         tracker_(*site_.soil, buckets(scenario_)),
-        schedule_(motions(thin_out(scenario_, options, tracker_)), options.updates),
+        schedule_(scenario_.machines, options.updates, tracker_.tolerance_m()),
         change_before_m3_(site_.soil->change_m3()) {
     folder_.spare(scenario_.file);
     for (const auto& input : scenario_.inputs) folder_.spare(input);
@@ -174,7 +162,7 @@ class Run {
   /// The update loop.
   void dig() {
     io::UpdatesCsv csv(folder_.path() / kUpdatesName);
-    Progress progress(scenario_.name, schedule_.total());
+    Progress progress(scenario_.name, schedule_.total(), " updates");
     SnapshotClock snapshots(options_.snapshots ? scenario_.snapshot_every_s : std::nullopt,
                             schedule_);
     time_s_ = schedule_.begin_s();
@@ -183,6 +171,7 @@ class Run {
       update(now, csv);
       progress.update(summary_.updates.count());
       step = schedule_.next();
+      if (!now.ends_update) continue;
       stopped_ = stop_requested && step;
       if (stopped_) break;
       // All machines have come to this time: none has another update that ends with it.
@@ -197,10 +186,14 @@ class Run {
 
   void update(const Step& step, io::UpdatesCsv& csv) {
     const io::MachineInput& machine = scenario_.machines[step.machine];
-    const Update result = tracker_.update(step.machine, machine.motion, step.begin_s, step.end_s);
-    summary_.updates.add(result.us);
-    csv.add(step.end_s, machine.name, result.cut_m3, result.bucket_m3, result.us);
+    const Update result = tracker_.update(step.machine, *step.motion, step.begin_s, step.end_s);
+    update_us_ += result.us;
+    update_cut_m3_ += result.cut_m3;
     time_s_ = step.end_s;
+    if (!step.ends_update) return;
+    summary_.updates.add(update_us_);
+    csv.add(step.end_s, machine.name, update_cut_m3_, result.bucket_m3, update_us_);
+    update_us_ = update_cut_m3_ = 0;
   }
 
   void write_snapshot(const std::string& name) {
@@ -269,7 +262,8 @@ class Run {
   Schedule schedule_;
   double change_before_m3_;  ///< of a site that was dug before
   io::Summary summary_;
-  double time_s_ = 0;  ///< how far the motion has come
+  double time_s_ = 0;                         ///< how far the motion has come
+  double update_us_ = 0, update_cut_m3_ = 0;  ///< of the update under way
   bool stopped_ = false;
 };
 

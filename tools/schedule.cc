@@ -7,36 +7,72 @@
 
 namespace soilvdb::tools {
 
-Schedule::Schedule(std::vector<const Motion*> motions, std::optional<std::int64_t> updates)
+Schedule::Schedule(const std::vector<io::MachineInput>& machines,
+                   std::optional<std::int64_t> updates, double tolerance_m)
     : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_) {
-  for (const Motion* motion : motions) {
-    const auto rows = static_cast<std::int64_t>(motion->times_s().size());
-    const bool by_rows = !updates || rows == 1;
-    const std::int64_t count = by_rows ? rows : *updates;
-    cursors_.push_back({motion, count, 0, by_rows, motion->begin_s()});
-    total_ += count;
-    begin_s_ = std::min(begin_s_, motion->begin_s());
-    end_s_ = std::max(end_s_, motion->end_s());
+  for (const io::MachineInput& machine : machines) {
+    cursors_.emplace_back(machine, updates, tolerance_m);
+    total_ += cursors_.back().count();
+    begin_s_ = std::min(begin_s_, machine.motion.begin_s());
+    end_s_ = std::max(end_s_, machine.motion.end_s());
   }
-}
-
-double Schedule::Cursor::until_s() const {
-  if (by_rows) return motion->times_s()[static_cast<std::size_t>(done)];
-  if (done + 1 == count) return motion->end_s();
-  const double share = static_cast<double>(done + 1) / static_cast<double>(count);
-  return motion->begin_s() + (motion->end_s() - motion->begin_s()) * share;
 }
 
 std::optional<Step> Schedule::next() {
   Cursor* first = nullptr;
   for (Cursor& cursor : cursors_) {
-    if (cursor.done < cursor.count && (!first || cursor.until_s() < first->until_s()))
-      first = &cursor;
+    if (!cursor.at_end() && (!first || cursor.until_s() < first->until_s())) first = &cursor;
   }
   if (!first) return std::nullopt;
-  const Step step{static_cast<std::size_t>(first - cursors_.data()), first->at_s, first->until_s()};
-  first->at_s = step.end_s;
-  ++first->done;
+  Step step = first->step();
+  step.machine = static_cast<std::size_t>(first - cursors_.data());
+  return step;
+}
+
+Schedule::Cursor::Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates,
+                         double tolerance_m)
+    : machine_(&machine),
+      tolerance_m_(tolerance_m),
+      by_rows_(!updates || machine.motion.rows() == 1),
+      thin_(updates && machine.motion.rows() > 2 * *updates),
+      count_(by_rows_ ? machine.motion.rows() : *updates),
+      at_s_(machine.motion.begin_s()) {
+  load(0);
+  aim();
+}
+
+void Schedule::Cursor::load(std::size_t part) {
+  part_ = part;
+  row_ = part == 0 ? 0 : 1;  // parts join
+  motion_ = machine_->motion.part(part);
+  if (thin_)
+    motion_ = std::make_shared<Motion>(motion_->simplified(machine_->bucket, tolerance_m_));
+}
+
+/// Finds where the next update ends.
+void Schedule::Cursor::aim() {
+  if (at_end()) return;
+  const io::LongMotion& whole = machine_->motion;
+  if (done_ > 0 && at_s_ >= motion_->end_s() && part_ + 1 < whole.parts()) load(part_ + 1);
+  const double share = static_cast<double>(done_ + 1) / static_cast<double>(count_);
+  if (by_rows_) {
+    until_s_ = motion_->times_s()[row_++];
+  } else if (done_ + 1 == count_) {
+    until_s_ = whole.end_s();
+  } else {
+    until_s_ = std::min(whole.begin_s() + (whole.end_s() - whole.begin_s()) * share, whole.end_s());
+  }
+}
+
+Step Schedule::Cursor::step() {
+  Step step{0, at_s_, std::min(until_s_, motion_->end_s()), motion_, until_s_ <= motion_->end_s()};
+  at_s_ = step.end_s;
+  if (step.ends_update) {
+    ++done_;
+    aim();
+  } else {
+    load(part_ + 1);
+  }
   return step;
 }
 

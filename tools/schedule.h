@@ -5,41 +5,63 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
-#include "core/motion.h"
+#include "io/scenario.h"
 
 namespace soilvdb::tools {
 
-/// One update: machine `machine` moves on over [begin_s, end_s].
+/// Machine `machine` moves on over [begin_s, end_s]: one update, or a piece of it.
 struct Step {
   std::size_t machine = 0;
   double begin_s = 0, end_s = 0;
+  std::shared_ptr<const Motion> motion;  ///< the part of the machine's that covers the step
+  bool ends_update = true;
 };
 
 /// The updates of several machines, merged by the time at which they end; at equal times in the
-/// order of the machines. A machine's steps follow on each other and cover its whole motion.
+/// order of the machines. A machine's steps follow on each other and cover its whole motion. Where
+/// parts of a long motion meet within an update, it comes in several steps, one after the other.
 class Schedule {
  public:
-  /// @param motions outlive the schedule
+  /// @param machines outlive the schedule
   /// @param updates even intervals of each motion; without it one update per row, of which the
   ///        first places the bucket. A motion of one row always makes one update.
-  Schedule(std::vector<const Motion*> motions, std::optional<std::int64_t> updates);
+  /// @param tolerance_m of Motion::simplified(), by which rows are left out that say no more than
+  ///        their neighbours, where an update covers several
+  Schedule(const std::vector<io::MachineInput>& machines, std::optional<std::int64_t> updates,
+           double tolerance_m);
 
-  std::int64_t total() const { return total_; }
-  double begin_s() const { return begin_s_; }  ///< of the earliest motion
-  double end_s() const { return end_s_; }      ///< of the latest
+  std::int64_t total() const { return total_; }  ///< updates
+  double begin_s() const { return begin_s_; }    ///< of the earliest motion
+  double end_s() const { return end_s_; }        ///< of the latest
 
+  /// @throw std::runtime_error if a motion can't be read any more.
   std::optional<Step> next();
 
  private:
-  struct Cursor {
-    const Motion* motion;
-    std::int64_t count, done = 0;
-    bool by_rows;
-    double at_s;  ///< where the last step ended
-    double until_s() const;
+  class Cursor {
+   public:
+    Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates,
+           double tolerance_m);
+    std::int64_t count() const { return count_; }
+    bool at_end() const { return done_ == count_; }
+    double until_s() const { return until_s_; }  ///< where the update it is in ends
+    Step step();
+
+   private:
+    void load(std::size_t part);
+    void aim();
+
+    const io::MachineInput* machine_;
+    double tolerance_m_;
+    bool by_rows_, thin_ = false;
+    std::int64_t count_, done_ = 0;  // updates
+    std::size_t part_ = 0, row_ = 0;
+    std::shared_ptr<const Motion> motion_;  // part_ of the machine's
+    double at_s_, until_s_ = 0;             // where the last step ended, where the update ends
   };
   std::vector<Cursor> cursors_;
   std::int64_t total_ = 0;

@@ -33,14 +33,15 @@ int complain(ExitStatus status, std::string message) {
   return status;
 }
 
-/// An option's text must be a number in [low, high].
+/// An option's text must be a number in [low, high]; as a transform() it then spells it plainly.
 CLI::Validator number_between(double low, double high, bool whole, const std::string& meaning) {
   return CLI::Validator(
       [=](std::string& text) {
         const auto value = io::parse_number(text);
-        if (value && *value >= low && *value <= high && (!whole || *value == std::floor(*value)))
-          return std::string();
-        return fmt::format("'{}' is not {}", io::printable(text), meaning);
+        if (!value || !(*value >= low && *value <= high) || (whole && *value != std::floor(*value)))
+          return fmt::format("'{}' is not {}", io::printable(text), meaning);
+        if (whole) text = fmt::format("{:.0f}", *value);  // 1e3 is 1000
+        return std::string();
       },
       "");
 }
@@ -121,12 +122,12 @@ class CommandLine {
             fmt::format("a voxel size from {} to {} m", kLeastVoxel_m, kMostVoxel_m)));
     sub->add_option("--threads", run_.threads, "threads; default: one per core")
         ->type_name("N")
-        ->check(number_between(1, 1024, true, "a whole number from 1 to 1024"));
+        ->transform(number_between(1, 1024, true, "a whole number from 1 to 1024"));
     sub->add_option("--updates", run_.updates,
                     "updates of each machine, even in time over its motion; default: one per row "
                     "of the motion")
         ->type_name("N")
-        ->check(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
+        ->transform(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
     sub->add_flag("--no-mesh", no_mesh_, "no mesh, even if the scenario asks for one");
     sub->add_flag("--no-snapshots", no_snapshots_, "no snapshots, not even the last");
     sub->callback([this] {

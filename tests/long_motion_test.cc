@@ -1,0 +1,131 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Motions that are read part by part are the same as in one piece.
+#include "io/long_motion.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "io/motion_csv.h"
+#include "io/way.h"
+#include "tests/temp_folder.h"
+
+namespace soilvdb::io {
+namespace {
+
+using test::TempFolder;
+
+constexpr std::int64_t kSteps = LongMotion::kPartSteps;
+
+std::string rows(std::int64_t count) {
+  std::string text = "time,x,y,z,yaw\n";
+  for (std::int64_t i = 0; i < count; ++i)
+    text += fmt::format("{:.2f},{:.4f},0,{:.4f},{:.4f}\n", 0.01 * static_cast<double>(i),
+                        std::sin(1e-3 * static_cast<double>(i)), -0.25,
+                        std::cos(1e-3 * static_cast<double>(i)));
+  return text;
+}
+
+LongMotion open(const std::filesystem::path& file) {
+  std::vector<std::string> warnings;
+  return LongMotion(
+      file, std::nullopt, [](const Motion&, std::int64_t) {}, warnings);
+}
+
+TEST(LongMotion, PartsJoinAndHoldTheRowsOfTheWholeFile) {
+  const TempFolder folder;
+  const std::vector<std::int64_t> counts = {
+      1, 2, kSteps, kSteps + 1, kSteps + 2, 2 * kSteps + 1, 3 * kSteps - 7};
+  for (const std::int64_t count : counts) {
+    const auto file = folder.write("m.csv", rows(count));
+    const Motion whole = read_motion(file, std::nullopt).motion;
+    const LongMotion motion = open(file);
+    EXPECT_EQ(motion.rows(), count);
+    EXPECT_EQ(motion.begin_s(), whole.begin_s());
+    EXPECT_EQ(motion.end_s(), whole.end_s());
+    EXPECT_EQ(motion.parts(), std::max<std::size_t>(1, (count - 1 + kSteps - 1) / kSteps)) << count;
+    std::size_t row = 0;
+    for (std::size_t i = 0; i < motion.parts(); ++i) {
+      const auto part = motion.part(i);
+      for (std::size_t k = i == 0 ? 0 : 1; k < part->times_s().size(); ++k, ++row) {
+        ASSERT_EQ(part->times_s()[k], whole.times_s()[row]);
+        ASSERT_EQ(part->row(k).position, whole.row(row).position);
+        ASSERT_EQ(part->row(k).rotation.coeffs(), whole.row(row).rotation.coeffs());
+      }
+      if (i > 0) {
+        EXPECT_EQ(part->begin_s(), motion.part(i - 1)->end_s());
+      }
+    }
+    EXPECT_EQ(row, whole.times_s().size());
+  }
+}
+
+TEST(LongMotion, AnErrorFarDownIsFoundBeforeAnythingIsDone) {
+  const TempFolder folder;
+  const auto file = folder.write("m.csv", rows(2 * kSteps) + "1e6,0,0,nonsense,0\n");
+  EXPECT_EQ(test::message_of(folder, [&] { open(file); }),
+            fmt::format("m.csv:{}: z is 'nonsense'; it must be a number", 2 * kSteps + 2));
+}
+
+TEST(LongMotion, AFileThatChangesMeanwhileIsNoticedWhereItIsReadAgain) {
+  const TempFolder folder;
+  const auto file = folder.write("m.csv", rows(2 * kSteps + 10));
+  const LongMotion motion = open(file);
+  const auto said = [&](std::size_t part) {
+    return test::message_of(folder, [&] { motion.part(part); });
+  };
+  std::ofstream(file, std::ios::app) << "1e6,0,0,0,0\n";
+  EXPECT_EQ(motion.part(2)->times_s().size(), 10u) << "rows that came later are not part of it";
+  std::string text = rows(2 * kSteps + 10);
+  text[text.find("-0.25", text.size() / 4) + 1] = '7';  // as long as before, in the first part
+  folder.write("m.csv", text);
+  EXPECT_EQ(said(0), "m.csv: changed while it was being read");
+  EXPECT_NO_THROW(motion.part(1));
+  std::filesystem::resize_file(file, text.size() / 4);
+  EXPECT_EQ(said(1), "m.csv: changed while it was being read");
+  std::filesystem::remove(file);
+  EXPECT_EQ(said(2), "m.csv: changed while it was being read");
+}
+
+Bucket bucket() {
+  Bucket b;
+  b.width_m = 1;
+  b.height_m = 0.5;
+  b.profile = {{0, 0}, {-0.4, 0.1}, {0, 0.5}};
+  return b;
+}
+
+TEST(Way, ItsBlocksHoldAllOfTheBucketAtAnyTime) {
+  const TempFolder folder;
+  const Motion motion = read_motion(folder.write("m.csv", rows(1000)), std::nullopt).motion;
+  Way way;
+  way.add(motion, bucket());
+  ASSERT_EQ(way.blocks().size(), (999 + Way::kBlockSteps - 1) / Way::kBlockSteps);
+  const Corners corners = bucket_corners(bucket());
+  for (std::size_t i = 0; i < 9990; ++i) {
+    const Pose pose = motion.pose(1e-3 * static_cast<double>(i));
+    const Box3& block = way.blocks()[i / 10 / Way::kBlockSteps];
+    for (const auto& p : corners.colwise())
+      EXPECT_LT(block.exteriorDistance(pose * Vec3(p)), 1e-12);
+  }
+}
+
+TEST(Way, AWholeTurnOfAJointGoesAllTheWayRound) {
+  Chain chain;
+  chain.joints = {{"q", Joint::Type::kContinuous, {}, Vec3::UnitZ(), 0, 0}};
+  chain.link_from_bucket = {{0, -3, -1}, Eigen::Quaterniond::Identity()};
+  const Motion motion({0, 1}, std::vector<double>{0, 6.283185307179586}, chain);
+  Way way;
+  way.add(motion, bucket());
+  const Corners corners = bucket_corners(bucket());
+  for (double t = 0; t < 1; t += 1e-3) {
+    for (const auto& p : corners.colwise())
+      EXPECT_EQ(way.whole().exteriorDistance(motion.pose(t) * Vec3(p)), 0);
+  }
+}
+
+}  // namespace
+}  // namespace soilvdb::io
