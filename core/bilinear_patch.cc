@@ -23,11 +23,24 @@ struct Seen {
   float rx, ry, rz, step;  // from the first point to the foot; step to the next point
   float su, sv, twist;     // dz/du, dz/dv at the foot, d2z/dudv
   float u_low, u_high, v_low, v_high;
+  float gap;    // from the ground below the first point up to it; none: far
+  float aside;  // horizontal distance to the patch
+  float slope;
 };
+
+/// May the patch be nearer than `best`? At a horizontal distance r the field is at least
+/// gap - slope r above or below a point.
+SOILVDB_INLINE bool may_be_nearer(const Seen& s, Lanes best2) {
+  const Lanes gap = abs(s.gap + kLaneNumbers * s.step);
+  const Lanes r = max(gap * (s.slope / (1 + s.slope * s.slope)), all_lanes(s.aside));
+  const Lanes dz = max(gap - s.slope * r, all_lanes(0));
+  return bits(r * r + dz * dz < best2) != 0;
+}
 
 SOILVDB_FOR_CPUS void nearest(const Seen& s, float* best) {
   Lanes least;
   for (int k = 0; k < kLeafSide; ++k) least[k] = best[k] * best[k];
+  if (s.aside > 0 && !may_be_nearer(s, least)) return;
   const Lanes rz0 = s.rz - kLaneNumbers * s.step;
   const Lanes u_low = all_lanes(s.u_low), u_high = all_lanes(s.u_high);
   const Lanes v_low = all_lanes(s.v_low), v_high = all_lanes(s.v_high);
@@ -72,8 +85,9 @@ SOILVDB_FOR_CPUS void below(const CellPoints& p, float a, float b, float c, floa
 
 }  // namespace
 
-void nearest_on_patch(const BilinearPatch& patch, double x, double y, double z, double step,
+void nearest_on_patch(const BilinearPatch& patch, double x0, double y0, const PointRow& row,
                       std::array<float, kLeafSide>& best) {
+  const double x = row.x - x0, y = row.y - y0;
   const double u = std::clamp(x / patch.dx, 0.0, 1.0), v = std::clamp(y / patch.dy, 0.0, 1.0);
   const double zu = patch.z10 - patch.z00, zv = patch.z01 - patch.z00;
   const double twist = patch.z00 - patch.z10 - patch.z01 + patch.z11;
@@ -82,8 +96,8 @@ void nearest_on_patch(const BilinearPatch& patch, double x, double y, double z, 
   s.dy = static_cast<float>(patch.dy);
   s.rx = static_cast<float>(u * patch.dx - x);
   s.ry = static_cast<float>(v * patch.dy - y);
-  s.rz = static_cast<float>(patch.z00 + u * zu + v * zv + u * v * twist - z);
-  s.step = static_cast<float>(step);
+  s.rz = static_cast<float>(patch.z00 + u * zu + v * zv + u * v * twist - row.z);
+  s.step = static_cast<float>(row.step);
   s.su = static_cast<float>(zu + v * twist);
   s.sv = static_cast<float>(zv + u * twist);
   s.twist = static_cast<float>(twist);
@@ -91,6 +105,9 @@ void nearest_on_patch(const BilinearPatch& patch, double x, double y, double z, 
   s.u_high = static_cast<float>(1 - u);
   s.v_low = static_cast<float>(-v);
   s.v_high = static_cast<float>(1 - v);
+  s.gap = static_cast<float>(row.z - row.ground);
+  s.aside = std::isnan(row.ground) ? 0 : std::hypot(s.rx, s.ry);
+  s.slope = static_cast<float>(row.slope);
   nearest(s, best.data());
 }
 

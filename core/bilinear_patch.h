@@ -16,10 +16,17 @@ struct BilinearPatch {
   double z00, z10, z01, z11;
 };
 
-/// Lowers `best` to the distances from the points (x, y, z + k step), k = 0 to 7, to the patch.
-/// Gauss-Newton on the patch from the foot below each point, held to the patch; each iterate is a
-/// point of it, so a result is never too small. All m.
-void nearest_on_patch(const BilinearPatch& patch, double x, double y, double z, double step,
+/// The points (x, y, z + k step), k = 0 to 7, over a height field, m.
+struct PointRow {
+  double x, y, z, step;
+  double ground;  ///< height of the field at (x, y); NaN where there is none
+  double slope;   ///< no part of the field near is steeper
+};
+
+/// Lowers `best` to the distances from the points of a row to a patch whose corner is (x0, y0), as
+/// far as they are not surely larger. Gauss-Newton on the patch from the foot below each point,
+/// held to the patch; each iterate is a point of it, so a result is never too small. All m.
+void nearest_on_patch(const BilinearPatch& patch, double x0, double y0, const PointRow& row,
                       std::array<float, kLeafSide>& best);
 
 /// Bit i is set where point i of a cell lies below a + b x + c y + d x y, in units of the cell.

@@ -18,6 +18,8 @@ constexpr float kHalf = 0.5f * kLeafSide;
 constexpr float kRadius = 1.75f * kHalf;
 /// Chunks below which one thread is quicker than two.
 constexpr std::size_t kParallelChunks = 8;
+/// Chunks in the box about a whole path up to which each of them is looked at.
+constexpr double kFewChunks = 1000;
 /// A trail that bends by less leaves no gap that matters: 0.5 % of the distance.
 constexpr double kSmallBend_rad = 0.2;
 
@@ -75,15 +77,21 @@ void SurfaceCut::find_chunks(const Soil& soil, const Bucket& bucket) {
     for (const Vec3& p : corners)
       boxes[i].extend(positions_[i] + axes_[i] * p / soil.voxel_size_m());
   }
+  Eigen::AlignedBox3d whole;
   for (std::size_t i = changing(); i < boxes.size(); ++i) {
-    Eigen::AlignedBox3d box = boxes[i];
-    if (i + 1 < boxes.size()) box.extend(boxes[i + 1]);
-    const Vec3 wide = Vec3::Constant(kBandVoxels);
-    for_each_chunk({box.min() - wide, box.max() + wide},
-                   [&](const Coord3& origin) { chunks_.push_back(origin); });
+    boxes[i].min().array() -= kBandVoxels;
+    boxes[i].max().array() += kBandVoxels;
+    whole.extend(boxes[i]);
   }
-  std::sort(chunks_.begin(), chunks_.end(), before);
-  chunks_.erase(std::unique(chunks_.begin(), chunks_.end()), chunks_.end());
+  const auto add = [&](const Coord3& origin) { chunks_.push_back(origin); };
+  if (((whole.sizes() / kLeafSide).array() + 1).prod() <= kFewChunks) {
+    for_each_chunk(whole, add);
+  } else {
+    for (std::size_t i = changing(); i + 1 < boxes.size(); ++i)
+      for_each_chunk(boxes[i].merged(boxes[i + 1]), add);
+    std::sort(chunks_.begin(), chunks_.end(), before);
+    chunks_.erase(std::unique(chunks_.begin(), chunks_.end()), chunks_.end());
+  }
   Near near;
   std::erase_if(chunks_, [&](const Coord3& origin) {
     if (const Chunk* chunk = soil.find(origin)) return chunk->air || !find_near(origin, near);

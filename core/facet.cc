@@ -191,12 +191,13 @@ SOILVDB_FOR_CPUS Removed cut_samples(Samples& samples, const Coord3& origin, con
         std::uint64_t hit = word;
         if (!middle || (seen.sure >> z & 1) == 0) {
           const CellPoints& points = sample_points(origin + Coord3(x, y, z));
-          const CellStroke local(stroke, x0, y0, static_cast<float>(z));
+          const float z0 = static_cast<float>(z);
           if (!middle && facet.rectangle) {
-            hit &= crossing_rectangle(points, local, stroke);
+            hit &= crossing_rectangle(points, CellStroke(stroke, x0, y0, z0), stroke);
           } else {
-            hit &= crossing_plane(points, local.u, local.v);
-            if (!middle && hit != 0) hit = crossing_outline(points, local, facet, h, hit);
+            hit &= crossing_plane(points, stroke.u.moved(x0, y0, z0), stroke.v.moved(x0, y0, z0));
+            if (!middle && hit != 0)
+              hit = crossing_outline(points, CellStroke(stroke, x0, y0, z0), facet, h, hit);
           }
         }
         if (hit == 0) continue;

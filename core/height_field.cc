@@ -14,8 +14,9 @@
 namespace soilvdb {
 namespace {
 
-constexpr int kTile = 128;   // posts per side of a tile, read at once
-constexpr int kSearch = 64;  // posts around unknown ground in which a height is looked for
+constexpr int kTile = 128;      // posts per side of a tile, read at once
+constexpr int kSearch = 64;     // posts around unknown ground in which a height is looked for
+constexpr double kCliff = 1e9;  // a slope that bounds nothing
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 struct Tile {
@@ -70,23 +71,28 @@ class HeightField final : public BaseSurface {
       std::fill_n(phi, kLeafSize, static_cast<float>(first.z() - band >= w.high ? band : -band));
       return;
     }
+    // Around a hole in the terrain nothing is known of it.
+    const double slope = w.complete ? std::hypot(steepest_x(w), steepest_y(w)) : kCliff;
     // The ratio of vertical gap to true distance is never larger.
-    const double steepest = std::hypot(1.0, steepest_x(w), steepest_y(w));
+    const float steepest = static_cast<float>(std::hypot(1.0, slope));
+    const float step = static_cast<float>(h), far = static_cast<float>(band);
     for (int x = 0; x < kLeafSide; ++x) {
       for (int y = 0; y < kLeafSide; ++y, phi += kLeafSide) {
         const double px = first.x() + h * x, py = first.y() + h * y;
         const double ground = at(w, px, py);
         std::array<float, kLeafSide> best;
-        bool near = false;
+        best.fill(far);
+        const float gap = static_cast<float>(first.z() - ground);
+        bool near = std::isnan(ground);
         for (int z = 0; z < kLeafSide; ++z) {
-          const double gap = std::isnan(ground) ? kFar : std::abs(first.z() + h * z - ground);
-          near |= std::isnan(ground) || gap < band * steepest;
-          best[static_cast<std::size_t>(z)] = static_cast<float>(std::min(gap, band));
+          const float g = std::abs(gap + static_cast<float>(z) * step);
+          near |= g < far * steepest;
+          best[static_cast<std::size_t>(z)] = g < far ? g : far;
         }
-        if (near) nearest(w, {px, py, first.z()}, h, best);
+        if (near) nearest(w, {px, py, first.z(), h, ground, slope}, best);
         for (int z = 0; z < kLeafSide; ++z) {
           const float d = best[static_cast<std::size_t>(z)];
-          phi[z] = first.z() + h * z < ground ? -d : d;
+          phi[z] = gap + static_cast<float>(z) * step < 0 ? -d : d;
         }
       }
     }
@@ -99,15 +105,18 @@ class HeightField final : public BaseSurface {
     const Window& w = window(first.head<2>() - half, last + half);
     // Over a cell the ground is within this of its height in the middle.
     const double reach = h / 2 * (1 + steepest_x(w) + steepest_y(w));
-    for (int n = 0; n < kLeafSize; ++n) {
-      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
-      const double gap = middle.z() - at(w, middle.x(), middle.y());
-      if (w.complete && std::abs(gap) > reach) {
-        words[static_cast<std::size_t>(n)] = gap < 0 ? kAllSoil : 0;
-      } else {
-        const CellPoints& points = sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7));
-        words[static_cast<std::size_t>(n)] =
-            occupancy(w, middle - Vec3::Constant(h / 2), h, points);
+    for (int column = 0; column < kLeafSize; column += kLeafSide) {
+      const Vec3 bottom = first + h * Vec3(column >> 6, column >> 3 & 7, 0);
+      const double ground = at(w, bottom.x(), bottom.y());
+      for (int z = 0; z < kLeafSide; ++z) {
+        const double gap = bottom.z() + h * z - ground;
+        std::uint64_t& word = words[static_cast<std::size_t>(column + z)];
+        if (w.complete && std::abs(gap) > reach) {
+          word = gap < 0 ? kAllSoil : 0;
+          continue;
+        }
+        const CellPoints& points = sample_points(chunk + Coord3(column >> 6, column >> 3 & 7, z));
+        word = occupancy(w, bottom + Vec3(-h / 2, -h / 2, h * z - h / 2), h, points);
       }
     }
   }
@@ -292,27 +301,32 @@ class HeightField final : public BaseSurface {
     return std::abs(step) > most ? std::abs(step) : most;
   }
 
-  /// Lowers `best` to the distances from p and the points above it, `step` apart, to the patches.
-  void nearest(const Window& w, const Vec3& p, double step,
-               std::array<float, kLeafSide>& best) const {
+  /// Lowers `best` to the distances from the points of a row to the patches.
+  void nearest(const Window& w, const PointRow& row, std::array<float, kLeafSide>& best) const {
     const double reach = *std::max_element(best.begin(), best.end());
-    const Vec2 c = post(p.x(), p.y());
+    const Vec2 c = post(row.x, row.y);
     const Vec2 r = Vec2::Constant(reach).cwiseQuotient(grid_.spacing);
     const int i0 = std::max(static_cast<int>(std::floor(c.x() - r.x())), w.x0);
     const int i1 = std::min(static_cast<int>(std::floor(c.x() + r.x())), w.x0 + w.nx - 2);
     const int j0 = std::max(static_cast<int>(std::floor(c.y() - r.y())), w.y0);
     const int j1 = std::min(static_cast<int>(std::floor(c.y() + r.y())), w.y0 + w.ny - 2);
+    const auto look = [&](int i, int j) {
+      const BilinearPatch patch{grid_.spacing.x(), grid_.spacing.y(), w.at(i, j),
+                                w.at(i + 1, j),    w.at(i, j + 1),    w.at(i + 1, j + 1)};
+      const double low = std::min(std::min(patch.z00, patch.z10), std::min(patch.z01, patch.z11));
+      const double high = std::max(std::max(patch.z00, patch.z10), std::max(patch.z01, patch.z11));
+      if (std::isnan(patch.z00 + patch.z10 + patch.z01 + patch.z11)) return;
+      if (row.z - high >= reach || low - (row.z + row.step * (kLeafSide - 1)) >= reach) return;
+      nearest_on_patch(patch, grid_.first.x() + i * grid_.spacing.x(),
+                       grid_.first.y() + j * grid_.spacing.y(), row, best);
+    };
+    // The patch below first: it leaves little for the others to be nearer.
+    const int own_i = static_cast<int>(std::floor(c.x())),
+              own_j = static_cast<int>(std::floor(c.y()));
+    if (own_i >= i0 && own_i <= i1 && own_j >= j0 && own_j <= j1) look(own_i, own_j);
     for (int j = j0; j <= j1; ++j) {
       for (int i = i0; i <= i1; ++i) {
-        const BilinearPatch patch{grid_.spacing.x(), grid_.spacing.y(), w.at(i, j),
-                                  w.at(i + 1, j),    w.at(i, j + 1),    w.at(i + 1, j + 1)};
-        const double low = std::min(std::min(patch.z00, patch.z10), std::min(patch.z01, patch.z11));
-        const double high =
-            std::max(std::max(patch.z00, patch.z10), std::max(patch.z01, patch.z11));
-        if (std::isnan(patch.z00 + patch.z10 + patch.z01 + patch.z11)) continue;
-        if (p.z() - high >= reach || low - (p.z() + step * (kLeafSide - 1)) >= reach) continue;
-        nearest_on_patch(patch, p.x() - (grid_.first.x() + i * grid_.spacing.x()),
-                         p.y() - (grid_.first.y() + j * grid_.spacing.y()), p.z(), step, best);
+        if (i != own_i || j != own_j) look(i, j);
       }
     }
   }
