@@ -44,7 +44,7 @@ void trace(benchmark::State& state) {
   int i = 0;
   for (auto _ : state) {
     benchmark::DoNotOptimize(
-        motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), 2.5e-4 * h, 16 * h));
+        motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), kMostBend * h, 16 * h));
     i = (i + 1) % kUpdates;
   }
 }
@@ -64,7 +64,7 @@ void excavate(benchmark::State& state) {
       soil = std::make_unique<Soil>(h, Vec3::Zero(), make_hills(site_m(state)));
       state.ResumeTiming();
     }
-    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, 2.5e-4 * h, 16 * h);
+    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMostBend * h, 16 * h);
     samples += excavator.sweep(*soil, path).captured;
     i = (i + 1) % kUpdates;
   }
@@ -79,11 +79,11 @@ void excavate_again(benchmark::State& state) {
   Excavator excavator(bucket);
   const double h = voxel_m(state);
   Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
-  const auto whole = motion.trace(0, 1, bucket, 2.5e-4 * h, 16 * h);
+  const auto whole = motion.trace(0, 1, bucket, kMostBend * h, 16 * h);
   excavator.sweep(soil, whole);
   int i = 0;
   for (auto _ : state) {
-    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, 2.5e-4 * h, 16 * h);
+    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMostBend * h, 16 * h);
     benchmark::DoNotOptimize(excavator.sweep(soil, path));
     i = (i + 1) % kUpdates;
   }
@@ -131,7 +131,7 @@ void cut_surface(benchmark::State& state) {
   const Bucket bucket = excavator_bucket();
   const double h = voxel_m(state);
   Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
-  const auto path = motion.trace(0.4, 0.4 + 6 * h / 3, bucket, 2.5e-4 * h, h / 2);
+  const auto path = motion.trace(0.4, 0.4 + 6 * h / 3, bucket, kMostBend * h, h / 2);
   std::vector<Coord3> changed;
   for (auto _ : state) {
     SweepWindow window;

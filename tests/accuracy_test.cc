@@ -31,7 +31,10 @@ constexpr double kRequiredSpread = 3e-4;  // over numbers of updates
 /// and in the direction worst for the lattice. Random samples would have 0.051.
 constexpr double kCellError = 0.0168, kWorstCellError = 0.0225;
 constexpr double kSigmas = 5;
-constexpr double kPathBend = 2.5e-4;  // voxels, Tracker::tolerance_m()
+/// What the parabola of a segment leaves out of a point's path, voxels: sqrt(3) / 216 of its third
+/// derivative, at most 1.5 times the turn (0.13 rad with kMostBend on a bucket of ten voxels) times
+/// the second, 8 kMostBend.
+constexpr double kPathBend = 2.5e-4;
 constexpr int kUpdates = 50;
 
 struct Result {
