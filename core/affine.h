@@ -8,11 +8,11 @@
 
 #include "core/types.h"
 
-// Compiled once for any x86-64 and once for AVX2, chosen when the program starts. Both give the
+// Compiled for any x86-64, for AVX2 and for AVX-512, chosen when the program starts. All give the
 // same bits: no contraction to fused multiply-add. Sanitizers can't run the choice that early.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SOILVDB_FOR_CPUS __attribute__((target_clones("avx2", "default")))
+#define SOILVDB_FOR_CPUS __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else
 #define SOILVDB_FOR_CPUS
 #endif

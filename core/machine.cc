@@ -14,10 +14,10 @@ namespace {
 // In voxels; a bucket's travel is that of its fastest corner.
 constexpr double kTolerance = 1e-3;  ///< by which rows may be left out
 constexpr double kStride = 16;       ///< between poses, so that boxes around segments stay small
-constexpr double kRefresh = 6;       ///< travel after which phi is carved anew
+constexpr double kRefresh = 8;       ///< travel after which phi is carved anew
 constexpr double kSpacing = 2;       ///< travel between the poses that phi is carved by
 constexpr double kBend = 0.02;       ///< of the path between those poses
-constexpr double kHistory = 14;      ///< travel a window remembers: a stretch, two bands, and some
+constexpr double kHistory = 16;      ///< travel a window remembers: a stretch, two bands, and some
 
 constexpr double kFar = 1e300;
 

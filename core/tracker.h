@@ -75,7 +75,7 @@ class Tracker {
   std::vector<Update> update(std::span<const Move> moves);
 
   /// Brings phi up to date with the samples. Updates do so by themselves, a part each, and are
-  /// never more than eight voxels of travel behind.
+  /// never more than sixteen voxels of travel behind.
   void flush();
 
   const Ledger& ledger(std::size_t machine) const;
