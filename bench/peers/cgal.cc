@@ -1,19 +1,33 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// CGAL: ground and the step's hexahedron as closed triangle meshes, corefined and subtracted
+// CGAL: ground and the step's swept volume as closed triangle meshes, corefined and subtracted
 // (corefine_and_compute_difference), then volume() of what is left.
 //
-// Best setting: exact predicates, inexact constructions (the kernel its manual recommends for
-// speed); plane ground is a box of 12 triangles, other ground has a grid of posts one voxel apart;
-// the hexahedron is the mouth at both ends of a step, each step's a ten-millionth of a voxel larger
-// than the one before, so that no faces are coplanar. A step
-// whose corefinement throws, or whose result is not closed, is retried with a larger hexahedron; if
-// that fails too the step is left out and counted as a failure.
+// Best setting, found on all families at four placements, 50 and 100 updates: no step of them
+// fails, and what errs is the straight line between two poses (0.10 % rms at 100 updates).
+//  - Exact predicates, inexact constructions.
+//  - Ground: a plane is a box of 12 triangles, other ground has posts one voxel apart, its bottom
+//    is a fan.
+//  - Tool: the convex hull of the mouth at both ends of the step; where part of the mouth retreats,
+//    one hull for each part.
+//  - Each step's mouth is a hair smaller than the last one's and begins a hair behind it, so no
+//    faces are coplanar, and sides of the tool run in the air that the last step left.
+//  - Vertices in the middle of planes and of straight edges are collapsed after each step. Else the
+//    triangles that one step leaves are split by the next, and their number grows without bounds:
+//    30 000 instead of 1 000 after 100 steps, 120 ms per step instead of 3.
+//  - A step that throws or isn't manifold is tried again with other hairs; if that fails too it is
+//    left out and counted as a failure.
+//
+// Worse, of the same 100 updates: hexahedra of triangles that grow by a hair, not collapsed: a
+// tenth of the steps fail, 25 % rms; smaller hulls, not collapsed: 9 % of the steps fail; one hull
+// over a mouth that turns about a pin in itself cuts more than it swept. Exact constructions, not
+// collapsed, fail nowhere, but take 0.5 s a step, and minutes where the mouth retreats.
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 #include <CGAL/Polygon_mesh_processing/corefinement.h>
 #include <CGAL/Polygon_mesh_processing/measure.h>
-#include <CGAL/Polygon_mesh_processing/orientation.h>
 #include <CGAL/Surface_mesh.h>
+#include <CGAL/boost/graph/Euler_operations.h>
+#include <CGAL/convex_hull_3.h>
 
 #include <cmath>
 
@@ -26,6 +40,38 @@ namespace pmp = CGAL::Polygon_mesh_processing;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using SurfaceMesh = CGAL::Surface_mesh<Kernel::Point_3>;
 using Vertex = SurfaceMesh::Vertex_index;
+using Halfedge = SurfaceMesh::Halfedge_index;
+
+constexpr double kHair_m = 1e-8;  // far above rounding, and far below any error even times 5000
+constexpr double kFlat_m = 1e-10;
+constexpr double kThin = 1e-3;  // of a hull at its thinnest, as part of its thickest
+constexpr int kTries = 4;
+
+Vec3 vec(const Kernel::Point_3& p) { return {p.x(), p.y(), p.z()}; }
+
+/// The mouth at a pose, smaller by `less_m` on every side, world.
+std::vector<Vec3> mouth(const Bucket& bucket, const Pose& pose, double less_m) {
+  const Vec3 up = less_m * (pose.rotation * Vec3::UnitZ());
+  const Bucket smaller{bucket.width_m - 2 * less_m, bucket.height_m - 2 * less_m, {}, {}};
+  auto corners = mouth_corners(smaller, pose);
+  for (Vec3& corner : corners) corner += up;
+  return corners;
+}
+
+/// What of a polygon lies at least `gap_m` before (side 1) or behind (-1) the mouth's plane.
+std::vector<Vec3> clip(const std::vector<Vec3>& polygon, const Pose& pose, double side,
+                       double gap_m) {
+  const Vec3 normal = side * (pose.rotation * Vec3::UnitX());
+  const auto over = [&](const Vec3& p) { return normal.dot(p - pose.position) - gap_m; };
+  std::vector<Vec3> kept;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Vec3 &p = polygon[i], &q = polygon[(i + 1) % polygon.size()];
+    const double u = over(p), v = over(q);
+    if (u >= 0) kept.push_back(p);
+    if ((u > 0 && v < 0) || (u < 0 && v > 0)) kept.push_back(p + u / (u - v) * (q - p));
+  }
+  return kept;
+}
 
 class Cgal : public Engine {
  public:
@@ -36,16 +82,21 @@ class Cgal : public Engine {
     const Vec3 margin = Vec3::Constant(4 * task.voxel_m);
     box_ = Eigen::AlignedBox3d(task.reach.min() - margin, task.reach.max() + margin);
     if (!task.site.isEmpty()) box_.extend(task.site);
-    make_ground(is_plane() ? 1 : 0);
-    initial_m3_ = CGAL::to_double(pmp::volume(soil_));
+    make_ground();
+    initial_m3_ = now_m3_ = pmp::volume(soil_);
   }
 
   void advance(const Step& step) override {
     const Pose next = task_.motion->pose(step.t1);
     ++steps_;
-    const double hair = 1e-7 * task_.voxel_m;
-    if (!subtract(next, steps_ * hair) && !subtract(next, (steps_ + 0.5) * hair)) ++failures_;
-    now_m3_ = CGAL::to_double(pmp::volume(soil_));
+    for (const double side : {1.0, -1.0}) {  // of the mouth that the step goes to
+      bool done = false;
+      for (int n = 0; n < kTries && !done; ++n) {
+        done = subtract(hull(next, side, kHair_m * (1 + 0.37 * n)));
+      }
+      failures_ += !done;
+    }
+    now_m3_ = pmp::volume(soil_);
     pose_ = next;
   }
   double cut_m3() override { return initial_m3_ - now_m3_; }
@@ -67,82 +118,128 @@ class Cgal : public Engine {
     return true;
   }
 
-  /// Posts on top, the same posts at the bottom, sides between. @param n posts less one, 0: by
-  /// voxel
-  void make_ground(int n) {
+  /// Posts on top, walls, a bottom.
+  void make_ground() {
     const Vec3 size = box_.sizes();
-    const int nx = n > 0 ? n : std::max(1, static_cast<int>(std::ceil(size.x() / task_.voxel_m)));
-    const int ny = n > 0 ? n : std::max(1, static_cast<int>(std::ceil(size.y() / task_.voxel_m)));
-    std::vector<Vertex> top, bottom;
+    const bool plane = is_plane();
+    const auto cells = [&](double side_m) {
+      return plane ? 1 : std::max(1, static_cast<int>(std::ceil(side_m / task_.voxel_m)));
+    };
+    const int nx = cells(size.x()), ny = cells(size.y());
+    std::vector<Vertex> top;
     double lowest = box_.min().z();
     for (int i = 0; i <= nx; ++i) {
       for (int j = 0; j <= ny; ++j) {
         const double x = box_.min().x() + i * size.x() / nx, y = box_.min().y() + j * size.y() / ny;
         const double z = task_.ground->height(x, y).value_or(box_.min().z());
         lowest = std::min(lowest, z - 4 * task_.voxel_m);
-        top.push_back(add(soil_, {x, y, z}));
+        top.push_back(soil_.add_vertex(local({x, y, z})));
       }
-    }
-    for (const Vertex v : top) {
-      const auto& p = soil_.point(v);
-      bottom.push_back(soil_.add_vertex({p.x(), p.y(), lowest - middle_.z()}));
     }
     const auto id = [ny](int i, int j) { return static_cast<std::size_t>(i * (ny + 1) + j); };
     const auto quad = [this](Vertex a, Vertex b, Vertex c, Vertex d) {
       soil_.add_face(a, b, c);
       soil_.add_face(a, c, d);
     };
+    std::vector<Vertex> rim;  // counter-clockwise from above
+    for (int i = 0; i < nx; ++i) rim.push_back(top[id(i, 0)]);
+    for (int j = 0; j < ny; ++j) rim.push_back(top[id(nx, j)]);
+    for (int i = nx; i > 0; --i) rim.push_back(top[id(i, ny)]);
+    for (int j = ny; j > 0; --j) rim.push_back(top[id(0, j)]);
     for (int i = 0; i < nx; ++i) {
       for (int j = 0; j < ny; ++j) {
-        const auto a = id(i, j), b = id(i + 1, j), c = id(i + 1, j + 1), d = id(i, j + 1);
-        quad(top[a], top[b], top[c], top[d]);
-        quad(bottom[a], bottom[d], bottom[c], bottom[b]);
+        quad(top[id(i, j)], top[id(i + 1, j)], top[id(i + 1, j + 1)], top[id(i, j + 1)]);
       }
     }
-    const auto wall = [&](std::size_t a, std::size_t b) {  // a to b with the ground to the left
-      quad(bottom[a], bottom[b], top[b], top[a]);
-    };
-    for (int i = 0; i < nx; ++i) {
-      wall(id(i, 0), id(i + 1, 0));
-      wall(id(i + 1, ny), id(i, ny));
+    std::vector<Vertex> foot;
+    for (const Vertex v : rim) {
+      const Vec3 p = vec(soil_.point(v)) + middle_;
+      foot.push_back(soil_.add_vertex(local({p.x(), p.y(), lowest})));
     }
-    for (int j = 0; j < ny; ++j) {
-      wall(id(nx, j), id(nx, j + 1));
-      wall(id(0, j + 1), id(0, j));
+    for (std::size_t i = 0; i < rim.size(); ++i) {
+      const std::size_t j = (i + 1) % rim.size();
+      quad(foot[i], foot[j], rim[j], rim[i]);
+      if (i > 0 && j > 0) soil_.add_face(foot[0], foot[j], foot[i]);
     }
   }
 
-  Vertex add(SurfaceMesh& mesh, const Vec3& p) const {
-    const Vec3 local = p - middle_;
-    return mesh.add_vertex({local.x(), local.y(), local.z()});
+  Kernel::Point_3 local(const Vec3& world) const {
+    const Vec3 p = world - middle_;
+    return {p.x(), p.y(), p.z()};
   }
 
-  bool subtract(const Pose& next, double grow_m) {
-    SurfaceMesh tool;
-    std::vector<Vertex> v;
-    Vec3 centre = Vec3::Zero();
-    std::vector<Vec3> corners;
-    for (const Pose& pose : {pose_, next}) {
-      for (const Vec3& corner : mouth_corners(task_.bucket, pose)) corners.push_back(corner);
+  /// Corners of what the part of the mouth sweeps that goes forward (side 1) or back (-1); none if
+  /// no part does.
+  std::vector<Kernel::Point_3> hull(const Pose& next, double side, double hair_m) const {
+    double depth = 0;
+    for (const Vec3& p : mouth_corners(task_.bucket, next)) {
+      depth = std::max(depth, side * (pose_.inverse() * p).x());
     }
-    for (const Vec3& corner : corners) centre += corner / 8;
-    for (const Vec3& corner : corners)
-      v.push_back(add(tool, corner + grow_m * (corner - centre).normalized()));
-    constexpr std::size_t kTriangles[12][3] = {{0, 1, 2}, {0, 2, 3}, {4, 6, 5}, {4, 7, 6},
-                                               {0, 4, 5}, {0, 5, 1}, {1, 5, 6}, {1, 6, 2},
-                                               {2, 6, 7}, {2, 7, 3}, {3, 7, 4}, {3, 4, 0}};
-    for (const auto& t : kTriangles) tool.add_face(v[t[0]], v[t[1]], v[t[2]]);
+    if (depth < kHair_m) return {};
+    const Vec3 back = -side * hair_m * (pose_.rotation * Vec3::UnitX());
+    const auto from = clip(mouth(task_.bucket, pose_, steps_ * hair_m), next, -side, kThin * depth);
+    const auto to = clip(mouth(task_.bucket, next, steps_ * hair_m), pose_, side, kThin * depth);
+    if (from.size() < 3 || to.size() < 3) return {};
+    std::vector<Kernel::Point_3> points;
+    for (const Vec3& p : from) points.push_back(local(p + back));
+    for (const Vec3& p : to) points.push_back(local(p));
+    return points;
+  }
+
+  bool subtract(const std::vector<Kernel::Point_3>& points) {
+    if (points.empty()) return true;
+    SurfaceMesh tool, before = soil_;
+    CGAL::convex_hull_3(points.begin(), points.end(), tool);
     try {
-      if (!pmp::is_outward_oriented(tool)) pmp::reverse_face_orientations(tool);
-      SurfaceMesh result, soil = soil_;
-      const bool manifold = pmp::corefine_and_compute_difference(
-          soil, tool, result, CGAL::parameters::throw_on_self_intersection(true));
-      if (!manifold || !CGAL::is_closed(result)) return false;
-      soil_ = std::move(result);
-      return true;
+      if (pmp::corefine_and_compute_difference(
+              soil_, tool, soil_, CGAL::parameters::throw_on_self_intersection(true))) {
+        Eigen::AlignedBox3d box;
+        for (const auto& p : points) box.extend(vec(p));
+        collapse({box.min() - Vec3::Constant(kHair_m), box.max() + Vec3::Constant(kHair_m)});
+        return true;
+      }
     } catch (const std::exception&) {
-      return false;
     }
+    soil_ = std::move(before);
+    return false;
+  }
+
+  /// Would the surface stay as it is if the edge's target were moved to its source?
+  bool redundant(Halfedge edge) const {
+    const Vertex source = soil_.source(edge);
+    const Vec3 from = vec(soil_.point(soil_.target(edge))), to = vec(soil_.point(source));
+    for (const Halfedge h : CGAL::halfedges_around_target(edge, soil_)) {
+      const Vertex a = soil_.source(h), b = soil_.target(soil_.next(h));
+      if (a == source || b == source) continue;
+      const Vec3 p = vec(soil_.point(a)), q = vec(soil_.point(b));
+      const Vec3 n = (q - from).cross(p - from), m = (q - to).cross(p - to);
+      if (std::abs(n.dot(to - from)) > kFlat_m * n.norm()) return false;  // out of its plane
+      if (n.dot(m) <= 0.9 * n.norm() * m.norm()) return false;            // turned over
+      if (m.norm() < kFlat_m * (q - p).norm()) return false;              // collapsed, too
+    }
+    return true;
+  }
+
+  void collapse(const Eigen::AlignedBox3d& box) {
+    std::vector<Vertex> near;
+    for (const Vertex v : soil_.vertices()) {
+      if (box.contains(vec(soil_.point(v)))) near.push_back(v);
+    }
+    for (bool more = true; more;) {
+      more = false;
+      for (const Vertex v : near) {
+        if (soil_.is_removed(v)) continue;
+        for (const Halfedge h : CGAL::halfedges_around_target(v, soil_)) {
+          const auto edge = soil_.edge(h);
+          if (!redundant(h) || !CGAL::Euler::does_satisfy_link_condition(edge, soil_)) continue;
+          const auto to = soil_.point(soil_.source(h));
+          soil_.point(CGAL::Euler::collapse_edge(edge, soil_)) = to;
+          more = true;
+          break;
+        }
+      }
+    }
+    soil_.collect_garbage();
   }
 
   Task task_;

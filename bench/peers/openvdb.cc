@@ -5,20 +5,23 @@
 // openvdb_stock: meshToLevelSet of the step's hexahedron, csgDifference (pruned), levelSetVolume,
 // all timed: what its documentation leads to.
 //
-// openvdb_csg, its best setting: hexahedra are rasterised beforehand (not timed), only
-// csgDifference without pruning is timed; volume is measured afterwards (not timed) by the fraction
-// of each voxel below a plane at distance phi, over the slab. Its error is what the CSG itself
-// does.
+// openvdb_csg, its best setting: only csgDifference without pruning is timed; what it subtracts is
+// rasterised beforehand, volume is measured afterwards, on the mesh that volumeToMesh makes. What
+// is subtracted is the tube that the mouth swept over the last four voxels of travel: a single
+// step's hexahedron is thinner than a voxel and leaves wrong distances in the air (4 % rms at 2.5
+// cm voxels and 100 updates instead of 0.4 %; a longer tube gains nothing). levelSetVolume, or each
+// voxel's fraction by its distance, takes small distances in the air for soil and would add 25 %.
 //
 // Both: half width 3 voxels as usual; the slab ends 4 voxels beside and below the dig (or spans the
 // task's site, where that is larger); grids are kept near the index origin, where levelSetVolume is
-// most exact; the hexahedron's faces are split in two triangles each.
+// most exact; the tool's faces are split in two triangles each.
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Composite.h>
 #include <openvdb/tools/LevelSetMeasure.h>
 #include <openvdb/tools/MeshToVolume.h>
 #include <openvdb/tools/Prune.h>
 #include <openvdb/tools/SignedFloodFill.h>
+#include <openvdb/tools/VolumeToMesh.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -31,6 +34,7 @@ namespace {
 
 constexpr int kBand = 3;    // voxels
 constexpr int kMargin = 4;  // voxels of ground beside and below the dig
+constexpr int kTube = 4;    // voxels of travel
 
 using openvdb::Coord;
 using openvdb::FloatGrid;
@@ -121,7 +125,7 @@ class OpenVdb : public Engine {
     const Vec3 middle = (task.reach.center() - task.origin) / h;
     local_ = task.origin + h * middle.array().round().matrix();
     soil_ = Slab(task_, local_).build();
-    pose_ = task.motion->pose(task.motion->begin_s());
+    path_ = {task.motion->pose(task.motion->begin_s())};
     initial_m3_ = volume();
     now_m3_ = initial_m3_;
   }
@@ -138,44 +142,58 @@ class OpenVdb : public Engine {
   double memory_bytes() const override { return static_cast<double>(soil_->memUsage()); }
 
  private:
+  /// The mouth swept along the path, closed at both ends.
   void make_tool(const Step& step) {
-    const Pose next = task_.motion->pose(step.t1);
+    path_.push_back(task_.motion->pose(step.t1));
+    std::size_t first = path_.size() - 2;
+    double length_m = travel(task_.bucket, path_[first], path_.back());
+    while (!stock_ && first > 0 && length_m < kTube * task_.voxel_m) {
+      length_m += travel(task_.bucket, path_[first - 1], path_[first]);
+      --first;
+    }
+    path_.erase(path_.begin(), path_.begin() + static_cast<std::ptrdiff_t>(first));
     std::vector<openvdb::Vec3s> points;
-    for (const Pose& pose : {pose_, next}) {
+    std::vector<openvdb::Vec3I> triangles;
+    using Index = openvdb::Index32;
+    const auto quad = [&triangles](Index a, Index b, Index c, Index d) {
+      triangles.emplace_back(a, b, c);
+      triangles.emplace_back(a, c, d);
+    };
+    for (const Pose& pose : path_) {
       for (const Vec3& corner : mouth_corners(task_.bucket, pose)) {
         const Eigen::Vector3f p = (corner - local_).cast<float>();
         points.emplace_back(p.x(), p.y(), p.z());
       }
     }
-    using Triangle = openvdb::Vec3I;
-    static const std::vector<Triangle> kTriangles = {{0, 1, 2}, {0, 2, 3}, {4, 6, 5}, {4, 7, 6},
-                                                     {0, 4, 5}, {0, 5, 1}, {1, 5, 6}, {1, 6, 2},
-                                                     {2, 6, 7}, {2, 7, 3}, {3, 7, 4}, {3, 4, 0}};
-    tool_ =
-        openvdb::tools::meshToLevelSet<FloatGrid>(soil_->transform(), points, kTriangles, kBand);
-    pose_ = next;
-  }
-
-  double volume() const {
-    return stock_ ? openvdb::tools::levelSetVolume(*soil_) : fraction_volume();
-  }
-
-  /// Each voxel's fraction below an axis-aligned plane at distance phi; inner tiles are full.
-  double fraction_volume() const {
-    const double h = task_.voxel_m;
-    double cells = 0;
-    for (auto it = soil_->cbeginValueAll(); it; ++it) {
-      const double f = std::clamp(0.5 - *it / h, 0.0, 1.0);
-      if (f > 0) cells += f * static_cast<double>(it.getVoxelCount());
+    const auto last = static_cast<Index>(points.size() - 4);
+    quad(0, 1, 2, 3);
+    for (Index k = 0; k < last; k += 4) {
+      for (Index i = 0, j = 3; i < 4; j = i++) quad(k + 4 + j, k + 4 + i, k + i, k + j);
     }
-    return cells * h * h * h;
+    quad(last + 3, last + 2, last + 1, last);
+    tool_ = openvdb::tools::meshToLevelSet<FloatGrid>(soil_->transform(), points, triangles, kBand);
+  }
+
+  double volume() const { return stock_ ? openvdb::tools::levelSetVolume(*soil_) : mesh_volume(); }
+
+  /// Of the mesh of the zero level, by the divergence theorem.
+  double mesh_volume() const {
+    std::vector<openvdb::Vec3s> points;
+    std::vector<openvdb::Vec4I> quads;
+    openvdb::tools::volumeToMesh(*soil_, points, quads);
+    double six_volumes = 0;
+    for (const auto& q : quads) {
+      const openvdb::Vec3d a = points[q[0]], b = points[q[1]], c = points[q[2]], d = points[q[3]];
+      six_volumes += a.dot(b.cross(c)) + a.dot(c.cross(d));
+    }
+    return std::abs(six_volumes) / 6;
   }
 
   Task task_;
   bool stock_;
   Vec3 local_;
   FloatGrid::Ptr soil_, tool_;
-  Pose pose_;
+  std::vector<Pose> path_;  // that the next tool begins with
   double initial_m3_ = 0, now_m3_ = 0;
 };
 
