@@ -3,6 +3,7 @@
 // A bucket's motion: rows in time, by poses or by joints, and the pose at any time between them.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/bucket.h"
@@ -22,6 +23,11 @@ class Motion {
   const std::vector<double>& times_s() const { return times_s_; }
   double begin_s() const { return times_s_.front(); }
   double end_s() const { return times_s_.back(); }
+
+  /// Its rows as given: poses, or else joint values and the chain they move.
+  std::span<const Pose> poses() const { return poses_; }
+  std::span<const double> joint_values() const { return joint_values_; }
+  const Chain& chain() const { return chain_; }
 
   /// Pose at `time_s`, clamped to [begin_s, end_s].
   Pose pose(double time_s) const;

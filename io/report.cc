@@ -74,6 +74,7 @@ std::string to_json(const Summary& s) {
       {"voxel_size_m", s.voxel_size_m},
       {"threads", s.threads},
       {"updates", s.updates.count()},
+      {"acknowledged", {{"updates", s.acknowledged_updates}, {"time_s", s.acknowledged_s}}},
       {"volume_m3",
        {{"cut", s.cut_m3},
         {"captured", s.captured_m3},

@@ -132,7 +132,7 @@ std::optional<Chain> read_machine_chain(const YamlMap& machine) {
 
 void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
-  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster"});
+  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
   if (output.has("snapshots")) {
     result.snapshot_every_s =
         output.map("snapshots", {"every"}).number("every", kMinEveryS, kMaxEveryS, "s");
@@ -146,6 +146,12 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
   if (output.has("raster")) {
     result.raster_cell_m = output.map("raster", {"cell"}).number("cell", kMinCellM, kMaxCellM, "m");
+  }
+  if (output.has("journal")) {
+    const YamlMap journal = output.map("journal", {"sync"});
+    result.journal_sync_s = journal.text("sync") == "always"
+                                ? 0
+                                : journal.number("sync", kMinEveryS, kMaxEveryS, "s");
   }
 }
 
