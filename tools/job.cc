@@ -194,7 +194,7 @@ void Job::book(const io::JournalMove& move) {
 }
 
 /// Goes on to the next step, with the snapshot that is due between.
-void Job::step_on(const Step& now) {
+void Job::step_on(Step now) {
   progress_.update(summary_.updates.count());
   step_ = schedule_.next();
   // All machines have come to this time: none has another update that ends with it.

@@ -59,7 +59,7 @@ class Job {
   void dig();
   Update dig(std::size_t machine, const Motion& motion, double begin_s, double end_s);
   void book(const io::JournalMove& move);
-  void step_on(const Step& now);
+  void step_on(Step now);
   void write_periodic(const std::string& name);
   void write_snapshot(const std::string& name);
   bool is_intact(const std::string& name) const;
