@@ -116,8 +116,8 @@ void Job::guarded(void (Job::*work)()) {
 
 void Job::replay_and_dig() {
   const std::filesystem::path file = folder_.begin(kJournalName);
-  io::JournalReader reader(file);
   journal_.emplace(file, before_->good_bytes, before_->done, scenario_.journal_sync_s);
+  io::JournalReader reader(file);  // now without what was torn
   while (const std::optional<io::JournalRecord> record = reader.next()) {
     const auto* move = std::get_if<io::JournalMove>(&*record);
     if (!move) continue;

@@ -10,7 +10,9 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstring>
 #include <regex>
+#include <stdexcept>
 
 #include "io/error.h"
 
@@ -37,6 +39,9 @@ RunFolder::~RunFolder() {
 
 void RunFolder::lock() {
   descriptor_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor_ < 0 && errno != EACCES)
+    throw std::runtime_error(
+        fmt::format("{}: can't be opened: {}", path_.string(), std::strerror(errno)));
   // Where folders can't be locked, on some network file systems, nobody is kept out.
   if (descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
     throw io::InputError(path_, "another run is at work in this folder; wait for its end");

@@ -29,7 +29,8 @@ class RunFolder {
   void make();
 
   /// Keeps other runs out of the folder, and clears it of what a run that crashed left half done.
-  /// @throw io::InputError if another run is at work in it.
+  /// @throw io::InputError if another run is at work in it; std::runtime_error if it can't be
+  /// opened.
   void lock();
 
   /// Takes back make(): removes the folders it made, if they are still empty.
