@@ -78,6 +78,7 @@ Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
                  schedule_.begin_s(), schedule_.end_s()),
       progress_(scenario_.name, schedule_.total()),
       time_s_(schedule_.begin_s()) {
+  if (start_.updates > 0) tracker_.restore(start_.tracker_state);
   summary_.scenario = scenario_.name;
   summary_.voxel_size_m = scenario_.voxel_size_m;
   summary_.threads = threads;
@@ -232,7 +233,7 @@ void Job::write_snapshot(const std::string& name) {
   const Ledger total = tracker_.total();
   io::write_snapshot(folder_.begin(name), start_.site,
                      {scenario_.name, time_s_, total.cut_m3(), total.captured_m3(),
-                      total.displaced_m3(), total.dumped_m3()});
+                      total.displaced_m3(), total.dumped_m3(), tracker_.state()});
   done(name);
 }
 

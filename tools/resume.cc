@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "io/checksum.h"
+#include "io/snapshot.h"
 #include "tools/commands.h"
 #include "tools/job.h"
 #include "tools/text.h"
@@ -24,6 +26,28 @@ io::JournalContent open_run(const fs::path& folder) {
   if (!fs::exists(file, none))
     throw io::InputError(folder, "holds no run to go on with: it has no journal");
   return io::read_journal(file);
+}
+
+/// The newest good ground that the journal knows of.
+Start find_start(const fs::path& folder, const io::JournalContent& journal,
+                 const io::Scenario& scenario) {
+  for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
+    const fs::path path = folder / file->name;
+    if (path.extension() != ".vdb" || file->updates == 0) continue;
+    try {
+      if (io::file_digest(path) != io::FileDigest{file->size, file->crc})
+        throw io::InputError(path, "is not what the journal says");
+      io::SnapshotInfo info;
+      Start start{io::read_snapshot(path, &info), file->updates, ""};
+      start.tracker_state = std::move(info.tracker_state);
+      fmt::print("going on from {}\n", file->name);
+      return start;
+    } catch (const io::InputError& e) {
+      fmt::print(stderr, "soilvdb: warning: {}; going on from what came before it\n", e.what());
+    }
+  }
+  fmt::print("going on from the beginning\n");
+  return {io::open_site(scenario), 0, ""};
 }
 
 /// Keeps a damaged journal before its good part is gone on with.
@@ -57,7 +81,7 @@ void resume(const ResumeOptions& options) {
              counted(static_cast<double>(done.updates), "update"), time_text(done.time_s));
   std::fflush(stdout);
   with_threads(config.options.threads, [&](int threads) {
-    Start start{io::open_site(scenario), 0, ""};
+    Start start = find_start(path, journal, scenario);
     if (journal.damaged) keep_damaged(path, journal);
     Job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin)
         .resume(journal);
