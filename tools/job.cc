@@ -142,7 +142,7 @@ void Job::replay(const io::JournalMove& move) {
   if (count >= start_.updates) {
     const Chain& chain = scenario_.machines[move.machine].motion.chain();
     const Update result =
-        dig(move.machine, io::motion_of(move.rows, chain), move.begin_s, move.end_s);
+        tracker_.update(move.machine, io::motion_of(move.rows, chain), move.begin_s, move.end_s);
     if (!same_bits(result.cut_m3, move.cut_m3) || !same_bits(result.bucket_m3, move.bucket_m3))
       throw refuse(
           fmt::format("cut {} m³ and now cuts {} m³; it was another version of soilvdb "
@@ -158,16 +158,14 @@ void Job::dig() {
   while (step_ && !stopped_) {
     const Step now = *step_;
     const Motion& motion = scenario_.machines[now.machine].motion;
-    const Clock::time_point begin = Clock::now();
-    const Update result = dig(now.machine, motion, now.begin_s, now.end_s);
-    const double us = seconds_since(begin) * 1e6;
+    const Update result = tracker_.update(now.machine, motion, now.begin_s, now.end_s);
     const io::JournalMove move{static_cast<std::uint32_t>(now.machine),
                                true,
                                now.begin_s,
                                now.end_s,
                                result.cut_m3,
                                result.bucket_m3,
-                               us,
+                               result.us,
                                io::rows_between(motion, now.begin_s, now.end_s)};
     if (!journal_) {
       const std::filesystem::path file = folder_.begin(kJournalName);
@@ -180,11 +178,6 @@ void Job::dig() {
     step_on(now);
     stopped_ = stop_requested && step_;
   }
-}
-
-Update Job::dig(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
-  return tracker_.update(machine, motion.trace(begin_s, end_s, scenario_.machines[machine].bucket,
-                                               tracker_.tolerance_m(), tracker_.stride_m()));
 }
 
 void Job::book(const io::JournalMove& move) {

@@ -57,7 +57,6 @@ class Job {
   void replay_and_dig();
   void replay(const io::JournalMove& move);
   void dig();
-  Update dig(std::size_t machine, const Motion& motion, double begin_s, double end_s);
   void book(const io::JournalMove& move);
   void step_on(Step now);
   void write_periodic(const std::string& name);
