@@ -168,13 +168,13 @@ void JournalWriter::work() {
 }
 
 void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
-  std::string batch;
-  batch.swap(pending_);
+  batch_.clear();
+  batch_.swap(pending_);  // the two take turns, so that neither has to grow again
   const JournalExtent upto = added_;
   const std::uint64_t count = count_added_;
   lock.unlock();
-  if (!batch.empty()) {
-    const std::string bytes = frame(batch, end_, synced_);
+  if (!batch_.empty()) {
+    const std::string bytes = frame(batch_, end_, synced_);
     for (std::string_view rest = bytes; !rest.empty();) {
       const ssize_t n = ::write(descriptor_, rest.data(), rest.size());
       if (n < 0 && errno == EINTR) continue;

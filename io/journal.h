@@ -88,6 +88,7 @@ class JournalWriter {
   const double sync_s_;
   int descriptor_ = -1;
   std::uint64_t end_ = 0, synced_ = 0;  // bytes
+  std::string batch_;                   // records on their way into a frame
   std::vector<double> last_row_s_;      // of each machine
 
   mutable std::mutex mutex_;
