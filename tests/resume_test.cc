@@ -261,6 +261,17 @@ TEST_F(Resume, VerifyNamesEveryFileThatIsNotAsItWasWritten) {
   }
 }
 
+TEST_F(Resume, VerifyFindsAJournalThatIsDamagedAtItsStart) {
+  run_whole();
+  damage("journal", 60);
+  for (const char* what : {"out/dig", "out/dig/journal"}) {
+    const Result bad = run(fmt::format("verify {}", what));
+    EXPECT_EQ(bad.status, 1);
+    EXPECT_NE(bad.err.find("journal: is not a journal, or damaged at its start"),
+              std::string::npos);
+  }
+}
+
 TEST_F(Resume, VerifyOfAnInterruptedRunSaysHowFarItIsGood) {
   run_whole();
   interrupt(0.7);

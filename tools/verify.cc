@@ -38,8 +38,19 @@ bool is_final(const std::string& name) {
   return name.starts_with("soil_final.") || name == kUpdatesName || name == kSummaryName;
 }
 
+/// Calls `read`, for which a file that is damaged is the result and not a wrong question.
+template <typename F>
+auto judged(F read) {
+  try {
+    return read();
+  } catch (const io::InputError& e) {
+    throw std::runtime_error(e.what());
+  }
+}
+
 void verify_run(const fs::path& folder) {
-  const io::JournalContent journal = io::read_journal(folder / kJournalName);
+  const io::JournalContent journal =
+      judged([&] { return io::read_journal(folder / kJournalName); });
   std::vector<std::string> faults;
   const auto report = [&](const std::string& name, const std::string& fault,
                           const std::string& good) {
@@ -72,17 +83,13 @@ void verify_run(const fs::path& folder) {
 
 void verify_snapshot(const fs::path& file) {
   io::SnapshotInfo info;
-  try {
-    io::read_snapshot(file, &info);
-  } catch (const io::InputError& e) {
-    throw std::runtime_error(e.what());  // it is the result that is bad, not the question
-  }
+  judged([&] { return io::read_snapshot(file, &info); });
   fmt::print("{}: intact, the ground of {} at {} s\n", file.string(), info.scenario,
              time_text(info.time_s));
 }
 
 void verify_journal(const fs::path& file) {
-  const io::JournalContent journal = io::read_journal(file);
+  const io::JournalContent journal = judged([&] { return io::read_journal(file); });
   if (journal.damaged)
     throw std::runtime_error(fmt::format("{}: is damaged at byte {}; good to {} s", file.string(),
                                          journal.good_bytes, time_text(journal.done.time_s)));
