@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kMinVoxelM = 1e-4, kMaxVoxelM = 100;
 constexpr double kMinEveryS = 1e-3, kMaxEveryS = 1e9;
+constexpr double kMaxSyncS = 3600;
 constexpr double kMinCellM = 1e-3, kMaxCellM = 1e4;
 constexpr std::array kMeshFormats = {"ply", "obj", "stl", "glb"};
 
@@ -149,9 +150,13 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
   if (output.has("journal")) {
     const YamlMap journal = output.map("journal", {"sync"});
-    result.journal_sync_s = journal.text("sync") == "always"
-                                ? 0
-                                : journal.number("sync", kMinEveryS, kMaxEveryS, "s");
+    const std::string sync = journal.text("sync");
+    if (sync != "always" && !parse_number(sync)) {
+      journal.fail("sync", fmt::format("sync is '{}'; it must be a number of seconds, or always",
+                                       printable(sync)));
+    }
+    result.journal_sync_s =
+        sync == "always" ? 0 : journal.number("sync", kMinEveryS, kMaxSyncS, "s");
   }
 }
 
