@@ -3,6 +3,7 @@
 // A bucket's motion: rows in time, by poses or by joints, and the pose at any time between them.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "core/bucket.h"
@@ -28,6 +29,10 @@ class Motion {
 
   /// Pieces of the way from row i - 1 to row i in which no joint moves more than a radian or metre.
   std::size_t row_pieces(std::size_t i) const;
+  /// Its rows as given: poses, or else joint values and the chain they move.
+  std::span<const Pose> poses() const { return poses_; }
+  std::span<const double> joint_values() const { return joint_values_; }
+  const Chain& chain() const { return chain_; }
 
   /// Pose at `time_s`, clamped to [begin_s, end_s].
   Pose pose(double time_s) const;

@@ -74,6 +74,10 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
                                     : machine.move(soil_, move.to);
     });
   };
+  if (machines_.size() == 1) {
+    for (std::size_t i = 0; i < moves.size(); ++i) run(i);
+    return updates;
+  }
   // Where each machine is going.
   std::vector<std::vector<Pose>> ways(machines_.size());
   for (const Move& move : moves) {

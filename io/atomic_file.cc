@@ -28,7 +28,7 @@ class Temporary {
       path_ = target;
       path_.replace_filename("." + target.filename().string() + "." + std::to_string(::getpid()) +
                              "-" + std::to_string(counter++) + ".tmp");
-      descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+      descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     } while (descriptor_ < 0 && errno == EEXIST);
     if (descriptor_ < 0) fail(target, errno);
   }
@@ -49,8 +49,30 @@ class Temporary {
     }
   }
 
-  void rename_to_target() {
+  /// Is what was written what is there? From the disk itself, where the system lets us.
+  void verify(std::string_view bytes) {
+    ::posix_fadvise(descriptor_, 0, 0, POSIX_FADV_DONTNEED);
+    std::string block(std::min(bytes.size() + 1, std::size_t{1} << 20), '\0');
+    for (off_t at = 0;;) {
+      const ssize_t n = ::pread(descriptor_, block.data(), block.size(), at);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) fail(target_, errno);
+      const auto size = static_cast<std::size_t>(n);
+      if (size > bytes.size() || bytes.substr(0, size) != std::string_view(block).substr(0, size) ||
+          (size == 0 && !bytes.empty()))
+        throw std::runtime_error(target_.string() +
+                                 ": can't be written: what was read back is not what was written");
+      if (size == 0) return;
+      bytes.remove_prefix(size);
+      at += n;
+    }
+  }
+
+  void sync() {
     if (::fsync(descriptor_) != 0) fail(target_, errno);
+  }
+
+  void rename_to_target() {
     const int closed = ::close(descriptor_);
     descriptor_ = -1;
     if (closed != 0) fail(target_, errno);
@@ -95,6 +117,8 @@ void write_atomically(const std::filesystem::path& file, std::string_view bytes)
   }
   Temporary temporary(target);
   temporary.write(bytes);
+  temporary.sync();
+  temporary.verify(bytes);
   temporary.rename_to_target();
   sync_folder(target);
 }

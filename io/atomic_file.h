@@ -9,9 +9,9 @@
 namespace soilvdb::io {
 
 /// Puts `bytes` into `file`: a temporary file in the same folder, every write checked, fsync,
-/// rename over `file`, fsync of the folder. Whatever happens on the way, `file` holds either what
-/// it held before or all of `bytes`; a temporary that couldn't be finished is removed. Safe to call
-/// from several threads.
+/// read back and compared, rename over `file`, fsync of the folder. Whatever happens on the way,
+/// `file` holds either what it held before or all of `bytes`; a temporary that couldn't be finished
+/// is removed. Safe to call from several threads.
 /// @throw std::runtime_error naming the file and the cause; also if `file` is there and isn't a
 ///        regular file (a folder, /dev/null).
 void write_atomically(const std::filesystem::path& file, std::string_view bytes);

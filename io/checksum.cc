@@ -47,4 +47,20 @@ std::string file_fingerprint(const std::filesystem::path& file) {
   return fmt::format("{:016x}", crc.checksum());
 }
 
+FileDigest file_digest(const std::filesystem::path& file) {
+  check_readable(file);
+  std::ifstream in(file, std::ios::binary);
+  Crc64 crc;
+  FileDigest digest;
+  std::string block(std::size_t{1} << 20, '\0');
+  while (in) {
+    in.read(block.data(), static_cast<std::streamsize>(block.size()));
+    crc.process_bytes(block.data(), static_cast<std::size_t>(in.gcount()));
+    digest.size += static_cast<std::uint64_t>(in.gcount());
+  }
+  if (in.bad()) throw InputError(file, "can't be read to its end");
+  digest.crc = crc.checksum();
+  return digest;
+}
+
 }  // namespace soilvdb::io

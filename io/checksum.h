@@ -18,4 +18,12 @@ std::uint64_t crc64(std::string_view bytes);
 /// @throw InputError if it can't be read.
 std::string file_fingerprint(const std::filesystem::path& file);
 
+/// Size and CRC-64 of a whole file.
+struct FileDigest {
+  std::uint64_t size = 0, crc = 0;
+  bool operator==(const FileDigest&) const = default;
+};
+/// @throw InputError if it can't be read.
+FileDigest file_digest(const std::filesystem::path& file);
+
 }  // namespace soilvdb::io

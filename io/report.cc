@@ -74,6 +74,7 @@ std::string to_json(const Summary& s) {
       {"voxel_size_m", s.voxel_size_m},
       {"threads", s.threads},
       {"updates", s.updates.count()},
+      {"acknowledged", {{"updates", s.acknowledged_updates}, {"time_s", s.acknowledged_s}}},
       {"volume_m3",
        {{"cut", s.cut_m3},
         {"captured", s.captured_m3},
@@ -121,12 +122,11 @@ void UpdatesCsv::add(double time_s, std::string_view machine, double cut_m3, dou
 
 void UpdatesCsv::close() {
   if (std::fflush(stream_.get()) != 0 || fsync(fileno(stream_.get())) != 0) fail(file_, errno);
-  if (std::fclose(stream_.release()) != 0) {
+  if (std::fclose(stream_.release()) != 0 || std::rename(part_.c_str(), file_.c_str()) != 0) {
     const int error = errno;
     std::remove(part_.c_str());
     fail(file_, error);
   }
-  if (std::rename(part_.c_str(), file_.c_str()) != 0) fail(file_, errno);
 }
 
 }  // namespace soilvdb::io

@@ -45,6 +45,8 @@ struct Summary {
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
   double ground_change_m3 = 0, residual_m3 = 0;
   std::vector<Machine> machines;
+  double acknowledged_s = 0;               ///< what can't be lost any more: up to this time,
+  std::uint64_t acknowledged_updates = 0;  ///< so many updates
   Durations updates;
   double open_s = 0, total_s = 0;
   std::uint64_t soil_bytes = 0, peak_rss_bytes = 0;

@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kMinVoxelM = 1e-4, kMaxVoxelM = 100;
 constexpr double kMinEveryS = 1e-3, kMaxEveryS = 1e9;
+constexpr double kMaxSyncS = 3600;
 constexpr double kMinCellM = 1e-3, kMaxCellM = 1e4;
 constexpr std::array kMeshFormats = {"ply", "obj", "stl", "glb"};
 
@@ -131,7 +132,7 @@ std::optional<Chain> read_machine_chain(const YamlMap& machine) {
 
 void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
-  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster"});
+  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
   if (output.has("snapshots")) {
     result.snapshot_every_s =
         output.map("snapshots", {"every"}).number("every", kMinEveryS, kMaxEveryS, "s");
@@ -145,6 +146,16 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
   if (output.has("raster")) {
     result.raster_cell_m = output.map("raster", {"cell"}).number("cell", kMinCellM, kMaxCellM, "m");
+  }
+  if (output.has("journal")) {
+    const YamlMap journal = output.map("journal", {"sync"});
+    const std::string sync = journal.text("sync");
+    if (sync != "always" && !parse_number(sync)) {
+      journal.fail("sync", fmt::format("sync is '{}'; it must be a number of seconds, or always",
+                                       printable(sync)));
+    }
+    result.journal_sync_s =
+        sync == "always" ? 0 : journal.number("sync", kMinEveryS, kMaxSyncS, "s");
   }
 }
 

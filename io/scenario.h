@@ -51,6 +51,7 @@ struct Scenario {
   std::optional<double> snapshot_every_s;
   std::optional<std::string> mesh;  ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
+  double journal_sync_s = 1;                  ///< how often the journal is synced; 0: always
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
   std::vector<std::string> warnings;          ///< unused columns, joints beyond their limits
 };

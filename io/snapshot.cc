@@ -143,6 +143,7 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
                              ": can't be written: this OpenVDB's file header is not "
                              "the known one");
   }
+  if (!info.tracker_state.empty()) bytes += info.tracker_state + state_line(info.tracker_state);
   const std::uint64_t digest = crc64(std::string_view(bytes).substr(kUuidAt + kUuidSize));
   const std::string uuid =
       fmt::format("{}{:03x}-{:012x}", kMark, digest >> 52, digest & ((std::uint64_t{1} << 48) - 1));

@@ -5,7 +5,8 @@
 // Grid `surface` (FloatGrid, level set) is the soil's phi, grid `samples` (Int64Grid) its samples,
 // a leaf per resident chunk in each; coordinates are relative to the site's origin. Metadata of the
 // file and of `surface`, all named soilvdb_*, hold the rest. After the last byte that OpenVDB reads
-// come a CRC-64 of all before and their number, which other programs don't see.
+// come the tracker's state, a CRC-64 of all before and their number, which other programs don't
+// see.
 //
 // The same ground makes the same bytes. Damage is found before OpenVDB parses anything.
 #pragma once
@@ -22,6 +23,7 @@ struct SnapshotInfo {
   std::string scenario;
   double time_s = 0;
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
+  std::string tracker_state = {};  ///< Tracker::state(), for a run that goes on; may be empty
 };
 
 /// The bytes of a snapshot. Reads the site, whose phi must be up to date (Tracker::flush()).

@@ -22,6 +22,14 @@ inline constexpr std::string_view kMark = "736f696c-7664-8200-8";
 inline constexpr std::string_view kTrailerWord = "soilvdb-crc64 ";
 inline constexpr std::size_t kTrailerSize = kTrailerWord.size() + 16 + 1 + 16 + 1;
 
+// Before the checksum, where there is one: the tracker's state, and its size.
+inline constexpr std::string_view kStateWord = "soilvdb-state ";
+inline constexpr std::size_t kStateLine = kStateWord.size() + 16 + 1;
+
+inline std::string state_line(std::string_view state) {
+  return fmt::format("{}{:016x}\n", kStateWord, state.size());
+}
+
 inline std::string trailer(std::string_view bytes) {
   return fmt::format("{}{:016x} {:016x}\n", kTrailerWord, crc64(bytes), bytes.size());
 }

@@ -4,9 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <fstream>
 #include <new>
 #include <system_error>
+#include <utility>
 
 #include "core/soil_grids.h"
 #include "io/level_set_file.h"
@@ -31,7 +33,8 @@ std::string read_all(const std::filesystem::path& file) {
   return bytes;
 }
 
-void check_intact(const std::filesystem::path& file) {
+/// Checks that a file is what was written. @return the tracker's state in it
+std::string check_intact(const std::filesystem::path& file) {
   const std::string bytes = read_all(file);
   const std::string_view all = bytes;
   const std::size_t end = all.size() - std::min(all.size(), kTrailerSize);
@@ -41,6 +44,13 @@ void check_intact(const std::filesystem::path& file) {
   if (all.substr(end) != trailer(all.substr(0, end))) {
     throw InputError(file, "is damaged: its checksum doesn't match; use a snapshot before it");
   }
+  const std::string_view line = all.substr(0, end).substr(end - std::min(end, kStateLine));
+  std::uint64_t size = 0;
+  const char* digits = line.data() + kStateWord.size();
+  if (!line.starts_with(kStateWord) ||
+      std::from_chars(digits, digits + 16, size, 16).ptr != digits + 16 || size > end - kStateLine)
+    return "";
+  return std::string(all.substr(end - kStateLine - size, size));
 }
 
 /// Metadata that a snapshot must have.
@@ -160,9 +170,13 @@ Site read_site(const std::filesystem::path& file, SnapshotInfo* info) {
     throw std::runtime_error("its ground is not what was written");
   }
   if (info != nullptr) {
-    *info = {meta.text("soilvdb_scenario"),       meta.number("soilvdb_time_s"),
-             meta.number("soilvdb_cut_m3"),       meta.number("soilvdb_captured_m3"),
-             meta.number("soilvdb_displaced_m3"), meta.number("soilvdb_dumped_m3")};
+    *info = {meta.text("soilvdb_scenario"),
+             meta.number("soilvdb_time_s"),
+             meta.number("soilvdb_cut_m3"),
+             meta.number("soilvdb_captured_m3"),
+             meta.number("soilvdb_displaced_m3"),
+             meta.number("soilvdb_dumped_m3"),
+             ""};
   }
   return site;
 }
@@ -187,9 +201,11 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
   if (!is_snapshot(file)) {
     throw InputError(file, "is not a snapshot; one that `soilvdb run` wrote would do");
   }
-  check_intact(file);
+  std::string tracker_state = check_intact(file);
   try {
-    return read_site(file, info);
+    Site site = read_site(file, info);
+    if (info != nullptr) info->tracker_state = std::move(tracker_state);
+    return site;
   } catch (const InputError&) {
     throw;
   } catch (const std::bad_alloc&) {

@@ -23,8 +23,8 @@ class CommandLine : public ProgramTest {
 };
 
 TEST_F(CommandLine, HelpAndVersionAreNoErrors) {
-  for (const char* arguments :
-       {"--help", "run --help", "info --help", "export --help", "diff --help", "--version"}) {
+  for (const char* arguments : {"--help", "run --help", "resume --help", "verify --help",
+                                "info --help", "export --help", "diff --help", "--version"}) {
     const Result result = run(arguments);
     EXPECT_EQ(result.status, 0) << arguments;
     EXPECT_NE(result.out, "") << arguments;

@@ -59,9 +59,10 @@ TEST_F(Run, VolumeIsTheSameAtUtmCoordinatesAndAnyHeading) {
 TEST_F(Run, SummaryHasTheDocumentedKeys) {
   const auto s = summary("dig.yaml --threads 1");
   using Keys = std::vector<std::string>;  // nlohmann::json sorts them
-  EXPECT_EQ(keys(s),
-            (Keys{"files", "machines", "memory_bytes", "scenario", "soil", "soilvdb", "state_hash",
-                  "threads", "update_us", "updates", "volume_m3", "voxel_size_m", "wall_s"}));
+  EXPECT_EQ(keys(s), (Keys{"acknowledged", "files", "machines", "memory_bytes", "scenario", "soil",
+                           "soilvdb", "state_hash", "threads", "update_us", "updates", "volume_m3",
+                           "voxel_size_m", "wall_s"}));
+  EXPECT_EQ(keys(s["acknowledged"]), (Keys{"time_s", "updates"}));
   EXPECT_EQ(keys(s["volume_m3"]),
             (Keys{"captured", "cut", "displaced", "dumped", "ground_change", "residual"}));
   EXPECT_EQ(keys(s["machines"][0]), (Keys{"bucket_m3", "cut_m3", "name"}));
@@ -120,8 +121,8 @@ TEST_F(Run, SnapshotsOnTheWayDoNotChangeTheGround) {
   EXPECT_EQ(often["state_hash"], never["state_hash"]);
   EXPECT_EQ(often["files"],
             nlohmann::json({"soil_1.vdb", "soil_2.vdb", "soil_3.vdb", "soil_4.vdb", "soil_5.vdb",
-                            "updates.csv", "soil_final.vdb", "summary.json"}));
-  EXPECT_EQ(never["files"], nlohmann::json({"updates.csv", "summary.json"}));
+                            "updates.csv", "soil_final.vdb", "journal", "summary.json"}));
+  EXPECT_EQ(never["files"], nlohmann::json({"updates.csv", "journal", "summary.json"}));
   for (const auto& [out, s] : {std::pair("often", often), std::pair("never", never)}) {
     std::set<std::string> there;
     for (const auto& entry : fs::directory_iterator(folder() / out))

@@ -106,6 +106,12 @@ TEST_F(ScenarioFile, WhatIsOptionalMayBeLeftOut) {
   EXPECT_FALSE(s.snapshot_every_s || s.mesh || s.raster_cell_m);
 }
 
+TEST_F(ScenarioFile, SaysHowOftenTheJournalIsSynced) {
+  EXPECT_EQ(read(with(17, "  journal: {sync: always}")).journal_sync_s, 0);
+  EXPECT_EQ(read(with(17, "  journal: {sync: 0.2}")).journal_sync_s, 0.2);
+  EXPECT_EQ(read(with(17, "")).journal_sync_s, 1);
+}
+
 TEST_F(ScenarioFile, ALevelSetIsATerrainAndAbsolutePathsStay) {
   const Scenario s = read(with(5, "  level_set: /site/before.vdb"));
   EXPECT_EQ(std::get<LevelSetTerrain>(s.terrain).file, "/site/before.vdb");
@@ -296,6 +302,10 @@ TEST_F(ScenarioFile, OutputsWithoutSense) {
   EXPECT_EQ(error(16, "  mesh: fbx"), "s.yaml:16: mesh is 'fbx'; it must be ply, obj, stl or glb");
   EXPECT_EQ(error(17, "  raster: {cell: -1}"),
             "s.yaml:17: cell is -1 m; it must be from 0.001 to 10000 m");
+  EXPECT_EQ(error(17, "  journal: {sync: 0}"),
+            "s.yaml:17: sync is 0 s; it must be from 0.001 to 3600 s");
+  EXPECT_EQ(error(17, "  journal: {sync: often}"),
+            "s.yaml:17: sync is 'often'; it must be a number of seconds, or always");
 }
 
 TEST_F(ScenarioFile, MachinesByJointsNeedTheirParts) {

@@ -27,6 +27,16 @@ struct RunOptions {
 };
 void run(const RunOptions& options);
 
+struct ResumeOptions {
+  std::filesystem::path folder;
+};
+void resume(const ResumeOptions& options);
+
+struct VerifyOptions {
+  std::filesystem::path path;
+};
+void verify(const VerifyOptions& options);
+
 struct InfoOptions {
   std::filesystem::path file;
 };

@@ -2,11 +2,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/run_folder.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <regex>
+#include <stdexcept>
 
 #include "io/error.h"
 
@@ -27,10 +33,31 @@ RunFolder::RunFolder(fs::path path) : path_(std::move(path)) {
         path_, fmt::format("'{}' can't be written to; give another --out", there.string()));
 }
 
+RunFolder::~RunFolder() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+void RunFolder::lock() {
+  descriptor_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor_ < 0 && errno != EACCES)
+    throw std::runtime_error(
+        fmt::format("{}: can't be opened: {}", path_.string(), std::strerror(errno)));
+  // Where folders can't be locked, on some network file systems, nobody is kept out.
+  if (descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw io::InputError(path_, "another run is at work in this folder; wait for its end");
+  const std::regex half_done(
+      R"(\.(soil_.*|summary\.json|journal)\.[0-9]+-[0-9]+\.tmp|updates\.csv\.part)");
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(path_, error))
+    if (std::regex_match(entry.path().filename().string(), half_done))
+      fs::remove(entry.path(), error);
+}
+
 void RunFolder::spare(const fs::path& input) const {
   std::error_code error;
   const std::string name = input.filename().string();
-  const bool ours = name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName;
+  const bool ours = name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName ||
+                    name == kJournalName;
   if (ours && fs::equivalent(input.parent_path().empty() ? "." : input.parent_path(), path_, error))
     throw io::InputError(input,
                          "is an input in the folder that the run writes to, and would be "

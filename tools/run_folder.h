@@ -16,6 +16,9 @@ class RunFolder {
  public:
   /// @throw io::InputError if it isn't a folder and can't become one, or can't be written to.
   explicit RunFolder(std::filesystem::path path);
+  ~RunFolder();
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
 
@@ -24,6 +27,11 @@ class RunFolder {
 
   /// Makes the folder. @throw io::InputError if that can't be done.
   void make();
+
+  /// Keeps other runs out of the folder, and clears it of what a run that crashed left half done.
+  /// @throw io::InputError if another run is at work in it; std::runtime_error if it can't be
+  /// opened.
+  void lock();
 
   /// Takes back make(): removes the folders it made, if they are still empty.
   void unmake();
@@ -36,7 +44,7 @@ class RunFolder {
   void done(const std::string& name);
   const std::vector<std::string>& files() const { return files_; }
 
-  /// "on disk: out/dig: soil_1.vdb, soil_2.vdb", for messages.
+  /// "safe in out/dig: soil_1.vdb, soil_2.vdb", for messages.
   std::string safe() const;
 
  private:
@@ -44,9 +52,11 @@ class RunFolder {
   std::vector<std::filesystem::path> made_;  ///< outermost first
   std::vector<std::string> files_;
   bool begun_ = false;
+  int descriptor_ = -1;  ///< holds the lock
 };
 
 inline constexpr const char* kSummaryName = "summary.json";
+inline constexpr const char* kJournalName = "journal";
 inline constexpr const char* kUpdatesName = "updates.csv";
 
 }  // namespace soilvdb::tools

@@ -67,6 +67,8 @@ class CommandLine {
         "Exit status: 0 done; 2 the input or the command line is wrong, nothing was "
         "written; 1 anything else.");
     add_run();
+    add_resume();
+    add_verify();
     add_info();
     add_export();
     add_diff();
@@ -137,6 +139,19 @@ class CommandLine {
     });
   }
 
+  void add_resume() {
+    CLI::App* sub = app_.add_subcommand("resume", "go on with an interrupted run to its end");
+    sub->add_option("DIR", resume_.folder, "folder the run writes to")->required();
+    sub->callback([this] { command_ = [this] { resume(resume_); }; });
+  }
+
+  void add_verify() {
+    CLI::App* sub = app_.add_subcommand("verify", "is everything of a run intact");
+    sub->add_option("DIR|FILE", verify_.path, "folder of a run, or a snapshot or journal")
+        ->required();
+    sub->callback([this] { command_ = [this] { verify(verify_); }; });
+  }
+
   void add_info() {
     CLI::App* sub = app_.add_subcommand("info", "say what is in a file");
     sub->add_option("FILE", info_.file, ".vdb, raster or scenario")->required();
@@ -180,6 +195,8 @@ class CommandLine {
   CLI::App app_{"Tracks the ground and the soil in the bucket while excavators dig.", "soilvdb"};
   RunOptions run_;
   bool no_mesh_ = false, no_snapshots_ = false;
+  ResumeOptions resume_;
+  VerifyOptions verify_;
   InfoOptions info_;
   ExportOptions export_;
   DiffOptions diff_;

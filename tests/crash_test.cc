@@ -1,0 +1,275 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Runs that are killed, lose their power or their disk at any operation on any file, and what is
+// left of them. SOILVDB_CRASHES=10000 in the environment is the long form.
+#include <signal.h>
+
+#include <atomic>
+#include <random>
+#include <thread>
+
+#include "io/journal.h"
+#include "io/snapshot.h"
+#include "tests/program.h"
+
+namespace soilvdb::testing {
+namespace {
+
+#ifdef SOILVDB_IO_SHIM
+
+constexpr int kKilled = 128 + SIGKILL;
+
+int crashes() {
+  const char* text = std::getenv("SOILVDB_CRASHES");
+  return text ? std::max(1, std::atoi(text)) : 500;
+}
+
+/// A file as it must be again: without how long things took.
+std::string essence(const fs::path& file) {
+  std::string text = read_file(file);
+  if (file.filename() == "updates.csv") {
+    std::istringstream lines(text);
+    text.clear();
+    for (std::string line; std::getline(lines, line);)
+      text += line.substr(0, line.rfind(',')) + "\n";
+  } else if (file.filename() == "summary.json") {
+    nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+    for (const char* key : {"update_us", "wall_s", "memory_bytes", "threads"}) json.erase(key);
+    text = json.dump(2);
+  } else if (file.filename() == "journal") {
+    const io::JournalContent journal = io::read_journal(file);
+    text = fmt::format("{} {} {}", journal.done.updates, journal.done.time_s, journal.ended);
+  }
+  return text;
+}
+
+std::map<std::string, std::string> essence_of_run(const fs::path& folder) {
+  std::map<std::string, std::string> all;
+  for (const auto& entry : fs::directory_iterator(folder))
+    all[entry.path().filename()] = essence(entry.path());
+  return all;
+}
+
+class Crash : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    write_file(folder() / "dig.csv", HalfSine{}.csv(13));
+    write_scenario("dig.yaml", "always");
+    write_scenario("lazy.yaml", "0.01");
+    const Result result = launch("run dig.yaml", "ref", "");
+    ASSERT_EQ(result.status, 0) << result.err;
+    reference_ = essence_of_run(folder() / "ref");
+    operations_ = operations("ref");
+  }
+
+  void write_scenario(const std::string& name, const std::string& sync) const {
+    std::string text = half_sine_scenario(
+        "{plane: {z: 0}}", "dig.csv",
+        fmt::format("{{snapshots: {{every: 2}}, mesh: ply, journal: {{sync: {}}}}}", sync));
+    text.replace(text.find("0.025"), 5, "0.05");
+    write_file(folder() / name, text);
+  }
+
+  /// Runs `soilvdb COMMAND` on a folder under the shim; safe to call from several threads.
+  Result launch(const std::string& command, const std::string& out, const std::string& fault,
+                const std::string& before = "") const {
+    const fs::path base = folder() / out;
+    const std::string to = command.starts_with("run") ? "--threads 1 --out " : "";
+    const int status = std::system(
+        fmt::format("cd '{}' && exec env SHIM_FOLDER='{}' SHIM_LOG='{}.log' SHIM_FAULT='{}' "
+                    "LD_PRELOAD='{}' {}'{}' {} {}'{}' >'{}.out' 2>'{}.err'",
+                    folder().string(), base.string(), base.string(), fault, SOILVDB_IO_SHIM, before,
+                    SOILVDB_PROGRAM, command, to, base.string(), base.string(), base.string())
+            .c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
+            read_file(base.string() + ".out"), read_file(base.string() + ".err")};
+  }
+
+  /// What was done to the files of a folder, by launches since its log was removed.
+  std::vector<std::string> operations(const std::string& out) const {
+    std::istringstream log(read_file(folder() / (out + ".log")));
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(log, line);) lines.push_back(line);
+    return lines;
+  }
+
+  bool has_journal(const std::string& out) const { return fs::exists(folder() / out / "journal"); }
+
+  /// Runs or goes on until it is done, and then compares.
+  void expect_comes_back(const std::string& out) const {
+    const Result result = launch(has_journal(out) ? "resume" : "run dig.yaml", out, "");
+    EXPECT_EQ(result.status, 0) << result.err;
+    expect_as_reference(out);
+  }
+  void expect_as_reference(const std::string& out) const {
+    const auto run = essence_of_run(folder() / out);
+    for (const auto& [name, text] : reference_) {
+      ASSERT_TRUE(run.contains(name)) << out << "/" << name;
+      EXPECT_TRUE(run.at(name) == text) << out << "/" << name;
+    }
+    EXPECT_EQ(run.size(), reference_.size());
+  }
+
+  /// Calls `f(i, out)` for i in [0, count) from two threads, each with a folder of its own.
+  template <typename F>
+  static void in_two_lanes(std::size_t count, F f) {
+    std::atomic<std::size_t> next = 0;
+    const auto lane = [&](const std::string& out) {
+      for (std::size_t i; (i = next++) < count && !HasFailure();) f(i, out);
+    };
+    std::thread other(lane, "lane1");
+    lane("lane2");
+    other.join();
+  }
+
+  std::map<std::string, std::string> reference_;
+  std::vector<std::string> operations_;
+};
+
+TEST_F(Crash, KilledAtRandomOperationsItEndsInTheSameFiles) {
+  std::atomic<int> kills = 0, ends = 0;
+  const auto lane = [&](unsigned seed) {
+    const std::string out = fmt::format("lane{}", seed);
+    std::mt19937 random(seed);
+    std::uint64_t reached = 0;
+    while (kills < crashes() && !HasFailure()) {
+      const auto at = 1 + random() % (operations_.size() + 10);
+      const Result result =
+          launch(has_journal(out) ? "resume" : "run dig.yaml", out, fmt::format("kill {}", at));
+      if (result.status == kKilled) {
+        ++kills;
+        if (!has_journal(out)) continue;
+        const io::JournalContent journal = io::read_journal(folder() / out / "journal");
+        EXPECT_FALSE(journal.damaged);
+        EXPECT_GE(journal.done.updates, reached) << "an acknowledged update is lost";
+        reached = journal.done.updates;
+        continue;
+      }
+      EXPECT_EQ(result.status, 0) << result.err;
+      expect_as_reference(out);
+      fs::remove_all(folder() / out);
+      reached = 0;
+      ++ends;
+    }
+  };
+  std::thread other(lane, 1);
+  lane(2);
+  other.join();
+  EXPECT_GT(ends, 0);
+  RecordProperty("kills", kills);
+  fmt::print("{} kills, {} runs came to their end\n", kills.load(), ends.load());
+}
+
+TEST_F(Crash, KilledAtRandomTimesItEndsInTheSameFiles) {
+  in_two_lanes(static_cast<std::size_t>(std::max(20, crashes() / 20)),
+               [&](std::size_t i, const std::string& out) {
+                 std::mt19937 random(static_cast<unsigned>(i));
+                 fs::remove_all(folder() / out);
+                 const double seconds = 0.02 + 0.3 * static_cast<double>(random() % 1000) / 1000;
+                 launch("run lazy.yaml", out, "", fmt::format("timeout -s KILL {} ", seconds));
+                 expect_comes_back(out);
+               });
+}
+
+TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
+  // With sync: always each record is a frame, acknowledged by the fdatasync after it.
+  std::vector<std::size_t> updates;  // acknowledged before each operation
+  io::JournalReader reader(folder() / "ref/journal");
+  reader.next();
+  std::size_t acknowledged = 0;
+  for (const std::string& operation : operations_) {
+    updates.push_back(acknowledged);
+    if (operation == "fdatasync /journal")
+      acknowledged += std::holds_alternative<io::JournalMove>(reader.next().value());
+  }
+  in_two_lanes(operations_.size(), [&](std::size_t i, const std::string& out) {
+    SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, operations_[i]));
+    fs::remove_all(folder() / out);
+    ASSERT_EQ(launch("run dig.yaml", out, fmt::format("cut {}", i + 1)).status, kKilled);
+    if (has_journal(out)) {
+      const io::JournalContent journal = io::read_journal(folder() / out / "journal");
+      EXPECT_FALSE(journal.damaged);
+      EXPECT_GE(journal.done.updates, updates[i]);
+    } else {
+      EXPECT_EQ(updates[i], 0u);
+    }
+    if (i % 4 == 0) expect_comes_back(out);
+  });
+  fmt::print("{} power cuts\n", operations_.size());
+}
+
+/// Whatever operation fails, on a folder that held another run.
+TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
+  ASSERT_EQ(launch("run dig.yaml --voxel 0.1", "old", "").status, 0);
+  std::map<std::string, std::string> old;
+  for (const auto& entry : fs::directory_iterator(folder() / "old"))
+    old[entry.path().filename()] = read_file(entry.path());
+  fs::copy(folder() / "old", folder() / "again");
+  ASSERT_EQ(launch("run dig.yaml", "again", "").status, 0);
+  const std::vector<std::string> all = operations("again");
+  const std::vector<std::pair<int, std::string>> errors = {{ENOSPC, "No space left on device"},
+                                                           {EIO, "Input/output error"},
+                                                           {EROFS, "Read-only file system"}};
+  std::atomic<int> failed = 0, tolerated = 0;
+  in_two_lanes(all.size(), [&](std::size_t i, const std::string& out) {
+    const auto& [error, text] = errors[i % errors.size()];
+    SCOPED_TRACE(fmt::format("operation {}: {}: {}", i + 1, all[i], text));
+    fs::remove_all(folder() / out);
+    fs::copy(folder() / "old", folder() / out);
+    const char* kind = all[i].starts_with("write") && i % 2 ? "short" : "fail";
+    const Result result = launch("run dig.yaml", out, fmt::format("{} {} {}", kind, i + 1, error));
+    if (result.status == 0) {
+      // Nothing is at stake when a file that was read, or is synced already, is closed.
+      EXPECT_TRUE(all[i].starts_with("close") || all[i].starts_with("fclose"));
+      expect_as_reference(out);
+      ++tolerated;
+      return;
+    }
+    ++failed;
+    EXPECT_EQ(result.status, 1);
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_NE(result.err.find(text), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find((folder() / out).string()), std::string::npos) << result.err;
+    for (const auto& entry : fs::directory_iterator(folder() / out)) {
+      const std::string name = entry.path().filename();
+      ASSERT_TRUE(reference_.contains(name)) << name << " is left over";
+      EXPECT_TRUE(name == "journal" || read_file(entry.path()) == old[name] ||
+                  essence(entry.path()) == reference_[name])
+          << name << " is neither old nor new";
+    }
+    EXPECT_FALSE(io::read_journal(folder() / out / "journal").damaged);
+    if (read_file(folder() / out / "journal") != old["journal"] && i % 4 == 0)
+      expect_comes_back(out);
+  });
+  fmt::print("{} operations failed the run, {} did not matter\n", failed.load(), tolerated.load());
+}
+
+TEST_F(Crash, AFullDiskAndAReadOnlyOneAreSaid) {
+  const std::string mount = (folder() / "disk").string();
+  fs::create_directories(mount);
+  if (std::system(
+          fmt::format("mount -t tmpfs -o size=64k tmpfs '{}' 2>/dev/null", mount).c_str()) != 0)
+    GTEST_SKIP() << "can't mount";
+  const Result full = run(fmt::format("run dig.yaml --out '{}/dig'", mount));
+  EXPECT_EQ(full.status, 1);
+  EXPECT_NE(full.err.find("No space left on device"), std::string::npos) << full.err;
+  const bool remounted = std::system(fmt::format("mount -o remount,ro '{}'", mount).c_str()) == 0;
+  const Result read_only = run(fmt::format("resume '{}/dig'", mount));
+  const Result verified = run(fmt::format("verify '{}/dig'", mount));
+  std::system(fmt::format("mount -o remount,rw,size=10m '{}'", mount).c_str());
+  const Result resumed = run(fmt::format("resume '{}/dig'", mount));
+  if (resumed.status == 0) fs::copy(mount + "/dig", folder() / "more");
+  std::system(fmt::format("umount '{}'", mount).c_str());
+  ASSERT_TRUE(remounted);
+  EXPECT_NE(read_only.status, 0);
+  EXPECT_EQ(std::count(read_only.err.begin(), read_only.err.end(), '\n'), 1) << read_only.err;
+  EXPECT_EQ(verified.status, 0) << verified.err;
+  EXPECT_EQ(resumed.status, 0) << resumed.err;
+  expect_as_reference("more");
+}
+
+#endif
+
+}  // namespace
+}  // namespace soilvdb::testing

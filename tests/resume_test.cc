@@ -1,0 +1,287 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb resume and verify: what they go on from, what they refuse, and what they say.
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "io/journal.h"
+#include "io/raster.h"
+#include "tests/program.h"
+
+namespace soilvdb::testing {
+namespace {
+
+constexpr const char* kOutput = "{snapshots: {every: 1}, mesh: ply, journal: {sync: always}}";
+
+class Resume : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    write_file(folder() / "dig.csv", HalfSine{}.csv(41));
+    write_scenario("{plane: {z: 0}}");
+  }
+
+  void write_scenario(const std::string& terrain) const {
+    std::string text = half_sine_scenario(terrain, "dig.csv", kOutput);
+    text.replace(text.find("0.025"), 5, "0.05");
+    write_file(folder() / "dig.yaml", text);
+  }
+  void run_whole(const std::string& arguments = "dig.yaml") const {
+    const Result result = run("run " + arguments);
+    ASSERT_EQ(result.status, 0) << result.err;
+    hash_ = summary()["state_hash"];
+    cut_m3_ = summary()["volume_m3"]["cut"];
+    rows_ = updates();
+    mesh_ = read_file(out() / "soil_final.ply");
+  }
+  /// Makes of a run that came to its end one that ended earlier.
+  void interrupt(double share) const {
+    const auto size = static_cast<double>(fs::file_size(out() / "journal"));
+    fs::resize_file(out() / "journal", static_cast<std::uintmax_t>(size * share));
+    for (const char* name : {"summary.json", "soil_final.vdb", "soil_final.ply", "updates.csv"})
+      fs::remove(out() / name);
+  }
+  void expect_same_as_whole() const {
+    EXPECT_EQ(summary()["state_hash"], hash_);
+    EXPECT_EQ(summary()["volume_m3"]["cut"], cut_m3_);
+    EXPECT_EQ(updates(), rows_);
+    EXPECT_EQ(read_file(out() / "soil_final.ply"), mesh_);
+    EXPECT_EQ(run("verify out/dig").status, 0);
+  }
+
+  fs::path out() const { return folder() / "out/dig"; }
+  nlohmann::json summary() const { return read_json(out() / "summary.json"); }
+  /// updates.csv without the last column, the time each took.
+  std::vector<std::string> updates() const {
+    std::vector<std::string> lines;
+    std::istringstream csv(read_file(out() / "updates.csv"));
+    for (std::string line; std::getline(csv, line);)
+      lines.push_back(line.substr(0, line.rfind(',')));
+    return lines;
+  }
+  void damage(const std::string& name, std::size_t at) const {
+    std::string bytes = read_file(out() / name);
+    bytes.at(at) = static_cast<char>(bytes[at] ^ 4);
+    write_file(out() / name, bytes);
+  }
+
+  mutable std::string hash_, mesh_;
+  mutable double cut_m3_ = 0;
+  mutable std::vector<std::string> rows_;
+};
+
+TEST_F(Resume, GoesOnFromTheNewestSnapshotToTheSameFiles) {
+  run_whole();
+  const nlohmann::json files = summary()["files"];
+  interrupt(0.7);
+  const Result result = run("resume out/dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(result.err, "");
+  EXPECT_NE(result.out.find("updates acknowledged, to 3."), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("going on from soil_3.vdb"), std::string::npos) << result.out;
+  expect_same_as_whole();
+  EXPECT_EQ(summary()["files"], files);
+  EXPECT_EQ(summary()["acknowledged"]["updates"], 41);
+  EXPECT_EQ(summary()["acknowledged"]["time_s"], 5.0);
+}
+
+TEST_F(Resume, FromAnyPlaceAndUnderAnyOptions) {
+  for (const char* options : {"", "--no-snapshots", "--updates 7", "--updates 300 --threads 1"}) {
+    SCOPED_TRACE(options);
+    for (const double share : {0.2, 0.5, 0.97}) {
+      run_whole(std::string("dig.yaml ") + options);
+      interrupt(share);
+      const Result result = run("resume out/dig");
+      EXPECT_EQ(result.status, 0) << result.err;
+      expect_same_as_whole();
+      fs::remove_all(out());
+    }
+  }
+}
+
+TEST_F(Resume, OfSeveralMachinesOnARasterInUtmCoordinates) {
+  HalfSine first, second;
+  first.x_m = 500010, first.y_m = 4200010, first.yaw_rad = 0.6;
+  second.x_m = 500012, second.y_m = 4200010, second.duration_s = 3.3;
+  write_file(folder() / "dig.csv", first.csv(41));
+  write_file(folder() / "beside.csv", second.csv(33));
+  const HeightGrid grid{41, 41, {500000, 4200000}, {0.5, 0.5}};
+  io::write_geotiff(folder() / "flat.tif", grid, {{"z", std::vector<float>(41 * 41)}}, "");
+  std::string text = half_sine_scenario("{raster: flat.tif}", "dig.csv");
+  text +=
+      "  - name: other\n    bucket: {width: 0.4, height: 0.5, profile: [[0, 0], [-0.3, 0.2], "
+      "[0, 0.5]], dump_angle: 0.5}\n    motion: beside.csv\n"
+      "output: {snapshots: {every: 0.7}, mesh: ply, journal: {sync: always}}\n";
+  write_file(folder() / "dig.yaml", text);
+  for (const double share : {0.3, 0.8}) {
+    run_whole();
+    interrupt(share);
+    const Result result = run("resume out/dig");
+    EXPECT_EQ(result.status, 0) << result.err;
+    expect_same_as_whole();
+  }
+}
+
+TEST_F(Resume, AfterASignal) {
+  run_whole("dig.yaml --updates 1000");
+  const Result stopped = shell(fmt::format(
+      "timeout --preserve-status -s TERM 0.4 '{}' run dig.yaml --updates 1000", SOILVDB_PROGRAM));
+  if (stopped.status == 0) GTEST_SKIP() << "came to its end first";
+  EXPECT_EQ(stopped.status, 1);
+  EXPECT_NE(stopped.err.find("`soilvdb resume out/dig` goes on"), std::string::npos) << stopped.err;
+  const Result result = run("resume out/dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  expect_same_as_whole();
+}
+
+TEST_F(Resume, OfAFinishedRunSaysSo) {
+  run_whole();
+  const auto before = content();
+  const Result result = run("resume out/dig");
+  EXPECT_EQ(result.status, 0);
+  EXPECT_EQ(result.out, "out/dig: the run is finished: 41 updates to 5 s\n");
+  EXPECT_EQ(content(), before);
+}
+
+TEST_F(Resume, FallsBackToAnOlderSnapshotAndSaysSo) {
+  run_whole();
+  interrupt(0.7);
+  damage("soil_3.vdb", fs::file_size(out() / "soil_3.vdb") / 2);
+  fs::remove(out() / "soil_2.vdb");
+  const Result result = run("resume out/dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.err.find("soil_3.vdb: is not what the journal says"), std::string::npos);
+  EXPECT_NE(result.err.find("soil_2.vdb: no such file"), std::string::npos) << result.err;
+  EXPECT_NE(result.out.find("going on from soil_1.vdb"), std::string::npos) << result.out;
+  expect_same_as_whole();  // soil_2.vdb and soil_3.vdb are written again
+}
+
+TEST_F(Resume, DigsAgainWhatADamagedJournalHeld) {
+  run_whole();
+  interrupt(0.9);
+  const std::size_t at = fs::file_size(out() / "journal") / 3;
+  damage("journal", at);
+  const std::string damaged = read_file(out() / "journal");
+  const Result verified = run("verify out/dig");
+  EXPECT_EQ(verified.status, 1);
+  EXPECT_NE(verified.err.find("journal is damaged at byte"), std::string::npos) << verified.err;
+  const Result result = run("resume out/dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.err.find("journal: is damaged at byte"), std::string::npos) << result.err;
+  EXPECT_EQ(read_file(out() / "journal.damaged"), damaged);
+  expect_same_as_whole();
+}
+
+TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
+  const HeightGrid grid{9, 9, {-4, -4}, {1, 1}};
+  io::write_geotiff(folder() / "flat.tif", grid, {{"z", std::vector<float>(81)}}, "");
+  write_scenario("{raster: flat.tif}");
+  run_whole();
+  interrupt(0.6);
+  for (const char* name : {"dig.yaml", "dig.csv", "flat.tif"}) {
+    const std::string text = read_file(folder() / name);
+    write_file(folder() / name, text + "\n");
+    expect_refused("resume out/dig", std::string(name) + ": has changed since the run");
+    fs::remove(folder() / name);
+    expect_refused("resume out/dig", std::string(name) + ": is missing");
+    write_file(folder() / name, text);
+  }
+  EXPECT_EQ(run("resume out/dig").status, 0);
+  expect_same_as_whole();
+}
+
+TEST_F(Resume, FindsInputsThatMovedTogetherWithTheRun) {
+  write_file(folder() / "site/dig.csv", HalfSine{}.csv(41));
+  fs::copy(folder() / "dig.yaml", folder() / "site/dig.yaml");
+  run_whole("site/dig.yaml");
+  interrupt(0.6);
+  fs::create_directories(folder() / "elsewhere/out");
+  fs::rename(folder() / "site", folder() / "elsewhere/site");
+  fs::rename(out(), folder() / "elsewhere/out/dig");
+  EXPECT_EQ(run("resume elsewhere/out/dig").status, 0);
+  EXPECT_EQ(read_json(folder() / "elsewhere/out/dig/summary.json")["state_hash"], hash_);
+}
+
+TEST_F(Resume, RefusesWhatIsNoRun) {
+  fs::create_directories(folder() / "empty");
+  write_file(folder() / "other/journal", "dear diary\n");
+  expect_refused("resume none", "none: is not a folder");
+  expect_refused("resume dig.yaml", "dig.yaml: is not a folder");
+  expect_refused("resume empty", "empty: holds no run");
+  expect_refused("resume other", "journal: is not a journal");
+  expect_refused("resume", "DIR");
+}
+
+TEST_F(Resume, KeepsOutOfAFolderWhereARunIsAtWork) {
+  run_whole();
+  interrupt(0.6);
+  const int descriptor = open(out().c_str(), O_RDONLY | O_DIRECTORY);
+  ASSERT_EQ(flock(descriptor, LOCK_EX | LOCK_NB), 0);
+  expect_refused("resume out/dig", "another run is at work");
+  expect_refused("run dig.yaml", "another run is at work");
+  close(descriptor);
+  EXPECT_EQ(run("resume out/dig").status, 0);
+}
+
+TEST_F(Resume, ClearsAwayWhatACrashLeftHalfDone) {
+  run_whole();
+  interrupt(0.6);
+  write_file(out() / ".soil_4.vdb.4711-3.tmp", "half");
+  write_file(out() / "updates.csv.part", "time");
+  write_file(out() / ".mine.tmp", "mine");
+  EXPECT_EQ(run("resume out/dig").status, 0);
+  EXPECT_FALSE(fs::exists(out() / ".soil_4.vdb.4711-3.tmp"));
+  EXPECT_FALSE(fs::exists(out() / "updates.csv.part"));
+  EXPECT_TRUE(fs::exists(out() / ".mine.tmp"));
+}
+
+TEST_F(Resume, VerifyNamesEveryFileThatIsNotAsItWasWritten) {
+  run_whole();
+  const Result good = run("verify out/dig");
+  EXPECT_EQ(good.status, 0) << good.err;
+  EXPECT_NE(good.out.find("out/dig: intact, good to 5 s"), std::string::npos) << good.out;
+  for (const auto& entry : fs::directory_iterator(out())) {
+    const std::string name = entry.path().filename();
+    const std::string bytes = read_file(entry.path());
+    EXPECT_EQ(run("verify out/dig/" + name).status, 0) << name;
+    damage(name, bytes.size() / 2);
+    for (const std::string& what : {std::string(), "/" + name}) {
+      const Result bad = run("verify out/dig" + what);
+      EXPECT_EQ(bad.status, 1) << name;
+      EXPECT_NE(bad.err.find(name), std::string::npos) << bad.err;
+      EXPECT_EQ(std::count(bad.err.begin(), bad.err.end(), '\n'), 1) << bad.err;
+    }
+    fs::remove(entry.path());
+    if (name != "journal") {
+      EXPECT_EQ(run("verify out/dig").status, 1) << name;
+    }
+    expect_refused("verify out/dig/" + name, name);
+    write_file(entry.path(), bytes);
+  }
+}
+
+TEST_F(Resume, VerifyFindsAJournalThatIsDamagedAtItsStart) {
+  run_whole();
+  damage("journal", 60);
+  for (const char* what : {"out/dig", "out/dig/journal"}) {
+    const Result bad = run(fmt::format("verify {}", what));
+    EXPECT_EQ(bad.status, 1);
+    EXPECT_NE(bad.err.find("journal: is not a journal, or damaged at its start"),
+              std::string::npos);
+  }
+}
+
+TEST_F(Resume, VerifyOfAnInterruptedRunSaysHowFarItIsGood) {
+  run_whole();
+  interrupt(0.7);
+  const Result result = run("verify out/dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.out.find("not finished"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("out/dig: intact, good to 3."), std::string::npos) << result.out;
+  expect_refused("verify dig.yaml", "can't be verified");
+  expect_refused("verify none", "none: no such file");
+}
+
+}  // namespace
+}  // namespace soilvdb::testing

@@ -1,0 +1,224 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/job.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+#include "tools/summary_text.h"
+#include "tools/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+using Clock = Job::Clock;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+bool same_bits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+
+std::vector<Bucket> buckets(const io::Scenario& scenario) {
+  std::vector<Bucket> all;
+  for (const io::MachineInput& machine : scenario.machines) all.push_back(machine.bucket);
+  return all;
+}
+
+/// Updates of each machine that are handed to the tracker at once, where there are several
+/// machines.
+constexpr std::size_t kBatch = 64;
+
+}  // namespace
+
+Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
+         Clock::time_point begin)
+    : begin_(begin),
+      config_(std::move(config)),
+      scenario_(std::move(scenario)),
+      folder_(folder),
+      start_(std::move(start)),
+      tracker_(*start_.site.soil, buckets(scenario_)),
+      schedule_(scenario_.machines, config_.options.updates, tracker_.tolerance_m()),
+      step_(schedule_.next()),
+      snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
+                 schedule_.begin_s(), schedule_.end_s()),
+      progress_(scenario_.name, schedule_.total(), " updates"),
+      time_s_(schedule_.begin_s()) {
+  if (start_.updates > 0) tracker_.restore(start_.tracker_state);
+  under_way_.resize(scenario_.machines.size());
+  summary_.scenario = scenario_.name;
+  summary_.voxel_size_m = scenario_.voxel_size_m;
+  summary_.threads = threads;
+  summary_.open_s = seconds_since(begin_);
+}
+
+void Job::run() { guarded(&Job::dig); }
+
+void Job::resume(const io::JournalContent& before) {
+  before_ = before;
+  guarded(&Job::replay_and_dig);
+}
+
+/// Runs the work and what comes after it, and tells what is safe if something goes wrong.
+void Job::guarded(void (Job::*work)()) {
+  try {
+    csv_.emplace(folder_.path() / kUpdatesName);
+    (this->*work)();
+    progress_.clear();
+    finish();
+  } catch (const NoGroundError& e) {
+    progress_.clear();
+    csv_.reset();
+    if (!journal_) throw io::InputError(scenario_.file, e.what());
+    throw std::runtime_error(fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), safe()));
+  } catch (const std::exception& e) {
+    progress_.clear();
+    csv_.reset();
+    throw std::runtime_error(fmt::format("{}; {}", e.what(), safe()));
+  }
+  print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
+  if (stopped_)
+    throw std::runtime_error(fmt::format("stopped by a signal at {} s of {} s; {}",
+                                         time_text(time_s_), time_text(schedule_.end_s()), safe()));
+}
+
+void Job::replay_and_dig() {
+  const std::filesystem::path file = folder_.begin(kJournalName);
+  journal_.emplace(file, before_->good_bytes, before_->done, scenario_.journal_sync_s);
+  io::JournalReader reader(file);  // now without what was torn
+  while (const std::optional<io::JournalRecord> record = reader.next()) {
+    const auto* move = std::get_if<io::JournalMove>(&*record);
+    if (!move) continue;
+    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
+    replay(*move);
+  }
+  dig();
+}
+
+/// One move of the journal.
+void Job::replay(const io::JournalMove& move) {
+  const auto count = static_cast<std::uint64_t>(summary_.updates.count());
+  const auto refuse = [&](const std::string& why) {
+    return std::runtime_error(fmt::format("{}: update {}, at {} s, {}",
+                                          (folder_.path() / kJournalName).string(), count + 1,
+                                          time_text(move.end_s), why));
+  };
+  if (!step_ || step_->machine != move.machine || !same_bits(step_->begin_s, move.begin_s) ||
+      !same_bits(step_->end_s, move.end_s))
+    throw refuse("is not the one that the scenario has in this place");
+  if (count >= start_.updates) {
+    const Update result = tracker_.update(
+        move.machine, io::motion_of(move.rows, step_->motion->chain()), move.begin_s, move.end_s);
+    if (!same_bits(result.cut_m3, move.cut_m3) || !same_bits(result.bucket_m3, move.bucket_m3))
+      throw refuse(
+          fmt::format("cut {} m³ and now cuts {} m³; it was another version of soilvdb "
+                      "that dug it, or another machine",
+                      move.cut_m3, result.cut_m3));
+  }
+  book(move);
+  const Step now = *step_;
+  step_ = schedule_.next();
+  after(now);
+}
+
+/// The next steps, up to one that a snapshot is due after.
+std::vector<Step> Job::next_batch() {
+  const std::size_t machines = scenario_.machines.size();
+  const std::size_t most = machines == 1 ? 1 : kBatch * machines;
+  std::vector<Step> batch;
+  do {
+    batch.push_back(*step_);
+    step_ = schedule_.next();
+    if (all_came_to(batch.back()) && snapshots_.would_be_due(batch.back().end_s)) break;
+  } while (step_ && batch.size() < most);
+  return batch;
+}
+
+/// The update loop.
+void Job::dig() {
+  while (step_ && !stopped_) {
+    const std::vector<Step> batch = next_batch();
+    std::vector<Move> moves;
+    for (const Step& step : batch)
+      moves.push_back({step.machine, {}, step.motion.get(), step.begin_s, step.end_s});
+    const std::vector<Update> results = tracker_.update(moves);
+    if (!journal_) {
+      const std::filesystem::path file = folder_.begin(kJournalName);
+      const std::uint64_t size = io::begin_journal(file, {to_bytes(config_, scenario_)});
+      journal_.emplace(file, size, io::JournalExtent{0, schedule_.begin_s()},
+                       scenario_.journal_sync_s);
+    }
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const Step& step = batch[i];
+      const io::JournalMove move{static_cast<std::uint32_t>(step.machine),
+                                 step.ends_update,
+                                 step.begin_s,
+                                 step.end_s,
+                                 results[i].cut_m3,
+                                 results[i].bucket_m3,
+                                 results[i].us,
+                                 io::rows_between(*step.motion, step.begin_s, step.end_s)};
+      journal_->add(move);
+      book(move);
+    }
+    after(batch.back());
+    stopped_ = stop_requested && step_;
+  }
+}
+
+void Job::book(const io::JournalMove& move) {
+  time_s_ = move.end_s;
+  std::pair<double, double>& sum = under_way_[move.machine];
+  sum.first += move.us;
+  sum.second += move.cut_m3;
+  if (!move.ends_update) return;
+  summary_.updates.add(sum.first);
+  csv_->add(move.end_s, scenario_.machines[move.machine].name, sum.second, move.bucket_m3,
+            sum.first);
+  sum = {};
+}
+
+/// Have all machines come to the end of this step: none has another update that ends with it?
+bool Job::all_came_to(const Step& now) const {
+  return now.ends_update && (!step_ || step_->end_s > now.end_s);
+}
+
+/// What is due between a step and the next.
+void Job::after(const Step& now) {
+  progress_.update(summary_.updates.count());
+  if (all_came_to(now) && snapshots_.due(now.end_s))
+    write_periodic("soil_" + time_text(now.end_s) + ".vdb");
+}
+
+/// A snapshot on the way, unless it is there already.
+void Job::write_periodic(const std::string& name) {
+  if (before_ && is_intact(name)) {
+    folder_.done(name);
+  } else if (static_cast<std::uint64_t>(summary_.updates.count()) >= start_.updates) {
+    write_snapshot(name);
+  } else {
+    fmt::print(stderr, "soilvdb: warning: {}: is damaged or gone, and isn't written again\n",
+               (folder_.path() / name).string());
+  }
+}
+
+/// What is on disk, for messages.
+std::string Job::safe() {
+  if (!journal_) return folder_.safe();
+  try {
+    journal_->flush();
+  } catch (const std::exception&) {  // the disk that is full may be why we are asked
+  }
+  const io::JournalExtent reached = journal_->acknowledged();
+  return fmt::format("{}; `soilvdb resume {}` goes on from {} s", folder_.safe(),
+                     folder_.path().string(), time_text(reached.time_s));
+}
+
+}  // namespace soilvdb::tools

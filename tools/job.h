@@ -1,0 +1,109 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The work of a run: the update loop, its journal, and the files it leaves. The same whether it
+// begins or goes on.
+#pragma once
+
+#include <tbb/global_control.h>
+#include <tbb/info.h>
+#include <tbb/task_arena.h>
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/tracker.h"
+#include "io/journal.h"
+#include "io/report.h"
+#include "io/scenario.h"
+#include "io/site.h"
+#include "tools/progress.h"
+#include "tools/run_config.h"
+#include "tools/run_folder.h"
+#include "tools/schedule.h"
+#include "tools/snapshot_clock.h"
+
+namespace soilvdb::tools {
+
+/// The ground a run begins or goes on with.
+struct Start {
+  io::Site site;
+  std::uint64_t updates = 0;  ///< that it has seen
+  std::string tracker_state;  ///< after those; empty at the beginning
+};
+
+/// One run, from checked input to its last file.
+class Job {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// @param folder outlives the job
+  /// @param begin when the command was given
+  Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
+      Clock::time_point begin);
+
+  /// Digs from the beginning of the motion to its end, or to a signal.
+  /// @throw io::InputError if the first update finds the input wrong; then nothing is written
+  /// @throw std::runtime_error telling what is safe.
+  void run();
+
+  /// The same from where a journal ends: what it holds is not dug again where `start` has seen it,
+  /// and must come out the same where it hasn't.
+  void resume(const io::JournalContent& before);
+
+ private:
+  void guarded(void (Job::*work)());
+  void replay_and_dig();
+  void replay(const io::JournalMove& move);
+  void dig();
+  void book(const io::JournalMove& move);
+  std::vector<Step> next_batch();
+  bool all_came_to(const Step& now) const;
+  void after(const Step& now);
+  void write_periodic(const std::string& name);
+  void write_snapshot(const std::string& name);
+  bool is_intact(const std::string& name) const;
+  void done(const std::string& name);
+  void finish();
+  void write_mesh();
+  void write_raster();
+  void summarise();
+  std::string safe();
+
+  Clock::time_point begin_;
+  RunConfig config_;
+  io::Scenario scenario_;
+  RunFolder& folder_;
+  Start start_;
+  Tracker tracker_;
+  Schedule schedule_;
+  std::optional<Step> step_;  ///< the next one
+  SnapshotClock snapshots_;
+  std::optional<io::JournalContent> before_;  ///< of a run that is gone on with
+  std::optional<io::JournalWriter> journal_;  ///< from the first update on
+  std::optional<io::UpdatesCsv> csv_;
+  io::Summary summary_;
+  Progress progress_;
+  std::vector<std::pair<double, double>> under_way_;  ///< us and m3 of each machine's update
+  double time_s_ = 0;                                 ///< how far the motion has come
+  bool stopped_ = false;
+};
+
+/// The scenario a run is to dig, read and checked. Call it before any thread is started.
+/// @throw io::InputError
+io::Scenario read_to_dig(const RunOptions& options);
+
+/// Calls `f(threads)` where it has so many threads to run on; 0: one per core.
+template <typename F>
+void with_threads(int threads, F f) {
+  if (threads <= 0) threads = tbb::info::default_concurrency();
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
+  tbb::task_arena arena(threads);
+  arena.execute([&] { f(threads); });
+}
+
+}  // namespace soilvdb::tools

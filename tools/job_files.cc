@@ -1,0 +1,123 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The files of a job.
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "core/mesher.h"
+#include "io/atomic_file.h"
+#include "io/checksum.h"
+#include "io/mesh_file.h"
+#include "io/snapshot.h"
+#include "tools/job.h"
+#include "tools/outputs.h"
+
+namespace soilvdb::tools {
+namespace {
+
+std::uint64_t peak_rss_bytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
+}
+
+}  // namespace
+
+/// Does the journal know a file, of now, and is it still as it was?
+bool Job::is_intact(const std::string& name) const {
+  const auto count = static_cast<std::uint64_t>(summary_.updates.count());
+  try {
+    return std::any_of(before_->files.begin(), before_->files.end(), [&](const auto& file) {
+      return file.name == name && file.updates == count &&
+             io::file_digest(folder_.path() / name) == io::FileDigest{file.size, file.crc};
+    });
+  } catch (const io::InputError&) {
+    return false;
+  }
+}
+
+void Job::write_snapshot(const std::string& name) {
+  tracker_.flush();
+  const Ledger total = tracker_.total();
+  io::write_snapshot(folder_.begin(name), start_.site,
+                     {scenario_.name, time_s_, total.cut_m3(), total.captured_m3(),
+                      total.displaced_m3(), total.dumped_m3(), tracker_.state()});
+  done(name);
+}
+
+/// A file is whole and on disk.
+void Job::done(const std::string& name) {
+  folder_.done(name);
+  const io::FileDigest digest = io::file_digest(folder_.path() / name);
+  journal_->add(io::JournalFile{name, static_cast<std::uint64_t>(summary_.updates.count()),
+                                digest.size, digest.crc});
+}
+
+/// Everything that is written once, at the end.
+void Job::finish() {
+  folder_.begin(kUpdatesName);
+  csv_->close();
+  done(kUpdatesName);
+  tracker_.flush();
+  if (config_.options.snapshots) write_snapshot("soil_final.vdb");
+  if (start_.site.soil->chunks().empty()) {
+    fmt::print(stderr, "soilvdb: warning: no bucket met any soil\n");
+  } else {
+    write_mesh();
+    write_raster();
+  }
+  summarise();
+  summary_.files = folder_.files();
+  summary_.files.insert(summary_.files.end(), {kJournalName, kSummaryName});
+  journal_->flush();
+  summary_.acknowledged_updates = journal_->acknowledged().updates;
+  summary_.acknowledged_s = journal_->acknowledged().time_s;
+  summary_.total_s = std::chrono::duration<double>(Clock::now() - begin_).count();
+  io::write_atomically(folder_.begin(kSummaryName), io::to_json(summary_));
+  done(kSummaryName);
+  if (!stopped_) journal_->add(io::JournalEnd{});
+  journal_->flush();
+}
+
+void Job::write_mesh() {
+  if (!config_.options.mesh || !scenario_.mesh) return;
+  const Soil& soil = *start_.site.soil;
+  const std::string name = "soil_final." + *scenario_.mesh;
+  io::write_mesh(folder_.begin(name), mesh_all(soil), soil.origin(), start_.site.crs_wkt);
+  done(name);
+}
+
+void Job::write_raster() {
+  if (!scenario_.raster_cell_m) return;
+  const Soil& soil = *start_.site.soil;
+  const std::string name = "soil_final.tif";
+  write_surface_raster(folder_.begin(name), soil, resident_box(soil), *scenario_.raster_cell_m,
+                       start_.site.crs_wkt);
+  done(name);
+}
+
+void Job::summarise() {
+  const Soil& soil = *start_.site.soil;
+  const Ledger total = tracker_.total();
+  summary_.cut_m3 = total.cut_m3();
+  summary_.captured_m3 = total.captured_m3();
+  summary_.displaced_m3 = total.displaced_m3();
+  summary_.dumped_m3 = total.dumped_m3();
+  summary_.ground_change_m3 = soil.change_m3() - config_.change_before_m3;
+  summary_.residual_m3 = summary_.ground_change_m3 + summary_.cut_m3;
+  for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
+    const Ledger& ledger = tracker_.ledger(i);
+    summary_.machines.push_back({scenario_.machines[i].name, ledger.bucket_m3(), ledger.cut_m3()});
+  }
+  summary_.leaves = soil.chunks().size();
+  summary_.active_voxels = soil.active_voxels();
+  summary_.resident_m2 = soil.resident_m2();
+  summary_.soil_bytes = soil.memory_bytes();
+  summary_.state_hash = soil.state_hash();
+  summary_.peak_rss_bytes = peak_rss_bytes();
+}
+
+}  // namespace soilvdb::tools
