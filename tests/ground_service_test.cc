@@ -111,12 +111,12 @@ TEST_P(GroundServiceTest, PatchesAreThoseOfTheGroundBitForBit) {
 }
 
 TEST_P(GroundServiceTest, ChunksThatABucketOnlyPassedAreFollowedToo) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0.1, {0, 0})),
-      copy(kVoxel, Vec3::Zero(), make_plane(0.1, {0, 0}));
+  const std::shared_ptr<const BaseSurface> slope = make_plane(0.1, {0.5, 0});
+  Soil soil(kVoxel, Vec3::Zero(), slope), copy(kVoxel, Vec3::Zero(), slope);
   Tracker tracker(soil, {Bucket{0.6, 0.1, {}, {}}});
   GroundService service(copy, options());
-  // 0.2 m above the ground, in chunks of 0.4 m that hold soil.
-  for (const double x : {0.0, 1.0}) tracker.update(0, {{x, 0, 0.3}, from_rpy(0, 0, 0)});
+  // Up the slope, 0.1 m above the ground, through chunks of 0.4 m that hold soil.
+  for (const double x : {0.0, 1.0}) tracker.update(0, {{x, 0, 0.2 + x / 2}, from_rpy(0, 0, 0)});
   ASSERT_EQ(tracker.total().cut_m3(), 0);
   ASSERT_FALSE(soil.chunks().empty());
   service.post(soil, tracker.take_changed());
