@@ -1,127 +1,224 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Updates at 100 Hz while the mesh is kept up to date and snapshots are taken. Meshing and
-// snapshots run between updates on the same thread for as long as core has no service thread for
-// them: their own time is reported apart from the updates', whose caches they do disturb.
+// Updates at 100 Hz, paced in real time, while meshes and snapshots are made beside them; and what
+// those cost on little and on much dug ground.
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <chrono>
 #include <memory>
+#include <thread>
 
 #include "bench/site.h"
 #include "bench/speed.h"
-#include "core/mesher.h"
+#include "core/ground_service.h"
 #include "core/tracker.h"
 #include "io/snapshot.h"
 
 namespace soilvdb::bench {
 namespace {
 
-constexpr double kRate_hz = 100;
+constexpr int kRate_hz = 100, kPosts_hz = 10, kSnapshots_hz = 1;
 
-io::Site hilly_site(double voxel_m) {
+io::Site hilly_site() {
   io::Site site;
-  site.soil = std::make_unique<Soil>(voxel_m, Vec3::Zero(), make_hills(1000));
+  site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), make_hills(1000));
   return site;
 }
 
-/// A machine at work with mesh patches ten times and a snapshot once a second.
-void latency(const Options& options, Goals& goals) {
-  Csv csv(options.out / "latency.csv", "what,p50_us,p99_us,max_us,count");
-  const io::Site site = hilly_site(0.05);
+/// Times in us, of which each is one row of latency.csv.
+struct Latencies {
+  std::vector<double> update, cutting;
+  std::vector<double> with_post;  ///< update, flush and post, where there was one
+  std::vector<double> flush, post;
+  std::vector<double> ask;       ///< for a snapshot
+  std::vector<double> patch;     ///< from the oldest post it brings news of until it was taken
+  std::vector<double> snapshot;  ///< of its own thread
+  std::uint64_t posted_chunks = 0;
+};
+
+/// A machine at work in real time.
+/// @param beside mesh patches ten times and a snapshot once a second; else nothing
+Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
+  using Clock = std::chrono::steady_clock;
+  const auto us = [](Clock::duration d) {
+    return std::chrono::duration<double, std::micro>(d).count();
+  };
+  Latencies times;
+  const io::Site site = hilly_site(), copy = io::untouched(site);
   Tracker tracker(*site.soil, {excavator_bucket()});
-  SurfaceMesh mesh(*site.soil);
+  GroundService service(*copy.soil, {});
   const DigCycles machine = fleet().front();
-  std::vector<double> all, cutting, meshing, snapshots;
-  const int ticks = static_cast<int>(kRate_hz * (options.quick ? 20 : 600));
-  for (int tick = 0; tick < ticks; ++tick) {
-    const Pose pose = machine.world_from_bucket(tick / kRate_hz);
-    const Stopwatch watch;
-    const bool cut = tracker.update(0, pose).cut_m3 > 0;
-    const double us = watch.us();
-    all.push_back(us);
-    if (cut) cutting.push_back(us);
-    if (tick % 10 == 9) {
-      const Stopwatch patch;
-      mesh.update(tracker.take_changed());
-      meshing.push_back(patch.us());
+  std::vector<Clock::time_point> posted;
+  const auto take = [&] {
+    for (const GroundService::Patch& patch : service.take_patches())
+      times.patch.push_back(us(Clock::now() - posted[patch.first_post - 1]));
+  };
+  const Clock::time_point start = Clock::now();
+  for (int tick = 0; tick < kRate_hz * seconds; ++tick) {
+    const auto due = start + tick * std::chrono::microseconds(1000000 / kRate_hz);
+    while (Clock::now() + std::chrono::milliseconds(1) < due) {
+      take();
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    if (tick % 100 == 99) {
-      const Stopwatch save;
-      tracker.flush();
-      io::snapshot_bytes(options.out / "latency.vdb", site, {});
-      snapshots.push_back(save.us());
+    std::this_thread::sleep_until(due);
+    const Pose pose = machine.world_from_bucket(double(tick) / kRate_hz);
+    const auto begin = Clock::now();
+    const bool cut = tracker.update(0, pose).cut_m3 > 0;
+    const auto updated = Clock::now();
+    times.update.push_back(us(updated - begin));
+    if (cut) times.cutting.push_back(times.update.back());
+    if (!beside) continue;
+    const auto comes = [&](int rate_hz) { return (tick + 1) % (kRate_hz / rate_hz) == 0; };
+    if (comes(kPosts_hz)) {
+      posted.push_back(updated);
+      const std::vector<Coord3> changed = tracker.take_changed();
+      const auto flushed = Clock::now();
+      service.post(*site.soil, changed);
+      const auto end = Clock::now();
+      times.flush.push_back(us(flushed - updated));
+      times.post.push_back(us(end - flushed));
+      times.with_post.push_back(us(end - begin));
+      times.posted_chunks += changed.size();
+    }
+    if (comes(kSnapshots_hz)) {
+      const Stopwatch asking;
+      service.run([&] {
+        const Stopwatch watch;
+        io::write_snapshot(folder / "latency.vdb", copy, {});
+        times.snapshot.push_back(watch.us());
+      });
+      times.ask.push_back(asking.us());
     }
   }
-  const auto report = [&](const char* what, std::vector<double>& us) {
+  service.finish();
+  take();
+  return times;
+}
+
+void latency(const Options& options, Goals& goals) {
+  Csv csv(options.out / "latency.csv", "what,p50_us,p99_us,max_us,count");
+  const auto report = [&](const std::string& what, std::vector<double>& us) {
+    if (us.empty()) return;
     csv.row(fmt::format("{},{:.4g},{:.4g},{:.4g},{}", what, quantile(us, 0.5), quantile(us, 0.99),
                         quantile(us, 1), us.size()));
   };
-  report("update", all);
-  report("update that cuts", cutting);
-  report("mesh patches", meshing);
-  report("snapshot", snapshots);
-  const std::string cuts =
-      fmt::format("p50 {:.1f} us, p99 {:.1f} us", quantile(cutting, 0.5), quantile(cutting, 0.99));
-  goals.add({"100 Hz: p99 over median, updates that cut",
-             quantile(cutting, 0.99) / quantile(cutting, 0.5),
+  const int seconds = options.quick ? 6 : 200;
+  Latencies alone = work(options.out, seconds, false), times = work(options.out, seconds, true);
+  report("update with nothing beside it", alone.update);
+  report("update that cuts with nothing beside it", alone.cutting);
+  report("update", times.update);
+  report("update that cuts", times.cutting);
+  report("update with flush and post", times.with_post);
+  report("flush", times.flush);
+  report("post", times.post);
+  report("asking for a snapshot", times.ask);
+  report("patch after its post", times.patch);
+  report("snapshot on its thread", times.snapshot);
+  const auto note = [](std::vector<double>& us) {
+    return fmt::format("p50 {:.1f} us, p99 {:.1f} us, most {:.1f} us", quantile(us, 0.5),
+                       quantile(us, 0.99), quantile(us, 1));
+  };
+  const auto p99_over_median = [](std::vector<double>& us) {
+    return quantile(us, 0.99) / quantile(us, 0.5);
+  };
+  goals.add({"100 Hz, meshes and snapshots beside: p99 over median, cutting",
+             p99_over_median(times.cutting),
              "x",
              3,
              {},
-             cuts});
-  goals.add({"100 Hz: slowest update",
-             quantile(all, 1) / 1000,
+             note(times.cutting)});
+  goals.add({"the same with nothing beside",
+             p99_over_median(alone.cutting),
+             "x",
+             {},
+             {},
+             note(alone.cutting)});
+  goals.add({"100 Hz: slowest update, flush and post included",
+             std::max(quantile(times.update, 1), quantile(times.with_post, 1)) / 1000,
              "ms",
              5,
              {},
-             "mesh and snapshots between updates, same thread"});
+             "update alone " + note(times.update)});
+  goals.add(
+      {"post of changed chunks, p99",
+       quantile(times.post, 0.99),
+       "us",
+       {},
+       {},
+       fmt::format("{}; {:.0f} chunks on average; flush before it {}", note(times.post),
+                   double(times.posted_chunks) / double(times.post.size()), note(times.flush))});
+  goals.add({"patch taken after its post, p99",
+             quantile(times.patch, 0.99) / 1000,
+             "ms",
+             {},
+             {},
+             note(times.patch)});
 }
 
-/// One stroke's mesh patches and snapshot on a little and on a much dug site.
+/// What meshes and snapshots cost after a number of dig cycles.
+struct Cost {
+  double mesh_us = 0;  ///< per block
+  double snapshot_us = 0;
+};
+
+Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
+  constexpr int kStrokes = 5, kDigUpdates = 50, kUpdatesPerCycle = 200;
+  const io::Site site = hilly_site(), copy = io::untouched(site);
+  Tracker tracker(*site.soil, {excavator_bucket()});
+  GroundService service(*copy.soil, {.thread = false});
+  const DigCycles machine = fleet().front();
+  const auto dig = [&](int cycle, int from, int to) {
+    for (int i = from; i < to; ++i)
+      tracker.update(0, machine.world_from_bucket(0.1 * (cycle * kUpdatesPerCycle + i)));
+  };
+  for (int cycle = 0; cycle < cycles; ++cycle) dig(cycle, 0, kUpdatesPerCycle);
+  service.post(*site.soil, tracker.take_changed());
+  const std::uint64_t meshed_before = service.blocks_meshed();
+  std::size_t changed_chunks = 0;
+  double mesh_us = 0;
+  for (int i = 0; i < kStrokes; ++i) {
+    dig(cycles + i, 0, kDigUpdates);
+    const std::vector<Coord3> changed = tracker.take_changed();
+    changed_chunks += changed.size();
+    const Stopwatch watch;
+    service.post(*site.soil, changed);
+    mesh_us += watch.us();
+    dig(cycles + i, kDigUpdates, kUpdatesPerCycle);
+  }
+  const std::uint64_t blocks = service.blocks_meshed() - meshed_before;
+  Cost cost;
+  cost.mesh_us = mesh_us / static_cast<double>(blocks);
+  const Stopwatch save;
+  service.run([&] { io::snapshot_bytes(folder / "service.vdb", copy, {}); });
+  cost.snapshot_us = save.us();
+  csv.row(fmt::format("{:.6g},{},{},{},{:.6g},{:.6g}", site.soil->resident_m2(),
+                      site.soil->chunks().size(), changed_chunks, blocks, cost.mesh_us,
+                      cost.snapshot_us));
+  return cost;
+}
+
 void services(const Options& options, Goals& goals) {
-  Csv csv(options.out / "service.csv", "resident_m2,chunks,changed_chunks,mesh_us,snapshot_us");
-  struct Cost {
-    double mesh_us = 0, snapshot_us = 0;
-  };
-  const auto measure = [&](int cycles) {
-    const io::Site site = hilly_site(0.05);
-    Tracker tracker(*site.soil, {excavator_bucket()});
-    SurfaceMesh mesh(*site.soil);
-    const DigCycles machine = fleet().front();
-    int tick = 0;
-    for (; tick < cycles * 200; ++tick) tracker.update(0, machine.world_from_bucket(tick * 0.1));
-    mesh.update(tracker.take_changed());
-    for (int i = 0; i < 50; ++i, ++tick) tracker.update(0, machine.world_from_bucket(tick * 0.1));
-    const auto changed = tracker.take_changed();
-    const Stopwatch patch;
-    mesh.update(changed);
-    Cost cost;
-    cost.mesh_us = patch.us();
-    const Stopwatch save;
-    io::snapshot_bytes(options.out / "service.vdb", site, {});
-    cost.snapshot_us = save.us();
-    csv.row(fmt::format("{:.6g},{},{},{:.6g},{:.6g}", site.soil->resident_m2(),
-                        site.soil->chunks().size(), changed.size(), cost.mesh_us,
-                        cost.snapshot_us));
-    return cost;
-  };
-  const Cost little = measure(2);
-  for (const int cycles : options.quick ? std::vector{5} : std::vector{10, 40}) measure(cycles);
+  Csv csv(options.out / "service.csv",
+          "resident_m2,chunks,changed_chunks,blocks,mesh_us_per_block,snapshot_us");
+  const Cost little = cost_after(2, options.out, csv);
+  for (const int cycles : options.quick ? std::vector{5} : std::vector{10, 40})
+    cost_after(cycles, options.out, csv);
   const int many = options.quick ? 10 : 160;
-  const Cost much = measure(many);
-  const std::string site = fmt::format("after {} cycles over after 2, one stroke since", many);
-  goals.add({"mesh patches: much dug over little dug",
+  const Cost much = cost_after(many, options.out, csv);
+  const std::string cycles = fmt::format("after {} cycles over after 2", many);
+  goals.add({"meshing a block that changed: much dug over little dug",
              much.mesh_us / little.mesh_us,
              "x",
              1.5,
              {},
-             fmt::format("{}; {:.1f} ms", site, much.mesh_us / 1000)});
-  goals.add({"snapshot: much dug over little dug",
+             fmt::format("{}; {:.2f} ms", cycles, much.mesh_us / 1000)});
+  goals.add({"snapshot, whole: much dug over little dug",
              much.snapshot_us / little.snapshot_us,
              "x",
              1.5,
              {},
-             fmt::format("{}; {:.1f} ms", site, much.snapshot_us / 1000)});
+             fmt::format("{}; {:.1f} ms, beside updates", cycles, much.snapshot_us / 1000)});
 }
 
 }  // namespace

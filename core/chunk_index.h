@@ -3,12 +3,15 @@
 // Resident chunks by origin.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <utility>
 #include <vector>
 
+#include "core/chunk_range.h"
 #include "core/mix.h"
 #include "core/soil.h"
 
@@ -32,6 +35,8 @@ class Soil::Index {
     if (Chunk* chunk = slot.load(std::memory_order_relaxed)) return *chunk;
     Chunk& chunk = chunks_.emplace_back();
     chunk.origin = origin;
+    chunk.touched = true;
+    list(origin);
     if (chunks_.size() * 2 <= table->slots.size()) {
       slot.store(&chunk, std::memory_order_release);
       return chunk;
@@ -49,6 +54,7 @@ class Soil::Index {
     std::size_t gap = table.index(origin);
     Chunk* const gone = table.slots[gap];
     if (gone == nullptr) return;
+    if (!gone->touched) list(origin);
     // Chunks behind the gap move up unless that would put them before their home.
     for (std::size_t i = (gap + 1) & mask; table.slots[i] != nullptr; i = (i + 1) & mask) {
       const std::size_t from_home = (i - home(table.slots[i].load()->origin)) & mask;
@@ -64,9 +70,24 @@ class Soil::Index {
     chunks_.pop_back();
   }
 
+  /// May run beside all but remove() and take_touched() where other chunks are concerned.
+  void touch(Chunk& chunk) {
+    if (chunk.touched) return;
+    chunk.touched = true;
+    const std::lock_guard lock(mutex_);
+    list(chunk.origin);
+  }
+  std::vector<Coord3> take_touched() {
+    thin_touched();
+    for (const Coord3& origin : touched_) {
+      if (Chunk* chunk = find(origin)) chunk->touched = false;
+    }
+    return std::exchange(touched_, {});
+  }
+
   const std::deque<Chunk>& chunks() const { return chunks_; }
   std::size_t bytes() const {
-    std::size_t sum = 0;
+    std::size_t sum = touched_.capacity() * sizeof(Coord3);
     for (const auto& table : tables_) sum += table->slots.size() * sizeof(Chunk*);
     return sum;
   }
@@ -96,6 +117,17 @@ class Soil::Index {
   };
 
   static std::size_t home(const Coord3& origin) { return mix(key(origin)); }
+  /// A chunk that comes and goes is listed each time.
+  void list(const Coord3& origin) {
+    touched_.push_back(origin);
+    if (touched_.size() < 2 * touched_unique_ + 4096) return;
+    thin_touched();
+    touched_unique_ = touched_.size();
+  }
+  void thin_touched() {
+    std::sort(touched_.begin(), touched_.end(), before);
+    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+  }
   Table* new_table(std::size_t size) {
     return tables_.emplace_back(std::make_unique<Table>(size)).get();
   }
@@ -104,6 +136,8 @@ class Soil::Index {
   std::atomic<Table*> table_;
   std::deque<Chunk> chunks_;  // stable addresses; the last may move into a gap
   std::mutex mutex_;
+  std::vector<Coord3> touched_;
+  std::size_t touched_unique_ = 0;  // of those, when they were last counted
 };
 
 }  // namespace soilvdb

@@ -57,9 +57,12 @@ const Chunk* Soil::find(const Coord3& origin) const { return index_->find(origin
 Chunk* Soil::find(const Coord3& origin) { return index_->find(origin); }
 Chunk& Soil::make(const Coord3& origin) {
   Chunk* chunk = find(origin);
-  return chunk != nullptr ? *chunk : index_->add(origin);
+  if (chunk == nullptr) return index_->add(origin);
+  index_->touch(*chunk);
+  return *chunk;
 }
 void Soil::drop(const Coord3& origin) { index_->remove(origin); }
+std::vector<Coord3> Soil::take_touched() { return index_->take_touched(); }
 
 Content Soil::classify(const Coord3& origin) const {
   const Vec3 low = world_from_index(origin.cast<double>() - Vec3::Constant(0.5));
@@ -120,6 +123,7 @@ std::uint32_t Soil::base_samples(const Coord3& origin) const {
 
 Chunk* Soil::with_samples(const Coord3& origin) {
   Chunk* chunk = find(origin);
+  if (chunk != nullptr) index_->touch(*chunk);
   if (chunk != nullptr && chunk->sampled) return chunk;
   SampleWords words;
   read_samples(origin, words);

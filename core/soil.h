@@ -31,6 +31,7 @@ struct Chunk {
   Coord3 origin;           ///< index of the first voxel, a multiple of 8
   bool sampled = false;    ///< else samples, base and now are still to be made
   bool air = false;        ///< phi is +band all over, and isn't stored
+  bool touched = false;    ///< listed for Soil::take_touched()
   std::uint32_t base = 0;  ///< samples of soil in the base surface
   std::uint32_t now = 0;   ///< samples of soil now
   std::unique_ptr<Phi> phi;
@@ -75,6 +76,9 @@ class Soil {
   void set_phi(Chunk& chunk, const Phi& phi) const;
   /// Forgets a resident chunk: there the ground is the base surface again.
   void drop(const Coord3& origin);
+  /// Origins of the chunks that make(), with_samples(), restore() and drop() were called for since
+  /// the last call, sorted: all that came, went or may have lost samples.
+  std::vector<Coord3> take_touched();
   /// What a chunk that isn't resident would hold, its cells included.
   Content classify(const Coord3& origin) const;
 

@@ -79,6 +79,12 @@ Base open_base(const Terrain& terrain) {
   return open_level_set_base(std::get<LevelSetTerrain>(terrain).file);
 }
 
+Site untouched(const Site& site) {
+  const std::shared_ptr<const BaseSurface> base(std::shared_ptr<void>(), &site.soil->base());
+  return {std::make_unique<Soil>(site.soil->voxel_size_m(), site.soil->origin(), base),
+          site.reference, site.crs_wkt, site.bounds};
+}
+
 Site open_site(const Scenario& scenario) {
   if (scenario.machines.empty()) throw InputError(scenario.file, "has no machines; one would do");
   Site site = open_terrain(scenario);

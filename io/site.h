@@ -37,6 +37,9 @@ struct Site {
   Eigen::AlignedBox2d bounds;
 };
 
+/// The same site as if nobody had dug there. @param site outlives it: the base surface is its
+Site untouched(const Site& site);
+
 /// Opens a scenario's terrain at its voxel size: a new site, its origin near the first lip position
 /// (a multiple of 100 m), or the one a snapshot holds.
 /// @throw InputError also where no machine's motion comes over the terrain, a mouth goes below the
