@@ -56,14 +56,10 @@ GroundService::~GroundService() {
   thread_.join();
 }
 
-void GroundService::post(Soil& soil, std::span<const Coord3> changed) {
+void GroundService::post(const Soil& soil, std::span<const Coord3> changed) {
   Task task;
-  for (const Coord3& origin : soil.take_touched())
+  for (const Coord3& origin : changed)
     task.chunks.try_emplace(task.chunks.end(), origin, copy_of(soil.find(origin)));
-  for (const Coord3& origin : changed) {
-    const auto [it, fresh] = task.chunks.try_emplace(origin);
-    if (fresh) it->second = copy_of(soil.find(origin));
-  }
   task.first_post = task.last_post = ++posts_;
   add(std::move(task));
 }

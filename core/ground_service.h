@@ -31,8 +31,7 @@ namespace soilvdb {
 ///   it is then. After finish() all patches taken, each in place of the one before, are those of
 ///   SurfaceMesh on the ground, bit for bit.
 /// - What waits is bounded: a copy of each changed chunk for each job and one more, a patch for
-/// each
-///   block.
+///   each block.
 /// - All of it runs on one core, at a lower priority than the thread that made the service.
 /// - An error of a job or of meshing is thrown once, by a later call (without a thread: by the call
 ///   itself). What that call was to do is done all the same; take_patches() leaves patches for the
@@ -72,9 +71,9 @@ class GroundService {
 
   /// Copies the chunks that changed. Call it right after take_changed(): what readers are to see is
   /// phi as flush() leaves it, which the next update takes back.
-  /// @param soil the ground, always the same; its list of touched chunks is taken
+  /// @param soil the ground, always the same
   /// @param changed Tracker::take_changed()
-  void post(Soil& soil, std::span<const Coord3> changed);
+  void post(const Soil& soil, std::span<const Coord3> changed);
 
   /// Runs a job once the copy is as the ground was at the last post().
   void run(std::function<void()> job);

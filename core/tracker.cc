@@ -125,7 +125,7 @@ Ledger Tracker::total() const {
 
 std::vector<Coord3> Tracker::take_changed() {
   flush();
-  std::vector<Coord3> all;
+  std::vector<Coord3> all = soil_.take_touched();
   for (const auto& machine : machines_) {
     all.insert(all.end(), machine->changed().begin(), machine->changed().end());
     machine->changed().clear();

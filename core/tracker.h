@@ -80,7 +80,8 @@ class Tracker {
 
   const Ledger& ledger(std::size_t machine) const;
   Ledger total() const;
-  /// Origins of the chunks whose phi changed since the last call, sorted; calls flush() first.
+  /// Origins of the chunks that came, went or may have changed since the last call, sorted; calls
+  /// flush() first.
   std::vector<Coord3> take_changed();
 
   /// How far the path that is dug may be from a machine's own: no more than this over the bucket.

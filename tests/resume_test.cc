@@ -12,8 +12,6 @@
 namespace soilvdb::testing {
 namespace {
 
-constexpr const char* kOutput = "{snapshots: {every: 1}, mesh: ply, journal: {sync: always}}";
-
 class Resume : public ProgramTest {
  protected:
   void SetUp() override {
@@ -22,8 +20,10 @@ class Resume : public ProgramTest {
     write_scenario("{plane: {z: 0}}");
   }
 
-  void write_scenario(const std::string& terrain) const {
-    std::string text = half_sine_scenario(terrain, "dig.csv", kOutput);
+  void write_scenario(const std::string& terrain, const std::string& sync = "always") const {
+    std::string text = half_sine_scenario(
+        terrain, "dig.csv",
+        fmt::format("{{snapshots: {{every: 1}}, mesh: ply, journal: {{sync: {}}}}}", sync));
     text.replace(text.find("0.025"), 5, "0.05");
     write_file(folder() / "dig.yaml", text);
   }
@@ -96,6 +96,20 @@ TEST_F(Resume, FromAnyPlaceAndUnderAnyOptions) {
       EXPECT_EQ(result.status, 0) << result.err;
       expect_same_as_whole();
       fs::remove_all(out());
+    }
+  }
+}
+
+TEST_F(Resume, InTheMiddleOfAnUpdateThatTakesSeveralPartsOfALongMotion) {
+  write_file(folder() / "dig.csv", HalfSine{}.csv(40'001));
+  write_scenario("{plane: {z: 0}}", "0.001");
+  for (const char* options : {"--updates 2", "--updates 3001"}) {
+    for (const double share : {0.3, 0.6, 0.9}) {
+      run_whole(std::string("dig.yaml ") + options);
+      interrupt(share);
+      const Result result = run("resume out/dig");
+      EXPECT_EQ(result.status, 0) << result.err;
+      expect_same_as_whole();
     }
   }
 }

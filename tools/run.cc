@@ -3,7 +3,9 @@
 // soilvdb run: digs a scenario and writes what it asks for.
 #include <fmt/format.h>
 
+#include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -12,6 +14,7 @@
 #include "tools/child.h"
 #include "tools/commands.h"
 #include "tools/job.h"
+#include "tools/progress.h"
 
 namespace soilvdb::tools {
 

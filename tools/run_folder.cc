@@ -10,9 +10,11 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <regex>
 #include <stdexcept>
+#include <thread>
 
 #include "io/error.h"
 
@@ -42,9 +44,14 @@ void RunFolder::lock() {
   if (descriptor_ < 0 && errno != EACCES)
     throw std::runtime_error(
         fmt::format("{}: can't be opened: {}", path_.string(), std::strerror(errno)));
-  // Where folders can't be locked, on some network file systems, nobody is kept out.
-  if (descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    throw io::InputError(path_, "another run is at work in this folder; wait for its end");
+  // Where folders can't be locked, on some network file systems, nobody is kept out. A process that
+  // was killed may need a moment to go.
+  for (int tries = 50; descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) != 0; --tries) {
+    if (errno != EWOULDBLOCK) break;
+    if (tries == 0)
+      throw io::InputError(path_, "another run is at work in this folder; wait for its end");
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
   const std::regex half_done(
       R"(\.(soil_.*|summary\.json|journal)\.[0-9]+-[0-9]+\.tmp|updates\.csv\.part)");
   std::error_code error;
