@@ -4,9 +4,11 @@
 #include <fmt/core.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <exception>
 #include <map>
+#include <utility>
 
 #include "bench/curves.h"
 #include "bench/digs.h"
@@ -26,13 +28,15 @@ struct Plan {
 Plan plan(bool quick) {
   const auto& all = testing::families();
   if (quick) {
-    return {{all.begin(), all.begin() + 3}, {1}, {0.1, 0.05, 0.025}, {20, 100}, 1, 6};
+    return {{all.begin(), all.begin() + 3}, {1}, {0.2, 0.1, 0.05, 0.025}, {20, 100}, 2, 24};
   }
-  return {all, {0, 1}, {0.2, 0.1, 0.05, 0.025, 0.0125}, {20, 100, 500, 5000}, 6, 60};
+  return {all, {0, 1}, {0.2, 0.1, 0.05, 0.025, 0.0125}, {20, 100, 500, 5000}, 10, 200};
 }
 
 /// The number of updates that engines are compared at: about 20 Hz over a dig of five seconds.
 constexpr int kCommonUpdates = 100;
+/// The voxel size at which they are compared over the number of updates.
+constexpr double kCommonVoxel_m = 0.025;
 
 class Accuracy {
  public:
@@ -70,14 +74,14 @@ class Accuracy {
   }
 
   void write_curves() const {
-    Csv csv(folder_ / "curves.csv", "engine,updates,voxel_m,error_rms,us_per_update,digs");
+    Csv csv(folder_ / "curves.csv", "engine,updates,voxel_m,error_rms,us_per_update,digs,failures");
     Csv over(folder_ / "updates.csv", "engine,voxel_m,updates,error_rms,error_mean");
     for (const Peer& peer : engines()) {
       for (const int updates : plan_.updates) {
         const auto digs = digs_done(samples_, peer.name, updates);
         for (const Point& p : curve(samples_, peer.name, updates, digs)) {
-          csv.row(fmt::format("{},{},{},{:.6g},{:.6g},{}", peer.name, updates, p.voxel_m, p.error,
-                              p.us_per_update, p.digs));
+          csv.row(fmt::format("{},{},{},{:.6g},{:.6g},{},{}", peer.name, updates, p.voxel_m,
+                              p.error, p.us_per_update, p.digs, p.failures));
         }
       }
       for (const double voxel : plan_.voxels_m) {
@@ -92,30 +96,31 @@ class Accuracy {
         "\nAt the paper's own error, {} %: {} updates, time per update by linear interpolation"
         "\nof log time over log error (rms over the digs both completed).\n\n",
         100 * kPaperError, kCommonUpdates);
-    fmt::print("{:<16}{:>8}{:>14}{:>14}{:>12}  {}\n", "engine", "digs", "its us", "soilvdb us",
-               "times", "");
+    fmt::print("{:<16}{:>8}{:>14}{:>14}{:>14}{:>12}\n", "engine", "digs", "failed steps", "its us",
+               "soilvdb us", "times");
     Csv csv(folder_ / "at_paper_error.csv",
-            "engine,digs,us_per_update,soilvdb_us_per_update,ratio");
+            "engine,digs,failed_steps,us_per_update,soilvdb_us_per_update,ratio");
     for (const Peer& peer : engines()) {
       const auto digs = digs_done(samples_, peer.name, kCommonUpdates);
       const auto theirs = curve(samples_, peer.name, kCommonUpdates, digs);
       const auto ours = curve(samples_, "soilvdb", kCommonUpdates, digs);
+      if (theirs.empty()) continue;
+      int failures = 0;
+      for (const Point& p : theirs) failures += p.failures;
+      fmt::print("{:<16}{:>8}{:>14}", peer.name, digs.size(), failures);
       const auto us = us_at_error(theirs, kPaperError), our_us = us_at_error(ours, kPaperError);
       if (us && our_us) {
-        fmt::print("{:<16}{:>8}{:>14.1f}{:>14.1f}{:>11.1f}x\n", peer.name, digs.size(), *us,
-                   *our_us, *us / *our_us);
-        csv.row(fmt::format("{},{},{:.6g},{:.6g},{:.4g}", peer.name, digs.size(), *us, *our_us,
-                            *us / *our_us));
+        fmt::print("{:>14.1f}{:>14.1f}{:>11.1f}x\n", *us, *our_us, *us / *our_us);
+        csv.row(fmt::format("{},{},{},{:.6g},{:.6g},{:.4g}", peer.name, digs.size(), failures, *us,
+                            *our_us, *us / *our_us));
         continue;
       }
-      const Point* best = nullptr;
-      for (const Point& p : theirs) {
-        if (best == nullptr || p.error < best->error) best = &p;
-      }
-      if (best == nullptr) continue;
-      fmt::print("{:<16}{:>8}   never gets there: {:.2f} % at {:g} cm, {:.0f} us\n", peer.name,
-                 digs.size(), 100 * best->error, 100 * best->voxel_m, best->us_per_update);
-      csv.row(fmt::format("{},{},,,", peer.name, digs.size()));
+      const Point best =
+          *std::min_element(theirs.begin(), theirs.end(),
+                            [](const Point& a, const Point& b) { return a.error < b.error; });
+      fmt::print("   never gets there: {:.2f} % at {:g} cm, {:.0f} us\n", 100 * best.error,
+                 100 * best.voxel_m, best.us_per_update);
+      csv.row(fmt::format("{},{},{},,,", peer.name, digs.size(), failures));
     }
   }
 
@@ -125,39 +130,52 @@ class Accuracy {
     return {plan_.placements.back()};
   }
 
-  /// Coarse and few first: where the time runs out, it is the dearest runs that are missing.
+  /// What runs an engine is given of each dig: soilvdb all, peers those that are plotted.
+  std::vector<std::pair<int, double>> settings(const Peer& peer) const {
+    std::vector<std::pair<int, double>> all;
+    for (const double voxel : plan_.voxels_m) all.emplace_back(kCommonUpdates, voxel);
+    for (const int updates : plan_.updates) {
+      if (updates == kCommonUpdates) continue;
+      for (const double voxel : plan_.voxels_m) {
+        if (peer.name == "soilvdb" || voxel == kCommonVoxel_m) all.emplace_back(updates, voxel);
+      }
+    }
+    return all;
+  }
+
+  /// Dear runs last: where the time runs out, it is those that are missing.
   void measure(const Peer& peer, const testing::Dig& dig, std::size_t placement) {
     const Stopwatch spent;
     const double cap_s = plan_.engine_cap_s / static_cast<double>(plan_.families.size());
-    for (const int updates : plan_.updates) {
-      bool too_slow = false;
-      for (const double voxel : plan_.voxels_m) {
-        Sample s{peer.name, dig.family, static_cast<int>(placement), voxel, updates};
-        if (!too_slow && spent.seconds() < cap_s) {
-          try {
-            const Run r = run(peer.make, dig, voxel, updates, plan_.run_cap_s);
-            s.error = r.error;
-            s.us_per_update = r.us_per_update;
-            s.failures = r.failures;
-            s.complete = r.complete;
-            too_slow = !r.complete || r.setup_s > plan_.run_cap_s;
-          } catch (const std::exception& e) {
-            fmt::print("{} failed on {}: {}\n", peer.name, dig.family, e.what());
-          }
+    std::map<double, double> s_per_update;  // by voxel size
+    for (const auto& [updates, voxel] : settings(peer)) {
+      Sample s{peer.name, dig.family, static_cast<int>(placement), voxel, updates};
+      if (spent.seconds() < cap_s && s_per_update[voxel] * updates < plan_.run_cap_s) {
+        try {
+          const Run r = run(peer.make, dig, voxel, updates, plan_.run_cap_s);
+          s.error = r.error;
+          s.us_per_update = r.us_per_update;
+          s.failures = r.failures;
+          s.complete = r.complete;
+          s_per_update[voxel] = 1e-6 * r.us_per_update;
+        } catch (const std::exception& e) {
+          fmt::print("{} failed on {}: {}\n", peer.name, dig.family, e.what());
         }
-        csv_.row(fmt::format(
-            "{},{},{},{},{},{},{:.3g},{:.6g},{},{}", s.engine, s.family, s.placement, s.voxel_m,
-            s.updates, s.complete ? fmt::format("{:.6g}", s.error) : "",
-            dig.uncertainty_m3 / dig.exact_m3, s.us_per_update, s.failures, int{s.complete}));
-        samples_.push_back(std::move(s));
       }
+      csv_.row(fmt::format("{},{},{},{},{},{},{:.3g},{:.6g},{},{}", s.engine, s.family, s.placement,
+                           s.voxel_m, s.updates, s.complete ? fmt::format("{:.6g}", s.error) : "",
+                           dig.uncertainty_m3 / dig.exact_m3, s.us_per_update, s.failures,
+                           int{s.complete}));
+      samples_.push_back(std::move(s));
     }
   }
 
+  /// Over all digs, or not at all: the same digs at every number of updates.
   void write_mean(Csv& csv, const std::string& engine, double voxel, int updates) const {
     double squares = 0, sum = 0, n = 0;
     for (const Sample& s : samples_) {
-      if (s.engine != engine || s.voxel_m != voxel || s.updates != updates || !s.complete) continue;
+      if (s.engine != engine || s.voxel_m != voxel || s.updates != updates) continue;
+      if (!s.complete) return;
       squares += s.error * s.error;
       sum += s.error;
       ++n;

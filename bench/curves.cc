@@ -46,13 +46,15 @@ std::vector<Point> curve(const std::vector<Sample>& samples, const std::string& 
     p.voxel_m = s.voxel_m;
     p.error += s.error * s.error;
     p.us_per_update += std::log(s.us_per_update);
+    p.failures += s.failures;
     ++p.digs;
   }
   std::vector<Point> line;
   for (auto& [voxel, p] : points) {
     if (p.digs != digs.size()) continue;  // the same digs at every point
     const double n = static_cast<double>(p.digs);
-    line.push_back({p.voxel_m, std::sqrt(p.error / n), std::exp(p.us_per_update / n), p.digs});
+    line.push_back(
+        {p.voxel_m, std::sqrt(p.error / n), std::exp(p.us_per_update / n), p.digs, p.failures});
   }
   return line;
 }

@@ -20,7 +20,7 @@ struct Sample {
   int updates = 0;
   double error = 0;
   double us_per_update = 0;
-  int failures = 0;
+  int failures = 0;  ///< steps that the engine could not do
   bool complete = false;
 };
 
@@ -29,6 +29,7 @@ struct Sample {
 struct Point {
   double voxel_m = 0, error = 0, us_per_update = 0;
   std::size_t digs = 0;
+  int failures = 0;  ///< steps
 };
 
 /// The digs (family and placement) that an engine completed at every voxel size it was tried at.

@@ -2,8 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench/strokes.h"
 
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
 #include <cmath>
-#include <vector>
+#include <numeric>
+#include <utility>
+
+#include "tests/oracle.h"
 
 namespace soilvdb::bench {
 
@@ -50,7 +56,7 @@ Pose Drag::pose(double s) const {
   const Eigen::Quaterniond tilt(Eigen::AngleAxisd(-slope_rad, Vec3::UnitY()));
   Pose pose;
   pose.rotation = tilt * from_rpy(0, 0, yaw_rad);
-  pose.position = offset + pose.rotation * (scale * Vec3(s - 0.5, 0, -0.2));
+  pose.position = offset + pose.rotation * (scale * Vec3(s - 0.5, 0, -depth_m));
   return pose;
 }
 
@@ -68,12 +74,65 @@ double Random::next() {
   return static_cast<double>((v ^ (v >> 31)) >> 11) * 0x1p-53;
 }
 
-Pose random_pose(Random& random) {
-  Pose pose;
-  pose.position = {random.between(-1, 1), random.between(-1, 1), random.between(-0.5, 0.2)};
-  pose.rotation = from_rpy(random.between(-0.5, 0.5), random.between(-1.2, 1.2),
-                           random.between(-3.14159, 3.14159));
-  return pose;
+Pose RandomStrokes::next(double sunk_m) {
+  const auto wander = [this](double& v, double low, double high) {
+    v += random_.between(-0.1, 0.1);
+    v = std::clamp(v < low ? 2 * low - v : v > high ? 2 * high - v : v, low, high);
+  };
+  wander(position_.x(), -1, 1);
+  wander(position_.y(), -1, 1);
+  wander(position_.z(), -0.5 - sunk_m, 0.2 - sunk_m);
+  wander(roll_rad_, -0.5, 0.5);
+  wander(pitch_rad_, -1.2, 1.2);
+  wander(yaw_rad_, -1e9, 1e9);
+  return {position_, from_rpy(roll_rad_, pitch_rad_, yaw_rad_)};
+}
+
+Count count_swept(const Bucket& bucket, const std::vector<Pose>& path, const BaseSurface& ground,
+                  double box_m) {
+  struct Stroke {
+    testing::Sweep sweep;
+    Eigen::AlignedBox3d box;
+  };
+  std::vector<Stroke> strokes;
+  Eigen::AlignedBox3d all;
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    const auto pose = [a = path[i - 1], b = path[i]](double t) { return interpolate(a, b, t); };
+    Stroke stroke{{{testing::mouth(bucket)}, pose, {}}, {}};
+    constexpr int kPoses = 32;
+    for (int k = 0; k <= kPoses; ++k) {
+      for (const Vec3& corner : mouth_corners(bucket)) {
+        stroke.box.extend(pose(static_cast<double>(k) / kPoses) * corner);
+      }
+    }
+    const Vec3 bulge = 0.01 * stroke.box.sizes();  // between those poses
+    stroke.box = {stroke.box.min() - bulge, stroke.box.max() + bulge};
+    all.extend(stroke.box);
+    strokes.push_back(std::move(stroke));
+  }
+  const auto swept = [&](const Vec3& p) {
+    const auto z = ground.height(p.x(), p.y());
+    if (!z || p.z() >= *z) return false;
+    return std::any_of(strokes.begin(), strokes.end(), [&p](const Stroke& s) {
+      return s.box.contains(p) && testing::passes_through(s.sweep, p);
+    });
+  };
+  const Coord3 sides = (all.sizes() / box_m).array().ceil().matrix().cast<int>();
+  std::vector<int> hits(static_cast<std::size_t>(sides.prod()));  // 0, 1 or 2
+  tbb::parallel_for(std::size_t{0}, hits.size(), [&](std::size_t i) {
+    Random random(i);
+    const int n = static_cast<int>(i);
+    const Vec3 first = all.min() + box_m * Vec3(n % sides.x(), n / sides.x() % sides.y(),
+                                                n / sides.x() / sides.y());
+    for (int k = 0; k < 2; ++k) {
+      hits[i] += swept(first + box_m * Vec3(random.next(), random.next(), random.next()));
+    }
+  });
+  // Both points in or out in all boxes but those on the border: these tell the variance.
+  const double sum = std::accumulate(hits.begin(), hits.end(), 0.0) / 2;
+  const auto split = static_cast<double>(std::count(hits.begin(), hits.end(), 1));
+  const double box_m3 = box_m * box_m * box_m;
+  return {box_m3 * sum, box_m3 * std::sqrt(split) / 2};
 }
 
 }  // namespace soilvdb::bench

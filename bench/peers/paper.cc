@@ -7,8 +7,11 @@
 //
 // Best setting: membership in the step's swept volume is exact (no mesh of it is made), the surface
 // itself is not built, only its volume; both passes run on all of the arena's threads, four cells'
-// case bits are carried along a row; the grid just encloses the dig below the ground's top. The
-// poses between a step's ends are not looked at, as in the paper.
+// case bits are carried along a row. The grid just encloses the dig below the ground's top, and
+// lies so that level ground is half-way between vertices, where midpoints are right: 0.4 % rms
+// at 1.25 cm voxels instead of 1.1 % where it lies anyhow. (Floors a whole number of voxels below
+// level ground are right, too, then.) The poses between a step's ends are not looked at, as in the
+// paper.
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 
@@ -120,19 +123,27 @@ class Paper : public Engine {
   double initial_m3_ = 0, now_m3_ = 0;
 };
 
+/// With level ground half-way between two layers of vertices.
+Task levelled(Task task) {
+  task.origin.z() = soil_reach(task).max().z() - task.voxel_m / 2;
+  return task;
+}
+
 Coord3 floor_index(const Task& task, const Vec3& p) {
   return ((p - task.origin) / task.voxel_m).array().floor().matrix().cast<int>();
 }
 
 }  // namespace
 
-std::unique_ptr<Engine> make_paper(const Task& task) {
+std::unique_ptr<Engine> make_paper(const Task& any) {
+  const Task task = levelled(any);
   const Eigen::AlignedBox3d box = soil_reach(task);
   return std::make_unique<Paper>(task, floor_index(task, box.min()) - Coord3::Constant(2),
                                  floor_index(task, box.max()) + Coord3::Constant(3));
 }
 
-std::unique_ptr<Engine> make_paper_cube(const Task& task, int cells) {
+std::unique_ptr<Engine> make_paper_cube(const Task& any, int cells) {
+  const Task task = levelled(any);
   const Eigen::AlignedBox3d box = soil_reach(task);
   Coord3 first = floor_index(task, box.center()) - Coord3::Constant(cells / 2);
   first.z() = floor_index(task, box.max()).z() + 2 - cells;  // the ground near the top
