@@ -17,6 +17,7 @@ constexpr double kStride = 16;       ///< between poses, so that boxes around se
 constexpr double kRefresh = 8;       ///< travel after which phi is carved anew
 constexpr double kSpacing = 2;       ///< travel between the poses that phi is carved by
 constexpr double kBend = 0.02;       ///< of the path between those poses
+constexpr double kBetween = 0.2;     ///< travel between the poses by which bends are looked for
 constexpr double kHistory = 16;      ///< travel a window remembers: a stretch, two bands, and some
 
 constexpr double kFar = 1e300;
@@ -45,6 +46,8 @@ Update Machine::booked(std::int64_t cut_before) const {
 
 Update Machine::move(Soil& soil, const Pose& to) {
   if (!placed_) return dig_along(soil, {&to, 1});
+  if (to.position == current_.position && to.rotation.coeffs() == current_.rotation.coeffs())
+    return booked(ledger_.captured + ledger_.displaced);
   const Pose ends[] = {current_, to};
   const double turn = current_.rotation.angularDistance(to.rotation);
   // A turning point leaves the chord between its ends by its arc's height at most.
@@ -142,7 +145,7 @@ void Machine::keep_up(const Pose& pose, double voxel_size_m) {
     kept_.push_back(current_);
     between_.clear();
   } else if (travel(bucket_, between_.empty() ? kept_.back() : between_.back(), current_) >=
-             kBend * voxel_size_m) {
+             kBetween * voxel_size_m) {
     between_.push_back(current_);
   }
   current_ = pose;
