@@ -13,9 +13,10 @@ class SoilVdb : public Engine {
   explicit SoilVdb(const Task& task)
       : task_(task),
         soil_(task.voxel_m, task.origin, task.ground),
-        tracker_(soil_, {task.bucket}) {}
+        tracker_(soil_, {task.bucket}),
+        motion_(task.motion->simplified(task.bucket, tracker_.tolerance_m())) {}
 
-  void advance(const Step& step) override { tracker_.update(0, *task_.motion, step.t0, step.t1); }
+  void advance(const Step& step) override { tracker_.update(0, motion_, step.t0, step.t1); }
   void finish() override { tracker_.flush(); }
   double cut_m3() override { return tracker_.total().cut_m3(); }
   double memory_bytes() const override { return static_cast<double>(soil_.memory_bytes()); }
@@ -24,6 +25,7 @@ class SoilVdb : public Engine {
   Task task_;
   Soil soil_;
   Tracker tracker_;
+  Motion motion_;  // without rows that say no more than their neighbours, as the program has it
 };
 
 }  // namespace
