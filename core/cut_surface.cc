@@ -13,9 +13,9 @@
 namespace soilvdb {
 namespace {
 
-constexpr float kHalf = 0.5f * kLeafSide;
-/// From a chunk's middle to its farthest voxel, voxels.
-constexpr float kRadius = 1.75f * kHalf;
+constexpr float kMiddle = 0.5f * kLeafSide;
+/// Of a chunk's voxel centres from its middle, along each axis, voxels.
+constexpr float kReach = 0.5f * (kLeafSide - 1);
 /// Chunks below which one thread is quicker than two.
 constexpr std::size_t kParallelChunks = 8;
 /// Chunks in the box about a whole path up to which each of them is looked at.
@@ -29,7 +29,7 @@ constexpr double kSmallBend_rad = 0.2;
 struct SurfaceCut::Near {
   std::vector<AffineFrame> frames;             // of the bucket at each pose
   std::vector<std::uint32_t> crossing, close;  // segments by their first pose; poses
-  std::vector<std::uint32_t> bodies;           // poses
+  std::vector<std::uint32_t> mouths, bodies;   // poses near which distances change
   std::uint32_t rows[kLeafSide];               // bit y of rows[x]: near the mouth
 };
 
@@ -143,10 +143,23 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& chang
     Chunk* const chunk = soil.find(origin);
     if ((chunk != nullptr && chunk->air) || !find_near(origin, near) || !find_rows(near)) return;
     Phi phi;
-    soil.read_phi(origin, phi);
-    touched[i] = carve_chunk(near, phi);
-    // What was made from the base surface is kept: it will be asked for again.
-    if (touched[i] || (chunk != nullptr && !chunk->phi)) soil.set_phi(soil.make(origin), phi);
+    if (chunk != nullptr && chunk->phi) {
+      phi = *chunk->phi;
+      touched[i] = carve_chunk(near, phi);
+      if (touched[i]) soil.set_phi(soil.make(origin), phi);
+      return;
+    }
+    // What phi is there must be made from the base surface: first see what for.
+    phi.fill(-kPhiMax);
+    if (!carve_chunk(near, phi)) return;
+    Phi base;
+    soil.read_phi(origin, base);
+    for (int n = 0; n < kLeafSize; ++n) {
+      touched[i] |= phi[n] > base[n];
+      phi[n] = std::max(phi[n], base[n]);
+    }
+    // Made once, it is kept: it will be asked for again.
+    if (touched[i] || chunk != nullptr) soil.set_phi(soil.make(origin), phi);
   };
   if (count >= kParallelChunks) {
     tbb::parallel_for(std::size_t{0}, count, run);
@@ -164,27 +177,33 @@ bool SurfaceCut::find_near(const Coord3& origin, Near& near) const {
   near.frames.clear();
   near.crossing.clear();
   near.close.clear();
+  near.mouths.clear();
   near.bodies.clear();
-  float u = 0, reach = 0;
-  bool near_mouth = false;
+  constexpr float kBand2 = kBandVoxels * kBandVoxels;
+  const float wide2 = (kBandVoxels + spacing_) * (kBandVoxels + spacing_);
+  float u = 0, u_reach = 0;
   for (std::size_t i = 0; i < poses; ++i) {
     const AffineFrame& frame = near.frames.emplace_back(axes_[i], positions_[i], origin);
-    float p[3];
-    for (int a = 0; a < 3; ++a) p[a] = frame.axis[a].at(kHalf, kHalf, kHalf);
-    const float v = p[0], v_reach = frame.axis[0].reach(kHalf, kHalf, kHalf);
-    if (mouth_ && i > 0 && !((u > reach && v > v_reach) || (u < -reach && v < -v_reach)))
+    float p[3], reach[3];
+    for (int a = 0; a < 3; ++a) {
+      p[a] = frame.axis[a].at(kMiddle, kMiddle, kMiddle);
+      reach[a] = frame.axis[a].reach(kReach, kReach, kReach);
+    }
+    if (mouth_ && i > 0 &&
+        !((u > u_reach && p[0] > reach[0]) || (u < -u_reach && p[0] < -reach[0])))
       near.crossing.push_back(static_cast<std::uint32_t>(i - 1));
-    u = v;
-    reach = v_reach;
-    const float to_mouth = sweep_.to_mouth(p);
-    near_mouth |= mouth_ && i >= changing() && to_mouth < kBandVoxels + kRadius + spacing_;
-    if (mouth_ && to_mouth < kBandVoxels + kRadius &&
+    u = p[0];
+    u_reach = reach[0];
+    const float to_mouth2 = sweep_.to_mouth2(p, reach);
+    if (mouth_ && i >= changing() && to_mouth2 < wide2)
+      near.mouths.push_back(static_cast<std::uint32_t>(i));
+    if (mouth_ && to_mouth2 < kBand2 &&
         (bounds_[i].always || bounds_[i].stops || bounds_[i].bends))
       near.close.push_back(static_cast<std::uint32_t>(i));
-    if (body_ && i >= fresh_ && sweep_.to_body_at_least(p) < kBandVoxels + kRadius)
+    if (body_ && i >= fresh_ && sweep_.to_body2(p, reach) < kBand2)
       near.bodies.push_back(static_cast<std::uint32_t>(i));
   }
-  if (!near_mouth) {
+  if (near.mouths.empty()) {
     near.crossing.clear();
     near.close.clear();
   }
@@ -197,7 +216,7 @@ bool SurfaceCut::find_rows(Near& near) const {
   for (int i = 0; i < kLeafSide; ++i) {
     near.rows[i] = 0;
     if (!near.crossing.empty() || !near.close.empty())
-      near.rows[i] = sweep_.rows_near_mouth(std::span(near.frames).subspan(changing()),
+      near.rows[i] = sweep_.rows_near_mouth(near.frames, near.mouths,
                                             static_cast<float>(i) + 0.5f, spacing_);
     any |= near.rows[i];
   }
@@ -208,15 +227,23 @@ bool SurfaceCut::carve_chunk(const Near& near, Phi& phi) const {
   const SweptMouth mouth{near.frames, near.crossing, near.close, advances_, bounds_, settled_};
   bool changed = false;
   for (int i = 0; i < kLeafSide; ++i) {
-    const float x = static_cast<float>(i) + 0.5f;
     if (near.rows[i] == 0 && near.bodies.empty()) continue;
+    const float x = static_cast<float>(i) + 0.5f;
+    std::int16_t* slab = &phi[static_cast<std::size_t>(kLeafSide * kLeafSide * i)];
+    std::uint32_t soil = 0;  // rows that aren't all air
     for (int j = 0; j < kLeafSide; ++j) {
-      std::int16_t* row = &phi[static_cast<std::size_t>(64 * i + kLeafSide * j)];
-      if (std::all_of(row, row + kLeafSide, [](std::int16_t v) { return v == kPhiMax; })) continue;
-      const float y = static_cast<float>(j) + 0.5f;
-      if (near.rows[i] >> j & 1) changed |= sweep_.carve_by_mouth(mouth, x, y, row);
-      for (const std::uint32_t pose : near.bodies)
-        changed |= sweep_.carve_by_body(near.frames[pose], x, y, row);
+      const std::int16_t* row = slab + kLeafSide * j;
+      const bool air = std::all_of(row, row + kLeafSide, [](int v) { return v == kPhiMax; });
+      soil |= std::uint32_t{!air} << j;
+    }
+    if ((near.rows[i] & soil) != 0)
+      changed |= sweep_.carve_by_mouth(mouth, x, near.rows[i] & soil, slab);
+    for (const std::uint32_t pose : near.bodies) {
+      for (int j = 0; j < kLeafSide; ++j) {
+        if ((soil >> j & 1) == 0) continue;
+        const float y = static_cast<float>(j) + 0.5f;
+        changed |= sweep_.carve_by_body(near.frames[pose], x, y, slab + kLeafSide * j);
+      }
     }
   }
   return changed;

@@ -17,7 +17,7 @@
 namespace soilvdb {
 namespace {
 
-std::uint32_t count(const SampleWords& words) {
+SOILVDB_FOR_CPUS std::uint32_t count(const SampleWords& words) {
   int sum = 0;
   for (const std::uint64_t word : words) sum += std::popcount(word);
   return static_cast<std::uint32_t>(sum);

@@ -14,11 +14,14 @@ namespace soilvdb {
 namespace {
 
 constexpr float kFar = std::numeric_limits<float>::max();
-constexpr float kHalf = 0.5f * kLeafSide;
+constexpr float kMiddle = 0.5f * kLeafSide;
+constexpr float kReach = 0.5f * (kLeafSide - 1);  ///< of a row's centres from its middle
+constexpr float kBand2 = kBandVoxels * kBandVoxels;
 
 /// What the sweep's distance to the voxels of a row is made of.
 struct Row {
-  Lanes trail = all_lanes(kFar);   // to the surface that the mouth's edges trail, where it passed
+  /// To the surface that the mouth's edges trail, where it passed: squared, with its sign.
+  Lanes trail2 = all_lanes(kFar);
   Lanes gone = all_lanes(kFar);    // how far a mouth that came back had been ahead
   Lanes mouth2 = all_lanes(kFar);  // to the mouth where it bounds the sweep, squared
   LaneMask leave = {};
@@ -39,20 +42,20 @@ struct Line {
 /// A segment of the path passes the row. The distance to the surface that the mouth's edges trail
 /// is how far a point is beyond the edge when the mouth's plane passes it, over the length of the
 /// gradient of that, sqrt(1 + (dy/dx)^2) or sqrt(1 + (dz/dx)^2).
-/// @return bit k: the mouth came back over voxel k
-SOILVDB_INLINE std::uint32_t pass(const Line& f, const Line& g, float half_width, float height,
+/// @return the voxels that the mouth came back over
+SOILVDB_INLINE LaneMask pass(const Line& f, const Line& g, float half_width, float height,
                                   bool near_back, Row& row) {
   const Lanes u = f.lanes(0), v = g.lanes(0), ay = f.lanes(1), az = f.lanes(2);
   const LaneMask crosses = (u > 0) ^ (v > 0);
   const Lanes dx = v - u, dy = g.lanes(1) - ay, dz = g.lanes(2) - az;
   const Lanes s = -u / dx, y = ay + s * dy, z = az + s * dz;
-  const Lanes size = abs(dx), dx2 = dx * dx;
-  const Lanes ey = (abs(y) - half_width) * size / sqrt(dx2 + dy * dy);
-  const Lanes ez = max(-z, z - height) * size / sqrt(dx2 + dz * dz);
-  const Lanes side = (ey > 0) & (ez > 0) ? sqrt(ey * ey + ez * ez) : max(ey, ez);
-  row.trail = crosses ? min(row.trail, side) : row.trail;
-  if (near_back) row.leave |= crosses & (side < 0);
-  return bits(crosses & (u <= 0));
+  const Lanes dx2 = dx * dx, ny = abs(y) - half_width, nz = max(-z, z - height);
+  const Lanes ey2 = ny * abs(ny) * (dx2 / (dx2 + dy * dy));
+  const Lanes ez2 = nz * abs(nz) * (dx2 / (dx2 + dz * dz));
+  const Lanes side2 = (ny > 0) & (nz > 0) ? ey2 + ez2 : max(ey2, ez2);
+  row.trail2 = crosses ? min(row.trail2, side2) : row.trail2;
+  if (near_back) row.leave |= crosses & (side2 < 0);
+  return crosses & (u <= 0);
 }
 
 /// The mouth bounds the sweep at a pose: of points it passed where it stops, of others anywhere.
@@ -62,7 +65,7 @@ SOILVDB_INLINE void stand(const Line& at, float half_width, float height, bool a
   const Lanes cy = min(max(y, all_lanes(-half_width)), all_lanes(half_width));
   const Lanes cz = min(max(z, all_lanes(0)), all_lanes(height));
   const Lanes d2 = x * x + (y - cy) * (y - cy) + (z - cz) * (z - cz);
-  LaneMask bounds = row.trail >= 0;
+  LaneMask bounds = row.trail2 >= 0;
   if (always) {
     bounds |= -1;
   } else {
@@ -85,66 +88,95 @@ SOILVDB_INLINE bool raise(Lanes value, LaneMask leave, std::int16_t* phi) {
   return bits(up) != 0;
 }
 
-SOILVDB_FOR_CPUS bool carve_mouth_row(const SweptMouth& m, float half_width, float height, float x,
-                                      float y, std::int16_t* phi) {
-  Row row;
-  bool met = false;
+/// A frame's coordinate along an axis in the middles of the eight rows over x.
+SOILVDB_INLINE Lanes middles(const AffineFrame& frame, int axis, float x) {
+  return frame.axis[axis].at(x, 0.5f, kMiddle) + kLaneNumbers * frame.axis[axis].ny;
+}
+
+/// Where the rows over x are as seen from the mouth's plane: bit k of `ahead` is set if all of row
+/// k surely is ahead of it, of `behind` if behind.
+struct Sides {
+  LaneMask ahead, behind;
+  SOILVDB_INLINE Sides(const AffineFrame& frame, float x) {
+    const Lanes u = middles(frame, 0, x);
+    const float reach = frame.axis[0].reach(0, 0, kReach);
+    ahead = u > reach;
+    behind = u < -reach;
+  }
+};
+
+/// Bit k is set if row k over x may be nearer to the mouth than the root of `near2`.
+SOILVDB_INLINE LaneMask rows_near(const AffineFrame& frame, float half_width, float height, float x,
+                                  float near2) {
+  float reach[3];
+  for (int a = 0; a < 3; ++a) reach[a] = frame.axis[a].reach(0, 0, kReach);
+  const Lanes y = middles(frame, 1, x), z = middles(frame, 2, x), none = {};
+  const Lanes ex = max(abs(middles(frame, 0, x)) - reach[0], none);
+  const Lanes ey = max(abs(y) - (half_width + reach[1]), none);
+  const Lanes ez = max(max(-z, z - height) - reach[2], none);
+  return ex * ex + ey * ey + ez * ez < near2;
+}
+
+/// A segment came back over some voxels of a row: how far ahead of each the mouth was at most.
+SOILVDB_INLINE void come_back(const SweptMouth& m, std::size_t segment, float x, float y,
+                              LaneMask back, Row& row) {
+  Lanes most = {};
+  LaneMask ahead = back;
+  for (std::size_t j = segment + 1; j-- > 0;) {
+    const Lanes at = -Line(m.frames[j], x, y).lanes(0);
+    ahead &= at >= 0;
+    if (bits(ahead) == 0) break;
+    most = ahead ? max(most, at) : most;
+  }
+  row.gone = back ? min(row.gone, most) : row.gone;
+}
+
+SOILVDB_FOR_CPUS bool carve_mouth_slab(const SweptMouth& m, float half_width, float height, float x,
+                                       std::uint32_t rows, std::int16_t* phi) {
+  Row row[kLeafSide];
+  std::uint32_t met = 0;
   for (const std::uint32_t i : m.crossing) {
-    const Line f(m.frames[i], x, y), g(m.frames[i + 1], x, y);
-    const float f_end = f.at[0] + (kLeafSide - 1) * f.step[0];
-    const float g_end = g.at[0] + (kLeafSide - 1) * g.step[0];
-    if (std::min(std::min(f.at[0], f_end), std::min(g.at[0], g_end)) > 0 ||
-        std::max(std::max(f.at[0], f_end), std::max(g.at[0], g_end)) <= 0) {
-      continue;
-    }
-    met = true;
-    std::uint32_t backwards = pass(f, g, half_width, height, i < m.settled, row);
-    for (; backwards != 0; backwards &= backwards - 1) {
-      // How far ahead of the point the mouth was at most, before it came back over it.
-      const int k = std::countr_zero(backwards);
-      float most = 0;
-      for (std::size_t j = i + 1; j-- > 0;) {
-        const float at = -m.frames[j].axis[0].at(x, y, static_cast<float>(k) + 0.5f);
-        if (at < 0) break;
-        most = std::max(most, at);
-      }
-      row.gone[k] = std::min(row.gone[k], most);
+    const AffineFrame &from = m.frames[i], &to = m.frames[i + 1];
+    const Sides u(from, x), v(to, x);
+    std::uint32_t passed = rows & bits(~((u.ahead & v.ahead) | (u.behind & v.behind)));
+    met |= passed;
+    for (; passed != 0; passed &= passed - 1) {
+      const int k = std::countr_zero(passed);
+      const float y = static_cast<float>(k) + 0.5f;
+      const LaneMask back =
+          pass(Line(from, x, y), Line(to, x, y), half_width, height, i < m.settled, row[k]);
+      if (bits(back) != 0) come_back(m, i, x, y, back, row[k]);
     }
   }
   for (const std::uint32_t i : m.close) {
-    const Line at(m.frames[i], x, y);
-    // From the row's middle.
-    const float px = at.at[0] + 3.5f * at.step[0], py = at.at[1] + 3.5f * at.step[1];
-    const float pz = at.at[2] + 3.5f * at.step[2];
-    const float ey = std::max(std::abs(py) - half_width, 0.0f);
-    const float ez = std::max(std::max(-pz, pz - height), 0.0f);
-    constexpr float kNear = kBandVoxels + kHalf;
-    if (px * px + ey * ey + ez * ez > kNear * kNear) continue;
-    met = true;
+    std::uint32_t close = rows & bits(rows_near(m.frames[i], half_width, height, x, kBand2));
+    met |= close;
     const bool inner = i > 0 && i + 1 < m.frames.size();
-    stand(at, half_width, height, m.bounds[i].always, inner ? m.advances[i - 1] : Advance{},
-          inner ? m.advances[i] : Advance{}, row);
+    const Advance last = inner ? m.advances[i - 1] : Advance{};
+    const Advance next = inner ? m.advances[i] : Advance{};
+    for (; close != 0; close &= close - 1) {
+      const int k = std::countr_zero(close);
+      stand(Line(m.frames[i], x, static_cast<float>(k) + 0.5f), half_width, height,
+            m.bounds[i].always, last, next, row[k]);
+    }
   }
-  if (!met) return false;
-  const Lanes mouth = sqrt(row.mouth2);
-  const Lanes distance =
-      row.trail < 0 ? -min(min(-row.trail, mouth), row.gone) : min(row.trail, mouth);
-  return raise(-distance, row.leave, phi);
+  bool changed = false;
+  for (; met != 0; met &= met - 1) {
+    const int k = std::countr_zero(met);
+    const Row& r = row[k];
+    const Lanes distance = sqrt(min(abs(r.trail2), r.mouth2));
+    changed |= raise(r.trail2 < 0 ? min(distance, r.gone) : -distance, r.leave,
+                     phi + kLeafSide * k);
+  }
+  return changed;
 }
 
-SOILVDB_FOR_CPUS std::uint32_t rows_near(const AffineFrame* frames, std::size_t count,
-                                         float half_width, float height, float x, float near) {
+SOILVDB_FOR_CPUS std::uint32_t rows_near_any(std::span<const AffineFrame> frames,
+                                             std::span<const std::uint32_t> poses, float half_width,
+                                             float height, float x, float near) {
   LaneMask found = {};
-  for (std::size_t i = 0; i < count; ++i) {
-    const AffineFrame& f = frames[i];
-    const auto lanes = [&](int axis) {
-      return f.axis[axis].at(x, 0.5f, kHalf) + kLaneNumbers * f.axis[axis].ny;
-    };
-    const Lanes px = lanes(0), py = lanes(1), pz = lanes(2);
-    const Lanes ey = max(abs(py) - half_width, all_lanes(0));
-    const Lanes ez = max(max(-pz, pz - height), all_lanes(0));
-    found |= px * px + ey * ey + ez * ez < near * near;
-  }
+  for (const std::uint32_t i : poses)
+    found |= rows_near(frames[i], half_width, height, x, near * near);
   return bits(found);
 }
 
@@ -181,35 +213,41 @@ SweepDistance::SweepDistance(const Bucket& bucket, double voxel_size_m)
   }
 }
 
-float SweepDistance::to_mouth(const float* p) const {
-  const float dy = std::max(std::abs(p[1]) - half_width_, 0.0f);
-  const float dz = std::max(std::max(-p[2], p[2] - height_), 0.0f);
-  return std::sqrt(p[0] * p[0] + dy * dy + dz * dz);
+float SweepDistance::to_mouth2(const float* p, const float* reach) const {
+  const float x = std::max(std::abs(p[0]) - reach[0], 0.0f);
+  const float y = std::max(std::abs(p[1]) - half_width_ - reach[1], 0.0f);
+  const float z = std::max(std::max(-p[2], p[2] - height_) - reach[2], 0.0f);
+  return x * x + y * y + z * z;
 }
 
-float SweepDistance::to_body_at_least(const float* p) const {
-  const float dy = std::max(std::abs(p[1]) - half_width_, 0.0f);
-  const float across = outline_box_.exteriorDistance(Eigen::Vector2f(p[0], p[2]));
-  return std::sqrt(across * across + dy * dy);
+float SweepDistance::to_body2(const float* p, const float* reach) const {
+  const Eigen::Vector2f &low = outline_box_.min(), &high = outline_box_.max();
+  const float x = std::max(std::max(low.x() - p[0], p[0] - high.x()) - reach[0], 0.0f);
+  const float y = std::max(std::abs(p[1]) - half_width_ - reach[1], 0.0f);
+  const float z = std::max(std::max(low.y() - p[2], p[2] - high.y()) - reach[2], 0.0f);
+  return x * x + y * y + z * z;
 }
 
-std::uint32_t SweepDistance::rows_near_mouth(std::span<const AffineFrame> frames, float x,
+std::uint32_t SweepDistance::rows_near_mouth(std::span<const AffineFrame> frames,
+                                             std::span<const std::uint32_t> poses, float x,
                                              float spacing) const {
-  return rows_near(frames.data(), frames.size(), half_width_, height_, x,
-                   kBandVoxels + kHalf - 0.5f + spacing);
+  return rows_near_any(frames, poses, half_width_, height_, x, kBandVoxels + spacing);
 }
 
-bool SweepDistance::carve_by_mouth(const SweptMouth& mouth, float x, float y,
-                                   std::int16_t* row) const {
-  return carve_mouth_row(mouth, half_width_, height_, x, y, row);
+bool SweepDistance::carve_by_mouth(const SweptMouth& mouth, float x, std::uint32_t rows,
+                                   std::int16_t* slab) const {
+  return carve_mouth_slab(mouth, half_width_, height_, x, rows, slab);
 }
 
 bool SweepDistance::carve_by_body(const AffineFrame& frame, float x, float y,
                                   std::int16_t* row) const {
   const Line line(frame, x, y);
-  const float middle[3] = {line.at[0] + 3.5f * line.step[0], line.at[1] + 3.5f * line.step[1],
-                           line.at[2] + 3.5f * line.step[2]};
-  if (to_body_at_least(middle) > kBandVoxels + kHalf) return false;
+  float middle[3], reach[3];
+  for (int a = 0; a < 3; ++a) {
+    middle[a] = line.at[a] + kReach * line.step[a];
+    reach[a] = frame.axis[a].reach(0, 0, kReach);
+  }
+  if (to_body2(middle, reach) > kBand2) return false;
   return carve_body_row(line, half_width_, outline_.data(), outline_.size(), row);
 }
 

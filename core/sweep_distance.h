@@ -44,19 +44,24 @@ class SweepDistance {
  public:
   SweepDistance(const Bucket& bucket, double voxel_size_m);
 
-  /// Distance from a point in the bucket frame to the mouth.
-  float to_mouth(const float* p) const;
-  /// A bound from below on the distance to the body.
-  float to_body_at_least(const float* p) const;
+  /// A bound from below on the distance, squared, of a box to the mouth.
+  /// @param p the box's middle in the bucket frame; @param reach its half sides along the frame
+  float to_mouth2(const float* p, const float* reach) const;
+  /// The same for the body.
+  float to_body2(const float* p, const float* reach) const;
 
   /// Bit k is set where the row of voxels over (x, k + 0.5) may be within the band of the mouth at
-  /// a pose, or at one less than `spacing` from it.
-  std::uint32_t rows_near_mouth(std::span<const AffineFrame> frames, float x, float spacing) const;
+  /// one of these poses, or at one less than `spacing` from it.
+  std::uint32_t rows_near_mouth(std::span<const AffineFrame> frames,
+                                std::span<const std::uint32_t> poses, float x,
+                                float spacing) const;
 
-  /// phi = max(phi, -distance to the sweep) for the row of voxels with centres (x, y, 0.5...7.5)
-  /// from the chunk's corner. @return whether any changed
-  bool carve_by_mouth(const SweptMouth& mouth, float x, float y, std::int16_t* row) const;
-  /// The same for the body at one pose.
+  /// phi = max(phi, -distance to the sweep) for the voxels with centres (x, 0.5...7.5, 0.5...7.5)
+  /// from the chunk's corner. @param rows bit k: of those with y = k + 0.5
+  /// @return whether any changed
+  bool carve_by_mouth(const SweptMouth& mouth, float x, std::uint32_t rows,
+                      std::int16_t* slab) const;
+  /// The same for the body at one pose and a row with centres (x, y, 0.5...7.5).
   bool carve_by_body(const AffineFrame& frame, float x, float y, std::int16_t* row) const;
 
  private:
