@@ -197,8 +197,7 @@ bool SurfaceCut::find_near(const Coord3& origin, Near& near) const {
     const float to_mouth2 = sweep_.to_mouth2(p, reach);
     if (mouth_ && i >= changing() && to_mouth2 < wide2)
       near.mouths.push_back(static_cast<std::uint32_t>(i));
-    if (mouth_ && to_mouth2 < kBand2 &&
-        (bounds_[i].always || bounds_[i].stops || bounds_[i].bends))
+    if (mouth_ && to_mouth2 < kBand2 && (bounds_[i].always || bounds_[i].stops || bounds_[i].bends))
       near.close.push_back(static_cast<std::uint32_t>(i));
     if (body_ && i >= fresh_ && sweep_.to_body2(p, reach) < kBand2)
       near.bodies.push_back(static_cast<std::uint32_t>(i));
@@ -216,8 +215,8 @@ bool SurfaceCut::find_rows(Near& near) const {
   for (int i = 0; i < kLeafSide; ++i) {
     near.rows[i] = 0;
     if (!near.crossing.empty() || !near.close.empty())
-      near.rows[i] = sweep_.rows_near_mouth(near.frames, near.mouths,
-                                            static_cast<float>(i) + 0.5f, spacing_);
+      near.rows[i] =
+          sweep_.rows_near_mouth(near.frames, near.mouths, static_cast<float>(i) + 0.5f, spacing_);
     any |= near.rows[i];
   }
   return any != 0 || !near.bodies.empty();

@@ -38,10 +38,10 @@ struct Reach {
 
 /// Bit k tells of box k.
 struct Seen {
-  std::uint32_t may = 0;  // the facet may pass through it
-  std::uint32_t middle =
-      0;                   // every line through it that the facet's plane passes, passes the facet
-  std::uint32_t sure = 0;  // the facet's plane passes all of it
+  std::uint32_t may = 0;       // the facet may pass through it
+  std::uint32_t within_y = 0;  // where the facet's plane passes it, that is between the outline's
+  std::uint32_t within_z = 0;  // bounds in y, in z
+  std::uint32_t sure = 0;      // the facet's plane passes all of it
 };
 
 SOILVDB_INLINE Seen look(const Line& l, const Reach& r, const Stroke& s) {
@@ -51,10 +51,10 @@ SOILVDB_INLINE Seen look(const Line& l, const Reach& r, const Stroke& s) {
   const LaneMask missed = (u_ahead & v_ahead) | (u_behind & v_behind);
   const LaneMask meets = (l.y + y_reach >= s.y_low) & (l.y - y_reach <= s.y_high) &
                          (l.z + z_reach >= s.z_low) & (l.z - z_reach <= s.z_high);
-  const LaneMask within = (l.y - y_reach > s.y_low) & (l.y + y_reach < s.y_high) &
-                          (l.z - z_reach > s.z_low) & (l.z + z_reach < s.z_high);
+  const LaneMask within_y = (l.y - y_reach > s.y_low) & (l.y + y_reach < s.y_high);
+  const LaneMask within_z = (l.z - z_reach > s.z_low) & (l.z + z_reach < s.z_high);
   const LaneMask sure = (u_ahead & v_behind) | (u_behind & v_ahead);
-  return {bits(meets & ~missed), bits(within), bits(sure)};
+  return {bits(meets & ~missed), bits(within_y), bits(within_z), bits(sure)};
 }
 
 /// Bit i is set where sample i is ahead of the facet's plane.
@@ -95,23 +95,26 @@ struct CellStroke {
         bend_z(s.bend[2].at(x + 0.5f, y0 + 0.5f, z0 + 0.5f)) {}
 };
 
-/// Where a point with x coordinates u and v at the ends crosses the plane: (y, z) in the facet. The
-/// time is (u + v) / (u - v) on a straight way, and corrected once for the bend. Turning the stroke
-/// round gives the same bits.
+/// When a point with x coordinates u and v at the ends crosses the plane, from -1 to 1:
+/// (u + v) / (u - v) on a straight way, and corrected once for the bend. Turning the stroke round
+/// gives the same bits.
 template <typename Value>
-SOILVDB_INLINE void crossing(const CellStroke& s, float px, float py, float pz, float u, float v,
-                             Value& y, Value& z) {
+SOILVDB_INLINE Value time_of_crossing(const CellStroke& s, float u, float v) {
   const Value by_length = 1 / (Value(u) - Value(v));
   const Value straight = (Value(u) + Value(v)) * by_length;
   const Value bent = straight + 2 * s.bend_x * (1 - straight * straight) * by_length;
-  const Value t = std::min(std::max(bent, Value(-1)), Value(1)), w = 1 - t * t;
-  y = s.y.at(px, py, pz) + (t * s.dy.at(px, py, pz) + s.bend_y * w);
-  z = s.z.at(px, py, pz) + (t * s.dz.at(px, py, pz) + s.bend_z * w);
+  return std::min(std::max(bent, Value(-1)), Value(1));
+}
+/// A coordinate of a point at that time.
+template <typename Value>
+SOILVDB_INLINE Value coordinate(float middle, float half_way, float bend, Value t) {
+  return middle + (t * half_way + bend * (1 - t * t));
 }
 
-/// Bit i is set where sample i crosses the facet's rectangle.
-inline std::uint64_t crossing_rectangle(const CellPoints& p, const CellStroke& cell,
-                                        const Stroke& stroke) {
+/// Bit i is set where sample i crosses the facet's rectangle. @param kY, kZ which bounds matter
+template <bool kY, bool kZ>
+SOILVDB_INLINE std::uint64_t crossing_rectangle(const CellPoints& p, const CellStroke& cell,
+                                                const Stroke& stroke) {
   const CellStroke s = cell;  // so that the compiler knows nothing else writes to it
   const float y_low = stroke.y_low, y_high = stroke.y_high;
   const float z_low = stroke.z_low, z_high = stroke.z_high;
@@ -122,10 +125,16 @@ inline std::uint64_t crossing_rectangle(const CellPoints& p, const CellStroke& c
       const int n = g * 32 + i;
       const float px = p.x[n], py = p.y[n], pz = p.z[n];
       const float u = s.u.at(px, py, pz), v = s.v.at(px, py, pz);
-      float y, z;
-      crossing(s, px, py, pz, u, v, y, z);
-      const bool in =
-          ((u > 0) != (v > 0)) & (y >= y_low) & (y <= y_high) & (z >= z_low) & (z <= z_high);
+      const float t = time_of_crossing<float>(s, u, v);
+      bool in = (u > 0) != (v > 0);
+      if (kY) {
+        const float y = coordinate(s.y.at(px, py, pz), s.dy.at(px, py, pz), s.bend_y, t);
+        in = in & (y >= y_low) & (y <= y_high);
+      }
+      if (kZ) {
+        const float z = coordinate(s.z.at(px, py, pz), s.dz.at(px, py, pz), s.bend_z, t);
+        in = in & (z >= z_low) & (z <= z_high);
+      }
       bits |= in ? kBits.bit[i] : 0u;
     }
     half[g] = bits;
@@ -140,8 +149,9 @@ std::uint64_t crossing_outline(const CellPoints& p, const CellStroke& s, const F
   for (; candidates != 0; candidates &= candidates - 1) {
     const int n = std::countr_zero(candidates);
     const float px = p.x[n], py = p.y[n], pz = p.z[n];
-    double y, z;
-    crossing(s, px, py, pz, s.u.at(px, py, pz), s.v.at(px, py, pz), y, z);
+    const auto t = time_of_crossing<double>(s, s.u.at(px, py, pz), s.v.at(px, py, pz));
+    const double y = coordinate(s.y.at(px, py, pz), s.dy.at(px, py, pz), s.bend_y, t);
+    const double z = coordinate(s.z.at(px, py, pz), s.dz.at(px, py, pz), s.bend_z, t);
     if (inside(facet.outline, h * Vec2(y, z))) hit |= candidates & -candidates;
   }
   return hit;
@@ -173,7 +183,7 @@ Stroke::Stroke(const AffineFrame& from, const AffineFrame& middle, const AffineF
 
 SOILVDB_FOR_CPUS Removed cut_samples(Samples& samples, const Coord3& origin, const Stroke& stroke,
                                      const Facet& facet, double h, Books books) {
-  const Reach row(stroke, 0.5f, 0.5f, 0.5f * kLeafSide), cell(stroke, 0.5f, 0.5f, 0.5f);
+  const Reach row(stroke, 0.5f, 0.5f, 0.5f * kLeafSide), one(stroke, 0.5f, 0.5f, 0.5f);
   Removed removed;
   for (int x = 0; x < kLeafSide; ++x) {
     std::uint32_t rows = samples.rows_with_soil(x);
@@ -183,21 +193,25 @@ SOILVDB_FOR_CPUS Removed cut_samples(Samples& samples, const Coord3& origin, con
     for (; rows != 0; rows &= rows - 1) {
       const int y = std::countr_zero(rows), n = 64 * x + kLeafSide * y;
       const float y0 = static_cast<float>(y);
-      const Seen seen = look(along_z(stroke, cx, y0 + 0.5f), cell, stroke);
+      const Seen seen = look(along_z(stroke, cx, y0 + 0.5f), one, stroke);
       for (std::uint32_t soil = samples.any_of_row(n) & seen.may; soil != 0; soil &= soil - 1) {
         const int z = std::countr_zero(soil);
         const std::uint64_t word = samples.word(n + z);
-        const bool middle = facet.rectangle && (seen.middle >> z & 1) != 0;
+        const bool all_y = (seen.within_y >> z & 1) != 0, all_z = (seen.within_z >> z & 1) != 0;
+        const bool middle = facet.rectangle && all_y && all_z;
         std::uint64_t hit = word;
         if (!middle || (seen.sure >> z & 1) == 0) {
           const CellPoints& points = sample_points(origin + Coord3(x, y, z));
           const float z0 = static_cast<float>(z);
-          if (!middle && facet.rectangle) {
-            hit &= crossing_rectangle(points, CellStroke(stroke, x0, y0, z0), stroke);
-          } else {
+          if (middle || !facet.rectangle) {
             hit &= crossing_plane(points, stroke.u.moved(x0, y0, z0), stroke.v.moved(x0, y0, z0));
             if (!middle && hit != 0)
               hit = crossing_outline(points, CellStroke(stroke, x0, y0, z0), facet, h, hit);
+          } else {
+            const CellStroke cell(stroke, x0, y0, z0);
+            hit &= all_y   ? crossing_rectangle<false, true>(points, cell, stroke)
+                   : all_z ? crossing_rectangle<true, false>(points, cell, stroke)
+                           : crossing_rectangle<true, true>(points, cell, stroke);
           }
         }
         if (hit == 0) continue;

@@ -44,7 +44,7 @@ struct Line {
 /// gradient of that, sqrt(1 + (dy/dx)^2) or sqrt(1 + (dz/dx)^2).
 /// @return the voxels that the mouth came back over
 SOILVDB_INLINE LaneMask pass(const Line& f, const Line& g, float half_width, float height,
-                                  bool near_back, Row& row) {
+                             bool near_back, Row& row) {
   const Lanes u = f.lanes(0), v = g.lanes(0), ay = f.lanes(1), az = f.lanes(2);
   const LaneMask crosses = (u > 0) ^ (v > 0);
   const Lanes dx = v - u, dy = g.lanes(1) - ay, dz = g.lanes(2) - az;
@@ -165,8 +165,8 @@ SOILVDB_FOR_CPUS bool carve_mouth_slab(const SweptMouth& m, float half_width, fl
     const int k = std::countr_zero(met);
     const Row& r = row[k];
     const Lanes distance = sqrt(min(abs(r.trail2), r.mouth2));
-    changed |= raise(r.trail2 < 0 ? min(distance, r.gone) : -distance, r.leave,
-                     phi + kLeafSide * k);
+    changed |=
+        raise(r.trail2 < 0 ? min(distance, r.gone) : -distance, r.leave, phi + kLeafSide * k);
   }
   return changed;
 }

@@ -53,8 +53,7 @@ class SweepDistance {
   /// Bit k is set where the row of voxels over (x, k + 0.5) may be within the band of the mouth at
   /// one of these poses, or at one less than `spacing` from it.
   std::uint32_t rows_near_mouth(std::span<const AffineFrame> frames,
-                                std::span<const std::uint32_t> poses, float x,
-                                float spacing) const;
+                                std::span<const std::uint32_t> poses, float x, float spacing) const;
 
   /// phi = max(phi, -distance to the sweep) for the voxels with centres (x, 0.5...7.5, 0.5...7.5)
   /// from the chunk's corner. @param rows bit k: of those with y = k + 0.5
