@@ -75,10 +75,12 @@ class Samples {
     } else if (was_mixed) {
       mixed_words_.erase(mixed_words_.begin() + static_cast<std::ptrdiff_t>(at));
     }
-    for (int g = (n >> 6) + 1; g < kGroups; ++g) {
-      before_[g] = static_cast<std::uint16_t>(before_[g] + mixed - was_mixed);
+    if (mixed != was_mixed) {
+      for (int g = (n >> 6) + 1; g < kGroups; ++g) {
+        before_[g] = static_cast<std::uint16_t>(before_[g] + mixed - was_mixed);
+      }
+      mixed_[n >> 6] ^= bit;
     }
-    mixed_[n >> 6] = mixed ? mixed_[n >> 6] | bit : mixed_[n >> 6] & ~bit;
     soil_[n >> 6] = word == kAllSoil ? soil_[n >> 6] | bit : soil_[n >> 6] & ~bit;
   }
 

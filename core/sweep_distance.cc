@@ -37,6 +37,35 @@ struct Line {
     }
   }
   SOILVDB_INLINE Lanes lanes(int axis) const { return at[axis] + kLaneNumbers * step[axis]; }
+
+ private:
+  friend struct Lines;
+  Line() = default;
+};
+
+/// The lines of the eight rows over x.
+struct Lines {
+  Lanes at[3];
+  float step[3];
+  SOILVDB_INLINE Lines(const AffineFrame& frame, float x) {
+    for (int a = 0; a < 3; ++a) {
+      const Affine& f = frame.axis[a];
+      at[a] = f.c + (f.nx * x + (f.ny * (kLaneNumbers + 0.5f) + f.nz * 0.5f));
+      step[a] = f.nz;
+    }
+  }
+  SOILVDB_INLINE Line row(int k) const {
+    Line line;
+    for (int a = 0; a < 3; ++a) {
+      line.at[a] = at[a][k];
+      line.step[a] = step[a];
+    }
+    return line;
+  }
+  /// In the middles of the rows.
+  SOILVDB_INLINE Lanes middle(int axis) const { return at[axis] + kReach * step[axis]; }
+  /// The most that a row's centres differ from its middle, with room for rounding.
+  SOILVDB_INLINE float reach(int axis) const { return kReach * std::abs(step[axis]) + 1e-4f; }
 };
 
 /// A segment of the path passes the row. The distance to the surface that the mouth's edges trail
@@ -88,32 +117,22 @@ SOILVDB_INLINE bool raise(Lanes value, LaneMask leave, std::int16_t* phi) {
   return bits(up) != 0;
 }
 
-/// A frame's coordinate along an axis in the middles of the eight rows over x.
-SOILVDB_INLINE Lanes middles(const AffineFrame& frame, int axis, float x) {
-  return frame.axis[axis].at(x, 0.5f, kMiddle) + kLaneNumbers * frame.axis[axis].ny;
-}
-
-/// Where the rows over x are as seen from the mouth's plane: bit k of `ahead` is set if all of row
-/// k surely is ahead of it, of `behind` if behind.
+/// Where rows are as seen from the mouth's plane: ahead of it if all of a row surely is.
 struct Sides {
   LaneMask ahead, behind;
-  SOILVDB_INLINE Sides(const AffineFrame& frame, float x) {
-    const Lanes u = middles(frame, 0, x);
-    const float reach = frame.axis[0].reach(0, 0, kReach);
-    ahead = u > reach;
-    behind = u < -reach;
+  SOILVDB_INLINE explicit Sides(const Lines& lines) {
+    const Lanes u = lines.middle(0);
+    ahead = u > lines.reach(0);
+    behind = u < -lines.reach(0);
   }
 };
 
-/// Bit k is set if row k over x may be nearer to the mouth than the root of `near2`.
-SOILVDB_INLINE LaneMask rows_near(const AffineFrame& frame, float half_width, float height, float x,
-                                  float near2) {
-  float reach[3];
-  for (int a = 0; a < 3; ++a) reach[a] = frame.axis[a].reach(0, 0, kReach);
-  const Lanes y = middles(frame, 1, x), z = middles(frame, 2, x), none = {};
-  const Lanes ex = max(abs(middles(frame, 0, x)) - reach[0], none);
-  const Lanes ey = max(abs(y) - (half_width + reach[1]), none);
-  const Lanes ez = max(max(-z, z - height) - reach[2], none);
+/// Rows that may be nearer to the mouth than the root of `near2`.
+SOILVDB_INLINE LaneMask rows_near(const Lines& lines, float half_width, float height, float near2) {
+  const Lanes y = lines.middle(1), z = lines.middle(2), none = {};
+  const Lanes ex = max(abs(lines.middle(0)) - lines.reach(0), none);
+  const Lanes ey = max(abs(y) - (half_width + lines.reach(1)), none);
+  const Lanes ez = max(max(-z, z - height) - lines.reach(2), none);
   return ex * ex + ey * ey + ez * ez < near2;
 }
 
@@ -135,29 +154,31 @@ SOILVDB_FOR_CPUS bool carve_mouth_slab(const SweptMouth& m, float half_width, fl
                                        std::uint32_t rows, std::int16_t* phi) {
   Row row[kLeafSide];
   std::uint32_t met = 0;
+  std::size_t ready = m.frames.size();  // the pose that `to` is of
+  Lines from(m.frames[0], x), to = from;
   for (const std::uint32_t i : m.crossing) {
-    const AffineFrame &from = m.frames[i], &to = m.frames[i + 1];
-    const Sides u(from, x), v(to, x);
+    from = i == ready ? to : Lines(m.frames[i], x);
+    to = Lines(m.frames[i + 1], x);
+    ready = i + 1;
+    const Sides u(from), v(to);
     std::uint32_t passed = rows & bits(~((u.ahead & v.ahead) | (u.behind & v.behind)));
     met |= passed;
     for (; passed != 0; passed &= passed - 1) {
       const int k = std::countr_zero(passed);
-      const float y = static_cast<float>(k) + 0.5f;
-      const LaneMask back =
-          pass(Line(from, x, y), Line(to, x, y), half_width, height, i < m.settled, row[k]);
-      if (bits(back) != 0) come_back(m, i, x, y, back, row[k]);
+      const LaneMask back = pass(from.row(k), to.row(k), half_width, height, i < m.settled, row[k]);
+      if (bits(back) != 0) come_back(m, i, x, static_cast<float>(k) + 0.5f, back, row[k]);
     }
   }
   for (const std::uint32_t i : m.close) {
-    std::uint32_t close = rows & bits(rows_near(m.frames[i], half_width, height, x, kBand2));
+    const Lines lines(m.frames[i], x);
+    std::uint32_t close = rows & bits(rows_near(lines, half_width, height, kBand2));
     met |= close;
     const bool inner = i > 0 && i + 1 < m.frames.size();
     const Advance last = inner ? m.advances[i - 1] : Advance{};
     const Advance next = inner ? m.advances[i] : Advance{};
     for (; close != 0; close &= close - 1) {
       const int k = std::countr_zero(close);
-      stand(Line(m.frames[i], x, static_cast<float>(k) + 0.5f), half_width, height,
-            m.bounds[i].always, last, next, row[k]);
+      stand(lines.row(k), half_width, height, m.bounds[i].always, last, next, row[k]);
     }
   }
   bool changed = false;
@@ -176,7 +197,7 @@ SOILVDB_FOR_CPUS std::uint32_t rows_near_any(std::span<const AffineFrame> frames
                                              float height, float x, float near) {
   LaneMask found = {};
   for (const std::uint32_t i : poses)
-    found |= rows_near(frames[i], half_width, height, x, near * near);
+    found |= rows_near(Lines(frames[i], x), half_width, height, near * near);
   return bits(found);
 }
 
