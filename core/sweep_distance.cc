@@ -14,7 +14,6 @@ namespace soilvdb {
 namespace {
 
 constexpr float kFar = std::numeric_limits<float>::max();
-constexpr float kMiddle = 0.5f * kLeafSide;
 constexpr float kReach = 0.5f * (kLeafSide - 1);  ///< of a row's centres from its middle
 constexpr float kBand2 = kBandVoxels * kBandVoxels;
 
