@@ -36,11 +36,23 @@ inline std::array<Vec3, 4> mouth_corners(const Bucket& bucket) {
 /// The points that bound a bucket, in its frame: the mouth's corners and the body's outline.
 std::vector<Vec3> extremes(const Bucket& bucket);
 
+/// The same of a bucket at a pose, world.
+using Corners = std::array<Vec3, 4>;
+inline Corners mouth_corners(const Bucket& bucket, const Pose& world_from_bucket) {
+  const Eigen::Matrix3d axes = world_from_bucket.rotation.toRotationMatrix();
+  const Vec3 &lip = world_from_bucket.position, y = bucket.width_m / 2 * axes.col(1);
+  const Vec3 up = lip + bucket.height_m * axes.col(2);
+  return {lip - y, lip + y, up - y, up + y};
+}
+
 /// How far the fastest corner of the mouth moves between two poses, m.
+inline double travel(const Corners& a, const Corners& b) {
+  double most2 = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) most2 = std::max(most2, (b[i] - a[i]).squaredNorm());
+  return std::sqrt(most2);
+}
 inline double travel(const Bucket& bucket, const Pose& a, const Pose& b) {
-  double most = 0;
-  for (const Vec3& p : mouth_corners(bucket)) most = std::max(most, (b * p - a * p).norm());
-  return most;
+  return travel(mouth_corners(bucket, a), mouth_corners(bucket, b));
 }
 
 }  // namespace soilvdb

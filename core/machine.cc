@@ -101,8 +101,10 @@ Update Machine::fly(Soil& soil, const Pose& to) {
     begin_carving(soil);
     mouth_stood_ = false;  // above the ground
   }
-  moved_m_ += travel(bucket_, current_, to);
+  const Corners at = mouth_corners(bucket_, to);
+  moved_m_ += travel(at_, at);
   current_ = to;
+  at_ = at;
   kept_.clear();
   between_.clear();
   fresh_ = 0;
@@ -116,6 +118,7 @@ void Machine::place(Soil& soil, const Pose& pose) {
   ledger_.displaced += cut.displaced;
   body_cut_ = cut.displaced > 0;
   current_ = pose;
+  at_ = mouth_corners(bucket_, pose);
   placed_ = true;
 }
 
@@ -139,30 +142,34 @@ void Machine::dig(Soil& soil, std::span<const Pose> path) {
 
 /// Moves on, and keeps the pose left where the path bends or the last kept one is far enough.
 void Machine::keep_up(const Pose& pose, double voxel_size_m) {
-  moved_m_ += travel(bucket_, current_, pose);
-  const double since = kept_.empty() ? 0 : travel(bucket_, kept_.back(), current_);
-  if (kept_.empty() || since >= kSpacing * voxel_size_m || bends(pose, kBend * voxel_size_m)) {
+  const Corners to = mouth_corners(bucket_, pose);
+  moved_m_ += travel(at_, to);
+  if (kept_.empty() || travel(kept_at_, at_) >= kSpacing * voxel_size_m ||
+      bends(to, kBend * voxel_size_m)) {
     kept_.push_back(current_);
+    kept_at_ = at_;
     between_.clear();
-  } else if (travel(bucket_, between_.empty() ? kept_.back() : between_.back(), current_) >=
+  } else if (travel(between_.empty() ? kept_at_ : between_.back(), at_) >=
              kBetween * voxel_size_m) {
-    between_.push_back(current_);
+    between_.push_back(at_);
   }
   current_ = pose;
+  at_ = to;
 }
 
-/// Is a pose since the last kept one off the straight way from there to `pose`?
-bool Machine::bends(const Pose& pose, double tolerance_m) const {
-  const auto off = [&](const Pose& mid) {
-    for (const Vec3& p : mouth_corners(bucket_)) {
-      const Vec3 a = kept_.back() * p, along = pose * p - a, to = mid * p - a;
-      const double length2 = along.squaredNorm();
-      const double s = length2 > 0 ? std::clamp(to.dot(along) / length2, 0.0, 1.0) : 0.0;
-      if ((to - s * along).squaredNorm() > tolerance_m * tolerance_m) return true;
-    }
-    return false;
-  };
-  return off(current_) || std::any_of(between_.begin(), between_.end(), off);
+/// Is a pose since the last kept one off the straight way from there to the corners `to`?
+bool Machine::bends(const Corners& to, double tolerance_m) const {
+  for (std::size_t c = 0; c < to.size(); ++c) {
+    const Vec3 &from = kept_at_[c], along = to[c] - from;
+    const double length2 = along.squaredNorm(), by_length2 = length2 > 0 ? 1 / length2 : 0;
+    const auto off = [&](const Corners& mid) {
+      const Vec3 way = mid[c] - from;
+      const double s = std::clamp(way.dot(along) * by_length2, 0.0, 1.0);
+      return (way - s * along).squaredNorm() > tolerance_m * tolerance_m;
+    };
+    if (off(at_) || std::any_of(between_.begin(), between_.end(), off)) return true;
+  }
+  return false;
 }
 
 /// Carves on in step with the path, so that no single update bears it all: what the last stretch
@@ -244,7 +251,7 @@ void Machine::take_back(Soil& soil) {
 
 /// Drops what is farther back than `length_m`.
 void Machine::forget(double length_m) {
-  double length = kept_.empty() ? 0 : travel(bucket_, kept_.back(), current_);
+  double length = kept_.empty() ? 0 : travel(kept_at_, at_);
   std::size_t first = kept_.size();
   while (first > 0 && length < length_m) {
     --first;

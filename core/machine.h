@@ -66,7 +66,7 @@ class Machine {
   void place(Soil& soil, const Pose& pose);
   void dig(Soil& soil, std::span<const Pose> path);
   void keep_up(const Pose& pose, double voxel_size_m);
-  bool bends(const Pose& pose, double tolerance_m) const;
+  bool bends(const Corners& to, double tolerance_m) const;
   void carve(Soil& soil);
   void carve_part(Soil& soil, double left);
   std::optional<Stretch> stretch() const;
@@ -81,9 +81,11 @@ class Machine {
   Ledger ledger_;
   bool placed_ = false;
   Pose current_;
+  Corners at_;                                 // of the mouth there
   std::vector<Pose> traced_;                   // scratch
   std::vector<Pose> kept_;                     // the path before `current`, thinned
-  std::vector<Pose> between_;                  // some of those since the last kept one
+  Corners kept_at_;                            // at the last of those
+  std::vector<Corners> between_;               // at some poses since
   std::size_t fresh_ = 0;                      // the first kept pose that no surface cut has seen
   bool begins_ = true;                         // kept reaches back to where the path starts
   bool mouth_cut_ = false, body_cut_ = false;  // soil, since the last surface cut

@@ -19,6 +19,11 @@ void put(std::string& out, const Pose& pose) {
   for (const double v : pose.position) put(out, v);
   for (const double v : pose.rotation.coeffs()) put(out, v);
 }
+void put(std::string& out, const Corners& corners) {
+  for (const Vec3& corner : corners) {
+    for (const double v : corner) put(out, v);
+  }
+}
 void put(std::string& out, const Coord3& c) {
   for (const int v : c) put(out, v);
 }
@@ -47,6 +52,11 @@ void take(std::string_view& in, bool& value) {
 void take(std::string_view& in, Pose& pose) {
   for (double& v : pose.position) take(in, v);
   for (double& v : pose.rotation.coeffs()) take(in, v);
+}
+void take(std::string_view& in, Corners& corners) {
+  for (Vec3& corner : corners) {
+    for (double& v : corner) take(in, v);
+  }
 }
 void take(std::string_view& in, Coord3& c) {
   for (int& v : c) take(in, v);
@@ -116,6 +126,8 @@ void Machine::load(std::string_view& in, const Soil& soil) {
   take(in, current_);
   take(in, kept_);
   take(in, between_);
+  at_ = mouth_corners(bucket_, current_);
+  if (!kept_.empty()) kept_at_ = mouth_corners(bucket_, kept_.back());
   take(in, count);
   fresh_ = count;
   take(in, begins_);
