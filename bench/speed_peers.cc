@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 
@@ -18,16 +19,22 @@ struct Score {
   int failures = 0;
 };
 
-/// Over the families and all placements.
+/// Over the families and all placements, each dug three times: the median time.
 Score score(const MakeEngine& make, const std::vector<std::string>& families, double voxel_m,
             int updates, std::size_t placements) {
   Score total;
   double n = 0;
   for (const std::string& family : families) {
     for (std::size_t p = 0; p < placements; ++p) {
-      const Run r =
-          run(make, testing::make_dig(family, testing::placements()[p]), voxel_m, updates, 60);
-      if (!r.complete) throw EngineFailed(family + " took more than a minute");
+      const testing::Dig dig = testing::make_dig(family, testing::placements()[p]);
+      std::array<Run, 3> runs;
+      for (Run& r : runs) {
+        r = run(make, dig, voxel_m, updates, 60);
+        if (!r.complete) throw EngineFailed(family + " took more than a minute");
+      }
+      std::sort(runs.begin(), runs.end(),
+                [](const Run& a, const Run& b) { return a.us_per_update < b.us_per_update; });
+      const Run& r = runs[1];
       total.error += r.error * r.error;
       total.us += std::log(r.us_per_update);
       total.failures += r.failures;

@@ -11,6 +11,8 @@
 #include "bench/site.h"
 #include "core/cut_surface.h"
 #include "core/excavate.h"
+#include "core/facet.h"
+#include "core/lanes.h"
 #include "core/mesher.h"
 #include "core/tracker.h"
 #include "io/snapshot.h"
@@ -143,6 +145,59 @@ void cut_surface(benchmark::State& state) {
   }
 }
 
+/// What one core can do: products and sums, not fused, of floats that never leave the registers.
+SOILVDB_FOR_CPUS void multiply_and_add(Lanes* values, float factor, float sum, int times) {
+  Lanes v[16];
+  for (int i = 0; i < 16; ++i) v[i] = values[i];
+  for (int n = 0; n < times; ++n) {
+    for (Lanes& lanes : v) lanes = lanes * factor + sum;
+  }
+  for (int i = 0; i < 16; ++i) values[i] = v[i];
+}
+
+constexpr auto kRate = benchmark::Counter::kIsRate;
+
+void arithmetic(benchmark::State& state) {
+  constexpr int kTimes = 10000;
+  Lanes values[16] = {};
+  double operations = 0;
+  for (auto _ : state) {
+    multiply_and_add(values, 0.999f, 0.001f, kTimes);
+    benchmark::DoNotOptimize(values);
+    operations += 2.0 * 16 * kLeafSide * kTimes;
+  }
+  state.counters["operations"] = benchmark::Counter(operations, kRate);
+}
+
+/// The innermost loop: which samples of a cell a stroke passes. The mouth's plane passes a part of
+/// a layer of 8 x 8 cells; all inside the mouth, or 2 x 8 of them on the sides of a narrow mouth,
+/// where it also counts where the plane is passed.
+void cut_samples(benchmark::State& state, double width_m, double cells) {
+  Bucket bucket;
+  bucket.width_m = width_m;
+  bucket.height_m = 20;
+  const Facet facet = facets(bucket).front();
+  const auto frame = [&](double x) {
+    return AffineFrame(Eigen::Matrix3d::Identity(), {x, 3.5, -5}, Coord3::Zero());
+  };
+  const Stroke stroke(frame(2.6), frame(2.85), frame(3.1), facet, 1);  // voxels of a metre
+  SampleWords all;
+  all.fill(kAllSoil);
+  Samples soil;
+  soil.assign(all);
+  double tested = 0, cut = 0;
+  for (auto _ : state) {
+    Samples ground = soil;
+    cut += static_cast<double>(
+        soilvdb::cut_samples(ground, Coord3::Zero(), stroke, facet, 1, Books::kCaptured).captured);
+    tested += cells;
+  }
+  state.counters["cells"] = benchmark::Counter(tested, kRate);
+  state.counters["cut_per_cell"] = cut / tested;
+}
+void cut_inner_cells(benchmark::State& state) { cut_samples(state, 40, 64); }
+void cut_edge_cells(benchmark::State& state) { cut_samples(state, 1, 16); }
+
 void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurface>& ground,
                  double z_m) {
   const double h = voxel_m(state);
@@ -208,6 +263,9 @@ void sizes_and_sites(benchmark::internal::Benchmark* b) {
 }
 
 BENCHMARK(trace)->Name("Trace/soilvdb")->Apply(sizes);
+BENCHMARK(arithmetic)->Name("Arithmetic");
+BENCHMARK(cut_inner_cells)->Name("CutSamples/soilvdb/inside");
+BENCHMARK(cut_edge_cells)->Name("CutSamples/soilvdb/edge");
 BENCHMARK(excavate)->Name("Excavate/soilvdb")->Apply(sizes_and_sites);
 BENCHMARK(excavate_again)->Name("ExcavateAgain/soilvdb")->Apply(sizes);
 BENCHMARK(miss)->Name("Miss/soilvdb")->Apply(sizes_and_sites);
