@@ -144,7 +144,7 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& chang
     if ((chunk != nullptr && chunk->air) || !find_near(origin, near) || !find_rows(near)) return;
     Phi phi;
     if (chunk != nullptr && chunk->phi) {
-      phi = *chunk->phi;
+      chunk->phi.expand(phi);
       touched[i] = carve_chunk(near, phi);
       if (touched[i]) soil.set_phi(soil.make(origin), phi);
       return;

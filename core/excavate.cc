@@ -133,7 +133,7 @@ void Excavator::dig(Soil& soil, Work& work) const {
     work.removed.displaced += part.displaced;
   }
   const std::int64_t removed = work.removed.captured + work.removed.displaced;
-  chunk->now -= static_cast<std::uint32_t>(removed);
+  chunk->now = static_cast<std::uint16_t>(chunk->now - removed);
   if (removed > 0) chunk->samples.trim();
 }
 
@@ -220,7 +220,7 @@ Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
       removed += std::popcount(hit);
       chunk->samples.set_word(n, word ^ hit);
     }
-    chunk->now -= static_cast<std::uint32_t>(removed);
+    chunk->now = static_cast<std::uint16_t>(chunk->now - removed);
     cut.displaced += removed;
   });
   return cut;

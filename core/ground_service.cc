@@ -22,7 +22,7 @@ std::optional<Chunk> copy_of(const Chunk* chunk) {
   copy.air = chunk->air;
   copy.base = chunk->base;
   copy.now = chunk->now;
-  if (chunk->phi) copy.phi = std::make_unique<Phi>(*chunk->phi);
+  copy.phi = chunk->phi;
   copy.samples = chunk->samples;
   return copy;
 }
@@ -30,7 +30,7 @@ std::optional<Chunk> copy_of(const Chunk* chunk) {
 /// Is the mesh surely the same? Without a look at the base surface.
 bool same_surface(const Chunk* before, const std::optional<Chunk>& now) {
   if (before == nullptr || !now) return before == nullptr && !now;
-  if (before->phi && now->phi) return *before->phi == *now->phi;
+  if (before->phi && now->phi) return before->phi == now->phi;
   return before->air == now->air && !before->phi && !now->phi;
 }
 

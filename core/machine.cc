@@ -227,7 +227,7 @@ void Machine::carve_ahead(Soil& soil) {
       if (const Chunk* chunk = soil.find(origin)) {
         before.resident = true;
         before.air = chunk->air;
-        if (chunk->phi) before.phi = std::make_unique<Phi>(*chunk->phi);
+        before.phi = chunk->phi;
       }
     }
     cut->carve(soil, cut->pending().size(), changed_);

@@ -57,7 +57,7 @@ class Machine {
   struct Before {
     Coord3 origin;
     bool resident = false, air = false;
-    std::unique_ptr<Phi> phi;
+    PackedPhi phi;
   };
 
   Update dig_along(Soil& soil, std::span<const Pose> path);

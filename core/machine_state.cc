@@ -104,9 +104,11 @@ void Machine::save(std::string& out) const {
     put(out, before.origin);
     put(out, before.resident);
     put(out, before.air);
-    put(out, before.phi != nullptr);
+    put(out, static_cast<bool>(before.phi));
     if (before.phi) {
-      for (const std::int16_t v : *before.phi) put(out, v);
+      Phi phi;
+      before.phi.expand(phi);
+      for (const std::int16_t v : phi) put(out, v);
     }
   }
 }
@@ -164,8 +166,9 @@ void Machine::load(std::string_view& in, const Soil& soil) {
     take(in, before.air);
     take(in, there);
     if (!there) continue;
-    before.phi = std::make_unique<Phi>();
-    for (std::int16_t& v : *before.phi) take(in, v);
+    Phi phi;
+    for (std::int16_t& v : phi) take(in, v);
+    before.phi.assign(phi);
   }
 }
 

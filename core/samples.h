@@ -5,17 +5,21 @@
 
 #include <bit>
 #include <cstdint>
-#include <vector>
+#include <cstring>
+#include <string_view>
 
 #include "core/base_surface.h"
+#include "core/heap_block.h"
 
 namespace soilvdb {
 
-/// SampleWords with a word only for the cells that are neither all soil nor all air.
+/// SampleWords with a word only for the cells that are neither all soil nor all air, and with
+/// nothing but a pointer where all is air.
 class Samples {
  public:
   void assign(const SampleWords& words) {
-    mixed_words_.clear();
+    Head head = kAir;
+    std::uint64_t mixed_words[kLeafSize];
     for (int g = 0; g < kGroups; ++g) {
       std::uint64_t soil = 0, mixed = 0;
       for (int i = 0; i < 64; ++i) {
@@ -23,22 +27,29 @@ class Samples {
         soil |= std::uint64_t{word == kAllSoil} << i;
         mixed |= std::uint64_t{word != 0 && word != kAllSoil} << i;
       }
-      soil_[g] = soil;
-      mixed_[g] = mixed;
-      before_[g] = static_cast<std::uint16_t>(mixed_words_.size());
+      head.soil[g] = soil;
+      head.mixed[g] = mixed;
+      head.before[g] = head.size;
       for (; mixed != 0; mixed &= mixed - 1) {
-        mixed_words_.push_back(words[static_cast<std::size_t>(64 * g + std::countr_zero(mixed))]);
+        mixed_words[head.size++] =
+            words[static_cast<std::size_t>(64 * g + std::countr_zero(mixed))];
       }
     }
-    trim();
+    head.capacity = head.size;
+    block_.reset();
+    if (head.empty()) return;
+    block_.resize(head.bytes());
+    *block_.get() = head;
+    std::memcpy(tail(), mixed_words, head.size * sizeof(std::uint64_t));
   }
 
   void expand(SampleWords& words) const {
-    const std::uint64_t* next = mixed_words_.data();
+    if (!block_) return words.fill(0);
+    const std::uint64_t* next = tail();
     for (int g = 0; g < kGroups; ++g) {
       std::uint64_t* out = &words[static_cast<std::size_t>(64 * g)];
-      for (int i = 0; i < 64; ++i) out[i] = soil_[g] >> i & 1 ? kAllSoil : 0;
-      for (std::uint64_t mixed = mixed_[g]; mixed != 0; mixed &= mixed - 1) {
+      for (int i = 0; i < 64; ++i) out[i] = block_->soil[g] >> i & 1 ? kAllSoil : 0;
+      for (std::uint64_t mixed = block_->mixed[g]; mixed != 0; mixed &= mixed - 1) {
         out[std::countr_zero(mixed)] = *next++;
       }
     }
@@ -46,11 +57,12 @@ class Samples {
 
   /// Bit i: cell `first` + i holds soil; `first` a multiple of 8, i < 8.
   std::uint32_t any_of_row(int first) const {
-    return (soil_[first >> 6] | mixed_[first >> 6]) >> (first & 63) & 0xff;
+    const Head& h = head();
+    return (h.soil[first >> 6] | h.mixed[first >> 6]) >> (first & 63) & 0xff;
   }
   /// Bit i: row i of eight cells of group `g`, which is 64 cells, holds soil.
   std::uint32_t rows_with_soil(int g) const {
-    std::uint64_t any = soil_[g] | mixed_[g];
+    std::uint64_t any = head().soil[g] | head().mixed[g];
     any |= any >> 4;
     any |= any >> 2;
     any |= any >> 1;
@@ -60,60 +72,93 @@ class Samples {
 
   std::uint64_t word(int n) const {
     const std::uint64_t bit = std::uint64_t{1} << (n & 63);
-    if (soil_[n >> 6] & bit) return kAllSoil;
-    return mixed_[n >> 6] & bit ? mixed_words_[index(n)] : 0;
+    if (head().soil[n >> 6] & bit) return kAllSoil;
+    return head().mixed[n >> 6] & bit ? tail()[head().index(n)] : 0;
   }
 
+  /// Soil only shrinks: a cell without any stays so.
   void set_word(int n, std::uint64_t word) {
+    if (!block_) return;
     const std::uint64_t bit = std::uint64_t{1} << (n & 63);
-    const std::size_t at = index(n);
-    const bool was_mixed = mixed_[n >> 6] & bit, mixed = word != 0 && word != kAllSoil;
-    if (mixed && was_mixed) {
-      mixed_words_[at] = word;
-    } else if (mixed) {
-      mixed_words_.insert(mixed_words_.begin() + static_cast<std::ptrdiff_t>(at), word);
-    } else if (was_mixed) {
-      mixed_words_.erase(mixed_words_.begin() + static_cast<std::ptrdiff_t>(at));
+    const std::size_t at = block_->index(n);
+    const bool was_mixed = block_->mixed[n >> 6] & bit, mixed = word != 0 && word != kAllSoil;
+    if (mixed && !was_mixed && block_->size == block_->capacity) grow();
+    Head& h = *block_.get();
+    std::uint64_t* const here = tail() + at;
+    const std::size_t behind = h.size - at;
+    if (mixed && !was_mixed) {
+      std::memmove(here + 1, here, behind * sizeof(word));
+      ++h.size;
+    } else if (!mixed && was_mixed) {
+      std::memmove(here, here + 1, (behind - 1) * sizeof(word));
+      --h.size;
     }
+    if (mixed) *here = word;
     if (mixed != was_mixed) {
       for (int g = (n >> 6) + 1; g < kGroups; ++g) {
-        before_[g] = static_cast<std::uint16_t>(before_[g] + mixed - was_mixed);
+        h.before[g] = static_cast<std::uint16_t>(h.before[g] + mixed - was_mixed);
       }
-      mixed_[n >> 6] ^= bit;
+      h.mixed[n >> 6] ^= bit;
     }
-    soil_[n >> 6] = word == kAllSoil ? soil_[n >> 6] | bit : soil_[n >> 6] & ~bit;
+    h.soil[n >> 6] = word == kAllSoil ? h.soil[n >> 6] | bit : h.soil[n >> 6] & ~bit;
   }
 
   /// Samples of soil.
   std::uint32_t count() const {
     int sum = 0;
-    for (const std::uint64_t soil : soil_) sum += 64 * std::popcount(soil);
-    for (const std::uint64_t word : mixed_words_) sum += std::popcount(word);
+    for (const std::uint64_t soil : head().soil) sum += 64 * std::popcount(soil);
+    for (int i = 0; i < head().size; ++i) sum += std::popcount(tail()[i]);
     return static_cast<std::uint32_t>(sum);
   }
 
   /// Gives back memory that removed words held.
   void trim() {
-    if (mixed_words_.capacity() > mixed_words_.size() + mixed_words_.size() / 4 + 8) {
-      mixed_words_.shrink_to_fit();
+    if (!block_) return;
+    if (block_->empty()) {
+      block_.reset();
+    } else if (block_->capacity > block_->size + block_->size / 4 + 8) {
+      block_->capacity = block_->size;
+      block_.resize(block_->bytes());
     }
   }
 
-  std::size_t heap_bytes() const { return mixed_words_.capacity() * sizeof(std::uint64_t); }
-  bool operator==(const Samples&) const = default;
+  std::size_t heap_bytes() const { return block_ ? heap_cost(block_->bytes()) : 0; }
 
  private:
   static constexpr int kGroups = kLeafSize / 64;
 
-  /// Where the word of cell n is, or would be.
-  std::size_t index(int n) const {
-    const std::uint64_t below = mixed_[n >> 6] & ((std::uint64_t{1} << (n & 63)) - 1);
-    return before_[n >> 6] + static_cast<std::size_t>(std::popcount(below));
+  /// The words of mixed cells follow, in the order of cells.
+  struct Head {
+    std::uint64_t soil[kGroups], mixed[kGroups];
+    std::uint16_t before[kGroups];  ///< words of the groups before each
+    std::uint16_t size, capacity;   ///< words
+    std::uint32_t unused;
+
+    std::size_t bytes() const { return sizeof(Head) + capacity * sizeof(std::uint64_t); }
+    bool empty() const {
+      std::uint64_t any = size;
+      for (const std::uint64_t s : soil) any |= s;
+      return any == 0;
+    }
+    /// Where the word of cell n is, or would be.
+    std::size_t index(int n) const {
+      const std::uint64_t below = mixed[n >> 6] & ((std::uint64_t{1} << (n & 63)) - 1);
+      return before[n >> 6] + static_cast<std::size_t>(std::popcount(below));
+    }
+  };
+  static constexpr Head kAir{};
+
+  const Head& head() const { return block_ ? *block_.get() : kAir; }
+  const std::uint64_t* tail() const {
+    return reinterpret_cast<const std::uint64_t*>(block_.get() + 1);
+  }
+  std::uint64_t* tail() { return reinterpret_cast<std::uint64_t*>(block_.get() + 1); }
+  void grow() {
+    block_->capacity = static_cast<std::uint16_t>(block_->size + block_->size / 4 + 8);
+    block_.resize(block_->bytes());
   }
 
-  std::uint64_t soil_[kGroups] = {}, mixed_[kGroups] = {};
-  std::uint16_t before_[kGroups] = {};      // words of the groups before each
-  std::vector<std::uint64_t> mixed_words_;  // in the order of cells
+  HeapBlock<Head> block_;
 };
 
 }  // namespace soilvdb

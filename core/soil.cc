@@ -17,10 +17,10 @@
 namespace soilvdb {
 namespace {
 
-SOILVDB_FOR_CPUS std::uint32_t count(const SampleWords& words) {
+SOILVDB_FOR_CPUS std::uint16_t count(const SampleWords& words) {
   int sum = 0;
   for (const std::uint64_t word : words) sum += std::popcount(word);
-  return static_cast<std::uint32_t>(sum);
+  return static_cast<std::uint16_t>(sum);
 }
 
 /// Metres to units of phi.
@@ -72,7 +72,7 @@ Content Soil::classify(const Coord3& origin) const {
 void Soil::read_phi(const Coord3& origin, Phi& phi) const {
   const Chunk* chunk = find(origin);
   if (chunk != nullptr && chunk->phi) {
-    phi = *chunk->phi;
+    chunk->phi.expand(phi);
   } else if (chunk != nullptr && chunk->air) {
     phi.fill(kPhiMax);
   } else {
@@ -92,10 +92,8 @@ void Soil::set_phi(Chunk& chunk, const Phi& phi) const {
   chunk.air = *std::min_element(phi.begin(), phi.end()) == kPhiMax;
   if (chunk.air) {
     chunk.phi.reset();
-  } else if (chunk.phi) {
-    *chunk.phi = phi;
   } else {
-    chunk.phi = std::make_unique<Phi>(phi);
+    chunk.phi.assign(phi);
   }
 }
 
@@ -127,7 +125,7 @@ Chunk* Soil::with_samples(const Coord3& origin) {
   if (chunk != nullptr && chunk->sampled) return chunk;
   SampleWords words;
   read_samples(origin, words);
-  const std::uint32_t soil = count(words);
+  const std::uint16_t soil = count(words);
   if (chunk == nullptr && soil == 0) return nullptr;
   if (chunk == nullptr) chunk = &make(origin);
   chunk->samples.assign(words);
@@ -144,8 +142,8 @@ void Soil::restore(const Coord3& origin, const float* phi_m, const SampleWords& 
   quantise(phi_m, phi_step_m(), phi);
   set_phi(chunk, phi);
   chunk.samples.assign(samples);
-  chunk.now = chunk.samples.count();
-  chunk.base = base;
+  chunk.now = static_cast<std::uint16_t>(chunk.samples.count());
+  chunk.base = static_cast<std::uint16_t>(base);
   chunk.sampled = true;
 }
 
@@ -240,12 +238,9 @@ double Soil::resident_m2() const {
 }
 
 std::uint64_t Soil::memory_bytes() const {
-  constexpr std::uint64_t kPerBlock = 16;  // what the allocator keeps for itself
   std::uint64_t bytes = index_->bytes();
   for (const Chunk& chunk : index_->chunks()) {
-    bytes += sizeof(Chunk);
-    if (chunk.phi) bytes += sizeof(Phi) + kPerBlock;
-    if (chunk.samples.heap_bytes() > 0) bytes += chunk.samples.heap_bytes() + kPerBlock;
+    bytes += sizeof(Chunk) + chunk.phi.heap_bytes() + chunk.samples.heap_bytes();
   }
   return bytes;
 }

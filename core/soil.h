@@ -3,7 +3,6 @@
 // The ground: base surface plus the voxels of the places where buckets have been.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -11,14 +10,11 @@
 #include <vector>
 
 #include "core/base_surface.h"
+#include "core/packed_phi.h"
 #include "core/samples.h"
 #include "core/types.h"
 
 namespace soilvdb {
-
-/// phi of a chunk's voxels in 1/32767 of the band, at voxel x*64 + y*8 + z.
-using Phi = std::array<std::int16_t, kLeafSize>;
-inline constexpr std::int16_t kPhiMax = 32767;
 
 /// One resident chunk of 8x8x8 voxels, at voxel x*64 + y*8 + z.
 ///
@@ -32,9 +28,9 @@ struct Chunk {
   bool sampled = false;    ///< else samples, base and now are still to be made
   bool air = false;        ///< phi is +band all over, and isn't stored
   bool touched = false;    ///< listed for Soil::take_touched()
-  std::uint32_t base = 0;  ///< samples of soil in the base surface
-  std::uint32_t now = 0;   ///< samples of soil now
-  std::unique_ptr<Phi> phi;
+  std::uint16_t base = 0;  ///< samples of soil in the base surface
+  std::uint16_t now = 0;   ///< samples of soil now
+  PackedPhi phi;
   Samples samples;
 };
 
