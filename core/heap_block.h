@@ -56,9 +56,14 @@ class HeapBlock {
   std::unique_ptr<Head, Free> head_;
 };
 
-/// What a piece of `bytes` bytes takes from the heap: the allocator's own word, in steps of 16.
-constexpr std::size_t heap_cost(std::size_t bytes) {
-  return bytes == 0 ? 0 : (bytes + 8 + 15) / 16 * 16;
+/// What a piece takes from the heap besides its bytes.
+inline constexpr std::size_t kHeapWord = 8;
+
+/// The size, `bytes` or more, that a piece should be of: few sizes, so that what one gives back is
+/// what another asks for, and so that most changes of size need no other piece.
+constexpr std::size_t heap_size(std::size_t bytes) {
+  constexpr std::size_t kStep = 64;
+  return (bytes + kHeapWord + kStep - 1) / kStep * kStep - kHeapWord;
 }
 
 }  // namespace soilvdb

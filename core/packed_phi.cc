@@ -6,6 +6,9 @@
 #include <bit>
 #include <cstring>
 
+#include "core/affine.h"
+#include "core/lanes.h"
+
 namespace soilvdb {
 namespace {
 
@@ -13,21 +16,23 @@ namespace {
 using Row = std::int16_t __attribute__((vector_size(kLeafSide * sizeof(std::int16_t))));
 constexpr Row kVoxel = {0, 1, 2, 3, 4, 5, 6, 7};
 
-Row all_of(std::int16_t v) { return Row{} + v; }
+SOILVDB_INLINE Row all_of(std::int16_t v) { return Row{} + v; }
 
 /// Halves of a row's lanes, each lane all ones or zero.
 struct Lanes16 {
   std::uint64_t low, high;
-  explicit Lanes16(Row mask) { std::memcpy(this, &mask, sizeof(mask)); }
-  int first() const { return low ? std::countr_zero(low) / 16 : 4 + std::countr_zero(high) / 16; }
-  int after_last() const {
+  SOILVDB_INLINE explicit Lanes16(Row mask) { std::memcpy(this, &mask, sizeof(mask)); }
+  SOILVDB_INLINE int first() const {
+    return low ? std::countr_zero(low) / 16 : 4 + std::countr_zero(high) / 16;
+  }
+  SOILVDB_INLINE int after_last() const {
     return high ? 8 - std::countl_zero(high) / 16 : 4 - std::countl_zero(low) / 16;
   }
 };
 
 }  // namespace
 
-void PackedPhi::assign(const Phi& phi) {
+SOILVDB_FOR_CPUS void PackedPhi::assign(const Phi& phi) {
   std::uint8_t rows[kRows];
   std::int16_t values[kLeafSize + kLeafSide];
   std::size_t size = 0;
@@ -43,21 +48,20 @@ void PackedPhi::assign(const Phi& phi) {
                 std::min(sizeof(row), (kLeafSize - from) * sizeof(phi[0])));
     size += static_cast<std::size_t>(end - first);
   }
-  // Room is kept in steps, so that most changes are made in place.
-  constexpr std::size_t kStep = 16;
-  const std::size_t capacity = (size + kStep - 1) / kStep * kStep;
-  if (!block_ || block_->capacity != capacity) {
+  const std::size_t fixed = sizeof(Head) + kPad * sizeof(std::int16_t);
+  const std::size_t bytes = heap_size(fixed + size * sizeof(std::int16_t));
+  if (!block_ || block_->bytes() != bytes) {
     block_.reset();
-    block_.resize(sizeof(Head) + (capacity + kPad) * sizeof(std::int16_t));
-    std::memset(block_.get() + 1, 0, (capacity + kPad) * sizeof(std::int16_t));
+    block_.resize(bytes);
+    std::memset(block_.get() + 1, 0, bytes - sizeof(Head));
   }
   block_->size = static_cast<std::uint16_t>(size);
-  block_->capacity = static_cast<std::uint16_t>(capacity);
+  block_->capacity = static_cast<std::uint16_t>((bytes - fixed) / sizeof(std::int16_t));
   std::memcpy(block_->rows, rows, sizeof(rows));
   std::memcpy(block_.get() + 1, values, size * sizeof(std::int16_t));
 }
 
-void PackedPhi::expand(Phi& phi) const {
+SOILVDB_FOR_CPUS void PackedPhi::expand(Phi& phi) const {
   const char* values = reinterpret_cast<const char*>(block_.get() + 1);
   for (std::size_t r = 0; r < kRows; ++r) {
     const int first = block_->rows[r] & 15, end = block_->rows[r] >> 4;

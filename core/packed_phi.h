@@ -24,7 +24,7 @@ class PackedPhi {
   void assign(const Phi& phi);
   void expand(Phi& phi) const;
   bool operator==(const PackedPhi& other) const;
-  std::size_t heap_bytes() const { return block_ ? heap_cost(block_->bytes()) : 0; }
+  std::size_t heap_bytes() const { return block_ ? block_->bytes() + kHeapWord : 0; }
 
  private:
   static constexpr int kRows = kLeafSize / kLeafSide;

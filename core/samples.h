@@ -35,9 +35,9 @@ class Samples {
             words[static_cast<std::size_t>(64 * g + std::countr_zero(mixed))];
       }
     }
-    head.capacity = head.size;
     block_.reset();
     if (head.empty()) return;
+    head.reserve(head.size);
     block_.resize(head.bytes());
     *block_.get() = head;
     std::memcpy(tail(), mixed_words, head.size * sizeof(std::uint64_t));
@@ -116,13 +116,13 @@ class Samples {
     if (!block_) return;
     if (block_->empty()) {
       block_.reset();
-    } else if (block_->capacity > block_->size + block_->size / 4 + 8) {
-      block_->capacity = block_->size;
+    } else if (block_->capacity > block_->size + block_->size / 4 + 16) {
+      block_->reserve(block_->size);
       block_.resize(block_->bytes());
     }
   }
 
-  std::size_t heap_bytes() const { return block_ ? heap_cost(block_->bytes()) : 0; }
+  std::size_t heap_bytes() const { return block_ ? block_->bytes() + kHeapWord : 0; }
 
  private:
   static constexpr int kGroups = kLeafSize / 64;
@@ -135,6 +135,11 @@ class Samples {
     std::uint32_t unused;
 
     std::size_t bytes() const { return sizeof(Head) + capacity * sizeof(std::uint64_t); }
+    /// Sets the capacity to that of a piece with room for so many words.
+    void reserve(int words) {
+      const std::size_t bytes = sizeof(Head) + static_cast<std::size_t>(words) * 8;
+      capacity = static_cast<std::uint16_t>((heap_size(bytes) - sizeof(Head)) / 8);
+    }
     bool empty() const {
       std::uint64_t any = size;
       for (const std::uint64_t s : soil) any |= s;
@@ -154,7 +159,7 @@ class Samples {
   }
   std::uint64_t* tail() { return reinterpret_cast<std::uint64_t*>(block_.get() + 1); }
   void grow() {
-    block_->capacity = static_cast<std::uint16_t>(block_->size + block_->size / 4 + 8);
+    block_->reserve(block_->size + block_->size / 8 + 1);
     block_.resize(block_->bytes());
   }
 
