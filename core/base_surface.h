@@ -56,6 +56,9 @@ class BaseSurface {
   virtual void samples(const Coord3& chunk, const Vec3& first, double h,
                        SampleWords& words) const = 0;
 
+  /// What it holds of heights read or voxels, in bytes.
+  virtual std::uint64_t memory_bytes() const { return 0; }
+
   /// Height of the topmost soil at (x, y); nothing where there is none or it isn't known.
   virtual std::optional<double> height(double x, double y) const = 0;
 };

@@ -87,7 +87,10 @@ class Soil::Index {
 
   const std::deque<Chunk>& chunks() const { return chunks_; }
   std::size_t bytes() const {
-    std::size_t sum = touched_.capacity() * sizeof(Coord3);
+    // A deque's pieces are of 512 bytes, with the allocator's word and one in the deque's map.
+    constexpr std::size_t kPiece = 512, kInPiece = kPiece / sizeof(Chunk);
+    std::size_t sum = chunks_.size() * (kPiece + 16 + sizeof(void*)) / kInPiece;
+    sum += touched_.capacity() * sizeof(Coord3);
     for (const auto& table : tables_) sum += table->slots.size() * sizeof(Chunk*);
     return sum;
   }

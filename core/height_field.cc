@@ -121,6 +121,10 @@ class HeightField final : public BaseSurface {
     }
   }
 
+  std::uint64_t memory_bytes() const override {
+    return tiles_.size() * sizeof(tiles_[0]) + held_.load(std::memory_order_relaxed);
+  }
+
   std::optional<double> height(double x, double y) const override {
     const double z = at(window({x, y}, {x, y}), x, y);
     if (std::isnan(z)) return std::nullopt;
@@ -186,6 +190,7 @@ class HeightField final : public BaseSurface {
         t->high = std::max(t->high, z);
       }
     }
+    held_ += sizeof(Tile) + t->posts.size() * sizeof(float);
     slot.store(t.get(), std::memory_order_release);
     return *t.release();
   }
@@ -335,6 +340,7 @@ class HeightField final : public BaseSurface {
   std::shared_ptr<const HeightSource> source_;
   int tiles_x_, tiles_y_;
   mutable std::vector<std::atomic<Tile*>> tiles_;
+  mutable std::atomic<std::uint64_t> held_ = 0;  // bytes of those that are read
   mutable std::mutex mutex_;
 };
 

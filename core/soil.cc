@@ -238,9 +238,9 @@ double Soil::resident_m2() const {
 }
 
 std::uint64_t Soil::memory_bytes() const {
-  std::uint64_t bytes = index_->bytes();
+  std::uint64_t bytes = index_->bytes() + base_->memory_bytes();
   for (const Chunk& chunk : index_->chunks()) {
-    bytes += sizeof(Chunk) + chunk.phi.heap_bytes() + chunk.samples.heap_bytes();
+    bytes += chunk.phi.heap_bytes() + chunk.samples.heap_bytes();
   }
   return bytes;
 }

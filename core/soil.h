@@ -102,6 +102,7 @@ class Soil {
   double change_m3() const;
   std::uint64_t active_voxels() const;  ///< |phi| < band
   double resident_m2() const;           ///< footprint of the resident chunks
+  /// What the ground holds of memory: chunks, and what the base surface has read.
   std::uint64_t memory_bytes() const;
   /// Digest of voxel size, origin and every resident chunk's phi and samples.
   std::uint64_t state_hash() const;
