@@ -58,6 +58,8 @@ class BaseSurface {
 
   /// What it holds of heights read or voxels, in bytes.
   virtual std::uint64_t memory_bytes() const { return 0; }
+  /// Gives back what can be read again. May run beside no other member.
+  virtual void forget() const {}
 
   /// Height of the topmost soil at (x, y); nothing where there is none or it isn't known.
   virtual std::optional<double> height(double x, double y) const = 0;

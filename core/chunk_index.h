@@ -55,6 +55,7 @@ class Soil::Index {
     Chunk* const gone = table.slots[gap];
     if (gone == nullptr) return;
     if (!gone->touched) list(origin);
+    if (gone->used != kInUse) idle_bytes_ -= gone->heap_bytes();
     // Chunks behind the gap move up unless that would put them before their home.
     for (std::size_t i = (gap + 1) & mask; table.slots[i] != nullptr; i = (i + 1) & mask) {
       const std::size_t from_home = (i - home(table.slots[i].load()->origin)) & mask;
@@ -85,12 +86,56 @@ class Soil::Index {
     return std::exchange(touched_, {});
   }
 
+  /// Notes that a chunk is in use, which may change what it holds. As touch().
+  void use(Chunk& chunk) {
+    if (chunk.used == kInUse) return;
+    const std::lock_guard lock(mutex_);
+    idle_bytes_ -= chunk.heap_bytes();
+    chunk.used = kInUse;
+    in_use_.push_back(chunk.origin);
+  }
+  /// What the chunks hold beside themselves; none is in use any more. Runs beside nothing.
+  std::uint64_t count_heap_bytes() {
+    for (const Coord3& origin : in_use_) {
+      Chunk* chunk = find(origin);
+      if (chunk == nullptr || chunk->used != kInUse) continue;
+      chunk->used = kUsed;
+      idle_bytes_ += chunk->heap_bytes();
+    }
+    in_use_.clear();
+    return idle_bytes_;
+  }
+  /// Counts all anew.
+  void begin_counting() {
+    in_use_.clear();
+    idle_bytes_ = 0;
+    for (Chunk& chunk : chunks_) {
+      chunk.used = kUsed;
+      idle_bytes_ += chunk.heap_bytes();
+    }
+  }
+  /// The next chunk that was not used since this came by it last, or null if none is left.
+  Chunk* next_unused() {
+    for (std::size_t seen = 0; seen < 2 * chunks_.size(); ++seen) {
+      hand_ = hand_ + 1 < chunks_.size() ? hand_ + 1 : 0;
+      Chunk& chunk = chunks_[hand_];
+      if (chunk.piece != 0 || chunk.heap_bytes() == 0) continue;
+      if (chunk.used == kIdle) return &chunk;
+      chunk.used = kIdle;
+    }
+    return nullptr;
+  }
+  void sent_away(std::uint64_t bytes) { idle_bytes_ -= bytes; }
+  /// Those who looked into them are done. Runs beside nothing.
+  void drop_old_tables() { tables_.erase(tables_.begin(), tables_.end() - 1); }
+
+  std::deque<Chunk>& chunks() { return chunks_; }
   const std::deque<Chunk>& chunks() const { return chunks_; }
   std::size_t bytes() const {
     // A deque's pieces are of 512 bytes, with the allocator's word and one in the deque's map.
     constexpr std::size_t kPiece = 512, kInPiece = kPiece / sizeof(Chunk);
     std::size_t sum = chunks_.size() * (kPiece + 16 + sizeof(void*)) / kInPiece;
-    sum += touched_.capacity() * sizeof(Coord3);
+    sum += (touched_.capacity() + in_use_.capacity()) * sizeof(Coord3);
     for (const auto& table : tables_) sum += table->slots.size() * sizeof(Chunk*);
     return sum;
   }
@@ -141,6 +186,12 @@ class Soil::Index {
   std::mutex mutex_;
   std::vector<Coord3> touched_;
   std::size_t touched_unique_ = 0;  // of those, when they were last counted
+
+  // Where memory is limited.
+  enum : std::uint8_t { kIdle, kUsed, kInUse };  // Chunk::used
+  std::vector<Coord3> in_use_;
+  std::uint64_t idle_bytes_ = 0;  // beside the chunks that are not in use
+  std::size_t hand_ = 0;          // of a clock: the chunk next_unused() came by last
 };
 
 }  // namespace soilvdb

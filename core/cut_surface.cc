@@ -142,6 +142,7 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& chang
     const Coord3& origin = chunks_[from + i];
     Chunk* const chunk = soil.find(origin);
     if ((chunk != nullptr && chunk->air) || !find_near(origin, near) || !find_rows(near)) return;
+    if (chunk != nullptr) soil.warm(*chunk);
     Phi phi;
     if (chunk != nullptr && chunk->phi) {
       chunk->phi.expand(phi);

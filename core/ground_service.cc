@@ -14,17 +14,9 @@ namespace {
 
 constexpr int kNice = 10;
 
-std::optional<Chunk> copy_of(const Chunk* chunk) {
-  if (chunk == nullptr) return std::nullopt;
-  Chunk copy;
-  copy.origin = chunk->origin;
-  copy.sampled = chunk->sampled;
-  copy.air = chunk->air;
-  copy.base = chunk->base;
-  copy.now = chunk->now;
-  copy.phi = chunk->phi;
-  copy.samples = chunk->samples;
-  return copy;
+std::optional<Chunk> copy_of(const Soil& soil, const Coord3& origin) {
+  if (const Chunk* chunk = soil.find(origin)) return soil.copy(*chunk);
+  return std::nullopt;
 }
 
 /// Is the mesh surely the same? Without a look at the base surface.
@@ -59,7 +51,7 @@ GroundService::~GroundService() {
 void GroundService::post(const Soil& soil, std::span<const Coord3> changed) {
   Task task;
   for (const Coord3& origin : changed)
-    task.chunks.try_emplace(task.chunks.end(), origin, copy_of(soil.find(origin)));
+    task.chunks.try_emplace(task.chunks.end(), origin, copy_of(soil, origin));
   task.first_post = task.last_post = ++posts_;
   add(std::move(task));
 }

@@ -5,10 +5,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <new>
+#include <string>
+#include <string_view>
 #include <type_traits>
 #include <utility>
 
@@ -47,6 +50,26 @@ class HeapBlock {
     head_.reset();
     resize(bytes);
     std::memcpy(static_cast<void*>(head_.get()), from, bytes);
+  }
+
+  /// Appends its size and its bytes.
+  void put(std::string& out) const {
+    const std::uint32_t size = head_ ? static_cast<std::uint32_t>(head_->bytes()) : 0;
+    out.append(reinterpret_cast<const char*>(&size), sizeof(size));
+    out.append(reinterpret_cast<const char*>(head_.get()), size);
+  }
+  /// Takes it off again. @return whether it was there
+  bool take(std::string_view& in) {
+    std::uint32_t size = 0;
+    if (in.size() < sizeof(size)) return false;
+    std::memcpy(&size, in.data(), sizeof(size));
+    in.remove_prefix(sizeof(size));
+    reset();
+    if (size == 0) return true;
+    if (size < sizeof(Head) || in.size() < size) return false;
+    assign(in.data(), size);
+    in.remove_prefix(size);
+    return head_->bytes() == size;
   }
 
  private:

@@ -43,9 +43,7 @@ class HeightField final : public BaseSurface {
         tiles_x_((grid.nx + kTile - 1) / kTile),
         tiles_y_((grid.ny + kTile - 1) / kTile),
         tiles_(std::size_t(tiles_x_) * tiles_y_) {}
-  ~HeightField() override {
-    for (auto& tile : tiles_) delete tile.load();
-  }
+  ~HeightField() override { HeightField::forget(); }
 
   Content classify(const Eigen::AlignedBox3d& box) const override {
     const Bounds b = bounds(box.min().head<2>(), box.max().head<2>(), 0);
@@ -123,6 +121,11 @@ class HeightField final : public BaseSurface {
 
   std::uint64_t memory_bytes() const override {
     return tiles_.size() * sizeof(tiles_[0]) + held_.load(std::memory_order_relaxed);
+  }
+
+  void forget() const override {
+    for (auto& tile : tiles_) delete tile.exchange(nullptr);
+    held_ = 0;
   }
 
   std::optional<double> height(double x, double y) const override {

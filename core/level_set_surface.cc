@@ -15,13 +15,18 @@ namespace {
 class LevelSetSurface final : public BaseSurface {
  public:
   LevelSetSurface(openvdb::FloatGrid::ConstPtr grid, const Vec3& origin)
-      : grid_(std::move(grid)), origin_(origin), voxel_(grid_->voxelSize().x()) {
+      : grid_(std::move(grid)),
+        origin_(origin),
+        voxel_(grid_->voxelSize().x()),
+        bytes_(grid_->memUsage()) {
     const openvdb::CoordBBox box = grid_->evalActiveVoxelBoundingBox();
     const openvdb::Vec3d low = grid_->indexToWorld(box.min() - openvdb::Coord(1));
     const openvdb::Vec3d high = grid_->indexToWorld(box.max() + openvdb::Coord(1));
     box_ = Eigen::AlignedBox3d(origin_ + Vec3(low.x(), low.y(), low.z()),
                                origin_ + Vec3(high.x(), high.y(), high.z()));
   }
+
+  std::uint64_t memory_bytes() const override { return bytes_; }
 
   Content classify(const Eigen::AlignedBox3d& box) const override {
     if (!box_.intersects(box)) return Content::kAir;
@@ -101,6 +106,7 @@ class LevelSetSurface final : public BaseSurface {
   openvdb::FloatGrid::ConstPtr grid_;
   Vec3 origin_;
   double voxel_;
+  std::uint64_t bytes_;
   Eigen::AlignedBox3d box_;  // beyond it there is only air
 };
 

@@ -224,7 +224,8 @@ void Machine::carve_ahead(Soil& soil) {
     for (const Coord3& origin : cut->pending()) {
       Before& before = ahead_.emplace_back();
       before.origin = origin;
-      if (const Chunk* chunk = soil.find(origin)) {
+      if (Chunk* chunk = soil.find(origin)) {
+        soil.warm(*chunk);
         before.resident = true;
         before.air = chunk->air;
         before.phi = chunk->phi;
@@ -241,6 +242,7 @@ void Machine::take_back(Soil& soil) {
     if (chunk == nullptr) continue;
     changed_.push_back(before.origin);
     if (before.resident) {
+      soil.warm(*chunk);
       chunk->air = before.air;
       chunk->phi = std::move(before.phi);
     } else {

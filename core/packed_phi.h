@@ -26,6 +26,10 @@ class PackedPhi {
   bool operator==(const PackedPhi& other) const;
   std::size_t heap_bytes() const { return block_ ? block_->bytes() + kHeapWord : 0; }
 
+  /// To bytes and back, as HeapBlock.
+  void put(std::string& out) const { block_.put(out); }
+  bool take(std::string_view& in) { return block_.take(in); }
+
  private:
   static constexpr int kRows = kLeafSize / kLeafSide;
 

@@ -124,6 +124,10 @@ class Samples {
 
   std::size_t heap_bytes() const { return block_ ? block_->bytes() + kHeapWord : 0; }
 
+  /// To bytes and back, as HeapBlock.
+  void put(std::string& out) const { block_.put(out); }
+  bool take(std::string_view& in) { return block_.take(in); }
+
  private:
   static constexpr int kGroups = kLeafSize / 64;
 

@@ -57,11 +57,18 @@ const Chunk* Soil::find(const Coord3& origin) const { return index_->find(origin
 Chunk* Soil::find(const Coord3& origin) { return index_->find(origin); }
 Chunk& Soil::make(const Coord3& origin) {
   Chunk* chunk = find(origin);
-  if (chunk == nullptr) return index_->add(origin);
-  index_->touch(*chunk);
+  if (chunk == nullptr) {
+    chunk = &index_->add(origin);
+  } else {
+    index_->touch(*chunk);
+  }
+  warm(*chunk);
   return *chunk;
 }
-void Soil::drop(const Coord3& origin) { index_->remove(origin); }
+void Soil::drop(const Coord3& origin) {
+  if (Chunk* chunk = find(origin)) warm(*chunk);
+  index_->remove(origin);
+}
 std::vector<Coord3> Soil::take_touched() { return index_->take_touched(); }
 
 Content Soil::classify(const Coord3& origin) const {
@@ -71,6 +78,8 @@ Content Soil::classify(const Coord3& origin) const {
 
 void Soil::read_phi(const Coord3& origin, Phi& phi) const {
   const Chunk* chunk = find(origin);
+  std::optional<Chunk> thawed;
+  if (chunk != nullptr && chunk->piece != 0) chunk = &thawed.emplace(copy(*chunk));
   if (chunk != nullptr && chunk->phi) {
     chunk->phi.expand(phi);
   } else if (chunk != nullptr && chunk->air) {
@@ -100,8 +109,8 @@ void Soil::set_phi(Chunk& chunk, const Phi& phi) const {
 void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
   const Chunk* chunk = find(origin);
   if (chunk != nullptr && chunk->sampled) {
-    chunk->samples.expand(samples);
-    return;
+    return chunk->piece == 0 ? chunk->samples.expand(samples)
+                             : copy(*chunk).samples.expand(samples);
   }
   const Content content = classify(origin);
   if (content == Content::kMixed) {
@@ -121,7 +130,10 @@ std::uint32_t Soil::base_samples(const Coord3& origin) const {
 
 Chunk* Soil::with_samples(const Coord3& origin) {
   Chunk* chunk = find(origin);
-  if (chunk != nullptr) index_->touch(*chunk);
+  if (chunk != nullptr) {
+    index_->touch(*chunk);
+    warm(*chunk);
+  }
   if (chunk != nullptr && chunk->sampled) return chunk;
   SampleWords words;
   read_samples(origin, words);
@@ -210,7 +222,10 @@ std::optional<double> Soil::height(double x, double y) const {
 double Soil::change_m3() const {
   std::int64_t change = 0;
   for (const Chunk& chunk : index_->chunks()) {
-    if (chunk.sampled) change += std::int64_t{chunk.samples.count()} - chunk.base;
+    if (!chunk.sampled) continue;
+    const std::uint32_t now =
+        chunk.piece == 0 ? chunk.samples.count() : copy(chunk).samples.count();
+    change += std::int64_t{now} - chunk.base;
   }
   return static_cast<double>(change) * sample_m3();
 }
@@ -235,14 +250,6 @@ double Soil::resident_m2() const {
   std::sort(columns.begin(), columns.end());
   columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
   return static_cast<double>(columns.size()) * h_ * h_ * kLeafSide * kLeafSide;
-}
-
-std::uint64_t Soil::memory_bytes() const {
-  std::uint64_t bytes = index_->bytes() + base_->memory_bytes();
-  for (const Chunk& chunk : index_->chunks()) {
-    bytes += chunk.phi.heap_bytes() + chunk.samples.heap_bytes();
-  }
-  return bytes;
 }
 
 std::uint64_t Soil::state_hash() const {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base_surface.h"
+#include "core/cold_store.h"
 #include "core/packed_phi.h"
 #include "core/samples.h"
 #include "core/types.h"
@@ -24,14 +25,19 @@ namespace soilvdb {
 /// soil. Volumes are counted on samples, surfaces are read off phi. Each is made when something
 /// first changes it: until then it is that of the base surface.
 struct Chunk {
-  Coord3 origin;           ///< index of the first voxel, a multiple of 8
-  bool sampled = false;    ///< else samples, base and now are still to be made
-  bool air = false;        ///< phi is +band all over, and isn't stored
-  bool touched = false;    ///< listed for Soil::take_touched()
-  std::uint16_t base = 0;  ///< samples of soil in the base surface
-  std::uint16_t now = 0;   ///< samples of soil now
+  Coord3 origin;         ///< index of the first voxel, a multiple of 8
+  bool sampled = false;  ///< else samples, base and now are still to be made
+  bool air = false;      ///< phi is +band all over, and isn't stored
+  bool touched = false;  ///< listed for Soil::take_touched()
+  /// How lately it was used, where memory is limited: 2 since the last Soil::settle().
+  std::uint8_t used = 0;
+  std::uint16_t base = 0;   ///< samples of soil in the base surface
+  std::uint16_t now = 0;    ///< samples of soil now
+  std::uint32_t piece = 0;  ///< of the cold store, which then has phi and samples; 0: they are here
   PackedPhi phi;
   Samples samples;
+
+  std::size_t heap_bytes() const { return phi.heap_bytes() + samples.heap_bytes(); }
 };
 
 /// The ground of a site.
@@ -40,9 +46,13 @@ struct Chunk {
 /// indices, grids and meshes stay near zero on sites in UTM coordinates.
 ///
 /// Invariants: a chunk that is not resident equals the base surface; soil only shrinks.
-/// Not copyable. Const members may run together with each other. make() and what changes a chunk
-/// may run together with all of them where other chunks are concerned; restore() and drop() may
-/// not.
+/// Where memory is limited, phi and samples of chunks that haven't been used for long are in a cold
+/// store. Const members read them there. Who uses a chunk's own goes by warm(), make() or
+/// with_samples().
+///
+/// Not copyable. Const members may run together with each other. make(), warm() and what changes a
+/// chunk may run together with all of them where other chunks are concerned; restore(), drop() and
+/// settle() may not.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
@@ -68,7 +78,13 @@ class Soil {
   Chunk& make(const Coord3& origin);
   /// The chunk with its samples, made resident if it holds soil; null if it isn't and doesn't.
   Chunk* with_samples(const Coord3& origin);
-  /// Puts phi into a chunk.
+  /// Brings a chunk back from the cold store, if it is there.
+  void warm(Chunk& chunk) {
+    if (store_ != nullptr) use(chunk);
+  }
+  /// A chunk as it is, cold or not.
+  Chunk copy(const Chunk& chunk) const;
+  /// Puts phi into a chunk that is warm.
   void set_phi(Chunk& chunk, const Phi& phi) const;
   /// Forgets a resident chunk: there the ground is the base surface again.
   void drop(const Coord3& origin);
@@ -104,6 +120,13 @@ class Soil {
   double resident_m2() const;           ///< footprint of the resident chunks
   /// What the ground holds of memory: chunks, and what the base surface has read.
   std::uint64_t memory_bytes() const;
+  /// From now on settle() keeps memory_bytes() to `bytes`, by sending chunks to `store`.
+  void limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store);
+  /// Sends the chunks that were not used for longest to the cold store where the ground holds more
+  /// memory than it may, until it holds an eighth less. Until the next call it grows by what is
+  /// used in between.
+  /// @throw std::runtime_error if that can't be done; the ground is whole then
+  void settle();
   /// Digest of voxel size, origin and every resident chunk's phi and samples.
   std::uint64_t state_hash() const;
 
@@ -112,10 +135,15 @@ class Soil {
 
  private:
   class Index;
+  void use(Chunk& chunk);
+  std::size_t thaw(Chunk& chunk) const;
+  void freeze(Chunk& chunk);
   double h_;
   Vec3 origin_;
   std::shared_ptr<const BaseSurface> base_;
   std::unique_ptr<Index> index_;
+  std::shared_ptr<ColdStore> store_;  // null: memory isn't limited
+  std::uint64_t limit_bytes_ = 0;
 };
 
 }  // namespace soilvdb

@@ -48,9 +48,10 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets) : soil_(soil) {
 
 Tracker::~Tracker() = default;
 
-/// So that the ground is the same whether or not anyone read it on the way.
+/// So that the ground is the same whether or not anyone read it on the way, and nobody uses it.
 void Tracker::take_back() {
   for (auto it = machines_.rbegin(); it != machines_.rend(); ++it) (*it)->take_back(soil_);
+  soil_.settle();
 }
 
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
