@@ -22,6 +22,7 @@ struct RunOptions {
   std::optional<double> voxel_size_m;        ///< instead of the scenario's
   int threads = 0;                           ///< 0: one per core
   std::optional<std::int64_t> updates;       ///< of each machine; default: one per row
+  std::optional<std::int64_t> memory_mb;     ///< for the ground; default: what it takes
   bool mesh = true;
   bool snapshots = true;
 };
@@ -29,6 +30,7 @@ void run(const RunOptions& options);
 
 struct ResumeOptions {
   std::filesystem::path folder;
+  std::optional<std::int64_t> memory_mb;  ///< instead of the run's
 };
 void resume(const ResumeOptions& options);
 

@@ -6,9 +6,11 @@
 
 #include <bit>
 #include <cstdio>
+#include <memory>
 #include <utility>
 #include <vector>
 
+#include "io/cold_file.h"
 #include "tools/summary_text.h"
 #include "tools/text.h"
 
@@ -52,6 +54,9 @@ Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       progress_(scenario_.name, schedule_.total(), " updates"),
       time_s_(schedule_.begin_s()) {
   if (start_.updates > 0) tracker_.restore(start_.tracker_state);
+  if (const auto mb = config_.options.memory_mb)
+    start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
+                                   std::make_shared<io::ColdFile>(folder_.path()));
   under_way_.resize(scenario_.machines.size());
   summary_.scenario = scenario_.name;
   summary_.voxel_size_m = scenario_.voxel_size_m;

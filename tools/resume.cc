@@ -76,6 +76,7 @@ void resume(const ResumeOptions& options) {
     return;
   }
   RunConfig config = parse_run_config(journal.config.text, path);
+  if (options.memory_mb) config.options.memory_mb = options.memory_mb;
   io::Scenario scenario = read_to_dig(config.options);  // before there are threads
   fmt::print("{}: {} acknowledged, to {} s\n", path.string(),
              counted(static_cast<double>(done.updates), "update"), time_text(done.time_s));

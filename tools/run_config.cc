@@ -76,6 +76,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
                {"change_before_m3", config.change_before_m3}};
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
+  if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
   // Not as text: paths may hold any bytes.
   std::string bytes;
   Json::to_cbor(json, bytes);
@@ -102,6 +103,7 @@ RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
     config.change_before_m3 = json.at("change_before_m3");
     if (json.contains("voxel_size_m")) options.voxel_size_m = json["voxel_size_m"].get<double>();
     if (json.contains("updates")) options.updates = json["updates"].get<std::int64_t>();
+    if (json.contains("memory_mb")) options.memory_mb = json["memory_mb"].get<std::int64_t>();
     return config;
   } catch (const Json::exception& e) {
     throw io::InputError(folder, fmt::format("its journal holds no configuration ({})", e.what()));

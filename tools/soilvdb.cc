@@ -23,6 +23,7 @@ namespace soilvdb::tools {
 namespace {
 
 constexpr double kLeastVoxel_m = 1e-4, kMostVoxel_m = 100;  // as in a scenario
+constexpr std::int64_t kLeastMemory_mb = 16, kMostMemory_mb = 10'000'000;
 enum ExitStatus { kDone = 0, kFailed = 1, kWrongInput = 2 };
 
 int complain(ExitStatus status, std::string message) {
@@ -112,6 +113,20 @@ class CommandLine {
     return used.empty() ? "" : used.front()->get_name() + ' ';
   }
 
+  /// @param otherwise what holds without the option
+  static void add_memory(CLI::App* sub, std::optional<std::int64_t>& mb, const char* otherwise) {
+    sub->add_option("--memory", mb,
+                    fmt::format("most that the ground may hold of memory, MB; what was not used "
+                                "for longest goes to a file without a name in the run's folder. "
+                                "Besides it the program takes 200 MB, and 12 kB per chunk of 8 x 8 "
+                                "x 8 voxels while it writes a snapshot. Default: {}",
+                                otherwise))
+        ->type_name("MB")
+        ->transform(number_between(
+            kLeastMemory_mb, kMostMemory_mb, true,
+            fmt::format("a whole number of MB from {} to {}", kLeastMemory_mb, kMostMemory_mb)));
+  }
+
   void add_run() {
     CLI::App* sub = app_.add_subcommand("run", "dig a scenario");
     sub->add_option("SCENARIO", run_.scenario, "scenario file (YAML)")->required();
@@ -130,6 +145,7 @@ class CommandLine {
                     "of the motion")
         ->type_name("N")
         ->transform(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
+    add_memory(sub, run_.memory_mb, "what it takes");
     sub->add_flag("--no-mesh", no_mesh_, "no mesh, even if the scenario asks for one");
     sub->add_flag("--no-snapshots", no_snapshots_, "no snapshots, not even the last");
     sub->callback([this] {
@@ -142,6 +158,7 @@ class CommandLine {
   void add_resume() {
     CLI::App* sub = app_.add_subcommand("resume", "go on with an interrupted run to its end");
     sub->add_option("DIR", resume_.folder, "folder the run writes to")->required();
+    add_memory(sub, resume_.memory_mb, "as for the run");
     sub->callback([this] { command_ = [this] { resume(resume_); }; });
   }
 
