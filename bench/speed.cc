@@ -13,7 +13,9 @@ int main(int argc, char** argv) try {
   fmt::print("{}\n", machine());
   Goals goals(options.out);
   {
-    Progress progress(5);
+    Progress progress(6);
+    progress.step("memory");
+    measure_memory(options, goals);
     progress.step("against the side of the site");
     measure_site_sizes(options, goals);
     progress.step("against voxel and bucket size");

@@ -15,6 +15,8 @@ void measure_voxel_sizes(const Options& options, Goals& goals);
 void measure_peers(const Options& options, Goals& goals);
 /// Ten machines for a shift, one and two threads: replay.csv.
 void measure_replay(const Options& options, Goals& goals);
+/// Memory per m2, and what is accounted against what is taken. Call it before there are threads.
+void measure_memory(const Options& options, Goals& goals);
 /// Updates at 100 Hz with meshing and snapshots; what those cost by what changed: latency.csv,
 /// service.csv.
 void measure_latency(const Options& options, Goals& goals);
