@@ -54,9 +54,9 @@ void dig_and_measure(int out) {
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const double before = resident_bytes();
   Soil soil(0.025, Vec3::Zero(), waves());
-  Tracker tracker(soil, {Bucket{6, 0.6, {}, {}}});
+  Tracker tracker(soil, {Bucket{17, 0.6, {}, {}}});
   for (int lane = 0; lane < 3; ++lane) {
-    const double y = 20 + 6.5 * lane;
+    const double y = 20 + 18.0 * lane;
     tracker.update(0, Pose{{10, y, 3}});
     for (int i = 0; i <= 130; ++i) {
       const double x = 10 + 0.5 * i;
@@ -89,12 +89,59 @@ TEST(Memory, IsAccountedWithinFivePercentOfTheGrowthOfTheResidentSet) {
   EXPECT_NEAR(result[0] / result[1], 1, 0.05) << result[0] << " accounted, grown " << result[1];
 }
 
+TEST(Memory, SamplesAreKeptHoweverTheyShrink) {
+  std::mt19937_64 random(1);
+  SampleWords words, kept;
+  for (std::uint64_t& word : words) {
+    const std::uint64_t kind = random() % 3;
+    word = kind == 0 ? 0 : kind == 1 ? kAllSoil : random();
+  }
+  Samples samples;
+  samples.assign(words);
+  for (int i = 0; i < 5000; ++i) {
+    const int n = static_cast<int>(random() % kLeafSize);
+    std::uint64_t& word = words[static_cast<std::size_t>(n)];
+    EXPECT_EQ(samples.word(n), word);
+    word &= random() % 8 == 0 ? 0 : random();
+    samples.set_word(n, word);
+    if (i % 100 == 0) samples.trim();
+    samples.expand(kept);
+    ASSERT_EQ(kept, words) << i;
+  }
+}
+
+TEST(Memory, PhiIsKeptWhateverItsRowsAre) {
+  std::mt19937 random(2);
+  Phi phi, kept;
+  PackedPhi packed;
+  for (int round = 0; round < 1000; ++round) {
+    const unsigned spread = 1 + random() % 100;
+    for (std::int16_t& v : phi) {
+      const unsigned kind = random() % (spread + 2);
+      v = kind == 0   ? kPhiMax
+          : kind == 1 ? static_cast<std::int16_t>(-kPhiMax)
+                      : static_cast<std::int16_t>(static_cast<int>(random() % 65535) - kPhiMax);
+    }
+    for (std::size_t row = 0; row < 64; ++row) {  // most are soil below, air above
+      const std::size_t low = random() % 9, high = random() % 9;
+      if (random() % 4 == 0) continue;
+      for (std::size_t z = 0; z < 8; ++z) {
+        if (z < low) phi[8 * row + z] = -kPhiMax;
+        if (z >= high && z >= low) phi[8 * row + z] = kPhiMax;
+      }
+    }
+    packed.assign(phi);
+    packed.expand(kept);
+    ASSERT_EQ(kept, phi) << round;
+  }
+}
+
 constexpr std::size_t kMachines = 5;
 
 /// Machines that dig here and there, come back, and get in each other's way.
 std::vector<std::vector<Move>> moves() {
   std::mt19937 random(7);
-  std::vector<Vec2> at(kMachines);
+  std::vector<Vec2> at(kMachines, Vec2::Zero());
   std::vector<std::vector<Move>> batches(60);
   for (std::vector<Move>& batch : batches) {
     for (std::size_t m = 0; m < kMachines; ++m) {
@@ -224,7 +271,9 @@ TEST(ColdFile, GivesBackWhatWasPutAndTakesRoomThatIsLeft) {
       const std::string bytes(37 * i, static_cast<char>('a' + (i + round) % 26));
       pieces.emplace_back(file.put(bytes), bytes);
     }
-    if (round > 0) EXPECT_EQ(file.size_bytes(), size);
+    if (round > 0) {
+      EXPECT_EQ(file.size_bytes(), size);
+    }
     std::string back;
     for (const auto& [piece, bytes] : pieces) {
       EXPECT_GT(piece, 0u);
