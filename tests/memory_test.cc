@@ -58,7 +58,7 @@ void dig_and_measure(int out) {
   for (int lane = 0; lane < 3; ++lane) {
     const double y = 20 + 18.0 * lane;
     tracker.update(0, Pose{{10, y, 3}});
-    for (int i = 0; i <= 130; ++i) {
+    for (int i = 0; i <= 150; ++i) {
       const double x = 10 + 0.5 * i;
       tracker.update(0, Pose{{x, y, 0.1 + 0.3 * std::sin(0.3 * i)}});
     }
@@ -142,7 +142,7 @@ constexpr std::size_t kMachines = 5;
 std::vector<std::vector<Move>> moves() {
   std::mt19937 random(7);
   std::vector<Vec2> at(kMachines, Vec2::Zero());
-  std::vector<std::vector<Move>> batches(60);
+  std::vector<std::vector<Move>> batches(25);
   for (std::vector<Move>& batch : batches) {
     for (std::size_t m = 0; m < kMachines; ++m) {
       if (random() % 8 == 0)
