@@ -289,6 +289,23 @@ TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
   EXPECT_FALSE(fs::exists(folder() / "full/summary.json"));
 }
 
+TEST_F(Run, ALimitOfMemoryChangesNothingAndAFullDiskCanBeGoneOnFrom) {
+  const std::string fine = "dig.yaml --voxel 0.002 --updates 300 --no-mesh --no-snapshots";
+  const auto free = summary(fine + " --out free", "free");
+  const std::uint64_t limit = std::uint64_t{16} << 20;
+  EXPECT_GT(free["memory_bytes"]["soil"], limit);
+  EXPECT_EQ(summary(fine + " --memory 16 --out kept", "kept")["state_hash"], free["state_hash"]);
+  expect_refused("run dig.yaml --memory 1", "from 16 to");
+  // A limit on the size of files stands for the full disk.
+  const Result full = shell(
+      fmt::format("ulimit -f 400; '{}' run {} --memory 16 --out full", SOILVDB_PROGRAM, fine));
+  EXPECT_EQ(full.status, 1);
+  EXPECT_NE(full.err.find("cold ground"), std::string::npos) << full.err;
+  EXPECT_NE(full.err.find("resume"), std::string::npos) << full.err;
+  EXPECT_EQ(run("resume full --memory 1000").status, 0);
+  EXPECT_EQ(read_json(folder() / "full/summary.json")["state_hash"], free["state_hash"]);
+}
+
 TEST_F(Run, ASignalStopsItWithWhatItHas) {
   const Result result = shell(fmt::format(
       "timeout --preserve-status -s TERM 1 '{}' run dig.yaml --updates 100000000 --out stopped",
