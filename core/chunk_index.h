@@ -3,7 +3,6 @@
 // Resident chunks by origin.
 #pragma once
 
-#include <algorithm>
 #include <atomic>
 #include <deque>
 #include <memory>
@@ -11,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/chunk_range.h"
+#include "core/chunk_list.h"
 #include "core/mix.h"
 #include "core/soil.h"
 
@@ -36,7 +35,7 @@ class Soil::Index {
     Chunk& chunk = chunks_.emplace_back();
     chunk.origin = origin;
     chunk.touched = true;
-    list(origin);
+    touched_.add(origin);
     if (chunks_.size() * 2 <= table->slots.size()) {
       slot.store(&chunk, std::memory_order_release);
       return chunk;
@@ -54,7 +53,7 @@ class Soil::Index {
     std::size_t gap = table.index(origin);
     Chunk* const gone = table.slots[gap];
     if (gone == nullptr) return;
-    if (!gone->touched) list(origin);
+    if (!gone->touched) touched_.add(origin);
     if (gone->used != kInUse) idle_bytes_ -= gone->heap_bytes();
     // Chunks behind the gap move up unless that would put them before their home.
     for (std::size_t i = (gap + 1) & mask; table.slots[i] != nullptr; i = (i + 1) & mask) {
@@ -76,14 +75,14 @@ class Soil::Index {
     if (chunk.touched) return;
     chunk.touched = true;
     const std::lock_guard lock(mutex_);
-    list(chunk.origin);
+    touched_.add(chunk.origin);
   }
   std::vector<Coord3> take_touched() {
-    thin_touched();
-    for (const Coord3& origin : touched_) {
+    std::vector<Coord3> touched = touched_.take();
+    for (const Coord3& origin : touched) {
       if (Chunk* chunk = find(origin)) chunk->touched = false;
     }
-    return std::exchange(touched_, {});
+    return touched;
   }
 
   /// Notes that a chunk is in use, which may change what it holds. As touch().
@@ -135,7 +134,7 @@ class Soil::Index {
     // A deque's pieces are of 512 bytes, with the allocator's word and one in the deque's map.
     constexpr std::size_t kPiece = 512, kInPiece = kPiece / sizeof(Chunk);
     std::size_t sum = chunks_.size() * (kPiece + 16 + sizeof(void*)) / kInPiece;
-    sum += (touched_.capacity() + in_use_.capacity()) * sizeof(Coord3);
+    sum += touched_.bytes() + in_use_.capacity() * sizeof(Coord3);
     for (const auto& table : tables_) sum += table->slots.size() * sizeof(Chunk*);
     return sum;
   }
@@ -165,17 +164,6 @@ class Soil::Index {
   };
 
   static std::size_t home(const Coord3& origin) { return mix(key(origin)); }
-  /// A chunk that comes and goes is listed each time.
-  void list(const Coord3& origin) {
-    touched_.push_back(origin);
-    if (touched_.size() < 2 * touched_unique_ + 4096) return;
-    thin_touched();
-    touched_unique_ = touched_.size();
-  }
-  void thin_touched() {
-    std::sort(touched_.begin(), touched_.end(), before);
-    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
-  }
   Table* new_table(std::size_t size) {
     return tables_.emplace_back(std::make_unique<Table>(size)).get();
   }
@@ -184,8 +172,7 @@ class Soil::Index {
   std::atomic<Table*> table_;
   std::deque<Chunk> chunks_;  // stable addresses; the last may move into a gap
   std::mutex mutex_;
-  std::vector<Coord3> touched_;
-  std::size_t touched_unique_ = 0;  // of those, when they were last counted
+  ChunkList touched_;  // a chunk that comes and goes is added each time
 
   // Where memory is limited.
   enum : std::uint8_t { kIdle, kUsed, kInUse };  // Chunk::used

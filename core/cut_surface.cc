@@ -132,7 +132,7 @@ Bounds SurfaceCut::bounds(std::size_t i, std::span<const Vec3> corners, double h
   return b;
 }
 
-void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed) {
+void SurfaceCut::carve(Soil& soil, std::size_t count, ChunkList& changed) {
   const std::size_t from = done_;
   count = std::min(count, pending().size());
   done_ += count;
@@ -159,8 +159,11 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& chang
       touched[i] |= phi[n] > base[n];
       phi[n] = std::max(phi[n], base[n]);
     }
-    // Made once, it is kept: it will be asked for again.
-    if (touched[i] || chunk != nullptr) soil.set_phi(soil.make(origin), phi);
+    if (touched[i]) {
+      soil.set_phi(soil.make(origin), phi);
+    } else if (chunk != nullptr) {
+      soil.set_phi(*chunk, phi);  // as it was, but made: it will be asked for again
+    }
   };
   if (count >= kParallelChunks) {
     tbb::parallel_for(std::size_t{0}, count, run);
@@ -168,7 +171,7 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, std::vector<Coord3>& chang
     for (std::size_t i = 0; i < count; ++i) run(i);
   }
   for (std::size_t i = 0; i < count; ++i) {
-    if (touched[i]) changed.push_back(chunks_[from + i]);
+    if (touched[i]) changed.add(chunks_[from + i]);
   }
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/bucket.h"
+#include "core/chunk_list.h"
 #include "core/soil.h"
 #include "core/sweep_distance.h"
 
@@ -45,7 +46,7 @@ class SurfaceCut {
 
   /// Carves the next `count` chunks, in parallel where there are many, and makes those that change
   /// and aren't resident. Appends the origins of the chunks whose phi changed.
-  void carve(Soil& soil, std::size_t count, std::vector<Coord3>& changed);
+  void carve(Soil& soil, std::size_t count, ChunkList& changed);
 
  private:
   struct Near;  // what of the path is near a chunk

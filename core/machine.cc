@@ -240,7 +240,7 @@ void Machine::take_back(Soil& soil) {
     Before& before = ahead_.back();
     Chunk* chunk = soil.find(before.origin);
     if (chunk == nullptr) continue;
-    changed_.push_back(before.origin);
+    changed_.add(before.origin);
     if (before.resident) {
       soil.warm(*chunk);
       chunk->air = before.air;

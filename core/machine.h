@@ -39,7 +39,8 @@ class Machine {
   void take_back(Soil& soil);
   bool is_ahead() const { return !ahead_.empty(); }
 
-  std::vector<Coord3>& changed() { return changed_; }
+  /// Chunks whose phi changed.
+  ChunkList& changed() { return changed_; }
 
   /// Appends all that the next move depends on besides the soil.
   void save(std::string& out) const;
@@ -94,8 +95,8 @@ class Machine {
   Stretch carved_;                             // of the path before `fresh`
   std::optional<SurfaceCut> carving_;          // the same, on its way out of phi
   std::size_t carving_chunks_ = 0;
-  std::vector<Before> ahead_;    // what flush() changed, to be undone by the next update
-  std::vector<Coord3> changed_;  // chunks whose phi changed, with repeats
+  std::vector<Before> ahead_;  // what flush() changed, to be undone by the next update
+  ChunkList changed_;
 };
 
 }  // namespace soilvdb

@@ -65,6 +65,14 @@ Chunk& Soil::make(const Coord3& origin) {
   warm(*chunk);
   return *chunk;
 }
+void Soil::copy_from(const Soil& other, const Coord3& origin) {
+  const Chunk* chunk = other.find(origin);
+  if (chunk == nullptr) return drop(origin);
+  Chunk &mine = make(origin), same = other.copy(*chunk);
+  same.touched = mine.touched;
+  same.used = mine.used;
+  mine = std::move(same);
+}
 void Soil::drop(const Coord3& origin) {
   if (Chunk* chunk = find(origin)) warm(*chunk);
   index_->remove(origin);
@@ -130,16 +138,16 @@ std::uint32_t Soil::base_samples(const Coord3& origin) const {
 
 Chunk* Soil::with_samples(const Coord3& origin) {
   Chunk* chunk = find(origin);
-  if (chunk != nullptr) {
-    index_->touch(*chunk);
-    warm(*chunk);
+  if (chunk != nullptr) warm(*chunk);
+  if (chunk != nullptr && chunk->sampled) {
+    if (chunk->now > 0) index_->touch(*chunk);
+    return chunk;
   }
-  if (chunk != nullptr && chunk->sampled) return chunk;
   SampleWords words;
   read_samples(origin, words);
   const std::uint16_t soil = count(words);
   if (chunk == nullptr && soil == 0) return nullptr;
-  if (chunk == nullptr) chunk = &make(origin);
+  if (chunk == nullptr || soil > 0) chunk = &make(origin);
   chunk->samples.assign(words);
   chunk->base = chunk->now = soil;
   chunk->sampled = true;
@@ -158,6 +166,8 @@ void Soil::restore(const Coord3& origin, const float* phi_m, const SampleWords& 
   chunk.base = static_cast<std::uint16_t>(base);
   chunk.sampled = true;
 }
+
+std::size_t Soil::chunk_count() const { return index_->chunks().size(); }
 
 std::vector<const Chunk*> Soil::chunks() const {
   std::vector<const Chunk*> all;

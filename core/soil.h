@@ -51,8 +51,8 @@ struct Chunk {
 /// with_samples().
 ///
 /// Not copyable. Const members may run together with each other. make(), warm() and what changes a
-/// chunk may run together with all of them where other chunks are concerned; restore(), drop() and
-/// settle() may not.
+/// chunk may run together with all of them where other chunks are concerned; restore(), copy_from(),
+/// drop() and settle() may not.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
@@ -86,6 +86,8 @@ class Soil {
   Chunk copy(const Chunk& chunk) const;
   /// Puts phi into a chunk that is warm.
   void set_phi(Chunk& chunk, const Phi& phi) const;
+  /// Makes a place what it is in a soil of the same voxel size, origin and base surface.
+  void copy_from(const Soil& other, const Coord3& origin);
   /// Forgets a resident chunk: there the ground is the base surface again.
   void drop(const Coord3& origin);
   /// Origins of the chunks that make(), with_samples(), restore() and drop() were called for since
@@ -105,6 +107,7 @@ class Soil {
 
   /// Resident chunks, ordered by origin (x, then y, then z).
   std::vector<const Chunk*> chunks() const;
+  std::size_t chunk_count() const;
 
   /// Puts back a chunk as a snapshot held it. @throw std::invalid_argument if it is resident.
   /// @param base samples of soil that the base surface has there

@@ -128,8 +128,8 @@ std::vector<Coord3> Tracker::take_changed() {
   flush();
   std::vector<Coord3> all = soil_.take_touched();
   for (const auto& machine : machines_) {
-    all.insert(all.end(), machine->changed().begin(), machine->changed().end());
-    machine->changed().clear();
+    const std::vector<Coord3> changed = machine->changed().take();
+    all.insert(all.end(), changed.begin(), changed.end());
   }
   std::sort(all.begin(), all.end(), before);
   all.erase(std::unique(all.begin(), all.end()), all.end());

@@ -111,6 +111,14 @@ void JournalWriter::add(const JournalFile& file) {
   pending_ += kFileTag;
   for (const std::uint64_t value : {file.updates, file.size, file.crc}) append_raw(pending_, value);
   append_text(pending_, file.name);
+  append_text(pending_, file.since);
+  added(lock);
+}
+
+void JournalWriter::add(const JournalGone& gone) {
+  std::unique_lock lock(mutex_);
+  pending_ += kGoneTag;
+  append_text(pending_, gone.name);
   added(lock);
 }
 
@@ -133,9 +141,10 @@ void JournalWriter::added(std::unique_lock<std::mutex>& lock) {
 
 void JournalWriter::flush() {
   std::unique_lock lock(mutex_);
+  const std::uint64_t count = count_added_;
   hurry_ = true;
   wake_.notify_one();
-  done_.wait(lock, [&] { return count_acknowledged_ == count_added_ || !error_.empty(); });
+  done_.wait(lock, [&] { return count_acknowledged_ >= count || !error_.empty(); });
   if (!error_.empty()) throw std::runtime_error(error_);
 }
 

@@ -36,14 +36,20 @@ struct JournalMove {
   double begin_s = 0, end_s = 0, cut_m3 = 0, bucket_m3 = 0, us = 0;
   MotionRows rows;
 };
-/// A file that was finished after so many updates.
+/// A file that was finished, as of so many updates.
 struct JournalFile {
   std::string name;
   std::uint64_t updates = 0, size = 0, crc = 0;
+  std::string since = {};  ///< an incremental snapshot: the one before it
+};
+/// A file that is no longer needed and is about to be deleted.
+struct JournalGone {
+  std::string name;
 };
 /// The run came to its end.
 struct JournalEnd {};
-using JournalRecord = std::variant<JournalConfig, JournalMove, JournalFile, JournalEnd>;
+using JournalRecord =
+    std::variant<JournalConfig, JournalMove, JournalFile, JournalGone, JournalEnd>;
 
 /// How far a run has come.
 struct JournalExtent {
@@ -59,7 +65,8 @@ std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConf
 /// Appends records to a journal. A thread of its own writes and syncs, so add() costs a copy.
 ///
 /// A record is acknowledged once it is on disk for sure. After an error nothing more is written,
-/// and the next call throws it. Not thread-safe.
+/// and the next call throws it. Files and what is gone may be added, and flush() called, by one
+/// thread while another adds moves; else it is not thread-safe.
 class JournalWriter {
  public:
   /// @param end of the good part of the file, in bytes; what comes after it is cut off
@@ -74,8 +81,9 @@ class JournalWriter {
 
   void add(const JournalMove& move);
   void add(const JournalFile& file);
+  void add(const JournalGone& gone);
   void add(const JournalEnd& end);
-  /// Returns when all that was added is acknowledged.
+  /// Returns when all that was added before is acknowledged.
   void flush();
   JournalExtent acknowledged() const;
 
@@ -138,7 +146,8 @@ bool is_journal(const std::filesystem::path& file);
 struct JournalContent {
   JournalConfig config;
   JournalExtent done;              ///< acknowledged
-  std::vector<JournalFile> files;  ///< the last of each name, in order
+  std::vector<JournalFile> files;  ///< the last of each name, by updates
+  std::vector<std::string> gone;   ///< that aren't among them any more
   bool ended = false;
   std::uint64_t good_bytes = 0, torn_bytes = 0;  ///< as of JournalReader
   bool damaged = false;

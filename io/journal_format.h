@@ -17,7 +17,8 @@ namespace soilvdb::io {
 static_assert(std::endian::native == std::endian::little);
 
 inline constexpr std::uint32_t kFrameMark = 0x314a5653;  // "SVJ1"
-inline constexpr char kConfigTag = 'C', kMoveTag = 'M', kFileTag = 'F', kEndTag = 'E';
+inline constexpr char kConfigTag = 'C', kMoveTag = 'M', kFileTag = 'F', kGoneTag = 'G',
+                      kEndTag = 'E';
 
 template <typename T>
 void append_raw(std::string& bytes, const T& value) {

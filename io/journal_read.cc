@@ -87,7 +87,7 @@ bool take_move(std::string_view& bytes, std::vector<MotionRows>& rows, JournalMo
 
 bool take_file(std::string_view& bytes, JournalFile& file) {
   return take_raw(bytes, file.updates) && take_raw(bytes, file.size) && take_raw(bytes, file.crc) &&
-         take_text(bytes, file.name);
+         take_text(bytes, file.name) && take_text(bytes, file.since);
 }
 
 }  // namespace
@@ -113,6 +113,7 @@ std::optional<JournalRecord> JournalReader::next() {
   JournalConfig config;
   JournalMove move;
   JournalFile file;
+  JournalGone gone;
   switch (frame_[at_]) {
     case kConfigTag: {
       const bool good = take_text(rest, config.text);
@@ -125,6 +126,10 @@ std::optional<JournalRecord> JournalReader::next() {
     case kFileTag: {
       const bool good = take_file(rest, file);
       return taken(std::move(file), good);
+    }
+    case kGoneTag: {
+      const bool good = take_text(rest, gone.name);
+      return taken(std::move(gone), good);
     }
     case kEndTag:
       return taken(JournalEnd{}, true);
@@ -194,11 +199,17 @@ JournalContent read_journal(const std::filesystem::path& file) {
       if (move->ends_update) content.done = {content.done.updates + 1, move->end_s};
     } else if (const auto* written = std::get_if<JournalFile>(&*record)) {
       std::erase_if(content.files, [&](const auto& f) { return f.name == written->name; });
+      std::erase(content.gone, written->name);
       content.files.push_back(*written);
+    } else if (const auto* gone = std::get_if<JournalGone>(&*record)) {
+      std::erase_if(content.files, [&](const auto& f) { return f.name == gone->name; });
+      content.gone.push_back(gone->name);
     } else {
       content.ended = true;
     }
   }
+  std::stable_sort(content.files.begin(), content.files.end(),
+                   [](const auto& a, const auto& b) { return a.updates < b.updates; });
   content.good_bytes = reader.good_bytes();
   content.torn_bytes = reader.torn_bytes();
   content.damaged = reader.damaged();

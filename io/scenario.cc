@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kMinVoxelM = 1e-4, kMaxVoxelM = 100;
 constexpr double kMinEveryS = 1e-3, kMaxEveryS = 1e9;
+constexpr std::size_t kMaxKept = 1'000'000;
 constexpr double kMaxSyncS = 3600;
 constexpr double kMinCellM = 1e-3, kMaxCellM = 1e4;
 constexpr std::array kMeshFormats = {"ply", "obj", "stl", "glb"};
@@ -134,8 +135,10 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
   const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
   if (output.has("snapshots")) {
-    result.snapshot_every_s =
-        output.map("snapshots", {"every"}).number("every", kMinEveryS, kMaxEveryS, "s");
+    const YamlMap snapshots = output.map("snapshots", {"every", "incremental", "keep"});
+    result.snapshot_every_s = snapshots.number("every", kMinEveryS, kMaxEveryS, "s");
+    result.incremental_snapshots = snapshots.has("incremental") && snapshots.flag("incremental");
+    if (snapshots.has("keep")) result.snapshots_kept = snapshots.count("keep", 2, kMaxKept);
   }
   if (output.has("mesh")) {
     result.mesh = output.text("mesh");

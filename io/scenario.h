@@ -49,7 +49,9 @@ struct Scenario {
   Terrain terrain;
   std::vector<MachineInput> machines;  ///< names are unique
   std::optional<double> snapshot_every_s;
-  std::optional<std::string> mesh;  ///< "ply", "obj", "stl" or "glb"
+  bool incremental_snapshots = false;
+  std::optional<std::size_t> snapshots_kept;  ///< newest of them, 2 or more; else all
+  std::optional<std::string> mesh;            ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
   double journal_sync_s = 1;                  ///< how often the journal is synced; 0: always
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs

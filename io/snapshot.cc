@@ -79,6 +79,10 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
   put(meta, "soilvdb_displaced_m3", info.displaced_m3);
   put(meta, "soilvdb_dumped_m3", info.dumped_m3);
   put(meta, "soilvdb_state_hash", fmt::format("{:016x}", soil.state_hash()));
+  if (info.since) {
+    put(meta, kSinceKey, info.since->name);
+    put(meta, kSinceChecksumKey, to_text(info.since->digest));
+  }
   put_base(meta, file, site.reference);
 }
 
@@ -103,8 +107,8 @@ Int64Grid::Ptr samples_grid(const Soil& soil) {
   return grid;
 }
 
-/// A voxel per chunk: how many samples of soil the base surface has there.
-openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil) {
+/// A voxel per chunk: how many samples of soil the base surface has there, or that it was dropped.
+openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil, const std::optional<Since>& since) {
   auto grid = openvdb::Int32Grid::create(0);
   grid->setName("base_samples");
   grid->setTransform(
@@ -113,6 +117,10 @@ openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil) {
     const Coord3 o = chunk->origin / kLeafSide;
     grid->tree().setValue({o.x(), o.y(), o.z()},
                           static_cast<std::int32_t>(soil.base_samples(chunk->origin)));
+  }
+  for (const Coord3& origin : since ? since->dropped : std::vector<Coord3>()) {
+    const Coord3 o = origin / kLeafSide;
+    grid->tree().setValue({o.x(), o.y(), o.z()}, kDropped);
   }
   return grid;
 }
@@ -133,7 +141,8 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   archive.setCompression((openvdb::io::Archive::hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC
                                                                       : openvdb::io::COMPRESS_ZIP) |
                          openvdb::io::COMPRESS_ACTIVE_MASK);
-  archive.write_to(out, {surface, samples_grid(*site.soil), base_samples_grid(*site.soil)}, meta);
+  archive.write_to(
+      out, {surface, samples_grid(*site.soil), base_samples_grid(*site.soil, info.since)}, meta);
   if (!out) throw std::runtime_error(file.string() + ": can't be written: out of memory");
   std::string bytes = std::move(out).str();
   // OpenVDB draws the UUID at random; ours is the mark and a digest of the rest.

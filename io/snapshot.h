@@ -8,25 +8,47 @@
 // come the tracker's state, a CRC-64 of all before and their number, which other programs don't
 // see.
 //
+// An incremental snapshot holds only the chunks that changed since another one in the same folder,
+// which it names with its checksum; that may be incremental, too. Chunks that are no longer
+// resident have -1 in its grid `base_samples`. Its metadata are those of any snapshot, but
+// soilvdb_state_hash is of the chunks it holds. Whoever reads it here gets the whole ground.
+//
 // The same ground makes the same bytes. Damage is found before OpenVDB parses anything.
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "io/checksum.h"
 #include "io/site.h"
 
 namespace soilvdb::io {
+
+/// Most incremental snapshots that follow on each other: a reader refuses more.
+inline constexpr std::size_t kMostLinks = 64;
+
+/// What an incremental snapshot goes on from.
+struct Since {
+  std::string name;                  ///< of a file in the same folder
+  FileDigest digest;                 ///< of that file
+  std::vector<Coord3> dropped = {};  ///< chunks of it that are not resident any more
+  /// As read: incremental ones from a whole one to this, and the chunks that they hold and drop.
+  std::size_t links = 0, chunks = 0;
+};
 
 /// What a snapshot says beside the ground itself.
 struct SnapshotInfo {
   std::string scenario;
   double time_s = 0;
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
-  std::string tracker_state = {};  ///< Tracker::state(), for a run that goes on; may be empty
+  std::string tracker_state = {};   ///< Tracker::state(), for a run that goes on; may be empty
+  std::optional<Since> since = {};  ///< else it is whole
 };
 
 /// The bytes of a snapshot. Reads the site, whose phi must be up to date (Tracker::flush()).
+/// @param site for an incremental snapshot: with only the chunks that it is to hold
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
                            const SnapshotInfo& info);
 
@@ -39,8 +61,11 @@ void write_snapshot(const std::filesystem::path& file, const Site& site, const S
 /// none.
 bool is_snapshot(const std::filesystem::path& file);
 
-/// Opens a snapshot, its base surface included. The soil has the same bits as the one written.
-/// @throw InputError if it is damaged, or its base surface is missing or has changed.
+/// Opens a snapshot, its base surface and what it goes on from included. The soil has the same bits
+/// as the one written.
+/// @throw InputError if it or a snapshot that it needs is damaged, missing or another one, or if
+/// its
+///        base surface is missing or has changed.
 Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info = nullptr);
 
 }  // namespace soilvdb::io

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -14,6 +15,14 @@
 namespace soilvdb::io {
 
 inline constexpr int kFormat = 1;
+
+inline constexpr const char* kSinceKey = "soilvdb_since";
+inline constexpr const char* kSinceChecksumKey = "soilvdb_since_checksum";
+inline constexpr std::int32_t kDropped = -1;  // in grid `base_samples`
+
+inline std::string to_text(const FileDigest& digest) {
+  return fmt::format("{:016x} {:016x}", digest.crc, digest.size);
+}
 
 // A .vdb starts with magic (8 bytes), format (4), library version (8) and a flag (1), and a UUID as
 // 36 letters. Ours starts with a mark ("soilvdb", as a UUID of version 8) and ends with a checksum.

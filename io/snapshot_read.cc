@@ -3,16 +3,15 @@
 // Reading snapshots.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <charconv>
-#include <fstream>
-#include <new>
+#include <memory>
+#include <optional>
 #include <system_error>
 #include <utility>
 
 #include "core/soil_grids.h"
 #include "io/level_set_file.h"
 #include "io/snapshot.h"
+#include "io/snapshot_chain.h"
 #include "io/snapshot_format.h"
 #include "io/text.h"
 
@@ -23,63 +22,7 @@ using openvdb::FloatGrid;
 using openvdb::Int64Grid;
 using openvdb::MetaMap;
 
-std::string read_all(const std::filesystem::path& file) {
-  check_readable(file);
-  std::ifstream in(file, std::ios::binary);
-  std::string bytes(std::filesystem::file_size(file), '\0');
-  if (!in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) {
-    throw InputError(file, "can't be read to its end");
-  }
-  return bytes;
-}
-
-/// Checks that a file is what was written. @return the tracker's state in it
-std::string check_intact(const std::filesystem::path& file) {
-  const std::string bytes = read_all(file);
-  const std::string_view all = bytes;
-  const std::size_t end = all.size() - std::min(all.size(), kTrailerSize);
-  if (!all.substr(end).starts_with(kTrailerWord)) {
-    throw InputError(file, "is damaged: its end is missing; use a snapshot before it");
-  }
-  if (all.substr(end) != trailer(all.substr(0, end))) {
-    throw InputError(file, "is damaged: its checksum doesn't match; use a snapshot before it");
-  }
-  const std::string_view line = all.substr(0, end).substr(end - std::min(end, kStateLine));
-  std::uint64_t size = 0;
-  const char* digits = line.data() + kStateWord.size();
-  if (!line.starts_with(kStateWord) ||
-      std::from_chars(digits, digits + 16, size, 16).ptr != digits + 16 || size > end - kStateLine)
-    return "";
-  return std::string(all.substr(end - kStateLine - size, size));
-}
-
-/// Metadata that a snapshot must have.
-class Reader {
- public:
-  Reader(const std::filesystem::path& file, const MetaMap& meta) : file_(file), meta_(meta) {}
-
-  double number(const char* name) const { return need<double>(name); }
-  openvdb::Vec3d vector(const char* name) const { return need<openvdb::Vec3d>(name); }
-  int integer(const char* name) const { return need<std::int32_t>(name); }
-  /// Empty strings are left out of a file.
-  std::string text(const char* name) const {
-    const auto value = meta_.getMetadata<openvdb::StringMetadata>(name);
-    return value ? value->value() : "";
-  }
-
- private:
-  template <typename T>
-  T need(const char* name) const {
-    const auto value = meta_.getMetadata<openvdb::TypedMetadata<T>>(name);
-    if (!value) throw InputError(file_, fmt::format("is no snapshot: it has no {}", name));
-    return value->value();
-  }
-
-  const std::filesystem::path& file_;
-  const MetaMap& meta_;
-};
-
-Base open_referenced(const std::filesystem::path& snapshot, const Reader& meta) {
+Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& meta) {
   const std::string kind = meta.text("soilvdb_base");
   if (kind == "plane") {
     return open_base(
@@ -119,9 +62,10 @@ Base open_referenced(const std::filesystem::path& snapshot, const Reader& meta) 
   return open_base(LevelSetTerrain{file});
 }
 
+/// The chunks that a file holds, and where it says that one was dropped.
 /// @throw std::exception on anything that isn't as write_snapshot() makes it.
-void restore(Soil& soil, const FloatGrid& surface, const Int64Grid& samples,
-             const openvdb::Int32Grid& base_samples) {
+void restore(const FloatGrid& surface, const Int64Grid& samples,
+             const openvdb::Int32Grid& base_samples, Soil& soil, std::vector<Coord3>& dropped) {
   std::size_t leaves = 0;
   SampleWords words;
   for (auto leaf = surface.tree().cbeginLeaf(); leaf; ++leaf, ++leaves) {
@@ -139,80 +83,70 @@ void restore(Soil& soil, const FloatGrid& surface, const Int64Grid& samples,
   if (leaves != samples.tree().leafCount()) {
     throw std::runtime_error("its grids don't cover the same ground");
   }
+  for (auto value = base_samples.cbeginValueOn(); value; ++value) {
+    const openvdb::Coord o = value.getCoord();
+    if (*value == kDropped) dropped.push_back(Coord3(o.x(), o.y(), o.z()) * kLeafSide);
+  }
 }
 
-Site read_site(const std::filesystem::path& file, SnapshotInfo* info) {
-  openvdb::initialize();
-  openvdb::io::File vdb(file.string());
-  vdb.open(/*delayLoad=*/false);
-  const MetaMap::Ptr all = vdb.getMetadata();
-  const Reader meta(file, *all);
-  if (const int format = meta.integer("soilvdb_format"); format != kFormat) {
-    throw InputError(file, fmt::format("is a snapshot of format {}; this version reads format {}",
-                                       format, kFormat));
-  }
-  const auto surface = openvdb::gridPtrCast<FloatGrid>(vdb.readGrid("surface"));
-  const auto samples = openvdb::gridPtrCast<Int64Grid>(vdb.readGrid("samples"));
-  const auto base_samples = openvdb::gridPtrCast<openvdb::Int32Grid>(vdb.readGrid("base_samples"));
+/// The ground that one file holds, and what it says was dropped.
+std::unique_ptr<Soil> read_soil(Link& link, const Base& base, std::vector<Coord3>& dropped) {
+  const auto surface = openvdb::gridPtrCast<FloatGrid>(link.vdb->readGrid("surface"));
+  const auto samples = openvdb::gridPtrCast<Int64Grid>(link.vdb->readGrid("samples"));
+  const auto base_samples =
+      openvdb::gridPtrCast<openvdb::Int32Grid>(link.vdb->readGrid("base_samples"));
   if (!surface || !samples || !base_samples)
     throw std::runtime_error("its grids are not of the right types");
-
-  Base base = open_referenced(file, meta);
+  const MetaReader meta(link.file, *link.meta);
   const openvdb::Vec3d origin = meta.vector(kOriginKey);
-  Site site;
-  site.soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
+  auto soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
                                      Vec3(origin.x(), origin.y(), origin.z()), base.surface);
-  site.reference = std::move(base.reference);
-  site.crs_wkt = meta.text(kCrsKey);
-  site.bounds = base.bounds;
-  restore(*site.soil, *surface, *samples, *base_samples);
-  if (fmt::format("{:016x}", site.soil->state_hash()) != meta.text("soilvdb_state_hash")) {
+  restore(*surface, *samples, *base_samples, *soil, dropped);
+  if (fmt::format("{:016x}", soil->state_hash()) != meta.text("soilvdb_state_hash"))
     throw std::runtime_error("its ground is not what was written");
-  }
-  if (info != nullptr) {
-    *info = {meta.text("soilvdb_scenario"),
-             meta.number("soilvdb_time_s"),
-             meta.number("soilvdb_cut_m3"),
-             meta.number("soilvdb_captured_m3"),
-             meta.number("soilvdb_displaced_m3"),
-             meta.number("soilvdb_dumped_m3"),
-             ""};
-  }
-  return site;
+  return soil;
 }
 
 }  // namespace
 
-bool is_snapshot(const std::filesystem::path& file) {
-  std::error_code none;
-  if (!std::filesystem::is_regular_file(file, none)) return false;
-  std::ifstream in(file, std::ios::binary);
-  std::string head(kUuidAt + kUuidSize, '\0'), end(kTrailerSize, '\0');
-  in.read(head.data(), static_cast<std::streamsize>(head.size()));
-  if (std::string_view(head).substr(kUuidAt).starts_with(kMark)) return true;
-  in.clear();
-  in.seekg(-static_cast<std::streamoff>(kTrailerSize), std::ios::end);
-  in.read(end.data(), static_cast<std::streamsize>(end.size()));
-  return in && end.starts_with(kTrailerWord);
-}
-
 Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
-  check_readable(file);
-  if (!is_snapshot(file)) {
-    throw InputError(file, "is not a snapshot; one that `soilvdb run` wrote would do");
+  openvdb::initialize();
+  std::vector<Link> chain = open_chain(file);
+  const MetaReader meta(file, *chain.front().meta);
+  Base base = reading(file, file, [&] { return open_referenced(file, meta); });
+  Site site;
+  std::size_t chunks = 0;
+  for (auto link = chain.rbegin(); link != chain.rend(); ++link) {
+    reading(file, link->file, [&] {
+      std::vector<Coord3> dropped;
+      std::unique_ptr<Soil> soil = read_soil(*link, base, dropped);
+      if (!link->since) {
+        site.soil = std::move(soil);
+        return;
+      }
+      chunks += soil->chunk_count() + dropped.size();
+      for (const Coord3& origin : dropped) site.soil->drop(origin);
+      for (const Chunk* chunk : soil->chunks()) site.soil->copy_from(*soil, chunk->origin);
+      if (link->file == file) link->since->dropped = std::move(dropped);
+    });
+    link->vdb.reset();
   }
-  std::string tracker_state = check_intact(file);
-  try {
-    Site site = read_site(file, info);
-    if (info != nullptr) info->tracker_state = std::move(tracker_state);
-    return site;
-  } catch (const InputError&) {
-    throw;
-  } catch (const std::bad_alloc&) {
-    throw;
-  } catch (const std::exception& error) {
-    throw InputError(file, fmt::format("is damaged ({})", printable(error.what())));
+  site.reference = std::move(base.reference);
+  site.crs_wkt = meta.text(kCrsKey);
+  site.bounds = base.bounds;
+  if (info != nullptr) {
+    reading(file, file, [&] {
+      *info = {meta.text("soilvdb_scenario"),          meta.number("soilvdb_time_s"),
+               meta.number("soilvdb_cut_m3"),          meta.number("soilvdb_captured_m3"),
+               meta.number("soilvdb_displaced_m3"),    meta.number("soilvdb_dumped_m3"),
+               std::move(chain.front().tracker_state), std::move(chain.front().since)};
+    });
+    if (info->since) {
+      info->since->links = chain.size() - 1;
+      info->since->chunks = chunks;
+    }
   }
+  return site;
 }
 
 }  // namespace soilvdb::io

@@ -147,6 +147,23 @@ double YamlMap::number(const std::string& key, double least, double most, const 
   return value;
 }
 
+std::size_t YamlMap::count(const std::string& key, std::size_t least, std::size_t most) const {
+  const double value = number(key);
+  if (value != std::floor(value) || value < static_cast<double>(least) ||
+      value > static_cast<double>(most)) {
+    fail(key,
+         fmt::format("{} is {}; it must be a whole number from {} to {}", key, value, least, most));
+  }
+  return static_cast<std::size_t>(value);
+}
+
+bool YamlMap::flag(const std::string& key) const {
+  const std::string value = text(key);
+  if (value != "true" && value != "false")
+    fail(key, fmt::format("{} is '{}'; it must be true or false", key, printable(value)));
+  return value == "true";
+}
+
 std::vector<double> YamlMap::numbers(const YAML::Node& node, std::size_t n,
                                      const std::string& name) const {
   if (!node.IsSequence() || node.size() != n) {

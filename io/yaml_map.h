@@ -39,6 +39,9 @@ class YamlMap {
   std::filesystem::path path(const std::string& key) const;
   double number(const std::string& key) const;
   double number(const std::string& key, double least, double most, const char* unit) const;
+  std::size_t count(const std::string& key, std::size_t least, std::size_t most) const;
+  /// true or false.
+  bool flag(const std::string& key) const;
   /// `n` numbers.
   std::vector<double> numbers(const std::string& key, std::size_t n) const;
   /// Points [x, z].

@@ -67,6 +67,10 @@ void info_snapshot(const fs::path& file) {
   line("cut",
        fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
                    number(info.captured_m3), number(info.displaced_m3), number(info.dumped_m3)));
+  if (info.since)
+    line("goes on from",
+         fmt::format("{}; {} in all since a whole one", io::printable(info.since->name),
+                     counted(static_cast<double>(info.since->links), "incremental snapshot")));
   line("resident", fmt::format("{} m², {} chunks, {} voxels", number(soil.resident_m2()),
                                soil.chunks().size(), soil.active_voxels()));
   line("bounds", box_text(box));
@@ -168,7 +172,11 @@ void info_scenario(const fs::path& file) {
     line("  mouth in", box_text(box));
   }
   if (scenario.snapshot_every_s)
-    line("snapshots", fmt::format("every {} s", *scenario.snapshot_every_s));
+    line("snapshots", fmt::format("every {} s{}{}", *scenario.snapshot_every_s,
+                                  scenario.incremental_snapshots ? ", incremental" : "",
+                                  scenario.snapshots_kept ? fmt::format(", the newest {} kept",
+                                                                        *scenario.snapshots_kept)
+                                                          : ""));
   if (scenario.mesh) line("mesh", *scenario.mesh);
   if (scenario.raster_cell_m) line("raster", fmt::format("cells of {} m", *scenario.raster_cell_m));
   for (const std::string& warning : scenario.warnings) line("warning", warning);

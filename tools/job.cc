@@ -51,6 +51,7 @@ Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       step_(schedule_.next()),
       snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
                  schedule_.begin_s(), schedule_.end_s()),
+      writer_(folder_, {scenario_.incremental_snapshots, scenario_.snapshots_kept, threads > 1}),
       progress_(scenario_.name, schedule_.total(), " updates"),
       time_s_(schedule_.begin_s()) {
   if (start_.updates > 0) tracker_.restore(start_.tracker_state);
@@ -97,6 +98,7 @@ void Job::guarded(void (Job::*work)()) {
 void Job::replay_and_dig() {
   const std::filesystem::path file = folder_.begin(kJournalName);
   journal_.emplace(file, before_->good_bytes, before_->done, scenario_.journal_sync_s);
+  go_on_with_snapshots();
   io::JournalReader reader(file);  // now without what was torn
   while (const std::optional<io::JournalRecord> record = reader.next()) {
     const auto* move = std::get_if<io::JournalMove>(&*record);
@@ -197,26 +199,19 @@ bool Job::all_came_to(const Step& now) const {
 
 /// What is due between a step and the next.
 void Job::after(const Step& now) {
+  writer_.check();
   progress_.update(summary_.updates.count());
   if (all_came_to(now) && snapshots_.due(now.end_s))
     write_periodic("soil_" + time_text(now.end_s) + ".vdb");
 }
 
-/// A snapshot on the way, unless it is there already.
-void Job::write_periodic(const std::string& name) {
-  if (before_ && is_intact(name)) {
-    folder_.done(name);
-  } else if (static_cast<std::uint64_t>(summary_.updates.count()) >= start_.updates) {
-    write_snapshot(name);
-  } else {
-    fmt::print(stderr, "soilvdb: warning: {}: is damaged or gone, and isn't written again\n",
-               (folder_.path() / name).string());
-  }
-}
-
 /// What is on disk, for messages.
 std::string Job::safe() {
   if (!journal_) return folder_.safe();
+  try {
+    writer_.finish();
+  } catch (const std::exception&) {  // why we are asked, or as bad
+  }
   try {
     journal_->flush();
   } catch (const std::exception&) {  // the disk that is full may be why we are asked

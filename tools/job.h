@@ -25,6 +25,7 @@
 #include "tools/run_folder.h"
 #include "tools/schedule.h"
 #include "tools/snapshot_clock.h"
+#include "tools/snapshot_writer.h"
 
 namespace soilvdb::tools {
 
@@ -33,6 +34,8 @@ struct Start {
   io::Site site;
   std::uint64_t updates = 0;  ///< that it has seen
   std::string tracker_state;  ///< after those; empty at the beginning
+  std::string snapshot = {};  ///< name of the one that it was read from, and what that goes on from
+  std::optional<io::Since> since = {};
 };
 
 /// One run, from checked input to its last file.
@@ -63,9 +66,10 @@ class Job {
   std::vector<Step> next_batch();
   bool all_came_to(const Step& now) const;
   void after(const Step& now);
+  void go_on_with_snapshots();
   void write_periodic(const std::string& name);
-  void write_snapshot(const std::string& name);
-  bool is_intact(const std::string& name) const;
+  io::SnapshotInfo snapshot_info();
+  const io::JournalFile* intact(const std::string& name) const;
   void done(const std::string& name);
   void finish();
   void write_mesh();
@@ -84,6 +88,7 @@ class Job {
   SnapshotClock snapshots_;
   std::optional<io::JournalContent> before_;  ///< of a run that is gone on with
   std::optional<io::JournalWriter> journal_;  ///< from the first update on
+  SnapshotWriter writer_;
   std::optional<io::UpdatesCsv> csv_;
   io::Summary summary_;
   Progress progress_;

@@ -26,26 +26,56 @@ std::uint64_t peak_rss_bytes() {
 
 }  // namespace
 
-/// Does the journal know a file, of now, and is it still as it was?
-bool Job::is_intact(const std::string& name) const {
+/// A file of now that the journal before knows and that is still as it was, or null.
+const io::JournalFile* Job::intact(const std::string& name) const {
+  if (!before_) return nullptr;
   const auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  try {
-    return std::any_of(before_->files.begin(), before_->files.end(), [&](const auto& file) {
-      return file.name == name && file.updates == count &&
-             io::file_digest(folder_.path() / name) == io::FileDigest{file.size, file.crc};
-    });
-  } catch (const io::InputError&) {
-    return false;
+  for (const io::JournalFile& file : before_->files) {
+    if (file.name != name || file.updates != count) continue;
+    try {
+      if (io::file_digest(folder_.path() / name) == io::FileDigest{file.size, file.crc})
+        return &file;
+    } catch (const io::InputError&) {
+    }
   }
+  return nullptr;
 }
 
-void Job::write_snapshot(const std::string& name) {
+io::SnapshotInfo Job::snapshot_info() {
   tracker_.flush();
   const Ledger total = tracker_.total();
-  io::write_snapshot(folder_.begin(name), start_.site,
-                     {scenario_.name, time_s_, total.cut_m3(), total.captured_m3(),
-                      total.displaced_m3(), total.dumped_m3(), tracker_.state()});
-  done(name);
+  return {scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
+          total.displaced_m3(), total.dumped_m3(), tracker_.state()};
+}
+
+/// Those of the run before that lead to where the ground is.
+void Job::go_on_with_snapshots() {
+  std::vector<io::JournalFile> files;
+  for (const io::JournalFile& file : before_->files) {
+    const bool on_the_way = file.updates < start_.updates || file.name == start_.snapshot;
+    if (on_the_way && file.name.ends_with(".vdb") && file.name != kFinalName) files.push_back(file);
+  }
+  if (start_.updates > 0) tracker_.take_changed();
+  writer_.go_on(std::move(files), start_.since);
+  std::error_code none;
+  for (const std::string& name : before_->gone)
+    std::filesystem::remove(folder_.path() / name, none);
+  writer_.delete_old(*journal_);
+}
+
+/// A snapshot on the way, unless it is there already.
+void Job::write_periodic(const std::string& name) {
+  const auto count = static_cast<std::uint64_t>(summary_.updates.count());
+  const io::JournalFile* there = intact(name);
+  if (count >= start_.updates && name != start_.snapshot) {
+    const io::JournalFile file = there ? *there : io::JournalFile{name, count};
+    writer_.write(file, there != nullptr, tracker_, start_.site, snapshot_info(), *journal_);
+  } else if (there) {
+    folder_.done(name);
+  } else if (std::find(before_->gone.begin(), before_->gone.end(), name) == before_->gone.end()) {
+    fmt::print(stderr, "soilvdb: warning: {}: is damaged or gone, and isn't written again\n",
+               (folder_.path() / name).string());
+  }
 }
 
 /// A file is whole and on disk.
@@ -58,11 +88,15 @@ void Job::done(const std::string& name) {
 
 /// Everything that is written once, at the end.
 void Job::finish() {
+  writer_.finish();
   folder_.begin(kUpdatesName);
   csv_->close();
   done(kUpdatesName);
   tracker_.flush();
-  if (config_.options.snapshots) write_snapshot("soil_final.vdb");
+  if (config_.options.snapshots) {
+    io::write_snapshot(folder_.begin(kFinalName), start_.site, snapshot_info());
+    done(kFinalName);
+  }
   if (start_.site.soil->chunks().empty()) {
     fmt::print(stderr, "soilvdb: warning: no bucket met any soil\n");
   } else {

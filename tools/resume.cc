@@ -34,11 +34,13 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
   for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
     const fs::path path = folder / file->name;
     if (path.extension() != ".vdb" || file->updates == 0) continue;
+    // Nothing goes on from the last one of a run that was stopped.
+    if (scenario.incremental_snapshots && file->name == kFinalName) continue;
     try {
       if (io::file_digest(path) != io::FileDigest{file->size, file->crc})
         throw io::InputError(path, "is not what the journal says");
       io::SnapshotInfo info;
-      Start start{io::read_snapshot(path, &info), file->updates, ""};
+      Start start{io::read_snapshot(path, &info), file->updates, "", file->name, info.since};
       start.tracker_state = std::move(info.tracker_state);
       fmt::print("going on from {}\n", file->name);
       return start;

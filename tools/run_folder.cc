@@ -111,6 +111,8 @@ void RunFolder::done(const std::string& name) {
   if (std::find(files_.begin(), files_.end(), name) == files_.end()) files_.push_back(name);
 }
 
+void RunFolder::forget(const std::string& name) { std::erase(files_, name); }
+
 std::string RunFolder::safe() const {
   if (files_.empty()) return "nothing of this run is on disk";
   return fmt::format("safe in {}: {}", path_.string(), fmt::join(files_, ", "));

@@ -42,6 +42,8 @@ class RunFolder {
 
   /// The file `name` is whole and on disk.
   void done(const std::string& name);
+  /// It was deleted.
+  void forget(const std::string& name);
   const std::vector<std::string>& files() const { return files_; }
 
   /// "safe in out/dig: soil_1.vdb, soil_2.vdb", for messages.
@@ -55,6 +57,7 @@ class RunFolder {
   int descriptor_ = -1;  ///< holds the lock
 };
 
+inline constexpr const char* kFinalName = "soil_final.vdb";
 inline constexpr const char* kSummaryName = "summary.json";
 inline constexpr const char* kJournalName = "journal";
 inline constexpr const char* kUpdatesName = "updates.csv";

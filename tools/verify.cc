@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kGoodButNeeds = "is good by itself but needs";
+
 /// What is wrong with a file; empty if nothing is.
 std::string fault(const fs::path& file, const io::JournalFile& known) {
   std::error_code none;
@@ -31,6 +34,16 @@ std::string fault(const fs::path& file, const io::JournalFile& known) {
     return "can't be read";
   }
   return "";
+}
+
+/// What is wrong with a snapshot that is good by itself and goes on from another.
+/// @param found what is wrong with those before it
+std::string fault_before(const std::string& since,
+                         const std::map<std::string, std::string>& found) {
+  const auto before = found.find(since);
+  const std::string what = before == found.end() ? "the journal doesn't know" : before->second;
+  if (what.empty() || what.starts_with(kGoodButNeeds)) return what;
+  return fmt::format("{} {}, which {}", kGoodButNeeds, since, what);
 }
 
 /// Is a file written only at the end, so that a run that goes on will write it again?
@@ -69,9 +82,13 @@ void verify_run(const fs::path& folder) {
                      journal.torn_bytes == 0 ? ""
                                              : fmt::format("; {} bytes after it never became whole",
                                                            journal.torn_bytes)));
+  std::map<std::string, std::string> found;
   for (const io::JournalFile& file : journal.files) {
     if (!journal.ended && is_final(file.name)) continue;
-    report(file.name, fault(folder / file.name, file), "good");
+    std::string& what = found[file.name];
+    what = fault(folder / file.name, file);
+    if (what.empty() && !file.since.empty()) what = fault_before(file.since, found);
+    report(file.name, what, "good");
   }
   if (faults.empty()) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));

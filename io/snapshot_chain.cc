@@ -1,0 +1,121 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/snapshot_chain.h"
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+
+#include "io/level_set_file.h"
+#include "io/snapshot_format.h"
+
+namespace soilvdb::io {
+namespace {
+
+std::string read_all(const std::filesystem::path& file) {
+  check_readable(file);
+  std::ifstream in(file, std::ios::binary);
+  std::string bytes(std::filesystem::file_size(file), '\0');
+  if (!in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) {
+    throw InputError(file, "can't be read to its end");
+  }
+  return bytes;
+}
+
+/// Checks that a file is what was written. @return the tracker's state in it
+std::string check_intact(const std::filesystem::path& file, std::string_view all) {
+  const std::size_t end = all.size() - std::min(all.size(), kTrailerSize);
+  if (!all.substr(end).starts_with(kTrailerWord)) {
+    throw InputError(file, "is damaged: its end is missing; use a snapshot before it");
+  }
+  if (all.substr(end) != trailer(all.substr(0, end))) {
+    throw InputError(file, "is damaged: its checksum doesn't match; use a snapshot before it");
+  }
+  const std::string_view line = all.substr(0, end).substr(end - std::min(end, kStateLine));
+  std::uint64_t size = 0;
+  const char* digits = line.data() + kStateWord.size();
+  if (!line.starts_with(kStateWord) ||
+      std::from_chars(digits, digits + 16, size, 16).ptr != digits + 16 || size > end - kStateLine)
+    return "";
+  return std::string(all.substr(end - kStateLine - size, size));
+}
+
+Link open_link(const std::filesystem::path& file) {
+  check_readable(file);
+  if (!is_snapshot(file))
+    throw InputError(file, "is not a snapshot; one that `soilvdb run` wrote would do");
+  Link link;
+  link.file = file;
+  {
+    const std::string bytes = read_all(file);
+    link.tracker_state = check_intact(file, bytes);
+    link.digest = {bytes.size(), crc64(bytes)};
+  }
+  link.vdb = std::make_unique<openvdb::io::File>(file.string());
+  link.vdb->open(/*delayLoad=*/false);
+  link.meta = link.vdb->getMetadata();
+  const MetaReader meta(file, *link.meta);
+  if (const int format = meta.integer("soilvdb_format"); format != kFormat) {
+    throw InputError(file, fmt::format("is a snapshot of format {}; this version reads format {}",
+                                       format, kFormat));
+  }
+  const std::string name = meta.text(kSinceKey), checksum = meta.text(kSinceChecksumKey);
+  if (name.empty()) return link;
+  FileDigest digest;
+  const char* text = checksum.data();
+  if (checksum.size() != 33 || checksum[16] != ' ' ||
+      std::from_chars(text, text + 16, digest.crc, 16).ptr != text + 16 ||
+      std::from_chars(text + 17, text + 33, digest.size, 16).ptr != text + 33 ||
+      std::filesystem::path(name).filename() != name || name == "..")
+    throw std::runtime_error("what it goes on from is no file beside it");
+  link.since = Since{name, digest};
+  return link;
+}
+
+bool same_site(const openvdb::MetaMap& a, const openvdb::MetaMap& b) {
+  for (const char* key :
+       {"soilvdb_voxel_size_m", kOriginKey, "soilvdb_base", "soilvdb_base_height_m",
+        "soilvdb_base_slope_x", "soilvdb_base_slope_y", "soilvdb_base_checksum"}) {
+    const openvdb::Metadata::ConstPtr of_a = a[key], of_b = b[key];
+    if (!of_a != !of_b || (of_a && *of_a != *of_b)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+bool is_snapshot(const std::filesystem::path& file) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(file, none)) return false;
+  std::ifstream in(file, std::ios::binary);
+  std::string head(kUuidAt + kUuidSize, '\0'), end(kTrailerSize, '\0');
+  in.read(head.data(), static_cast<std::streamsize>(head.size()));
+  if (std::string_view(head).substr(kUuidAt).starts_with(kMark)) return true;
+  in.clear();
+  in.seekg(-static_cast<std::streamoff>(kTrailerSize), std::ios::end);
+  in.read(end.data(), static_cast<std::streamsize>(end.size()));
+  return in && end.starts_with(kTrailerWord);
+}
+
+std::vector<Link> open_chain(const std::filesystem::path& file) {
+  std::vector<Link> chain;
+  chain.push_back(reading(file, file, [&] { return open_link(file); }));
+  while (const std::optional<Since> since = chain.back().since) {
+    if (chain.size() > kMostLinks)
+      throw InputError(
+          file,
+          fmt::format("goes on from more than {} others; use a snapshot before it", kMostLinks));
+    const std::filesystem::path next = file.parent_path() / since->name;
+    chain.push_back(reading(file, next, [&] {
+      std::error_code none;
+      if (!std::filesystem::exists(next, none)) throw InputError(next, "is missing");
+      Link link = open_link(next);
+      if (link.digest != since->digest || !same_site(*link.meta, *chain.front().meta))
+        throw InputError(next, "is another one than it goes on from");
+      return link;
+    }));
+  }
+  return chain;
+}
+
+}  // namespace soilvdb::io

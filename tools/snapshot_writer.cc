@@ -1,0 +1,129 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/snapshot_writer.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <tbb/task_arena.h>
+
+#include <chrono>
+#include <set>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "io/atomic_file.h"
+#include "io/checksum.h"
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr int kNice = 10;  // beside updates
+
+std::vector<Coord3> all_chunks(const Soil& soil) {
+  std::vector<Coord3> origins;
+  for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
+  return origins;
+}
+
+}  // namespace
+
+SnapshotWriter::SnapshotWriter(RunFolder& folder, const Options& options)
+    : folder_(folder), options_(options) {}
+
+void SnapshotWriter::go_on(std::vector<io::JournalFile> files,
+                           const std::optional<io::Since>& since) {
+  files_ = std::move(files);
+  links_ = since ? since->links : 0;
+  chunks_ = since ? since->chunks : 0;
+}
+
+void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, const io::Site& site,
+                           io::SnapshotInfo info, io::JournalWriter& journal) {
+  finish();
+  const Soil& soil = *site.soil;
+  std::vector<Coord3> changed;
+  if (options_.incremental) changed = tracker.take_changed();
+  const bool whole = !options_.incremental || files_.empty() || links_ == io::kMostLinks ||
+                     chunks_ + changed.size() >= soil.chunk_count();
+  links_ = whole ? 0 : links_ + 1;
+  chunks_ = whole ? 0 : chunks_ + changed.size();
+  if (there) {
+    files_.push_back(std::move(file));
+    done_.push_back(files_.back().name);
+    delete_old(journal);
+    return finish();
+  }
+  if (!whole) {
+    const io::JournalFile& last = files_.back();
+    info.since = io::Since{last.name, {last.size, last.crc}};
+    file.since = last.name;
+  }
+  io::Site copy = io::untouched(site);
+  for (const Coord3& origin : whole ? all_chunks(soil) : changed) {
+    copy.soil->copy_from(soil, origin);
+    if (!whole && soil.find(origin) == nullptr) info.since->dropped.push_back(origin);
+  }
+  folder_.begin(file.name);
+  auto work = [this, file = std::move(file), copy = std::move(copy), info = std::move(info),
+               &journal] { save(file, copy, info, journal); };
+  if (options_.beside) {
+    writing_ = std::async(std::launch::async, [work = std::move(work)] {
+      setpriority(PRIO_PROCESS, 0, kNice);  // of this thread alone on Linux; in vain elsewhere
+      tbb::task_arena(1).execute(work);
+    });
+  } else {
+    work();
+    finish();
+  }
+}
+
+void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const io::SnapshotInfo& info,
+                          io::JournalWriter& journal) {
+  const std::filesystem::path path = folder_.path() / file.name;
+  const std::string bytes = io::snapshot_bytes(path, site, info);
+  io::write_atomically(path, bytes);
+  file.size = bytes.size();
+  file.crc = io::crc64(bytes);
+  done_.push_back(file.name);
+  journal.add(file);
+  files_.push_back(std::move(file));
+  delete_old(journal);
+}
+
+void SnapshotWriter::delete_old(io::JournalWriter& journal) {
+  if (!options_.keep || files_.size() <= *options_.keep) return;
+  std::set<std::string> needed;
+  std::vector<io::JournalFile> stay, go;
+  for (auto file = files_.rbegin(); file != files_.rend(); ++file) {
+    const bool stays = stay.size() < *options_.keep || needed.contains(file->name);
+    if (stays) needed.insert(file->since);
+    (stays ? stay : go).push_back(*file);
+  }
+  if (go.empty()) return;
+  for (const io::JournalFile& file : go) journal.add(io::JournalGone{file.name});
+  journal.flush();  // the newest is in there, too
+  for (const io::JournalFile& file : go) {
+    std::error_code error;
+    std::filesystem::remove(folder_.path() / file.name, error);
+    if (error)
+      throw std::runtime_error(fmt::format("{}: can't be deleted: {}",
+                                           (folder_.path() / file.name).string(), error.message()));
+    deleted_.push_back(file.name);
+  }
+  files_.assign(stay.rbegin(), stay.rend());
+}
+
+void SnapshotWriter::check() {
+  if (writing_.valid() && writing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    finish();
+}
+
+void SnapshotWriter::finish() {
+  if (writing_.valid()) writing_.wait();
+  for (const std::string& name : std::exchange(done_, {})) folder_.done(name);
+  for (const std::string& name : std::exchange(deleted_, {})) folder_.forget(name);
+  if (writing_.valid()) writing_.get();
+}
+
+}  // namespace soilvdb::tools
