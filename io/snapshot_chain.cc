@@ -66,7 +66,7 @@ Link open_link(const std::filesystem::path& file) {
   if (checksum.size() != 33 || checksum[16] != ' ' ||
       std::from_chars(text, text + 16, digest.crc, 16).ptr != text + 16 ||
       std::from_chars(text + 17, text + 33, digest.size, 16).ptr != text + 33 ||
-      std::filesystem::path(name).filename() != name || name == "..")
+      std::filesystem::path(name).filename() != name || name == "." || name == "..")
     throw std::runtime_error("what it goes on from is no file beside it");
   link.since = Since{name, digest};
   return link;

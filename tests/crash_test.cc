@@ -56,18 +56,20 @@ class Crash : public ProgramTest {
   void SetUp() override {
     ProgramTest::SetUp();
     write_file(folder() / "dig.csv", HalfSine{}.csv(13));
-    write_scenario("dig.yaml", "always");
-    write_scenario("lazy.yaml", "0.01");
-    const Result result = launch("run dig.yaml", "ref", "");
+    write_scenario("dig.yaml", "every: 2", "always");
+    write_scenario("lazy.yaml", "every: 2", "0.01");
+    write_scenario("beside.yaml", "every: 0.6, incremental: true, keep: 2", "0.01");
+    const Result result = launch(run_, "ref", "");
     ASSERT_EQ(result.status, 0) << result.err;
     reference_ = essence_of_run(folder() / "ref");
     operations_ = operations("ref");
   }
 
-  void write_scenario(const std::string& name, const std::string& sync) const {
+  void write_scenario(const std::string& name, const std::string& snapshots,
+                      const std::string& sync) const {
     std::string text = half_sine_scenario(
         "{plane: {z: 0}}", "dig.csv",
-        fmt::format("{{snapshots: {{every: 2}}, mesh: ply, journal: {{sync: {}}}}}", sync));
+        fmt::format("{{snapshots: {{{}}}, mesh: ply, journal: {{sync: {}}}}}", snapshots, sync));
     text.replace(text.find("0.025"), 5, "0.05");
     write_file(folder() / name, text);
   }
@@ -76,7 +78,7 @@ class Crash : public ProgramTest {
   Result launch(const std::string& command, const std::string& out, const std::string& fault,
                 const std::string& before = "") const {
     const fs::path base = folder() / out;
-    const std::string to = command.starts_with("run") ? "--threads 1 --out " : "";
+    const std::string to = command.starts_with("run") ? "--out " : "";
     const int status = std::system(
         fmt::format("cd '{}' && exec env SHIM_FOLDER='{}' SHIM_LOG='{}.log' SHIM_FAULT='{}' "
                     "LD_PRELOAD='{}' {}'{}' {} {}'{}' >'{}.out' 2>'{}.err'",
@@ -99,7 +101,7 @@ class Crash : public ProgramTest {
 
   /// Runs or goes on until it is done, and then compares.
   void expect_comes_back(const std::string& out) const {
-    const Result result = launch(has_journal(out) ? "resume" : "run dig.yaml", out, "");
+    const Result result = launch(has_journal(out) ? "resume" : run_, out, "");
     EXPECT_EQ(result.status, 0) << result.err;
     expect_as_reference(out);
   }
@@ -124,6 +126,8 @@ class Crash : public ProgramTest {
     other.join();
   }
 
+  /// One operation after the other, always in the same order.
+  std::string run_ = "run dig.yaml --threads 1";
   std::map<std::string, std::string> reference_;
   std::vector<std::string> operations_;
 };
@@ -139,7 +143,7 @@ TEST_F(Crash, KilledAtRandomOperationsItEndsInTheSameFiles) {
       const std::size_t left = operations_.size() - (has_journal(out) ? operations_.size() / 3 : 0);
       const auto at = 1 + random() % left;
       const Result result =
-          launch(has_journal(out) ? "resume" : "run dig.yaml", out, fmt::format("kill {}", at));
+          launch(has_journal(out) ? "resume" : run_, out, fmt::format("kill {}", at));
       if (result.status == kKilled) {
         ++kills;
         if (!has_journal(out)) continue;
@@ -165,14 +169,14 @@ TEST_F(Crash, KilledAtRandomOperationsItEndsInTheSameFiles) {
 }
 
 TEST_F(Crash, KilledAtRandomTimesItEndsInTheSameFiles) {
-  in_two_lanes(static_cast<std::size_t>(std::max(20, crashes() / 20)),
-               [&](std::size_t i, const std::string& out) {
-                 std::mt19937 random(static_cast<unsigned>(i));
-                 fs::remove_all(folder() / out);
-                 const double seconds = 0.02 + 0.3 * static_cast<double>(random() % 1000) / 1000;
-                 launch("run lazy.yaml", out, "", fmt::format("timeout -s KILL {} ", seconds));
-                 expect_comes_back(out);
-               });
+  in_two_lanes(static_cast<std::size_t>(std::max(20, crashes() / 20)), [&](std::size_t i,
+                                                                           const std::string& out) {
+    std::mt19937 random(static_cast<unsigned>(i));
+    fs::remove_all(folder() / out);
+    const double seconds = 0.02 + 0.3 * static_cast<double>(random() % 1000) / 1000;
+    launch("run lazy.yaml --threads 1", out, "", fmt::format("timeout -s KILL {} ", seconds));
+    expect_comes_back(out);
+  });
 }
 
 TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
@@ -189,7 +193,7 @@ TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
   in_two_lanes(operations_.size(), [&](std::size_t i, const std::string& out) {
     SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, operations_[i]));
     fs::remove_all(folder() / out);
-    ASSERT_EQ(launch("run dig.yaml", out, fmt::format("cut {}", i + 1)).status, kKilled);
+    ASSERT_EQ(launch(run_, out, fmt::format("cut {}", i + 1)).status, kKilled);
     if (has_journal(out)) {
       const io::JournalContent journal = io::read_journal(folder() / out / "journal");
       EXPECT_FALSE(journal.damaged);
@@ -204,12 +208,12 @@ TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
 
 /// Whatever operation fails, on a folder that held another run.
 TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
-  ASSERT_EQ(launch("run dig.yaml --voxel 0.1", "old", "").status, 0);
+  ASSERT_EQ(launch(run_ + " --voxel 0.1", "old", "").status, 0);
   std::map<std::string, std::string> old;
   for (const auto& entry : fs::directory_iterator(folder() / "old"))
     old[entry.path().filename()] = read_file(entry.path());
   fs::copy(folder() / "old", folder() / "again");
-  ASSERT_EQ(launch("run dig.yaml", "again", "").status, 0);
+  ASSERT_EQ(launch(run_, "again", "").status, 0);
   const std::vector<std::string> all = operations("again");
   const std::vector<std::pair<int, std::string>> errors = {{ENOSPC, "No space left on device"},
                                                            {EIO, "Input/output error"},
@@ -221,7 +225,7 @@ TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
     fs::remove_all(folder() / out);
     fs::copy(folder() / "old", folder() / out);
     const char* kind = all[i].starts_with("write") && i % 2 ? "short" : "fail";
-    const Result result = launch("run dig.yaml", out, fmt::format("{} {} {}", kind, i + 1, error));
+    const Result result = launch(run_, out, fmt::format("{} {} {}", kind, i + 1, error));
     if (result.status == 0) {
       // Nothing is at stake when a file that was read, or is synced already, is closed.
       EXPECT_TRUE(all[i].starts_with("close") || all[i].starts_with("fclose"));
@@ -246,6 +250,59 @@ TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
       expect_comes_back(out);
   });
   fmt::print("{} operations failed the run, {} did not matter\n", failed.load(), tolerated.load());
+}
+
+/// Snapshots that are incremental, written beside the updates and deleted when they are old.
+class CrashBeside : public Crash {
+ protected:
+  CrashBeside() { run_ = "run beside.yaml --threads 2"; }
+
+  /// Once there have been two, are two of them good?
+  void expect_two_generations(const std::string& out) const {
+    const io::JournalContent journal = io::read_journal(folder() / out / "journal");
+    EXPECT_FALSE(journal.damaged);
+    std::size_t known = journal.gone.size(), good = 0;
+    for (const io::JournalFile& file : journal.files) {
+      if (!file.name.ends_with(".vdb") || file.name == "soil_final.vdb") continue;
+      ++known;
+      try {
+        io::read_snapshot(folder() / out / file.name);
+        ++good;
+      } catch (const io::InputError& e) {
+        ADD_FAILURE() << e.what();
+      }
+    }
+    EXPECT_GE(good, std::min<std::size_t>(known, 2));
+  }
+};
+
+TEST_F(CrashBeside, WhateverHappensTwoGenerationsAreGoodAndItEndsInTheSameFiles) {
+  const io::JournalContent whole = io::read_journal(folder() / "ref/journal");
+  EXPECT_GT(whole.gone.size(), 0u);
+  const auto incremental = [](const io::JournalFile& file) { return !file.since.empty(); };
+  EXPECT_TRUE(std::any_of(whole.files.begin(), whole.files.end(), incremental));
+  const std::vector<std::string> kinds = {"kill {}", "cut {}", "fail {} 5", "short {} 28"};
+  std::atomic<int> kills = 0, errors = 0;
+  in_two_lanes(operations_.size(), [&](std::size_t i, const std::string& out) {
+    const std::string fault = fmt::format(fmt::runtime(kinds[i % kinds.size()]), i + 1);
+    SCOPED_TRACE(fault);
+    fs::remove_all(folder() / out);
+    const Result result = launch(run_, out, fault);
+    if (result.status == kKilled) {
+      ++kills;
+    } else if (result.status != 0) {
+      ++errors;
+      EXPECT_EQ(result.status, 1);
+      EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+      EXPECT_NE(result.err.find((folder() / out).string()), std::string::npos) << result.err;
+    }
+    if (has_journal(out)) expect_two_generations(out);
+    const bool ended = result.status == 0;
+    ended ? expect_as_reference(out) : expect_comes_back(out);
+  });
+  EXPECT_GT(kills, 0);
+  EXPECT_GT(errors, 0);
+  fmt::print("{} kills, {} errors\n", kills.load(), errors.load());
 }
 
 TEST_F(Crash, AFullDiskAndAReadOnlyOneAreSaid) {

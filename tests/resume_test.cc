@@ -72,7 +72,7 @@ class Resume : public ProgramTest {
 };
 
 TEST_F(Resume, GoesOnFromTheNewestSnapshotToTheSameFiles) {
-  run_whole();
+  run_whole("dig.yaml --threads 1");  // a snapshot is safe before the next update
   const nlohmann::json files = summary()["files"];
   interrupt(0.7);
   const Result result = run("resume out/dig");
@@ -159,7 +159,7 @@ TEST_F(Resume, OfAFinishedRunSaysSo) {
 }
 
 TEST_F(Resume, FallsBackToAnOlderSnapshotAndSaysSo) {
-  run_whole();
+  run_whole("dig.yaml --threads 1");
   interrupt(0.7);
   damage("soil_3.vdb", fs::file_size(out() / "soil_3.vdb") / 2);
   fs::remove(out() / "soil_2.vdb");
