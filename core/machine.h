@@ -24,6 +24,7 @@ class Machine {
   Machine(Bucket bucket, const Soil& soil);
 
   const Bucket& bucket() const { return bucket_; }
+  double radius_m() const { return radius_m_; }  ///< of the bucket about its frame's origin
   const Ledger& ledger() const { return ledger_; }
 
   static double tolerance_m(const Soil& soil);

@@ -12,6 +12,12 @@ namespace soilvdb {
 namespace {
 
 constexpr int kMaxBisections = 40;
+constexpr double kFarthest = 1e9;          // m or rad: beyond any site, and any machine
+constexpr std::size_t kMostPieces = 1000;  // of one row: what is surely a slip takes forever
+
+[[noreturn]] void refuse_row(std::size_t i, const char* what) {
+  throw std::invalid_argument("row " + std::to_string(i) + " of a motion has " + what);
+}
 
 void check_times(const std::vector<double>& times_s, std::size_t rows) {
   if (times_s.empty()) throw std::invalid_argument("a motion needs at least one row");
@@ -88,9 +94,18 @@ void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
 
 }  // namespace
 
+bool is_sane(const Pose& pose) {
+  constexpr double kUnit = 1e-3;  // rotations are made unit elsewhere
+  return pose.position.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kFarthest &&
+         std::abs(pose.rotation.squaredNorm() - 1) <= kUnit;
+}
+
 Motion::Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket)
     : times_s_(std::move(times_s)), poses_(std::move(world_from_bucket)) {
   check_times(times_s_, poses_.size());
+  for (std::size_t i = 0; i < poses_.size(); ++i) {
+    if (!is_sane(poses_[i])) refuse_row(i, "a pose that is no place on a site, or no rotation");
+  }
 }
 
 Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Chain chain)
@@ -102,6 +117,13 @@ Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Ch
     throw std::invalid_argument("a motion needs a value for each movable joint in each row");
   }
   check_times(times_s_, times_s_.size());
+  for (std::size_t i = 0; i < times_s_.size(); ++i) {
+    for (std::size_t k = i * joints; k < (i + 1) * joints; ++k) {
+      if (!(std::abs(joint_values_[k]) <= kFarthest))
+        refuse_row(i, "a joint that isn't finite, or beyond 1e9");
+    }
+    if (row_pieces(i) > kMostPieces) refuse_row(i, "a joint that jumps");
+  }
 }
 
 Pose Motion::pose(double time_s) const {

@@ -15,7 +15,9 @@ namespace soilvdb {
 /// slerp. Times strictly increase; at least one row.
 class Motion {
  public:
-  /// @throw std::invalid_argument if the sizes differ, are zero or times don't strictly increase.
+  /// @throw std::invalid_argument if the sizes differ or are zero, times don't strictly increase, a
+  ///        number is not finite or beyond 1e9, a rotation not unit, or a joint goes on by more
+  ///        than 1000 rad or m in one row.
   Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket);
   /// @param joint_values row-major, times_s.size() x chain.movable().size()
   Motion(std::vector<double> times_s, std::vector<double> joint_values, Chain chain);
@@ -57,6 +59,9 @@ class Motion {
   std::vector<double> joint_values_;
   Chain chain_;
 };
+
+/// Is this a pose, of finite numbers within 1e9 m and with a unit rotation?
+bool is_sane(const Pose& pose);
 
 /// trace() for a straight interpolation between two poses.
 void trace(const Pose& a, const Pose& b, const Bucket& bucket, double tolerance_m, double stride_m,

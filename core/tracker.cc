@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <numeric>
 #include <stdexcept>
 
@@ -23,6 +24,27 @@ Update timed(F f) {
   Update update = f();
   update.us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
   return update;
+}
+
+/// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
+void check(const Soil& soil, const Machine& machine, const Pose& pose) {
+  constexpr double kMostVoxels = 1 << 23;
+  const double room_m = kMostVoxels * soil.voxel_size_m() - machine.radius_m();
+  if (!is_sane(pose) || (pose.position - soil.origin()).cwiseAbs().maxCoeff() > room_m)
+    throw std::invalid_argument("the pose is no place on this site, or no rotation");
+}
+
+/// The same for all of a path that its rows say.
+void check(const Soil& soil, const Machine& machine, const Motion& motion, double begin_s,
+           double end_s) {
+  if (!std::isfinite(begin_s) || !std::isfinite(end_s) || begin_s > end_s)
+    throw std::invalid_argument("the times of an update must be finite and in order");
+  const std::vector<double>& times = motion.times_s();
+  auto row = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), begin_s) -
+                                      times.begin());
+  check(soil, machine, motion.pose(begin_s));
+  for (; row < times.size() && times[row] < end_s; ++row) check(soil, machine, motion.row(row));
+  check(soil, machine, motion.pose(end_s));
 }
 
 /// Numbers groups of boxes that are connected by common points. Empty boxes are alone.
@@ -48,6 +70,11 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets) : soil_(soil) {
 
 Tracker::~Tracker() = default;
 
+Machine& Tracker::at(std::size_t machine) const {
+  if (machine >= machines_.size()) throw std::invalid_argument("there is no such machine");
+  return *machines_[machine];
+}
+
 /// So that the ground is the same whether or not anyone read it on the way, and nobody uses it.
 void Tracker::take_back() {
   for (auto it = machines_.rbegin(); it != machines_.rend(); ++it) (*it)->take_back(soil_);
@@ -55,16 +82,28 @@ void Tracker::take_back() {
 }
 
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
+  Machine& m = at(machine);
+  check(soil_, m, world_from_bucket);
   take_back();
-  return timed([&] { return machines_.at(machine)->move(soil_, world_from_bucket); });
+  return timed([&] { return m.move(soil_, world_from_bucket); });
 }
 
 Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
+  Machine& m = at(machine);
+  check(soil_, m, motion, begin_s, end_s);
   take_back();
-  return timed([&] { return machines_.at(machine)->move(soil_, motion, begin_s, end_s); });
+  return timed([&] { return m.move(soil_, motion, begin_s, end_s); });
 }
 
 std::vector<Update> Tracker::update(std::span<const Move> moves) {
+  for (const Move& move : moves) {
+    const Machine& machine = at(move.machine);
+    if (move.motion != nullptr) {
+      check(soil_, machine, *move.motion, move.begin_s, move.end_s);
+    } else {
+      check(soil_, machine, move.to);
+    }
+  }
   take_back();
   std::vector<Update> updates(moves.size());
   const auto run = [&](std::size_t i) {

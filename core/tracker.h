@@ -50,6 +50,10 @@ class Machine;  // core/machine.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
+/// Updates throw std::invalid_argument for a pose that isn't finite, has no unit rotation or is
+/// more than 2^23 voxels from the soil's origin, for times that aren't finite or in order, and for
+/// a machine that isn't there; the ground and the tracker are then as they were.
+///
 /// ```
 /// Soil soil(0.05, origin, make_plane(0, {0, 0}));
 /// Tracker tracker(soil, {bucket});
@@ -94,6 +98,7 @@ class Tracker {
   void restore(std::string_view state);
 
  private:
+  Machine& at(std::size_t machine) const;
   void take_back();
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;

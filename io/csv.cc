@@ -34,7 +34,14 @@ bool CsvLines::next(std::string_view& line) {
   if (in_.eof() && length == 0) return false;
   ++number_;
   bytes_ += static_cast<std::int64_t>(length);
-  if (in_.fail()) fail(fmt::format("line is longer than {} characters", kLongestLine));
+  if (in_.fail()) {
+    while (in_.fail() && !in_.eof()) {  // on to its end
+      in_.clear();
+      in_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
+      bytes_ += static_cast<std::int64_t>(in_.gcount());
+    }
+    fail(fmt::format("line is longer than {} characters", kLongestLine));
+  }
   if (!in_.eof()) --length;  // the line end, counted but not stored
   line = {buffer_.data(), length};
   if (line.find('\0') != line.npos) fail("is a binary file; it must be UTF-8 text");
@@ -49,7 +56,7 @@ void CsvLines::go_to(const Mark& mark) {
   number_ = mark.lines;
 }
 
-void CsvLines::fail(const std::string& message) const { throw InputError(file_, number_, message); }
+void CsvLines::fail(const std::string& message) const { throw LineError(file_, number_, message); }
 
 bool is_blank(std::string_view line) { return trim(line).empty(); }
 

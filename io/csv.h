@@ -14,6 +14,11 @@
 
 namespace soilvdb::io {
 
+/// One line is wrong; the lines after it can be read.
+struct LineError : InputError {
+  using InputError::InputError;
+};
+
 /// The lines of a text file, with their numbers. A byte order mark is skipped.
 class CsvLines {
  public:
@@ -22,7 +27,7 @@ class CsvLines {
 
   /// @param line without its end; good until the next call
   /// @return false at the end of the file
-  /// @throw InputError if the line is too long or not text
+  /// @throw LineError if the line is too long or not text; InputError if the file can't be read
   bool next(std::string_view& line);
 
   /// Where a line begins: bytes before it, lines before it.
@@ -36,7 +41,7 @@ class CsvLines {
 
   long number() const { return number_; }
 
-  /// @throw InputError at the current line.
+  /// @throw LineError at the current line.
   [[noreturn]] void fail(const std::string& message) const;
 
  private:

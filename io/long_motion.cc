@@ -2,12 +2,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/long_motion.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <stdexcept>
 
-#include "io/motion_csv.h"
-
 namespace soilvdb::io {
+namespace {
+
+std::string warning(const BadRows& bad, bool stops) {
+  const std::string more = bad.count == 1 ? "" : fmt::format(" and {} more", bad.count - 1);
+  if (stops) return fmt::format("{}; the run ends before this row{}", bad.first, more);
+  return fmt::format("{}; this row{} {} left out", bad.first, more, bad.count == 1 ? "is" : "are");
+}
+
+}  // namespace
 
 LongMotion::LongMotion(Motion motion)
     : parts_(1),
@@ -17,10 +26,12 @@ LongMotion::LongMotion(Motion motion)
       end_s_(only_->end_s()) {}
 
 LongMotion::LongMotion(const std::filesystem::path& file, const std::optional<Chain>& chain,
+                       OnBadRow on_bad_row,
                        const std::function<void(const Motion&, std::int64_t)>& look,
                        std::vector<std::string>& warnings)
-    : file_(file), chain_(chain) {
+    : file_(file), chain_(chain), stop_(on_bad_row == OnBadRow::kStop) {
   MotionReader reader(file, chain);
+  if (stop_ && reader.bad_rows().count > 0) throw InputError(reader.bad_rows().first);
   for (bool more = true; more;) {
     const CsvLines::Mark mark = reader.mark();
     Motion part = reader.next(kPartSteps);
@@ -36,6 +47,8 @@ LongMotion::LongMotion(const std::filesystem::path& file, const std::optional<Ch
   }
   const std::vector<std::string> said = reader.warnings();
   warnings.insert(warnings.end(), said.begin(), said.end());
+  bad_rows_ = reader.bad_rows();
+  if (bad_rows_.count > 0) warnings.push_back(warning(bad_rows_, stops()));
 }
 
 std::shared_ptr<const Motion> LongMotion::part(std::size_t i) const {

@@ -12,9 +12,12 @@
 #include <vector>
 
 #include "core/motion.h"
-#include "io/csv.h"
+#include "io/motion_csv.h"
 
 namespace soilvdb::io {
+
+/// What a run does at a bad row: ends before it, or goes on as if it weren't there.
+enum class OnBadRow { kStop, kSkip };
 
 /// A checked motion whose rows come part by part, each part a Motion. Parts join: each begins with
 /// the last row of the one before. A file of one part stays in memory; of a longer one only where
@@ -27,17 +30,23 @@ class LongMotion {
   /// One part, in memory.
   LongMotion(Motion motion);
 
-  /// Reads and checks a file as read_motion() does.
+  /// Reads and checks a file as read_motion() does, its bad rows left out.
   /// @param look is shown each part, and how many bytes of the file have been read
-  /// @param warnings what read_motion() warns of is added
-  /// @throw InputError as read_motion() does.
+  /// @param warnings what read_motion() warns of is added, and the bad rows
+  /// @throw InputError as read_motion() does; for a bad row only where there is no good one, or
+  ///        none to dig before it.
   LongMotion(const std::filesystem::path& file, const std::optional<Chain>& chain,
+             OnBadRow on_bad_row,
              const std::function<void(const Motion& part, std::int64_t bytes)>& look,
              std::vector<std::string>& warnings);
 
   std::int64_t rows() const { return rows_; }
   double begin_s() const { return begin_s_; }
   double end_s() const { return end_s_; }
+  const std::filesystem::path& file() const { return file_; }  ///< empty: it has none
+  const BadRows& bad_rows() const { return bad_rows_; }
+  /// Is it to be dug up to bad_rows().good_s only?
+  bool stops() const { return stop_ && bad_rows_.count > 0; }
 
   std::size_t parts() const { return parts_.size(); }
   /// Safe to call from several threads.
@@ -51,6 +60,8 @@ class LongMotion {
   };
   std::filesystem::path file_;
   std::optional<Chain> chain_;
+  bool stop_ = false;
+  BadRows bad_rows_;
   std::vector<Part> parts_;
   std::shared_ptr<const Motion> only_;  // where there is one part
   std::int64_t rows_ = 0;

@@ -9,6 +9,7 @@
 #include <functional>
 #include <limits>
 #include <string_view>
+#include <utility>
 
 #include "io/motion_columns.h"
 #include "io/text.h"
@@ -19,6 +20,11 @@ namespace {
 constexpr double kMaxTimeS = 1e11;             // seconds since 1970 are fine, milliseconds are not
 constexpr double kQuaternionTolerance = 0.01;  // two decimals; more is no rotation
 constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad or m
+// No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
+// clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
+constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
+constexpr double kJitter_m = 1, kJitter_rad = 1;  // that sensors may add, however short the time
+constexpr double kMostTurn_rad = 100;  // in one row: what is surely a slip takes forever to sweep
 constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
 
 double number(const CsvLines& lines, const std::string& name, std::string_view field) {
@@ -31,7 +37,25 @@ double number(const CsvLines& lines, const std::string& name, std::string_view f
     lines.fail(fmt::format("{} is {}; it must be a number within {:g}{}", name, printable(field),
                            limit, name == "time" ? " (seconds)" : ""));
   }
+  if (std::fpclassify(*value) == FP_SUBNORMAL) {
+    lines.fail(
+        fmt::format("{} is {}, less than any sensor tells from 0; it must be 0 or a number "
+                    "beyond 1e-300",
+                    name, printable(field)));
+  }
   return *value;
+}
+
+/// Refuses what moves faster than machines do.
+void check_speed(const CsvLines& lines, const std::string& what, double moved, double after_s,
+                 bool turn) {
+  const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
+  if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return;
+  const char* unit = turn ? "rad" : "m";
+  lines.fail(
+      fmt::format("{} {} {:.3g} {} in {:.3g} s since the row before; no machine does more "
+                  "than {} {}/s",
+                  what, turn ? "turns" : "moves", moved, unit, after_s, fastest, unit));
 }
 
 Pose make_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion) {
@@ -87,19 +111,21 @@ class LimitCheck {
   std::vector<Count> joints_;
 };
 
-/// Refuses turns in one row that no machine makes and that would take forever to sweep.
-void check_turns(const CsvLines& lines, const Chain& chain, const std::vector<std::string>& names,
-                 const std::vector<double>& before, const std::vector<double>& row) {
-  constexpr double kMostRad = 100;
+/// Refuses joints that jump.
+void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
+                  const std::vector<double>& row) {
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
     if (joint.type == Joint::Type::kFixed) continue;
     ++i;
-    const double turn = row[i] - before[i];
-    if (joint.type == Joint::Type::kPrismatic || std::abs(turn) <= kMostRad) continue;
-    lines.fail(
-        fmt::format("joint {} turns {:g} rad since the row before; at most {} rad in one row",
-                    names[i], turn, kMostRad));
+    const bool turns = joint.type != Joint::Type::kPrismatic;
+    const double moved = std::abs(row[i] - before[i]);
+    if (turns && moved > kMostTurn_rad) {
+      lines.fail(
+          fmt::format("joint {} turns {:g} rad since the row before; at most {} rad in one row",
+                      joint.name, row[i] - before[i], kMostTurn_rad));
+    }
+    check_speed(lines, "joint " + joint.name, moved, row[0] - before[0], turns);
   }
 }
 
@@ -113,48 +139,76 @@ struct MotionReader::State {
     split_fields(line, fields);
     columns = read_columns(lines, fields, chain);
     row.resize(columns.names.size(), 0.0);
-    before = row;
+    fresh = row;
   }
 
-  /// Reads the next row. @return false at the end of the file
+  /// Goes on to the next good row. @return false at the end of the file
   bool advance() {
-    std::string_view line;
-    CsvLines::Mark mark;
-    long blank_line = 0;
-    do {
-      mark = lines.mark();
-      if (!lines.next(line)) return false;
-      if (is_blank(line) && blank_line == 0) blank_line = lines.number();
-    } while (is_blank(line));
-    if (blank_line > 0) {
-      throw InputError(file, blank_line, "is a blank line between rows; leave it out");
+    while (true) {
+      const CsvLines::Mark mark = lines.mark();
+      try {
+        std::string_view line;
+        if (!lines.next(line)) return false;
+        if (is_blank(line)) {
+          if (blanks++ == 0) blank = mark;
+          continue;
+        }
+        if (blanks > 0) refuse_blanks();
+        take(line);
+        at = mark;
+        return true;
+      } catch (const LineError& e) {
+        refuse(mark, e);
+      }
     }
-    at = mark;
-    hash = std::hash<std::string_view>()(line);
+  }
+
+  /// Makes a line the row it is at. @throw LineError; then it stays where it is
+  void take(std::string_view line) {
     split_fields(line, fields);
     if (fields.size() != columns.count) {
       lines.fail(fmt::format("has {} field{}; the header has {} columns", fields.size(),
                              fields.size() == 1 ? "" : "s", columns.count));
     }
-    std::swap(before, row);
-    for (std::size_t i = 0; i < row.size(); ++i) {
+    for (std::size_t i = 0; i < fresh.size(); ++i) {
       if (columns.fields[i] == Columns::kNone) continue;
-      row[i] = number(lines, columns.names[i], fields[columns.fields[i]]);
+      fresh[i] = number(lines, columns.names[i], fields[columns.fields[i]]);
     }
     const auto time = fields[columns.fields[0]];
-    if (!first && !(row[0] > before[0])) {
+    if (!first && !(fresh[0] > row[0])) {
       lines.fail(
           fmt::format("time {} doesn't come after {} in the row before; times must strictly "
                       "increase",
                       printable(time), printable(time_text)));
     }
-    time_text = time;
     if (chain) {
-      limits.row(row, lines.number());
-      if (!first) check_turns(lines, *chain, columns.names, before, row);
+      if (!first) check_joints(lines, *chain, row, fresh);
+      limits.row(fresh, lines.number());
+    } else {
+      const Pose to = make_pose(lines, fresh, columns.quaternion);
+      if (!first) {
+        const double after_s = fresh[0] - row[0];
+        check_speed(lines, "the bucket", (to.position - pose.position).norm(), after_s, false);
+        check_speed(lines, "the bucket", to.rotation.angularDistance(pose.rotation), after_s, true);
+      }
+      pose = to;
     }
+    std::swap(row, fresh);
+    time_text = time;
+    hash = std::hash<std::string_view>()(line);
     first = false;
-    return true;
+  }
+
+  void refuse_blanks() {
+    refuse(blank, InputError(file, blank.lines + 1, "is a blank line between rows; leave it out"));
+    bad.count += std::exchange(blanks, 0) - 1;
+  }
+
+  void refuse(const CsvLines::Mark& mark, const InputError& why) {
+    if (bad.count++ > 0) return;
+    bad.first = why.what();
+    bad.first_byte = mark.bytes;
+    if (!first) bad.good_s = row[0];
   }
 
   std::filesystem::path file;
@@ -163,20 +217,23 @@ struct MotionReader::State {
   Columns columns;
   LimitCheck limits;
   std::vector<std::string_view> fields;
-  std::vector<double> row, before;  // the row read last, and the one before it
-  std::string time_text;            // of the row read last
-  CsvLines::Mark at;                // of the row read last
-  std::size_t hash = 0;             // of the row read last
-  std::size_t digest = 0;           // of the rows of the last part
-  bool first = true;                // no row was read before
+  std::vector<double> row, fresh;  // the row it is at, and scratch
+  Pose pose;                       // of the row, where there is no chain
+  std::string time_text;           // of the row
+  CsvLines::Mark at;               // of the row
+  std::size_t hash = 0;            // of the row
+  std::size_t digest = 0;          // of the rows of the last part
+  bool first = true;               // it is at no row yet
+  CsvLines::Mark blank;            // the first of the blank lines since the row
+  std::int64_t blanks = 0;         // so many
+  BadRows bad;
 };
 
 MotionReader::MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain)
     : state_(std::make_unique<State>(file, chain)) {
-  if (!state_->advance()) {
-    throw InputError(file, state_->lines.number(),
-                     "has a header but no rows; it needs at least one");
-  }
+  if (state_->advance()) return;
+  if (state_->bad.count > 0) throw InputError(state_->bad.first);
+  throw InputError(file, state_->lines.number(), "has a header but no rows; it needs at least one");
 }
 MotionReader::~MotionReader() = default;
 
@@ -187,6 +244,7 @@ std::int64_t MotionReader::bytes_read() const { return state_->lines.mark().byte
 void MotionReader::go_to(const CsvLines::Mark& mark) {
   state_->lines.go_to(mark);
   state_->first = true;
+  state_->blanks = 0;
   if (!state_->advance()) throw InputError(state_->file, mark.lines + 1, "is not there any more");
 }
 
@@ -200,7 +258,7 @@ Motion MotionReader::next(std::int64_t most_steps) {
     if (s.chain) {
       joint_values.insert(joint_values.end(), s.row.begin() + 1, s.row.end());
     } else {
-      poses.push_back(make_pose(s.lines, s.row, s.columns.quaternion));
+      poses.push_back(s.pose);
     }
     s.digest = s.digest * kDigestFactor + s.hash;
   };
@@ -209,6 +267,8 @@ Motion MotionReader::next(std::int64_t most_steps) {
   if (s.chain) return {std::move(times_s), std::move(joint_values), *s.chain};
   return {std::move(times_s), std::move(poses)};
 }
+
+const BadRows& MotionReader::bad_rows() const { return state_->bad; }
 
 std::size_t MotionReader::digest() const { return state_->digest; }
 
@@ -225,6 +285,7 @@ std::vector<std::string> MotionReader::warnings() const {
 MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain) {
   MotionReader reader(file, chain);
   Motion motion = reader.next(std::numeric_limits<std::int64_t>::max());
+  if (reader.bad_rows().count > 0) throw InputError(reader.bad_rows().first);
   return {std::move(motion), reader.warnings()};
 }
 

@@ -20,17 +20,27 @@ struct MotionInput {
   std::vector<std::string> warnings;  ///< unused columns, joints beyond their limits
 };
 
+/// Rows that can't be what a machine did: fields missing, too many or no numbers; numbers no site
+/// and no sensor has; times that don't increase; a bucket or joint faster than any machine's since
+/// the last good row.
+struct BadRows {
+  std::int64_t count = 0;
+  std::string first;             ///< "FILE:LINE: what is wrong and what would be right"
+  std::int64_t first_byte = 0;   ///< where its line begins
+  std::optional<double> good_s;  ///< time of the last good row before it, if there is one
+};
+
 /// Reads `time` (s, strictly increasing) and, without a chain, x,y,z (m) with roll,pitch,yaw (rad,
 /// missing ones are 0) or qx,qy,qz,qw: the bucket frame in the world; with a chain, a column for
 /// each of its movable joints (rad or m).
 ///
 /// UTF-8 with or without a byte order mark, LF or CR LF line ends, spaces around commas, quoted
 /// fields, blank lines at the end. Columns it has no use for are skipped unread, with one warning.
-/// @throw InputError naming file, line, what is wrong and what would be right.
+/// @throw InputError naming file, line, what is wrong and what would be right; so does a bad row.
 MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain);
 
 /// Reads the same part by part, in memory for one part. Parts join: each begins with the last row
-/// of the one before.
+/// of the one before. Bad rows are left out, as if the file hadn't got them.
 class MotionReader {
  public:
   /// @throw InputError as read_motion() does; so does next().
@@ -48,6 +58,7 @@ class MotionReader {
   void go_to(const CsvLines::Mark& mark);
   std::int64_t bytes_read() const;
 
+  const BadRows& bad_rows() const;  ///< of all rows read so far
   /// What read_motion() would warn of, for all rows read so far.
   std::vector<std::string> warnings() const;
 

@@ -67,7 +67,10 @@ std::string to_json(const Summary& s) {
   using Json = nlohmann::ordered_json;
   Json machines = Json::array();
   for (const Summary::Machine& m : s.machines)
-    machines.push_back({{"name", m.name}, {"bucket_m3", m.bucket_m3}, {"cut_m3", m.cut_m3}});
+    machines.push_back({{"name", m.name},
+                        {"bucket_m3", m.bucket_m3},
+                        {"cut_m3", m.cut_m3},
+                        {"bad_rows", m.bad_rows}});
   const Json json = {
       {"soilvdb", 1},
       {"scenario", s.scenario},

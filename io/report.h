@@ -38,6 +38,7 @@ struct Summary {
   struct Machine {
     std::string name;
     double bucket_m3 = 0, cut_m3 = 0;
+    std::int64_t bad_rows = 0;  ///< of its motion
   };
   std::string scenario;
   double voxel_size_m = 0;

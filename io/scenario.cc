@@ -131,6 +131,17 @@ std::optional<Chain> read_machine_chain(const YamlMap& machine) {
   return chain;
 }
 
+OnBadRow read_on_bad_row(const YamlMap& machine) {
+  const std::string policy = machine.has("bad_rows") ? machine.text("bad_rows") : "stop";
+  if (policy != "stop" && policy != "skip") {
+    machine.fail("bad_rows",
+                 fmt::format("bad_rows is '{}'; it must be stop or skip: the run ends "
+                             "before the first bad row of the motion, or leaves all out",
+                             printable(policy)));
+  }
+  return policy == "stop" ? OnBadRow::kStop : OnBadRow::kSkip;
+}
+
 void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
   const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
@@ -168,20 +179,22 @@ struct Section {
   Bucket bucket;
   std::optional<Chain> chain;
   std::filesystem::path motion;
+  OnBadRow on_bad_row = OnBadRow::kStop;
 };
 
 std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result) {
   std::vector<Section> sections;
   std::set<std::string> names;
   for (const YamlMap& machine :
-       scenario.maps("machines", "machine", {"name", "bucket", "motion", "urdf", "base", "lip"})) {
+       scenario.maps("machines", "machine",
+                     {"name", "bucket", "motion", "bad_rows", "urdf", "base", "lip"})) {
     const std::string name = machine.name("name");
     if (!names.insert(name).second) {
       machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
     }
     const Bucket bucket = read_bucket(machine);
-    sections.push_back(
-        {name, bucket, read_machine_chain(machine), read_file_path(machine, "motion")});
+    sections.push_back({name, bucket, read_machine_chain(machine),
+                        read_file_path(machine, "motion"), read_on_bad_row(machine)});
     result.inputs.push_back(sections.back().motion);
     if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
   }
@@ -218,7 +231,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   for (const Section& section : sections) {
     Way way;
     LongMotion motion(
-        section.motion, section.chain,
+        section.motion, section.chain, section.on_bad_row,
         [&](const Motion& part, std::int64_t bytes) {
           way.add(part, section.bucket);
           if (progress) progress(done + bytes, total);

@@ -54,6 +54,7 @@ Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       writer_(folder_, {scenario_.incremental_snapshots, scenario_.snapshots_kept, threads > 1}),
       progress_(scenario_.name, schedule_.total(), " updates"),
       time_s_(schedule_.begin_s()) {
+  if (!step_) throw io::InputError(schedule_.stops_at());
   if (start_.updates > 0) tracker_.restore(start_.tracker_state);
   if (const auto mb = config_.options.memory_mb)
     start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
@@ -90,9 +91,11 @@ void Job::guarded(void (Job::*work)()) {
     throw std::runtime_error(fmt::format("{}; {}", e.what(), safe()));
   }
   print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
-  if (stopped_)
-    throw std::runtime_error(fmt::format("stopped by a signal at {} s of {} s; {}",
-                                         time_text(time_s_), time_text(schedule_.end_s()), safe()));
+  if (!stopped_) return;
+  const std::string why = step_ ? "stopped by a signal"
+                                : schedule_.stops_at() + "; mend or delete it; stopped before it";
+  throw std::runtime_error(fmt::format("{}, at {} s of {} s; {}", why, time_text(time_s_),
+                                       time_text(schedule_.end_s()), safe()));
 }
 
 void Job::replay_and_dig() {
@@ -178,6 +181,7 @@ void Job::dig() {
     after(batch.back());
     stopped_ = stop_requested && step_;
   }
+  if (!step_) stopped_ = !schedule_.stops_at().empty();
 }
 
 void Job::book(const io::JournalMove& move) {

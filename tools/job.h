@@ -45,10 +45,11 @@ class Job {
 
   /// @param folder outlives the job
   /// @param begin when the command was given
+  /// @throw io::InputError if there is nothing to dig before a bad row
   Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
       Clock::time_point begin);
 
-  /// Digs from the beginning of the motion to its end, or to a signal.
+  /// Digs from the beginning of the motion to its end, to a bad row, or to a signal.
   /// @throw io::InputError if the first update finds the input wrong; then nothing is written
   /// @throw std::runtime_error telling what is safe.
   void run();

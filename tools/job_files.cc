@@ -144,7 +144,8 @@ void Job::summarise() {
   summary_.residual_m3 = summary_.ground_change_m3 + summary_.cut_m3;
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const Ledger& ledger = tracker_.ledger(i);
-    summary_.machines.push_back({scenario_.machines[i].name, ledger.bucket_m3(), ledger.cut_m3()});
+    summary_.machines.push_back({scenario_.machines[i].name, ledger.bucket_m3(), ledger.cut_m3(),
+                                 scenario_.machines[i].motion.bad_rows().count});
   }
   summary_.leaves = soil.chunks().size();
   summary_.active_voxels = soil.active_voxels();

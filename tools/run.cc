@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "io/level_set_file.h"
 #include "io/snapshot.h"
@@ -68,12 +69,14 @@ void run(const RunOptions& options) {
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
     RunConfig config{options, start.site.soil->change_m3()};
     config.options.out = folder.path();
-    for (const std::string& warning : scenario.warnings)
-      fmt::print(stderr, "soilvdb: warning: {}\n", warning);
     folder.make();
     try {
       folder.lock();
-      Job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin).run();
+      const std::vector<std::string> warnings = scenario.warnings;
+      Job job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
+      for (const std::string& warning : warnings)
+        fmt::print(stderr, "soilvdb: warning: {}\n", warning);
+      job.run();
     } catch (...) {
       folder.unmake();
       throw;

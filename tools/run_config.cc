@@ -25,6 +25,14 @@ std::string relative_to(const fs::path& folder, const fs::path& file) {
       .string();
 }
 
+/// Is it a motion whose first bad row, at which the run stopped, or what comes after has changed?
+bool is_mended(const Json& input, const fs::path& file) {
+  if (!input.contains("good_bytes")) return false;
+  const auto good = input["good_bytes"].get<std::uint64_t>();
+  return fs::file_size(file) >= good &&
+         io::file_fingerprint(file, good) == input.at("good_checksum").get<std::string>();
+}
+
 /// Where an input is now.
 fs::path find_input(const Json& input, const fs::path& folder) {
   const auto relative = input.at("relative").get<std::string>();
@@ -39,6 +47,7 @@ fs::path find_input(const Json& input, const fs::path& folder) {
     if (!fs::is_regular_file(file, none)) continue;
     there = true;
     if (io::file_fingerprint(file) == checksum) return file;
+    if (is_mended(input, file)) return file;
   }
   if (there)
     throw io::InputError(absolute, fmt::format("has changed since the run in {} began; put back "
@@ -63,10 +72,17 @@ std::vector<fs::path> input_files(const io::Scenario& scenario) {
 std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   const RunOptions& options = config.options;
   Json inputs = Json::array();
-  for (const fs::path& file : input_files(scenario))
+  for (const fs::path& file : input_files(scenario)) {
     inputs.push_back({{"relative", relative_to(*options.out, file)},
                       {"absolute", fs::absolute(file).lexically_normal().string()},
                       {"checksum", io::file_fingerprint(file)}});
+    for (const io::MachineInput& machine : scenario.machines) {
+      if (machine.motion.file() != file || !machine.motion.stops()) continue;
+      const auto good = static_cast<std::uint64_t>(machine.motion.bad_rows().first_byte);
+      inputs.back()["good_bytes"] = good;
+      inputs.back()["good_checksum"] = io::file_fingerprint(file, good);
+    }
+  }
   Json json = {{"format", kFormat},
                {"version", SOILVDB_VERSION},
                {"inputs", inputs},

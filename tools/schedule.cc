@@ -9,12 +9,16 @@ namespace soilvdb::tools {
 
 Schedule::Schedule(const std::vector<io::MachineInput>& machines,
                    std::optional<std::int64_t> updates, double tolerance_m)
-    : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_) {
+    : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
   for (const io::MachineInput& machine : machines) {
     cursors_.emplace_back(machine, updates, tolerance_m);
     total_ += cursors_.back().count();
     begin_s_ = std::min(begin_s_, machine.motion.begin_s());
     end_s_ = std::max(end_s_, machine.motion.end_s());
+    const io::BadRows& bad = machine.motion.bad_rows();
+    if (!machine.motion.stops() || *bad.good_s >= stop_s_) continue;
+    stop_s_ = *bad.good_s;
+    stops_at_ = bad.first;
   }
 }
 
@@ -23,7 +27,7 @@ std::optional<Step> Schedule::next() {
   for (Cursor& cursor : cursors_) {
     if (!cursor.at_end() && (!first || cursor.until_s() < first->until_s())) first = &cursor;
   }
-  if (!first) return std::nullopt;
+  if (!first || first->until_s() > stop_s_) return std::nullopt;
   Step step = first->step();
   step.machine = static_cast<std::size_t>(first - cursors_.data());
   return step;

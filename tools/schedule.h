@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "io/scenario.h"
@@ -24,6 +25,7 @@ struct Step {
 /// The updates of several machines, merged by the time at which they end; at equal times in the
 /// order of the machines. A machine's steps follow on each other and cover its whole motion. Where
 /// parts of a long motion meet within an update, it comes in several steps, one after the other.
+/// Where a motion stops at a bad row, all machines do, with their last updates that end before it.
 class Schedule {
  public:
   /// @param machines outlive the schedule
@@ -37,6 +39,9 @@ class Schedule {
   std::int64_t total() const { return total_; }  ///< updates
   double begin_s() const { return begin_s_; }    ///< of the earliest motion
   double end_s() const { return end_s_; }        ///< of the latest
+
+  /// The bad row at which it stops, and what is wrong with it; empty: it doesn't.
+  const std::string& stops_at() const { return stops_at_; }
 
   /// @throw std::runtime_error if a motion can't be read any more.
   std::optional<Step> next();
@@ -66,6 +71,8 @@ class Schedule {
   std::vector<Cursor> cursors_;
   std::int64_t total_ = 0;
   double begin_s_ = 0, end_s_ = 0;
+  double stop_s_;
+  std::string stops_at_;
 };
 
 }  // namespace soilvdb::tools
