@@ -10,7 +10,8 @@
 
 // Compiled for any x86-64, for AVX2 and for AVX-512, chosen when the program starts. All give the
 // same bits: no contraction to fused multiply-add. Sanitizers can't run the choice that early.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
+#if defined(SOILVDB_FOR_CPUS)  // the build chose
+#elif defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define SOILVDB_FOR_CPUS __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else

@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <sstream>
 
 #include "io/motion_csv.h"
 #include "io/way.h"
@@ -29,10 +30,10 @@ std::string rows(std::int64_t count) {
   return text;
 }
 
-LongMotion open(const std::filesystem::path& file) {
+LongMotion open(const std::filesystem::path& file, OnBadRow on_bad_row = OnBadRow::kStop) {
   std::vector<std::string> warnings;
   return LongMotion(
-      file, std::nullopt, [](const Motion&, std::int64_t) {}, warnings);
+      file, std::nullopt, on_bad_row, [](const Motion&, std::int64_t) {}, warnings);
 }
 
 TEST(LongMotion, PartsJoinAndHoldTheRowsOfTheWholeFile) {
@@ -63,11 +64,43 @@ TEST(LongMotion, PartsJoinAndHoldTheRowsOfTheWholeFile) {
   }
 }
 
-TEST(LongMotion, AnErrorFarDownIsFoundBeforeAnythingIsDone) {
+TEST(LongMotion, BadRowsAreFoundBeforeAnythingIsDoneAndLeftOut) {
   const TempFolder folder;
-  const auto file = folder.write("m.csv", rows(2 * kSteps) + "1e6,0,0,nonsense,0\n");
-  EXPECT_EQ(test::message_of(folder, [&] { open(file); }),
-            fmt::format("m.csv:{}: z is 'nonsense'; it must be a number", 2 * kSteps + 2));
+  const std::string good = rows(2 * kSteps + 10);
+  const auto file = folder.write("m.csv", good);
+  const LongMotion clean = open(file);
+  EXPECT_EQ(clean.bad_rows().count, 0);
+  EXPECT_FALSE(clean.stops());
+  // In the first part, where two parts meet, and at the end.
+  std::string text;
+  std::istringstream lines(good);
+  long number = 0, first = 0;
+  for (std::string line; std::getline(lines, line); ++number) {
+    text += line + '\n';
+    if (number != 700 && number != kSteps + 1 && number != 2 * kSteps + 10) continue;
+    if (first == 0) first = number + 2;
+    text += line.substr(0, line.find(',')) + "5,0,0,nonsense,0\n";
+  }
+  const LongMotion stopping = open(folder.write("bad.csv", text));
+  EXPECT_TRUE(stopping.stops());
+  EXPECT_EQ(stopping.bad_rows().count, 3);
+  EXPECT_EQ(stopping.bad_rows().first, fmt::format("{}:{}: z is 'nonsense'; it must be a number",
+                                                   (folder / "bad.csv").string(), first));
+  EXPECT_EQ(stopping.bad_rows().good_s, 6.99);
+  EXPECT_TRUE(text.substr(static_cast<std::size_t>(stopping.bad_rows().first_byte))
+                  .starts_with("6.995,0,0,nonsense"));
+  const LongMotion skipping = open(folder / "bad.csv", OnBadRow::kSkip);
+  EXPECT_FALSE(skipping.stops());
+  for (const LongMotion* motion : {&stopping, &skipping}) {
+    EXPECT_EQ(motion->rows(), clean.rows());
+    ASSERT_EQ(motion->parts(), clean.parts());
+    for (std::size_t i = 0; i < clean.parts(); ++i) {
+      const auto part = motion->part(i), expected = clean.part(i);
+      ASSERT_EQ(part->times_s(), expected->times_s());
+      for (std::size_t k = 0; k < part->times_s().size(); ++k)
+        ASSERT_EQ(part->row(k).position, expected->row(k).position);
+    }
+  }
 }
 
 TEST(LongMotion, AFileThatChangesMeanwhileIsNoticedWhereItIsReadAgain) {

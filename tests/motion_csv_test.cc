@@ -183,6 +183,52 @@ TEST_F(MotionCsv, WhatIsNotANumber) {
             "m.csv:2: time is 1732180000125; it must be a number within 1e+11 (seconds)");
 }
 
+TEST_F(MotionCsv, NumbersTooSmallToBeMeasured) {
+  EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n1,4.9e-324,0,0\n"),
+            "m.csv:3: x is 4.9e-324, less than any sensor tells from 0; it must be 0 or a number "
+            "beyond 1e-300");
+  EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n1e-310,0,0,0\n").substr(0, 23), "m.csv:3: time is 1e-310");
+  EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n1,1e-400,0,0\n"),
+            "m.csv:3: x is '1e-400'; it must be a number");
+}
+
+TEST_F(MotionCsv, BucketsAndJointsThatJump) {
+  EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n0.1,0,7,0\n"),
+            "m.csv:3: the bucket moves 7 m in 0.1 s since the row before; no machine does more "
+            "than 50 m/s");
+  EXPECT_EQ(error("time,x,y,z,yaw\n0,0,0,0,0\n0.1,0,0,0,3.1\n"),
+            "m.csv:3: the bucket turns 3.1 rad in 0.1 s since the row before; no machine does more "
+            "than 10 rad/s");
+  EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,0,0\n0.1,0,-2.5\n"),
+            "m.csv:3: joint arm_joint turns 2.5 rad in 0.1 s since the row before; no machine does "
+            "more than 10 rad/s");
+  EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,0,0\n1e6,0,120\n"),
+            "m.csv:3: joint arm_joint turns 120 rad since the row before; at most 100 rad in one "
+            "row");
+  // Noise at a high rate is no jump, and neither is a machine that was driven on meanwhile.
+  read("time,x,y,z,yaw\n0,0,0,0,0\n0.001,0.9,0,0,0.9\n1000,9000,0,0,0\n");
+}
+
+TEST_F(MotionCsv, ReadingGoesOnAfterEachBadRowAsIfItWereNotThere) {
+  const std::string anywhere =  // twelve lines
+      "nan,1,1,1\n1,inf,1,1\n1,1e308,0,0\n1,5e-324,0,0\n1,2\n1,2,3,4,5\n1,,0,0\n1,zero,0,0\n\n\n" +
+      std::string("1,\0,0,0\n", 8) + std::string(300'000, '7') + "\n";
+  const std::string after_a_row = "0,0,0,0\n-1,0,0,0\n1,500,0,0\n";
+  const auto file =
+      folder_.write("m.csv", "time,x,y,z\n" + anywhere + "0.5,1,2,3\n" + anywhere + after_a_row +
+                                 "1.5,2,2,3\n" + anywhere + after_a_row + "2,3,2,3\n\n");
+  MotionReader reader(file, std::nullopt);
+  const Motion motion = reader.next(10);
+  EXPECT_EQ(motion.times_s(), (std::vector<double>{0.5, 1.5, 2}));
+  EXPECT_EQ(motion.row(1).position, Vec3(2, 2, 3));
+  EXPECT_EQ(reader.bad_rows().count, 42);
+  EXPECT_EQ(reader.bad_rows().first, file.string() +
+                                         ":2: time is nan; it must be a number within "
+                                         "1e+11 (seconds)");
+  EXPECT_EQ(reader.bad_rows().first_byte, 11);
+  EXPECT_FALSE(reader.bad_rows().good_s);
+}
+
 TEST_F(MotionCsv, AQuaternionFarFromUnit) {
   const auto with = [&](const std::string& q) {
     return error("time,x,y,z,qx,qy,qz,qw\n0,0,0,0," + q + "\n");

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "core/tracker.h"
@@ -47,6 +48,28 @@ TEST(Motion, SimplifiedStaysWithinItsToleranceWithFewerRows) {
 TEST(Motion, StandingStillSimplifiesToItsEnds) {
   EXPECT_EQ(Motion({0, 1, 2, 3, 4}, std::vector<Pose>(5)).simplified(bucket(), 1e-6).times_s(),
             (std::vector<double>{0, 4}));
+}
+
+TEST(Motion, RefusesRowsThatAreNone) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  Chain chain;
+  chain.joints = {{"swing", Joint::Type::kContinuous, {}, Vec3::UnitZ(), 0, 0},
+                  {"stick", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 0}};
+  for (const double v : {kNan, kInf, -kInf, 1e308, 1e10, 1001.0}) {
+    EXPECT_THROW(Motion({0, 1}, std::vector<double>{0, 0, v, 0}, chain), std::invalid_argument);
+    EXPECT_THROW(Motion({0, 1}, std::vector<double>{0, 0, 0, v}, chain), std::invalid_argument);
+    if (v == 1001) continue;  // far for a joint, not for a bucket
+    std::vector<Pose> poses(2);
+    poses[1].position.y() = v;
+    EXPECT_THROW(Motion({0, 1}, poses), std::invalid_argument);
+    poses[1] = poses[0];
+    poses[1].rotation.z() = v;
+    EXPECT_THROW(Motion({0, 1}, poses), std::invalid_argument);
+    if (v < kInf && v > 0) continue;  // late, but a time
+    EXPECT_THROW(Motion({0, v}, std::vector<Pose>(2)), std::invalid_argument);
+  }
+  EXPECT_NO_THROW(Motion({0, 1}, std::vector<double>{5e5, 5e6, 5e5, 5e6}, chain));
 }
 
 /// A mouth of width 0.5 at radius 3 about a vertical axis, all of it below the ground, digs a ring

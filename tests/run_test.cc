@@ -65,7 +65,7 @@ TEST_F(Run, SummaryHasTheDocumentedKeys) {
   EXPECT_EQ(keys(s["acknowledged"]), (Keys{"time_s", "updates"}));
   EXPECT_EQ(keys(s["volume_m3"]),
             (Keys{"captured", "cut", "displaced", "dumped", "ground_change", "residual"}));
-  EXPECT_EQ(keys(s["machines"][0]), (Keys{"bucket_m3", "cut_m3", "name"}));
+  EXPECT_EQ(keys(s["machines"][0]), (Keys{"bad_rows", "bucket_m3", "cut_m3", "name"}));
   EXPECT_EQ(keys(s["update_us"]), (Keys{"max", "mean", "p50", "p99"}));
   EXPECT_EQ(keys(s["wall_s"]), (Keys{"open", "total", "updates"}));
   EXPECT_EQ(keys(s["memory_bytes"]), (Keys{"peak_rss", "soil"}));

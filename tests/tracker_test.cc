@@ -5,6 +5,7 @@
 #include <tbb/global_control.h>
 
 #include <cmath>
+#include <limits>
 
 #include "tests/dig_runner.h"
 
@@ -94,6 +95,57 @@ TEST(Tracker, GoesOnFromItsStateBitForBit) {
       EXPECT_EQ(copy.state_hash(), soil.state_hash()) << "stopped after " << stop;
       EXPECT_EQ(later.total().captured, tracker.total().captured);
       EXPECT_EQ(later.total().displaced, tracker.total().displaced);
+    }
+  }
+}
+
+TEST(Tracker, RefusesWhatIsNoPoseAndStaysAsItWas) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  std::vector<Pose> bad;
+  for (const double v : {kNan, kInf, -kInf, 1e308, -1e308, 1e10, kVoxel * (1 << 23)}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      bad.push_back(at(1, 0, -0.2));
+      bad.back().position[axis] = v;
+    }
+  }
+  for (const double v : {kNan, kInf, 1e308, 0.0, 0.9}) {
+    bad.push_back(at(1, 0, -0.2));
+    bad.back().rotation = Eigen::Quaterniond(v, 0, 0, 0);
+  }
+  for (const std::size_t machines : {1u, 2u}) {
+    for (const bool flushed : {true, false}) {
+      Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+      Tracker tracker(soil, std::vector<Bucket>(machines, Bucket{0.6, 0.4, {}, {}}));
+      for (int i = 0; i < 20; ++i) tracker.update(0, at(0.05 * i, 0, -0.2));
+      if (flushed) tracker.flush();
+      const std::string state = tracker.state();
+      const std::uint64_t hash = soil.state_hash();
+      const auto refuses = [&](auto update) {
+        EXPECT_THROW(update(), std::invalid_argument);
+        EXPECT_EQ(tracker.state(), state);
+        EXPECT_EQ(soil.state_hash(), hash);
+      };
+      for (const Pose& pose : bad) {
+        refuses([&] { tracker.update(0, pose); });
+        const Move good{0, at(1.2, 0, -0.2)}, then_bad{machines - 1, pose};
+        refuses([&] { tracker.update(std::vector<Move>{good, then_bad}); });
+        if (!is_sane(pose)) {
+          EXPECT_THROW(Motion({0, 1}, std::vector<Pose>{at(0, 0, 0), pose}), std::invalid_argument);
+          continue;
+        }
+        // Between its ends, too.
+        const Motion motion({0, 1, 2}, std::vector<Pose>{at(0.95, 0, -0.2), pose, at(1, 0, -0.2)});
+        for (const double end : {1.0, 1.5, 2.0})
+          refuses([&] { tracker.update(0, motion, 0, end); });
+      }
+      const Motion motion({0, 1}, std::vector<Pose>{at(0.95, 0, -0.2), at(1, 0, -0.2)});
+      for (const auto& [begin, end] :
+           {std::pair(kNan, 1.0), std::pair(0.0, kNan), std::pair(0.0, kInf), std::pair(1.0, 0.0)})
+        refuses([&] { tracker.update(0, motion, begin, end); });
+      refuses([&] { tracker.update(machines, at(0, 0, 0)); });
+      refuses([&] { tracker.update(std::vector<Move>{{machines, at(0, 0, 0)}}); });
+      EXPECT_NO_THROW(tracker.update(0, motion, 0, 1));
     }
   }
 }

@@ -1,0 +1,232 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Runs whose sensors send nonsense: what is left out, where they stop, and how they go on.
+#include <vector>
+
+#include "io/snapshot.h"
+#include "tests/program.h"
+
+namespace soilvdb::testing {
+namespace {
+
+constexpr int kRows = 41;
+
+class BadRows : public ProgramTest {
+ protected:
+  void SetUp() override {
+    ProgramTest::SetUp();
+    write_file(folder() / "clean.csv", HalfSine{}.csv(kRows));
+    std::istringstream csv(HalfSine{}.csv(kRows));
+    for (std::string line; std::getline(csv, line);) lines_.push_back(line + '\n');
+    write_scenario("clean.yaml", "clean.csv", "stop");
+  }
+  void write_scenario(const std::string& name, const std::string& motion,
+                      const std::string& policy) const {
+    std::string text =
+        half_sine_scenario("{plane: {z: 0}}", motion + "\n    bad_rows: " + policy,
+                           "{snapshots: {every: 1}, mesh: ply, raster: {cell: 0.1}}");
+    text.replace(text.find("0.025"), 5, "0.05");
+    write_file(folder() / name, text);
+  }
+  /// The motion with more lines, each in front of one of its rows (1..kRows; kRows + 1: the end).
+  std::string with(const std::vector<std::pair<std::size_t, std::string>>& more) const {
+    std::string text;
+    for (std::size_t i = 0; i <= lines_.size(); ++i) {
+      for (const auto& [row, line] : more) text += row == i ? line + '\n' : "";
+      if (i < lines_.size()) text += lines_[i];
+    }
+    return text;
+  }
+  nlohmann::json summary(const std::string& out) const {
+    return read_json(folder() / out / "summary.json");
+  }
+  /// updates.csv without the last column, the time each took.
+  std::string updates(const std::string& out) const {
+    std::istringstream csv(read_file(folder() / out / "updates.csv"));
+    std::string text;
+    for (std::string line; std::getline(csv, line);) text += line.substr(0, line.rfind(',')) + '\n';
+    return text;
+  }
+  void expect_same(const std::string& out, const std::string& expected) const {
+    for (const char* key : {"state_hash", "volume_m3", "updates", "soil"})
+      EXPECT_EQ(summary(out)[key], summary(expected)[key]) << key;
+    EXPECT_EQ(updates(out), updates(expected));
+    for (const char* name : {"soil_final.ply", "soil_final.tif"})
+      EXPECT_EQ(read_file(folder() / out / name), read_file(folder() / expected / name)) << name;
+    EXPECT_EQ(run("verify " + out).status, 0);
+  }
+
+  std::vector<std::string> lines_;  ///< header, rows
+};
+
+/// One of each kind, for a row between those at 2.5 and 2.625 s.
+const std::vector<std::pair<std::string, std::string>> kKinds = {
+    {"2.55,nan,0,0,0", "x is nan; it must be a number within 1e+09"},
+    {"2.55,0.5,0,-inf,0", "z is -inf"},
+    {"2.55,0.5,1e-310,0,0", "y is 1e-310, less than any sensor tells from 0"},
+    {"2.55,1e308,0,0,0", "x is 1e308; it must be a number within 1e+09"},
+    {"1e308,0.5,0,0,0", "time is 1e308"},
+    {"2.5,0.5,0,0,0", "time 2.5 doesn't come after 2.5"},
+    {"1,0.5,0,0,0", "time 1 doesn't come after 2.5"},
+    {"2.55,9.5,0,0,0", "the bucket moves 9"},
+    {"2.55,0.5,0,0,3", "the bucket turns 3 rad in 0.05 s"},
+    {"2.55,half,0,0,0", "x is 'half'; it must be a number"},
+    {"2.55,0.5,0", "has 3 fields; the header has 5 columns"},
+    {"2.55,0.5,0,0,0,0", "has 6 fields; the header has 5 columns"},
+    {"", "is a blank line between rows"},
+    {std::string("\0\0\0\0", 4), "is a binary file"},
+    {std::string(70'000, '0'), "line is longer than 65536 characters"}};
+
+TEST_F(BadRows, SkippedOnesLeaveNoTraceButACountAndAWarning) {
+  ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
+  ASSERT_EQ(run("run clean.yaml --updates 7 --out clean7").status, 0);
+  EXPECT_EQ(summary("clean")["machines"][0]["bad_rows"], 0);
+  write_scenario("bad.yaml", "bad.csv", "skip");
+  std::vector<std::pair<std::size_t, std::string>> all = {{1, "nan,0,0,0,0"}, {kRows + 1, "9"}};
+  for (const auto& [line, what] : kKinds) {
+    SCOPED_TRACE(what);
+    all.emplace_back(22, line);
+    write_file(folder() / "bad.csv", with({{22, line}}));
+    const Result result = run("run bad.yaml --out bad");
+    EXPECT_EQ(result.status, 0) << result.err;
+    EXPECT_TRUE(result.err.starts_with("soilvdb: warning: bad.csv:23: ")) << result.err;
+    EXPECT_NE(result.err.find(what), std::string::npos) << result.err;
+    EXPECT_TRUE(result.err.ends_with("; this row is left out\n")) << result.err;
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 1);
+    expect_same("bad", "clean");
+  }
+  write_file(folder() / "bad.csv", with(all));
+  const Result result = run("run bad.yaml --out bad");
+  EXPECT_EQ(result.status, 0);
+  EXPECT_EQ(result.err,
+            fmt::format("soilvdb: warning: bad.csv:2: time is nan; it must be a number within "
+                        "1e+11 (seconds); this row and {} more are left out\n",
+                        kKinds.size() + 1));
+  EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], kKinds.size() + 2);
+  expect_same("bad", "clean");
+  ASSERT_EQ(run("run bad.yaml --updates 7 --out bad7").status, 0);
+  expect_same("bad7", "clean7");
+}
+
+TEST_F(BadRows, ByDefaultARunStopsAtOneWithWhatCameBeforeItSaved) {
+  write_file(folder() / "first.csv", HalfSine{}.csv(kRows, 0, 20));  // up to 2.5 s
+  write_scenario("first.yaml", "first.csv", "stop");
+  ASSERT_EQ(run("run first.yaml --out first").status, 0);
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  std::string by_default = read_file(folder() / "bad.yaml");
+  by_default.erase(by_default.find("    bad_rows: stop\n"), 19);
+  write_file(folder() / "bad.yaml", by_default);
+  for (const auto& [line, what] : kKinds) {
+    SCOPED_TRACE(what);
+    write_file(folder() / "bad.csv", with({{22, line}, {kRows + 1, line}}));
+    fs::remove_all(folder() / "bad");
+    const Result result = run("run bad.yaml --out bad");
+    EXPECT_EQ(result.status, 1);
+    const std::size_t second = result.err.find('\n') + 1;
+    EXPECT_TRUE(result.err.starts_with("soilvdb: warning: bad.csv:23: ")) << result.err;
+    EXPECT_TRUE(result.err.substr(second).starts_with("soilvdb: bad.csv:23: ")) << result.err;
+    EXPECT_NE(result.err.find(what, second), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("stopped before it, at 2.5 s of 5 s", second), std::string::npos);
+    EXPECT_NE(result.err.find("safe in bad: soil_1.vdb, soil_2.vdb", second), std::string::npos);
+    EXPECT_NE(result.err.find("soil_final.vdb", second), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("`soilvdb resume bad` goes on from 2.5 s\n", second),
+              std::string::npos)
+        << result.err;
+    expect_same("bad", "first");
+    EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], line.empty() ? 1 : 2);
+    io::SnapshotInfo info;
+    io::read_snapshot(folder() / "bad/soil_final.vdb", &info);
+    EXPECT_EQ(info.time_s, 2.5);
+  }
+}
+
+TEST_F(BadRows, WhereNothingCouldBeDugBeforeOneTheInputIsWrong) {
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  write_file(folder() / "bad.csv", with({{1, "0,nan,0,0,0"}}));
+  expect_refused("run bad.yaml", "bad.csv:2: x is nan; it must be a number within 1e+09");
+  expect_refused("info bad.yaml", "bad.csv:2: x is nan");
+  // An update that a bad row is in can't be dug.
+  write_file(folder() / "bad.csv", with({{22, "3,nan,0,0,0"}}));
+  expect_refused("run bad.yaml --updates 1", "bad.csv:23: x is nan");
+  // Without a single good row there is nothing to leave out bad ones from.
+  write_scenario("bad.yaml", "bad.csv", "skip");
+  write_file(folder() / "bad.csv", "time,x,y,z\n0,nan,0,0\n1\n");
+  expect_refused("run bad.yaml", "bad.csv:2: x is nan");
+  write_scenario("bad.yaml", "bad.csv", "ignore");
+  expect_refused("run bad.yaml", "bad.yaml:9: bad_rows is 'ignore'; it must be stop or skip");
+  // What is wrong with the file and not with a row stays wrong.
+  write_scenario("bad.yaml", "bad.csv", "skip");
+  for (const char* text : {"", "time,x,y,z\n", "time,x,y\n0,0,0\n", "time,x,y,z,x\n0,0,0,0,0\n"}) {
+    write_file(folder() / "bad.csv", text);
+    expect_refused("run bad.yaml", "bad.csv");
+  }
+}
+
+TEST_F(BadRows, ResumeStopsThereAgainUntilTheRowIsMended) {
+  ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
+  ASSERT_EQ(run("run clean.yaml --updates 10 --out clean10").status, 0);
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  std::string mended = with({}), broken = mended;
+  broken.replace(broken.find(lines_[22]), lines_[22].size() - 1, "2.625,nan,0,0,0");
+  for (const char* options : {"", "--updates 10"}) {
+    SCOPED_TRACE(options);
+    fs::remove_all(folder() / "bad");
+    write_file(folder() / "bad.csv", broken);
+    EXPECT_EQ(run(fmt::format("run bad.yaml {} --out bad", options)).status, 1);
+    EXPECT_EQ(run("verify bad").status, 0);
+    const nlohmann::json stopped = summary("bad");
+    EXPECT_EQ(stopped["updates"], *options ? 5 : 21);
+    const Result again = run("resume bad");
+    EXPECT_EQ(again.status, 1);
+    EXPECT_TRUE(again.err.starts_with("soilvdb: bad.csv:23: x is nan;")) << again.err;
+    EXPECT_NE(again.err.find("stopped before it, at 2.5 s of 5 s"), std::string::npos) << again.err;
+    EXPECT_EQ(summary("bad")["state_hash"], stopped["state_hash"]);
+    EXPECT_EQ(summary("bad")["updates"], stopped["updates"]);
+    // What was dug already is not to be changed.
+    std::string other = mended;
+    other[other.find("0.25,") + 2] = '4';
+    write_file(folder() / "bad.csv", other);
+    expect_refused("resume bad", "bad.csv: has changed since the run");
+    write_file(folder() / "bad.csv", mended.substr(0, mended.size() / 4));
+    expect_refused("resume bad", "bad.csv: has changed since the run");
+    write_file(folder() / "bad.csv", mended);
+    const Result on = run("resume bad");
+    EXPECT_EQ(on.status, 0) << on.err;
+    EXPECT_EQ(on.err, "");
+    expect_same("bad", *options ? "clean10" : "clean");
+    EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 0);
+  }
+}
+
+TEST_F(BadRows, AllMachinesStopWhereTheFirstOneDoes) {
+  HalfSine beside;
+  beside.y_m = 3;
+  write_file(folder() / "beside.csv", beside.csv(101));
+  const auto two = [&](const std::string& name, const std::string& motion) {
+    write_scenario(name, motion, "stop");
+    std::string text = read_file(folder() / name);
+    text.insert(text.find("output:"),
+                "  - name: other\n    bucket: {width: 0.4, height: 0.5}\n    motion: beside.csv\n");
+    write_file(folder() / name, text);
+  };
+  two("clean.yaml", "clean.csv");
+  two("bad.yaml", "bad.csv");
+  ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
+  std::string broken = with({});
+  broken.replace(broken.find(lines_[22]), lines_[22].size() - 1, "2.625,nan,0,0,0");
+  write_file(folder() / "bad.csv", broken);
+  const Result result = run("run bad.yaml --out bad");
+  EXPECT_EQ(result.status, 1);
+  EXPECT_NE(result.err.find("stopped before it, at 2.5 s of 5 s"), std::string::npos) << result.err;
+  EXPECT_EQ(summary("bad")["updates"], 21 + 51);
+  EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 1);
+  EXPECT_EQ(summary("bad")["machines"][1]["bad_rows"], 0);
+  write_file(folder() / "bad.csv", with({}));
+  const Result on = run("resume bad");
+  EXPECT_EQ(on.status, 0) << on.err;
+  expect_same("bad", "clean");
+}
+
+}  // namespace
+}  // namespace soilvdb::testing
