@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <unordered_set>
 #include <vector>
 
@@ -23,6 +24,8 @@ constexpr int kCellBits = 21;            // of a coordinate of a cell no smaller
 constexpr double kMostVoxels = 1 << 23;  // either way from the origin: 21 bits of chunks
 constexpr int kPointsAcross = 8;         // of a mouth, where its sweep is estimated
 constexpr double kMostCells = 1e6;       // looked at for one block of steps
+constexpr double kMostStrokeM = 1000;    // in soil, from one row to the next
+constexpr double kStrideM = 10;          // by which such a stroke is looked at
 
 Eigen::AlignedBox2d plan(const Box3& box) { return {box.min().head<2>(), box.max().head<2>()}; }
 
@@ -67,6 +70,31 @@ void check_distance(const Scenario& scenario, const Site& site, const MachineInp
                   "{:g} m that voxels of {:g} m can number; a voxel_size of {:.2g} or "
                   "more would do",
                   m.name, far.maxCoeff(), kMostVoxels * h, h, 1.05 * far.maxCoeff() / kMostVoxels));
+}
+
+/// A stroke that takes hours to dig, and that no machine made.
+void check_strokes(const Site& site, const Scenario& scenario, const MachineInput& m) {
+  const auto is_long = [](const Box3& box) { return box.diagonal().norm() > kMostStrokeM; };
+  const Corners corners = bucket_corners(m.bucket);
+  look_closer(m, is_long, [&](const Motion& part, const StepBox& step) {
+    const std::vector<double>& times = part.times_s();
+    const std::size_t next = std::min(step.row + 1, times.size() - 1);
+    const double far_m = (part.row(next).position - part.row(step.row).position).norm();
+    if (far_m <= kMostStrokeM) return false;
+    Box3 last;
+    for (const Pose& pose :
+         part.trace(times[step.row], times[next], m.bucket, kStrideM, kStrideM)) {
+      const Box3 box = box_at(pose, corners);
+      if (!last.isEmpty() && !surely_air(site, box.merged(last)))
+        throw InputError(
+            scenario.file,
+            fmt::format("machine '{}' digs on for {:.0f} m between {:g} s and {:g} s, from one row "
+                        "to the next; it must be {} m or less, or above the ground",
+                        m.name, far_m, times[step.row], times[next], kMostStrokeM));
+      last = box;
+    }
+    return false;
+  });
 }
 
 /// Looks ever closer, as excavate() will look at last, wherever the ground isn't known.
@@ -155,8 +183,10 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
   const int nz = std::max(1, static_cast<int>(std::ceil(m.bucket.height_m / cell_m)));
   SoilCells cells(*site.soil, cell_m);
   const Corners corners = bucket_corners(m.bucket);
+  std::optional<Pose> last;  // in soil
   const auto mark = [&](const Pose& pose) {
     if (surely_air(site, box_at(pose, corners))) return;
+    last = pose;
     for (int j = 0; j <= ny; ++j) {
       for (int k = 0; k <= nz; ++k) {
         cells.mark(pose * Vec3(0, (double(j) / ny - 0.5) * m.bucket.width_m,
@@ -164,21 +194,19 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
       }
     }
   };
-  Pose last = m.motion.part(0)->row(0);
-  mark(last);
+  mark(m.motion.part(0)->row(0));
   const auto in_soil = [&](const Box3& box) { return !surely_air(site, box); };
   look_closer(m, in_soil, [&](const Motion& part, const StepBox& step) {
     if (!in_soil(step.box)) return false;
     const std::vector<double>& times = part.times_s();
     const std::size_t next = std::min(step.row + 1, times.size() - 1);
     const Pose here = part.row(next);
-    double moved = 0;
+    double moved = last ? 0 : cell_m;
     for (const auto& p : corners.colwise())
-      moved = std::max(moved, (here * Vec3(p) - last * Vec3(p)).norm());
+      if (last) moved = std::max(moved, (here * Vec3(p) - *last * Vec3(p)).norm());
     if (moved < cell_m / 2 && part.row_pieces(next) == 1) return false;
     for (const Pose& pose : part.trace(times[step.row], times[next], m.bucket, cell_m, cell_m))
       mark(pose);
-    last = here;
     return cells.volume_m3() > enough_m3;
   });
   return cells.volume_m3();
@@ -246,6 +274,7 @@ void check_reach(const Scenario& scenario, const Site& site) {
   if (scenario.machines.empty()) return;
   check_overlap(scenario, site);
   for (const MachineInput& m : scenario.machines) check_distance(scenario, site, m);
+  for (const MachineInput& m : scenario.machines) check_strokes(site, scenario, m);
   for (const MachineInput& m : scenario.machines) check_known(scenario, site, m);
   check_memory(scenario, site);
   check_raster(scenario, site);

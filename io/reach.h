@@ -12,7 +12,8 @@ namespace soilvdb::io {
 /// they come near ground without a height or would dig a great deal.
 /// @throw InputError naming the scenario and what would be right: no bucket ever comes over the
 ///        terrain; one digs where the terrain has no height; the motion is too far from the site's
-///        origin for the voxel size; the ground it digs would need more than half of the memory, or
+///        origin for the voxel size; it digs on for more than 1 km from one row to the next; the
+///        ground it digs would need more than half of the memory, or
 ///        an output raster of more cells than can be written.
 void check_reach(const Scenario& scenario, const Site& site);
 

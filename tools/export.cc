@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <optional>
+#include <stdexcept>
 #include <string>
 
 #include "core/mesher.h"
@@ -62,7 +64,12 @@ void export_level_set(const fs::path& to, const io::Site& site, const std::optio
   Box2 plan = region ? *region : io::region_of_interest(soil);
   if (!site.bounds.isEmpty()) plan = plan.intersection(site.bounds);
   const Eigen::AlignedBox3d box = ground_box(soil, plan);
-  const std::uint64_t voxels = write_level_set(to, site, box);
+  std::uint64_t voxels = 0;
+  try {
+    voxels = write_level_set(to, site, box);
+  } catch (const std::invalid_argument& e) {
+    throw io::InputError(std::string("--region: ") + e.what());
+  }
   fmt::print("{}: closed level set of {} m x {} m x {} m, {} voxels\n", to.string(),
              number(box.sizes().x()), number(box.sizes().y()), number(box.sizes().z()), voxels);
 }

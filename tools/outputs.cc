@@ -19,6 +19,12 @@ namespace soilvdb::tools {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+constexpr double kLeastSide_m = 1e-3, kMostSide_m = 1e6;  // of a region
+
+}  // namespace
+
 Eigen::AlignedBox2d resident_box(const Soil& soil) {
   Eigen::AlignedBox2d box;
   for (const Chunk* chunk : soil.chunks()) {
@@ -47,6 +53,11 @@ Eigen::AlignedBox2d parse_region(const std::string& text) {
   if (numbers.size() != 4) throw refuse("not four numbers");
   if (!(numbers[0] < numbers[2]) || !(numbers[1] < numbers[3]))
     throw refuse("XMIN must be below XMAX and YMIN below YMAX");
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    const double side_m = numbers[axis + 2] - numbers[axis];
+    if (!(side_m >= kLeastSide_m && side_m <= kMostSide_m))
+      throw refuse("its sides must be from 1 mm to 1000 km");
+  }
   return {Vec2(numbers[0], numbers[1]), Vec2(numbers[2], numbers[3])};
 }
 
