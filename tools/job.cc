@@ -179,7 +179,7 @@ void Job::dig() {
       book(move);
     }
     after(batch.back());
-    stopped_ = stop_requested && step_;
+    stopped_ = stop_requested && step_ && batch.back().ends_update;
   }
   if (!step_) stopped_ = !schedule_.stops_at().empty();
 }
