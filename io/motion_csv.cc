@@ -158,6 +158,7 @@ struct MotionReader::State {
         at = mark;
         return true;
       } catch (const LineError& e) {
+        if (blanks > 0) refuse_blanks();
         refuse(mark, e);
       }
     }
