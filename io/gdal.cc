@@ -4,6 +4,7 @@
 
 #include <cpl_error.h>
 #include <gdal.h>
+#include <gdal_frmts.h>
 
 #include <algorithm>
 #include <mutex>
@@ -11,11 +12,26 @@
 #include "io/text.h"
 
 namespace soilvdb::io {
+namespace {
+
+/// The formats of heights, all of them built into GDAL. The other two hundred, and what is in
+/// plugins, never get to see a file.
+void register_drivers() {
+  for (const auto add :
+       {GDALRegister_GTiff, GDALRegister_AAIGrid, GDALRegister_AIGrid, GDALRegister_GRASSASCIIGrid,
+        GDALRegister_EHdr, GDALRegister_ENVI, GDALRegister_HFA, GDALRegister_GSAG,
+        GDALRegister_GSBG, GDALRegister_GS7BG, GDALRegister_SAGA, GDALRegister_SRTMHGT,
+        GDALRegister_DTED, GDALRegister_USGSDEM}) {
+    add();
+  }
+}
+
+}  // namespace
 
 GdalMessages::GdalMessages() {
   static std::once_flag once;
   std::call_once(once, [] {
-    GDALAllRegister();
+    register_drivers();
     // GDAL's own choice is 5 % of the memory; tiles are kept decoded by the height field anyway.
     GDALSetCacheMax64(GIntBig{64} << 20);
   });

@@ -33,8 +33,7 @@ bool take_numbers(std::string_view& bytes, std::vector<double>& numbers) {
   std::uint32_t count = 0;
   if (!take_raw(bytes, count) || bytes.size() / sizeof(double) < count) return false;
   numbers.resize(count);
-  std::memcpy(numbers.data(), bytes.data(), count * sizeof(double));
-  bytes.remove_prefix(count * sizeof(double));
+  for (double& number : numbers) take_raw(bytes, number);
   return true;
 }
 

@@ -21,9 +21,6 @@
 namespace soilvdb::io {
 namespace {
 
-constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIG",  "GRASSASCIIGrid", "EHdr",
-                                    "ENVI",  "HFA",     "GSAG", "GSBG",           "GS7BG",
-                                    "SAGA",  "SRTMHGT", "DTED", "USGSDEM",        nullptr};
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 constexpr double kHighest = 1e5;  // m, either way
 constexpr double kVoids[] = {-9999, -99999, -32768, -32767};
@@ -109,21 +106,13 @@ GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessage
   const char* const ascii[] = {"DATATYPE=Float64", nullptr};
   messages.clear();
   GDALDatasetUniquePtr dataset(GDALDataset::Open(
-      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, kDrivers,
+      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, nullptr,
       name == "AAIGrid" || name == "GRASSASCIIGrid" ? ascii : nullptr, nullptr));
   if (dataset) return dataset;
-  const bool ours = std::find_if(std::begin(kDrivers), std::end(kDrivers) - 1, [&](auto* driver) {
-                      return name == driver;
-                    }) != std::end(kDrivers) - 1;
   if (name.empty()) {
-    throw InputError(file, "is not a raster; a GeoTIFF or an Esri ASCII grid of heights would do");
-  }
-  if (!ours) {
-    std::filesystem::path out = file;
-    out.replace_extension(".tif");
-    throw InputError(file, fmt::format("is of format {}, which is not read as terrain; convert it "
-                                       "with: gdal_translate {} {}",
-                                       name, shell_quoted(file), shell_quoted(out)));
+    throw InputError(file,
+                     "is not a raster that is read as terrain; a GeoTIFF or an Esri ASCII grid of "
+                     "heights would do (gdal_translate makes one of other formats)");
   }
   throw InputError(file, fmt::format("is damaged ({})", messages.error_or("GDAL can't open it")));
 }

@@ -58,10 +58,12 @@ void check_readable(const std::filesystem::path& file) {
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes) {
   check_readable(file);
   std::ifstream in(file, std::ios::binary);
-  std::string text(max_bytes + 1, '\0');
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  std::string text, block(1 << 16, '\0');
+  while (text.size() <= max_bytes && in) {
+    in.read(block.data(), static_cast<std::streamsize>(block.size()));
+    text.append(block, 0, static_cast<std::size_t>(in.gcount()));
+  }
   if (in.bad()) throw InputError(file, std::string("can't be read: ") + std::strerror(errno));
-  text.resize(static_cast<std::size_t>(in.gcount()));
   if (text.size() > max_bytes) {
     throw InputError(file, fmt::format("is larger than {} MB; is it the right file?",
                                        max_bytes / (1024 * 1024)));

@@ -19,6 +19,8 @@
 #include "io/crs.h"
 #include "tests/temp_folder.h"
 
+extern "C" int GDALGetDriverCount();
+
 namespace soilvdb::io {
 namespace {
 
@@ -259,8 +261,14 @@ TEST(Raster, FormatsThatReferToOtherFilesAreNotFollowed) {
       "</GeoTransform><VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource>"
       "<SourceFilename relativeToVRT=\"1\">a.asc</SourceFilename><SourceBand>1</SourceBand>"
       "</SimpleSource></VRTRasterBand></VRTDataset>");
-  EXPECT_THAT(refusal(folder, vrt), HasSubstr("is of format VRT"));
-  EXPECT_THAT(refusal(folder, vrt), HasSubstr("gdal_translate a.vrt a.tif"));
+  EXPECT_THAT(refusal(folder, vrt), HasSubstr("is not a raster that is read as terrain"));
+  EXPECT_THAT(refusal(folder, vrt), HasSubstr("gdal_translate"));
+}
+
+TEST(Raster, FormatsThatHoldNoHeightsAreUnknownToGdalHere) {
+  const TempFolder folder;
+  refusal(folder, folder.write("empty.tif", ""));
+  EXPECT_EQ(GDALGetDriverCount(), 14) << "as many as io/gdal.cc names";
 }
 
 TEST(Raster, ACutOffRasterIsRefusedAtOpening) {

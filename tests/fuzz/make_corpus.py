@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the seeds in tests/fuzz/corpus: small files of every kind that is read.
+
+    tests/fuzz/make_corpus.py build/soilvdb     # needs gdal_translate, too
+"""
+import pathlib
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+
+HERE = pathlib.Path(__file__).resolve().parent
+CORPUS = HERE / 'corpus'
+
+SCENARIO = '''soilvdb: 1
+name: pit
+voxel_size: 0.1
+terrain:
+  plane: {z: 0.0, slope: [0.1, 0.0]}
+machines:
+  - name: digger
+    bucket: {width: 0.4, height: 0.3, profile: [[0, 0], [-0.2, 0.05], [0, 0.3]], dump_angle: 0.8}
+    motion: motion.csv
+output:
+  snapshots: {every: 1.0}
+  mesh: ply
+  raster: {cell: 0.1}
+  journal: {sync: always}
+'''
+BY_JOINTS = '''soilvdb: 1
+voxel_size: 0.05
+terrain: {raster: hills.tif}
+machines:
+  - name: one
+    bucket: &b {width: 1.2, height: 1}
+    motion: joints.csv
+    urdf: machine.urdf
+    base: {xyz: [1, 2, 3], rpy: [0, 0, 0.6]}
+    lip: {link: b, xyz: [1.4, 0, 0], rpy: [3.14, 1.5, 0]}
+  - {name: two, bucket: *b, motion: motion.csv}
+'''
+POSES = 'time,x,y,z,pitch\n0,0,0,0.1,0\n0.5,0.3,0,-0.1,0.1\n1,0.6,0,-0.1,0.2\n1.5,0.8,0,0.2,0.5\n'
+QUATERNIONS = 'time,x,y,z,qx,qy,qz,qw,note\n0,1,2,3,0,0,0,1,"a, b"\n1e-3,2,2,3,0.6,0,0,0.8,\n'
+JOINTS = '\ufefftime , boom,stick\r\n0,0.1,1\r\n1,0.5,+1.5\r\n2,1.5,-.5e0\r\n\r\n'
+MACHINE = '''<?xml version="1.0"?>
+<robot name="m">
+  <!-- four links -->
+  <material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
+  <link name="base"><inertial><mass value="1"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="boom"><visual><origin xyz="0 0 1"/><geometry><box size="1 1 2"/></geometry>
+    <material name="grey"/></visual></link>
+  <link name="stick"><collision><geometry><cylinder radius="1" length="2"/></geometry>
+    </collision></link>
+  <link name="bucket"><visual><geometry><mesh filename="package://m/b.dae" scale="1 1 1"/>
+    </geometry></visual></link>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="boom"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="lift" type="revolute"><parent link="boom"/><child link="stick"/>
+    <origin xyz="0 0 1" rpy="0 1.57 0"/><axis xyz="0 3 4"/>
+    <limit lower="-1" upper="1.5" effort="1" velocity="1"/><dynamics damping="1"/></joint>
+  <joint name="end" type="fixed"><parent link="stick"/><child link="bucket"/></joint>
+</robot>
+'''
+
+
+def write(target, name, content):
+  folder = CORPUS / target
+  folder.mkdir(parents=True, exist_ok=True)
+  (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def rasters(work):
+  """One of each format; see raster_fuzz.cc for how its parts are put together."""
+  ascii_grid = ('ncols 3\nnrows 2\nxllcorner 500000\nyllcorner 5400000\ncellsize 1\n'
+                'NODATA_value -9999\n1 2 3\n4 -9999 6.5\n')
+  source = work / 'a.asc'
+  source.write_text(ascii_grid)
+  formats = [(0, 'GTiff', 'tif', None, ['-a_srs', 'EPSG:32632']),
+             (0, 'GTiff', 'tif', None, ['-co', 'COMPRESS=DEFLATE', '-co', 'PREDICTOR=3']),
+             (0, 'GTiff', 'tif', None, ['-co', 'COMPRESS=LZW', '-co', 'TILED=YES', '-ot', 'Int16']),
+             (1, 'AAIGrid', 'asc', 'prj', ['-a_srs', 'EPSG:32632']),
+             (2, 'EHdr', 'bil', 'hdr', []), (3, 'HFA', 'img', None, []),
+             (4, 'ENVI', 'dat', 'hdr', []), (5, 'GSAG', 'grd', None, []),
+             (5, 'GSBG', 'grd', None, []), (5, 'GS7BG', 'grd', None, []),
+             (7, 'SAGA', 'sdat', 'sgrd', [])]
+  for number, (choice, driver, suffix, header, options) in enumerate(formats):
+    out = work / f'b{number}.{suffix}'
+    subprocess.run(['gdal_translate', '-q', '-of', driver, *options, source, out], check=True)
+    content = bytes([choice])
+    if header:
+      side = out.with_suffix('.' + header).read_bytes()
+      content += struct.pack('<H', len(side)) + side
+    write('raster', f'{driver.lower()}_{number}', content + out.read_bytes())
+
+
+def main():
+  program = pathlib.Path(sys.argv[1]).resolve()
+  write('scenario', 'poses', SCENARIO)
+  write('scenario', 'joints', BY_JOINTS)
+  write('motion', 'poses', POSES)
+  write('motion', 'quaternions', QUATERNIONS)
+  write('motion', 'joints', JOINTS)
+  write('urdf', 'machine', MACHINE)
+  with tempfile.TemporaryDirectory() as folder:
+    work = pathlib.Path(folder)
+    rasters(work)
+    # The bucket that snapshot_fuzz.cc has, digging and in the air.
+    (work / 'scenario.yaml').write_text(re.sub(', profile: .*]]', '', SCENARIO))
+    for name, motion in [('digging', POSES), ('in_air', POSES.replace('-', ''))]:
+      (work / 'motion.csv').write_text(motion)
+      subprocess.run([program, 'run', 'scenario.yaml', '--out', name], cwd=work, check=True,
+                     stdout=subprocess.DEVNULL)
+      write('journal', name, (work / name / 'journal').read_bytes())
+      snapshot = (work / name / 'soil_final.vdb').read_bytes()
+      size = int(snapshot[-65:-49], 16)  # in the line before the checksum's
+      write('snapshot', name, b'\2' + snapshot[-79 - size:-79])
+  write('snapshot', 'no_state', b'\1soilvdb-state 0000000000000000\n')
+  write('snapshot', 'file', b'\0' + snapshot[:200] + snapshot[-48:])
+  points = b''.join(struct.pack('<fff', *p) for p in [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
+  write('mesh', 'tetrahedron', b'\3\3' + struct.pack('<ddd', 5e5, 5.4e6, 100) + points +
+        bytes([0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2]) + b'PROJCRS["WGS 84 / UTM zone 32N"]')
+
+
+main()

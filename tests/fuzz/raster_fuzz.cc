@@ -1,0 +1,50 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Rasters of heights. The first byte chooses the format by its files' names; where it takes two
+// files, the next two bytes say how many of the bytes after them are the header's.
+#include <algorithm>
+#include <vector>
+
+#include "io/raster.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace soilvdb;
+
+namespace {
+
+struct Names {
+  const char* heights;
+  const char* header;
+};
+constexpr Names kNames[] = {{"a.tif", nullptr},       {"a.asc", "a.prj"},        {"a.bil", "a.hdr"},
+                            {"a.img", nullptr},       {"a.dat", "a.hdr"},        {"a.grd", nullptr},
+                            {"N45E006.hgt", nullptr}, {"a.sdat", "a.sgrd"},      {"a.dt0", nullptr},
+                            {"a.dem", nullptr},       {"a.tif", "a.tif.aux.xml"}};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  std::string_view rest = fuzz::text(data, size);
+  if (rest.size() < 3) return 0;
+  const Names names = kNames[data[0] % std::size(kNames)];
+  rest.remove_prefix(1);
+  const test::TempFolder folder;
+  if (names.header) {
+    const std::size_t header = data[1] + std::size_t{256} * data[2];
+    rest.remove_prefix(2);
+    folder.write(names.header, rest.substr(0, header));
+    rest.remove_prefix(std::min(rest.size(), header));
+  }
+  const auto file = folder.write(names.heights, rest);
+  fuzz::expect_read_or_refused([&] {
+    const io::RasterInput raster = io::open_raster(file);
+    const int nx = std::min(raster.grid.nx, 64), ny = std::min(raster.grid.ny, 64);
+    std::vector<float> heights(std::size_t(nx) * ny);
+    try {
+      raster.source->read(raster.grid.nx - nx, raster.grid.ny - ny, nx, ny, heights.data());
+    } catch (const std::runtime_error& damage) {
+      fuzz::check_message(damage);
+    }
+  });
+  return 0;
+}

@@ -1,0 +1,25 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Scenarios, beside a motion and a machine that they may refer to.
+#include "io/scenario.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace soilvdb;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const test::TempFolder folder;
+  static const bool ready = [] {
+    folder.write("motion.csv", "time,x,y,z,turn\n0,0,0,0,0\n1,1,0,-0.2,0.5\n");
+    folder.write("joints.csv", "time,turn\n0,0\n1,0.5\n");
+    folder.write("machine.urdf", R"(<robot name="m"><link name="a"/><link name="b"/>
+        <joint name="turn" type="continuous"><parent link="a"/><child link="b"/></joint></robot>)");
+    return true;
+  }();
+  static_cast<void>(ready);
+  const auto file = folder.write("scenario.yaml", fuzz::text(data, size));
+  fuzz::expect_read_or_refused([&] {
+    const io::Scenario scenario = io::read_scenario(file);
+    fuzz::require(scenario.voxel_size_m > 0 && !scenario.machines.empty(), "a usable scenario");
+  });
+  return 0;
+}

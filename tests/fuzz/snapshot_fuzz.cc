@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Snapshots. By the first byte: the rest is a whole file; or what stands between the grids, which
+// OpenVDB reads, and a checksum that is right; or a tracker's state.
+#include <memory>
+
+#include "core/tracker.h"
+#include "io/snapshot.h"
+#include "io/snapshot_format.h"
+#include "tests/fuzz/fuzz.h"
+
+using namespace soilvdb;
+
+namespace {
+
+Bucket bucket() {
+  Bucket bucket;
+  bucket.width_m = 0.4;
+  bucket.height_m = 0.3;
+  return bucket;
+}
+
+/// A site with a small cut.
+struct Site {
+  io::Site site;
+  std::unique_ptr<Tracker> tracker;
+
+  Site() {
+    io::Base base = io::open_base(io::PlaneTerrain{});
+    site = {std::make_unique<Soil>(0.1, Vec3::Zero(), base.surface), base.reference, "",
+            base.bounds};
+    tracker = std::make_unique<Tracker>(*site.soil, std::vector{bucket()});
+    for (const double x : {0.0, 0.3, 0.5}) {
+      Pose pose;
+      pose.position = {x, 0, -0.1};
+      tracker->update(0, pose);
+    }
+    tracker->flush();
+  }
+};
+
+/// Reads a snapshot of the site with `tail` between the grids and a checksum that is right.
+void read_with_tail(const test::TempFolder& folder, const std::string& tail) {
+  static const Site site;
+  static const std::string vdb = [&] {
+    const std::string bytes =
+        io::snapshot_bytes(folder / "seed.vdb", site.site, {"seed", 1.0, 0, 0, 0, 0, ""});
+    return bytes.substr(0, bytes.size() - io::kTrailerSize);
+  }();
+  const std::string bytes = vdb + tail;
+  const auto file = folder.write("soil.vdb", bytes + io::trailer(bytes));
+  const io::Site read = io::read_snapshot(file);
+  fuzz::require(read.soil->state_hash() == site.site.soil->state_hash(),
+                "the ground is what was written");
+}
+
+void restore(const std::string& state) {
+  Site site;
+  Tracker tracker(*site.site.soil, {bucket()});
+  try {
+    tracker.restore(state);
+    tracker.flush();
+  } catch (const std::invalid_argument& no_state) {
+    fuzz::check_message(no_state);
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const test::TempFolder folder;
+  if (size == 0) return 0;
+  const std::string rest(fuzz::text(data + 1, size - 1));
+  fuzz::expect_read_or_refused([&] {
+    if (data[0] % 3 == 0) io::read_snapshot(folder.write("soil.vdb", rest));
+    if (data[0] % 3 == 1) read_with_tail(folder, rest);
+    if (data[0] % 3 == 2) restore(rest);
+  });
+  return 0;
+}
