@@ -8,6 +8,7 @@
 #include <urdf_parser/urdf_parser.h>
 
 #include <algorithm>
+#include <cctype>
 #include <mutex>
 #include <stdexcept>
 #include <string_view>
@@ -38,8 +39,11 @@ void blank_comments(const std::filesystem::path& file, std::string& text) {
   }
 }
 
-/// Refuses what could exhaust the parser's memory or stack.
+/// Refuses what could exhaust the parser's memory or stack, and all that the parser might see
+/// otherwise than it is counted here.
 void check_structure(const std::filesystem::path& file, std::string_view text) {
+  constexpr std::string_view kLiteral = "<![CDATA[", kLiteralEnd = "]]>";
+  const std::size_t first = text.find('<');
   int depth = 0;
   for (std::size_t i = 0; (i = text.find('<', i)) != text.npos;) {
     const std::size_t start = i;
@@ -50,6 +54,16 @@ void check_structure(const std::filesystem::path& file, std::string_view text) {
     if (rest.starts_with("<!DOCTYPE") || rest.starts_with("<!ENTITY")) {
       fail("document type and entity declarations are not accepted; remove them");
     }
+    if (rest.starts_with(kLiteral)) {
+      i = text.find(kLiteralEnd, i);
+      if (i == text.npos) fail("a CDATA section isn't closed; ']]>' is missing");
+      continue;
+    }
+    const char kind = rest.size() > 1 ? rest[1] : ' ';
+    const bool declaration = i == first && rest.starts_with("<?xml");
+    if (!declaration && kind != '/' && kind != '_' && kind >= 0 && !std::isalpha(kind)) {
+      fail("only elements and comments are accepted after '<'; remove what is not one");
+    }
     char quote = 0;
     for (++i; i < text.size() && (quote || text[i] != '>'); ++i) {
       if (quote) {
@@ -59,9 +73,9 @@ void check_structure(const std::filesystem::path& file, std::string_view text) {
       }
     }
     if (i == text.size()) fail("a tag isn't closed; the file may be cut short");
-    if (rest[1] == '/') {
-      --depth;
-    } else if (rest[1] != '?' && rest[1] != '!' && text[i - 1] != '/') {
+    if (kind == '/') {
+      if (--depth < 0) fail("an element is closed that wasn't opened");
+    } else if (!declaration && text[i - 1] != '/') {
       if (++depth > kMaxDepth) {
         fail(fmt::format("elements are nested more than {} deep", kMaxDepth));
       }

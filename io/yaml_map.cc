@@ -5,10 +5,12 @@
 #include "io/yaml_map.h"
 
 #include <fmt/format.h>
+#include <yaml-cpp/eventhandler.h>
 
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 
 #include "io/text.h"
@@ -31,6 +33,34 @@ std::string describe(const YAML::Node& node) {
       return "empty";
   }
 }
+
+/// Where documents start. Looks for no more than two: a comma where one should start makes yaml-cpp
+/// see documents without end.
+struct DocumentStarts : YAML::EventHandler {
+  explicit DocumentStarts(const std::string& text) {
+    std::istringstream in(text);
+    YAML::Parser parser(in);
+    if (parser.HandleNextDocument(*this)) parser.HandleNextDocument(*this);
+  }
+
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    if (++count == 2) second_line = mark.line + 1;
+  }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                       YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                  YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+
+  int count = 0;
+  long second_line = 0;  ///< 0: there is none
+};
 
 }  // namespace
 
@@ -57,13 +87,13 @@ YamlMap YamlMap::load(const std::filesystem::path& file, std::string what,
                       std::vector<std::string> known) {
   const std::string text = read_text(file, kMaxBytes);
   try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-    if (documents.empty() || documents[0].IsNull()) throw InputError(file, "is empty");
-    if (documents.size() > 1) {
-      throw InputError(file, documents[1].Mark().line + 1,
-                       "a second document starts; there must be one");
+    const DocumentStarts starts(text);
+    if (starts.second_line > 0) {
+      throw InputError(file, starts.second_line, "a second document starts; there must be one");
     }
-    return YamlMap(file, documents[0], std::move(what), std::move(known));
+    const YAML::Node document = YAML::Load(text);
+    if (document.IsNull()) throw InputError(file, "is empty");
+    return YamlMap(file, document, std::move(what), std::move(known));
   } catch (const YAML::Exception& e) {
     const std::string message = "is not valid YAML: " + printable(e.msg);
     if (e.mark.is_null()) throw InputError(file, message);

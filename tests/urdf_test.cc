@@ -3,6 +3,7 @@
 // What is read from a URDF, and the one line said about each way to get it wrong.
 #include "io/urdf.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -157,6 +158,25 @@ TEST_F(Urdf, EntityBombsAndDeepNestingAreRefusedUnparsed) {
   std::string deep = "<robot name=\"m\">\n";
   for (int i = 0; i < 1'000'000; ++i) deep += "<a>";
   EXPECT_EQ(error(deep), "m.urdf:2: elements are nested more than 64 deep");
+}
+
+TEST_F(Urdf, NestingDoesNotHideInWhatTheParserReadsOtherwise) {
+  const std::string begin = "<robot name=\"m\">\n", refused = "are accepted after '<'";
+  std::string deep, closed;
+  for (int i = 0; i < 200'000; ++i) {
+    deep += "<a>";
+    closed += "<a><![CDATA[></a>]]>";
+  }
+  // These end at the first '>', within quotes or not.
+  for (const char* opening : {"<?foo \">", "<!foo \">", "< \">", "<?xml version=\">"}) {
+    EXPECT_THAT(error(begin + opening + deep + "\">"), testing::HasSubstr(refused)) << opening;
+  }
+  EXPECT_EQ(error(begin + closed), "m.urdf:2: elements are nested more than 64 deep");
+  EXPECT_EQ(error("</a><robot name=\"m\"/>"), "m.urdf:1: an element is closed that wasn't opened");
+  EXPECT_EQ(read("<?xml version=\"1.0\"?><robot name=\"m\"><link name=\"c\"/>"
+                 "<x><![CDATA[<a>\"]]></x></robot>")
+                .joints.size(),
+            0U);
 }
 
 TEST_F(Urdf, AJointNamedTimeWouldTakeTheMotionsFirstColumn) {

@@ -3,12 +3,14 @@
 // Stands before TBB's header of this name under the thread sanitizer. The distribution's TBB isn't
 // built for it, so how TBB hands work from thread to thread is unseen, and all that bodies share
 // with who called them looks like a race. Here they run on threads of the standard library, which
-// it sees: between bodies nothing is ordered, and what two of them touch is reported.
+// it sees: between bodies nothing is ordered, and what two of them touch is reported. TBB itself,
+// which OpenVDB uses besides, gets no threads.
 #pragma once
 
+#include <tbb/global_control.h>
 #include_next <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <atomic>
 #include <concepts>
 #include <exception>
@@ -18,7 +20,9 @@
 
 namespace tbb {
 
-/// Calls f(0) ... f(n - 1) on as many threads as the arena has.
+inline const global_control kNoWorkers(global_control::max_allowed_parallelism, 1);
+
+/// Calls f(0) ... f(n - 1) on four threads.
 template <typename F>
 void on_threads(std::size_t n, const F& f) {
   std::atomic<std::size_t> next = 0;
@@ -33,9 +37,8 @@ void on_threads(std::size_t n, const F& f) {
       if (!error) error = std::current_exception();
     }
   };
-  const auto most = static_cast<std::size_t>(this_task_arena::max_concurrency());
   std::vector<std::thread> others;
-  for (std::size_t i = 1; i < std::min(n, most); ++i) others.emplace_back(work);
+  for (std::size_t i = 1; i < std::min<std::size_t>(n, 4); ++i) others.emplace_back(work);
   work();
   for (std::thread& other : others) other.join();
   if (error) std::rethrow_exception(error);
