@@ -51,22 +51,13 @@ void parallel_for_on_threads(Index first, Index last, const F& f) {
              [&](std::size_t i) { f(static_cast<Index>(first + static_cast<Index>(i))); });
 }
 
-/// @param how TBB would share out the work
+/// Over a range, which is how OpenVDB asks: not shared out.
 template <typename Range, typename Body, typename... How>
 requires(!std::integral<Range>) void parallel_for_on_threads(const Range& range, const Body& body,
                                                              How&&...) {
-  std::vector<Range> parts = {range};
-  for (std::size_t i = 0; i < parts.size() && parts.size() < 64;) {
-    if (parts[i].is_divisible()) {
-      parts.push_back(Range(parts[i], split()));
-    } else {
-      ++i;
-    }
-  }
-  on_threads(parts.size(), [&](std::size_t i) {
-    const Body own(body);
-    own(parts[i]);
-  });
+  Range all(range);
+  const Body own(body);
+  own(all);
 }
 
 }  // namespace tbb
