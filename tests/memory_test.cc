@@ -115,9 +115,9 @@ TEST(Memory, PhiIsKeptWhateverItsRowsAre) {
   Phi phi, kept;
   PackedPhi packed;
   for (int round = 0; round < 1000; ++round) {
-    const unsigned spread = 1 + random() % 100;
+    const unsigned long spread = 1 + random() % 100;
     for (std::int16_t& v : phi) {
-      const unsigned kind = random() % (spread + 2);
+      const unsigned long kind = random() % (spread + 2);
       v = kind == 0   ? kPhiMax
           : kind == 1 ? static_cast<std::int16_t>(-kPhiMax)
                       : static_cast<std::int16_t>(static_cast<int>(random() % 65535) - kPhiMax);
