@@ -51,8 +51,8 @@ struct Chunk {
 /// with_samples().
 ///
 /// Not copyable. Const members may run together with each other. make(), warm() and what changes a
-/// chunk may run together with all of them where other chunks are concerned; restore(), copy_from(),
-/// drop() and settle() may not.
+/// chunk may run together with all of them where other chunks are concerned; restore(),
+/// copy_from(), drop() and settle() may not.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.

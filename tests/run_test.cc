@@ -290,7 +290,7 @@ TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
 }
 
 TEST_F(Run, ALimitOfMemoryChangesNothingAndAFullDiskCanBeGoneOnFrom) {
-  const std::string fine = "dig.yaml --voxel 0.002 --updates 300 --no-mesh --no-snapshots";
+  const std::string fine = "dig.yaml --voxel 0.001 --updates 300 --no-mesh --no-snapshots";
   const auto free = summary(fine + " --out free", "free");
   const std::uint64_t limit = std::uint64_t{16} << 20;
   EXPECT_GT(free["memory_bytes"]["soil"], limit);

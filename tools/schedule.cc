@@ -27,7 +27,8 @@ std::optional<Step> Schedule::next() {
   for (Cursor& cursor : cursors_) {
     if (!cursor.at_end() && (!first || cursor.until_s() < first->until_s())) first = &cursor;
   }
-  if (!first || first->until_s() > stop_s_) return std::nullopt;
+  // Where the run stops before anything has moved, nothing is done at all.
+  if (!first || first->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
   Step step = first->step();
   step.machine = static_cast<std::size_t>(first - cursors_.data());
   return step;
