@@ -9,6 +9,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <ctime>
 #include <exception>
 #include <functional>
 #include <new>
@@ -47,12 +48,26 @@ CLI::Validator number_between(double low, double high, bool whole, const std::st
       "");
 }
 
-void on_stop(int) { stop_requested = 1; }
+/// The first signal asks for a stop; one that comes more than a second later ends the program at
+/// once. What sends signals may send each twice, to the process and to its group.
+void on_stop(int signal) {
+  static volatile std::sig_atomic_t asked_s = 0;
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  const auto now_s = static_cast<std::sig_atomic_t>(now.tv_sec);
+  if (!stop_requested) {
+    stop_requested = 1;
+    asked_s = now_s;
+  } else if (now_s > asked_s + 1) {
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
+}
 
 void set_signals() {
   struct sigaction stop {};
   stop.sa_handler = on_stop;
-  stop.sa_flags = SA_RESETHAND | SA_RESTART;  // a second signal ends the program at once
+  stop.sa_flags = SA_RESTART;
   sigaction(SIGINT, &stop, nullptr);
   sigaction(SIGTERM, &stop, nullptr);
   std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
