@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Runs that are killed, lose their power or their disk at any operation on any file, and what is
-// left of them. SOILVDB_CRASHES=10000 in the environment is the long form.
+// left of them.
 #include <signal.h>
 
 #include <atomic>
@@ -10,6 +10,7 @@
 
 #include "io/journal.h"
 #include "io/snapshot.h"
+#include "tests/faults.h"
 #include "tests/program.h"
 
 namespace soilvdb::testing {
@@ -20,10 +21,7 @@ namespace {
 constexpr int kKilled = 128 + SIGKILL;
 
 /// At random; there are more at each operation in turn, 500 in all.
-int crashes() {
-  const char* text = std::getenv("SOILVDB_CRASHES");
-  return text ? std::max(1, std::atoi(text)) : 350;
-}
+std::size_t crashes() { return faults(30, 350, 10'000); }
 
 /// A file as it must be again: without how long things took.
 std::string essence(const fs::path& file) {
@@ -114,17 +112,21 @@ class Crash : public ProgramTest {
     EXPECT_EQ(run.size(), reference_.size());
   }
 
-  /// Calls `f(i, out)` for i in [0, count) from two threads, each with a folder of its own.
+  /// Calls `f(i, out)` for i = 0, step, ... below end from two threads, each with a folder of its
+  /// own.
   template <typename F>
-  static void in_two_lanes(std::size_t count, F f) {
+  static void in_two_lanes(std::size_t end, std::size_t step, F f) {
     std::atomic<std::size_t> next = 0;
     const auto lane = [&](const std::string& out) {
-      for (std::size_t i; (i = next++) < count && !HasFailure();) f(i, out);
+      for (std::size_t i; (i = next.fetch_add(step)) < end && !HasFailure();) f(i, out);
     };
     std::thread other(lane, "lane1");
     lane("lane2");
     other.join();
   }
+
+  /// Whatever is done at each operation is done at every so many-th.
+  static std::size_t step() { return faults(19, 1, 1); }
 
   /// One operation after the other, always in the same order.
   std::string run_ = "run dig.yaml --threads 1";
@@ -133,7 +135,7 @@ class Crash : public ProgramTest {
 };
 
 TEST_F(Crash, KilledAtRandomOperationsItEndsInTheSameFiles) {
-  std::atomic<int> kills = 0, ends = 0;
+  std::atomic<std::size_t> kills = 0, ends = 0;
   const auto lane = [&](unsigned seed) {
     const std::string out = fmt::format("lane{}", seed);
     std::mt19937 random(seed);
@@ -162,20 +164,23 @@ TEST_F(Crash, KilledAtRandomOperationsItEndsInTheSameFiles) {
   std::thread other(lane, 1);
   lane(2);
   other.join();
-  EXPECT_GT(ends, 0);
-  RecordProperty("kills", kills);
-  fmt::print("{} kills, {} runs came to their end\n", kills.load(), ends.load());
+  EXPECT_GT(ends, 0u);
+  record_faults("kill -9 at a random operation", kills, "went on to the same files");
 }
 
 TEST_F(Crash, KilledAtRandomTimesItEndsInTheSameFiles) {
-  in_two_lanes(static_cast<std::size_t>(std::max(20, crashes() / 20)), [&](std::size_t i,
-                                                                           const std::string& out) {
+  const std::size_t count = faults(5, 20, 500);
+  std::atomic<std::size_t> kills = 0;
+  in_two_lanes(count, 1, [&](std::size_t i, const std::string& out) {
     std::mt19937 random(static_cast<unsigned>(i));
     fs::remove_all(folder() / out);
     const double seconds = 0.02 + 0.3 * static_cast<double>(random() % 1000) / 1000;
-    launch("run lazy.yaml --threads 1", out, "", fmt::format("timeout -s KILL {} ", seconds));
+    const Result result =
+        launch("run lazy.yaml --threads 1", out, "", fmt::format("timeout -s KILL {} ", seconds));
+    kills += result.status != 0;
     expect_comes_back(out);
   });
+  record_faults("kill -9 at a random time", kills, "went on to the same files");
 }
 
 TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
@@ -189,10 +194,12 @@ TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
     if (operation == "fdatasync /journal")
       acknowledged += std::holds_alternative<io::JournalMove>(reader.next().value());
   }
-  in_two_lanes(operations_.size(), [&](std::size_t i, const std::string& out) {
+  std::atomic<std::size_t> cuts = 0;
+  in_two_lanes(operations_.size(), step(), [&](std::size_t i, const std::string& out) {
     SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, operations_[i]));
     fs::remove_all(folder() / out);
     ASSERT_EQ(launch(run_, out, fmt::format("cut {}", i + 1)).status, kKilled);
+    ++cuts;
     if (has_journal(out)) {
       const io::JournalContent journal = io::read_journal(folder() / out / "journal");
       EXPECT_FALSE(journal.damaged);
@@ -202,7 +209,7 @@ TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
     }
     if (i % 4 == 0) expect_comes_back(out);
   });
-  fmt::print("{} power cuts\n", operations_.size());
+  record_faults("power cut at each operation", cuts, "no acknowledged update lost");
 }
 
 /// Whatever operation fails, on a folder that held another run.
@@ -217,8 +224,8 @@ TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
   const std::vector<std::pair<int, std::string>> errors = {{ENOSPC, "No space left on device"},
                                                            {EIO, "Input/output error"},
                                                            {EROFS, "Read-only file system"}};
-  std::atomic<int> failed = 0, tolerated = 0;
-  in_two_lanes(all.size(), [&](std::size_t i, const std::string& out) {
+  std::atomic<std::size_t> failed = 0, tolerated = 0;
+  in_two_lanes(all.size(), step(), [&](std::size_t i, const std::string& out) {
     const auto& [error, text] = errors[i % errors.size()];
     SCOPED_TRACE(fmt::format("operation {}: {}: {}", i + 1, all[i], text));
     fs::remove_all(folder() / out);
@@ -248,7 +255,8 @@ TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
     if (read_file(folder() / out / "journal") != old["journal"] && i % 4 == 0)
       expect_comes_back(out);
   });
-  fmt::print("{} operations failed the run, {} did not matter\n", failed.load(), tolerated.load());
+  record_faults("each operation on a file fails", failed, "said and what was there is whole");
+  record_faults("each operation on a file fails", tolerated, "nothing was at stake");
 }
 
 /// Snapshots that are incremental, written beside the updates and deleted when they are old.
@@ -281,8 +289,8 @@ TEST_F(CrashBeside, WhateverHappensTwoGenerationsAreGoodAndItEndsInTheSameFiles)
   const auto incremental = [](const io::JournalFile& file) { return !file.since.empty(); };
   EXPECT_TRUE(std::any_of(whole.files.begin(), whole.files.end(), incremental));
   const std::vector<std::string> kinds = {"kill {}", "cut {}", "fail {} 5", "short {} 28"};
-  std::atomic<int> kills = 0, errors = 0;
-  in_two_lanes(operations_.size(), [&](std::size_t i, const std::string& out) {
+  std::atomic<std::size_t> kills = 0, errors = 0;
+  in_two_lanes(operations_.size(), step(), [&](std::size_t i, const std::string& out) {
     const std::string fault = fmt::format(fmt::runtime(kinds[i % kinds.size()]), i + 1);
     SCOPED_TRACE(fault);
     fs::remove_all(folder() / out);
@@ -299,9 +307,11 @@ TEST_F(CrashBeside, WhateverHappensTwoGenerationsAreGoodAndItEndsInTheSameFiles)
     const bool ended = result.status == 0;
     ended ? expect_as_reference(out) : expect_comes_back(out);
   });
-  EXPECT_GT(kills, 0);
-  EXPECT_GT(errors, 0);
-  fmt::print("{} kills, {} errors\n", kills.load(), errors.load());
+  EXPECT_GT(kills, 0u);
+  EXPECT_GT(errors, 0u);
+  const char* const outcome = "two generations good; went on to the same files";
+  record_faults("killed or cut with incremental snapshots beside", kills, outcome);
+  record_faults("operations fail with incremental snapshots beside", errors, outcome);
 }
 
 TEST_F(Crash, AFullDiskAndAReadOnlyOneAreSaid) {
@@ -326,6 +336,7 @@ TEST_F(Crash, AFullDiskAndAReadOnlyOneAreSaid) {
   EXPECT_EQ(verified.status, 0) << verified.err;
   EXPECT_EQ(resumed.status, 0) << resumed.err;
   expect_as_reference("more");
+  record_faults("full disk and read-only disk", 2, "said; went on to the same files");
 }
 
 #endif

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstdio>
 #include <fstream>
-#include <random>
 #include <sstream>
 
 #include "core/tracker.h"
@@ -183,31 +182,22 @@ TEST_P(Snapshot, IsAPlainVdbForOthers) {
   EXPECT_THAT(text, HasSubstr("soilvdb_origin: [400000, 5e+06, 100]"));
 }
 
-TEST_P(Snapshot, AnyFlippedBitIsFound) {
+TEST_P(Snapshot, ThatIsDamagedIsStillKnownAsOurs) {
   const Site site = site_on(terrain());
   dig(*site.soil, 0, 0.3);
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   const std::string good = content(folder_ / "a.vdb");
-  std::mt19937 random(7);
-  for (int i = 0; i < 300; ++i) {
-    std::string bad = good;
-    const std::size_t at = random() % bad.size();
-    bad[at] = static_cast<char>(bad[at] ^ (1 << random() % 8));
-    folder_.write("b.vdb", bad);
-    ASSERT_TRUE(is_snapshot(folder_ / "b.vdb")) << at;
-    EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("b.vdb: is damaged")) << at;
-  }
-}
-
-TEST_P(Snapshot, ACutOffFileIsFoundAndStillKnownAsOurs) {
-  const Site site = site_on(terrain());
-  dig(*site.soil, 0, 0.3);
-  write_snapshot(folder_ / "a.vdb", site, kInfo);
-  const std::string good = content(folder_ / "a.vdb");
-  for (std::size_t size = 60; size < good.size(); size += 1 + good.size() / 50) {
+  for (const std::size_t size : {std::size_t{60}, good.size() / 2, good.size() - 1}) {
     folder_.write("b.vdb", good.substr(0, size));
-    ASSERT_TRUE(is_snapshot(folder_ / "b.vdb")) << size;
+    EXPECT_TRUE(is_snapshot(folder_ / "b.vdb")) << size;
     EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("b.vdb: is damaged")) << size;
+  }
+  for (std::size_t at = 0; at < good.size(); at += 1 + good.size() / 50) {
+    std::string bad = good;
+    bad[at] = static_cast<char>(bad[at] ^ 16);
+    folder_.write("b.vdb", bad);
+    EXPECT_TRUE(is_snapshot(folder_ / "b.vdb")) << at;
+    EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("b.vdb: is damaged")) << at;
   }
   EXPECT_THAT(refusal(folder_, folder_.write("c.vdb", "")), HasSubstr("is not a snapshot"));
   EXPECT_THAT(refusal(folder_, folder_ / "d.vdb"), HasSubstr("no such file"));

@@ -7,9 +7,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstdint>
 #include <cstdio>
 #include <system_error>
 
@@ -19,22 +21,38 @@ namespace soilvdb::tools {
 namespace {
 
 constexpr int kRefused = 3;
-constexpr rlim_t kMost_s = 600;
+
+// No file of OpenVDB's takes more than a hundred times its size, since each node's masks are in it
+// as they are, and all read at some 10 MB/s. A damaged one may try to.
+constexpr std::uintmax_t kMemory_bytes = 512 << 20, kMemoryPerThread_bytes = 16 << 20,
+                         kMemoryPerByte = 256;
+constexpr std::uintmax_t kTime_s = 2, kBytesPerSecond = 1 << 20;
 
 void limit(int resource, rlim_t value) {
   const rlimit both{value, value};
   setrlimit(resource, &both);
 }
 
-[[noreturn]] void child(int pipe_end, const std::function<std::string()>& read) {
+void limit_memory_and_time(const std::filesystem::path& file) {
+  std::error_code none;
+  const std::uintmax_t size =
+      std::min<std::uintmax_t>(std::filesystem::file_size(file, none), 1ull << 50);
+  limit(RLIMIT_CPU, kTime_s + size / kBytesPerSecond);
+#ifndef __SANITIZE_ADDRESS__  // which reserves terabytes
+  const auto of_system = [](int name) { return static_cast<std::uintmax_t>(sysconf(name)); };
+  limit(RLIMIT_DATA,
+        std::min(kMemory_bytes + kMemoryPerThread_bytes * of_system(_SC_NPROCESSORS_ONLN) +
+                     kMemoryPerByte * size,
+                 of_system(_SC_PHYS_PAGES) * of_system(_SC_PAGESIZE)));
+#endif
+}
+
+[[noreturn]] void child(const std::filesystem::path& file, int pipe_end,
+                        const std::function<std::string()>& read) {
   // What the C library says of a damaged heap is not for the user.
   if (const int null = open("/dev/null", O_WRONLY); null >= 0) dup2(null, STDERR_FILENO);
   limit(RLIMIT_CORE, 0);
-  limit(RLIMIT_CPU, kMost_s);
-#ifndef __SANITIZE_ADDRESS__  // which reserves terabytes
-  limit(RLIMIT_AS,
-        static_cast<rlim_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<rlim_t>(sysconf(_SC_PAGESIZE)));
-#endif
+  limit_memory_and_time(file);
   int status = 0;
   std::string text;
   try {
@@ -63,7 +81,7 @@ std::string in_child(const std::filesystem::path& file, const std::function<std:
   if (pid < 0) throw std::system_error(errno, std::generic_category(), "fork");
   if (pid == 0) {
     close(ends[0]);
-    child(ends[1], read);
+    child(file, ends[1], read);
   }
   close(ends[1]);
   std::string text;
@@ -81,7 +99,9 @@ std::string in_child(const std::filesystem::path& file, const std::function<std:
   if (WIFEXITED(status) && WEXITSTATUS(status) == kRefused) throw io::InputError(text);
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGINT || WTERMSIG(status) == SIGTERM))
     throw std::runtime_error("stopped by a signal; nothing was written");
-  throw io::InputError(file, "is damaged, or needs more memory than there is; write it anew");
+  throw io::InputError(file,
+                       "is damaged, or takes more memory or time than its size can need; write it "
+                       "anew");
 }
 
 }  // namespace soilvdb::tools

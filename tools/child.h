@@ -9,8 +9,8 @@
 
 namespace soilvdb::tools {
 
-/// What `read` returns, called in a child process with limits on memory and time. Call it before
-/// any thread is started.
+/// What `read` returns, called in a child process with limits on memory and time that the size of
+/// `file` sets. Call it before any thread is started.
 /// @throw io::InputError as thrown by `read`, or saying that `file` is damaged if it crashed, ran
 ///        out of memory or time, or threw anything else.
 std::string in_child(const std::filesystem::path& file, const std::function<std::string()>& read);
