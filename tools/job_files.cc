@@ -24,6 +24,12 @@ std::uint64_t peak_rss_bytes() {
   return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
+/// Is a name that a journal has that of a snapshot on the way? No other file may be deleted.
+bool is_on_the_way(const std::string& name) {
+  return name.starts_with("soil_") && name.ends_with(".vdb") && name != kFinalName &&
+         name.find('/') == name.npos;
+}
+
 }  // namespace
 
 /// A file of now that the journal before knows and that is still as it was, or null.
@@ -52,14 +58,14 @@ io::SnapshotInfo Job::snapshot_info() {
 void Job::go_on_with_snapshots() {
   std::vector<io::JournalFile> files;
   for (const io::JournalFile& file : before_->files) {
-    const bool on_the_way = file.updates < start_.updates || file.name == start_.snapshot;
-    if (on_the_way && file.name.ends_with(".vdb") && file.name != kFinalName) files.push_back(file);
+    const bool seen = file.updates < start_.updates || file.name == start_.snapshot;
+    if (seen && is_on_the_way(file.name)) files.push_back(file);
   }
   if (start_.updates > 0) tracker_.take_changed();
   writer_.go_on(std::move(files), start_.since);
   std::error_code none;
   for (const std::string& name : before_->gone)
-    std::filesystem::remove(folder_.path() / name, none);
+    if (is_on_the_way(name)) std::filesystem::remove(folder_.path() / name, none);
   writer_.delete_old(*journal_);
 }
 
