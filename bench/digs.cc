@@ -17,7 +17,7 @@ Task task_of(const testing::Dig& dig, double voxel_m) {
   constexpr int kPoses = 1000;
   for (int i = 0; i <= kPoses; ++i) {
     const Pose pose = dig.motion.pose(begin + length * i / kPoses);
-    for (const Vec3& corner : mouth_corners(dig.bucket, pose)) task.reach.extend(corner);
+    for (const Vec3& corner : mouth_outline(dig.bucket, pose)) task.reach.extend(corner);
   }
   return task;
 }

@@ -31,7 +31,7 @@ const Peer& engine(const std::string& name) {
   throw std::invalid_argument("no engine '" + name + "'; built in are " + known);
 }
 
-std::vector<Vec3> mouth_corners(const Bucket& bucket, const Pose& world_from_bucket) {
+std::vector<Vec3> mouth_outline(const Bucket& bucket, const Pose& world_from_bucket) {
   const double half = bucket.width_m / 2;
   return {world_from_bucket * Vec3(0, -half, 0), world_from_bucket * Vec3(0, half, 0),
           world_from_bucket * Vec3(0, half, bucket.height_m),
@@ -45,7 +45,7 @@ StepSweep::StepSweep(const Bucket& bucket, const Pose& a, const Pose& b)
   offset_a_ = normal_a_.dot(a.position);
   offset_b_ = normal_b_.dot(b.position);
   for (const Pose& pose : {a, b}) {
-    for (const Vec3& corner : mouth_corners(bucket, pose)) box_.extend(corner);
+    for (const Vec3& corner : mouth_outline(bucket, pose)) box_.extend(corner);
   }
 }
 

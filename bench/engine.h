@@ -77,7 +77,7 @@ std::unique_ptr<Engine> make_octomap(const Task& task);
 std::unique_ptr<Engine> make_cgal(const Task& task);
 
 /// Corners of the mouth at a pose, in the order around it, world.
-std::vector<Vec3> mouth_corners(const Bucket& bucket, const Pose& world_from_bucket);
+std::vector<Vec3> mouth_outline(const Bucket& bucket, const Pose& world_from_bucket);
 
 /// The volume that the mouth sweeps between two poses when its points move in straight lines in the
 /// bucket frame: the same membership test for the engines that test points. Exact for translations.

@@ -74,7 +74,7 @@ double stock_us(double side_m, double voxel_m, int updates) {
   task.motion = &motion;
   task.ground = make_hills(side_m + 10);
   for (const double t : {0.0, 2.5, 5.0}) {
-    for (const Vec3& corner : mouth_corners(task.bucket, motion.pose(t))) task.reach.extend(corner);
+    for (const Vec3& corner : mouth_outline(task.bucket, motion.pose(t))) task.reach.extend(corner);
   }
   const double half = side_m / 2;
   task.site = Eigen::AlignedBox3d(Vec3(-half, -half, -8), Vec3(half, half, 8));

@@ -113,7 +113,7 @@ void cut(benchmark::State& state, const MakeEngine& make) {
   task.motion = &motion;
   task.ground = make_hills(site_m(state));
   for (const double t : {0.0, 0.5, 1.0}) {
-    for (const Vec3& corner : mouth_corners(task.bucket, motion.pose(t))) task.reach.extend(corner);
+    for (const Vec3& corner : mouth_outline(task.bucket, motion.pose(t))) task.reach.extend(corner);
   }
   std::unique_ptr<Engine> engine;
   int i = 0;

@@ -53,7 +53,7 @@ Vec3 vec(const Kernel::Point_3& p) { return {p.x(), p.y(), p.z()}; }
 std::vector<Vec3> mouth(const Bucket& bucket, const Pose& pose, double less_m) {
   const Vec3 up = less_m * (pose.rotation * Vec3::UnitZ());
   const Bucket smaller{bucket.width_m - 2 * less_m, bucket.height_m - 2 * less_m, {}, {}};
-  auto corners = mouth_corners(smaller, pose);
+  auto corners = mouth_outline(smaller, pose);
   for (Vec3& corner : corners) corner += up;
   return corners;
 }
@@ -172,7 +172,7 @@ class Cgal : public Engine {
   /// no part does.
   std::vector<Kernel::Point_3> hull(const Pose& next, double side, double hair_m) const {
     double depth = 0;
-    for (const Vec3& p : mouth_corners(task_.bucket, next)) {
+    for (const Vec3& p : mouth_outline(task_.bucket, next)) {
       depth = std::max(depth, side * (pose_.inverse() * p).x());
     }
     if (depth < kHair_m) return {};

@@ -160,7 +160,7 @@ class OpenVdb : public Engine {
       triangles.emplace_back(a, c, d);
     };
     for (const Pose& pose : path_) {
-      for (const Vec3& corner : mouth_corners(task_.bucket, pose)) {
+      for (const Vec3& corner : mouth_outline(task_.bucket, pose)) {
         const Eigen::Vector3f p = (corner - local_).cast<float>();
         points.emplace_back(p.x(), p.y(), p.z());
       }
