@@ -140,9 +140,9 @@ TEST(Tracker, RefusesWhatIsNoPoseAndStaysAsItWas) {
           refuses([&] { tracker.update(0, motion, 0, end); });
       }
       const Motion motion({0, 1}, std::vector<Pose>{at(0.95, 0, -0.2), at(1, 0, -0.2)});
-      for (const auto& [begin, end] :
+      for (const auto& times :
            {std::pair(kNan, 1.0), std::pair(0.0, kNan), std::pair(0.0, kInf), std::pair(1.0, 0.0)})
-        refuses([&] { tracker.update(0, motion, begin, end); });
+        refuses([&] { tracker.update(0, motion, times.first, times.second); });
       refuses([&] { tracker.update(machines, at(0, 0, 0)); });
       refuses([&] { tracker.update(std::vector<Move>{{machines, at(0, 0, 0)}}); });
       EXPECT_NO_THROW(tracker.update(0, motion, 0, 1));
