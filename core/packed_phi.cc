@@ -44,7 +44,7 @@ SOILVDB_FOR_CPUS void PackedPhi::assign(const Phi& phi) {
     rows[r] = static_cast<std::uint8_t>(first | end << 4);
     // Eight at once; the next row goes over those that are too many.
     const auto from = r * kLeafSide + static_cast<std::size_t>(first);
-    std::memcpy(values + size, &phi[from],
+    std::memcpy(values + size, phi.data() + from,
                 std::min(sizeof(row), (kLeafSize - from) * sizeof(phi[0])));
     size += static_cast<std::size_t>(end - first);
   }

@@ -67,6 +67,8 @@ class Soil {
   /// Volume that one sample stands for, m^3.
   double sample_m3() const { return h_ * h_ * h_ / 64; }
   const BaseSurface& base() const { return *base_; }
+  /// The same, kept as long as the pointer is.
+  const std::shared_ptr<const BaseSurface>& shared_base() const { return base_; }
 
   Vec3 world_from_index(const Vec3& index) const { return origin_ + h_ * index; }
   Vec3 index_from_world(const Vec3& p) const { return (p - origin_) / h_; }

@@ -80,8 +80,8 @@ Base open_base(const Terrain& terrain) {
 }
 
 Site untouched(const Site& site) {
-  const std::shared_ptr<const BaseSurface> base(std::shared_ptr<void>(), &site.soil->base());
-  return {std::make_unique<Soil>(site.soil->voxel_size_m(), site.soil->origin(), base),
+  const Soil& soil = *site.soil;
+  return {std::make_unique<Soil>(soil.voxel_size_m(), soil.origin(), soil.shared_base()),
           site.reference, site.crs_wkt, site.bounds};
 }
 

@@ -18,6 +18,7 @@
 
 #include "core/tracker.h"
 #include "io/cold_file.h"
+#include "io/site.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::testing {
@@ -134,6 +135,26 @@ TEST(Memory, PhiIsKeptWhateverItsRowsAre) {
     packed.expand(kept);
     ASSERT_EQ(kept, phi) << round;
   }
+}
+
+// A snapshot is written from a copy on another thread.
+TEST(Memory, HeightsAreNotForgottenUnderACopyThatReadsThem) {
+  constexpr std::uint64_t kLimit = 8 << 20;
+  const test::TempFolder folder;
+  io::Site site;
+  site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), waves());
+  Soil& soil = *site.soil;
+  soil.limit_memory(kLimit, std::make_shared<io::ColdFile>(folder.path()));
+  {
+    const io::Site copy = io::untouched(site);
+    for (double x = 1; x < 199; x += 5)
+      for (double y = 1; y < 199; y += 5) EXPECT_EQ(soil.height(x, y), copy.soil->height(x, y));
+    EXPECT_GT(soil.memory_bytes(), kLimit);
+    EXPECT_THROW(soil.settle(), std::runtime_error);
+    EXPECT_GT(soil.memory_bytes(), kLimit) << "what the copy reads is gone";
+  }
+  soil.settle();
+  EXPECT_LE(soil.memory_bytes(), kLimit);
 }
 
 constexpr std::size_t kMachines = 5;

@@ -48,12 +48,16 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
                      chunks_ + changed.size() >= soil.chunk_count();
   links_ = whole ? 0 : links_ + 1;
   chunks_ = whole ? 0 : chunks_ + changed.size();
-  if (there) {
+  if (whole) anew_ = false;
+  // What goes on from one that was written anew must be, too: it may have other bytes.
+  if (there && !anew_) {
     files_.push_back(std::move(file));
     done_.push_back(files_.back().name);
     delete_old(journal);
     return finish();
   }
+  anew_ = true;
+  file.since.clear();
   if (!whole) {
     const io::JournalFile& last = files_.back();
     info.since = io::Since{last.name, {last.size, last.crc}};

@@ -69,6 +69,7 @@ class SnapshotWriter {
   const Options options_;
   std::vector<io::JournalFile> files_;       // that stay
   std::size_t links_ = 0, chunks_ = 0;       // as io::Since has them, of the last one
+  bool anew_ = false;                        // one was written since the last whole one
   std::vector<std::string> done_, deleted_;  // that the folder isn't told of yet
   std::future<void> writing_;                // it works on all but the options and links
 };

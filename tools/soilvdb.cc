@@ -56,21 +56,22 @@ void on_stop(int signal) {
   clock_gettime(CLOCK_MONOTONIC, &now);
   const auto now_s = static_cast<std::sig_atomic_t>(now.tv_sec);
   if (!stop_requested) {
-    stop_requested = 1;
     asked_s = now_s;
+    stop_requested = 1;
   } else if (now_s > asked_s + 1) {
     std::signal(signal, SIG_DFL);
     std::raise(signal);
   }
 }
 
-void set_signals() {
+void stop_on_signals() {
   struct sigaction stop {};
   stop.sa_handler = on_stop;
   stop.sa_flags = SA_RESTART;
+  sigaddset(&stop.sa_mask, SIGINT);
+  sigaddset(&stop.sa_mask, SIGTERM);
   sigaction(SIGINT, &stop, nullptr);
   sigaction(SIGTERM, &stop, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
 }
 
 /// The command line, and the options of all commands.
@@ -104,7 +105,7 @@ class CommandLine {
     } catch (const CLI::ParseError& e) {
       return complain(kWrongInput, fmt::format("{}; see soilvdb {}--help", e.what(), command()));
     }
-    set_signals();
+    std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
     command_();
     return kDone;
   }
@@ -133,7 +134,7 @@ class CommandLine {
     sub->add_option("--memory", mb,
                     fmt::format("most that the ground may hold of memory, MB; what was not used "
                                 "for longest goes to a file without a name in the run's folder. "
-                                "Besides it the program takes 200 MB, and 12 kB per chunk of 8 x 8 "
+                                "Besides it the program takes 100 MB, and 7 kB per chunk of 8 x 8 "
                                 "x 8 voxels while it writes a snapshot. Default: {}",
                                 otherwise))
         ->type_name("MB")
@@ -166,7 +167,10 @@ class CommandLine {
     sub->callback([this] {
       run_.mesh = !no_mesh_;
       run_.snapshots = !no_snapshots_;
-      command_ = [this] { run(run_); };
+      command_ = [this] {
+        stop_on_signals();
+        run(run_);
+      };
     });
   }
 
@@ -174,7 +178,12 @@ class CommandLine {
     CLI::App* sub = app_.add_subcommand("resume", "go on with an interrupted run to its end");
     sub->add_option("DIR", resume_.folder, "folder the run writes to")->required();
     add_memory(sub, resume_.memory_mb, "as for the run");
-    sub->callback([this] { command_ = [this] { resume(resume_); }; });
+    sub->callback([this] {
+      command_ = [this] {
+        stop_on_signals();
+        resume(resume_);
+      };
+    });
   }
 
   void add_verify() {
