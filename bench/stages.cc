@@ -134,14 +134,12 @@ void cut_surface(benchmark::State& state) {
   const double h = voxel_m(state);
   Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
   const auto path = motion.trace(0.4, 0.4 + 6 * h / 3, bucket, kMostBend * h, h / 2);
-  ChunkList changed;
   for (auto _ : state) {
     SweepWindow window;
     window.world_from_bucket = path;
     window.fresh = path.size() - 2;
     SurfaceCut carving(soil, bucket, window);
-    carving.carve(soil, carving.pending().size(), changed);
-    changed.take();
+    carving.carve(soil, carving.pending().size());
   }
 }
 

@@ -28,22 +28,22 @@ struct Bucket {
 };
 
 /// The four corners of the mouth, in the bucket frame.
-inline std::array<Vec3, 4> mouth_corners(const Bucket& bucket) {
+using Corners = std::array<Vec3, 4>;
+inline Corners mouth_corners(const Bucket& bucket) {
   const double y = bucket.width_m / 2;
   return {Vec3(0, -y, 0), Vec3(0, y, 0), Vec3(0, -y, bucket.height_m), Vec3(0, y, bucket.height_m)};
 }
 
-/// The points that bound a bucket, in its frame: the mouth's corners and the body's outline.
-std::vector<Vec3> extremes(const Bucket& bucket);
-
-/// The same of a bucket at a pose, world.
-using Corners = std::array<Vec3, 4>;
+/// The same at a pose, world.
 inline Corners mouth_corners(const Bucket& bucket, const Pose& world_from_bucket) {
   const Eigen::Matrix3d axes = world_from_bucket.rotation.toRotationMatrix();
   const Vec3 &lip = world_from_bucket.position, y = bucket.width_m / 2 * axes.col(1);
   const Vec3 up = lip + bucket.height_m * axes.col(2);
   return {lip - y, lip + y, up - y, up + y};
 }
+
+/// The points that bound a bucket, in its frame: the mouth's corners and the body's outline.
+std::vector<Vec3> extremes(const Bucket& bucket);
 
 /// How far the fastest corner of the mouth moves between two poses, m.
 inline double travel(const Corners& a, const Corners& b) {

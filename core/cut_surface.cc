@@ -132,11 +132,10 @@ Bounds SurfaceCut::bounds(std::size_t i, std::span<const Vec3> corners, double h
   return b;
 }
 
-void SurfaceCut::carve(Soil& soil, std::size_t count, ChunkList& changed) {
+void SurfaceCut::carve(Soil& soil, std::size_t count) {
   const std::size_t from = done_;
   count = std::min(count, pending().size());
   done_ += count;
-  std::vector<std::uint8_t> touched(count);
   const auto run = [&](std::size_t i) {
     thread_local Near near;
     const Coord3& origin = chunks_[from + i];
@@ -146,8 +145,7 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, ChunkList& changed) {
     Phi phi;
     if (chunk != nullptr && chunk->phi) {
       chunk->phi.expand(phi);
-      touched[i] = carve_chunk(near, phi);
-      if (touched[i]) soil.set_phi(soil.make(origin), phi);
+      if (carve_chunk(near, phi)) soil.set_phi(soil.make(origin), phi);
       return;
     }
     // What phi is there must be made from the base surface: first see what for.
@@ -155,11 +153,12 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, ChunkList& changed) {
     if (!carve_chunk(near, phi)) return;
     Phi base;
     soil.read_phi(origin, base);
+    bool changed = false;
     for (int n = 0; n < kLeafSize; ++n) {
-      touched[i] |= phi[n] > base[n];
+      changed |= phi[n] > base[n];
       phi[n] = std::max(phi[n], base[n]);
     }
-    if (touched[i]) {
+    if (changed) {
       soil.set_phi(soil.make(origin), phi);
     } else if (chunk != nullptr) {
       soil.set_phi(*chunk, phi);  // as it was, but made: it will be asked for again
@@ -169,9 +168,6 @@ void SurfaceCut::carve(Soil& soil, std::size_t count, ChunkList& changed) {
     tbb::parallel_for(std::size_t{0}, count, run);
   } else {
     for (std::size_t i = 0; i < count; ++i) run(i);
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (touched[i]) changed.add(chunks_[from + i]);
   }
 }
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/bucket.h"
-#include "core/chunk_list.h"
 #include "core/soil.h"
 #include "core/sweep_distance.h"
 
@@ -45,8 +44,8 @@ class SurfaceCut {
   std::span<const Coord3> pending() const { return std::span(chunks_).subspan(done_); }
 
   /// Carves the next `count` chunks, in parallel where there are many, and makes those that change
-  /// and aren't resident. Appends the origins of the chunks whose phi changed.
-  void carve(Soil& soil, std::size_t count, ChunkList& changed);
+  /// and aren't resident. Soil::make() lists those whose phi changed.
+  void carve(Soil& soil, std::size_t count);
 
  private:
   struct Near;  // what of the path is near a chunk

@@ -2,17 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/ground_service.h"
 
-#include <sys/resource.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "core/beside.h"
+
 namespace soilvdb {
 namespace {
-
-constexpr int kNice = 10;
 
 std::optional<Chunk> copy_of(const Soil& soil, const Coord3& origin) {
   if (const Chunk* chunk = soil.find(origin)) return soil.copy(*chunk);
@@ -31,10 +28,7 @@ bool same_surface(const Chunk* before, const std::optional<Chunk>& now) {
 GroundService::GroundService(Soil& copy, const Options& options) : copy_(copy), options_(options) {
   if (options_.most_jobs == 0) throw std::invalid_argument("one job at least must be let wait");
   if (options_.thread) {
-    thread_ = std::thread([this] {
-      setpriority(PRIO_PROCESS, 0, kNice);  // of this thread alone on Linux; in vain elsewhere
-      tbb::task_arena(1).execute([this] { serve(); });
-    });
+    thread_ = std::thread([this] { run_beside_updates([this] { serve(); }); });
   }
 }
 

@@ -188,7 +188,7 @@ void Machine::carve_part(Soil& soil, double left) {
   const auto keep =
       static_cast<std::size_t>(static_cast<double>(carving_chunks_) * std::max(0.0, left));
   const std::size_t pending = carving_->pending().size();
-  if (pending > keep) carving_->carve(soil, pending - keep, changed_);
+  if (pending > keep) carving_->carve(soil, pending - keep);
   if (keep == 0) carving_.reset();
 }
 
@@ -231,20 +231,17 @@ void Machine::carve_ahead(Soil& soil) {
         before.phi = chunk->phi;
       }
     }
-    cut->carve(soil, cut->pending().size(), changed_);
+    cut->carve(soil, cut->pending().size());
   }
 }
 
 void Machine::take_back(Soil& soil) {
   for (; !ahead_.empty(); ahead_.pop_back()) {
     Before& before = ahead_.back();
-    Chunk* chunk = soil.find(before.origin);
-    if (chunk == nullptr) continue;
-    changed_.add(before.origin);
     if (before.resident) {
-      soil.warm(*chunk);
-      chunk->air = before.air;
-      chunk->phi = std::move(before.phi);
+      Chunk& chunk = soil.make(before.origin);
+      chunk.air = before.air;
+      chunk.phi = std::move(before.phi);
     } else {
       soil.drop(before.origin);
     }

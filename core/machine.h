@@ -40,9 +40,6 @@ class Machine {
   void take_back(Soil& soil);
   bool is_ahead() const { return !ahead_.empty(); }
 
-  /// Chunks whose phi changed.
-  ChunkList& changed() { return changed_; }
-
   /// Appends all that the next move depends on besides the soil.
   void save(std::string& out) const;
   /// Takes it off again. @throw std::invalid_argument if the bytes are not what save() wrote
@@ -97,7 +94,6 @@ class Machine {
   std::optional<SurfaceCut> carving_;          // the same, on its way out of phi
   std::size_t carving_chunks_ = 0;
   std::vector<Before> ahead_;  // what flush() changed, to be undone by the next update
-  ChunkList changed_;
 };
 
 }  // namespace soilvdb

@@ -10,7 +10,6 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "core/chunk_range.h"
 #include "core/machine.h"
 
 namespace soilvdb {
@@ -165,14 +164,7 @@ Ledger Tracker::total() const {
 
 std::vector<Coord3> Tracker::take_changed() {
   flush();
-  std::vector<Coord3> all = soil_.take_touched();
-  for (const auto& machine : machines_) {
-    const std::vector<Coord3> changed = machine->changed().take();
-    all.insert(all.end(), changed.begin(), changed.end());
-  }
-  std::sort(all.begin(), all.end(), before);
-  all.erase(std::unique(all.begin(), all.end()), all.end());
-  return all;
+  return soil_.take_touched();
 }
 
 double Tracker::tolerance_m() const { return Machine::tolerance_m(soil_); }

@@ -52,6 +52,13 @@ class Resume : public ProgramTest {
 
   fs::path out() const { return folder() / "out/dig"; }
   nlohmann::json summary() const { return read_json(out() / "summary.json"); }
+  void expect_goes_on_to_the_same(double share) const {
+    interrupt(share);
+    const Result result = run("resume out/dig");
+    EXPECT_EQ(result.status, 0) << result.err;
+    expect_same_as_whole();
+  }
+
   /// updates.csv without the last column, the time each took.
   std::vector<std::string> updates() const {
     std::vector<std::string> lines;
@@ -91,10 +98,7 @@ TEST_F(Resume, FromAnyPlaceAndUnderAnyOptions) {
     SCOPED_TRACE(options);
     for (const double share : {0.2, 0.5, 0.97}) {
       run_whole(std::string("dig.yaml ") + options);
-      interrupt(share);
-      const Result result = run("resume out/dig");
-      EXPECT_EQ(result.status, 0) << result.err;
-      expect_same_as_whole();
+      expect_goes_on_to_the_same(share);
       fs::remove_all(out());
     }
   }
@@ -106,10 +110,7 @@ TEST_F(Resume, InTheMiddleOfAnUpdateThatTakesSeveralPartsOfALongMotion) {
   for (const char* options : {"--updates 2", "--updates 3001"}) {
     for (const double share : {0.3, 0.6, 0.9}) {
       run_whole(std::string("dig.yaml ") + options);
-      interrupt(share);
-      const Result result = run("resume out/dig");
-      EXPECT_EQ(result.status, 0) << result.err;
-      expect_same_as_whole();
+      expect_goes_on_to_the_same(share);
     }
   }
 }
@@ -130,10 +131,7 @@ TEST_F(Resume, OfSeveralMachinesOnARasterInUtmCoordinates) {
   write_file(folder() / "dig.yaml", text);
   for (const double share : {0.3, 0.8}) {
     run_whole();
-    interrupt(share);
-    const Result result = run("resume out/dig");
-    EXPECT_EQ(result.status, 0) << result.err;
-    expect_same_as_whole();
+    expect_goes_on_to_the_same(share);
   }
 }
 

@@ -3,8 +3,6 @@
 #include "tools/snapshot_writer.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
-#include <tbb/task_arena.h>
 
 #include <chrono>
 #include <set>
@@ -12,13 +10,12 @@
 #include <system_error>
 #include <utility>
 
+#include "core/beside.h"
 #include "io/atomic_file.h"
 #include "io/checksum.h"
 
 namespace soilvdb::tools {
 namespace {
-
-constexpr int kNice = 10;  // beside updates
 
 std::vector<Coord3> all_chunks(const Soil& soil) {
   std::vector<Coord3> origins;
@@ -72,10 +69,8 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
   auto work = [this, file = std::move(file), copy = std::move(copy), info = std::move(info),
                &journal] { save(file, copy, info, journal); };
   if (options_.beside) {
-    writing_ = std::async(std::launch::async, [work = std::move(work)] {
-      setpriority(PRIO_PROCESS, 0, kNice);  // of this thread alone on Linux; in vain elsewhere
-      tbb::task_arena(1).execute(work);
-    });
+    writing_ =
+        std::async(std::launch::async, [work = std::move(work)] { run_beside_updates(work); });
   } else {
     work();
     finish();
