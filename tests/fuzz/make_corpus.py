@@ -86,7 +86,11 @@ def rasters(work):
              (2, 'EHdr', 'bil', 'hdr', []), (3, 'HFA', 'img', None, []),
              (4, 'ENVI', 'dat', 'hdr', []), (5, 'GSAG', 'grd', None, []),
              (5, 'GSBG', 'grd', None, []), (5, 'GS7BG', 'grd', None, []),
-             (7, 'SAGA', 'sdat', 'sgrd', [])]
+             (7, 'SAGA', 'sdat', 'sgrd', []),
+             (8, 'DTED', 'dt0', None, ['-outsize', '121', '121', '-ot', 'Int16', '-a_srs', 'EPSG:4326',
+                                       '-a_ullr', '5.9958333333', '46.0041666667', '7.0041666667',
+                                       '44.9958333333']),
+             (9, 'USGSDEM', 'dem', None, ['-ot', 'Int16', '-a_srs', 'EPSG:26911'])]
   for number, (choice, driver, suffix, header, options) in enumerate(formats):
     out = work / f'b{number}.{suffix}'
     subprocess.run(['gdal_translate', '-q', '-of', driver, *options, source, out], check=True)
