@@ -117,8 +117,7 @@ class Samples {
     if (block_->empty()) {
       block_.reset();
     } else if (block_->capacity > block_->size + block_->size / 4 + 16) {
-      block_->reserve(block_->size);
-      block_.resize(block_->bytes());
+      resize(block_->size);
     }
   }
 
@@ -162,9 +161,12 @@ class Samples {
     return reinterpret_cast<const std::uint64_t*>(block_.get() + 1);
   }
   std::uint64_t* tail() { return reinterpret_cast<std::uint64_t*>(block_.get() + 1); }
-  void grow() {
-    block_->reserve(block_->size + block_->size / 8 + 1);
-    block_.resize(block_->bytes());
+  void grow() { resize(block_->size + block_->size / 8 + 1); }
+  void resize(int words) {
+    Head resized = head();
+    resized.reserve(words);
+    block_.resize(resized.bytes());  // before it says so: it may fail
+    block_->capacity = resized.capacity;
   }
 
   HeapBlock<Head> block_;

@@ -148,6 +148,7 @@ struct MotionReader::State {
       const CsvLines::Mark mark = lines.mark();
       try {
         std::string_view line;
+        compared = false;
         if (!lines.next(line)) return false;
         if (is_blank(line)) {
           if (blanks++ == 0) blank = mark;
@@ -156,10 +157,15 @@ struct MotionReader::State {
         if (blanks > 0) refuse_blanks();
         take(line);
         at = mark;
+        at_odds = 0;
         return true;
       } catch (const LineError& e) {
         if (blanks > 0) refuse_blanks();
         refuse(mark, e);
+        if (compared && ++at_odds > bad.most_at_odds) {
+          bad.most_at_odds = at_odds;
+          bad.at_odds_with = at.lines + 1;
+        }
       }
     }
   }
@@ -176,6 +182,7 @@ struct MotionReader::State {
       fresh[i] = number(lines, columns.names[i], fields[columns.fields[i]]);
     }
     const auto time = fields[columns.fields[0]];
+    compared = !first;
     if (!first && !(fresh[0] > row[0])) {
       lines.fail(
           fmt::format("time {} doesn't come after {} in the row before; times must strictly "
@@ -227,6 +234,8 @@ struct MotionReader::State {
   bool first = true;               // it is at no row yet
   CsvLines::Mark blank;            // the first of the blank lines since the row
   std::int64_t blanks = 0;         // so many
+  bool compared = false;           // the line it looks at with the row
+  std::int64_t at_odds = 0;        // rows since the row that can't come after it
   BadRows bad;
 };
 

@@ -28,20 +28,18 @@ Base open_raster_base(const std::filesystem::path& file) {
   const RasterInput raster = open_raster(file);
   const HeightGrid& grid = raster.grid;
   const Vec2 last = grid.first + grid.spacing.cwiseProduct(Vec2(grid.nx - 1, grid.ny - 1));
-  return {
-      make_height_field(grid, raster.source),
-      {RasterTerrain{std::filesystem::absolute(file).lexically_normal()}, file_fingerprint(file)},
-      raster.crs_wkt,
-      {grid.first, last}};
+  return {make_height_field(grid, raster.source),
+          {RasterTerrain{std::filesystem::canonical(file)}, file_fingerprint(file)},
+          raster.crs_wkt,
+          {grid.first, last}};
 }
 
 Base open_level_set_base(const std::filesystem::path& file) {
   LevelSetInput input = read_level_set(file);
-  return {
-      std::move(input.surface),
-      {LevelSetTerrain{std::filesystem::absolute(file).lexically_normal()}, file_fingerprint(file)},
-      std::move(input.crs_wkt),
-      {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
+  return {std::move(input.surface),
+          {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file)},
+          std::move(input.crs_wkt),
+          {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
 }
 
 /// Where the first machine's lip starts, to 100 m.

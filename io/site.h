@@ -13,7 +13,7 @@ namespace soilvdb::io {
 
 /// How to find a base surface again.
 struct BaseReference {
-  Terrain terrain;       ///< never itself a snapshot; paths absolute
+  Terrain terrain;       ///< never itself a snapshot; paths canonical
   std::string checksum;  ///< of the file's size and a sample of its bytes; empty for a plane
 };
 

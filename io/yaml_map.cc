@@ -5,6 +5,7 @@
 #include "io/yaml_map.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <yaml-cpp/eventhandler.h>
 
 #include <algorithm>
@@ -73,9 +74,9 @@ YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std:
     const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
     if (std::find(known.begin(), known.end(), key) == known.end()) {
       fail(entry.first,
-           fmt::format("unknown key {} in {}; did you mean '{}'?",
+           fmt::format("unknown key {} in {}; did you mean '{}'? Its keys are {}",
                        entry.first.IsScalar() ? describe(entry.first) : "that is no word", what_,
-                       nearest(key, known)));
+                       nearest(key, known), fmt::join(known, ", ")));
     }
     if (!seen.insert(key).second) {
       fail(entry.first, fmt::format("key '{}' is there twice in {}; leave one out", key, what_));

@@ -162,6 +162,22 @@ TEST_F(BadRows, WhereNothingCouldBeDugBeforeOneTheInputIsWrong) {
   }
 }
 
+TEST_F(BadRows, WhereMostContradictOneThisOneMayBeWrong) {
+  write_scenario("bad.yaml", "bad.csv", "skip");
+  write_file(folder() / "bad.csv", with({{1, "-1,5e8,0,0,0"}}));  // a position without a fix
+  expect_refused("run bad.yaml",
+                 "bad.csv:2: 41 of the 42 rows contradict this one (first: "
+                 "bad.csv:3: the bucket moves 5e+08 m in 1 s since the row before");
+  write_file(folder() / "bad.csv", with({{4, "1e9,0,0,0,0"}}));  // a clock that jumped
+  expect_refused("run bad.yaml",
+                 "bad.csv:5: 38 of the 42 rows contradict this one (first: "
+                 "bad.csv:6: time 0.375 doesn't come after 1e9");
+  // Less than half of them are wrong themselves.
+  write_file(folder() / "bad.csv", with({{30, "1e9,0,0,0,0"}}));
+  EXPECT_EQ(run("run bad.yaml --out bad").status, 0);
+  EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 12);
+}
+
 TEST_F(BadRows, ResumeStopsThereAgainUntilTheRowIsMended) {
   ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
   ASSERT_EQ(run("run clean.yaml --updates 10 --out clean10").status, 0);

@@ -190,6 +190,10 @@ TEST_F(AfterARun, RefusesExportsThatCannotBe) {
   expect_refused(from + "x.ply --region 1,0,0,1", "below");
   expect_refused(from + "x.ply --region 100,100,110,110", "misses");
   expect_refused(from + "x.png --view side", "side");
+  expect_refused(from + "x.tif --view plan", "x.tif: --view is for pictures");
+  expect_refused(from + "x.png --veiw plan", "no option '--veiw', the nearest is '--view'");
+  expect_refused(from + "x.png --veiw=plan", "no option '--veiw', the nearest is '--view'");
+  expect_refused(from + "x.png plan", "'plan' is one word too many");
 }
 
 TEST_F(AfterARun, DiffIsWhatTheLedgerBooked) {

@@ -144,17 +144,24 @@ TEST_F(ScenarioFile, AMachineMayBeGivenByItsJoints) {
 
 TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(error(9, "      widht: 1.2"),
-            "s.yaml:9: unknown key 'widht' in bucket; did you mean 'width'?");
-  EXPECT_EQ(error(3, "voxelsize: 0.05"),
-            "s.yaml:3: unknown key 'voxelsize' in scenario; did you mean 'voxel_size'?");
+            "s.yaml:9: unknown key 'widht' in bucket; did you mean 'width'? Its keys are "
+            "width, height, profile, dump_angle");
+  EXPECT_EQ(
+      error(3, "voxelsize: 0.05"),
+      "s.yaml:3: unknown key 'voxelsize' in scenario; did you mean 'voxel_size'? Its keys are "
+      "soilvdb, name, voxel_size, terrain, machines, output");
   EXPECT_EQ(error(13, "    motoin: m.csv"),
-            "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'?");
+            "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
+            "name, bucket, motion, bad_rows, urdf, base, lip");
   EXPECT_EQ(error(5, "  plane: {hight: 1}"),
-            "s.yaml:5: unknown key 'hight' in plane; did you mean 'z'?");
+            "s.yaml:5: unknown key 'hight' in plane; did you mean 'z'? Its keys are "
+            "z, slope");
   EXPECT_EQ(error(15, "  snapshot: {every: 2}"),
-            "s.yaml:15: unknown key 'snapshot' in output; did you mean 'snapshots'?");
+            "s.yaml:15: unknown key 'snapshot' in output; did you mean 'snapshots'? Its keys are "
+            "snapshots, mesh, raster, journal");
   EXPECT_EQ(error(2, "<<: {name: dig}"),
-            "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'?");
+            "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'? Its keys are "
+            "soilvdb, name, voxel_size, terrain, machines, output");
 }
 
 TEST_F(ScenarioFile, AKeyTwice) {

@@ -224,6 +224,20 @@ TEST(SnapshotBase, IsFoundAgainWhenTheSnapshotHasMoved) {
   EXPECT_EQ(read_snapshot(folder / "far/away/a.vdb").soil->state_hash(), site.soil->state_hash());
 }
 
+TEST(SnapshotBase, BehindALinkIsFoundAndWrittenAgainAsItWas) {
+  const TempFolder folder;
+  std::filesystem::create_directories(folder / "far/away/disk");
+  std::filesystem::create_directories(folder / "out/run");
+  std::filesystem::rename(hills(folder), folder / "far/away/disk/hills.tif");
+  std::filesystem::create_directory_symlink(folder / "far/away/disk", folder / "site");
+  std::filesystem::create_directory_symlink(folder / "out/run", folder / "far/run");
+  const Site site = site_on(RasterTerrain{folder / "site/hills.tif"});
+  dig(*site.soil, 0, 0.3);
+  write_snapshot(folder / "far/run/a.vdb", site, kInfo);
+  write_snapshot(folder / "out/run/b.vdb", read_snapshot(folder / "far/run/a.vdb"), kInfo);
+  EXPECT_EQ(content(folder / "out/run/b.vdb"), content(folder / "out/run/a.vdb"));
+}
+
 TEST(SnapshotBase, ThatIsGoneOrHasChangedIsSaid) {
   const TempFolder folder;
   const Site site = site_on(RasterTerrain{hills(folder)});

@@ -47,7 +47,7 @@ void info(const InfoOptions& options);
 struct ExportOptions {
   std::filesystem::path file, to;
   std::optional<std::string> region;  ///< XMIN,YMIN,XMAX,YMAX
-  bool perspective = false;           ///< for a picture; default: a plan
+  std::optional<std::string> view;    ///< of a picture: plan (default) or perspective
 };
 void export_file(const ExportOptions& options);
 

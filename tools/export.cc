@@ -82,6 +82,8 @@ void export_file(const ExportOptions& options) {
     throw io::InputError(options.to, fmt::format("the suffix '{}' is none of .ply .obj .stl .glb "
                                                  ".tif .png .vdb",
                                                  options.to.extension().string()));
+  if (options.view && suffix != "png")
+    throw io::InputError(options.to, "--view is for pictures; leave it out, or give a .png");
   std::optional<Box2> region;
   if (options.region) region = parse_region(*options.region);
   io::check_readable(options.file);
@@ -105,7 +107,8 @@ void export_file(const ExportOptions& options) {
                     resident.max().y()));
   if (is_mesh(suffix)) export_mesh(options.to, site, region);
   if (suffix == "tif") export_raster(options.to, site, region);
-  if (suffix == "png") export_picture(options.to, site, info, region, options.perspective);
+  if (suffix == "png")
+    export_picture(options.to, site, info, region, options.view == "perspective");
   if (suffix == "vdb") export_level_set(options.to, site, region);
 }
 

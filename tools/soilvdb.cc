@@ -102,6 +102,9 @@ class CommandLine {
     } catch (const CLI::Success& e) {
       app_.exit(e);  // prints the help or the version asked for
       return kDone;
+    } catch (const CLI::ExtrasError&) {
+      return complain(kWrongInput,
+                      fmt::format("{}; see soilvdb {}--help", not_expected(), command()));
     } catch (const CLI::ParseError& e) {
       return complain(kWrongInput, fmt::format("{}; see soilvdb {}--help", e.what(), command()));
     }
@@ -124,6 +127,21 @@ class CommandLine {
                        io::nearest(word, names), fmt::join(names, ", "));
   }
 
+  /// What is wrong with a word on the command line that is neither an option nor wanted.
+  std::string not_expected() const {
+    const std::vector<std::string> words = app_.remaining(true);
+    const auto option = std::find_if(words.begin(), words.end(),
+                                     [](const std::string& w) { return w.starts_with('-'); });
+    if (option == words.end())
+      return fmt::format("'{}' is one word too many", io::printable(words.front()));
+    const std::string word = option->substr(0, option->find('='));
+    std::vector<std::string> known;
+    for (const CLI::Option* o : app_.get_subcommands().front()->get_options())
+      for (const std::string& name : o->get_lnames()) known.push_back("--" + name);
+    return fmt::format("no option '{}', the nearest is '{}'", io::printable(word),
+                       io::nearest(word, known));
+  }
+
   std::string command() const {
     const auto used = app_.get_subcommands();
     return used.empty() ? "" : used.front()->get_name() + ' ';
@@ -131,12 +149,13 @@ class CommandLine {
 
   /// @param otherwise what holds without the option
   static void add_memory(CLI::App* sub, std::optional<std::int64_t>& mb, const char* otherwise) {
-    sub->add_option("--memory", mb,
-                    fmt::format("most that the ground may hold of memory, MB; what was not used "
-                                "for longest goes to a file without a name in the run's folder. "
-                                "Besides it the program takes 100 MB, and 7 kB per chunk of 8 x 8 "
-                                "x 8 voxels while it writes a snapshot. Default: {}",
-                                otherwise))
+    sub->add_option(
+           "--memory", mb,
+           fmt::format("most that the ground may hold of memory, MB, 16 or more; what was "
+                       "not used for longest goes to a file without a name in the run's folder. "
+                       "Besides it the program takes 100 MB, and 7 kB per chunk of 8 x 8 "
+                       "x 8 voxels while it writes a snapshot. Default: {}",
+                       otherwise))
         ->type_name("MB")
         ->transform(number_between(
             kLeastMemory_mb, kMostMemory_mb, true,
@@ -209,7 +228,7 @@ class CommandLine {
         ->required();
     sub->add_option("--region", export_.region, "only this part of the site, m")
         ->type_name("XMIN,YMIN,XMAX,YMAX");
-    sub->add_option("--view", view_, "of a picture: plan (default) or perspective")
+    sub->add_option("--view", export_.view, "of a .png picture: plan (default) or perspective")
         ->type_name("VIEW")
         ->check(CLI::Validator(
             [](std::string& text) {
@@ -217,10 +236,7 @@ class CommandLine {
               return fmt::format("'{}' is neither plan nor perspective", io::printable(text));
             },
             ""));
-    sub->callback([this] {
-      export_.perspective = view_ == "perspective";
-      command_ = [this] { export_file(export_); };
-    });
+    sub->callback([this] { command_ = [this] { export_file(export_); }; });
   }
 
   void add_diff() {
@@ -241,7 +257,6 @@ class CommandLine {
   InfoOptions info_;
   ExportOptions export_;
   DiffOptions diff_;
-  std::string view_ = "plan";
   std::function<void()> command_;
 };
 
