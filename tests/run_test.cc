@@ -178,6 +178,16 @@ TEST_F(Run, AMotionOfOneRowIsOneUpdate) {
   }
 }
 
+TEST_F(Run, VoxelsThatAreTooLargeForABucketAreWarnedOf) {
+  EXPECT_EQ(run("run dig.yaml --updates 20 --voxel 0.1").err, "");
+  const Result result = run("run dig.yaml --updates 20 --voxel 0.11");
+  EXPECT_EQ(result.status, 0);
+  EXPECT_TRUE(
+      result.err.starts_with("soilvdb: warning: dig.yaml: voxels of 0.11 m are too large "
+                             "for the bucket of digger, 0.2 m x 0.5 m"))
+      << result.err;
+}
+
 /// A bucket that shuttles along a trench, in more rows than are in memory at once.
 TEST_F(Run, AMotionOfAnyLengthDigsTheSameHoweverItIsSplit) {
   constexpr int kLong = 40'001;

@@ -3,6 +3,7 @@
 // soilvdb run: digs a scenario and writes what it asks for.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <optional>
@@ -35,6 +36,20 @@ void try_out(const io::Terrain& terrain) {
   });
 }
 
+/// At voxels of half a bucket's size its volumes are off by a percent; at larger ones it may seem
+/// to dig nothing.
+void warn_of_large_voxels(io::Scenario& scenario) {
+  for (const io::MachineInput& machine : scenario.machines) {
+    const double side_m = std::min(machine.bucket.width_m, machine.bucket.height_m);
+    if (scenario.voxel_size_m <= side_m / 2) continue;
+    scenario.warnings.push_back(fmt::format(
+        "{}: voxels of {} m are too large for the bucket of {}, {} m x {} m; volumes will be off "
+        "by percents, use {} m or less",
+        scenario.file.string(), scenario.voxel_size_m, machine.name, machine.bucket.width_m,
+        machine.bucket.height_m, side_m / 2));
+  }
+}
+
 fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
   if (options.out) return *options.out;
   const std::string& name = scenario.name;
@@ -56,6 +71,7 @@ io::Scenario read_to_dig(const RunOptions& options) {
       });
   progress.reset();
   if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
+  warn_of_large_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;
 }
