@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <numbers>
 
 #include "temp_folder.h"
@@ -140,6 +141,26 @@ TEST_F(ScenarioFile, AMachineMayBeGivenByItsJoints) {
             (folder_ / "joints.csv").string() +
                 ": joint boom exceeds its limits (-1.00 to 1.00 rad) in 1 row, first "
                 "at line 3");
+}
+
+TEST_F(ScenarioFile, IsAsTheReadmeSays) {
+  std::ifstream readme(SOILVDB_SOURCE_DIR "/README.md");
+  std::string content;
+  bool inside = false;
+  for (std::string line; std::getline(readme, line);) {
+    if (line == "```") inside = false;
+    const bool other_kind = line.starts_with("  plane:") || line.starts_with("  level_set:");
+    if (inside && !other_kind) content += line + "\n";
+    if (line == "```yaml") inside = true;
+  }
+  folder_.write("digger.csv", "time,boom\n0,0.5\n1,2\n");
+  folder_.write("digger.urdf", kUrdf);
+  const Scenario s = read(content);
+  EXPECT_EQ(s.name, "pit");
+  EXPECT_EQ(s.machines.at(0).bucket.profile.size(), 3);
+  EXPECT_EQ(s.snapshot_every_s, 60);
+  EXPECT_EQ(s.snapshots_kept, 2);
+  EXPECT_EQ(s.raster_cell_m, 0.1);
 }
 
 TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
