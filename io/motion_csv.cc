@@ -24,7 +24,8 @@ constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad
 // clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
 constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
 constexpr double kJitter_m = 1, kJitter_rad = 1;  // that sensors may add, however short the time
-constexpr double kMostTurn_rad = 100;  // in one row: what is surely a slip takes forever to sweep
+// Of a joint in one row, however long it takes: what is surely a slip takes forever to sweep.
+constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
 constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
 
 double number(const CsvLines& lines, const std::string& name, std::string_view field) {
@@ -120,10 +121,12 @@ void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<d
     ++i;
     const bool turns = joint.type != Joint::Type::kPrismatic;
     const double moved = std::abs(row[i] - before[i]);
-    if (turns && moved > kMostTurn_rad) {
-      lines.fail(
-          fmt::format("joint {} turns {:g} rad since the row before; at most {} rad in one row",
-                      joint.name, row[i] - before[i], kMostTurn_rad));
+    const double most = turns ? kMostTurn_rad : kMostShift_m;
+    if (moved > most) {
+      const char* unit = turns ? "rad" : "m";
+      lines.fail(fmt::format("joint {} {} {:g} {} since the row before; at most {} {} in one row",
+                             joint.name, turns ? "turns" : "moves", row[i] - before[i], unit, most,
+                             unit));
     }
     check_speed(lines, "joint " + joint.name, moved, row[0] - before[0], turns);
   }

@@ -4,6 +4,7 @@
 #include "io/urdf.h"
 
 #include <console_bridge/console.h>
+#include <cpl_string.h>
 #include <fmt/format.h>
 #include <urdf_parser/urdf_parser.h>
 
@@ -24,6 +25,15 @@ constexpr int kMaxDepth = 64;  // elements within elements; a URDF has about fiv
 
 long line_at(std::string_view text, std::size_t position) {
   return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(position), '\n');
+}
+
+/// Refuses what isn't UTF-8: the parser steps over the end of text that ends within a character.
+void check_encoding(const std::filesystem::path& file, std::string_view text) {
+  for (std::size_t from = 0, end = 0; from < text.size(); from = end + 1) {
+    end = std::min(text.find('\n', from), text.size());
+    if (!CPLIsUTF8(text.data() + from, static_cast<int>(end - from)))
+      throw InputError(file, line_at(text, from), "isn't UTF-8; convert the file to that");
+  }
 }
 
 /// Overwrites comments with blanks, so that what they hold is neither checked nor found.
@@ -205,6 +215,7 @@ class JointReader {
 Chain read_chain(const std::filesystem::path& file, const std::string& link) {
   std::string text = read_text(file, kMaxBytes);
   blank_comments(file, text);
+  check_encoding(file, text);
   check_structure(file, text);
   const auto model = parse(file, text);
 

@@ -205,6 +205,11 @@ TEST_F(MotionCsv, BucketsAndJointsThatJump) {
   EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,0,0\n1e6,0,120\n"),
             "m.csv:3: joint arm_joint turns 120 rad since the row before; at most 100 rad in one "
             "row");
+  Chain slide;
+  slide.joints = {{"slide", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 0}};
+  const auto file = folder_.write("m.csv", "time,slide\n0,0\n1e6,-1001\n");
+  EXPECT_EQ(test::message_of(folder_, [&] { read_motion(file, slide); }),
+            "m.csv:3: joint slide moves -1001 m since the row before; at most 1000 m in one row");
   // Noise at a high rate is no jump, and neither is a machine that was driven on meanwhile.
   read("time,x,y,z,yaw\n0,0,0,0,0\n0.001,0.9,0,0,0.9\n1000,9000,0,0,0\n");
 }

@@ -3,9 +3,11 @@
 // What is read from a URDF, and the one line said about each way to get it wrong.
 #include "io/urdf.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <thread>
 
 #include "temp_folder.h"
@@ -145,6 +147,10 @@ TEST_F(Urdf, FilesThatAreNone) {
                               5)),
             "m.urdf: is a binary file; it must be UTF-8 text");
   const std::string whole = machine(kTurn);
+  for (const char* cut_short : {"\xEB", "\xEB\xA4", "\xF0\x9F\x9A", "\xA4"})
+    EXPECT_EQ(error(whole + "\n" + cut_short),
+              fmt::format("m.urdf:{}: isn't UTF-8; convert the file to that",
+                          std::count(whole.begin(), whole.end(), '\n') + 2));
   EXPECT_EQ(error(whole.substr(0, whole.find("prismatic"))),
             "m.urdf:6: a tag isn't closed; the file may be cut short");
   EXPECT_EQ(error(whole.substr(0, whole.find(" is a comment"))),
