@@ -151,7 +151,8 @@ TEST_F(Incremental, OnlyTheNewestAndWhatTheyNeedAreKept) {
       EXPECT_EQ(there, expected);
       EXPECT_LT(there.size(), vdb_files("whole").size());
       EXPECT_GE(files.size(), keep);
-      for (const auto& name : read_json(folder() / "dig/summary.json")["files"])
+      const nlohmann::json summary = read_json(folder() / "dig/summary.json");
+      for (const auto& name : summary["files"])
         EXPECT_TRUE(fs::exists(folder() / "dig" / std::string(name))) << name;
       for (const std::string& name : there) EXPECT_EQ(hash("dig/" + name), hash("whole/" + name));
     }
