@@ -87,6 +87,8 @@ class Temporary {
   bool renamed_ = false;
 };
 
+}  // namespace
+
 void sync_folder(const std::filesystem::path& file) {
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
   const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -99,8 +101,6 @@ void sync_folder(const std::filesystem::path& file) {
   // Some network and FUSE file systems can't sync a folder; the file itself is safe.
   if (synced != 0 && error != EINVAL && error != ENOTSUP) fail(file, error);
 }
-
-}  // namespace
 
 void write_atomically(const std::filesystem::path& file, std::string_view bytes) {
   std::error_code none;

@@ -16,4 +16,8 @@ namespace soilvdb::io {
 ///        regular file (a folder, /dev/null).
 void write_atomically(const std::filesystem::path& file, std::string_view bytes);
 
+/// Syncs the folder of a file that was renamed, so that it is there under its name for good.
+/// @throw std::runtime_error naming the file and the cause.
+void sync_folder(const std::filesystem::path& file);
+
 }  // namespace soilvdb::io

@@ -24,11 +24,10 @@ std::uint64_t crc64(std::string_view bytes) {
   return crc.checksum();
 }
 
-std::string file_fingerprint(const std::filesystem::path& file,
-                             std::optional<std::uint64_t> bytes) {
+std::string file_fingerprint(const std::filesystem::path& file) {
   constexpr std::uint64_t kBlock = 64 * 1024, kBlocks = 64;
   check_readable(file);
-  const std::uint64_t size = bytes.value_or(std::filesystem::file_size(file));
+  const std::uint64_t size = std::filesystem::file_size(file);
   std::ifstream in(file, std::ios::binary);
   Crc64 crc;
   crc.process_bytes(&size, sizeof size);

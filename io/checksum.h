@@ -5,7 +5,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <string_view>
 
@@ -16,10 +15,8 @@ std::uint64_t crc64(std::string_view bytes);
 
 /// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of
 /// 64 blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
-/// @param bytes of the file, from its start; default: all
 /// @throw InputError if it can't be read.
-std::string file_fingerprint(const std::filesystem::path& file,
-                             std::optional<std::uint64_t> bytes = std::nullopt);
+std::string file_fingerprint(const std::filesystem::path& file);
 
 /// Size and CRC-64 of a whole file.
 struct FileDigest {

@@ -46,9 +46,14 @@ std::string frame(std::string_view content, std::uint64_t place, std::uint64_t s
 
 }  // namespace
 
-std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConfig& config) {
+std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConfig& config,
+                            const std::vector<std::string>& gone) {
   std::string content(1, kConfigTag);
   append_text(content, config.text);
+  for (const std::string& name : gone) {
+    content += kGoneTag;
+    append_text(content, name);
+  }
   const std::string bytes = frame(content, 0, 0);
   write_atomically(file, bytes);
   return bytes.size();

@@ -58,9 +58,11 @@ struct JournalExtent {
 };
 
 /// Makes `file` a journal that holds a configuration and nothing else, atomically.
+/// @param gone files of a run before, which are about to be deleted
 /// @return its size, bytes
 /// @throw std::runtime_error naming the file and the cause.
-std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConfig& config);
+std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConfig& config,
+                            const std::vector<std::string>& gone = {});
 
 /// Appends records to a journal. A thread of its own writes and syncs, so add() costs a copy.
 ///

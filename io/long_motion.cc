@@ -10,9 +10,8 @@
 namespace soilvdb::io {
 namespace {
 
-std::string warning(const BadRows& bad, bool stops) {
+std::string warning(const BadRows& bad) {
   const std::string more = bad.count == 1 ? "" : fmt::format(" and {} more", bad.count - 1);
-  if (stops) return fmt::format("{}; the run ends before this row{}", bad.first, more);
   return fmt::format("{}; this row{} {} left out", bad.first, more, bad.count == 1 ? "is" : "are");
 }
 
@@ -56,7 +55,7 @@ LongMotion::LongMotion(const std::filesystem::path& file, const std::optional<Ch
                     "wrong: 'bad_rows: skip' is for the odd row",
                     bad_rows_.most_at_odds, all, bad_rows_.first));
   }
-  if (bad_rows_.count > 0) warnings.push_back(warning(bad_rows_, stops()));
+  if (bad_rows_.count > 0 && !stop_) warnings.push_back(warning(bad_rows_));
 }
 
 std::shared_ptr<const Motion> LongMotion::part(std::size_t i) const {

@@ -32,7 +32,7 @@ class LongMotion {
 
   /// Reads and checks a file as read_motion() does, its bad rows left out.
   /// @param look is shown each part, and how many bytes of the file have been read
-  /// @param warnings what read_motion() warns of is added, and the bad rows
+  /// @param warnings what read_motion() warns of is added, and the bad rows that are left out
   /// @throw InputError as read_motion() does; for a bad row only where there is no good one, none
   ///        to dig before it, or most rows contradict one, so that this one may be what is wrong.
   LongMotion(const std::filesystem::path& file, const std::optional<Chain>& chain,

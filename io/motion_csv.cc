@@ -164,7 +164,7 @@ struct MotionReader::State {
         return true;
       } catch (const LineError& e) {
         if (blanks > 0) refuse_blanks();
-        refuse(mark, e);
+        refuse(e);
         if (compared && ++at_odds > bad.most_at_odds) {
           bad.most_at_odds = at_odds;
           bad.at_odds_with = at.lines + 1;
@@ -211,14 +211,13 @@ struct MotionReader::State {
   }
 
   void refuse_blanks() {
-    refuse(blank, InputError(file, blank.lines + 1, "is a blank line between rows; leave it out"));
+    refuse(InputError(file, blank.lines + 1, "is a blank line between rows; leave it out"));
     bad.count += std::exchange(blanks, 0) - 1;
   }
 
-  void refuse(const CsvLines::Mark& mark, const InputError& why) {
+  void refuse(const InputError& why) {
     if (bad.count++ > 0) return;
     bad.first = why.what();
-    bad.first_byte = mark.bytes;
     if (!first) bad.good_s = row[0];
   }
 

@@ -26,7 +26,6 @@ struct MotionInput {
 struct BadRows {
   std::int64_t count = 0;
   std::string first;             ///< "FILE:LINE: what is wrong and what would be right"
-  std::int64_t first_byte = 0;   ///< where its line begins
   std::optional<double> good_s;  ///< time of the last good row before it, if there is one
   /// The longest stretch of rows that are bad only by what the good row before them says: so many.
   std::int64_t most_at_odds = 0;

@@ -12,6 +12,8 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "io/atomic_file.h"
+
 namespace soilvdb::io {
 namespace {
 
@@ -130,6 +132,7 @@ void UpdatesCsv::close() {
     std::remove(part_.c_str());
     fail(file_, error);
   }
+  sync_folder(file_);
 }
 
 }  // namespace soilvdb::io

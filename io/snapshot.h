@@ -61,11 +61,14 @@ void write_snapshot(const std::filesystem::path& file, const Site& site, const S
 /// none.
 bool is_snapshot(const std::filesystem::path& file);
 
+/// What a snapshot goes on from, as it says itself; nothing if it is whole.
+/// @throw InputError if it is damaged.
+std::optional<Since> read_since(const std::filesystem::path& file);
+
 /// Opens a snapshot, its base surface and what it goes on from included. The soil has the same bits
 /// as the one written.
 /// @throw InputError if it or a snapshot that it needs is damaged, missing or another one, or if
-/// its
-///        base surface is missing or has changed.
+///        its base surface is missing or has changed.
 Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info = nullptr);
 
 }  // namespace soilvdb::io

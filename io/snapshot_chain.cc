@@ -97,6 +97,11 @@ bool is_snapshot(const std::filesystem::path& file) {
   return in && end.starts_with(kTrailerWord);
 }
 
+std::optional<Since> read_since(const std::filesystem::path& file) {
+  openvdb::initialize();
+  return reading(file, file, [&] { return open_link(file).since; });
+}
+
 std::vector<Link> open_chain(const std::filesystem::path& file) {
   std::vector<Link> chain;
   chain.push_back(reading(file, file, [&] { return open_link(file); }));

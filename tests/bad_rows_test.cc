@@ -3,6 +3,7 @@
 // Runs whose sensors send nonsense: what is left out, where they stop, and how they go on.
 #include <vector>
 
+#include "io/journal.h"
 #include "io/snapshot.h"
 #include "tests/program.h"
 
@@ -122,16 +123,15 @@ TEST_F(BadRows, ByDefaultARunStopsAtOneWithWhatCameBeforeItSaved) {
     fs::remove_all(folder() / "bad");
     const Result result = run("run bad.yaml --out bad");
     EXPECT_EQ(result.status, 1);
-    const std::size_t second = result.err.find('\n') + 1;
-    EXPECT_TRUE(result.err.starts_with("soilvdb: warning: bad.csv:23: ")) << result.err;
-    EXPECT_TRUE(result.err.substr(second).starts_with("soilvdb: bad.csv:23: ")) << result.err;
-    EXPECT_NE(result.err.find(what, second), std::string::npos) << result.err;
-    EXPECT_NE(result.err.find("stopped before it, at 2.5 s of 5 s", second), std::string::npos);
-    EXPECT_NE(result.err.find("safe in bad: soil_1.vdb, soil_2.vdb", second), std::string::npos);
-    EXPECT_NE(result.err.find("soil_final.vdb", second), std::string::npos) << result.err;
-    EXPECT_NE(result.err.find("`soilvdb resume bad` goes on from 2.5 s\n", second),
-              std::string::npos)
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
+    EXPECT_TRUE(result.err.starts_with("soilvdb: bad.csv:23: ")) << result.err;
+    EXPECT_TRUE(result.err.ends_with(
+        "; mend or delete it; stopped before it, at 2.5 s of 5 s; safe in bad: soil_1.vdb, "
+        "soil_2.vdb, updates.csv, soil_final.vdb, soil_final.ply, soil_final.tif, summary.json, "
+        "journal; `soilvdb resume bad` goes on from 2.5 s\n"))
         << result.err;
+    EXPECT_NE(result.err.find(what), std::string::npos) << result.err;
+    EXPECT_NE(run("info bad.yaml").out.find("; a run ends before this row"), std::string::npos);
     expect_same("bad", "first");
     EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], line.empty() ? 1 : 2);
     io::SnapshotInfo info;
@@ -202,9 +202,9 @@ TEST_F(BadRows, ResumeStopsThereAgainUntilTheRowIsMended) {
     std::string other = mended;
     other[other.find("0.25,") + 2] = '4';
     write_file(folder() / "bad.csv", other);
-    expect_refused("resume bad", "bad.csv: has changed since the run");
+    expect_refused("resume bad", "bad.csv:4: the row at 0.25 s");
     write_file(folder() / "bad.csv", mended.substr(0, mended.size() / 4));
-    expect_refused("resume bad", "bad.csv: has changed since the run");
+    expect_refused("resume bad", "was dug; put it back");
     write_file(folder() / "bad.csv", mended);
     const Result on = run("resume bad");
     EXPECT_EQ(on.status, 0) << on.err;
@@ -215,10 +215,116 @@ TEST_F(BadRows, ResumeStopsThereAgainUntilTheRowIsMended) {
   }
 }
 
+/// Digs up to a bad row at 2.5 s, mends that, goes on to another at 3.75 s.
+TEST_F(BadRows, WhatWasDugIsNotToBeChangedWhoeverDugIt) {
+  ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  const auto motion = [&](std::size_t row, const std::string& line) {
+    std::string text;
+    for (std::size_t i = 0; i < lines_.size(); ++i) text += i == row ? line : lines_[i];
+    return text;
+  };
+  const std::size_t by_run = 9, by_resume = 25, undug = 37;  // rows of 1 s, 3 s, 4.5 s
+  const auto moved = [&](std::size_t row) {
+    std::string line = lines_[row];
+    return line.replace(line.find(',') + 1, 3, "0.3");  // x
+  };
+  const std::string bad = "3.875,nan,0,0,0\n";
+  // Updates of 0.5 s and of 0.1 s: of the first, rows are left out.
+  for (const char* options : {"", "--updates 10", "--updates 50"}) {
+    SCOPED_TRACE(options);
+    fs::remove_all(folder() / "bad");
+    std::string broken = motion(32, bad);
+    broken.replace(broken.find(lines_[22]), lines_[22].size(), "2.625,nan,0,0,0\n");
+    write_file(folder() / "bad.csv", broken);
+    ASSERT_EQ(run(fmt::format("run bad.yaml {} --out bad", options)).status, 1);
+    write_file(folder() / "bad.csv", motion(32, bad));
+    ASSERT_EQ(run("resume bad").status, 1);
+    EXPECT_EQ(run("verify bad").status, 0);
+    const auto before = content();
+    for (const auto& [row, time] : {std::pair(by_run, "1"), std::pair(by_resume, "3")}) {
+      const std::string line = fmt::format("bad.csv:{}: ", row + 1);
+      for (const auto& [text, hint] : std::vector<std::pair<std::string, std::string>>{
+               {motion(row, moved(row)), *options ? line : line + "x is 0.3"},
+               {motion(row, ""), fmt::format("the row at {} s (x ", time)},
+               {motion(row, lines_[row] + fmt::format("{}.01,0.3,0,0,0\n", time)),
+                fmt::format("bad.csv:{}: ", row + 2)},
+               {motion(row, fmt::format("{},nan,0,0,0\n", time)), line + "x is nan"}}) {
+        if (*options && text == motion(row, "")) continue;  // may be one that was left out
+        SCOPED_TRACE(hint);
+        write_file(folder() / "bad.csv", text);
+        expect_refused("resume bad", hint);
+        const Result verified = run("verify bad");
+        EXPECT_EQ(verified.status, 1);
+        EXPECT_NE(verified.err.find(hint), std::string::npos) << verified.err;
+      }
+    }
+    write_file(folder() / "bad.csv", motion(32, bad));
+    EXPECT_EQ(content(), before);
+    write_file(folder() / "bad.csv", motion(undug, moved(undug)));
+    const Result on = run("resume bad");
+    EXPECT_EQ(on.status, 0) << on.err;
+    EXPECT_EQ(run("verify bad").status, 0);
+    EXPECT_NE(summary("bad")["state_hash"], summary("clean")["state_hash"]);
+  }
+}
+
+TEST_F(BadRows, ALastRowThatIsMendedIsDugHoweverTheMotionIsSplit) {
+  std::string broken = with({});
+  broken.replace(broken.find(lines_.back()), lines_.back().size(), "5,nan,0,0,0\n");
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
+  for (const char* options : {"--updates 10", "--updates 39", "--updates 100", ""}) {
+    SCOPED_TRACE(options);
+    fs::remove_all(folder() / "bad");
+    write_file(folder() / "bad.csv", broken);
+    ASSERT_EQ(run(fmt::format("run bad.yaml {} --out bad", options)).status, 1);
+    const int updates = summary("bad")["updates"];
+    write_file(folder() / "bad.csv", with({}));
+    const Result on = run("resume bad");
+    EXPECT_EQ(on.status, 0) << on.err;
+    EXPECT_GT(summary("bad")["updates"], updates);
+    const double cut_m3 = summary("clean")["volume_m3"]["cut"];
+    EXPECT_NEAR(summary("bad")["volume_m3"]["cut"], cut_m3, 1e-4 * cut_m3);
+    EXPECT_EQ(run("verify bad").status, 0);
+  }
+}
+
+TEST_F(BadRows, VerifyChecksWhatAStoppedRunLeft) {
+  std::string broken = with({});
+  broken.replace(broken.find(lines_[22]), lines_[22].size() - 1, "2.625,nan,0,0,0");
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  write_file(folder() / "bad.csv", broken);
+  ASSERT_EQ(run("run bad.yaml --out bad").status, 1);
+  for (const std::string name : {"soil_1.vdb", "updates.csv", "soil_final.vdb", "soil_final.ply",
+                                 "soil_final.tif", "summary.json"}) {
+    SCOPED_TRACE(name);
+    const std::string bytes = read_file(folder() / "bad" / name);
+    std::string damaged = bytes;
+    damaged[bytes.size() / 2] = static_cast<char>(damaged[bytes.size() / 2] ^ 1);
+    write_file(folder() / "bad" / name, damaged);
+    const Result verified = run("verify bad");
+    EXPECT_EQ(verified.status, 1);
+    EXPECT_NE(verified.err.find(name + " is damaged"), std::string::npos) << verified.err;
+    write_file(folder() / "bad" / name, bytes);
+  }
+  // Once it has gone on, they are not what the run left.
+  write_file(folder() / "bad.csv", with({}));
+  ASSERT_EQ(run("resume bad").status, 0);
+  io::JournalReader reader(folder() / "bad/journal");
+  std::uint64_t dug = 0;
+  while (const auto record = reader.next())
+    if (std::holds_alternative<io::JournalMove>(*record)) dug = reader.good_bytes();
+  fs::resize_file(folder() / "bad/journal", dug);
+  const Result verified = run("verify bad");
+  EXPECT_EQ(verified.status, 0) << verified.err;
+  EXPECT_EQ(verified.out.find("soil_final"), std::string::npos) << verified.out;
+}
+
 TEST_F(BadRows, AllMachinesStopWhereTheFirstOneDoes) {
   HalfSine beside;
   beside.y_m = 3;
-  write_file(folder() / "beside.csv", beside.csv(101));
+  write_file(folder() / "beside.csv", beside.csv(26));
   const auto two = [&](const std::string& name, const std::string& motion) {
     write_scenario(name, motion, "stop");
     std::string text = read_file(folder() / name);
@@ -235,10 +341,16 @@ TEST_F(BadRows, AllMachinesStopWhereTheFirstOneDoes) {
   const Result result = run("run bad.yaml --out bad");
   EXPECT_EQ(result.status, 1);
   EXPECT_NE(result.err.find("stopped before it, at 2.5 s of 5 s"), std::string::npos) << result.err;
-  EXPECT_EQ(summary("bad")["updates"], 21 + 51);
+  EXPECT_EQ(summary("bad")["updates"], 21 + 13);
   EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 1);
   EXPECT_EQ(summary("bad")["machines"][1]["bad_rows"], 0);
+  // A row of one machine that comes before what the other dug.
   write_file(folder() / "bad.csv", with({}));
+  std::string late = beside.csv(26);
+  late.insert(late.find("\n2.6,") + 1, "2.45,0.5,3,-0.3,0\n");
+  write_file(folder() / "beside.csv", late);
+  expect_refused("resume bad", "beside.csv: its rows up to 2.5 s are not those of the run");
+  write_file(folder() / "beside.csv", beside.csv(26));
   const Result on = run("resume bad");
   EXPECT_EQ(on.status, 0) << on.err;
   expect_same("bad", "clean");

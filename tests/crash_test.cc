@@ -99,9 +99,49 @@ class Crash : public ProgramTest {
 
   /// Runs or goes on until it is done, and then compares.
   void expect_comes_back(const std::string& out) const {
-    const Result result = launch(has_journal(out) ? "resume" : run_, out, "");
+    const bool old = has_journal(out) && is_old(out);
+    const Result result = launch(has_journal(out) && !old ? "resume" : run_, out, "");
     EXPECT_EQ(result.status, 0) << result.err;
     expect_as_reference(out);
+  }
+
+  /// A finished run of other files in "old", and as it was replaced in "again".
+  std::map<std::string, std::string> run_before() const {
+    write_scenario("old.yaml", "every: 1.5", "always");
+    EXPECT_EQ(launch("run old.yaml --voxel 0.1", "old", "").status, 0);
+    std::map<std::string, std::string> old;
+    for (const auto& entry : fs::directory_iterator(folder() / "old"))
+      old[entry.path().filename()] = read_file(entry.path());
+    EXPECT_TRUE(std::any_of(old.begin(), old.end(),
+                            [&](const auto& file) { return !reference_.contains(file.first); }));
+    fs::copy(folder() / "old", folder() / "again");
+    EXPECT_EQ(launch(run_, "again", "").status, 0);
+    expect_as_reference("again");
+    return old;
+  }
+  /// Is it still the run of run_before()?
+  bool is_old(const std::string& out) const {
+    const fs::path old = folder() / "old/journal";
+    return fs::exists(old) && read_file(folder() / out / "journal") == read_file(old);
+  }
+  /// Until the journal is the new run's, all files of the old one are there; none is ever half.
+  void expect_old_or_new(const std::string& out,
+                         const std::map<std::string, std::string>& old) const {
+    for (const auto& [name, bytes] : old) {
+      if (is_old(out)) {
+        EXPECT_TRUE(read_file(folder() / out / name) == bytes) << name;
+      }
+    }
+    for (const auto& entry : fs::directory_iterator(folder() / out)) {
+      const std::string name = entry.path().filename();
+      if (name == "journal" || name.ends_with(".tmp") || name.ends_with(".part")) continue;
+      const auto before = old.find(name);
+      const auto after = reference_.find(name);
+      EXPECT_TRUE((before != old.end() && read_file(entry.path()) == before->second) ||
+                  (after != reference_.end() && essence(entry.path()) == after->second))
+          << name << " is neither old nor new";
+    }
+    EXPECT_FALSE(io::read_journal(folder() / out / "journal").damaged);
   }
   void expect_as_reference(const std::string& out) const {
     const auto run = essence_of_run(folder() / out);
@@ -214,12 +254,7 @@ TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
 
 /// Whatever operation fails, on a folder that held another run.
 TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
-  ASSERT_EQ(launch(run_ + " --voxel 0.1", "old", "").status, 0);
-  std::map<std::string, std::string> old;
-  for (const auto& entry : fs::directory_iterator(folder() / "old"))
-    old[entry.path().filename()] = read_file(entry.path());
-  fs::copy(folder() / "old", folder() / "again");
-  ASSERT_EQ(launch(run_, "again", "").status, 0);
+  const std::map<std::string, std::string> old = run_before();
   const std::vector<std::string> all = operations("again");
   const std::vector<std::pair<int, std::string>> errors = {{ENOSPC, "No space left on device"},
                                                            {EIO, "Input/output error"},
@@ -244,19 +279,80 @@ TEST_F(Crash, AnyOperationThatFailsIsSaidAndLeavesWhatWasThereWhole) {
     EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
     EXPECT_NE(result.err.find(text), std::string::npos) << result.err;
     EXPECT_NE(result.err.find((folder() / out).string()), std::string::npos) << result.err;
-    for (const auto& entry : fs::directory_iterator(folder() / out)) {
-      const std::string name = entry.path().filename();
-      ASSERT_TRUE(reference_.contains(name)) << name << " is left over";
-      EXPECT_TRUE(name == "journal" || read_file(entry.path()) == old[name] ||
-                  essence(entry.path()) == reference_[name])
-          << name << " is neither old nor new";
-    }
-    EXPECT_FALSE(io::read_journal(folder() / out / "journal").damaged);
-    if (read_file(folder() / out / "journal") != old["journal"] && i % 4 == 0)
-      expect_comes_back(out);
+    expect_old_or_new(out, old);
+    if (i % 4 == 0) expect_comes_back(out);
   });
   record_faults("each operation on a file fails", failed, "said and what was there is whole");
   record_faults("each operation on a file fails", tolerated, "nothing was at stake");
+}
+
+TEST_F(Crash, KilledWhileItReplacesARunItLeavesOneOrTheOther) {
+  const std::map<std::string, std::string> old = run_before();
+  const std::vector<std::string> all = operations("again");
+  std::atomic<std::size_t> kills = 0;
+  in_two_lanes(std::min<std::size_t>(all.size(), 30), faults(4, 1, 1),
+               [&](std::size_t i, const std::string& out) {
+                 SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, all[i]));
+                 fs::remove_all(folder() / out);
+                 fs::copy(folder() / "old", folder() / out);
+                 const char* kind = i % 3 ? "kill" : "cut";
+                 ASSERT_EQ(launch(run_, out, fmt::format("{} {}", kind, i + 1)).status, kKilled);
+                 ++kills;
+                 expect_old_or_new(out, old);
+                 expect_comes_back(out);
+               });
+  record_faults("killed or cut while it replaces a run", kills, "went on to the new files alone");
+}
+
+/// A run that was stopped at a bad row and is gone on with.
+TEST_F(Crash, KilledOnItsWayOnFromAStopItVerifiesAndEndsInTheSameFiles) {
+  std::string broken = HalfSine{}.csv(13);
+  broken.insert(broken.find("2.5,"), "2.2,nan,0,0,0\n");
+  write_file(folder() / "dig.csv", broken);
+  ASSERT_EQ(launch(run_, "stopped", "").status, 1);
+  write_file(folder() / "dig.csv", HalfSine{}.csv(13));
+  fs::copy(folder() / "stopped", folder() / "again");
+  fs::remove(folder() / "again.log");
+  ASSERT_EQ(launch("resume", "again", "").status, 0);
+  const std::vector<std::string> all = operations("again");
+  std::atomic<std::size_t> kills = 0;
+  in_two_lanes(all.size(), step(), [&](std::size_t i, const std::string& out) {
+    SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, all[i]));
+    fs::remove_all(folder() / out);
+    fs::copy(folder() / "stopped", folder() / out);
+    const char* kind = i % 3 ? "kill" : "cut";
+    ASSERT_EQ(launch("resume", out, fmt::format("{} {}", kind, i + 1)).status, kKilled);
+    ++kills;
+    const Result verified = launch("verify", out, "");
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    expect_comes_back(out);
+  });
+  record_faults("killed or cut on the way on from a stop", kills, "verified; same files");
+}
+
+/// A finished run of which files are made anew.
+TEST_F(Crash, KilledWhileItMakesFilesAnewItEndsInTheSameFiles) {
+  const auto damage = [&](const std::string& out) {
+    fs::remove_all(folder() / out);
+    fs::copy(folder() / "ref", folder() / out);
+    ASSERT_TRUE(fs::remove(folder() / out / "soil_4.166667.vdb"));
+    fs::resize_file(folder() / out / "soil_final.vdb", 1000);
+    fs::remove(folder() / out / "summary.json");
+  };
+  damage("again");
+  ASSERT_EQ(launch("resume", "again", "").status, 0);
+  expect_as_reference("again");
+  const std::vector<std::string> all = operations("again");
+  std::atomic<std::size_t> kills = 0;
+  in_two_lanes(all.size(), step(), [&](std::size_t i, const std::string& out) {
+    SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, all[i]));
+    damage(out);
+    ASSERT_EQ(launch("resume", out, fmt::format("{} {}", i % 3 ? "kill" : "cut", i + 1)).status,
+              kKilled);
+    ++kills;
+    expect_comes_back(out);
+  });
+  record_faults("killed or cut while it makes files anew", kills, "went on to the same files");
 }
 
 /// Snapshots that are incremental, written beside the updates and deleted when they are old.

@@ -212,6 +212,75 @@ TEST_F(Incremental, ABrokenChainIsToldAndResumeFallsBack) {
   EXPECT_EQ(run("verify dig").status, 0);
 }
 
+TEST_F(Incremental, AllKeptMayHangOnOneAndWithoutItTheJournalGivesEverythingBack) {
+  run_with("every: 1, incremental: true, keep: 2", "dig");
+  const auto files = vdb_files("dig");
+  const auto summary = read_json(folder() / "dig/summary.json");
+  const std::vector<io::JournalFile> kept = snapshots("dig");
+  const auto roots =
+      std::count_if(kept.begin(), kept.end(), [](const auto& file) { return file.since.empty(); });
+  ASSERT_EQ(roots, 1);
+  // Killed before it came to its end, which is the last frame: a head and a letter.
+  fs::resize_file(folder() / "dig/journal", fs::file_size(folder() / "dig/journal") - 33);
+  for (const char* name : {"summary.json", "soil_final.vdb", "updates.csv"})
+    fs::remove(folder() / "dig" / name);
+  damage("dig/" + kept.front().name);
+  for (const io::JournalFile& file : kept) EXPECT_EQ(run("verify dig/" + file.name).status, 1);
+  const Result result = run("resume dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.out.find("going on from the beginning"), std::string::npos) << result.out;
+  EXPECT_TRUE(vdb_files("dig") == files);
+  EXPECT_EQ(read_json(folder() / "dig/summary.json")["state_hash"], summary["state_hash"]);
+  EXPECT_EQ(run("verify dig").status, 0);
+}
+
+TEST_F(Incremental, OneOfAFinishedRunIsMadeAnew) {
+  for (const char* keep : {"", ", keep: 2"}) {
+    run_with(std::string("every: 1, incremental: true") + keep, "dig");
+    const auto files = vdb_files("dig");
+    const std::string summary = read_file(folder() / "dig/summary.json");
+    const std::vector<io::JournalFile> known = snapshots("dig");
+    for (std::size_t i = 0; i < known.size(); i += (known.size() + 3) / 4) {
+      const std::string& name = known[i].name;
+      SCOPED_TRACE(name);
+      damage("dig/" + name);
+      const Result result = run("resume dig");
+      EXPECT_EQ(result.status, 0) << result.err;
+      EXPECT_NE(result.err.find(name + ": is damaged"), std::string::npos) << result.err;
+      EXPECT_TRUE(vdb_files("dig") == files);
+      EXPECT_EQ(read_file(folder() / "dig/summary.json"), summary);
+      EXPECT_EQ(run("verify dig").status, 0);
+    }
+  }
+}
+
+TEST_F(Incremental, VerifyKnowsWhatASnapshotGoesOnFromByMoreThanItsName) {
+  run_with("every: 1, incremental: true", "dig");
+  const auto files = vdb_files("dig");
+  const std::vector<io::JournalFile> known = snapshots("dig");
+  const auto one = std::find_if(known.begin(), known.end(),
+                                [](const auto& file) { return !file.since.empty(); });
+  ASSERT_NE(one, known.end());
+  // Another good one in its place, of which the journal knows.
+  io::JournalFile other = *(one - 1);
+  ASSERT_EQ(other.name, one->since);
+  io::SnapshotInfo info;
+  const io::Site site = io::read_snapshot(folder() / "whole" / other.name, &info);
+  info.scenario = "another";
+  io::write_snapshot(folder() / "dig" / other.name, site, info);
+  const io::FileDigest digest = io::file_digest(folder() / "dig" / other.name);
+  other.size = digest.size, other.crc = digest.crc, other.since = "";
+  const io::JournalContent journal = io::read_journal(folder() / "dig/journal");
+  io::JournalWriter(folder() / "dig/journal", journal.good_bytes, journal.done, 1).add(other);
+  const Result result = run("verify dig");
+  EXPECT_EQ(result.status, 1);
+  const std::string what = one->name + " is good by itself but needs " + other.name +
+                           ", which is another one than it goes on from";
+  EXPECT_NE(result.err.find(what), std::string::npos) << result.err;
+  EXPECT_EQ(run("resume dig").status, 0);
+  EXPECT_EQ(run("verify dig").status, 0);
+}
+
 TEST_F(Incremental, OfARunThatWasStoppedGoOnFromTheLastOnTheWay) {
   run_with("every: 0.3, incremental: true", "dig", "--updates 3000");
   const auto files = vdb_files("dig");

@@ -5,6 +5,8 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <set>
+
 #include "io/journal.h"
 #include "io/raster.h"
 #include "tests/program.h"
@@ -163,10 +165,93 @@ TEST_F(Resume, FallsBackToAnOlderSnapshotAndSaysSo) {
   fs::remove(out() / "soil_2.vdb");
   const Result result = run("resume out/dig");
   EXPECT_EQ(result.status, 0) << result.err;
-  EXPECT_NE(result.err.find("soil_3.vdb: is not what the journal says"), std::string::npos);
-  EXPECT_NE(result.err.find("soil_2.vdb: no such file"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("soil_3.vdb: is damaged"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("soil_2.vdb: is missing; it is made anew"), std::string::npos);
   EXPECT_NE(result.out.find("going on from soil_1.vdb"), std::string::npos) << result.out;
   expect_same_as_whole();  // soil_2.vdb and soil_3.vdb are written again
+}
+
+TEST_F(Resume, MakesDamagedFilesOfAFinishedRunAnew) {
+  run_whole();
+  const auto whole = content();
+  const auto expect_made_anew = [&] {
+    EXPECT_EQ(run("verify out/dig").status, 1);
+    const Result result = run("resume out/dig");
+    EXPECT_EQ(result.status, 0) << result.err;
+    expect_same_as_whole();
+    auto now = content();
+    for (const auto& [name, bytes] : whole) {
+      if (name.ends_with("/journal") || name.ends_with("/summary.json")) continue;
+      EXPECT_TRUE(now[name] == bytes) << name;
+    }
+    EXPECT_EQ(now.size(), whole.size());
+    EXPECT_EQ(run("resume out/dig").out, "out/dig: the run is finished: 41 updates to 5 s\n");
+  };
+  const std::vector<std::string> names = summary()["files"];
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::string& name = names[i];
+    if (name == "journal") continue;
+    SCOPED_TRACE(name);
+    const std::string summary = read_file(out() / "summary.json");
+    if (i % 2) {
+      damage(name, read_file(out() / name).size() / 2);
+    } else {
+      fs::remove(out() / name);
+    }
+    expect_made_anew();
+    if (name != "summary.json") {
+      EXPECT_EQ(read_file(out() / "summary.json"), summary);
+    }
+  }
+  for (const char* name : {"soil_2.vdb", "soil_4.vdb", "soil_final.vdb", "soil_final.ply"})
+    fs::remove(out() / name);
+  expect_made_anew();
+  // Not from other inputs.
+  fs::remove(out() / "soil_4.vdb");
+  write_file(folder() / "dig.csv", HalfSine{}.csv(41) + "6,1,0,1,0\n");
+  expect_refused("resume out/dig", "dig.csv:43: was not there when the run was finished");
+  write_file(folder() / "dig.csv", HalfSine{}.csv(41));
+  expect_made_anew();
+}
+
+TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
+  run_whole();
+  interrupt(0.6);
+  write_file(out() / ".soil_4.vdb.4711-3.tmp", "half");
+  const std::string way_out =
+      "; `soilvdb resume out/dig` goes on with it; to begin anew remove the folder or give "
+      "another --out\n";
+  expect_refused("run dig.yaml", "out/dig: holds a run that isn't finished, good to 3 s");
+  expect_refused("run dig.yaml", way_out);
+  EXPECT_EQ(run("resume out/dig").status, 0);
+  expect_same_as_whole();
+  EXPECT_EQ(run("run dig.yaml").status, 0);
+  expect_same_as_whole();
+  damage("journal", 60);
+  expect_refused("run dig.yaml", "damaged at its start; remove it or give another --out");
+  write_file(out() / "journal", "dear diary\n");
+  expect_refused("run dig.yaml", "journal: is not a journal");
+  // One that hasn't dug yet is no loss.
+  fs::remove_all(out());
+  fs::create_directories(out());
+  io::begin_journal(out() / "journal", {"configuration"});
+  EXPECT_EQ(run("run dig.yaml").status, 0);
+  expect_same_as_whole();
+}
+
+TEST_F(Resume, RunReplacesAFinishedRunWithAllItsFiles) {
+  run_whole();
+  write_file(out() / "notes.txt", "mine");
+  write_file(out() / "soil_map.png", "mine");
+  for (const char* options : {"--voxel 0.1", "--no-mesh", "--no-snapshots", ""}) {
+    SCOPED_TRACE(options);
+    EXPECT_EQ(run(std::string("run dig.yaml ") + options).status, 0);
+    std::set<std::string> expected = summary()["files"], there;
+    expected.insert({"notes.txt", "soil_map.png"});
+    for (const auto& entry : fs::directory_iterator(out())) there.insert(entry.path().filename());
+    EXPECT_EQ(there, expected);
+  }
+  expect_same_as_whole();
 }
 
 TEST_F(Resume, DigsAgainWhatADamagedJournalHeld) {
@@ -191,14 +276,20 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
   write_scenario("{raster: flat.tif}");
   run_whole();
   interrupt(0.6);
-  for (const char* name : {"dig.yaml", "dig.csv", "flat.tif"}) {
+  for (const char* name : {"dig.yaml", "flat.tif"}) {
     const std::string text = read_file(folder() / name);
     write_file(folder() / name, text + "\n");
     expect_refused("resume out/dig", std::string(name) + ": has changed since the run");
+    const Result verified = run("verify out/dig");
+    EXPECT_EQ(verified.status, 1);
+    EXPECT_NE(verified.err.find(name), std::string::npos) << verified.err;
     fs::remove(folder() / name);
     expect_refused("resume out/dig", std::string(name) + ": is missing");
     write_file(folder() / name, text);
   }
+  fs::rename(folder() / "dig.csv", folder() / "gone.csv");
+  expect_refused("resume out/dig", "dig.csv: is missing");
+  fs::rename(folder() / "gone.csv", folder() / "dig.csv");
   EXPECT_EQ(run("resume out/dig").status, 0);
   expect_same_as_whole();
 }

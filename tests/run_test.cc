@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/soil.h"
+#include "io/journal.h"
 #include "io/raster.h"
 #include "io/snapshot.h"
 #include "tests/program.h"
@@ -295,8 +296,30 @@ TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
       shell(fmt::format("ulimit -f 8; '{}' run dig.yaml --out full", SOILVDB_PROGRAM));
   EXPECT_EQ(result.status, 1);
   EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
-  EXPECT_NE(result.err.find("on disk"), std::string::npos) << result.err;
   EXPECT_FALSE(fs::exists(folder() / "full/summary.json"));
+  const double reached_s = io::read_journal(folder() / "full/journal").done.time_s;
+  EXPECT_TRUE(result.err.ends_with(
+      fmt::format("; safe in full: journal; once that is mended `soilvdb resume full` goes on "
+                  "from {} s\n",
+                  reached_s)))
+      << result.err;
+  EXPECT_EQ(run("resume full").status, 0);
+  EXPECT_EQ(read_json(folder() / "full/summary.json")["state_hash"],
+            summary("dig.yaml")["state_hash"]);
+}
+
+TEST_F(Run, UpdatesThatTakeLongerThanASecondAreCountedToo) {
+  // Half a minute of it in one update.
+  std::string csv = "time,x,y,z,yaw\n";
+  for (int i = 0; i <= 3000; ++i)
+    csv += fmt::format("{},{},{},-0.3,{}\n", i * 0.01, 4 * std::cos(i * 0.002),
+                       4 * std::sin(i * 0.002), i * 0.002);
+  write_file(folder() / "dig.csv", csv);
+  const Result result = run("run dig.yaml --updates 1 --voxel 0.005 --threads 1 --no-snapshots");
+  EXPECT_EQ(result.status, 0) << result.err;
+  const double mean_us = read_json(folder() / "out/dig/summary.json")["update_us"]["mean"];
+  EXPECT_NE(result.out.find(fmt::format("; {} updates/s", mean_us)), std::string::npos)
+      << result.out;
 }
 
 TEST_F(Run, ALimitOfMemoryChangesNothingAndAFullDiskCanBeGoneOnFrom) {

@@ -170,6 +170,7 @@ void info_scenario(const fs::path& file) {
          fmt::format("{}, {} s from {} s", counted(static_cast<double>(motion.rows()), "row"),
                      time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
     line("  mouth in", box_text(box));
+    if (motion.stops()) line("warning", motion.bad_rows().first + "; a run ends before this row");
   }
   if (scenario.snapshot_every_s)
     line("snapshots", fmt::format("every {} s{}{}", *scenario.snapshot_every_s,

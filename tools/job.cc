@@ -3,6 +3,7 @@
 #include "tools/job.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <bit>
 #include <cstdio>
@@ -37,6 +38,8 @@ std::vector<Bucket> buckets(const io::Scenario& scenario) {
 /// machines.
 constexpr std::size_t kBatch = 64;
 
+constexpr const char* kMended = "once that is mended ";
+
 }  // namespace
 
 Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
@@ -47,7 +50,8 @@ Job::Job(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       folder_(folder),
       start_(std::move(start)),
       tracker_(*start_.site.soil, buckets(scenario_)),
-      schedule_(scenario_.machines, config_.options.updates, tracker_.tolerance_m()),
+      schedule_(scenario_.machines, config_.options.updates, config_.ends_s,
+                tracker_.tolerance_m()),
       step_(schedule_.next()),
       snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
                  schedule_.begin_s(), schedule_.end_s()),
@@ -84,11 +88,12 @@ void Job::guarded(void (Job::*work)()) {
     progress_.clear();
     csv_.reset();
     if (!journal_) throw io::InputError(scenario_.file, e.what());
-    throw std::runtime_error(fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), safe()));
+    throw std::runtime_error(
+        fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), safe(kMended)));
   } catch (const std::exception& e) {
     progress_.clear();
     csv_.reset();
-    throw std::runtime_error(fmt::format("{}; {}", e.what(), safe()));
+    throw std::runtime_error(fmt::format("{}; {}", e.what(), safe(stop_requested ? "" : kMended)));
   }
   print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
   if (!stopped_) return;
@@ -99,8 +104,15 @@ void Job::guarded(void (Job::*work)()) {
 }
 
 void Job::replay_and_dig() {
-  const std::filesystem::path file = folder_.begin(kJournalName);
+  const std::filesystem::path file = folder_.path() / kJournalName;
   journal_.emplace(file, before_->good_bytes, before_->done, scenario_.journal_sync_s);
+  if (!before_->ended) {
+    // Made anew it has other bytes, and until then it doesn't tell what is here.
+    journal_->add(io::JournalGone{kSummaryName});
+    journal_->flush();
+    folder_.remove({kSummaryName});
+    std::erase_if(before_->files, [](const auto& known) { return known.name == kSummaryName; });
+  }
   go_on_with_snapshots();
   io::JournalReader reader(file);  // now without what was torn
   while (const std::optional<io::JournalRecord> record = reader.next()) {
@@ -159,12 +171,7 @@ void Job::dig() {
     for (const Step& step : batch)
       moves.push_back({step.machine, {}, step.motion.get(), step.begin_s, step.end_s});
     const std::vector<Update> results = tracker_.update(moves);
-    if (!journal_) {
-      const std::filesystem::path file = folder_.begin(kJournalName);
-      const std::uint64_t size = io::begin_journal(file, {to_bytes(config_, scenario_)});
-      journal_.emplace(file, size, io::JournalExtent{0, schedule_.begin_s()},
-                       scenario_.journal_sync_s);
-    }
+    if (!journal_) begin_journal();
     for (std::size_t i = 0; i < batch.size(); ++i) {
       const Step& step = batch[i];
       const io::JournalMove move{static_cast<std::uint32_t>(step.machine),
@@ -182,6 +189,16 @@ void Job::dig() {
     stopped_ = stop_requested && step_ && batch.back().ends_update;
   }
   if (!step_) stopped_ = !schedule_.stops_at().empty();
+}
+
+/// From here on the folder is this run's.
+void Job::begin_journal() {
+  const std::filesystem::path file = folder_.path() / kJournalName;
+  const std::uint64_t size =
+      io::begin_journal(file, {to_bytes(config_, scenario_)}, folder_.replaced());
+  journal_.emplace(file, size, io::JournalExtent{0, schedule_.begin_s()}, scenario_.journal_sync_s);
+  folder_.remove(folder_.replaced());
+  folder_.remove({kSummaryName});  // without its journal
 }
 
 void Job::book(const io::JournalMove& move) {
@@ -209,9 +226,10 @@ void Job::after(const Step& now) {
     write_periodic("soil_" + time_text(now.end_s) + ".vdb");
 }
 
-/// What is on disk, for messages.
-std::string Job::safe() {
-  if (!journal_) return folder_.safe();
+/// What is on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb
+/// resume out/dig` goes on from 2.5 s".
+std::string Job::safe(const std::string& before_going_on) {
+  if (!journal_) return "nothing of this run is on disk";
   try {
     writer_.finish();
   } catch (const std::exception&) {  // why we are asked, or as bad
@@ -221,8 +239,11 @@ std::string Job::safe() {
   } catch (const std::exception&) {  // the disk that is full may be why we are asked
   }
   const io::JournalExtent reached = journal_->acknowledged();
-  return fmt::format("{}; `soilvdb resume {}` goes on from {} s", folder_.safe(),
-                     folder_.path().string(), time_text(reached.time_s));
+  std::vector<std::string> files = folder_.files();
+  files.push_back(kJournalName);
+  const std::string folder = folder_.path().string();
+  return fmt::format("safe in {}: {}; {}`soilvdb resume {}` goes on from {} s", folder,
+                     fmt::join(files, ", "), before_going_on, folder, time_text(reached.time_s));
 }
 
 }  // namespace soilvdb::tools

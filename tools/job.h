@@ -55,7 +55,9 @@ class Job {
   void run();
 
   /// The same from where a journal ends: what it holds is not dug again where `start` has seen it,
-  /// and must come out the same where it hasn't.
+  /// and must come out the same where it hasn't. Of a run that is finished the files are made again
+  /// that are missing from `before`.
+  /// @param before its files are those that are good
   void resume(const io::JournalContent& before);
 
  private:
@@ -63,6 +65,7 @@ class Job {
   void replay_and_dig();
   void replay(const io::JournalMove& move);
   void dig();
+  void begin_journal();
   void book(const io::JournalMove& move);
   std::vector<Step> next_batch();
   bool all_came_to(const Step& now) const;
@@ -71,12 +74,13 @@ class Job {
   void write_periodic(const std::string& name);
   io::SnapshotInfo snapshot_info();
   const io::JournalFile* intact(const std::string& name) const;
-  void done(const std::string& name);
+  template <typename F>
+  void write_final(const std::string& name, F write);
   void finish();
   void write_mesh();
   void write_raster();
   void summarise();
-  std::string safe();
+  std::string safe(const std::string& before_going_on = "");
 
   Clock::time_point begin_;
   RunConfig config_;

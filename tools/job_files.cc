@@ -24,26 +24,14 @@ std::uint64_t peak_rss_bytes() {
   return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
-/// Is a name that a journal has that of a snapshot on the way? No other file may be deleted.
-bool is_on_the_way(const std::string& name) {
-  return name.starts_with("soil_") && name.ends_with(".vdb") && name != kFinalName &&
-         name.find('/') == name.npos;
-}
-
 }  // namespace
 
-/// A file of now that the journal before knows and that is still as it was, or null.
+/// A file of now that the journal before knows and that is good, or null.
 const io::JournalFile* Job::intact(const std::string& name) const {
   if (!before_) return nullptr;
   const auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  for (const io::JournalFile& file : before_->files) {
-    if (file.name != name || file.updates != count) continue;
-    try {
-      if (io::file_digest(folder_.path() / name) == io::FileDigest{file.size, file.crc})
-        return &file;
-    } catch (const io::InputError&) {
-    }
-  }
+  for (const io::JournalFile& file : before_->files)
+    if (file.name == name && file.updates == count) return &file;
   return nullptr;
 }
 
@@ -59,13 +47,11 @@ void Job::go_on_with_snapshots() {
   std::vector<io::JournalFile> files;
   for (const io::JournalFile& file : before_->files) {
     const bool seen = file.updates < start_.updates || file.name == start_.snapshot;
-    if (seen && is_on_the_way(file.name)) files.push_back(file);
+    if (seen && is_periodic(file.name)) files.push_back(file);
   }
   if (start_.updates > 0) tracker_.take_changed();
   writer_.go_on(std::move(files), start_.since);
-  std::error_code none;
-  for (const std::string& name : before_->gone)
-    if (is_on_the_way(name)) std::filesystem::remove(folder_.path() / name, none);
+  folder_.remove(before_->gone);
   writer_.delete_old(*journal_);
 }
 
@@ -78,36 +64,45 @@ void Job::write_periodic(const std::string& name) {
     writer_.write(file, there != nullptr, tracker_, start_.site, snapshot_info(), *journal_);
   } else if (there) {
     folder_.done(name);
-  } else if (std::find(before_->gone.begin(), before_->gone.end(), name) == before_->gone.end()) {
-    fmt::print(stderr, "soilvdb: warning: {}: is damaged or gone, and isn't written again\n",
-               (folder_.path() / name).string());
   }
 }
 
-/// A file is whole and on disk.
-void Job::done(const std::string& name) {
+/// Calls `write(path)` for a file that is written once, at the end, unless it is there already.
+template <typename F>
+void Job::write_final(const std::string& name, F write) {
+  if (!intact(name)) {
+    const std::filesystem::path file = folder_.path() / name;
+    write(file);
+    const io::FileDigest digest = io::file_digest(file);
+    journal_->add(io::JournalFile{name, static_cast<std::uint64_t>(summary_.updates.count()),
+                                  digest.size, digest.crc});
+  }
   folder_.done(name);
-  const io::FileDigest digest = io::file_digest(folder_.path() / name);
-  journal_->add(io::JournalFile{name, static_cast<std::uint64_t>(summary_.updates.count()),
-                                digest.size, digest.crc});
 }
 
 /// Everything that is written once, at the end.
 void Job::finish() {
   writer_.finish();
-  folder_.begin(kUpdatesName);
-  csv_->close();
-  done(kUpdatesName);
+  journal_->flush();  // what is written over here is outdated by it
+  const Soil& soil = *start_.site.soil;
+  write_final(kUpdatesName, [&](const auto&) { csv_->close(); });
+  csv_.reset();
   tracker_.flush();
-  if (config_.options.snapshots) {
-    io::write_snapshot(folder_.begin(kFinalName), start_.site, snapshot_info());
-    done(kFinalName);
-  }
-  if (start_.site.soil->chunks().empty()) {
+  if (config_.options.snapshots)
+    write_final(kFinalName,
+                [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });
+  if (soil.chunks().empty()) {
     fmt::print(stderr, "soilvdb: warning: no bucket met any soil\n");
   } else {
-    write_mesh();
-    write_raster();
+    if (config_.options.mesh && scenario_.mesh)
+      write_final("soil_final." + *scenario_.mesh, [&](const auto& file) {
+        io::write_mesh(file, mesh_all(soil), soil.origin(), start_.site.crs_wkt);
+      });
+    if (scenario_.raster_cell_m)
+      write_final("soil_final.tif", [&](const auto& file) {
+        write_surface_raster(file, soil, resident_box(soil), *scenario_.raster_cell_m,
+                             start_.site.crs_wkt);
+      });
   }
   summarise();
   summary_.files = folder_.files();
@@ -116,27 +111,10 @@ void Job::finish() {
   summary_.acknowledged_updates = journal_->acknowledged().updates;
   summary_.acknowledged_s = journal_->acknowledged().time_s;
   summary_.total_s = std::chrono::duration<double>(Clock::now() - begin_).count();
-  io::write_atomically(folder_.begin(kSummaryName), io::to_json(summary_));
-  done(kSummaryName);
-  if (!stopped_) journal_->add(io::JournalEnd{});
+  write_final(kSummaryName,
+              [&](const auto& file) { io::write_atomically(file, io::to_json(summary_)); });
+  if (!stopped_ && !(before_ && before_->ended)) journal_->add(io::JournalEnd{});
   journal_->flush();
-}
-
-void Job::write_mesh() {
-  if (!config_.options.mesh || !scenario_.mesh) return;
-  const Soil& soil = *start_.site.soil;
-  const std::string name = "soil_final." + *scenario_.mesh;
-  io::write_mesh(folder_.begin(name), mesh_all(soil), soil.origin(), start_.site.crs_wkt);
-  done(name);
-}
-
-void Job::write_raster() {
-  if (!scenario_.raster_cell_m) return;
-  const Soil& soil = *start_.site.soil;
-  const std::string name = "soil_final.tif";
-  write_surface_raster(folder_.begin(name), soil, resident_box(soil), *scenario_.raster_cell_m,
-                       start_.site.crs_wkt);
-  done(name);
 }
 
 void Job::summarise() {

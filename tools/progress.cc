@@ -39,6 +39,7 @@ std::string short_duration(double seconds) {
 }
 
 std::string short_count(double count) {
+  if (count < 9.5) return fmt::format("{:.2g}", count);
   if (count < 999.5) return fmt::format("{:.0f}", count);
   for (const char* unit : {"k", "M", "G"}) {
     count /= 1000;

@@ -83,11 +83,13 @@ void run(const RunOptions& options) {
   with_threads(options.threads, [&](int threads) {
     Start start{io::open_site(scenario), 0, ""};
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
-    RunConfig config{options, start.site.soil->change_m3()};
+    RunConfig config{options, start.site.soil->change_m3(), ends_of(scenario.machines)};
     config.options.out = folder.path();
     folder.make();
     try {
       folder.lock();
+      folder.replace();
+      folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
       Job job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
       for (const std::string& warning : warnings)

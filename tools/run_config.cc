@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <vector>
 
@@ -15,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kFormat = 1;
+constexpr int kFormat = 2;
 
 /// `file` as seen from the folder, so that both may move together; empty if there is no way.
 std::string relative_to(const fs::path& folder, const fs::path& file) {
@@ -25,19 +26,11 @@ std::string relative_to(const fs::path& folder, const fs::path& file) {
       .string();
 }
 
-/// Is it a motion whose first bad row, at which the run stopped, or what comes after has changed?
-bool is_mended(const Json& input, const fs::path& file) {
-  if (!input.contains("good_bytes")) return false;
-  const auto good = input["good_bytes"].get<std::uint64_t>();
-  return fs::file_size(file) >= good &&
-         io::file_fingerprint(file, good) == input.at("good_checksum").get<std::string>();
-}
-
 /// Where an input is now.
 fs::path find_input(const Json& input, const fs::path& folder) {
   const auto relative = input.at("relative").get<std::string>();
   const fs::path absolute = input.at("absolute").get<std::string>();
-  const auto checksum = input.at("checksum").get<std::string>();
+  const auto checksum = input.value("checksum", std::string());
   std::error_code none;
   bool there = false;
   std::vector<fs::path> candidates{absolute};
@@ -46,8 +39,7 @@ fs::path find_input(const Json& input, const fs::path& folder) {
   for (const fs::path& file : candidates) {
     if (!fs::is_regular_file(file, none)) continue;
     there = true;
-    if (io::file_fingerprint(file) == checksum) return file;
-    if (is_mended(input, file)) return file;
+    if (checksum.empty() || io::file_fingerprint(file) == checksum) return file;
   }
   if (there)
     throw io::InputError(absolute, fmt::format("has changed since the run in {} began; put back "
@@ -74,14 +66,10 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   Json inputs = Json::array();
   for (const fs::path& file : input_files(scenario)) {
     inputs.push_back({{"relative", relative_to(*options.out, file)},
-                      {"absolute", fs::absolute(file).lexically_normal().string()},
-                      {"checksum", io::file_fingerprint(file)}});
-    for (const io::MachineInput& machine : scenario.machines) {
-      if (machine.motion.file() != file || !machine.motion.stops()) continue;
-      const auto good = static_cast<std::uint64_t>(machine.motion.bad_rows().first_byte);
-      inputs.back()["good_bytes"] = good;
-      inputs.back()["good_checksum"] = io::file_fingerprint(file, good);
-    }
+                      {"absolute", fs::absolute(file).lexically_normal().string()}});
+    const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
+    if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
+      inputs.back()["checksum"] = io::file_fingerprint(file);
   }
   Json json = {{"format", kFormat},
                {"version", SOILVDB_VERSION},
@@ -89,7 +77,8 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
                {"threads", options.threads},
                {"mesh", options.mesh},
                {"snapshots", options.snapshots},
-               {"change_before_m3", config.change_before_m3}};
+               {"change_before_m3", config.change_before_m3},
+               {"ends_s", config.ends_s}};
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
@@ -117,6 +106,7 @@ RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
     options.mesh = json.at("mesh");
     options.snapshots = json.at("snapshots");
     config.change_before_m3 = json.at("change_before_m3");
+    json.at("ends_s").get_to(config.ends_s);
     if (json.contains("voxel_size_m")) options.voxel_size_m = json["voxel_size_m"].get<double>();
     if (json.contains("updates")) options.updates = json["updates"].get<std::int64_t>();
     if (json.contains("memory_mb")) options.memory_mb = json["memory_mb"].get<std::int64_t>();

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "io/scenario.h"
 #include "tools/commands.h"
@@ -14,12 +15,14 @@ namespace soilvdb::tools {
 struct RunConfig {
   RunOptions options;           ///< `out` is set
   double change_before_m3 = 0;  ///< of a site that was dug before
+  std::vector<double> ends_s;   ///< of the motions, as the run began
 };
 
 /// All the files a run reads: the scenario first, then motions and URDFs, the terrain.
 std::vector<std::filesystem::path> input_files(const io::Scenario& scenario);
 
-/// The configuration as bytes, with the place and a fingerprint of each input.
+/// The configuration as bytes, with the place and a fingerprint of each input but the motions:
+/// those may change after what was dug, see check_dug_rows().
 std::string to_bytes(const RunConfig& config, const io::Scenario& scenario);
 
 /// Takes it back, in the folder where it is now; the scenario's path is where it is now, too.

@@ -4,7 +4,6 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -17,6 +16,8 @@
 #include <thread>
 
 #include "io/error.h"
+#include "io/journal.h"
+#include "tools/text.h"
 
 namespace soilvdb::tools {
 
@@ -52,6 +53,9 @@ void RunFolder::lock() {
       throw io::InputError(path_, "another run is at work in this folder; wait for its end");
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
+}
+
+void RunFolder::clear() const {
   const std::regex half_done(
       R"(\.(soil_.*|summary\.json|journal)\.[0-9]+-[0-9]+\.tmp|updates\.csv\.part)");
   std::error_code error;
@@ -63,8 +67,7 @@ void RunFolder::lock() {
 void RunFolder::spare(const fs::path& input) const {
   std::error_code error;
   const std::string name = input.filename().string();
-  const bool ours = name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName ||
-                    name == kJournalName;
+  const bool ours = is_output(name) || name == kJournalName;
   if (ours && fs::equivalent(input.parent_path().empty() ? "." : input.parent_path(), path_, error))
     throw io::InputError(input,
                          "is an input in the folder that the run writes to, and would be "
@@ -98,13 +101,33 @@ void RunFolder::unmake() {
   made_.clear();
 }
 
-fs::path RunFolder::begin(const std::string& name) {
-  if (!begun_) {
-    std::error_code error;
-    fs::remove(path_ / kSummaryName, error);
-    begun_ = true;
+void RunFolder::replace() {
+  const fs::path file = path_ / kJournalName;
+  std::error_code none;
+  if (!fs::exists(file, none)) return;
+  io::JournalContent journal;
+  try {
+    journal = io::read_journal(file);
+  } catch (const io::InputError& e) {
+    throw io::InputError(fmt::format("{}; remove it or give another --out", e.what()));
   }
-  return path_ / name;
+  if (!journal.ended && journal.done.updates > 0)
+    throw io::InputError(
+        path_, fmt::format("holds a run that isn't finished, good to {} s; `soilvdb resume {}` "
+                           "goes on with it; to begin anew remove the folder or give another --out",
+                           time_text(journal.done.time_s), path_.string()));
+  replaced_ = std::move(journal.gone);
+  for (const io::JournalFile& known : journal.files) replaced_.push_back(known.name);
+}
+
+void RunFolder::remove(const std::vector<std::string>& names) const {
+  for (const std::string& name : names) {
+    std::error_code error;
+    if (is_output(name)) fs::remove(path_ / name, error);
+    if (error)
+      throw std::runtime_error(
+          fmt::format("{}: can't be deleted: {}", (path_ / name).string(), error.message()));
+  }
 }
 
 void RunFolder::done(const std::string& name) {
@@ -113,9 +136,13 @@ void RunFolder::done(const std::string& name) {
 
 void RunFolder::forget(const std::string& name) { std::erase(files_, name); }
 
-std::string RunFolder::safe() const {
-  if (files_.empty()) return "nothing of this run is on disk";
-  return fmt::format("safe in {}: {}", path_.string(), fmt::join(files_, ", "));
+bool is_periodic(const std::string& name) {
+  return is_output(name) && name.ends_with(".vdb") && name != kFinalName;
+}
+
+bool is_output(const std::string& name) {
+  if (name.find('/') != name.npos) return false;
+  return name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName;
 }
 
 }  // namespace soilvdb::tools

@@ -28,17 +28,26 @@ class RunFolder {
   /// Makes the folder. @throw io::InputError if that can't be done.
   void make();
 
-  /// Keeps other runs out of the folder, and clears it of what a run that crashed left half done.
+  /// Keeps other runs out of the folder.
   /// @throw io::InputError if another run is at work in it; std::runtime_error if it can't be
   /// opened.
   void lock();
 
+  /// Clears it of what a run that crashed left half done.
+  void clear() const;
+
   /// Takes back make(): removes the folders it made, if they are still empty.
   void unmake();
 
-  /// Where to write the file `name`. The summary of a run before this one, if there is any, goes:
-  /// it doesn't tell of the files that are in the folder from here on.
-  std::filesystem::path begin(const std::string& name);
+  /// Prepares to replace the run that the folder holds, if it holds one.
+  /// @throw io::InputError if that has dug and isn't finished: `soilvdb resume` can go on with it.
+  void replace();
+  /// The files of that run.
+  const std::vector<std::string>& replaced() const { return replaced_; }
+
+  /// Removes those of the files that a run writes beside its journal; others are left alone.
+  /// @throw std::runtime_error naming the file and the cause.
+  void remove(const std::vector<std::string>& names) const;
 
   /// The file `name` is whole and on disk.
   void done(const std::string& name);
@@ -46,14 +55,10 @@ class RunFolder {
   void forget(const std::string& name);
   const std::vector<std::string>& files() const { return files_; }
 
-  /// "safe in out/dig: soil_1.vdb, soil_2.vdb", for messages.
-  std::string safe() const;
-
  private:
   std::filesystem::path path_;
   std::vector<std::filesystem::path> made_;  ///< outermost first
-  std::vector<std::string> files_;
-  bool begun_ = false;
+  std::vector<std::string> replaced_, files_;
   int descriptor_ = -1;  ///< holds the lock
 };
 
@@ -61,5 +66,10 @@ inline constexpr const char* kFinalName = "soil_final.vdb";
 inline constexpr const char* kSummaryName = "summary.json";
 inline constexpr const char* kJournalName = "journal";
 inline constexpr const char* kUpdatesName = "updates.csv";
+
+/// Is it the name of a snapshot on the way?
+bool is_periodic(const std::string& name);
+/// Is it that of any file that a run writes beside its journal?
+bool is_output(const std::string& name);
 
 }  // namespace soilvdb::tools

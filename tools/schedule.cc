@@ -3,15 +3,18 @@
 #include "tools/schedule.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace soilvdb::tools {
 
 Schedule::Schedule(const std::vector<io::MachineInput>& machines,
-                   std::optional<std::int64_t> updates, double tolerance_m)
+                   std::optional<std::int64_t> updates, const std::vector<double>& ends_s,
+                   double tolerance_m)
     : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
-  for (const io::MachineInput& machine : machines) {
-    cursors_.emplace_back(machine, updates, tolerance_m);
+  for (std::size_t i = 0; i < machines.size(); ++i) {
+    const io::MachineInput& machine = machines[i];
+    cursors_.emplace_back(machine, updates, ends_s.at(i), tolerance_m);
     total_ += cursors_.back().count();
     begin_s_ = std::min(begin_s_, machine.motion.begin_s());
     end_s_ = std::max(end_s_, machine.motion.end_s());
@@ -35,13 +38,21 @@ std::optional<Step> Schedule::next() {
 }
 
 Schedule::Cursor::Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates,
-                         double tolerance_m)
+                         double end_s, double tolerance_m)
     : machine_(&machine),
       tolerance_m_(tolerance_m),
-      by_rows_(!updates || machine.motion.rows() == 1),
+      by_rows_(!updates || end_s == machine.motion.begin_s()),
       thin_(updates && machine.motion.rows() > 2 * *updates),
-      count_(by_rows_ ? machine.motion.rows() : *updates),
+      intervals_(updates.value_or(1)),
+      planned_s_(end_s),
+      count_(machine.motion.rows()),
       at_s_(machine.motion.begin_s()) {
+  if (!by_rows_) {
+    constexpr double kRounding = 1e-9, kMost = 1e15;
+    const double spans = (machine.motion.end_s() - at_s_) / (planned_s_ - at_s_);
+    const double count = std::ceil(spans * static_cast<double>(intervals_) - kRounding);
+    count_ = static_cast<std::int64_t>(std::clamp(count, 1.0, kMost));
+  }
   load(0);
   aim();
 }
@@ -59,14 +70,21 @@ void Schedule::Cursor::aim() {
   if (at_end()) return;
   const io::LongMotion& whole = machine_->motion;
   if (done_ > 0 && at_s_ >= motion_->end_s() && part_ + 1 < whole.parts()) load(part_ + 1);
-  const double share = static_cast<double>(done_ + 1) / static_cast<double>(count_);
   if (by_rows_) {
     until_s_ = motion_->times_s()[row_++];
   } else if (done_ + 1 == count_) {
     until_s_ = whole.end_s();
   } else {
-    until_s_ = std::min(whole.begin_s() + (whole.end_s() - whole.begin_s()) * share, whole.end_s());
+    until_s_ = std::min(boundary_s(done_ + 1), whole.end_s());
   }
+}
+
+/// Where an update ends, unless it is the last.
+double Schedule::Cursor::boundary_s(std::int64_t update) const {
+  if (update == intervals_) return planned_s_;
+  const double begin_s = machine_->motion.begin_s();
+  const double share = static_cast<double>(update) / static_cast<double>(intervals_);
+  return begin_s + (planned_s_ - begin_s) * share;
 }
 
 Step Schedule::Cursor::step() {
@@ -79,6 +97,12 @@ Step Schedule::Cursor::step() {
     load(part_ + 1);
   }
   return step;
+}
+
+std::vector<double> ends_of(const std::vector<io::MachineInput>& machines) {
+  std::vector<double> ends_s;
+  for (const io::MachineInput& machine : machines) ends_s.push_back(machine.motion.end_s());
+  return ends_s;
 }
 
 }  // namespace soilvdb::tools

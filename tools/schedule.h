@@ -31,10 +31,12 @@ class Schedule {
   /// @param machines outlive the schedule
   /// @param updates even intervals of each motion; without it one update per row, of which the
   ///        first places the bucket. A motion of one row always makes one update.
+  /// @param ends_s where each motion ended when the run began, as ends_of() has them: it makes so
+  ///        many updates up to there, and goes on in the same intervals if it is longer by now
   /// @param tolerance_m of Motion::simplified(), by which rows are left out that say no more than
   ///        their neighbours, where an update covers several
   Schedule(const std::vector<io::MachineInput>& machines, std::optional<std::int64_t> updates,
-           double tolerance_m);
+           const std::vector<double>& ends_s, double tolerance_m);
 
   std::int64_t total() const { return total_; }  ///< updates
   double begin_s() const { return begin_s_; }    ///< of the earliest motion
@@ -49,7 +51,7 @@ class Schedule {
  private:
   class Cursor {
    public:
-    Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates,
+    Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates, double end_s,
            double tolerance_m);
     std::int64_t count() const { return count_; }
     bool at_end() const { return done_ == count_; }
@@ -59,10 +61,13 @@ class Schedule {
    private:
     void load(std::size_t part);
     void aim();
+    double boundary_s(std::int64_t update) const;
 
     const io::MachineInput* machine_;
     double tolerance_m_;
     bool by_rows_, thin_ = false;
+    std::int64_t intervals_;         // even ones, up to planned_s_
+    double planned_s_;               // where the motion ended when the run began
     std::int64_t count_, done_ = 0;  // updates
     std::size_t part_ = 0, row_ = 0;
     std::shared_ptr<const Motion> motion_;  // part_ of the machine's
@@ -74,5 +79,8 @@ class Schedule {
   double stop_s_;
   std::string stops_at_;
 };
+
+/// Where each motion ends.
+std::vector<double> ends_of(const std::vector<io::MachineInput>& machines);
 
 }  // namespace soilvdb::tools

@@ -65,7 +65,6 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
     copy.soil->copy_from(soil, origin);
     if (!whole && soil.find(origin) == nullptr) info.since->dropped.push_back(origin);
   }
-  folder_.begin(file.name);
   auto work = [this, file = std::move(file), copy = std::move(copy), info = std::move(info),
                &journal] { save(file, copy, info, journal); };
   if (options_.beside) {

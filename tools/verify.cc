@@ -4,15 +4,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <map>
 #include <string>
 #include <vector>
 
-#include "io/checksum.h"
 #include "io/error.h"
 #include "io/journal.h"
 #include "io/snapshot.h"
 #include "tools/commands.h"
+#include "tools/dug_rows.h"
+#include "tools/job.h"
+#include "tools/run_files.h"
 #include "tools/run_folder.h"
 #include "tools/text.h"
 
@@ -20,36 +21,6 @@ namespace soilvdb::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kGoodButNeeds = "is good by itself but needs";
-
-/// What is wrong with a file; empty if nothing is.
-std::string fault(const fs::path& file, const io::JournalFile& known) {
-  std::error_code none;
-  if (!fs::exists(file, none)) return "is missing";
-  try {
-    if (io::file_digest(file) != io::FileDigest{known.size, known.crc})
-      return "is damaged: its checksum is not the journal's";
-  } catch (const io::InputError&) {
-    return "can't be read";
-  }
-  return "";
-}
-
-/// What is wrong with a snapshot that is good by itself and goes on from another.
-/// @param found what is wrong with those before it
-std::string fault_before(const std::string& since,
-                         const std::map<std::string, std::string>& found) {
-  const auto before = found.find(since);
-  const std::string what = before == found.end() ? "the journal doesn't know" : before->second;
-  if (what.empty() || what.starts_with(kGoodButNeeds)) return what;
-  return fmt::format("{} {}, which {}", kGoodButNeeds, since, what);
-}
-
-/// Is a file written only at the end, so that a run that goes on will write it again?
-bool is_final(const std::string& name) {
-  return name.starts_with("soil_final.") || name == kUpdatesName || name == kSummaryName;
-}
 
 /// Calls `read`, for which a file that is damaged is the result and not a wrong question.
 template <typename F>
@@ -59,6 +30,17 @@ auto judged(F read) {
   } catch (const io::InputError& e) {
     throw std::runtime_error(e.what());
   }
+}
+
+/// Why a run can't be gone on with; empty if it can.
+std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& journal) {
+  try {
+    const RunConfig config = parse_run_config(journal.config.text, folder);
+    check_dug_rows(folder / kJournalName, read_to_dig(config.options), config);
+  } catch (const io::InputError& e) {
+    return e.what();
+  }
+  return "";
 }
 
 void verify_run(const fs::path& folder) {
@@ -82,14 +64,9 @@ void verify_run(const fs::path& folder) {
                      journal.torn_bytes == 0 ? ""
                                              : fmt::format("; {} bytes after it never became whole",
                                                            journal.torn_bytes)));
-  std::map<std::string, std::string> found;
-  for (const io::JournalFile& file : journal.files) {
-    if (!journal.ended && is_final(file.name)) continue;
-    std::string& what = found[file.name];
-    what = fault(folder / file.name, file);
-    if (what.empty() && !file.since.empty()) what = fault_before(file.since, found);
-    report(file.name, what, "good");
-  }
+  for (const RunFile& file : check_files(folder, journal))
+    if (!file.outdated) report(file.known.name, file.fault, "good");
+  if (!journal.ended) report("inputs", fault_of_inputs(folder, journal), "good");
   if (faults.empty()) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));
     return;
@@ -122,7 +99,7 @@ void verify_output(const fs::path& file) {
   if (fs::exists(journal, none)) {
     for (const io::JournalFile& known : io::read_journal(journal).files) {
       if (known.name != file.filename()) continue;
-      const std::string what = fault(file, known);
+      const std::string what = fault_of(file, known);
       if (!what.empty()) throw std::runtime_error(fmt::format("{}: {}", file.string(), what));
       fmt::print("{}: intact\n", file.string());
       return;
