@@ -27,8 +27,8 @@ namespace soilvdb::tools {
 ///
 /// Only the newest `keep`, and what those go on from, stay: the others are deleted once the newest
 /// and their going are in the journal on disk. Incremental ones may all go on from the same whole
-/// one: without that the journal is dug again from its start, to the same files. The same run makes the same files, interrupted or
-/// not. For one thread.
+/// one: without that the journal is dug again from its start, to the same files. The same run makes
+/// the same files, interrupted or not. For one thread.
 class SnapshotWriter {
  public:
   struct Options {
