@@ -220,7 +220,7 @@ TEST_F(DamagedRun, FallsBackAGenerationSaysSoAndEndsInTheSameGround) {
       continue;
     }
     EXPECT_TRUE(says(result.err, file.filename().string())) << result.err;
-    EXPECT_TRUE(says(result.err, "; going on from what came before it\n")) << result.err;
+    EXPECT_TRUE(says(result.err, "; it is made anew\n")) << result.err;
     const std::string before_it = files_[files_.size() - chain_.size() + which - 1].name;
     EXPECT_TRUE(says(result.out, "going on from " + before_it + "\n")) << result.out;
     ++generations;
