@@ -48,12 +48,13 @@ LongMotion::LongMotion(const std::filesystem::path& file, const std::optional<Ch
   warnings.insert(warnings.end(), said.begin(), said.end());
   bad_rows_ = reader.bad_rows();
   const std::int64_t all = rows_ + bad_rows_.count;
-  if (!stop_ && bad_rows_.most_at_odds > all / 2) {
+  if (!stop_ && bad_rows_.at_odds > 0 && 2 * bad_rows_.at_odds >= all) {
     throw InputError(
         file, bad_rows_.at_odds_with,
-        fmt::format("{} of the {} rows contradict this one (first: {}); mend or delete what is "
-                    "wrong: 'bad_rows: skip' is for the odd row",
-                    bad_rows_.most_at_odds, all, bad_rows_.first));
+        fmt::format(
+            "{} of the {} rows contradict the good ones before them, this one above all "
+            "(first: {}); mend or delete what is wrong: 'bad_rows: skip' is for the odd row",
+            bad_rows_.at_odds, all, bad_rows_.first));
   }
   if (bad_rows_.count > 0 && !stop_) warnings.push_back(warning(bad_rows_));
 }

@@ -34,7 +34,8 @@ class LongMotion {
   /// @param look is shown each part, and how many bytes of the file have been read
   /// @param warnings what read_motion() warns of is added, and the bad rows that are left out
   /// @throw InputError as read_motion() does; for a bad row only where there is no good one, none
-  ///        to dig before it, or most rows contradict one, so that this one may be what is wrong.
+  ///        to dig before it, or as many contradict good ones as not, so that those may be what is
+  ///        wrong.
   LongMotion(const std::filesystem::path& file, const std::optional<Chain>& chain,
              OnBadRow on_bad_row,
              const std::function<void(const Motion& part, std::int64_t bytes)>& look,

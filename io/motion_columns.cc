@@ -18,6 +18,10 @@ class Header {
  public:
   Header(const CsvLines& lines, const std::vector<std::string_view>& fields)
       : lines_(lines), names_(fields.begin(), fields.end()) {
+    if (parse_number(names_[0])) {
+      lines_.fail(
+          "begins with numbers; the first line must name the columns: time,x,y,z and so on");
+    }
     for (std::size_t i = 0; i < names_.size(); ++i) {
       if (names_[i].empty()) continue;
       if (find(names_[i]) != i) {

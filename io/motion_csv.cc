@@ -165,9 +165,12 @@ struct MotionReader::State {
       } catch (const LineError& e) {
         if (blanks > 0) refuse_blanks();
         refuse(e);
-        if (compared && ++at_odds > bad.most_at_odds) {
-          bad.most_at_odds = at_odds;
-          bad.at_odds_with = at.lines + 1;
+        if (compared && fresh[0] != row[0]) {  // a row that is there twice says nothing
+          ++bad.at_odds;
+          if (++at_odds > most_at_odds) {
+            most_at_odds = at_odds;
+            bad.at_odds_with = at.lines + 1;
+          }
         }
       }
     }
@@ -237,7 +240,8 @@ struct MotionReader::State {
   CsvLines::Mark blank;            // the first of the blank lines since the row
   std::int64_t blanks = 0;         // so many
   bool compared = false;           // the line it looks at with the row
-  std::int64_t at_odds = 0;        // rows since the row that can't come after it
+  std::int64_t at_odds = 0;        // rows since the row that can't come after it,
+  std::int64_t most_at_odds = 0;   // and the most there were of them
   BadRows bad;
 };
 

@@ -27,9 +27,8 @@ struct BadRows {
   std::int64_t count = 0;
   std::string first;             ///< "FILE:LINE: what is wrong and what would be right"
   std::optional<double> good_s;  ///< time of the last good row before it, if there is one
-  /// The longest stretch of rows that are bad only by what the good row before them says: so many.
-  std::int64_t most_at_odds = 0;
-  long at_odds_with = 0;  ///< the line of that row
+  std::int64_t at_odds = 0;      ///< rows that are bad only by what the good row before them says
+  long at_odds_with = 0;  ///< the line of the row that most of them in a row are at odds with
 };
 
 /// Reads `time` (s, strictly increasing) and, without a chain, x,y,z (m) with roll,pitch,yaw (rad,

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 #include <set>
 
 #include "io/text.h"
@@ -88,6 +90,10 @@ Pose read_pose(const YamlMap& map) {
   if (map.has("xyz")) pose.position = Vec3(map.numbers("xyz", 3).data());
   if (map.has("rpy")) {
     const auto rpy = map.numbers("rpy", 3);
+    for (const double angle : rpy) {
+      if (std::abs(angle) > 2 * std::numbers::pi)
+        map.fail("rpy", fmt::format("rpy has {}; angles must be in radians, within a turn", angle));
+    }
     pose.rotation = from_rpy(rpy[0], rpy[1], rpy[2]);
   }
   return pose;

@@ -58,7 +58,7 @@ void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseRe
       raster != nullptr ? raster->file : std::get<LevelSetTerrain>(base.terrain).file;
   put(meta, "soilvdb_base", raster != nullptr ? "raster" : "level_set");
   put(meta, "soilvdb_base_file",
-      relative_to(std::filesystem::absolute(snapshot).parent_path(), file));
+      relative_to(std::filesystem::weakly_canonical(snapshot).parent_path(), file));
   put(meta, "soilvdb_base_file_absolute", std::filesystem::absolute(file).string());
   put(meta, "soilvdb_base_checksum", base.checksum);
 }

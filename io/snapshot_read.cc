@@ -37,10 +37,9 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
   }
   // The file may have moved together with the snapshot, or the snapshot alone.
   std::error_code none;
-  std::filesystem::path file =
-      (std::filesystem::weakly_canonical(std::filesystem::absolute(snapshot).parent_path(), none) /
-       meta.text("soilvdb_base_file"))
-          .lexically_normal();
+  std::filesystem::path file = (std::filesystem::weakly_canonical(snapshot, none).parent_path() /
+                                meta.text("soilvdb_base_file"))
+                                   .lexically_normal();
   const std::filesystem::path other = meta.text("soilvdb_base_file_absolute");
   const std::string checksum = meta.text("soilvdb_base_checksum");
   const auto matches = [&](const std::filesystem::path& path) {

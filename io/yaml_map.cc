@@ -68,7 +68,10 @@ struct DocumentStarts : YAML::EventHandler {
 YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
                  std::vector<std::string> known)
     : file_(file), node_(node), what_(std::move(what)) {
-  if (!node_.IsMap()) fail(node_, fmt::format("{} is {}; it must be a map", what_, describe(node)));
+  if (!node_.IsMap()) {
+    fail(node_, fmt::format("{} is {}; it must be a map with keys of {}", what_, describe(node),
+                            fmt::join(known, ", ")));
+  }
   std::set<std::string> seen;
   for (const auto& entry : node_) {
     const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";

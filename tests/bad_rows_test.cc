@@ -166,12 +166,25 @@ TEST_F(BadRows, WhereMostContradictOneThisOneMayBeWrong) {
   write_scenario("bad.yaml", "bad.csv", "skip");
   write_file(folder() / "bad.csv", with({{1, "-1,5e8,0,0,0"}}));  // a position without a fix
   expect_refused("run bad.yaml",
-                 "bad.csv:2: 41 of the 42 rows contradict this one (first: "
+                 "bad.csv:2: 41 of the 42 rows contradict the good ones before "
+                 "them, this one above all (first: "
                  "bad.csv:3: the bucket moves 5e+08 m in 1 s since the row before");
   write_file(folder() / "bad.csv", with({{4, "1e9,0,0,0,0"}}));  // a clock that jumped
   expect_refused("run bad.yaml",
-                 "bad.csv:5: 38 of the 42 rows contradict this one (first: "
+                 "bad.csv:5: 38 of the 42 rows contradict the good ones before "
+                 "them, this one above all (first: "
                  "bad.csv:6: time 0.375 doesn't come after 1e9");
+  // A value that comes again, and two rows of which nobody knows which is right.
+  write_file(folder() / "bad.csv", with({{1, "-1,5e8,0,0,0"}, {21, "2.45,5e8,0,0,0"}}));
+  expect_refused("run bad.yaml", "bad.csv:23: 41 of the 43 rows contradict");
+  write_file(folder() / "bad.csv", "time,x,y,z\n0,0,0,0\n1,0,0,99\n");
+  expect_refused("run bad.yaml", "bad.csv:2: 1 of the 2 rows contradict");
+  // A log that has each row three times is good.
+  std::string thrice = lines_[0];
+  for (std::size_t i = 1; i < lines_.size(); ++i) thrice += lines_[i] + lines_[i] + lines_[i];
+  write_file(folder() / "bad.csv", thrice);
+  EXPECT_EQ(run("run bad.yaml --out bad").status, 0);
+  EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 2 * kRows);
   // Less than half of them are wrong themselves.
   write_file(folder() / "bad.csv", with({{30, "1e9,0,0,0,0"}}));
   EXPECT_EQ(run("run bad.yaml --out bad").status, 0);
@@ -288,6 +301,40 @@ TEST_F(BadRows, ALastRowThatIsMendedIsDugHoweverTheMotionIsSplit) {
     EXPECT_NEAR(summary("bad")["volume_m3"]["cut"], cut_m3, 1e-4 * cut_m3);
     EXPECT_EQ(run("verify bad").status, 0);
   }
+}
+
+TEST_F(BadRows, MotionsThatWereMendedMayEndElsewhere) {
+  const auto drag = [](int first, int rows) {
+    std::string csv;
+    for (int i = first; i < first + rows; ++i)
+      csv += fmt::format("{:.1f},{:.3f},0,{}\n", 0.1 * i, 0.01 * i, i == 0 ? 0.1 : -0.1);
+    return csv;
+  };
+  const std::string header = "time,x,y,z\n";
+  // 20 s in 100 updates: one ends at 3.5999999999999996 s, and the last good row is at 3.6 s.
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  write_file(folder() / "bad.csv", header + drag(0, 37) + "3.7,nan,0,0\n" + drag(38, 163));
+  ASSERT_EQ(run("run bad.yaml --updates 100 --out bad").status, 1);
+  write_file(folder() / "bad.csv", header + drag(0, 37));
+  const Result cut_off = run("resume bad");
+  EXPECT_EQ(cut_off.status, 0) << cut_off.err;
+  EXPECT_EQ(run("verify bad").status, 0);
+  // A machine that had one row when the run began, beside one that stops, and has many by now.
+  std::string two = read_file(folder() / "bad.yaml");
+  two.insert(two.find("output:"),
+             "  - name: other\n    bucket: {width: 0.4, height: 0.5}\n    motion: other.csv\n");
+  write_file(folder() / "two.yaml", two);
+  write_file(folder() / "bad.csv", header + drag(0, 37) + "3.7,nan,0,0\n");
+  write_file(folder() / "other.csv", header + "1,0,3,0.1\n");
+  ASSERT_EQ(run("run two.yaml --updates 3 --out two").status, 1);
+  write_file(folder() / "bad.csv", header + drag(0, 41));
+  std::string more = header + "1,0,3,0.1\n";
+  for (int i = 0; i < 30; ++i) more += fmt::format("{},{:.3f},3,-0.1\n", 5 + 0.1 * i, 0.01 * i);
+  write_file(folder() / "other.csv", more);
+  const Result on = run("resume two");
+  EXPECT_EQ(on.status, 0) << on.err;
+  EXPECT_GT(summary("two")["machines"][1]["cut_m3"], 0.01);
+  EXPECT_EQ(run("verify two").status, 0);
 }
 
 TEST_F(BadRows, VerifyChecksWhatAStoppedRunLeft) {

@@ -192,6 +192,12 @@ TEST_F(MotionCsv, NumbersTooSmallToBeMeasured) {
             "m.csv:3: x is '1e-400'; it must be a number");
 }
 
+TEST_F(MotionCsv, AHeaderThatIsMissing) {
+  EXPECT_EQ(error("0,0,0,0\n1,1,0,0\n"),
+            "m.csv:1: begins with numbers; the first line must name the columns: time,x,y,z and so "
+            "on");
+}
+
 TEST_F(MotionCsv, BucketsAndJointsThatJump) {
   EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n0.1,0,7,0\n"),
             "m.csv:3: the bucket moves 7 m in 0.1 s since the row before; no machine does more "

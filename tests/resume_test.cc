@@ -227,10 +227,13 @@ TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
   expect_same_as_whole();
   EXPECT_EQ(run("run dig.yaml").status, 0);
   expect_same_as_whole();
+  std::string whole_journal = read_file(out() / "journal");
   damage("journal", 60);
   expect_refused("run dig.yaml", "damaged at its start; remove it or give another --out");
   write_file(out() / "journal", "dear diary\n");
   expect_refused("run dig.yaml", "journal: is not a journal");
+  write_file(out() / "journal", whole_journal.replace(whole_journal.size() / 2, 1, "?"));
+  expect_refused("run dig.yaml", "out/dig: holds a run whose journal is damaged; `soilvdb resume");
   // One that hasn't dug yet is no loss.
   fs::remove_all(out());
   fs::create_directories(out());

@@ -187,6 +187,8 @@ TEST_F(Run, VoxelsThatAreTooLargeForABucketAreWarnedOf) {
       result.err.starts_with("soilvdb: warning: dig.yaml: voxels of 0.11 m are too large "
                              "for the bucket of digger, 0.2 m x 0.5 m"))
       << result.err;
+  expect_refused("run dig.yaml --voxel 1.1 --out none",
+                 "dig.yaml: voxels of 1.1 m are larger than the bucket of digger, 0.2 m x 0.5 m");
 }
 
 /// A bucket that shuttles along a trench, in more rows than are in memory at once.
@@ -373,6 +375,9 @@ TEST_F(Run, RefusesToWriteOverItsTerrain) {
   summary("dig.yaml");
   write_file(folder() / "next.yaml", half_sine_scenario("{level_set: out/dig/soil_final.vdb}"));
   expect_refused("run next.yaml", "soil_final.vdb: is an input");
+  fs::create_symlink("out/dig/soil_final.vdb", folder() / "ground.vdb");
+  write_file(folder() / "next.yaml", half_sine_scenario("{level_set: ground.vdb}"));
+  expect_refused("run next.yaml", "ground.vdb: is an input");
 }
 
 }  // namespace

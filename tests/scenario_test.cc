@@ -163,6 +163,13 @@ TEST_F(ScenarioFile, IsAsTheReadmeSays) {
   EXPECT_EQ(s.raster_cell_m, 0.1);
 }
 
+TEST_F(ScenarioFile, AnglesInDegreesAreRefused) {
+  EXPECT_EQ(error(13,
+                  "    motion: joints.csv\n    urdf: m.urdf\n"
+                  "    lip: {link: bucket_link, rpy: [0, 0, 34]}"),
+            "s.yaml:15: rpy has 34; angles must be in radians, within a turn");
+}
+
 TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(error(9, "      widht: 1.2"),
             "s.yaml:9: unknown key 'widht' in bucket; did you mean 'width'? Its keys are "
@@ -214,7 +221,9 @@ TEST_F(ScenarioFile, ValuesOfAnotherType) {
   EXPECT_EQ(error(3, "voxel_size:"), "s.yaml:3: voxel_size is empty; it must have a value");
   EXPECT_EQ(error(3, "voxel_size: [1]"), "s.yaml:3: voxel_size is a list; it must be a number");
   EXPECT_EQ(error(2, "name: {a: b}"), "s.yaml:2: name is a map; it must be text");
-  EXPECT_EQ(error(5, "  plane: 3"), "s.yaml:5: plane is '3'; it must be a map");
+  EXPECT_EQ(error(5, "  plane: 3"),
+            "s.yaml:5: plane is '3'; it must be a map with keys of "
+            "z, slope");
   EXPECT_EQ(error(5, "  plane: {z: 0, slope: [1]}"),
             "s.yaml:5: slope is a list of 1; it must be a list of 2 numbers");
   EXPECT_EQ(error(11, "      profile: round"),
@@ -307,7 +316,8 @@ TEST_F(ScenarioFile, MachinesMustBeAListWithDifferentNames) {
   EXPECT_EQ(error_of(head + "machines: {name: a}\n"),
             "s.yaml:4: machines is a map; it must be a list of at least one machine");
   EXPECT_EQ(error_of(head + "machines:\n- digger\n"),
-            "s.yaml:5: machine is 'digger'; it must be a map");
+            "s.yaml:5: machine is 'digger'; it must be a map with keys of "
+            "name, bucket, motion, bad_rows, urdf, base, lip");
   EXPECT_EQ(error_of(head + "machines:\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"),
@@ -326,7 +336,9 @@ TEST_F(ScenarioFile, NamesMustBeFitForFiles) {
 TEST_F(ScenarioFile, OutputsWithoutSense) {
   EXPECT_EQ(error(15, "  snapshots: {every: 0}"),
             "s.yaml:15: every is 0 s; it must be from 0.001 to 1000000000 s");
-  EXPECT_EQ(error(15, "  snapshots: 1"), "s.yaml:15: snapshots is '1'; it must be a map");
+  EXPECT_EQ(error(15, "  snapshots: 1"),
+            "s.yaml:15: snapshots is '1'; it must be a map with keys of "
+            "every, incremental, keep");
   EXPECT_EQ(error(16, "  mesh: fbx"), "s.yaml:16: mesh is 'fbx'; it must be ply, obj, stl or glb");
   EXPECT_EQ(error(17, "  raster: {cell: -1}"),
             "s.yaml:17: cell is -1 m; it must be from 0.001 to 10000 m");
@@ -379,8 +391,12 @@ TEST_F(ScenarioFile, FilesThatAreNoScenario) {
   EXPECT_EQ(error_of("# nothing\n"), "s.yaml: is empty");
   EXPECT_EQ(error_of(std::string("PK\3\4\0\0", 6)),
             "s.yaml: is a binary file; it must be UTF-8 text");
-  EXPECT_EQ(error_of("hello\n"), "s.yaml:1: scenario is 'hello'; it must be a map");
-  EXPECT_EQ(error_of("- a\n"), "s.yaml:1: scenario is a list; it must be a map");
+  EXPECT_EQ(error_of("hello\n"),
+            "s.yaml:1: scenario is 'hello'; it must be a map with keys of "
+            "soilvdb, name, voxel_size, terrain, machines, output");
+  EXPECT_EQ(error_of("- a\n"),
+            "s.yaml:1: scenario is a list; it must be a map with keys of "
+            "soilvdb, name, voxel_size, terrain, machines, output");
   EXPECT_EQ(error_of(with(0, "") + "---\nsoilvdb: 1\n").substr(0, 7), "s.yaml:");
   EXPECT_NE(error_of(with(0, "") + "---\nsoilvdb: 1\n").find("a second document starts"),
             std::string::npos);

@@ -52,8 +52,8 @@ class DugRows {
     if (at_end()) refuse_missing(move.rows, times.size() - 1);
     if (off_m(motion_->pose(dug_s_), dug_pose(move, dug, dug_s_)) > same_m_)
       refuse_after_last(now_s(),
-                        fmt::format("the way here was dug in part, up to {} s, and is another "
-                                    "now; put back what it was",
+                        fmt::format("the way to this row was dug, and is another from {} s or "
+                                    "before; put back the rows up to here as they were",
                                     time_text(dug_s_)));
   }
 

@@ -36,17 +36,26 @@ void try_out(const io::Terrain& terrain) {
   });
 }
 
-/// At voxels of half a bucket's size its volumes are off by a percent; at larger ones it may seem
-/// to dig nothing.
-void warn_of_large_voxels(io::Scenario& scenario) {
+/// At voxels of half a bucket's size its volumes are off by a percent; at those of four times its
+/// size it seems to dig nothing.
+void check_voxels(io::Scenario& scenario) {
   for (const io::MachineInput& machine : scenario.machines) {
     const double side_m = std::min(machine.bucket.width_m, machine.bucket.height_m);
     if (scenario.voxel_size_m <= side_m / 2) continue;
+    if (scenario.voxel_size_m > 2 * std::max(machine.bucket.width_m, machine.bucket.height_m)) {
+      throw io::InputError(
+          scenario.file,
+          fmt::format(
+              "voxels of {} m are larger than the bucket of {}, {} m x {} m, and would show "
+              "nothing of what it digs; the voxel size must be {} m or less",
+              scenario.voxel_size_m, machine.name, machine.bucket.width_m, machine.bucket.height_m,
+              side_m / 5));
+    }
     scenario.warnings.push_back(fmt::format(
         "{}: voxels of {} m are too large for the bucket of {}, {} m x {} m; volumes will be off "
-        "by percents, use {} m or less",
+        "by percents or more, use {} m or less",
         scenario.file.string(), scenario.voxel_size_m, machine.name, machine.bucket.width_m,
-        machine.bucket.height_m, side_m / 2));
+        machine.bucket.height_m, side_m / 5));
   }
 }
 
@@ -71,7 +80,7 @@ io::Scenario read_to_dig(const RunOptions& options) {
       });
   progress.reset();
   if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
-  warn_of_large_voxels(scenario);
+  check_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;
 }

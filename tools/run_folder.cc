@@ -66,9 +66,10 @@ void RunFolder::clear() const {
 
 void RunFolder::spare(const fs::path& input) const {
   std::error_code error;
-  const std::string name = input.filename().string();
+  const fs::path file = fs::weakly_canonical(input, error);
+  const std::string name = file.filename().string();
   const bool ours = is_output(name) || name == kJournalName;
-  if (ours && fs::equivalent(input.parent_path().empty() ? "." : input.parent_path(), path_, error))
+  if (ours && fs::equivalent(file.parent_path(), path_, error))
     throw io::InputError(input,
                          "is an input in the folder that the run writes to, and would be "
                          "written over; give another --out");
@@ -111,6 +112,12 @@ void RunFolder::replace() {
   } catch (const io::InputError& e) {
     throw io::InputError(fmt::format("{}; remove it or give another --out", e.what()));
   }
+  if (journal.damaged)
+    throw io::InputError(
+        path_, fmt::format("holds a run whose journal is damaged; `soilvdb resume {}` goes on with "
+                           "what is good of it; to begin anew remove the folder or give another "
+                           "--out",
+                           path_.string()));
   if (!journal.ended && journal.done.updates > 0)
     throw io::InputError(
         path_, fmt::format("holds a run that isn't finished, good to {} s; `soilvdb resume {}` "

@@ -42,16 +42,17 @@ Schedule::Cursor::Cursor(const io::MachineInput& machine, std::optional<std::int
     : machine_(&machine),
       tolerance_m_(tolerance_m),
       by_rows_(!updates || end_s == machine.motion.begin_s()),
-      thin_(updates && machine.motion.rows() > 2 * *updates),
+      thin_(!by_rows_ && machine.motion.rows() > 2 * *updates),
       intervals_(updates.value_or(1)),
       planned_s_(end_s),
       count_(machine.motion.rows()),
       at_s_(machine.motion.begin_s()) {
   if (!by_rows_) {
-    constexpr double kRounding = 1e-9, kMost = 1e15;
+    constexpr double kMost = 1e15;
     const double spans = (machine.motion.end_s() - at_s_) / (planned_s_ - at_s_);
-    const double count = std::ceil(spans * static_cast<double>(intervals_) - kRounding);
-    count_ = static_cast<std::int64_t>(std::clamp(count, 1.0, kMost));
+    const double about = std::floor(spans * static_cast<double>(intervals_)) - 1;
+    count_ = static_cast<std::int64_t>(std::clamp(about, 1.0, kMost));
+    while (boundary_s(count_) < machine.motion.end_s()) ++count_;
   }
   load(0);
   aim();

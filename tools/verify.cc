@@ -71,8 +71,10 @@ void verify_run(const fs::path& folder) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));
     return;
   }
-  throw std::runtime_error(fmt::format("{}: {}; the journal is good to {} s", folder.string(),
-                                       fmt::join(faults, "; "), time_text(journal.done.time_s)));
+  throw std::runtime_error(fmt::format(
+      "{}: {}; the journal is good to {} s, from which `soilvdb resume {}` makes what is "
+      "missing or damaged anew",
+      folder.string(), fmt::join(faults, "; "), time_text(journal.done.time_s), folder.string()));
 }
 
 void verify_snapshot(const fs::path& file) {
