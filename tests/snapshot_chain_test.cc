@@ -62,7 +62,8 @@ class SnapshotChain : public ::testing::Test {
     return {"dig", double(count_), tracker_->total().cut_m3(), 0, 0, 0, tracker_->state()};
   }
   void write_whole() {
-    write_snapshot(file(count_++), site_, info());
+    write_snapshot(file(count_), site_, info());
+    ++count_;
     tracker_->take_changed();
   }
   /// What the file must hold.
