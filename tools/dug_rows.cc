@@ -5,8 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
-#include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -22,10 +20,6 @@ namespace {
 
 /// Rows are left out where they stay within 1e-3 of a voxel; as much again is for rounding.
 constexpr double kSame = 2e-3;
-
-bool same_bits(double a, double b) {
-  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
-}
 
 /// The rows of one motion, which go along with its moves.
 class DugRows {
@@ -177,8 +171,7 @@ void check_dug_rows(const std::filesystem::path& journal, const io::Scenario& sc
     if (move->machine < rows.size()) rows[move->machine].check(*move);
     // Rows that come before what others have dug have missed their time.
     const std::optional<Step> step = schedule.next();
-    if (!step || step->machine != move->machine || !same_bits(step->begin_s, move->begin_s) ||
-        !same_bits(step->end_s, move->end_s))
+    if (!step || !is_move(*step, *move))
       throw io::InputError(
           machines.at(step ? step->machine : move->machine).motion.file(),
           fmt::format("its rows up to {} s are not those of the run; put back what they were",

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <bit>
 #include <cstdio>
 #include <memory>
 #include <utility>
@@ -22,10 +21,6 @@ using Clock = Job::Clock;
 
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
-}
-
-bool same_bits(double a, double b) {
-  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
 }
 
 std::vector<Bucket> buckets(const io::Scenario& scenario) {
@@ -132,8 +127,7 @@ void Job::replay(const io::JournalMove& move) {
                                           (folder_.path() / kJournalName).string(), count + 1,
                                           time_text(move.end_s), why));
   };
-  if (!step_ || step_->machine != move.machine || !same_bits(step_->begin_s, move.begin_s) ||
-      !same_bits(step_->end_s, move.end_s))
+  if (!step_ || !is_move(*step_, move))
     throw refuse("is not the one that the scenario has in this place");
   if (count >= start_.updates) {
     const Update result = tracker_.update(

@@ -3,6 +3,7 @@
 // Which machine moves when: the updates of a run, in the order of time.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "io/journal.h"
 #include "io/scenario.h"
 
 namespace soilvdb::tools {
@@ -21,6 +23,16 @@ struct Step {
   std::shared_ptr<const Motion> motion;  ///< the part of the machine's that covers the step
   bool ends_update = true;
 };
+
+inline bool same_bits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
+
+/// Is a step the one that a journal's move was, to the last bit of its times?
+inline bool is_move(const Step& step, const io::JournalMove& move) {
+  return step.machine == move.machine && same_bits(step.begin_s, move.begin_s) &&
+         same_bits(step.end_s, move.end_s);
+}
 
 /// The updates of several machines, merged by the time at which they end; at equal times in the
 /// order of the machines. A machine's steps follow on each other and cover its whole motion. Where
