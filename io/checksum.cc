@@ -3,25 +3,16 @@
 #include "io/checksum.h"
 
 #include <fmt/format.h>
+#include <lzma.h>
 
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <fstream>
 
 #include "io/text.h"
 
 namespace soilvdb::io {
-namespace {
-
-using Crc64 =
-    boost::crc_optimal<64, 0x42F0E1EBA9EA3693u, ~std::uint64_t{0}, ~std::uint64_t{0}, true, true>;
-
-}  // namespace
-
-std::uint64_t crc64(std::string_view bytes) {
-  Crc64 crc;
-  crc.process_bytes(bytes.data(), bytes.size());
-  return crc.checksum();
+std::uint64_t crc64(std::string_view bytes, std::uint64_t before) {
+  return lzma_crc64(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before);
 }
 
 std::string file_fingerprint(const std::filesystem::path& file) {
@@ -29,8 +20,7 @@ std::string file_fingerprint(const std::filesystem::path& file) {
   check_readable(file);
   const std::uint64_t size = std::filesystem::file_size(file);
   std::ifstream in(file, std::ios::binary);
-  Crc64 crc;
-  crc.process_bytes(&size, sizeof size);
+  std::uint64_t crc = crc64({reinterpret_cast<const char*>(&size), sizeof size});
   const std::uint64_t blocks = std::min(kBlocks, (size + kBlock - 1) / kBlock);
   std::string block;
   for (std::uint64_t i = 0; i < blocks; ++i) {
@@ -42,24 +32,23 @@ std::string file_fingerprint(const std::filesystem::path& file) {
     if (!in.read(block.data(), static_cast<std::streamsize>(block.size()))) {
       throw InputError(file, "can't be read");
     }
-    crc.process_bytes(block.data(), block.size());
+    crc = crc64(block, crc);
   }
-  return fmt::format("{:016x}", crc.checksum());
+  return fmt::format("{:016x}", crc);
 }
 
 FileDigest file_digest(const std::filesystem::path& file) {
   check_readable(file);
   std::ifstream in(file, std::ios::binary);
-  Crc64 crc;
   FileDigest digest;
   std::string block(std::size_t{1} << 20, '\0');
   while (in) {
     in.read(block.data(), static_cast<std::streamsize>(block.size()));
-    crc.process_bytes(block.data(), static_cast<std::size_t>(in.gcount()));
-    digest.size += static_cast<std::uint64_t>(in.gcount());
+    const auto read = static_cast<std::size_t>(in.gcount());
+    digest.crc = crc64(std::string_view(block).substr(0, read), digest.crc);
+    digest.size += read;
   }
   if (in.bad()) throw InputError(file, "can't be read to its end");
-  digest.crc = crc.checksum();
   return digest;
 }
 

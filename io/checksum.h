@@ -11,7 +11,8 @@
 namespace soilvdb::io {
 
 /// CRC-64/XZ.
-std::uint64_t crc64(std::string_view bytes);
+/// @param before that of what comes before `bytes`
+std::uint64_t crc64(std::string_view bytes, std::uint64_t before = 0);
 
 /// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of
 /// 64 blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
