@@ -5,132 +5,19 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <string_view>
 #include <utility>
 
+#include "io/motion_checks.h"
 #include "io/motion_columns.h"
 #include "io/text.h"
 
 namespace soilvdb::io {
 namespace {
 
-constexpr double kMaxTimeS = 1e11;             // seconds since 1970 are fine, milliseconds are not
-constexpr double kQuaternionTolerance = 0.01;  // two decimals; more is no rotation
-constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad or m
-// No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
-// clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
-constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
-constexpr double kJitter_m = 1, kJitter_rad = 1;  // that sensors may add, however short the time
-// Of a joint in one row, however long it takes: what is surely a slip takes forever to sweep.
-constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
 constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
-
-double number(const CsvLines& lines, const std::string& name, std::string_view field) {
-  const auto value = parse_number(field);
-  if (!value) {
-    lines.fail(fmt::format("{} is '{}'; it must be a number", name, printable(field)));
-  }
-  const double limit = name == "time" ? kMaxTimeS : kMaxNumber;
-  if (!(std::abs(*value) <= limit)) {
-    lines.fail(fmt::format("{} is {}; it must be a number within {:g}{}", name, printable(field),
-                           limit, name == "time" ? " (seconds)" : ""));
-  }
-  if (std::fpclassify(*value) == FP_SUBNORMAL) {
-    lines.fail(
-        fmt::format("{} is {}, less than any sensor tells from 0; it must be 0 or a number "
-                    "beyond 1e-300",
-                    name, printable(field)));
-  }
-  return *value;
-}
-
-/// Refuses what moves faster than machines do.
-void check_speed(const CsvLines& lines, const std::string& what, double moved, double after_s,
-                 bool turn) {
-  const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
-  if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return;
-  const char* unit = turn ? "rad" : "m";
-  lines.fail(
-      fmt::format("{} {} {:.3g} {} in {:.3g} s since the row before; no machine does more "
-                  "than {} {}/s",
-                  what, turn ? "turns" : "moves", moved, unit, after_s, fastest, unit));
-}
-
-Pose make_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion) {
-  Pose pose;
-  pose.position = {v[1], v[2], v[3]};
-  if (!quaternion) {
-    pose.rotation = from_rpy(v[4], v[5], v[6]);
-    return pose;
-  }
-  pose.rotation = Eigen::Quaterniond(v[7], v[4], v[5], v[6]);
-  const double norm = pose.rotation.norm();
-  if (!(std::abs(norm - 1) <= kQuaternionTolerance)) {
-    lines.fail(fmt::format("the quaternion qx,qy,qz,qw has the norm {:.6g}; it must be 1", norm));
-  }
-  pose.rotation.normalize();
-  return pose;
-}
-
-/// Rows in which each movable joint is beyond its limits.
-class LimitCheck {
- public:
-  explicit LimitCheck(const Chain& chain) {
-    for (const Joint& joint : chain.joints) {
-      if (joint.type != Joint::Type::kFixed) joints_.push_back({joint, 0, 0});
-    }
-  }
-  /// @param v the time, then the joints
-  void row(const std::vector<double>& v, long line) {
-    for (std::size_t i = 0; i < joints_.size(); ++i) {
-      auto& [joint, rows, first] = joints_[i];
-      if (joint.type == Joint::Type::kContinuous || joint.lower == joint.upper) continue;
-      if (v[i + 1] >= joint.lower - kLimitTolerance && v[i + 1] <= joint.upper + kLimitTolerance) {
-        continue;
-      }
-      if (rows++ == 0) first = line;
-    }
-  }
-  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const {
-    for (const auto& [joint, rows, first] : joints_) {
-      if (rows == 0) continue;
-      warnings.push_back(fmt::format(
-          "{}: joint {} exceeds its limits ({:.2f} to {:.2f} {}) in {} row{}, first at line {}",
-          file.string(), joint.name, joint.lower, joint.upper,
-          joint.type == Joint::Type::kPrismatic ? "m" : "rad", rows, rows == 1 ? "" : "s", first));
-    }
-  }
-
- private:
-  struct Count {
-    Joint joint;
-    long rows, first;
-  };
-  std::vector<Count> joints_;
-};
-
-/// Refuses joints that jump.
-void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
-                  const std::vector<double>& row) {
-  std::size_t i = 0;
-  for (const Joint& joint : chain.joints) {
-    if (joint.type == Joint::Type::kFixed) continue;
-    ++i;
-    const bool turns = joint.type != Joint::Type::kPrismatic;
-    const double moved = std::abs(row[i] - before[i]);
-    const double most = turns ? kMostTurn_rad : kMostShift_m;
-    if (moved > most) {
-      const char* unit = turns ? "rad" : "m";
-      lines.fail(fmt::format("joint {} {} {:g} {} since the row before; at most {} {} in one row",
-                             joint.name, turns ? "turns" : "moves", row[i] - before[i], unit, most,
-                             unit));
-    }
-    check_speed(lines, "joint " + joint.name, moved, row[0] - before[0], turns);
-  }
-}
 
 }  // namespace
 
@@ -185,7 +72,7 @@ struct MotionReader::State {
     }
     for (std::size_t i = 0; i < fresh.size(); ++i) {
       if (columns.fields[i] == Columns::kNone) continue;
-      fresh[i] = number(lines, columns.names[i], fields[columns.fields[i]]);
+      fresh[i] = row_number(lines, columns.names[i], fields[columns.fields[i]]);
     }
     const auto time = fields[columns.fields[0]];
     compared = !first;
@@ -199,12 +86,8 @@ struct MotionReader::State {
       if (!first) check_joints(lines, *chain, row, fresh);
       limits.row(fresh, lines.number());
     } else {
-      const Pose to = make_pose(lines, fresh, columns.quaternion);
-      if (!first) {
-        const double after_s = fresh[0] - row[0];
-        check_speed(lines, "the bucket", (to.position - pose.position).norm(), after_s, false);
-        check_speed(lines, "the bucket", to.rotation.angularDistance(pose.rotation), after_s, true);
-      }
+      const Pose to = row_pose(lines, fresh, columns.quaternion);
+      if (!first) check_poses(lines, pose, to, fresh[0] - row[0]);
       pose = to;
     }
     std::swap(row, fresh);
@@ -228,7 +111,7 @@ struct MotionReader::State {
   std::optional<Chain> chain;
   CsvLines lines;
   Columns columns;
-  LimitCheck limits;
+  JointLimits limits;
   std::vector<std::string_view> fields;
   std::vector<double> row, fresh;  // the row it is at, and scratch
   Pose pose;                       // of the row, where there is no chain

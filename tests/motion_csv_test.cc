@@ -208,6 +208,10 @@ TEST_F(MotionCsv, BucketsAndJointsThatJump) {
   EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,0,0\n0.1,0,-2.5\n"),
             "m.csv:3: joint arm_joint turns 2.5 rad in 0.1 s since the row before; no machine does "
             "more than 10 rad/s");
+  EXPECT_EQ(
+      joints_error("time,boom_joint,arm_joint\n0,0,3.1\n0.1,0,-3.1\n"),
+      "m.csv:3: joint arm_joint wraps from 3.1 to -3.1 rad; it must go on past a whole turn, to "
+      "3.183");
   EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,0,0\n1e6,0,120\n"),
             "m.csv:3: joint arm_joint turns 120 rad since the row before; at most 100 rad in one "
             "row");
