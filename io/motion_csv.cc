@@ -173,9 +173,19 @@ std::size_t MotionReader::digest() const { return state_->digest; }
 
 std::vector<std::string> MotionReader::warnings() const {
   std::vector<std::string> warnings;
-  if (const auto& unused = state_->columns.unused; !unused.empty()) {
-    warnings.push_back(fmt::format("{}: ignored column{} {}", state_->file.string(),
-                                   unused.size() == 1 ? "" : "s", quoted_list(unused)));
+  const Columns& columns = state_->columns;
+  std::vector<std::string> zero;
+  for (std::size_t i = 0; i < columns.names.size(); ++i) {
+    if (columns.fields[i] == Columns::kNone) zero.push_back(columns.names[i]);
+  }
+  if (const auto& unused = columns.unused; !unused.empty()) {
+    std::string warning = fmt::format("{}: ignored column{} {}", state_->file.string(),
+                                      unused.size() == 1 ? "" : "s", quoted_list(unused));
+    if (!zero.empty()) {
+      warning += fmt::format("; {} {} there, taken as 0", quoted_list(zero),
+                             zero.size() == 1 ? "isn't" : "aren't");
+    }
+    warnings.push_back(std::move(warning));
   }
   state_->limits.warn(state_->file, warnings);
   return warnings;

@@ -91,7 +91,16 @@ TEST_F(MotionCsv, ColumnsItHasNoUseForAreSkippedUnreadWithOneWarning) {
       read("time,x,y,z,phase,load\n0,0,0,0,\"dig, deep\",nan\n1,0,0,0,lift,\n");
   EXPECT_EQ(motion.times_s().size(), 2u);
   ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_EQ(warnings[0], (folder_ / "m.csv").string() + ": ignored columns 'phase' and 'load'");
+  EXPECT_EQ(warnings[0], (folder_ / "m.csv").string() +
+                             ": ignored columns 'phase' and 'load'; 'roll', 'pitch' and "
+                             "'yaw' aren't there, taken as 0");
+}
+
+TEST_F(MotionCsv, AMisspeltAngleIsMissed) {
+  const auto [motion, warnings] = read("time,x,y,z,roll,pich,yaw\n0,0,0,0,1,1,1\n");
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_EQ(warnings[0], (folder_ / "m.csv").string() +
+                             ": ignored column 'pich'; 'pitch' isn't there, taken as 0");
 }
 
 TEST_F(MotionCsv, JointsAreTakenByName) {

@@ -27,6 +27,8 @@ constexpr int kRefused = 3;
 constexpr std::uintmax_t kMemory_bytes = 512 << 20, kMemoryPerThread_bytes = 16 << 20,
                          kMemoryPerByte = 256;
 constexpr std::uintmax_t kTime_s = 2, kBytesPerSecond = 1 << 20;
+// So many times that by the clock: disks are slow, and a damaged heap may make it wait for itself.
+constexpr std::uintmax_t kPatience = 10;
 
 void limit(int resource, rlim_t value) {
   const rlimit both{value, value};
@@ -37,7 +39,9 @@ void limit_memory_and_time(const std::filesystem::path& file) {
   std::error_code none;
   const std::uintmax_t size =
       std::min<std::uintmax_t>(std::filesystem::file_size(file, none), 1ull << 50);
-  limit(RLIMIT_CPU, kTime_s + size / kBytesPerSecond);
+  const std::uintmax_t time_s = kTime_s + size / kBytesPerSecond;
+  limit(RLIMIT_CPU, time_s);
+  alarm(static_cast<unsigned>(std::min<std::uintmax_t>(kPatience * time_s, 1 << 30)));
 #ifndef __SANITIZE_ADDRESS__  // which reserves terabytes
   const auto of_system = [](int name) { return static_cast<std::uintmax_t>(sysconf(name)); };
   limit(RLIMIT_DATA,
