@@ -44,6 +44,18 @@ std::string read_name(const YamlMap& scenario, const std::filesystem::path& file
   return stem;
 }
 
+/// The path under `key` of a file that is there, or of a folder if that will do.
+std::filesystem::path read_path(const YamlMap& map, const std::string& key, bool folder = false) {
+  const auto path = map.path(key);
+  std::error_code none;
+  try {
+    if (!folder || !std::filesystem::is_directory(path, none)) check_readable(path);
+  } catch (const InputError& e) {
+    map.fail(key, fmt::format("{}: {}", key, e.what()));
+  }
+  return path;
+}
+
 Terrain read_terrain(const YamlMap& scenario) {
   const YamlMap terrain = scenario.map("terrain", {"plane", "raster", "level_set"});
   const int kinds = terrain.has("plane") + terrain.has("raster") + terrain.has("level_set");
@@ -52,8 +64,8 @@ Terrain read_terrain(const YamlMap& scenario) {
                                          "raster and level_set",
                                          kinds == 0 ? "no kind" : fmt::format("{} kinds", kinds)));
   }
-  if (terrain.has("raster")) return RasterTerrain{terrain.path("raster")};
-  if (terrain.has("level_set")) return LevelSetTerrain{terrain.path("level_set")};
+  if (terrain.has("raster")) return RasterTerrain{read_path(terrain, "raster", true)};
+  if (terrain.has("level_set")) return LevelSetTerrain{read_path(terrain, "level_set")};
   const YamlMap map = terrain.map("plane", {"z", "slope"});
   PlaneTerrain plane;
   plane.height_m = map.number("z");
@@ -99,17 +111,6 @@ Pose read_pose(const YamlMap& map) {
   return pose;
 }
 
-/// The path under `key` of a file that is there.
-std::filesystem::path read_file_path(const YamlMap& map, const std::string& key) {
-  const auto path = map.path(key);
-  try {
-    check_readable(path);
-  } catch (const InputError& e) {
-    map.fail(key, fmt::format("{}: {}", key, e.what()));
-  }
-  return path;
-}
-
 std::optional<Chain> read_machine_chain(const YamlMap& machine) {
   if (!machine.has("urdf")) {
     for (const char* key : {"base", "lip"}) {
@@ -121,7 +122,7 @@ std::optional<Chain> read_machine_chain(const YamlMap& machine) {
     }
     return std::nullopt;
   }
-  const auto file = read_file_path(machine, "urdf");
+  const auto file = read_path(machine, "urdf");
   if (!machine.has("lip")) {
     machine.fail("urdf", "key 'lip' is missing in machine; a 'urdf' needs it to place the bucket");
   }
@@ -199,8 +200,8 @@ std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result) {
       machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
     }
     const Bucket bucket = read_bucket(machine);
-    sections.push_back({name, bucket, read_machine_chain(machine),
-                        read_file_path(machine, "motion"), read_on_bad_row(machine)});
+    sections.push_back({name, bucket, read_machine_chain(machine), read_path(machine, "motion"),
+                        read_on_bad_row(machine)});
     result.inputs.push_back(sections.back().motion);
     if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
   }

@@ -100,10 +100,12 @@ std::string printable(std::string_view text) {
 
 std::string nearest(std::string_view word, std::span<const std::string> candidates) {
   word = word.substr(0, 200);
-  const auto best = std::min_element(candidates.begin(), candidates.end(),
-                                     [&](const std::string& a, const std::string& b) {
-                                       return edit_distance(word, a) < edit_distance(word, b);
-                                     });
+  const auto distance = [&](const std::string& candidate) {
+    return !word.empty() && candidate.starts_with(word) ? 0 : edit_distance(word, candidate);
+  };
+  const auto best = std::min_element(
+      candidates.begin(), candidates.end(),
+      [&](const std::string& a, const std::string& b) { return distance(a) < distance(b); });
   return best == candidates.end() ? std::string() : *best;
 }
 

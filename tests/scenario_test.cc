@@ -95,6 +95,8 @@ TEST_F(ScenarioFile, EverythingInItIsRead) {
 }
 
 TEST_F(ScenarioFile, WhatIsOptionalMayBeLeftOut) {
+  std::filesystem::create_directory(folder_ / "a");
+  folder_.write("a/hills.tif", "");
   const Scenario s = read(
       "soilvdb: 1\nvoxel_size: 1\nterrain: {raster: a/hills.tif}\n"
       "machines: [{name: 7, bucket: {width: 1, height: 1}, motion: m.csv}]\n");
@@ -114,8 +116,9 @@ TEST_F(ScenarioFile, SaysHowOftenTheJournalIsSynced) {
 }
 
 TEST_F(ScenarioFile, ALevelSetIsATerrainAndAbsolutePathsStay) {
-  const Scenario s = read(with(5, "  level_set: /site/before.vdb"));
-  EXPECT_EQ(std::get<LevelSetTerrain>(s.terrain).file, "/site/before.vdb");
+  const auto before = folder_.write("before.vdb", "");
+  const Scenario s = read(with(5, "  level_set: " + before.string()));
+  EXPECT_EQ(std::get<LevelSetTerrain>(s.terrain).file, before);
 }
 
 TEST_F(ScenarioFile, WindowsLineEndsAndAnchorsAreFine) {
@@ -155,6 +158,7 @@ TEST_F(ScenarioFile, IsAsTheReadmeSays) {
   }
   folder_.write("digger.csv", "time,boom\n0,0.5\n1,2\n");
   folder_.write("digger.urdf", kUrdf);
+  folder_.write("site.tif", "");
   const Scenario s = read(content);
   EXPECT_EQ(s.name, "pit");
   EXPECT_EQ(s.machines.at(0).bucket.profile.size(), 3);
@@ -181,6 +185,9 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(error(13, "    motoin: m.csv"),
             "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
             "name, bucket, motion, bad_rows, urdf, base, lip");
+  EXPECT_EQ(error(3, "voxel: 0.05"),
+            "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
+            "soilvdb, name, voxel_size, terrain, machines, output");
   EXPECT_EQ(error(5, "  plane: {hight: 1}"),
             "s.yaml:5: unknown key 'hight' in plane; did you mean 'z'? Its keys are "
             "z, slope");
@@ -379,6 +386,9 @@ TEST_F(ScenarioFile, FilesItNamesMustBeThere) {
   EXPECT_EQ(error(13, "    motion: ."), "s.yaml:13: motion: .: is a folder; name a file");
   EXPECT_EQ(error(13, "    motion: m.csv\n    urdf: none.urdf\n    lip: {link: a}"),
             "s.yaml:14: urdf: none.urdf: no such file");
+  for (const std::string kind : {"raster", "level_set"}) {
+    EXPECT_EQ(error(5, "  " + kind + ": none"), "s.yaml:5: " + kind + ": none: no such file");
+  }
 }
 
 TEST_F(ScenarioFile, FilesThatAreNoScenario) {

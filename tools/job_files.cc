@@ -91,10 +91,13 @@ void Job::finish() {
   if (config_.options.snapshots)
     write_final(kFinalName,
                 [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });
+  const bool mesh = config_.options.mesh && scenario_.mesh;
   if (soil.chunks().empty()) {
-    fmt::print(stderr, "soilvdb: warning: no bucket met any soil\n");
+    fmt::print(
+        stderr, "soilvdb: warning: no bucket met any soil{}\n",
+        mesh || scenario_.raster_cell_m ? "; there is no ground to make meshes or rasters of" : "");
   } else {
-    if (config_.options.mesh && scenario_.mesh)
+    if (mesh)
       write_final("soil_final." + *scenario_.mesh, [&](const auto& file) {
         io::write_mesh(file, mesh_all(soil), soil.origin(), start_.site.crs_wkt);
       });

@@ -10,6 +10,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const test::TempFolder folder;
   static const bool ready = [] {
     folder.write("motion.csv", "time,x,y,z,turn\n0,0,0,0,0\n1,1,0,-0.2,0.5\n");
+    folder.write("hills.tif", "");
     folder.write("joints.csv", "time,turn\n0,0\n1,0.5\n");
     folder.write("machine.urdf", R"(<robot name="m"><link name="a"/><link name="b"/>
         <joint name="turn" type="continuous"><parent link="a"/><child link="b"/></joint></robot>)");
