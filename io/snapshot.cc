@@ -36,15 +36,6 @@ void put(MetaMap& meta, const char* name, double value) {
   meta.insertMeta(name, openvdb::DoubleMetadata(value));
 }
 
-/// `to` as seen from `folder`; absolute if there is no way on the same file system tree.
-std::string relative_to(const std::filesystem::path& folder, const std::filesystem::path& to) {
-  std::error_code error;
-  const std::filesystem::path from = std::filesystem::weakly_canonical(folder, error);
-  const std::filesystem::path target = std::filesystem::weakly_canonical(to, error);
-  const std::filesystem::path way = target.lexically_relative(from);
-  return way.empty() ? target.string() : way.string();
-}
-
 void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseReference& base) {
   if (const auto* plane = std::get_if<PlaneTerrain>(&base.terrain)) {
     put(meta, "soilvdb_base", "plane");
@@ -58,7 +49,8 @@ void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseRe
       raster != nullptr ? raster->file : std::get<LevelSetTerrain>(base.terrain).file;
   put(meta, "soilvdb_base", raster != nullptr ? "raster" : "level_set");
   put(meta, "soilvdb_base_file",
-      relative_to(std::filesystem::weakly_canonical(snapshot).parent_path(), file));
+      std::filesystem::proximate(file, std::filesystem::weakly_canonical(snapshot).parent_path())
+          .string());
   put(meta, "soilvdb_base_file_absolute", std::filesystem::absolute(file).string());
   put(meta, "soilvdb_base_checksum", base.checksum);
 }

@@ -18,14 +18,6 @@ using Json = nlohmann::json;
 
 constexpr int kFormat = 2;
 
-/// `file` as seen from the folder, so that both may move together; empty if there is no way.
-std::string relative_to(const fs::path& folder, const fs::path& file) {
-  std::error_code none;
-  return fs::weakly_canonical(file, none)
-      .lexically_relative(fs::weakly_canonical(folder, none))
-      .string();
-}
-
 /// Where an input is now.
 fs::path find_input(const Json& input, const fs::path& folder) {
   const auto relative = input.at("relative").get<std::string>();
@@ -33,10 +25,7 @@ fs::path find_input(const Json& input, const fs::path& folder) {
   const auto checksum = input.value("checksum", std::string());
   std::error_code none;
   bool there = false;
-  std::vector<fs::path> candidates{absolute};
-  if (!relative.empty())
-    candidates.insert(candidates.begin(), (folder / relative).lexically_normal());
-  for (const fs::path& file : candidates) {
+  for (const fs::path& file : {(folder / relative).lexically_normal(), absolute}) {
     if (!fs::is_regular_file(file, none)) continue;
     there = true;
     if (checksum.empty() || io::file_fingerprint(file) == checksum) return file;
@@ -65,7 +54,8 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   const RunOptions& options = config.options;
   Json inputs = Json::array();
   for (const fs::path& file : input_files(scenario)) {
-    inputs.push_back({{"relative", relative_to(*options.out, file)},
+    // Relative, so that both may move together.
+    inputs.push_back({{"relative", fs::proximate(file, *options.out).string()},
                       {"absolute", fs::absolute(file).lexically_normal().string()}});
     const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
     if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
