@@ -3,6 +3,7 @@
 #include "tools/child.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -12,15 +13,17 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdint>
-#include <cstdio>
+#include <stdexcept>
 #include <system_error>
 
 #include "io/error.h"
+#include "io/level_set_file.h"
+#include "tools/foreign_vdb.h"
 
 namespace soilvdb::tools {
 namespace {
 
-constexpr int kRefused = 3;
+constexpr int kBroken = 1, kRefused = 3, kNotStarted = 4;
 
 // No file of OpenVDB's takes more than a hundred times its size, since each node's masks are in it
 // as they are, and all read at some 10 MB/s. A damaged one may try to.
@@ -51,41 +54,46 @@ void limit_memory_and_time(const std::filesystem::path& file) {
 #endif
 }
 
-[[noreturn]] void child(const std::filesystem::path& file, int pipe_end,
-                        const std::function<std::string()>& read) {
-  // What the C library says of a damaged heap is not for the user.
-  if (const int null = open("/dev/null", O_WRONLY); null >= 0) dup2(null, STDERR_FILENO);
-  limit(RLIMIT_CORE, 0);
-  limit_memory_and_time(file);
-  int status = 0;
-  std::string text;
-  try {
-    text = read();
-  } catch (const io::InputError& e) {
-    status = kRefused;
-    text = e.what();
-  } catch (...) {
-    _exit(1);
-  }
+void write_all(int descriptor, const std::string& text) {
   for (std::size_t done = 0; done < text.size();) {
-    const ssize_t n = write(pipe_end, text.data() + done, text.size() - done);
-    if (n < 0 && errno != EINTR) _exit(1);
+    const ssize_t n = write(descriptor, text.data() + done, text.size() - done);
+    if (n < 0 && errno != EINTR) _exit(kBroken);
     if (n > 0) done += static_cast<std::size_t>(n);
   }
-  _exit(status);
 }
 
 }  // namespace
 
-std::string in_child(const std::filesystem::path& file, const std::function<std::string()>& read) {
+void child_main(const std::string& what, const std::filesystem::path& file) {
+  // What the C library says of a damaged heap is not for the user.
+  if (const int null = open("/dev/null", O_WRONLY); null >= 0) dup2(null, STDERR_FILENO);
+  limit(RLIMIT_CORE, 0);
+  limit_memory_and_time(file);
+  try {
+    if (what == kLevelSet) {
+      io::read_level_set(file);
+    } else {
+      write_all(STDOUT_FILENO, foreign_vdb_text(file));
+    }
+  } catch (const io::InputError& e) {
+    write_all(STDOUT_FILENO, e.what());
+    _exit(kRefused);
+  } catch (...) {
+    _exit(kBroken);
+  }
+  _exit(0);  // without taking down what may be damaged
+}
+
+std::string read_in_child(const char* what, const std::filesystem::path& file) {
   std::array<int, 2> ends;
-  if (pipe(ends.data()) != 0) throw std::system_error(errno, std::generic_category(), "pipe");
-  std::fflush(nullptr);
+  if (pipe2(ends.data(), O_CLOEXEC) != 0)
+    throw std::system_error(errno, std::generic_category(), "pipe");
   const pid_t pid = fork();
   if (pid < 0) throw std::system_error(errno, std::generic_category(), "fork");
-  if (pid == 0) {
-    close(ends[0]);
-    child(file, ends[1], read);
+  if (pid == 0) {  // a new program: libraries have threads, which a fork leaves half done
+    dup2(ends[1], STDOUT_FILENO);
+    execl("/proc/self/exe", "soilvdb", kInChild, what, file.c_str(), nullptr);
+    _exit(kNotStarted);
   }
   close(ends[1]);
   std::string text;
@@ -101,6 +109,9 @@ std::string in_child(const std::filesystem::path& file, const std::function<std:
   }
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return text;
   if (WIFEXITED(status) && WEXITSTATUS(status) == kRefused) throw io::InputError(text);
+  if (WIFEXITED(status) && WEXITSTATUS(status) == kNotStarted)
+    throw std::runtime_error(fmt::format(
+        "{}: can't be read: /proc/self/exe, which would read it, can't be started", file.string()));
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGINT || WTERMSIG(status) == SIGTERM))
     throw std::runtime_error("stopped by a signal; nothing was written");
   throw io::InputError(file,

@@ -1,18 +1,24 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reads files that a library may crash on in a child process, where a crash does no harm.
+// Reads .vdb files of other programs in a process of its own: damaged ones crash OpenVDB, and there
+// a crash does no harm.
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <string>
 
 namespace soilvdb::tools {
 
-/// What `read` returns, called in a child process with limits on memory and time that the size of
-/// `file` sets. Call it before any thread is started.
-/// @throw io::InputError as thrown by `read`, or saying that `file` is damaged if it crashed, ran
-///        out of memory or time, or threw anything else.
-std::string in_child(const std::filesystem::path& file, const std::function<std::string()>& read);
+/// What to read a file for: what foreign_vdb_text() says of it, or whether it is a level set.
+inline constexpr const char *kText = "text", *kLevelSet = "level-set";
+
+/// Starts this program again to read `file`, with limits on memory and time that its size sets.
+/// @throw io::InputError as thrown by what reads it, or saying that `file` is damaged if that
+///        crashed, ran out of memory or time, or threw anything else.
+std::string read_in_child(const char* what, const std::filesystem::path& file);
+
+/// What that does: `soilvdb --in-child WHAT FILE`.
+inline constexpr const char* kInChild = "--in-child";
+[[noreturn]] void child_main(const std::string& what, const std::filesystem::path& file);
 
 }  // namespace soilvdb::tools

@@ -8,7 +8,7 @@
 
 namespace soilvdb::tools {
 
-/// Its grids in words. Call it through in_child(). @throw io::InputError if it can't be read.
+/// Its grids in words. Call it through read_in_child(). @throw io::InputError if it can't be read.
 std::string foreign_vdb_text(const std::filesystem::path& file);
 
 }  // namespace soilvdb::tools

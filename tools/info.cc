@@ -20,7 +20,6 @@
 #include "io/text.h"
 #include "tools/child.h"
 #include "tools/commands.h"
-#include "tools/foreign_vdb.h"
 #include "tools/outputs.h"
 #include "tools/text.h"
 
@@ -206,7 +205,7 @@ void info(const InfoOptions& options) {
   const std::string head = head_of(file);
   if (head.starts_with(kVdbMagic) || suffix_of(file) == "vdb") {
     if (io::is_snapshot(file)) return info_snapshot(file);
-    fmt::print("{}", in_child(file, [&] { return foreign_vdb_text(file); }));
+    fmt::print("{}", read_in_child(kText, file));
     return;
   }
   if (looks_like_scenario(file, head)) return info_scenario(file);

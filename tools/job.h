@@ -102,7 +102,7 @@ class Job {
   bool stopped_ = false;
 };
 
-/// The scenario a run is to dig, read and checked. Call it before any thread is started.
+/// The scenario a run is to dig, read and checked.
 /// @throw io::InputError
 io::Scenario read_to_dig(const RunOptions& options);
 

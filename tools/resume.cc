@@ -116,7 +116,7 @@ void resume(const ResumeOptions& options) {
   }
   RunConfig config = parse_run_config(journal.config.text, path);
   if (options.memory_mb) config.options.memory_mb = options.memory_mb;
-  io::Scenario scenario = read_to_dig(config.options);  // before there are threads
+  io::Scenario scenario = read_to_dig(config.options);
   check_dug_rows(path / kJournalName, scenario, config);
   fmt::print("{}", reached);
   std::fflush(stdout);

@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "io/level_set_file.h"
 #include "io/snapshot.h"
 #include "tools/child.h"
 #include "tools/commands.h"
@@ -30,10 +29,7 @@ namespace fs = std::filesystem;
 void try_out(const io::Terrain& terrain) {
   const auto* level_set = std::get_if<io::LevelSetTerrain>(&terrain);
   if (!level_set || io::is_snapshot(level_set->file)) return;
-  in_child(level_set->file, [&] {
-    io::read_level_set(level_set->file);
-    return std::string();
-  });
+  read_in_child(kLevelSet, level_set->file);
 }
 
 /// At voxels of half a bucket's size its volumes are off by a percent; at those of four times its
@@ -87,7 +83,7 @@ io::Scenario read_to_dig(const RunOptions& options) {
 
 void run(const RunOptions& options) {
   const Job::Clock::time_point begin = Job::Clock::now();
-  io::Scenario scenario = read_to_dig(options);  // before there are threads
+  io::Scenario scenario = read_to_dig(options);
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
     Start start{io::open_site(scenario), 0, ""};

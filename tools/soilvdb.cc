@@ -14,10 +14,12 @@
 #include <functional>
 #include <new>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "io/error.h"
 #include "io/text.h"
+#include "tools/child.h"
 #include "tools/commands.h"
 
 namespace soilvdb::tools {
@@ -262,6 +264,7 @@ class CommandLine {
 
 int guarded_main(int argc, char** argv) {
   try {
+    if (argc == 4 && std::string_view(argv[1]) == kInChild) child_main(argv[2], argv[3]);
     const int status = CommandLine().main(argc, argv);
     if (std::fflush(stdout) != 0 || std::ferror(stdout))
       return complain(kFailed, "standard output can't be written to");
