@@ -15,18 +15,18 @@ std::uint64_t crc64(std::string_view bytes, std::uint64_t before) {
   return lzma_crc64(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before);
 }
 
-std::string file_fingerprint(const std::filesystem::path& file) {
+std::string file_fingerprint(const std::filesystem::path& file, bool whole) {
   constexpr std::uint64_t kBlock = 64 * 1024, kBlocks = 64;
   check_readable(file);
   const std::uint64_t size = std::filesystem::file_size(file);
   std::ifstream in(file, std::ios::binary);
   std::uint64_t crc = crc64({reinterpret_cast<const char*>(&size), sizeof size});
-  const std::uint64_t blocks = std::min(kBlocks, (size + kBlock - 1) / kBlock);
+  whole = whole || size <= kBlock * kBlocks;
+  const std::uint64_t blocks = whole ? (size + kBlock - 1) / kBlock : kBlocks;
   std::string block;
   for (std::uint64_t i = 0; i < blocks; ++i) {
     // The first block starts at 0, the last one ends with the file.
-    const std::uint64_t start =
-        size <= kBlock * kBlocks ? i * kBlock : (size - kBlock) * i / (blocks - 1);
+    const std::uint64_t start = whole ? i * kBlock : (size - kBlock) * i / (blocks - 1);
     block.resize(std::min(kBlock, size - start));
     in.seekg(static_cast<std::streamoff>(start));
     if (!in.read(block.data(), static_cast<std::streamsize>(block.size()))) {

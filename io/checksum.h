@@ -16,8 +16,9 @@ std::uint64_t crc64(std::string_view bytes, std::uint64_t before = 0);
 
 /// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of
 /// 64 blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
+/// @param whole all of it, whatever its size: for what a damaged byte would crash
 /// @throw InputError if it can't be read.
-std::string file_fingerprint(const std::filesystem::path& file);
+std::string file_fingerprint(const std::filesystem::path& file, bool whole = false);
 
 /// Size and CRC-64 of a whole file.
 struct FileDigest {

@@ -39,6 +39,7 @@ class CsvLines {
   /// Goes on from a mark of the same file.
   void go_to(const Mark& mark);
 
+  const std::filesystem::path& file() const { return file_; }
   long number() const { return number_; }
 
   /// @throw LineError at the current line.

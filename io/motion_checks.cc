@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -18,20 +19,33 @@ constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad
 // No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
 // clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
 constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
-constexpr double kJitter_m = 1, kJitter_rad = 1;  // that sensors may add, however short the time
+constexpr double kJitter_m = 1, kJitter_rad = 1,
+                 kWrapJitter_rad = 0.2;  // that sensors may add, however short the time
 // Of a joint in one row, however long it takes: what is surely a slip takes forever to sweep.
 constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
 
-bool too_fast(double moved, double after_s, bool turn) {
-  return moved >
-         (turn ? kFastest_rad_s * after_s + kJitter_rad : kFastest_m_s * after_s + kJitter_m);
+// Of a joint that goes all the way round, which is slower than buckets curl: houses swing at 1.5
+// rad/s.
+constexpr double kFastestTurn_rad_s = 2, kTurn = 2 * std::numbers::pi;
+
+bool may_wrap(const Joint& joint) {
+  if (joint.type == Joint::Type::kContinuous) return true;
+  const double range = joint.upper - joint.lower;
+  return joint.type == Joint::Type::kRevolute && (range == 0 || range > 0.9 * kTurn);
+}
+
+/// Is it a turn too fast for a machine, and little but for the whole turn?
+bool wraps(double travel, double after_s) {
+  const double rest = std::abs(std::abs(travel) - kTurn);
+  return std::abs(travel) > kFastestTurn_rad_s * after_s &&
+         rest <= std::min(kFastestTurn_rad_s * after_s + kWrapJitter_rad, kTurn / 4);
 }
 
 /// Refuses what moves faster than machines do.
 void check_speed(const CsvLines& lines, const std::string& what, double moved, double after_s,
                  bool turn) {
-  if (!too_fast(moved, after_s, turn)) return;
   const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
+  if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return;
   const char* unit = turn ? "rad" : "m";
   lines.fail(
       fmt::format("{} {} {:.3g} {} in {:.3g} s since the row before; no machine does more "
@@ -97,12 +111,12 @@ void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<d
                              unit));
     }
     const double after_s = row[0] - before[0];
-    const double rest = std::remainder(row[i] - before[i], 2 * std::numbers::pi);
-    if (turns && too_fast(moved, after_s, true) && !too_fast(std::abs(rest), after_s, true)) {
-      lines.fail(
-          fmt::format("joint {} wraps from {:.4g} to {:.4g} rad; it must go on past a whole "
-                      "turn, to {:.4g}",
-                      joint.name, before[i], row[i], before[i] + rest));
+    if (may_wrap(joint) && wraps(row[i] - before[i], after_s)) {
+      const double on = before[i] + std::remainder(row[i] - before[i], kTurn);
+      throw InputError(lines.file(), lines.number(),
+                       fmt::format("joint {} wraps from {:.4g} to {:.4g} rad; it must go on past a "
+                                   "whole turn, to {:.4g}",
+                                   joint.name, before[i], row[i], on));
     }
     check_speed(lines, "joint " + joint.name, moved, after_s, turns);
   }
@@ -110,13 +124,16 @@ void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<d
 
 JointLimits::JointLimits(const Chain& chain) {
   for (const Joint& joint : chain.joints) {
-    if (joint.type != Joint::Type::kFixed) joints_.push_back({joint, 0, 0});
+    if (joint.type != Joint::Type::kFixed) joints_.push_back({joint});
   }
 }
 
 void JointLimits::row(const std::vector<double>& v, long line) {
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    auto& [joint, rows, first] = joints_[i];
+    auto& [joint, rows, first, before, turns, first_turn] = joints_[i];
+    if (may_wrap(joint) && std::abs(v[i + 1] - before) > kTurn / 2 && turns++ == 0)
+      first_turn = line;
+    before = v[i + 1];
     if (joint.type == Joint::Type::kContinuous || joint.lower == joint.upper) continue;
     if (v[i + 1] >= joint.lower - kLimitTolerance && v[i + 1] <= joint.upper + kLimitTolerance) {
       continue;
@@ -127,7 +144,13 @@ void JointLimits::row(const std::vector<double>& v, long line) {
 
 void JointLimits::warn(const std::filesystem::path& file,
                        std::vector<std::string>& warnings) const {
-  for (const auto& [joint, rows, first] : joints_) {
+  for (const auto& [joint, rows, first, before, turns, first_turn] : joints_) {
+    if (turns > 0) {
+      warnings.push_back(fmt::format(
+          "{}: joint {} turns more than half a turn at once in {} row{}, first at line {}; if it "
+          "wraps there, it must go on past a whole turn",
+          file.string(), joint.name, turns, turns == 1 ? "" : "s", first_turn));
+    }
     if (rows == 0) continue;
     warnings.push_back(fmt::format(
         "{}: joint {} exceeds its limits ({:.2f} to {:.2f} {}) in {} row{}, first at line {}",

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,7 +14,8 @@
 
 namespace soilvdb::io {
 
-// All throw LineError naming the line that `lines` is at.
+// All throw LineError naming the line that `lines` is at; of a joint that wraps, InputError, since
+// there leaving rows out would be wrong.
 
 /// The number in a field of column `name`, one that a sensor could have sent.
 double row_number(const CsvLines& lines, const std::string& name, std::string_view field);
@@ -27,7 +29,7 @@ void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, do
 void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row);
 
-/// Rows in which each movable joint is beyond its limits.
+/// Rows in which each movable joint is beyond its limits, or turns so far that it may have wrapped.
 class JointLimits {
  public:
   explicit JointLimits(const Chain& chain);
@@ -38,7 +40,9 @@ class JointLimits {
  private:
   struct Count {
     Joint joint;
-    long rows, first;
+    long rows = 0, first = 0;
+    double before = std::numeric_limits<double>::quiet_NaN();
+    long turns = 0, first_turn = 0;
   };
   std::vector<Count> joints_;
 };

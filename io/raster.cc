@@ -24,7 +24,8 @@ namespace {
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 constexpr double kHighest = 1e5;  // m, either way
 constexpr double kVoids[] = {-9999, -99999, -32768, -32767};
-constexpr double kMostPosts = 4e11;           // a state of 600 km x 600 km at 1 m
+constexpr double kMostPosts = 4e11;  // a state of 600 km x 600 km at 1 m
+constexpr double kLargeBlock_bytes = 256 << 20, kMostPacked = 1000;  // deflate can't do more
 constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which a raster is read at opening
 constexpr std::int64_t kReadWholeBytes = 1 << 24;
 
@@ -126,6 +127,17 @@ void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
                                  dataset.GetRasterXSize(), dataset.GetRasterYSize(), kMostPosts));
   }
   GDALRasterBand& band = *dataset.GetRasterBand(1);
+  int bx = 0, by = 0;
+  band.GetBlockSize(&bx, &by);
+  const double block_bytes = double(bx) * by * GDALGetDataTypeSizeBytes(band.GetRasterDataType());
+  const auto file_bytes = static_cast<double>(std::filesystem::file_size(file));
+  if (block_bytes > std::max(kLargeBlock_bytes, kMostPacked * file_bytes)) {
+    throw InputError(
+        file,
+        fmt::format("is damaged or has too large blocks, {} x {} cells, of which each is read "
+                    "whole; tiles, as of gdal_translate -co TILED=YES, would do",
+                    bx, by));
+  }
   if (GDALDataTypeIsComplex(band.GetRasterDataType())) {
     throw InputError(file, "holds complex numbers; heights in metres are needed");
   }

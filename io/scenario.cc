@@ -44,12 +44,11 @@ std::string read_name(const YamlMap& scenario, const std::filesystem::path& file
   return stem;
 }
 
-/// The path under `key` of a file that is there, or of a folder if that will do.
-std::filesystem::path read_path(const YamlMap& map, const std::string& key, bool folder = false) {
+/// The path under `key` of a file that is there.
+std::filesystem::path read_path(const YamlMap& map, const std::string& key) {
   const auto path = map.path(key);
-  std::error_code none;
   try {
-    if (!folder || !std::filesystem::is_directory(path, none)) check_readable(path);
+    check_readable(path);
   } catch (const InputError& e) {
     map.fail(key, fmt::format("{}: {}", key, e.what()));
   }
@@ -64,7 +63,7 @@ Terrain read_terrain(const YamlMap& scenario) {
                                          "raster and level_set",
                                          kinds == 0 ? "no kind" : fmt::format("{} kinds", kinds)));
   }
-  if (terrain.has("raster")) return RasterTerrain{read_path(terrain, "raster", true)};
+  if (terrain.has("raster")) return RasterTerrain{read_path(terrain, "raster")};
   if (terrain.has("level_set")) return LevelSetTerrain{read_path(terrain, "level_set")};
   const YamlMap map = terrain.map("plane", {"z", "slope"});
   PlaneTerrain plane;

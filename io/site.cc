@@ -36,10 +36,11 @@ Base open_raster_base(const std::filesystem::path& file) {
 
 Base open_level_set_base(const std::filesystem::path& file) {
   LevelSetInput input = read_level_set(file);
-  return {std::move(input.surface),
-          {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file)},
-          std::move(input.crs_wkt),
-          {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
+  return {
+      std::move(input.surface),
+      {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file, /*whole=*/true)},
+      std::move(input.crs_wkt),
+      {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
 }
 
 /// Where the first machine's lip starts, to 100 m.

@@ -42,8 +42,11 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
                                    .lexically_normal();
   const std::filesystem::path other = meta.text("soilvdb_base_file_absolute");
   const std::string checksum = meta.text("soilvdb_base_checksum");
+  // OpenVDB only parses a level set that is what it was when the run tried it out.
+  const bool whole = kind == "level_set";
   const auto matches = [&](const std::filesystem::path& path) {
-    return std::filesystem::is_regular_file(path, none) && file_fingerprint(path) == checksum;
+    return std::filesystem::is_regular_file(path, none) &&
+           file_fingerprint(path, whole) == checksum;
   };
   if (!matches(file)) {
     if (matches(other)) {

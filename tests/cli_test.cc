@@ -36,6 +36,30 @@ TEST_F(CommandLine, HelpAndVersionAreNoErrors) {
     EXPECT_NE(run("run --help").out.find(option), std::string::npos) << option;
 }
 
+TEST_F(CommandLine, WorksWithoutStandardStreams) {
+  ASSERT_EQ(run("run dig.yaml --out whole").status, 0);
+  const std::string hash = read_json(folder() / "whole/summary.json")["state_hash"];
+  for (const std::string streams : {"<&- >&- 2>&-", "2>&-", "2>/dev/full", "<&-"}) {
+    SCOPED_TRACE(streams);
+    EXPECT_EQ(run("info none " + streams).status, 2);
+    write_file(folder() / "bad.vdb", std::string("\x20\x42\x44\x56\0\0\0\0", 8) + "bad");
+    EXPECT_EQ(run("info bad.vdb " + streams).status, 2);
+    fs::remove_all(folder() / "out");
+    // A warning and, at the end, what was done.
+    EXPECT_EQ(run("run dig.yaml --voxel 0.15 --out out " + streams).status, 0);
+    EXPECT_EQ(run("verify out").status, 0);
+    EXPECT_EQ(run("run dig.yaml --out out " + streams).status, 0);
+    EXPECT_EQ(read_json(folder() / "out/summary.json")["state_hash"], hash);
+  }
+}
+
+TEST_F(CommandLine, RefusesADamagedForeignFileWhereChildrenCantBeWaitedFor) {
+  write_file(folder() / "bad.vdb", std::string("\x20\x42\x44\x56\0\0\0\0", 8) + "bad");
+  const Result result = shell(fmt::format("trap '' CHLD; '{}' info bad.vdb", SOILVDB_PROGRAM));
+  EXPECT_EQ(result.status, 2);
+  EXPECT_TRUE(result.err.starts_with("soilvdb: bad.vdb: ")) << result.err;
+}
+
 TEST_F(CommandLine, RefusesWhatItDoesNotKnow) {
   expect_refused("", "--help");
   expect_refused("dig dig.yaml", "no command 'dig'");

@@ -237,6 +237,17 @@ TEST(Raster, ARotatedRasterIsRefused) {
               HasSubstr("is rotated; turn it north up with: gdalwarp -r bilinear a.img"));
 }
 
+TEST(Raster, ARowOfGigabytesIsRefusedUnread) {
+  const TempFolder folder;
+  std::ifstream in(SOILVDB_SOURCE_DIR "/tests/fuzz/regressions/raster/row_of_6_GB",
+                   std::ios::binary);
+  const std::string bytes(std::istreambuf_iterator<char>(in), {});
+  ASSERT_FALSE(bytes.empty());
+  EXPECT_EQ(refusal(folder, folder.write("a.grd", bytes.substr(1))),
+            "a.grd: is damaged or has too large blocks, 761754371 x 1 cells, of which each is read "
+            "whole; tiles, as of gdal_translate -co TILED=YES, would do");
+}
+
 TEST(Raster, WhatIsNoRasterIsRefusedInOneLine) {
   const TempFolder folder;
   EXPECT_THAT(refusal(folder, folder / "none.tif"), HasSubstr("no such file"));

@@ -367,6 +367,18 @@ TEST_F(Resume, VerifyNamesEveryFileThatIsNotAsItWasWritten) {
   }
 }
 
+TEST_F(Resume, ByALinkToAFolderThatMovedWithItsInputs) {
+  run_whole();
+  interrupt(0.7);
+  const fs::path moved = folder() / "moved/deep", link = folder() / "link";
+  fs::create_directories(moved);
+  for (const char* name : {"dig.yaml", "dig.csv", "out"}) fs::rename(folder() / name, moved / name);
+  fs::create_directory_symlink(moved / "out/dig", link);
+  const Result result = run("resume link");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_EQ(read_json(link / "summary.json")["state_hash"], hash_);
+}
+
 TEST_F(Resume, VerifyFindsAJournalThatIsDamagedAtItsStart) {
   run_whole();
   damage("journal", 60);

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <fstream>
 #include <limits>
 #include <memory>
 
@@ -17,6 +18,7 @@
 #include "io/level_set_file.h"
 #include "io/raster.h"
 #include "io/reach.h"
+#include "io/snapshot.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -267,6 +269,25 @@ TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
   write_grids(folder / "cut.vdb", {sphere()});
   std::filesystem::resize_file(folder / "cut.vdb", 20'000);
   EXPECT_THAT(said("cut.vdb"), HasSubstr("is damaged"));
+}
+
+TEST(LevelSet, UnderASnapshotItIsCheckedWholeBeforeItIsParsed) {
+  const TempFolder folder;
+  write_grids(folder / "base.vdb",
+              {openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(50.0f, {0, 0, 0}, 0.25f)});
+  std::fstream file(folder / "base.vdb", std::ios::in | std::ios::out | std::ios::binary);
+  ASSERT_GT(std::filesystem::file_size(folder / "base.vdb"), 5 << 20) << "not all sampled";
+  const Base base = open_base(LevelSetTerrain{folder / "base.vdb"});
+  const Site site{std::make_unique<Soil>(0.25, Vec3::Zero(), base.surface), base.reference, "",
+                  base.bounds};
+  write_snapshot(folder / "a.vdb", site, {});
+  EXPECT_EQ(read_snapshot(folder / "a.vdb").reference.checksum, base.reference.checksum);
+  file.seekg(70 << 10);
+  const char flipped = static_cast<char>(file.get() ^ 1);
+  file.seekp(70 << 10);
+  file.put(flipped).flush();
+  EXPECT_THAT(refusal(folder, [&] { read_snapshot(folder / "a.vdb"); }),
+              HasSubstr("base.vdb has changed since"));
 }
 
 TEST(LevelSet, ARealFogVolumeIsRefused) {

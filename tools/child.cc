@@ -4,6 +4,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -23,7 +24,8 @@
 namespace soilvdb::tools {
 namespace {
 
-constexpr int kBroken = 1, kRefused = 3, kNotStarted = 4;
+constexpr int kBroken = 1, kRefused = 3;
+constexpr char kStarted = '>';  // what the child says first
 
 // No file of OpenVDB's takes more than a hundred times its size, since each node's masks are in it
 // as they are, and all read at some 10 MB/s. A damaged one may try to.
@@ -65,18 +67,22 @@ void write_all(int descriptor, const std::string& text) {
 }  // namespace
 
 void child_main(const std::string& what, const std::filesystem::path& file) {
-  // What the C library says of a damaged heap is not for the user.
-  if (const int null = open("/dev/null", O_WRONLY); null >= 0) dup2(null, STDERR_FILENO);
+  // What OpenVDB and the C library say of a damaged file or heap is not for the user.
+  const int answer = dup(STDOUT_FILENO), null = open("/dev/null", O_WRONLY);
+  dup2(null, STDOUT_FILENO);
+  dup2(null, STDERR_FILENO);
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
   limit(RLIMIT_CORE, 0);
   limit_memory_and_time(file);
+  write_all(answer, std::string(1, kStarted));
   try {
     if (what == kLevelSet) {
       io::read_level_set(file);
     } else {
-      write_all(STDOUT_FILENO, foreign_vdb_text(file));
+      write_all(answer, foreign_vdb_text(file));
     }
   } catch (const io::InputError& e) {
-    write_all(STDOUT_FILENO, e.what());
+    write_all(answer, e.what());
     _exit(kRefused);
   } catch (...) {
     _exit(kBroken);
@@ -93,7 +99,7 @@ std::string read_in_child(const char* what, const std::filesystem::path& file) {
   if (pid == 0) {  // a new program: libraries have threads, which a fork leaves half done
     dup2(ends[1], STDOUT_FILENO);
     execl("/proc/self/exe", "soilvdb", kInChild, what, file.c_str(), nullptr);
-    _exit(kNotStarted);
+    _exit(kBroken);
   }
   close(ends[1]);
   std::string text;
@@ -105,14 +111,17 @@ std::string read_in_child(const char* what, const std::filesystem::path& file) {
   }
   close(ends[0]);
   int status = 0;
-  while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  while (waitpid(pid, &status, 0) < 0) {
+    if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "waitpid");
   }
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return text;
-  if (WIFEXITED(status) && WEXITSTATUS(status) == kRefused) throw io::InputError(text);
-  if (WIFEXITED(status) && WEXITSTATUS(status) == kNotStarted)
+  if (!text.starts_with(kStarted) && WIFEXITED(status))
     throw std::runtime_error(fmt::format(
         "{}: can't be read: /proc/self/exe, which would read it, can't be started", file.string()));
-  if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGINT || WTERMSIG(status) == SIGTERM))
+  text.erase(0, 1);
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return text;
+  if (WIFEXITED(status) && WEXITSTATUS(status) == kRefused) throw io::InputError(text);
+  if (WIFSIGNALED(status) &&
+      (WTERMSIG(status) == SIGINT || WTERMSIG(status) == SIGTERM || WTERMSIG(status) == SIGHUP))
     throw std::runtime_error("stopped by a signal; nothing was written");
   throw io::InputError(file,
                        "is damaged, or takes more memory or time than its size can need; write it "

@@ -14,6 +14,7 @@
 #include "io/snapshot.h"
 #include "tools/job.h"
 #include "tools/outputs.h"
+#include "tools/text.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -93,9 +94,10 @@ void Job::finish() {
                 [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });
   const bool mesh = config_.options.mesh && scenario_.mesh;
   if (soil.chunks().empty()) {
-    fmt::print(
-        stderr, "soilvdb: warning: no bucket met any soil{}\n",
-        mesh || scenario_.raster_cell_m ? "; there is no ground to make meshes or rasters of" : "");
+    say(fmt::format("warning: no bucket met any soil{}",
+                    mesh || scenario_.raster_cell_m
+                        ? "; there is no ground to make meshes or rasters of"
+                        : ""));
   } else {
     if (mesh)
       write_final("soil_final." + *scenario_.mesh, [&](const auto& file) {

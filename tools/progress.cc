@@ -80,7 +80,7 @@ void Progress::draw(std::int64_t done) {
   const double elapsed_s = std::chrono::duration<double>(now - begin_).count();
   const std::string line =
       progress_line(title_, done, total_, unit_, elapsed_s, terminal_columns());
-  fmt::print(stderr, "\r\033[K{}", line);
+  std::fputs(("\r\033[K" + line).c_str(), stderr);
   std::fflush(stderr);
   drawn_ = true;
 }

@@ -68,7 +68,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     try {
       return start_from(*file);
     } catch (const io::InputError& e) {
-      fmt::print(stderr, "soilvdb: warning: {}; going on from what came before it\n", e.what());
+      say(fmt::format("warning: {}; going on from what came before it", e.what()));
     }
   }
   fmt::print("going on from the beginning\n");
@@ -79,9 +79,9 @@ void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const S
   for (const RunFile& file : faulty) {
     if (file.outdated) continue;
     const bool anew = file.known.updates >= start.updates;
-    fmt::print(
-        stderr, "soilvdb: warning: {}: {}; {}\n", (folder / file.known.name).string(), file.fault,
-        anew ? "it is made anew" : "once the run is finished, resume it again and it is made anew");
+    say(fmt::format("warning: {}: {}; {}", (folder / file.known.name).string(), file.fault,
+                    anew ? "it is made anew"
+                         : "once the run is finished, resume it again and it is made anew"));
   }
 }
 
@@ -89,10 +89,10 @@ void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const S
 void keep_damaged(const fs::path& folder, const io::JournalContent& journal) {
   const fs::path file = folder / kJournalName, kept = folder / "journal.damaged";
   fs::copy_file(file, kept, fs::copy_options::overwrite_existing);
-  fmt::print(stderr,
-             "soilvdb: warning: {}: is damaged at byte {}; what comes after is dug again, the "
-             "damaged journal is kept as {}\n",
-             file.string(), journal.good_bytes, kept.filename().string());
+  say(
+      fmt::format("warning: {}: is damaged at byte {}; what comes after is dug again, the damaged "
+                  "journal is kept as {}",
+                  file.string(), journal.good_bytes, kept.filename().string()));
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "tools/commands.h"
 #include "tools/job.h"
 #include "tools/progress.h"
+#include "tools/text.h"
 
 namespace soilvdb::tools {
 
@@ -97,8 +98,7 @@ void run(const RunOptions& options) {
       folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
       Job job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
-      for (const std::string& warning : warnings)
-        fmt::print(stderr, "soilvdb: warning: {}\n", warning);
+      for (const std::string& warning : warnings) say("warning: " + warning);
       job.run();
     } catch (...) {
       folder.unmake();

@@ -25,7 +25,8 @@ fs::path find_input(const Json& input, const fs::path& folder) {
   const auto checksum = input.value("checksum", std::string());
   std::error_code none;
   bool there = false;
-  for (const fs::path& file : {(folder / relative).lexically_normal(), absolute}) {
+  const fs::path beside = fs::weakly_canonical(folder, none) / relative;
+  for (const fs::path& file : {beside.lexically_normal(), absolute}) {
     if (!fs::is_regular_file(file, none)) continue;
     there = true;
     if (checksum.empty() || io::file_fingerprint(file) == checksum) return file;

@@ -1,8 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The program: its command line, and how what goes wrong becomes one line and an exit status.
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -21,6 +23,7 @@
 #include "io/text.h"
 #include "tools/child.h"
 #include "tools/commands.h"
+#include "tools/text.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -30,10 +33,7 @@ constexpr std::int64_t kLeastMemory_mb = 16, kMostMemory_mb = 10'000'000;
 enum ExitStatus { kDone = 0, kFailed = 1, kWrongInput = 2 };
 
 int complain(ExitStatus status, std::string message) {
-  // Messages quote file names and fields, which may hold anything; the line stays one line.
-  for (char& c : message)
-    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
-  fmt::print(stderr, "soilvdb: {}\n", message);
+  say(std::move(message));
   return status;
 }
 
@@ -262,7 +262,17 @@ class CommandLine {
   std::function<void()> command_;
 };
 
+/// What a shell may have closed or ignored is as it is elsewhere: files that are opened don't
+/// become the standard streams, and children can be waited for.
+void set_up_process() {
+  int descriptor = 0;
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);
+  close(descriptor);
+  std::signal(SIGCHLD, SIG_DFL);
+}
+
 int guarded_main(int argc, char** argv) {
+  set_up_process();
   try {
     if (argc == 4 && std::string_view(argv[1]) == kInChild) child_main(argv[2], argv[3]);
     const int status = CommandLine().main(argc, argv);

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <variant>
 
 #include "io/crs.h"
@@ -21,6 +22,12 @@ std::string without_trailing_zeros(std::string text) {
 }
 
 }  // namespace
+
+void say(std::string line) {
+  for (char& c : line)
+    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
+  std::fputs(("soilvdb: " + line + "\n").c_str(), stderr);
+}
 
 std::string number(double value) {
   constexpr double kNothing = 1e-9;

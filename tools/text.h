@@ -9,6 +9,10 @@
 
 namespace soilvdb::tools {
 
+/// Prints a line to standard error, "soilvdb: " first. Without control characters: it may quote
+/// names and fields, which hold anything. That it can't be printed is no reason to stop.
+void say(std::string line);
+
 /// Four significant digits without an exponent for anything a site can hold: "0.03927", "1234.5".
 std::string number(double value);
 
