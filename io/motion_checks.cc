@@ -159,4 +159,19 @@ void JointLimits::warn(const std::filesystem::path& file,
   }
 }
 
+void LargeAngles::row(const std::vector<double>& v, long line) {
+  const auto beyond_a_turn = [](double angle) { return std::abs(angle) > kTurn; };
+  if (std::none_of(v.begin() + 4, v.begin() + 7, beyond_a_turn)) return;
+  if (rows_++ == 0) first_ = line;
+}
+
+void LargeAngles::warn(const std::filesystem::path& file,
+                       std::vector<std::string>& warnings) const {
+  if (rows_ == 0) return;
+  warnings.push_back(fmt::format(
+      "{}: roll, pitch or yaw is beyond a turn in {} row{}, first at line {}; they must "
+      "be in radians, not degrees",
+      file.string(), rows_, rows_ == 1 ? "" : "s", first_));
+}
+
 }  // namespace soilvdb::io

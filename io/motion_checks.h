@@ -47,4 +47,15 @@ class JointLimits {
   std::vector<Count> joints_;
 };
 
+/// Rows whose roll, pitch or yaw is beyond a turn, as it is in degrees.
+class LargeAngles {
+ public:
+  /// @param v time, x, y, z, roll, pitch, yaw
+  void row(const std::vector<double>& v, long line);
+  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const;
+
+ private:
+  long rows_ = 0, first_ = 0;
+};
+
 }  // namespace soilvdb::io

@@ -87,6 +87,7 @@ struct MotionReader::State {
       limits.row(fresh, lines.number());
     } else {
       const Pose to = row_pose(lines, fresh, columns.quaternion);
+      if (!columns.quaternion) angles.row(fresh, lines.number());
       if (!first) check_poses(lines, pose, to, fresh[0] - row[0]);
       pose = to;
     }
@@ -112,6 +113,7 @@ struct MotionReader::State {
   CsvLines lines;
   Columns columns;
   JointLimits limits;
+  LargeAngles angles;
   std::vector<std::string_view> fields;
   std::vector<double> row, fresh;  // the row it is at, and scratch
   Pose pose;                       // of the row, where there is no chain
@@ -188,6 +190,7 @@ std::vector<std::string> MotionReader::warnings() const {
     warnings.push_back(std::move(warning));
   }
   state_->limits.warn(state_->file, warnings);
+  state_->angles.warn(state_->file, warnings);
   return warnings;
 }
 

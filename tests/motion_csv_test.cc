@@ -96,6 +96,14 @@ TEST_F(MotionCsv, ColumnsItHasNoUseForAreSkippedUnreadWithOneWarning) {
                              "'yaw' aren't there, taken as 0");
 }
 
+TEST_F(MotionCsv, AnglesThatLookLikeDegreesAreWarnedOf) {
+  EXPECT_TRUE(read("time,x,y,z,yaw\n0,0,0,0,6.2\n1,0,0,0,-6.2\n").warnings.empty());
+  EXPECT_EQ(read("time,x,y,z,yaw\n0,0,0,0,0\n1,0,0,0,45\n2,0,0,0,90\n").warnings,
+            std::vector<std::string>{(folder_ / "m.csv").string() +
+                                     ": roll, pitch or yaw is beyond a turn in 2 rows, first at "
+                                     "line 3; they must be in radians, not degrees"});
+}
+
 TEST_F(MotionCsv, AMisspeltAngleIsMissed) {
   const auto [motion, warnings] = read("time,x,y,z,roll,pich,yaw\n0,0,0,0,1,1,1\n");
   ASSERT_EQ(warnings.size(), 1u);
