@@ -25,8 +25,9 @@ fs::path find_input(const Json& input, const fs::path& folder) {
   const auto checksum = input.value("checksum", std::string());
   std::error_code none;
   bool there = false;
-  const fs::path beside = fs::weakly_canonical(folder, none) / relative;
-  for (const fs::path& file : {beside.lexically_normal(), absolute}) {
+  const fs::path typed = folder / relative, behind_links = fs::canonical(folder, none) / relative;
+  for (const fs::path& file :
+       {typed.lexically_normal(), behind_links.lexically_normal(), absolute}) {
     if (!fs::is_regular_file(file, none)) continue;
     there = true;
     if (checksum.empty() || io::file_fingerprint(file) == checksum) return file;

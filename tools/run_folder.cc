@@ -33,7 +33,8 @@ RunFolder::RunFolder(fs::path path) : path_(std::move(path)) {
                                             there.string()));
   if (access(there.c_str(), W_OK | X_OK) != 0)
     throw io::InputError(
-        path_, fmt::format("'{}' can't be written to; make it so or name another folder", there.string()));
+        path_,
+        fmt::format("'{}' can't be written to; make it so or name another folder", there.string()));
 }
 
 RunFolder::~RunFolder() {
