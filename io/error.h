@@ -10,13 +10,21 @@
 namespace soilvdb::io {
 
 /// An input file or the command line is wrong: "FILE:LINE: what is wrong and what would be right",
-/// one line, without the line number where the file has none.
+/// without the line number where the file has none. One line, whatever is in the file's name.
 struct InputError : std::runtime_error {
-  explicit InputError(const std::string& message) : std::runtime_error(message) {}
+  explicit InputError(const std::string& message) : std::runtime_error(one_line(message)) {}
   InputError(const std::filesystem::path& file, const std::string& message)
-      : std::runtime_error(file.string() + ": " + message) {}
+      : InputError(file.string() + ": " + message) {}
   InputError(const std::filesystem::path& file, long line, const std::string& message)
-      : std::runtime_error(file.string() + ":" + std::to_string(line) + ": " + message) {}
+      : InputError(file.string() + ":" + std::to_string(line) + ": " + message) {}
+
+ private:
+  static std::string one_line(std::string text) {
+    for (char& c : text) {
+      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
+    }
+    return text;
+  }
 };
 
 }  // namespace soilvdb::io

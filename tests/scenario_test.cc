@@ -386,6 +386,7 @@ TEST_F(ScenarioFile, FilesItNamesMustBeThere) {
   EXPECT_EQ(error(13, "    motion: ."), "s.yaml:13: motion: .: is a folder; name a file");
   EXPECT_EQ(error(13, "    motion: m.csv\n    urdf: none.urdf\n    lip: {link: a}"),
             "s.yaml:14: urdf: none.urdf: no such file");
+  EXPECT_EQ(error(5, "  raster: \"a\\nb\""), "s.yaml:5: raster: a?b: no such file");
   for (const std::string kind : {"raster", "level_set"}) {
     EXPECT_EQ(error(5, "  " + kind + ": none"), "s.yaml:5: " + kind + ": none: no such file");
   }
