@@ -1,16 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// URDF by urdfdom, whose complaints become the message of an InputError.
+// URDF by TinyXML-2: what a motion needs is links, joints and their frames, axes and limits.
+// Nothing of the file reaches a formatting function of the parser: of its errors number and line
+// are used.
 #include "io/urdf.h"
 
-#include <console_bridge/console.h>
 #include <cpl_string.h>
 #include <fmt/format.h>
-#include <urdf_parser/urdf_parser.h>
+#include <tinyxml2.h>
 
 #include <algorithm>
-#include <cctype>
-#include <mutex>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
@@ -20,235 +23,225 @@
 namespace soilvdb::io {
 namespace {
 
+using tinyxml2::XMLElement;
+
 constexpr std::size_t kMaxBytes = 16 << 20;
-constexpr int kMaxDepth = 64;  // elements within elements; a URDF has about five
 
-long line_at(std::string_view text, std::size_t position) {
-  return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(position), '\n');
+bool is_utf8(std::string_view text) {
+  try {
+    return !nlohmann::json(text).dump().empty();
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
 }
 
-/// Refuses what isn't UTF-8: the parser steps over the end of text that ends within a character.
+/// Refuses what isn't UTF-8: names go into messages and summaries, which are.
 void check_encoding(const std::filesystem::path& file, std::string_view text) {
-  for (std::size_t from = 0, end = 0; from < text.size(); from = end + 1) {
+  long line = 1;
+  for (std::size_t from = 0, end = 0; from < text.size(); from = end + 1, ++line) {
     end = std::min(text.find('\n', from), text.size());
-    if (!CPLIsUTF8(text.data() + from, static_cast<int>(end - from)))
-      throw InputError(file, line_at(text, from), "isn't UTF-8; convert the file to that");
+    if (!is_utf8(text.substr(from, end - from)))
+      throw InputError(file, line, "isn't UTF-8; convert the file to that");
   }
 }
 
-/// Overwrites comments with blanks, so that what they hold is neither checked nor found.
-void blank_comments(const std::filesystem::path& file, std::string& text) {
-  for (std::size_t from = 0; (from = text.find("<!--", from)) != text.npos;) {
-    const auto end = text.find("-->", from + 4);
-    if (end == text.npos) {
-      throw InputError(file, line_at(text, from), "a comment isn't closed; '-->' is missing");
-    }
-    for (; from < end + 3; ++from) {
-      if (text[from] != '\n') text[from] = ' ';
-    }
+const char* explain(tinyxml2::XMLError error) {
+  switch (error) {
+    case tinyxml2::XML_ERROR_PARSING_ATTRIBUTE:
+      return "an attribute isn't name=\"value\"; the file may be cut short";
+    case tinyxml2::XML_ERROR_PARSING_COMMENT:
+      return "a comment isn't closed; '-->' is missing";
+    case tinyxml2::XML_ERROR_PARSING_CDATA:
+      return "a CDATA section isn't closed; ']]>' is missing";
+    case tinyxml2::XML_ERROR_MISMATCHED_ELEMENT:
+      return "an element isn't closed, or closed without being opened; each needs an end tag";
+    case tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED:
+      return "elements are nested too deep; a URDF has about five levels";
+    case tinyxml2::XML_ERROR_PARSING_ELEMENT:
+    case tinyxml2::XML_ERROR_PARSING:
+      return "a tag isn't closed; the file may be cut short";
+    default:
+      return "isn't XML; a URDF begins with <robot name=\"...\">";
   }
 }
 
-/// Refuses what could exhaust the parser's memory or stack, and all that the parser might see
-/// otherwise than it is counted here.
-void check_structure(const std::filesystem::path& file, std::string_view text) {
-  constexpr std::string_view kLiteral = "<![CDATA[", kLiteralEnd = "]]>";
-  const std::size_t first = text.find('<');
-  int depth = 0;
-  for (std::size_t i = 0; (i = text.find('<', i)) != text.npos;) {
-    const std::size_t start = i;
-    const auto fail = [&](const std::string& message) {
-      throw InputError(file, line_at(text, start), message);
-    };
-    const auto rest = text.substr(i);
-    if (rest.starts_with("<!DOCTYPE") || rest.starts_with("<!ENTITY")) {
-      fail("document type and entity declarations are not accepted; remove them");
-    }
-    if (rest.starts_with(kLiteral)) {
-      i = text.find(kLiteralEnd, i);
-      if (i == text.npos) fail("a CDATA section isn't closed; ']]>' is missing");
-      continue;
-    }
-    const char kind = rest.size() > 1 ? rest[1] : ' ';
-    const bool declaration = i == first && rest.starts_with("<?xml");
-    if (!declaration && kind != '/' && kind != '_' && kind >= 0 && !std::isalpha(kind)) {
-      fail("only elements and comments are accepted after '<'; remove what is not one");
-    }
-    char quote = 0;
-    for (++i; i < text.size() && (quote || text[i] != '>'); ++i) {
-      if (quote) {
-        if (text[i] == quote) quote = 0;
-      } else if (text[i] == '"' || text[i] == '\'') {
-        quote = text[i];
-      }
-    }
-    if (i == text.size()) fail("a tag isn't closed; the file may be cut short");
-    if (kind == '/') {
-      if (--depth < 0) fail("an element is closed that wasn't opened");
-    } else if (!declaration && text[i - 1] != '/') {
-      if (++depth > kMaxDepth) {
-        fail(fmt::format("elements are nested more than {} deep", kMaxDepth));
-      }
-    }
-  }
-}
-
-/// Keeps urdfdom's first error instead of printing it. console_bridge has one handler per process.
-class Silence : public console_bridge::OutputHandler {
+/// The links and joints of a URDF file.
+class Robot {
  public:
-  Silence() : lock_(mutex_) { console_bridge::useOutputHandler(this); }
-  ~Silence() override { console_bridge::restorePreviousOutputHandler(); }
-  void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
-    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR && first_error_.empty()) {
-      first_error_ = text;
+  Robot(const std::filesystem::path& file, std::string_view text) : file_(file) {
+    if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS)
+      throw InputError(file_, document_.ErrorLineNum(), explain(document_.ErrorID()));
+    const XMLElement* robot = document_.RootElement();
+    if (robot == nullptr) throw InputError(file_, "has no element; a URDF is a <robot>");
+    if (robot->Name() != std::string_view("robot")) fail(*robot, "is not the <robot> of a URDF");
+    for (const auto* e = robot->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+      const std::string_view kind = e->Name();
+      if (kind == "link") {
+        unique(links_, *e);
+      } else if (kind == "joint") {
+        unique(joints_, *e);
+        by_child_.emplace(linked(*e, "child"), e);
+      } else if (kind.starts_with("xacro:")) {
+        fail(*e,
+             fmt::format("is written in xacro; make a URDF of it first: xacro {} > machine.urdf",
+                         file_.filename().string()));
+      }
     }
+    if (links_.empty()) fail(*robot, "has no link");
   }
-  const std::string& first_error() const { return first_error_; }
+
+  bool has_link(const std::string& link) const { return links_.contains(link); }
+  std::string nearest_link(const std::string& link) const {
+    std::vector<std::string> names;
+    for (const auto& [name, xml] : links_) names.push_back(name);
+    return printable(nearest(link, names));
+  }
+
+  /// The joints from the link without a parent to `link`.
+  std::vector<Joint> chain(const std::string& link) const {
+    std::vector<Joint> chain;
+    for (std::string child = link; by_child_.contains(child);) {
+      const auto [first, last] = by_child_.equal_range(child);
+      const XMLElement& joint = *first->second;
+      if (std::next(first) != last) {
+        const XMLElement& other = *std::next(first)->second;
+        fail(other, fmt::format("leads to link '{}', as joint '{}' does; a link has one parent",
+                                printable(child), printable(attribute(joint, "name"))));
+      }
+      if (chain.size() == joints_.size()) {
+        fail(joint,
+             fmt::format("is part of a loop, so link '{}' hangs on no root", printable(link)));
+      }
+      chain.push_back(read(joint));
+      child = linked(joint, "parent");
+    }
+    std::reverse(chain.begin(), chain.end());
+    return chain;
+  }
 
  private:
-  static inline std::mutex mutex_;
-  std::lock_guard<std::mutex> lock_;
-  std::string first_error_;
-};
+  using Named = std::map<std::string, const XMLElement*>;
 
-urdf::ModelInterfaceSharedPtr parse(const std::filesystem::path& file, const std::string& text) {
-  Silence silence;
-  urdf::ModelInterfaceSharedPtr model;
-  std::string error;
-  try {
-    model = urdf::parseURDF(text);
-  } catch (const std::exception& e) {
-    error = e.what();
+  [[noreturn]] void fail(const XMLElement& at, const std::string& message) const {
+    const XMLElement* named = &at;  // the joint or link that it is in
+    while (named->Attribute("name") == nullptr && named->Parent()->ToElement() != nullptr)
+      named = named->Parent()->ToElement();
+    const char* name = named->Attribute("name");
+    throw InputError(file_, at.GetLineNum(),
+                     name == nullptr ? fmt::format("<{}> {}", printable(named->Name()), message)
+                                     : fmt::format("{} '{}' {}", printable(named->Name()),
+                                                   printable(name), message));
   }
-  if (model) {
-    // Links own their children, so links in a loop would keep each other alive; not needed here.
-    for (const auto& [name, link] : model->links_) {
-      link->child_links.clear();
-      link->child_joints.clear();
+
+  std::string attribute(const XMLElement& element, const char* name) const {
+    const char* value = element.Attribute(name);
+    if (value == nullptr || *value == '\0') fail(element, fmt::format("has no {}=\"...\"", name));
+    // The file is UTF-8, but character references can make what isn't.
+    if (!is_utf8(value)) {
+      throw InputError(file_, element.GetLineNum(),
+                       fmt::format("'{}' isn't UTF-8; write it without '&#'", name));
     }
-    return model;
+    return value;
   }
-  if (!silence.first_error().empty()) error = silence.first_error();
-  while (!error.empty() && (error.back() == '\n' || error.back() == '.')) error.pop_back();
-  throw InputError(file, fmt::format("is not a valid URDF: {}", error.substr(0, error.find('\n'))));
-}
 
-/// Makes the joint ours, or says why it can't be.
-class JointReader {
- public:
-  JointReader(const std::filesystem::path& file, std::string_view text)
-      : file_(file), text_(text) {}
+  void unique(Named& elements, const XMLElement& element) const {
+    if (!elements.emplace(attribute(element, "name"), &element).second)
+      fail(element, "is there twice; rename one");
+  }
 
-  Joint read(const urdf::Joint& in) const {
+  /// The name of the link in a joint's <parent> or <child>.
+  std::string linked(const XMLElement& joint, const char* which) const {
+    const XMLElement* element = joint.FirstChildElement(which);
+    if (element == nullptr) fail(joint, fmt::format("has no <{} link=\"...\"/>", which));
+    return attribute(*element, "link");
+  }
+
+  double number(const XMLElement& element, std::string_view text) const {
+    const std::optional<double> value = parse_number(text);
+    if (!value || !(std::abs(*value) <= kMaxNumber))
+      fail(element, fmt::format("has '{}' where a number is needed, -1e9 to 1e9", printable(text)));
+    return *value;
+  }
+
+  /// The three numbers in an attribute of a joint's child; `otherwise` where there is none.
+  Vec3 numbers(const XMLElement& joint, const char* child, const char* name, Vec3 otherwise) const {
+    const XMLElement* element = joint.FirstChildElement(child);
+    const char* text = element == nullptr ? nullptr : element->Attribute(name);
+    if (text == nullptr) return otherwise;
+    const CPLStringList words(CSLTokenizeString2(text, " \t\r\n", 0));
+    if (words.size() != 3) {
+      fail(*element, fmt::format("has {}=\"{}\" in <{}>; it must be three numbers", name,
+                                 printable(text), child));
+    }
+    for (int i = 0; i < 3; ++i) otherwise[i] = number(*element, words[i]);
+    return otherwise;
+  }
+
+  Joint::Type type(const XMLElement& joint) const {
+    const std::string type = attribute(joint, "type");
+    if (type == "fixed") return Joint::Type::kFixed;
+    if (type == "revolute") return Joint::Type::kRevolute;
+    if (type == "continuous") return Joint::Type::kContinuous;
+    if (type == "prismatic") return Joint::Type::kPrismatic;
+    fail(joint, fmt::format("is {}; it must be fixed, revolute, continuous or prismatic",
+                            printable(type)));
+  }
+
+  Joint read(const XMLElement& in) const {
     Joint joint;
-    joint.name = in.name;
-    joint.parent_from_joint = pose(in);
-    if (in.mimic) {
+    joint.name = attribute(in, "name");
+    if (const std::string parent = linked(in, "parent"); !has_link(parent)) {
+      fail(in, fmt::format("hangs on link '{}', which is not there; did you mean '{}'?",
+                           printable(parent), nearest_link(parent)));
+    }
+    if (const XMLElement* mimic = in.FirstChildElement("mimic")) {
       fail(in, fmt::format("mimics joint '{}', which is not supported; make it a joint of its own "
                            "with its own column in the motion",
-                           printable(in.mimic->joint_name)));
+                           printable(attribute(*mimic, "joint"))));
     }
-    switch (in.type) {
-      case urdf::Joint::FIXED:
-        return joint;
-      case urdf::Joint::REVOLUTE:
-        joint.type = Joint::Type::kRevolute;
-        break;
-      case urdf::Joint::CONTINUOUS:
-        joint.type = Joint::Type::kContinuous;
-        break;
-      case urdf::Joint::PRISMATIC:
-        joint.type = Joint::Type::kPrismatic;
-        break;
-      default:
-        fail(in, fmt::format("is {}; it must be fixed, revolute, continuous or prismatic",
-                             in.type == urdf::Joint::FLOATING ? "floating" : "planar"));
-    }
-    const Vec3 axis(in.axis.x, in.axis.y, in.axis.z);
-    if (!(axis.cwiseAbs().maxCoeff() <= kMaxNumber) || axis.norm() < 1e-9) {
+    joint.type = type(in);
+    joint.parent_from_joint.position = numbers(in, "origin", "xyz", Vec3::Zero());
+    const Vec3 rpy = numbers(in, "origin", "rpy", Vec3::Zero());
+    joint.parent_from_joint.rotation = from_rpy(rpy.x(), rpy.y(), rpy.z());
+    if (joint.type == Joint::Type::kFixed) return joint;
+    const Vec3 axis = numbers(in, "axis", "xyz", Vec3::UnitX());
+    if (axis.norm() < 1e-9) {
       fail(in, fmt::format("has the axis {} {} {}; it must have a direction", axis.x(), axis.y(),
                            axis.z()));
     }
     joint.axis = axis.normalized();
-    if (in.limits && joint.type != Joint::Type::kContinuous) {
-      joint.lower = in.limits->lower;
-      joint.upper = in.limits->upper;
-      if (!(joint.lower <= joint.upper)) {
-        fail(in, fmt::format("has the lower limit {} above its upper limit {}; swap them",
-                             joint.lower, joint.upper));
-      }
+    if (joint.type == Joint::Type::kContinuous) return joint;
+    const XMLElement* limit = in.FirstChildElement("limit");
+    if (limit == nullptr)
+      fail(in, R"(has no <limit lower="..." upper="..."/>; without limits it is continuous)");
+    if (const char* lower = limit->Attribute("lower")) joint.lower = number(*limit, lower);
+    if (const char* upper = limit->Attribute("upper")) joint.upper = number(*limit, upper);
+    if (joint.lower > joint.upper) {
+      fail(in, fmt::format("has the lower limit {} above its upper limit {}; swap them",
+                           joint.lower, joint.upper));
     }
     return joint;
   }
 
-  [[noreturn]] void fail(const urdf::Joint& joint, const std::string& message) const {
-    const std::string text = fmt::format("joint '{}' {}", printable(joint.name), message);
-    for (auto at = text_.find("<joint"); at != text_.npos; at = text_.find("<joint", at + 1)) {
-      const auto tag = text_.substr(at, text_.find('>', at) - at);
-      if (tag.find('"' + joint.name + '"') != tag.npos ||
-          tag.find('\'' + joint.name + '\'') != tag.npos) {
-        throw InputError(file_, line_at(text_, at), text);
-      }
-    }
-    throw InputError(file_, text);
-  }
-
- private:
-  Pose pose(const urdf::Joint& in) const {
-    const urdf::Pose& p = in.parent_to_joint_origin_transform;
-    Pose pose;
-    pose.position = {p.position.x, p.position.y, p.position.z};
-    pose.rotation = Eigen::Quaterniond(p.rotation.w, p.rotation.x, p.rotation.y, p.rotation.z);
-    if (!(pose.position.cwiseAbs().maxCoeff() <= kMaxNumber) || !(pose.rotation.norm() > 0.5)) {
-      fail(in, "has an origin that is not a finite number");
-    }
-    pose.rotation.normalize();
-    return pose;
-  }
-
   const std::filesystem::path& file_;
-  std::string_view text_;
+  tinyxml2::XMLDocument document_;
+  Named links_, joints_;
+  std::multimap<std::string, const XMLElement*> by_child_;
 };
 
 }  // namespace
 
 Chain read_chain(const std::filesystem::path& file, const std::string& link) {
-  std::string text = read_text(file, kMaxBytes);
-  blank_comments(file, text);
+  const std::string text = read_text(file, kMaxBytes);
   check_encoding(file, text);
-  check_structure(file, text);
-  const auto model = parse(file, text);
-
-  if (!model->links_.contains(link)) {
-    std::vector<std::string> links;
-    for (const auto& [name, unused] : model->links_) links.push_back(name);
+  const Robot robot(file, text);
+  if (!robot.has_link(link)) {
     throw std::invalid_argument(fmt::format("no link '{}' in {}; did you mean '{}'?",
                                             printable(link), file.filename().string(),
-                                            printable(nearest(link, links))));
+                                            robot.nearest_link(link)));
   }
-
-  const JointReader reader(file, text);
   Chain chain;
-  std::string child = link;
-  while (child != model->getRoot()->name) {
-    const urdf::Joint* parent_joint = nullptr;
-    for (const auto& [name, joint] : model->joints_) {
-      if (joint->child_link_name != child) continue;
-      if (parent_joint) {
-        reader.fail(*joint, fmt::format("leads to link '{}', as joint '{}' does; a link has one "
-                                        "parent",
-                                        printable(child), printable(parent_joint->name)));
-      }
-      parent_joint = joint.get();
-    }
-    if (!parent_joint || chain.joints.size() == model->joints_.size()) {
-      throw InputError(file, fmt::format("link '{}' is not connected to the root link '{}'",
-                                         printable(link), printable(model->getRoot()->name)));
-    }
-    chain.joints.push_back(reader.read(*parent_joint));
-    child = parent_joint->parent_link_name;
-  }
-  std::reverse(chain.joints.begin(), chain.joints.end());
+  chain.joints = robot.chain(link);
   for (const Joint& joint : chain.joints) {
     if (joint.type != Joint::Type::kFixed && joint.name == "time") {
       throw InputError(file, "joint 'time' has the name of the motion's first column; rename it");

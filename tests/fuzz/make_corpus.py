@@ -101,6 +101,11 @@ def rasters(work):
     write('raster', f'{driver.lower()}_{number}', content + out.read_bytes())
 
 
+def with_directives(text):
+  """Names and numbers as directives of printf: text of a file must never be a format."""
+  return re.sub(r'\b(grey|boom|turn|pit|digger|0\.5|1\.5)\b', '%s%n%1$s', text)
+
+
 def main():
   program = pathlib.Path(sys.argv[1]).resolve()
   write('scenario', 'poses', SCENARIO)
@@ -109,6 +114,8 @@ def main():
   write('motion', 'quaternions', QUATERNIONS)
   write('motion', 'joints', JOINTS)
   write('urdf', 'machine', MACHINE)
+  for target, text in [('scenario', SCENARIO), ('motion', JOINTS), ('urdf', MACHINE)]:
+    write(target, 'directives', with_directives(text))
   with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     rasters(work)
