@@ -54,7 +54,7 @@ class Soil::Index {
     Chunk* const gone = table.slots[gap];
     if (gone == nullptr) return;
     if (!gone->touched) touched_.add(origin);
-    if (gone->used != kInUse) idle_bytes_ -= gone->heap_bytes();
+    if (gone->used != kInUse) idle_bytes_ -= gone->samples.heap_bytes();
     // Chunks behind the gap move up unless that would put them before their home.
     for (std::size_t i = (gap + 1) & mask; table.slots[i] != nullptr; i = (i + 1) & mask) {
       const std::size_t from_home = (i - home(table.slots[i].load()->origin)) & mask;
@@ -89,7 +89,7 @@ class Soil::Index {
   void use(Chunk& chunk) {
     if (chunk.used == kInUse) return;
     const std::lock_guard lock(mutex_);
-    idle_bytes_ -= chunk.heap_bytes();
+    idle_bytes_ -= chunk.samples.heap_bytes();
     chunk.used = kInUse;
     in_use_.push_back(chunk.origin);
   }
@@ -99,7 +99,7 @@ class Soil::Index {
       Chunk* chunk = find(origin);
       if (chunk == nullptr || chunk->used != kInUse) continue;
       chunk->used = kUsed;
-      idle_bytes_ += chunk->heap_bytes();
+      idle_bytes_ += chunk->samples.heap_bytes();
     }
     in_use_.clear();
     return idle_bytes_;
@@ -110,7 +110,7 @@ class Soil::Index {
     idle_bytes_ = 0;
     for (Chunk& chunk : chunks_) {
       chunk.used = kUsed;
-      idle_bytes_ += chunk.heap_bytes();
+      idle_bytes_ += chunk.samples.heap_bytes();
     }
   }
   /// The next chunk that was not used since this came by it last, or null if none is left.
@@ -118,7 +118,7 @@ class Soil::Index {
     for (std::size_t seen = 0; seen < 2 * chunks_.size(); ++seen) {
       hand_ = hand_ + 1 < chunks_.size() ? hand_ + 1 : 0;
       Chunk& chunk = chunks_[hand_];
-      if (chunk.piece != 0 || chunk.heap_bytes() == 0) continue;
+      if (chunk.piece != 0 || chunk.samples.heap_bytes() == 0) continue;
       if (chunk.used == kIdle) return &chunk;
       chunk.used = kIdle;
     }

@@ -149,8 +149,8 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
     find_jobs(origin, first, last, soil.voxel_size_m());
     if (jobs_.size() == before) return;
     const Chunk* chunk = soil.find(origin);
-    const bool no_soil = chunk != nullptr ? chunk->sampled && chunk->now == 0
-                                          : soil.classify(origin) == Content::kAir;
+    const bool no_soil =
+        chunk != nullptr ? chunk->now == 0 : soil.classify(origin) == Content::kAir;
     if (no_soil) {
       jobs_.resize(before);
     } else {

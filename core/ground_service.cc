@@ -16,11 +16,10 @@ std::optional<Chunk> copy_of(const Soil& soil, const Coord3& origin) {
   return std::nullopt;
 }
 
-/// Is the mesh surely the same? Without a look at the base surface.
+/// Is the mesh surely the same?
 bool same_surface(const Chunk* before, const std::optional<Chunk>& now) {
   if (before == nullptr || !now) return before == nullptr && !now;
-  if (before->phi && now->phi) return before->phi == now->phi;
-  return before->air == now->air && !before->phi && !now->phi;
+  return before->samples == now->samples;
 }
 
 }  // namespace

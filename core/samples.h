@@ -70,6 +70,15 @@ class Samples {
     return static_cast<std::uint32_t>(any * 0x0102040810204080u >> 56);
   }
 
+  bool operator==(const Samples& other) const {
+    const Head &a = head(), &b = other.head();
+    const auto same = [](const auto& x, const auto& y) {
+      return std::memcmp(x, y, sizeof(x)) == 0;
+    };
+    return same(a.soil, b.soil) && same(a.mixed, b.mixed) &&
+           (a.size == 0 || std::memcmp(tail(), other.tail(), a.size * sizeof(kAllSoil)) == 0);
+  }
+
   std::uint64_t word(int n) const {
     const std::uint64_t bit = std::uint64_t{1} << (n & 63);
     if (head().soil[n >> 6] & bit) return kAllSoil;

@@ -23,25 +23,6 @@ SOILVDB_FOR_CPUS std::uint16_t count(const SampleWords& words) {
   return static_cast<std::uint16_t>(sum);
 }
 
-/// Metres to units of phi.
-SOILVDB_FOR_CPUS void quantise(const float* phi_m, float step_m, Phi& phi) {
-  const float scale = 1 / step_m;
-  for (int n = 0; n < kLeafSize; ++n) {
-    const float units = phi_m[n] * scale;
-    const float whole = units + (units < 0 ? -0.5f : 0.5f);
-    phi[n] = static_cast<std::int16_t>(
-        std::min(std::max(whole, -static_cast<float>(kPhiMax)), static_cast<float>(kPhiMax)));
-  }
-}
-
-SOILVDB_FOR_CPUS void to_metres(const Phi& phi, float band_m, float* phi_m) {
-  const float step_m = band_m / kPhiMax;
-  for (int n = 0; n < kLeafSize; ++n) {
-    const float inside = static_cast<float>(phi[n]) * step_m;
-    phi_m[n] = phi[n] == kPhiMax ? band_m : phi[n] == -kPhiMax ? -band_m : inside;
-  }
-}
-
 }  // namespace
 
 Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base)
@@ -84,39 +65,9 @@ Content Soil::classify(const Coord3& origin) const {
   return base_->classify({low, low + Vec3::Constant(h_ * kLeafSide)});
 }
 
-void Soil::read_phi(const Coord3& origin, Phi& phi) const {
-  const Chunk* chunk = find(origin);
-  std::optional<Chunk> thawed;
-  if (chunk != nullptr && chunk->piece != 0) chunk = &thawed.emplace(copy(*chunk));
-  if (chunk != nullptr && chunk->phi) {
-    chunk->phi.expand(phi);
-  } else if (chunk != nullptr && chunk->air) {
-    phi.fill(kPhiMax);
-  } else {
-    float phi_m[kLeafSize];
-    base_->distance(world_from_index(origin.cast<double>()), h_, band_m(), phi_m);
-    quantise(phi_m, phi_step_m(), phi);
-  }
-}
-
-void Soil::read_phi(const Coord3& origin, float* phi_m) const {
-  Phi phi;
-  read_phi(origin, phi);
-  to_metres(phi, static_cast<float>(band_m()), phi_m);
-}
-
-void Soil::set_phi(Chunk& chunk, const Phi& phi) const {
-  chunk.air = *std::min_element(phi.begin(), phi.end()) == kPhiMax;
-  if (chunk.air) {
-    chunk.phi.reset();
-  } else {
-    chunk.phi.assign(phi);
-  }
-}
-
 void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
   const Chunk* chunk = find(origin);
-  if (chunk != nullptr && chunk->sampled) {
+  if (chunk != nullptr) {
     return chunk->piece == 0 ? chunk->samples.expand(samples)
                              : copy(*chunk).samples.expand(samples);
   }
@@ -130,41 +81,34 @@ void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
 
 std::uint32_t Soil::base_samples(const Coord3& origin) const {
   const Chunk* chunk = find(origin);
-  if (chunk != nullptr && chunk->sampled) return chunk->base;
+  if (chunk != nullptr) return chunk->base;
   SampleWords words;
   read_samples(origin, words);
   return count(words);
 }
 
 Chunk* Soil::with_samples(const Coord3& origin) {
-  Chunk* chunk = find(origin);
-  if (chunk != nullptr) warm(*chunk);
-  if (chunk != nullptr && chunk->sampled) {
+  if (Chunk* chunk = find(origin)) {
+    warm(*chunk);
     if (chunk->now > 0) index_->touch(*chunk);
     return chunk;
   }
   SampleWords words;
   read_samples(origin, words);
   const std::uint16_t soil = count(words);
-  if (chunk == nullptr && soil == 0) return nullptr;
-  if (chunk == nullptr || soil > 0) chunk = &make(origin);
-  chunk->samples.assign(words);
-  chunk->base = chunk->now = soil;
-  chunk->sampled = true;
-  return chunk;
+  if (soil == 0) return nullptr;
+  Chunk& chunk = make(origin);
+  chunk.samples.assign(words);
+  chunk.base = chunk.now = soil;
+  return &chunk;
 }
 
-void Soil::restore(const Coord3& origin, const float* phi_m, const SampleWords& samples,
-                   std::uint32_t base) {
+void Soil::restore(const Coord3& origin, const SampleWords& samples, std::uint32_t base) {
   if (find(origin) != nullptr) throw std::invalid_argument("the chunk is resident already");
   Chunk& chunk = make(origin);
-  Phi phi;
-  quantise(phi_m, phi_step_m(), phi);
-  set_phi(chunk, phi);
   chunk.samples.assign(samples);
   chunk.now = static_cast<std::uint16_t>(chunk.samples.count());
   chunk.base = static_cast<std::uint16_t>(base);
-  chunk.sampled = true;
 }
 
 std::size_t Soil::chunk_count() const { return index_->chunks().size(); }
@@ -178,61 +122,9 @@ std::vector<const Chunk*> Soil::chunks() const {
   return all;
 }
 
-std::optional<double> Soil::height(double x, double y) const {
-  const std::optional<double> base = base_->height(x, y);
-  if (!base) return std::nullopt;  // soil only shrinks: none before, none now
-  // Down from the base surface to the first change of sign, bilinear between four columns.
-  const Vec3 top = index_from_world({x, y, *base});
-  const int i = static_cast<int>(std::floor(top.x())), j = static_cast<int>(std::floor(top.y()));
-  const double s = top.x() - i, t = top.y() - j;
-  const auto floor8 = [](int v) { return v & ~(kLeafSide - 1); };
-  struct Column {
-    bool resident = false, known = false;
-    int z = 0;
-    Phi phi;
-  } columns[4];
-  const auto value = [&](int c, int k) -> std::optional<double> {
-    const int ci = i + (c & 1), cj = j + (c >> 1);
-    Column& column = columns[c];
-    if (!column.known || column.z != floor8(k)) {
-      const Coord3 origin(floor8(ci), floor8(cj), floor8(k));
-      column.resident = find(origin) != nullptr;
-      column.known = true;
-      column.z = origin.z();
-      if (column.resident) read_phi(origin, column.phi);
-    }
-    if (!column.resident) return std::nullopt;
-    return column.phi[static_cast<std::size_t>((ci & 7) * 64 + (cj & 7) * 8 + (k & 7))];
-  };
-  const auto layer = [&](int k) -> std::optional<double> {
-    double sum = 0;
-    for (int c = 0; c < 4; ++c) {
-      const double weight = (c & 1 ? s : 1 - s) * (c >> 1 ? t : 1 - t);
-      if (weight == 0) continue;
-      const auto v = value(c, k);
-      if (!v) return std::nullopt;
-      sum += weight * *v;
-    }
-    return sum;
-  };
-  std::optional<double> above;
-  for (int k = static_cast<int>(std::ceil(top.z()));; --k) {
-    const std::optional<double> here = layer(k);
-    if (here && *here <= 0) {
-      if (!above || *above <= 0) return base;
-      return world_from_index({0, 0, k + *here / (*here - *above)}).z();
-    }
-    if (!here && k < top.z() - 1) {  // the resident ground ends here
-      return above ? world_from_index({0, 0, k + 1.0}).z() : *base;
-    }
-    above = here;
-  }
-}
-
 double Soil::change_m3() const {
   std::int64_t change = 0;
   for (const Chunk& chunk : index_->chunks()) {
-    if (!chunk.sampled) continue;
     const std::uint32_t now =
         chunk.piece == 0 ? chunk.samples.count() : copy(chunk).samples.count();
     change += std::int64_t{now} - chunk.base;
@@ -242,12 +134,11 @@ double Soil::change_m3() const {
 
 std::uint64_t Soil::active_voxels() const {
   std::uint64_t active = 0;
-  Phi phi;
+  SampleWords words;
   for (const Chunk& chunk : index_->chunks()) {
-    if (chunk.air) continue;
-    read_phi(chunk.origin, phi);
-    active += static_cast<std::uint64_t>(
-        std::count_if(phi.begin(), phi.end(), [](int v) { return std::abs(v) < kPhiMax; }));
+    if (chunk.now == 0) continue;
+    read_samples(chunk.origin, words);
+    active += kLeafSize - static_cast<std::uint64_t>(std::count(words.begin(), words.end(), 0u));
   }
   return active;
 }
@@ -268,13 +159,8 @@ std::uint64_t Soil::state_hash() const {
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
     std::uint64_t digest = Index::key(all[i]->origin);
     SampleWords samples;
-    Phi phi;
     read_samples(all[i]->origin, samples);
-    read_phi(all[i]->origin, phi);
-    for (std::size_t n = 0; n < kLeafSize; ++n) {
-      digest = mix(digest ^ static_cast<std::uint16_t>(phi[n]));
-      digest = mix(digest + samples[n]);
-    }
+    for (const std::uint64_t word : samples) digest = mix(digest + word);
     digests[i] = digest;
   });
   std::uint64_t digest = mix(std::bit_cast<std::uint64_t>(h_));

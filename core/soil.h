@@ -5,13 +5,11 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/base_surface.h"
 #include "core/cold_store.h"
-#include "core/packed_phi.h"
 #include "core/samples.h"
 #include "core/types.h"
 
@@ -19,25 +17,18 @@ namespace soilvdb {
 
 /// One resident chunk of 8x8x8 voxels, at voxel x*64 + y*8 + z.
 ///
-/// A voxel has a value and a cell. The value `phi` is the signed distance at the voxel's centre:
-/// phi < 0 in soil, clamped to +-band, kept in 16 bits. The cell is the cube of one voxel's side
-/// about the centre; it holds 64 sample points, and a bit of `samples` for each says whether it is
-/// soil. Volumes are counted on samples, surfaces are read off phi. Each is made when something
-/// first changes it: until then it is that of the base surface.
+/// A voxel's cell is the cube of one voxel's side about its centre; it holds 64 sample points, and
+/// a bit of `samples` for each says whether it is soil. That is all there is of the ground: volumes
+/// are counted on samples, surfaces are made from them when somebody looks (core/surface.h).
 struct Chunk {
   Coord3 origin;         ///< index of the first voxel, a multiple of 8
-  bool sampled = false;  ///< else samples, base and now are still to be made
-  bool air = false;      ///< phi is +band all over, and isn't stored
   bool touched = false;  ///< listed for Soil::take_touched()
   /// How lately it was used, where memory is limited: 2 since the last Soil::settle().
   std::uint8_t used = 0;
   std::uint16_t base = 0;   ///< samples of soil in the base surface
   std::uint16_t now = 0;    ///< samples of soil now
-  std::uint32_t piece = 0;  ///< of the cold store, which then has phi and samples; 0: they are here
-  PackedPhi phi;
+  std::uint32_t piece = 0;  ///< of the cold store, which then has the samples; 0: they are here
   Samples samples;
-
-  std::size_t heap_bytes() const { return phi.heap_bytes() + samples.heap_bytes(); }
 };
 
 /// The ground of a site.
@@ -46,9 +37,8 @@ struct Chunk {
 /// indices, grids and meshes stay near zero on sites in UTM coordinates.
 ///
 /// Invariants: a chunk that is not resident equals the base surface; soil only shrinks.
-/// Where memory is limited, phi and samples of chunks that haven't been used for long are in a cold
-/// store. Const members read them there. Who uses a chunk's own goes by warm(), make() or
-/// with_samples().
+/// Where memory is limited, samples of chunks that haven't been used for long are in a cold store.
+/// Const members read them there. Who uses a chunk's own goes by warm(), make() or with_samples().
 ///
 /// Not copyable. Const members may run together with each other. make(), warm() and what changes a
 /// chunk may run together with all of them where other chunks are concerned; restore(),
@@ -63,6 +53,7 @@ class Soil {
 
   double voxel_size_m() const { return h_; }
   const Vec3& origin() const { return origin_; }
+  /// Where distances to the surface are clamped.
   double band_m() const { return 3 * h_; }
   /// Volume that one sample stands for, m^3.
   double sample_m3() const { return h_ * h_ * h_ / 64; }
@@ -86,8 +77,6 @@ class Soil {
   }
   /// A chunk as it is, cold or not.
   Chunk copy(const Chunk& chunk) const;
-  /// Puts phi into a chunk that is warm.
-  void set_phi(Chunk& chunk, const Phi& phi) const;
   /// Makes a place what it is in a soil of the same voxel size, origin and base surface.
   void copy_from(const Soil& other, const Coord3& origin);
   /// Forgets a resident chunk: there the ground is the base surface again.
@@ -98,10 +87,6 @@ class Soil {
   /// What a chunk that isn't resident would hold, its cells included.
   Content classify(const Coord3& origin) const;
 
-  /// phi of a chunk, resident or not.
-  void read_phi(const Coord3& origin, Phi& phi) const;
-  /// The same in metres, 512 values.
-  void read_phi(const Coord3& origin, float* phi_m) const;
   /// samples of a chunk, resident or not.
   void read_samples(const Coord3& origin, SampleWords& samples) const;
   /// Samples of soil that the base surface has in a chunk.
@@ -113,15 +98,11 @@ class Soil {
 
   /// Puts back a chunk as a snapshot held it. @throw std::invalid_argument if it is resident.
   /// @param base samples of soil that the base surface has there
-  void restore(const Coord3& origin, const float* phi_m, const SampleWords& samples,
-               std::uint32_t base);
-
-  /// Height of the topmost soil at (x, y) of the world, m.
-  std::optional<double> height(double x, double y) const;
+  void restore(const Coord3& origin, const SampleWords& samples, std::uint32_t base);
 
   /// Volume of the ground now less that of the base surface, counted anew, m^3.
   double change_m3() const;
-  std::uint64_t active_voxels() const;  ///< |phi| < band
+  std::uint64_t active_voxels() const;  ///< cells of resident chunks that hold soil
   double resident_m2() const;           ///< footprint of the resident chunks
   /// What the ground holds of memory: chunks, and what the base surface has read.
   std::uint64_t memory_bytes() const;
@@ -132,11 +113,8 @@ class Soil {
   /// used in between.
   /// @throw std::runtime_error if that can't be done; the ground is whole then
   void settle();
-  /// Digest of voxel size, origin and every resident chunk's phi and samples.
+  /// Digest of voxel size, origin and every resident chunk's samples.
   std::uint64_t state_hash() const;
-
-  /// One unit of phi, m.
-  float phi_step_m() const { return static_cast<float>(band_m()) / kPhiMax; }
 
  private:
   class Index;

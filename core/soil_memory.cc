@@ -23,7 +23,7 @@ struct Label {
 
 std::uint64_t Soil::memory_bytes() const {
   std::uint64_t bytes = index_->bytes() + base_->memory_bytes();
-  for (const Chunk& chunk : index_->chunks()) bytes += chunk.heap_bytes();
+  for (const Chunk& chunk : index_->chunks()) bytes += chunk.samples.heap_bytes();
   return bytes;
 }
 
@@ -45,7 +45,7 @@ void Soil::settle() {
   while (held() > limit_bytes_ - limit_bytes_ / 8) {
     Chunk* const chunk = index_->next_unused();
     if (chunk == nullptr) break;
-    const std::size_t bytes = chunk->heap_bytes();
+    const std::size_t bytes = chunk->samples.heap_bytes();
     freeze(*chunk);
     index_->sent_away(bytes);
     heap -= bytes;
@@ -75,10 +75,8 @@ void Soil::use(Chunk& chunk) {
 void Soil::freeze(Chunk& chunk) {
   const Label label(chunk);
   std::string bytes(reinterpret_cast<const char*>(&label), sizeof(label));
-  chunk.phi.put(bytes);
   chunk.samples.put(bytes);
   chunk.piece = store_->put(bytes);
-  chunk.phi = {};
   chunk.samples = {};
 }
 
@@ -88,13 +86,11 @@ std::size_t Soil::thaw(Chunk& chunk) const {
   store_->get(chunk.piece, bytes);
   const Label label(chunk);
   std::string_view rest = bytes;
-  PackedPhi phi;
   Samples samples;
   const bool good = rest.starts_with({reinterpret_cast<const char*>(&label), sizeof(label)}) &&
-                    (rest.remove_prefix(sizeof(label)), phi.take(rest)) && samples.take(rest) &&
-                    rest.empty() && samples.count() == chunk.now;
+                    (rest.remove_prefix(sizeof(label)), samples.take(rest)) && rest.empty() &&
+                    samples.count() == chunk.now;
   if (!good) throw std::runtime_error("what comes back from the cold store is another chunk");
-  chunk.phi = std::move(phi);
   chunk.samples = std::move(samples);
   chunk.piece = 0;
   return bytes.size();

@@ -14,7 +14,7 @@
 
 namespace soilvdb::io {
 
-inline constexpr int kFormat = 1;
+inline constexpr int kFormat = 2;  // 1 had distances that were carved, and a path behind them
 
 inline constexpr const char* kSinceKey = "soilvdb_since";
 inline constexpr const char* kSinceChecksumKey = "soilvdb_since_checksum";

@@ -58,7 +58,6 @@ class SnapshotChain : public ::testing::Test {
   }
 
   SnapshotInfo info() {
-    tracker_->flush();
     return {"dig", double(count_), tracker_->total().cut_m3(), 0, 0, 0, tracker_->state()};
   }
   void write_whole() {
