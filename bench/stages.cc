@@ -193,7 +193,7 @@ void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurfac
       state.ResumeTiming();
     }
     const Coord3 origin(8 * (i % 64), 8 * (i / 64), z);
-    benchmark::DoNotOptimize(soil->with_samples(origin));
+    benchmark::DoNotOptimize(SoilWriter(*soil).remove(origin, {}));
     i = (i + 1) % 4096;
   }
 }

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/facet.h"
-#include "core/soil.h"
+#include "core/soil_writer.h"
 
 namespace soilvdb {
 
@@ -55,9 +55,8 @@ class Excavator {
     const Facet* facet;
     Stroke stroke;
   };
-  /// A chunk and its jobs, in the order of the path.
+  /// A chunk's jobs, in the order of the path.
   struct Work {
-    Coord3 origin;
     std::size_t first, last;
     Removed removed;
   };
@@ -67,13 +66,14 @@ class Excavator {
   Eigen::AlignedBox3d box(std::size_t pose) const;
   AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
   void find_jobs(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
-  void dig(Soil& soil, Work& work) const;
+  bool dig(Samples& samples, const Coord3& origin, Work& work, double voxel_size_m) const;
   void sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut);
 
   Bucket bucket_;
   std::vector<Facet> facets_;
   std::vector<Station> stations_;  // by pose, then facet
   std::vector<Job> jobs_;
+  std::vector<SoilWriter::Edit> edits_;  // by chunk, as
   std::vector<Work> work_;
 };
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/beside.h"
+#include "core/soil_writer.h"
 
 namespace soilvdb {
 namespace {
@@ -149,12 +150,13 @@ void GroundService::perform(Task task) {
 
 void GroundService::apply(Task& task) {
   std::vector<Coord3> reshaped;
+  SoilWriter writer(copy_);
   for (auto& [origin, now] : task.chunks) {
     if (options_.meshes && !same_surface(copy_.find(origin), now)) reshaped.push_back(origin);
     if (now) {
-      copy_.make(origin) = std::move(*now);
+      writer.put(std::move(*now));
     } else {
-      copy_.drop(origin);
+      writer.drop(origin);
     }
   }
   applied_ = task.last_post;

@@ -94,7 +94,7 @@ bool Machine::stays_in_air(const Soil& soil, std::span<const Pose> path, double 
   }
   const Vec3 wide = Vec3::Constant(soil.voxel_size_m() + bend_m);
   const Eigen::AlignedBox3d around(box.min() - wide, box.max() + wide);
-  return soil.base().classify(around) == Content::kAir && soil.base().known(around);
+  return soil.is_air(around) && soil.base().known(around);
 }
 
 /// A load leaves at a pose, so the path is dug from each pose that dumps to the next.

@@ -11,8 +11,9 @@
 #include <string>
 
 #include "core/affine.h"
-#include "core/chunk_index.h"
 #include "core/chunk_range.h"
+#include "core/mix.h"
+#include "core/soil_state.h"
 
 namespace soilvdb {
 namespace {
@@ -23,10 +24,17 @@ SOILVDB_FOR_CPUS std::uint16_t count(const SampleWords& words) {
   return static_cast<std::uint16_t>(sum);
 }
 
+/// One word for a chunk's origin; 21 bits of chunk index per axis.
+std::uint64_t key(const Coord3& origin) {
+  constexpr std::uint64_t kMask = (1u << 21) - 1;
+  return (std::uint64_t(origin.x() >> 3) & kMask) << 42 |
+         (std::uint64_t(origin.y() >> 3) & kMask) << 21 | (std::uint64_t(origin.z() >> 3) & kMask);
+}
+
 }  // namespace
 
 Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base)
-    : h_(voxel_size_m), origin_(origin), base_(std::move(base)), index_(std::make_unique<Index>()) {
+    : h_(voxel_size_m), origin_(origin), base_(std::move(base)), state_(std::make_unique<State>()) {
   if (!(std::isfinite(h_) && h_ > 0)) {
     throw std::invalid_argument("voxel size must be above 0 m, not " + std::to_string(h_));
   }
@@ -34,43 +42,56 @@ Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSu
 
 Soil::~Soil() = default;
 
-const Chunk* Soil::find(const Coord3& origin) const { return index_->find(origin); }
-Chunk* Soil::find(const Coord3& origin) { return index_->find(origin); }
-Chunk& Soil::make(const Coord3& origin) {
-  Chunk* chunk = find(origin);
-  if (chunk == nullptr) {
-    chunk = &index_->add(origin);
-  } else {
-    index_->touch(*chunk);
+const Chunk* Soil::find(const Coord3& origin) const {
+  const SampleLeaf* leaf = state_->find(origin);
+  return leaf != nullptr ? &leaf->chunk : nullptr;
+}
+
+const SampleTree& Soil::tree() const { return state_->tree; }
+
+std::vector<Coord3> Soil::take_touched() {
+  std::vector<Coord3> touched = state_->touched.take();
+  for (const Coord3& origin : touched) {
+    if (SampleLeaf* leaf = state_->find(origin)) leaf->chunk.touched = false;
   }
-  warm(*chunk);
-  return *chunk;
+  return touched;
 }
-void Soil::copy_from(const Soil& other, const Coord3& origin) {
-  const Chunk* chunk = other.find(origin);
-  if (chunk == nullptr) return drop(origin);
-  Chunk &mine = make(origin), same = other.copy(*chunk);
-  same.touched = mine.touched;
-  same.used = mine.used;
-  mine = std::move(same);
-}
-void Soil::drop(const Coord3& origin) {
-  if (Chunk* chunk = find(origin)) warm(*chunk);
-  index_->remove(origin);
-}
-std::vector<Coord3> Soil::take_touched() { return index_->take_touched(); }
 
 Content Soil::classify(const Coord3& origin) const {
   const Vec3 low = world_from_index(origin.cast<double>() - Vec3::Constant(0.5));
   return base_->classify({low, low + Vec3::Constant(h_ * kLeafSide)});
 }
 
+bool Soil::is_air(const Eigen::AlignedBox3d& box) const {
+  if (base_->classify(box) != Content::kAir) return false;
+  if (!state_->any_above.load(std::memory_order_acquire)) return true;
+  const auto cell = [&](const Vec3& p) -> Coord3 {
+    return (index_from_world(p) + Vec3::Constant(0.5)).array().floor().matrix().cast<int>();
+  };
+  const std::shared_lock lock(state_->mutex);
+  const auto part =
+      Eigen::AlignedBox3i(cell(box.min()), cell(box.max())).intersection(state_->above);
+  if (part.isEmpty()) return true;
+  bool air = true;
+  State::ConstAccessor leaves(state_->tree);
+  for_each_chunk({part.min().cast<double>(), part.max().cast<double>()}, [&](const Coord3& origin) {
+    if (!air) return;
+    const SampleLeaf* leaf = leaves.probeConstLeaf(to_coord(origin));
+    if (leaf == nullptr || leaf->chunk.now == 0) return;
+    openvdb::CoordBBox soil;
+    leaf->evalActiveBoundingBox(soil);
+    air = !soil.hasOverlap({to_coord(part.min()), to_coord(part.max())});
+  });
+  return air;
+}
+
 void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
   const Chunk* chunk = find(origin);
-  if (chunk != nullptr) {
-    return chunk->piece == 0 ? chunk->samples.expand(samples)
-                             : copy(*chunk).samples.expand(samples);
-  }
+  if (chunk == nullptr) return read_base(origin, samples);
+  chunk->piece == 0 ? chunk->samples.expand(samples) : copy(*chunk).samples.expand(samples);
+}
+
+void Soil::read_base(const Coord3& origin, SampleWords& samples) const {
   const Content content = classify(origin);
   if (content == Content::kMixed) {
     base_->samples(origin, world_from_index(origin.cast<double>()), h_, samples);
@@ -80,43 +101,18 @@ void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
 }
 
 std::uint32_t Soil::base_samples(const Coord3& origin) const {
-  const Chunk* chunk = find(origin);
-  if (chunk != nullptr) return chunk->base;
+  if (const Chunk* chunk = find(origin)) return chunk->base;
   SampleWords words;
-  read_samples(origin, words);
+  read_base(origin, words);
   return count(words);
 }
 
-Chunk* Soil::with_samples(const Coord3& origin) {
-  if (Chunk* chunk = find(origin)) {
-    warm(*chunk);
-    if (chunk->now > 0) index_->touch(*chunk);
-    return chunk;
-  }
-  SampleWords words;
-  read_samples(origin, words);
-  const std::uint16_t soil = count(words);
-  if (soil == 0) return nullptr;
-  Chunk& chunk = make(origin);
-  chunk.samples.assign(words);
-  chunk.base = chunk.now = soil;
-  return &chunk;
-}
-
-void Soil::restore(const Coord3& origin, const SampleWords& samples, std::uint32_t base) {
-  if (find(origin) != nullptr) throw std::invalid_argument("the chunk is resident already");
-  Chunk& chunk = make(origin);
-  chunk.samples.assign(samples);
-  chunk.now = static_cast<std::uint16_t>(chunk.samples.count());
-  chunk.base = static_cast<std::uint16_t>(base);
-}
-
-std::size_t Soil::chunk_count() const { return index_->chunks().size(); }
+std::size_t Soil::chunk_count() const { return state_->chunks; }
 
 std::vector<const Chunk*> Soil::chunks() const {
   std::vector<const Chunk*> all;
-  all.reserve(index_->chunks().size());
-  for (const Chunk& chunk : index_->chunks()) all.push_back(&chunk);
+  all.reserve(state_->chunks);
+  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf) all.push_back(&leaf->chunk);
   std::sort(all.begin(), all.end(),
             [](const Chunk* a, const Chunk* b) { return before(a->origin, b->origin); });
   return all;
@@ -124,7 +120,8 @@ std::vector<const Chunk*> Soil::chunks() const {
 
 double Soil::change_m3() const {
   std::int64_t change = 0;
-  for (const Chunk& chunk : index_->chunks()) {
+  for (const Chunk* c : chunks()) {
+    const Chunk& chunk = *c;
     const std::uint32_t now =
         chunk.piece == 0 ? chunk.samples.count() : copy(chunk).samples.count();
     change += std::int64_t{now} - chunk.base;
@@ -132,22 +129,15 @@ double Soil::change_m3() const {
   return static_cast<double>(change) * sample_m3();
 }
 
-std::uint64_t Soil::active_voxels() const {
-  std::uint64_t active = 0;
-  SampleWords words;
-  for (const Chunk& chunk : index_->chunks()) {
-    if (chunk.now == 0) continue;
-    read_samples(chunk.origin, words);
-    active += kLeafSize - static_cast<std::uint64_t>(std::count(words.begin(), words.end(), 0u));
-  }
-  return active;
-}
+std::uint64_t Soil::active_voxels() const { return state_->tree.activeVoxelCount(); }
 
 double Soil::resident_m2() const {
   std::vector<std::uint64_t> columns;
-  columns.reserve(index_->chunks().size());
-  for (const Chunk& c : index_->chunks())
-    columns.push_back(Index::key({c.origin.x(), c.origin.y(), 0}));
+  columns.reserve(state_->chunks);
+  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf) {
+    const Coord3& o = leaf->chunk.origin;
+    columns.push_back(key({o.x(), o.y(), 0}));
+  }
   std::sort(columns.begin(), columns.end());
   columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
   return static_cast<double>(columns.size()) * h_ * h_ * kLeafSide * kLeafSide;
@@ -157,7 +147,7 @@ std::uint64_t Soil::state_hash() const {
   const auto all = chunks();
   std::vector<std::uint64_t> digests(all.size());
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
-    std::uint64_t digest = Index::key(all[i]->origin);
+    std::uint64_t digest = key(all[i]->origin);
     SampleWords samples;
     read_samples(all[i]->origin, samples);
     for (const std::uint64_t word : samples) digest = mix(digest + word);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/soil_grids.h"
+#include "core/soil_writer.h"
 #include "io/level_set_file.h"
 #include "io/snapshot.h"
 #include "io/snapshot_chain.h"
@@ -68,6 +69,7 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
 /// @throw std::exception on anything that isn't as write_snapshot() makes it.
 void restore(const Int64Grid& samples, const openvdb::Int32Grid& base_samples, Soil& soil,
              std::vector<Coord3>& dropped) {
+  SoilWriter writer(soil);
   SampleWords words;
   for (auto value = base_samples.cbeginValueOn(); value; ++value) {
     const openvdb::Coord o = value.getCoord();
@@ -80,7 +82,12 @@ void restore(const Int64Grid& samples, const openvdb::Int32Grid& base_samples, S
     if (leaf == nullptr) throw std::runtime_error("its grids don't cover the same ground");
     for (openvdb::Index n = 0; n < kLeafSize; ++n)
       words[n] = static_cast<std::uint64_t>(leaf->getValue(n));
-    soil.restore(origin, words, static_cast<std::uint32_t>(*value));
+    Chunk chunk;
+    chunk.origin = origin;
+    chunk.base = static_cast<std::uint16_t>(*value);
+    chunk.above = (*value & kAbove) != 0;
+    chunk.samples.assign(words);
+    writer.put(std::move(chunk));
   }
   if (soil.chunk_count() != samples.tree().leafCount())
     throw std::runtime_error("its grids don't cover the same ground");
@@ -120,8 +127,9 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
         return;
       }
       chunks += soil->chunk_count() + dropped.size();
-      for (const Coord3& origin : dropped) site.soil->drop(origin);
-      for (const Chunk* chunk : soil->chunks()) site.soil->copy_from(*soil, chunk->origin);
+      SoilWriter writer(*site.soil);
+      for (const Coord3& origin : dropped) writer.drop(origin);
+      for (const Chunk* chunk : soil->chunks()) writer.copy_from(*soil, chunk->origin);
       if (link->file == file) link->since->dropped = std::move(dropped);
     });
     link->vdb.reset();

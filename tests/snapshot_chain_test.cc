@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "core/chunk_range.h"
+#include "core/soil_writer.h"
 #include "core/tracker.h"
 #include "io/snapshot.h"
 #include "tests/temp_folder.h"
@@ -76,7 +77,7 @@ class SnapshotChain : public ::testing::Test {
     Site part = untouched(site_);
     Changes changes;
     for (const Coord3& origin : tracker_->take_changed()) {
-      part.soil->copy_from(*site_.soil, origin);
+      SoilWriter(*part.soil).copy_from(*site_.soil, origin);
       (site_.soil->find(origin) ? changes.held : changes.dropped).push_back(origin);
     }
     info.since->dropped = changes.dropped;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/soil_writer.h"
 #include "tests/dig_runner.h"
 
 namespace soilvdb::testing {
@@ -75,11 +76,7 @@ TEST(Tracker, GoesOnFromItsStateBitForBit) {
         t.update(0, dig.motion, end * i / kUpdates, end * (i + 1) / kUpdates);
       };
       for (int i = 0; i < stop; ++i) dig_on(tracker, i);
-      SampleWords samples;
-      for (const Chunk* chunk : soil.chunks()) {
-        soil.read_samples(chunk->origin, samples);
-        copy.restore(chunk->origin, samples, soil.base_samples(chunk->origin));
-      }
+      for (const Chunk* chunk : soil.chunks()) SoilWriter(copy).put(soil.copy(*chunk));
       later.restore(tracker.state());
       for (int i = stop; i < kUpdates; ++i) {
         dig_on(tracker, i);
