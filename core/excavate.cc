@@ -111,8 +111,7 @@ void Excavator::find_jobs(const Coord3& origin, std::size_t first, std::size_t l
       const Facet& facet = facets_[f];
       if (!may_cut(ca, a.reach, cb, b.reach, facet.low / voxel_size_m, facet.high / voxel_size_m))
         continue;
-      jobs_.push_back({&facet, Stroke(frame(i - 2, f, origin), frame(i - 1, f, origin),
-                                      frame(i, f, origin), facet, voxel_size_m)});
+      jobs_.push_back({f, i});
     }
   }
 }
@@ -123,9 +122,11 @@ void Excavator::find_jobs(const Coord3& origin, std::size_t first, std::size_t l
 bool Excavator::dig(Samples& samples, const Coord3& origin, Work& work, double h) const {
   const Books through_mouth = facets_.size() > 1 ? Books::kCapturedAhead : Books::kCaptured;
   for (std::size_t i = work.first; i < work.last; ++i) {
-    const Facet& facet = *jobs_[i].facet;
-    const Books books = &facet == &facets_.front() ? through_mouth : Books::kDisplaced;
-    const Removed part = cut_samples(samples, origin, jobs_[i].stroke, facet, h, books);
+    const auto [f, pose] = jobs_[i];
+    const Stroke stroke(frame(pose - 2, f, origin), frame(pose - 1, f, origin),
+                        frame(pose, f, origin), facets_[f], h);
+    const Books books = f == 0 ? through_mouth : Books::kDisplaced;
+    const Removed part = cut_samples(samples, origin, stroke, facets_[f], h, books);
     work.removed.captured += part.captured;
     work.removed.displaced += part.displaced;
   }

@@ -50,10 +50,9 @@ class Excavator {
     Eigen::AlignedBox3d box;
     float reach[3];  // most the facet's coordinates differ over a chunk from those at its middle
   };
-  /// A stroke on its way through a chunk.
+  /// A stroke on its way through a chunk: a facet in the segment that ends with a pose.
   struct Job {
-    const Facet* facet;
-    Stroke stroke;
+    std::size_t facet, pose;
   };
   /// A chunk's jobs, in the order of the path.
   struct Work {

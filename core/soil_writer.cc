@@ -4,6 +4,7 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <bit>
 #include <utility>
 
@@ -18,6 +19,10 @@ SOILVDB_FOR_CPUS void recount(SampleLeaf& leaf) {
   leaf.chunk.now = static_cast<std::uint16_t>(leaf.chunk.samples.count());
   for (int g = 0; g < 8; ++g)
     leaf.getValueMask().getWord<std::uint64_t>(g) = leaf.chunk.samples.occupied(g);
+}
+
+bool is_air(const SampleWords& words) {
+  return std::all_of(words.begin(), words.end(), [](std::uint64_t word) { return word == 0; });
 }
 
 /// Has a chunk soil that the base surface doesn't have?
@@ -67,12 +72,12 @@ void SoilWriter::edit(Way way, std::span<const Edit> edits, std::size_t parallel
     if (place.leaf == nullptr) {
       SampleWords base;
       soil_.read_base(origin, base);
-      auto made = std::make_unique<SampleLeaf>(to_coord(origin));
-      made->chunk.samples.assign(base);
-      recount(*made);
-      made->chunk.base = made->chunk.now;
-      if (way == Way::kRemove && made->chunk.now == 0) return;
-      place.leaf = (place.made = std::move(made)).get();
+      if (way == Way::kRemove && is_air(base)) return;
+      place.made = std::make_unique<SampleLeaf>(to_coord(origin));
+      place.leaf = place.made.get();
+      place.leaf->chunk.samples.assign(base);
+      recount(*place.leaf);
+      place.leaf->chunk.base = place.leaf->chunk.now;
     } else if (place.leaf->chunk.piece != 0) {
       const std::uint32_t piece = place.leaf->chunk.piece;
       soil_.store_->drop(piece, soil_.thaw(place.leaf->chunk));
