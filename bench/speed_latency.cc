@@ -12,6 +12,7 @@
 #include "bench/site.h"
 #include "bench/speed.h"
 #include "core/ground_service.h"
+#include "core/soil_writer.h"
 #include "core/tracker.h"
 #include "io/snapshot.h"
 
@@ -190,7 +191,7 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
     info.since = io::Since{"before.vdb", {}};
     const io::Site part = io::untouched(site);
     for (const Coord3& origin : changed) {
-      part.soil->copy_from(*site.soil, origin);
+      SoilWriter(*part.soil).copy_from(*site.soil, origin);
       if (site.soil->find(origin) == nullptr) info.since->dropped.push_back(origin);
     }
     io::snapshot_bytes(folder / "service.vdb", part, info);

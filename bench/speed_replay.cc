@@ -51,7 +51,6 @@ Replay replay(double voxel_m, double hours, int threads) {
     r.updates += moves.size();
     moves.clear();
   }
-  tracker.flush();
   r.seconds = watch.seconds();
   r.cut_m3 = tracker.total().cut_m3();
   r.memory_bytes = static_cast<double>(soil.memory_bytes());

@@ -54,7 +54,6 @@ Cost dig(Soil& soil, const Bucket& bucket, int strokes, double depth_m) {
     for (int i = 0; i < kUpdates; ++i) {
       tracker.update(0, motion, 5.0 * i / kUpdates, 5.0 * (i + 1) / kUpdates);
     }
-    tracker.flush();
     if (n > 0) {
       us.push_back(watch.us() / kUpdates);
       cost.cut_m3 += tracker.total().cut_m3() - cut_before;

@@ -88,7 +88,7 @@ class Stability {
   void print() {
     progress_.reset();
     for (const std::string& line : lines_) fmt::print("{}\n", line);
-    goals_.add({"values of phi that are not finite or beyond the band",
+    goals_.add({"distances that are not finite or beyond the band",
                 static_cast<double>(not_finite_), "", 0.0});
     goals_.add({"cells with soil that was not there", static_cast<double>(grown_), "", 0.0});
     goals_.add({"largest residual of the ledger", residual_m3_, "m3", 0.0});
@@ -257,7 +257,6 @@ class Stability {
 
   void report(const std::string& what, const std::string& which, Site& site,
               std::optional<double> error, double uncertainty = 0) {
-    site.tracker.flush();
     const Health h = health(site.soil, site.tracker);
     not_finite_ += h.not_finite;
     grown_ += h.grown;
@@ -270,8 +269,8 @@ class Stability {
     std::string line = fmt::format("{:<24}{:<26}", what, which);
     line += error ? fmt::format("error {:+9.2e}", *error) : fmt::format("{:15}", "");
     line += uncertainty > 0 ? fmt::format(" +- {:.0e}", uncertainty) : fmt::format("{:9}", "");
-    line += fmt::format("  phi {}  new soil {}  residual {:.0e} m3  {:5.1f} MB", h.not_finite,
-                        h.grown, h.residual_m3, h.memory_bytes / 1e6);
+    line += fmt::format("  bad distances {}  new soil {}  residual {:.0e} m3  {:5.1f} MB",
+                        h.not_finite, h.grown, h.residual_m3, h.memory_bytes / 1e6);
     if (first > 0) line += fmt::format("  {:.2f} us first, {:.2f} us last tenth", first, last);
     lines_.push_back(line);
   }

@@ -9,7 +9,6 @@
 
 #include "bench/engine.h"
 #include "bench/site.h"
-#include "core/cut_surface.h"
 #include "core/excavate.h"
 #include "core/facet.h"
 #include "core/lanes.h"
@@ -128,21 +127,6 @@ void cut(benchmark::State& state, const MakeEngine& make) {
   }
 }
 
-void cut_surface(benchmark::State& state) {
-  const Motion motion = drag();
-  const Bucket bucket = excavator_bucket();
-  const double h = voxel_m(state);
-  Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
-  const auto path = motion.trace(0.4, 0.4 + 6 * h / 3, bucket, kMostBend * h, h / 2);
-  for (auto _ : state) {
-    SweepWindow window;
-    window.world_from_bucket = path;
-    window.fresh = path.size() - 2;
-    SurfaceCut carving(soil, bucket, window);
-    carving.carve(soil, carving.pending().size());
-  }
-}
-
 /// What one core can do: products and sums, not fused, of floats that never leave the registers.
 SOILVDB_FOR_CPUS void multiply_and_add(Lanes* values, float factor, float sum, int times) {
   Lanes v[16];
@@ -209,10 +193,7 @@ void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurfac
       state.ResumeTiming();
     }
     const Coord3 origin(8 * (i % 64), 8 * (i / 64), z);
-    Phi phi;
-    soil->read_phi(origin, phi);
-    soil->set_phi(soil->make(origin), phi);
-    benchmark::DoNotOptimize(soil->with_samples(origin));
+    benchmark::DoNotOptimize(SoilWriter(*soil).remove(origin, {}));
     i = (i + 1) % 4096;
   }
 }
@@ -228,7 +209,6 @@ io::Site dug_site(double h, double side_m) {
   Tracker tracker(*site.soil, {excavator_bucket()});
   const DigCycles machine({0, 0}, 0.4);
   for (int tick = 0; tick < 2000; ++tick) tracker.update(0, machine.world_from_bucket(0.1 * tick));
-  tracker.flush();
   return site;
 }
 
@@ -267,7 +247,6 @@ BENCHMARK(cut_edge_cells)->Name("CutSamples/soilvdb/edge");
 BENCHMARK(excavate)->Name("Excavate/soilvdb")->Apply(sizes_and_sites);
 BENCHMARK(excavate_again)->Name("ExcavateAgain/soilvdb")->Apply(sizes);
 BENCHMARK(miss)->Name("Miss/soilvdb")->Apply(sizes_and_sites);
-BENCHMARK(cut_surface)->Name("CutSurface/soilvdb")->Apply(sizes);
 BENCHMARK(make_chunk_plane)->Name("MakeChunk/soilvdb_plane")->Apply(sizes);
 BENCHMARK(make_chunk_height_field)->Name("MakeChunk/soilvdb_height_field")->Apply(sizes);
 BENCHMARK(mesh_one_block)->Name("MeshBlock/soilvdb")->Apply(sizes);

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/surface.h"
 #include "tests/oracle.h"
 
 namespace soilvdb::bench {
@@ -23,7 +24,7 @@ Health health(const Soil& soil, const Tracker& tracker) {
   for (const Chunk* chunk : soil.chunks()) {
     untouched.read_samples(chunk->origin, before);
     soil.read_samples(chunk->origin, now);
-    soil.read_phi(chunk->origin, phi_m);
+    surface_distance(soil, chunk->origin, phi_m);
     for (std::size_t i = 0; i < kLeafSize; ++i) {
       h.not_finite += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       h.grown += (now[i] & ~before[i]) != 0;

@@ -15,7 +15,7 @@ namespace soilvdb::bench {
 
 /// What is measured on the ground itself.
 struct Health {
-  std::uint64_t not_finite = 0;  ///< values of phi that are NaN, infinite or beyond the band
+  std::uint64_t not_finite = 0;  ///< distances that are NaN, infinite or beyond the band
   std::uint64_t grown = 0;       ///< cells with soil that the untouched ground has not
   double residual_m3 = 0;        ///< change of the ground plus what the ledger says was cut
   std::uint64_t chunks = 0;

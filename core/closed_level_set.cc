@@ -10,6 +10,7 @@
 
 #include "core/chunk_range.h"
 #include "core/soil_grids.h"
+#include "core/surface.h"
 
 namespace soilvdb {
 namespace {
@@ -59,7 +60,7 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
       }
     }
     std::array<float, kLeafSize> phi;
-    soil.read_phi(origin, phi.data());
+    surface_distance(soil, origin, phi.data());
     bool air = true;
     for (int n = 0; n < kLeafSize; ++n) {
       const Vec3 p =

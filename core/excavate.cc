@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/excavate.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -113,55 +111,47 @@ void Excavator::find_jobs(const Coord3& origin, std::size_t first, std::size_t l
       const Facet& facet = facets_[f];
       if (!may_cut(ca, a.reach, cb, b.reach, facet.low / voxel_size_m, facet.high / voxel_size_m))
         continue;
-      jobs_.push_back({&facet, Stroke(frame(i - 2, f, origin), frame(i - 1, f, origin),
-                                      frame(i, f, origin), facet, voxel_size_m)});
+      jobs_.push_back({f, i});
     }
   }
 }
 
-/// Digs all jobs of one chunk.
-void Excavator::dig(Soil& soil, Work& work) const {
-  Chunk* chunk = soil.with_samples(work.origin);
-  if (chunk == nullptr || chunk->now == 0) return;
+/// Digs all jobs of one chunk: the sweep's difference, as for level sets, where what is soil after
+/// it is where max(soil, -sweep) < 0, decided at 64 points of each voxel instead of at its centre.
+/// @return whether anything was there
+bool Excavator::dig(Samples& samples, const Coord3& origin, Work& work, double h) const {
   const Books through_mouth = facets_.size() > 1 ? Books::kCapturedAhead : Books::kCaptured;
   for (std::size_t i = work.first; i < work.last; ++i) {
-    const Facet& facet = *jobs_[i].facet;
-    const Books books = &facet == &facets_.front() ? through_mouth : Books::kDisplaced;
-    const Removed part = cut_samples(chunk->samples, chunk->origin, jobs_[i].stroke, facet,
-                                     soil.voxel_size_m(), books);
+    const auto [f, pose] = jobs_[i];
+    const Stroke stroke(frame(pose - 2, f, origin), frame(pose - 1, f, origin),
+                        frame(pose, f, origin), facets_[f], h);
+    const Books books = f == 0 ? through_mouth : Books::kDisplaced;
+    const Removed part = cut_samples(samples, origin, stroke, facets_[f], h, books);
     work.removed.captured += part.captured;
     work.removed.displaced += part.displaced;
   }
-  const std::int64_t removed = work.removed.captured + work.removed.displaced;
-  chunk->now = static_cast<std::uint16_t>(chunk->now - removed);
-  if (removed > 0) chunk->samples.trim();
+  return work.removed.captured + work.removed.displaced > 0;
 }
 
 /// Digs the path from its pose `first` to `last`.
 void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut) {
   Eigen::AlignedBox3d whole;
   for (std::size_t i = first; i <= last; ++i) whole.extend(box(i));
-  if (soil.base().classify(in_world(soil, whole)) == Content::kAir) return;
+  if (soil.is_air(in_world(soil, whole))) return;
+  const double h = soil.voxel_size_m();
   jobs_.clear();
   work_.clear();
+  edits_.clear();
   for_each_chunk(whole, [&](const Coord3& origin) {
     const std::size_t before = jobs_.size();
-    find_jobs(origin, first, last, soil.voxel_size_m());
+    find_jobs(origin, first, last, h);
     if (jobs_.size() == before) return;
-    const Chunk* chunk = soil.find(origin);
-    const bool no_soil = chunk != nullptr ? chunk->sampled && chunk->now == 0
-                                          : soil.classify(origin) == Content::kAir;
-    if (no_soil) {
-      jobs_.resize(before);
-    } else {
-      work_.push_back({origin, before, jobs_.size(), {}});
-    }
+    edits_.push_back({origin, jobs_.size() - before});
+    work_.push_back({before, jobs_.size(), {}});
   });
-  if (jobs_.size() >= kParallelWork) {
-    tbb::parallel_for(std::size_t{0}, work_.size(), [&](std::size_t i) { dig(soil, work_[i]); });
-  } else {
-    for (Work& work : work_) dig(soil, work);
-  }
+  SoilWriter(soil).edit(
+      SoilWriter::Way::kRemove, edits_, kParallelWork,
+      [&](std::size_t i, Samples& samples) { return dig(samples, edits_[i].origin, work_[i], h); });
   for (const Work& work : work_) {
     cut.captured += work.removed.captured;
     cut.displaced += work.removed.displaced;
@@ -198,14 +188,14 @@ Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
   stations_.clear();
   for (const Facet& facet : facets_) stations_.push_back(station(soil, facet, world_from_bucket));
   const Pose bucket_from_world = world_from_bucket.inverse();
-  for_each_chunk(box(0), [&](const Coord3& origin) {
-    Chunk* chunk = soil.with_samples(origin);
-    if (chunk == nullptr || chunk->now == 0) return;
-    std::int64_t removed = 0;
+  edits_.clear();
+  for_each_chunk(box(0), [&](const Coord3& origin) { edits_.push_back({origin}); });
+  std::vector<std::int64_t> removed(edits_.size());
+  const auto clear = [&](std::size_t e, Samples& samples) {
     for (int n = 0; n < kLeafSize; ++n) {
-      const std::uint64_t word = chunk->samples.word(n);
+      const std::uint64_t word = samples.word(n);
       if (word == 0) continue;
-      const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+      const Coord3 voxel = edits_[e].origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
       const CellPoints& points = sample_points(voxel);
       const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
       std::uint64_t hit = 0;
@@ -217,12 +207,13 @@ Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
         hit |= std::uint64_t{in} << i;
       }
       hit &= word;
-      removed += std::popcount(hit);
-      chunk->samples.set_word(n, word ^ hit);
+      removed[e] += std::popcount(hit);
+      samples.set_word(n, word ^ hit);
     }
-    chunk->now = static_cast<std::uint16_t>(chunk->now - removed);
-    cut.displaced += removed;
-  });
+    return removed[e] > 0;
+  };
+  SoilWriter(soil).edit(SoilWriter::Way::kRemove, edits_, kParallelWork, clear);
+  for (const std::int64_t samples : removed) cut.displaced += samples;
   return cut;
 }
 

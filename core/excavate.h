@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/facet.h"
-#include "core/soil.h"
+#include "core/soil_writer.h"
 
 namespace soilvdb {
 
@@ -50,14 +50,12 @@ class Excavator {
     Eigen::AlignedBox3d box;
     float reach[3];  // most the facet's coordinates differ over a chunk from those at its middle
   };
-  /// A stroke on its way through a chunk.
+  /// A stroke on its way through a chunk: a facet in the segment that ends with a pose.
   struct Job {
-    const Facet* facet;
-    Stroke stroke;
+    std::size_t facet, pose;
   };
-  /// A chunk and its jobs, in the order of the path.
+  /// A chunk's jobs, in the order of the path.
   struct Work {
-    Coord3 origin;
     std::size_t first, last;
     Removed removed;
   };
@@ -67,13 +65,14 @@ class Excavator {
   Eigen::AlignedBox3d box(std::size_t pose) const;
   AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
   void find_jobs(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
-  void dig(Soil& soil, Work& work) const;
+  bool dig(Samples& samples, const Coord3& origin, Work& work, double voxel_size_m) const;
   void sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut);
 
   Bucket bucket_;
   std::vector<Facet> facets_;
   std::vector<Station> stations_;  // by pose, then facet
   std::vector<Job> jobs_;
+  std::vector<SoilWriter::Edit> edits_;  // by chunk, as
   std::vector<Work> work_;
 };
 

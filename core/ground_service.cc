@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/beside.h"
+#include "core/soil_writer.h"
 
 namespace soilvdb {
 namespace {
@@ -16,11 +17,10 @@ std::optional<Chunk> copy_of(const Soil& soil, const Coord3& origin) {
   return std::nullopt;
 }
 
-/// Is the mesh surely the same? Without a look at the base surface.
+/// Is the mesh surely the same?
 bool same_surface(const Chunk* before, const std::optional<Chunk>& now) {
   if (before == nullptr || !now) return before == nullptr && !now;
-  if (before->phi && now->phi) return before->phi == now->phi;
-  return before->air == now->air && !before->phi && !now->phi;
+  return before->samples == now->samples;
 }
 
 }  // namespace
@@ -150,12 +150,13 @@ void GroundService::perform(Task task) {
 
 void GroundService::apply(Task& task) {
   std::vector<Coord3> reshaped;
+  SoilWriter writer(copy_);
   for (auto& [origin, now] : task.chunks) {
     if (options_.meshes && !same_surface(copy_.find(origin), now)) reshaped.push_back(origin);
     if (now) {
-      copy_.make(origin) = std::move(*now);
+      writer.put(std::move(*now));
     } else {
-      copy_.drop(origin);
+      writer.drop(origin);
     }
   }
   applied_ = task.last_post;

@@ -69,8 +69,7 @@ class GroundService {
   /// Runs all jobs; meshes nothing more. Errors not thrown yet are lost: finish() first.
   ~GroundService();
 
-  /// Copies the chunks that changed. Call it right after take_changed(): what readers are to see is
-  /// phi as flush() leaves it, which the next update takes back.
+  /// Copies the chunks that changed.
   /// @param soil the ground, always the same
   /// @param changed Tracker::take_changed()
   void post(const Soil& soil, std::span<const Coord3> changed);

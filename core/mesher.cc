@@ -74,7 +74,7 @@ Mesh mesh_block(const Soil& soil, const Coord3& block) {
   Mesh mesh;
   const std::vector<Coord3> chunks = resident(soil, block);
   if (chunks.empty()) return mesh;
-  // In index space: vertices then depend on phi alone and not on the block.
+  // In index space: vertices then depend on distances alone and not on the block.
   std::vector<openvdb::Vec3s> points;
   std::vector<openvdb::Vec3I> triangles;
   std::vector<openvdb::Vec4I> quads;

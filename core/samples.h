@@ -60,6 +60,8 @@ class Samples {
     const Head& h = head();
     return (h.soil[first >> 6] | h.mixed[first >> 6]) >> (first & 63) & 0xff;
   }
+  /// Bit i: cell i of group `g`, which is 64 cells, holds soil.
+  std::uint64_t occupied(int g) const { return head().soil[g] | head().mixed[g]; }
   /// Bit i: row i of eight cells of group `g`, which is 64 cells, holds soil.
   std::uint32_t rows_with_soil(int g) const {
     std::uint64_t any = head().soil[g] | head().mixed[g];
@@ -70,15 +72,26 @@ class Samples {
     return static_cast<std::uint32_t>(any * 0x0102040810204080u >> 56);
   }
 
+  bool operator==(const Samples& other) const {
+    const Head &a = head(), &b = other.head();
+    const auto same = [](const auto& x, const auto& y) {
+      return std::memcmp(x, y, sizeof(x)) == 0;
+    };
+    return same(a.soil, b.soil) && same(a.mixed, b.mixed) &&
+           (a.size == 0 || std::memcmp(tail(), other.tail(), a.size * sizeof(kAllSoil)) == 0);
+  }
+
   std::uint64_t word(int n) const {
     const std::uint64_t bit = std::uint64_t{1} << (n & 63);
     if (head().soil[n >> 6] & bit) return kAllSoil;
     return head().mixed[n >> 6] & bit ? tail()[head().index(n)] : 0;
   }
 
-  /// Soil only shrinks: a cell without any stays so.
   void set_word(int n, std::uint64_t word) {
-    if (!block_) return;
+    if (!block_) {
+      if (word == 0) return;
+      resize(word != kAllSoil);
+    }
     const std::uint64_t bit = std::uint64_t{1} << (n & 63);
     const std::size_t at = block_->index(n);
     const bool was_mixed = block_->mixed[n >> 6] & bit, mixed = word != 0 && word != kAllSoil;
@@ -166,7 +179,7 @@ class Samples {
     Head resized = head();
     resized.reserve(words);
     block_.resize(resized.bytes());  // before it says so: it may fail
-    block_->capacity = resized.capacity;
+    *block_.get() = resized;
   }
 
   HeapBlock<Head> block_;

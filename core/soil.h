@@ -1,17 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The ground: base surface plus the voxels of the places where buckets have been.
+// The ground: base surface plus the voxels of the places where it changed.
 #pragma once
 
 #include <cstdint>
 #include <memory>
-#include <optional>
-#include <span>
 #include <vector>
 
 #include "core/base_surface.h"
 #include "core/cold_store.h"
-#include "core/packed_phi.h"
+#include "core/sample_tree_fwd.h"
 #include "core/samples.h"
 #include "core/types.h"
 
@@ -19,25 +17,18 @@ namespace soilvdb {
 
 /// One resident chunk of 8x8x8 voxels, at voxel x*64 + y*8 + z.
 ///
-/// A voxel has a value and a cell. The value `phi` is the signed distance at the voxel's centre:
-/// phi < 0 in soil, clamped to +-band, kept in 16 bits. The cell is the cube of one voxel's side
-/// about the centre; it holds 64 sample points, and a bit of `samples` for each says whether it is
-/// soil. Volumes are counted on samples, surfaces are read off phi. Each is made when something
-/// first changes it: until then it is that of the base surface.
+/// A voxel's cell is the cube of one voxel's side about its centre; it holds 64 sample points, and
+/// a bit of `samples` for each says whether it is soil. That is all there is of the ground: volumes
+/// are counted on samples, surfaces are made from them when somebody looks (core/surface.h).
 struct Chunk {
-  Coord3 origin;         ///< index of the first voxel, a multiple of 8
-  bool sampled = false;  ///< else samples, base and now are still to be made
-  bool air = false;      ///< phi is +band all over, and isn't stored
-  bool touched = false;  ///< listed for Soil::take_touched()
-  /// How lately it was used, where memory is limited: 2 since the last Soil::settle().
-  std::uint8_t used = 0;
-  std::uint16_t base = 0;   ///< samples of soil in the base surface
-  std::uint16_t now = 0;    ///< samples of soil now
-  std::uint32_t piece = 0;  ///< of the cold store, which then has phi and samples; 0: they are here
-  PackedPhi phi;
+  Coord3 origin;           ///< index of the first voxel, a multiple of 8
+  bool touched = false;    ///< listed for Soil::take_touched()
+  bool above = false;      ///< soil was added that the base surface doesn't have
+  std::uint8_t used = 0;   ///< how lately, where memory is limited: 2 since the last Soil::settle()
+  std::uint16_t base = 0;  ///< samples of soil in the base surface
+  std::uint16_t now = 0;   ///< samples of soil now
+  std::uint32_t piece = 0;  ///< of the cold store, which then has the samples; 0: they are here
   Samples samples;
-
-  std::size_t heap_bytes() const { return phi.heap_bytes() + samples.heap_bytes(); }
 };
 
 /// The ground of a site.
@@ -45,14 +36,12 @@ struct Chunk {
 /// World = origin + h * index: voxel (i, j, k) has its centre there. The origin is double, so that
 /// indices, grids and meshes stay near zero on sites in UTM coordinates.
 ///
-/// Invariants: a chunk that is not resident equals the base surface; soil only shrinks.
-/// Where memory is limited, phi and samples of chunks that haven't been used for long are in a cold
-/// store. Const members read them there. Who uses a chunk's own goes by warm(), make() or
-/// with_samples().
+/// A chunk that is not resident equals the base surface. Only SoilWriter changes the ground. Where
+/// memory is limited, samples of chunks that haven't been used for long are in a cold store: const
+/// members read them there.
 ///
-/// Not copyable. Const members may run together with each other. make(), warm() and what changes a
-/// chunk may run together with all of them where other chunks are concerned; restore(),
-/// copy_from(), drop() and settle() may not.
+/// Not copyable. Const members may run together with each other, and not while anyone changes the
+/// ground, but for is_air(). take_touched(), limit_memory() and settle() run beside nothing.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
@@ -63,6 +52,7 @@ class Soil {
 
   double voxel_size_m() const { return h_; }
   const Vec3& origin() const { return origin_; }
+  /// Where distances to the surface are clamped.
   double band_m() const { return 3 * h_; }
   /// Volume that one sample stands for, m^3.
   double sample_m3() const { return h_ * h_ * h_ / 64; }
@@ -74,56 +64,37 @@ class Soil {
   Vec3 index_from_world(const Vec3& p) const { return (p - origin_) / h_; }
 
   /// The chunk whose first voxel is `origin` (multiples of 8), or null if it isn't resident.
-  Chunk* find(const Coord3& origin);
   const Chunk* find(const Coord3& origin) const;
-  /// The same, made resident if it isn't.
-  Chunk& make(const Coord3& origin);
-  /// The chunk with its samples, made resident if it holds soil; null if it isn't and doesn't.
-  Chunk* with_samples(const Coord3& origin);
-  /// Brings a chunk back from the cold store, if it is there.
-  void warm(Chunk& chunk) {
-    if (store_ != nullptr) use(chunk);
-  }
-  /// A chunk as it is, cold or not.
-  Chunk copy(const Chunk& chunk) const;
-  /// Puts phi into a chunk that is warm.
-  void set_phi(Chunk& chunk, const Phi& phi) const;
-  /// Makes a place what it is in a soil of the same voxel size, origin and base surface.
-  void copy_from(const Soil& other, const Coord3& origin);
-  /// Forgets a resident chunk: there the ground is the base surface again.
-  void drop(const Coord3& origin);
-  /// Origins of the chunks that make(), with_samples(), restore() and drop() were called for since
-  /// the last call, sorted: all that came, went or may have lost samples.
-  std::vector<Coord3> take_touched();
-  /// What a chunk that isn't resident would hold, its cells included.
-  Content classify(const Coord3& origin) const;
-
-  /// phi of a chunk, resident or not.
-  void read_phi(const Coord3& origin, Phi& phi) const;
-  /// The same in metres, 512 values.
-  void read_phi(const Coord3& origin, float* phi_m) const;
-  /// samples of a chunk, resident or not.
-  void read_samples(const Coord3& origin, SampleWords& samples) const;
-  /// Samples of soil that the base surface has in a chunk.
-  std::uint32_t base_samples(const Coord3& origin) const;
-
   /// Resident chunks, ordered by origin (x, then y, then z).
   std::vector<const Chunk*> chunks() const;
   std::size_t chunk_count() const;
+  /// The resident ground as OpenVDB has it: a voxel is active where its cell holds soil. Its users
+  /// include core/sample_tree.h.
+  const SampleTree& tree() const;
 
-  /// Puts back a chunk as a snapshot held it. @throw std::invalid_argument if it is resident.
-  /// @param base samples of soil that the base surface has there
-  void restore(const Coord3& origin, const float* phi_m, const SampleWords& samples,
-               std::uint32_t base);
+  /// What a chunk that isn't resident would hold, its cells included.
+  Content classify(const Coord3& origin) const;
+  /// Is a box of the world surely free of soil, the base surface's and what was added above it?
+  /// May run while others change the ground elsewhere.
+  bool is_air(const Eigen::AlignedBox3d& box) const;
 
-  /// Height of the topmost soil at (x, y) of the world, m.
-  std::optional<double> height(double x, double y) const;
+  /// samples of a chunk, resident or not.
+  void read_samples(const Coord3& origin, SampleWords& samples) const;
+  /// Those that the base surface has there.
+  void read_base(const Coord3& origin, SampleWords& samples) const;
+  /// Samples of soil that the base surface has in a chunk.
+  std::uint32_t base_samples(const Coord3& origin) const;
+  /// A chunk as it is, cold or not.
+  Chunk copy(const Chunk& chunk) const;
+
+  /// Origins of the chunks that came, went or changed since the last call, sorted.
+  std::vector<Coord3> take_touched();
 
   /// Volume of the ground now less that of the base surface, counted anew, m^3.
   double change_m3() const;
-  std::uint64_t active_voxels() const;  ///< |phi| < band
+  std::uint64_t active_voxels() const;  ///< cells of resident chunks that hold soil
   double resident_m2() const;           ///< footprint of the resident chunks
-  /// What the ground holds of memory: chunks, and what the base surface has read.
+  /// What the ground holds of memory: the tree and its chunks, and what the base surface has read.
   std::uint64_t memory_bytes() const;
   /// From now on settle() keeps memory_bytes() to `bytes`, by sending chunks to `store`.
   void limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store);
@@ -132,21 +103,18 @@ class Soil {
   /// used in between.
   /// @throw std::runtime_error if that can't be done; the ground is whole then
   void settle();
-  /// Digest of voxel size, origin and every resident chunk's phi and samples.
+  /// Digest of voxel size, origin and every resident chunk's samples.
   std::uint64_t state_hash() const;
 
-  /// One unit of phi, m.
-  float phi_step_m() const { return static_cast<float>(band_m()) / kPhiMax; }
-
  private:
-  class Index;
-  void use(Chunk& chunk);
+  friend class SoilWriter;
+  struct State;  // core/soil_state.h
   std::size_t thaw(Chunk& chunk) const;
   void freeze(Chunk& chunk);
   double h_;
   Vec3 origin_;
   std::shared_ptr<const BaseSurface> base_;
-  std::unique_ptr<Index> index_;
+  std::unique_ptr<State> state_;
   std::shared_ptr<ColdStore> store_;  // null: memory isn't limited
   std::uint64_t limit_bytes_ = 0;
 };

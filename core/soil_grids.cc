@@ -6,6 +6,8 @@
 
 #include <cmath>
 
+#include "core/surface.h"
+
 namespace soilvdb {
 
 openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil) {
@@ -19,7 +21,7 @@ openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil) {
 
 std::unique_ptr<FloatLeaf> surface_leaf(const Soil& soil, const Coord3& origin) {
   float phi_m[kLeafSize];
-  soil.read_phi(origin, phi_m);
+  surface_distance(soil, origin, phi_m);
   const float band = static_cast<float>(soil.band_m());
   auto leaf = std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band);
   for (openvdb::Index n = 0; n < kLeafSize; ++n) {

@@ -11,7 +11,7 @@ namespace soilvdb {
 
 using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 
-/// phi of a chunk, resident or not, as a leaf.
+/// The surface's distance in a chunk, resident or not, as a leaf.
 std::unique_ptr<FloatLeaf> surface_leaf(const Soil& soil, const Coord3& origin);
 
 /// The resident ground as a grid `surface`: class level set, background +band, a leaf for each

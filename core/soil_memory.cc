@@ -5,8 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/chunk_index.h"
-#include "core/soil.h"
+#include "core/soil_state.h"
 
 namespace soilvdb {
 namespace {
@@ -22,8 +21,9 @@ struct Label {
 }  // namespace
 
 std::uint64_t Soil::memory_bytes() const {
-  std::uint64_t bytes = index_->bytes() + base_->memory_bytes();
-  for (const Chunk& chunk : index_->chunks()) bytes += chunk.heap_bytes();
+  std::uint64_t bytes = state_->bytes() + base_->memory_bytes();
+  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf)
+    bytes += leaf->chunk.samples.heap_bytes();
   return bytes;
 }
 
@@ -31,30 +31,45 @@ void Soil::limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store) {
   if (store_ != nullptr) throw std::logic_error("memory is limited already");
   limit_bytes_ = bytes;
   store_ = std::move(store);
-  index_->begin_counting();
+  for (SampleLeaf* leaf : state_->leaves()) {
+    leaf->chunk.used = State::kUsed;
+    state_->idle_bytes += leaf->chunk.samples.heap_bytes();
+  }
 }
 
 void Soil::settle() {
   if (store_ == nullptr) return;
-  index_->drop_old_tables();
-  std::uint64_t heap = index_->count_heap_bytes();
-  const auto held = [&] { return index_->bytes() + base_->memory_bytes() + heap; };
+  State& state = *state_;
+  for (const Coord3& origin : state.in_use) {  // none is any more
+    SampleLeaf* leaf = state.find(origin);
+    if (leaf == nullptr || leaf->chunk.used != State::kInUse) continue;
+    leaf->chunk.used = State::kUsed;
+    state.idle_bytes += leaf->chunk.samples.heap_bytes();
+  }
+  state.in_use.clear();
+  const auto held = [&] { return state.bytes() + base_->memory_bytes() + state.idle_bytes; };
   if (held() <= limit_bytes_) return;
   // Unless others may be reading it.
   if (base_->memory_bytes() > limit_bytes_ / 4 && base_.use_count() == 1) base_->forget();
-  while (held() > limit_bytes_ - limit_bytes_ / 8) {
-    Chunk* const chunk = index_->next_unused();
-    if (chunk == nullptr) break;
-    const std::size_t bytes = chunk->heap_bytes();
-    freeze(*chunk);
-    index_->sent_away(bytes);
-    heap -= bytes;
+  const std::vector<SampleLeaf*> leaves = state.leaves();
+  for (std::size_t seen = 0; seen < 2 * leaves.size(); ++seen) {
+    if (held() <= limit_bytes_ - limit_bytes_ / 8) return;
+    state.hand = state.hand + 1 < leaves.size() ? state.hand + 1 : 0;
+    Chunk& chunk = leaves[state.hand]->chunk;
+    const std::size_t bytes = chunk.samples.heap_bytes();
+    if (bytes == 0) continue;
+    if (chunk.used == State::kUsed) {
+      chunk.used = State::kIdle;
+      continue;
+    }
+    freeze(chunk);
+    state.idle_bytes -= bytes;
   }
   if (held() > limit_bytes_)
-    throw std::runtime_error(
-        "the ground needs more memory than " + std::to_string(limit_bytes_ >> 20) +
-        " MB: a list of its " + std::to_string(index_->chunks().size()) +
-        " chunks and what it began as take " + std::to_string((held() >> 20) + 1) + " MB");
+    throw std::runtime_error("the ground needs more memory than " +
+                             std::to_string(limit_bytes_ >> 20) + " MB: a list of its " +
+                             std::to_string(state.chunks) + " chunks and what it began as take " +
+                             std::to_string((held() >> 20) + 1) + " MB");
 }
 
 Chunk Soil::copy(const Chunk& chunk) const {
@@ -65,20 +80,11 @@ Chunk Soil::copy(const Chunk& chunk) const {
   return same;
 }
 
-void Soil::use(Chunk& chunk) {
-  index_->use(chunk);
-  if (chunk.piece == 0) return;
-  const std::uint32_t piece = chunk.piece;
-  store_->drop(piece, thaw(chunk));
-}
-
 void Soil::freeze(Chunk& chunk) {
   const Label label(chunk);
   std::string bytes(reinterpret_cast<const char*>(&label), sizeof(label));
-  chunk.phi.put(bytes);
   chunk.samples.put(bytes);
   chunk.piece = store_->put(bytes);
-  chunk.phi = {};
   chunk.samples = {};
 }
 
@@ -88,13 +94,11 @@ std::size_t Soil::thaw(Chunk& chunk) const {
   store_->get(chunk.piece, bytes);
   const Label label(chunk);
   std::string_view rest = bytes;
-  PackedPhi phi;
   Samples samples;
   const bool good = rest.starts_with({reinterpret_cast<const char*>(&label), sizeof(label)}) &&
-                    (rest.remove_prefix(sizeof(label)), phi.take(rest)) && samples.take(rest) &&
-                    rest.empty() && samples.count() == chunk.now;
+                    (rest.remove_prefix(sizeof(label)), samples.take(rest)) && rest.empty() &&
+                    samples.count() == chunk.now;
   if (!good) throw std::runtime_error("what comes back from the cold store is another chunk");
-  chunk.phi = std::move(phi);
   chunk.samples = std::move(samples);
   chunk.piece = 0;
   return bytes.size();

@@ -74,23 +74,17 @@ Machine& Tracker::at(std::size_t machine) const {
   return *machines_[machine];
 }
 
-/// So that the ground is the same whether or not anyone read it on the way, and nobody uses it.
-void Tracker::take_back() {
-  for (auto it = machines_.rbegin(); it != machines_.rend(); ++it) (*it)->take_back(soil_);
-  soil_.settle();
-}
-
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
   Machine& m = at(machine);
   check(soil_, m, world_from_bucket);
-  take_back();
+  soil_.settle();
   return timed([&] { return m.move(soil_, world_from_bucket); });
 }
 
 Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
   Machine& m = at(machine);
   check(soil_, m, motion, begin_s, end_s);
-  take_back();
+  soil_.settle();
   return timed([&] { return m.move(soil_, motion, begin_s, end_s); });
 }
 
@@ -103,7 +97,7 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
       check(soil_, machine, move.to);
     }
   }
-  take_back();
+  soil_.settle();
   std::vector<Update> updates(moves.size());
   const auto run = [&](std::size_t i) {
     const Move& move = moves[i];
@@ -143,12 +137,6 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
   return updates;
 }
 
-void Tracker::flush() {
-  for (const auto& machine : machines_) {
-    if (!machine->is_ahead()) machine->carve_ahead(soil_);
-  }
-}
-
 const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(machine)->ledger(); }
 
 Ledger Tracker::total() const {
@@ -162,10 +150,7 @@ Ledger Tracker::total() const {
   return sum;
 }
 
-std::vector<Coord3> Tracker::take_changed() {
-  flush();
-  return soil_.take_touched();
-}
+std::vector<Coord3> Tracker::take_changed() { return soil_.take_touched(); }
 
 double Tracker::tolerance_m() const { return Machine::tolerance_m(soil_); }
 
@@ -179,7 +164,7 @@ void Tracker::restore(std::string_view state) {
   std::vector<std::unique_ptr<Machine>> machines;
   for (const auto& machine : machines_) {
     machines.push_back(std::make_unique<Machine>(machine->bucket(), soil_));
-    machines.back()->load(state, soil_);
+    machines.back()->load(state);
   }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   machines_ = std::move(machines);

@@ -61,7 +61,6 @@ class Machine;  // core/machine.h
 /// Tracker tracker(soil, {bucket});
 /// for (const Pose& world_from_bucket : poses)
 ///   load = tracker.update(0, world_from_bucket).bucket_m3;
-/// tracker.flush();   // before reading phi
 /// ```
 class Tracker {
  public:
@@ -80,28 +79,23 @@ class Tracker {
   /// @throw NoGroundError; other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
-  /// Brings phi up to date with the samples. Updates do so by themselves, a part each, and are
-  /// never more than sixteen voxels of travel behind.
-  void flush();
-
   const Ledger& ledger(std::size_t machine) const;
   Ledger total() const;
-  /// Origins of the chunks that came, went or may have changed since the last call, sorted; calls
-  /// flush() first.
+  /// Origins of the chunks that came, went or may have changed since the last call,
+  /// sorted.
   std::vector<Coord3> take_changed();
 
   /// How far the path that is dug may be from a machine's own: no more than this over the bucket.
   double tolerance_m() const;
 
-  /// All that the next update depends on besides the soil, as bytes; call flush() first. A tracker
-  /// of the same buckets on the soil as it is then goes on from there as this one would.
+  /// All that the next update depends on besides the soil, as bytes. A tracker of the same
+  /// buckets on the soil as it is then goes on from there as this one would.
   std::string state() const;
   /// @throw std::invalid_argument if these bytes are of other buckets, or not from state()
   void restore(std::string_view state);
 
  private:
   Machine& at(std::size_t machine) const;
-  void take_back();
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;
 };

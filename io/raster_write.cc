@@ -12,6 +12,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "core/surface.h"
 #include "io/atomic_file.h"
 #include "io/gdal.h"
 #include "io/raster.h"
@@ -122,7 +123,7 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
     for (int i = 0; i < out.grid.nx; ++i) {
       const double x = out.grid.first.x() + i * cell_m;
       const std::size_t n = std::size_t(j) * out.grid.nx + i;
-      out.surface[n] = static_cast<float>(soil.height(x, y).value_or(kNone));
+      out.surface[n] = static_cast<float>(surface_height(soil, x, y).value_or(kNone));
       out.base[n] = static_cast<float>(soil.base().height(x, y).value_or(kNone));
     }
   });

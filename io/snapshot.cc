@@ -99,7 +99,8 @@ Int64Grid::Ptr samples_grid(const Soil& soil) {
   return grid;
 }
 
-/// A voxel per chunk: how many samples of soil the base surface has there, or that it was dropped.
+/// A voxel per chunk: how many samples of soil the base surface has there and whether some are
+/// above it, or that it was dropped.
 openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil, const std::optional<Since>& since) {
   auto grid = openvdb::Int32Grid::create(0);
   grid->setName("base_samples");
@@ -107,8 +108,7 @@ openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil, const std::optional<
       openvdb::math::Transform::createLinearTransform(soil.voxel_size_m() * kLeafSide));
   for (const Chunk* chunk : soil.chunks()) {
     const Coord3 o = chunk->origin / kLeafSide;
-    grid->tree().setValue({o.x(), o.y(), o.z()},
-                          static_cast<std::int32_t>(soil.base_samples(chunk->origin)));
+    grid->tree().setValue({o.x(), o.y(), o.z()}, chunk->base + (chunk->above ? kAbove : 0));
   }
   for (const Coord3& origin : since ? since->dropped : std::vector<Coord3>()) {
     const Coord3 o = origin / kLeafSide;

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Snapshots: the resident ground and what it takes to go on from it, as a plain .vdb.
 //
-// Grid `surface` (FloatGrid, level set) is the soil's phi, grid `samples` (Int64Grid) its samples,
-// a leaf per resident chunk in each; coordinates are relative to the site's origin. Metadata of the
-// file and of `surface`, all named soilvdb_*, hold the rest. After the last byte that OpenVDB reads
-// come the tracker's state, a CRC-64 of all before and their number, which other programs don't
-// see.
+// Grid `samples` (Int64Grid) is the soil, grid `surface` (FloatGrid, level set) its surface for
+// other programs, a leaf per resident chunk in each; coordinates are relative to the site's origin.
+// Metadata of the file and of `surface`, all named soilvdb_*, hold the rest. After the last byte
+// that OpenVDB reads come the tracker's state, a CRC-64 of all before and their number, which other
+// programs don't see.
 //
 // An incremental snapshot holds only the chunks that changed since another one in the same folder,
 // which it names with its checksum; that may be incremental, too. Chunks that are no longer
@@ -47,7 +47,7 @@ struct SnapshotInfo {
   std::optional<Since> since = {};  ///< else it is whole
 };
 
-/// The bytes of a snapshot. Reads the site, whose phi must be up to date (Tracker::flush()).
+/// The bytes of a snapshot. Reads the site.
 /// @param site for an incremental snapshot: with only the chunks that it is to hold
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
                            const SnapshotInfo& info);

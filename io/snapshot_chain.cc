@@ -56,8 +56,11 @@ Link open_link(const std::filesystem::path& file) {
   link.meta = link.vdb->getMetadata();
   const MetaReader meta(file, *link.meta);
   if (const int format = meta.integer("soilvdb_format"); format != kFormat) {
-    throw InputError(file, fmt::format("is a snapshot of format {}; this version reads format {}",
-                                       format, kFormat));
+    throw InputError(
+        file,
+        fmt::format("is a snapshot of format {}, this version reads format {}; {}", format, kFormat,
+                    format < kFormat ? "run its scenario again to make it anew"
+                                     : "a newer soilvdb may read it"));
   }
   const std::string name = meta.text(kSinceKey), checksum = meta.text(kSinceChecksumKey);
   if (name.empty()) return link;

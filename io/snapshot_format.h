@@ -14,11 +14,13 @@
 
 namespace soilvdb::io {
 
-inline constexpr int kFormat = 1;
+inline constexpr int kFormat = 2;  // 1 had distances that were carved, and a path behind them
 
 inline constexpr const char* kSinceKey = "soilvdb_since";
 inline constexpr const char* kSinceChecksumKey = "soilvdb_since_checksum";
-inline constexpr std::int32_t kDropped = -1;  // in grid `base_samples`
+// In grid `base_samples`, besides a count.
+inline constexpr std::int32_t kDropped = -1;
+inline constexpr std::int32_t kAbove = 1 << 16;  // added: Chunk::above
 
 inline std::string to_text(const FileDigest& digest) {
   return fmt::format("{:016x} {:016x}", digest.crc, digest.size);

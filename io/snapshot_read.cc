@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/soil_grids.h"
+#include "core/soil_writer.h"
 #include "io/level_set_file.h"
 #include "io/snapshot.h"
 #include "io/snapshot_chain.h"
@@ -18,7 +19,6 @@
 namespace soilvdb::io {
 namespace {
 
-using openvdb::FloatGrid;
 using openvdb::Int64Grid;
 using openvdb::MetaMap;
 
@@ -67,44 +67,43 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
 
 /// The chunks that a file holds, and where it says that one was dropped.
 /// @throw std::exception on anything that isn't as write_snapshot() makes it.
-void restore(const FloatGrid& surface, const Int64Grid& samples,
-             const openvdb::Int32Grid& base_samples, Soil& soil, std::vector<Coord3>& dropped) {
-  std::size_t leaves = 0;
+void restore(const Int64Grid& samples, const openvdb::Int32Grid& base_samples, Soil& soil,
+             std::vector<Coord3>& dropped) {
+  SoilWriter writer(soil);
   SampleWords words;
-  for (auto leaf = surface.tree().cbeginLeaf(); leaf; ++leaf, ++leaves) {
-    const auto* other = samples.tree().probeConstLeaf(leaf->origin());
-    if (other == nullptr) throw std::runtime_error("its grids don't cover the same ground");
-    for (openvdb::Index n = 0; n < kLeafSize; ++n) {
-      words[n] = static_cast<std::uint64_t>(other->getValue(n));
-    }
-    const openvdb::Coord o = leaf->origin();
-    const auto base =
-        base_samples.tree().getValue({o.x() / kLeafSide, o.y() / kLeafSide, o.z() / kLeafSide});
-    soil.restore({o.x(), o.y(), o.z()}, leaf->buffer().data(), words,
-                 static_cast<std::uint32_t>(base));
-  }
-  if (leaves != samples.tree().leafCount()) {
-    throw std::runtime_error("its grids don't cover the same ground");
-  }
   for (auto value = base_samples.cbeginValueOn(); value; ++value) {
     const openvdb::Coord o = value.getCoord();
-    if (*value == kDropped) dropped.push_back(Coord3(o.x(), o.y(), o.z()) * kLeafSide);
+    const Coord3 origin = Coord3(o.x(), o.y(), o.z()) * kLeafSide;
+    if (*value == kDropped) {
+      dropped.push_back(origin);
+      continue;
+    }
+    const auto* leaf = samples.tree().probeConstLeaf({origin.x(), origin.y(), origin.z()});
+    if (leaf == nullptr) throw std::runtime_error("its grids don't cover the same ground");
+    for (openvdb::Index n = 0; n < kLeafSize; ++n)
+      words[n] = static_cast<std::uint64_t>(leaf->getValue(n));
+    Chunk chunk;
+    chunk.origin = origin;
+    chunk.base = static_cast<std::uint16_t>(*value);
+    chunk.above = (*value & kAbove) != 0;
+    chunk.samples.assign(words);
+    writer.put(std::move(chunk));
   }
+  if (soil.chunk_count() != samples.tree().leafCount())
+    throw std::runtime_error("its grids don't cover the same ground");
 }
 
 /// The ground that one file holds, and what it says was dropped.
 std::unique_ptr<Soil> read_soil(Link& link, const Base& base, std::vector<Coord3>& dropped) {
-  const auto surface = openvdb::gridPtrCast<FloatGrid>(link.vdb->readGrid("surface"));
   const auto samples = openvdb::gridPtrCast<Int64Grid>(link.vdb->readGrid("samples"));
   const auto base_samples =
       openvdb::gridPtrCast<openvdb::Int32Grid>(link.vdb->readGrid("base_samples"));
-  if (!surface || !samples || !base_samples)
-    throw std::runtime_error("its grids are not of the right types");
+  if (!samples || !base_samples) throw std::runtime_error("its grids are not of the right types");
   const MetaReader meta(link.file, *link.meta);
   const openvdb::Vec3d origin = meta.vector(kOriginKey);
   auto soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
                                      Vec3(origin.x(), origin.y(), origin.z()), base.surface);
-  restore(*surface, *samples, *base_samples, *soil, dropped);
+  restore(*samples, *base_samples, *soil, dropped);
   if (fmt::format("{:016x}", soil->state_hash()) != meta.text("soilvdb_state_hash"))
     throw std::runtime_error("its ground is not what was written");
   return soil;
@@ -128,8 +127,9 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
         return;
       }
       chunks += soil->chunk_count() + dropped.size();
-      for (const Coord3& origin : dropped) site.soil->drop(origin);
-      for (const Chunk* chunk : soil->chunks()) site.soil->copy_from(*soil, chunk->origin);
+      SoilWriter writer(*site.soil);
+      for (const Coord3& origin : dropped) writer.drop(origin);
+      for (const Chunk* chunk : soil->chunks()) writer.copy_from(*soil, chunk->origin);
       if (link->file == file) link->since->dropped = std::move(dropped);
     });
     link->vdb.reset();

@@ -77,7 +77,6 @@ class Dig {
     for (const Update& update : tracker_.update(moves)) add(update);
   }
   Outcome outcome() {
-    tracker_.flush();
     const Ledger total = tracker_.total();
     return {soil_.state_hash(), digest_, total.captured, total.displaced, total.dumped};
   }

@@ -24,7 +24,6 @@ struct Dug {
   Dug(const Dig& dig, double voxel_size_m, int updates)
       : soil(voxel_size_m, dig.origin, dig.ground), tracker(soil, {dig.bucket}) {
     run(tracker, dig, updates);
-    tracker.flush();
   }
   double cut_m3() const { return tracker.total().cut_m3(); }
 };

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Laws of the cut: where, how large and in which order one digs doesn't matter; and the surface
-// that phi and the mesh show is the one that the samples count.
+// that the mesh shows is the one that the samples count.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -89,7 +89,6 @@ TEST(Cut, TheOrderOfDisjointCutsDoesNotMatter) {
     Tracker tracker(soil, {first.bucket, second.bucket});
     run(tracker, first, kUpdates, 0);
     run(tracker, second, kUpdates, 1);
-    tracker.flush();
     return soil.state_hash();
   };
   EXPECT_EQ(dig_both(one, two), dig_both(two, one));
@@ -99,141 +98,18 @@ TEST(Cut, SoilOnlyShrinks) {
   const Dig dig = make_dig("drag_curl_retreat", placements()[1]);
   Soil soil(kVoxel, dig.origin, dig.ground);
   Tracker tracker(soil, {dig.bucket});
-  std::map<const Chunk*, std::vector<float>> before;
+  std::map<const Chunk*, SampleWords> before;
   for (int i = 0; i < kUpdates; ++i) {
     tracker.update(0, dig.motion, i / 40.0, (i + 1) / 40.0);
     for (const Chunk* chunk : soil.chunks()) {
-      std::vector<float>& old = before[chunk];
-      std::vector<float> now(kLeafSize);
-      soil.read_phi(chunk->origin, now.data());
-      for (std::size_t n = 0; n < old.size(); ++n) ASSERT_GE(now[n], old[n]);
-      old = std::move(now);
+      SampleWords now;
+      soil.read_samples(chunk->origin, now);
+      const auto [old, fresh] = before.try_emplace(chunk, now);
+      for (std::size_t n = 0; n < now.size(); ++n) ASSERT_EQ(now[n] & ~old->second[n], 0u);
+      old->second = now;
     }
   }
 }
-
-/// What the oracle says about a point in the frame of the family.
-bool truly_soil(const Family& f, const Sweep& sweep, const Vec3& p) {
-  return p.z() < f.height_m + f.slope.dot(p.head<2>()) && !passes_through(sweep, p);
-}
-
-const Family& family_named(const std::string& name) {
-  return *std::find_if(all_families().begin(), all_families().end(),
-                       [&](const Family& f) { return f.name == name; });
-}
-
-class Surface : public ::testing::TestWithParam<std::string> {};
-
-struct Disagreement {
-  std::int64_t sign = 0;      // of phi and of the majority of samples, well away from phi's zero
-  std::int64_t distance = 0;  // phi farther from zero than a cell reaches, yet the cell is mixed
-};
-
-Disagreement disagreement(const Soil& soil) {
-  // A cell that a right-angled crease or corner cuts in halves has its centre within 0.3 voxels of
-  // the surface, and reaches 0.87 voxels from its centre.
-  const double crease = 0.5 * soil.voxel_size_m(), reach = 0.87 * soil.voxel_size_m();
-  // Within a voxel of a bend of the path, phi is the distance to the tangent of one side: at a bend
-  // of up to 60 degrees no more than twice the distance to both.
-  constexpr double kBend = 2;
-  Disagreement d;
-  SampleWords samples;
-  float phi_m[kLeafSize];
-  for (const Chunk* chunk : soil.chunks()) {
-    soil.read_samples(chunk->origin, samples);
-    soil.read_phi(chunk->origin, phi_m);
-    for (int n = 0; n < kLeafSize; ++n) {
-      const int count = std::popcount(samples[static_cast<std::size_t>(n)]);
-      const double phi = phi_m[n];
-      d.sign += std::abs(phi) > crease && (phi < 0) != (count > 32);
-      d.distance += std::abs(phi) > kBend * reach && count != (phi < 0 ? 64 : 0);
-    }
-  }
-  return d;
-}
-
-TEST_P(Surface, PhiAndSamplesAgreeOnWhatIsSoil) {
-  const Dug dug(make_dig(GetParam(), placements()[1]), 0.025, 200);
-  EXPECT_EQ(disagreement(dug.soil).sign, 0);
-}
-
-TEST_P(Surface, PhiIsNoFartherFromZeroThanSamplesTell) {
-  const Dug dug(make_dig(GetParam(), placements()[1]), 0.025, 200);
-  EXPECT_EQ(disagreement(dug.soil).distance, 0);
-}
-
-class PlanarSurface : public ::testing::TestWithParam<std::string> {};
-
-/// How far phi's zero is from the true surface along its normal, at a voxel near it; nothing where
-/// the truth isn't flat within two voxels.
-std::optional<double> misplaced_m(const std::function<bool(const Vec3&)>& truly_soil,
-                                  const Vec3& on, const Vec3& normal, double h) {
-  const auto at = [&](double s) { return truly_soil(on + s * normal); };
-  constexpr int kSteps = 20;  // on each side, over two voxels
-  double s = 3 * h;
-  for (int k = -kSteps; k < kSteps; ++k) {
-    const double in = 2 * h * k / kSteps, mid = in + h / kSteps;
-    if (std::abs(mid) < std::abs(s) && at(in) && !at(in + 2 * h / kSteps)) s = mid;
-  }
-  if (s > 2 * h) return s;
-  double in = s - h / kSteps, out = s + h / kSteps;
-  for (int k = 0; k < 16; ++k) {
-    const double mid = (in + out) / 2;
-    (at(mid) ? in : out) = mid;
-  }
-  const Vec3 u = normal.unitOrthogonal(), w = normal.cross(u), foot = on + in * normal;
-  for (int k = 0; k < 8; ++k) {
-    const double a = k * std::numbers::pi / 4;
-    const Vec3 rim = foot + 2 * h * (std::cos(a) * u + std::sin(a) * w);
-    if (!truly_soil(rim - 0.3 * h * normal) || truly_soil(rim + 0.3 * h * normal)) return {};
-  }
-  return std::abs(in);
-}
-
-TEST_P(PlanarSurface, ZeroOfPhiLiesOnTheTrueSurface) {
-  // The least radius of these digs' bends, at the half-sine's ends. Carving poses half a voxel
-  // apart bend by h^2 / (32 R) between them; a distance to first order errs by phi^2 / (2 R), phi <
-  // h / 2.
-  constexpr double kRadius = 0.125, kError = 1.0 / 32 + 1.0 / 8;
-  const Family& f = family_named(GetParam());
-  const Sweep sweep = f.sweep();
-  const Dig dig = make_dig(GetParam(), {0, {0.0131, 0.0077, 0.0093}});
-  const auto truth = [&](const Vec3& p) { return truly_soil(f, sweep, p - dig.placement.offset); };
-  for (const double h : {0.05, 0.025}) {
-    const Dug dug(dig, h, 200);
-    double worst = 0;
-    int looked = 0, bad = 0;
-    float phi_m[kLeafSize];
-    for (const Chunk* chunk : dug.soil.chunks()) {
-      dug.soil.read_phi(chunk->origin, phi_m);
-      for (int n = 0; n < kLeafSize; n += 3) {
-        const int x = n >> 6, y = n >> 3 & 7, z = n & 7;
-        if (x % 7 == 0 || y % 7 == 0 || z % 7 == 0) continue;
-        const double phi = phi_m[n];
-        if (std::abs(phi) > 0.5 * h) continue;
-        const auto slope = [&](int step) { return phi_m[n + step] - phi_m[n - step]; };
-        const Vec3 normal = Vec3(slope(64), slope(8), slope(1)).normalized();
-        const Coord3 voxel = chunk->origin + Coord3(x, y, z);
-        const Vec3 on = dug.soil.world_from_index(voxel.cast<double>()) - phi * normal;
-        const auto error = misplaced_m(truth, on, normal, h);
-        if (!error) continue;
-        ++looked;
-        bad += *error > kError * h * h / kRadius;
-        worst = std::max(worst, *error);
-      }
-    }
-    EXPECT_GT(looked, 0);
-    EXPECT_EQ(bad, 0) << "of " << looked << " places, worst " << worst / h << " voxels, voxel "
-                      << h;
-  }
-}
-
-const auto kName = [](const auto& dig) { return dig.param; };
-INSTANTIATE_TEST_SUITE_P(Of, Surface, ::testing::ValuesIn(families()), kName);
-INSTANTIATE_TEST_SUITE_P(Of, PlanarSurface,
-                         ::testing::Values("half_sine", "drag", "curl_outside_pin", "undercut",
-                                           "drag_curl_retreat", "curl_inside_pin"),
-                         kName);
 
 /// Volume between a mesh and z = 0, by the divergence theorem; the flat parts add nothing.
 double below_flat_m3(const Mesh& mesh, double ground_z) {

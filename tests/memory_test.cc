@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <random>
 
+#include "core/surface.h"
 #include "core/tracker.h"
 #include "io/cold_file.h"
 #include "io/site.h"
@@ -56,7 +57,7 @@ void dig_and_measure(int out) {
   const double before = resident_bytes();
   Soil soil(0.025, Vec3::Zero(), waves());
   Tracker tracker(soil, {Bucket{17, 0.6, {}, {}}});
-  for (int lane = 0; lane < 3; ++lane) {
+  for (int lane = 0; lane < 7; ++lane) {
     const double y = 20 + 18.0 * lane;
     tracker.update(0, Pose{{10, y, 3}});
     for (int i = 0; i <= 150; ++i) {
@@ -64,7 +65,6 @@ void dig_and_measure(int out) {
       tracker.update(0, Pose{{x, y, 0.1 + 0.3 * std::sin(0.3 * i)}});
     }
   }
-  tracker.flush();
   const double result[] = {static_cast<double>(soil.memory_bytes()), resident_bytes() - before};
   if (write(out, result, sizeof(result)) != sizeof(result)) std::abort();
 }
@@ -111,32 +111,6 @@ TEST(Memory, SamplesAreKeptHoweverTheyShrink) {
   }
 }
 
-TEST(Memory, PhiIsKeptWhateverItsRowsAre) {
-  std::mt19937 random(2);
-  Phi phi, kept;
-  PackedPhi packed;
-  for (int round = 0; round < 1000; ++round) {
-    const unsigned long spread = 1 + random() % 100;
-    for (std::int16_t& v : phi) {
-      const unsigned long kind = random() % (spread + 2);
-      v = kind == 0   ? kPhiMax
-          : kind == 1 ? static_cast<std::int16_t>(-kPhiMax)
-                      : static_cast<std::int16_t>(static_cast<int>(random() % 65535) - kPhiMax);
-    }
-    for (std::size_t row = 0; row < 64; ++row) {  // most are soil below, air above
-      const std::size_t low = random() % 9, high = random() % 9;
-      if (random() % 4 == 0) continue;
-      for (std::size_t z = 0; z < 8; ++z) {
-        if (z < low) phi[8 * row + z] = -kPhiMax;
-        if (z >= high && z >= low) phi[8 * row + z] = kPhiMax;
-      }
-    }
-    packed.assign(phi);
-    packed.expand(kept);
-    ASSERT_EQ(kept, phi) << round;
-  }
-}
-
 // A snapshot is written from a copy on another thread.
 TEST(Memory, HeightsAreNotForgottenUnderACopyThatReadsThem) {
   constexpr std::uint64_t kLimit = 8 << 20;
@@ -148,7 +122,8 @@ TEST(Memory, HeightsAreNotForgottenUnderACopyThatReadsThem) {
   {
     const io::Site copy = io::untouched(site);
     for (double x = 1; x < 199; x += 5)
-      for (double y = 1; y < 199; y += 5) EXPECT_EQ(soil.height(x, y), copy.soil->height(x, y));
+      for (double y = 1; y < 199; y += 5)
+        EXPECT_EQ(surface_height(soil, x, y), surface_height(*copy.soil, x, y));
     EXPECT_GT(soil.memory_bytes(), kLimit);
     EXPECT_THROW(soil.settle(), std::runtime_error);
     EXPECT_GT(soil.memory_bytes(), kLimit) << "what the copy reads is gone";
@@ -202,7 +177,6 @@ Outcome dig(std::uint64_t limit_bytes, std::size_t threads, const std::filesyste
     soil.settle();
     EXPECT_LE(soil.memory_bytes(), limit_bytes);
   }
-  tracker.flush();
   outcome.hash = soil.state_hash();
   outcome.bytes = soil.memory_bytes();
   outcome.change_m3 = soil.change_m3();
@@ -231,7 +205,6 @@ struct Dug {
   Dug() {
     Tracker tracker(soil, kBuckets);
     for (const std::vector<Move>& batch : moves()) tracker.update(batch);
-    tracker.flush();
     hash = soil.state_hash();
   }
 };

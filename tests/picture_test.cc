@@ -69,7 +69,6 @@ void dig(Soil& soil, const Vec3& middle) {
   for (const double x : {-1.0, 1.0}) {
     tracker.update(0, Pose{middle + Vec3(x, 0, -0.4), Eigen::Quaterniond::Identity()});
   }
-  tracker.flush();
 }
 
 /// The frame of a plan is its longest dark run of pixels: rows and columns found as a reader would.

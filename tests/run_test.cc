@@ -150,7 +150,6 @@ TEST_F(Run, GoesOnFromASnapshotWithTheSameBits) {
       first["volume_m3"]["cut"].get<double>() + second["volume_m3"]["cut"].get<double>(),
       whole["volume_m3"]["cut"]);
   EXPECT_LT(std::abs(second["volume_m3"]["residual"].get<double>()), 1e-9);
-  // The samples are the same, each one; phi near the split knows less of the path before it.
   const Result diff = run("diff second/soil_final.vdb out/dig/soil_final.vdb --json");
   ASSERT_EQ(diff.status, 0) << diff.err;
   const auto change = nlohmann::json::parse(diff.out);

@@ -15,6 +15,7 @@
 #include <memory>
 
 #include "core/soil_grids.h"
+#include "core/surface.h"
 #include "io/level_set_file.h"
 #include "io/raster.h"
 #include "io/reach.h"
@@ -304,7 +305,7 @@ TEST(LevelSet, AnExportedRegionIsGroundAgain) {
   grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({1000, 2000, 0}));
   write_grids(folder / "a.vdb", {grid});
   const Base base = open_base(LevelSetTerrain{folder / "a.vdb"});
-  EXPECT_NEAR(*base.surface->height(1000, 2000), *soil.height(1000, 2000), 1e-4);
+  EXPECT_NEAR(*base.surface->height(1000, 2000), *surface_height(soil, 1000, 2000), 1e-4);
 }
 
 TEST(Site, RealTerrainIsOpened) {

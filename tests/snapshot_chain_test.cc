@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "core/chunk_range.h"
+#include "core/soil_writer.h"
 #include "core/tracker.h"
 #include "io/snapshot.h"
 #include "tests/temp_folder.h"
@@ -58,7 +59,6 @@ class SnapshotChain : public ::testing::Test {
   }
 
   SnapshotInfo info() {
-    tracker_->flush();
     return {"dig", double(count_), tracker_->total().cut_m3(), 0, 0, 0, tracker_->state()};
   }
   void write_whole() {
@@ -77,7 +77,7 @@ class SnapshotChain : public ::testing::Test {
     Site part = untouched(site_);
     Changes changes;
     for (const Coord3& origin : tracker_->take_changed()) {
-      part.soil->copy_from(*site_.soil, origin);
+      SoilWriter(*part.soil).copy_from(*site_.soil, origin);
       (site_.soil->find(origin) ? changes.held : changes.dropped).push_back(origin);
     }
     info.since->dropped = changes.dropped;

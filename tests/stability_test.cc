@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/surface.h"
 #include "core/tracker.h"
 
 namespace soilvdb {
@@ -65,10 +66,9 @@ void drag_once(Tracker& tracker, const Drag& drag, int updates = 20) {
   tracker.update(0, drag.above(1));
 }
 
-/// phi is finite and within its band, no cell has soil that it did not have, and what the ground
-/// lost is what the ledger says.
+/// Distances are finite and within the band, no cell has soil that it did not have, and what the
+/// ground lost is what the ledger says.
 void expect_sound(const Soil& soil, Tracker& tracker) {
-  tracker.flush();
   const Soil untouched(soil.voxel_size_m(), soil.origin(),
                        std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
   SampleWords before, now;
@@ -78,13 +78,13 @@ void expect_sound(const Soil& soil, Tracker& tracker) {
   for (const Chunk* chunk : soil.chunks()) {
     untouched.read_samples(chunk->origin, before);
     soil.read_samples(chunk->origin, now);
-    soil.read_phi(chunk->origin, phi_m);
+    surface_distance(soil, chunk->origin, phi_m);
     for (std::size_t i = 0; i < kLeafSize; ++i) {
       bad += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       grown += (now[i] & ~before[i]) != 0;
     }
   }
-  EXPECT_EQ(bad, 0) << "values of phi";
+  EXPECT_EQ(bad, 0) << "distances";
   EXPECT_EQ(grown, 0) << "cells with new soil";
   const double cut = tracker.total().cut_m3();
   const double rounding = std::numeric_limits<double>::epsilon() * std::max(cut, 1e-9) * 4;

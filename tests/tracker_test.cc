@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/soil_writer.h"
 #include "tests/dig_runner.h"
 
 namespace soilvdb::testing {
@@ -43,7 +44,6 @@ TEST(Tracker, MovesOfManyMachinesAtOnceGiveTheBitsOfOneAfterAnother) {
   std::vector<Update> expected;
   for (const Move& move : moves_of_six(0, kSteps))
     expected.push_back(one.update(move.machine, move.to));
-  one.flush();
   EXPECT_GT(one.total().captured, 0);
   for (const std::size_t threads : {1u, 2u, 4u, 8u}) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
@@ -58,7 +58,6 @@ TEST(Tracker, MovesOfManyMachinesAtOnceGiveTheBitsOfOneAfterAnother) {
           ++n;
         }
       }
-      tracker.flush();
       EXPECT_EQ(soil.state_hash(), in_order.state_hash()) << threads << " threads, " << batch;
     }
   }
@@ -77,21 +76,12 @@ TEST(Tracker, GoesOnFromItsStateBitForBit) {
         t.update(0, dig.motion, end * i / kUpdates, end * (i + 1) / kUpdates);
       };
       for (int i = 0; i < stop; ++i) dig_on(tracker, i);
-      tracker.flush();
-      float phi_m[kLeafSize];
-      SampleWords samples;
-      for (const Chunk* chunk : soil.chunks()) {
-        soil.read_phi(chunk->origin, phi_m);
-        soil.read_samples(chunk->origin, samples);
-        copy.restore(chunk->origin, phi_m, samples, soil.base_samples(chunk->origin));
-      }
+      for (const Chunk* chunk : soil.chunks()) SoilWriter(copy).put(soil.copy(*chunk));
       later.restore(tracker.state());
       for (int i = stop; i < kUpdates; ++i) {
         dig_on(tracker, i);
         dig_on(later, i);
       }
-      tracker.flush();
-      later.flush();
       EXPECT_EQ(copy.state_hash(), soil.state_hash()) << "stopped after " << stop;
       EXPECT_EQ(later.total().captured, tracker.total().captured);
       EXPECT_EQ(later.total().displaced, tracker.total().displaced);
@@ -114,11 +104,10 @@ TEST(Tracker, RefusesWhatIsNoPoseAndStaysAsItWas) {
     bad.back().rotation = Eigen::Quaterniond(v, 0, 0, 0);
   }
   for (const std::size_t machines : {1u, 2u}) {
-    for (const bool flushed : {true, false}) {
+    {
       Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
       Tracker tracker(soil, std::vector<Bucket>(machines, Bucket{0.6, 0.4, {}, {}}));
       for (int i = 0; i < 20; ++i) tracker.update(0, at(0.05 * i, 0, -0.2));
-      if (flushed) tracker.flush();
       const std::string state = tracker.state();
       const std::uint64_t hash = soil.state_hash();
       const auto refuses = [&](auto update) {
@@ -155,7 +144,6 @@ TEST(Tracker, RefusesAStateThatIsNotItsOwn) {
   Tracker one(soil, {Bucket{0.6, 0.4, {}, {}}}), other(soil, {Bucket{0.7, 0.4, {}, {}}});
   one.update(0, at(0, 0, -0.2));
   one.update(0, at(1, 0, -0.2));
-  one.flush();
   const std::string state = one.state();
   EXPECT_THROW(other.restore(state), std::invalid_argument);
   EXPECT_THROW(one.restore(state + "x"), std::invalid_argument);

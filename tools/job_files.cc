@@ -37,7 +37,6 @@ const io::JournalFile* Job::intact(const std::string& name) const {
 }
 
 io::SnapshotInfo Job::snapshot_info() {
-  tracker_.flush();
   const Ledger total = tracker_.total();
   return {scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
           total.displaced_m3(), total.dumped_m3(), tracker_.state()};
@@ -88,7 +87,6 @@ void Job::finish() {
   const Soil& soil = *start_.site.soil;
   write_final(kUpdatesName, [&](const auto&) { csv_->close(); });
   csv_.reset();
-  tracker_.flush();
   if (config_.options.snapshots)
     write_final(kFinalName,
                 [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });

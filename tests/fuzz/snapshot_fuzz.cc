@@ -37,7 +37,6 @@ struct Site {
       pose.position = {x, 0, -0.1};
       tracker->update(0, pose);
     }
-    tracker->flush();
   }
 };
 
@@ -61,7 +60,6 @@ void restore(const std::string& state) {
   Tracker tracker(*site.site.soil, {bucket()});
   try {
     tracker.restore(state);
-    tracker.flush();
   } catch (const std::invalid_argument& no_state) {
     fuzz::check_message(no_state);
   }
