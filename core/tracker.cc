@@ -15,13 +15,18 @@
 namespace soilvdb {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
+double us_since(Clock::time_point begin) {
+  return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+}
+
 /// Calls `f()`, which gives an update, and times it.
 template <typename F>
 Update timed(F f) {
-  using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   Update update = f();
-  update.us = std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+  update.us = us_since(begin);
   return update;
 }
 
@@ -75,20 +80,25 @@ Machine& Tracker::at(std::size_t machine) const {
 }
 
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
-  Machine& m = at(machine);
-  check(soil_, m, world_from_bucket);
-  soil_.settle();
-  return timed([&] { return m.move(soil_, world_from_bucket); });
+  return timed([&] {
+    Machine& m = at(machine);
+    check(soil_, m, world_from_bucket);
+    soil_.settle();
+    return m.move(soil_, world_from_bucket);
+  });
 }
 
 Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
-  Machine& m = at(machine);
-  check(soil_, m, motion, begin_s, end_s);
-  soil_.settle();
-  return timed([&] { return m.move(soil_, motion, begin_s, end_s); });
+  return timed([&] {
+    Machine& m = at(machine);
+    check(soil_, m, motion, begin_s, end_s);
+    soil_.settle();
+    return m.move(soil_, motion, begin_s, end_s);
+  });
 }
 
 std::vector<Update> Tracker::update(std::span<const Move> moves) {
+  const Clock::time_point begin = Clock::now();
   for (const Move& move : moves) {
     const Machine& machine = at(move.machine);
     if (move.motion != nullptr) {
@@ -98,6 +108,9 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
     }
   }
   soil_.settle();
+  const std::vector<std::vector<std::size_t>> groups = apart(moves);
+  const double planning_us =
+      us_since(begin) / static_cast<double>(std::max<std::size_t>(moves.size(), 1));
   std::vector<Update> updates(moves.size());
   const auto run = [&](std::size_t i) {
     const Move& move = moves[i];
@@ -106,35 +119,41 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
       return move.motion != nullptr ? machine.move(soil_, *move.motion, move.begin_s, move.end_s)
                                     : machine.move(soil_, move.to);
     });
+    updates[i].us += planning_us;
   };
+  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t g) {
+    for (const std::size_t i : groups[g]) run(i);
+  });
+  return updates;
+}
+
+/// Numbers of the moves, in their order, in groups of machines that don't come near each other.
+std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves) const {
+  std::vector<std::vector<std::size_t>> groups(machines_.size());
   if (machines_.size() == 1) {
-    for (std::size_t i = 0; i < moves.size(); ++i) run(i);
-    return updates;
+    groups.front().resize(moves.size());
+    std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
+    return groups;
   }
-  // Where each machine is going.
-  std::vector<std::vector<Pose>> ways(machines_.size());
+  std::vector<std::vector<Pose>> paths(machines_.size());
   for (const Move& move : moves) {
-    std::vector<Pose>& way = ways[move.machine];
+    std::vector<Pose>& path = paths[move.machine];
     if (move.motion == nullptr) {
-      way.push_back(move.to);
+      path.push_back(move.to);
     } else {
       const Bucket& bucket = machines_[move.machine]->bucket();
-      const auto path =
+      const auto traced =
           move.motion->trace(move.begin_s, move.end_s, bucket, soil_.voxel_size_m(), 1e300);
-      way.insert(way.end(), path.begin(), path.end());
+      path.insert(path.end(), traced.begin(), traced.end());
     }
   }
   std::vector<Eigen::AlignedBox3d> reaches;
   for (std::size_t m = 0; m < machines_.size(); ++m)
-    reaches.push_back(machines_[m]->reach(soil_, ways[m]));
+    reaches.push_back(machines_[m]->reach(soil_, paths[m]));
   const std::vector<std::size_t> group = groups_of(reaches);
-  std::vector<std::vector<std::size_t>> work(machines_.size());  // moves by group
-  for (std::size_t i = 0; i < moves.size(); ++i) work[group[moves[i].machine]].push_back(i);
-  std::erase_if(work, [](const auto& list) { return list.empty(); });
-  tbb::parallel_for(std::size_t{0}, work.size(), [&](std::size_t g) {
-    for (const std::size_t i : work[g]) run(i);
-  });
-  return updates;
+  for (std::size_t i = 0; i < moves.size(); ++i) groups[group[moves[i].machine]].push_back(i);
+  std::erase_if(groups, [](const auto& list) { return list.empty(); });
+  return groups;
 }
 
 const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(machine)->ledger(); }

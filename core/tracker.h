@@ -34,7 +34,7 @@ struct Ledger {
 struct Update {
   double cut_m3 = 0;     ///< removed from the ground by this update
   double bucket_m3 = 0;  ///< in the bucket after it
-  double us = 0;         ///< it took
+  double us = 0;         ///< it took, with its share of what was done for several at once
 };
 
 /// What a machine is to do next: go straight on to a pose or, with a motion, along that from
@@ -96,6 +96,7 @@ class Tracker {
 
  private:
   Machine& at(std::size_t machine) const;
+  std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;
   Soil& soil_;
   std::vector<std::unique_ptr<Machine>> machines_;
 };

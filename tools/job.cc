@@ -110,42 +110,74 @@ void Job::replay_and_dig() {
   }
   go_on_with_snapshots();
   io::JournalReader reader(file);  // now without what was torn
-  while (const std::optional<io::JournalRecord> record = reader.next()) {
-    const auto* move = std::get_if<io::JournalMove>(&*record);
-    if (!move) continue;
-    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
-    replay(*move);
-  }
+  replay(reader);
   dig();
 }
 
-/// One move of the journal.
-void Job::replay(const io::JournalMove& move) {
-  const auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  const auto refuse = [&](const std::string& why) {
-    return std::runtime_error(fmt::format("{}: update {}, at {} s, {}",
-                                          (folder_.path() / kJournalName).string(), count + 1,
-                                          time_text(move.end_s), why));
+/// The journal's moves, as many at once as a run digs.
+void Job::replay(io::JournalReader& reader) {
+  const auto next_move = [&]() -> std::optional<io::JournalMove> {
+    while (std::optional<io::JournalRecord> record = reader.next()) {
+      if (auto* move = std::get_if<io::JournalMove>(&*record)) return std::move(*move);
+    }
+    return std::nullopt;
   };
-  if (!step_ || !is_move(*step_, move))
-    throw refuse("is not the one that the scenario has in this place");
-  if (count >= start_.updates) {
-    const Update result = tracker_.update(
-        move.machine, io::motion_of(move.rows, step_->motion->chain()), move.begin_s, move.end_s);
-    if (!same_bits(result.cut_m3, move.cut_m3) || !same_bits(result.bucket_m3, move.bucket_m3))
-      throw refuse(
-          fmt::format("cut {} m³ and now cuts {} m³; it was another version of soilvdb "
-                      "that dug it, or another machine",
-                      move.cut_m3, result.cut_m3));
+  std::optional<io::JournalMove> ahead = next_move();
+  while (ahead) {
+    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
+    std::vector<io::JournalMove> moves;
+    auto count = static_cast<std::uint64_t>(summary_.updates.count());  // updates before `ahead`
+    const bool known = count < start_.updates;                          // to the snapshot
+    const auto take = [&] {
+      if (!ahead || known != (count < start_.updates)) return false;
+      if (!step_ || !is_move(*step_, *ahead))
+        throw differs(count, *ahead, "is not the one that the scenario has in this place");
+      count += ahead->ends_update;
+      moves.push_back(std::move(*ahead));
+      ahead = next_move();
+      return true;
+    };
+    take();
+    const std::vector<Step> batch = next_batch(take);
+    if (!known) dig_again(batch, moves);
+    for (const io::JournalMove& move : moves) book(move);
+    after(batch.back());
   }
-  book(move);
-  const Step now = *step_;
-  step_ = schedule_.next();
-  after(now);
 }
 
-/// The next steps, up to one that a snapshot is due after.
-std::vector<Step> Job::next_batch() {
+/// Digs what the journal has, which must cut what it cut then.
+void Job::dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before) {
+  std::vector<Motion> motions;
+  for (std::size_t i = 0; i < batch.size(); ++i)
+    motions.push_back(io::motion_of(before[i].rows, batch[i].motion->chain()));
+  std::vector<Move> moves;
+  for (std::size_t i = 0; i < batch.size(); ++i)
+    moves.push_back({batch[i].machine, {}, &motions[i], batch[i].begin_s, batch[i].end_s});
+  const std::vector<Update> results = tracker_.update(moves);
+  auto count = static_cast<std::uint64_t>(summary_.updates.count());
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const io::JournalMove& move = before[i];
+    if (!same_bits(results[i].cut_m3, move.cut_m3) ||
+        !same_bits(results[i].bucket_m3, move.bucket_m3)) {
+      throw differs(count, move,
+                    fmt::format("cut {} m³ and now cuts {} m³; it was another version of soilvdb "
+                                "that dug it, or another machine",
+                                move.cut_m3, results[i].cut_m3));
+    }
+    count += move.ends_update;
+  }
+}
+
+/// @param count updates before the journal's move
+std::runtime_error Job::differs(std::uint64_t count, const io::JournalMove& move,
+                                const std::string& why) const {
+  return std::runtime_error(fmt::format("{}: update {}, at {} s, {}",
+                                        (folder_.path() / kJournalName).string(), count + 1,
+                                        time_text(move.end_s), why));
+}
+
+/// The next steps, up to one that a snapshot is due after, or before one that isn't taken.
+std::vector<Step> Job::next_batch(const std::function<bool()>& take) {
   const std::size_t machines = scenario_.machines.size();
   const std::size_t most = machines == 1 ? 1 : kBatch * machines;
   std::vector<Step> batch;
@@ -153,14 +185,14 @@ std::vector<Step> Job::next_batch() {
     batch.push_back(*step_);
     step_ = schedule_.next();
     if (all_came_to(batch.back()) && snapshots_.would_be_due(batch.back().end_s)) break;
-  } while (step_ && batch.size() < most);
+  } while (step_ && batch.size() < most && take());
   return batch;
 }
 
 /// The update loop.
 void Job::dig() {
   while (step_ && !stopped_) {
-    const std::vector<Step> batch = next_batch();
+    const std::vector<Step> batch = next_batch([] { return true; });
     std::vector<Move> moves;
     for (const Step& step : batch)
       moves.push_back({step.machine, {}, step.motion.get(), step.begin_s, step.end_s});

@@ -10,7 +10,10 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <span>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -63,11 +66,14 @@ class Job {
  private:
   void guarded(void (Job::*work)());
   void replay_and_dig();
-  void replay(const io::JournalMove& move);
+  void replay(io::JournalReader& reader);
+  void dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before);
+  std::runtime_error differs(std::uint64_t count, const io::JournalMove& move,
+                             const std::string& why) const;
   void dig();
   void begin_journal();
   void book(const io::JournalMove& move);
-  std::vector<Step> next_batch();
+  std::vector<Step> next_batch(const std::function<bool()>& take);
   bool all_came_to(const Step& now) const;
   void after(const Step& now);
   void go_on_with_snapshots();
