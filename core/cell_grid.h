@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The sample words around some chunks, side by side in one array, for the stages that make surfaces.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/soil.h"
+
+namespace soilvdb {
+
+/// A cube of cells with their words, what the base surface has there, and which chunks were asked
+/// for.
+///
+/// Invariants: what is read is the chunks asked for and a fixed number of chunks around each,
+/// whatever the cube; elsewhere cells are air and aren't to be looked at. A cell that is `reach`
+/// voxels or less from a chunk asked for has all the words around it that its results depend on.
+///
+/// Not copyable; members may be read from several threads but base_distance().
+class CellGrid {
+ public:
+  /// @param first index of the cube's first voxel, a multiple of 8
+  /// @param side voxels, a multiple of 8
+  /// @param asked for: chunks of the cube, at least `halo` chunks from its faces
+  /// @param halo chunks read around each of them
+  CellGrid(const Soil& soil, const Coord3& first, int side, std::span<const Coord3> asked,
+           int halo);
+
+  /// What a cell has to do with the base surface.
+  enum Change : std::uint8_t { kNone, kNear, kHere };
+
+  int side() const { return side_; }
+  const Coord3& first() const { return first_; }
+  int id(int x, int y, int z) const { return (x * side_ + y) * side_ + z; }
+  Coord3 at(int id) const { return {id / (side_ * side_), id / side_ % side_, id % side_}; }
+  /// Steps of ids along the axes.
+  int step(int axis) const { return axis == 0 ? side_ * side_ : axis == 1 ? side_ : 1; }
+
+  const std::uint64_t* words() const { return words_.get(); }
+  std::uint64_t word(int id) const { return words_[static_cast<std::size_t>(id)]; }
+  /// Samples of soil.
+  int count(int id) const { return counts_[static_cast<std::size_t>(id)]; }
+  /// Are the words of a cell and of the 26 around it those of the base surface?
+  bool untouched(int id) const { return !changed_[static_cast<std::size_t>(id)]; }
+  /// Is the cell in a chunk that was asked for?
+  bool asked(int x, int y, int z) const {
+    return asked_[static_cast<std::size_t>(chunk_id(x / kLeafSide, y / kLeafSide, z / kLeafSide))];
+  }
+  bool any_change() const { return any_change_; }
+  const CellPoints& points(int id) const { return sample_points(first_ + at(id)); }
+
+  /// The base surface's own distance at the centre of a cell, voxels, clamped to +-3.
+  float base_distance(int id) const;
+
+  /// Cells the surface runs through, in order: some samples are soil but not all, or all are and a
+  /// cell that shares a face has none. No farther than `reach` from a chunk asked for.
+  struct Cell {
+    int id;
+    int away;  ///< voxels from the nearest chunk asked for; 0 inside
+  };
+  std::vector<Cell> surface_cells(int reach) const;
+
+ private:
+  enum State : std::uint8_t { kUnread, kAllAir, kAllSoil, kBoth };
+  int chunk_id(int x, int y, int z) const { return (x * chunks_ + y) * chunks_ + z; }
+  void read(const Soil& soil, int chunk, const Coord3& origin);
+  void spread_changes();
+  int away(int id, int chunk) const;
+
+  const Soil& soil_;
+  Coord3 first_;
+  int side_, chunks_;
+  bool any_change_ = false;
+  std::unique_ptr<std::uint64_t[]> words_;
+  std::vector<std::uint8_t> counts_, changed_;
+  std::vector<State> states_;           // of chunks
+  std::vector<std::uint8_t> asked_;     // of chunks
+  std::vector<int> changed_chunks_;
+  mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, m
+};
+
+}  // namespace soilvdb

@@ -1,0 +1,163 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cell_models.h"
+
+#include <array>
+
+#include "core/crease.h"
+
+namespace soilvdb {
+namespace {
+
+constexpr int kSweeps = 2;
+constexpr int kSight = 2;  // voxels from which a crease takes planes
+/// Voxels by which planes are needed farther out than models: sweeps but the first, sight.
+constexpr int kPlanesFarther = kSweeps - 1 + kSight;
+constexpr int kBendFarther = 1;
+constexpr float kBendCosine = 0.8f;
+constexpr float kMostBend = 0.4f;
+
+/// The cells within kSight, the nearest first.
+struct Sight {
+  std::array<std::array<std::int8_t, 3>, 124> at{};
+  constexpr Sight() {
+    std::size_t n = 0;
+    for (int square = 1; square <= 3 * kSight * kSight; ++square) {
+      for (int x = -kSight; x <= kSight; ++x) {
+        for (int y = -kSight; y <= kSight; ++y) {
+          for (int z = -kSight; z <= kSight; ++z) {
+            if (x * x + y * y + z * z == square) {
+              at[n++] = {static_cast<std::int8_t>(x), static_cast<std::int8_t>(y),
+                         static_cast<std::int8_t>(z)};
+            }
+          }
+        }
+      }
+    }
+  }
+};
+constexpr Sight kNearby;
+
+}  // namespace
+
+CellModels::CellModels(const CellGrid& grid, int reach) : grid_(grid) {
+  index_.assign(static_cast<std::size_t>(grid.side()) * grid.side() * grid.side(), -1);
+  const int planes = reach + kPlanesFarther;
+  const std::vector<CellGrid::Cell> surface = grid.surface_cells(planes + kBendFarther);
+  cells_.reserve(surface.size());
+  for (const CellGrid::Cell& c : surface) {
+    index_[static_cast<std::size_t>(c.id)] = static_cast<int>(cells_.size());
+    Cell cell{c.id, c.away, Cell::kOther, 0, {}, {}};
+    if (grid.untouched(c.id)) {
+      cell.kind = Cell::kBase;
+      if (c.away <= reach) cell.plane = base_plane(c.id);
+    } else {
+      const PlaneFit fit = fit_plane(grid, c.id);
+      cell.plane = fit.plane;
+      cell.kind = fit.smooth ? Cell::kSmooth : fit.sided ? Cell::kSided : Cell::kOther;
+    }
+    cells_.push_back(cell);
+  }
+  for (Cell& cell : cells_) {
+    if (cell.kind == Cell::kSmooth && cell.away <= planes) cell.bend = bend(cell);
+  }
+  for (Cell& cell : cells_) {
+    if (cell.kind == Cell::kSmooth) cell.plane.d += kWindowBend * cell.bend;
+    cell.model.plane[0] = cell.plane;
+    cell.model.solved = cell.kind == Cell::kSmooth || cell.kind == Cell::kBase;
+  }
+  std::vector<CellModel> next;
+  for (int sweep = 1; sweep <= kSweeps; ++sweep) {
+    next.clear();
+    const int until = reach + kSweeps - sweep;
+    for (const Cell& cell : cells_) {
+      const bool other = cell.kind == Cell::kSided || cell.kind == Cell::kOther;
+      if (other && cell.away <= until) next.push_back(crease(cell));
+    }
+    std::size_t k = 0;
+    for (Cell& cell : cells_) {
+      const bool other = cell.kind == Cell::kSided || cell.kind == Cell::kOther;
+      if (other && cell.away <= until) cell.model = next[k++];
+    }
+  }
+}
+
+CellPlane CellModels::base_plane(int id) const {
+  CellPlane p;
+  const int sx = grid_.step(0), sy = grid_.step(1);
+  p.nx = grid_.base_distance(id + sx) - grid_.base_distance(id - sx);
+  p.ny = grid_.base_distance(id + sy) - grid_.base_distance(id - sy);
+  p.nz = grid_.base_distance(id + 1) - grid_.base_distance(id - 1);
+  const float square = p.nx * p.nx + (p.ny * p.ny + p.nz * p.nz);
+  if (square > 1e-6f) {
+    const float scale = 1 / std::sqrt(square);
+    p.nx *= scale;
+    p.ny *= scale;
+    p.nz *= scale;
+  } else {
+    p.nz = 1;
+  }
+  p.d = -grid_.base_distance(id);
+  return p;
+}
+
+float CellModels::bend(const Cell& cell) const {
+  const Tangents t(cell.plane);
+  float xx = 0, xy = 0, yy = 0, ux = 0, uy = 0, vx = 0, vy = 0;
+  for (int x = -1; x <= 1; ++x) {
+    for (int y = -1; y <= 1; ++y) {
+      for (int z = -1; z <= 1; ++z) {
+        const Cell* const other =
+            this->cell(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
+        if (other == nullptr || other->kind != Cell::kSmooth || other == &cell) continue;
+        const CellPlane& q = other->plane;
+        if (cell.plane.along(q.nx, q.ny, q.nz) < kBendCosine) continue;
+        const auto along = [](const float* e, float a, float b, float c) {
+          return e[0] * a + (e[1] * b + e[2] * c);
+        };
+        // From foot to foot.
+        const float fx = static_cast<float>(x) + q.d * q.nx - cell.plane.d * cell.plane.nx;
+        const float fy = static_cast<float>(y) + q.d * q.ny - cell.plane.d * cell.plane.ny;
+        const float fz = static_cast<float>(z) + q.d * q.nz - cell.plane.d * cell.plane.nz;
+        const float dx = along(t.u, fx, fy, fz), dy = along(t.v, fx, fy, fz);
+        const float du = along(t.u, q.nx, q.ny, q.nz), dv = along(t.v, q.nx, q.ny, q.nz);
+        xx += dx * dx;
+        xy += dx * dy;
+        yy += dy * dy;
+        ux += du * dx;
+        uy += du * dy;
+        vx += dv * dx;
+        vy += dv * dy;
+      }
+    }
+  }
+  const float det = xx * yy - xy * xy;
+  if (!(det > 1)) return 0;
+  const float trace = ((ux * yy - uy * xy) + (vy * xx - vx * xy)) / det;
+  return std::min(std::max(trace, -kMostBend), kMostBend);
+}
+
+CellModel CellModels::crease(const Cell& cell) const {
+  Candidates candidates;
+  const float base = grid_.base_distance(cell.id);
+  if (std::abs(base) < 2) candidates.add(base_plane(cell.id));
+  if (cell.kind == Cell::kSided) candidates.add(cell.plane);
+  for (const auto& [x, y, z] : kNearby.at) {
+    const Cell* const other = this->cell(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
+    if (other == nullptr) continue;
+    if (other->kind == Cell::kSmooth || other->kind == Cell::kSided) {
+      candidates.add(other->plane.from(-x, -y, -z));
+    }
+    if (other->kind != Cell::kSmooth && other->kind != Cell::kBase && other->model.solved && x <= 1 && x >= -1 && y <= 1 && y >= -1 &&
+        z <= 1 && z >= -1) {
+      for (int p = 0; p < other->model.planes(); ++p) {
+        candidates.add(other->model.plane[p].from(-x, -y, -z));
+      }
+    }
+    if (candidates.full()) break;
+  }
+  candidates.add(cell.plane);
+  return solve_crease(grid_, cell.id, candidates);
+}
+
+}  // namespace soilvdb

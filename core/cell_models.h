@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// From words to planes: what the surface is in every cell it runs through.
+#pragma once
+
+#include <vector>
+
+#include "core/cell_model.h"
+
+namespace soilvdb {
+
+/// The models of the cells of a CellGrid.
+///
+/// A cell's model depends on the words within kModelReach voxels of it and on nothing else: not on
+/// the grid, its neighbours' order or threads.
+class CellModels {
+ public:
+  /// @param reach models are made for cells so far from a chunk asked for, voxels
+  CellModels(const CellGrid& grid, int reach);
+
+  /// The model of a cell, or null where it is all soil, all air or not explained.
+  const CellModel* find(int id) const {
+    const int k = index_[static_cast<std::size_t>(id)];
+    return k < 0 || !cells_[static_cast<std::size_t>(k)].model.solved
+               ? nullptr
+               : &cells_[static_cast<std::size_t>(k)].model;
+  }
+  /// Is the cell's centre in soil?
+  bool soil(int id) const {
+    const CellModel* m = find(id);
+    return m != nullptr ? m->at(0, 0, 0).beyond < 0 : grid_.count(id) > 32;
+  }
+  /// Signed distance at a point relative to a cell's centre, as far as the cell knows.
+  float beyond(int id, float x, float y, float z) const {
+    const CellModel* m = find(id);
+    return m != nullptr ? m->at(x, y, z).beyond : soil(id) ? -0.5f : 0.5f;
+  }
+  const CellGrid& grid() const { return grid_; }
+
+  struct Cell {
+    int id;
+    int away;
+    enum Kind : std::uint8_t { kBase, kSmooth, kSided, kOther } kind;
+    float bend;  ///< trace of the curvature, of smooth cells, 1/voxel
+    CellPlane plane;
+    CellModel model;
+  };
+  const std::vector<Cell>& cells() const { return cells_; }
+
+ private:
+  const Cell* cell(int id) const {
+    const int k = index_[static_cast<std::size_t>(id)];
+    return k < 0 ? nullptr : &cells_[static_cast<std::size_t>(k)];
+  }
+  CellPlane base_plane(int id) const;
+  float bend(const Cell& cell) const;
+  CellModel crease(const Cell& cell) const;
+
+  const CellGrid& grid_;
+  std::vector<int> index_;
+  std::vector<Cell> cells_;
+};
+
+/// A chunk: what a cell's model depends on.
+inline constexpr int kModelReach = 8;
+
+}  // namespace soilvdb
