@@ -27,6 +27,7 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
   changed_.resize(cells);
   states_.resize(chunks, kUnread);
   asked_.resize(chunks);
+  resident_.resize(chunks);
   base_.resize(chunks);
   std::vector<std::uint8_t> wanted(chunks);
   for (const Coord3& origin : asked) {
@@ -54,6 +55,7 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
   SampleWords words, base;
   soil.read_samples(origin, words);
   const bool resident = soil.find(origin) != nullptr;
+  resident_[static_cast<std::size_t>(chunk)] = resident;
   if (resident) {
     const Content content = soil.classify(origin);
     if (content == Content::kMixed) {
@@ -116,10 +118,9 @@ float CellGrid::base_distance(int id) const {
   return values[static_cast<std::size_t>(in.x() * 64 + in.y() * 8 + in.z())];
 }
 
-int CellGrid::away(int id, int chunk) const {
-  if (asked_[static_cast<std::size_t>(chunk)]) return 0;
-  const Coord3 c = at(id);
-  const Coord3 k = c / kLeafSide, in = c - kLeafSide * k;
+int CellGrid::away(int id) const {
+  const Coord3 c = at(id), k = c / kLeafSide;
+  if (asked(c)) return 0;
   int least = side_;
   for (int x = std::max(k.x() - 2, 0); x <= std::min(k.x() + 2, chunks_ - 1); ++x) {
     for (int y = std::max(k.y() - 2, 0); y <= std::min(k.y() + 2, chunks_ - 1); ++y) {
@@ -134,7 +135,6 @@ int CellGrid::away(int id, int chunk) const {
       }
     }
   }
-  (void)in;
   return least;
 }
 
@@ -169,7 +169,7 @@ std::vector<CellGrid::Cell> CellGrid::surface_cells(int reach) const {
                   count(c + sy) != 0 && count(c - 1) != 0 && count(c + 1) != 0) {
                 continue;
               }
-              const int from = inside ? 0 : away(c, n);
+              const int from = inside ? 0 : away(c);
               if (from <= reach) cells.push_back({c, from});
             }
           }

@@ -45,10 +45,11 @@ class CellGrid {
   int count(int id) const { return counts_[static_cast<std::size_t>(id)]; }
   /// Are the words of a cell and of the 26 around it those of the base surface?
   bool untouched(int id) const { return !changed_[static_cast<std::size_t>(id)]; }
-  /// Is the cell in a chunk that was asked for?
-  bool asked(int x, int y, int z) const {
-    return asked_[static_cast<std::size_t>(chunk_id(x / kLeafSide, y / kLeafSide, z / kLeafSide))];
-  }
+  /// Is the chunk of a cell one of those asked for, is it resident?
+  bool asked(const Coord3& cell) const { return asked_[chunk_of(cell)]; }
+  bool resident(const Coord3& cell) const { return resident_[chunk_of(cell)]; }
+  /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0 inside.
+  int away(int id) const;
   bool any_change() const { return any_change_; }
   const CellPoints& points(int id) const { return sample_points(first_ + at(id)); }
 
@@ -66,9 +67,12 @@ class CellGrid {
  private:
   enum State : std::uint8_t { kUnread, kAllAir, kAllSoil, kBoth };
   int chunk_id(int x, int y, int z) const { return (x * chunks_ + y) * chunks_ + z; }
+  std::size_t chunk_of(const Coord3& c) const {
+    return static_cast<std::size_t>(
+        chunk_id(c.x() / kLeafSide, c.y() / kLeafSide, c.z() / kLeafSide));
+  }
   void read(const Soil& soil, int chunk, const Coord3& origin);
   void spread_changes();
-  int away(int id, int chunk) const;
 
   const Soil& soil_;
   Coord3 first_;
@@ -77,8 +81,7 @@ class CellGrid {
   std::unique_ptr<std::uint64_t[]> words_;
   std::vector<std::uint8_t> counts_, changed_;
   std::vector<State> states_;           // of chunks
-  std::vector<std::uint8_t> asked_;     // of chunks
-  std::vector<int> changed_chunks_;
+  std::vector<std::uint8_t> asked_, resident_;  // of chunks
   mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, m
 };
 

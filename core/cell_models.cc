@@ -14,8 +14,11 @@ constexpr int kSight = 2;  // voxels from which a crease takes planes
 /// Voxels by which planes are needed farther out than models: sweeps but the first, sight.
 constexpr int kPlanesFarther = kSweeps - 1 + kSight;
 constexpr int kBendFarther = 1;
+constexpr int kSettleFarther = 1;
+constexpr float kCreaseArea = 1.3f;  // voxels^2, of the surface in a cell with a crease
 constexpr float kBendCosine = 0.8f;
 constexpr float kMostBend = 0.4f;
+constexpr float kLeastSpread = 0.5f;  // of the neighbours, voxels^4
 
 /// The cells within kSight, the nearest first.
 struct Sight {
@@ -38,19 +41,34 @@ struct Sight {
 };
 constexpr Sight kNearby;
 
+/// The tangent plane of a curved surface, from its plane in one cell, at the cell so far away.
+CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
+  const Tangents t(cell.plane);
+  const float fx = static_cast<float>(x), fy = static_cast<float>(y), fz = static_cast<float>(z);
+  const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
+  const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
+  const float du = cell.bend.uu * u + cell.bend.uv * v, dv = cell.bend.uv * u + cell.bend.vv * v;
+  const float beyond = cell.plane.beyond(fx, fy, fz) + (du * u + dv * v) / 2;
+  const float scale = 1 / std::sqrt(1 + (du * du + dv * dv));
+  return {(cell.plane.nx + (du * t.u[0] + dv * t.v[0])) * scale,
+          (cell.plane.ny + (du * t.u[1] + dv * t.v[1])) * scale,
+          (cell.plane.nz + (du * t.u[2] + dv * t.v[2])) * scale, -beyond * scale};
+}
+
 }  // namespace
 
-CellModels::CellModels(const CellGrid& grid, int reach) : grid_(grid) {
+CellModels::CellModels(const CellGrid& grid, int wanted) : grid_(grid) {
+  const int reach = wanted + kSettleFarther;
   index_.assign(static_cast<std::size_t>(grid.side()) * grid.side() * grid.side(), -1);
   const int planes = reach + kPlanesFarther;
   const std::vector<CellGrid::Cell> surface = grid.surface_cells(planes + kBendFarther);
   cells_.reserve(surface.size());
   for (const CellGrid::Cell& c : surface) {
     index_[static_cast<std::size_t>(c.id)] = static_cast<int>(cells_.size());
-    Cell cell{c.id, c.away, Cell::kOther, 0, {}, {}};
+    Cell cell{c.id, c.away, Cell::kOther, {}, {}, {}};
     if (grid.untouched(c.id)) {
       cell.kind = Cell::kBase;
-      if (c.away <= reach) cell.plane = base_plane(c.id);
+      if (c.away <= wanted) cell.plane = base_plane(c.id);
     } else {
       const PlaneFit fit = fit_plane(grid, c.id);
       cell.plane = fit.plane;
@@ -62,7 +80,7 @@ CellModels::CellModels(const CellGrid& grid, int reach) : grid_(grid) {
     if (cell.kind == Cell::kSmooth && cell.away <= planes) cell.bend = bend(cell);
   }
   for (Cell& cell : cells_) {
-    if (cell.kind == Cell::kSmooth) cell.plane.d += kWindowBend * cell.bend;
+    if (cell.kind == Cell::kSmooth) cell.plane.d += kWindowBend * (cell.bend.uu + cell.bend.vv);
     cell.model.plane[0] = cell.plane;
     cell.model.solved = cell.kind == Cell::kSmooth || cell.kind == Cell::kBase;
   }
@@ -79,6 +97,40 @@ CellModels::CellModels(const CellGrid& grid, int reach) : grid_(grid) {
       const bool other = cell.kind == Cell::kSided || cell.kind == Cell::kOther;
       if (other && cell.away <= until) cell.model = next[k++];
     }
+  }
+  settle(wanted);
+}
+
+void CellModels::settle(int reach) {
+  std::vector<int> more(cells_.size());
+  for (std::size_t k = 0; k < cells_.size(); ++k) {
+    const Cell& cell = cells_[k];
+    if (cell.kind == Cell::kBase || !cell.model.solved || cell.away > reach + 1) continue;
+    more[k] = surplus(grid_, cell.id, cell.model);
+  }
+  std::vector<float> shifts(cells_.size());
+  for (std::size_t k = 0; k < cells_.size(); ++k) {
+    const Cell& cell = cells_[k];
+    if (cell.kind == Cell::kBase || !cell.model.solved || cell.away > reach) continue;
+    int sum = 0;
+    float area = 0;
+    for (int x = -1; x <= 1; ++x) {
+      for (int y = -1; y <= 1; ++y) {
+        for (int z = -1; z <= 1; ++z) {
+          const int n = index_[static_cast<std::size_t>(cell.id + x * grid_.step(0) +
+                                                        y * grid_.step(1) + z)];
+          if (n < 0) continue;
+          const Cell& other = cells_[static_cast<std::size_t>(n)];
+          if (other.kind == Cell::kBase || !other.model.solved) continue;
+          sum += more[static_cast<std::size_t>(n)];
+          area += other.model.planes() > 1 ? kCreaseArea : 1;
+        }
+      }
+    }
+    shifts[k] = static_cast<float>(sum) / (64 * area);
+  }
+  for (std::size_t k = 0; k < cells_.size(); ++k) {
+    for (CellPlane& plane : cells_[k].model.plane) plane.d -= shifts[k];
   }
 }
 
@@ -101,7 +153,7 @@ CellPlane CellModels::base_plane(int id) const {
   return p;
 }
 
-float CellModels::bend(const Cell& cell) const {
+Bend CellModels::bend(const Cell& cell) const {
   const Tangents t(cell.plane);
   float xx = 0, xy = 0, yy = 0, ux = 0, uy = 0, vx = 0, vy = 0;
   for (int x = -1; x <= 1; ++x) {
@@ -132,9 +184,10 @@ float CellModels::bend(const Cell& cell) const {
     }
   }
   const float det = xx * yy - xy * xy;
-  if (!(det > 1)) return 0;
-  const float trace = ((ux * yy - uy * xy) + (vy * xx - vx * xy)) / det;
-  return std::min(std::max(trace, -kMostBend), kMostBend);
+  if (!(det > kLeastSpread)) return {};
+  const auto held = [&](float v) { return std::min(std::max(v / det, -kMostBend), kMostBend); };
+  return {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
+          held(vy * xx - vx * xy)};
 }
 
 CellModel CellModels::crease(const Cell& cell) const {
@@ -146,7 +199,7 @@ CellModel CellModels::crease(const Cell& cell) const {
     const Cell* const other = this->cell(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
     if (other == nullptr) continue;
     if (other->kind == Cell::kSmooth || other->kind == Cell::kSided) {
-      candidates.add(other->plane.from(-x, -y, -z));
+      candidates.add(carried(*other, -x, -y, -z));
     }
     if (other->kind != Cell::kSmooth && other->kind != Cell::kBase && other->model.solved && x <= 1 && x >= -1 && y <= 1 && y >= -1 &&
         z <= 1 && z >= -1) {

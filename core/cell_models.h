@@ -9,6 +9,11 @@
 
 namespace soilvdb {
 
+/// How a surface curves: what its normal changes by, along and across, in a plane's tangents.
+struct Bend {
+  float uu = 0, uv = 0, vv = 0;  ///< 1/voxel; of a ball of soil positive
+};
+
 /// The models of the cells of a CellGrid.
 ///
 /// A cell's model depends on the words within kModelReach voxels of it and on nothing else: not on
@@ -41,8 +46,8 @@ class CellModels {
     int id;
     int away;
     enum Kind : std::uint8_t { kBase, kSmooth, kSided, kOther } kind;
-    float bend;  ///< trace of the curvature, of smooth cells, 1/voxel
     CellPlane plane;
+    Bend bend;  ///< of smooth cells
     CellModel model;
   };
   const std::vector<Cell>& cells() const { return cells_; }
@@ -53,8 +58,10 @@ class CellModels {
     return k < 0 ? nullptr : &cells_[static_cast<std::size_t>(k)];
   }
   CellPlane base_plane(int id) const;
-  float bend(const Cell& cell) const;
+  Bend bend(const Cell& cell) const;
   CellModel crease(const Cell& cell) const;
+  /// Shifts the planes of each cell so that models and words around it hold the same volume.
+  void settle(int reach);
 
   const CellGrid& grid_;
   std::vector<int> index_;

@@ -9,8 +9,10 @@ namespace soilvdb {
 namespace {
 
 constexpr int kSteps = 2;             // of Gauss-Newton
-constexpr float kWrongShare = 0.05f;  // of samples by the plane: smooth
-constexpr int kWrongInCell = 12;
+/// Wrong samples of those by the plane, and in one cell, with which all is smooth: few at the edge of
+/// the window where another plane begins, or some everywhere for want of curvature.
+constexpr float kWrongShare = 0.05f, kWrongShareCurved = 0.1f;
+constexpr int kWrongInCell = 12, kWrongInCellCurved = 7;
 constexpr float kSlab = 0.5f;         // half thickness of what a sided fit looks at, voxels
 constexpr float kLeastArea = 4;       // of a sided fit, voxels^2
 constexpr float kMostTilt = 0.5f;     // of a step
@@ -151,9 +153,9 @@ CellPlane by_gradient(const CellGrid& grid, int id) {
 }
 
 /// Plane through the heights of the nine columns along an axis, if each goes from soil to air
-/// within three cells on both sides.
+/// within two cells on both sides.
 bool by_heights(const CellGrid& grid, int id, int axis, bool up, CellPlane& plane) {
-  constexpr int kReach = 3;
+  constexpr int kReach = 2;
   const int step = up ? grid.step(axis) : -grid.step(axis);
   const int u = grid.step((axis + 1) % 3), v = grid.step((axis + 2) % 3);
   int all = 0, along_u = 0, along_v = 0;
@@ -195,7 +197,9 @@ SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, const Coord3& c, Plan
     const float by = 64 * r.area;
     if (static_cast<float>(r.wrong) > 0.5f * by && k > 0) return;
     if (k == kSteps) {
-      fit.smooth = static_cast<float>(r.wrong) <= kWrongShare * by && r.most <= kWrongInCell;
+      const float share = static_cast<float>(r.wrong) / by;
+      fit.smooth = (share <= kWrongShare && r.most <= kWrongInCell) ||
+                   (share <= kWrongShareCurved && r.most <= kWrongInCellCurved);
       if (fit.smooth) improve(r, t, fit.plane);
       return;
     }

@@ -49,7 +49,8 @@ struct DualCell {
 
 class Contouring {
  public:
-  explicit Contouring(const CellModels& models) : models_(models), grid_(models.grid()) {
+  Contouring(const CellModels& models, int reach)
+      : models_(models), grid_(models.grid()), reach_(reach) {
     const std::size_t cells =
         static_cast<std::size_t>(grid_.side()) * grid_.side() * grid_.side();
     soil_.resize(cells);
@@ -69,7 +70,7 @@ class Contouring {
           const std::uint8_t here = soil_[static_cast<std::size_t>(id)];
           for (int axis = 0; axis < 3; ++axis) {
             if (soil_[static_cast<std::size_t>(id + grid_.step(axis))] != here &&
-                grid_.asked(x, y, z)) {
+                wanted({x, y, z}, axis)) {
               polygon(id, axis, here);
             }
           }
@@ -80,6 +81,14 @@ class Contouring {
   }
 
  private:
+  bool wanted(const Coord3& cell, int axis) const {
+    const Coord3 next = cell + Coord3::Unit(axis);
+    if (reach_ == 0) {
+      return grid_.resident(cell) ? grid_.asked(cell) : grid_.asked(next);
+    }
+    return grid_.away(grid_.id(cell.x(), cell.y(), cell.z())) < reach_;
+  }
+
   /// Crossing of the edge from a voxel along an axis, in voxels from that voxel's centre.
   Crossing crossing(int id, int axis) const {
     const int other = id + grid_.step(axis);
@@ -220,11 +229,31 @@ class Contouring {
       }
       ContourVertex v{grid_.at(cell), {}, base};
       place_vertex(crossings, n, v.in);
+      if (groups > 0) keep_apart(crossings, n, dual.vertex, v);
       out_.vertices.push_back(v);
       ++groups;
     }
     duals_.push_back(dual);
     return duals_.back();
+  }
+
+  /// Sheets of one dual cell don't share a place: half-way to the middle of its own crossings then.
+  void keep_apart(const Crossing* crossings, int count, std::uint32_t first,
+                  ContourVertex& v) const {
+    constexpr float kApart = 0.02f;  // voxels
+    bool close = false;
+    for (std::size_t k = first; k < out_.vertices.size(); ++k) {
+      const float* const other = out_.vertices[k].in;
+      float most = 0;
+      for (int a = 0; a < 3; ++a) most = std::max(most, std::abs(v.in[a] - other[a]));
+      close |= most < kApart;
+    }
+    if (!close) return;
+    for (int a = 0; a < 3; ++a) {
+      float mean = 0;
+      for (int k = 0; k < count; ++k) mean += crossings[k].p[a];
+      v.in[a] = (v.in[a] + mean / static_cast<float>(count)) / 2;
+    }
   }
 
   std::uint32_t vertex(int cell, int edge) {
@@ -347,6 +376,7 @@ class Contouring {
 
   const CellModels& models_;
   const CellGrid& grid_;
+  int reach_;
   std::vector<std::uint8_t> soil_;
   std::vector<int> dual_;
   std::vector<DualCell> duals_;
@@ -356,6 +386,6 @@ class Contouring {
 
 }  // namespace
 
-Contour contour(const CellModels& models) { return Contouring(models).run(); }
+Contour contour(const CellModels& models, int reach) { return Contouring(models, reach).run(); }
 
 }  // namespace soilvdb

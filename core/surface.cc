@@ -7,6 +7,9 @@ namespace {
 
 constexpr int kChunksPerBlock = kBlockSide / kLeafSide;
 
+/// Voxels around a chunk in which pieces of the surface may be the nearest: the band and a polygon's.
+constexpr int kSeen = 4;
+
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
 }  // namespace
@@ -16,8 +19,8 @@ SurfaceBlock::SurfaceBlock(const Soil& soil, const Coord3& block, std::span<cons
     : soil_(soil),
       grid_(soil, block - Coord3::Constant(kLeafSide * halo(need)),
             kBlockSide + 2 * kLeafSide * halo(need), chunks, halo(need)),
-      models_(grid_, need == kMesh ? 1 : 5),
-      contour_(soilvdb::contour(models_)) {}
+      models_(grid_, need == kMesh ? 1 : kSeen + 1),
+      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kSeen)) {}
 
 std::vector<Coord3> resident_chunks(const Soil& soil, const Coord3& block) {
   std::vector<Coord3> all;
