@@ -25,6 +25,7 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
   words_.reset(new std::uint64_t[cells]);
   counts_.resize(cells);
   changed_.resize(cells);
+  points_.resize(cells);
   states_.resize(chunks, kUnread);
   asked_.resize(chunks);
   resident_.resize(chunks);

@@ -19,7 +19,7 @@ namespace soilvdb {
 /// whatever the cube; elsewhere cells are air and aren't to be looked at. A cell that is `reach`
 /// voxels or less from a chunk asked for has all the words around it that its results depend on.
 ///
-/// Not copyable; members may be read from several threads but base_distance().
+/// For one thread at a time: some of it is made when first asked for.
 class CellGrid {
  public:
   /// @param first index of the cube's first voxel, a multiple of 8
@@ -51,7 +51,11 @@ class CellGrid {
   /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0 inside.
   int away(int id) const;
   bool any_change() const { return any_change_; }
-  const CellPoints& points(int id) const { return sample_points(first_ + at(id)); }
+  const CellPoints& points(int id) const {
+    const CellPoints*& points = points_[static_cast<std::size_t>(id)];
+    if (points == nullptr) points = &sample_points(first_ + at(id));
+    return *points;
+  }
 
   /// The base surface's own distance at the centre of a cell, voxels, clamped to +-3.
   float base_distance(int id) const;
@@ -82,7 +86,8 @@ class CellGrid {
   std::vector<std::uint8_t> counts_, changed_;
   std::vector<State> states_;           // of chunks
   std::vector<std::uint8_t> asked_, resident_;  // of chunks
-  mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, m
+  mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, voxels
+  mutable std::vector<const CellPoints*> points_;       // as far as they were asked for
 };
 
 }  // namespace soilvdb

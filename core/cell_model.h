@@ -33,6 +33,7 @@ struct Active {
 struct CellModel {
   Join join = Join::kOne;
   bool solved = false;  ///< else the cell's planes are not known
+  int wrong = 0;        ///< samples of the 27 cells around that it doesn't explain
   CellPlane plane[3];
 
   int planes() const { return planes_of(join); }

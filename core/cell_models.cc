@@ -11,10 +11,11 @@ namespace {
 
 constexpr int kSweeps = 2;
 constexpr int kSight = 2;  // voxels from which a crease takes planes
-/// Voxels by which planes are needed farther out than models: sweeps but the first, sight.
-constexpr int kPlanesFarther = kSweeps - 1 + kSight;
+/// Voxels by which more is needed farther out than models: for bends, and to settle volumes.
 constexpr int kBendFarther = 1;
 constexpr int kSettleFarther = 1;
+constexpr float kBaseSight = 2;  // voxels from which a crease takes the base surface's plane
+constexpr int kExplained = 4;    // wrong samples with which a crease isn't looked at again
 constexpr float kCreaseArea = 1.3f;  // voxels^2, of the surface in a cell with a crease
 constexpr float kBendCosine = 0.8f;
 constexpr float kMostBend = 0.4f;
@@ -48,7 +49,8 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
   const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
   const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
   const float du = cell.bend.uu * u + cell.bend.uv * v, dv = cell.bend.uv * u + cell.bend.vv * v;
-  const float beyond = cell.plane.beyond(fx, fy, fz) + (du * u + dv * v) / 2;
+  const float inwards = kWindowBend * (cell.bend.uu + cell.bend.vv);
+  const float beyond = cell.plane.beyond(fx, fy, fz) - inwards + (du * u + dv * v) / 2;
   const float scale = 1 / std::sqrt(1 + (du * du + dv * dv));
   return {(cell.plane.nx + (du * t.u[0] + dv * t.v[0])) * scale,
           (cell.plane.ny + (du * t.u[1] + dv * t.v[1])) * scale,
@@ -58,47 +60,94 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
 }  // namespace
 
 CellModels::CellModels(const CellGrid& grid, int wanted) : grid_(grid) {
-  const int reach = wanted + kSettleFarther;
   index_.assign(static_cast<std::size_t>(grid.side()) * grid.side() * grid.side(), -1);
-  const int planes = reach + kPlanesFarther;
-  const std::vector<CellGrid::Cell> surface = grid.surface_cells(planes + kBendFarther);
+  const int reach = wanted + kSettleFarther;
+  const std::vector<CellGrid::Cell> surface =
+      grid.surface_cells(reach + kSweeps - 1 + kSight + kBendFarther);
   cells_.reserve(surface.size());
   for (const CellGrid::Cell& c : surface) {
     index_[static_cast<std::size_t>(c.id)] = static_cast<int>(cells_.size());
-    Cell cell{c.id, c.away, Cell::kOther, {}, {}, {}};
-    if (grid.untouched(c.id)) {
-      cell.kind = Cell::kBase;
-      if (c.away <= wanted) cell.plane = base_plane(c.id);
-    } else {
-      const PlaneFit fit = fit_plane(grid, c.id);
-      cell.plane = fit.plane;
-      cell.kind = fit.smooth ? Cell::kSmooth : fit.sided ? Cell::kSided : Cell::kOther;
-    }
-    cells_.push_back(cell);
+    cells_.emplace_back();
+    cells_.back().id = c.id;
+    cells_.back().away = c.away;
+    cells_.back().kind = grid.untouched(c.id) ? Cell::kBase : Cell::kUnfitted;
   }
+  // Farther out only what these ask for.
   for (Cell& cell : cells_) {
-    if (cell.kind == Cell::kSmooth && cell.away <= planes) cell.bend = bend(cell);
-  }
-  for (Cell& cell : cells_) {
-    if (cell.kind == Cell::kSmooth) cell.plane.d += kWindowBend * (cell.bend.uu + cell.bend.vv);
-    cell.model.plane[0] = cell.plane;
-    cell.model.solved = cell.kind == Cell::kSmooth || cell.kind == Cell::kBase;
-  }
-  std::vector<CellModel> next;
-  for (int sweep = 1; sweep <= kSweeps; ++sweep) {
-    next.clear();
-    const int until = reach + kSweeps - sweep;
-    for (const Cell& cell : cells_) {
-      const bool other = cell.kind == Cell::kSided || cell.kind == Cell::kOther;
-      if (other && cell.away <= until) next.push_back(crease(cell));
-    }
-    std::size_t k = 0;
-    for (Cell& cell : cells_) {
-      const bool other = cell.kind == Cell::kSided || cell.kind == Cell::kOther;
-      if (other && cell.away <= until) cell.model = next[k++];
+    if (cell.kind == Cell::kBase && cell.away <= wanted) {
+      cell.model.plane[0] = base_plane(cell.id);
+      cell.model.solved = true;
+    } else if (cell.away <= reach) {
+      fit(cell);
+      if (cell.kind != Cell::kSmooth) continue;
+      find_bend(cell);
+      cell.model.plane[0] = carried(cell, 0, 0, 0);
+      cell.model.solved = true;
     }
   }
+  solve_creases(reach);
   settle(wanted);
+}
+
+void CellModels::fit(Cell& cell) {
+  if (cell.kind != Cell::kUnfitted) return;
+  const PlaneFit fit = fit_plane(grid_, cell.id);
+  cell.plane = fit.plane;
+  cell.kind = fit.smooth ? Cell::kSmooth : fit.sided ? Cell::kSided : Cell::kOther;
+}
+
+void CellModels::solve_creases(int reach) {
+  // Those asked for and those next to them, which are looked at in the second sweep.
+  std::vector<int> wanted, all;
+  std::vector<std::uint8_t> listed(cells_.size());
+  const auto list = [&](int k) {
+    Cell& cell = cells_[static_cast<std::size_t>(k)];
+    fit(cell);
+    if (listed[static_cast<std::size_t>(k)]) return;
+    listed[static_cast<std::size_t>(k)] = 1;
+    if (cell.kind == Cell::kSided || cell.kind == Cell::kOther) all.push_back(k);
+  };
+  for (int k = 0; k < static_cast<int>(cells_.size()); ++k) {
+    const Cell& cell = cells_[static_cast<std::size_t>(k)];
+    if (cell.away <= reach && (cell.kind == Cell::kSided || cell.kind == Cell::kOther)) {
+      wanted.push_back(k);
+      list(k);
+    }
+  }
+  const int sx = grid_.step(0), sy = grid_.step(1);
+  for (const int k : wanted) {
+    const int id = cells_[static_cast<std::size_t>(k)].id;
+    for (int n = 0; n < 27; ++n) {
+      const int other =
+          index_[static_cast<std::size_t>(id + (n / 9 - 1) * sx + (n / 3 % 3 - 1) * sy + n % 3 - 1)];
+      if (other >= 0) list(other);
+    }
+  }
+  std::vector<CellModel> models(all.size());
+  std::vector<int> seen(cells_.size());
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    const Cell& cell = cells_[static_cast<std::size_t>(all[n])];
+    Candidates candidates;
+    gather(cell, candidates);
+    seen[static_cast<std::size_t>(all[n])] = candidates.size();
+    models[n] = solve_crease(grid_, cell.id, candidates);
+  }
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    cells_[static_cast<std::size_t>(all[n])].model = models[n];
+  }
+  // Again with what the neighbours found, where anything is left to explain.
+  models.clear();
+  for (const int k : wanted) {
+    const Cell& cell = cells_[static_cast<std::size_t>(k)];
+    models.push_back(cell.model);
+    if (cell.model.solved && cell.model.wrong <= kExplained) continue;
+    Candidates candidates;
+    gather(cell, candidates);
+    models.back() = solve_crease(grid_, cell.id, candidates);
+  }
+  for (std::size_t n = 0; n < wanted.size(); ++n) {
+    cells_[static_cast<std::size_t>(wanted[n])].model = models[n];
+  }
 }
 
 void CellModels::settle(int reach) {
@@ -153,15 +202,18 @@ CellPlane CellModels::base_plane(int id) const {
   return p;
 }
 
-Bend CellModels::bend(const Cell& cell) const {
+void CellModels::find_bend(Cell& cell) {
+  if (cell.bent) return;
+  cell.bent = true;
   const Tangents t(cell.plane);
   float xx = 0, xy = 0, yy = 0, ux = 0, uy = 0, vx = 0, vy = 0;
   for (int x = -1; x <= 1; ++x) {
     for (int y = -1; y <= 1; ++y) {
       for (int z = -1; z <= 1; ++z) {
-        const Cell* const other =
-            this->cell(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
-        if (other == nullptr || other->kind != Cell::kSmooth || other == &cell) continue;
+        Cell* const other = neighbour(cell, x, y, z);
+        if (other == nullptr || other == &cell) continue;
+        fit(*other);
+        if (other->kind != Cell::kSmooth) continue;
         const CellPlane& q = other->plane;
         if (cell.plane.along(q.nx, q.ny, q.nz) < kBendCosine) continue;
         const auto along = [](const float* e, float a, float b, float c) {
@@ -184,33 +236,32 @@ Bend CellModels::bend(const Cell& cell) const {
     }
   }
   const float det = xx * yy - xy * xy;
-  if (!(det > kLeastSpread)) return {};
+  if (!(det > kLeastSpread)) return;
   const auto held = [&](float v) { return std::min(std::max(v / det, -kMostBend), kMostBend); };
-  return {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
+  cell.bend = {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
           held(vy * xx - vx * xy)};
 }
 
-CellModel CellModels::crease(const Cell& cell) const {
-  Candidates candidates;
-  const float base = grid_.base_distance(cell.id);
-  if (std::abs(base) < 2) candidates.add(base_plane(cell.id));
+void CellModels::gather(const Cell& cell, Candidates& candidates) {
+  if (std::abs(grid_.base_distance(cell.id)) < kBaseSight) candidates.add(base_plane(cell.id));
   if (cell.kind == Cell::kSided) candidates.add(cell.plane);
   for (const auto& [x, y, z] : kNearby.at) {
-    const Cell* const other = this->cell(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
-    if (other == nullptr) continue;
-    if (other->kind == Cell::kSmooth || other->kind == Cell::kSided) {
+    if (candidates.full()) return;
+    Cell* const other = neighbour(cell, x, y, z);
+    if (other == nullptr || other->kind == Cell::kBase) continue;
+    fit(*other);
+    if (other->kind == Cell::kSmooth) {
+      find_bend(*other);
       candidates.add(carried(*other, -x, -y, -z));
+      continue;
     }
-    if (other->kind != Cell::kSmooth && other->kind != Cell::kBase && other->model.solved && x <= 1 && x >= -1 && y <= 1 && y >= -1 &&
-        z <= 1 && z >= -1) {
-      for (int p = 0; p < other->model.planes(); ++p) {
-        candidates.add(other->model.plane[p].from(-x, -y, -z));
-      }
+    if (other->kind == Cell::kSided) candidates.add(other->plane.from(-x, -y, -z));
+    if (!other->model.solved || std::max({std::abs(x), std::abs(y), std::abs(z)}) > 1) continue;
+    for (int p = 0; p < other->model.planes(); ++p) {
+      candidates.add(other->model.plane[p].from(-x, -y, -z));
     }
-    if (candidates.full()) break;
   }
   candidates.add(cell.plane);
-  return solve_crease(grid_, cell.id, candidates);
 }
 
 }  // namespace soilvdb

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "core/cell_model.h"
+#include "core/crease.h"
 
 namespace soilvdb {
 
@@ -43,23 +43,35 @@ class CellModels {
   const CellGrid& grid() const { return grid_; }
 
   struct Cell {
-    int id;
-    int away;
-    enum Kind : std::uint8_t { kBase, kSmooth, kSided, kOther } kind;
-    CellPlane plane;
-    Bend bend;  ///< of smooth cells
+    int id = 0;
+    int away = 0;
+    enum Kind : std::uint8_t {
+      kUnfitted,
+      kBase,    ///< untouched
+      kSmooth,  ///< one plane
+      kSided,   ///< of a thin wall
+      kOther
+    } kind = kUnfitted;
+    bool bent = false;  ///< bend is known
+    CellPlane plane;    ///< as fitted: where the surface bends, too far inwards
+    Bend bend;
     CellModel model;
   };
   const std::vector<Cell>& cells() const { return cells_; }
 
  private:
-  const Cell* cell(int id) const {
+  Cell* at(int id) {
     const int k = index_[static_cast<std::size_t>(id)];
     return k < 0 ? nullptr : &cells_[static_cast<std::size_t>(k)];
   }
+  Cell* neighbour(const Cell& cell, int x, int y, int z) {
+    return at(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
+  }
+  void fit(Cell& cell);
+  void find_bend(Cell& cell);
   CellPlane base_plane(int id) const;
-  Bend bend(const Cell& cell) const;
-  CellModel crease(const Cell& cell) const;
+  void gather(const Cell& cell, Candidates& candidates);
+  void solve_creases(int reach);
   /// Shifts the planes of each cell so that models and words around it hold the same volume.
   void settle(int reach);
 

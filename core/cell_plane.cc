@@ -8,7 +8,8 @@
 namespace soilvdb {
 namespace {
 
-constexpr int kSteps = 2;             // of Gauss-Newton
+constexpr int kSteps = 3;             // of Gauss-Newton, at most
+constexpr float kHopeless = 0.5f;     // share of wrong samples after one
 /// Wrong samples of those by the plane, and in one cell, with which all is smooth: few at the edge of
 /// the window where another plane begins, or some everywhere for want of curvature.
 constexpr float kWrongShare = 0.05f, kWrongShareCurved = 0.1f;
@@ -24,7 +25,7 @@ struct Residual {
   int wrong, most;
 };
 
-SOILVDB_INLINE void evaluate(const CellGrid& grid, const Coord3& c, int id, const CellPlane& plane,
+SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plane,
                              const Tangents& t, bool slab, Residual& r) {
   r = {};
   const float reach = plane.reach() + kFaceMargin;
@@ -32,14 +33,15 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, const Coord3& c, int id, cons
   const float most = std::max({ax, ay, az}), sum = ax + ay + az;
   const float rest = std::max(sum - most, 1e-3f);
   const std::uint64_t* const words = grid.words();
+  const int sx = grid.step(0), sy = grid.step(1);
   for (int x = -1; x <= 1; ++x) {
     for (int y = -1; y <= 1; ++y) {
       for (int z = -1; z <= 1; ++z) {
         const float fx = static_cast<float>(x), fy = static_cast<float>(y),
                     fz = static_cast<float>(z);
         const float s = plane.beyond(fx, fy, fz);
-        const std::uint64_t word =
-            words[id + x * grid.step(0) + y * grid.step(1) + z];
+        const int here_id = id + x * sx + y * sy + z;
+        const std::uint64_t word = words[here_id];
         if (std::abs(s) >= reach) {
           const std::uint64_t expected = s < 0 ? ~std::uint64_t{0} : 0;
           if (word == expected || slab) continue;
@@ -64,7 +66,7 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, const Coord3& c, int id, cons
         r.a[3] += a * (u * u + 1.0f / 12);
         r.a[4] += a * u * v;
         r.a[5] += a * (v * v + 1.0f / 12);
-        const CellPoints& points = sample_points(grid.first() + c + Coord3(x, y, z));
+        const CellPoints& points = grid.points(here_id);
         CellPlane here = plane;
         here.d = -s;
         std::uint64_t wrong = plane_mask(points, here) ^ word;
@@ -189,36 +191,46 @@ bool by_heights(const CellGrid& grid, int id, int axis, bool up, CellPlane& plan
   return normalise(plane);
 }
 
-SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, const Coord3& c, PlaneFit& fit) {
+SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, PlaneFit& fit) {
+  Residual r;
+  for (int k = 0; k < kSteps; ++k) {
+    const Tangents t(fit.plane);
+    evaluate(grid, id, fit.plane, t, false, r);
+    const float share = static_cast<float>(r.wrong) / (64 * r.area);
+    fit.smooth = k > 0 && ((share <= kWrongShare && r.most <= kWrongInCell) ||
+                           (share <= kWrongShareCurved && r.most <= kWrongInCellCurved));
+    if (k > 0 && share > kHopeless) return;
+    if (k + 1 == kSteps && !fit.smooth) return;
+    improve(r, t, fit.plane);
+    if (fit.smooth) return;
+  }
+}
+
+SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fit) {
   Residual r;
   for (int k = 0;; ++k) {
     const Tangents t(fit.plane);
-    evaluate(grid, c, id, fit.plane, t, false, r);
-    const float by = 64 * r.area;
-    if (static_cast<float>(r.wrong) > 0.5f * by && k > 0) return;
+    evaluate(grid, id, fit.plane, t, true, r);
     if (k == kSteps) {
-      const float share = static_cast<float>(r.wrong) / by;
-      fit.smooth = (share <= kWrongShare && r.most <= kWrongInCell) ||
-                   (share <= kWrongShareCurved && r.most <= kWrongInCellCurved);
-      if (fit.smooth) improve(r, t, fit.plane);
+      fit.sided = r.area >= kLeastArea &&
+                  static_cast<float>(r.wrong) <= 2 * kWrongShare * 64 * r.area;
       return;
     }
     improve(r, t, fit.plane);
   }
 }
 
-SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, const Coord3& c,
-                                      PlaneFit& fit) {
-  Residual r;
-  for (int k = 0;; ++k) {
-    const Tangents t(fit.plane);
-    evaluate(grid, c, id, fit.plane, t, true, r);
-    if (k == kSteps + 1) {
-      fit.sided = r.area >= kLeastArea && static_cast<float>(r.wrong) <= 2 * kWrongShare * 64 * r.area;
-      return;
-    }
-    improve(r, t, fit.plane);
+/// Is there air, or soil, on both sides of a cell within two voxels?
+bool thin(const CellGrid& grid, int id) {
+  constexpr int kFew = 16;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int step = grid.step(axis);
+    const int below = grid.count(id - 2 * step), above = grid.count(id + 2 * step);
+    const int a = grid.count(id - step), b = grid.count(id), c = grid.count(id + step);
+    if (below < kFew && above < kFew && std::max({a, b, c}) > 32) return true;
+    if (below > 64 - kFew && above > 64 - kFew && std::min({a, b, c}) < 32) return true;
   }
+  return false;
 }
 
 }  // namespace
@@ -235,7 +247,6 @@ Tangents::Tangents(const CellPlane& p) {
 }
 
 PlaneFit fit_plane(const CellGrid& grid, int id) {
-  const Coord3 c = grid.at(id);
   PlaneFit fit;
   const CellPlane start = by_gradient(grid, id);
   const float n[3] = {start.nx, start.ny, start.nz};
@@ -245,11 +256,11 @@ PlaneFit fit_plane(const CellGrid& grid, int id) {
   }
   fit.plane = start;
   by_heights(grid, id, axis, n[axis] > 0, fit.plane);
-  refine(grid, id, c, fit);
-  if (!fit.smooth) {
+  refine(grid, id, fit);
+  if (!fit.smooth && thin(grid, id)) {
     PlaneFit side;
     side.plane = start;
-    refine_one_side(grid, id, c, side);
+    refine_one_side(grid, id, side);
     if (side.sided) return side;
   }
   return fit;

@@ -243,6 +243,7 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
     best.score = s;
     model = moved;
   }
+  model.wrong = best.score - kPlaneCost * planes_of(best.join);
   model.solved = best.score < kUnsolved;
 }
 
@@ -268,11 +269,10 @@ CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidate
   CellModel model;
   if (candidates.planes().empty()) return model;
   Window window;
-  const Coord3 first = grid.first() + grid.at(id);
   for (int k = 0; k < kCells; ++k) {
     const int x = k / 9 - 1, y = k / 3 % 3 - 1, z = k % 3 - 1;
     window.words[k] = grid.word(id + x * grid.step(0) + y * grid.step(1) + z);
-    window.points[k] = &sample_points(first + Coord3(x, y, z));
+    window.points[k] = &grid.points(id + x * grid.step(0) + y * grid.step(1) + z);
   }
   solve(window, candidates.planes(), model);
   return model;

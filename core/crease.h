@@ -18,6 +18,7 @@ class Candidates {
   /// Adds a plane unless it is far from the cell or one like it is there, or there is no room.
   void add(const CellPlane& plane);
   std::span<const CellPlane> planes() const { return {planes_, static_cast<std::size_t>(size_)}; }
+  int size() const { return size_; }
   bool full() const { return size_ == kMostCandidates; }
 
  private:
