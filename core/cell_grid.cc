@@ -22,10 +22,21 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
     : soil_(soil), first_(first), side_(side), chunks_(side / kLeafSide) {
   const std::size_t cells = static_cast<std::size_t>(side) * side * side;
   const std::size_t chunks = static_cast<std::size_t>(chunks_) * chunks_ * chunks_;
-  words_.reset(new std::uint64_t[cells]);
-  counts_.resize(cells);
-  changed_.resize(cells);
-  points_.resize(cells);
+  auto& spare = spare_buffers();
+  const bool fits = !spare.empty() && spare.back()->counts.size() == cells;
+  if (fits) {
+    buffers_ = std::move(spare.back());
+    spare.pop_back();
+  } else {
+    buffers_ = std::make_unique<Buffers>();
+    buffers_->words.reset(new std::uint64_t[cells]);
+  }
+  buffers_->counts.assign(cells, 0);
+  buffers_->changed.assign(cells, 0);
+  buffers_->patterns.assign(cells, kPatterns);
+  words_ = buffers_->words.get();
+  counts_ = buffers_->counts.data();
+  changed_ = buffers_->changed.data();
   states_.resize(chunks, kUnread);
   asked_.resize(chunks);
   resident_.resize(chunks);
@@ -49,7 +60,17 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
       }
     }
   }
-  spread_changes();
+}
+
+CellGrid::~CellGrid() {
+  auto& spare = spare_buffers();
+  spare.clear();
+  spare.push_back(std::move(buffers_));
+}
+
+std::vector<std::unique_ptr<CellGrid::Buffers>>& CellGrid::spare_buffers() {
+  thread_local std::vector<std::unique_ptr<Buffers>> spare;
+  return spare;
 }
 
 void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
@@ -91,17 +112,15 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
   any_change_ |= differ != 0;
 }
 
-void CellGrid::spread_changes() {
-  if (!any_change_) return;
-  // One axis after the other; at the cube's faces what lies beyond isn't known, nor asked for.
-  std::vector<std::uint8_t> from(changed_.size());
-  for (const int step : {1, side_, side_ * side_}) {
-    from = changed_;
-    const std::size_t s = static_cast<std::size_t>(step);
-    for (std::size_t i = s; i < from.size() - s; ++i) {
-      changed_[i] = static_cast<std::uint8_t>(from[i - s] | from[i] | from[i + s]);
+bool CellGrid::untouched(int id) const {
+  unsigned any = 0;
+  for (int x = -1; x <= 1; ++x) {
+    for (int y = -1; y <= 1; ++y) {
+      const std::uint8_t* const row = changed_ + id + x * step(0) + y * step(1);
+      any |= static_cast<unsigned>(row[-1] | row[0] | row[1]);
     }
   }
+  return any == 0;
 }
 
 float CellGrid::base_distance(int id) const {
@@ -119,24 +138,34 @@ float CellGrid::base_distance(int id) const {
   return values[static_cast<std::size_t>(in.x() * 64 + in.y() * 8 + in.z())];
 }
 
-int CellGrid::away(int id) const {
-  const Coord3 c = at(id), k = c / kLeafSide;
-  if (asked(c)) return 0;
-  int least = side_;
-  for (int x = std::max(k.x() - 2, 0); x <= std::min(k.x() + 2, chunks_ - 1); ++x) {
-    for (int y = std::max(k.y() - 2, 0); y <= std::min(k.y() + 2, chunks_ - 1); ++y) {
-      for (int z = std::max(k.z() - 2, 0); z <= std::min(k.z() + 2, chunks_ - 1); ++z) {
-        if (!asked_[static_cast<std::size_t>(chunk_id(x, y, z))]) continue;
-        const Coord3 low = kLeafSide * Coord3(x, y, z);
-        int most = 0;
-        for (int a = 0; a < 3; ++a) {
-          most = std::max({most, low[a] - c[a], c[a] - low[a] - kLeafSide + 1});
+std::vector<Coord3> CellGrid::asked_near(const Coord3& chunk) const {
+  std::vector<Coord3> lows;
+  for (int x = std::max(chunk.x() - 2, 0); x <= std::min(chunk.x() + 2, chunks_ - 1); ++x) {
+    for (int y = std::max(chunk.y() - 2, 0); y <= std::min(chunk.y() + 2, chunks_ - 1); ++y) {
+      for (int z = std::max(chunk.z() - 2, 0); z <= std::min(chunk.z() + 2, chunks_ - 1); ++z) {
+        if (asked_[static_cast<std::size_t>(chunk_id(x, y, z))]) {
+          lows.push_back(kLeafSide * Coord3(x, y, z));
         }
-        least = std::min(least, most);
       }
     }
   }
+  return lows;
+}
+
+int CellGrid::away(const Coord3& c, const std::vector<Coord3>& asked) {
+  int least = 3 * kLeafSide;
+  for (const Coord3& low : asked) {
+    int most = 0;
+    for (int a = 0; a < 3; ++a) {
+      most = std::max({most, low[a] - c[a], c[a] - low[a] - kLeafSide + 1});
+    }
+    least = std::min(least, most);
+  }
   return least;
+}
+
+int CellGrid::away(const Coord3& c) const {
+  return asked(c) ? 0 : away(c, asked_near(c / kLeafSide));
 }
 
 std::vector<CellGrid::Cell> CellGrid::surface_cells(int reach) const {
@@ -158,6 +187,11 @@ std::vector<CellGrid::Cell> CellGrid::surface_cells(int reach) const {
           }
         }
         const bool inside = asked_[static_cast<std::size_t>(n)];
+        std::vector<Coord3> asked;
+        if (!inside) {
+          asked = asked_near({x, y, z});
+          if (asked.empty()) continue;
+        }
         for (int i = 8 * x; i < 8 * x + 8; ++i) {
           if (i == 0 || i == side_ - 1) continue;
           for (int j = 8 * y; j < 8 * y + 8; ++j) {
@@ -170,7 +204,7 @@ std::vector<CellGrid::Cell> CellGrid::surface_cells(int reach) const {
                   count(c + sy) != 0 && count(c - 1) != 0 && count(c + 1) != 0) {
                 continue;
               }
-              const int from = inside ? 0 : away(c);
+              const int from = inside ? 0 : away({i, j, k}, asked);
               if (from <= reach) cells.push_back({c, from});
             }
           }

@@ -28,9 +28,9 @@ class CellGrid {
   /// @param halo chunks read around each of them
   CellGrid(const Soil& soil, const Coord3& first, int side, std::span<const Coord3> asked,
            int halo);
-
-  /// What a cell has to do with the base surface.
-  enum Change : std::uint8_t { kNone, kNear, kHere };
+  ~CellGrid();
+  CellGrid(const CellGrid&) = delete;
+  CellGrid& operator=(const CellGrid&) = delete;
 
   int side() const { return side_; }
   const Coord3& first() const { return first_; }
@@ -39,22 +39,23 @@ class CellGrid {
   /// Steps of ids along the axes.
   int step(int axis) const { return axis == 0 ? side_ * side_ : axis == 1 ? side_ : 1; }
 
-  const std::uint64_t* words() const { return words_.get(); }
-  std::uint64_t word(int id) const { return words_[static_cast<std::size_t>(id)]; }
+  const std::uint64_t* words() const { return words_; }
+  std::uint64_t word(int id) const { return words_[id]; }
   /// Samples of soil.
-  int count(int id) const { return counts_[static_cast<std::size_t>(id)]; }
+  int count(int id) const { return counts_[id]; }
+  const std::uint8_t* counts() const { return counts_; }
   /// Are the words of a cell and of the 26 around it those of the base surface?
-  bool untouched(int id) const { return !changed_[static_cast<std::size_t>(id)]; }
+  bool untouched(int id) const;
   /// Is the chunk of a cell one of those asked for, is it resident?
   bool asked(const Coord3& cell) const { return asked_[chunk_of(cell)]; }
   bool resident(const Coord3& cell) const { return resident_[chunk_of(cell)]; }
   /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0 inside.
-  int away(int id) const;
+  int away(const Coord3& cell) const;
   bool any_change() const { return any_change_; }
   const CellPoints& points(int id) const {
-    const CellPoints*& points = points_[static_cast<std::size_t>(id)];
-    if (points == nullptr) points = &sample_points(first_ + at(id));
-    return *points;
+    std::uint8_t& pattern = buffers_->patterns[static_cast<std::size_t>(id)];
+    if (pattern == kPatterns) pattern = static_cast<std::uint8_t>(sample_pattern(first_ + at(id)));
+    return pattern_points(pattern);
   }
 
   /// The base surface's own distance at the centre of a cell, voxels, clamped to +-3.
@@ -75,19 +76,26 @@ class CellGrid {
     return static_cast<std::size_t>(
         chunk_id(c.x() / kLeafSide, c.y() / kLeafSide, c.z() / kLeafSide));
   }
+  std::vector<Coord3> asked_near(const Coord3& chunk) const;
+  static int away(const Coord3& cell, const std::vector<Coord3>& asked);
   void read(const Soil& soil, int chunk, const Coord3& origin);
-  void spread_changes();
 
   const Soil& soil_;
   Coord3 first_;
   int side_, chunks_;
   bool any_change_ = false;
-  std::unique_ptr<std::uint64_t[]> words_;
-  std::vector<std::uint8_t> counts_, changed_;
+  /// Memory of a cube, used again by the next one of the thread: fresh pages cost as much as fits.
+  struct Buffers {
+    std::unique_ptr<std::uint64_t[]> words;
+    std::vector<std::uint8_t> counts, changed, patterns;
+  };
+  static std::vector<std::unique_ptr<Buffers>>& spare_buffers();
+  std::unique_ptr<Buffers> buffers_;
+  std::uint64_t* words_;
+  std::uint8_t *counts_, *changed_;
   std::vector<State> states_;           // of chunks
   std::vector<std::uint8_t> asked_, resident_;  // of chunks
   mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, voxels
-  mutable std::vector<const CellPoints*> points_;       // as far as they were asked for
 };
 
 }  // namespace soilvdb

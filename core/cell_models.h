@@ -40,6 +40,11 @@ class CellModels {
     const CellModel* m = find(id);
     return m != nullptr ? m->at(x, y, z).beyond : soil(id) ? -0.5f : 0.5f;
   }
+  /// Is the cell untouched, or without a surface?
+  bool base(int id) const {
+    const int k = index_[static_cast<std::size_t>(id)];
+    return k < 0 || cells_[static_cast<std::size_t>(k)].kind == Cell::kBase;
+  }
   const CellGrid& grid() const { return grid_; }
 
   struct Cell {

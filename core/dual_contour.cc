@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "core/sheet_vertex.h"
 
@@ -41,6 +42,58 @@ struct Faces {
 };
 constexpr Faces kFaces;
 
+/// Joins the edges that are crossed to sheets, by segments on the faces. @param corners in soil
+/// @param between faces whose middle is in soil, of those all of whose edges are crossed
+constexpr std::array<std::int8_t, 12> sheets(unsigned corners, unsigned between) {
+  std::array<std::int8_t, 12> group{};
+  const auto soil = [&](int corner) { return (corners >> corner & 1) != 0; };
+  for (int e = 0; e < 12; ++e) {
+    const int a = low_corner(e), b = a | 1 << (e / 4);
+    group[static_cast<std::size_t>(e)] = static_cast<std::int8_t>(soil(a) != soil(b) ? e : -1);
+  }
+  const auto join = [&](int a, int b) {
+    const std::int8_t from = group[static_cast<std::size_t>(b)],
+                      to = group[static_cast<std::size_t>(a)];
+    for (std::int8_t& g : group) {
+      if (g == from) g = to;
+    }
+  };
+  for (int f = 0; f < 6; ++f) {
+    const int* const c = kFaces.corner[f];
+    int edges[4] = {}, crossed[4] = {}, n = 0;
+    for (int k = 0; k < 4; ++k) {
+      edges[k] = edge_between(c[k], c[(k + 1) & 3]);
+      if (group[static_cast<std::size_t>(edges[k])] >= 0) crossed[n++] = edges[k];
+    }
+    if (n == 2) join(crossed[0], crossed[1]);
+    if (n < 4) continue;
+    // Segments cut off the corners that the middle is not like.
+    const int k = soil(c[0]) != ((between >> f & 1) != 0) ? 0 : 1;
+    join(edges[(k + 3) & 3], edges[k]);
+    join(edges[k + 1], edges[(k + 2) & 3]);
+  }
+  return group;
+}
+
+/// The sheets of a dual cell by its corners in soil, where no face is ambiguous.
+struct Sheets {
+  struct Case {
+    std::array<std::int8_t, 12> group{};
+    bool ambiguous = false;
+  } of[256];
+  constexpr Sheets() : of() {
+    for (unsigned corners = 0; corners < 256; ++corners) {
+      of[corners].group = sheets(corners, 0);
+      for (const auto& c : kFaces.corner) {
+        const unsigned a = corners >> c[0] & 1;
+        of[corners].ambiguous |= (corners >> c[1] & 1) != a && (corners >> c[2] & 1) == a &&
+                                 (corners >> c[3] & 1) != a;
+      }
+    }
+  }
+};
+constexpr Sheets kSheets;
+
 /// One dual cell that the surface runs through.
 struct DualCell {
   std::int8_t group[12];  ///< of an edge that is crossed; -1
@@ -54,7 +107,8 @@ class Contouring {
     const std::size_t cells =
         static_cast<std::size_t>(grid_.side()) * grid_.side() * grid_.side();
     soil_.resize(cells);
-    for (std::size_t k = 0; k < cells; ++k) soil_[k] = grid_.count(static_cast<int>(k)) > 32;
+    const std::uint8_t* const counts = grid_.counts();
+    for (std::size_t k = 0; k < cells; ++k) soil_[k] = counts[k] > 32;
     for (const CellModels::Cell& c : models.cells()) {
       if (c.model.solved) soil_[static_cast<std::size_t>(c.id)] = c.model.at(0, 0, 0).beyond < 0;
     }
@@ -62,16 +116,27 @@ class Contouring {
   }
 
   Contour run() {
-    const int side = grid_.side();
+    const int side = grid_.side(), sx = grid_.step(0), sy = grid_.step(1);
+    const auto row = [&](int id) {
+      std::uint64_t eight;
+      std::memcpy(&eight, &soil_[static_cast<std::size_t>(id)], sizeof(eight));
+      return eight;
+    };
+    // Eight voxels at a time; nowhere does the surface run through the cube's outermost chunks.
     for (int x = 1; x < side - 1; ++x) {
       for (int y = 1; y < side - 1; ++y) {
-        for (int z = 1; z < side - 1; ++z) {
-          const int id = grid_.id(x, y, z);
-          const std::uint8_t here = soil_[static_cast<std::size_t>(id)];
-          for (int axis = 0; axis < 3; ++axis) {
-            if (soil_[static_cast<std::size_t>(id + grid_.step(axis))] != here &&
-                wanted({x, y, z}, axis)) {
-              polygon(id, axis, here);
+        for (int z = 0; z + kLeafSide < side; z += kLeafSide) {
+          const int first = grid_.id(x, y, z);
+          const std::uint64_t here = row(first);
+          if (here == row(first + sx) && here == row(first + sy) && here == row(first + 1)) continue;
+          for (int k = std::max(z, 1); k < z + kLeafSide; ++k) {
+            const int id = grid_.id(x, y, k);
+            const std::uint8_t soil = soil_[static_cast<std::size_t>(id)];
+            for (int axis = 0; axis < 3; ++axis) {
+              if (soil_[static_cast<std::size_t>(id + grid_.step(axis))] != soil &&
+                  wanted({x, y, k}, axis)) {
+                polygon(id, axis, soil);
+              }
             }
           }
         }
@@ -86,7 +151,7 @@ class Contouring {
     if (reach_ == 0) {
       return grid_.resident(cell) ? grid_.asked(cell) : grid_.asked(next);
     }
-    return grid_.away(grid_.id(cell.x(), cell.y(), cell.z())) < reach_;
+    return grid_.away(cell) < reach_;
   }
 
   /// Crossing of the edge from a voxel along an axis, in voxels from that voxel's centre.
@@ -182,45 +247,27 @@ class Contouring {
     if (index >= 0) return duals_[static_cast<std::size_t>(index)];
     index = static_cast<int>(duals_.size());
     DualCell dual;
-    int group[12];
-    for (int e = 0; e < 12; ++e) {
-      const int a = low_corner(e), b = a | 1 << (e / 4);
-      group[e] = soil(cell, a) != soil(cell, b) ? e : -1;
-    }
-    const auto join = [&](int a, int b) {
-      const int from = group[b], to = group[a];
-      for (int& g : group) {
-        if (g == from) g = to;
+    unsigned corners = 0;
+    for (int c = 0; c < 8; ++c) corners |= static_cast<unsigned>(soil(cell, c)) << c;
+    std::array<std::int8_t, 12> group = kSheets.of[corners].group;
+    if (kSheets.of[corners].ambiguous) {
+      unsigned between = 0;
+      for (int f = 0; f < 6; ++f) {
+        if (ambiguous(cell, f)) between |= static_cast<unsigned>(soil_between(cell, f)) << f;
       }
-    };
-    for (int f = 0; f < 6; ++f) {
-      const int* const c = kFaces.corner[f];
-      int edges[4], crossed[4], n = 0;
-      for (int k = 0; k < 4; ++k) {
-        edges[k] = edge_between(c[k], c[(k + 1) & 3]);
-        if (group[edges[k]] >= 0) crossed[n++] = edges[k];
-      }
-      if (n == 2) {
-        join(crossed[0], crossed[1]);
-      } else if (n == 4) {
-        // Segments cut off the corners that the middle is not like.
-        const bool around_first = soil(cell, c[0]) != soil_between(cell, f);
-        const int k = around_first ? 0 : 1;
-        join(edges[(k + 3) & 3], edges[k]);
-        join(edges[k + 1], edges[(k + 2) & 3]);
-      }
+      group = sheets(corners, between);
     }
     dual.vertex = static_cast<std::uint32_t>(out_.vertices.size());
     std::fill_n(dual.group, 12, std::int8_t{-1});
     std::int8_t groups = 0;
     bool base = true;
-    for (int k = 0; k < 8; ++k) base &= grid_.untouched(corner_id(cell, k));
+    for (int k = 0; k < 8; ++k) base &= models_.base(corner_id(cell, k));
     for (int e = 0; e < 12; ++e) {
-      if (group[e] < 0 || dual.group[e] >= 0) continue;
+      if (group[static_cast<std::size_t>(e)] < 0 || dual.group[e] >= 0) continue;
       Crossing crossings[12];
       int n = 0;
       for (int k = e; k < 12; ++k) {
-        if (group[k] != group[e]) continue;
+        if (group[static_cast<std::size_t>(k)] != group[static_cast<std::size_t>(e)]) continue;
         dual.group[k] = groups;
         const int corner = low_corner(k);
         crossings[n] = crossing(corner_id(cell, corner), k / 4);
