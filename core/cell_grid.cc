@@ -87,7 +87,7 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
       base.fill(content == Content::kSoil ? ~std::uint64_t{0} : 0);
     }
   }
-  std::uint64_t any = 0, all = ~std::uint64_t{0}, differ = 0;
+  std::uint64_t any = 0, all = ~std::uint64_t{0};
   const Coord3 low = origin - first_;
   for (int x = 0; x < kLeafSide; ++x) {
     for (int y = 0; y < kLeafSide; ++y) {
@@ -103,13 +103,24 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
       const std::uint64_t* const was = &base[static_cast<std::size_t>(x * 64 + y * 8)];
       for (int z = 0; z < kLeafSide; ++z) {
         changed_[to + static_cast<std::size_t>(z)] = row[z] != was[z];
-        differ |= row[z] ^ was[z];
       }
     }
   }
   states_[static_cast<std::size_t>(chunk)] =
       any == 0 ? kAllAir : all == ~std::uint64_t{0} ? kAllSoil : kBoth;
-  any_change_ |= differ != 0;
+}
+
+bool CellGrid::any_change(const Coord3& low, int side) const {
+  const Coord3 from = low.cwiseMax(0), to = (low + Coord3::Constant(side)).cwiseMin(side_);
+  for (int x = from.x(); x < to.x(); ++x) {
+    for (int y = from.y(); y < to.y(); ++y) {
+      const std::uint8_t* const row = changed_ + id(x, y, 0);
+      if (std::any_of(row + from.z(), row + to.z(), [](std::uint8_t c) { return c != 0; })) {
+        return true;
+      }
+    }
+  }
+  return false;
 }
 
 bool CellGrid::untouched(int id) const {

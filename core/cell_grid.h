@@ -51,7 +51,8 @@ class CellGrid {
   bool resident(const Coord3& cell) const { return resident_[chunk_of(cell)]; }
   /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0 inside.
   int away(const Coord3& cell) const;
-  bool any_change() const { return any_change_; }
+  /// Does any cell of a cube differ from the base surface? Cells beyond the grid don't.
+  bool any_change(const Coord3& low, int side) const;
   const CellPoints& points(int id) const {
     std::uint8_t& pattern = buffers_->patterns[static_cast<std::size_t>(id)];
     if (pattern == kPatterns) pattern = static_cast<std::uint8_t>(sample_pattern(first_ + at(id)));
@@ -83,7 +84,6 @@ class CellGrid {
   const Soil& soil_;
   Coord3 first_;
   int side_, chunks_;
-  bool any_change_ = false;
   /// Memory of a cube, used again by the next one of the thread: fresh pages cost as much as fits.
   struct Buffers {
     std::unique_ptr<std::uint64_t[]> words;

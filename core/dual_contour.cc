@@ -387,9 +387,11 @@ class Contouring {
       for (int k = 1; k + 1 < n; ++k) {
         out_.triangles.push_back({ring[pivot], ring[(pivot + k) % n], ring[(pivot + k + 1) % n]});
       }
+      out_.edges.resize(out_.triangles.size(), id);
       return;
     }
     split(id, axis, ring);
+    out_.edges.resize(out_.triangles.size(), id);
   }
 
   /// Two triangles of four vertices: those that come nearer to the crossing, if they have area.

@@ -22,6 +22,7 @@ struct ContourVertex {
 struct Contour {
   std::vector<ContourVertex> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
+  std::vector<int> edges;  ///< of each triangle: the cell at the lower end of the edge it goes round
 };
 
 /// Dual contouring (Ju et al. 2002) with a vertex for each sheet of the surface in a dual cell, so

@@ -36,7 +36,7 @@ Mesh mesh_block(const Soil& soil, const Coord3& block) {
   Mesh mesh;
   const std::vector<Coord3> chunks = resident_chunks(soil, block);
   if (chunks.empty()) return mesh;
-  const SurfaceBlock surface(soil, block, chunks, SurfaceBlock::kMesh);
+  const SurfaceBlock surface(soil, chunks, SurfaceBlock::kMesh);
   const Contour& contour = surface.contour();
   mesh.points.reserve(contour.vertices.size());
   const double h = soil.voxel_size_m();

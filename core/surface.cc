@@ -2,25 +2,78 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/surface.h"
 
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <map>
+
+#include "core/chunk_range.h"
+#include "core/surface_distance.h"
+
 namespace soilvdb {
 namespace {
 
 constexpr int kChunksPerBlock = kBlockSide / kLeafSide;
 
-/// Voxels around a chunk in which pieces of the surface may be the nearest: the band and a polygon's.
-constexpr int kSeen = 4;
-
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
+
+struct Cube {
+  Coord3 first;
+  int side;
+  Cube(std::span<const Coord3> chunks, int halo) : first(chunks.front()) {
+    Coord3 last = first;
+    for (const Coord3& c : chunks) {
+      first = first.cwiseMin(c);
+      last = last.cwiseMax(c);
+    }
+    side = (last - first).maxCoeff() + kLeafSide * (1 + 2 * halo);
+    first -= Coord3::Constant(kLeafSide * halo);
+  }
+};
 
 }  // namespace
 
-SurfaceBlock::SurfaceBlock(const Soil& soil, const Coord3& block, std::span<const Coord3> chunks,
-                           Need need)
+SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need)
     : soil_(soil),
-      grid_(soil, block - Coord3::Constant(kLeafSide * halo(need)),
-            kBlockSide + 2 * kLeafSide * halo(need), chunks, halo(need)),
-      models_(grid_, need == kMesh ? 1 : kSeen + 1),
-      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kSeen)) {}
+      grid_(soil, Cube(chunks, halo(need)).first, Cube(chunks, halo(need)).side, chunks,
+            halo(need)),
+      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1),
+      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {}
+
+void SurfaceBlock::distance(const Coord3& chunk, float* phi_m) const {
+  contour_distance(soil_, models_, contour_, chunk, phi_m);
+}
+
+void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m) {
+  SurfaceBlock(soil, {&chunk_origin, 1}, SurfaceBlock::kDistance).distance(chunk_origin, phi_m);
+}
+
+void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
+                       const std::function<void(std::size_t, const float*)>& out) {
+  struct Piece {
+    std::vector<Coord3> chunks;
+    std::vector<std::size_t> numbers;
+  };
+  std::map<std::array<int, 3>, Piece> by_block;
+  for (std::size_t i = 0; i < chunks.size(); ++i) {
+    const Coord3& c = chunks[i];
+    constexpr int kMask = ~(kBlockSide - 1);
+    Piece& piece = by_block[{c.x() & kMask, c.y() & kMask, c.z() & kMask}];
+    piece.chunks.push_back(c);
+    piece.numbers.push_back(i);
+  }
+  std::vector<const Piece*> pieces;
+  for (const auto& [block, piece] : by_block) pieces.push_back(&piece);
+  tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
+    const Piece& piece = *pieces[i];
+    const SurfaceBlock block(soil, piece.chunks, SurfaceBlock::kDistance);
+    float phi_m[kLeafSize];
+    for (std::size_t k = 0; k < piece.chunks.size(); ++k) {
+      block.distance(piece.chunks[k], phi_m);
+      out(piece.numbers[k], phi_m);
+    }
+  });
+}
 
 std::vector<Coord3> resident_chunks(const Soil& soil, const Coord3& block) {
   std::vector<Coord3> all;
