@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
+#include <vector>
 
 namespace soilvdb {
 namespace {
@@ -62,6 +64,13 @@ const Rings kRings;
 
 constexpr int kSide = kLeafSide + 2 * kPolygonsSeen;
 
+/// A triangle in voxels from the chunk's first voxel, and a ball around it.
+struct Triangle {
+  Float3 corner[3], middle;
+  float radius;
+  bool base;
+};
+
 /// The triangles by the lower end of their edge, in the chunk and around it.
 struct Bins {
   std::array<int, kSide * kSide * kSide> first, count;
@@ -81,19 +90,29 @@ void contour_distance(const Soil& soil, const CellModels& models, const Contour&
   const auto bins = std::make_unique<Bins>();
   bins->count.fill(0);
   const Coord3 corner = low - Coord3::Constant(kPolygonsSeen);
-  for (int k = 0; k < static_cast<int>(contour.triangles.size()); ++k) {
-    const Coord3 c = grid.at(contour.edges[static_cast<std::size_t>(k)]) - corner;
+  std::vector<Triangle> triangles;
+  for (std::size_t k = 0; k < contour.triangles.size(); ++k) {
+    const Coord3 c = grid.at(contour.edges[k]) - corner;
     if ((c.array() < 0).any() || (c.array() >= kSide).any()) continue;
     const std::size_t bin = static_cast<std::size_t>(Bins::id(c));
-    if (bins->count[bin]++ == 0) bins->first[bin] = k;
+    if (bins->count[bin]++ == 0) bins->first[bin] = static_cast<int>(triangles.size());
+    Triangle t{};
+    t.base = true;
+    for (int v = 0; v < 3; ++v) {
+      const ContourVertex& vertex =
+          contour.vertices[contour.triangles[k][static_cast<std::size_t>(v)]];
+      t.corner[v] = (vertex.cell - low).cast<float>() +
+                    Float3(vertex.in[0], vertex.in[1], vertex.in[2]);
+      t.base &= vertex.base;
+    }
+    t.middle = (t.corner[0] + t.corner[1] + t.corner[2]) / 3;
+    for (const Float3& v : t.corner) t.radius = std::max(t.radius, (v - t.middle).norm() + 1e-3f);
+    triangles.push_back(t);
   }
-  const auto corner_of = [&](std::uint32_t v, const Coord3& from) -> Float3 {
-    const ContourVertex& vertex = contour.vertices[v];
-    return (vertex.cell - from).cast<float>() + Float3(vertex.in[0], vertex.in[1], vertex.in[2]);
-  };
   const float h = static_cast<float>(soil.voxel_size_m()), band = static_cast<float>(soil.band_m());
   for (int n = 0; n < kLeafSize; ++n) {
     const Coord3 in(n >> 6, n >> 3 & 7, n & 7), cell = low + in;
+    const Float3 at = in.cast<float>();
     float best = kBand * kBand, reached = kBand;
     bool base = false, found = false;
     for (const Rings::Step& step : kRings.at) {
@@ -101,15 +120,14 @@ void contour_distance(const Soil& soil, const CellModels& models, const Contour&
       const std::size_t bin = static_cast<std::size_t>(Bins::id(
           in + Coord3::Constant(kPolygonsSeen) + Coord3(step.x, step.y, step.z)));
       for (int k = bins->first[bin], end = k + bins->count[bin]; k < end; ++k) {
-        const auto& t = contour.triangles[static_cast<std::size_t>(k)];
-        const float d = squared_distance(corner_of(t[0], cell), corner_of(t[1], cell),
-                                         corner_of(t[2], cell));
-        const bool of_base = contour.vertices[t[0]].base && contour.vertices[t[1]].base &&
-                             contour.vertices[t[2]].base;
-        if (d > best || (d == best && (base || !of_base))) continue;
+        const Triangle& t = triangles[static_cast<std::size_t>(k)];
+        const float within = reached + t.radius;
+        if ((t.middle - at).squaredNorm() > within * within) continue;
+        const float d = squared_distance(t.corner[0] - at, t.corner[1] - at, t.corner[2] - at);
+        if (d > best || (d == best && (base || !t.base))) continue;
         best = d;
         reached = std::sqrt(d);
-        base = of_base;
+        base = t.base;
         found = true;
       }
     }
