@@ -16,7 +16,6 @@ constexpr int kBendFarther = 1;
 constexpr int kSettleFarther = 1;
 constexpr float kBaseSight = 2;  // voxels from which a crease takes the base surface's plane
 constexpr int kExplained = 4;    // wrong samples with which a crease isn't looked at again
-constexpr float kCreaseArea = 1.3f;  // voxels^2, of the surface in a cell with a crease
 constexpr float kBendCosine = 0.8f;
 constexpr float kMostBend = 0.4f;
 constexpr float kLeastSpread = 0.5f;  // of the neighbours, voxels^4
@@ -55,6 +54,13 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
   return {(cell.plane.nx + (du * t.u[0] + dv * t.v[0])) * scale,
           (cell.plane.ny + (du * t.u[1] + dv * t.v[1])) * scale,
           (cell.plane.nz + (du * t.u[2] + dv * t.v[2])) * scale, -beyond * scale};
+}
+
+/// Of the planes of a model in one of the cells they run through, on average: 1 / (|nx| + |ny| + |nz|).
+float mean_area(const CellModel& model) {
+  float sum = 0;
+  for (int p = 0; p < model.planes(); ++p) sum += 0.5f / model.plane[p].reach();
+  return sum / static_cast<float>(model.planes());
 }
 
 }  // namespace
@@ -152,10 +158,12 @@ void CellModels::solve_creases(int reach) {
 
 void CellModels::settle(int reach) {
   std::vector<int> more(cells_.size());
+  std::vector<float> areas(cells_.size());
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const Cell& cell = cells_[k];
     if (cell.kind == Cell::kBase || !cell.model.solved || cell.away > reach + 1) continue;
     more[k] = surplus(grid_, cell.id, cell.model);
+    areas[k] = mean_area(cell.model);
   }
   std::vector<float> shifts(cells_.size());
   for (std::size_t k = 0; k < cells_.size(); ++k) {
@@ -172,7 +180,7 @@ void CellModels::settle(int reach) {
           const Cell& other = cells_[static_cast<std::size_t>(n)];
           if (other.kind == Cell::kBase || !other.model.solved) continue;
           sum += more[static_cast<std::size_t>(n)];
-          area += other.model.planes() > 1 ? kCreaseArea : 1;
+          area += areas[static_cast<std::size_t>(n)];
         }
       }
     }
