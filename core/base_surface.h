@@ -24,6 +24,10 @@ struct CellPoints {
 /// The 64 sample points of the cell of a voxel: a rank-1 lattice, turned and shifted as a hash of
 /// the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
 const CellPoints& sample_points(const Coord3& voxel);
+/// The same in two steps: which of the kPatterns a voxel has, and its points.
+inline constexpr int kPatterns = 64;
+int sample_pattern(const Coord3& voxel);
+const CellPoints& pattern_points(int pattern);
 
 /// One word of 64 samples per cell of a chunk; bit i of word n: point i of cell n is soil.
 using SampleWords = std::array<std::uint64_t, kLeafSize>;

@@ -41,7 +41,8 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
 
   // Per chunk: a leaf, or a tile that is all soil, or nothing.
   std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
-  std::vector<std::uint8_t> solid(origins.size());
+  enum Kind : std::uint8_t { kEmpty, kSolid, kMixed };
+  std::vector<Kind> kinds(origins.size(), kEmpty);
   tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
     const Coord3& origin = origins[i];
     if (soil.find(origin) == nullptr) {
@@ -55,33 +56,36 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
       const bool interior = (low.array() - band >= box.min().array()).all() &&
                             (high.array() + band <= box.max().array()).all();
       if (content == Content::kSoil && interior) {
-        solid[i] = 1;
+        kinds[i] = kSolid;
         return;
       }
     }
+    kinds[i] = kMixed;
+  });
+  std::vector<std::size_t> mixed;
+  std::vector<Coord3> mixed_origins;
+  for (std::size_t i = 0; i < origins.size(); ++i) {
+    if (kinds[i] != kMixed) continue;
+    mixed.push_back(i);
+    mixed_origins.push_back(origins[i]);
+  }
+  surface_distances(soil, mixed_origins, [&](std::size_t k, const float* phi_m) {
+    const Coord3& origin = mixed_origins[k];
     std::array<float, kLeafSize> phi;
-    surface_distance(soil, origin, phi.data());
     bool air = true;
     for (int n = 0; n < kLeafSize; ++n) {
       const Vec3 p =
           soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
-      phi[n] = std::max(phi[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
+      phi[n] = std::max(phi_m[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
       air &= phi[n] >= band;
     }
-    if (air) return;
-    auto leaf =
-        std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band);
-    for (int n = 0; n < kLeafSize; ++n) {
-      leaf->setValueOnly(static_cast<openvdb::Index>(n), phi[n]);
-      leaf->setActiveState(static_cast<openvdb::Index>(n), std::abs(phi[n]) < band);
-    }
-    leaves[i] = std::move(leaf);
+    if (!air) leaves[mixed[k]] = level_set_leaf(origin, phi.data(), band);
   });
   auto& tree = grid->tree();
   for (std::size_t i = 0; i < origins.size(); ++i) {
     if (leaves[i]) {
       tree.addLeaf(leaves[i].release());
-    } else if (solid[i]) {
+    } else if (kinds[i] == kSolid) {
       tree.addTile(1, openvdb::Coord(origins[i].x(), origins[i].y(), origins[i].z()), -band, false);
     }
   }

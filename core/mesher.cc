@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/mesher.h"
 
-#include <openvdb/tools/VolumeToMesh.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -13,50 +12,13 @@
 #include <unordered_map>
 
 #include "core/chunk_range.h"
-#include "core/soil_grids.h"
+#include "core/surface.h"
 
 namespace soilvdb {
 namespace {
 
-using openvdb::Coord;
-
-constexpr int kChunksPerBlock = kBlockSide / kLeafSide;
-
-Coord coord(const Coord3& c) { return {c.x(), c.y(), c.z()}; }
-
 Coord3 floor_to(const Coord3& c, int side) {
   return {c.x() & ~(side - 1), c.y() & ~(side - 1), c.z() & ~(side - 1)};
-}
-
-/// The resident chunks of a block.
-std::vector<Coord3> resident(const Soil& soil, const Coord3& block) {
-  std::vector<Coord3> all;
-  for (int n = 0; n < kChunksPerBlock * kChunksPerBlock * kChunksPerBlock; ++n) {
-    const Coord3 origin = block + kLeafSide * Coord3(n / 16, n / 4 % 4, n % 4);
-    if (soil.find(origin) != nullptr) all.push_back(origin);
-  }
-  return all;
-}
-
-/// A level set of these chunks and all that touch them, so that quads on their faces are whole.
-openvdb::FloatGrid::Ptr with_halo(const Soil& soil, const std::vector<Coord3>& chunks) {
-  const float band = static_cast<float>(soil.band_m());
-  openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
-  grid->setTransform(openvdb::math::Transform::createLinearTransform());
-  std::set<Coord3, SurfaceMesh::Less> all;
-  for (const Coord3& c : chunks) {
-    for (int n = 0; n < 27; ++n)
-      all.insert(c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
-  }
-  for (const Coord3& c : all) {
-    std::unique_ptr<FloatLeaf> leaf = surface_leaf(soil, c);
-    if (!leaf->getValueMask().isOff()) {
-      grid->tree().addLeaf(leaf.release());
-    } else if (leaf->getValue(0) < 0) {
-      grid->tree().addTile(1, coord(c), -band, false);
-    }
-  }
-  return grid;
 }
 
 /// A vertex by its bits.
@@ -72,43 +34,19 @@ struct PointHash {
 
 Mesh mesh_block(const Soil& soil, const Coord3& block) {
   Mesh mesh;
-  const std::vector<Coord3> chunks = resident(soil, block);
+  const std::vector<Coord3> chunks = resident_chunks(soil, block);
   if (chunks.empty()) return mesh;
-  // In index space: vertices then depend on distances alone and not on the block.
-  std::vector<openvdb::Vec3s> points;
-  std::vector<openvdb::Vec3I> triangles;
-  std::vector<openvdb::Vec4I> quads;
-  openvdb::tools::volumeToMesh(*with_halo(soil, chunks), points, triangles, quads, 0.0, 0.0);
-
-  const float h = static_cast<float>(soil.voxel_size_m());
-  std::vector<std::uint32_t> index(points.size(), ~0u);
-  const auto vertex = [&](std::uint32_t i) {
-    if (index[i] == ~0u) {
-      index[i] = static_cast<std::uint32_t>(mesh.points.size());
-      mesh.points.emplace_back(points[i].x() * h, points[i].y() * h, points[i].z() * h);
-    }
-    return index[i];
-  };
-  for (const openvdb::Vec4I& q : quads) {
-    // The quad's four vertices lie in the cells around one edge of the grid; its chunk owns it.
-    openvdb::Vec3s low = points[q[0]];
-    for (int k = 1; k < 4; ++k) low = openvdb::math::minComponent(low, points[q[k]]);
-    const Coord3 owner(static_cast<int>(std::floor(low.x())), static_cast<int>(std::floor(low.y())),
-                       static_cast<int>(std::floor(low.z())));
-    if (floor_to(owner, kBlockSide) != block || soil.find(floor_to(owner, kLeafSide)) == nullptr) {
-      continue;
-    }
-    const std::uint32_t a = vertex(q[0]), b = vertex(q[1]), c = vertex(q[2]), d = vertex(q[3]);
-    // OpenVDB's quads turn clockwise seen from outside. The shorter diagonal, to follow the ground.
-    if ((mesh.points[a] - mesh.points[c]).squaredNorm() <=
-        (mesh.points[b] - mesh.points[d]).squaredNorm()) {
-      mesh.triangles.push_back({a, c, b});
-      mesh.triangles.push_back({a, d, c});
-    } else {
-      mesh.triangles.push_back({a, d, b});
-      mesh.triangles.push_back({b, d, c});
-    }
+  const SurfaceBlock surface(soil, chunks, SurfaceBlock::kMesh);
+  const Contour& contour = surface.contour();
+  mesh.points.reserve(contour.vertices.size());
+  const double h = soil.voxel_size_m();
+  for (const ContourVertex& v : contour.vertices) {
+    const Coord3 cell = surface.first() + v.cell;
+    mesh.points.emplace_back(static_cast<float>(h * (cell.x() + double{v.in[0]})),
+                             static_cast<float>(h * (cell.y() + double{v.in[1]})),
+                             static_cast<float>(h * (cell.z() + double{v.in[2]})));
   }
+  mesh.triangles = contour.triangles;
   return mesh;
 }
 

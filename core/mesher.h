@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "core/soil.h"
+#include "core/surface.h"
 
 namespace soilvdb {
 
@@ -18,9 +18,6 @@ struct Mesh {
   std::vector<Eigen::Vector3f> points;                  ///< m, relative to the site's origin
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
 };
-
-/// Voxels per side of a block, the unit in which ground is meshed.
-inline constexpr int kBlockSide = 32;
 
 /// The surface in the resident chunks of one block. Patches of neighbouring blocks share their
 /// border vertices bit for bit, so the union of all patches is watertight but for its rim, where

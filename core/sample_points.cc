@@ -16,12 +16,12 @@ namespace {
 /// grid: 0.018 and 0.072; the lattice without turns: 0.017 and 0.049). The shifts are points of the
 /// Kronecker sequence of the plastic number (Roberts 2018), which fills the cell evenly.
 struct Patterns {
-  CellPoints points[64];
+  CellPoints points[kPatterns];
   Patterns() {
     constexpr double kPlastic = 1.2207440846057596;  // root of x^4 = x + 1
     constexpr int kGenerator[3] = {1, 7, 18};
     constexpr int kTurns[6][3] = {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {2, 1, 0}, {1, 0, 2}};
-    for (int s = 0; s < 64; ++s) {
+    for (int s = 0; s < kPatterns; ++s) {
       float* axes[3] = {points[s].x, points[s].y, points[s].z};
       for (int a = 0; a < 3; ++a) {
         const int step = kGenerator[kTurns[s % 6][a]] * ((s / 6 >> a & 1) != 0 ? -1 : 1);
@@ -35,13 +35,17 @@ struct Patterns {
   }
 };
 
-const Patterns kPatterns;
+const Patterns kAll;
 
 }  // namespace
 
-const CellPoints& sample_points(const Coord3& voxel) {
+int sample_pattern(const Coord3& voxel) {
   const std::uint64_t xy = std::uint64_t{std::uint32_t(voxel.x())} << 32 | std::uint32_t(voxel.y());
-  return kPatterns.points[mix(mix(xy) + std::uint32_t(voxel.z())) >> 58];
+  return static_cast<int>(mix(mix(xy) + std::uint32_t(voxel.z())) >> 58);
 }
+
+const CellPoints& pattern_points(int pattern) { return kAll.points[pattern]; }
+
+const CellPoints& sample_points(const Coord3& voxel) { return kAll.points[sample_pattern(voxel)]; }
 
 }  // namespace soilvdb

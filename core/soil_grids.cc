@@ -19,23 +19,23 @@ openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil) {
   return grid;
 }
 
-std::unique_ptr<FloatLeaf> surface_leaf(const Soil& soil, const Coord3& origin) {
-  float phi_m[kLeafSize];
-  surface_distance(soil, origin, phi_m);
-  const float band = static_cast<float>(soil.band_m());
-  auto leaf = std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band);
+std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi_m, float band_m) {
+  auto leaf =
+      std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band_m);
   for (openvdb::Index n = 0; n < kLeafSize; ++n) {
     leaf->setValueOnly(n, phi_m[n]);
-    leaf->setActiveState(n, std::abs(phi_m[n]) < band);
+    leaf->setActiveState(n, std::abs(phi_m[n]) < band_m);
   }
   return leaf;
 }
 
 openvdb::FloatGrid::Ptr surface_grid(const Soil& soil) {
-  const std::vector<const Chunk*> chunks = soil.chunks();
-  std::vector<std::unique_ptr<FloatLeaf>> leaves(chunks.size());
-  tbb::parallel_for(std::size_t{0}, chunks.size(),
-                    [&](std::size_t i) { leaves[i] = surface_leaf(soil, chunks[i]->origin); });
+  std::vector<Coord3> origins;
+  for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
+  std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
+  surface_distances(soil, origins, [&](std::size_t i, const float* phi_m) {
+    leaves[i] = level_set_leaf(origins[i], phi_m, static_cast<float>(soil.band_m()));
+  });
   openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
   for (auto& leaf : leaves) grid->tree().addLeaf(leaf.release());
   return grid;

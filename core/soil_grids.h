@@ -11,8 +11,8 @@ namespace soilvdb {
 
 using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 
-/// The surface's distance in a chunk, resident or not, as a leaf.
-std::unique_ptr<FloatLeaf> surface_leaf(const Soil& soil, const Coord3& origin);
+/// 512 values of phi as a leaf, active where |phi| < band.
+std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi_m, float band_m);
 
 /// The resident ground as a grid `surface`: class level set, background +band, a leaf for each
 /// chunk, active where |phi| < band. Its transform is relative to Soil::origin().

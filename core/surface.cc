@@ -2,108 +2,111 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/surface.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
-#include <array>
-#include <bit>
-#include <cmath>
-#include <memory>
+#include <map>
 
 #include "core/chunk_range.h"
+#include "core/surface_distance.h"
 
 namespace soilvdb {
 namespace {
 
-constexpr int kHalo = kLeafSide + 2;
+constexpr int kChunksPerBlock = kBlockSide / kLeafSide;
 
-/// Counts of soil in a chunk's cells and those around it, and whether they are the base surface's.
-struct Window {
-  std::array<std::uint8_t, kHalo * kHalo * kHalo> count;
-  std::array<bool, kHalo * kHalo * kHalo> same;
-  static int at(int x, int y, int z) { return ((x + 1) * kHalo + y + 1) * kHalo + z + 1; }
+int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
-  Window(const Soil& soil, const Soil& untouched, const Coord3& origin) {
-    SampleWords now, base;
-    for (int c = 0; c < 27; ++c) {
-      const Coord3 step(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
-      const Coord3 chunk = origin + kLeafSide * step;
-      soil.read_samples(chunk, now);
-      base = now;
-      if (soil.find(chunk) != nullptr) untouched.read_samples(chunk, base);
-      const auto first = [&](int a) { return step[a] < 0 ? -1 : step[a] > 0 ? kLeafSide : 0; };
-      const auto last = [&](int a) { return step[a] == 0 ? kLeafSide - 1 : first(a); };
-      for (int x = first(0); x <= last(0); ++x)
-        for (int y = first(1); y <= last(1); ++y)
-          for (int z = first(2); z <= last(2); ++z) {
-            const auto n = static_cast<std::size_t>((x & 7) * 64 + (y & 7) * 8 + (z & 7));
-            const auto i = static_cast<std::size_t>(at(x, y, z));
-            count[i] = static_cast<std::uint8_t>(std::popcount(now[n]));
-            same[i] = now[n] == base[n];
-          }
+struct Cube {
+  Coord3 first;
+  int side;
+  Cube(std::span<const Coord3> chunks, int halo) : first(chunks.front()) {
+    Coord3 last = first;
+    for (const Coord3& c : chunks) {
+      first = first.cwiseMin(c);
+      last = last.cwiseMax(c);
     }
+    side = (last - first).maxCoeff() + kLeafSide * (1 + 2 * halo);
+    first -= Coord3::Constant(kLeafSide * halo);
   }
 };
 
-}  // namespace
-
-void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m) {
-  const double h = soil.voxel_size_m(), band = soil.band_m();
-  const Vec3 first = soil.world_from_index(chunk_origin.cast<double>());
-  soil.base().distance(first, h, band, phi_m);
-  if (soil.find(chunk_origin) == nullptr) return;
-  const Soil untouched(h, soil.origin(), soil.shared_base());
-  const Window w(soil, untouched, chunk_origin);
-  for (int n = 0; n < kLeafSize; ++n) {
-    const int x = n >> 6, y = n >> 3 & 7, z = n & 7;
-    double sum = 0;
-    Vec3 gradient = Vec3::Zero();
-    bool same = true;
-    for (int c = 0; c < 27; ++c) {
-      const Coord3 step(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
-      const auto i = static_cast<std::size_t>(Window::at(x + step.x(), y + step.y(), z + step.z()));
-      const double f = w.count[i] / 64.0;
-      sum += f;
-      gradient += f * (8 >> step.cwiseAbs().sum()) * step.cast<double>();
-      same &= w.same[i];
-    }
-    if (same) continue;
-    const double own = w.count[static_cast<std::size_t>(Window::at(x, y, z))] / 64.0;
-    const double length = gradient.norm(), wide = gradient.cwiseAbs().sum();
-    double phi = (0.5 - own) * h * (length > 0 ? wide / length : 1);
-    if (own == 0) phi = sum == 0 ? band : std::max(0.5 * h, (0.5 - sum / 27) * 3 * h);
-    if (own == 1) phi = sum == 27 ? -band : std::min(-0.5 * h, (0.5 - sum / 27) * 3 * h);
-    phi_m[n] = static_cast<float>(std::clamp(phi, -band, band));
+/// Is a chunk farther from resident ground than the band reaches?
+bool untouched_around(const Soil& soil, const Coord3& chunk) {
+  for (int n = 0; n < 27; ++n) {
+    if (soil.find(chunk + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) != nullptr)
+      return false;
   }
+  return true;
 }
 
-std::optional<double> surface_height(const Soil& soil, double x, double y) {
-  const std::optional<double> base = soil.base().height(x, y);
-  if (!base) return std::nullopt;
-  const Vec3 top = soil.index_from_world({x, y, *base});
-  Coord3 cell = (top + Vec3::Constant(0.5)).array().floor().matrix().cast<int>();
-  SampleWords words;
-  const auto chunk_at = [](const Coord3& c) { return Coord3(c.x() & ~7, c.y() & ~7, c.z() & ~7); };
-  for (const Chunk* above; (above = soil.find(chunk_at(cell))) != nullptr && above->now > 0;)
-    cell.z() = (cell.z() | 7) + 1;
-  bool changed = false;
-  double part = 0;  // of cells, in soil above the first full one
-  for (;; cell.z() -= kLeafSide) {
-    const Coord3 origin = chunk_at(cell);
-    const Chunk* chunk = soil.find(origin);
-    if (chunk == nullptr) {
-      if (origin.z() > top.z()) continue;
-      if (!changed) return base;
-      return soil.world_from_index({0, 0, origin.z() + kLeafSide - 0.5 + part}).z();
+void base_distance(const Soil& soil, const Coord3& chunk, float* phi_m) {
+  soil.base().distance(soil.world_from_index(chunk.cast<double>()), soil.voxel_size_m(),
+                       soil.band_m(), phi_m);
+}
+
+}  // namespace
+
+SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need)
+    : soil_(soil),
+      grid_(soil, Cube(chunks, halo(need)).first, Cube(chunks, halo(need)).side, chunks,
+            halo(need)),
+      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1),
+      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {}
+
+void SurfaceBlock::distance(const Coord3& chunk, float* phi_m) const {
+  contour_distance(soil_, models_, contour_, chunk, phi_m);
+}
+
+void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m) {
+  if (untouched_around(soil, chunk_origin)) return base_distance(soil, chunk_origin, phi_m);
+  SurfaceBlock(soil, {&chunk_origin, 1}, SurfaceBlock::kDistance).distance(chunk_origin, phi_m);
+}
+
+void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
+                       const std::function<void(std::size_t, const float*)>& out) {
+  struct Piece {
+    std::vector<Coord3> chunks;
+    std::vector<std::size_t> numbers;
+  };
+  std::map<std::array<int, 3>, Piece> by_block;
+  std::vector<std::size_t> untouched;
+  for (std::size_t i = 0; i < chunks.size(); ++i) {
+    const Coord3& c = chunks[i];
+    if (untouched_around(soil, c)) {
+      untouched.push_back(i);
+      continue;
     }
-    changed |= chunk->now != chunk->base;
-    if (chunk->now == 0) continue;
-    soil.read_samples(origin, words);
-    for (int z = kLeafSide - 1; z >= 0; --z) {
-      const auto n = static_cast<std::size_t>((cell.x() & 7) * 64 + (cell.y() & 7) * 8 + z);
-      if (words[n] == kAllSoil)
-        return changed ? soil.world_from_index({0, 0, origin.z() + z + 0.5 + part}).z() : *base;
-      part += std::popcount(words[n]) / 64.0;
-    }
+    constexpr int kMask = ~(kBlockSide - 1);
+    Piece& piece = by_block[{c.x() & kMask, c.y() & kMask, c.z() & kMask}];
+    piece.chunks.push_back(c);
+    piece.numbers.push_back(i);
   }
+  tbb::parallel_for(std::size_t{0}, untouched.size(), [&](std::size_t i) {
+    float phi_m[kLeafSize];
+    base_distance(soil, chunks[untouched[i]], phi_m);
+    out(untouched[i], phi_m);
+  });
+  std::vector<const Piece*> pieces;
+  for (const auto& [block, piece] : by_block) pieces.push_back(&piece);
+  tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
+    const Piece& piece = *pieces[i];
+    const SurfaceBlock block(soil, piece.chunks, SurfaceBlock::kDistance);
+    float phi_m[kLeafSize];
+    for (std::size_t k = 0; k < piece.chunks.size(); ++k) {
+      block.distance(piece.chunks[k], phi_m);
+      out(piece.numbers[k], phi_m);
+    }
+  });
+}
+
+std::vector<Coord3> resident_chunks(const Soil& soil, const Coord3& block) {
+  std::vector<Coord3> all;
+  for (int n = 0; n < kChunksPerBlock * kChunksPerBlock * kChunksPerBlock; ++n) {
+    const Coord3 origin = block + kLeafSide * Coord3(n / 16, n / 4 % 4, n % 4);
+    if (soil.find(origin) != nullptr) all.push_back(origin);
+  }
+  return all;
 }
 
 }  // namespace soilvdb

@@ -2,15 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/change_plan.h"
 
-#include "core/surface.h"
+#include "core/surface_height.h"
 #include "io/ground_source.h"
 
 namespace soilvdb::io {
 
 void write_change_plan(const std::filesystem::path& file, const Soil& before, const Soil& after,
                        const Eigen::AlignedBox2d& changed, const Caption& caption) {
-  const Ground ground{.now = [&after](double x, double y) { return surface_height(after, x, y); },
-                      .base = [&before](double x, double y) { return surface_height(before, x, y); },
+  const Ground ground{.now = surface_heights(after),
+                      .base = surface_heights(before),
                       .voxel_size_m = after.voxel_size_m(),
                       .cut = changed};
   const Vec2 margin = Vec2::Constant(0.15 * changed.sizes().maxCoeff());

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "core/surface.h"
+#include "core/surface_height.h"
 #include "io/atomic_file.h"
 #include "io/ground_source.h"
 
@@ -40,7 +40,7 @@ Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
 }
 
 Ground ground_of(const Soil& soil) {
-  return {.now = [&soil](double x, double y) { return surface_height(soil, x, y); },
+  return {.now = surface_heights(soil),
           .base = [&soil](double x, double y) { return soil.base().height(x, y); },
           .voxel_size_m = soil.voxel_size_m(),
           .cut = footprint(soil, true)};

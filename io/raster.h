@@ -53,14 +53,15 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
 /// As many cells as a run writes: two bands of them are 0.8 GB.
 inline constexpr double kMostRasterCells = 1e8;
 
-/// Heights of a site's surface on a grid of square cells, and of its base surface.
+/// Heights of a site's surface on a grid of square cells, and how far it is above the base surface.
 struct SurfaceRaster {
   HeightGrid grid;
-  std::vector<float> surface, base;  ///< NaN where there is no ground
+  std::vector<float> surface, change;  ///< m; NaN where there is no ground
 };
 
-/// The cells that meet the box, their sides at multiples of cell_m; heights at their centres. Rows
-/// in parallel.
+/// The cells that meet the box, their sides at multiples of cell_m. The change is that of the soil
+/// over a cell, so it sums to the volume (core/column_change.h); the surface is the base surface at
+/// the middle of a cell, and the change. Rows in parallel.
 /// @param box in the world, m, not empty
 /// @throw std::invalid_argument unless 0 < cell_m and there are at most 2^31 cells.
 SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double cell_m);

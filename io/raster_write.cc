@@ -12,7 +12,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "core/surface.h"
+#include "core/column_change.h"
 #include "io/atomic_file.h"
 #include "io/gdal.h"
 #include "io/raster.h"
@@ -117,14 +117,16 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   const std::size_t cells = std::size_t(out.grid.nx) * out.grid.ny;
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   out.surface.resize(cells);
-  out.base.resize(cells);
+  out.change.resize(cells);
+  const std::vector<double> change = column_change_m(soil, out.grid);
   tbb::parallel_for(0, out.grid.ny, [&](int j) {
     const double y = out.grid.first.y() + j * cell_m;
     for (int i = 0; i < out.grid.nx; ++i) {
       const double x = out.grid.first.x() + i * cell_m;
       const std::size_t n = std::size_t(j) * out.grid.nx + i;
-      out.surface[n] = static_cast<float>(surface_height(soil, x, y).value_or(kNone));
-      out.base[n] = static_cast<float>(soil.base().height(x, y).value_or(kNone));
+      const double base = soil.base().height(x, y).value_or(kNone);
+      out.surface[n] = static_cast<float>(base + change[n]);
+      out.change[n] = std::isnan(base) ? out.surface[n] : static_cast<float>(change[n]);
     }
   });
   return out;

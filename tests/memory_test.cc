@@ -16,7 +16,7 @@
 #include <filesystem>
 #include <random>
 
-#include "core/surface.h"
+#include "core/surface_height.h"
 #include "core/tracker.h"
 #include "io/cold_file.h"
 #include "io/site.h"

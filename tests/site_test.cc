@@ -15,7 +15,7 @@
 #include <memory>
 
 #include "core/soil_grids.h"
-#include "core/surface.h"
+#include "core/surface_height.h"
 #include "io/level_set_file.h"
 #include "io/raster.h"
 #include "io/reach.h"

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "core/surface.h"
+#include "core/surface_height.h"
 #include "core/tracker.h"
 #include "io/checksum.h"
 #include "io/raster.h"

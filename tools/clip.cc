@@ -71,12 +71,11 @@ Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan
   double low = std::numeric_limits<double>::infinity(), high = -low;
   const io::SurfaceRaster heights =
       io::rasterise(soil, plan, std::max(h, plan.sizes().maxCoeff() / kMostCells));
-  for (const std::vector<float>* surface : {&heights.surface, &heights.base}) {
-    for (const float z : *surface) {
-      if (std::isnan(z)) continue;
-      low = std::min<double>(low, z);
-      high = std::max<double>(high, z);
-    }
+  for (std::size_t i = 0; i < heights.surface.size(); ++i) {
+    const double z = heights.surface[i], base = z - heights.change[i];
+    if (std::isnan(z)) continue;
+    low = std::min({low, z, base});
+    high = std::max({high, z, base});
   }
   for (const Chunk* chunk : soil.chunks()) {
     const Vec3 first = soil.world_from_index(chunk->origin.cast<double>());

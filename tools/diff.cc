@@ -143,7 +143,7 @@ void write_raster(const fs::path& to, const Snapshot& a, const Snapshot& b,
   const io::SurfaceRaster before = io::rasterise(*a.site.soil, box, cell_m);
   const io::SurfaceRaster after = io::rasterise(*b.site.soil, box, cell_m);
   std::vector<float> change(after.surface.size());
-  for (std::size_t i = 0; i < change.size(); ++i) change[i] = after.surface[i] - before.surface[i];
+  for (std::size_t i = 0; i < change.size(); ++i) change[i] = after.change[i] - before.change[i];
   io::write_geotiff(to, after.grid, {{"change", change}, {"surface", after.surface}},
                     b.site.crs_wkt);
 }

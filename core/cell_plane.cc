@@ -1,0 +1,269 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cell_plane.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace soilvdb {
+namespace {
+
+constexpr int kSteps = 3;          // of Gauss-Newton, at most
+constexpr float kHopeless = 0.5f;  // share of wrong samples after one
+/// Wrong samples of those by the plane, and in one cell, with which all is smooth: few at the edge
+/// of the window where another plane begins, or some everywhere for want of curvature.
+constexpr float kWrongShare = 0.05f, kWrongShareCurved = 0.1f;
+constexpr int kWrongInCell = 12, kWrongInCellCurved = 7;
+constexpr float kSlab = 0.5f;      // half thickness of what a sided fit looks at, voxels
+constexpr float kLeastArea = 4;    // of a sided fit, voxels^2
+constexpr float kMostTilt = 0.5f;  // of a step
+
+/// What the 27 words say against a plane.
+struct Residual {
+  float b[3], a[6];
+  float area;
+  int wrong, most;
+};
+
+SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plane,
+                             const Tangents& t, bool slab, Residual& r) {
+  r = {};
+  const float reach = plane.reach() + kFaceMargin;
+  const float ax = std::abs(plane.nx), ay = std::abs(plane.ny), az = std::abs(plane.nz);
+  const float most = std::max({ax, ay, az}), sum = ax + ay + az;
+  const float rest = std::max(sum - most, 1e-3f);
+  const std::uint64_t* const words = grid.words();
+  const int sx = grid.step(0), sy = grid.step(1);
+  for (int x = -1; x <= 1; ++x) {
+    for (int y = -1; y <= 1; ++y) {
+      for (int z = -1; z <= 1; ++z) {
+        const float fx = static_cast<float>(x), fy = static_cast<float>(y),
+                    fz = static_cast<float>(z);
+        const float s = plane.beyond(fx, fy, fz);
+        const int here_id = id + x * sx + y * sy + z;
+        const std::uint64_t word = words[here_id];
+        if (std::abs(s) >= reach) {
+          const std::uint64_t expected = s < 0 ? ~std::uint64_t{0} : 0;
+          if (word == expected || slab) continue;
+          const std::uint64_t wrong = word ^ expected;
+          const int n = std::popcount(wrong);
+          r.wrong += n;
+          r.most = std::max(r.most, n);
+          const float weight = static_cast<float>(s < 0 ? -n : n);
+          r.b[0] += weight;
+          r.b[1] += weight * (t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz));
+          r.b[2] += weight * (t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz));
+          continue;
+        }
+        // Area of the plane in the cell: exact along axes and diagonals.
+        const float a = std::min(std::max((sum / 2 - std::abs(s)) / rest, 0.0f), 1.0f) / most;
+        const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
+        const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
+        r.area += a;
+        r.a[0] += a;
+        r.a[1] += a * u;
+        r.a[2] += a * v;
+        r.a[3] += a * (u * u + 1.0f / 12);
+        r.a[4] += a * u * v;
+        r.a[5] += a * (v * v + 1.0f / 12);
+        const CellPoints& points = grid.points(here_id);
+        CellPlane here = plane;
+        here.d = -s;
+        std::uint64_t wrong = plane_mask(points, here) ^ word;
+        if (wrong != 0 && slab) {
+          CellPlane side = here;
+          side.d = here.d - kSlab;
+          wrong &= ~plane_mask(points, side);
+          side.d = here.d + kSlab;
+          wrong &= plane_mask(points, side);
+        }
+        if (wrong == 0) continue;
+        const int n = std::popcount(wrong);
+        r.wrong += n;
+        r.most = std::max(r.most, n);
+        float b0 = 0, b1 = 0, b2 = 0;
+        for (; wrong != 0; wrong &= wrong - 1) {
+          const int i = std::countr_zero(wrong);
+          const float sign = word >> i & 1 ? 1.0f : -1.0f;
+          const float px = points.x[i] - 0.5f, py = points.y[i] - 0.5f, pz = points.z[i] - 0.5f;
+          b0 += sign;
+          b1 += sign * (u + (t.u[0] * px + (t.u[1] * py + t.u[2] * pz)));
+          b2 += sign * (v + (t.v[0] * px + (t.v[1] * py + t.v[2] * pz)));
+        }
+        r.b[0] += b0;
+        r.b[1] += b1;
+        r.b[2] += b2;
+      }
+    }
+  }
+}
+
+/// Tilts and shifts the plane by the least-squares displacement.
+SOILVDB_INLINE void improve(const Residual& r, const Tangents& t, CellPlane& plane) {
+  const float *a = r.a, *b = r.b;
+  const float c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5],
+              c02 = a[1] * a[4] - a[2] * a[3];
+  const float det = a[0] * c00 + (a[1] * c01 + a[2] * c02);
+  if (!(det > 1e-4f)) return;
+  const float c11 = a[0] * a[5] - a[2] * a[2], c12 = a[1] * a[2] - a[0] * a[4],
+              c22 = a[0] * a[3] - a[1] * a[1];
+  const float scale = 1 / (64 * det);
+  const float h0 = (c00 * b[0] + (c01 * b[1] + c02 * b[2])) * scale;
+  float h1 = (c01 * b[0] + (c11 * b[1] + c12 * b[2])) * scale;
+  float h2 = (c02 * b[0] + (c12 * b[1] + c22 * b[2])) * scale;
+  h1 = std::min(std::max(h1, -kMostTilt), kMostTilt);
+  h2 = std::min(std::max(h2, -kMostTilt), kMostTilt);
+  const float shift = std::min(std::max(h0, -kMostTilt), kMostTilt);
+  const float norm = 1 / std::sqrt(1 + (h1 * h1 + h2 * h2));
+  plane.nx = (plane.nx - (h1 * t.u[0] + h2 * t.v[0])) * norm;
+  plane.ny = (plane.ny - (h1 * t.u[1] + h2 * t.v[1])) * norm;
+  plane.nz = (plane.nz - (h1 * t.u[2] + h2 * t.v[2])) * norm;
+  plane.d = (plane.d + shift) * norm;
+}
+
+bool normalise(CellPlane& p) {
+  const float square = p.nx * p.nx + (p.ny * p.ny + p.nz * p.nz);
+  if (!(square > 1e-6f)) return false;
+  const float scale = 1 / std::sqrt(square);
+  p.nx *= scale;
+  p.ny *= scale;
+  p.nz *= scale;
+  p.d *= scale;
+  return true;
+}
+
+/// Normal by the gradient of counts (Youngs 1984), offset by the cell's own count.
+CellPlane by_gradient(const CellGrid& grid, int id) {
+  constexpr int kWeights[3] = {1, 2, 1};
+  int g[3] = {0, 0, 0};
+  for (int x = -1; x <= 1; ++x) {
+    for (int y = -1; y <= 1; ++y) {
+      for (int z = -1; z <= 1; ++z) {
+        const int n = grid.count(id + x * grid.step(0) + y * grid.step(1) + z);
+        const int wx = kWeights[x + 1], wy = kWeights[y + 1], wz = kWeights[z + 1];
+        g[0] -= x * wy * wz * n;
+        g[1] -= y * wx * wz * n;
+        g[2] -= z * wx * wy * n;
+      }
+    }
+  }
+  CellPlane p{static_cast<float>(g[0]), static_cast<float>(g[1]), static_cast<float>(g[2]), 0};
+  if (!normalise(p)) p = {0, 0, 1, 0};
+  p.d = (static_cast<float>(grid.count(id)) / 64 - 0.5f) *
+        std::max({std::abs(p.nx), std::abs(p.ny), std::abs(p.nz)});
+  return p;
+}
+
+/// Plane through the heights of the nine columns along an axis, if each goes from soil to air
+/// within two cells on both sides.
+bool by_heights(const CellGrid& grid, int id, int axis, bool up, CellPlane& plane) {
+  constexpr int kReach = 2;
+  const int step = up ? grid.step(axis) : -grid.step(axis);
+  const int u = grid.step((axis + 1) % 3), v = grid.step((axis + 2) % 3);
+  int all = 0, along_u = 0, along_v = 0;
+  for (int i = -1; i <= 1; ++i) {
+    for (int j = -1; j <= 1; ++j) {
+      const int middle = id + i * u + j * v;
+      // Out from the middle to a full cell below and an empty one above.
+      int k = 0, height = 0;
+      for (int n = 64; n != 0; --k) {
+        if (k < -kReach) return false;
+        n = 64 - grid.count(middle + k * step);
+        height -= n;
+      }
+      for (k = 1; k <= kReach; ++k) {
+        const int n = grid.count(middle + k * step);
+        height += n;
+        if (n == 0) break;
+      }
+      if (k > kReach) return false;
+      all += height;
+      along_u += i * height;
+      along_v += j * height;
+    }
+  }
+  // Heights are above the top of the middle cell.
+  float n[3];
+  n[axis] = up ? 1.0f : -1.0f;
+  n[(axis + 1) % 3] = -static_cast<float>(along_u) / (6 * 64);
+  n[(axis + 2) % 3] = -static_cast<float>(along_v) / (6 * 64);
+  plane = {n[0], n[1], n[2], 0.5f + static_cast<float>(all) / (9 * 64)};
+  return normalise(plane);
+}
+
+SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, PlaneFit& fit) {
+  Residual r;
+  for (int k = 0; k < kSteps; ++k) {
+    const Tangents t(fit.plane);
+    evaluate(grid, id, fit.plane, t, false, r);
+    const float share = static_cast<float>(r.wrong) / (64 * r.area);
+    fit.smooth = k > 0 && ((share <= kWrongShare && r.most <= kWrongInCell) ||
+                           (share <= kWrongShareCurved && r.most <= kWrongInCellCurved));
+    if (k > 0 && share > kHopeless) return;
+    if (k + 1 == kSteps && !fit.smooth) return;
+    improve(r, t, fit.plane);
+    if (fit.smooth) return;
+  }
+}
+
+SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fit) {
+  Residual r;
+  for (int k = 0;; ++k) {
+    const Tangents t(fit.plane);
+    evaluate(grid, id, fit.plane, t, true, r);
+    if (k == kSteps) {
+      fit.sided =
+          r.area >= kLeastArea && static_cast<float>(r.wrong) <= 2 * kWrongShare * 64 * r.area;
+      return;
+    }
+    improve(r, t, fit.plane);
+  }
+}
+
+/// Is there air, or soil, on both sides of a cell within two voxels?
+bool thin(const CellGrid& grid, int id) {
+  constexpr int kFew = 16;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int step = grid.step(axis);
+    const int below = grid.count(id - 2 * step), above = grid.count(id + 2 * step);
+    const int a = grid.count(id - step), b = grid.count(id), c = grid.count(id + step);
+    if (below < kFew && above < kFew && std::max({a, b, c}) > 32) return true;
+    if (below > 64 - kFew && above > 64 - kFew && std::min({a, b, c}) < 32) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Tangents::Tangents(const CellPlane& p) {
+  const float sign = p.nz < 0 ? -1.0f : 1.0f;
+  const float a = -1 / (sign + p.nz), b = p.nx * p.ny * a;
+  u[0] = 1 + sign * p.nx * p.nx * a;
+  u[1] = sign * b;
+  u[2] = -sign * p.nx;
+  v[0] = b;
+  v[1] = sign + p.ny * p.ny * a;
+  v[2] = -p.ny;
+}
+
+PlaneFit fit_plane(const CellGrid& grid, int id) {
+  PlaneFit fit;
+  const CellPlane start = by_gradient(grid, id);
+  const float n[3] = {start.nx, start.ny, start.nz};
+  int axis = 0;
+  for (int a = 1; a < 3; ++a) {
+    if (std::abs(n[a]) > std::abs(n[axis])) axis = a;
+  }
+  fit.plane = start;
+  by_heights(grid, id, axis, n[axis] > 0, fit.plane);
+  refine(grid, id, fit);
+  if (!fit.smooth && thin(grid, id)) {
+    PlaneFit side;
+    side.plane = start;
+    refine_one_side(grid, id, side);
+    if (side.sided) return side;
+  }
+  return fit;
+}
+
+}  // namespace soilvdb
