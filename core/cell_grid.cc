@@ -12,7 +12,8 @@ namespace soilvdb {
 namespace {
 
 SOILVDB_FOR_CPUS void count_row(const std::uint64_t* words, std::uint8_t* counts) {
-  for (int z = 0; z < kLeafSide; ++z) counts[z] = static_cast<std::uint8_t>(std::popcount(words[z]));
+  for (int z = 0; z < kLeafSide; ++z)
+    counts[z] = static_cast<std::uint8_t>(std::popcount(words[z]));
 }
 
 }  // namespace
@@ -81,8 +82,8 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
   if (resident) {
     const Content content = soil.classify(origin);
     if (content == Content::kMixed) {
-      soil.base().samples(origin, soil.world_from_index(origin.cast<double>()),
-                          soil.voxel_size_m(), base);
+      soil.base().samples(origin, soil.world_from_index(origin.cast<double>()), soil.voxel_size_m(),
+                          base);
     } else {
       base.fill(content == Content::kSoil ? ~std::uint64_t{0} : 0);
     }
@@ -106,8 +107,9 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
       }
     }
   }
-  states_[static_cast<std::size_t>(chunk)] =
-      any == 0 ? kAllAir : all == ~std::uint64_t{0} ? kAllSoil : kBoth;
+  states_[static_cast<std::size_t>(chunk)] = any == 0                   ? kAllAir
+                                             : all == ~std::uint64_t{0} ? kAllSoil
+                                                                        : kBoth;
 }
 
 bool CellGrid::any_change(const Coord3& low, int side) const {

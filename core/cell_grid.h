@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The sample words around some chunks, side by side in one array, for the stages that make surfaces.
+// The sample words around some chunks, side by side in one array, for the stages that make
+// surfaces.
 #pragma once
 
 #include <cstdint>
@@ -49,7 +50,8 @@ class CellGrid {
   /// Is the chunk of a cell one of those asked for, is it resident?
   bool asked(const Coord3& cell) const { return asked_[chunk_of(cell)]; }
   bool resident(const Coord3& cell) const { return resident_[chunk_of(cell)]; }
-  /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0 inside.
+  /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0
+  /// inside.
   int away(const Coord3& cell) const;
   /// Does any cell of a cube differ from the base surface? Cells beyond the grid don't.
   bool any_change(const Coord3& low, int side) const;
@@ -93,8 +95,8 @@ class CellGrid {
   std::unique_ptr<Buffers> buffers_;
   std::uint64_t* words_;
   std::uint8_t *counts_, *changed_;
-  std::vector<State> states_;           // of chunks
-  std::vector<std::uint8_t> asked_, resident_;  // of chunks
+  std::vector<State> states_;                           // of chunks
+  std::vector<std::uint8_t> asked_, resident_;          // of chunks
   mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, voxels
 };
 

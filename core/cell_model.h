@@ -42,8 +42,7 @@ struct CellModel {
     Active a{plane[0].beyond(x, y, z), 0};
     if (join == Join::kOne) return a;
     const Active b{plane[1].beyond(x, y, z), 1};
-    const bool first_and =
-        join == Join::kAnd || join == Join::kAndAnd || join == Join::kAndOr;
+    const bool first_and = join == Join::kAnd || join == Join::kAndAnd || join == Join::kAndOr;
     a = (first_and ? b.beyond > a.beyond : b.beyond < a.beyond) ? b : a;
     if (join <= Join::kOr) return a;
     const Active c{plane[2].beyond(x, y, z), 2};

@@ -56,7 +56,8 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
           (cell.plane.nz + (du * t.u[2] + dv * t.v[2])) * scale, -beyond * scale};
 }
 
-/// Of the planes of a model in one of the cells they run through, on average: 1 / (|nx| + |ny| + |nz|).
+/// Of the planes of a model in one of the cells they run through, on average: 1 / (|nx| + |ny| +
+/// |nz|).
 float mean_area(const CellModel& model) {
   float sum = 0;
   for (int p = 0; p < model.planes(); ++p) sum += 0.5f / model.plane[p].reach();
@@ -124,8 +125,8 @@ void CellModels::solve_creases(int reach) {
   for (const int k : wanted) {
     const int id = cells_[static_cast<std::size_t>(k)].id;
     for (int n = 0; n < 27; ++n) {
-      const int other =
-          index_[static_cast<std::size_t>(id + (n / 9 - 1) * sx + (n / 3 % 3 - 1) * sy + n % 3 - 1)];
+      const int other = index_[static_cast<std::size_t>(id + (n / 9 - 1) * sx +
+                                                        (n / 3 % 3 - 1) * sy + n % 3 - 1)];
       if (other >= 0) list(other);
     }
   }
@@ -174,8 +175,8 @@ void CellModels::settle(int reach) {
     for (int x = -1; x <= 1; ++x) {
       for (int y = -1; y <= 1; ++y) {
         for (int z = -1; z <= 1; ++z) {
-          const int n = index_[static_cast<std::size_t>(cell.id + x * grid_.step(0) +
-                                                        y * grid_.step(1) + z)];
+          const int n =
+              index_[static_cast<std::size_t>(cell.id + x * grid_.step(0) + y * grid_.step(1) + z)];
           if (n < 0) continue;
           const Cell& other = cells_[static_cast<std::size_t>(n)];
           if (other.kind == Cell::kBase || !other.model.solved) continue;
@@ -247,7 +248,7 @@ void CellModels::find_bend(Cell& cell) {
   if (!(det > kLeastSpread)) return;
   const auto held = [&](float v) { return std::min(std::max(v / det, -kMostBend), kMostBend); };
   cell.bend = {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
-          held(vy * xx - vx * xy)};
+               held(vy * xx - vx * xy)};
 }
 
 void CellModels::gather(const Cell& cell, Candidates& candidates) {

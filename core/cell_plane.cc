@@ -5,18 +5,20 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/plane_mask.h"
+
 namespace soilvdb {
 namespace {
 
-constexpr int kSteps = 3;             // of Gauss-Newton, at most
-constexpr float kHopeless = 0.5f;     // share of wrong samples after one
-/// Wrong samples of those by the plane, and in one cell, with which all is smooth: few at the edge of
-/// the window where another plane begins, or some everywhere for want of curvature.
+constexpr int kSteps = 3;          // of Gauss-Newton, at most
+constexpr float kHopeless = 0.5f;  // share of wrong samples after one
+/// Wrong samples of those by the plane, and in one cell, with which all is smooth: few at the edge
+/// of the window where another plane begins, or some everywhere for want of curvature.
 constexpr float kWrongShare = 0.05f, kWrongShareCurved = 0.1f;
 constexpr int kWrongInCell = 12, kWrongInCellCurved = 7;
-constexpr float kSlab = 0.5f;         // half thickness of what a sided fit looks at, voxels
-constexpr float kLeastArea = 4;       // of a sided fit, voxels^2
-constexpr float kMostTilt = 0.5f;     // of a step
+constexpr float kSlab = 0.5f;      // half thickness of what a sided fit looks at, voxels
+constexpr float kLeastArea = 4;    // of a sided fit, voxels^2
+constexpr float kMostTilt = 0.5f;  // of a step
 
 /// What the 27 words say against a plane.
 struct Residual {
@@ -212,8 +214,8 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, true, r);
     if (k == kSteps) {
-      fit.sided = r.area >= kLeastArea &&
-                  static_cast<float>(r.wrong) <= 2 * kWrongShare * 64 * r.area;
+      fit.sided =
+          r.area >= kLeastArea && static_cast<float>(r.wrong) <= 2 * kWrongShare * 64 * r.area;
       return;
     }
     improve(r, t, fit.plane);

@@ -66,7 +66,8 @@ std::vector<double> column_change_m(const Soil& soil, const HeightGrid& grid) {
   std::vector<Columns> changes(chunks.size());
   tbb::parallel_for(std::size_t{0}, chunks.size(),
                     [&](std::size_t i) { changes[i] = change_of(soil, chunks[i]->origin); });
-  std::vector<double> heights(static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny));
+  std::vector<double> heights(static_cast<std::size_t>(grid.nx) *
+                              static_cast<std::size_t>(grid.ny));
   const double h = soil.voxel_size_m();
   const Vec2 low = grid.first - grid.spacing / 2;
   const double scale = soil.sample_m3() / grid.spacing.prod();

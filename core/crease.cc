@@ -4,6 +4,8 @@
 
 #include <bit>
 
+#include "core/plane_mask.h"
+
 namespace soilvdb {
 namespace {
 
@@ -13,10 +15,10 @@ constexpr float kFar = 1.0f;            // beyond the cell, voxels
 constexpr int kFree = 2;                // wrong samples of a neighbour that cost nothing
 constexpr int kMostOfNeighbour = 24;    // it may see what the cell doesn't
 constexpr int kPlaneCost = 8;
-constexpr int kGood = 14;               // a pair better than that is not made a triple
+constexpr int kGood = 14;  // a pair better than that is not made a triple
 constexpr int kUnsolved = 160;
 constexpr int kRefits = 2;
-constexpr float kStiffness = 0.6f;      // of planes against joint refits, voxels^2
+constexpr float kStiffness = 0.6f;  // of planes against joint refits, voxels^2
 constexpr float kMostMove = 0.35f;
 constexpr int kCells = 27, kOwn = 13;
 
@@ -26,13 +28,20 @@ using Masks = Mask[kCells];
 template <Join join>
 SOILVDB_INLINE Mask joined(Mask a, Mask b, Mask c) {
   switch (join) {
-    case Join::kOne: return a;
-    case Join::kAnd: return a & b;
-    case Join::kOr: return a | b;
-    case Join::kAndAnd: return a & b & c;
-    case Join::kOrOr: return a | b | c;
-    case Join::kAndOr: return (a & b) | c;
-    case Join::kOrAnd: return (a | b) & c;
+    case Join::kOne:
+      return a;
+    case Join::kAnd:
+      return a & b;
+    case Join::kOr:
+      return a | b;
+    case Join::kAndAnd:
+      return a & b & c;
+    case Join::kOrOr:
+      return a | b | c;
+    case Join::kAndOr:
+      return (a & b) | c;
+    case Join::kOrAnd:
+      return (a | b) & c;
   }
   return a;
 }
@@ -86,13 +95,20 @@ SOILVDB_INLINE int score_of(const CellModel& model, const Window& window) {
   const Masks& c = m[model.planes() > 2 ? 2 : 0];
   constexpr int kAny = 1 << 20;
   switch (model.join) {
-    case Join::kOne: return score<Join::kOne>(window.words, m[0], b, c, kAny);
-    case Join::kAnd: return score<Join::kAnd>(window.words, m[0], b, c, kAny);
-    case Join::kOr: return score<Join::kOr>(window.words, m[0], b, c, kAny);
-    case Join::kAndAnd: return score<Join::kAndAnd>(window.words, m[0], b, c, kAny);
-    case Join::kOrOr: return score<Join::kOrOr>(window.words, m[0], b, c, kAny);
-    case Join::kAndOr: return score<Join::kAndOr>(window.words, m[0], b, c, kAny);
-    case Join::kOrAnd: return score<Join::kOrAnd>(window.words, m[0], b, c, kAny);
+    case Join::kOne:
+      return score<Join::kOne>(window.words, m[0], b, c, kAny);
+    case Join::kAnd:
+      return score<Join::kAnd>(window.words, m[0], b, c, kAny);
+    case Join::kOr:
+      return score<Join::kOr>(window.words, m[0], b, c, kAny);
+    case Join::kAndAnd:
+      return score<Join::kAndAnd>(window.words, m[0], b, c, kAny);
+    case Join::kOrOr:
+      return score<Join::kOrOr>(window.words, m[0], b, c, kAny);
+    case Join::kAndOr:
+      return score<Join::kAndOr>(window.words, m[0], b, c, kAny);
+    case Join::kOrAnd:
+      return score<Join::kOrAnd>(window.words, m[0], b, c, kAny);
   }
   return kAny;
 }
@@ -131,10 +147,11 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Window& window) 
     if (!near) continue;
     Mask m[3] = {0, 0, 0};
     for (int p = 0; p < planes; ++p) {
-      m[p] = plane_mask(*window.points[k], model.plane[p].from(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1));
+      m[p] =
+          plane_mask(*window.points[k], model.plane[p].from(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1));
     }
-    const bool first_and = model.join == Join::kAnd || model.join == Join::kAndAnd ||
-                           model.join == Join::kAndOr;
+    const bool first_and =
+        model.join == Join::kAnd || model.join == Join::kAndAnd || model.join == Join::kAndOr;
     Mask all = m[0];
     if (planes > 1) all = first_and ? all & m[1] : all | m[1];
     if (planes > 2) {
@@ -193,13 +210,20 @@ SOILVDB_FOR_CPUS Mask mask_of(const CellPoints& points, const CellModel& model) 
   const Mask b = plane_mask(points, model.plane[1]);
   const Mask c = model.planes() > 2 ? plane_mask(points, model.plane[2]) : 0;
   switch (model.join) {
-    case Join::kOne: return a;
-    case Join::kAnd: return a & b;
-    case Join::kOr: return a | b;
-    case Join::kAndAnd: return a & b & c;
-    case Join::kOrOr: return a | b | c;
-    case Join::kAndOr: return (a & b) | c;
-    case Join::kOrAnd: return (a | b) & c;
+    case Join::kOne:
+      return a;
+    case Join::kAnd:
+      return a & b;
+    case Join::kOr:
+      return a | b;
+    case Join::kAndAnd:
+      return a & b & c;
+    case Join::kOrOr:
+      return a | b | c;
+    case Join::kAndOr:
+      return (a & b) | c;
+    case Join::kOrAnd:
+      return (a | b) & c;
   }
   return a;
 }

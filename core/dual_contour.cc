@@ -86,8 +86,8 @@ struct Sheets {
       of[corners].group = sheets(corners, 0);
       for (const auto& c : kFaces.corner) {
         const unsigned a = corners >> c[0] & 1;
-        of[corners].ambiguous |= (corners >> c[1] & 1) != a && (corners >> c[2] & 1) == a &&
-                                 (corners >> c[3] & 1) != a;
+        of[corners].ambiguous |=
+            (corners >> c[1] & 1) != a && (corners >> c[2] & 1) == a && (corners >> c[3] & 1) != a;
       }
     }
   }
@@ -104,8 +104,7 @@ class Contouring {
  public:
   Contouring(const CellModels& models, int reach)
       : models_(models), grid_(models.grid()), reach_(reach) {
-    const std::size_t cells =
-        static_cast<std::size_t>(grid_.side()) * grid_.side() * grid_.side();
+    const std::size_t cells = static_cast<std::size_t>(grid_.side()) * grid_.side() * grid_.side();
     soil_.resize(cells);
     const std::uint8_t* const counts = grid_.counts();
     for (std::size_t k = 0; k < cells; ++k) soil_[k] = counts[k] > 32;
@@ -128,7 +127,8 @@ class Contouring {
         for (int z = 0; z + kLeafSide < side; z += kLeafSide) {
           const int first = grid_.id(x, y, z);
           const std::uint64_t here = row(first);
-          if (here == row(first + sx) && here == row(first + sy) && here == row(first + 1)) continue;
+          if (here == row(first + sx) && here == row(first + sy) && here == row(first + 1))
+            continue;
           for (int k = std::max(z, 1); k < z + kLeafSide; ++k) {
             const int id = grid_.id(x, y, k);
             const std::uint8_t soil = soil_[static_cast<std::size_t>(id)];
@@ -335,8 +335,9 @@ class Contouring {
     for (const auto& [known, v] : face_vertices_) {
       if (known == key) return v;
     }
-    const int ends[2] = {around_first ? (segment == 0 ? edges[3] : edges[1]) : edges[2 * segment],
-                         around_first ? (segment == 0 ? edges[0] : edges[2]) : edges[2 * segment + 1]};
+    const int ends[2] = {
+        around_first ? (segment == 0 ? edges[3] : edges[1]) : edges[2 * segment],
+        around_first ? (segment == 0 ? edges[0] : edges[2]) : edges[2 * segment + 1]};
     ContourVertex v{grid_.at(low), {0, 0, 0}, false};
     for (const int e : ends) {
       const int corner = low_corner(e);

@@ -14,15 +14,16 @@ namespace soilvdb {
 
 /// A vertex, in voxels from the first voxel of the grid.
 struct ContourVertex {
-  Coord3 cell;       ///< of the dual cell: the voxel at its low corner
-  float in[3];       ///< from that voxel's centre
-  bool base;         ///< made of untouched cells alone
+  Coord3 cell;  ///< of the dual cell: the voxel at its low corner
+  float in[3];  ///< from that voxel's centre
+  bool base;    ///< made of untouched cells alone
 };
 
 struct Contour {
   std::vector<ContourVertex> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
-  std::vector<int> edges;  ///< of each triangle: the cell at the lower end of the edge it goes round
+  std::vector<int>
+      edges;  ///< of each triangle: the cell at the lower end of the edge it goes round
 };
 
 /// Dual contouring (Ju et al. 2002) with a vertex for each sheet of the surface in a dual cell, so
@@ -30,8 +31,8 @@ struct Contour {
 ///
 /// Guarantees: no edge has more than two triangles; edges with one are where the chunks asked for
 /// end; the vertices and triangles about an edge of the grid depend on the models of the voxels
-/// around it alone. Polygons belong to the chunk of the lower end of the edge that they go round, or
-/// to that of the upper one if only that is resident.
+/// around it alone. Polygons belong to the chunk of the lower end of the edge that they go round,
+/// or to that of the upper one if only that is resident.
 /// @param reach 0: the polygons of the chunks asked for; else all that lie within so many voxels of
 /// them, whatever is resident
 Contour contour(const CellModels& models, int reach);

@@ -46,8 +46,6 @@ int sample_pattern(const Coord3& voxel) {
 
 const CellPoints& pattern_points(int pattern) { return kAll.points[pattern]; }
 
-const CellPoints& sample_points(const Coord3& voxel) {
-  return kAll.points[sample_pattern(voxel)];
-}
+const CellPoints& sample_points(const Coord3& voxel) { return kAll.points[sample_pattern(voxel)]; }
 
 }  // namespace soilvdb

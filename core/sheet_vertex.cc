@@ -8,9 +8,9 @@
 namespace soilvdb {
 namespace {
 
-constexpr float kOutside = 0.25f;        // of its dual cell, voxels
-constexpr float kInside = 1e-3f;         // at least, of a vertex held to its dual cell
-constexpr float kSmoothCosine = 0.97f;   // 14 degrees between two normals
+constexpr float kOutside = 0.25f;          // of its dual cell, voxels
+constexpr float kInside = 1e-3f;           // at least, of a vertex held to its dual cell
+constexpr float kSmoothCosine = 0.97f;     // 14 degrees between two normals
 constexpr float kLeastEigenvalue = 0.06f;  // of the largest
 /// Crossings lie on a curved surface, their mean r^2 k / 2 below and their planes' middle as much
 /// above it (r^2 = 1/4 the mean square distance). The chords of a mesh of that spacing want the
@@ -27,7 +27,8 @@ void eigen(float a[3][3], float v[3][3]) {
       for (int q = p + 1; q < 3; ++q) {
         if (std::abs(a[p][q]) < 1e-9f) continue;
         const float theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
-        const float t = (theta < 0 ? -1.0f : 1.0f) / (std::abs(theta) + std::sqrt(theta * theta + 1));
+        const float t =
+            (theta < 0 ? -1.0f : 1.0f) / (std::abs(theta) + std::sqrt(theta * theta + 1));
         const float c = 1 / std::sqrt(t * t + 1), s = t * c;
         for (int k = 0; k < 3; ++k) {
           const float x = a[k][p], y = a[k][q];
@@ -68,8 +69,7 @@ void place_vertex(const Crossing* crossings, int count, float* at) {
   for (int k = 0; k < count; ++k) {
     const Crossing& c = crossings[k];
     cosine = std::min(cosine, c.n[0] * n[0] + (c.n[1] * n[1] + c.n[2] * n[2]));
-    gap[k] = c.n[0] * (c.p[0] - m[0]) +
-             (c.n[1] * (c.p[1] - m[1]) + c.n[2] * (c.p[2] - m[2]));
+    gap[k] = c.n[0] * (c.p[0] - m[0]) + (c.n[1] * (c.p[1] - m[1]) + c.n[2] * (c.p[2] - m[2]));
     mean += gap[k];
   }
   float x[3];
@@ -101,7 +101,8 @@ void place_vertex(const Crossing* crossings, int count, float* at) {
     };
     solve(kLeastEigenvalue * most);
     if (outside() > kOutside) {
-      const float middle = A[0][0] + A[1][1] + A[2][2] - most - std::min({A[0][0], A[1][1], A[2][2]});
+      const float middle =
+          A[0][0] + A[1][1] + A[2][2] - most - std::min({A[0][0], A[1][1], A[2][2]});
       solve(std::max(middle, kLeastEigenvalue * most));
     }
     if (outside() > kOutside) solve(most);

@@ -21,10 +21,10 @@ inline constexpr int kBlockSide = 32;
 /// Invariant: what comes out for a place depends on the words around it and not on the block, the
 /// thread or the other chunks asked for, so that pieces join bit for bit.
 /// Guarantees, for ground of planes that meet (digs of straight edges) at voxels a tenth of what is
-/// dug or smaller: vertices within 0.15 voxel of the true surface at creases and 0.02 rms elsewhere;
-/// the volume is that of the samples to 0.1 %.
-/// Caveats: walls and slots thinner than 0.7 voxel are found but misplaced; where the surface bends
-/// with a radius below four voxels it is made of facets.
+/// dug or smaller: vertices within 0.15 voxel of the true surface at creases and 0.02 rms
+/// elsewhere; the volume is that of the samples to 0.1 %. Caveats: walls and slots thinner than 0.7
+/// voxel are found but misplaced; where the surface bends with a radius below four voxels it is
+/// made of facets.
 class SurfaceBlock {
  public:
   enum Need { kMesh, kDistance };

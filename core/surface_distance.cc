@@ -11,10 +11,10 @@
 namespace soilvdb {
 namespace {
 
-constexpr float kBand = 3;           // voxels
+constexpr float kBand = 3;              // voxels
 constexpr float kPolygonReach = 1.25f;  // of a polygon about the lower end of its edge, voxels
-constexpr float kAgree = 0.1f;       // of the base surface and the contour on it, voxels
-constexpr float kLeast = 1e-4f;      // voxels: no voxel is on the surface, for its sign's sake
+constexpr float kAgree = 0.1f;          // of the base surface and the contour on it, voxels
+constexpr float kLeast = 1e-4f;         // voxels: no voxel is on the surface, for its sign's sake
 
 using Float3 = Eigen::Vector3f;
 
@@ -101,8 +101,8 @@ void contour_distance(const Soil& soil, const CellModels& models, const Contour&
     for (int v = 0; v < 3; ++v) {
       const ContourVertex& vertex =
           contour.vertices[contour.triangles[k][static_cast<std::size_t>(v)]];
-      t.corner[v] = (vertex.cell - low).cast<float>() +
-                    Float3(vertex.in[0], vertex.in[1], vertex.in[2]);
+      t.corner[v] =
+          (vertex.cell - low).cast<float>() + Float3(vertex.in[0], vertex.in[1], vertex.in[2]);
       t.base &= vertex.base;
     }
     t.middle = (t.corner[0] + t.corner[1] + t.corner[2]) / 3;
@@ -117,8 +117,8 @@ void contour_distance(const Soil& soil, const CellModels& models, const Contour&
     bool base = false, found = false;
     for (const Rings::Step& step : kRings.at) {
       if (static_cast<float>(step.ring) - kPolygonReach >= reached) break;
-      const std::size_t bin = static_cast<std::size_t>(Bins::id(
-          in + Coord3::Constant(kPolygonsSeen) + Coord3(step.x, step.y, step.z)));
+      const std::size_t bin = static_cast<std::size_t>(
+          Bins::id(in + Coord3::Constant(kPolygonsSeen) + Coord3(step.x, step.y, step.z)));
       for (int k = bins->first[bin], end = k + bins->count[bin]; k < end; ++k) {
         const Triangle& t = triangles[static_cast<std::size_t>(k)];
         const float within = reached + t.radius;

@@ -11,9 +11,9 @@ namespace soilvdb {
 /// the band's three and a polygon's reach.
 inline constexpr int kPolygonsSeen = 4;
 
-/// phi at the voxel centres of a chunk: to the nearest of the polygons within the band, all of which
-/// are looked at, so that their order is no matter. Where the nearest is of untouched ground and the
-/// base surface agrees it is the base surface's own distance.
+/// phi at the voxel centres of a chunk: to the nearest of the polygons within the band, all of
+/// which are looked at, so that their order is no matter. Where the nearest is of untouched ground
+/// and the base surface agrees it is the base surface's own distance.
 /// @param contour with reach kPolygonsSeen + 1
 void contour_distance(const Soil& soil, const CellModels& models, const Contour& contour,
                       const Coord3& chunk, float* phi_m);

@@ -83,9 +83,9 @@ std::optional<double> SurfaceHeight::at(double x, double y) {
         std::optional<double> here;
         for (const std::uint32_t k : found->second) {
           const auto& t = p.mesh.triangles[k];
-          const auto height = height_on(p.mesh.points[t[0]].cast<double>(),
-                                        p.mesh.points[t[1]].cast<double>(),
-                                        p.mesh.points[t[2]].cast<double>(), at);
+          const auto height =
+              height_on(p.mesh.points[t[0]].cast<double>(), p.mesh.points[t[1]].cast<double>(),
+                        p.mesh.points[t[2]].cast<double>(), at);
           if (height) here = std::max(here.value_or(*height), *height);
         }
         if (here) top = std::max(top.value_or(*here), *here);

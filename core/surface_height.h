@@ -10,10 +10,11 @@
 
 namespace soilvdb {
 
-/// Heights of the ground, read off its mesh where it is resident and off the base surface elsewhere.
+/// Heights of the ground, read off its mesh where it is resident and off the base surface
+/// elsewhere.
 ///
-/// Keeps the patches it made, so many heights of one place cost little more than one. For one thread;
-/// outlives no change of the soil. Within 0.15 voxel of the true height but at walls.
+/// Keeps the patches it made, so many heights of one place cost little more than one. For one
+/// thread; outlives no change of the soil. Within 0.15 voxel of the true height but at walls.
 class SurfaceHeight {
  public:
   explicit SurfaceHeight(const Soil& soil);

@@ -26,8 +26,9 @@ Solid ground_less(std::string name, const Vec2& slope, const std::vector<Box>& b
   Solid s{std::move(name), kHeight, slope, {ground(kHeight, slope)}, {}, {}};
   for (const Box& box : boxes) {
     for (int a = 0; a < 3; ++a) {
-      s.features.push_back(
-          [=](const Vec3& p) { return box.half[a] - std::abs((box.world_from_box.inverse() * p)[a]); });
+      s.features.push_back([=](const Vec3& p) {
+        return box.half[a] - std::abs((box.world_from_box.inverse() * p)[a]);
+      });
     }
     for (int k = 0; k < 8; ++k) {
       const Vec3 corner(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
@@ -167,8 +168,7 @@ Faults faults(const Mesh& mesh, const Soil& soil) {
   for (const auto& [edge, count] : edges) {
     found.crowded += count > 2;
     if (count != 1) continue;
-    const Vec3 index =
-        (mesh.points[edge.first] + mesh.points[edge.second]).cast<double>() / 2 / h;
+    const Vec3 index = (mesh.points[edge.first] + mesh.points[edge.second]).cast<double>() / 2 / h;
     bool rim = false;
     for (int k = 0; k < 27; ++k) {
       const Vec3 step = 1.5 * Vec3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);

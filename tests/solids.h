@@ -13,8 +13,8 @@
 
 namespace soilvdb::testing {
 
-/// A set of points: soil is where f < 0. Each feature is zero on one smooth piece of the surface and
-/// about the distance from it nearby.
+/// A set of points: soil is where f < 0. Each feature is zero on one smooth piece of the surface
+/// and about the distance from it nearby.
 struct Solid {
   std::string name;
   double height_m = 0;

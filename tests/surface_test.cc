@@ -83,8 +83,8 @@ Figures measure(const Solid& solid, double h) {
   figures.p99 = errors[errors.size() * 99 / 100];
   if (smooth > 0) figures.smooth = std::sqrt(squares / smooth);
   if (std::getenv("SOILVDB_TABLE") != nullptr) {
-    fmt::print("{:32}{:7} m  volume {:+.3f} %  p99 {:.3f}  smooth rms {:.4f} voxel\n", solid.name, h,
-               100 * figures.volume, figures.p99, figures.smooth);
+    fmt::print("{:32}{:7} m  volume {:+.3f} %  p99 {:.3f}  smooth rms {:.4f} voxel\n", solid.name,
+               h, 100 * figures.volume, figures.p99, figures.smooth);
   }
   return figures;
 }
@@ -97,7 +97,9 @@ TEST(SurfaceMeshOfSamples, HoldsTheirVolumeAndLiesOnTheTrueSurface) {
       if (h > 0.05) continue;
       EXPECT_LE(figures.p99, kVertexError) << solid.name << ", voxel " << h;
       // At 5 cm the trench's ends bend with a radius of 2.5 voxels.
-      if (h < 0.05) EXPECT_LE(figures.smooth, kSmoothError) << solid.name << ", voxel " << h;
+      if (h < 0.05) {
+        EXPECT_LE(figures.smooth, kSmoothError) << solid.name << ", voxel " << h;
+      }
     }
   }
 }
@@ -254,7 +256,9 @@ TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
       untouched &= now == then;
     }
     for (int n = 0; n < kLeafSize; ++n) {
-      if (untouched) ASSERT_EQ(phi[n], base[n]);
+      if (untouched) {
+        ASSERT_EQ(phi[n], base[n]);
+      }
       same += phi[n] == base[n] && std::abs(phi[n]) < dug.soil.band_m();
     }
   }
@@ -314,7 +318,7 @@ TEST(ColumnChange, SumsToTheLedgerWhateverTheCells) {
 }
 
 TEST(SurfaceHeight, IsTheBaseSurfacesOutsideAndTheFloorsInside) {
-  const Solid box = ground_less("box", {0, 0}, {{Pose{{0, 0, 0}, {}}, Vec3(0.5, 0.4, 0.312)}});
+  const Solid box = ground_less("box", {0, 0}, {{Pose{}, Vec3(0.5, 0.4, 0.312)}});
   const auto soil = sampled(box, 0.05);
   EXPECT_EQ(*surface_height(*soil, 5, 5), box.height_m);
   EXPECT_NEAR(*surface_height(*soil, 0.7, 0.1), box.height_m, 1e-6);
