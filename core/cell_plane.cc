@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/plane_mask.h"
+
 namespace soilvdb {
 namespace {
 

@@ -4,6 +4,8 @@
 
 #include <bit>
 
+#include "core/plane_mask.h"
+
 namespace soilvdb {
 namespace {
 

@@ -277,6 +277,12 @@ class Contouring {
       ContourVertex v{grid_.at(cell), {}, base};
       place_vertex(crossings, n, v.in);
       if (groups > 0) keep_apart(crossings, n, dual.vertex, v);
+      if (!base) {
+        // Neighbours' vertices may be at one point of a crease that lies on the lattice, and would
+        // be welded: odd and even cells lean apart.
+        constexpr float kLean = 1e-4f;
+        for (int a = 0; a < 3; ++a) v.in[a] += v.cell[a] & 1 ? kLean : -kLean;
+      }
       out_.vertices.push_back(v);
       ++groups;
     }

@@ -1,0 +1,329 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Surfaces made from samples against ground of known shape. With the environment variable
+// SOILVDB_TABLE set, prints every figure.
+#include "core/surface.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <random>
+
+#include "core/column_change.h"
+#include "core/surface_height.h"
+#include "tests/dig_runner.h"
+#include "tests/solids.h"
+
+namespace soilvdb::testing {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// What is required of the mesh at a voxel size.
+struct Required {
+  double voxel_size_m;
+  double volume;  ///< against the samples, relative
+};
+constexpr std::array<Required, 3> kRequired{{{0.1, 5e-3}, {0.05, 1e-3}, {0.025, 3e-4}}};
+/// Of the true surface, voxels: 99 of 100 vertices, creases too; rms where it is smooth.
+constexpr double kVertexError = 0.15, kSmoothError = 0.02;
+/// A vertex is on a smooth part if no other piece of the surface is within this, voxels.
+constexpr double kSmoothRadius = 1.5;
+constexpr double kPlaneNormal = 0.5 * kDegree;
+
+const std::vector<Solid>& solids() {
+  static const std::vector<Solid> all = [] {
+    const auto at = [](double x, double y, double z, double roll, double pitch, double yaw) {
+      return Pose{Vec3(x, y, z), from_rpy(roll, pitch, yaw)};
+    };
+    std::vector<Solid> list;
+    for (const double yaw : {0.0, 33.0, 61.0}) {
+      list.push_back(half_sine_trench(yaw * kDegree));
+      list.back().name += fmt::format(" at {:.0f} degrees", yaw);
+    }
+    list.push_back(ground_less("box in a slope", {0.2, 0.1},
+                               {{at(0.013, 0.008, 0.009, 0.1, 0.15, 0.5), {0.5, 0.3, 0.3}}}));
+    list.push_back(ground_less("box along the axes", {0, 0},
+                               {{at(0.013, 0.008, 0.009, 0, 0, 0), {0.5, 0.3, 0.3}}}));
+    list.push_back(ground_less("undercut", {0, 0},
+                               {{at(0.013, 0.008, 0.009, 0, 0, 0.3), {0.4, 0.3, 0.3}},
+                                {at(0.5, 0.1, -0.2, 0, 0, 0.3), {0.4, 0.2, 0.1}}}));
+    return list;
+  }();
+  return all;
+}
+
+struct Figures {
+  double volume = 0, p99 = 0, smooth = 0;
+};
+
+Figures measure(const Solid& solid, double h) {
+  const auto soil = sampled(solid, h);
+  const Mesh mesh = mesh_all(*soil);
+  Figures figures;
+  figures.volume = below_ground_m3(mesh, solid) / -soil->change_m3() - 1;
+  std::vector<double> errors;
+  double squares = 0;
+  int smooth = 0;
+  for (const Eigen::Vector3f& point : mesh.points) {
+    const Vec3 p = point.cast<double>();
+    const int near = features_near(solid, p, kSmoothRadius * h);
+    if (near == 1 && std::abs(solid.features[0](p)) < kSmoothRadius * h) continue;  // untouched
+    errors.push_back(distance_m(solid, p, 0.005 * h) / h);
+    if (near > 1) continue;
+    squares += errors.back() * errors.back();
+    ++smooth;
+  }
+  std::sort(errors.begin(), errors.end());
+  figures.p99 = errors[errors.size() * 99 / 100];
+  if (smooth > 0) figures.smooth = std::sqrt(squares / smooth);
+  if (std::getenv("SOILVDB_TABLE") != nullptr) {
+    fmt::print("{:32}{:7} m  volume {:+.3f} %  p99 {:.3f}  smooth rms {:.4f} voxel\n", solid.name,
+               h, 100 * figures.volume, figures.p99, figures.smooth);
+  }
+  return figures;
+}
+
+TEST(SurfaceMeshOfSamples, HoldsTheirVolumeAndLiesOnTheTrueSurface) {
+  for (const Solid& solid : solids()) {
+    for (const auto& [h, volume] : kRequired) {
+      const Figures figures = measure(solid, h);
+      EXPECT_LE(std::abs(figures.volume), volume) << solid.name << ", voxel " << h;
+      if (h > 0.05) continue;
+      EXPECT_LE(figures.p99, kVertexError) << solid.name << ", voxel " << h;
+      // At 5 cm the trench's ends bend with a radius of 2.5 voxels.
+      if (h < 0.05) {
+        EXPECT_LE(figures.smooth, kSmoothError) << solid.name << ", voxel " << h;
+      }
+    }
+  }
+}
+
+TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
+  constexpr int kDirections = 200;
+  double position = 0, normal = 0;
+  int points = 0, triangles = 0;
+  for (int i = 0; i < kDirections; ++i) {
+    const double z = 1 - 2 * (i + 0.5) / kDirections, r = std::sqrt(1 - z * z), a = 2.399963 * i;
+    const Vec3 n(r * std::cos(a), r * std::sin(a), z);
+    // All of it is cut: the base surface is far above.
+    Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+    for (int c = 0; c < 27; ++c) {
+      const Coord3 origin = kLeafSide * Coord3(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
+      SampleWords words;
+      for (std::size_t k = 0; k < words.size(); ++k) {
+        const int v = static_cast<int>(k);
+        const Coord3 voxel = origin + Coord3(v >> 6, v >> 3 & 7, v & 7);
+        const CellPoints& p = sample_points(voxel);
+        words[k] = 0;
+        for (int s = 0; s < 64; ++s) {
+          const Vec3 at = voxel.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
+          words[k] |= std::uint64_t{n.dot(at - Vec3::Constant(3.3)) < 0} << s;
+        }
+      }
+      const std::vector<float> none(kLeafSize);
+      soil.restore(origin, none.data(), words, 64 * kLeafSize);
+    }
+    const Coord3 middle(0, 0, 0);
+    const SurfaceBlock surface(soil, {&middle, 1}, SurfaceBlock::kMesh);
+    const auto at = [&](std::uint32_t k) -> Vec3 {
+      const ContourVertex& v = surface.contour().vertices[k];
+      return (surface.first() + v.cell).cast<double>() + Vec3(v.in[0], v.in[1], v.in[2]);
+    };
+    for (const auto& t : surface.contour().triangles) {
+      const Vec3 facing = (at(t[1]) - at(t[0])).cross(at(t[2]) - at(t[0])).normalized();
+      normal += std::pow(std::acos(std::min(facing.dot(n), 1.0)), 2);
+      ++triangles;
+      for (const std::uint32_t k : t) {
+        position += std::pow(n.dot(at(k) - Vec3::Constant(3.3)), 2);
+        ++points;
+      }
+    }
+  }
+  ASSERT_GT(triangles, 50 * kDirections);
+  EXPECT_LE(std::sqrt(position / points), kSmoothError);
+  EXPECT_LE(std::sqrt(normal / triangles), kPlaneNormal);
+}
+
+TEST(SurfaceMeshOfSamples, KeepsAWallOneVoxelThick) {
+  for (const double h : {0.05, 0.025}) {
+    for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}}) {
+      const Solid wall = thin_wall(h, roll, yaw);
+      const auto soil = sampled(wall, h);
+      const Mesh mesh = mesh_all(*soil);
+      const Faults f = faults(mesh, *soil);
+      EXPECT_EQ(f.torn, 0) << yaw << ", voxel " << h;
+      EXPECT_EQ(f.crowded, 0) << yaw << ", voxel " << h;
+      EXPECT_LE(measure(wall, h).p99, kVertexError) << yaw << ", voxel " << h;
+      // The wall is the volume between the two cuts: half of it lost would be more than this.
+      EXPECT_LE(std::abs(below_ground_m3(mesh, wall) / -soil->change_m3() - 1), 1e-3) << yaw;
+    }
+  }
+}
+
+Dig random_or_named(int k) {
+  const auto& names = families();
+  const int named = static_cast<int>(names.size());
+  return k < named ? make_dig(names[static_cast<std::size_t>(k)], placements()[1])
+                   : random_dig(static_cast<std::uint64_t>(k - named + 1));
+}
+
+TEST(SurfaceMeshOfADig, IsManifoldAndWatertight) {
+  const int digs = static_cast<int>(families().size()) + 10;
+  for (int k = 0; k < digs; ++k) {
+    const Dig dig = random_or_named(k);
+    for (const double h : {0.1, 0.05}) {
+      const Dug dug(dig, h, 50);
+      const Faults f = faults(mesh_all(dug.soil), dug.soil);
+      EXPECT_EQ(f.without_area, 0) << dig.family << ", voxel " << h;
+      EXPECT_EQ(f.crowded, 0) << dig.family << ", voxel " << h;
+      EXPECT_EQ(f.torn, 0) << dig.family << ", voxel " << h;
+    }
+  }
+}
+
+TEST(SurfaceMeshOfADig, IsManifoldWhereTheSurfaceRunsThroughTheGrid) {
+  Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(soil, {Bucket{1.0, 0.6, {}, {}}});
+  tracker.update(0, Pose{Vec3(0, 0, 0), from_rpy(0, -0.4, 0)});
+  tracker.update(0, Pose{Vec3(0.5, 0, -0.4), from_rpy(0, -0.3, 0)});
+  const Faults f = faults(mesh_all(soil), soil);
+  EXPECT_EQ(f.without_area, 0);
+  EXPECT_EQ(f.crowded, 0);
+  EXPECT_EQ(f.torn, 0);
+}
+
+TEST(SurfaceMeshOfADig, PatchesAreTheSameWhateverElseIsMeshed) {
+  const Dug dug(make_dig("overlapping", placements()[1]), 0.05, 50);
+  int compared = 0;
+  for (const Chunk* chunk : dug.soil.chunks()) {
+    const Coord3& origin = chunk->origin;
+    const Coord3 block(origin.x() & ~31, origin.y() & ~31, origin.z() & ~31);
+    const std::vector<Coord3> all = resident_chunks(dug.soil, block);
+    const SurfaceBlock whole(dug.soil, all, SurfaceBlock::kMesh);
+    const SurfaceBlock part(dug.soil, {&origin, 1}, SurfaceBlock::kMesh);
+    std::map<std::array<float, 3>, int> places;
+    const auto key = [](const SurfaceBlock& b, const ContourVertex& v) {
+      const Coord3 c = b.first() + v.cell;
+      return std::array<float, 3>{static_cast<float>(c.x()) + v.in[0],
+                                  static_cast<float>(c.y()) + v.in[1],
+                                  static_cast<float>(c.z()) + v.in[2]};
+    };
+    for (const ContourVertex& v : whole.contour().vertices) ++places[key(whole, v)];
+    for (const auto& t : part.contour().triangles) {
+      for (const std::uint32_t k : t) {
+        ASSERT_TRUE(places.contains(key(part, part.contour().vertices[k])));
+        ++compared;
+      }
+    }
+  }
+  EXPECT_GT(compared, 1000);
+}
+
+TEST(SurfaceMeshOfADig, HasTheSameBitsForAnyNumberOfThreads) {
+  const Dug dug(make_dig("swing", placements()[1]), 0.05, 50);
+  const auto with = [&](std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return mesh_all(dug.soil);
+  };
+  const Mesh one = with(1), four = with(4);
+  EXPECT_EQ(one.triangles, four.triangles);
+  EXPECT_EQ(one.points, four.points);
+}
+
+TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
+  const Dug dug(make_dig("raster", placements()[1]), 0.05, 50);
+  const Soil before(0.05, dug.soil.origin(),
+                    {std::shared_ptr<const BaseSurface>(), &dug.soil.base()});
+  std::int64_t same = 0;
+  for (const Chunk* chunk : dug.soil.chunks()) {
+    float phi[kLeafSize], base[kLeafSize];
+    surface_distance(dug.soil, chunk->origin, phi);
+    dug.soil.base().distance(dug.soil.world_from_index(chunk->origin.cast<double>()), 0.05,
+                             dug.soil.band_m(), base);
+    // A chunk of which, and of whose neighbours, no sample was changed.
+    bool untouched = true;
+    for (int k = 0; k < 27; ++k) {
+      const Coord3 c = chunk->origin + kLeafSide * Coord3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+      SampleWords now, then;
+      dug.soil.read_samples(c, now);
+      before.read_samples(c, then);
+      untouched &= now == then;
+    }
+    for (int n = 0; n < kLeafSize; ++n) {
+      if (untouched) {
+        ASSERT_EQ(phi[n], base[n]);
+      }
+      same += phi[n] == base[n] && std::abs(phi[n]) < dug.soil.band_m();
+    }
+  }
+  EXPECT_GT(same, 100);
+}
+
+TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
+  // The mesh's own error near creases, and what a ball of steps of 0.02 and 300 directions misses.
+  constexpr double kError = kVertexError + 0.05;
+  for (const Solid& solid : solids()) {
+    constexpr double h = 0.05;
+    const auto soil = sampled(solid, h);
+    std::vector<Coord3> chunks;
+    for (const Chunk* chunk : soil->chunks()) chunks.push_back(chunk->origin);
+    std::vector<std::array<float, kLeafSize>> all(chunks.size());
+    surface_distances(*soil, chunks, [&](std::size_t i, const float* phi) {
+      std::copy_n(phi, kLeafSize, all[i].begin());
+    });
+    int looked = 0, bad = 0;
+    std::mt19937 random(1);
+    for (std::size_t i = 0; i < chunks.size(); ++i) {
+      if (i % 5 == 0) {
+        float phi[kLeafSize];
+        surface_distance(*soil, chunks[i], phi);
+        for (std::size_t n = 0; n < kLeafSize; ++n) ASSERT_EQ(phi[n], all[i][n]);
+      }
+      for (int n = 0; n < kLeafSize; ++n) {
+        const double phi = all[i][static_cast<std::size_t>(n)];
+        if (random() % 16 != 0 || std::abs(phi) > 2.5 * h) continue;
+        const Vec3 p = h * (chunks[i] + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
+        const double truth = distance_m(solid, p, 0.02 * h);
+        bad += std::abs(std::abs(phi) - truth) > kError * h;
+        bad += (phi < 0) != (solid.f(p) < 0) && truth > kVertexError * h;
+        ++looked;
+      }
+    }
+    EXPECT_GT(looked, 100);
+    EXPECT_LE(bad, looked / 50) << solid.name << " of " << looked;
+  }
+}
+
+TEST(ColumnChange, SumsToTheLedgerWhateverTheCells) {
+  for (const char* family : {"drag_curl", "undercut", "raster"}) {
+    const Dug dug(make_dig(family, placements()[1]), 0.05, 50);
+    for (const double cell : {0.05, 0.1, 0.25, 0.07, 0.02}) {
+      HeightGrid grid;
+      // Borders of cells on borders of voxels.
+      grid.nx = grid.ny = static_cast<int>(std::ceil(12 / cell));
+      const Vec2 low = dug.soil.origin().head<2>() - Vec2::Constant(0.025 + 120 * 0.05);
+      grid.first = low + Vec2::Constant(cell / 2);
+      grid.spacing = Vec2::Constant(cell);
+      double sum = 0;
+      for (const double height : column_change_m(dug.soil, grid)) sum += height * cell * cell;
+      EXPECT_NEAR(sum, dug.soil.change_m3(), 1e-9 * std::abs(sum)) << family << ", cells " << cell;
+    }
+  }
+}
+
+TEST(SurfaceHeight, IsTheBaseSurfacesOutsideAndTheFloorsInside) {
+  const Solid box = ground_less("box", {0, 0}, {{Pose{}, Vec3(0.5, 0.4, 0.312)}});
+  const auto soil = sampled(box, 0.05);
+  EXPECT_EQ(*surface_height(*soil, 5, 5), box.height_m);
+  EXPECT_NEAR(*surface_height(*soil, 0.7, 0.1), box.height_m, 1e-6);
+  EXPECT_NEAR(*surface_height(*soil, 0.1, 0.1), -0.312, kSmoothError * 0.05 * 3);
+}
+
+}  // namespace
+}  // namespace soilvdb::testing
