@@ -7,6 +7,8 @@
 #include <cmath>
 #include <map>
 
+#include "core/soil_writer.h"
+
 namespace soilvdb::testing {
 namespace {
 
@@ -89,9 +91,7 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
         SampleWords words;
         soil->read_samples(origin, words);
         const SampleWords before = words;
-        std::uint32_t base = 0;
         for (std::size_t n = 0; n < words.size(); ++n) {
-          base += static_cast<std::uint32_t>(std::popcount(words[n]));
           const int k = static_cast<int>(n);
           const Coord3 voxel = origin + Coord3(k >> 6, k >> 3 & 7, k & 7);
           const CellPoints& points = sample_points(voxel);
@@ -102,8 +102,8 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
           }
         }
         if (words == before) continue;
-        const std::vector<float> none(kLeafSize);
-        soil->restore(origin, none.data(), words, base);
+        for (std::size_t n = 0; n < words.size(); ++n) words[n] ^= before[n];
+        SoilWriter(*soil).remove(origin, words);
       }
     }
   }

@@ -15,6 +15,7 @@
 #include <random>
 
 #include "core/column_change.h"
+#include "core/soil_writer.h"
 #include "core/surface_height.h"
 #include "tests/dig_runner.h"
 #include "tests/solids.h"
@@ -126,8 +127,8 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
           words[k] |= std::uint64_t{n.dot(at - Vec3::Constant(3.3)) < 0} << s;
         }
       }
-      const std::vector<float> none(kLeafSize);
-      soil.restore(origin, none.data(), words, 64 * kLeafSize);
+      for (std::uint64_t& word : words) word = ~word;
+      SoilWriter(soil).remove(origin, words);
     }
     const Coord3 middle(0, 0, 0);
     const SurfaceBlock surface(soil, {&middle, 1}, SurfaceBlock::kMesh);
