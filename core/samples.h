@@ -129,7 +129,7 @@ class Samples {
     if (!block_) return;
     if (block_->empty()) {
       block_.reset();
-    } else if (block_->capacity > block_->size + 15) {
+    } else if (block_->capacity > block_->size + block_->size / 4 + 16) {
       resize(block_->size);
     }
   }
@@ -174,7 +174,7 @@ class Samples {
     return reinterpret_cast<const std::uint64_t*>(block_.get() + 1);
   }
   std::uint64_t* tail() { return reinterpret_cast<std::uint64_t*>(block_.get() + 1); }
-  void grow() { resize(block_->size + 1); }
+  void grow() { resize(block_->size + block_->size / 8 + 1); }
   void resize(int words) {
     Head resized = head();
     resized.reserve(words);
