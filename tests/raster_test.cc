@@ -457,7 +457,7 @@ TEST(AtomicFile, ReplacesWholeFilesAndKeepsLinks) {
   EXPECT_EQ(std::distance(begin(files), end(files)), 2);
 }
 
-TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldBothSurfaces) {
+TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldTheSurfaceAndItsChange) {
   const Soil soil(0.1, {0, 0, 0}, make_plane(1, {0.5, -0.25}));
   const SurfaceRaster raster = rasterise(soil, {Vec2(0.3, -0.9), Vec2(2.2, 0.4)}, 0.5);
   EXPECT_EQ(raster.grid.nx, 5);
@@ -466,7 +466,7 @@ TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldBothSurfaces) {
   for (int j = 0; j < 3; ++j) {
     for (int i = 0; i < 5; ++i) {
       const double z = 1 + 0.5 * (0.25 + 0.5 * i) - 0.25 * (-0.75 + 0.5 * j);
-      EXPECT_FLOAT_EQ(raster.base[j * 5 + i], float(z));
+      EXPECT_EQ(raster.change[j * 5 + i], 0);
       EXPECT_FLOAT_EQ(raster.surface[j * 5 + i], float(z));
     }
   }

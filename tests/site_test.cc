@@ -101,8 +101,8 @@ TEST(Site, ARasterIsItsTerrainInItsOwnCoordinates) {
   const TempFolder folder;
   const Site site = open_site(
       scenario_of(RasterTerrain{raster_with_hole(folder)}, {1005, 2010, 9}, {1008, 2010, 9}));
-  EXPECT_EQ(site.soil->height(1005.5, 2010.5), 10);
-  EXPECT_EQ(site.soil->height(1030, 2020), std::nullopt);
+  EXPECT_EQ(surface_height(*site.soil, 1005.5, 2010.5), 10);
+  EXPECT_EQ(surface_height(*site.soil, 1030, 2020), std::nullopt);
   EXPECT_EQ(site.bounds.min(), Vec2(1000, 2000));
   EXPECT_EQ(site.bounds.max(), Vec2(1040, 2040));
   EXPECT_TRUE(std::get<RasterTerrain>(site.reference.terrain).file.is_absolute());
@@ -202,8 +202,8 @@ TEST(LevelSet, AClosedOneIsGround) {
   const Site site =
       open_site(scenario_of(LevelSetTerrain{folder / "a.vdb"}, {-3, 0, 4.5}, {3, 0, 4.5}));
   // Trilinear in a ball's distance: second order in the file's voxels.
-  EXPECT_NEAR(*site.soil->height(0, 0), 5, 0.25 * 0.25);
-  EXPECT_EQ(site.soil->height(6, 0), std::nullopt);
+  EXPECT_NEAR(*surface_height(*site.soil, 0, 0), 5, 0.25 * 0.25);
+  EXPECT_EQ(surface_height(*site.soil, 6, 0), std::nullopt);
 }
 
 TEST(LevelSet, ItsOriginAndCrsAreMetadata) {
@@ -312,7 +312,7 @@ TEST(Site, RealTerrainIsOpened) {
   if (!std::filesystem::exists(shared("dem/dtm.tif"))) GTEST_SKIP() << "not there";
   const Site site = open_site(scenario_of(RasterTerrain{shared("dem/dtm.tif")},
                                           {321700, 4297700, 11}, {321703, 4297700, 11}));
-  EXPECT_TRUE(site.soil->height(321700, 4297700).has_value());
+  EXPECT_TRUE(surface_height(*site.soil, 321700, 4297700).has_value());
   const TempFolder folder;
   EXPECT_THAT(refusal(folder,
                       [] {

@@ -177,7 +177,7 @@ TEST_F(SnapshotChain, AChunkThatWasDroppedIsTheBaseSurfaceAgain) {
   dig(0, 1);
   write_whole();
   const Coord3 origin = site_.soil->chunks().front()->origin;
-  site_.soil->drop(origin);
+  SoilWriter(*site_.soil).drop(origin);
   const Changes changes = write_incremental();
   EXPECT_THAT(changes.dropped, ::testing::Contains(origin));
   const Site back = read_snapshot(file(1));
