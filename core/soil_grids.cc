@@ -4,11 +4,31 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cmath>
 
+#include "core/chunk_range.h"
 #include "core/surface.h"
 
 namespace soilvdb {
+namespace {
+
+/// Chunks that aren't resident themselves, into which the surface's band may reach from those that
+/// are.
+std::vector<Coord3> beside(const Soil& soil, std::span<const Coord3> resident) {
+  std::vector<Coord3> all;
+  for (const Coord3& c : resident) {
+    for (int n = 0; n < 27; ++n) {
+      const Coord3 other = c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+      if (soil.find(other) == nullptr) all.push_back(other);
+    }
+  }
+  std::sort(all.begin(), all.end(), before);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+}  // namespace
 
 openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil) {
   openvdb::initialize();
@@ -30,14 +50,26 @@ std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi
 }
 
 openvdb::FloatGrid::Ptr surface_grid(const Soil& soil) {
+  const float band = static_cast<float>(soil.band_m());
   std::vector<Coord3> origins;
   for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
+  const std::size_t resident = origins.size();
+  const std::vector<Coord3> others = beside(soil, origins);
+  origins.insert(origins.end(), others.begin(), others.end());
   std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
   surface_distances(soil, origins, [&](std::size_t i, const float* phi_m) {
-    leaves[i] = level_set_leaf(origins[i], phi_m, static_cast<float>(soil.band_m()));
+    float base_m[kLeafSize];
+    if (i >= resident) {
+      soil.base().distance(soil.world_from_index(origins[i].cast<double>()), soil.voxel_size_m(),
+                           soil.band_m(), base_m);
+      if (std::equal(base_m, base_m + kLeafSize, phi_m)) return;  // nothing was cut near
+    }
+    leaves[i] = level_set_leaf(origins[i], phi_m, band);
   });
   openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
-  for (auto& leaf : leaves) grid->tree().addLeaf(leaf.release());
+  for (auto& leaf : leaves) {
+    if (leaf) grid->tree().addLeaf(leaf.release());
+  }
   return grid;
 }
 

@@ -15,7 +15,8 @@ using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi_m, float band_m);
 
 /// The resident ground as a grid `surface`: class level set, background +band, a leaf for each
-/// chunk, active where |phi| < band. Its transform is relative to Soil::origin().
+/// chunk and for those around where a cut's band reaches, active where |phi| < band. Its transform
+/// is relative to Soil::origin().
 openvdb::FloatGrid::Ptr surface_grid(const Soil& soil);
 
 /// A grid like that without leaves.
