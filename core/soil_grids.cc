@@ -49,13 +49,15 @@ std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi
   return leaf;
 }
 
-openvdb::FloatGrid::Ptr surface_grid(const Soil& soil) {
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, bool around) {
   const float band = static_cast<float>(soil.band_m());
   std::vector<Coord3> origins;
   for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
   const std::size_t resident = origins.size();
-  const std::vector<Coord3> others = beside(soil, origins);
-  origins.insert(origins.end(), others.begin(), others.end());
+  if (around) {
+    const std::vector<Coord3> others = beside(soil, origins);
+    origins.insert(origins.end(), others.begin(), others.end());
+  }
   std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
   surface_distances(soil, origins, [&](std::size_t i, const float* phi_m) {
     float base_m[kLeafSize];

@@ -17,7 +17,8 @@ std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi
 /// The resident ground as a grid `surface`: class level set, background +band, a leaf for each
 /// chunk and for those around where a cut's band reaches, active where |phi| < band. Its transform
 /// is relative to Soil::origin().
-openvdb::FloatGrid::Ptr surface_grid(const Soil& soil);
+/// @param around also leaves around the chunks; in vain where the soil is but a part of the ground
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, bool around = true);
 
 /// A grid like that without leaves.
 openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil);

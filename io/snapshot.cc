@@ -124,7 +124,7 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   openvdb::initialize();
   MetaMap meta;
   put_all(meta, file, site, info);
-  const FloatGrid::Ptr surface = surface_grid(*site.soil);
+  const FloatGrid::Ptr surface = surface_grid(*site.soil, !info.since);
   for (auto item = meta.beginMeta(); item != meta.endMeta(); ++item) {
     surface->insertMeta(item->first, *item->second);
   }
