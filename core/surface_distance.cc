@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -39,29 +41,6 @@ float squared_distance(const Float3& a, const Float3& b, const Float3& c) {
   return (a + (ab * (vb * scale) + ac * (vc * scale))).squaredNorm();
 }
 
-/// The voxels around one, ring by ring.
-struct Rings {
-  struct Step {
-    std::int8_t x, y, z, ring;
-  };
-  std::array<Step, 729> at{};
-  Rings() {
-    std::size_t n = 0;
-    for (int ring = 0; ring <= kPolygonsSeen; ++ring) {
-      for (int x = -ring; x <= ring; ++x) {
-        for (int y = -ring; y <= ring; ++y) {
-          for (int z = -ring; z <= ring; ++z) {
-            if (std::max({std::abs(x), std::abs(y), std::abs(z)}) != ring) continue;
-            at[n++] = {static_cast<std::int8_t>(x), static_cast<std::int8_t>(y),
-                       static_cast<std::int8_t>(z), static_cast<std::int8_t>(ring)};
-          }
-        }
-      }
-    }
-  }
-};
-const Rings kRings;
-
 constexpr int kSide = kLeafSide + 2 * kPolygonsSeen;
 
 /// A triangle in voxels from the chunk's first voxel, and a ball around it.
@@ -75,6 +54,67 @@ struct Triangle {
 struct Bins {
   std::array<int, kSide * kSide * kSide> first, count;
   static int id(const Coord3& c) { return (c.x() * kSide + c.y()) * kSide + c.z(); }
+
+  /// In which ring around a bin the nearest triangle is; one more than there are: in none.
+  int ring(const Coord3& c) const {
+    int ring = 0;
+    while (ring <= kPolygonsSeen &&
+           (near[static_cast<std::size_t>(ring)][row(c.x(), c.y())] >> c.z() & 1) == 0) {
+      ++ring;
+    }
+    return ring;
+  }
+  /// Calls `f(id)` for the bins of a ring that have triangles, in order.
+  template <typename F>
+  void for_ring(const Coord3& c, int ring, const F& f) const {
+    const int z = c.z();
+    const auto ends = static_cast<Row>(1 << (z - ring) | 1 << (z + ring));
+    const auto all = static_cast<Row>(((2 << 2 * ring) - 1) << (z - ring));
+    for (int x = c.x() - ring; x <= c.x() + ring; ++x) {
+      for (int y = c.y() - ring; y <= c.y() + ring; ++y) {
+        const bool border = std::max(std::abs(x - c.x()), std::abs(y - c.y())) == ring;
+        Row bits = near[0][row(x, y)] & (border ? all : ends);
+        for (; bits != 0; bits &= static_cast<Row>(bits - 1))
+          f(static_cast<std::size_t>(id({x, y, std::countr_zero(bits)})));
+      }
+    }
+  }
+  void find_rings() {
+    for (int x = 0; x < kSide; ++x) {
+      for (int y = 0; y < kSide; ++y) {
+        Row bits = 0;
+        for (int z = 0; z < kSide; ++z)
+          bits |= static_cast<Row>((count[static_cast<std::size_t>(id({x, y, z}))] > 0) << z);
+        near[0][row(x, y)] = bits;
+      }
+    }
+    for (std::size_t r = 1; r < near.size(); ++r) {
+      const Rows& before = near[r - 1];
+      Rows along{};
+      for (int x = 0; x < kSide; ++x) {
+        for (int y = 0; y < kSide; ++y) {
+          Row bits = before[row(x, y)];
+          if (y > 0) bits |= before[row(x, y - 1)];
+          if (y + 1 < kSide) bits |= before[row(x, y + 1)];
+          along[row(x, y)] = static_cast<Row>(bits | bits << 1 | bits >> 1);
+        }
+      }
+      for (int x = 0; x < kSide; ++x) {
+        for (int y = 0; y < kSide; ++y) {
+          Row& bits = near[r][row(x, y)] = along[row(x, y)];
+          if (x > 0) bits |= along[row(x - 1, y)];
+          if (x + 1 < kSide) bits |= along[row(x + 1, y)];
+        }
+      }
+    }
+  }
+
+ private:
+  using Row = std::uint16_t;  // a bit for each bin upwards
+  static_assert(kSide == 16);
+  using Rows = std::array<Row, kSide * kSide>;
+  static std::size_t row(int x, int y) { return static_cast<std::size_t>(x * kSide + y); }
+  std::array<Rows, kPolygonsSeen + 1> near;  ///< with a triangle within so many rings
 };
 
 }  // namespace
@@ -109,27 +149,29 @@ void contour_distance(const Soil& soil, const CellModels& models, const Contour&
     for (const Float3& v : t.corner) t.radius = std::max(t.radius, (v - t.middle).norm() + 1e-3f);
     triangles.push_back(t);
   }
+  bins->find_rings();
   const float h = static_cast<float>(soil.voxel_size_m()), band = static_cast<float>(soil.band_m());
   for (int n = 0; n < kLeafSize; ++n) {
     const Coord3 in(n >> 6, n >> 3 & 7, n & 7), cell = low + in;
     const Float3 at = in.cast<float>();
     float best = kBand * kBand, reached = kBand;
     bool base = false, found = false;
-    for (const Rings::Step& step : kRings.at) {
-      if (static_cast<float>(step.ring) - kPolygonReach >= reached) break;
-      const std::size_t bin = static_cast<std::size_t>(
-          Bins::id(in + Coord3::Constant(kPolygonsSeen) + Coord3(step.x, step.y, step.z)));
-      for (int k = bins->first[bin], end = k + bins->count[bin]; k < end; ++k) {
-        const Triangle& t = triangles[static_cast<std::size_t>(k)];
-        const float within = reached + t.radius;
-        if ((t.middle - at).squaredNorm() > within * within) continue;
-        const float d = squared_distance(t.corner[0] - at, t.corner[1] - at, t.corner[2] - at);
-        if (d > best || (d == best && (base || !t.base))) continue;
-        best = d;
-        reached = std::sqrt(d);
-        base = t.base;
-        found = true;
-      }
+    const Coord3 bin = in + Coord3::Constant(kPolygonsSeen);
+    for (int ring = bins->ring(bin);
+         ring <= kPolygonsSeen && static_cast<float>(ring) - kPolygonReach < reached; ++ring) {
+      bins->for_ring(bin, ring, [&](std::size_t b) {
+        for (int k = bins->first[b], end = k + bins->count[b]; k < end; ++k) {
+          const Triangle& t = triangles[static_cast<std::size_t>(k)];
+          const float within = reached + t.radius;
+          if ((t.middle - at).squaredNorm() > within * within) continue;
+          const float d = squared_distance(t.corner[0] - at, t.corner[1] - at, t.corner[2] - at);
+          if (d > best || (d == best && (base || !t.base))) continue;
+          best = d;
+          reached = std::sqrt(d);
+          base = t.base;
+          found = true;
+        }
+      });
     }
     const bool in_soil = models.soil(grid.id(cell.x(), cell.y(), cell.z()));
     float& phi = phi_m[n];
