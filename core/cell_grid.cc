@@ -107,8 +107,8 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
       }
     }
   }
-  states_[static_cast<std::size_t>(chunk)] = any == 0                   ? kAllAir
-                                             : all == ~std::uint64_t{0} ? kAllSoil
+  states_[static_cast<std::size_t>(chunk)] = any == 0                   ? kEmpty
+                                             : all == ~std::uint64_t{0} ? kFull
                                                                         : kBoth;
 }
 
@@ -188,11 +188,11 @@ std::vector<CellGrid::Cell> CellGrid::surface_cells(int reach) const {
     for (int y = 0; y < chunks_; ++y) {
       for (int z = 0; z < chunks_; ++z, ++n) {
         const State state = states_[static_cast<std::size_t>(n)];
-        if (state == kUnread || state == kAllAir) continue;
-        if (state == kAllSoil) {
+        if (state == kUnread || state == kEmpty) continue;
+        if (state == kFull) {
           const auto plain = [&](int i, int j, int k) {
             return i < 0 || j < 0 || k < 0 || i >= chunks_ || j >= chunks_ || k >= chunks_ ||
-                   states_[static_cast<std::size_t>(chunk_id(i, j, k))] == kAllSoil;
+                   states_[static_cast<std::size_t>(chunk_id(i, j, k))] == kFull;
           };
           if (plain(x - 1, y, z) && plain(x + 1, y, z) && plain(x, y - 1, z) &&
               plain(x, y + 1, z) && plain(x, y, z - 1) && plain(x, y, z + 1)) {

@@ -73,7 +73,7 @@ class CellGrid {
   std::vector<Cell> surface_cells(int reach) const;
 
  private:
-  enum State : std::uint8_t { kUnread, kAllAir, kAllSoil, kBoth };
+  enum State : std::uint8_t { kUnread, kEmpty, kFull, kBoth };
   int chunk_id(int x, int y, int z) const { return (x * chunks_ + y) * chunks_ + z; }
   std::size_t chunk_of(const Coord3& c) const {
     return static_cast<std::size_t>(
