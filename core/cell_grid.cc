@@ -79,15 +79,7 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
   soil.read_samples(origin, words);
   const bool resident = soil.find(origin) != nullptr;
   resident_[static_cast<std::size_t>(chunk)] = resident;
-  if (resident) {
-    const Content content = soil.classify(origin);
-    if (content == Content::kMixed) {
-      soil.base().samples(origin, soil.world_from_index(origin.cast<double>()), soil.voxel_size_m(),
-                          base);
-    } else {
-      base.fill(content == Content::kSoil ? ~std::uint64_t{0} : 0);
-    }
-  }
+  if (resident) soil.read_base(origin, base);
   std::uint64_t any = 0, all = ~std::uint64_t{0};
   const Coord3 low = origin - first_;
   for (int x = 0; x < kLeafSide; ++x) {

@@ -20,13 +20,7 @@ using Columns = std::array<int, kLeafSide * kLeafSide>;  // samples
 Columns change_of(const Soil& soil, const Coord3& origin) {
   SampleWords now, base;
   soil.read_samples(origin, now);
-  const Content content = soil.classify(origin);
-  if (content == Content::kMixed) {
-    soil.base().samples(origin, soil.world_from_index(origin.cast<double>()), soil.voxel_size_m(),
-                        base);
-  } else {
-    base.fill(content == Content::kSoil ? kAllSoil : 0);
-  }
+  soil.read_base(origin, base);
   Columns columns{};
   for (std::size_t n = 0; n < now.size(); ++n) {
     columns[n / kLeafSide] += std::popcount(now[n]) - std::popcount(base[n]);
