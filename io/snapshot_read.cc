@@ -137,6 +137,7 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
   site.reference = std::move(base.reference);
   site.crs_wkt = meta.text(kCrsKey);
   site.bounds = base.bounds;
+  site.beneath = std::move(base.beneath);
   if (info != nullptr) {
     reading(file, file, [&] {
       *info = {meta.text("soilvdb_scenario"),          meta.number("soilvdb_time_s"),

@@ -87,22 +87,31 @@ openvdb::FloatGrid::Ptr sphere() {
   return openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(5.0f, {0, 0, 0}, 0.25f);
 }
 
-TEST(Site, ItsOriginIsTheFirstLipToAHundredMetres) {
-  const Site site = open_site(
-      scenario_of(PlaneTerrain{0, {0, 0}}, {556449.9, 5394951, 540}, {556451, 5394951, 540}));
-  EXPECT_EQ(site.soil->origin(), Vec3(556400, 5395000, 500));
+TEST(Site, ItsOriginIsThatOfTheLatticeNearTheFirstLip) {
+  const Vec3 lip(556449.9, 5394951, 540);
+  const Site site = open_site(scenario_of(PlaneTerrain{0, {0, 0}}, lip, lip + Vec3(1.1, 0, 0)));
+  const double period = 6553.6;
+  EXPECT_NEAR((site.soil->origin() - Vec3(85 * period, 823 * period, 0)).norm(), 0, 1e-9);
   EXPECT_EQ(site.soil->voxel_size_m(), 0.1);
   EXPECT_TRUE(std::isinf(site.bounds.max().x()));
   EXPECT_EQ(site.reference.checksum, "");
   EXPECT_TRUE(site.soil->chunks().empty());
 }
 
+TEST(Site, RunsOnOneTerrainShareItsLatticeWhateverLipComesFirst) {
+  const TempFolder folder;
+  const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
+  const Site a = open_site(scenario_of(terrain, {1002, 2003, 9}, {1005, 2003, 9}));
+  const Site b = open_site(scenario_of(terrain, {1038, 2036, 11}, {1035, 2036, 9}));
+  EXPECT_EQ(a.soil->origin(), b.soil->origin());
+}
+
 TEST(Site, ARasterIsItsTerrainInItsOwnCoordinates) {
   const TempFolder folder;
   const Site site = open_site(
       scenario_of(RasterTerrain{raster_with_hole(folder)}, {1005, 2010, 9}, {1008, 2010, 9}));
-  EXPECT_EQ(site.soil->height(1005.5, 2010.5), 10);
-  EXPECT_EQ(site.soil->height(1030, 2020), std::nullopt);
+  EXPECT_EQ(surface_height(*site.soil, 1005.5, 2010.5), 10);
+  EXPECT_EQ(surface_height(*site.soil, 1030, 2020), std::nullopt);
   EXPECT_EQ(site.bounds.min(), Vec2(1000, 2000));
   EXPECT_EQ(site.bounds.max(), Vec2(1040, 2040));
   EXPECT_TRUE(std::get<RasterTerrain>(site.reference.terrain).file.is_absolute());
@@ -202,8 +211,8 @@ TEST(LevelSet, AClosedOneIsGround) {
   const Site site =
       open_site(scenario_of(LevelSetTerrain{folder / "a.vdb"}, {-3, 0, 4.5}, {3, 0, 4.5}));
   // Trilinear in a ball's distance: second order in the file's voxels.
-  EXPECT_NEAR(*site.soil->height(0, 0), 5, 0.25 * 0.25);
-  EXPECT_EQ(site.soil->height(6, 0), std::nullopt);
+  EXPECT_NEAR(*surface_height(*site.soil, 0, 0), 5, 0.25 * 0.25);
+  EXPECT_EQ(surface_height(*site.soil, 6, 0), std::nullopt);
 }
 
 TEST(LevelSet, ItsOriginAndCrsAreMetadata) {
@@ -308,11 +317,51 @@ TEST(LevelSet, AnExportedRegionIsGroundAgain) {
   EXPECT_NEAR(*base.surface->height(1000, 2000), *surface_height(soil, 1000, 2000), 1e-4);
 }
 
+/// An exported block of flat ground, 10 m x 6 m about (1000, 2000), its underside at -2 m.
+class ExportedBlock : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const Soil soil(0.1, {1000, 2000, 0}, make_plane(0.03, {0, 0}));
+    const auto grid = closed_level_set(soil, {Vec3(995, 1997, -2), Vec3(1005, 2003, 1)});
+    grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({1000, 2000, 0}));
+    write_grids(folder_ / "block.vdb", {grid});
+  }
+  std::string dig(const Vec3& from, const Vec3& to) const {
+    return refusal(
+        folder_, [&] { open_site(scenario_of(LevelSetTerrain{folder_ / "block.vdb"}, from, to)); });
+  }
+  TempFolder folder_;
+};
+
+TEST_F(ExportedBlock, IsDugInside) {
+  EXPECT_THAT(dig({996, 2000, -0.3}, {1004, 2000, -0.3}), HasSubstr("accepted"));
+  EXPECT_THAT(dig({996, 2002.3, -0.3}, {1004, 2002.3, -0.3}), HasSubstr("accepted"));
+  EXPECT_THAT(dig({1000, 2000, 0}, {1000, 2000, -1.8}), HasSubstr("accepted"));
+}
+
+TEST_F(ExportedBlock, IsNotDugBeyondItsSidesOrItsUnderside) {
+  const auto refused = HasSubstr("dig.yaml: machine 'digger' reaches ground without a height");
+  EXPECT_THAT(dig({1000, 2000, -0.3}, {1006.5, 2000, -0.3}), refused);
+  EXPECT_THAT(dig({1000, 2000, -0.3}, {1005.2, 2000, -0.3}), refused) << "a side's narrow band";
+  EXPECT_THAT(dig({990, 2000, -0.3}, {1000, 2000, -0.3}), refused);
+  EXPECT_THAT(dig({996, 2002.7, -0.3}, {1004, 2002.7, -0.3}), refused);
+  EXPECT_THAT(dig({1000, 2000, 0}, {1000, 2000, -2.1}), refused);
+  EXPECT_THAT(dig({1000, 2000, -0.3}, {1000, 2200, -0.3}), refused);
+}
+
+TEST_F(ExportedBlock, IsPassedOverAtAnyDistance) {
+  EXPECT_THAT(dig({980, 2000, 0.3}, {1004, 2000, 0.3}), HasSubstr("accepted"));
+  EXPECT_THAT(dig({1004, 2000, -0.3}, {1004, 2000, 4}), HasSubstr("accepted"));
+  const Base base = open_base(LevelSetTerrain{folder_ / "block.vdb"});
+  EXPECT_TRUE(base.surface->known({Vec3(2000, 2000, 0.3), Vec3(2001, 2001, 1)}));
+  EXPECT_FALSE(base.surface->known({Vec3(2000, 2000, -0.3), Vec3(2001, 2001, 1)}));
+}
+
 TEST(Site, RealTerrainIsOpened) {
   if (!std::filesystem::exists(shared("dem/dtm.tif"))) GTEST_SKIP() << "not there";
   const Site site = open_site(scenario_of(RasterTerrain{shared("dem/dtm.tif")},
                                           {321700, 4297700, 11}, {321703, 4297700, 11}));
-  EXPECT_TRUE(site.soil->height(321700, 4297700).has_value());
+  EXPECT_TRUE(surface_height(*site.soil, 321700, 4297700).has_value());
   const TempFolder folder;
   EXPECT_THAT(refusal(folder,
                       [] {

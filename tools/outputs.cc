@@ -81,9 +81,8 @@ void write_surface_raster(const fs::path& file, const Soil& soil, const Eigen::A
                     "which is too many; cells of {} m would do",
                     file.string(), cell_m, cells, affordable_cell_m(box, cell_m)));
   const io::SurfaceRaster raster = io::rasterise(soil, box, cell_m);
-  std::vector<float> change(raster.surface.size());
-  for (std::size_t i = 0; i < change.size(); ++i) change[i] = raster.surface[i] - raster.base[i];
-  io::write_geotiff(file, raster.grid, {{"surface", raster.surface}, {"change", change}}, crs_wkt);
+  io::write_geotiff(file, raster.grid, {{"surface", raster.surface}, {"change", raster.change}},
+                    crs_wkt);
 }
 
 std::string suffix_of(const fs::path& file) {
