@@ -279,6 +279,21 @@ TEST_F(AfterARun, DiffComparesRunsWithOtherVoxels) {
   EXPECT_NEAR(rest["fill_m3"], 0, rest["error_m3"].get<double>());
 }
 
+TEST_F(AfterARun, DiffComparesRunsThatBeganFarApart) {
+  HalfSine far;
+  far.x_m = 2000;  // in another period of the lattice
+  write_file(folder() / "far.csv", far.csv(101));
+  write_file(folder() / "far.yaml", half_sine_scenario("{plane: {z: 0}}", "far.csv"));
+  good("run far.yaml --out far");
+  const io::Site here = io::read_snapshot(folder() / "o/soil_final.vdb"),
+                 there = io::read_snapshot(folder() / "far/soil_final.vdb");
+  EXPECT_NE(here.soil->origin(), there.soil->origin());
+  const auto d = nlohmann::json::parse(good("diff o/soil_final.vdb far/soil_final.vdb --json").out);
+  EXPECT_EQ(d["exact"], true);
+  EXPECT_NEAR(d["fill_m3"], -here.soil->change_m3(), 1e-12);
+  EXPECT_NEAR(d["cut_m3"], -there.soil->change_m3(), 1e-12);
+}
+
 TEST_F(AfterARun, DiffRefusesTwoSites) {
   write_file(folder() / "low.yaml", half_sine_scenario("{plane: {z: -0.1}}"));
   ASSERT_EQ(run("run low.yaml --out low").status, 0);
