@@ -28,11 +28,13 @@ Coord3 floor_to(const Coord3& c, int side) {
   return {c.x() & ~(side - 1), c.y() & ~(side - 1), c.z() & ~(side - 1)};
 }
 
-/// The resident chunks of a block.
+/// The resident chunks of a block, and those beside it whose surface its quads may be of.
 std::vector<Coord3> resident(const Soil& soil, const Coord3& block) {
+  constexpr int kSide = kChunksPerBlock + 1;
   std::vector<Coord3> all;
-  for (int n = 0; n < kChunksPerBlock * kChunksPerBlock * kChunksPerBlock; ++n) {
-    const Coord3 origin = block + kLeafSide * Coord3(n / 16, n / 4 % 4, n % 4);
+  for (int n = 0; n < kSide * kSide * kSide; ++n) {
+    const Coord3 origin =
+        block + kLeafSide * Coord3(n / (kSide * kSide), n / kSide % kSide, n % kSide);
     if (soil.find(origin) != nullptr) all.push_back(origin);
   }
   return all;
@@ -95,7 +97,11 @@ Mesh mesh_block(const Soil& soil, const Coord3& block) {
     for (int k = 1; k < 4; ++k) low = openvdb::math::minComponent(low, points[q[k]]);
     const Coord3 owner(static_cast<int>(std::floor(low.x())), static_cast<int>(std::floor(low.y())),
                        static_cast<int>(std::floor(low.z())));
-    if (floor_to(owner, kBlockSide) != block || soil.find(floor_to(owner, kLeafSide)) == nullptr) {
+    // It is of the dug ground where a voxel beside it is: a wall may lie on the face of a chunk.
+    const auto dug = [&](const Coord3& voxel) {
+      return soil.find(floor_to(voxel, kLeafSide)) != nullptr;
+    };
+    if (floor_to(owner, kBlockSide) != block || !(dug(owner) || dug(owner + Coord3::Ones()))) {
       continue;
     }
     const std::uint32_t a = vertex(q[0]), b = vertex(q[1]), c = vertex(q[2]), d = vertex(q[3]);

@@ -34,15 +34,36 @@ bool exceeds(const Samples& samples, const SampleWords& base) {
 
 }  // namespace
 
+/// What comes of an edit: a leaf of the tree, or one made apart from it.
+struct SoilWriter::Place {
+  SampleLeaf* leaf = nullptr;
+  std::unique_ptr<SampleLeaf> made;
+  bool left_out = false, changed = false;
+};
+
 void SoilWriter::edit(Way way, std::span<const Edit> edits, std::size_t parallel_work,
                       const Change& change) {
-  Soil::State& state = *soil_.state_;
-  struct Place {
-    SampleLeaf* leaf = nullptr;
-    std::unique_ptr<SampleLeaf> made;
-    bool left_out = false, changed = false;
-  };
   std::vector<Place> places(edits.size());
+  const std::size_t work = find(way, edits, places);
+  const auto run = [&](std::size_t i) {
+    if (!places[i].left_out) perform(way, edits[i].origin, places[i], i, change);
+  };
+  try {
+    if (work >= parallel_work) {
+      tbb::parallel_for(std::size_t{0}, edits.size(), run);
+    } else {
+      for (std::size_t i = 0; i < edits.size(); ++i) run(i);
+    }
+  } catch (...) {
+    book(places);
+    throw;
+  }
+  book(places);
+}
+
+/// Finds the leaves, and what need not be looked at. @return the work that is left
+std::size_t SoilWriter::find(Way way, std::span<const Edit> edits, std::span<Place> places) {
+  Soil::State& state = *soil_.state_;
   const bool limited = soil_.store_ != nullptr;
   {
     std::shared_lock shared(state.mutex, std::defer_lock);
@@ -64,70 +85,64 @@ void SoilWriter::edit(Way way, std::span<const Edit> edits, std::size_t parallel
       place.left_out = soil_.classify(edits[i].origin) == Content::kAir;
     if (!place.left_out) work += edits[i].work;
   }
+  return work;
+}
 
-  const auto run = [&](std::size_t i) {
-    Place& place = places[i];
-    if (place.left_out) return;
-    const Coord3& origin = edits[i].origin;
-    if (place.leaf == nullptr) {
-      SampleWords base;
-      soil_.read_base(origin, base);
-      if (way == Way::kRemove && is_air(base)) return;
-      place.made = std::make_unique<SampleLeaf>(to_coord(origin));
-      place.leaf = place.made.get();
-      place.leaf->chunk.samples.assign(base);
-      recount(*place.leaf);
-      place.leaf->chunk.base = place.leaf->chunk.now;
-    } else if (place.leaf->chunk.piece != 0) {
-      const std::uint32_t piece = place.leaf->chunk.piece;
-      soil_.store_->drop(piece, soil_.thaw(place.leaf->chunk));
-    }
-    Chunk& chunk = place.leaf->chunk;
-    try {
-      place.changed = change(i, chunk.samples);
-    } catch (...) {
-      if (place.made != nullptr) {
-        place.made.reset();
-      } else {
-        recount(*place.leaf);
-        place.changed = true;
-      }
-      throw;
-    }
-    if (!place.changed) return;
-    chunk.samples.trim();
-    recount(*place.leaf);
-    if (way == Way::kRemove || chunk.above) return;
-    SampleWords base;
+/// Changes one chunk, with its leaf made or its samples brought back first.
+void SoilWriter::perform(Way way, const Coord3& origin, Place& place, std::size_t i,
+                         const Change& change) {
+  SampleWords base;
+  if (place.leaf == nullptr) {
     soil_.read_base(origin, base);
-    chunk.above = exceeds(chunk.samples, base);
-  };
-  const auto book = [&] {
-    std::unique_lock alone(state.mutex, std::defer_lock);
-    Soil::State::Accessor leaves(state.tree);
-    for (Place& place : places) {
-      if (!place.changed && place.made == nullptr) continue;
-      if (place.made != nullptr && place.leaf->chunk.now == 0 && place.leaf->chunk.base == 0)
-        continue;
-      if (!alone.owns_lock()) alone.lock();
-      state.touch(place.leaf->chunk);
-      state.note_above(place.leaf->chunk);
-      if (place.made == nullptr) continue;
-      if (limited) state.use(place.leaf->chunk, true);
-      state.add(place.made.release(), leaves);
-    }
-  };
+    if (way == Way::kRemove && is_air(base)) return;
+    place.made = std::make_unique<SampleLeaf>(to_coord(origin));
+    place.leaf = place.made.get();
+    place.leaf->chunk.samples.assign(base);
+    recount(*place.leaf);
+    place.leaf->chunk.base = place.leaf->chunk.now;
+  } else {
+    warm(place.leaf->chunk);
+  }
+  Chunk& chunk = place.leaf->chunk;
   try {
-    if (work >= parallel_work) {
-      tbb::parallel_for(std::size_t{0}, edits.size(), run);
-    } else {
-      for (std::size_t i = 0; i < edits.size(); ++i) run(i);
-    }
+    place.changed = change(i, chunk.samples);
   } catch (...) {
-    book();
+    place.changed = true;  // for all we know
+    recount(*place.leaf);
     throw;
   }
-  book();
+  if (!place.changed) return;
+  chunk.samples.trim();
+  recount(*place.leaf);
+  if (way == Way::kRemove || chunk.above) return;
+  chunk.above = true;  // also if the base can't be read any more
+  soil_.read_base(origin, base);
+  chunk.above = exceeds(chunk.samples, base);
+}
+
+/// Adds the leaves that were made, and lists what came or changed.
+void SoilWriter::book(std::span<Place> places) {
+  Soil::State& state = *soil_.state_;
+  std::unique_lock alone(state.mutex, std::defer_lock);
+  Soil::State::Accessor leaves(state.tree);
+  for (Place& place : places) {
+    if (!place.changed && place.made == nullptr) continue;
+    Chunk& chunk = place.leaf->chunk;
+    if (place.made != nullptr && chunk.now == 0 && chunk.base == 0) continue;
+    if (!alone.owns_lock()) alone.lock();
+    state.touch(chunk);
+    state.note_above(chunk);
+    if (place.made == nullptr) continue;
+    if (soil_.store_ != nullptr) state.use(chunk, true);
+    state.add(place.made.release(), leaves);
+  }
+}
+
+/// Brings samples back from the cold store, if they are there.
+void SoilWriter::warm(Chunk& chunk) {
+  if (chunk.piece == 0) return;
+  const std::uint32_t piece = chunk.piece;
+  soil_.store_->drop(piece, soil_.thaw(chunk));
 }
 
 std::int64_t SoilWriter::change(Way way, const Coord3& origin, const SampleWords& samples) {
@@ -163,7 +178,7 @@ void SoilWriter::put(Chunk chunk) {
   }
   Chunk& mine = leaf->chunk;
   if (soil_.store_ != nullptr) state.use(mine);
-  if (mine.piece != 0) soil_.store_->drop(mine.piece, soil_.thaw(mine));
+  warm(mine);
   state.touch(mine);
   chunk.touched = mine.touched;
   chunk.used = mine.used;
@@ -182,10 +197,8 @@ void SoilWriter::drop(const Coord3& origin) {
   SampleLeaf* const leaf = state.find(origin);
   if (leaf == nullptr) return;
   Chunk& chunk = leaf->chunk;
-  if (chunk.piece != 0)
-    soil_.store_->drop(chunk.piece, soil_.thaw(chunk));
-  else if (chunk.used != Soil::State::kInUse && soil_.store_ != nullptr)
-    state.idle_bytes -= chunk.samples.heap_bytes();
+  if (soil_.store_ != nullptr) state.use(chunk);
+  warm(chunk);
   state.touch(chunk);
   delete state.tree.root().stealNode<SampleLeaf>(to_coord(origin), false, false);
   --state.chunks;

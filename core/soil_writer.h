@@ -56,6 +56,11 @@ class SoilWriter {
   void drop(const Coord3& origin);
 
  private:
+  struct Place;
+  std::size_t find(Way way, std::span<const Edit> edits, std::span<Place> places);
+  void perform(Way way, const Coord3& origin, Place& place, std::size_t i, const Change& change);
+  void book(std::span<Place> places);
+  void warm(Chunk& chunk);
   std::int64_t change(Way way, const Coord3& origin, const SampleWords& samples);
   Soil& soil_;
 };

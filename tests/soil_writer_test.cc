@@ -243,7 +243,7 @@ TEST(SoilWriter, AnErrorOnTheWayLeavesWhatWasChangedListedAndCounted) {
   };
   EXPECT_THROW(SoilWriter(soil).edit(SoilWriter::Way::kRemove, edits, 100, change),
                std::runtime_error);
-  EXPECT_EQ(soil.take_touched(), std::vector<Coord3>{edits[0].origin});
+  EXPECT_EQ(soil.take_touched(), (std::vector<Coord3>{edits[0].origin, edits[1].origin}));
   EXPECT_EQ(soil.change_m3(), -64 * soil.sample_m3());
 }
 
