@@ -12,6 +12,8 @@
 
 namespace soilvdb {
 
+class Soil;
+
 /// Voxels per side of a leaf, the chunk in which ground gets voxels.
 inline constexpr int kLeafSide = 8;
 inline constexpr int kLeafSize = kLeafSide * kLeafSide * kLeafSide;
@@ -20,6 +22,10 @@ inline constexpr int kLeafSize = kLeafSide * kLeafSide * kLeafSide;
 struct CellPoints {
   alignas(64) float x[64], y[64], z[64];
 };
+
+/// Voxels along each axis after which sample points repeat, so that soils whose origins lie so far
+/// apart, or a multiple of it, have the same samples in the same places of the world.
+inline constexpr int kLatticePeriod = 1 << 16;
 
 /// The 64 sample points of the cell of a voxel: a rank-1 lattice, turned and shifted as a hash of
 /// the voxel's index chooses, so that counts are unbiased whatever the surface's direction.
@@ -67,6 +73,9 @@ class BaseSurface {
 
   /// Height of the topmost soil at (x, y); nothing where there is none or it isn't known.
   virtual std::optional<double> height(double x, double y) const = 0;
+
+  /// The soil whose surface this is, if it is one's.
+  virtual const Soil* soil() const { return nullptr; }
 };
 
 /// z = height + slope . (x, y); unbounded.
@@ -87,6 +96,10 @@ struct HeightGrid {
   Vec2 first = Vec2::Zero();    ///< x, y of post (0, 0), the one with the lowest x and y
   Vec2 spacing = Vec2::Ones();  ///< > 0
 };
+
+/// The surface of ground that was dug, for soil with voxels of another size; the ground's own base
+/// surface where nothing is dug near. It may be off by half a voxel of that ground.
+std::unique_ptr<BaseSurface> make_soil_surface(std::shared_ptr<const Soil> ground);
 
 /// Heights bilinear between posts; known on the rectangle of the posts, less every patch one of
 /// whose four posts is NaN. Posts are read by tile, when first needed.

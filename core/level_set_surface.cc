@@ -3,8 +3,12 @@
 #include <openvdb/tools/Interpolation.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <stdexcept>
+#include <unordered_map>
 #include <utility>
 
 #include "core/soil_grids.h"
@@ -24,6 +28,7 @@ class LevelSetSurface final : public BaseSurface {
     const openvdb::Vec3d high = grid_->indexToWorld(box.max() + openvdb::Coord(1));
     box_ = Eigen::AlignedBox3d(origin_ + Vec3(low.x(), low.y(), low.z()),
                                origin_ + Vec3(high.x(), high.y(), high.z()));
+    find_columns();
   }
 
   std::uint64_t memory_bytes() const override { return bytes_; }
@@ -42,7 +47,18 @@ class LevelSetSurface final : public BaseSurface {
     return soil && air ? Content::kMixed : soil ? Content::kSoil : Content::kAir;
   }
 
-  bool known(const Eigen::AlignedBox3d&) const override { return true; }
+  /// A closed surface's sides and underside are no surface of the ground: it is known in columns of
+  /// voxels that hold soil, from the lowest of it upwards, and above all ground near.
+  bool known(const Eigen::AlignedBox3d& box) const override {
+    const openvdb::Vec3d low = index(box.min()), high = index(box.max());
+    if (low.z() >= highest_ + 1) return true;
+    const openvdb::CoordBBox cells(openvdb::Coord::floor(low), openvdb::Coord::ceil(high));
+    Ground ground = look(cells, 0);
+    if (ground.complete && low.z() >= ground.lowest) return true;
+    for (int margin = kSide; margin <= kSearch && ground.high == kNone; margin *= 2)
+      ground = look(cells, margin);
+    return ground.high != kNone && low.z() >= ground.high + 1;
+  }
 
   void distance(const Vec3& first, double h, double band, float* phi) const override {
     const Sampler sampler(*grid_);
@@ -86,6 +102,67 @@ class LevelSetSurface final : public BaseSurface {
   }
 
  private:
+  static constexpr int kSide = 8, kSearch = 512;  // voxels
+  static constexpr int kNone = std::numeric_limits<int>::min();
+
+  /// The 8 x 8 columns of voxels of leaves that stand above each other.
+  struct Columns {
+    std::uint64_t soil = 0;  ///< bit x * 8 + y: it holds some
+    int lowest = kNone;      ///< voxel of soil in that column where it is highest
+    int high = kNone;        ///< highest voxel of soil
+  };
+  /// What is known of the ground in columns about a box.
+  struct Ground {
+    bool complete = true;  ///< soil in all of them
+    int lowest = kNone, high = kNone;
+  };
+
+  static std::uint64_t key(int x, int y) {
+    return std::uint64_t{std::uint32_t(x >> 3)} << 32 | std::uint32_t(y >> 3);
+  }
+
+  /// The surface is closed, so leaves have the ends of all soil.
+  void find_columns() {
+    std::unordered_map<std::uint64_t, std::array<int, kSide * kSide>> low;
+    for (auto leaf = grid_->tree().cbeginLeaf(); leaf; ++leaf) {
+      const openvdb::Coord& at = leaf->origin();
+      Columns& columns = columns_[key(at.x(), at.y())];
+      auto& lowest = low[key(at.x(), at.y())];
+      for (int n = 0; n < kSide * kSide; ++n) {
+        for (int z = 0; z < kSide; ++z) {
+          if (!(leaf->getValue(static_cast<openvdb::Index>(n * kSide + z)) < 0)) continue;
+          int& column = lowest[static_cast<std::size_t>(n)];
+          if ((columns.soil >> n & 1) == 0 || at.z() + z < column) column = at.z() + z;
+          columns.soil |= std::uint64_t{1} << n;
+          columns.high = std::max(columns.high, at.z() + z);
+        }
+      }
+    }
+    for (auto& [at, columns] : columns_) {
+      for (int n = 0; n < kSide * kSide; ++n)
+        if (columns.soil >> n & 1)
+          columns.lowest = std::max(columns.lowest, low[at][static_cast<std::size_t>(n)]);
+      highest_ = std::max(highest_, columns.high);
+    }
+  }
+
+  Ground look(const openvdb::CoordBBox& cells, int margin) const {
+    Ground ground;
+    const openvdb::Coord low = cells.min().offsetBy(-margin), high = cells.max().offsetBy(margin);
+    for (int x = low.x() & ~7; x <= high.x(); x += kSide) {
+      for (int y = low.y() & ~7; y <= high.y(); y += kSide) {
+        const auto found = columns_.find(key(x, y));
+        const Columns columns = found == columns_.end() ? Columns{} : found->second;
+        ground.lowest = std::max(ground.lowest, columns.lowest);
+        ground.high = std::max(ground.high, columns.high);
+        for (int i = std::max(x, low.x()); i <= std::min(x + kSide - 1, high.x()); ++i)
+          for (int j = std::max(y, low.y()); j <= std::min(y + kSide - 1, high.y()); ++j)
+            ground.complete &= (columns.soil >> ((i & 7) * kSide + (j & 7)) & 1) != 0;
+      }
+    }
+    return ground;
+  }
+
   using Accessor = openvdb::FloatGrid::ConstUnsafeAccessor;
 
   /// Trilinear, one per call and thread.
@@ -108,6 +185,8 @@ class LevelSetSurface final : public BaseSurface {
   double voxel_;
   std::uint64_t bytes_;
   Eigen::AlignedBox3d box_;  // beyond it there is only air
+  std::unordered_map<std::uint64_t, Columns> columns_;
+  int highest_ = kNone;
 };
 
 }  // namespace

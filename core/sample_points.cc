@@ -40,8 +40,10 @@ const Patterns kAll;
 }  // namespace
 
 int sample_pattern(const Coord3& voxel) {
-  const std::uint64_t xy = std::uint64_t{std::uint32_t(voxel.x())} << 32 | std::uint32_t(voxel.y());
-  return static_cast<int>(mix(mix(xy) + std::uint32_t(voxel.z())) >> 58);
+  static_assert(kLatticePeriod == 1 << 16);
+  const auto wrapped = [](int i) { return std::uint32_t(std::int16_t(i)); };
+  const std::uint64_t xy = std::uint64_t{wrapped(voxel.x())} << 32 | wrapped(voxel.y());
+  return static_cast<int>(mix(mix(xy) + wrapped(voxel.z())) >> 58);
 }
 
 const CellPoints& pattern_points(int pattern) { return kAll.points[pattern]; }

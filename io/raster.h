@@ -56,14 +56,20 @@ inline constexpr double kMostRasterCells = 1e8;
 /// Heights of a site's surface on a grid of square cells, and how far it is above the base surface.
 struct SurfaceRaster {
   HeightGrid grid;
-  std::vector<float> surface, change;  ///< m; NaN where there is no ground
+  std::vector<float> surface, base, change;  ///< NaN where there is no ground
 };
 
-/// The cells that meet the box, their sides at multiples of cell_m. The change is that of the soil
-/// over a cell, so it sums to the volume (core/column_change.h); the surface is the base surface at
-/// the middle of a cell, and the change. Rows in parallel.
+/// The cells that meet the box, their sides at multiples of cell_m. The base surface's heights are
+/// those of the cells' centres; the change is what soil the cell gained over its area, so that its
+/// sum times the area of a cell is the ground's change in volume; the surface is their sum. Where
+/// cells are smaller than voxels, the surface's heights are those of its centres, too. In parallel.
 /// @param box in the world, m, not empty
 /// @throw std::invalid_argument unless 0 < cell_m and there are at most 2^31 cells.
 SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double cell_m);
+
+/// By how much the ground rose from one state to another in the cells of a raster of the latter, m.
+/// @param same_base as for difference()
+std::vector<float> rasterise_change(const Soil& before, const Soil& after, bool same_base,
+                                    const SurfaceRaster& raster);
 
 }  // namespace soilvdb::io

@@ -12,7 +12,8 @@
 #include <memory>
 #include <stdexcept>
 
-#include "core/column_change.h"
+#include "core/difference.h"
+#include "core/surface_height.h"
 #include "io/atomic_file.h"
 #include "io/gdal.h"
 #include "io/raster.h"
@@ -41,6 +42,17 @@ class MemoryFile {
  private:
   std::string path_;
 };
+
+/// What cells rise by where columns as wide as they are gain something.
+GainFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
+  const double side_m = cells.spacing.x();
+  rise_m.resize(std::size_t(cells.nx) * cells.ny);
+  return [&cells, &rise_m, side_m](const ColumnGrid::Column& column, const Gain& gain) {
+    const auto [i, j] = column;
+    if (i >= 0 && i < cells.nx && j >= 0 && j < cells.ny)
+      rise_m[std::size_t(j) * cells.nx + i] += gain.m3 / (side_m * side_m);
+  };
+}
 
 }  // namespace
 
@@ -115,21 +127,39 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   out.grid.first = (low + 0.5) * cell_m;
   out.grid.spacing = Vec2::Constant(cell_m);
   const std::size_t cells = std::size_t(out.grid.nx) * out.grid.ny;
-  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  // A voxel has too few samples for cells that are smaller.
+  std::vector<double> rise_m;
+  if (cell_m > 0.999 * soil.voxel_size_m())
+    for_each_gain(soil, {out.grid.first, cell_m}, add_to(out.grid, rise_m));
   out.surface.resize(cells);
+  out.base.resize(cells);
   out.change.resize(cells);
-  const std::vector<double> change = column_change_m(soil, out.grid);
+  const auto heights = surface_heights(soil);
   tbb::parallel_for(0, out.grid.ny, [&](int j) {
+    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
     const double y = out.grid.first.y() + j * cell_m;
     for (int i = 0; i < out.grid.nx; ++i) {
       const double x = out.grid.first.x() + i * cell_m;
       const std::size_t n = std::size_t(j) * out.grid.nx + i;
       const double base = soil.base().height(x, y).value_or(kNone);
-      out.surface[n] = static_cast<float>(base + change[n]);
-      out.change[n] = std::isnan(base) ? out.surface[n] : static_cast<float>(change[n]);
+      const double surface = rise_m.empty() ? heights(x, y).value_or(kNone) : base + rise_m[n];
+      out.surface[n] = static_cast<float>(surface);
+      out.base[n] = static_cast<float>(base);
+      out.change[n] = static_cast<float>(surface - base);
     }
   });
   return out;
+}
+
+std::vector<float> rasterise_change(const Soil& before, const Soil& after, bool same_base,
+                                    const SurfaceRaster& raster) {
+  std::vector<double> rise_m;
+  for_each_gain(before, after, same_base, {raster.grid.first, raster.grid.spacing.x()},
+                add_to(raster.grid, rise_m));
+  std::vector<float> change(rise_m.size());
+  for (std::size_t i = 0; i < change.size(); ++i)
+    change[i] = std::isnan(raster.base[i]) ? raster.base[i] : static_cast<float>(rise_m[i]);
+  return change;
 }
 
 }  // namespace soilvdb::io

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/lattice.h"
 #include "io/checksum.h"
 #include "io/level_set_file.h"
 #include "io/raster.h"
@@ -16,8 +17,7 @@
 namespace soilvdb::io {
 namespace {
 
-constexpr double kOriginStep = 100;  // m
-constexpr double kSameSize = 1e-9;   // relative: the same number, through text
+constexpr double kSameSize = 1e-9;  // relative: the same number, through text
 
 Base open_plane(const PlaneTerrain& plane) {
   const Vec2 all = Vec2::Constant(std::numeric_limits<double>::infinity());
@@ -43,29 +43,38 @@ Base open_level_set_base(const std::filesystem::path& file) {
       {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
 }
 
-/// Where the first machine's lip starts, to 100 m.
-Vec3 origin_of(const Scenario& scenario) {
-  const Vec3 lip = scenario.machines.front().motion.part(0)->row(0).position;
-  // Adding 0 turns -0 into 0.
-  return (lip.array() / kOriginStep).round() * kOriginStep + 0.0;
+/// The surface of a snapshot's ground.
+Base base_of(Site site, const std::filesystem::path& file) {
+  BaseReference beneath = site.undug();
+  return {
+      make_soil_surface(std::move(site.soil)),
+      {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file, /*whole=*/true)},
+      std::move(site.crs_wkt),
+      site.bounds,
+      std::move(beneath)};
+}
+
+Base open_snapshot_base(const std::filesystem::path& file) {
+  return base_of(read_snapshot(file), file);
+}
+
+Vec3 first_lip(const Scenario& scenario) {
+  return scenario.machines.front().motion.part(0)->row(0).position;
 }
 
 Site open_terrain(const Scenario& scenario) {
+  const double h = scenario.voxel_size_m;
   const auto* level_set = std::get_if<LevelSetTerrain>(&scenario.terrain);
+  Base base;
   if (level_set != nullptr && is_snapshot(level_set->file)) {
     Site site = read_snapshot(level_set->file);
-    const double h = site.soil->voxel_size_m();
-    if (std::abs(h - scenario.voxel_size_m) > kSameSize * h) {
-      throw InputError(scenario.file,
-                       fmt::format("voxel_size is {:g}, but its terrain, the snapshot {}, has "
-                                   "voxels of {} m; voxel_size: {} would do",
-                                   scenario.voxel_size_m, level_set->file.string(), h, h));
-    }
-    return site;
+    if (std::abs(h - site.soil->voxel_size_m()) <= kSameSize * h) return site;
+    base = base_of(std::move(site), level_set->file);
+  } else {
+    base = open_base(scenario.terrain);
   }
-  Base base = open_base(scenario.terrain);
-  return {std::make_unique<Soil>(scenario.voxel_size_m, origin_of(scenario), base.surface),
-          std::move(base.reference), std::move(base.crs_wkt), base.bounds};
+  return {std::make_unique<Soil>(h, lattice_origin(h, first_lip(scenario)), base.surface),
+          std::move(base.reference), std::move(base.crs_wkt), base.bounds, std::move(base.beneath)};
 }
 
 }  // namespace
@@ -75,13 +84,14 @@ Base open_base(const Terrain& terrain) {
   if (const auto* raster = std::get_if<RasterTerrain>(&terrain)) {
     return open_raster_base(raster->file);
   }
-  return open_level_set_base(std::get<LevelSetTerrain>(terrain).file);
+  const std::filesystem::path& file = std::get<LevelSetTerrain>(terrain).file;
+  return is_snapshot(file) ? open_snapshot_base(file) : open_level_set_base(file);
 }
 
 Site untouched(const Site& site) {
   const Soil& soil = *site.soil;
   return {std::make_unique<Soil>(soil.voxel_size_m(), soil.origin(), soil.shared_base()),
-          site.reference, site.crs_wkt, site.bounds};
+          site.reference, site.crs_wkt, site.bounds, site.beneath};
 }
 
 Site open_site(const Scenario& scenario) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "core/soil.h"
@@ -13,7 +14,7 @@ namespace soilvdb::io {
 
 /// How to find a base surface again.
 struct BaseReference {
-  Terrain terrain;       ///< never itself a snapshot; paths canonical
+  Terrain terrain;       ///< a level set may be a snapshot; paths canonical
   std::string checksum;  ///< of the file's size and a sample of its bytes; empty for a plane
 };
 
@@ -23,10 +24,14 @@ struct Base {
   BaseReference reference;
   std::string crs_wkt;         ///< empty: not known
   Eigen::AlignedBox2d bounds;  ///< where it is known, world; infinite for a plane
+  /// Where it is a snapshot's ground, what that was before anyone dug.
+  std::optional<BaseReference> beneath = {};
 };
 
-/// @throw InputError if the terrain can't be used: missing, not a height raster or closed level
-///        set, in degrees or feet.
+/// Opens a terrain; a snapshot as the surface of its ground.
+/// @throw InputError if the terrain can't be used: missing, not a height raster, closed level set
+/// or
+///        snapshot, in degrees or feet.
 Base open_base(const Terrain& terrain);
 
 /// The ground of a site, and what goes with it into a snapshot.
@@ -35,16 +40,19 @@ struct Site {
   BaseReference reference;
   std::string crs_wkt;
   Eigen::AlignedBox2d bounds;
+  std::optional<BaseReference> beneath = {};
+
+  /// The ground before anyone dug, beneath all snapshots that one was dug from.
+  const BaseReference& undug() const { return beneath ? *beneath : reference; }
 };
 
 /// The same site as if nobody had dug there. @param site outlives it: the base surface is its
 Site untouched(const Site& site);
 
-/// Opens a scenario's terrain at its voxel size: a new site, its origin near the first lip position
-/// (a multiple of 100 m), or the one a snapshot holds.
-/// @throw InputError also where no machine's motion comes over the terrain, a mouth goes below the
-///        ground's height around it where the terrain has none, or the voxel size isn't the
-///        snapshot's.
+/// Opens a scenario's terrain at its voxel size: a new site, its origin that of the lattice near
+/// the first lip position (core/lattice.h), or the one a snapshot with such voxels holds.
+/// @throw InputError also where no machine's motion comes over the terrain, or a mouth goes below
+///        the ground's height around it where the terrain has none.
 Site open_site(const Scenario& scenario);
 
 }  // namespace soilvdb::io

@@ -12,14 +12,13 @@
 #include "io/checksum.h"
 #include "io/level_set_file.h"
 #include "io/snapshot_format.h"
+#include "io/snapshot_samples.h"
 
 namespace soilvdb::io {
 namespace {
 
 using openvdb::FloatGrid;
-using openvdb::Int64Grid;
 using openvdb::MetaMap;
-using SamplesLeaf = openvdb::Int64Tree::LeafNodeType;
 
 /// Writes as io::File does, with offsets for random access, into any stream that can seek.
 class SeekableArchive : public openvdb::io::Archive {
@@ -78,45 +77,6 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
   put_base(meta, file, site.reference);
 }
 
-/// A leaf per chunk. Voxels that are all soil (-1) or all air (0) are inactive, which is what the
-/// file's compression leaves out.
-Int64Grid::Ptr samples_grid(const Soil& soil) {
-  Int64Grid::Ptr grid = Int64Grid::create(0);
-  grid->setName("samples");
-  grid->setTransform(openvdb::math::Transform::createLinearTransform(soil.voxel_size_m()));
-  SampleWords words;
-  for (const Chunk* chunk : soil.chunks()) {
-    const Coord3& o = chunk->origin;
-    soil.read_samples(o, words);
-    auto* leaf = new SamplesLeaf(openvdb::Coord(o.x(), o.y(), o.z()), 0);
-    for (openvdb::Index n = 0; n < SamplesLeaf::SIZE; ++n) {
-      const auto value = static_cast<std::int64_t>(words[n]);
-      leaf->setValueOnly(n, value);
-      leaf->setActiveState(n, value != 0 && value != -1);
-    }
-    grid->tree().addLeaf(leaf);
-  }
-  return grid;
-}
-
-/// A voxel per chunk: how many samples of soil the base surface has there and whether some are
-/// above it, or that it was dropped.
-openvdb::Int32Grid::Ptr base_samples_grid(const Soil& soil, const std::optional<Since>& since) {
-  auto grid = openvdb::Int32Grid::create(0);
-  grid->setName("base_samples");
-  grid->setTransform(
-      openvdb::math::Transform::createLinearTransform(soil.voxel_size_m() * kLeafSide));
-  for (const Chunk* chunk : soil.chunks()) {
-    const Coord3 o = chunk->origin / kLeafSide;
-    grid->tree().setValue({o.x(), o.y(), o.z()}, chunk->base + (chunk->above ? kAbove : 0));
-  }
-  for (const Coord3& origin : since ? since->dropped : std::vector<Coord3>()) {
-    const Coord3 o = origin / kLeafSide;
-    grid->tree().setValue({o.x(), o.y(), o.z()}, kDropped);
-  }
-  return grid;
-}
-
 }  // namespace
 
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
@@ -133,8 +93,7 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   archive.setCompression((openvdb::io::Archive::hasBloscCompression() ? openvdb::io::COMPRESS_BLOSC
                                                                       : openvdb::io::COMPRESS_ZIP) |
                          openvdb::io::COMPRESS_ACTIVE_MASK);
-  archive.write_to(
-      out, {surface, samples_grid(*site.soil), base_samples_grid(*site.soil, info.since)}, meta);
+  archive.write_to(out, {surface}, meta);
   if (!out) throw std::runtime_error(file.string() + ": can't be written: out of memory");
   std::string bytes = std::move(out).str();
   // OpenVDB draws the UUID at random; ours is the mark and a digest of the rest.
@@ -144,7 +103,11 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
                              ": can't be written: this OpenVDB's file header is not "
                              "the known one");
   }
-  if (!info.tracker_state.empty()) bytes += info.tracker_state + state_line(info.tracker_state);
+  const std::string samples =
+      samples_bytes(*site.soil, info.since ? info.since->dropped : std::vector<Coord3>());
+  bytes += samples + size_line(kSamplesWord, samples);
+  if (!info.tracker_state.empty())
+    bytes += info.tracker_state + size_line(kStateWord, info.tracker_state);
   const std::uint64_t digest = crc64(std::string_view(bytes).substr(kUuidAt + kUuidSize));
   const std::string uuid =
       fmt::format("{}{:03x}-{:012x}", kMark, digest >> 52, digest & ((std::uint64_t{1} << 48) - 1));

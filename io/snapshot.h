@@ -2,16 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Snapshots: the resident ground and what it takes to go on from it, as a plain .vdb.
 //
-// Grid `samples` (Int64Grid) is the soil, grid `surface` (FloatGrid, level set) its surface for
-// other programs, a leaf per resident chunk in each; coordinates are relative to the site's origin.
-// Metadata of the file and of `surface`, all named soilvdb_*, hold the rest. After the last byte
-// that OpenVDB reads come the tracker's state, a CRC-64 of all before and their number, which other
-// programs don't see.
+// Grid `surface` (FloatGrid, level set) is the soil's surface for other programs, a leaf per
+// resident chunk; coordinates are relative to the site's origin. Metadata of the file and of
+// `surface`, all named soilvdb_*, hold what is to be known of it. After the last byte that OpenVDB
+// reads come the samples (io/snapshot_samples.h), the tracker's state, a CRC-64 of all before and
+// their number, which other programs don't see.
 //
 // An incremental snapshot holds only the chunks that changed since another one in the same folder,
-// which it names with its checksum; that may be incremental, too. Chunks that are no longer
-// resident have -1 in its grid `base_samples`. Its metadata are those of any snapshot, but
-// soilvdb_state_hash is of the chunks it holds. Whoever reads it here gets the whole ground.
+// which it names with its checksum; that may be incremental, too. It lists the chunks that are no
+// longer resident. Its metadata are those of any snapshot, but soilvdb_state_hash is of the chunks
+// it holds. Whoever reads it here gets the whole ground.
 //
 // The same ground makes the same bytes. Damage is found before OpenVDB parses anything.
 #pragma once

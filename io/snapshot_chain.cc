@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <fstream>
+#include <optional>
 
 #include "io/level_set_file.h"
 #include "io/snapshot_format.h"
@@ -22,22 +23,34 @@ std::string read_all(const std::filesystem::path& file) {
   return bytes;
 }
 
-/// Checks that a file is what was written. @return the tracker's state in it
-std::string check_intact(const std::filesystem::path& file, std::string_view all) {
+/// Takes off the end of bytes what a line behind it says the size of. @return that, if there is one
+std::optional<std::string> take_part(std::string_view& bytes, std::string_view word) {
+  const std::size_t line_size = word.size() + kSizeDigits + 1;
+  const std::string_view line = bytes.substr(bytes.size() - std::min(bytes.size(), line_size));
+  std::uint64_t size = 0;
+  const char* digits = line.data() + word.size();
+  if (line.size() < line_size || !line.starts_with(word) ||
+      std::from_chars(digits, digits + kSizeDigits, size, 16).ptr != digits + kSizeDigits ||
+      size > bytes.size() - line_size)
+    return std::nullopt;
+  bytes.remove_suffix(line_size);
+  const std::string_view part = bytes.substr(bytes.size() - size);
+  bytes.remove_suffix(size);
+  return std::string(part);
+}
+
+/// Checks that a file is what was written, and takes what stands behind its grid.
+void read_parts(Link& link, std::string_view all) {
   const std::size_t end = all.size() - std::min(all.size(), kTrailerSize);
   if (!all.substr(end).starts_with(kTrailerWord)) {
-    throw InputError(file, "is damaged: its end is missing; use a snapshot before it");
+    throw InputError(link.file, "is damaged: its end is missing; use a snapshot before it");
   }
   if (all.substr(end) != trailer(all.substr(0, end))) {
-    throw InputError(file, "is damaged: its checksum doesn't match; use a snapshot before it");
+    throw InputError(link.file, "is damaged: its checksum doesn't match; use a snapshot before it");
   }
-  const std::string_view line = all.substr(0, end).substr(end - std::min(end, kStateLine));
-  std::uint64_t size = 0;
-  const char* digits = line.data() + kStateWord.size();
-  if (!line.starts_with(kStateWord) ||
-      std::from_chars(digits, digits + 16, size, 16).ptr != digits + 16 || size > end - kStateLine)
-    return "";
-  return std::string(all.substr(end - kStateLine - size, size));
+  std::string_view left = all.substr(0, end);
+  link.tracker_state = take_part(left, kStateWord).value_or("");
+  link.samples = take_part(left, kSamplesWord);
 }
 
 Link open_link(const std::filesystem::path& file) {
@@ -48,12 +61,12 @@ Link open_link(const std::filesystem::path& file) {
   link.file = file;
   {
     const std::string bytes = read_all(file);
-    link.tracker_state = check_intact(file, bytes);
+    read_parts(link, bytes);
     link.digest = {bytes.size(), crc64(bytes)};
   }
-  link.vdb = std::make_unique<openvdb::io::File>(file.string());
-  link.vdb->open(/*delayLoad=*/false);
-  link.meta = link.vdb->getMetadata();
+  openvdb::io::File vdb(file.string());
+  vdb.open(/*delayLoad=*/false);
+  link.meta = vdb.getMetadata();
   const MetaReader meta(file, *link.meta);
   if (const int format = meta.integer("soilvdb_format"); format != kFormat) {
     throw InputError(
@@ -62,6 +75,7 @@ Link open_link(const std::filesystem::path& file) {
                     format < kFormat ? "run its scenario again to make it anew"
                                      : "a newer soilvdb may read it"));
   }
+  if (!link.samples) throw std::runtime_error("its samples are missing");
   const std::string name = meta.text(kSinceKey), checksum = meta.text(kSinceChecksumKey);
   if (name.empty()) return link;
   FileDigest digest;

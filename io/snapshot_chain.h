@@ -19,12 +19,12 @@
 
 namespace soilvdb::io {
 
-/// A file, of which the grids are still to be read.
+/// A file, of which the samples are still to be read.
 struct Link {
   std::filesystem::path file;
   FileDigest digest;
   std::string tracker_state;
-  std::unique_ptr<openvdb::io::File> vdb;
+  std::optional<std::string> samples;
   openvdb::MetaMap::Ptr meta;
   std::optional<Since> since;
 };

@@ -14,14 +14,11 @@
 
 namespace soilvdb::io {
 
-inline constexpr int kFormat = 2;  // 1 had distances that were carved, and a path behind them
+// 1 had distances that were carved, 2 samples in grids that other programs stumble over.
+inline constexpr int kFormat = 3;
 
 inline constexpr const char* kSinceKey = "soilvdb_since";
 inline constexpr const char* kSinceChecksumKey = "soilvdb_since_checksum";
-// In grid `base_samples`, besides a count.
-inline constexpr std::int32_t kDropped = -1;
-inline constexpr std::int32_t kAbove = 1 << 16;  // added: Chunk::above
-
 inline std::string to_text(const FileDigest& digest) {
   return fmt::format("{:016x} {:016x}", digest.crc, digest.size);
 }
@@ -33,12 +30,13 @@ inline constexpr std::string_view kMark = "736f696c-7664-8200-8";
 inline constexpr std::string_view kTrailerWord = "soilvdb-crc64 ";
 inline constexpr std::size_t kTrailerSize = kTrailerWord.size() + 16 + 1 + 16 + 1;
 
-// Before the checksum, where there is one: the tracker's state, and its size.
-inline constexpr std::string_view kStateWord = "soilvdb-state ";
-inline constexpr std::size_t kStateLine = kStateWord.size() + 16 + 1;
+// Before the checksum: the samples, and where there is one the tracker's state, each with a line
+// behind it that says its size.
+inline constexpr std::string_view kSamplesWord = "soilvdb-samples ", kStateWord = "soilvdb-state ";
+inline constexpr std::size_t kSizeDigits = 16;
 
-inline std::string state_line(std::string_view state) {
-  return fmt::format("{}{:016x}\n", kStateWord, state.size());
+inline std::string size_line(std::string_view word, std::string_view bytes) {
+  return fmt::format("{}{:016x}\n", word, bytes.size());
 }
 
 inline std::string trailer(std::string_view bytes) {

@@ -14,13 +14,11 @@
 #include "io/snapshot.h"
 #include "io/snapshot_chain.h"
 #include "io/snapshot_format.h"
+#include "io/snapshot_samples.h"
 #include "io/text.h"
 
 namespace soilvdb::io {
 namespace {
-
-using openvdb::Int64Grid;
-using openvdb::MetaMap;
 
 Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& meta) {
   const std::string kind = meta.text("soilvdb_base");
@@ -65,45 +63,13 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
   return open_base(LevelSetTerrain{file});
 }
 
-/// The chunks that a file holds, and where it says that one was dropped.
-/// @throw std::exception on anything that isn't as write_snapshot() makes it.
-void restore(const Int64Grid& samples, const openvdb::Int32Grid& base_samples, Soil& soil,
-             std::vector<Coord3>& dropped) {
-  SoilWriter writer(soil);
-  SampleWords words;
-  for (auto value = base_samples.cbeginValueOn(); value; ++value) {
-    const openvdb::Coord o = value.getCoord();
-    const Coord3 origin = Coord3(o.x(), o.y(), o.z()) * kLeafSide;
-    if (*value == kDropped) {
-      dropped.push_back(origin);
-      continue;
-    }
-    const auto* leaf = samples.tree().probeConstLeaf({origin.x(), origin.y(), origin.z()});
-    if (leaf == nullptr) throw std::runtime_error("its grids don't cover the same ground");
-    for (openvdb::Index n = 0; n < kLeafSize; ++n)
-      words[n] = static_cast<std::uint64_t>(leaf->getValue(n));
-    Chunk chunk;
-    chunk.origin = origin;
-    chunk.base = static_cast<std::uint16_t>(*value);
-    chunk.above = (*value & kAbove) != 0;
-    chunk.samples.assign(words);
-    writer.put(std::move(chunk));
-  }
-  if (soil.chunk_count() != samples.tree().leafCount())
-    throw std::runtime_error("its grids don't cover the same ground");
-}
-
 /// The ground that one file holds, and what it says was dropped.
 std::unique_ptr<Soil> read_soil(Link& link, const Base& base, std::vector<Coord3>& dropped) {
-  const auto samples = openvdb::gridPtrCast<Int64Grid>(link.vdb->readGrid("samples"));
-  const auto base_samples =
-      openvdb::gridPtrCast<openvdb::Int32Grid>(link.vdb->readGrid("base_samples"));
-  if (!samples || !base_samples) throw std::runtime_error("its grids are not of the right types");
   const MetaReader meta(link.file, *link.meta);
   const openvdb::Vec3d origin = meta.vector(kOriginKey);
   auto soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
                                      Vec3(origin.x(), origin.y(), origin.z()), base.surface);
-  restore(*samples, *base_samples, *soil, dropped);
+  dropped = restore_samples(*link.samples, *soil);
   if (fmt::format("{:016x}", soil->state_hash()) != meta.text("soilvdb_state_hash"))
     throw std::runtime_error("its ground is not what was written");
   return soil;
@@ -132,11 +98,12 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
       for (const Chunk* chunk : soil->chunks()) writer.copy_from(*soil, chunk->origin);
       if (link->file == file) link->since->dropped = std::move(dropped);
     });
-    link->vdb.reset();
+    link->samples.reset();
   }
   site.reference = std::move(base.reference);
   site.crs_wkt = meta.text(kCrsKey);
   site.bounds = base.bounds;
+  site.beneath = std::move(base.beneath);
   if (info != nullptr) {
     reading(file, file, [&] {
       *info = {meta.text("soilvdb_scenario"),          meta.number("soilvdb_time_s"),

@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "core/tracker.h"
 #include "io/atomic_file.h"
 #include "io/crs.h"
 #include "tests/temp_folder.h"
@@ -472,6 +473,35 @@ TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldTheSurfaceAndItsChange) {
   }
   EXPECT_THROW(rasterise(soil, {Vec2(0, 0), Vec2(1, 1)}, 1e-6), std::invalid_argument);
   EXPECT_THROW(rasterise(soil, {Vec2(0, 0), Vec2(1, 1)}, 0), std::invalid_argument);
+}
+
+TEST(SurfaceRaster, ItsVolumeIsTheLedgers) {
+  for (const double yaw : {0.0, 0.3, 0.9}) {
+    for (const double h : {0.05, 0.1}) {
+      Soil soil(h, Vec3(400000, 5000000, 100), make_plane(100.013, {0, 0}));
+      Bucket bucket;
+      bucket.width_m = 0.6;
+      bucket.height_m = 1;
+      Tracker tracker(soil, {bucket});
+      for (int i = 0; i <= 50; ++i) {
+        const double s = i / 50.0, x = 2 * s * std::cos(yaw), y = 2 * s * std::sin(yaw);
+        tracker.update(
+            0, {{400000.2 + x, 5000000.1 + y, 100 - 0.3 * std::sin(3 * s)}, from_rpy(0, 0, yaw)});
+      }
+      const double cut_m3 = tracker.total().cut_m3();
+      // Cells that are a multiple of the voxels, and others.
+      for (const double cell_m : {h, 2 * h, 0.25, 0.37}) {
+        const SurfaceRaster raster =
+            rasterise(soil, {Vec2(399998, 4999998), Vec2(400004, 5000004)}, cell_m);
+        double sum = 0;
+        for (std::size_t i = 0; i < raster.change.size(); ++i) {
+          sum += double{raster.change[i]};
+          EXPECT_NEAR(raster.surface[i], raster.base[i] + raster.change[i], 1e-5);
+        }
+        EXPECT_NEAR(-sum * cell_m * cell_m, cut_m3, 1e-6 * cut_m3) << yaw << " " << cell_m;
+      }
+    }
+  }
 }
 
 }  // namespace

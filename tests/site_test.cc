@@ -87,14 +87,23 @@ openvdb::FloatGrid::Ptr sphere() {
   return openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(5.0f, {0, 0, 0}, 0.25f);
 }
 
-TEST(Site, ItsOriginIsTheFirstLipToAHundredMetres) {
-  const Site site = open_site(
-      scenario_of(PlaneTerrain{0, {0, 0}}, {556449.9, 5394951, 540}, {556451, 5394951, 540}));
-  EXPECT_EQ(site.soil->origin(), Vec3(556400, 5395000, 500));
+TEST(Site, ItsOriginIsThatOfTheLatticeNearTheFirstLip) {
+  const Vec3 lip(556449.9, 5394951, 540);
+  const Site site = open_site(scenario_of(PlaneTerrain{0, {0, 0}}, lip, lip + Vec3(1.1, 0, 0)));
+  const double period = 6553.6;
+  EXPECT_NEAR((site.soil->origin() - Vec3(85 * period, 823 * period, 0)).norm(), 0, 1e-9);
   EXPECT_EQ(site.soil->voxel_size_m(), 0.1);
   EXPECT_TRUE(std::isinf(site.bounds.max().x()));
   EXPECT_EQ(site.reference.checksum, "");
   EXPECT_TRUE(site.soil->chunks().empty());
+}
+
+TEST(Site, RunsOnOneTerrainShareItsLatticeWhateverLipComesFirst) {
+  const TempFolder folder;
+  const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
+  const Site a = open_site(scenario_of(terrain, {1002, 2003, 9}, {1005, 2003, 9}));
+  const Site b = open_site(scenario_of(terrain, {1038, 2036, 11}, {1035, 2036, 9}));
+  EXPECT_EQ(a.soil->origin(), b.soil->origin());
 }
 
 TEST(Site, ARasterIsItsTerrainInItsOwnCoordinates) {
@@ -306,6 +315,46 @@ TEST(LevelSet, AnExportedRegionIsGroundAgain) {
   write_grids(folder / "a.vdb", {grid});
   const Base base = open_base(LevelSetTerrain{folder / "a.vdb"});
   EXPECT_NEAR(*base.surface->height(1000, 2000), *surface_height(soil, 1000, 2000), 1e-4);
+}
+
+/// An exported block of flat ground, 10 m x 6 m about (1000, 2000), its underside at -2 m.
+class ExportedBlock : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const Soil soil(0.1, {1000, 2000, 0}, make_plane(0.03, {0, 0}));
+    const auto grid = closed_level_set(soil, {Vec3(995, 1997, -2), Vec3(1005, 2003, 1)});
+    grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({1000, 2000, 0}));
+    write_grids(folder_ / "block.vdb", {grid});
+  }
+  std::string dig(const Vec3& from, const Vec3& to) const {
+    return refusal(
+        folder_, [&] { open_site(scenario_of(LevelSetTerrain{folder_ / "block.vdb"}, from, to)); });
+  }
+  TempFolder folder_;
+};
+
+TEST_F(ExportedBlock, IsDugInside) {
+  EXPECT_THAT(dig({996, 2000, -0.3}, {1004, 2000, -0.3}), HasSubstr("accepted"));
+  EXPECT_THAT(dig({996, 2002.3, -0.3}, {1004, 2002.3, -0.3}), HasSubstr("accepted"));
+  EXPECT_THAT(dig({1000, 2000, 0}, {1000, 2000, -1.8}), HasSubstr("accepted"));
+}
+
+TEST_F(ExportedBlock, IsNotDugBeyondItsSidesOrItsUnderside) {
+  const auto refused = HasSubstr("dig.yaml: machine 'digger' reaches ground without a height");
+  EXPECT_THAT(dig({1000, 2000, -0.3}, {1006.5, 2000, -0.3}), refused);
+  EXPECT_THAT(dig({1000, 2000, -0.3}, {1005.2, 2000, -0.3}), refused) << "a side's narrow band";
+  EXPECT_THAT(dig({990, 2000, -0.3}, {1000, 2000, -0.3}), refused);
+  EXPECT_THAT(dig({996, 2002.7, -0.3}, {1004, 2002.7, -0.3}), refused);
+  EXPECT_THAT(dig({1000, 2000, 0}, {1000, 2000, -2.1}), refused);
+  EXPECT_THAT(dig({1000, 2000, -0.3}, {1000, 2200, -0.3}), refused);
+}
+
+TEST_F(ExportedBlock, IsPassedOverAtAnyDistance) {
+  EXPECT_THAT(dig({980, 2000, 0.3}, {1004, 2000, 0.3}), HasSubstr("accepted"));
+  EXPECT_THAT(dig({1004, 2000, -0.3}, {1004, 2000, 4}), HasSubstr("accepted"));
+  const Base base = open_base(LevelSetTerrain{folder_ / "block.vdb"});
+  EXPECT_TRUE(base.surface->known({Vec3(2000, 2000, 0.3), Vec3(2001, 2001, 1)}));
+  EXPECT_FALSE(base.surface->known({Vec3(2000, 2000, -0.3), Vec3(2001, 2001, 1)}));
 }
 
 TEST(Site, RealTerrainIsOpened) {

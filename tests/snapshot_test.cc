@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/snapshot.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,6 +15,7 @@
 #include "core/tracker.h"
 #include "io/checksum.h"
 #include "io/raster.h"
+#include "io/snapshot_format.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -184,8 +186,53 @@ TEST_P(Snapshot, IsAPlainVdbForOthers) {
   EXPECT_THAT(text, HasSubstr("Name: surface"));
   EXPECT_THAT(text, HasSubstr("class: level set"));
   EXPECT_THAT(text, HasSubstr("voxel size: 0.05"));
-  EXPECT_THAT(text, HasSubstr("Name: samples"));
   EXPECT_THAT(text, HasSubstr("soilvdb_origin: [400000, 5e+06, 100]"));
+}
+
+TEST_P(Snapshot, IsReadByOpenVdbsPythonModule) {
+  if (output_of("/usr/bin/python3 -c 'import pyopenvdb; print(1)'").empty())
+    GTEST_SKIP() << "python3-openvdb is not installed";
+  const Site site = site_on(terrain());
+  dig(*site.soil, 0, 0.6);
+  SnapshotInfo info = kInfo;
+  write_snapshot(folder_ / "a.vdb", site, info);
+  const std::string a = content(folder_ / "a.vdb");
+  info.since = Since{"a.vdb", {a.size(), crc64(a)}};
+  info.tracker_state = "state";
+  write_snapshot(folder_ / "b.vdb", site, info);
+  for (const char* name : {"a.vdb", "b.vdb"}) {
+    folder_.write("read.py", R"(
+import sys, pyopenvdb as vdb
+file = sys.argv[1]
+grids, meta = vdb.readAll(file)
+assert [g.name for g in grids] == ['surface'], grids
+assert [g.name for g in vdb.readAllGridMetadata(file)] == ['surface']
+surface = vdb.read(file, 'surface')
+assert surface.gridClass == vdb.GridClass.LEVEL_SET
+assert surface.activeVoxelCount() > 0
+for at in (meta, surface.metadata, vdb.readMetadata(file)):
+    assert tuple(at['soilvdb_origin']) == (400000, 5000000, 100), at
+print('read')
+)");
+    EXPECT_EQ(output_of(fmt::format("/usr/bin/python3 {} {}", (folder_ / "read.py").string(),
+                                    (folder_ / name).string())),
+              "read\n");
+  }
+}
+
+TEST_P(Snapshot, OfAnotherFormatIsRefusedWithWhatToDo) {
+  const Site site = site_on(terrain());
+  write_snapshot(folder_ / "a.vdb", site, kInfo);
+  std::string bytes = content(folder_ / "a.vdb");
+  const std::string key = std::string("soilvdb_format") + std::string("\5\0\0\0int32", 9);
+  const std::size_t at = bytes.find(key);
+  ASSERT_NE(at, std::string::npos);
+  bytes[at + key.size() + 4] = 2;
+  bytes.resize(bytes.size() - kTrailerSize);
+  folder_.write("b.vdb", bytes + trailer(bytes));
+  EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"),
+              HasSubstr("b.vdb: is a snapshot of format 2, this version reads format 3; run its "
+                        "scenario again to make it anew"));
 }
 
 TEST_P(Snapshot, ThatIsDamagedIsStillKnownAsOurs) {
@@ -267,21 +314,42 @@ TEST(SnapshotFile, ThatCantBeWrittenIsNamedAndNothingIsLeft) {
   EXPECT_FALSE(is_snapshot(folder.path()));
 }
 
-TEST(SnapshotTerrain, MustHaveTheScenariosVoxelSize) {
-  const TempFolder folder;
-  const Site site = site_on(PlaneTerrain{100, {0, 0}});
-  dig(*site.soil, 0, 0.3);
-  write_snapshot(folder / "a.vdb", site, kInfo);
-  Scenario scenario;
-  scenario.file = "dig.yaml";
-  scenario.name = "dig";
-  scenario.voxel_size_m = 0.05;
-  scenario.terrain = LevelSetTerrain{folder / "a.vdb"};
-  scenario.machines.push_back({"digger", bucket(), Motion({0, 1}, {pose(0.3), pose(0.4)})});
-  EXPECT_EQ(open_site(scenario).soil->state_hash(), site.soil->state_hash());
-  scenario.voxel_size_m = 0.1;
-  EXPECT_THAT(test::message_of(folder, [&] { open_site(scenario); }),
-              HasSubstr("has voxels of 0.05 m; voxel_size: 0.05 would do"));
+class SnapshotTerrain : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    dig(*site_.soil, 0, 0.3);
+    write_snapshot(folder_ / "a.vdb", site_, kInfo);
+    scenario_.file = "dig.yaml";
+    scenario_.name = "dig";
+    scenario_.terrain = LevelSetTerrain{folder_ / "a.vdb"};
+    scenario_.machines.push_back({"digger", bucket(), Motion({0, 1}, {pose(0.3), pose(0.4)})});
+  }
+  TempFolder folder_;
+  const Site site_ = site_on(PlaneTerrain{100, {0, 0}});
+  Scenario scenario_;
+};
+
+TEST_F(SnapshotTerrain, WithTheScenariosVoxelsIsTheGroundItself) {
+  scenario_.voxel_size_m = 0.05;
+  EXPECT_EQ(open_site(scenario_).soil->state_hash(), site_.soil->state_hash());
+}
+
+TEST_F(SnapshotTerrain, WithOtherVoxelsIsTheSurfaceOfThatGround) {
+  scenario_.voxel_size_m = 0.1;
+  const Site on_it = open_site(scenario_);
+  EXPECT_TRUE(on_it.soil->chunks().empty());
+  ASSERT_NE(on_it.soil->base().soil(), nullptr);
+  EXPECT_EQ(on_it.soil->base().soil()->state_hash(), site_.soil->state_hash());
+  EXPECT_TRUE(std::holds_alternative<PlaneTerrain>(on_it.undug().terrain));
+  dig(*on_it.soil, 0.2, 1);
+  // And again through a file.
+  write_snapshot(folder_ / "b.vdb", on_it, kInfo);
+  const Site back = read_snapshot(folder_ / "b.vdb");
+  EXPECT_EQ(back.soil->state_hash(), on_it.soil->state_hash());
+  EXPECT_EQ(back.soil->base().soil()->state_hash(), site_.soil->state_hash());
+  EXPECT_TRUE(std::holds_alternative<PlaneTerrain>(back.undug().terrain));
+  std::filesystem::remove(folder_ / "a.vdb");
+  EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("a.vdb is missing"));
 }
 
 }  // namespace

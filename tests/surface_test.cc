@@ -14,7 +14,6 @@
 #include <numbers>
 #include <random>
 
-#include "core/column_change.h"
 #include "core/soil_writer.h"
 #include "core/surface_height.h"
 #include "tests/dig_runner.h"
@@ -306,23 +305,6 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
     }
     EXPECT_GT(looked, 100);
     EXPECT_LE(bad, looked / 50) << solid.name << " of " << looked;
-  }
-}
-
-TEST(ColumnChange, SumsToTheLedgerWhateverTheCells) {
-  for (const char* family : {"drag_curl", "undercut", "raster"}) {
-    const Dug dug(make_dig(family, placements()[1]), 0.05, 50);
-    for (const double cell : {0.05, 0.1, 0.25, 0.07, 0.02}) {
-      HeightGrid grid;
-      // Borders of cells on borders of voxels.
-      grid.nx = grid.ny = static_cast<int>(std::ceil(12 / cell));
-      const Vec2 low = dug.soil.origin().head<2>() - Vec2::Constant(0.025 + 120 * 0.05);
-      grid.first = low + Vec2::Constant(cell / 2);
-      grid.spacing = Vec2::Constant(cell);
-      double sum = 0;
-      for (const double height : column_change_m(dug.soil, grid)) sum += height * cell * cell;
-      EXPECT_NEAR(sum, dug.soil.change_m3(), 1e-9 * std::abs(sum)) << family << ", cells " << cell;
-    }
   }
 }
 

@@ -63,6 +63,7 @@ void info_snapshot(const fs::path& file) {
        fmt::format("{} {} {} m", soil.origin().x(), soil.origin().y(), soil.origin().z()));
   line("CRS", crs_text(site.crs_wkt));
   line("base", terrain_text(site.reference.terrain));
+  if (const std::string ground = beneath_text(soil); !ground.empty()) line("", ground);
   line("cut",
        fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
                    number(info.captured_m3), number(info.displaced_m3), number(info.dumped_m3)));

@@ -97,7 +97,9 @@ void run(const RunOptions& options) {
       folder.replace();
       folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
+      const std::string ground = beneath_text(*start.site.soil);
       Job job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
+      if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);
       job.run();
     } catch (...) {

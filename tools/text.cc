@@ -66,4 +66,12 @@ std::string terrain_text(const io::Terrain& terrain) {
   return fmt::format("level set {}", std::get<io::LevelSetTerrain>(terrain).file.string());
 }
 
+std::string beneath_text(const Soil& soil) {
+  const Soil* ground = soil.base().soil();
+  if (ground == nullptr) return "";
+  const double h = ground->voxel_size_m();
+  return fmt::format("the surface of a snapshot with voxels of {} m, true to {} m where it was dug",
+                     h, h / 2);
+}
+
 }  // namespace soilvdb::tools

@@ -129,6 +129,9 @@ def main():
       snapshot = (work / name / 'soil_final.vdb').read_bytes()
       size = int(snapshot[-65:-49], 16)  # in the line before the checksum's
       write('snapshot', name, b'\2' + snapshot[-79 - size:-79])
+      rest = snapshot[:-79 - size]
+      size = int(rest[-17:-1], 16)  # in the line behind the samples
+      write('snapshot', 'samples_' + name, b'\3' + rest[-33 - size:-33])
   write('snapshot', 'no_state', b'\1soilvdb-state 0000000000000000\n')
   write('snapshot', 'file', b'\0' + snapshot[:200] + snapshot[-48:])
   points = b''.join(struct.pack('<fff', *p) for p in [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Snapshots. By the first byte: the rest is a whole file; or what stands between the grids, which
-// OpenVDB reads, and a checksum that is right; or a tracker's state.
+// Snapshots. By the first byte: the rest is a whole file; or what stands between the samples and a
+// checksum that is right; or samples; or a tracker's state.
 #include <tbb/global_control.h>
 
 #include <memory>
@@ -9,6 +9,7 @@
 #include "core/tracker.h"
 #include "io/snapshot.h"
 #include "io/snapshot_format.h"
+#include "io/snapshot_samples.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;
@@ -40,7 +41,7 @@ struct Site {
   }
 };
 
-/// Reads a snapshot of the site with `tail` between the grids and a checksum that is right.
+/// Reads a snapshot of the site with `tail` between the samples and a checksum that is right.
 void read_with_tail(const test::TempFolder& folder, const std::string& tail) {
   static const Site site;
   static const std::string vdb = [&] {
@@ -53,6 +54,15 @@ void read_with_tail(const test::TempFolder& folder, const std::string& tail) {
   const io::Site read = io::read_snapshot(file);
   fuzz::require(read.soil->state_hash() == site.site.soil->state_hash(),
                 "the ground is what was written");
+}
+
+void restore_samples(const std::string& bytes) {
+  Soil soil(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+  try {
+    io::restore_samples(bytes, soil);
+  } catch (const std::exception& no_samples) {
+    fuzz::check_message(no_samples);
+  }
 }
 
 void restore(const std::string& state) {
@@ -74,9 +84,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const std::string rest(fuzz::text(data + 1, size - 1));
   fuzz::expect_read_or_refused([&] {
-    if (data[0] % 3 == 0) io::read_snapshot(folder.write("soil.vdb", rest));
-    if (data[0] % 3 == 1) read_with_tail(folder, rest);
-    if (data[0] % 3 == 2) restore(rest);
+    if (data[0] % 4 == 0) io::read_snapshot(folder.write("soil.vdb", rest));
+    if (data[0] % 4 == 1) read_with_tail(folder, rest);
+    if (data[0] % 4 == 2) restore(rest);
+    if (data[0] % 4 == 3) restore_samples(rest);
   });
   return 0;
 }

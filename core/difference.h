@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What was cut and filled between two states of a site.
+#pragma once
+
+#include "core/column_gains.h"
+#include "core/soil.h"
+
+namespace soilvdb {
+
+struct Difference {
+  double cut_m3 = 0, fill_m3 = 0, net_m3 = 0;
+  double area_m2 = 0;       ///< plan area of what changed
+  double error_m3 = 0;      ///< by which cut and fill may be wrong, each
+  bool exact = false;       ///< counted sample by sample
+  Eigen::AlignedBox2d box;  ///< of the columns that changed, world
+};
+
+/// Compares two soils of a site.
+///
+/// Where their voxels are of one lattice and their base surfaces the same, sample by sample:
+/// volumes are differences of the ledgers, and the error is two standard deviations of what counts
+/// of samples err by against the true surfaces.
+///
+/// Else column by column of the larger voxels: net is the difference of what the two have lost
+/// against the ground that is under both. Cut and fill above each other in one column cancel. The
+/// error is the sum of all columns' standard deviations, for errors of cut and of fill don't
+/// cancel.
+///
+/// Either way a column at the rim of what changed counts by the part of it that changed.
+/// @param same_base whether both have one base surface; else those must be surfaces of soils with
+///        the same ground beneath
+Difference difference(const Soil& before, const Soil& after, bool same_base);
+
+/// Calls `f` with what columns of any width gained between the two, some of them several times.
+void for_each_gain(const Soil& before, const Soil& after, bool same_base, const ColumnGrid& grid,
+                   const GainFunction& f);
+
+}  // namespace soilvdb
