@@ -42,6 +42,7 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
   asked_.resize(chunks);
   resident_.resize(chunks);
   base_.resize(chunks);
+  asked_near_.resize(chunks);
   std::vector<std::uint8_t> wanted(chunks);
   for (const Coord3& origin : asked) {
     const Coord3 c = (origin - first) / kLeafSide;
@@ -143,8 +144,11 @@ float CellGrid::base_distance(int id) const {
   return values[static_cast<std::size_t>(in.x() * 64 + in.y() * 8 + in.z())];
 }
 
-std::vector<Coord3> CellGrid::asked_near(const Coord3& chunk) const {
-  std::vector<Coord3> lows;
+const std::vector<Coord3>& CellGrid::asked_near(const Coord3& chunk) const {
+  auto& known = asked_near_[static_cast<std::size_t>(chunk_id(chunk.x(), chunk.y(), chunk.z()))];
+  if (known) return *known;
+  known = std::make_unique<std::vector<Coord3>>();
+  std::vector<Coord3>& lows = *known;
   for (int x = std::max(chunk.x() - 2, 0); x <= std::min(chunk.x() + 2, chunks_ - 1); ++x) {
     for (int y = std::max(chunk.y() - 2, 0); y <= std::min(chunk.y() + 2, chunks_ - 1); ++y) {
       for (int z = std::max(chunk.z() - 2, 0); z <= std::min(chunk.z() + 2, chunks_ - 1); ++z) {
@@ -192,11 +196,8 @@ std::vector<CellGrid::Cell> CellGrid::surface_cells(int reach) const {
           }
         }
         const bool inside = asked_[static_cast<std::size_t>(n)];
-        std::vector<Coord3> asked;
-        if (!inside) {
-          asked = asked_near({x, y, z});
-          if (asked.empty()) continue;
-        }
+        const std::vector<Coord3>& asked = asked_near({x, y, z});
+        if (asked.empty()) continue;
         for (int i = 8 * x; i < 8 * x + 8; ++i) {
           if (i == 0 || i == side_ - 1) continue;
           for (int j = 8 * y; j < 8 * y + 8; ++j) {

@@ -79,7 +79,8 @@ class CellGrid {
     return static_cast<std::size_t>(
         chunk_id(c.x() / kLeafSide, c.y() / kLeafSide, c.z() / kLeafSide));
   }
-  std::vector<Coord3> asked_near(const Coord3& chunk) const;
+  /// Low corners of the chunks asked for that are no farther from one than two chunks.
+  const std::vector<Coord3>& asked_near(const Coord3& chunk) const;
   static int away(const Coord3& cell, const std::vector<Coord3>& asked);
   void read(const Soil& soil, int chunk, const Coord3& origin);
 
@@ -95,9 +96,10 @@ class CellGrid {
   std::unique_ptr<Buffers> buffers_;
   std::uint64_t* words_;
   std::uint8_t *counts_, *changed_;
-  std::vector<State> states_;                           // of chunks
-  std::vector<std::uint8_t> asked_, resident_;          // of chunks
-  mutable std::vector<std::unique_ptr<float[]>> base_;  // of chunks, voxels
+  std::vector<State> states_;                                             // of chunks
+  std::vector<std::uint8_t> asked_, resident_;                            // of chunks
+  mutable std::vector<std::unique_ptr<float[]>> base_;                    // of chunks, voxels
+  mutable std::vector<std::unique_ptr<std::vector<Coord3>>> asked_near_;  // of chunks
 };
 
 }  // namespace soilvdb

@@ -33,7 +33,7 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
   const float reach = plane.reach() + kFaceMargin;
   const float ax = std::abs(plane.nx), ay = std::abs(plane.ny), az = std::abs(plane.nz);
   const float most = std::max({ax, ay, az}), sum = ax + ay + az;
-  const float rest = std::max(sum - most, 1e-3f);
+  const float steepness = 1 / std::max(sum - most, 1e-3f), largest = 1 / most;
   const std::uint64_t* const words = grid.words();
   const int sx = grid.step(0), sy = grid.step(1);
   for (int x = -1; x <= 1; ++x) {
@@ -58,7 +58,8 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
           continue;
         }
         // Area of the plane in the cell: exact along axes and diagonals.
-        const float a = std::min(std::max((sum / 2 - std::abs(s)) / rest, 0.0f), 1.0f) / most;
+        const float a =
+            std::min(std::max((sum / 2 - std::abs(s)) * steepness, 0.0f), 1.0f) * largest;
         const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
         const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
         r.area += a;
@@ -83,18 +84,18 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
         const int n = std::popcount(wrong);
         r.wrong += n;
         r.most = std::max(r.most, n);
-        float b0 = 0, b1 = 0, b2 = 0;
+        const auto more = static_cast<float>(2 * std::popcount(wrong & word) - n);
+        float px = -more / 2, py = px, pz = px;  // points are from the cell's corner
         for (; wrong != 0; wrong &= wrong - 1) {
           const int i = std::countr_zero(wrong);
           const float sign = word >> i & 1 ? 1.0f : -1.0f;
-          const float px = points.x[i] - 0.5f, py = points.y[i] - 0.5f, pz = points.z[i] - 0.5f;
-          b0 += sign;
-          b1 += sign * (u + (t.u[0] * px + (t.u[1] * py + t.u[2] * pz)));
-          b2 += sign * (v + (t.v[0] * px + (t.v[1] * py + t.v[2] * pz)));
+          px += sign * points.x[i];
+          py += sign * points.y[i];
+          pz += sign * points.z[i];
         }
-        r.b[0] += b0;
-        r.b[1] += b1;
-        r.b[2] += b2;
+        r.b[0] += more;
+        r.b[1] += more * u + (t.u[0] * px + (t.u[1] * py + t.u[2] * pz));
+        r.b[2] += more * v + (t.v[0] * px + (t.v[1] * py + t.v[2] * pz));
       }
     }
   }

@@ -25,8 +25,7 @@ constexpr int kCells = 27, kOwn = 13;
 using Mask = std::uint64_t;
 using Masks = Mask[kCells];
 
-template <Join join>
-SOILVDB_INLINE Mask joined(Mask a, Mask b, Mask c) {
+SOILVDB_INLINE Mask joined(Join join, Mask a, Mask b, Mask c) {
   switch (join) {
     case Join::kOne:
       return a;
@@ -51,10 +50,10 @@ template <Join join>
 SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, const Masks& c,
                          int most) {
   int sum = kPlaneCost * planes_of(join) +
-            std::popcount(joined<join>(a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
+            std::popcount(joined(join, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
   for (int k = 0; k < kCells && sum < most; ++k) {
     if (k == kOwn) continue;
-    const int wrong = std::popcount(joined<join>(a[k], b[k], c[k]) ^ words[k]) - kFree;
+    const int wrong = std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFree;
     sum += std::min(std::max(wrong, 0), kMostOfNeighbour);
   }
   return sum;
@@ -88,38 +87,39 @@ SOILVDB_INLINE void make_masks(const Window& window, const CellPlane& plane, Mas
   }
 }
 
-SOILVDB_INLINE int score_of(const CellModel& model, const Window& window) {
-  Masks m[3];
-  for (int p = 0; p < model.planes(); ++p) make_masks(window, model.plane[p], m[p]);
-  const Masks& b = m[model.planes() > 1 ? 1 : 0];
-  const Masks& c = m[model.planes() > 2 ? 2 : 0];
+/// What a join of masks has wrong.
+SOILVDB_INLINE int score_of(Join join, const Masks& words, const Masks* m) {
+  const int planes = planes_of(join);
+  const Masks &a = m[0], &b = m[planes > 1 ? 1 : 0], &c = m[planes > 2 ? 2 : 0];
   constexpr int kAny = 1 << 20;
-  switch (model.join) {
+  switch (join) {
     case Join::kOne:
-      return score<Join::kOne>(window.words, m[0], b, c, kAny);
+      return score<Join::kOne>(words, a, b, c, kAny);
     case Join::kAnd:
-      return score<Join::kAnd>(window.words, m[0], b, c, kAny);
+      return score<Join::kAnd>(words, a, b, c, kAny);
     case Join::kOr:
-      return score<Join::kOr>(window.words, m[0], b, c, kAny);
+      return score<Join::kOr>(words, a, b, c, kAny);
     case Join::kAndAnd:
-      return score<Join::kAndAnd>(window.words, m[0], b, c, kAny);
+      return score<Join::kAndAnd>(words, a, b, c, kAny);
     case Join::kOrOr:
-      return score<Join::kOrOr>(window.words, m[0], b, c, kAny);
+      return score<Join::kOrOr>(words, a, b, c, kAny);
     case Join::kAndOr:
-      return score<Join::kAndOr>(window.words, m[0], b, c, kAny);
+      return score<Join::kAndOr>(words, a, b, c, kAny);
     case Join::kOrAnd:
-      return score<Join::kOrAnd>(window.words, m[0], b, c, kAny);
+      return score<Join::kOrAnd>(words, a, b, c, kAny);
   }
   return kAny;
 }
 
 /// One Gauss-Newton step of all planes together.
-SOILVDB_INLINE CellModel refitted(const CellModel& model, const Window& window) {
+SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
+                                  const Window& window) {
   struct Sums {
     float b[3] = {0, 0, 0};
     float a[6] = {0, 0, 0, 0, 0, 0};
   } sums[3];
   const int planes = model.planes();
+  const float reach[3] = {model.plane[0].reach(), model.plane[1].reach(), model.plane[2].reach()};
   const Tangents tangents[3] = {Tangents(model.plane[0]), Tangents(model.plane[1]),
                                 Tangents(model.plane[2])};
   for (int k = 0; k < kCells; ++k) {
@@ -129,7 +129,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Window& window) 
     for (int p = 0; p < planes; ++p) {
       const CellPlane& plane = model.plane[p];
       const float s = plane.beyond(x, y, z);
-      if (std::abs(s) >= plane.reach()) continue;
+      if (std::abs(s) >= reach[p]) continue;
       near = true;
       const float fx = x - s * plane.nx, fy = y - s * plane.ny, fz = z - s * plane.nz;
       if (model.at(fx, fy, fz).plane != p) continue;
@@ -145,19 +145,8 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Window& window) 
       sum.a[5] += v * v;
     }
     if (!near) continue;
-    Mask m[3] = {0, 0, 0};
-    for (int p = 0; p < planes; ++p) {
-      m[p] =
-          plane_mask(*window.points[k], model.plane[p].from(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1));
-    }
-    const bool first_and =
-        model.join == Join::kAnd || model.join == Join::kAndAnd || model.join == Join::kAndOr;
-    Mask all = m[0];
-    if (planes > 1) all = first_and ? all & m[1] : all | m[1];
-    if (planes > 2) {
-      const bool second_and = model.join == Join::kAndAnd || model.join == Join::kOrAnd;
-      all = second_and ? all & m[2] : all | m[2];
-    }
+    const Mask all =
+        joined(model.join, masks[0][k], planes > 1 ? masks[1][k] : 0, planes > 2 ? masks[2][k] : 0);
     Mask wrong = all ^ window.words[k];
     if (std::popcount(wrong) > kMostOfNeighbour) continue;  // of another surface
     for (; wrong != 0; wrong &= wrong - 1) {
@@ -205,27 +194,9 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Window& window) 
 }
 
 SOILVDB_FOR_CPUS Mask mask_of(const CellPoints& points, const CellModel& model) {
-  const Mask a = plane_mask(points, model.plane[0]);
-  if (model.join == Join::kOne) return a;
-  const Mask b = plane_mask(points, model.plane[1]);
-  const Mask c = model.planes() > 2 ? plane_mask(points, model.plane[2]) : 0;
-  switch (model.join) {
-    case Join::kOne:
-      return a;
-    case Join::kAnd:
-      return a & b;
-    case Join::kOr:
-      return a | b;
-    case Join::kAndAnd:
-      return a & b & c;
-    case Join::kOrOr:
-      return a | b | c;
-    case Join::kAndOr:
-      return (a & b) | c;
-    case Join::kOrAnd:
-      return (a | b) & c;
-  }
-  return a;
+  Mask m[3] = {0, 0, 0};
+  for (int p = 0; p < model.planes(); ++p) m[p] = plane_mask(points, model.plane[p]);
+  return joined(model.join, m[0], m[1], m[2]);
 }
 
 SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> planes,
@@ -259,10 +230,16 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
     }
   }
   model.join = best.join;
-  for (int p = 0; p < 3; ++p) model.plane[p] = planes[static_cast<std::size_t>(best.plane[p])];
+  Masks fitted[2][3];
+  for (int p = 0; p < 3; ++p) {
+    model.plane[p] = planes[static_cast<std::size_t>(best.plane[p])];
+    std::copy_n(masks[best.plane[p]], kCells, fitted[0][p]);
+  }
   for (int k = 0; k < kRefits; ++k) {
-    const CellModel moved = refitted(model, window);
-    const int s = score_of(moved, window);
+    const CellModel moved = refitted(model, fitted[k & 1], window);
+    Masks* const then = fitted[1 - (k & 1)];
+    for (int p = 0; p < moved.planes(); ++p) make_masks(window, moved.plane[p], then[p]);
+    const int s = score_of(moved.join, words, then);
     if (s > best.score) break;
     best.score = s;
     model = moved;

@@ -8,12 +8,14 @@
 #include <map>
 
 #include "core/chunk_range.h"
-#include "core/surface_distance.h"
 
 namespace soilvdb {
 namespace {
 
 constexpr int kChunksPerBlock = kBlockSide / kLeafSide;
+/// Side of the cubes in which many chunks share what is known around them, voxels: larger ones look
+/// at less twice, and leave the caches.
+constexpr int kShare = 64;
 
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
@@ -48,14 +50,11 @@ void base_distance(const Soil& soil, const Coord3& chunk, float* phi_m) {
 }  // namespace
 
 SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need)
-    : soil_(soil),
-      grid_(soil, Cube(chunks, halo(need)).first, Cube(chunks, halo(need)).side, chunks,
+    : grid_(soil, Cube(chunks, halo(need)).first, Cube(chunks, halo(need)).side, chunks,
             halo(need)),
       models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1),
-      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {}
-
-void SurfaceBlock::distance(const Coord3& chunk, float* phi_m) const {
-  contour_distance(soil_, models_, contour_, chunk, phi_m);
+      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {
+  if (need == kDistance) distance_.emplace(soil, models_, contour_);
 }
 
 void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m) {
@@ -77,7 +76,7 @@ void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
       untouched.push_back(i);
       continue;
     }
-    constexpr int kMask = ~(kBlockSide - 1);
+    constexpr int kMask = ~(kShare - 1);
     Piece& piece = by_block[{c.x() & kMask, c.y() & kMask, c.z() & kMask}];
     piece.chunks.push_back(c);
     piece.numbers.push_back(i);

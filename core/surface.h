@@ -4,12 +4,14 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/cell_models.h"
 #include "core/dual_contour.h"
 #include "core/soil.h"
+#include "core/surface_distance.h"
 
 namespace soilvdb {
 
@@ -36,13 +38,13 @@ class SurfaceBlock {
   const Coord3& first() const { return grid_.first(); }
 
   /// phi at the 8x8x8 voxel centres of one of the chunks, made with kDistance.
-  void distance(const Coord3& chunk, float* phi_m) const;
+  void distance(const Coord3& chunk, float* phi_m) const { distance_->chunk(chunk, phi_m); }
 
  private:
-  const Soil& soil_;
   CellGrid grid_;
   CellModels models_;
   Contour contour_;
+  std::optional<ContourDistance> distance_;
 };
 
 /// Signed distance at the 8x8x8 voxel centres of a chunk, made from its samples and those of two
