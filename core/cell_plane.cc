@@ -22,14 +22,22 @@ constexpr float kMostTilt = 0.5f;  // of a step
 
 /// What the 27 words say against a plane.
 struct Residual {
-  float b[3], a[6];
-  float area;
-  int wrong, most;
+  float area, a[6];  // of the plane in the cells, and its moments in the tangents
+  int wrong, most;   // samples, in all and in a cell
+  /// The cells that have wrong ones, in order.
+  struct Cell {
+    std::uint64_t wrong, word;
+    const CellPoints* points;  // null where the plane passes by: all count as at the middle
+    float x, y, z;
+  } cells[27];
+  int size;
 };
 
 SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plane,
                              const Tangents& t, bool slab, Residual& r) {
-  r = {};
+  r.area = 0;
+  std::fill_n(r.a, 6, 0.0f);
+  r.wrong = r.most = r.size = 0;
   const float reach = plane.reach() + kFaceMargin;
   const float ax = std::abs(plane.nx), ay = std::abs(plane.ny), az = std::abs(plane.nz);
   const float most = std::max({ax, ay, az}), sum = ax + ay + az;
@@ -44,66 +52,77 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
         const float s = plane.beyond(fx, fy, fz);
         const int here_id = id + x * sx + y * sy + z;
         const std::uint64_t word = words[here_id];
+        const CellPoints* points = nullptr;
+        std::uint64_t wrong;
         if (std::abs(s) >= reach) {
-          const std::uint64_t expected = s < 0 ? ~std::uint64_t{0} : 0;
-          if (word == expected || slab) continue;
-          const std::uint64_t wrong = word ^ expected;
-          const int n = std::popcount(wrong);
-          r.wrong += n;
-          r.most = std::max(r.most, n);
-          const float weight = static_cast<float>(s < 0 ? -n : n);
-          r.b[0] += weight;
-          r.b[1] += weight * (t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz));
-          r.b[2] += weight * (t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz));
-          continue;
-        }
-        // Area of the plane in the cell: exact along axes and diagonals.
-        const float a =
-            std::min(std::max((sum / 2 - std::abs(s)) * steepness, 0.0f), 1.0f) * largest;
-        const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
-        const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
-        r.area += a;
-        r.a[0] += a;
-        r.a[1] += a * u;
-        r.a[2] += a * v;
-        r.a[3] += a * (u * u + 1.0f / 12);
-        r.a[4] += a * u * v;
-        r.a[5] += a * (v * v + 1.0f / 12);
-        const CellPoints& points = grid.points(here_id);
-        CellPlane here = plane;
-        here.d = -s;
-        std::uint64_t wrong = plane_mask(points, here) ^ word;
-        if (wrong != 0 && slab) {
-          CellPlane side = here;
-          side.d = here.d - kSlab;
-          wrong &= ~plane_mask(points, side);
-          side.d = here.d + kSlab;
-          wrong &= plane_mask(points, side);
+          if (slab) continue;
+          wrong = s < 0 ? ~word : word;
+        } else {
+          // Area of the plane in the cell: exact along axes and diagonals.
+          const float a =
+              std::min(std::max((sum / 2 - std::abs(s)) * steepness, 0.0f), 1.0f) * largest;
+          const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
+          const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
+          r.area += a;
+          r.a[0] += a;
+          r.a[1] += a * u;
+          r.a[2] += a * v;
+          r.a[3] += a * (u * u + 1.0f / 12);
+          r.a[4] += a * u * v;
+          r.a[5] += a * (v * v + 1.0f / 12);
+          points = &grid.points(here_id);
+          CellPlane here = plane;
+          here.d = -s;
+          wrong = plane_mask(*points, here) ^ word;
+          if (wrong != 0 && slab) {
+            CellPlane side = here;
+            side.d = here.d - kSlab;
+            wrong &= ~plane_mask(*points, side);
+            side.d = here.d + kSlab;
+            wrong &= plane_mask(*points, side);
+          }
         }
         if (wrong == 0) continue;
         const int n = std::popcount(wrong);
         r.wrong += n;
         r.most = std::max(r.most, n);
-        const auto more = static_cast<float>(2 * std::popcount(wrong & word) - n);
-        float px = -more / 2, py = px, pz = px;  // points are from the cell's corner
-        for (; wrong != 0; wrong &= wrong - 1) {
-          const int i = std::countr_zero(wrong);
-          const float sign = word >> i & 1 ? 1.0f : -1.0f;
-          px += sign * points.x[i];
-          py += sign * points.y[i];
-          pz += sign * points.z[i];
-        }
-        r.b[0] += more;
-        r.b[1] += more * u + (t.u[0] * px + (t.u[1] * py + t.u[2] * pz));
-        r.b[2] += more * v + (t.v[0] * px + (t.v[1] * py + t.v[2] * pz));
+        r.cells[r.size++] = {wrong, word, points, fx, fy, fz};
       }
     }
   }
 }
 
+/// How the wrong samples push: soil outwards, air inwards; and tilt.
+SOILVDB_INLINE void push(const Residual& r, const Tangents& t, float* b) {
+  b[0] = b[1] = b[2] = 0;
+  for (int k = 0; k < r.size; ++k) {
+    const Residual::Cell& c = r.cells[k];
+    const auto more =
+        static_cast<float>(2 * std::popcount(c.wrong & c.word) - std::popcount(c.wrong));
+    float px = more * c.x, py = more * c.y, pz = more * c.z;
+    if (c.points != nullptr) {  // which are from the cell's corner
+      px -= more / 2;
+      py -= more / 2;
+      pz -= more / 2;
+      for (std::uint64_t wrong = c.wrong; wrong != 0; wrong &= wrong - 1) {
+        const int i = std::countr_zero(wrong);
+        const float sign = c.word >> i & 1 ? 1.0f : -1.0f;
+        px += sign * c.points->x[i];
+        py += sign * c.points->y[i];
+        pz += sign * c.points->z[i];
+      }
+    }
+    b[0] += more;
+    b[1] += t.u[0] * px + (t.u[1] * py + t.u[2] * pz);
+    b[2] += t.v[0] * px + (t.v[1] * py + t.v[2] * pz);
+  }
+}
+
 /// Tilts and shifts the plane by the least-squares displacement.
 SOILVDB_INLINE void improve(const Residual& r, const Tangents& t, CellPlane& plane) {
-  const float *a = r.a, *b = r.b;
+  float b[3];
+  push(r, t, b);
+  const float* const a = r.a;
   const float c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5],
               c02 = a[1] * a[4] - a[2] * a[3];
   const float det = a[0] * c00 + (a[1] * c01 + a[2] * c02);

@@ -13,11 +13,10 @@
 namespace soilvdb {
 namespace {
 
-/// Chunks that aren't resident themselves, into which the surface's band may reach from those that
-/// are.
-std::vector<Coord3> beside(const Soil& soil, std::span<const Coord3> resident) {
+/// Chunks that aren't resident themselves, into which the surface's band may reach from some.
+std::vector<Coord3> beside(const Soil& soil, std::span<const Coord3> chunks) {
   std::vector<Coord3> all;
-  for (const Coord3& c : resident) {
+  for (const Coord3& c : chunks) {
     for (int n = 0; n < 27; ++n) {
       const Coord3 other = c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
       if (soil.find(other) == nullptr) all.push_back(other);
@@ -49,24 +48,20 @@ std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi
   return leaf;
 }
 
-openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, bool around) {
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::vector<Coord3> chunks) {
   const float band = static_cast<float>(soil.band_m());
-  std::vector<Coord3> origins;
-  for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
-  const std::size_t resident = origins.size();
-  if (around) {
-    const std::vector<Coord3> others = beside(soil, origins);
-    origins.insert(origins.end(), others.begin(), others.end());
-  }
-  std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
-  surface_distances(soil, origins, [&](std::size_t i, const float* phi_m) {
+  const std::size_t asked = chunks.size();
+  const std::vector<Coord3> others = beside(soil, chunks);
+  chunks.insert(chunks.end(), others.begin(), others.end());
+  std::vector<std::unique_ptr<FloatLeaf>> leaves(chunks.size());
+  surface_distances(soil, chunks, [&](std::size_t i, const float* phi_m) {
     float base_m[kLeafSize];
-    if (i >= resident) {
-      soil.base().distance(soil.world_from_index(origins[i].cast<double>()), soil.voxel_size_m(),
+    if (i >= asked) {
+      soil.base().distance(soil.world_from_index(chunks[i].cast<double>()), soil.voxel_size_m(),
                            soil.band_m(), base_m);
       if (std::equal(base_m, base_m + kLeafSize, phi_m)) return;  // nothing was cut near
     }
-    leaves[i] = level_set_leaf(origins[i], phi_m, band);
+    leaves[i] = level_set_leaf(chunks[i], phi_m, band);
   });
   openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
   for (auto& leaf : leaves) {

@@ -14,11 +14,10 @@ using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 /// 512 values of phi as a leaf, active where |phi| < band.
 std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi_m, float band_m);
 
-/// The resident ground as a grid `surface`: class level set, background +band, a leaf for each
-/// chunk and for those around where a cut's band reaches, active where |phi| < band. Its transform
-/// is relative to Soil::origin().
-/// @param around also leaves around the chunks; in vain where the soil is but a part of the ground
-openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, bool around = true);
+/// Ground as a grid `surface`: class level set, background +band, a leaf for each of some chunks
+/// and for those around them that aren't resident, where a cut's band reaches; active where |phi| <
+/// band. Its transform is relative to Soil::origin().
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::vector<Coord3> chunks);
 
 /// A grid like that without leaves.
 openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil);

@@ -80,11 +80,13 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
 }  // namespace
 
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
-                           const SnapshotInfo& info) {
+                           const SnapshotInfo& info, const Soil* ground) {
   openvdb::initialize();
   MetaMap meta;
   put_all(meta, file, site, info);
-  const FloatGrid::Ptr surface = surface_grid(*site.soil, !info.since);
+  std::vector<Coord3> chunks;
+  for (const Chunk* chunk : site.soil->chunks()) chunks.push_back(chunk->origin);
+  const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.soil, chunks);
   for (auto item = meta.beginMeta(); item != meta.endMeta(); ++item) {
     surface->insertMeta(item->first, *item->second);
   }

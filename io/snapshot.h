@@ -49,8 +49,10 @@ struct SnapshotInfo {
 
 /// The bytes of a snapshot. Reads the site.
 /// @param site for an incremental snapshot: with only the chunks that it is to hold
+/// @param ground of which the surface is made where that isn't all there is of it: these chunks and
+///        what is resident within two chunks of them
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
-                           const SnapshotInfo& info);
+                           const SnapshotInfo& info, const Soil* ground = nullptr);
 
 /// Writes a snapshot, atomically.
 /// @param file where it goes: it refers to its base surface relative to its own folder

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Runs with incremental snapshots: the ground of whole ones at a cost that goes with what changed.
+#include <openvdb/openvdb.h>
+
 #include <set>
 
 #include "io/journal.h"
@@ -49,6 +51,12 @@ class Incremental : public ProgramTest {
   std::uint64_t hash(const std::string& file, io::SnapshotInfo* info = nullptr) const {
     return io::read_snapshot(folder() / file, info).soil->state_hash();
   }
+  openvdb::FloatGrid::Ptr surface(const std::string& file) const {
+    openvdb::initialize();
+    openvdb::io::File vdb((folder() / file).string());
+    vdb.open(/*delayLoad=*/false);
+    return openvdb::gridPtrCast<openvdb::FloatGrid>(vdb.readGrid("surface"));
+  }
   /// Makes of a finished run one that ended earlier.
   void interrupt(const std::string& out, double share) const {
     const auto size = static_cast<double>(fs::file_size(folder() / out / "journal"));
@@ -83,6 +91,22 @@ TEST_F(Incremental, SnapshotsAreTheGroundOfWholeOnesWithAnyThreads) {
     EXPECT_EQ(hash("one/" + file.name), hash("whole/" + file.name)) << file.name;
   }
   EXPECT_EQ(hash("one/soil_final.vdb"), hash("whole/soil_final.vdb"));
+}
+
+TEST_F(Incremental, TheirSurfaceIsThatOfWholeOnes) {
+  run_with("every: 1, incremental: true", "part");
+  std::size_t compared = 0;
+  for (const io::JournalFile& file : snapshots("part")) {
+    if (file.since.empty()) continue;
+    const openvdb::FloatGrid::Ptr part = surface("part/" + file.name),
+                                  whole = surface("whole/" + file.name);
+    for (auto leaf = part->tree().cbeginLeaf(); leaf; ++leaf, ++compared) {
+      const auto* const same = whole->tree().probeConstLeaf(leaf->origin());
+      ASSERT_NE(same, nullptr);
+      EXPECT_TRUE(*same == *leaf) << file.name << ' ' << leaf->origin();
+    }
+  }
+  EXPECT_GT(compared, 100u);
 }
 
 TEST_F(Incremental, AWholeOneComesWhenTheOthersHaveComeToTheGroundItself) {

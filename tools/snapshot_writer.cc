@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <set>
 #include <stdexcept>
@@ -11,6 +12,7 @@
 #include <utility>
 
 #include "core/beside.h"
+#include "core/chunk_range.h"
 #include "core/soil_writer.h"
 #include "io/atomic_file.h"
 #include "io/checksum.h"
@@ -22,6 +24,20 @@ std::vector<Coord3> all_chunks(const Soil& soil) {
   std::vector<Coord3> origins;
   for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
   return origins;
+}
+
+/// The resident chunks within two chunks of some: what their surface is made of.
+std::vector<Coord3> chunks_around(const Soil& soil, const std::vector<Coord3>& chunks) {
+  std::vector<Coord3> around;
+  for (const Coord3& c : chunks) {
+    for (int n = 0; n < 125; ++n) {
+      const Coord3 other = c + kLeafSide * Coord3(n / 25 - 2, n / 5 % 5 - 2, n % 5 - 2);
+      if (soil.find(other) != nullptr) around.push_back(other);
+    }
+  }
+  std::sort(around.begin(), around.end(), before);
+  around.erase(std::unique(around.begin(), around.end()), around.end());
+  return around;
 }
 
 }  // namespace
@@ -66,8 +82,15 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
     SoilWriter(*copy.soil).copy_from(soil, origin);
     if (!whole && soil.find(origin) == nullptr) info.since->dropped.push_back(origin);
   }
-  auto work = [this, file = std::move(file), copy = std::move(copy), info = std::move(info),
-               &journal] { save(file, copy, info, journal); };
+  std::unique_ptr<Soil> ground;
+  if (!whole) {
+    ground = io::untouched(site).soil;
+    for (const Coord3& origin : chunks_around(soil, changed)) {
+      SoilWriter(*ground).copy_from(soil, origin);
+    }
+  }
+  auto work = [this, file = std::move(file), copy = std::move(copy), ground = std::move(ground),
+               info = std::move(info), &journal] { save(file, copy, ground.get(), info, journal); };
   if (options_.beside) {
     writing_ =
         std::async(std::launch::async, [work = std::move(work)] { run_beside_updates(work); });
@@ -77,10 +100,10 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
   }
 }
 
-void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const io::SnapshotInfo& info,
-                          io::JournalWriter& journal) {
+void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const Soil* ground,
+                          const io::SnapshotInfo& info, io::JournalWriter& journal) {
   const std::filesystem::path path = folder_.path() / file.name;
-  const std::string bytes = io::snapshot_bytes(path, site, info);
+  const std::string bytes = io::snapshot_bytes(path, site, info, ground);
   io::write_atomically(path, bytes);
   file.size = bytes.size();
   file.crc = io::crc64(bytes);

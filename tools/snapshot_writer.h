@@ -63,8 +63,8 @@ class SnapshotWriter {
   void finish();
 
  private:
-  void save(io::JournalFile file, const io::Site& site, const io::SnapshotInfo& info,
-            io::JournalWriter& journal);
+  void save(io::JournalFile file, const io::Site& site, const Soil* ground,
+            const io::SnapshotInfo& info, io::JournalWriter& journal);
 
   RunFolder& folder_;
   const Options options_;
