@@ -16,9 +16,9 @@ constexpr float kHopeless = 0.5f;  // share of wrong samples after one
 /// of the window where another plane begins, or some everywhere for want of curvature.
 constexpr float kWrongShare = 0.05f, kWrongShareCurved = 0.1f;
 constexpr int kWrongInCell = 12, kWrongInCellCurved = 7;
-constexpr float kSlab = 0.5f;      // half thickness of what a sided fit looks at, voxels
-constexpr float kLeastArea = 4;    // of a sided fit, voxels^2
-constexpr float kMostTilt = 0.5f;  // of a step
+constexpr float kSlab = 0.5f;    // half thickness of what a sided fit looks at, voxels
+constexpr float kLeastArea = 4;  // of a sided fit, voxels^2
+constexpr float kMostStep = 0.5f;
 
 /// What the 27 words say against a plane.
 struct Residual {
@@ -118,29 +118,10 @@ SOILVDB_INLINE void push(const Residual& r, const Tangents& t, float* b) {
   }
 }
 
-/// Tilts and shifts the plane by the least-squares displacement.
 SOILVDB_INLINE void improve(const Residual& r, const Tangents& t, CellPlane& plane) {
   float b[3];
   push(r, t, b);
-  const float* const a = r.a;
-  const float c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5],
-              c02 = a[1] * a[4] - a[2] * a[3];
-  const float det = a[0] * c00 + (a[1] * c01 + a[2] * c02);
-  if (!(det > 1e-4f)) return;
-  const float c11 = a[0] * a[5] - a[2] * a[2], c12 = a[1] * a[2] - a[0] * a[4],
-              c22 = a[0] * a[3] - a[1] * a[1];
-  const float scale = 1 / (64 * det);
-  const float h0 = (c00 * b[0] + (c01 * b[1] + c02 * b[2])) * scale;
-  float h1 = (c01 * b[0] + (c11 * b[1] + c12 * b[2])) * scale;
-  float h2 = (c02 * b[0] + (c12 * b[1] + c22 * b[2])) * scale;
-  h1 = std::min(std::max(h1, -kMostTilt), kMostTilt);
-  h2 = std::min(std::max(h2, -kMostTilt), kMostTilt);
-  const float shift = std::min(std::max(h0, -kMostTilt), kMostTilt);
-  const float norm = 1 / std::sqrt(1 + (h1 * h1 + h2 * h2));
-  plane.nx = (plane.nx - (h1 * t.u[0] + h2 * t.v[0])) * norm;
-  plane.ny = (plane.ny - (h1 * t.u[1] + h2 * t.v[1])) * norm;
-  plane.nz = (plane.nz - (h1 * t.u[2] + h2 * t.v[2])) * norm;
-  plane.d = (plane.d + shift) * norm;
+  displace(plane, t, r.a, b, kMostStep);
 }
 
 bool normalise(CellPlane& p) {
@@ -266,6 +247,25 @@ Tangents::Tangents(const CellPlane& p) {
   v[0] = b;
   v[1] = sign + p.ny * p.ny * a;
   v[2] = -p.ny;
+}
+
+void displace(CellPlane& plane, const Tangents& t, const float* a, const float* b, float most) {
+  const float c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5],
+              c02 = a[1] * a[4] - a[2] * a[3];
+  const float det = a[0] * c00 + (a[1] * c01 + a[2] * c02);
+  if (!(det > 1e-4f)) return;
+  const float c11 = a[0] * a[5] - a[2] * a[2], c12 = a[1] * a[2] - a[0] * a[4],
+              c22 = a[0] * a[3] - a[1] * a[1];
+  const float scale = 1 / (64 * det);
+  const auto held = [&](float v) { return std::min(std::max(v * scale, -most), most); };
+  const float shift = held(c00 * b[0] + (c01 * b[1] + c02 * b[2]));
+  const float tilt_u = held(c01 * b[0] + (c11 * b[1] + c12 * b[2]));
+  const float tilt_v = held(c02 * b[0] + (c12 * b[1] + c22 * b[2]));
+  const float norm = 1 / std::sqrt(1 + (tilt_u * tilt_u + tilt_v * tilt_v));
+  plane.nx = (plane.nx - (tilt_u * t.u[0] + tilt_v * t.v[0])) * norm;
+  plane.ny = (plane.ny - (tilt_u * t.u[1] + tilt_v * t.v[1])) * norm;
+  plane.nz = (plane.nz - (tilt_u * t.u[2] + tilt_v * t.v[2])) * norm;
+  plane.d = (plane.d + shift) * norm;
 }
 
 PlaneFit fit_plane(const CellGrid& grid, int id) {

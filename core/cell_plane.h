@@ -33,6 +33,11 @@ struct Tangents {
   explicit Tangents(const CellPlane& p);
 };
 
+/// Tilts and shifts a plane by the least-squares displacement: a h = b, where a are the moments of
+/// (1, u, v) over places on the plane, its upper half by rows, and b 64 times those of the
+/// displacement there. No part of h is larger than `most`.
+void displace(CellPlane& plane, const Tangents& t, const float* a, const float* b, float most);
+
 /// A fit and how good it is.
 struct PlaneFit {
   CellPlane plane;

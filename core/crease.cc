@@ -115,7 +115,7 @@ SOILVDB_INLINE int score_of(Join join, const Masks& words, const Masks* m) {
 SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
                                   const Window& window) {
   struct Sums {
-    float b[3] = {0, 0, 0};
+    float more = 0, x = 0, y = 0, z = 0;  // of wrong samples: soil less air, and its moments
     float a[6] = {0, 0, 0, 0, 0, 0};
   } sums[3];
   const int planes = model.planes();
@@ -156,39 +156,26 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
                   pz = z + points.z[i] - 0.5f;
       const Active active = model.at(px, py, pz);
       if (std::abs(active.beyond) > 0.5f) continue;
-      const Tangents& t = tangents[active.plane];
       const float sign = window.words[k] >> i & 1 ? 1.0f : -1.0f;
       Sums& sum = sums[active.plane];
-      sum.b[0] += sign;
-      sum.b[1] += sign * (t.u[0] * px + (t.u[1] * py + t.u[2] * pz));
-      sum.b[2] += sign * (t.v[0] * px + (t.v[1] * py + t.v[2] * pz));
+      sum.more += sign;
+      sum.x += sign * px;
+      sum.y += sign * py;
+      sum.z += sign * pz;
     }
   }
   CellModel moved = model;
   for (int p = 0; p < planes; ++p) {
     float* const a = sums[p].a;
-    const float* const b = sums[p].b;
+    const Tangents& t = tangents[p];
+    const auto along = [&](const float* e) {
+      return e[0] * sums[p].x + (e[1] * sums[p].y + e[2] * sums[p].z);
+    };
+    const float b[3] = {sums[p].more, along(t.u), along(t.v)};
     a[0] += kStiffness / 4;
     a[3] += kStiffness;
     a[5] += kStiffness;
-    const float c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5],
-                c02 = a[1] * a[4] - a[2] * a[3];
-    const float det = a[0] * c00 + (a[1] * c01 + a[2] * c02);
-    if (!(det > 1e-4f)) continue;
-    const float c11 = a[0] * a[5] - a[2] * a[2], c12 = a[1] * a[2] - a[0] * a[4],
-                c22 = a[0] * a[3] - a[1] * a[1];
-    const float scale = 1 / (64 * det);
-    const auto held = [](float v) { return std::min(std::max(v, -kMostMove), kMostMove); };
-    const float h0 = held((c00 * b[0] + (c01 * b[1] + c02 * b[2])) * scale);
-    const float h1 = held((c01 * b[0] + (c11 * b[1] + c12 * b[2])) * scale);
-    const float h2 = held((c02 * b[0] + (c12 * b[1] + c22 * b[2])) * scale);
-    const Tangents& t = tangents[p];
-    CellPlane& plane = moved.plane[p];
-    const float norm = 1 / std::sqrt(1 + (h1 * h1 + h2 * h2));
-    plane.nx = (plane.nx - (h1 * t.u[0] + h2 * t.v[0])) * norm;
-    plane.ny = (plane.ny - (h1 * t.u[1] + h2 * t.v[1])) * norm;
-    plane.nz = (plane.nz - (h1 * t.u[2] + h2 * t.v[2])) * norm;
-    plane.d = (plane.d + h0) * norm;
+    displace(moved.plane[p], t, a, b, kMostMove);
   }
   return moved;
 }
