@@ -17,7 +17,7 @@ class Incremental : public ProgramTest {
   void SetUp() override {
     ProgramTest::SetUp();
     std::string csv = "time,x,y,z\n";
-    for (int pass = 0, row = 0; pass < 12; ++pass) {
+    for (int pass = 0, row = 0; pass < 6; ++pass) {
       for (int i = 0; i <= 20; ++i, ++row)
         csv += fmt::format("{},{},{},{}\n", row / 10.0, i / 10.0 + pass / 7.0, pass * 0.6,
                            0.05 - 0.3 * std::sin(std::numbers::pi * i / 20));
