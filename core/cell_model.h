@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "core/cell_plane.h"
@@ -30,6 +31,10 @@ struct Active {
   int plane;
 };
 
+/// How far outside of a thin wall a voxel's centre may be and count as in it, voxels: else a wall
+/// one voxel thick would be lost where both its faces run through centres. The same for slots.
+inline constexpr float kTie = 0.04f;
+
 struct CellModel {
   Join join = Join::kOne;
   bool solved = false;  ///< else the cell's planes are not known
@@ -48,6 +53,21 @@ struct CellModel {
     const Active c{plane[2].beyond(x, y, z), 2};
     const bool second_and = join == Join::kAndAnd || join == Join::kOrAnd;
     return (second_and ? c.beyond > a.beyond : c.beyond < a.beyond) ? c : a;
+  }
+
+  /// Is the centre of the cell in soil?
+  bool soil() const {
+    constexpr float kOpposite = -0.9f, kThin = 1 + 2 * kTie;
+    const Active here = at(0, 0, 0);
+    if (std::abs(here.beyond) < kTie) {
+      const CellPlane& face = plane[here.plane];
+      for (int p = 0; p < planes(); ++p) {
+        if (face.along(plane[p].nx, plane[p].ny, plane[p].nz) > kOpposite) continue;
+        const float thickness = face.d + plane[p].d;  // of a slot below zero
+        if (std::abs(thickness) < kThin) return thickness > 0;
+      }
+    }
+    return here.beyond < 0;
   }
 };
 

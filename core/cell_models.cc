@@ -100,6 +100,8 @@ void CellModels::fit(Cell& cell) {
   if (cell.kind != Cell::kUnfitted) return;
   const PlaneFit fit = fit_plane(grid_, cell.id);
   cell.plane = fit.plane;
+  cell.opposite = fit.opposite;
+  cell.both = fit.both;
   cell.kind = fit.smooth ? Cell::kSmooth : fit.sided ? Cell::kSided : Cell::kOther;
 }
 
@@ -254,6 +256,7 @@ void CellModels::find_bend(Cell& cell) {
 void CellModels::gather(const Cell& cell, Candidates& candidates) {
   if (std::abs(grid_.base_distance(cell.id)) < kBaseSight) candidates.add(base_plane(cell.id));
   if (cell.kind == Cell::kSided) candidates.add(cell.plane);
+  if (cell.both) candidates.add(cell.opposite);
   for (const auto& [x, y, z] : kNearby.at) {
     if (candidates.full()) return;
     Cell* const other = neighbour(cell, x, y, z);
@@ -265,6 +268,7 @@ void CellModels::gather(const Cell& cell, Candidates& candidates) {
       continue;
     }
     if (other->kind == Cell::kSided) candidates.add(other->plane.from(-x, -y, -z));
+    if (other->both) candidates.add(other->opposite.from(-x, -y, -z));
     if (!other->model.solved || std::max({std::abs(x), std::abs(y), std::abs(z)}) > 1) continue;
     for (int p = 0; p < other->model.planes(); ++p) {
       candidates.add(other->model.plane[p].from(-x, -y, -z));

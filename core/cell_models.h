@@ -33,7 +33,7 @@ class CellModels {
   /// Is the cell's centre in soil?
   bool soil(int id) const {
     const CellModel* m = find(id);
-    return m != nullptr ? m->at(0, 0, 0).beyond < 0 : grid_.count(id) > 32;
+    return m != nullptr ? m->soil() : grid_.count(id) > 32;
   }
   /// Signed distance at a point relative to a cell's centre, as far as the cell knows.
   float beyond(int id, float x, float y, float z) const {
@@ -57,8 +57,10 @@ class CellModels {
       kSided,   ///< of a thin wall
       kOther
     } kind = kUnfitted;
-    bool bent = false;  ///< bend is known
-    CellPlane plane;    ///< as fitted: where the surface bends, too far inwards
+    bool bent = false;   ///< bend is known
+    bool both = false;   ///< opposite is known
+    CellPlane plane;     ///< as fitted: where the surface bends, too far inwards
+    CellPlane opposite;  ///< the other face of a wall that fills the cell
     Bend bend;
     CellModel model;
   };

@@ -41,7 +41,8 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
   const float reach = plane.reach() + kFaceMargin;
   const float ax = std::abs(plane.nx), ay = std::abs(plane.ny), az = std::abs(plane.nz);
   const float most = std::max({ax, ay, az}), sum = ax + ay + az;
-  const float steepness = 1 / std::max(sum - most, 1e-3f), largest = 1 / most;
+  // A plane in the face between two cells is half in each.
+  const float steepness = 1 / std::max(sum - most, 2 * kFaceMargin), largest = 1 / most;
   const std::uint64_t* const words = grid.words();
   const int sx = grid.step(0), sy = grid.step(1);
   for (int x = -1; x <= 1; ++x) {
@@ -60,7 +61,7 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
         } else {
           // Area of the plane in the cell: exact along axes and diagonals.
           const float a =
-              std::min(std::max((sum / 2 - std::abs(s)) * steepness, 0.0f), 1.0f) * largest;
+              std::min(std::max(0.5f + (most / 2 - std::abs(s)) * steepness, 0.0f), 1.0f) * largest;
           const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
           const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
           r.area += a;
@@ -223,17 +224,29 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
   }
 }
 
-/// Is there air, or soil, on both sides of a cell within two voxels?
-bool thin(const CellGrid& grid, int id) {
+/// The axis along which there is air on both sides within two voxels and half a cell of soil, or of
+/// two that share a face, between; or the same with air and soil swapped; -1.
+int thin_axis(const CellGrid& grid, int id) {
   constexpr int kFew = 16;
   for (int axis = 0; axis < 3; ++axis) {
     const int step = grid.step(axis);
     const int below = grid.count(id - 2 * step), above = grid.count(id + 2 * step);
     const int a = grid.count(id - step), b = grid.count(id), c = grid.count(id + step);
-    if (below < kFew && above < kFew && std::max({a, b, c}) > 32) return true;
-    if (below > 64 - kFew && above > 64 - kFew && std::min({a, b, c}) < 32) return true;
+    const auto [least, most] = std::minmax({2 * a, a + b, 2 * b, b + c, 2 * c});
+    if (below < kFew && above < kFew && most >= 64) return axis;
+    if (below > 64 - kFew && above > 64 - kFew && least <= 64) return axis;
   }
-  return false;
+  return -1;
+}
+
+/// A face across an axis of a wall or slot that fills the cell: as far out as the counts say.
+CellPlane face_across(const CellGrid& grid, int id, int axis, int side) {
+  const int beyond = grid.count(id + side * grid.step(axis));
+  const bool wall = grid.count(id) > 32;
+  float n[3] = {0, 0, 0};
+  n[axis] = static_cast<float>(wall ? side : -side);
+  return {n[0], n[1], n[2],
+          wall ? 0.5f + static_cast<float>(beyond) / 64 : -1.5f + static_cast<float>(beyond) / 64};
 }
 
 }  // namespace
@@ -279,13 +292,21 @@ PlaneFit fit_plane(const CellGrid& grid, int id) {
   fit.plane = start;
   by_heights(grid, id, axis, n[axis] > 0, fit.plane);
   refine(grid, id, fit);
-  if (!fit.smooth && thin(grid, id)) {
-    PlaneFit side;
-    side.plane = start;
-    refine_one_side(grid, id, side);
-    if (side.sided) return side;
-  }
-  return fit;
+  const int across = fit.smooth ? -1 : thin_axis(grid, id);
+  if (across < 0) return fit;
+  PlaneFit side;
+  side.plane = start;
+  refine_one_side(grid, id, side);
+  if (side.sided) return side;
+  PlaneFit other;  // the gradient says nothing where both sides are alike
+  side.plane = face_across(grid, id, across, 1);
+  other.plane = face_across(grid, id, across, -1);
+  refine_one_side(grid, id, side);
+  refine_one_side(grid, id, other);
+  if (!side.sided || !other.sided) return fit;
+  side.opposite = other.plane;
+  side.both = true;
+  return side;
 }
 
 }  // namespace soilvdb

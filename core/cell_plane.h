@@ -43,6 +43,8 @@ struct PlaneFit {
   CellPlane plane;
   bool smooth = false;  ///< the 27 cells around show nothing but this plane
   bool sided = false;   ///< they do within half a voxel of it, as on the face of a thin wall
+  CellPlane opposite;   ///< of a wall or slot as thin as the cell: its other face
+  bool both = false;    ///< there is one
 };
 
 /// Fits a plane to the words of the 27 cells around a cell: from the counts where columns go from

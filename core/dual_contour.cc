@@ -109,7 +109,7 @@ class Contouring {
     const std::uint8_t* const counts = grid_.counts();
     for (std::size_t k = 0; k < cells; ++k) soil_[k] = counts[k] > 32;
     for (const CellModels::Cell& c : models.cells()) {
-      if (c.model.solved) soil_[static_cast<std::size_t>(c.id)] = c.model.at(0, 0, 0).beyond < 0;
+      if (c.model.solved) soil_[static_cast<std::size_t>(c.id)] = c.model.soil();
     }
     dual_.assign(cells, -1);
   }
@@ -156,60 +156,63 @@ class Contouring {
 
   /// Crossing of the edge from a voxel along an axis, in voxels from that voxel's centre.
   Crossing crossing(int id, int axis) const {
-    const int other = id + grid_.step(axis);
-    Crossing c{{0, 0, 0}, {0, 0, 0}};
-    float t[2] = {-1, -1}, n[2][3];
-    for (int end = 0; end < 2; ++end) {
-      const CellModel* const m = models_.find(end == 0 ? id : other);
-      if (m == nullptr) continue;
-      float best = 2;
-      for (int p = 0; p < m->planes(); ++p) {
-        const CellPlane& plane = m->plane[p];
-        const float slope[3] = {plane.nx, plane.ny, plane.nz};
-        // Out of soil in the direction in which the signs say so.
-        const float outwards = soil_[static_cast<std::size_t>(id)] ? slope[axis] : -slope[axis];
-        if (!(outwards > 1e-6f)) continue;
-        const float along = plane.d / slope[axis];
-        const float at = along + static_cast<float>(end);
-        if (!(at >= -1e-3f && at <= 1.001f)) continue;
-        float q[3] = {0, 0, 0};
-        q[axis] = along;
-        const float beyond = m->at(q[0], q[1], q[2]).beyond;
-        if (std::abs(beyond) > 1e-3f) continue;
-        if (std::abs(along) >= best) continue;
-        best = std::abs(along);
-        t[end] = std::min(std::max(at, 0.0f), 1.0f);
-        for (int a = 0; a < 3; ++a) n[end][a] = slope[a];
+    Crossing seen[2];
+    const bool below = seen_from(id, axis, 0, seen[0]);
+    const bool above = seen_from(id, axis, 1, seen[1]);
+    if (below && above) {
+      // Each model is right in its own half.
+      const bool first = seen[0].p[axis] <= 0.5f, second = seen[1].p[axis] >= 0.5f;
+      if (first != second) return seen[first ? 0 : 1];
+      Crossing c;
+      float square = 0;
+      for (int a = 0; a < 3; ++a) {
+        c.p[a] = (seen[0].p[a] + seen[1].p[a]) / 2;
+        c.n[a] = seen[0].n[a] + seen[1].n[a];
+        square += c.n[a] * c.n[a];
       }
-    }
-    // Each model is right in its own half.
-    int from = -1;
-    if (t[0] >= 0 && t[1] >= 0) {
-      const bool first = t[0] <= 0.5f, second = t[1] >= 0.5f;
-      if (first != second) {
-        from = first ? 0 : 1;
-      } else {
-        c.p[axis] = (t[0] + t[1]) / 2;
-        float square = 0;
-        for (int a = 0; a < 3; ++a) {
-          c.n[a] = n[0][a] + n[1][a];
-          square += c.n[a] * c.n[a];
-        }
-        const float scale = 1 / std::sqrt(std::max(square, 1e-6f));
-        for (float& v : c.n) v *= scale;
-        return c;
-      }
-    } else if (t[0] >= 0 || t[1] >= 0) {
-      from = t[0] >= 0 ? 0 : 1;
-    }
-    if (from < 0) {
-      c.p[axis] = 0.5f;
-      c.n[axis] = soil_[static_cast<std::size_t>(id)] ? 1.0f : -1.0f;
+      const float scale = 1 / std::sqrt(std::max(square, 1e-6f));
+      for (float& v : c.n) v *= scale;
       return c;
     }
-    c.p[axis] = t[from];
-    for (int a = 0; a < 3; ++a) c.n[a] = n[from][a];
+    if (below || above) return seen[below ? 0 : 1];
+    Crossing c{{0, 0, 0}, {0, 0, 0}};
+    c.p[axis] = 0.5f;
+    c.n[axis] = soil_[static_cast<std::size_t>(id)] ? 1.0f : -1.0f;
     return c;
+  }
+
+  /// What the model of one end of that edge says. @return false if it says nothing
+  bool seen_from(int id, int axis, int end, Crossing& c) const {
+    const CellModel* const m = models_.find(id + end * grid_.step(axis));
+    if (m == nullptr) return false;
+    const Active centre = m->at(0, 0, 0);
+    // A centre that counts as in a thin wall lies just outside of its face.
+    const bool tied = (centre.beyond < 0) != m->soil();
+    const float slack = tied ? kTie : 1e-3f, from = static_cast<float>(end);
+    float best = 2;
+    for (int p = 0; p < m->planes(); ++p) {
+      const CellPlane& plane = m->plane[p];
+      const float slope[3] = {plane.nx, plane.ny, plane.nz};
+      // Out of soil in the direction in which the signs say so.
+      const float outwards = soil_[static_cast<std::size_t>(id)] ? slope[axis] : -slope[axis];
+      if (!(outwards > 1e-6f)) continue;
+      const float along = plane.d / slope[axis];
+      if (!(std::abs(along + from - 0.5f) <= 0.5f + slack)) continue;
+      float q[3] = {0, 0, 0};
+      q[axis] = along;
+      if (std::abs(m->at(q[0], q[1], q[2]).beyond) > slack || std::abs(along) >= best) continue;
+      best = std::abs(along);
+      q[axis] = tied ? along + from : std::min(std::max(along + from, 0.0f), 1.0f);
+      std::copy_n(q, 3, c.p);
+      std::copy_n(slope, 3, c.n);
+    }
+    if (best < 2 || !tied) return best < 2;
+    const CellPlane& face = m->plane[centre.plane];
+    const float n[3] = {face.nx, face.ny, face.nz};
+    for (int a = 0; a < 3; ++a) c.p[a] = -centre.beyond * n[a];
+    c.p[axis] += from;
+    std::copy_n(n, 3, c.n);
+    return true;
   }
 
   int corner_id(int cell, int corner) const {

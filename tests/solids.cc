@@ -68,8 +68,9 @@ Solid half_sine_trench(double yaw_rad) {
   return s;
 }
 
-Solid thin_wall(double thickness_m, double roll, double yaw) {
-  const Pose middle{kPlace, from_rpy(roll, 0, yaw)};
+Solid thin_wall(double thickness_m, double roll, double yaw, double first_face_m) {
+  Pose middle{kPlace, from_rpy(roll, 0, yaw)};
+  middle.position.y() = first_face_m + thickness_m / 2;
   std::vector<Box> boxes;
   for (const double side : {1.0, -1.0}) {
     Box box{middle, Vec3(0.4, 0.2, 0.3)};
@@ -77,6 +78,12 @@ Solid thin_wall(double thickness_m, double roll, double yaw) {
     boxes.push_back(box);
   }
   return ground_less("thin wall", Vec2::Zero(), boxes);
+}
+
+Solid thin_slot(double thickness_m, double roll, double yaw, double first_face_m) {
+  Pose middle{kPlace, from_rpy(roll, 0, yaw)};
+  middle.position.y() = first_face_m + thickness_m / 2;
+  return ground_less("thin slot", Vec2::Zero(), {{middle, Vec3(0.4, thickness_m / 2, 0.3)}});
 }
 
 std::unique_ptr<Soil> sampled(const Solid& solid, double h) {

@@ -32,8 +32,11 @@ struct Box {
 Solid ground_less(std::string name, const Vec2& slope, const std::vector<Box>& boxes);
 /// Half length 0.5 m, depth 0.25 m, width 0.6 m.
 Solid half_sine_trench(double yaw_rad);
-/// Two boxes with a wall between them. @param turn roll and yaw, rad
-Solid thin_wall(double thickness_m, double roll, double yaw);
+/// Two boxes with a wall between them. @param roll, yaw rad @param first_face_m of the wall, from
+/// the lattice point at the origin
+Solid thin_wall(double thickness_m, double roll, double yaw, double first_face_m);
+/// A slot in the place of the wall.
+Solid thin_slot(double thickness_m, double roll, double yaw, double first_face_m);
 
 /// The ground before as base surface, and the samples of the solid wherever they differ.
 std::unique_ptr<Soil> sampled(const Solid& solid, double voxel_size_m);

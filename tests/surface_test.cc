@@ -158,18 +158,30 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
   EXPECT_LE(std::sqrt(normal / triangles), kPlaneNormal);
 }
 
-TEST(SurfaceMeshOfSamples, KeepsAWallOneVoxelThick) {
+/// @param least_m3 of volume, from which on it isn't kept
+void keeps(const Solid& solid, double h, double least_m3, const std::string& what) {
+  const auto soil = sampled(solid, h);
+  const Mesh mesh = mesh_all(*soil);
+  const Faults f = faults(mesh, *soil);
+  EXPECT_EQ(f.torn, 0) << what;
+  EXPECT_EQ(f.crowded, 0) << what;
+  EXPECT_LE(std::abs(below_ground_m3(mesh, solid) + soil->change_m3()), least_m3) << what;
+}
+
+TEST(SurfaceMeshOfSamples, KeepsAWallAndASlotOneVoxelThick) {
   for (const double h : {0.05, 0.025}) {
+    const double thin_m3 = 0.8 * 0.3 * h;
     for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}}) {
-      const Solid wall = thin_wall(h, roll, yaw);
-      const auto soil = sampled(wall, h);
-      const Mesh mesh = mesh_all(*soil);
-      const Faults f = faults(mesh, *soil);
-      EXPECT_EQ(f.torn, 0) << yaw << ", voxel " << h;
-      EXPECT_EQ(f.crowded, 0) << yaw << ", voxel " << h;
-      EXPECT_LE(measure(wall, h).p99, kVertexError) << yaw << ", voxel " << h;
-      // The wall is the volume between the two cuts: half of it lost would be more than this.
-      EXPECT_LE(std::abs(below_ground_m3(mesh, wall) / -soil->change_m3() - 1), 1e-3) << yaw;
+      // With faces on centres of voxels and between cells, too.
+      for (const double offset : {0.0, 0.154, 0.5, 0.75}) {
+        const std::string what =
+            fmt::format("roll {}, yaw {}, offset {}, voxel {}", roll, yaw, offset, h);
+        const Solid wall = thin_wall(h, roll, yaw, offset * h);
+        keeps(wall, h, thin_m3 / 20, "wall, " + what);
+        EXPECT_LE(measure(wall, h).p99, kVertexError) << "wall, " << what;
+        // Nearly all of a slot is creases, of which neither cell shows both planes.
+        keeps(thin_slot(h, roll, yaw, offset * h), h, thin_m3 / 5, "slot, " + what);
+      }
     }
   }
 }
