@@ -204,30 +204,6 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Window& window) 
   return moved;
 }
 
-SOILVDB_FOR_CPUS Mask mask_of(const CellPoints& points, const CellModel& model) {
-  const Mask a = plane_mask(points, model.plane[0]);
-  if (model.join == Join::kOne) return a;
-  const Mask b = plane_mask(points, model.plane[1]);
-  const Mask c = model.planes() > 2 ? plane_mask(points, model.plane[2]) : 0;
-  switch (model.join) {
-    case Join::kOne:
-      return a;
-    case Join::kAnd:
-      return a & b;
-    case Join::kOr:
-      return a | b;
-    case Join::kAndAnd:
-      return a & b & c;
-    case Join::kOrOr:
-      return a | b | c;
-    case Join::kAndOr:
-      return (a & b) | c;
-    case Join::kOrAnd:
-      return (a | b) & c;
-  }
-  return a;
-}
-
 SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> planes,
                             CellModel& model) {
   const int n = static_cast<int>(planes.size());
@@ -283,10 +259,6 @@ void Candidates::add(const CellPlane& plane) {
     }
   }
   planes_[size_++] = plane;
-}
-
-int surplus(const CellGrid& grid, int id, const CellModel& model) {
-  return std::popcount(mask_of(grid.points(id), model)) - grid.count(id);
 }
 
 CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidates) {
