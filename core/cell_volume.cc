@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/cell_volume.h"
 
-#include <bit>
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "core/base_surface.h"
@@ -40,6 +41,11 @@ CellVolume below(const CellPlane& p) {
   return {static_cast<float>(p.d > 0 ? 1 - volume : volume), static_cast<float>(area * share)};
 }
 
+SOILVDB_INLINE Lanes beyond(const CellPlane& p, Lanes x, Lanes y, Lanes z) {
+  const float d = p.d + (p.nx + p.ny + p.nz) / 2;
+  return p.nx * x + (p.ny * y + p.nz * z) - d;
+}
+
 SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel) {
   const int planes = model.planes();
   const bool first_and =
@@ -54,15 +60,11 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
       __builtin_memcpy(&x, points.x + kLeafSide * row, sizeof(x));
       __builtin_memcpy(&y, points.y + kLeafSide * row, sizeof(y));
       __builtin_memcpy(&z, points.z + kLeafSide * row, sizeof(z));
-      const auto beyond = [&](const CellPlane& p) {
-        const float d = p.d + (p.nx + p.ny + p.nz) / 2;
-        return p.nx * x + (p.ny * y + p.nz * z) - d;
-      };
-      Lanes s = beyond(model.plane[0]);
-      const Lanes b = beyond(model.plane[1]);
+      Lanes s = beyond(model.plane[0], x, y, z);
+      const Lanes b = beyond(model.plane[1], x, y, z);
       s = first_and ? max(s, b) : min(s, b);
       if (planes > 2) {
-        const Lanes c = beyond(model.plane[2]);
+        const Lanes c = beyond(model.plane[2], x, y, z);
         s = second_and ? max(s, c) : min(s, c);
       }
       const Lanes share = 0.5f - s / (2 * kSoft);
