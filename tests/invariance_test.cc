@@ -127,7 +127,8 @@ double below_flat_m3(const Mesh& mesh, double ground_z) {
 
 TEST(MeshOfACut, EnclosesWhatTheLedgerBooks) {
   const std::map<double, double> most = {{0.05, 1e-3}, {0.025, 3e-4}};  // of the cut
-  for (const char* family : {"half_sine", "drag", "drag_curl"}) {
+  for (const char* family : {"half_sine", "drag", "drag_curl", "reversal", "curl_outside_pin",
+                             "swing", "repeated", "overlapping", "helix"}) {
     for (const auto& [h, share] : most) {
       const Dig dig = make_dig(family, {0.4, {0.0131, 0.0077, 0.0093}});
       const Dug dug(dig, h, 200);
