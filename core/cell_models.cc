@@ -4,6 +4,7 @@
 
 #include <array>
 
+#include "core/cell_volume.h"
 #include "core/crease.h"
 
 namespace soilvdb {
@@ -18,7 +19,8 @@ constexpr float kBaseSight = 2;  // voxels from which a crease takes the base su
 constexpr int kExplained = 4;    // wrong samples with which a crease isn't looked at again
 constexpr float kBendCosine = 0.8f;
 constexpr float kMostBend = 0.4f;
-constexpr float kLeastSpread = 0.5f;  // of the neighbours, voxels^4
+constexpr float kMostShift = 0.1f, kLeastArea = 1;  // to settle volumes, voxels, voxels^2
+constexpr float kLeastSpread = 0.5f;                // of the neighbours, voxels^4
 
 /// The cells within kSight, the nearest first.
 struct Sight {
@@ -54,14 +56,6 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
   return {(cell.plane.nx + (du * t.u[0] + dv * t.v[0])) * scale,
           (cell.plane.ny + (du * t.u[1] + dv * t.v[1])) * scale,
           (cell.plane.nz + (du * t.u[2] + dv * t.v[2])) * scale, -beyond * scale};
-}
-
-/// Of the planes of a model in one of the cells they run through, on average: 1 / (|nx| + |ny| +
-/// |nz|).
-float mean_area(const CellModel& model) {
-  float sum = 0;
-  for (int p = 0; p < model.planes(); ++p) sum += 0.5f / model.plane[p].reach();
-  return sum / static_cast<float>(model.planes());
 }
 
 }  // namespace
@@ -160,34 +154,37 @@ void CellModels::solve_creases(int reach) {
 }
 
 void CellModels::settle(int reach) {
-  std::vector<int> more(cells_.size());
-  std::vector<float> areas(cells_.size());
+  // Volumes, not samples that models have wrong: a model may explain all samples and not hold the
+  // volume that they count.
+  std::vector<float> more(cells_.size()), areas(cells_.size());
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const Cell& cell = cells_[k];
     if (cell.kind == Cell::kBase || !cell.model.solved || cell.away > reach + 1) continue;
-    more[k] = surplus(grid_, cell.id, cell.model);
-    areas[k] = mean_area(cell.model);
+    // Cells full of soil are left out, for those without soil aren't here to make up for them.
+    const int soil = grid_.count(cell.id);
+    if (soil == 64) continue;
+    const CellVolume volume = cell_volume(cell.model, grid_.first() + grid_.at(cell.id));
+    more[k] = volume.soil - static_cast<float>(soil) / 64;
+    areas[k] = volume.surface;
   }
   std::vector<float> shifts(cells_.size());
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const Cell& cell = cells_[k];
     if (cell.kind == Cell::kBase || !cell.model.solved || cell.away > reach) continue;
-    int sum = 0;
-    float area = 0;
+    float sum = 0, area = 0;
     for (int x = -1; x <= 1; ++x) {
       for (int y = -1; y <= 1; ++y) {
         for (int z = -1; z <= 1; ++z) {
           const int n =
               index_[static_cast<std::size_t>(cell.id + x * grid_.step(0) + y * grid_.step(1) + z)];
           if (n < 0) continue;
-          const Cell& other = cells_[static_cast<std::size_t>(n)];
-          if (other.kind == Cell::kBase || !other.model.solved) continue;
           sum += more[static_cast<std::size_t>(n)];
           area += areas[static_cast<std::size_t>(n)];
         }
       }
     }
-    shifts[k] = static_cast<float>(sum) / (64 * area);
+    const float shift = sum / std::max(area, kLeastArea);
+    shifts[k] = std::min(std::max(shift, -kMostShift), kMostShift);
   }
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     for (CellPlane& plane : cells_[k].model.plane) plane.d -= shifts[k];

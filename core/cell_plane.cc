@@ -12,10 +12,11 @@ namespace {
 
 constexpr int kSteps = 3;          // of Gauss-Newton, at most
 constexpr float kHopeless = 0.5f;  // share of wrong samples after one
-/// Wrong samples of those by the plane, and in one cell, with which all is smooth: few at the edge
-/// of the window where another plane begins, or some everywhere for want of curvature.
-constexpr float kWrongShare = 0.05f, kWrongShareCurved = 0.1f;
-constexpr int kWrongInCell = 12, kWrongInCellCurved = 7;
+/// Wrong samples of those by the plane, and in one cell, with which all is smooth: some everywhere
+/// for want of curvature, most at the window's corners, where a surface that bends with a radius of
+/// six voxels is a fifth of a voxel off its plane.
+constexpr float kWrongShare = 0.1f;
+constexpr int kWrongInCell = 14;
 constexpr float kSlab = 0.5f;    // half thickness of what a sided fit looks at, voxels
 constexpr float kLeastArea = 4;  // of a sided fit, voxels^2
 constexpr float kMostStep = 0.5f;
@@ -201,8 +202,7 @@ SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, PlaneFit& fit) {
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, false, r);
     const float share = static_cast<float>(r.wrong) / (64 * r.area);
-    fit.smooth = k > 0 && ((share <= kWrongShare && r.most <= kWrongInCell) ||
-                           (share <= kWrongShareCurved && r.most <= kWrongInCellCurved));
+    fit.smooth = k > 0 && share <= kWrongShare && r.most <= kWrongInCell;
     if (k > 0 && share > kHopeless) return;
     if (k + 1 == kSteps && !fit.smooth) return;
     improve(r, t, fit.plane);
@@ -216,8 +216,7 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, true, r);
     if (k == kSteps) {
-      fit.sided =
-          r.area >= kLeastArea && static_cast<float>(r.wrong) <= 2 * kWrongShare * 64 * r.area;
+      fit.sided = r.area >= kLeastArea && static_cast<float>(r.wrong) <= kWrongShare * 64 * r.area;
       return;
     }
     improve(r, t, fit.plane);

@@ -180,12 +180,6 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
   return moved;
 }
 
-SOILVDB_FOR_CPUS Mask mask_of(const CellPoints& points, const CellModel& model) {
-  Mask m[3] = {0, 0, 0};
-  for (int p = 0; p < model.planes(); ++p) m[p] = plane_mask(points, model.plane[p]);
-  return joined(model.join, m[0], m[1], m[2]);
-}
-
 SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> planes,
                             CellModel& model) {
   const int n = static_cast<int>(planes.size());
@@ -247,10 +241,6 @@ void Candidates::add(const CellPlane& plane) {
     }
   }
   planes_[size_++] = plane;
-}
-
-int surplus(const CellGrid& grid, int id, const CellModel& model) {
-  return std::popcount(mask_of(grid.points(id), model)) - grid.count(id);
 }
 
 CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidates) {

@@ -31,7 +31,4 @@ class Candidates {
 /// surface there. Not solved if nothing explains the cell.
 CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidates);
 
-/// Samples that a cell's own model has too many of in soil.
-int surplus(const CellGrid& grid, int id, const CellModel& model);
-
 }  // namespace soilvdb
