@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Each stage alone. Names pair with other engines': Stage/engine/voxel_mm:25/site_m:100.
+#include "bench/stages.h"
+
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -264,6 +266,7 @@ int main(int argc, char** argv) {
     b->Args({50, 100})->Args({100, 100});
     if (peer.name == "soilvdb") b->Args({25, 100})->Args({50, 1000});
   }
+  register_mesh_blocks();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -1,0 +1,244 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The block's chunks and those around them go into a tree of one node, which spares volumeToMesh
+// the tables of the usual one. Each of its quads goes round an edge of the grid; the edges of the
+// quads about a vertex are those of its sheet, and there the planes cross that it is placed on.
+#include "bench/peers/volume_to_mesh.h"
+
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/VolumeToMesh.h>
+
+#include <cmath>
+#include <ctime>
+
+#include "core/sheet_vertex.h"
+
+namespace soilvdb::bench {
+namespace {
+
+using Tree = openvdb::tree::Tree3<float, 4, 3>::Type;
+
+constexpr int kSide = kBlockSide + 2 * kLeafSide;
+constexpr int kReach = 2;    // voxels from a chunk whose signs matter to the patterns of its cells
+constexpr int kOffset = 64;  // of the tree: all its places are floats of one exponent
+
+/// Where the models say that the edge from a cell along an axis is crossed: the nearer one.
+Crossing crossing(const CellModels& models, int id, int axis) {
+  const float out = models.soil(id) ? 1 : -1;
+  Crossing c{{0, 0, 0}, {0, 0, 0}};
+  c.p[axis] = 0.5f;
+  c.n[axis] = out;
+  float nearest = 2;
+  for (int end = 0; end < 2; ++end) {
+    const CellModel* const m = models.find(id + end * models.grid().step(axis));
+    for (int k = 0; m != nullptr && k < m->planes(); ++k) {
+      const float n[3] = {m->plane[k].nx, m->plane[k].ny, m->plane[k].nz};
+      if (!(out * n[axis] > 1e-6f)) continue;
+      float q[3] = {0, 0, 0};
+      q[axis] = m->plane[k].d / n[axis];
+      const float at = q[axis] + static_cast<float>(end);
+      if (!(at >= -1e-3f && at <= 1.001f) || std::abs(q[axis]) >= nearest ||
+          std::abs(m->at(q[0], q[1], q[2]).beyond) > 1e-3f)
+        continue;
+      nearest = std::abs(q[axis]);
+      c.p[axis] = std::min(std::max(at, 0.0f), 1.0f);
+      std::copy_n(n, 3, c.n);
+    }
+  }
+  return c;
+}
+
+class Block {
+ public:
+  Block(const Soil& soil, const Coord3& block, std::span<const Coord3> chunks, VolumeToMesh how,
+        VolumeToMeshTimes& times)
+      : soil_(soil), cells_(soil, block - Coord3::Constant(kLeafSide), kSide, chunks, 1) {
+    std::clock_t last = std::clock();
+    const auto took = [&](double& sum) {
+      const std::clock_t now = std::clock();
+      sum += static_cast<double>(now - last) / CLOCKS_PER_SEC;
+      last = now;
+    };
+    if (how == VolumeToMesh::kPlanes) models_ = std::make_unique<CellModels>(cells_, kReach);
+    took(times.models);
+    fill();
+    took(times.field);
+    openvdb::tools::volumeToMesh(*grid_, points_, quads_);
+    took(times.topology);
+    place();
+    took(times.vertices);
+    ++times.calls;
+  }
+
+  const Mesh& mesh() const { return mesh_; }
+
+ private:
+  bool is_near(const Coord3& c) const {
+    return (c.array() >= 0).all() && (c.array() < kSide).all() && cells_.away(c) <= kLeafSide;
+  }
+
+  void fill() {
+    std::vector<Coord3> near, chunks;
+    for (int n = 0; n < 216; ++n) {
+      const Coord3 c = kLeafSide * Coord3(n / 36, n / 6 % 6, n % 6);
+      if (!is_near(c)) continue;
+      near.push_back(c);
+      chunks.push_back(cells_.first() + c);
+    }
+    // Together: surface_distances() would look around each of 27 blocks anew.
+    std::unique_ptr<SurfaceBlock> surface;
+    if (!models_) surface = std::make_unique<SurfaceBlock>(soil_, chunks, SurfaceBlock::kDistance);
+    const float far = models_ ? 1.0f : static_cast<float>(soil_.band_m());
+    grid_ = openvdb::Grid<Tree>::create(far);
+    grid_->setGridClass(openvdb::GRID_LEVEL_SET);
+    for (std::size_t i = 0; i < near.size(); ++i) {
+      float phi[kLeafSize];
+      if (surface) surface->distance(chunks[i], phi);
+      for (int n = 0; models_ && n < kLeafSize; ++n) {
+        const Coord3 c = near[i] + Coord3(n >> 6, n >> 3 & 7, n & 7);
+        phi[n] = models_->soil(cells_.id(c.x(), c.y(), c.z())) ? -1.0f : 1.0f;
+      }
+      add(near[i], phi, far);
+    }
+  }
+
+  void add(const Coord3& chunk, const float* phi, float far) {
+    const auto place = [](const Coord3& c) {
+      return openvdb::Coord(c.x() + kOffset, c.y() + kOffset, c.z() + kOffset);
+    };
+    // Soil is in leaves: volumeToMesh doesn't look between two tiles.
+    if (std::any_of(phi, phi + kLeafSize, [&](float v) { return v < far; })) {
+      auto* leaf = new Tree::LeafNodeType(place(chunk), far, true);
+      const float least = 1e-4f * far;  // no voxel is on the surface: points are in their dual cell
+      for (openvdb::Index n = 0; n < kLeafSize; ++n)
+        leaf->setValueOnly(n, phi[n] < 0 ? std::min(phi[n], -least) : std::max(phi[n], least));
+      grid_->tree().addLeaf(leaf);
+    }
+    // Around them tiles like the middles of their faces: fewer quads that nobody wants.
+    for (int face = 0; face < 6; ++face) {
+      const Coord3 out = (face & 1 ? 1 : -1) * Coord3::Unit(face / 2);
+      const Coord3 in = Coord3::Constant(4) + 4 * out.cwiseMin(0) + 3 * out.cwiseMax(0);
+      const Coord3 next = chunk + kLeafSide * out;
+      if (phi[in.x() * 64 + in.y() * 8 + in.z()] < 0 && !is_near(next))
+        grid_->tree().addTile(1, place(next), -far, false);
+    }
+  }
+
+  Coord3 cell(std::uint32_t v) const {
+    const openvdb::Vec3s& p = points_[v];
+    return Coord3(static_cast<int>(p[0]), static_cast<int>(p[1]), static_cast<int>(p[2])) -
+           Coord3::Constant(kOffset);
+  }
+
+  /// The polygon belongs to the block as in Contour.
+  bool wanted(const Coord3& c, int axis) const {
+    if ((c.array() < kLeafSide - 1).any() || (c.array() >= kSide - kLeafSide).any()) return false;
+    return cells_.resident(c) ? cells_.asked(c) : cells_.asked(c + Coord3::Unit(axis));
+  }
+
+  void place() {
+    edges_.resize(points_.size());
+    in_.resize(points_.size());
+    std::vector<std::pair<int, const openvdb::Vec4I*>> kept;  // by edge
+    for (const openvdb::Vec4I& q : quads_) {
+      Coord3 low = cell(q[0]), high = low;
+      for (int k = 1; k < 4; ++k) {
+        low = low.cwiseMin(cell(q[k]));
+        high = high.cwiseMax(cell(q[k]));
+      }
+      const int axis = low.x() == high.x() ? 0 : low.y() == high.y() ? 1 : 2;
+      const int edge = 3 * cells_.id(high.x(), high.y(), high.z()) + axis;
+      const bool keep = wanted(high, axis);
+      for (int k = 0; k < 4; ++k) {
+        Edges& e = edges_[q[k]];
+        e.edge[e.n++] = edge;
+        e.used |= keep;
+      }
+      if (keep) kept.push_back({edge, &q});
+    }
+    std::vector<std::uint32_t> number(points_.size());
+    for (std::uint32_t v = 0, end = 0; v < points_.size(); v = end) {
+      bool used = false;  // any sheet of the cell: they keep apart
+      for (end = v; end < points_.size() && cell(end) == cell(v); ++end) used |= edges_[end].used;
+      for (std::uint32_t k = v; used && k < end; ++k) {
+        for (int a = 0; a < 3; ++a) in_[k][a] = points_[k][a] - std::floor(points_[k][a]);
+        if (models_) move(k, v);
+        number[k] = static_cast<std::uint32_t>(mesh_.points.size());
+        const Vec3 p = (cells_.first() + cell(k)).cast<double>() + in_[k].cast<double>();
+        if (edges_[k].used) mesh_.points.push_back((soil_.voxel_size_m() * p).cast<float>());
+      }
+    }
+    for (const auto& [edge, q] : kept) {
+      const int d = diagonal(edge, *q);
+      std::uint32_t r[4];
+      for (int k = 0; k < 4; ++k) r[k] = number[(*q)[3 - ((k + d) & 3)]];
+      mesh_.triangles.insert(mesh_.triangles.end(), {{r[0], r[1], r[2]}, {r[0], r[2], r[3]}});
+    }
+  }
+
+  /// A vertex onto the planes, away from those of its cell from `first` on, with the lean of ours.
+  void move(std::uint32_t v, std::uint32_t first) {
+    Edges& e = edges_[v];
+    std::sort(e.edge, e.edge + e.n);
+    Crossing crossings[12];
+    Eigen::Vector3f middle = Eigen::Vector3f::Zero(), &in = in_[v];
+    for (int k = 0; k < e.n; ++k) {
+      crossings[k] = crossing(*models_, e.edge[k] / 3, e.edge[k] % 3);
+      const Coord3 from = cells_.at(e.edge[k] / 3) - cell(v);
+      for (int a = 0; a < 3; ++a) middle[a] += crossings[k].p[a] += static_cast<float>(from[a]);
+    }
+    place_vertex(crossings, e.n, in.data());
+    bool close = false;
+    for (std::uint32_t k = first; k < v; ++k) close |= (in - in_[k]).cwiseAbs().maxCoeff() < 0.02f;
+    if (close) in = (in + middle / static_cast<float>(e.n)) / 2;
+    for (int a = 0; a < 3; ++a) in[a] += cell(v)[a] & 1 ? 1e-4f : -1e-4f;
+  }
+
+  /// The corner where the diagonal begins that comes nearer to the crossing, or is the shorter
+  /// one, and leaves no triangle without area.
+  int diagonal(int edge, const openvdb::Vec4I& q) const {
+    const int axis = edge % 3, a = (axis + 1) % 3, b = (axis + 2) % 3;
+    Vec3 v[4];
+    for (int k = 0; k < 4; ++k) {
+      v[k] = (cell(q[3 - k]) - cells_.at(edge / 3)).cast<double>() + in_[q[3 - k]].cast<double>();
+      if (models_) v[k][axis] -= crossing(*models_, edge / 3, axis).p[axis];
+    }
+    double gap[2], least[2];
+    for (int d = 0; d < 2; ++d) {
+      const Vec3 along = v[d + 2] - v[d], next = v[d + 1] - v[d];
+      const Vec3 one = next.cross(along), two = along.cross(v[(d + 3) & 3] - v[d]);
+      const bool beside =
+          (v[d][b] * along[a] - v[d][a] * along[b]) * (next[a] * along[b] - next[b] * along[a]) > 0;
+      gap[d] = models_ ? std::abs((beside ? one : two).normalized().dot(v[d])) : 0;
+      least[d] = std::min(one.norm(), two.norm());
+    }
+    int best = gap[1] < gap[0] ? 1 : 0;
+    if (std::abs(gap[1] - gap[0]) <= 1e-4)
+      best = (v[1] - v[3]).norm() < (v[0] - v[2]).norm() ? 1 : 0;
+    return least[best] < 1e-3 && least[1 - best] > least[best] ? 1 - best : best;
+  }
+
+  struct Edges {
+    int n = 0, edge[12];
+    bool used = false;  // by a quad that is kept
+  };
+  const Soil& soil_;
+  CellGrid cells_;
+  std::unique_ptr<CellModels> models_;
+  openvdb::Grid<Tree>::Ptr grid_;
+  std::vector<openvdb::Vec3s> points_;
+  std::vector<openvdb::Vec4I> quads_;
+  std::vector<Edges> edges_;         // of a vertex
+  std::vector<Eigen::Vector3f> in_;  // its dual cell, voxels
+  Mesh mesh_;
+};
+
+}  // namespace
+
+Mesh volume_to_mesh(const Soil& soil, const Coord3& block, VolumeToMesh how,
+                    VolumeToMeshTimes& times) {
+  const std::vector<Coord3> chunks = resident_chunks(soil, block);
+  return chunks.empty() ? Mesh{} : Block(soil, block, chunks, how, times).mesh();
+}
+
+}  // namespace soilvdb::bench

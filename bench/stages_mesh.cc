@@ -1,0 +1,258 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Meshes of blocks by dual contouring and by OpenVDB's volumeToMesh, on one thread: CPU time of a
+// block, and what is wrong with the mesh of all of them.
+#include <benchmark/benchmark.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <ctime>
+#include <map>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include "bench/peers/volume_to_mesh.h"
+#include "bench/report.h"
+#include "bench/stages.h"
+#include "io/site.h"
+#include "tests/dig_runner.h"
+#include "tests/solids.h"
+
+namespace soilvdb::bench {
+namespace {
+
+using testing::Solid;
+
+struct Ground {
+  std::shared_ptr<Soil> soil;
+  std::optional<Solid> solid;
+  std::shared_ptr<void> keeps = {};
+};
+
+Ground ground(Solid solid, double h) {
+  std::shared_ptr<Soil> soil = testing::sampled(solid, h);
+  return {std::move(soil), std::move(solid)};
+}
+
+std::vector<Ground> excavator(double h) {
+  io::Scenario scenario = io::read_scenario(SOILVDB_SOURCE_DIR "/data/excavator.yaml");
+  scenario.voxel_size_m = h;
+  std::shared_ptr<Soil> soil = io::open_site(scenario).soil;
+  const io::MachineInput& machine = scenario.machines[0];
+  Tracker tracker(*soil, {machine.bucket});
+  for (std::size_t i = 0; i < machine.motion.parts(); ++i) {
+    const auto motion = machine.motion.part(i);
+    for (double t = motion->begin_s(), next; t < motion->end_s(); t = next) {
+      next = std::min(t + 0.1, motion->end_s());
+      tracker.update(0, *motion, t, next);
+    }
+  }
+  return {{soil, {}}};
+}
+
+std::vector<Ground> digs(double h) {
+  std::vector<Ground> all;
+  const auto add = [&](const testing::Dig& dig) {
+    const auto dug = std::make_shared<testing::Dug>(dig, h, 50);
+    all.push_back({{dug, &dug->soil}, {}});
+  };
+  for (const std::string& family : testing::families())
+    add(make_dig(family, testing::placements()[1]));
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) add(testing::random_dig(seed));
+  return all;
+}
+
+std::vector<Ground> trenches(double h) {
+  std::vector<Ground> all;
+  for (const double yaw : {0.0, 33.0, 61.0})
+    all.push_back(ground(testing::half_sine_trench(yaw * std::numbers::pi / 180), h));
+  return all;
+}
+
+const Pose kTurned{Vec3(0.013, 0.008, 0.009), from_rpy(0.1, 0.15, 0.5)};
+const Pose kYawed{Vec3(0.013, 0.008, 0.009), from_rpy(0, 0, 0.3)};
+const Pose kBelow{Vec3(0.5, 0.1, -0.2), from_rpy(0, 0, 0.3)};
+
+std::vector<Ground> box(double h) {
+  return {ground(testing::ground_less("box", {0.2, 0.1}, {{kTurned, {0.5, 0.3, 0.3}}}), h)};
+}
+std::vector<Ground> undercut(double h) {
+  return {ground(testing::ground_less("undercut", {0, 0},
+                                      {{kYawed, {0.4, 0.3, 0.3}}, {kBelow, {0.4, 0.2, 0.1}}}),
+                 h)};
+}
+std::vector<Ground> walls(double h) {
+  std::vector<Ground> all;
+  for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}})
+    all.push_back(ground(testing::thin_wall(h, roll, yaw), h));
+  return all;
+}
+/// Walls, or slots, so many voxels thick, in twenty attitudes.
+std::vector<Ground> turned(bool wall, double h, double voxels) {
+  std::vector<Ground> all;
+  for (int k = 0; k < 20; ++k) {
+    const double thick = voxels * h, roll = 0.022 * k, yaw = 0.074 * k;
+    const Pose slot{Vec3(0.013, 0.008, 0.009), from_rpy(roll, 0, yaw)};
+    all.push_back(
+        ground(wall ? testing::thin_wall(thick, roll, yaw)
+                    : testing::ground_less("slot", {0, 0}, {{slot, Vec3(0.4, thick / 2, 0.3)}}),
+               h));
+  }
+  return all;
+}
+std::vector<Ground> walls_turned(double h) { return turned(true, h, 1); }
+std::vector<Ground> walls_thinner(double h) { return turned(true, h, 0.8); }
+std::vector<Ground> slots_turned(double h) { return turned(false, h, 1); }
+std::vector<Ground> slots_thinner(double h) { return turned(false, h, 0.8); }
+
+/// What boxes of one to three voxels leave that lie and turn at random.
+std::vector<Ground> rubble(double h) {
+  std::mt19937 random(1);
+  const auto between = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random()) * 0x1p-32;
+  };
+  std::vector<testing::Box> boxes(100);
+  for (testing::Box& box : boxes) {
+    box.half = h * Vec3(between(0.5, 1.5), between(0.5, 1.5), between(0.5, 1.5));
+    box.world_from_box.position = h * Vec3(between(-10, 10), between(-10, 10), between(-6, 1));
+    box.world_from_box.rotation = from_rpy(between(-3, 3), between(-1.5, 1.5), between(-3, 3));
+  }
+  return {{testing::sampled(testing::ground_less("rubble", {0, 0}, boxes), h), {}}};
+}
+
+/// Volume between a mesh and the base surface.
+double dug_m3(const Mesh& mesh, const Soil& soil) {
+  double sum = 0;
+  for (const auto& t : mesh.triangles) {
+    Vec3 p[3];
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec3 world = soil.origin() + mesh.points[t[k]].cast<double>();
+      p[k] = mesh.points[t[k]].cast<double>();
+      p[k].z() += soil.origin().z() - soil.base().height(world.x(), world.y()).value_or(0);
+    }
+    const Vec3 a = p[1] - p[0], b = p[2] - p[0];
+    sum -= (a.x() * b.y() - a.y() * b.x()) / 2 * (p[0].z() + p[1].z() + p[2].z()) / 3;
+  }
+  return sum;
+}
+
+/// Corners less edges and triangles: 1 for a pit, whatever its shape; 2 less for each hole in a
+/// wall, 1 more for each part that has come off.
+int euler(const Mesh& mesh) {
+  std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
+  for (const auto& t : mesh.triangles) {
+    for (std::size_t k = 0; k < 3; ++k) edges.insert(std::minmax(t[k], t[(k + 1) % 3]));
+  }
+  return static_cast<int>(mesh.points.size() + mesh.triangles.size()) -
+         static_cast<int>(edges.size());
+}
+
+/// Distances of vertices from the true surface, voxels, but those on untouched ground.
+void add_errors(const Mesh& mesh, const Solid& solid, double h, std::vector<double>& errors) {
+  for (const Eigen::Vector3f& point : mesh.points) {
+    const Vec3 p = point.cast<double>();
+    const bool untouched =
+        testing::features_near(solid, p, 1.5 * h) == 1 && std::abs(solid.features[0](p)) < 1.5 * h;
+    if (!untouched) errors.push_back(testing::distance_m(solid, p, 0.02 * h) / h);
+  }
+}
+
+using MeshBlock = std::function<Mesh(const Soil&, const Coord3&)>;
+using Patches = std::map<Coord3, Mesh, SurfaceMesh::Less>;
+
+void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, double h,
+                 const MeshBlock& mesh_block) {
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  std::vector<std::pair<const Soil*, Coord3>> blocks;
+  testing::Faults faults;
+  double worst = 0, topology = 0;
+  std::vector<double> errors, us;
+  for (const Ground& g : grounds) {
+    std::vector<Coord3> chunks;
+    for (const Chunk* chunk : g.soil->chunks()) chunks.push_back(chunk->origin);
+    Patches patches;
+    for (const Coord3& block : blocks_touched(chunks)) {
+      Mesh patch = mesh_block(*g.soil, block);
+      if (patch.triangles.empty()) continue;
+      patches[block] = std::move(patch);
+      blocks.push_back({g.soil.get(), block});
+    }
+    const Mesh mesh = weld(patches);
+    const testing::Faults found = testing::faults(mesh, *g.soil);
+    faults.without_area += found.without_area;
+    faults.crowded += found.crowded;
+    faults.torn += found.torn;
+    const double error = dug_m3(mesh, *g.soil) / -g.soil->change_m3() - 1;
+    if (std::abs(error) > std::abs(worst)) worst = error;
+    if (!g.solid) continue;
+    topology += euler(mesh) != 1;
+    add_errors(mesh, *g.solid, h, errors);
+  }
+  std::size_t i = 0;
+  for (auto _ : state) {
+    const auto& [soil, block] = blocks[i++ % blocks.size()];
+    const std::clock_t begin = std::clock();
+    benchmark::DoNotOptimize(mesh_block(*soil, block));
+    us.push_back(1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  }
+  state.counters["blocks"] = static_cast<double>(blocks.size());
+  state.counters["median_us"] = quantile(us, 0.5);
+  state.counters["crowded"] = faults.crowded;
+  state.counters["torn"] = faults.torn;
+  state.counters["without_area"] = faults.without_area;
+  state.counters["volume_percent"] = 100 * worst;
+  if (errors.empty()) return;
+  state.counters["p99_voxel"] = quantile(errors, 0.99);
+  state.counters["wrong_topology"] = topology;
+}
+
+}  // namespace
+
+void register_mesh_blocks() {
+  using Make = std::vector<Ground> (*)(double);
+  static const std::vector<std::pair<const char*, Make>> kScenes{{"excavator", excavator},
+                                                                 {"digs", digs},
+                                                                 {"trenches", trenches},
+                                                                 {"box", box},
+                                                                 {"undercut", undercut},
+                                                                 {"walls", walls},
+                                                                 {"walls_turned", walls_turned},
+                                                                 {"walls_thinner", walls_thinner},
+                                                                 {"slots_turned", slots_turned},
+                                                                 {"slots_thinner", slots_thinner},
+                                                                 {"rubble", rubble}};
+  static std::map<std::pair<std::string, std::int64_t>, std::vector<Ground>> known;
+  for (const auto& scene : kScenes) {
+    const auto add = [&](const std::string& mesher, const auto& mesh_block) {
+      auto* b = benchmark::RegisterBenchmark(
+          ("MeshBlock/" + mesher + "/" + scene.first).c_str(),
+          [make = scene.second, name = scene.first, mesh_block](benchmark::State& state) {
+            const double h = static_cast<double>(state.range(0)) / 1000;
+            std::vector<Ground>& grounds = known[{name, state.range(0)}];
+            if (grounds.empty()) grounds = make(h);
+            VolumeToMeshTimes times;
+            mesh_blocks(state, grounds, h, mesh_block(times));
+            const double n = times.calls / 1e6;
+            if (n == 0) return;
+            state.counters["models_us"] = times.models / n;
+            state.counters["field_us"] = times.field / n;
+            state.counters["topology_us"] = times.topology / n;
+            state.counters["vertices_us"] = times.vertices / n;
+          });
+      b->ArgName("voxel_mm")->Unit(benchmark::kMicrosecond)->Iterations(100)->Arg(50)->Arg(100);
+    };
+    add("soilvdb", [](VolumeToMeshTimes&) -> MeshBlock { return mesh_block; });
+    const auto add_peer = [&](const std::string& name, VolumeToMesh how) {
+      add(name, [how](VolumeToMeshTimes& times) -> MeshBlock {
+        return [how, &times](const Soil& soil, const Coord3& block) {
+          return volume_to_mesh(soil, block, how, times);
+        };
+      });
+    };
+    add_peer("openvdb_distances", VolumeToMesh::kDistances);
+    add_peer("openvdb_planes", VolumeToMesh::kPlanes);
+  }
+}
+
+}  // namespace soilvdb::bench
