@@ -14,7 +14,7 @@
 namespace soilvdb {
 namespace {
 
-constexpr int kTile = 128;      // posts per side of a tile, read at once
+constexpr int kTile = 64;       // posts per side of a tile, read at once
 constexpr int kSearch = 64;     // posts around unknown ground in which a height is looked for
 constexpr double kCliff = 1e9;  // a slope that bounds nothing
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();

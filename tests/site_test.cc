@@ -192,8 +192,8 @@ TEST(Site, AStepAcrossALargeRasterReadsOnlyWhatIsBeneathIt) {
   Scenario scenario = scenario_of(PlaneTerrain{}, {10, 10, 5}, {19'000, 19'000, 5});
   scenario.raster_cell_m = 0.1;
   check_reach(scenario, site);
-  // The tiles that the diagonal crosses are less than 4 in each of its 157 rows of tiles.
-  EXPECT_LT(heights->posts, 157 * 4 * 128 * 128);
+  // The tiles that the diagonal crosses are less than 4 in each of its 313 rows of tiles.
+  EXPECT_LT(heights->posts, 313 * 4 * 64 * 64);
 }
 
 TEST(Site, AMotionBeyondWhatVoxelsCanNumberIsRefused) {
