@@ -85,7 +85,7 @@ std::vector<Ground> undercut(double h) {
 std::vector<Ground> walls(double h) {
   std::vector<Ground> all;
   for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}})
-    all.push_back(ground(testing::thin_wall(h, roll, yaw), h));
+    all.push_back(ground(testing::thin_wall(h, roll, yaw, 0.0077), h));
   return all;
 }
 /// Walls, or slots, so many voxels thick, in twenty attitudes.
@@ -93,11 +93,8 @@ std::vector<Ground> turned(bool wall, double h, double voxels) {
   std::vector<Ground> all;
   for (int k = 0; k < 20; ++k) {
     const double thick = voxels * h, roll = 0.022 * k, yaw = 0.074 * k;
-    const Pose slot{Vec3(0.013, 0.008, 0.009), from_rpy(roll, 0, yaw)};
     all.push_back(
-        ground(wall ? testing::thin_wall(thick, roll, yaw)
-                    : testing::ground_less("slot", {0, 0}, {{slot, Vec3(0.4, thick / 2, 0.3)}}),
-               h));
+        ground((wall ? testing::thin_wall : testing::thin_slot)(thick, roll, yaw, 0.0077), h));
   }
   return all;
 }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Meshes of the resident ground by VDB volume-to-mesh, block by block.
+// Meshes of the resident ground, block by block.
 #pragma once
 
 #include <array>
