@@ -16,6 +16,9 @@ struct Ground {
   HeightFunction now, base;
   double voxel_size_m = 0;
   Eigen::AlignedBox2d cut;  ///< holds all that was cut; empty where nothing was
+
+  /// Changes of less than this aren't drawn: the surface may be as much off.
+  double least_m() const { return 0.1 * voxel_size_m; }
 };
 
 Ground ground_of(const Soil& soil);

@@ -53,9 +53,10 @@ DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
   const auto cells = [&](double length) {
     return std::max(1, static_cast<int>(std::ceil(length / cell)));
   };
-  return DepthScale::up_to(deepest(sample_relief(ground.now, ground.base, part,
-                                                 cells(part.sizes().x()), cells(part.sizes().y()))),
-                           0.5 * ground.voxel_size_m);
+  return DepthScale::up_to(
+      deepest(sample_relief(ground.now, ground.base, part, cells(part.sizes().x()),
+                            cells(part.sizes().y()), ground.least_m())),
+      ground.least_m());
 }
 
 Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m) {

@@ -137,8 +137,8 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
     if (east.step / metres_per_px > widest + 26) break;
   }
 
-  const Relief relief =
-      sample_relief(ground.now, ground.base, box, static_cast<int>(map.w), static_cast<int>(map.h));
+  const Relief relief = sample_relief(ground.now, ground.base, box, static_cast<int>(map.w),
+                                      static_cast<int>(map.h), ground.least_m());
   PlanStyle style{.voxel_size_m = ground.voxel_size_m, .scale = depth_scale(ground, box)};
   if (const auto range = height_range(relief);
       range && range->high - range->low > std::max(1e-3, 2 * ground.voxel_size_m)) {

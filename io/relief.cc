@@ -15,7 +15,6 @@ namespace {
 
 constexpr float kNoHeight = std::numeric_limits<float>::quiet_NaN();
 constexpr double kWallSlope = 2.5;
-constexpr double kTouched = 0.02;  // voxels: more than rounding ever lowers the ground
 constexpr Rgb kEarth{0.800, 0.765, 0.705};
 constexpr Rgb kNoGround{0.955, 0.955, 0.955};
 constexpr Rgb kHatch{0.875, 0.875, 0.875};
@@ -28,11 +27,11 @@ void for_rows(int rows, const std::function<void(int)>& row) {
 }
 
 /// dz/dx (east) and dz/dy (north) over `reach` cells to both sides, as far as there is ground and
-/// not over the rim of the cut, where depths pass rim_m.
+/// not over the rim of the cut.
 struct Gradient {
   double east = 0, north = 0;
 };
-Gradient gradient(const Relief& r, int x, int y, int reach, double rim_m) {
+Gradient gradient(const Relief& r, int x, int y, int reach) {
   const auto difference = [&](int dx, int dy, double cell) {
     int a = 0, b = 0;
     // On to the next cell, but not over a rim: a wall belongs to its own pixels.
@@ -42,7 +41,7 @@ Gradient gradient(const Relief& r, int x, int y, int reach, double rim_m) {
       const float h = r.height[r.at(px, py)];
       const float step = h - r.height[r.at(x + from * dx, y + from * dy)];
       if (std::isnan(h) || std::abs(to) == 1) return !std::isnan(h);
-      const bool rim = (r.depth[r.at(px, py)] > rim_m) != (r.depth[r.at(x, y)] > rim_m);
+      const bool rim = (r.depth[r.at(px, py)] > 0) != (r.depth[r.at(x, y)] > 0);
       return !rim && std::abs(step) < kWallSlope * cell;
     };
     while (a < reach && onward(a, a + 1)) ++a;
@@ -71,14 +70,14 @@ int reach_px(const Relief& r, double voxel_size_m) {
 }
 
 /// Gentle ground is exaggerated until its slopes show, at most fourfold.
-double exaggeration(const Relief& r, int reach, double touched) {
+double exaggeration(const Relief& r, int reach) {
   std::vector<double> slopes;
   const int stride =
       std::max(1, static_cast<int>(std::sqrt(static_cast<double>(r.height.size()) / 20000)));
   for (int y = 0; y < r.ny; y += stride) {
     for (int x = 0; x < r.nx; x += stride) {
-      if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] > touched) continue;
-      const Gradient g = gradient(r, x, y, reach, touched);
+      if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] > 0) continue;
+      const Gradient g = gradient(r, x, y, reach);
       slopes.push_back(std::hypot(g.east, g.north));
     }
   }
@@ -105,7 +104,7 @@ double contour_cover(double height_m, double change_per_px_m, double interval_m)
 }  // namespace
 
 Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
-                     const Eigen::AlignedBox2d& box, int nx, int ny) {
+                     const Eigen::AlignedBox2d& box, int nx, int ny, double least_m) {
   Relief r{.nx = nx, .ny = ny, .box = box, .height = {}, .depth = {}};
   r.height.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), kNoHeight);
   r.depth.assign(r.height.size(), 0.0f);
@@ -123,10 +122,10 @@ Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
       const double world_x = box.min().x() + (x + 0.5) * r.cell_x();
       const auto z = now(world_x, world_y);
       if (!z) continue;
-      r.height[r.at(x, y)] = static_cast<float>(*z - r.datum_m);
-      if (const auto before = base(world_x, world_y)) {
-        r.depth[r.at(x, y)] = static_cast<float>(std::max(0.0, *before - *z));
-      }
+      const double before = base(world_x, world_y).value_or(*z), depth = before - *z;
+      const bool cut = depth > least_m;
+      r.height[r.at(x, y)] = static_cast<float>((cut ? *z : before) - r.datum_m);
+      if (cut) r.depth[r.at(x, y)] = static_cast<float>(depth);
     }
   });
   return r;
@@ -161,8 +160,8 @@ double depth_at(const Relief& r, double x, double y) {
 std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
   std::vector<std::uint32_t> pixels(r.height.size());
   const int reach = reach_px(r, style.voxel_size_m);
-  const double half = 0.5 * style.voxel_size_m, touched = kTouched * style.voxel_size_m;
-  const double steeper = exaggeration(r, reach, touched);
+  const double half = 0.5 * style.voxel_size_m;
+  const double steeper = exaggeration(r, reach);
   for_rows(r.ny, [&](int y) {
     for (int x = 0; x < r.nx; ++x) {
       const std::size_t at = r.at(x, y);
@@ -170,21 +169,20 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
         pixels[at] = to_pixel((x + y) % 12 < 2 ? kHatch : kNoGround);
         continue;
       }
-      const Gradient g = gradient(r, x, y, reach, touched);
+      const Gradient g = gradient(r, x, y, reach);
       const double depth = r.depth[at];
-      const bool cut = style.scale.max_m > 0 && depth > half;
       // In the cut colour speaks of depth first: the light only models it.
       const double light =
-          depth > touched ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
+          depth > 0 ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
       Rgb color = kEarth;
-      if (cut) {
-        color = mix(color, style.scale.color(depth), 0.55 + 0.4 * std::min(1.0, depth / half - 1));
+      if (depth > 0 && style.scale.max_m > 0) {
+        color = mix(color, style.scale.color(depth), 0.55 + 0.4 * std::min(1.0, depth / half));
       }
       // Shadows darken towards a cool tone, sunlit slopes brighten towards white.
       color = light < 1 ? mix({0.16, 0.13, 0.17}, color, 0.12 + 0.88 * std::pow(light, 0.7))
                         : mix(color, {1, 0.99, 0.95}, std::min(0.6, 1.8 * (light - 1)));
       if (style.contour_m > 0) {
-        const Gradient fine = gradient(r, x, y, 1, touched);
+        const Gradient fine = gradient(r, x, y, 1);
         const double per_px = std::hypot(fine.east * r.cell_x(), fine.north * r.cell_y());
         color =
             mix(color, kContour, contour_cover(r.height[at] + r.datum_m, per_px, style.contour_m));
@@ -206,7 +204,7 @@ std::vector<ContourLabel> label_contours(const Relief& r, const PlanStyle& style
     for (int dy = -kRoom; dy <= kRoom; dy += 8) {
       for (int dx = -kRoom; dx <= kRoom; dx += 8) {
         const std::size_t at = r.at(x + dx, y + dy);
-        if (std::isnan(r.height[at]) || r.depth[at] > 0.5 * style.voxel_size_m) return false;
+        if (std::isnan(r.height[at]) || r.depth[at] > 0) return false;
       }
     }
     return std::none_of(labels.begin(), labels.end(), [&](const ContourLabel& l) {
@@ -221,7 +219,7 @@ std::vector<ContourLabel> label_contours(const Relief& r, const PlanStyle& style
       for (int x = 0; x < r.nx; x += 3) {
         const std::size_t at = r.at(x, y);
         if (std::isnan(r.height[at])) continue;
-        const Gradient g = gradient(r, x, y, 3, 0);
+        const Gradient g = gradient(r, x, y, 3);
         const double per_px = std::hypot(g.east * r.cell_x(), g.north * r.cell_y());
         const double off = level - r.datum_m - r.height[at];
         if (!(per_px > 1e-4 * step) || std::abs(off) > 3 * per_px) continue;

@@ -22,7 +22,7 @@ struct Relief {
   Eigen::AlignedBox2d box;
   double datum_m = 0;         ///< a height in the box: floats keep their precision anywhere
   std::vector<float> height;  ///< above datum_m; NaN where there is no ground
-  std::vector<float> depth;   ///< base surface less the ground now, >= 0
+  std::vector<float> depth;   ///< base surface less the ground now; 0 where nothing was cut
 
   double cell_x() const { return box.sizes().x() / nx; }
   double cell_y() const { return box.sizes().y() / ny; }
@@ -35,8 +35,9 @@ struct Relief {
 using HeightFunction = std::function<std::optional<double>(double x, double y)>;
 
 /// Samples both surfaces; they must be safe to call from several threads.
+/// @param least_m ground that is less deep than that is as it was
 Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
-                     const Eigen::AlignedBox2d& box, int nx, int ny);
+                     const Eigen::AlignedBox2d& box, int nx, int ny, double least_m);
 
 /// Lowest and highest ground, m above the datum; nothing where there is no ground at all.
 struct HeightRange {
@@ -50,7 +51,7 @@ double depth_at(const Relief& relief, double x, double y);
 
 /// How a plan is drawn.
 struct PlanStyle {
-  double voxel_size_m = 0;  ///< depths under half of it are not shown
+  double voxel_size_m = 0;
   DepthScale scale;
   double contour_m = 0;  ///< height between contours; 0: none
 };

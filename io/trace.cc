@@ -36,24 +36,41 @@ Vec3f plain(const Rgb& c) { return Vec3(c.r, c.g, c.b).cast<float>(); }
 class Caster {
  public:
   explicit Caster(const Scene& scene)
-      : ground_(*scene.ground),
+      : scene_(scene),
+        ground_(*scene.ground),
         voxel_(static_cast<float>(ground_.voxelSize().x())),
         intersector_(ground_, kShell * voxel_),
         values_(ground_.getConstAccessor()) {}
 
   bool hit(const Vec3& eye, const Vec3& direction, Vec3& point, Vec3& normal) const {
-    openvdb::Vec3d at = index(eye);
+    // The ground goes on beyond the block, whose sides are where rays come in: a level set between
+    // its voxels would round them.
+    double from = 0;
+    int side = 0;
+    for (int a = 0; a < 3; ++a) {
+      const double t = ((direction[a] > 0 ? scene_.low : scene_.high)[a] - eye[a]) / direction[a];
+      if (std::isfinite(t) && t > from) {
+        from = t;
+        side = a;
+      }
+    }
+    point = eye + from * direction;
+    if (!in_block(point)) return false;
+    openvdb::Vec3d at = index(point);
+    if (from > 0 && distance(at) <= 0) {
+      normal = (direction[side] > 0 ? -1 : 1) * Vec3::Unit(side);
+      return true;
+    }
     if (!march(at, {direction.x(), direction.y(), direction.z()})) return false;
-    const openvdb::Vec3d p = ground_.indexToWorld(at);
-    point = {p.x(), p.y(), p.z()};
+    point = world(at);
     normal = gradient(at);
-    return true;
+    return in_block(point);
   }
 
   /// Does the ground stand between a point on it and the sky?
   bool shaded(const Vec3& point, const Vec3& normal, const Vec3& direction) const {
     openvdb::Vec3d at = index(point) + 1.2 * openvdb::Vec3d(normal.x(), normal.y(), normal.z());
-    return march(at, {direction.x(), direction.y(), direction.z()});
+    return march(at, {direction.x(), direction.y(), direction.z()}) && in_block(world(at));
   }
 
  private:
@@ -62,6 +79,15 @@ class Caster {
 
   openvdb::Vec3d index(const Vec3& p) const {
     return ground_.worldToIndex(openvdb::Vec3d(p.x(), p.y(), p.z()));
+  }
+  Vec3 world(const openvdb::Vec3d& at) const {
+    const openvdb::Vec3d p = ground_.indexToWorld(at);
+    return {p.x(), p.y(), p.z()};
+  }
+  bool in_block(const Vec3& p) const {
+    const double rounding = 1e-6 * (scene_.high - scene_.low).norm();
+    return (p.array() >= scene_.low.array() - rounding).all() &&
+           (p.array() <= scene_.high.array() + rounding).all();
   }
   /// Voxels to the ground.
   double distance(const openvdb::Vec3d& at) const {
@@ -102,6 +128,7 @@ class Caster {
     return length > 0 ? Vec3(g / length) : Vec3(Vec3::UnitZ());
   }
 
+  const Scene& scene_;
   const openvdb::FloatGrid& ground_;
   float voxel_;
   Intersector intersector_;

@@ -35,7 +35,7 @@ struct Camera {
 /// What there is to see. All coordinates are those of the grid's transform.
 struct Scene {
   openvdb::FloatGrid::ConstPtr ground;
-  Vec3 low, high;  ///< corners of the block
+  Vec3 low, high;  ///< corners of the block that is cut out of it
   Vec3 to_sun;     ///< unit
   /// Colour of the ground where a ray hit it; safe to call from several threads.
   std::function<Rgb(const Vec3& point, const Vec3& normal)> color;

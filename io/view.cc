@@ -15,6 +15,7 @@
 namespace soilvdb::io {
 namespace {
 
+constexpr double kRound = 0.25;  // voxels: how deep a level set between its voxels rounds off a rim
 constexpr int kWidth = 1600;
 constexpr double kEdge = 36, kSide = 90, kTop = 104, kRulerRoom = 64, kFoot = 104;
 constexpr double kMaxBlockHeight = 900;
@@ -32,7 +33,7 @@ Relief heights(const Ground& ground, const Eigen::AlignedBox2d& box, int most, d
   const Vec2 cells = (box.sizes() / cell).array().round().max(2.0);
   const Vec2 half = cells * cell / 2;
   return sample_relief(ground.now, ground.base, {box.center() - half, box.center() + half},
-                       static_cast<int>(cells.x()), static_cast<int>(cells.y()));
+                       static_cast<int>(cells.x()), static_cast<int>(cells.y()), ground.least_m());
 }
 
 /// Looks at the block from an azimuth (clockwise from north, where the camera stands).
@@ -163,7 +164,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
       Vec3(box.max().x(), box.max().y(), range->high + relief.datum_m + 2 * voxel));
 
   Scene scene;
-  if (by_voxels) scene.ground = make_block(space);
+  const Vec3 beyond = Vec3::Constant(6 * voxel);
+  if (by_voxels) scene.ground = make_block({space.min() - beyond, space.max() + beyond});
   const bool coarse = !scene.ground;
   if (coarse) scene.ground = block_of_heights(relief, bottom, origin);
   scene.low = space.min() - origin;
@@ -192,8 +194,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
       const double below = top ? *top - (p.z() + origin.z()) : 0;
       return section_color(below, size);
     }
-    if (d > 0.5 * voxel) {
-      return mix(kTopSoil, scale.color(d), 0.6 + 0.4 * std::min(1.0, d / voxel - 0.5));
+    if (d > kRound * voxel) {
+      return mix(kTopSoil, scale.color(d), 0.6 + 0.4 * std::min(1.0, d / voxel));
     }
     const auto off = [&](double v) {
       return std::abs(v / line_m - std::round(v / line_m)) * line_m;
@@ -213,7 +215,7 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
         scale.max_m <= 0 ? 0 : seen(scene, candidate, 200, 130, [&](const Vec3& p) {
           const double d = depth(p);
           const double part = d / scale.max_m;
-          return d > 0.5 * voxel ? 0.1 + part * part : 0.0;
+          return d > kRound * voxel ? 0.1 + part * part : 0.0;
         });
     if (share > 1.02 * most) {
       most = share;
