@@ -78,7 +78,7 @@ struct Said {
 };
 
 TEST_F(DugGround, SaysTheSameInAnyOrderOnAnyThreadsAndAfterItForgot) {
-  for (const double h : {0.02, 0.07, 0.25}) {
+  for (const double h : {0.035, 0.07, 0.25}) {
     const auto all = chunks(h);
     const auto in_order = surface(), back = surface(), parallel = surface();
     std::vector<Said> said;
