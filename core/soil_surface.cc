@@ -2,94 +2,39 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ground that was dug, as the base surface of ground with other voxels.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "core/base_surface.h"
 #include "core/chunk_range.h"
-#include "core/soil.h"
-#include "core/surface.h"
+#include "core/soil_window.h"
 #include "core/surface_height.h"
 
 namespace soilvdb {
 namespace {
 
-/// Distances at the voxels of some chunks of the ground that was dug, trilinear between them.
-class Window {
- public:
-  /// @param box in index space
-  Window(const Soil& ground, const Eigen::AlignedBox3d& box) {
-    first_ = chunk_of(box.min() - Vec3::Constant(1));
-    size_ = (chunk_of(box.max() + Vec3::Constant(1)) - first_) / kLeafSide + Coord3::Ones();
-    cells_.resize(static_cast<std::size_t>(size_.prod()) * kLeafSize);
-    changed_.resize(cells_.size());
-    std::size_t at = 0;
-    SampleWords now, base;
-    for (int x = 0; x < size_.x(); ++x)
-      for (int y = 0; y < size_.y(); ++y)
-        for (int z = 0; z < size_.z(); ++z, at += kLeafSize) {
-          const Coord3 origin = first_ + kLeafSide * Coord3(x, y, z);
-          surface_distance(ground, origin, &cells_[at]);
-          if (ground.find(origin) == nullptr) continue;
-          ground.read_samples(origin, now);
-          ground.read_base(origin, base);
-          for (std::size_t n = 0; n < kLeafSize; ++n) changed_[at + n] = now[n] != base[n];
-        }
-  }
-
-  struct Value {
-    double distance_m;
-    bool changed;  ///< somebody dug in one of the cells about
-  };
-  Value at(const Vec3& index) const {
-    const Vec3 low = index.array().floor();
-    const Coord3 cell = low.cast<int>();
-    const Vec3 part = index - low;
-    Value value{0, false};
-    for (int c = 0; c < 8; ++c) {
-      const Coord3 step(c >> 2, c >> 1 & 1, c & 1);
-      const std::size_t n = place(cell + step);
-      double weight = 1;
-      for (int a = 0; a < 3; ++a) weight *= step[a] != 0 ? part[a] : 1 - part[a];
-      value.distance_m += weight * double{cells_[n]};
-      value.changed |= changed_[n] != 0;
-    }
-    return value;
-  }
-
- private:
-  std::size_t place(const Coord3& cell) const {
-    const Coord3 local = cell - first_;
-    const Coord3 chunk = local / kLeafSide;
-    const int c = (chunk.x() * size_.y() + chunk.y()) * size_.z() + chunk.z();
-    return static_cast<std::size_t>(c * kLeafSize + (local.x() & 7) * 64 + (local.y() & 7) * 8 +
-                                    (local.z() & 7));
-  }
-
-  Coord3 first_, size_;
-  std::vector<float> cells_;
-  std::vector<std::uint8_t> changed_;
-};
+/// Cells that are read at once; of more, those about each point.
+constexpr double kMostCells = 70 * 70 * 70;
 
 class SoilSurface final : public BaseSurface {
  public:
   explicit SoilSurface(std::shared_ptr<const Soil> ground)
-      : ground_(std::move(ground)), heights_(surface_heights(*ground_)) {}
+      : ground_(std::move(ground)),
+        ground_bytes_(ground_->memory_bytes() - ground_->base().memory_bytes()),
+        tiles_(*ground_),
+        heights_(surface_heights(*ground_)) {
+    for (const Chunk* chunk : ground_->chunks()) resident_.push_back(chunk->origin);
+  }
 
   Content classify(const Eigen::AlignedBox3d& box) const override {
     constexpr double kMost = 4096;  // chunks that are looked at
     const Content base = ground_->base().classify(box);
     // The surface leaves the cells that hold it by less than a voxel.
     const Eigen::AlignedBox3d cells = indices(box, 1);
+    if (!any_resident(cells)) return base;
     if ((cells.sizes() / kLeafSide).array().ceil().prod() > kMost)
-      return ground_->chunk_count() == 0 || (base == Content::kAir && ground_->is_air(box))
-                 ? base
-                 : Content::kMixed;
-    bool resident = false;
-    for_each_chunk(cells, [&](const Coord3& at) { resident |= ground_->find(at) != nullptr; });
-    if (!resident) return base;
+      return base == Content::kAir && ground_->is_air(box) ? base : Content::kMixed;
     bool soil = false, air = false;
     for_each_chunk(cells, [&](const Coord3& at) {
       if (!(soil && air)) look(at, cells, soil, air);
@@ -103,10 +48,17 @@ class SoilSurface final : public BaseSurface {
     ground_->base().distance(first, h, band, phi);
     const Eigen::AlignedBox3d box = indices(voxels(first, h), 0);
     if (!is_dug(box)) return;
-    const Window window(*ground_, box);
+    SoilTiles::Reader tiles(tiles_);
+    SoilWindow window;
+    const bool whole = SoilWindow::cells(box) <= kMostCells;
+    if (whole) window.read(tiles, box);
     for (int n = 0; n < kLeafSize; ++n) {
-      const Vec3 p = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
-      const double d = window.at(ground_->index_from_world(p)).distance_m;
+      const Vec3 p = ground_->index_from_world(first + h * Vec3(n >> 6, n >> 3 & 7, n & 7));
+      if (!whole) window.read(tiles, {p, p});
+      const SoilWindow::Value value = window.at(p);
+      if ((value.flags & (SoilWindow::kDifferent | SoilWindow::kMissing)) != SoilWindow::kDifferent)
+        continue;
+      const double d = value.distance_m;
       // Beyond the band of the ground it says no more than which side it is.
       if (std::abs(d) >= ground_->band_m() && (d < 0) == (phi[n] < 0)) continue;
       phi[n] = static_cast<float>(std::clamp(d, -band, band));
@@ -118,24 +70,52 @@ class SoilSurface final : public BaseSurface {
     ground_->base().samples(chunk, first, h, words);
     const Eigen::AlignedBox3d box = indices(voxels(first, h), 0);
     if (!is_dug(box)) return;
-    const Window window(*ground_, box);
+    SoilTiles::Reader tiles(tiles_);
+    SoilWindow window;
+    const bool whole = SoilWindow::cells(box) <= kMostCells;
+    if (whole) window.read(tiles, box);
     for (int n = 0; n < kLeafSize; ++n) {
       const Coord3 cell(n >> 6, n >> 3 & 7, n & 7);
-      const CellPoints& points = sample_points(chunk + cell);
       const Vec3 low = first + h * (cell.cast<double>() - Vec3::Constant(0.5));
+      const Vec3 from = ground_->index_from_world(low),
+                 to = ground_->index_from_world(low + Vec3::Constant(h));
+      if (!whole && !is_dug({from, to})) continue;
       std::uint64_t& word = words[static_cast<std::size_t>(n)];
-      for (int i = 0; i < 64; ++i) {
-        const Vec3 p = low + h * Vec3(points.x[i], points.y[i], points.z[i]);
-        const Window::Value value = window.at(ground_->index_from_world(p));
-        if (!value.changed) continue;
-        const std::uint64_t bit = std::uint64_t{1} << i;
-        word = value.distance_m < 0 ? word | bit : word & ~bit;
+      // Many cells take longer to look at than 64 points do.
+      if (whole && h <= ground_->voxel_size_m()) {
+        const SoilWindow::Common common = window.common(from, to);
+        if ((common.any & SoilWindow::kChanged) == 0) continue;
+        if ((common.all & SoilWindow::kChanged) != 0 && common.soil != common.air) {
+          word = common.soil ? kAllSoil : 0;
+          continue;
+        }
       }
+      const CellPoints& points = sample_points(chunk + cell);
+      std::uint64_t changed = 0, soil = 0;
+      if (whole) {
+        window.at(points, low, h, *ground_, changed, soil);
+      } else {
+        for (int i = 0; i < 64; ++i) {
+          const Vec3 p =
+              ground_->index_from_world(low + h * Vec3(points.x[i], points.y[i], points.z[i]));
+          window.read(tiles, {p, p});
+          const SoilWindow::Value value = window.at(p);
+          changed |= std::uint64_t{(value.flags & SoilWindow::kChanged) != 0} << i;
+          soil |= std::uint64_t{value.distance_m < 0} << i;
+        }
+      }
+      word = (word & ~changed) | (soil & changed);
     }
   }
 
-  std::uint64_t memory_bytes() const override { return ground_->memory_bytes(); }
-  void forget() const override { ground_->base().forget(); }
+  std::uint64_t memory_bytes() const override {
+    return ground_bytes_ + ground_->base().memory_bytes() + tiles_.bytes() +
+           resident_.capacity() * sizeof(Coord3);
+  }
+  void forget() const override {
+    tiles_.forget();
+    ground_->base().forget();
+  }
   std::optional<double> height(double x, double y) const override { return heights_(x, y); }
   const Soil* soil() const override { return ground_.get(); }
 
@@ -148,23 +128,43 @@ class SoilSurface final : public BaseSurface {
     return {ground_->index_from_world(box.min()) - Vec3::Constant(margin),
             ground_->index_from_world(box.max()) + Vec3::Constant(margin)};
   }
+  /// Is any chunk resident that a box in index space meets?
+  bool any_resident(const Eigen::AlignedBox3d& box) const {
+    const Coord3 first = chunk_of(box.min()), last = chunk_of(box.max());
+    const auto from = std::lower_bound(resident_.begin(), resident_.end(), first.x(),
+                                       [](const Coord3& c, int x) { return c.x() < x; });
+    const auto to = std::upper_bound(from, resident_.end(), last.x(),
+                                     [](int x, const Coord3& c) { return x < c.x(); });
+    const double chunks = ((last - first) / kLeafSide + Coord3::Ones()).cast<double>().prod();
+    if (chunks > static_cast<double>(to - from))
+      return std::any_of(from, to, [&](const Coord3& c) {
+        return (c.array() >= first.array()).all() && (c.array() <= last.array()).all();
+      });
+    for (int x = first.x(); x <= last.x(); x += kLeafSide)
+      for (int y = first.y(); y <= last.y(); y += kLeafSide)
+        for (int z = first.z(); z <= last.z(); z += kLeafSide)
+          if (ground_->find({x, y, z}) != nullptr) return true;
+    return false;
+  }
   bool is_dug(const Eigen::AlignedBox3d& box) const {
     const Vec3 margin = Vec3::Constant(1);
-    bool found = false;
-    for_each_chunk({box.min() - margin, box.max() + margin},
-                   [&](const Coord3& origin) { found |= ground_->find(origin) != nullptr; });
-    return found;
+    return any_resident({box.min() - margin, box.max() + margin});
   }
   /// Whether a chunk has soil and air in a box of index space.
   void look(const Coord3& origin, const Eigen::AlignedBox3d& box, bool& soil, bool& air) const {
     const Vec3 half = Vec3::Constant(0.5), first = origin.cast<double>();
     const Eigen::AlignedBox3d part =
         box.intersection({first - half, first + Vec3::Constant(kLeafSide - 0.5)});
-    if (ground_->find(origin) == nullptr) {
+    const Chunk* chunk = ground_->find(origin);
+    if (chunk == nullptr) {
       const Content content = ground_->base().classify(
           {ground_->world_from_index(part.min()), ground_->world_from_index(part.max())});
       soil |= content != Content::kAir;
       air |= content != Content::kSoil;
+      return;
+    }
+    if (chunk->now == 0 || chunk->now == 64 * kLeafSize) {
+      (chunk->now == 0 ? air : soil) = true;
       return;
     }
     SampleWords words;
@@ -182,6 +182,9 @@ class SoilSurface final : public BaseSurface {
   }
 
   std::shared_ptr<const Soil> ground_;
+  std::uint64_t ground_bytes_;
+  std::vector<Coord3> resident_;  // in order
+  mutable SoilTiles tiles_;
   std::function<std::optional<double>(double, double)> heights_;
 };
 
