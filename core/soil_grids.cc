@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/soil_grids.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -11,23 +9,6 @@
 #include "core/surface.h"
 
 namespace soilvdb {
-namespace {
-
-/// Chunks that aren't resident themselves, into which the surface's band may reach from some.
-std::vector<Coord3> beside(const Soil& soil, std::span<const Coord3> chunks) {
-  std::vector<Coord3> all;
-  for (const Coord3& c : chunks) {
-    for (int n = 0; n < 27; ++n) {
-      const Coord3 other = c + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-      if (soil.find(other) == nullptr) all.push_back(other);
-    }
-  }
-  std::sort(all.begin(), all.end(), before);
-  all.erase(std::unique(all.begin(), all.end()), all.end());
-  return all;
-}
-
-}  // namespace
 
 openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil) {
   openvdb::initialize();
@@ -48,18 +29,26 @@ std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi
   return leaf;
 }
 
-openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::vector<Coord3> chunks) {
+std::vector<Coord3> chunks_with_surface(const Soil& soil) {
+  std::vector<Coord3> all;
+  for (const Chunk* chunk : soil.chunks()) {
+    for (int n = 0; n < 27; ++n)
+      all.push_back(chunk->origin + kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+  }
+  std::sort(all.begin(), all.end(), before);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::span<const Coord3> chunks) {
   const float band = static_cast<float>(soil.band_m());
-  const std::size_t asked = chunks.size();
-  const std::vector<Coord3> others = beside(soil, chunks);
-  chunks.insert(chunks.end(), others.begin(), others.end());
   std::vector<std::unique_ptr<FloatLeaf>> leaves(chunks.size());
   surface_distances(soil, chunks, [&](std::size_t i, const float* phi_m) {
-    float base_m[kLeafSize];
-    if (i >= asked) {
+    if (soil.find(chunks[i]) == nullptr) {
+      float base_m[kLeafSize];
       soil.base().distance(soil.world_from_index(chunks[i].cast<double>()), soil.voxel_size_m(),
                            soil.band_m(), base_m);
-      if (std::equal(base_m, base_m + kLeafSize, phi_m)) return;  // nothing was cut near
+      if (std::equal(base_m, base_m + kLeafSize, phi_m)) return;
     }
     leaves[i] = level_set_leaf(chunks[i], phi_m, band);
   });

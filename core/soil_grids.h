@@ -5,6 +5,9 @@
 
 #include <openvdb/openvdb.h>
 
+#include <span>
+#include <vector>
+
 #include "core/soil.h"
 
 namespace soilvdb {
@@ -15,9 +18,12 @@ using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi_m, float band_m);
 
 /// Ground as a grid `surface`: class level set, background +band, a leaf for each of some chunks
-/// and for those around them that aren't resident, where a cut's band reaches; active where |phi| <
-/// band. Its transform is relative to Soil::origin().
-openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::vector<Coord3> chunks);
+/// but for those that aren't resident and near no cut; active where |phi| < band. Its transform is
+/// relative to Soil::origin().
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::span<const Coord3> chunks);
+
+/// The resident chunks, and those around them into which a cut's band may reach.
+std::vector<Coord3> chunks_with_surface(const Soil& soil);
 
 /// A grid like that without leaves.
 openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil);

@@ -85,7 +85,11 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   MetaMap meta;
   put_all(meta, file, site, info);
   std::vector<Coord3> chunks;
-  for (const Chunk* chunk : site.soil->chunks()) chunks.push_back(chunk->origin);
+  if (info.since) {
+    for (const Chunk* chunk : site.soil->chunks()) chunks.push_back(chunk->origin);
+  } else {
+    chunks = chunks_with_surface(*site.soil);
+  }
   const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.soil, chunks);
   for (auto item = meta.beginMeta(); item != meta.endMeta(); ++item) {
     surface->insertMeta(item->first, *item->second);
