@@ -16,7 +16,7 @@ struct Bend {
 
 /// The models of the cells of a CellGrid.
 ///
-/// A cell's model depends on the words within kModelReach voxels of it and on nothing else: not on
+/// A cell's model depends on the words within a chunk of it and on nothing else: not on
 /// the grid, its neighbours' order or threads.
 class CellModels {
  public:
@@ -86,8 +86,5 @@ class CellModels {
   std::vector<int> index_;
   std::vector<Cell> cells_;
 };
-
-/// A chunk: what a cell's model depends on.
-inline constexpr int kModelReach = 8;
 
 }  // namespace soilvdb

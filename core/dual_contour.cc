@@ -121,7 +121,7 @@ class Contouring {
       std::memcpy(&eight, &soil_[static_cast<std::size_t>(id)], sizeof(eight));
       return eight;
     };
-    // Eight voxels at a time; nowhere does the surface run through the cube's outermost chunks.
+    // Eight voxels at a time; no polygon of the cube's outermost cells is wanted.
     for (int x = 1; x < side - 1; ++x) {
       for (int y = 1; y < side - 1; ++y) {
         for (int z = 0; z + kLeafSide < side; z += kLeafSide) {

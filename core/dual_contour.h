@@ -33,8 +33,8 @@ struct Contour {
 /// end; the vertices and triangles about an edge of the grid depend on the models of the voxels
 /// around it alone. Polygons belong to the chunk of the lower end of the edge that they go round,
 /// or to that of the upper one if only that is resident.
-/// @param reach 0: the polygons of the chunks asked for; else all that lie within so many voxels of
-/// them, whatever is resident
+/// @param reach 0: the polygons of the chunks asked for; else all that lie nearer than so many
+/// voxels to them, whatever is resident
 Contour contour(const CellModels& models, int reach);
 
 }  // namespace soilvdb

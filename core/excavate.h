@@ -72,7 +72,7 @@ class Excavator {
   std::vector<Facet> facets_;
   std::vector<Station> stations_;  // by pose, then facet
   std::vector<Job> jobs_;
-  std::vector<SoilWriter::Edit> edits_;  // by chunk, as
+  std::vector<SoilWriter::Edit> edits_;  // by chunk, as work_ is
   std::vector<Work> work_;
 };
 

@@ -72,6 +72,7 @@ Update Machine::dig_along(Soil& soil, std::span<const Pose> path) {
   const std::int64_t cut_before = ledger_.captured + ledger_.displaced;
   if (!placed_) {
     ledger_.displaced += excavator_.stamp(soil, path.front()).displaced;
+    current_ = path.front();
     placed_ = true;
   }
   dig(soil, path);

@@ -51,7 +51,7 @@ Mesh mesh_block(const Soil& soil, const Coord3& block) {
 }
 
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
-  // A chunk's values reach one cell below its own block.
+  // A chunk's samples are looked at from as far as a chunk.
   std::set<Coord3, SurfaceMesh::Less> blocks;
   for (const Coord3& c : chunks) {
     for (int n = 0; n < 27; ++n) {

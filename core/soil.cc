@@ -18,12 +18,6 @@
 namespace soilvdb {
 namespace {
 
-SOILVDB_FOR_CPUS std::uint16_t count(const SampleWords& words) {
-  int sum = 0;
-  for (const std::uint64_t word : words) sum += std::popcount(word);
-  return static_cast<std::uint16_t>(sum);
-}
-
 /// One word for a chunk's origin; 21 bits of chunk index per axis.
 std::uint64_t key(const Coord3& origin) {
   constexpr std::uint64_t kMask = (1u << 21) - 1;
@@ -98,13 +92,6 @@ void Soil::read_base(const Coord3& origin, SampleWords& samples) const {
   } else {
     samples.fill(content == Content::kSoil ? kAllSoil : 0);
   }
-}
-
-std::uint32_t Soil::base_samples(const Coord3& origin) const {
-  if (const Chunk* chunk = find(origin)) return chunk->base;
-  SampleWords words;
-  read_base(origin, words);
-  return count(words);
 }
 
 std::size_t Soil::chunk_count() const { return state_->chunks; }

@@ -82,8 +82,6 @@ class Soil {
   void read_samples(const Coord3& origin, SampleWords& samples) const;
   /// Those that the base surface has there.
   void read_base(const Coord3& origin, SampleWords& samples) const;
-  /// Samples of soil that the base surface has in a chunk.
-  std::uint32_t base_samples(const Coord3& origin) const;
   /// A chunk as it is, cold or not.
   Chunk copy(const Chunk& chunk) const;
 

@@ -30,7 +30,7 @@ inline constexpr int kBlockSide = 32;
 class SurfaceBlock {
  public:
   enum Need { kMesh, kDistance };
-  /// @param chunks within kBlockSide voxels of each other, at least one
+  /// @param chunks at least one; memory and time go with the cube around them
   SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need);
 
   /// The triangles of the chunks; with kDistance also of those around.

@@ -29,14 +29,10 @@ std::optional<double> height_on(const Vec3& a, const Vec3& b, const Vec3& c, con
 SurfaceHeight::SurfaceHeight(const Soil& soil) : soil_(soil) {
   for (const Chunk* chunk : soil.chunks()) {
     const Coord3& c = chunk->origin;
-    std::vector<int>& tops = tops_[{c.x() & kBlockMask, c.y() & kBlockMask}];
-    const int block = c.z() & kBlockMask;
-    // Polygons of a chunk reach a voxel beyond its low faces.
-    for (const int z : {block, (c.z() - kLeafSide) & kBlockMask}) {
-      if (std::find(tops.begin(), tops.end(), z) == tops.end()) tops.push_back(z);
-    }
+    std::vector<int>& blocks = blocks_[{c.x() & kBlockMask, c.y() & kBlockMask}];
+    const int z = c.z() & kBlockMask;
+    if (std::find(blocks.begin(), blocks.end(), z) == blocks.end()) blocks.push_back(z);
   }
-  for (auto& [column, tops] : tops_) std::sort(tops.rbegin(), tops.rend());
 }
 
 const SurfaceHeight::Patch& SurfaceHeight::patch(const Coord3& block) {
@@ -70,16 +66,14 @@ std::optional<double> SurfaceHeight::at(double x, double y) {
   const Vec2 at = Vec2(x, y) - soil_.origin().head<2>();
   std::optional<double> top;
   // A polygon belongs to the block of its edge's lower end, which may be a voxel beyond.
-  for (const int dx : {0, 1}) {
-    for (const int dy : {0, 1}) {
+  const int own_x = column.first & kBlockMask, own_y = column.second & kBlockMask;
+  for (const int dx : {0, -1, 1}) {
+    for (const int dy : {0, -1, 1}) {
       const int bx = (column.first + dx) & kBlockMask, by = (column.second + dy) & kBlockMask;
-      if ((dx == 1 && bx == (column.first & kBlockMask)) ||
-          (dy == 1 && by == (column.second & kBlockMask))) {
-        continue;
-      }
-      const auto tops = tops_.find({bx, by});
-      if (tops == tops_.end()) continue;
-      for (const int z : tops->second) {
+      if ((dx != 0 && bx == own_x) || (dy != 0 && by == own_y)) continue;
+      const auto blocks = blocks_.find({bx, by});
+      if (blocks == blocks_.end()) continue;
+      for (const int z : blocks->second) {
         const Patch& p = patch({bx, by, z});
         const auto found = p.columns.find(column);
         if (found == p.columns.end()) continue;

@@ -30,7 +30,7 @@ class SurfaceHeight {
   const Patch& patch(const Coord3& block);
 
   const Soil& soil_;
-  std::map<std::pair<int, int>, std::vector<int>> tops_;  ///< of columns of blocks, high to low
+  std::map<std::pair<int, int>, std::vector<int>> blocks_;  ///< of columns of blocks: their z
   std::map<Coord3, Patch, SurfaceMesh::Less> patches_;
 };
 

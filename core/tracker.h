@@ -53,8 +53,8 @@ class Machine;  // core/machine.h
 /// Updates throw std::invalid_argument for a pose that isn't finite, has no unit rotation or is
 /// more than 2^23 voxels from the soil's origin, for times that aren't finite or in order, and for
 /// a machine that isn't there; the ground and the tracker are then as they were. Where
-/// Soil::limit_memory() is set, they throw std::runtime_error if the store fails; the ground is
-/// then of no use any more.
+/// Soil::limit_memory() is set, they throw std::runtime_error if the store fails: before anything
+/// is dug the ground is whole (Soil::settle()), while it is dug it is of no use any more.
 ///
 /// ```
 /// Soil soil(0.05, origin, make_plane(0, {0, 0}));

@@ -19,7 +19,7 @@
 namespace soilvdb::io {
 namespace {
 
-constexpr double kBytesPerChunk = 3500;  // a Chunk, its leaf, its share of index and tree
+constexpr double kBytesPerChunk = 3500;  // a Chunk, its leaf, its share of the tree
 constexpr int kCellBits = 21;            // of a coordinate of a cell no smaller than a chunk
 constexpr double kMostVoxels = 1 << 23;  // either way from the origin: 21 bits of chunks
 constexpr int kPointsAcross = 8;         // of a mouth, where its sweep is estimated
@@ -97,7 +97,7 @@ void check_strokes(const Site& site, const Scenario& scenario, const MachineInpu
   });
 }
 
-/// Looks ever closer, as excavate() will look at last, wherever the ground isn't known.
+/// Looks ever closer, as the engine does before it digs, wherever the ground isn't known.
 void check_known(const Scenario& scenario, const Site& site, const MachineInput& m) {
   const auto unknown = [&](const Box3& box) { return !surely_known(site, box); };
   look_closer(m, unknown, [&](const Motion& part, const StepBox& step) {

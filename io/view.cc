@@ -256,13 +256,8 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
 
 void write_view(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
                 const Caption& caption) {
-  const MakeBlock make_block =
-      [&](const Eigen::AlignedBox3d& space) -> openvdb::FloatGrid::ConstPtr {
-    try {
-      return closed_level_set(soil, space);
-    } catch (const NoGroundError&) {
-      return nullptr;
-    }
+  const MakeBlock make_block = [&](const Eigen::AlignedBox3d& space) {
+    return closed_level_set(soil, space);
   };
   Canvas canvas = draw_view(ground_of(soil), make_block, soil.origin(), box, caption);
   save(file, canvas);

@@ -376,6 +376,38 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
   }
 }
 
+TEST(SurfaceHeight, IsThatOfTheHighestTriangleWhereBlocksMeetToo) {
+  for (const double yaw : {0.0, 0.3, 0.9}) {
+    const Solid trench = half_sine_trench(yaw);
+    for (const double h : {0.05, 0.03}) {
+      const auto soil = sampled(trench, h);
+      const Mesh mesh = mesh_all(*soil);
+      SurfaceHeight heights(*soil);
+      std::mt19937 random(1);
+      std::uniform_real_distribution<double> place(-0.55, 0.55), near(-1, 1);
+      for (int k = 0; k < 1500; ++k) {
+        Vec2 p(place(random), place(random));
+        // Within a voxel of where blocks meet.
+        p[k % 2] = h * (kBlockSide * std::round(p[k % 2] / (h * kBlockSide)) + near(random));
+        double top = -1e9;
+        for (const auto& t : mesh.triangles) {
+          Vec3 v[3];
+          for (std::size_t c = 0; c < 3; ++c) v[c] = mesh.points[t[c]].cast<double>();
+          Eigen::Matrix2d sides;
+          sides << (v[1] - v[0]).head<2>(), (v[2] - v[0]).head<2>();
+          if (std::abs(sides.determinant()) < 1e-12) continue;
+          const Vec2 w = sides.inverse() * (p - v[0].head<2>());
+          if (w.minCoeff() < 0 || w.sum() > 1) continue;
+          top = std::max(top, v[0].z() + w.x() * (v[1] - v[0]).z() + w.y() * (v[2] - v[0]).z());
+        }
+        if (top > -1e8) {
+          ASSERT_NEAR(*heights.at(p.x(), p.y()), top, 1e-6) << p.transpose() / h;
+        }
+      }
+    }
+  }
+}
+
 TEST(SurfaceHeight, IsTheBaseSurfacesOutsideAndTheFloorsInside) {
   const Solid box = ground_less("box", {0, 0}, {{Pose{}, Vec3(0.5, 0.4, 0.312)}});
   const auto soil = sampled(box, 0.05);

@@ -48,7 +48,7 @@ class SnapshotWriter {
 
   /// Takes a copy of the ground and writes that.
   /// @param file its name and updates; if it is `there` already, intact, then all of it
-  /// @param info all but `since`; of the flushed tracker
+  /// @param info all but `since`
   /// @param journal gets a record once the file is safe; outlives the writer
   /// @throw std::runtime_error for the one before this, too.
   void write(io::JournalFile file, bool there, Tracker& tracker, const io::Site& site,
