@@ -22,18 +22,19 @@ struct Difference {
 /// volumes are differences of the ledgers, and the error is two standard deviations of what counts
 /// of samples err by against the true surfaces.
 ///
-/// Else column by column of the larger voxels: net is the difference of what the two have lost
-/// against the ground that is under both. Cut and fill above each other in one column cancel. The
-/// error is the sum of all columns' standard deviations, for errors of cut and of fill don't
-/// cancel.
+/// Else box by box, as large as the larger voxels: what one of them gained is the difference of
+/// what the two have lost there against the ground that is under both, so that net is exact. The
+/// error is two standard deviations of that, one for each box in which counts can't tell whether
+/// anything changed, for those don't cancel, and all that may have been cut and filled within one
+/// box where both were near.
 ///
-/// Either way a column at the rim of what changed counts by the part of it that changed.
+/// Either way the area is that of core/changed_area.h.
 /// @param same_base whether both have one base surface; else those must be surfaces of soils with
 ///        the same ground beneath
 Difference difference(const Soil& before, const Soil& after, bool same_base);
 
 /// Calls `f` with what columns of any width gained between the two, some of them several times.
-void for_each_gain(const Soil& before, const Soil& after, bool same_base, const ColumnGrid& grid,
+void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,
                    const GainFunction& f);
 
 }  // namespace soilvdb

@@ -47,8 +47,8 @@ class MemoryFile {
 GainFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
   const double side_m = cells.spacing.x();
   rise_m.resize(std::size_t(cells.nx) * cells.ny);
-  return [&cells, &rise_m, side_m](const ColumnGrid::Column& column, const Gain& gain) {
-    const auto [i, j] = column;
+  return [&cells, &rise_m, side_m](const GainGrid::Box& column, const Gain& gain) {
+    const int i = column[0], j = column[1];
     if (i >= 0 && i < cells.nx && j >= 0 && j < cells.ny)
       rise_m[std::size_t(j) * cells.nx + i] += gain.m3 / (side_m * side_m);
   };
@@ -130,7 +130,7 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   // A voxel has too few samples for cells that are smaller.
   std::vector<double> rise_m;
   if (cell_m > 0.999 * soil.voxel_size_m())
-    for_each_gain(soil, {out.grid.first, cell_m}, add_to(out.grid, rise_m));
+    for_each_gain(soil, GainGrid::columns(out.grid.first, cell_m), add_to(out.grid, rise_m));
   out.surface.resize(cells);
   out.base.resize(cells);
   out.change.resize(cells);
@@ -154,7 +154,8 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
 std::vector<float> rasterise_change(const Soil& before, const Soil& after, bool same_base,
                                     const SurfaceRaster& raster) {
   std::vector<double> rise_m;
-  for_each_gain(before, after, same_base, {raster.grid.first, raster.grid.spacing.x()},
+  for_each_gain(before, after, same_base,
+                GainGrid::columns(raster.grid.first, raster.grid.spacing.x()),
                 add_to(raster.grid, rise_m));
   std::vector<float> change(rise_m.size());
   for (std::size_t i = 0; i < change.size(); ++i)

@@ -4,9 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "core/lattice.h"
@@ -152,7 +155,7 @@ TEST(Lattice, TheSameDigOnOtherOriginsIsTheSame) {
   EXPECT_NEAR(difference(before, b, true).cut_m3, whole.cut_m3, 1e-5 * whole.cut_m3);
 }
 
-TEST(ColumnDifference, OfTheSameDigWithOtherVoxelsIsWithinItsError) {
+TEST(BoxDifference, OfTheSameDigWithOtherVoxelsIsWithinItsError) {
   const auto ground = plane(0.013, {0.05, -0.02});
   HalfSine trench;
   trench.yaw = 0.4;
@@ -170,10 +173,87 @@ TEST(ColumnDifference, OfTheSameDigWithOtherVoxelsIsWithinItsError) {
   const Difference whole = difference(before, fine, true);
   EXPECT_NEAR(whole.cut_m3, -fine.change_m3(), whole.error_m3);
   EXPECT_LT(whole.error_m3, 0.02 * whole.cut_m3);
-  EXPECT_NEAR(whole.area_m2, trench.area_m2(), 0.1 * trench.area_m2());
+  EXPECT_NEAR(whole.area_m2, trench.area_m2(), kArea * trench.area_m2());
 }
 
-TEST(ColumnDifference, FollowsGroundThatWasDugFromGround) {
+/// A mouth of 0.8 m x 0.5 m that goes straight for 2 m.
+void drag(Soil& soil, double width_m, const Vec3& from, double yaw, double roll = 0) {
+  Tracker tracker(soil, {bucket(width_m, 0.5)});
+  const Eigen::Quaterniond turn = from_rpy(0, 0, yaw);
+  for (const double x : {0.0, 2.0})
+    tracker.update(0, {turn * (from + Vec3(x, 0, 0)), turn * from_rpy(roll, 0, 0)});
+}
+
+/// Both ways, for each pair of voxels: what was cut and filled, within what it says it may err by.
+void expect_cut_and_fill(const std::function<void(Soil&)>& first,
+                         const std::function<void(Soil&)>& second, double cut_m3, double fill_m3,
+                         double most_error_m3, const Vec2& slope = Vec2::Zero()) {
+  const auto ground = plane(0, slope);
+  for (const auto& [h, k] :
+       {std::pair(0.05, 0.05), {0.05, 0.025}, {0.025, 0.05}, {0.05, 0.07}, {0.07, 0.05}}) {
+    SCOPED_TRACE(testing::Message() << h << " " << k);
+    Soil before(h, Vec3::Zero(), ground), after(k, Vec3::Zero(), ground);
+    first(before);
+    second(after);
+    const Difference d = difference(before, after, true), back = difference(after, before, true);
+    EXPECT_NEAR(d.cut_m3, cut_m3, d.error_m3);
+    EXPECT_NEAR(d.fill_m3, fill_m3, d.error_m3);
+    EXPECT_NEAR(back.fill_m3, d.cut_m3, 1e-12);
+    EXPECT_NEAR(back.error_m3, d.error_m3, 1e-12);
+    EXPECT_NEAR(d.net_m3, after.change_m3() - before.change_m3(), 1e-9);
+    EXPECT_NEAR(d.fill_m3 - d.cut_m3, d.net_m3, 1e-9);
+    EXPECT_LT(d.error_m3, most_error_m3);
+  }
+}
+
+TEST(BoxDifference, KeepsCutAndFillAboveEachOtherApart) {
+  for (const double yaw : {0.0, 0.4}) {
+    SCOPED_TRACE(yaw);
+    const Vec3 at(0.011, 0.013, 0);
+    // A tunnel in one, a trench above it in the other.
+    expect_cut_and_fill([&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
+                        [&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 0.5), yaw); }, 0.8, 0.8, 0.04);
+    // Tunnels that share a layer: 0.3 m of each are apart, with nothing between.
+    expect_cut_and_fill([&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
+                        [&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.2), yaw); }, 0.48, 0.48,
+                        0.08);
+    // And side by side.
+    expect_cut_and_fill([&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
+                        [&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0.8, 1.5), yaw); }, 0.8, 0.8, 0.1);
+  }
+}
+
+TEST(BoxDifference, KeepsCutAndFillApartWhereSurfacesCross) {
+  // Squares of 0.5 m, one turned by an eighth, share a regular octagon.
+  const double side = 0.5, octagon = 2 * (std::numbers::sqrt2 - 1) * side * side;
+  const double apart = 2 * (side * side - octagon);
+  const auto turned = [&](double roll) {
+    return [side, roll](Soil& s) {
+      const Vec3 up = from_rpy(roll, 0, 0) * Vec3(0, 0, side / 2);
+      drag(s, side, Vec3(0.011, 0.013, -1.5) - up, 0, roll);
+    };
+  };
+  expect_cut_and_fill(turned(0), turned(kPi / 4), apart, apart, 0.04);
+}
+
+TEST(BoxDifference, KeepsCutAndFillApartOnASteepSlope) {
+  // Along it the lips are a tenth of a metre and three below the ground, the mouths at right
+  // angles.
+  const double steep = std::atan(1.7), width = 0.8, length = std::hypot(1, 1.7);
+  const auto shave = [&](double depth) {
+    return [=](Soil& s) {
+      Tracker tracker(s, {bucket(width, 0.5)});
+      for (const double x : {0.0, 1.0})
+        tracker.update(0, {{x, 0.013, 1.7 * x - depth}, from_rpy(0, -steep, 0)});
+    };
+  };
+  const double shallow = 0.1 * std::cos(steep), deep = 0.3 * std::cos(steep);
+  const double shift = 0.2 * std::sin(steep), both = (length - shift) * shallow;
+  expect_cut_and_fill(shave(0.1), shave(0.3), width * (length * deep - both),
+                      width * (length * shallow - both), 0.02, {1.7, 0});
+}
+
+TEST(BoxDifference, FollowsGroundThatWasDugFromGround) {
   const auto ground = plane(0.013);
   const HalfSine trench;
   auto first = std::make_shared<Soil>(0.05, Vec3::Zero(), ground);

@@ -120,7 +120,7 @@ void diff(const DiffOptions& options) {
              number(change.fill_m3), number(change.net_m3), number(change.area_m2));
   fmt::print("error   {} m³ of cut and of fill, {}\n", number(change.error_m3),
              change.exact ? "compared sample by sample"
-                          : "compared by columns, for their voxels or grounds are not the same");
+                          : "compared voxel by voxel, for their voxels or grounds are not the same");
   if (options.to) fmt::print("file    {}\n", options.to->string());
 }
 

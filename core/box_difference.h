@@ -8,6 +8,6 @@
 namespace soilvdb {
 
 /// As difference() has it for soils that are not of one lattice and base.
-Difference column_difference(const Soil& before, const Soil& after);
+Difference box_difference(const Soil& before, const Soil& after);
 
 }  // namespace soilvdb
