@@ -76,20 +76,18 @@ std::vector<Change> changes(const Soil& before, const Soil& after, const GainGri
   return all;
 }
 
-/// Whether something was surely cut and something surely filled in a box and those around it.
-bool between(const std::vector<Change>& all, const Box& box) {
-  bool cut = false, fill = false;
+/// The lesser of what was surely cut and what was surely filled in a box and those around it.
+double both_m3(const std::vector<Change>& all, const Box& box) {
+  double cut = 0, fill = 0;
   for (int x = -1; x <= 1; ++x)
     for (int y = -1; y <= 1; ++y) {
       const Box low = {box[0] + x, box[1] + y, box[2] - 1};
       auto at = std::lower_bound(all.begin(), all.end(), low,
                                  [](const Change& c, const Box& b) { return c.box < b; });
-      for (; at != all.end() && at->box <= Box{low[0], low[1], box[2] + 1}; ++at) {
-        if (!at->certain()) continue;
-        (at->m3() < 0 ? cut : fill) = true;
-      }
+      for (; at != all.end() && at->box <= Box{low[0], low[1], box[2] + 1}; ++at)
+        if (at->certain()) (at->m3() < 0 ? cut : fill) += std::abs(at->m3());
     }
-  return cut && fill;
+  return std::min(cut, fill);
 }
 
 /// What changed in the boxes of a column.
@@ -153,7 +151,7 @@ Difference box_difference(const Soil& before, const Soil& after) {
         variance += c.variance;
         if (!c.certain()) d.error_m3 += std::sqrt(c.variance);
         const double hidden_m3 = c.hidden_m3(box_m3);
-        if (hidden_m3 > 0 && between(all, c.box)) d.error_m3 += hidden_m3;
+        if (hidden_m3 > 0) d.error_m3 += std::min(hidden_m3, both_m3(all, c.box));
       }
       const ColumnChange change = in_column(&all[i], &all[i] + (next - i), box_m3);
       columns[{x & ~7, y & ~7}][static_cast<std::size_t>((x & 7) * 8 + (y & 7))] = change;

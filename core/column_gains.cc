@@ -52,8 +52,9 @@ Gains gains_of(const Soil& soil, const Coord3& origin, const SampleWords& before
     const auto mixed = [](std::uint64_t word) { return word != 0 && word != kAllSoil; };
     const double variance = error_m3 * error_m3 * (mixed(a) + mixed(b));
     const Vec3 half = Vec3::Constant(h / 2 - kHair * grid.side_m.x());
-    const Box low = grid.at(middle - half);
-    if (low == grid.at(middle + half)) {
+    const Box low = grid.at(middle - half), high = grid.at(middle + half);
+    const int sides = (low[0] != high[0]) + (low[1] != high[1]) + (low[2] != high[2]);
+    if (sides == 0) {
       gains[low].add(
           {soil.sample_m3() * (std::popcount(b & ~a) - std::popcount(a & ~b)), variance});
       continue;
@@ -67,7 +68,7 @@ Gains gains_of(const Soil& soil, const Coord3& origin, const SampleWords& before
       shared[grid.at(p)].m3 += (b >> i & 1) != 0 ? soil.sample_m3() : -soil.sample_m3();
     }
     for (const auto& [box, gain] : shared)
-      gains[box].add({gain.m3, variance + error_m3 * error_m3});
+      gains[box].add({gain.m3, variance + sides * error_m3 * error_m3});
   }
   return gains;
 }

@@ -60,6 +60,9 @@ class Soil {
   /// The same, kept as long as the pointer is.
   const std::shared_ptr<const BaseSurface>& shared_base() const { return base_; }
 
+  /// The ground before anyone dug: the base surface, or what is beneath the soils that it is of.
+  const BaseSurface& undug() const { return base_->soil() ? base_->soil()->undug() : *base_; }
+
   Vec3 world_from_index(const Vec3& index) const { return origin_ + h_ * index; }
   Vec3 index_from_world(const Vec3& p) const { return (p - origin_) / h_; }
 

@@ -15,13 +15,14 @@ namespace {
 
 Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
   Eigen::AlignedBox2d box;
-  for (const Chunk* chunk : soil.chunks()) {
-    if (cut_only && chunk->now >= chunk->base) continue;
-    // Cells reach half a voxel beyond the centres.
-    const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
-    box.extend(soil.world_from_index(low).head<2>());
-    box.extend(soil.world_from_index(low + Vec3::Constant(kLeafSide)).head<2>());
-  }
+  for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
+    for (const Chunk* chunk : s->chunks()) {
+      if (cut_only && chunk->now >= chunk->base) continue;
+      // Cells reach half a voxel beyond the centres.
+      const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
+      box.extend(s->world_from_index(low).head<2>());
+      box.extend(s->world_from_index(low + Vec3::Constant(kLeafSide)).head<2>());
+    }
   return box;
 }
 
@@ -41,7 +42,7 @@ Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
 
 Ground ground_of(const Soil& soil) {
   return {.now = surface_heights(soil),
-          .base = [&soil](double x, double y) { return soil.base().height(x, y); },
+          .base = [&soil](double x, double y) { return soil.undug().height(x, y); },
           .voxel_size_m = soil.voxel_size_m(),
           .cut = footprint(soil, true)};
 }

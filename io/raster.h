@@ -53,16 +53,19 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
 /// As many cells as a run writes: two bands of them are 0.8 GB.
 inline constexpr double kMostRasterCells = 1e8;
 
-/// Heights of a site's surface on a grid of square cells, and how far it is above the base surface.
+/// Heights of a site's surface on a grid of square cells, and how far it is above the ground before
+/// anyone dug there, beneath all snapshots that one was dug from.
 struct SurfaceRaster {
   HeightGrid grid;
   std::vector<float> surface, base, change;  ///< NaN where there is no ground
 };
 
-/// The cells that meet the box, their sides at multiples of cell_m. The base surface's heights are
-/// those of the cells' centres; the change is what soil the cell gained over its area, so that its
-/// sum times the area of a cell is the ground's change in volume; the surface is their sum. Where
-/// cells are smaller than voxels, the surface's heights are those of its centres, too. In parallel.
+/// The cells that meet the box, their sides at multiples of cell_m. The base's heights are those of
+/// the cells' centres; the change is what soil the cell gained over its area, so that its sum times
+/// the area of a cell is the ground's change in volume, that of cells at the edge of the terrain
+/// whose centres have no height included; the surface is their sum. Where cells are smaller than
+/// voxels, the surface's heights are those of its centres, too, and the change is the difference.
+/// In parallel.
 /// @param box in the world, m, not empty
 /// @throw std::invalid_argument unless 0 < cell_m and there are at most 2^31 cells.
 SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double cell_m);

@@ -54,6 +54,11 @@ GainFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
   };
 }
 
+/// What a cell rose by, where its middle has no height, too; nothing where there is no ground.
+float change_of(double rise_m, double base_m) {
+  return static_cast<float>(std::isnan(base_m) && rise_m == 0 ? base_m : rise_m);
+}
+
 }  // namespace
 
 void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
@@ -129,11 +134,15 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   const std::size_t cells = std::size_t(out.grid.nx) * out.grid.ny;
   // A voxel has too few samples for cells that are smaller.
   std::vector<double> rise_m;
-  if (cell_m > 0.999 * soil.voxel_size_m())
-    for_each_gain(soil, GainGrid::columns(out.grid.first, cell_m), add_to(out.grid, rise_m));
+  if (cell_m > 0.999 * soil.voxel_size_m()) {
+    const GainFunction add = add_to(out.grid, rise_m);
+    for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
+      for_each_gain(*s, GainGrid::columns(out.grid.first, cell_m), add);
+  }
   out.surface.resize(cells);
   out.base.resize(cells);
   out.change.resize(cells);
+  const BaseSurface& undug = soil.undug();
   const auto heights = surface_heights(soil);
   tbb::parallel_for(0, out.grid.ny, [&](int j) {
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -141,11 +150,12 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
     for (int i = 0; i < out.grid.nx; ++i) {
       const double x = out.grid.first.x() + i * cell_m;
       const std::size_t n = std::size_t(j) * out.grid.nx + i;
-      const double base = soil.base().height(x, y).value_or(kNone);
+      const double base = undug.height(x, y).value_or(kNone);
       const double surface = rise_m.empty() ? heights(x, y).value_or(kNone) : base + rise_m[n];
       out.surface[n] = static_cast<float>(surface);
       out.base[n] = static_cast<float>(base);
-      out.change[n] = static_cast<float>(surface - base);
+      out.change[n] =
+          rise_m.empty() ? static_cast<float>(surface - base) : change_of(rise_m[n], base);
     }
   });
   return out;
@@ -159,7 +169,7 @@ std::vector<float> rasterise_change(const Soil& before, const Soil& after, bool 
                 add_to(raster.grid, rise_m));
   std::vector<float> change(rise_m.size());
   for (std::size_t i = 0; i < change.size(); ++i)
-    change[i] = std::isnan(raster.base[i]) ? raster.base[i] : static_cast<float>(rise_m[i]);
+    change[i] = change_of(rise_m[i], double{raster.base[i]});
   return change;
 }
 

@@ -102,22 +102,12 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   archive.write_to(out, {surface}, meta);
   if (!out) throw std::runtime_error(file.string() + ": can't be written: out of memory");
   std::string bytes = std::move(out).str();
-  // OpenVDB draws the UUID at random; ours is the mark and a digest of the rest.
-  std::string_view head = std::string_view(bytes).substr(kUuidAt, kUuidSize);
-  if (head.size() != kUuidSize || head[8] != '-' || head[23] != '-') {
-    throw std::runtime_error(file.string() +
-                             ": can't be written: this OpenVDB's file header is not "
-                             "the known one");
-  }
   const std::string samples =
       samples_bytes(*site.soil, info.since ? info.since->dropped : std::vector<Coord3>());
   bytes += samples + size_line(kSamplesWord, samples);
   if (!info.tracker_state.empty())
     bytes += info.tracker_state + size_line(kStateWord, info.tracker_state);
-  const std::uint64_t digest = crc64(std::string_view(bytes).substr(kUuidAt + kUuidSize));
-  const std::string uuid =
-      fmt::format("{}{:03x}-{:012x}", kMark, digest >> 52, digest & ((std::uint64_t{1} << 48) - 1));
-  bytes.replace(kUuidAt, kUuidSize, uuid);
+  put_uuid(bytes, kMark);
   return bytes += trailer(bytes);
 }
 

@@ -3,10 +3,10 @@
 // Snapshots: the resident ground and what it takes to go on from it, as a plain .vdb.
 //
 // Grid `surface` (FloatGrid, level set) is the soil's surface for other programs, a leaf per
-// resident chunk and where a cut's band reaches beyond; coordinates are relative to the site's origin. Metadata of the file and of
-// `surface`, all named soilvdb_*, hold what is to be known of it. After the last byte that OpenVDB
-// reads come the samples (io/snapshot_samples.h), the tracker's state, a CRC-64 of all before and
-// their number, which other programs don't see.
+// resident chunk and where a cut's band reaches beyond; coordinates are relative to the site's
+// origin. Metadata of the file and of `surface`, all named soilvdb_*, hold what is to be known of
+// it. After the last byte that OpenVDB reads come the samples (io/snapshot_samples.h), the
+// tracker's state, a CRC-64 of all before and their number, which other programs don't see.
 //
 // An incremental snapshot holds only the chunks that changed since another one in the same folder,
 // which it names with its checksum; that may be incremental, too. It lists the chunks that are no

@@ -221,6 +221,39 @@ TEST_F(AfterARun, RefusesExportsThatCannotBe) {
   expect_refused(from + "x.png plan", "'plan' is one word too many");
 }
 
+TEST_F(AfterARun, RefusesRegionsInWhichThereIsNothing) {
+  const std::string from = "export o/soil_final.vdb --to ";
+  // Less than a voxel; and a corner of the resident box, to which no change reaches.
+  expect_refused(from + "x.vdb --region 0.5,0.001,0.51,0.011",
+                 "0.5,0.001,0.51,0.011: it is too small");
+  expect_refused(from + "x.ply --region 0.5,0.001,0.501,0.002", "there is no surface");
+  EXPECT_FALSE(fs::exists(folder() / "x.vdb"));
+  EXPECT_FALSE(fs::exists(folder() / "x.ply"));
+}
+
+TEST_F(AfterARun, AnExportedLevelSetIsTheSameEachTime) {
+  for (const char* file : {"a.vdb", "b.vdb"})
+    good(fmt::format("export o/soil_final.vdb --to {}", file));
+  EXPECT_EQ(read_file(folder() / "a.vdb"), read_file(folder() / "b.vdb"));
+  good("export o/soil_1.vdb --to c.vdb");
+  EXPECT_NE(read_file(folder() / "a.vdb").substr(21, 36),
+            read_file(folder() / "c.vdb").substr(21, 36));
+}
+
+TEST_F(CommandLine, ExportsOfWhatLiesBeyondATerrainsHeights) {
+  // Posts from 0.05 on along y, where the trench begins.
+  std::string heights = "ncols 40\nnrows 16\nxllcorner -1\nyllcorner 0\ncellsize 0.1\n";
+  for (int i = 0; i < 40 * 16; ++i) heights += "0 ";
+  write_file(folder() / "site.asc", heights + "\n");
+  HalfSine edge;
+  edge.y_m = 0.05 + HalfSine::kWidth_m / 2 + 1e-4;
+  write_file(folder() / "edge.csv", edge.csv(101));
+  write_file(folder() / "edge.yaml", half_sine_scenario("{raster: site.asc}", "edge.csv"));
+  ASSERT_EQ(run("run edge.yaml --out o").status, 0);
+  expect_refused("export o/soil_final.vdb --region 0.4,-0.01,0.6,0.04 --to x.vdb",
+                 "--region 0.4,-0.01,0.6,0.04: the terrain has no heights");
+}
+
 TEST_F(AfterARun, DiffIsWhatTheLedgerBooked) {
   const auto d = [&](const std::string& a, const std::string& b) {
     return nlohmann::json::parse(good(fmt::format("diff {} {} --json", a, b)).out);

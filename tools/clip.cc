@@ -2,19 +2,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/clip.h"
 
+#include <fmt/format.h>
 #include <openvdb/io/Stream.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <sstream>
-#include <string_view>
+#include <stdexcept>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "core/soil_grids.h"
 #include "io/atomic_file.h"
 #include "io/level_set_file.h"
 #include "io/raster.h"
+#include "io/snapshot_format.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -84,6 +88,7 @@ Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan
     low = std::min(low, first.z());
     high = std::max(high, last.z());
   }
+  if (!(low <= high)) throw std::invalid_argument("there is no ground");
   const double margin = kMargin_voxels * h;
   return {Vec3(plan.min().x(), plan.min().y(), low - margin),
           Vec3(plan.max().x(), plan.max().y(), high + margin)};
@@ -92,13 +97,21 @@ Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan
 std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site& site,
                               const Eigen::AlignedBox3d& box) {
   const openvdb::FloatGrid::Ptr grid = closed_level_set(*site.soil, box);
+  bool soil = false;
+  for (auto leaf = grid->tree().cbeginLeaf(); leaf && !soil; ++leaf)
+    for (auto value = leaf->cbeginValueAll(); value && !soil; ++value) soil = *value < 0;
+  if (!soil)
+    throw std::invalid_argument(fmt::format(
+        "it is too small for voxels of {:g} m, or there is no soil", site.soil->voxel_size_m()));
   const Vec3& origin = site.soil->origin();
   grid->setName("surface");
   grid->insertMeta(io::kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
   grid->insertMeta(io::kCrsKey, openvdb::StringMetadata(site.crs_wkt));
   std::ostringstream bytes;
   openvdb::io::Stream(bytes).write(openvdb::GridCPtrVec{grid});
-  io::write_atomically(file, bytes.view());
+  std::string text = std::move(bytes).str();
+  io::put_uuid(text, io::kLevelSetMark);
+  io::write_atomically(file, text);
   return grid->activeVoxelCount();
 }
 

@@ -36,6 +36,7 @@ bool is_mesh(const std::string& suffix) {
 
 void export_mesh(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
   const Mesh mesh = region ? mesh_region(*site.soil, *region) : mesh_all(*site.soil);
+  if (mesh.triangles.empty()) throw std::invalid_argument("there is no surface of dug ground");
   io::write_mesh(to, mesh, site.soil->origin(), site.crs_wkt);
   fmt::print("{}: {} vertices, {} triangles\n", to.string(), mesh.points.size(),
              mesh.triangles.size());
@@ -63,13 +64,9 @@ void export_level_set(const fs::path& to, const io::Site& site, const std::optio
   const Soil& soil = *site.soil;
   Box2 plan = region ? *region : io::region_of_interest(soil);
   if (!site.bounds.isEmpty()) plan = plan.intersection(site.bounds);
+  if (plan.isEmpty()) throw std::invalid_argument("the terrain has no heights");
   const Eigen::AlignedBox3d box = ground_box(soil, plan);
-  std::uint64_t voxels = 0;
-  try {
-    voxels = write_level_set(to, site, box);
-  } catch (const std::invalid_argument& e) {
-    throw io::InputError(std::string("--region: ") + e.what());
-  }
+  const std::uint64_t voxels = write_level_set(to, site, box);
   fmt::print("{}: closed level set of {} m x {} m x {} m, {} voxels\n", to.string(),
              number(box.sizes().x()), number(box.sizes().y()), number(box.sizes().z()), voxels);
 }
@@ -105,11 +102,17 @@ void export_file(const ExportOptions& options) {
                     "{:.3f},{:.3f},{:.3f},{:.3f}",
                     *options.region, resident.min().x(), resident.min().y(), resident.max().x(),
                     resident.max().y()));
-  if (is_mesh(suffix)) export_mesh(options.to, site, region);
-  if (suffix == "tif") export_raster(options.to, site, region);
-  if (suffix == "png")
-    export_picture(options.to, site, info, region, options.view == "perspective");
-  if (suffix == "vdb") export_level_set(options.to, site, region);
+  try {
+    if (is_mesh(suffix)) export_mesh(options.to, site, region);
+    if (suffix == "tif") export_raster(options.to, site, region);
+    if (suffix == "png")
+      export_picture(options.to, site, info, region, options.view == "perspective");
+    if (suffix == "vdb") export_level_set(options.to, site, region);
+  } catch (const std::invalid_argument& e) {
+    const std::string where =
+        options.region ? "--region " + *options.region : options.file.string();
+    throw io::InputError(where + ": " + e.what());
+  }
 }
 
 }  // namespace soilvdb::tools
