@@ -129,8 +129,10 @@ TEST(Lattice, IsTheSameWhateverPlaceComesFirst) {
   }
   const auto ground = plane(0);
   EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.05, Vec3::Zero(), ground}), std::nullopt);
-  EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.1, Vec3(10, 0, 0), ground}),
-            std::nullopt);
+  for (const double x : {10.0, -10.0}) {
+    EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.1, Vec3(x, 0, 0), ground}),
+              std::nullopt);
+  }
 }
 
 TEST(Lattice, TheSameDigOnOtherOriginsIsTheSame) {

@@ -6,16 +6,19 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "core/tracker.h"
 #include "io/map_parts.h"
+#include "io/relief.h"
 #include "temp_folder.h"
 
 namespace soilvdb::io {
@@ -207,6 +210,21 @@ TEST(View, IsDrawnOfASiteFarLargerThanItsVoxelsAndOfOneWithoutGround) {
   EXPECT_EQ(Picture(folder / "rim.png").width(), 1600);
   write_view(folder / "none.png", soil, {corner, corner + Vec2(10, 10)}, kCaption);
   EXPECT_EQ(Picture(folder / "none.png").width(), 1600);
+}
+
+TEST(Shade, IsThatOfGroundTurnedHalfRoundAndUpsideDown) {
+  Relief ground{.nx = 40, .ny = 30, .box = {Vec2(0, 0), Vec2(40, 30)}, .height = {}, .depth = {}};
+  std::mt19937 random(1);
+  for (int i = 0; i < ground.nx * ground.ny; ++i)
+    ground.height.push_back(static_cast<float>(random() % 2000) / 1000);
+  ground.depth.assign(ground.height.size(), 0);
+  Relief turned = ground;
+  std::reverse(turned.height.begin(), turned.height.end());
+  for (float& height : turned.height) height = -height;
+  const PlanStyle style{.voxel_size_m = 8, .scale = {}};
+  std::vector<std::uint32_t> pixels = shade(turned, style);
+  std::reverse(pixels.begin(), pixels.end());
+  EXPECT_EQ(pixels, shade(ground, style));
 }
 
 TEST(Picture, NamesTheFileThatCantBeWritten) {

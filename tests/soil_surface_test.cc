@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/chunk_range.h"
+#include "core/soil_writer.h"
 #include "core/surface.h"
 #include "core/tracker.h"
 
@@ -146,6 +147,21 @@ TEST_F(DugGround, IsTheBaseSurfaceToTheBitBesideWhatWasDug) {
   }
   EXPECT_GT(same, 0);
   EXPECT_GT(other, 0);
+}
+
+TEST(SoilSurface, HasTheGroundsOwnDistancesInItsVoxelsOnAllSidesOfWhatWasDug) {
+  const auto ground = std::make_shared<Soil>(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  SampleWords all;
+  all.fill(kAllSoil);
+  SoilWriter(*ground).remove(Coord3::Zero(), all);
+  const auto dug = make_soil_surface(ground);
+  for (int n = 0; n < 27; ++n) {
+    const Coord3 chunk = kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    std::array<float, kLeafSize> own, now;
+    surface_distance(*ground, chunk, own.data());
+    dug->distance(chunk.cast<double>(), 1, ground->band_m(), now.data());
+    EXPECT_EQ(own, now) << chunk.transpose();
+  }
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/crease.h"
 #include "core/soil_writer.h"
 #include "core/surface_height.h"
 #include "tests/dig_runner.h"
@@ -170,7 +171,7 @@ TEST(SurfaceMeshOfSamples, FindsTheNormalsOfACurvedFloor) {
 
 TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
   constexpr int kDirections = 200;
-  double position = 0, normal = 0;
+  double position = 0, normal = 0, distance = 0;
   int points = 0, triangles = 0;
   for (int i = 0; i < kDirections; ++i) {
     const double z = 1 - 2 * (i + 0.5) / kDirections, r = std::sqrt(1 - z * z), a = 2.399963 * i;
@@ -194,6 +195,12 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
       SoilWriter(soil).remove(origin, words);
     }
     const Coord3 middle(0, 0, 0);
+    float phi[kLeafSize];
+    surface_distance(soil, middle, phi);
+    for (int k = 0; k < kLeafSize; ++k) {
+      const double truth = n.dot(Vec3(k >> 6, k >> 3 & 7, k & 7) - Vec3::Constant(3.3));
+      distance = std::max(distance, std::abs(phi[k] - std::clamp(truth, -3.0, 3.0)));
+    }
     const SurfaceBlock surface(soil, {&middle, 1}, SurfaceBlock::kMesh);
     const auto at = [&](std::uint32_t k) -> Vec3 {
       const ContourVertex& v = surface.contour().vertices[k];
@@ -211,7 +218,72 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
   }
   ASSERT_GT(triangles, 50 * kDirections);
   EXPECT_LE(std::sqrt(position / points), kSmoothError);
+  EXPECT_LE(distance, 3 * kSmoothError);
   EXPECT_LE(std::sqrt(normal / triangles), kPlaneNormal);
+}
+
+TEST(SurfaceMeshOfSamples, StaysInABoreOfVoxelsThatShareAnEdge) {
+  Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  SampleWords bore{};
+  for (std::size_t k = 1; k < 7; ++k) bore[k * 64 + k * 8 + 4] = kAllSoil;
+  SoilWriter(soil).remove(Coord3::Zero(), bore);
+  const Mesh mesh = mesh_all(soil);
+  for (const Eigen::Vector3f& p : mesh.points) {
+    EXPECT_LE(std::abs(p.z() - 4), 0.5 + kVertexError) << p.transpose();
+    EXPECT_LE(std::abs(p.x() - p.y()), 1 + kVertexError) << p.transpose();
+  }
+  const Faults f = faults(mesh, soil);
+  EXPECT_EQ(f.without_area, 0);
+  EXPECT_EQ(f.crowded, 0);
+  EXPECT_EQ(f.torn, 0);
+}
+
+TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
+  const Coord3 chunk = Coord3::Zero(), voxel(4, 4, 4);
+  for (const Join join : {Join::kAndAnd, Join::kOrOr, Join::kAndOr, Join::kOrAnd}) {
+    CellModel truth;
+    truth.join = join;
+    for (int p = 0; p < 3; ++p) {
+      const Vec3 n = Vec3::Unit(p);
+      truth.plane[p] = {float(n.x()), float(n.y()), float(n.z()), 0.1f};
+    }
+    Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+    SampleWords words{};  // those that are removed
+    for (int k = 0; k < kLeafSize; ++k) {
+      const Coord3 at(k >> 6, k >> 3 & 7, k & 7), from = at - voxel;
+      const CellPoints& p = sample_points(at);
+      for (int s = 0; s < 64; ++s) {
+        const Vec3 q = from.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
+        const bool air = truth.at(float(q.x()), float(q.y()), float(q.z())).beyond >= 0;
+        words[static_cast<std::size_t>(k)] |= std::uint64_t{air} << s;
+      }
+    }
+    SoilWriter(soil).remove(chunk, words);
+    const CellGrid grid(soil, Coord3::Constant(-kLeafSide), 3 * kLeafSide, {&chunk, 1}, 1);
+    std::array<int, 3> order{0, 1, 2};
+    do {
+      Candidates candidates;
+      for (const int p : order) candidates.add(truth.plane[p]);
+      const CellModel found = solve_crease(grid, grid.id(12, 12, 12), candidates);
+      EXPECT_EQ(found.join, join) << order[0] << order[1] << order[2];
+      EXPECT_LE(found.wrong, 1);
+    } while (std::next_permutation(order.begin(), order.end()));
+  }
+}
+
+TEST(Crease, OfAThinWallOrSlotHoldsACentreJustOutsideOfIt) {
+  constexpr float kOutside = 0.75f * kTie;
+  for (const float thickness : {0.9f, 1.0f, 1 + 1.75f * kTie, 2.0f}) {
+    CellModel wall, slot;
+    wall.join = Join::kAnd;
+    wall.plane[0] = {0, 0, 1, -kOutside};
+    wall.plane[1] = {0, 0, -1, thickness + kOutside};
+    slot.join = Join::kOr;
+    slot.plane[0] = {0, 0, 1, kOutside};
+    slot.plane[1] = {0, 0, -1, -thickness - kOutside};
+    EXPECT_EQ(wall.soil(), thickness < 2) << thickness;
+    EXPECT_EQ(slot.soil(), thickness >= 2) << thickness;
+  }
 }
 
 /// @param least_m3 of volume, from which on it isn't kept
@@ -408,12 +480,43 @@ TEST(SurfaceHeight, IsThatOfTheHighestTriangleWhereBlocksMeetToo) {
   }
 }
 
+TEST(SurfaceDistance, IsTheTrueOneOnAllSidesOfAChunkThatWasDug) {
+  Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  SampleWords all;
+  all.fill(kAllSoil);
+  SoilWriter(soil).remove(Coord3::Zero(), all);
+  for (int n = 0; n < 27; ++n) {
+    const Coord3 chunk = kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    float phi[kLeafSize];
+    surface_distance(soil, chunk, phi);
+    for (int k = 0; k < kLeafSize; ++k) {
+      const Vec3 p = (chunk + Coord3(k >> 6, k >> 3 & 7, k & 7)).cast<double>();
+      const Vec3 beyond = (p.array() - 3.5).abs() - 4;
+      const double most = beyond.maxCoeff(), truth = most < 0 ? -most : -beyond.cwiseMax(0).norm();
+      EXPECT_NEAR(phi[k], std::clamp(truth, -soil.band_m(), soil.band_m()), kVertexError)
+          << p.transpose();
+    }
+  }
+}
+
 TEST(SurfaceHeight, IsTheBaseSurfacesOutsideAndTheFloorsInside) {
   const Solid box = ground_less("box", {0, 0}, {{Pose{}, Vec3(0.5, 0.4, 0.312)}});
   const auto soil = sampled(box, 0.05);
   EXPECT_EQ(*surface_height(*soil, 5, 5), box.height_m);
   EXPECT_NEAR(*surface_height(*soil, 0.7, 0.1), box.height_m, 1e-6);
   EXPECT_NEAR(*surface_height(*soil, 0.1, 0.1), -0.312, kSmoothError * 0.05 * 3);
+}
+
+TEST(SurfaceHeight, IsThatOfTheFloorAcrossTheBordersOfBlocks) {
+  const Solid box =
+      ground_less("box", {0, 0}, {{{Vec3::Zero(), from_rpy(0, 0, 0.5)}, Vec3(0.8, 0.8, 0.312)}});
+  const auto soil = sampled(box, 0.05);
+  SurfaceHeight heights(*soil);
+  // The floor is flat, also where patches of the mesh meet: every 1.6 m, and a voxel before.
+  for (int i = -20; i <= 20; ++i) {
+    for (const Vec2& p : {Vec2(0.005 * i, 0.33), Vec2(0.33, 0.005 * i)})
+      EXPECT_NEAR(*heights.at(p.x(), p.y()), -0.312, kVertexError * 0.05) << p.transpose();
+  }
 }
 
 }  // namespace
