@@ -29,9 +29,8 @@ using ChangedColumns = std::array<ColumnChange, 64>;
 using ColumnChanges = std::map<std::pair<int, int>, ChangedColumns>;
 
 /// Columns that changes cover, seen from above; those at the rim by the part of them that is
-/// covered. Within 2 % of what is three columns wide or wider and thicker than one at most of its
-/// rim, and of thinner layers with upright sides; by changes that are only certain beyond errors of
-/// counting within 5 %.
+/// covered. Within 2 % of what is three columns wide and half a one thick or more (a layer one thin
+/// on a steep slope: 3 %); by changes that are only certain beyond errors of counting within 5 %.
 ///
 /// A column all of whose neighbours changed is covered. At the rim thickness goes on as further in,
 /// straight, until the change ends: upright, or where thickness comes to nothing. Which of them it
