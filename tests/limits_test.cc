@@ -147,7 +147,7 @@ TEST_F(Limits, RegionsThatAreAbsurd) {
           fmt::format("export out/soil_final.vdb --to {} --region={}", to, region), "--region ");
   }
   expect_refused_at_once("export out/soil_final.vdb --to o.vdb --region=-4e5,-4e5,4e5,4e5",
-                         "--region: the region is too large at this voxel size");
+                         ": the region is too large at this voxel size");
 }
 
 }  // namespace
