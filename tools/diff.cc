@@ -118,10 +118,11 @@ void diff(const DiffOptions& options) {
   fmt::print("after   {} at {} s\n", b.file.string(), time_text(b.info.time_s));
   fmt::print("cut     {} m³\nfill    {} m³\nnet     {} m³\narea    {} m²\n", number(change.cut_m3),
              number(change.fill_m3), number(change.net_m3), number(change.area_m2));
-  fmt::print("error   {} m³ of cut and of fill, {}\n", number(change.error_m3),
-             change.exact
-                 ? "compared sample by sample"
-                 : "compared voxel by voxel, for their voxels or grounds are not the same");
+  fmt::print(
+      "error   {} m³ of cut and of fill, {}\n", number(change.error_m3),
+      change.exact
+          ? "compared sample by sample"
+          : "compared in boxes of the larger voxels, for their voxels or grounds are not the same");
   if (options.to) fmt::print("file    {}\n", options.to->string());
 }
 
