@@ -117,6 +117,26 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
   return soil;
 }
 
+std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f) {
+  auto soil = std::make_unique<Soil>(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  for (int c = 0; c < 27; ++c) {
+    const Coord3 origin = kLeafSide * Coord3(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
+    SampleWords air;
+    for (std::size_t k = 0; k < air.size(); ++k) {
+      const int v = static_cast<int>(k);
+      const Coord3 voxel = origin + Coord3(v >> 6, v >> 3 & 7, v & 7);
+      const CellPoints& p = sample_points(voxel);
+      air[k] = 0;
+      for (int s = 0; s < 64; ++s) {
+        const Vec3 at = voxel.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
+        air[k] |= std::uint64_t{!(f(at) < 0)} << s;
+      }
+    }
+    SoilWriter(*soil).remove(origin, air);
+  }
+  return soil;
+}
+
 double below_ground_m3(const Mesh& mesh, const Solid& solid) {
   double sum = 0;
   for (const auto& t : mesh.triangles) {

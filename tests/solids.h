@@ -41,6 +41,10 @@ Solid thin_slot(double thickness_m, double roll, double yaw, double first_face_m
 /// The ground before as base surface, and the samples of the solid wherever they differ.
 std::unique_ptr<Soil> sampled(const Solid& solid, double voxel_size_m);
 
+/// 27 chunks about the origin, voxels of 1 m, soil where f < 0: all of it is cut, for the base
+/// surface is far above.
+std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f);
+
 /// Volume between a mesh and the ground before, by the divergence theorem.
 double below_ground_m3(const Mesh& mesh, const Solid& solid);
 

@@ -176,24 +176,8 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
   for (int i = 0; i < kDirections; ++i) {
     const double z = 1 - 2 * (i + 0.5) / kDirections, r = std::sqrt(1 - z * z), a = 2.399963 * i;
     const Vec3 n(r * std::cos(a), r * std::sin(a), z);
-    // All of it is cut: the base surface is far above.
-    Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
-    for (int c = 0; c < 27; ++c) {
-      const Coord3 origin = kLeafSide * Coord3(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
-      SampleWords words;
-      for (std::size_t k = 0; k < words.size(); ++k) {
-        const int v = static_cast<int>(k);
-        const Coord3 voxel = origin + Coord3(v >> 6, v >> 3 & 7, v & 7);
-        const CellPoints& p = sample_points(voxel);
-        words[k] = 0;
-        for (int s = 0; s < 64; ++s) {
-          const Vec3 at = voxel.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
-          words[k] |= std::uint64_t{n.dot(at - Vec3::Constant(3.3)) < 0} << s;
-        }
-      }
-      for (std::uint64_t& word : words) word = ~word;
-      SoilWriter(soil).remove(origin, words);
-    }
+    const auto plane = sampled([&](const Vec3& p) { return n.dot(p - Vec3::Constant(3.3)); });
+    const Soil& soil = *plane;
     const Coord3 middle(0, 0, 0);
     float phi[kLeafSize];
     surface_distance(soil, middle, phi);
@@ -236,54 +220,6 @@ TEST(SurfaceMeshOfSamples, StaysInABoreOfVoxelsThatShareAnEdge) {
   EXPECT_EQ(f.without_area, 0);
   EXPECT_EQ(f.crowded, 0);
   EXPECT_EQ(f.torn, 0);
-}
-
-TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
-  const Coord3 chunk = Coord3::Zero(), voxel(4, 4, 4);
-  for (const Join join : {Join::kAndAnd, Join::kOrOr, Join::kAndOr, Join::kOrAnd}) {
-    CellModel truth;
-    truth.join = join;
-    for (int p = 0; p < 3; ++p) {
-      const Vec3 n = Vec3::Unit(p);
-      truth.plane[p] = {float(n.x()), float(n.y()), float(n.z()), 0.1f};
-    }
-    Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
-    SampleWords words{};  // those that are removed
-    for (int k = 0; k < kLeafSize; ++k) {
-      const Coord3 at(k >> 6, k >> 3 & 7, k & 7), from = at - voxel;
-      const CellPoints& p = sample_points(at);
-      for (int s = 0; s < 64; ++s) {
-        const Vec3 q = from.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
-        const bool air = truth.at(float(q.x()), float(q.y()), float(q.z())).beyond >= 0;
-        words[static_cast<std::size_t>(k)] |= std::uint64_t{air} << s;
-      }
-    }
-    SoilWriter(soil).remove(chunk, words);
-    const CellGrid grid(soil, Coord3::Constant(-kLeafSide), 3 * kLeafSide, {&chunk, 1}, 1);
-    std::array<int, 3> order{0, 1, 2};
-    do {
-      Candidates candidates;
-      for (const int p : order) candidates.add(truth.plane[p]);
-      const CellModel found = solve_crease(grid, grid.id(12, 12, 12), candidates);
-      EXPECT_EQ(found.join, join) << order[0] << order[1] << order[2];
-      EXPECT_LE(found.wrong, 1);
-    } while (std::next_permutation(order.begin(), order.end()));
-  }
-}
-
-TEST(Crease, OfAThinWallOrSlotHoldsACentreJustOutsideOfIt) {
-  constexpr float kOutside = 0.75f * kTie;
-  for (const float thickness : {0.9f, 1.0f, 1 + 1.75f * kTie, 2.0f}) {
-    CellModel wall, slot;
-    wall.join = Join::kAnd;
-    wall.plane[0] = {0, 0, 1, -kOutside};
-    wall.plane[1] = {0, 0, -1, thickness + kOutside};
-    slot.join = Join::kOr;
-    slot.plane[0] = {0, 0, 1, kOutside};
-    slot.plane[1] = {0, 0, -1, -thickness - kOutside};
-    EXPECT_EQ(wall.soil(), thickness < 2) << thickness;
-    EXPECT_EQ(slot.soil(), thickness >= 2) << thickness;
-  }
 }
 
 /// @param least_m3 of volume, from which on it isn't kept
