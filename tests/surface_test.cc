@@ -14,7 +14,6 @@
 #include <numbers>
 #include <random>
 
-#include "core/crease.h"
 #include "core/soil_writer.h"
 #include "core/surface_height.h"
 #include "tests/dig_runner.h"
