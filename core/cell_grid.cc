@@ -18,10 +18,17 @@ SOILVDB_FOR_CPUS void count_row(const std::uint64_t* words, std::uint8_t* counts
 
 }  // namespace
 
-CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<const Coord3> asked,
-                   int halo)
-    : soil_(soil), first_(first), side_(side), chunks_(side / kLeafSide) {
-  const std::size_t cells = static_cast<std::size_t>(side) * side * side;
+CellGrid::CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo)
+    : soil_(soil), first_(asked.front()) {
+  Coord3 last = first_;
+  for (const Coord3& origin : asked) {
+    first_ = first_.cwiseMin(origin);
+    last = last.cwiseMax(origin);
+  }
+  side_ = (last - first_).maxCoeff() + kLeafSide * (1 + 2 * halo);
+  chunks_ = side_ / kLeafSide;
+  first_ -= Coord3::Constant(kLeafSide * halo);
+  const std::size_t cells = static_cast<std::size_t>(side_) * side_ * side_;
   const std::size_t chunks = static_cast<std::size_t>(chunks_) * chunks_ * chunks_;
   auto& spare = spare_buffers();
   const bool fits = !spare.empty() && spare.back()->counts.size() == cells;
@@ -45,7 +52,7 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
   asked_near_.resize(chunks);
   std::vector<std::uint8_t> wanted(chunks);
   for (const Coord3& origin : asked) {
-    const Coord3 c = (origin - first) / kLeafSide;
+    const Coord3 c = (origin - first_) / kLeafSide;
     asked_[static_cast<std::size_t>(chunk_id(c.x(), c.y(), c.z()))] = 1;
     for (int x = c.x() - halo; x <= c.x() + halo; ++x) {
       for (int y = c.y() - halo; y <= c.y() + halo; ++y) {
@@ -58,7 +65,8 @@ CellGrid::CellGrid(const Soil& soil, const Coord3& first, int side, std::span<co
   for (int x = 0, n = 0; x < chunks_; ++x) {
     for (int y = 0; y < chunks_; ++y) {
       for (int z = 0; z < chunks_; ++z, ++n) {
-        if (wanted[static_cast<std::size_t>(n)]) read(soil, n, first + kLeafSide * Coord3(x, y, z));
+        if (wanted[static_cast<std::size_t>(n)])
+          read(soil, n, first_ + kLeafSide * Coord3(x, y, z));
       }
     }
   }

@@ -23,12 +23,10 @@ namespace soilvdb {
 /// For one thread at a time: some of it is made when first asked for.
 class CellGrid {
  public:
-  /// @param first index of the cube's first voxel, a multiple of 8
-  /// @param side voxels, a multiple of 8
-  /// @param asked for: chunks of the cube, at least `halo` chunks from its faces
+  /// The smallest cube that holds what is read.
+  /// @param asked for: chunks, at least one
   /// @param halo chunks read around each of them
-  CellGrid(const Soil& soil, const Coord3& first, int side, std::span<const Coord3> asked,
-           int halo);
+  CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo);
   ~CellGrid();
   CellGrid(const CellGrid&) = delete;
   CellGrid& operator=(const CellGrid&) = delete;

@@ -15,6 +15,10 @@ inline bool before(const Coord3& a, const Coord3& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
 
+struct Before {
+  bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
+};
+
 /// Origin of the chunk whose cells hold a point of index space.
 inline Coord3 chunk_of(const Vec3& index) {
   return ((index + Vec3::Constant(0.5)) / kLeafSide).array().floor().matrix().cast<int>() *

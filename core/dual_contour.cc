@@ -183,11 +183,12 @@ class Contouring {
 
   /// What the model of one end of that edge says. @return false if it says nothing
   bool seen_from(int id, int axis, int end, Crossing& c) const {
-    const CellModel* const m = models_.find(id + end * grid_.step(axis));
+    const int here = id + end * grid_.step(axis);
+    const CellModel* const m = models_.find(here);
     if (m == nullptr) return false;
     const Active centre = m->at(0, 0, 0);
     // A centre that counts as in a thin wall lies just outside of its face.
-    const bool tied = (centre.beyond < 0) != m->soil();
+    const bool tied = (centre.beyond < 0) != (soil_[static_cast<std::size_t>(here)] != 0);
     const float slack = tied ? kTie : 1e-3f, from = static_cast<float>(end);
     float best = 2;
     for (int p = 0; p < m->planes(); ++p) {

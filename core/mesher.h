@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/chunk_range.h"
 #include "core/surface.h"
 
 namespace soilvdb {
@@ -35,11 +36,7 @@ class SurfaceMesh {
   /// Meshes again what these chunks can have changed. @return the blocks meshed.
   std::vector<Coord3> update(std::span<const Coord3> changed_chunks);
   /// Patches by block origin.
-  struct Less {
-    bool operator()(const Coord3& a, const Coord3& b) const {
-      return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
-    }
-  };
+  using Less = Before;
   const std::map<Coord3, Mesh, Less>& patches() const { return patches_; }
 
  private:

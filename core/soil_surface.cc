@@ -48,14 +48,10 @@ class SoilSurface final : public BaseSurface {
     ground_->base().distance(first, h, band, phi);
     const Eigen::AlignedBox3d box = indices(voxels(first, h), 0);
     if (!is_dug(box)) return;
-    SoilTiles::Reader tiles(tiles_);
-    SoilWindow window;
-    const bool whole = SoilWindow::cells(box) <= kMostCells;
-    if (whole) window.read(tiles, box);
+    View view(tiles_, box);
     for (int n = 0; n < kLeafSize; ++n) {
       const Vec3 p = ground_->index_from_world(first + h * Vec3(n >> 6, n >> 3 & 7, n & 7));
-      if (!whole) window.read(tiles, {p, p});
-      const SoilWindow::Value value = window.at(p);
+      const SoilWindow::Value value = view.at(p);
       if ((value.flags & (SoilWindow::kDifferent | SoilWindow::kMissing)) != SoilWindow::kDifferent)
         continue;
       const double d = value.distance_m;
@@ -70,20 +66,17 @@ class SoilSurface final : public BaseSurface {
     ground_->base().samples(chunk, first, h, words);
     const Eigen::AlignedBox3d box = indices(voxels(first, h), 0);
     if (!is_dug(box)) return;
-    SoilTiles::Reader tiles(tiles_);
-    SoilWindow window;
-    const bool whole = SoilWindow::cells(box) <= kMostCells;
-    if (whole) window.read(tiles, box);
+    View view(tiles_, box);
     for (int n = 0; n < kLeafSize; ++n) {
       const Coord3 cell(n >> 6, n >> 3 & 7, n & 7);
       const Vec3 low = first + h * (cell.cast<double>() - Vec3::Constant(0.5));
       const Vec3 from = ground_->index_from_world(low),
                  to = ground_->index_from_world(low + Vec3::Constant(h));
-      if (!whole && !is_dug({from, to})) continue;
+      if (!view.whole && !is_dug({from, to})) continue;
       std::uint64_t& word = words[static_cast<std::size_t>(n)];
       // Many cells take longer to look at than 64 points do.
-      if (whole && h <= ground_->voxel_size_m()) {
-        const SoilWindow::Common common = window.common(from, to);
+      if (view.whole && h <= ground_->voxel_size_m()) {
+        const SoilWindow::Common common = view.window.common(from, to);
         if ((common.any & SoilWindow::kChanged) == 0) continue;
         if ((common.all & SoilWindow::kChanged) != 0 && common.soil != common.air) {
           word = common.soil ? kAllSoil : 0;
@@ -92,14 +85,13 @@ class SoilSurface final : public BaseSurface {
       }
       const CellPoints& points = sample_points(chunk + cell);
       std::uint64_t changed = 0, soil = 0;
-      if (whole) {
-        window.at(points, low, h, *ground_, changed, soil);
+      if (view.whole) {
+        view.window.at(points, low, h, *ground_, changed, soil);
       } else {
         for (int i = 0; i < 64; ++i) {
           const Vec3 p =
               ground_->index_from_world(low + h * Vec3(points.x[i], points.y[i], points.z[i]));
-          window.read(tiles, {p, p});
-          const SoilWindow::Value value = window.at(p);
+          const SoilWindow::Value value = view.at(p);
           changed |= std::uint64_t{(value.flags & SoilWindow::kChanged) != 0} << i;
           soil |= std::uint64_t{value.distance_m < 0} << i;
         }
@@ -120,6 +112,22 @@ class SoilSurface final : public BaseSurface {
   const Soil* soil() const override { return ground_.get(); }
 
  private:
+  /// A box of the ground, read whole unless that is too much: then about each point.
+  struct View {
+    SoilTiles::Reader tiles;
+    SoilWindow window;
+    bool whole;
+
+    View(const SoilTiles& all, const Eigen::AlignedBox3d& box)
+        : tiles(all), whole(SoilWindow::cells(box) <= kMostCells) {
+      if (whole) window.read(tiles, box);
+    }
+    SoilWindow::Value at(const Vec3& index) {
+      if (!whole) window.read(tiles, {index, index});
+      return window.at(index);
+    }
+  };
+
   /// The box of a chunk's cells.
   static Eigen::AlignedBox3d voxels(const Vec3& first, double h) {
     return {first - Vec3::Constant(h / 2), first + Vec3::Constant(h * (kLeafSide - 0.5))};

@@ -68,9 +68,6 @@ class SoilTiles {
     std::mutex mutex;  // held by who makes it
     std::shared_ptr<const Block> block;
   };
-  struct Before {
-    bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
-  };
   std::shared_ptr<const Block> make(const Coord3& origin) const;
   void keep(const Coord3& origin, const std::shared_ptr<Entry>& entry) const;
 

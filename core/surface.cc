@@ -19,20 +19,6 @@ constexpr int kShare = 64;
 
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
-struct Cube {
-  Coord3 first;
-  int side;
-  Cube(std::span<const Coord3> chunks, int halo) : first(chunks.front()) {
-    Coord3 last = first;
-    for (const Coord3& c : chunks) {
-      first = first.cwiseMin(c);
-      last = last.cwiseMax(c);
-    }
-    side = (last - first).maxCoeff() + kLeafSide * (1 + 2 * halo);
-    first -= Coord3::Constant(kLeafSide * halo);
-  }
-};
-
 /// Is a chunk farther from resident ground than the band reaches?
 bool untouched_around(const Soil& soil, const Coord3& chunk) {
   for (int n = 0; n < 27; ++n) {
@@ -50,8 +36,7 @@ void base_distance(const Soil& soil, const Coord3& chunk, float* phi_m) {
 }  // namespace
 
 SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need)
-    : grid_(soil, Cube(chunks, halo(need)).first, Cube(chunks, halo(need)).side, chunks,
-            halo(need)),
+    : grid_(soil, chunks, halo(need)),
       models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1),
       contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {
   if (need == kDistance) distance_.emplace(soil, models_, contour_);

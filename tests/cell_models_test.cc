@@ -28,7 +28,7 @@ TEST(CellModels, FindTheBendsOfASaddleInAnyAttitude) {
       return p.z() + kBend * (p.x() * p.x() - p.y() * p.y()) / 2;
     });
     const Coord3 chunk(0, 0, 0);
-    const CellGrid grid(*soil, Coord3::Constant(-8), 24, {&chunk, 1}, 1);
+    const CellGrid grid(*soil, {&chunk, 1}, 1);
     const CellModels models(grid, 1);
     for (const CellModels::Cell& cell : models.cells()) {
       const Vec3 at = (grid.first() + grid.at(cell.id)).cast<double>() - middle;
@@ -71,7 +71,7 @@ TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
       }
     }
     SoilWriter(soil).remove(chunk, words);
-    const CellGrid grid(soil, Coord3::Constant(-kLeafSide), 3 * kLeafSide, {&chunk, 1}, 1);
+    const CellGrid grid(soil, {&chunk, 1}, 1);
     std::array<int, 3> order{0, 1, 2};
     do {
       Candidates candidates;
