@@ -11,7 +11,6 @@
 #include "io/ground_source.h"
 
 namespace soilvdb::io {
-namespace {
 
 Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
   Eigen::AlignedBox2d box;
@@ -19,14 +18,12 @@ Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
     for (const Chunk* chunk : s->chunks()) {
       if (cut_only && chunk->now >= chunk->base) continue;
       // Cells reach half a voxel beyond the centres.
-      const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
-      box.extend(s->world_from_index(low).head<2>());
-      box.extend(s->world_from_index(low + Vec3::Constant(kLeafSide)).head<2>());
+      const Vec3 low = s->world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
+      box.extend(low.head<2>());
+      box.extend(low.head<2>() + Vec2::Constant(s->voxel_size_m() * kLeafSide));
     }
   return box;
 }
-
-}  // namespace
 
 Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
   Eigen::AlignedBox2d box = footprint(soil, true);

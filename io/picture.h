@@ -26,6 +26,10 @@ void write_plan(const std::filesystem::path& file, const Soil& soil, const Eigen
 void write_view(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
                 const Caption& caption);
 
+/// The columns of the resident ground and of that beneath it, world; empty if there are none.
+/// @param cut_only of the chunks alone that have lost soil
+Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only);
+
 /// The box of the world a picture of this soil should show: the ground that was cut, with a margin.
 Eigen::AlignedBox2d region_of_interest(const Soil& soil);
 

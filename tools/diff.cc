@@ -10,6 +10,7 @@
 
 #include "core/difference.h"
 #include "io/change_plan.h"
+#include "io/picture.h"
 #include "io/raster.h"
 #include "io/snapshot.h"
 #include "io/text.h"
@@ -63,7 +64,8 @@ void check_same_site(const Snapshot& a, const Snapshot& b) {
 /// A box that can be drawn: what changed, or where nothing did, all ground that was ever dug.
 Eigen::AlignedBox2d box_to_show(const Difference& change, const io::Site& a, const io::Site& b) {
   if (!change.box.isEmpty()) return change.box;
-  const Eigen::AlignedBox2d dug = resident_box(*a.soil).merged(resident_box(*b.soil));
+  const Eigen::AlignedBox2d dug =
+      io::footprint(*a.soil, false).merged(io::footprint(*b.soil, false));
   if (!dug.isEmpty()) return dug;
   constexpr double kAround_m = 10;
   const Vec2 middle = a.bounds.center(), around = Vec2::Constant(kAround_m);

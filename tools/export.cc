@@ -43,7 +43,7 @@ void export_mesh(const fs::path& to, const io::Site& site, const std::optional<B
 }
 
 void export_raster(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
-  const Box2 box = region ? *region : resident_box(*site.soil);
+  const Box2 box = region ? *region : io::footprint(*site.soil, false);
   const double cell_m = affordable_cell_m(box, site.soil->voxel_size_m());
   write_surface_raster(to, *site.soil, box, cell_m, site.crs_wkt);
   fmt::print("{}: bands surface and change, cells of {} m\n", to.string(), cell_m);
@@ -91,7 +91,7 @@ void export_file(const ExportOptions& options) {
                          "soilvdb run wrote");
   io::SnapshotInfo info;
   const io::Site site = io::read_snapshot(options.file, &info);
-  const Box2 resident = resident_box(*site.soil);
+  const Box2 resident = io::footprint(*site.soil, false);
   if (resident.isEmpty())
     throw io::InputError(options.file,
                          "holds no ground: no bucket had met any soil yet; give a "

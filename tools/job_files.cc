@@ -11,6 +11,7 @@
 #include "io/atomic_file.h"
 #include "io/checksum.h"
 #include "io/mesh_file.h"
+#include "io/picture.h"
 #include "io/snapshot.h"
 #include "tools/job.h"
 #include "tools/outputs.h"
@@ -103,7 +104,7 @@ void Job::finish() {
       });
     if (scenario_.raster_cell_m)
       write_final("soil_final.tif", [&](const auto& file) {
-        write_surface_raster(file, soil, resident_box(soil), *scenario_.raster_cell_m,
+        write_surface_raster(file, soil, io::footprint(soil, false), *scenario_.raster_cell_m,
                              start_.site.crs_wkt);
       });
   }

@@ -25,17 +25,6 @@ constexpr double kLeastSide_m = 1e-3, kMostSide_m = 1e6;  // of a region
 
 }  // namespace
 
-Eigen::AlignedBox2d resident_box(const Soil& soil) {
-  Eigen::AlignedBox2d box;
-  for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
-    for (const Chunk* chunk : s->chunks()) {
-      const Vec3 low = s->world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
-      box.extend(low.head<2>());
-      box.extend(low.head<2>() + Vec2::Constant(s->voxel_size_m() * kLeafSide));
-    }
-  return box;
-}
-
 Eigen::AlignedBox2d parse_region(const std::string& text) {
   const auto refuse = [&](const char* why) -> io::InputError {
     return io::InputError(

@@ -10,9 +10,6 @@
 
 namespace soilvdb::tools {
 
-/// The footprint of the resident ground and of that beneath it, world; empty if there is none.
-Eigen::AlignedBox2d resident_box(const Soil& soil);
-
 /// Parses XMIN,YMIN,XMAX,YMAX. @throw io::InputError that says what would be right.
 Eigen::AlignedBox2d parse_region(const std::string& text);
 
