@@ -12,6 +12,7 @@
 #include "io/snapshot.h"
 #include "tests/faults.h"
 #include "tests/program.h"
+#include "tests/sanitized.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -19,11 +20,7 @@ namespace {
 #ifdef SOILVDB_IO_SHIM
 
 constexpr int kKilled = 128 + SIGKILL;
-#if defined(__SANITIZE_ADDRESS__)
-constexpr std::size_t kEvery = 7;  // a program takes twice as long to start
-#else
-constexpr std::size_t kEvery = 3;
-#endif
+constexpr std::size_t kEvery = test::kSanitized ? 7 : 3;
 
 /// At random; there are more at operations in turn.
 std::size_t crashes() { return faults(30, 500 / kEvery, 10'000); }

@@ -4,8 +4,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <openvdb/openvdb.h>
-#include <openvdb/tools/LevelSetSphere.h>
 
 #include <algorithm>
 #include <cmath>
@@ -20,6 +18,7 @@
 #include "io/raster.h"
 #include "io/reach.h"
 #include "io/snapshot.h"
+#include "tests/spheres.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -83,9 +82,7 @@ void write_grids(const std::filesystem::path& file, openvdb::GridPtrVec grids) {
   openvdb::io::File(file.string()).write(grids);
 }
 
-openvdb::FloatGrid::Ptr sphere() {
-  return openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(5.0f, {0, 0, 0}, 0.25f);
-}
+openvdb::FloatGrid::Ptr sphere() { return test::level_set_sphere(5.0f, {0, 0, 0}, 0.25f); }
 
 TEST(Site, ItsOriginIsThatOfTheLatticeNearTheFirstLip) {
   const Vec3 lip(556449.9, 5394951, 540);
@@ -228,7 +225,7 @@ TEST(LevelSet, ItsOriginAndCrsAreMetadata) {
 
 TEST(LevelSet, TheGridNamedSurfaceComesFirst) {
   const TempFolder folder;
-  const auto other = openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(2, {0, 0, 0}, 0.25f);
+  const auto other = test::level_set_sphere(2, {0, 0, 0}, 0.25f);
   other->setName("other");
   const auto surface = sphere();
   surface->setName("surface");
@@ -283,8 +280,7 @@ TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
 
 TEST(LevelSet, UnderASnapshotItIsCheckedWholeBeforeItIsParsed) {
   const TempFolder folder;
-  write_grids(folder / "base.vdb",
-              {openvdb::tools::createLevelSetSphere<openvdb::FloatGrid>(50.0f, {0, 0, 0}, 0.25f)});
+  write_grids(folder / "base.vdb", {test::level_set_sphere(50.0f, {0, 0, 0}, 0.25f)});
   std::fstream file(folder / "base.vdb", std::ios::in | std::ios::out | std::ios::binary);
   ASSERT_GT(std::filesystem::file_size(folder / "base.vdb"), 5 << 20) << "not all sampled";
   const Base base = open_base(LevelSetTerrain{folder / "base.vdb"});

@@ -17,6 +17,7 @@
 #include "core/soil_writer.h"
 #include "core/surface_height.h"
 #include "tests/dig_runner.h"
+#include "tests/sanitized.h"
 #include "tests/solids.h"
 
 namespace soilvdb::testing {
@@ -34,6 +35,8 @@ constexpr std::array<Required, 3> kRequired{{{0.1, 5e-3}, {0.05, 1e-3}, {0.025, 
 constexpr double kVertexError = 0.15, kSmoothError = 0.02;
 /// A vertex is on a smooth part if no other piece of the surface is within this, voxels.
 constexpr double kSmoothRadius = 1.5;
+/// The finest voxels there are, m.
+constexpr double kFinest = test::kSanitized ? 0.05 : 0.025;
 constexpr double kPlaneNormal = 0.5 * kDegree, kFloorNormal = 1.5 * kDegree;
 
 const std::vector<Solid>& solids() {
@@ -92,6 +95,7 @@ Figures measure(const Solid& solid, double h) {
 TEST(SurfaceMeshOfSamples, HoldsTheirVolumeAndLiesOnTheTrueSurface) {
   for (const Solid& solid : solids()) {
     for (const auto& [h, volume] : kRequired) {
+      if (h < kFinest) continue;
       const Figures figures = measure(solid, h);
       EXPECT_LE(std::abs(figures.volume), volume) << solid.name << ", voxel " << h;
       if (h > 0.05) continue;
@@ -157,7 +161,7 @@ NormalErrors floor_normals(const Solid& trench, double h) {
 TEST(SurfaceMeshOfSamples, FindsTheNormalsOfACurvedFloor) {
   for (const Solid& solid : solids()) {
     if (!solid.name.starts_with("half-sine")) continue;
-    for (const double h : {0.05, 0.025}) {
+    for (const double h : {0.05, kFinest}) {
       const NormalErrors errors = floor_normals(solid, h);
       EXPECT_LE(errors.shaded, kFloorNormal) << solid.name << ", voxel " << h;
       // At 5 cm the ends bend with a radius of 2.5 voxels, and two triangles of a voxel can't.
@@ -232,7 +236,7 @@ void keeps(const Solid& solid, double h, double least_m3, const std::string& wha
 }
 
 TEST(SurfaceMeshOfSamples, KeepsAWallAndASlotOneVoxelThick) {
-  for (const double h : {0.05, 0.025}) {
+  for (const double h : {0.05, kFinest}) {
     const double thin_m3 = 0.8 * 0.3 * h;
     for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}}) {
       // With faces on centres of voxels and between cells, too.
