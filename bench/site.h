@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
-#include "core/base_surface.h"
-#include "core/bucket.h"
+#include "soilvdb/base_surface.h"
+#include "soilvdb/bucket.h"
 
 namespace soilvdb::bench {
 

@@ -11,10 +11,10 @@
 
 #include "bench/site.h"
 #include "bench/speed.h"
-#include "core/ground_service.h"
-#include "core/soil_writer.h"
-#include "core/tracker.h"
-#include "io/snapshot.h"
+#include "core/ground/soil_writer.h"
+#include "soilvdb/ground_service.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -188,11 +188,11 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
     mesh_us += watch.us();
     const Stopwatch save_part;
     io::SnapshotInfo info;
-    info.since = io::Since{"before.vdb", {}};
+    info.parent = io::SnapshotParent{"before.vdb", {}};
     const io::Site part = io::untouched(site);
     for (const Coord3& origin : changed) {
       SoilWriter(*part.soil).copy_from(*site.soil, origin);
-      if (site.soil->find(origin) == nullptr) info.since->dropped.push_back(origin);
+      if (site.soil->find(origin) == nullptr) info.parent->dropped.push_back(origin);
     }
     io::snapshot_bytes(folder / "service.vdb", part, info);
     part_us += save_part.us();

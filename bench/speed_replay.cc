@@ -10,7 +10,7 @@
 
 #include "bench/site.h"
 #include "bench/speed.h"
-#include "core/tracker.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 namespace {

@@ -9,7 +9,7 @@
 #include "bench/engine.h"
 #include "bench/site.h"
 #include "bench/speed.h"
-#include "core/tracker.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 namespace {

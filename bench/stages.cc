@@ -11,12 +11,12 @@
 
 #include "bench/engine.h"
 #include "bench/site.h"
-#include "core/excavate.h"
-#include "core/facet.h"
-#include "core/lanes.h"
-#include "core/mesher.h"
-#include "core/tracker.h"
-#include "io/snapshot.h"
+#include "core/cut/excavator.h"
+#include "core/cut/facet.h"
+#include "core/lattice/lanes.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/mesher.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -148,7 +148,7 @@ void arithmetic(benchmark::State& state) {
   for (auto _ : state) {
     multiply_and_add(values, 0.999f, 0.001f, kTimes);
     benchmark::DoNotOptimize(values);
-    operations += 2.0 * 16 * kLeafSide * kTimes;
+    operations += 2.0 * 16 * kChunkSide * kTimes;
   }
   state.counters["operations"] = benchmark::Counter(operations, kRate);
 }
@@ -173,7 +173,8 @@ void cut_samples(benchmark::State& state, double width_m, double cells) {
   for (auto _ : state) {
     Samples ground = soil;
     cut += static_cast<double>(
-        soilvdb::cut_samples(ground, Coord3::Zero(), stroke, facet, 1, Books::kCaptured).captured);
+        soilvdb::cut_samples(ground, Coord3::Zero(), stroke, facet, 1, Booking::kCaptured)
+            .captured);
     tested += cells;
   }
   state.counters["cells"] = benchmark::Counter(tested, kRate);

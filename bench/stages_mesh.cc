@@ -15,7 +15,7 @@
 #include "bench/peers/volume_to_mesh.h"
 #include "bench/report.h"
 #include "bench/stages.h"
-#include "io/site.h"
+#include "soilvdb/io/site.h"
 #include "tests/dig_runner.h"
 #include "tests/solids.h"
 

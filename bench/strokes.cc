@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-#include "core/surface.h"
+#include "core/surface/surface.h"
 #include "tests/oracle.h"
 
 namespace soilvdb::bench {
@@ -20,12 +20,12 @@ Health health(const Soil& soil, const Tracker& tracker) {
   const Soil untouched(soil.voxel_size_m(), soil.origin(),
                        std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
   SampleWords before, now;
-  float phi_m[kLeafSize];
+  float phi_m[kChunkVoxels];
   for (const Chunk* chunk : soil.chunks()) {
     untouched.read_samples(chunk->origin, before);
     soil.read_samples(chunk->origin, now);
     surface_distance(soil, chunk->origin, phi_m);
-    for (std::size_t i = 0; i < kLeafSize; ++i) {
+    for (std::size_t i = 0; i < kChunkVoxels; ++i) {
       h.not_finite += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       h.grown += (now[i] & ~before[i]) != 0;
     }

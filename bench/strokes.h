@@ -7,9 +7,9 @@
 #include <memory>
 #include <vector>
 
-#include "core/bucket.h"
-#include "core/soil.h"
-#include "core/tracker.h"
+#include "soilvdb/bucket.h"
+#include "soilvdb/soil.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 

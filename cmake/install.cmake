@@ -1,16 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-# Install, so that others can find_package(soilvdb) and #include <soilvdb/core/tracker.h>.
+# Install, so that others can find_package(soilvdb) and #include <soilvdb/tracker.h>.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/soilvdb)
 
-foreach(module IN ITEMS core io)
+foreach(module IN ITEMS core io draw)
   install(TARGETS soilvdb_${module} EXPORT soilvdb-${module}-targets)
   install(EXPORT soilvdb-${module}-targets NAMESPACE soilvdb:: DESTINATION ${config_dir})
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${module}
-          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/soilvdb FILES_MATCHING PATTERN *.h)
 endforeach()
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/core/include/ ${PROJECT_SOURCE_DIR}/io/include/
+                  ${PROJECT_BINARY_DIR}/include/
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/soilvdb-config.cmake.in
   ${PROJECT_BINARY_DIR}/soilvdb-config.cmake INSTALL_DESTINATION ${config_dir})

@@ -3,8 +3,8 @@
 // Runs whose sensors send nonsense: what is left out, where they stop, and how they go on.
 #include <vector>
 
-#include "io/journal.h"
-#include "io/snapshot.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/program.h"
 
 namespace soilvdb::testing {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/polygon.h"
+#include "core/tool/polygon.h"
 #include "tests/dig_runner.h"
 #include "tests/families.h"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/cell_models.h"
+#include "core/surface/cell_models.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/crease.h"
-#include "core/soil_writer.h"
+#include "core/ground/soil_writer.h"
+#include "core/surface/crease.h"
 #include "tests/solids.h"
 
 namespace soilvdb::testing {
@@ -61,7 +61,7 @@ TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
     }
     Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
     SampleWords words{};  // those that are removed
-    for (int k = 0; k < kLeafSize; ++k) {
+    for (int k = 0; k < kChunkVoxels; ++k) {
       const Coord3 at(k >> 6, k >> 3 & 7, k & 7), from = at - voxel;
       const CellPoints& p = sample_points(at);
       for (int s = 0; s < 64; ++s) {

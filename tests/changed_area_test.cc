@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/difference.h"
-#include "core/tracker.h"
+#include "soilvdb/difference.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb {
 namespace {

@@ -7,8 +7,9 @@
 #include <array>
 #include <numeric>
 
-#include "io/raster.h"
-#include "io/snapshot.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/version.h"
 #include "tests/program.h"
 
 namespace soilvdb::testing {

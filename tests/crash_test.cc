@@ -8,8 +8,8 @@
 #include <random>
 #include <thread>
 
-#include "io/journal.h"
-#include "io/snapshot.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/faults.h"
 #include "tests/program.h"
 #include "tests/sanitized.h"
@@ -366,7 +366,7 @@ class CrashBeside : public Crash {
   void expect_two_generations(const std::string& out) const {
     const io::JournalContent journal = io::read_journal(folder() / out / "journal");
     EXPECT_FALSE(journal.damaged);
-    std::size_t known = journal.gone.size(), good = 0;
+    std::size_t known = journal.removed.size(), good = 0;
     for (const io::JournalFile& file : journal.files) {
       if (!file.name.ends_with(".vdb") || file.name == "soil_final.vdb") continue;
       ++known;
@@ -383,8 +383,8 @@ class CrashBeside : public Crash {
 
 TEST_F(CrashBeside, WhateverHappensTwoGenerationsAreGoodAndItEndsInTheSameFiles) {
   const io::JournalContent whole = io::read_journal(folder() / "ref/journal");
-  EXPECT_GT(whole.gone.size(), 0u);
-  const auto incremental = [](const io::JournalFile& file) { return !file.since.empty(); };
+  EXPECT_GT(whole.removed.size(), 0u);
+  const auto incremental = [](const io::JournalFile& file) { return !file.parent.empty(); };
   EXPECT_TRUE(std::any_of(whole.files.begin(), whole.files.end(), incremental));
   const std::vector<std::string> kinds = {"kill {}", "cut {}", "fail {} 5", "short {} 28"};
   std::atomic<std::size_t> kills = 0, errors = 0;

@@ -10,9 +10,9 @@
 #include <ctime>
 #include <random>
 
-#include "io/checksum.h"
-#include "io/journal.h"
-#include "io/snapshot.h"
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/faults.h"
 #include "tests/program.h"
 #include "tests/sanitized.h"
@@ -99,7 +99,7 @@ class DamagedRun : public ProgramTest {
       fs::remove(folder() / "ended" / name);
     fs::resize_file(folder() / "ended/journal", journal.size() * 9 / 10);
     files_ = io::read_journal(folder() / "ended/journal").files;
-    for (std::string name = files_.back().name; !name.empty(); name = find(name).since)
+    for (std::string name = files_.back().name; !name.empty(); name = find(name).parent)
       chain_.insert(chain_.begin(), name);
     ASSERT_GE(chain_.size(), 3u);
     ASSERT_GT(files_.size(), chain_.size());
@@ -311,7 +311,7 @@ TEST_P(DamagedForeign, IsReadInAChildThatMayBreak) {
     const bool child = result.err.find("memory or time than") != std::string::npos;
     ++(child ? broke : refused);
   }
-  // The child and then the program itself read it, within what tools/child.cc gives them.
+  // The child and then the program itself read it, within what tools/app/child.cc gives them.
   EXPECT_LT(slowest_s, 3 * kHang_s);
   rusage all{};
   getrusage(RUSAGE_CHILDREN, &all);

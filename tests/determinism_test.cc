@@ -16,9 +16,9 @@
 #include <map>
 #include <sstream>
 
-#include "core/mix.h"
-#include "core/soil_grids.h"
-#include "core/tracker.h"
+#include "core/lattice/splitmix64.h"
+#include "soilvdb/soil_grids.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -83,8 +83,8 @@ class Dig {
 
  private:
   void add(const Update& update) {
-    digest_ = mix(digest_ ^ std::bit_cast<std::uint64_t>(update.cut_m3));
-    digest_ = mix(digest_ ^ std::bit_cast<std::uint64_t>(update.bucket_m3));
+    digest_ = splitmix64(digest_ ^ std::bit_cast<std::uint64_t>(update.cut_m3));
+    digest_ = splitmix64(digest_ ^ std::bit_cast<std::uint64_t>(update.bucket_m3));
   }
   Soil soil_;
   Tracker tracker_;

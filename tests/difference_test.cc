@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/difference.h"
+#include "soilvdb/difference.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/lattice.h"
-#include "core/tracker.h"
+#include "soilvdb/lattice.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb {
 namespace {

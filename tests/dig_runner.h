@@ -3,7 +3,7 @@
 // Runs a dig through a tracker, its motion split evenly into updates.
 #pragma once
 
-#include "core/tracker.h"
+#include "soilvdb/tracker.h"
 #include "tests/scenarios.h"
 
 namespace soilvdb::testing {

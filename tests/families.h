@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/motion.h"
+#include "soilvdb/motion.h"
 #include "tests/oracle.h"
 
 namespace soilvdb::testing {

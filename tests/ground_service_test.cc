@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Meshes and jobs beside updates: they see what they would have seen had updates waited for them.
-#include "core/ground_service.h"
+#include "soilvdb/ground_service.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -6,9 +6,9 @@
 
 #include <array>
 
-#include "core/ground_service.h"
-#include "core/tracker.h"
-#include "io/site.h"
+#include "soilvdb/ground_service.h"
+#include "soilvdb/io/site.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::testing {
 namespace {

@@ -5,8 +5,8 @@
 
 #include <set>
 
-#include "io/journal.h"
-#include "io/snapshot.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/program.h"
 
 namespace soilvdb::testing {
@@ -98,7 +98,7 @@ TEST_F(Incremental, TheirSurfaceIsThatOfWholeOnes) {
   run_with("every: 1, incremental: true", "part");
   std::size_t compared = 0;
   for (const io::JournalFile& file : snapshots("part")) {
-    if (file.since.empty()) continue;
+    if (file.parent.empty()) continue;
     const openvdb::FloatGrid::Ptr part = surface("part/" + file.name),
                                   whole = surface("whole/" + file.name);
     for (auto leaf = part->tree().cbeginLeaf(); leaf; ++leaf, ++compared) {
@@ -117,11 +117,11 @@ TEST_F(Incremental, AWholeOneComesWhenTheOthersHaveComeToTheGroundItself) {
   for (const io::JournalFile& file : files) {
     io::SnapshotInfo info;
     const io::Site site = io::read_snapshot(folder() / "dig" / file.name, &info);
-    ASSERT_EQ(info.since.has_value(), !file.since.empty());
-    if (!info.since) continue;
+    ASSERT_EQ(info.parent.has_value(), !file.parent.empty());
+    if (!info.parent) continue;
     ++incremental;
-    EXPECT_LE(info.since->links, io::kMostLinks);
-    EXPECT_LT(info.since->chunks, site.soil->chunk_count()) << file.name;
+    EXPECT_LE(info.parent->depth, io::kMaxChainLength);
+    EXPECT_LT(info.parent->chunks, site.soil->chunk_count()) << file.name;
   }
   EXPECT_GT(incremental, files.size() / 2);
   EXPECT_LT(incremental, files.size() - 1);
@@ -132,9 +132,9 @@ TEST_F(Incremental, SnapshotsAreReadByAllCommands) {
   run_with("every: 1, incremental: true", "dig");
   const auto files = snapshots("dig");
   const auto it =
-      std::find_if(files.rbegin(), files.rend(), [](const auto& f) { return !f.since.empty(); });
+      std::find_if(files.rbegin(), files.rend(), [](const auto& f) { return !f.parent.empty(); });
   ASSERT_NE(it, files.rend());
-  const std::string file = it->name, since = it->since;
+  const std::string file = it->name, since = it->parent;
   const Result info = run("info dig/" + file);
   EXPECT_NE(info.out.find("goes on from  " + since), std::string::npos) << info.out;
   const auto same = [&](const std::string& command) {
@@ -171,7 +171,7 @@ TEST_F(Incremental, OnlyTheNewestAndWhatTheyNeedAreKept) {
       for (std::size_t i = files.size(); i-- > 0;) {
         if (files.size() - i > keep && !needed.contains(files[i].name)) continue;
         expected.insert(files[i].name);
-        needed.insert(files[i].since);
+        needed.insert(files[i].parent);
       }
       std::set<std::string> there;
       for (const auto& [name, bytes] : vdb_files("dig")) there.insert(name);
@@ -222,8 +222,8 @@ TEST_F(Incremental, ABrokenChainIsToldAndResumeFallsBack) {
     interrupt("dig", 0.95);
     known = snapshots("dig");
     ASSERT_GT(known.size(), 2u);
-  } while (known.back().since.empty() || known[known.size() - 2].since.empty());
-  const std::string file = known.back().name, since = known.back().since;
+  } while (known.back().parent.empty() || known[known.size() - 2].parent.empty());
+  const std::string file = known.back().name, since = known.back().parent;
   damage("dig/" + since);
   const std::string what = " is good by itself but needs " + since + ", which is damaged";
   const Result of_file = run("verify dig/" + file), of_folder = run("verify dig");
@@ -245,7 +245,7 @@ TEST_F(Incremental, AllKeptMayHangOnOneAndWithoutItTheJournalGivesEverythingBack
   const auto summary = read_json(folder() / "dig/summary.json");
   const std::vector<io::JournalFile> kept = snapshots("dig");
   const auto roots =
-      std::count_if(kept.begin(), kept.end(), [](const auto& file) { return file.since.empty(); });
+      std::count_if(kept.begin(), kept.end(), [](const auto& file) { return file.parent.empty(); });
   ASSERT_EQ(roots, 1);
   // Killed before it came to its end, which is the last frame: a head and a letter.
   fs::resize_file(folder() / "dig/journal", fs::file_size(folder() / "dig/journal") - 33);
@@ -287,17 +287,17 @@ TEST_F(Incremental, VerifyKnowsWhatASnapshotGoesOnFromByMoreThanItsName) {
   const auto files = vdb_files("dig");
   const std::vector<io::JournalFile> known = snapshots("dig");
   const auto one = std::find_if(known.begin(), known.end(),
-                                [](const auto& file) { return !file.since.empty(); });
+                                [](const auto& file) { return !file.parent.empty(); });
   ASSERT_NE(one, known.end());
   // Another good one in its place, of which the journal knows.
   io::JournalFile other = *(one - 1);
-  ASSERT_EQ(other.name, one->since);
+  ASSERT_EQ(other.name, one->parent);
   io::SnapshotInfo info;
   const io::Site site = io::read_snapshot(folder() / "whole" / other.name, &info);
   info.scenario = "another";
   io::write_snapshot(folder() / "dig" / other.name, site, info);
   const io::FileDigest digest = io::file_digest(folder() / "dig" / other.name);
-  other.size = digest.size, other.crc = digest.crc, other.since = "";
+  other.size = digest.size, other.crc = digest.crc, other.parent = "";
   const io::JournalContent journal = io::read_journal(folder() / "dig/journal");
   io::JournalWriter(folder() / "dig/journal", journal.good_bytes, journal.done, 1).add(other);
   const Result result = run("verify dig");

@@ -13,8 +13,8 @@
 #include <optional>
 #include <utility>
 
-#include "core/excavate.h"
-#include "core/mesher.h"
+#include "core/cut/excavator.h"
+#include "soilvdb/mesher.h"
 #include "tests/dig_runner.h"
 #include "tests/families.h"
 
@@ -160,7 +160,7 @@ TEST(MeshOfACut, IsWatertightButForItsRim) {
       for (int corner = 0; corner < 27; ++corner) {
         const Vec3 step = Vec3(corner % 3 - 1, corner / 3 % 3 - 1, corner / 9 - 1) * 1.5;
         const Coord3 chunk =
-            ((index + step) / kLeafSide).array().floor().matrix().cast<int>() * kLeafSide;
+            ((index + step) / kChunkSide).array().floor().matrix().cast<int>() * kChunkSide;
         rim |= dug.soil.find(chunk) == nullptr;
       }
       torn += !rim;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/journal.h"
+#include "soilvdb/io/journal.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <random>
 #include <sstream>
 
-#include "io/error.h"
-#include "io/motion_rows.h"
+#include "soilvdb/io/error.h"
+#include "soilvdb/io/motion_rows.h"
 #include "tests/faults.h"
 #include "tests/temp_folder.h"
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Forward kinematics against closed forms and plain 4x4 matrices written out by hand.
-#include "core/kinematics.h"
+#include "soilvdb/kinematics.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <numbers>
 
-#include "io/urdf.h"
+#include "soilvdb/io/urdf.h"
 
 namespace soilvdb {
 namespace {

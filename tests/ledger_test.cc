@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/excavate.h"
+#include "core/cut/excavator.h"
 #include "tests/dig_runner.h"
 
 namespace soilvdb::testing {

@@ -1,8 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Motions that are read part by part are the same as in one piece.
-#include "io/long_motion.h"
-
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -10,8 +8,9 @@
 #include <fstream>
 #include <sstream>
 
-#include "io/motion_csv.h"
-#include "io/way.h"
+#include "soilvdb/io/motion_csv.h"
+#include "soilvdb/io/motion_file.h"
+#include "soilvdb/io/swept_boxes.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -19,7 +18,7 @@ namespace {
 
 using test::TempFolder;
 
-constexpr std::int64_t kSteps = LongMotion::kPartSteps;
+constexpr std::int64_t kSteps = MotionFile::kPartSteps;
 
 std::string rows(std::int64_t count) {
   std::string text = "time,x,y,z,yaw\n";
@@ -30,20 +29,20 @@ std::string rows(std::int64_t count) {
   return text;
 }
 
-LongMotion open(const std::filesystem::path& file, OnBadRow on_bad_row = OnBadRow::kStop) {
+MotionFile open(const std::filesystem::path& file, OnBadRow on_bad_row = OnBadRow::kStop) {
   std::vector<std::string> warnings;
-  return LongMotion(
+  return MotionFile(
       file, std::nullopt, on_bad_row, [](const Motion&, std::int64_t) {}, warnings);
 }
 
-TEST(LongMotion, PartsJoinAndHoldTheRowsOfTheWholeFile) {
+TEST(MotionFile, PartsJoinAndHoldTheRowsOfTheWholeFile) {
   const TempFolder folder;
   const std::vector<std::int64_t> counts = {
       1, 2, kSteps, kSteps + 1, kSteps + 2, 2 * kSteps + 1, 3 * kSteps - 7};
   for (const std::int64_t count : counts) {
     const auto file = folder.write("m.csv", rows(count));
     const Motion whole = read_motion(file, std::nullopt).motion;
-    const LongMotion motion = open(file);
+    const MotionFile motion = open(file);
     EXPECT_EQ(motion.rows(), count);
     EXPECT_EQ(motion.begin_s(), whole.begin_s());
     EXPECT_EQ(motion.end_s(), whole.end_s());
@@ -64,11 +63,11 @@ TEST(LongMotion, PartsJoinAndHoldTheRowsOfTheWholeFile) {
   }
 }
 
-TEST(LongMotion, BadRowsAreFoundBeforeAnythingIsDoneAndLeftOut) {
+TEST(MotionFile, BadRowsAreFoundBeforeAnythingIsDoneAndLeftOut) {
   const TempFolder folder;
   const std::string good = rows(2 * kSteps + 10);
   const auto file = folder.write("m.csv", good);
-  const LongMotion clean = open(file);
+  const MotionFile clean = open(file);
   EXPECT_EQ(clean.bad_rows().count, 0);
   EXPECT_FALSE(clean.stops());
   // In the first part, where two parts meet, and at the end.
@@ -81,15 +80,15 @@ TEST(LongMotion, BadRowsAreFoundBeforeAnythingIsDoneAndLeftOut) {
     if (first == 0) first = number + 2;
     text += line.substr(0, line.find(',')) + "5,0,0,nonsense,0\n";
   }
-  const LongMotion stopping = open(folder.write("bad.csv", text));
+  const MotionFile stopping = open(folder.write("bad.csv", text));
   EXPECT_TRUE(stopping.stops());
   EXPECT_EQ(stopping.bad_rows().count, 3);
   EXPECT_EQ(stopping.bad_rows().first, fmt::format("{}:{}: z is 'nonsense'; it must be a number",
                                                    (folder / "bad.csv").string(), first));
   EXPECT_EQ(stopping.bad_rows().good_s, 6.99);
-  const LongMotion skipping = open(folder / "bad.csv", OnBadRow::kSkip);
+  const MotionFile skipping = open(folder / "bad.csv", OnBadRow::kSkip);
   EXPECT_FALSE(skipping.stops());
-  for (const LongMotion* motion : {&stopping, &skipping}) {
+  for (const MotionFile* motion : {&stopping, &skipping}) {
     EXPECT_EQ(motion->rows(), clean.rows());
     ASSERT_EQ(motion->parts(), clean.parts());
     for (std::size_t i = 0; i < clean.parts(); ++i) {
@@ -101,10 +100,10 @@ TEST(LongMotion, BadRowsAreFoundBeforeAnythingIsDoneAndLeftOut) {
   }
 }
 
-TEST(LongMotion, AFileThatChangesMeanwhileIsNoticedWhereItIsReadAgain) {
+TEST(MotionFile, AFileThatChangesMeanwhileIsNoticedWhereItIsReadAgain) {
   const TempFolder folder;
   const auto file = folder.write("m.csv", rows(2 * kSteps + 10));
-  const LongMotion motion = open(file);
+  const MotionFile motion = open(file);
   const auto said = [&](std::size_t part) {
     return test::message_of(folder, [&] { motion.part(part); });
   };
@@ -129,27 +128,27 @@ Bucket bucket() {
   return b;
 }
 
-TEST(Way, ItsBlocksHoldAllOfTheBucketAtAnyTime) {
+TEST(SweptBoxes, ItsBlocksHoldAllOfTheBucketAtAnyTime) {
   const TempFolder folder;
   const Motion motion = read_motion(folder.write("m.csv", rows(1000)), std::nullopt).motion;
-  Way way;
+  SweptBoxes way;
   way.add(motion, bucket());
-  ASSERT_EQ(way.blocks().size(), (999 + Way::kBlockSteps - 1) / Way::kBlockSteps);
+  ASSERT_EQ(way.blocks().size(), (999 + SweptBoxes::kStepsPerBox - 1) / SweptBoxes::kStepsPerBox);
   const Corners corners = bucket_corners(bucket());
   for (std::size_t i = 0; i < 9990; ++i) {
     const Pose pose = motion.pose(1e-3 * static_cast<double>(i));
-    const Box3& block = way.blocks()[i / 10 / Way::kBlockSteps];
+    const Box3& block = way.blocks()[i / 10 / SweptBoxes::kStepsPerBox];
     for (const auto& p : corners.colwise())
       EXPECT_LT(block.exteriorDistance(pose * Vec3(p)), 1e-12);
   }
 }
 
-TEST(Way, AWholeTurnOfAJointGoesAllTheWayRound) {
+TEST(SweptBoxes, AWholeTurnOfAJointGoesAllTheWayRound) {
   Chain chain;
   chain.joints = {{"q", Joint::Type::kContinuous, {}, Vec3::UnitZ(), 0, 0}};
   chain.link_from_bucket = {{0, -3, -1}, Eigen::Quaterniond::Identity()};
   const Motion motion({0, 1}, std::vector<double>{0, 6.283185307179586}, chain);
-  Way way;
+  SweptBoxes way;
   way.add(motion, bucket());
   const Corners corners = bucket_corners(bucket());
   for (double t = 0; t < 1; t += 1e-3) {

@@ -16,10 +16,10 @@
 #include <filesystem>
 #include <random>
 
-#include "core/surface_height.h"
-#include "core/tracker.h"
-#include "io/cold_file.h"
-#include "io/site.h"
+#include "io/snapshot/cold_file.h"
+#include "soilvdb/io/site.h"
+#include "soilvdb/surface_height.h"
+#include "soilvdb/tracker.h"
 #include "tests/sanitized.h"
 #include "tests/temp_folder.h"
 
@@ -99,7 +99,7 @@ TEST(Memory, SamplesAreKeptHoweverTheyShrink) {
   Samples samples;
   samples.assign(words);
   for (int i = 0; i < 5000; ++i) {
-    const int n = static_cast<int>(random() % kLeafSize);
+    const int n = static_cast<int>(random() % kChunkVoxels);
     std::uint64_t& word = words[static_cast<std::size_t>(n)];
     EXPECT_EQ(samples.word(n), word);
     word &= random() % 8 == 0 ? 0 : random();
@@ -119,15 +119,15 @@ TEST(Memory, HeightsAreNotForgottenUnderACopyThatReadsThem) {
   Soil& soil = *site.soil;
   soil.limit_memory(kLimit, std::make_shared<io::ColdFile>(folder.path()));
   {
-    const io::Site copy = io::untouched(site);
+    const io::Site copy = io::undug_site(site);
     for (double x = 1; x < 199; x += 5)
       for (double y = 1; y < 199; y += 5)
         EXPECT_EQ(surface_height(soil, x, y), surface_height(*copy.soil, x, y));
     EXPECT_GT(soil.memory_bytes(), kLimit);
-    EXPECT_THROW(soil.settle(), std::runtime_error);
+    EXPECT_THROW(soil.page_out(), std::runtime_error);
     EXPECT_GT(soil.memory_bytes(), kLimit) << "what the copy reads is gone";
   }
-  soil.settle();
+  soil.page_out();
   EXPECT_LE(soil.memory_bytes(), kLimit);
 }
 
@@ -173,7 +173,7 @@ Outcome dig(std::uint64_t limit_bytes, std::size_t threads, const std::filesyste
   for (const std::vector<Move>& batch : moves()) {
     for (const Update& update : tracker.update(batch)) outcome.cuts.push_back(update.cut_m3);
     if (limit_bytes == 0) continue;
-    soil.settle();
+    soil.page_out();
     EXPECT_LE(soil.memory_bytes(), limit_bytes);
   }
   outcome.hash = soil.state_hash();
@@ -212,7 +212,7 @@ TEST(Memory, ALimitThatCantBeKeptIsAnErrorAndTheGroundIsWhole) {
   const test::TempFolder folder;
   Dug dug;
   dug.soil.limit_memory(1000, std::make_shared<io::ColdFile>(folder.path()));
-  EXPECT_THROW(dug.soil.settle(), std::runtime_error);
+  EXPECT_THROW(dug.soil.page_out(), std::runtime_error);
   EXPECT_EQ(dug.soil.state_hash(), dug.hash);
 }
 
@@ -225,7 +225,7 @@ TEST(Memory, AFullDiskIsAnErrorAndTheGroundIsWhole) {
   getrlimit(RLIMIT_FSIZE, &before);
   const rlimit small{100'000, before.rlim_max};
   setrlimit(RLIMIT_FSIZE, &small);
-  EXPECT_THROW(dug.soil.settle(), std::runtime_error);
+  EXPECT_THROW(dug.soil.page_out(), std::runtime_error);
   setrlimit(RLIMIT_FSIZE, &before);
   EXPECT_EQ(dug.soil.state_hash(), dug.hash);
 }
@@ -235,7 +235,7 @@ TEST(Memory, GroundThatComesBackDamagedIsRefused) {
   const auto file = std::make_shared<io::ColdFile>(folder.path());
   Dug dug;
   dug.soil.limit_memory(dug.soil.memory_bytes() / 2, file);
-  dug.soil.settle();
+  dug.soil.page_out();
   EXPECT_EQ(dug.soil.state_hash(), dug.hash);
   int flipped = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {

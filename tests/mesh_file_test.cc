@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/mesh_file.h"
+#include "soilvdb/io/mesh_file.h"
 
 #include <assimp/scene.h>
 #include <gmock/gmock.h>

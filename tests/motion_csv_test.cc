@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // What is read from a motion, and the one line said about each way to get it wrong.
-#include "io/motion_csv.h"
+#include "soilvdb/io/motion_csv.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

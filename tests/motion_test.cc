@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/motion.h"
+#include "soilvdb/motion.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 #include <numbers>
 
-#include "core/tracker.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb {
 namespace {

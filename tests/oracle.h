@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/bucket.h"
-#include "core/types.h"
+#include "soilvdb/bucket.h"
+#include "soilvdb/types.h"
 
 namespace soilvdb::testing {
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/picture.h"
+#include "soilvdb/io/picture.h"
 
 #include <cairo/cairo.h>
 #include <gtest/gtest.h>
@@ -16,9 +16,9 @@
 #include <random>
 #include <vector>
 
-#include "core/tracker.h"
-#include "io/map_parts.h"
-#include "io/relief.h"
+#include "io/draw/map_parts.h"
+#include "io/draw/relief.h"
+#include "soilvdb/tracker.h"
 #include "temp_folder.h"
 
 namespace soilvdb::io {

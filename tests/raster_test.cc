@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/raster.h"
+#include "soilvdb/io/raster.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,9 +16,9 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "core/tracker.h"
-#include "io/atomic_file.h"
-#include "io/crs.h"
+#include "io/file/atomic_file.h"
+#include "io/terrain/crs.h"
+#include "soilvdb/tracker.h"
 #include "tests/temp_folder.h"
 
 extern "C" int GDALGetDriverCount();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/report.h"
+#include "io/journal/report.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

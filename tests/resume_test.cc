@@ -7,8 +7,8 @@
 
 #include <set>
 
-#include "io/journal.h"
-#include "io/raster.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/raster.h"
 #include "tests/program.h"
 
 namespace soilvdb::testing {

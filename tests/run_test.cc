@@ -6,10 +6,10 @@
 #include <numbers>
 #include <set>
 
-#include "core/soil.h"
-#include "io/journal.h"
-#include "io/raster.h"
-#include "io/snapshot.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/soil.h"
 #include "tests/program.h"
 
 namespace soilvdb::testing {

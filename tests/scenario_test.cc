@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // What is read from a scenario, and the one line said about each way to get it wrong.
-#include "io/scenario.h"
+#include "soilvdb/io/scenario.h"
 
 #include <gtest/gtest.h>
 

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "core/base_surface.h"
-#include "core/bucket.h"
-#include "core/motion.h"
+#include "soilvdb/base_surface.h"
+#include "soilvdb/bucket.h"
+#include "soilvdb/motion.h"
 
 namespace soilvdb::testing {
 

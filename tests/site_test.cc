@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/site.h"
+#include "soilvdb/io/site.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,12 +12,12 @@
 #include <limits>
 #include <memory>
 
-#include "core/soil_grids.h"
-#include "core/surface_height.h"
-#include "io/level_set_file.h"
-#include "io/raster.h"
-#include "io/reach.h"
-#include "io/snapshot.h"
+#include "io/scenario/workspace.h"
+#include "soilvdb/io/level_set_file.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/soil_grids.h"
+#include "soilvdb/surface_height.h"
 #include "tests/spheres.h"
 #include "tests/temp_folder.h"
 
@@ -188,7 +188,7 @@ TEST(Site, AStepAcrossALargeRasterReadsOnlyWhatIsBeneathIt) {
   site.bounds = {Vec2(0, 0), Vec2(kSide - 1, kSide - 1)};
   Scenario scenario = scenario_of(PlaneTerrain{}, {10, 10, 5}, {19'000, 19'000, 5});
   scenario.raster_cell_m = 0.1;
-  check_reach(scenario, site);
+  check_workspace(scenario, site);
   // The tiles that the diagonal crosses are less than 4 in each of its 313 rows of tiles.
   EXPECT_LT(heights->posts, 313 * 4 * 64 * 64);
 }

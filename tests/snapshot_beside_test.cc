@@ -6,8 +6,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "core/ground_service.h"
-#include "io/snapshot.h"
+#include "soilvdb/ground_service.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/dig_runner.h"
 #include "tests/temp_folder.h"
 
@@ -31,7 +31,7 @@ TEST_P(SnapshotsBeside, UpdatesHaveTheBytesOfThoseWrittenAtOnce) {
   site.soil = std::make_unique<Soil>(0.05, dig.origin, dig.ground);
   site.reference = {io::PlaneTerrain{1.5, {0.1, 0.2}}, ""};
   site.crs_wkt = "LOCAL_CS[\"site\"]";
-  const io::Site copy = io::untouched(site);
+  const io::Site copy = io::undug_site(site);
   Tracker tracker(*site.soil, {dig.bucket});
   std::vector<std::filesystem::path> files;
   std::vector<std::string> expected;
@@ -57,7 +57,7 @@ TEST(SnapshotBeside, AFolderThatIsNotThereIsReported) {
   const test::TempFolder folder;
   io::Site site;
   site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-  const io::Site copy = io::untouched(site);
+  const io::Site copy = io::undug_site(site);
   GroundService service(*copy.soil, {});
   service.run([&] { io::write_snapshot(folder / "not" / "there.vdb", copy, {}); });
   EXPECT_THROW(service.finish(), std::runtime_error);

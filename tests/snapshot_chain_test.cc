@@ -11,10 +11,10 @@
 #include <random>
 #include <sstream>
 
-#include "core/chunk_range.h"
-#include "core/soil_writer.h"
-#include "core/tracker.h"
-#include "io/snapshot.h"
+#include "core/ground/soil_writer.h"
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/tracker.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -72,15 +72,15 @@ class SnapshotChain : public ::testing::Test {
   };
   Changes write_incremental(const std::string& since = "") {
     SnapshotInfo info = this->info();
-    info.since = Since{since.empty() ? file(count_ - 1).filename().string() : since,
-                       file_digest(file(count_ - 1))};
-    Site part = untouched(site_);
+    info.parent = SnapshotParent{since.empty() ? file(count_ - 1).filename().string() : since,
+                                 file_digest(file(count_ - 1))};
+    Site part = undug_site(site_);
     Changes changes;
     for (const Coord3& origin : tracker_->take_changed()) {
       SoilWriter(*part.soil).copy_from(*site_.soil, origin);
       (site_.soil->find(origin) ? changes.held : changes.dropped).push_back(origin);
     }
-    info.since->dropped = changes.dropped;
+    info.parent->dropped = changes.dropped;
     write_snapshot(file(count_++), part, info);
     return changes;
   }
@@ -122,8 +122,8 @@ TEST_F(SnapshotChain, GivesTheBitsOfAWholeOneAndTheTrackerGoesOn) {
     const Site back = read_snapshot(file(n), &info);
     EXPECT_EQ(back.soil->state_hash(), hashes[n]) << n;
     EXPECT_EQ(info.time_s, double(n));
-    ASSERT_EQ(info.since.has_value(), n > 0);
-    EXPECT_EQ(info.since ? info.since->links : 0, n);
+    ASSERT_EQ(info.parent.has_value(), n > 0);
+    EXPECT_EQ(info.parent ? info.parent->depth : 0, n);
   }
   // From 2.vdb on again, to the bytes of 3.vdb and 4.vdb.
   const std::string third = content(file(3)), fourth = content(file(4));
@@ -160,7 +160,7 @@ TEST_F(SnapshotChain, HoldsWhatChangedAndNothingElse) {
     EXPECT_EQ(held, changes.held);
     SnapshotInfo info;
     read_snapshot(file(count_ - 1), &info);
-    std::vector<Coord3> gone = info.since->dropped;
+    std::vector<Coord3> gone = info.parent->dropped;
     std::sort(gone.begin(), gone.end(), before);
     EXPECT_EQ(gone, changes.dropped);
   }
@@ -243,9 +243,9 @@ TEST_F(SnapshotChain, GoesOnFromNothingOutsideItsFolder) {
 
 TEST_F(SnapshotChain, ThatIsTooLongIsRefused) {
   write_whole();
-  for (std::size_t n = 0; n <= kMostLinks; ++n) write_incremental();
-  EXPECT_THAT(refusal(kMostLinks), HasSubstr("accepted"));
-  EXPECT_THAT(refusal(kMostLinks + 1), HasSubstr("65.vdb: goes on from more than 64 others"));
+  for (std::size_t n = 0; n <= kMaxChainLength; ++n) write_incremental();
+  EXPECT_THAT(refusal(kMaxChainLength), HasSubstr("accepted"));
+  EXPECT_THAT(refusal(kMaxChainLength + 1), HasSubstr("65.vdb: goes on from more than 64 others"));
 }
 
 }  // namespace

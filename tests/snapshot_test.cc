@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/snapshot.h"
+#include "soilvdb/io/snapshot.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -11,11 +11,11 @@
 #include <fstream>
 #include <sstream>
 
-#include "core/surface_height.h"
-#include "core/tracker.h"
-#include "io/checksum.h"
-#include "io/raster.h"
-#include "io/snapshot_format.h"
+#include "io/snapshot/snapshot_format.h"
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/surface_height.h"
+#include "soilvdb/tracker.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -197,7 +197,7 @@ TEST_P(Snapshot, IsReadByOpenVdbsPythonModule) {
   SnapshotInfo info = kInfo;
   write_snapshot(folder_ / "a.vdb", site, info);
   const std::string a = content(folder_ / "a.vdb");
-  info.since = Since{"a.vdb", {a.size(), crc64(a)}};
+  info.parent = SnapshotParent{"a.vdb", {a.size(), crc64(a)}};
   info.tracker_state = "state";
   write_snapshot(folder_ / "b.vdb", site, info);
   for (const char* name : {"a.vdb", "b.vdb"}) {

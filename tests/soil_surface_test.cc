@@ -11,10 +11,10 @@
 #include <memory>
 #include <vector>
 
-#include "core/chunk_range.h"
-#include "core/soil_writer.h"
-#include "core/surface.h"
-#include "core/tracker.h"
+#include "core/ground/soil_writer.h"
+#include "core/surface/surface.h"
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb {
 namespace {
@@ -69,7 +69,7 @@ class DugGround : public ::testing::Test {
 /// What a base surface says of a chunk.
 struct Said {
   SampleWords words;
-  std::array<float, kLeafSize> distance_m;
+  std::array<float, kChunkVoxels> distance_m;
   Said(const BaseSurface& surface, double h, const Coord3& chunk) {
     const Vec3 first = h * chunk.cast<double>();
     surface.samples(chunk, first, h, words);
@@ -119,7 +119,7 @@ TEST_F(DugGround, HoldsWhatItMadeUntilItForgets) {
   const auto dug = surface();
   const std::uint64_t before = dug->memory_bytes();
   for (const Coord3& chunk : chunks(0.1)) Said(*dug, 0.1, chunk);
-  const std::uint64_t tile = kLeafSize * sizeof(float);
+  const std::uint64_t tile = kChunkVoxels * sizeof(float);
   EXPECT_GT(dug->memory_bytes(), before + ground_->chunk_count() * tile);
   EXPECT_LT(dug->memory_bytes(), before + 27 * ground_->chunk_count() * 2 * tile);
   dug->forget();
@@ -132,7 +132,7 @@ TEST_F(DugGround, IsTheBaseSurfaceToTheBitBesideWhatWasDug) {
   int same = 0, other = 0;
   for (const Coord3& chunk : chunks(h)) {
     const Said now(*dug, h, chunk), was(*base_, h, chunk);
-    for (int n = 0; n < kLeafSize; ++n) {
+    for (int n = 0; n < kChunkVoxels; ++n) {
       const Vec3 p = h * (chunk + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
       // The trench is within 0.3 m of its axis, and a bucket's tilt.
       const double across = std::abs(p.y() * std::cos(0.464) - p.x() * std::sin(0.464));
@@ -156,8 +156,8 @@ TEST(SoilSurface, HasTheGroundsOwnDistancesInItsVoxelsOnAllSidesOfWhatWasDug) {
   SoilWriter(*ground).remove(Coord3::Zero(), all);
   const auto dug = make_soil_surface(ground);
   for (int n = 0; n < 27; ++n) {
-    const Coord3 chunk = kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-    std::array<float, kLeafSize> own, now;
+    const Coord3 chunk = kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    std::array<float, kChunkVoxels> own, now;
     surface_distance(*ground, chunk, own.data());
     dug->distance(chunk.cast<double>(), 1, ground->band_m(), now.data());
     EXPECT_EQ(own, now) << chunk.transpose();

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Laws of the one writer, against a plain boolean model of a small site; and the tree it writes.
-#include "core/soil_writer.h"
+#include "core/ground/soil_writer.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/tree/LeafManager.h>
@@ -16,11 +16,11 @@
 #include <random>
 #include <set>
 
-#include "core/chunk_range.h"
-#include "core/excavate.h"
-#include "core/sample_tree.h"
-#include "core/tracker.h"
-#include "io/cold_file.h"
+#include "core/cut/excavator.h"
+#include "io/snapshot/cold_file.h"
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/sample_tree.h"
+#include "soilvdb/tracker.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::testing {
@@ -84,8 +84,8 @@ struct Modelled {
       for (const std::uint64_t word : words) base += std::popcount(word);
       change += count - base;
       if (const Chunk* chunk = soil.find(origin)) {
-        EXPECT_EQ(chunk->now, count);
-        EXPECT_EQ(chunk->base, base);
+        EXPECT_EQ(chunk->soil_count, count);
+        EXPECT_EQ(chunk->base_count, base);
         active += static_cast<std::uint64_t>(cells);
       } else {
         EXPECT_EQ(count, base);
@@ -97,7 +97,7 @@ struct Modelled {
   }
   /// The box of a cell that holds soil is no air; one above all is.
   void expect_bounds(const Coord3& origin, const SampleWords& words) const {
-    for (int n = 0; n < kLeafSize; n += 5) {
+    for (int n = 0; n < kChunkVoxels; n += 5) {
       if (words[static_cast<std::size_t>(n)] == 0) continue;
       const Vec3 middle =
           soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
@@ -135,9 +135,9 @@ TEST(SoilWriter, RandomSetsComeAndGoAsInAPlainModel) {
     for (int i = 0; i < 2000; ++i) {
       m.change(m.any(random), random_set(random), random() % 2 == 0);
       if (!limited || i % 3 != 0) continue;
-      m.soil.settle();
+      m.soil.page_out();
       EXPECT_LE(m.soil.memory_bytes(), 90'000u);
-      for (const Chunk* chunk : m.soil.chunks()) cold += chunk->piece != 0;
+      for (const Chunk* chunk : m.soil.chunks()) cold += chunk->cold_record != 0;
       if (i % 100 == 0) m.expect_same();
     }
     EXPECT_EQ(cold > 0, limited);
@@ -241,7 +241,7 @@ TEST(SoilWriter, AnErrorOnTheWayLeavesWhatWasChangedListedAndCounted) {
     samples.set_word(3, 0);
     return true;
   };
-  EXPECT_THROW(SoilWriter(soil).edit(SoilWriter::Way::kRemove, edits, 100, change),
+  EXPECT_THROW(SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits, 100, change),
                std::runtime_error);
   EXPECT_EQ(soil.take_touched(), (std::vector<Coord3>{edits[0].origin, edits[1].origin}));
   EXPECT_EQ(soil.change_m3(), -64 * soil.sample_m3());
@@ -257,7 +257,7 @@ TEST(SampleTree, WorksWithWhatOpenVdbHasForTrees) {
   openvdb::tree::ValueAccessor<const SampleTree, false> values(tree);
   std::uint64_t on = 0;
   for (const auto& [origin, words] : m.model) {
-    for (int n = 0; n < kLeafSize; ++n) {
+    for (int n = 0; n < kChunkVoxels; ++n) {
       const openvdb::Coord at(origin.x() + (n >> 6), origin.y() + (n >> 3 & 7),
                               origin.z() + (n & 7));
       const bool soil = m.soil.find(origin) != nullptr && words[static_cast<std::size_t>(n)] != 0;
@@ -276,7 +276,7 @@ TEST(SampleTree, WorksWithWhatOpenVdbHasForTrees) {
   counted = 0;
   const auto visit = [&](const auto& node) {
     if constexpr (std::is_same_v<std::decay_t<decltype(node)>, SampleLeaf>)
-      counted += node.chunk.now > 0;
+      counted += node.chunk.soil_count > 0;
   };
   openvdb::tree::NodeManager<const SampleTree> nodes(tree);
   nodes.foreachTopDown(visit);

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <map>
 
-#include "core/soil_writer.h"
+#include "core/ground/soil_writer.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -89,12 +89,12 @@ Solid thin_slot(double thickness_m, double roll, double yaw, double first_face_m
 std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
   auto soil = std::make_unique<Soil>(h, Vec3::Zero(), make_plane(solid.height_m, solid.slope));
   const Vec3 margin = Vec3::Constant(4);
-  const Coord3 low = ((solid.hollow.min() / h - margin) / kLeafSide).array().floor().cast<int>();
-  const Coord3 high = ((solid.hollow.max() / h + margin) / kLeafSide).array().floor().cast<int>();
+  const Coord3 low = ((solid.hollow.min() / h - margin) / kChunkSide).array().floor().cast<int>();
+  const Coord3 high = ((solid.hollow.max() / h + margin) / kChunkSide).array().floor().cast<int>();
   for (int x = low.x(); x <= high.x(); ++x) {
     for (int y = low.y(); y <= high.y(); ++y) {
       for (int z = low.z(); z <= high.z(); ++z) {
-        const Coord3 origin = kLeafSide * Coord3(x, y, z);
+        const Coord3 origin = kChunkSide * Coord3(x, y, z);
         SampleWords words;
         soil->read_samples(origin, words);
         const SampleWords before = words;
@@ -120,7 +120,7 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
 std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f) {
   auto soil = std::make_unique<Soil>(1, Vec3::Zero(), make_plane(100, {0, 0}));
   for (int c = 0; c < 27; ++c) {
-    const Coord3 origin = kLeafSide * Coord3(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
+    const Coord3 origin = kChunkSide * Coord3(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
     SampleWords air;
     for (std::size_t k = 0; k < air.size(); ++k) {
       const int v = static_cast<int>(k);
@@ -200,7 +200,7 @@ Faults faults(const Mesh& mesh, const Soil& soil) {
     for (int k = 0; k < 27; ++k) {
       const Vec3 step = 1.5 * Vec3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
       const Coord3 chunk =
-          ((index + step) / kLeafSide).array().floor().matrix().cast<int>() * kLeafSide;
+          ((index + step) / kChunkSide).array().floor().matrix().cast<int>() * kChunkSide;
       rim |= soil.find(chunk) == nullptr;
     }
     found.torn += !rim;

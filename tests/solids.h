@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/mesher.h"
-#include "core/soil.h"
+#include "soilvdb/mesher.h"
+#include "soilvdb/soil.h"
 
 namespace soilvdb::testing {
 

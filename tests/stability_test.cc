@@ -7,15 +7,15 @@
 #include <limits>
 #include <numbers>
 
-#include "core/surface.h"
-#include "core/tracker.h"
+#include "core/surface/surface.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb {
 namespace {
 
 /// Volume is counted on lattice points, 64 to a cell, random with respect to the swept surface; in
 /// a cell that the surface cuts, the count has a variance of kCellVariance cells squared (measured
-/// for this lattice on random planes, core/soil.cc). Errors of the cells are independent, so four
+/// for this lattice on random planes, core/ground/soil.cc). Errors of the cells are independent, so four
 /// standard deviations of their sum bound the error of a cut with `surface_m2` of surface. A plane
 /// cuts at most 3 cells per face of a cell.
 double sampling_bound_m3(double surface_m2, double h) {
@@ -72,14 +72,14 @@ void expect_sound(const Soil& soil, Tracker& tracker) {
   const Soil untouched(soil.voxel_size_m(), soil.origin(),
                        std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
   SampleWords before, now;
-  float phi_m[kLeafSize];
+  float phi_m[kChunkVoxels];
   long bad = 0, grown = 0;
   const float band = static_cast<float>(soil.band_m());
   for (const Chunk* chunk : soil.chunks()) {
     untouched.read_samples(chunk->origin, before);
     soil.read_samples(chunk->origin, now);
     surface_distance(soil, chunk->origin, phi_m);
-    for (std::size_t i = 0; i < kLeafSize; ++i) {
+    for (std::size_t i = 0; i < kChunkVoxels; ++i) {
       bad += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       grown += (now[i] & ~before[i]) != 0;
     }

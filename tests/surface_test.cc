@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Surfaces made from samples against ground of known shape. With the environment variable
 // SOILVDB_TABLE set, prints every figure.
-#include "core/surface.h"
+#include "core/surface/surface.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -14,8 +14,8 @@
 #include <numbers>
 #include <random>
 
-#include "core/soil_writer.h"
-#include "core/surface_height.h"
+#include "core/ground/soil_writer.h"
+#include "soilvdb/surface_height.h"
 #include "tests/dig_runner.h"
 #include "tests/sanitized.h"
 #include "tests/solids.h"
@@ -182,9 +182,9 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
     const auto plane = sampled([&](const Vec3& p) { return n.dot(p - Vec3::Constant(3.3)); });
     const Soil& soil = *plane;
     const Coord3 middle(0, 0, 0);
-    float phi[kLeafSize];
+    float phi[kChunkVoxels];
     surface_distance(soil, middle, phi);
-    for (int k = 0; k < kLeafSize; ++k) {
+    for (int k = 0; k < kChunkVoxels; ++k) {
       const double truth = n.dot(Vec3(k >> 6, k >> 3 & 7, k & 7) - Vec3::Constant(3.3));
       distance = std::max(distance, std::abs(phi[k] - std::clamp(truth, -3.0, 3.0)));
     }
@@ -329,20 +329,20 @@ TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
                     {std::shared_ptr<const BaseSurface>(), &dug.soil.base()});
   std::int64_t same = 0;
   for (const Chunk* chunk : dug.soil.chunks()) {
-    float phi[kLeafSize], base[kLeafSize];
+    float phi[kChunkVoxels], base[kChunkVoxels];
     surface_distance(dug.soil, chunk->origin, phi);
     dug.soil.base().distance(dug.soil.world_from_index(chunk->origin.cast<double>()), 0.05,
                              dug.soil.band_m(), base);
     // A chunk of which, and of whose neighbours, no sample was changed.
     bool untouched = true;
     for (int k = 0; k < 27; ++k) {
-      const Coord3 c = chunk->origin + kLeafSide * Coord3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+      const Coord3 c = chunk->origin + kChunkSide * Coord3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
       SampleWords now, then;
       dug.soil.read_samples(c, now);
       before.read_samples(c, then);
       untouched &= now == then;
     }
-    for (int n = 0; n < kLeafSize; ++n) {
+    for (int n = 0; n < kChunkVoxels; ++n) {
       if (untouched) {
         ASSERT_EQ(phi[n], base[n]);
       }
@@ -360,19 +360,19 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
     const auto soil = sampled(solid, h);
     std::vector<Coord3> chunks;
     for (const Chunk* chunk : soil->chunks()) chunks.push_back(chunk->origin);
-    std::vector<std::array<float, kLeafSize>> all(chunks.size());
+    std::vector<std::array<float, kChunkVoxels>> all(chunks.size());
     surface_distances(*soil, chunks, [&](std::size_t i, const float* phi) {
-      std::copy_n(phi, kLeafSize, all[i].begin());
+      std::copy_n(phi, kChunkVoxels, all[i].begin());
     });
     int looked = 0, bad = 0;
     std::mt19937 random(1);
     for (std::size_t i = 0; i < chunks.size(); ++i) {
       if (i % 5 == 0) {
-        float phi[kLeafSize];
+        float phi[kChunkVoxels];
         surface_distance(*soil, chunks[i], phi);
-        for (std::size_t n = 0; n < kLeafSize; ++n) ASSERT_EQ(phi[n], all[i][n]);
+        for (std::size_t n = 0; n < kChunkVoxels; ++n) ASSERT_EQ(phi[n], all[i][n]);
       }
-      for (int n = 0; n < kLeafSize; ++n) {
+      for (int n = 0; n < kChunkVoxels; ++n) {
         const double phi = all[i][static_cast<std::size_t>(n)];
         if (random() % 16 != 0 || std::abs(phi) > 2.5 * h) continue;
         const Vec3 p = h * (chunks[i] + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
@@ -425,10 +425,10 @@ TEST(SurfaceDistance, IsTheTrueOneOnAllSidesOfAChunkThatWasDug) {
   all.fill(kAllSoil);
   SoilWriter(soil).remove(Coord3::Zero(), all);
   for (int n = 0; n < 27; ++n) {
-    const Coord3 chunk = kLeafSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
-    float phi[kLeafSize];
+    const Coord3 chunk = kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    float phi[kChunkVoxels];
     surface_distance(soil, chunk, phi);
-    for (int k = 0; k < kLeafSize; ++k) {
+    for (int k = 0; k < kChunkVoxels; ++k) {
       const Vec3 p = (chunk + Coord3(k >> 6, k >> 3 & 7, k & 7)).cast<double>();
       const Vec3 beyond = (p.array() - 3.5).abs() - 4;
       const double most = beyond.maxCoeff(), truth = most < 0 ? -most : -beyond.cwiseMax(0).norm();

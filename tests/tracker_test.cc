@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/soil_writer.h"
+#include "core/ground/soil_writer.h"
 #include "tests/dig_runner.h"
 
 namespace soilvdb::testing {

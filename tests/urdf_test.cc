@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // What is read from a URDF, and the one line said about each way to get it wrong.
-#include "io/urdf.h"
+#include "soilvdb/io/urdf.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/types.h"
+#include "soilvdb/types.h"
 
 namespace soilvdb::bench {
 namespace {

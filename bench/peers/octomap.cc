@@ -25,13 +25,13 @@ class OctoMap : public Engine {
     const Eigen::AlignedBox3d box = soil_reach(task);
     const Coord3 first = index(box.min()) - Coord3::Ones(),
                  last = index(box.max()) + Coord3::Ones();
-    float phi[kLeafSize];
+    float phi[kChunkVoxels];
     const double h = task.voxel_m;
-    for (int x = first.x(); x <= last.x(); x += kLeafSide) {
-      for (int y = first.y(); y <= last.y(); y += kLeafSide) {
-        for (int z = first.z(); z <= last.z(); z += kLeafSide) {
+    for (int x = first.x(); x <= last.x(); x += kChunkSide) {
+      for (int y = first.y(); y <= last.y(); y += kChunkSide) {
+        for (int z = first.z(); z <= last.z(); z += kChunkSide) {
           task.ground->distance(centre({x, y, z}), h, 3 * h, phi);
-          for (int n = 0; n < kLeafSize; ++n) {
+          for (int n = 0; n < kChunkVoxels; ++n) {
             if (phi[n] < 0) {
               tree_.setNodeValue(key(Coord3(x, y, z) + Coord3(n >> 6, n >> 3 & 7, n & 7)),
                                  tree_.getClampingThresMaxLog(), true);

@@ -59,9 +59,9 @@ class Slab {
     const Vec3 low = (box_.min() - local_) / h, high = (box_.max() - local_) / h;
     const Coord3 first = chunk(low - Vec3::Constant(kBand + 1)),
                  last = chunk(high + Vec3::Constant(kBand + 1));
-    for (int x = first.x(); x <= last.x(); x += kLeafSide) {
-      for (int y = first.y(); y <= last.y(); y += kLeafSide) {
-        for (int z = first.z(); z <= last.z(); z += kLeafSide) add_leaf(*grid, {x, y, z});
+    for (int x = first.x(); x <= last.x(); x += kChunkSide) {
+      for (int y = first.y(); y <= last.y(); y += kChunkSide) {
+        for (int z = first.z(); z <= last.z(); z += kChunkSide) add_leaf(*grid, {x, y, z});
       }
     }
     openvdb::tools::signedFloodFill(grid->tree());
@@ -71,7 +71,7 @@ class Slab {
 
  private:
   static Coord3 chunk(const Vec3& index) {
-    return (index / kLeafSide).array().floor().matrix().cast<int>() * kLeafSide;
+    return (index / kChunkSide).array().floor().matrix().cast<int>() * kChunkSide;
   }
 
   /// The ground cut off at the sides and below; leaves where it has a surface.
@@ -85,12 +85,12 @@ class Slab {
     const Content content = task_.ground->classify({centre - reach, centre + reach});
     if (content == Content::kAir || (content == Content::kSoil && side_at_centre + half < -band))
       return;
-    float phi[kLeafSize];
+    float phi[kChunkVoxels];
     task_.ground->distance(local_ + h * origin.cast<double>(), h, band, phi);
     auto* leaf =
         new Tree::LeafNodeType(Coord(origin.x(), origin.y(), origin.z()), static_cast<float>(band));
     bool surface = false;
-    for (int n = 0; n < kLeafSize; ++n) {
+    for (int n = 0; n < kChunkVoxels; ++n) {
       const Vec3 p = local_ + h * (origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
       const double d = std::clamp(std::max<double>(phi[n], outside(p)), -band, band);
       leaf->setValueOnly(static_cast<openvdb::Index>(n), static_cast<float>(d));

@@ -68,13 +68,13 @@ class Paper : public Engine {
   }
 
   void voxelise_ground() {
-    float phi[kLeafSize];
+    float phi[kChunkVoxels];
     const double h = task_.voxel_m;
-    for (int x = 0; x < size_.x(); x += kLeafSide) {
-      for (int y = 0; y < size_.y(); y += kLeafSide) {
-        for (int z = 0; z < size_.z(); z += kLeafSide) {
+    for (int x = 0; x < size_.x(); x += kChunkSide) {
+      for (int y = 0; y < size_.y(); y += kChunkSide) {
+        for (int z = 0; z < size_.z(); z += kChunkSide) {
           task_.ground->distance(world(x, y, z), h, 3 * h, phi);
-          const Coord3 end = (size_ - Coord3(x, y, z)).cwiseMin(kLeafSide);
+          const Coord3 end = (size_ - Coord3(x, y, z)).cwiseMin(kChunkSide);
           for (int i = 0; i < end.x(); ++i) {
             for (int j = 0; j < end.y(); ++j) {
               std::uint8_t* row = &soil_[at(x + i, y + j)] + z;

@@ -3,7 +3,7 @@
 // soilvdb as anyone uses it: a Soil, a Tracker, each step traced and given to Tracker::update().
 // Timed: the trace and the update with its ledger.
 #include "bench/engine.h"
-#include "core/tracker.h"
+#include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 namespace {

@@ -11,14 +11,14 @@
 #include <cmath>
 #include <ctime>
 
-#include "core/sheet_vertex.h"
+#include "core/surface/sheet_vertex.h"
 
 namespace soilvdb::bench {
 namespace {
 
 using Tree = openvdb::tree::Tree3<float, 4, 3>::Type;
 
-constexpr int kSide = kBlockSide + 2 * kLeafSide;
+constexpr int kSide = kBlockSide + 2 * kChunkSide;
 constexpr int kReach = 2;    // voxels from a chunk whose signs matter to the patterns of its cells
 constexpr int kOffset = 64;  // of the tree: all its places are floats of one exponent
 
@@ -52,7 +52,7 @@ class Block {
  public:
   Block(const Soil& soil, const Coord3& block, std::span<const Coord3> chunks, VolumeToMesh how,
         VolumeToMeshTimes& times)
-      : soil_(soil), cells_(soil, block - Coord3::Constant(kLeafSide), kSide, chunks, 1) {
+      : soil_(soil), cells_(soil, block - Coord3::Constant(kChunkSide), kSide, chunks, 1) {
     std::clock_t last = std::clock();
     const auto took = [&](double& sum) {
       const std::clock_t now = std::clock();
@@ -74,13 +74,13 @@ class Block {
 
  private:
   bool is_near(const Coord3& c) const {
-    return (c.array() >= 0).all() && (c.array() < kSide).all() && cells_.away(c) <= kLeafSide;
+    return (c.array() >= 0).all() && (c.array() < kSide).all() && cells_.away(c) <= kChunkSide;
   }
 
   void fill() {
     std::vector<Coord3> near, chunks;
     for (int n = 0; n < 216; ++n) {
-      const Coord3 c = kLeafSide * Coord3(n / 36, n / 6 % 6, n % 6);
+      const Coord3 c = kChunkSide * Coord3(n / 36, n / 6 % 6, n % 6);
       if (!is_near(c)) continue;
       near.push_back(c);
       chunks.push_back(cells_.first() + c);
@@ -92,9 +92,9 @@ class Block {
     grid_ = openvdb::Grid<Tree>::create(far);
     grid_->setGridClass(openvdb::GRID_LEVEL_SET);
     for (std::size_t i = 0; i < near.size(); ++i) {
-      float phi[kLeafSize];
+      float phi[kChunkVoxels];
       if (surface) surface->distance(chunks[i], phi);
-      for (int n = 0; models_ && n < kLeafSize; ++n) {
+      for (int n = 0; models_ && n < kChunkVoxels; ++n) {
         const Coord3 c = near[i] + Coord3(n >> 6, n >> 3 & 7, n & 7);
         phi[n] = models_->soil(cells_.id(c.x(), c.y(), c.z())) ? -1.0f : 1.0f;
       }
@@ -107,10 +107,10 @@ class Block {
       return openvdb::Coord(c.x() + kOffset, c.y() + kOffset, c.z() + kOffset);
     };
     // Soil is in leaves: volumeToMesh doesn't look between two tiles.
-    if (std::any_of(phi, phi + kLeafSize, [&](float v) { return v < far; })) {
+    if (std::any_of(phi, phi + kChunkVoxels, [&](float v) { return v < far; })) {
       auto* leaf = new Tree::LeafNodeType(place(chunk), far, true);
       const float least = 1e-4f * far;  // no voxel is on the surface: points are in their dual cell
-      for (openvdb::Index n = 0; n < kLeafSize; ++n)
+      for (openvdb::Index n = 0; n < kChunkVoxels; ++n)
         leaf->setValueOnly(n, phi[n] < 0 ? std::min(phi[n], -least) : std::max(phi[n], least));
       grid_->tree().addLeaf(leaf);
     }
@@ -118,7 +118,7 @@ class Block {
     for (int face = 0; face < 6; ++face) {
       const Coord3 out = (face & 1 ? 1 : -1) * Coord3::Unit(face / 2);
       const Coord3 in = Coord3::Constant(4) + 4 * out.cwiseMin(0) + 3 * out.cwiseMax(0);
-      const Coord3 next = chunk + kLeafSide * out;
+      const Coord3 next = chunk + kChunkSide * out;
       if (phi[in.x() * 64 + in.y() * 8 + in.z()] < 0 && !is_near(next))
         grid_->tree().addTile(1, place(next), -far, false);
     }
@@ -132,7 +132,7 @@ class Block {
 
   /// The polygon belongs to the block as in Contour.
   bool wanted(const Coord3& c, int axis) const {
-    if ((c.array() < kLeafSide - 1).any() || (c.array() >= kSide - kLeafSide).any()) return false;
+    if ((c.array() < kChunkSide - 1).any() || (c.array() >= kSide - kChunkSide).any()) return false;
     return cells_.resident(c) ? cells_.asked(c) : cells_.asked(c + Coord3::Unit(axis));
   }
 

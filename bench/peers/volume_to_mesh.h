@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A block's mesh as OpenVDB's volumeToMesh makes it, beside core/dual_contour.h.
+// A block's mesh as OpenVDB's volumeToMesh makes it, beside core/surface/dual_contour.h.
 #pragma once
 
-#include "core/mesher.h"
+#include "soilvdb/mesher.h"
 
 namespace soilvdb::bench {
 

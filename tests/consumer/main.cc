@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Another project's program: drags a bucket 1 m wide through flat ground, 0.2 m deep, for 2 m.
-#include <soilvdb/core/tracker.h>
+#include <soilvdb/tracker.h>
 
 #include <cstdio>
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <string_view>
 
-#include "io/error.h"
+#include "soilvdb/io/error.h"
 #include "tests/temp_folder.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);

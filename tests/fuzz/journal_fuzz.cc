@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Journals. The mutator mends the frames' checksums most of the time, so that what is in them is
 // read, too.
-#include "io/journal.h"
-#include "io/journal_format.h"
+#include "io/journal/journal_format.h"
+#include "soilvdb/io/journal.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

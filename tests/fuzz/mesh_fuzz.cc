@@ -7,7 +7,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "io/mesh_file.h"
+#include "soilvdb/io/mesh_file.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Motions by poses and by joints: read whole, and in parts, which must have the same rows.
-#include "io/motion_csv.h"
+#include "soilvdb/io/motion_csv.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

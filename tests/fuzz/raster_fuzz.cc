@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "io/raster.h"
+#include "soilvdb/io/raster.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Scenarios, beside a motion and a machine that they may refer to.
-#include "io/scenario.h"
+#include "soilvdb/io/scenario.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

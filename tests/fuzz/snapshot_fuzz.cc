@@ -6,10 +6,10 @@
 
 #include <memory>
 
-#include "core/tracker.h"
-#include "io/snapshot.h"
-#include "io/snapshot_format.h"
-#include "io/snapshot_samples.h"
+#include "io/snapshot/snapshot_format.h"
+#include "io/snapshot/snapshot_samples.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/tracker.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

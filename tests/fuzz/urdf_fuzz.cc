@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Machines, by the chain to a link named bucket.
-#include "io/urdf.h"
+#include "soilvdb/io/urdf.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;

@@ -1,0 +1,169 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/compare/box_difference.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+#include <vector>
+
+#include "core/compare/changed_area.h"
+#include "soilvdb/column_gains.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+using Box = GainGrid::Box;
+
+constexpr int kSlab = 64;       // boxes along x that are compared at a time
+constexpr double kCertain = 3;  // standard deviations
+
+const Soil& coarsest(const Soil& a, const Soil& b) {
+  const Soil* found = &a;
+  for (const Soil* top : {&a, &b})
+    for (const Soil* soil = top; soil != nullptr; soil = soil->base().soil())
+      if (soil->voxel_size_m() > found->voxel_size_m()) found = soil;
+  return *found;
+}
+
+/// What two soils gained in a box against the ground beneath both.
+struct Change {
+  Box box;
+  double before_m3 = 0, after_m3 = 0, variance = 0;
+
+  double m3() const { return after_m3 - before_m3; }
+  bool certain() const { return std::abs(m3()) > kCertain * std::sqrt(variance); }
+  /// Most that may have been cut and filled beside what it gained in all.
+  double hidden_m3(double box_m3) const {
+    const double a = std::abs(before_m3), b = std::abs(after_m3);
+    return std::max(0.0, std::min({a, b, box_m3 - a, box_m3 - b}));
+  }
+};
+
+/// Changes of boxes from x = `first` on, in order.
+std::vector<Change> changes(const Soil& before, const Soil& after, const GainGrid& grid, int first,
+                            int last) {
+  const std::array<double, 2> range = {grid.origin.x() + (first - 0.5) * grid.side_m.x(),
+                                       grid.origin.x() + (last - 0.5) * grid.side_m.x()};
+  std::vector<Change> all;
+  for (const bool is_after : {false, true}) {
+    for (const Soil* soil = is_after ? &after : &before; soil != nullptr;
+         soil = soil->base().soil()) {
+      for_each_gain(
+          *soil, grid,
+          [&](const Box& box, const Gain& gain) {
+            if (box[0] < first || box[0] >= last) return;
+            all.push_back({box, is_after ? 0 : gain.m3, is_after ? gain.m3 : 0, gain.variance});
+          },
+          range);
+    }
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Change& a, const Change& b) { return a.box < b.box; });
+  std::size_t size = 0;
+  for (const Change& change : all) {
+    if (size == 0 || all[size - 1].box != change.box) {
+      all[size++] = change;
+      continue;
+    }
+    Change& sum = all[size - 1];
+    sum.before_m3 += change.before_m3;
+    sum.after_m3 += change.after_m3;
+    sum.variance += change.variance;
+  }
+  all.resize(size);
+  return all;
+}
+
+/// The lesser of what was surely cut and what was surely filled in a box and those around it.
+double both_m3(const std::vector<Change>& all, const Box& box) {
+  double cut = 0, fill = 0;
+  for (int x = -1; x <= 1; ++x)
+    for (int y = -1; y <= 1; ++y) {
+      const Box low = {box[0] + x, box[1] + y, box[2] - 1};
+      auto at = std::lower_bound(all.begin(), all.end(), low,
+                                 [](const Change& c, const Box& b) { return c.box < b; });
+      for (; at != all.end() && at->box <= Box{low[0], low[1], box[2] + 1}; ++at)
+        if (at->certain()) (at->m3() < 0 ? cut : fill) += std::abs(at->m3());
+    }
+  return std::min(cut, fill);
+}
+
+/// What changed in the boxes of a column.
+ColumnChange in_column(const Change* first, const Change* last, double box_m3) {
+  double certain = 0, uncertain = 0, net = 0, variance = 0, most = 0;
+  int levels = 0;
+  for (const Change* c = first; c != last; ++c) {
+    net += c->m3();
+    variance += c->variance;
+    if (!c->certain()) {
+      uncertain += c->m3();
+      continue;
+    }
+    certain += std::abs(c->m3());
+    most = std::max(most, std::abs(c->m3()));
+    ++levels;
+  }
+  const double thick = certain + (net < 0 ? -uncertain : uncertain);
+  return changed_column(thick / box_m3, most / box_m3, levels,
+                        thick > kCertain * std::sqrt(variance));
+}
+
+/// Slabs of boxes in which there may be changes.
+std::set<int> slabs(const Soil& before, const Soil& after, const GainGrid& grid) {
+  std::set<int> all;
+  const auto slab = [&](const Soil& soil, const Vec3& index) {
+    const double x = grid.at(soil.world_from_index(index))[0];
+    return static_cast<int>(std::floor(x / kSlab));
+  };
+  for (const Soil* top : {&before, &after})
+    for (const Soil* soil = top; soil != nullptr; soil = soil->base().soil())
+      for (const Chunk* chunk : soil->chunks()) {
+        const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
+        const int last = slab(*soil, low + Vec3::Constant(kChunkSide));
+        for (int n = slab(*soil, low); n <= last; ++n) all.insert(n);
+      }
+  return all;
+}
+
+}  // namespace
+
+Difference box_difference(const Soil& before, const Soil& after) {
+  const Soil& coarse = coarsest(before, after);
+  const double side_m = coarse.voxel_size_m(), box_m3 = side_m * side_m * side_m;
+  const GainGrid grid{coarse.origin(), Vec3::Constant(side_m)};
+  Difference d;
+  double variance = 0;
+  ColumnChanges columns;
+  for (const int slab : slabs(before, after, grid)) {
+    const int first = slab * kSlab;
+    // With a box beyond on either side, where those at the sides look.
+    const std::vector<Change> all = changes(before, after, grid, first - 1, first + kSlab + 1);
+    for (std::size_t i = 0, next = 0; i < all.size(); i = next) {
+      const auto [x, y, z] = all[i].box;
+      for (next = i; next < all.size() && all[next].box[0] == x && all[next].box[1] == y;) ++next;
+      if (x < first || x >= first + kSlab) continue;
+      for (std::size_t k = i; k < next; ++k) {
+        const Change& c = all[k];
+        (c.m3() < 0 ? d.cut_m3 : d.fill_m3) += std::abs(c.m3());
+        d.net_m3 += c.m3();
+        variance += c.variance;
+        if (!c.certain()) d.error_m3 += std::sqrt(c.variance);
+        const double hidden_m3 = c.hidden_m3(box_m3);
+        if (hidden_m3 > 0) d.error_m3 += std::min(hidden_m3, both_m3(all, c.box));
+      }
+      const ColumnChange change = in_column(&all[i], &all[i] + (next - i), box_m3);
+      columns[{x & ~7, y & ~7}][static_cast<std::size_t>((x & 7) * 8 + (y & 7))] = change;
+      if (!change.certain) continue;
+      const Vec2 middle = grid.origin.head<2>() + side_m * Vec2(x, y);
+      const Vec2 half = Vec2::Constant(side_m / 2);
+      d.box.extend(Eigen::AlignedBox2d(middle - half, middle + half));
+    }
+  }
+  d.error_m3 += 2 * std::sqrt(variance);
+  d.area_m2 = changed_columns(columns) * side_m * side_m;
+  return d;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/difference.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "core/compare/box_difference.h"
+#include "core/compare/changed_area.h"
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/column_gains.h"
+#include "soilvdb/lattice.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+/// Two soils of one lattice, in the index space of the first.
+class Pair {
+ public:
+  Pair(const Soil& a, const Soil& b, const Coord3& shift) : a_(a), b_(b), shift_(shift) {}
+
+  const Soil& first() const { return a_; }
+  std::vector<Coord3> chunks() const {
+    std::vector<Coord3> all;
+    for (const Chunk* chunk : a_.chunks()) all.push_back(chunk->origin);
+    for (const Chunk* chunk : b_.chunks()) all.push_back(chunk->origin + shift_);
+    std::sort(all.begin(), all.end(), before);
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    return all;
+  }
+  /// With other origins the base surface may fall on the other side of a sample by rounding: what
+  /// neither has changed is the same.
+  void read(const Coord3& origin, SampleWords& a, SampleWords& b) const {
+    a_.read_samples(origin, a);
+    b_.read_samples(origin - shift_, b);
+    if (shift_ == Coord3::Zero()) return;
+    SampleWords base_a, base_b;
+    a_.read_base(origin, base_a);
+    b_.read_base(origin - shift_, base_b);
+    for (std::size_t n = 0; n < a.size(); ++n)
+      b[n] = a[n] ^ ((a[n] ^ b[n]) & ((a[n] ^ base_a[n]) | (b[n] ^ base_b[n])));
+  }
+
+ private:
+  const Soil &a_, &b_;
+  Coord3 shift_;
+};
+
+/// What changed in the chunks that stand above each other.
+struct Stack {
+  std::int64_t cut = 0, fill = 0, mixed = 0;
+  ChangedColumns columns;
+};
+
+Stack compare(const Pair& soils, const Coord3* first, const Coord3* last) {
+  Stack stack;
+  SampleWords a, b;
+  std::array<int, 64> count{}, levels{}, most{};
+  const auto mixed = [](std::uint64_t word) { return word != 0 && word != kAllSoil; };
+  for (; first != last; ++first) {
+    soils.read(*first, a, b);
+    for (std::size_t n = 0; n < a.size(); ++n) {
+      if (a[n] == b[n]) continue;
+      const int cut = std::popcount(a[n] & ~b[n]), fill = std::popcount(b[n] & ~a[n]);
+      stack.cut += cut;
+      stack.fill += fill;
+      stack.mixed += mixed(a[n]) + mixed(b[n]);
+      count[n >> 3] += cut + fill;
+      most[n >> 3] = std::max(most[n >> 3], cut + fill);
+      ++levels[n >> 3];
+    }
+  }
+  for (std::size_t n = 0; n < count.size(); ++n)
+    stack.columns[n] = changed_column(count[n] / 64.0, most[n] / 64.0, levels[n], count[n] > 0);
+  return stack;
+}
+
+Difference by_samples(const Pair& soils) {
+  const std::vector<Coord3> origins = soils.chunks();
+  std::vector<std::size_t> firsts;  // of each stack
+  for (std::size_t i = 0; i < origins.size(); ++i)
+    if (i == 0 || origins[i].head<2>() != origins[i - 1].head<2>()) firsts.push_back(i);
+  std::vector<Stack> stacks(firsts.size());
+  firsts.push_back(origins.size());
+  tbb::parallel_for(std::size_t{0}, stacks.size(), [&](std::size_t i) {
+    stacks[i] = compare(soils, &origins[firsts[i]], origins.data() + firsts[i + 1]);
+  });
+  std::int64_t cut = 0, fill = 0, mixed = 0;
+  const Soil& soil = soils.first();
+  const double h = soil.voxel_size_m();
+  Difference d;
+  ColumnChanges changes;
+  for (std::size_t i = 0; i < stacks.size(); ++i) {
+    const Stack& stack = stacks[i];
+    if (stack.cut + stack.fill == 0) continue;
+    cut += stack.cut;
+    fill += stack.fill;
+    mixed += stack.mixed;
+    const Coord3& at = origins[firsts[i]];
+    changes.emplace(std::pair(at.x(), at.y()), stack.columns);
+    for (int n = 0; n < 64; ++n) {
+      if (!stack.columns[static_cast<std::size_t>(n)].certain) continue;
+      const Vec3 low(at.x() + (n >> 3) - 0.5, at.y() + (n & 7) - 0.5, 0);
+      d.box.extend(soil.world_from_index(low).head<2>());
+      d.box.extend(soil.world_from_index(low + Vec3::Ones()).head<2>());
+    }
+  }
+  d.area_m2 = changed_columns(changes) * h * h;
+  d.cut_m3 = static_cast<double>(cut) * soil.sample_m3();
+  d.fill_m3 = static_cast<double>(fill) * soil.sample_m3();
+  d.net_m3 = static_cast<double>(fill - cut) * soil.sample_m3();
+  d.error_m3 = 2 * kCountError * h * h * h * std::sqrt(static_cast<double>(mixed));
+  d.exact = true;
+  return d;
+}
+
+}  // namespace
+
+Difference difference(const Soil& before, const Soil& after, bool same_base) {
+  if (same_base) {
+    if (const auto shift = lattice_shift(before, after))
+      return by_samples(Pair(before, after, *shift));
+  }
+  return box_difference(before, after);
+}
+
+void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,
+                   const GainFunction& f) {
+  const auto shift = same_base ? lattice_shift(before, after) : std::nullopt;
+  if (shift) {
+    const Pair pair(before, after, *shift);
+    return for_each_gain(
+        before, pair.chunks(),
+        [&](const Coord3& origin, SampleWords& a, SampleWords& b) { pair.read(origin, a, b); },
+        grid, f);
+  }
+  // Against the ground that is no soil's, which is beneath both.
+  for (const double sign : {1.0, -1.0}) {
+    const Soil* soil = sign > 0 ? &after : &before;
+    for (; soil != nullptr; soil = soil->base().soil())
+      for_each_gain(*soil, grid, [&](const GainGrid::Box& box, const Gain& gain) {
+        f(box, {sign * gain.m3, gain.variance});
+      });
+  }
+}
+
+}  // namespace soilvdb::inline v0

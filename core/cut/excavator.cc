@@ -1,0 +1,222 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/cut/excavator.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "core/tool/polygon.h"
+#include "soilvdb/chunk_range.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+/// Chunks times strokes below which one thread is quicker than two.
+constexpr std::size_t kParallelWork = 64;
+/// Chunks in the box of a part of a path that is dug at once.
+constexpr double kPartChunks = 512;
+
+double chunks_in(const Eigen::AlignedBox3d& box) {
+  return ((box.sizes() / kChunkSide).array() + 1).prod();
+}
+
+Eigen::AlignedBox3d in_world(const Soil& soil, const Eigen::AlignedBox3d& box) {
+  return {soil.world_from_index(box.min()), soil.world_from_index(box.max())};
+}
+
+/// Do a facet's coordinates of a chunk's middle at both ends of a stroke allow that it cuts there?
+/// @param low, high bounds of its outline, voxels
+bool may_cut(const float* a, const float* ra, const float* b, const float* rb, const Vec2& low,
+             const Vec2& high) {
+  if ((a[0] > ra[0] && b[0] > rb[0]) || (a[0] < -ra[0] && b[0] < -rb[0])) return false;
+  const auto meets = [&](int axis, double least, double most) {
+    return std::max(a[axis] + ra[axis], b[axis] + rb[axis]) >= least - kMostBend &&
+           std::min(a[axis] - ra[axis], b[axis] - rb[axis]) <= most + kMostBend;
+  };
+  return meets(1, low.x(), high.x()) && meets(2, low.y(), high.y());
+}
+
+}  // namespace
+
+Excavator::Station Excavator::station(const Soil& soil, const Facet& facet,
+                                      const Pose& world_from_bucket) const {
+  Station s;
+  const Pose world_from_facet = world_from_bucket * facet.bucket_from_facet;
+  s.axes = world_from_facet.rotation.toRotationMatrix();
+  s.position = soil.index_from_world(world_from_facet.position);
+  for (const double y : {facet.low.x(), facet.high.x()}) {
+    for (const double z : {facet.low.y(), facet.high.y()}) {
+      s.box.extend(s.position + (y * s.axes.col(1) + z * s.axes.col(2)) / soil.voxel_size_m());
+    }
+  }
+  for (int a = 0; a < 3; ++a) {
+    s.half_range[a] = static_cast<float>(s.axes.col(a).cwiseAbs().sum() * kChunkSide / 2) + 1e-3f;
+  }
+  return s;
+}
+
+/// Box of the bucket's facets at a pose of the path.
+Eigen::AlignedBox3d Excavator::box(std::size_t pose) const {
+  Eigen::AlignedBox3d all;
+  for (std::size_t f = 0; f < facets_.size(); ++f)
+    all.extend(stations_[pose * facets_.size() + f].box);
+  return all;
+}
+
+/// Only boxes of single poses are refused: that of a segment reaches far beyond what the bucket
+/// passes.
+void Excavator::require_known(const Soil& soil, std::span<const Pose> path) const {
+  constexpr int kPoses = 8;
+  const auto check = [&](const Pose& pose) {
+    for (const Facet& facet : facets_) {
+      const Eigen::AlignedBox3d world = in_world(soil, station(soil, facet, pose).box);
+      if (soil.base().known(world)) continue;
+      const Vec3 &low = world.min(), &high = world.max();
+      throw NoGroundError("the bucket reaches ground without a height at x " +
+                          std::to_string(low.x()) + " to " + std::to_string(high.x()) + ", y " +
+                          std::to_string(low.y()) + " to " + std::to_string(high.y()) + ", z " +
+                          std::to_string(low.z()));
+    }
+  };
+  if (path.size() == 1) return check(path.front());
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    if (soil.base().known(in_world(soil, box(i - 1).merged(box(i))))) continue;
+    for (int k = 0; k <= kPoses; ++k)
+      check(interpolate(path[i - 1], path[i], static_cast<double>(k) / kPoses));
+  }
+}
+
+AffineFrame Excavator::frame(std::size_t pose, std::size_t facet, const Coord3& origin) const {
+  const Station& s = stations_[pose * facets_.size() + facet];
+  return {s.axes, s.position, origin};
+}
+
+/// Appends what may cut in a chunk between two poses of the path, in its order.
+void Excavator::find_strokes(const Coord3& origin, std::size_t first, std::size_t last,
+                             double voxel_size_m) {
+  const Vec3 middle = origin.cast<double>() + Vec3::Constant((kChunkSide - 1) / 2.0);
+  const auto coordinates = [&](const Station& s, float* c) {
+    const Vec3 local = s.axes.transpose() * (middle - s.position);
+    for (int a = 0; a < 3; ++a) c[a] = static_cast<float>(local[a]);
+  };
+  for (std::size_t i = first + 2; i <= last; i += 2) {
+    for (std::size_t f = 0; f < facets_.size(); ++f) {
+      const Station &a = stations_[(i - 2) * facets_.size() + f],
+                    &b = stations_[i * facets_.size() + f];
+      float ca[3], cb[3];
+      coordinates(a, ca);
+      coordinates(b, cb);
+      const Facet& facet = facets_[f];
+      if (!may_cut(ca, a.half_range, cb, b.half_range, facet.low / voxel_size_m,
+                   facet.high / voxel_size_m))
+        continue;
+      strokes_.push_back({f, i});
+    }
+  }
+}
+
+/// Digs all strokes of one chunk: the sweep's difference, as for level sets, where what is soil
+/// after it is where max(soil, -sweep) < 0, decided at 64 points of each voxel instead of at its
+/// centre.
+/// @return whether anything was there
+bool Excavator::dig(Samples& samples, const Coord3& origin, Work& work, double h) const {
+  const Booking through_mouth = facets_.size() > 1 ? Booking::kCapturedAhead : Booking::kCaptured;
+  for (std::size_t i = work.first; i < work.last; ++i) {
+    const auto [f, pose] = strokes_[i];
+    const Stroke stroke(frame(pose - 2, f, origin), frame(pose - 1, f, origin),
+                        frame(pose, f, origin), facets_[f], h);
+    const Booking booking = f == 0 ? through_mouth : Booking::kDisplaced;
+    const Removed part = cut_samples(samples, origin, stroke, facets_[f], h, booking);
+    work.removed.captured += part.captured;
+    work.removed.displaced += part.displaced;
+  }
+  return work.removed.captured + work.removed.displaced > 0;
+}
+
+/// Digs the path from its pose `first` to `last`.
+void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut) {
+  Eigen::AlignedBox3d whole;
+  for (std::size_t i = first; i <= last; ++i) whole.extend(box(i));
+  if (soil.is_air(in_world(soil, whole))) return;
+  const double h = soil.voxel_size_m();
+  strokes_.clear();
+  work_.clear();
+  edits_.clear();
+  for_each_chunk(whole, [&](const Coord3& origin) {
+    const std::size_t before = strokes_.size();
+    find_strokes(origin, first, last, h);
+    if (strokes_.size() == before) return;
+    edits_.push_back({origin, strokes_.size() - before});
+    work_.push_back({before, strokes_.size(), {}});
+  });
+  SoilWriter(soil).edit(
+      SoilWriter::Operation::kRemove, edits_, kParallelWork,
+      [&](std::size_t i, Samples& samples) { return dig(samples, edits_[i].origin, work_[i], h); });
+  for (const Work& work : work_) {
+    cut.captured += work.removed.captured;
+    cut.displaced += work.removed.displaced;
+  }
+}
+
+Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
+  Cut cut;
+  if (path.size() < 2) return cut;
+  stations_.clear();
+  for (const Pose& pose : path) {
+    for (const Facet& facet : facets_) stations_.push_back(station(soil, facet, pose));
+  }
+  require_known(soil, path);
+  for (std::size_t first = 0; first + 2 < path.size();) {
+    std::size_t last = first + 2;
+    Eigen::AlignedBox3d whole = box(first).merged(box(last));
+    while (last + 2 < path.size()) {
+      const Eigen::AlignedBox3d more = whole.merged(box(last + 2));
+      if (chunks_in(more) > kPartChunks) break;
+      whole = more;
+      last += 2;
+    }
+    sweep_part(soil, first, last, cut);
+    first = last;
+  }
+  return cut;
+}
+
+Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
+  Cut cut;
+  if (bucket_.profile.empty()) return cut;
+  require_known(soil, {&world_from_bucket, 1});
+  stations_.clear();
+  for (const Facet& facet : facets_) stations_.push_back(station(soil, facet, world_from_bucket));
+  const Pose bucket_from_world = world_from_bucket.inverse();
+  edits_.clear();
+  for_each_chunk(box(0), [&](const Coord3& origin) { edits_.push_back({origin}); });
+  std::vector<std::int64_t> removed(edits_.size());
+  const auto clear = [&](std::size_t e, Samples& samples) {
+    for (int n = 0; n < kChunkVoxels; ++n) {
+      const std::uint64_t word = samples.word(n);
+      if (word == 0) continue;
+      const Coord3 voxel = edits_[e].origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+      const CellPoints& points = sample_points(voxel);
+      const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
+      std::uint64_t hit = 0;
+      for (int i = 0; i < 64; ++i) {
+        const Vec3 p = bucket_from_world *
+                       soil.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
+        const bool in =
+            std::abs(p.y()) <= bucket_.width_m / 2 && inside(bucket_.profile, {p.x(), p.z()});
+        hit |= std::uint64_t{in} << i;
+      }
+      hit &= word;
+      removed[e] += std::popcount(hit);
+      samples.set_word(n, word ^ hit);
+    }
+    return removed[e] > 0;
+  };
+  SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits_, kParallelWork, clear);
+  for (const std::int64_t samples : removed) cut.displaced += samples;
+  return cut;
+}
+
+}  // namespace soilvdb::inline v0

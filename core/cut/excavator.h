@@ -1,0 +1,80 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Takes the samples a moving bucket passes through out of the soil, and counts them.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/cut/facet.h"
+#include "core/ground/soil_writer.h"
+
+namespace soilvdb::inline v0 {
+
+/// Most that a point fixed in the world may leave the straight way in the bucket frame in a segment
+/// of a path, voxels.
+inline constexpr double kMostBend = 0.02;
+
+/// What one call took away, in samples of Soil::sample_m3().
+struct Cut {
+  std::int64_t captured = 0;   ///< through the mouth
+  std::int64_t displaced = 0;  ///< by the body alone
+};
+
+/// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated.
+///
+/// One soil may be dug by several excavators at once where their strokes touch different chunks.
+class Excavator {
+ public:
+  explicit Excavator(const Bucket& bucket) : bucket_(bucket), facets_(facets(bucket)) {}
+
+  /// Removes every sample that a facet passes through between consecutive poses of `path`, in
+  /// order.
+  ///
+  /// Guarantees: the union of what a path removes does not depend on where it is split; the same
+  /// path again removes nothing; the result is the same for any number of threads.
+  /// @param path world_from_bucket, as from Motion::trace(): ends of segments and, between them,
+  ///        their middles in time; points bend less than kMostBend. One pose alone removes nothing.
+  /// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
+  Cut sweep(Soil& soil, std::span<const Pose> path);
+
+  /// Removes every sample inside the body at one pose (a bucket that starts in the ground).
+  Cut stamp(Soil& soil, const Pose& world_from_bucket);
+
+ private:
+  /// Where a facet is at a pose of the path, in index space.
+  struct Station {
+    Eigen::Matrix3d axes;  // columns are the facet's
+    Vec3 position;
+    Eigen::AlignedBox3d box;
+    float
+        half_range[3];  // most the facet's coordinates differ over a chunk from those at its middle
+  };
+  /// A stroke on its way through a chunk: a facet in the segment that ends with a pose.
+  struct StrokeRef {
+    std::size_t facet, pose;
+  };
+  /// A chunk's strokes, in the order of the path.
+  struct Work {
+    std::size_t first, last;
+    Removed removed;
+  };
+
+  Station station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) const;
+  void require_known(const Soil& soil, std::span<const Pose> path) const;
+  Eigen::AlignedBox3d box(std::size_t pose) const;
+  AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
+  void find_strokes(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
+  bool dig(Samples& samples, const Coord3& origin, Work& work, double voxel_size_m) const;
+  void sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut);
+
+  Bucket bucket_;
+  std::vector<Facet> facets_;
+  std::vector<Station> stations_;  // by pose, then facet
+  std::vector<StrokeRef> strokes_;
+  std::vector<SoilWriter::Edit> edits_;  // by chunk, as work_ is
+  std::vector<Work> work_;
+};
+
+}  // namespace soilvdb::inline v0

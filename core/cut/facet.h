@@ -1,0 +1,57 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The flat polygons that a bucket cuts with, and what one of them takes out of a chunk.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/lattice/affine.h"
+#include "soilvdb/bucket.h"
+#include "soilvdb/samples.h"
+
+namespace soilvdb::inline v0 {
+
+/// A flat polygon of the bucket that cuts as it moves: the mouth, or a face of the body.
+struct Facet {
+  Pose bucket_from_facet;     ///< the polygon lies in x = 0 of the facet frame
+  std::vector<Vec2> outline;  ///< convex or not, (y, z) in the facet frame, m
+  Vec2 low, high;             ///< bounds of the outline
+  bool rectangle = false;     ///< the outline is its bounds
+};
+
+/// The mouth first, then the faces of the body.
+std::vector<Facet> facets(const Bucket& bucket);
+
+/// A facet moving over one segment of the path, seen from one chunk, in voxels: the coordinates of
+/// the chunk's points in the facet's frame at time t, which runs from -1 to 1, are
+///     x: u at -1, v at 1    y + t dy + (1 - t^2) bend_y    z + t dz + (1 - t^2) bend_z
+/// and x bends likewise.
+struct Stroke {
+  Affine u, v, y, dy, z, dz;
+  Affine bend[3];
+  float y_low, y_high, z_low, z_high;  ///< bounds of the facet's outline
+  float slack;                         ///< most that it bends in the chunk
+
+  Stroke() = default;
+  /// @param from, middle, to the facet's frame at the start, half-way in time, and the end
+  Stroke(const AffineFrame& from, const AffineFrame& middle, const AffineFrame& to,
+         const Facet& facet, double voxel_size_m);
+};
+
+/// How a facet books what it removes. Behind the mouth of a bucket with a body lies the body:
+/// soil that the mouth leaves backwards was displaced by the body's back before, if in the same
+/// segment.
+enum class Booking { kCaptured, kCapturedAhead, kDisplaced };
+
+/// What strokes took out of a chunk, in samples.
+struct Removed {
+  std::int64_t captured = 0, displaced = 0;
+};
+
+/// Takes out the samples that the facet passes through.
+/// @param origin the chunk's; @param h voxel size, m
+Removed cut_samples(Samples& samples, const Coord3& origin, const Stroke& stroke,
+                    const Facet& facet, double h, Booking booking);
+
+}  // namespace soilvdb::inline v0

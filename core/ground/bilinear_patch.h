@@ -1,0 +1,35 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// One patch of a height field, bilinear between four posts, for the eight voxels of a row.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "soilvdb/base_surface.h"
+
+namespace soilvdb::inline v0 {
+
+/// A patch over [0, dx] x [0, dy], heights z00 (0, 0), z10 (dx, 0), z01 and z11, m.
+struct BilinearPatch {
+  double dx, dy;
+  double z00, z10, z01, z11;
+};
+
+/// The points (x, y, z + k step), k = 0 to 7, over a height field, m.
+struct PointRow {
+  double x, y, z, step;
+  double ground;  ///< height of the field at (x, y); NaN where there is none
+  double slope;   ///< no part of the field near is steeper
+};
+
+/// Lowers `best` to the distances from the points of a row to a patch whose corner is (x0, y0), as
+/// far as they are not surely larger. Gauss-Newton on the patch from the foot below each point,
+/// held to the patch; each iterate is a point of it, so a result is never too small. All m.
+void nearest_on_patch(const BilinearPatch& patch, double x0, double y0, const PointRow& row,
+                      std::array<float, kChunkSide>& best);
+
+/// Bit i is set where point i of a cell lies below a + b x + c y + d x y, in units of the cell.
+std::uint64_t points_below(const CellPoints& points, float a, float b, float c, float d);
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include <openvdb/tools/Prune.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/surface/surface.h"
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/soil_grids.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+/// Chunks in a box above which a closed level set is refused: 32 GB of leaves.
+constexpr double kMostChunks = 1.6e7;
+
+/// Signed distance to a box, negative inside.
+double box_distance(const Eigen::AlignedBox3d& box, const Vec3& p) {
+  const Vec3 beyond = (box.min() - p).cwiseMax(p - box.max());
+  return beyond.maxCoeff() <= 0 ? beyond.maxCoeff() : beyond.cwiseMax(0).norm();
+}
+
+}  // namespace
+
+openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedBox3d& box) {
+  const float band = static_cast<float>(soil.band_m());
+  openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
+
+  const Vec3 margin = Vec3::Constant(soil.band_m() / soil.voxel_size_m());
+  const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()) - margin,
+                                  soil.index_from_world(box.max()) + margin);
+  if ((cells.sizes() / kChunkSide).prod() > kMostChunks) {
+    throw std::invalid_argument("the region is too large at this voxel size; choose a smaller one");
+  }
+  std::vector<Coord3> origins;
+  for_each_chunk(cells, [&](const Coord3& origin) { origins.push_back(origin); });
+
+  // Per chunk: a leaf, or a tile that is all soil, or nothing.
+  std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
+  enum Kind : std::uint8_t { kEmpty, kSolid, kMixed };
+  std::vector<Kind> kinds(origins.size(), kEmpty);
+  tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
+    const Coord3& origin = origins[i];
+    if (soil.find(origin) == nullptr) {
+      // The band reaches beyond the chunk's own cells.
+      const Vec3 low = soil.world_from_index(origin.cast<double>()) - Vec3::Constant(band);
+      const Vec3 high =
+          soil.world_from_index((origin + Coord3::Constant(kChunkSide)).cast<double>()) +
+          Vec3::Constant(band);
+      const Content content = soil.base().classify({low, high});
+      if (content == Content::kAir) return;
+      const bool interior = (low.array() - band >= box.min().array()).all() &&
+                            (high.array() + band <= box.max().array()).all();
+      if (content == Content::kSoil && interior) {
+        kinds[i] = kSolid;
+        return;
+      }
+    }
+    kinds[i] = kMixed;
+  });
+  std::vector<std::size_t> mixed;
+  std::vector<Coord3> mixed_origins;
+  for (std::size_t i = 0; i < origins.size(); ++i) {
+    if (kinds[i] != kMixed) continue;
+    mixed.push_back(i);
+    mixed_origins.push_back(origins[i]);
+  }
+  surface_distances(soil, mixed_origins, [&](std::size_t k, const float* phi_m) {
+    const Coord3& origin = mixed_origins[k];
+    std::array<float, kChunkVoxels> phi;
+    bool air = true;
+    for (int n = 0; n < kChunkVoxels; ++n) {
+      const Vec3 p =
+          soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
+      phi[n] = std::max(phi_m[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
+      air &= phi[n] >= band;
+    }
+    if (!air) leaves[mixed[k]] = level_set_leaf(origin, phi.data(), band);
+  });
+  auto& tree = grid->tree();
+  for (std::size_t i = 0; i < origins.size(); ++i) {
+    if (leaves[i]) {
+      tree.addLeaf(leaves[i].release());
+    } else if (kinds[i] == kSolid) {
+      tree.addTile(1, openvdb::Coord(origins[i].x(), origins[i].y(), origins[i].z()), -band, false);
+    }
+  }
+  openvdb::tools::pruneLevelSet(tree);
+  return grid;
+}
+
+}  // namespace soilvdb::inline v0

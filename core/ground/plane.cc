@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+
+#include "core/ground/bilinear_patch.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+class Plane final : public BaseSurface {
+ public:
+  Plane(double height_m, Vec2 slope)
+      : height_(height_m), slope_(std::move(slope)), cosine_(1 / std::hypot(1.0, slope_.norm())) {}
+
+  Content classify(const Eigen::AlignedBox3d& box) const override {
+    const Vec2 half = box.sizes().head<2>() / 2;
+    const double mid = at(box.center().x(), box.center().y());
+    const double half_range = half.x() * std::abs(slope_.x()) + half.y() * std::abs(slope_.y());
+    if (box.min().z() >= mid + half_range) return Content::kAir;
+    if (box.max().z() < mid - half_range) return Content::kSoil;
+    return Content::kMixed;
+  }
+
+  bool known(const Eigen::AlignedBox3d&) const override { return true; }
+
+  void distance(const Vec3& first, double h, double band, float* phi) const override {
+    for (int x = 0; x < kChunkSide; ++x) {
+      for (int y = 0; y < kChunkSide; ++y) {
+        const double ground = at(first.x() + h * x, first.y() + h * y);
+        for (int z = 0; z < kChunkSide; ++z, ++phi) {
+          const double d = (first.z() + h * z - ground) * cosine_;
+          *phi = static_cast<float>(std::clamp(d, -band, band));
+        }
+      }
+    }
+  }
+
+  void samples(const Coord3& chunk, const Vec3& first, double h,
+               SampleWords& words) const override {
+    const double half_range = h / 2 * (1 + slope_.cwiseAbs().sum());
+    for (int n = 0; n < kChunkVoxels; ++n) {
+      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
+      const double gap = middle.z() - at(middle.x(), middle.y());
+      if (std::abs(gap) > half_range) {
+        words[static_cast<std::size_t>(n)] = gap < 0 ? kAllSoil : 0;
+        continue;
+      }
+      // Relative to the cell, so that float is enough.
+      const Vec3 low = middle - Vec3::Constant(h / 2);
+      words[static_cast<std::size_t>(n)] =
+          points_below(sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7)),
+                       static_cast<float>((at(low.x(), low.y()) - low.z()) / h),
+                       static_cast<float>(slope_.x()), static_cast<float>(slope_.y()), 0);
+    }
+  }
+
+  std::optional<double> height(double x, double y) const override { return at(x, y); }
+
+ private:
+  double at(double x, double y) const { return height_ + slope_.x() * x + slope_.y() * y; }
+
+  double height_;
+  Vec2 slope_;
+  double cosine_;
+};
+
+}  // namespace
+
+std::unique_ptr<BaseSurface> make_plane(double height_m, Vec2 slope) {
+  return std::make_unique<Plane>(height_m, std::move(slope));
+}
+
+}  // namespace soilvdb::inline v0

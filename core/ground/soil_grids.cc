@@ -1,0 +1,62 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/soil_grids.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/surface/surface.h"
+#include "soilvdb/chunk_range.h"
+
+namespace soilvdb::inline v0 {
+
+openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil) {
+  openvdb::initialize();
+  auto grid = openvdb::FloatGrid::create(static_cast<float>(soil.band_m()));
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(soil.voxel_size_m()));
+  grid->setGridClass(openvdb::GRID_LEVEL_SET);
+  grid->setName("surface");
+  return grid;
+}
+
+std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi_m, float band_m) {
+  auto leaf =
+      std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()), band_m);
+  for (openvdb::Index n = 0; n < kChunkVoxels; ++n) {
+    leaf->setValueOnly(n, phi_m[n]);
+    leaf->setActiveState(n, std::abs(phi_m[n]) < band_m);
+  }
+  return leaf;
+}
+
+std::vector<Coord3> chunks_with_surface(const Soil& soil) {
+  std::vector<Coord3> all;
+  for (const Chunk* chunk : soil.chunks()) {
+    for (int n = 0; n < 27; ++n)
+      all.push_back(chunk->origin + kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+  }
+  std::sort(all.begin(), all.end(), before);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+openvdb::FloatGrid::Ptr surface_grid(const Soil& soil, std::span<const Coord3> chunks) {
+  const float band = static_cast<float>(soil.band_m());
+  std::vector<std::unique_ptr<FloatLeaf>> leaves(chunks.size());
+  surface_distances(soil, chunks, [&](std::size_t i, const float* phi_m) {
+    if (soil.find(chunks[i]) == nullptr) {
+      float base_m[kChunkVoxels];
+      soil.base().distance(soil.world_from_index(chunks[i].cast<double>()), soil.voxel_size_m(),
+                           soil.band_m(), base_m);
+      if (std::equal(base_m, base_m + kChunkVoxels, phi_m)) return;
+    }
+    leaves[i] = level_set_leaf(chunks[i], phi_m, band);
+  });
+  openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
+  for (auto& leaf : leaves) {
+    if (leaf) grid->tree().addLeaf(leaf.release());
+  }
+  return grid;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,108 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What the ground holds of memory, and how it keeps to a limit.
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include "core/ground/soil_state.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+/// what a record of the cold store begins with, so that no other chunk's is taken for it.
+struct Label {
+  std::int32_t origin[3];
+  std::uint32_t soil_count;
+  explicit Label(const Chunk& chunk)
+      : origin{chunk.origin.x(), chunk.origin.y(), chunk.origin.z()},
+        soil_count(chunk.soil_count) {}
+};
+
+}  // namespace
+
+std::uint64_t Soil::memory_bytes() const {
+  std::uint64_t bytes = state_->bytes() + base_->memory_bytes();
+  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf)
+    bytes += leaf->chunk.samples.heap_bytes();
+  return bytes;
+}
+
+void Soil::limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store) {
+  if (store_ != nullptr) throw std::logic_error("memory is limited already");
+  limit_bytes_ = bytes;
+  store_ = std::move(store);
+  for (SampleLeaf* leaf : state_->leaves()) {
+    leaf->chunk.used = State::kUsed;
+    state_->idle_bytes += leaf->chunk.samples.heap_bytes();
+  }
+}
+
+void Soil::page_out() {
+  if (store_ == nullptr) return;
+  State& state = *state_;
+  for (const Coord3& origin : state.in_use) {  // none is any more
+    SampleLeaf* leaf = state.find(origin);
+    if (leaf == nullptr || leaf->chunk.used != State::kInUse) continue;
+    leaf->chunk.used = State::kUsed;
+    state.idle_bytes += leaf->chunk.samples.heap_bytes();
+  }
+  state.in_use.clear();
+  const auto held = [&] { return state.bytes() + base_->memory_bytes() + state.idle_bytes; };
+  if (held() <= limit_bytes_) return;
+  // Unless others may be reading it.
+  if (base_->memory_bytes() > limit_bytes_ / 4 && base_.use_count() == 1) base_->forget();
+  const std::vector<SampleLeaf*> leaves = state.leaves();
+  for (std::size_t seen = 0; seen < 2 * leaves.size(); ++seen) {
+    if (held() <= limit_bytes_ - limit_bytes_ / 8) return;
+    state.hand = state.hand + 1 < leaves.size() ? state.hand + 1 : 0;
+    Chunk& chunk = leaves[state.hand]->chunk;
+    const std::size_t bytes = chunk.samples.heap_bytes();
+    if (bytes == 0) continue;
+    if (chunk.used == State::kUsed) {
+      chunk.used = State::kIdle;
+      continue;
+    }
+    store(chunk);
+    state.idle_bytes -= bytes;
+  }
+  if (held() > limit_bytes_)
+    throw std::runtime_error("the ground needs more memory than " +
+                             std::to_string(limit_bytes_ >> 20) + " MB: a list of its " +
+                             std::to_string(state.chunks) + " chunks and what it began as take " +
+                             std::to_string((held() >> 20) + 1) + " MB");
+}
+
+Chunk Soil::copy(const Chunk& chunk) const {
+  Chunk same = chunk;
+  same.touched = false;
+  same.used = 0;
+  if (same.cold_record != 0) load(same);
+  return same;
+}
+
+void Soil::store(Chunk& chunk) {
+  const Label label(chunk);
+  std::string bytes(reinterpret_cast<const char*>(&label), sizeof(label));
+  chunk.samples.put(bytes);
+  chunk.cold_record = store_->put(bytes);
+  chunk.samples = {};
+}
+
+/// Reads what a chunk has in the cold store, and leaves it there. @return its size
+std::size_t Soil::load(Chunk& chunk) const {
+  std::string bytes;
+  store_->get(chunk.cold_record, bytes);
+  const Label label(chunk);
+  std::string_view rest = bytes;
+  Samples samples;
+  const bool good = rest.starts_with({reinterpret_cast<const char*>(&label), sizeof(label)}) &&
+                    (rest.remove_prefix(sizeof(label)), samples.take(rest)) && rest.empty() &&
+                    samples.count() == chunk.soil_count;
+  if (!good) throw std::runtime_error("what comes back from the cold store is another chunk");
+  chunk.samples = std::move(samples);
+  chunk.cold_record = 0;
+  return bytes.size();
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,39 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Which chunks a box covers, and in what order chunks are visited.
+#pragma once
+
+#include <algorithm>
+
+#include "soilvdb/base_surface.h"
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0 {
+
+/// The order of chunks everywhere: by x, then y, then z.
+inline bool before(const Coord3& a, const Coord3& b) {
+  return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+}
+
+struct Before {
+  bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
+};
+
+/// Origin of the chunk whose cells hold a point of index space.
+inline Coord3 chunk_of(const Vec3& index) {
+  return ((index + Vec3::Constant(0.5)) / kChunkSide).array().floor().matrix().cast<int>() *
+         kChunkSide;
+}
+
+/// Calls `f(origin)` for each chunk whose cells meet a box in index space, in order.
+template <typename F>
+void for_each_chunk(const Eigen::AlignedBox3d& box, F f) {
+  const Coord3 first = chunk_of(box.min()), last = chunk_of(box.max());
+  for (int x = first.x(); x <= last.x(); x += kChunkSide) {
+    for (int y = first.y(); y <= last.y(); y += kChunkSide) {
+      for (int z = first.z(); z <= last.z(); z += kChunkSide) f(Coord3(x, y, z));
+    }
+  }
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,40 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What was cut and filled between two states of a site.
+#pragma once
+
+#include "soilvdb/column_gains.h"
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0 {
+
+struct Difference {
+  double cut_m3 = 0, fill_m3 = 0, net_m3 = 0;
+  double area_m2 = 0;       ///< plan area of what changed
+  double error_m3 = 0;      ///< by which cut and fill may be wrong, each
+  bool exact = false;       ///< counted sample by sample
+  Eigen::AlignedBox2d box;  ///< of the columns that changed, world
+};
+
+/// Compares two soils of a site.
+///
+/// Where their voxels are of one lattice and their base surfaces the same, sample by sample:
+/// volumes are differences of the ledgers, and the error is two standard deviations of what counts
+/// of samples err by against the true surfaces.
+///
+/// Else box by box, as large as the larger voxels: what one of them gained is the difference of
+/// what the two have lost there against the ground that is under both, so that net is exact. The
+/// error is two standard deviations of that, one for each box in which counts can't tell whether
+/// anything changed, for those don't cancel, and all that may have been cut and filled within one
+/// box where both were near.
+///
+/// Either way the area is that of core/compare/changed_area.h.
+/// @param same_base whether both have one base surface; else those must be surfaces of soils with
+///        the same ground beneath
+Difference difference(const Soil& before, const Soil& after, bool same_base);
+
+/// Calls `f` with what columns of any width gained between the two, some of them several times.
+void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,
+                   const GainFunction& f);
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,124 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The ground: base surface plus the voxels of the places where it changed.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "soilvdb/base_surface.h"
+#include "soilvdb/cold_store.h"
+#include "soilvdb/sample_tree_fwd.h"
+#include "soilvdb/samples.h"
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0 {
+
+/// One resident chunk of 8x8x8 voxels, at voxel x*64 + y*8 + z.
+///
+/// A voxel's cell is the cube of one voxel's side about its centre; it holds 64 sample points, and
+/// a bit of `samples` for each says whether it is soil. That is all there is of the ground: volumes
+/// are counted on samples, surfaces are made from them when somebody looks
+/// (core/surface/surface.h).
+struct Chunk {
+  Coord3 origin;                  ///< index of the first voxel, a multiple of 8
+  bool touched = false;           ///< listed for Soil::take_touched()
+  bool above = false;             ///< soil was added that the base surface doesn't have
+  std::uint8_t used = 0;          ///< how lately, where memory is limited: 2 since Soil::page_out()
+  std::uint16_t base_count = 0;   ///< samples of soil in the base surface
+  std::uint16_t soil_count = 0;   ///< samples of soil now
+  std::uint32_t cold_record = 0;  ///< of the cold store, which has the samples; 0: they are here
+  Samples samples;
+};
+
+/// The ground of a site.
+///
+/// World = origin + h * index: voxel (i, j, k) has its centre there. The origin is double, so that
+/// indices, grids and meshes stay near zero on sites in UTM coordinates.
+///
+/// A chunk that is not resident equals the base surface. Only SoilWriter changes the ground. Where
+/// memory is limited, samples of chunks that haven't been used for long are in a cold store: const
+/// members read them there.
+///
+/// Not copyable. Const members may run together with each other, and not while anyone changes the
+/// ground, but for is_air(). take_touched(), limit_memory() and page_out() run beside nothing.
+class Soil {
+ public:
+  /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
+  Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base);
+  ~Soil();
+  Soil(const Soil&) = delete;
+  Soil& operator=(const Soil&) = delete;
+
+  double voxel_size_m() const { return h_; }
+  const Vec3& origin() const { return origin_; }
+  /// Where distances to the surface are clamped.
+  double band_m() const { return 3 * h_; }
+  /// Volume that one sample stands for, m^3.
+  double sample_m3() const { return h_ * h_ * h_ / 64; }
+  const BaseSurface& base() const { return *base_; }
+  /// The same, kept as long as the pointer is.
+  const std::shared_ptr<const BaseSurface>& shared_base() const { return base_; }
+
+  /// The ground before anyone dug: the base surface, or what is beneath the soils that it is of.
+  const BaseSurface& undug() const { return base_->soil() ? base_->soil()->undug() : *base_; }
+
+  Vec3 world_from_index(const Vec3& index) const { return origin_ + h_ * index; }
+  Vec3 index_from_world(const Vec3& p) const { return (p - origin_) / h_; }
+
+  /// The chunk whose first voxel is `origin` (multiples of 8), or null if it isn't resident.
+  const Chunk* find(const Coord3& origin) const;
+  /// Resident chunks, ordered by origin (x, then y, then z).
+  std::vector<const Chunk*> chunks() const;
+  std::size_t chunk_count() const;
+  /// The resident ground as OpenVDB has it: a voxel is active where its cell holds soil. Its users
+  /// include soilvdb/sample_tree.h.
+  const SampleTree& tree() const;
+
+  /// What a chunk that isn't resident would hold, its cells included.
+  Content classify(const Coord3& origin) const;
+  /// Is a box of the world surely free of soil, the base surface's and what was added above it?
+  /// May run while others change the ground elsewhere.
+  bool is_air(const Eigen::AlignedBox3d& box) const;
+
+  /// samples of a chunk, resident or not.
+  void read_samples(const Coord3& origin, SampleWords& samples) const;
+  /// Those that the base surface has there.
+  void read_base(const Coord3& origin, SampleWords& samples) const;
+  /// A chunk as it is, cold or not.
+  Chunk copy(const Chunk& chunk) const;
+
+  /// Origins of the chunks that came, went or changed since the last call, sorted.
+  std::vector<Coord3> take_touched();
+
+  /// Volume of the ground now less that of the base surface, counted anew, m^3.
+  double change_m3() const;
+  std::uint64_t active_voxels() const;  ///< cells of resident chunks that hold soil
+  double resident_m2() const;           ///< footprint of the resident chunks
+  /// What the ground holds of memory: the tree and its chunks, and what the base surface has read.
+  std::uint64_t memory_bytes() const;
+  /// From now on page_out() keeps memory_bytes() to `bytes`, by sending chunks to `store`.
+  void limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store);
+  /// Sends the chunks that were not used for longest to the cold store where the ground holds more
+  /// memory than it may, until it holds an eighth less. Until the next call it grows by what is
+  /// used in between.
+  /// @throw std::runtime_error if that can't be done; the ground is whole then
+  void page_out();
+  /// Digest of voxel size, origin and every resident chunk's samples.
+  std::uint64_t state_hash() const;
+
+ private:
+  friend class SoilWriter;
+  struct State;  // core/ground/soil_state.h
+  std::size_t load(Chunk& chunk) const;
+  void store(Chunk& chunk);
+  double h_;
+  Vec3 origin_;
+  std::shared_ptr<const BaseSurface> base_;
+  std::unique_ptr<State> state_;
+  std::shared_ptr<ColdStore> store_;  // null: memory isn't limited
+  std::uint64_t limit_bytes_ = 0;
+};
+
+}  // namespace soilvdb::inline v0

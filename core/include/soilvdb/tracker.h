@@ -1,0 +1,104 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The update loop: a new machine state in, ground and volumes brought up to date.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "soilvdb/bucket.h"
+#include "soilvdb/motion.h"
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0 {
+
+/// Volumes booked for one machine, or for all. cut = captured + displaced. Kept as counts of
+/// samples, so sums are exact in any order.
+struct Ledger {
+  std::int64_t captured = 0, displaced = 0, dumped = 0;  ///< samples
+  double sample_m3 = 0;
+
+  double cut_m3() const { return static_cast<double>(captured + displaced) * sample_m3; }
+  double captured_m3() const { return static_cast<double>(captured) * sample_m3; }
+  double displaced_m3() const { return static_cast<double>(displaced) * sample_m3; }
+  double dumped_m3() const { return static_cast<double>(dumped) * sample_m3; }
+  /// What the bucket holds.
+  double bucket_m3() const { return static_cast<double>(captured - dumped) * sample_m3; }
+};
+
+/// What one update did.
+struct Update {
+  double cut_m3 = 0;     ///< removed from the ground by this update
+  double bucket_m3 = 0;  ///< in the bucket after it
+  double us = 0;         ///< it took, with its share of what was done for several at once
+};
+
+/// What a machine is to do next: go straight on to a pose or, with a motion, along that from
+/// `begin_s`, where it is, to `end_s`.
+struct Move {
+  std::size_t machine = 0;
+  Pose to;
+  const Motion* motion = nullptr;
+  double begin_s = 0, end_s = 0;
+};
+
+class Machine;  // core/site/machine.h
+
+/// Tracks the ground and the loads of a site's machines.
+///
+/// Updates throw std::invalid_argument for a pose that isn't finite, has no unit rotation or is
+/// more than 2^23 voxels from the soil's origin, for times that aren't finite or in order, and for
+/// a machine that isn't there; the ground and the tracker are then as they were. Where
+/// Soil::limit_memory() is set, they throw std::runtime_error if the store fails: before anything
+/// is dug the ground is whole (Soil::page_out()), while it is dug it is of no use any more.
+///
+/// ```
+/// Soil soil(0.05, origin, make_plane(0, {0, 0}));
+/// Tracker tracker(soil, {bucket});
+/// for (const Pose& world_from_bucket : poses)
+///   load = tracker.update(0, world_from_bucket).bucket_m3;
+/// ```
+class Tracker {
+ public:
+  /// @param soil outlives the tracker. @throw std::invalid_argument for a bad bucket.
+  Tracker(Soil& soil, std::vector<Bucket> buckets);
+  ~Tracker();
+
+  /// Moves a machine's bucket on to a pose, in a straight line and by slerp from the last one. The
+  /// first update of a machine places its bucket. @throw NoGroundError
+  Update update(std::size_t machine, const Pose& world_from_bucket);
+  /// Moves it along a motion from one time to another. The first is that of the update before (for
+  /// a machine's first update: where it starts).
+  Update update(std::size_t machine, const Motion& motion, double begin_s, double end_s);
+  /// The same for many moves, one update each. Machines that are far enough apart move in parallel;
+  /// the result is that of the moves one after another, bit for bit.
+  /// @throw NoGroundError; other machines may then have moved further than this one
+  std::vector<Update> update(std::span<const Move> moves);
+
+  const Ledger& ledger(std::size_t machine) const;
+  Ledger total() const;
+  /// Origins of the chunks that came, went or may have changed since the last call,
+  /// sorted.
+  std::vector<Coord3> take_changed();
+
+  /// How far the path that is dug may be from a machine's own: no more than this over the bucket.
+  double tolerance_m() const;
+
+  /// All that the next update depends on besides the soil, as bytes. A tracker of the same
+  /// buckets on the soil as it is then goes on from there as this one would.
+  std::string state() const;
+  /// @throw std::invalid_argument if these bytes are of other buckets, or not from state()
+  void restore(std::string_view state);
+
+ private:
+  Machine& at(std::size_t machine) const;
+  std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;
+  Soil& soil_;
+  std::vector<std::unique_ptr<Machine>> machines_;
+};
+
+}  // namespace soilvdb::inline v0

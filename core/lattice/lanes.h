@@ -1,0 +1,42 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Eight floats at once, one for each voxel of a row. Compilers make of them what the CPU has.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "soilvdb/base_surface.h"
+
+namespace soilvdb::inline v0 {
+
+using Lanes = float __attribute__((vector_size(kChunkSide * sizeof(float))));
+/// All bits of a lane set, or none, as comparing Lanes gives.
+using LaneMask = std::int32_t __attribute__((vector_size(kChunkSide * sizeof(std::int32_t))));
+
+#define SOILVDB_INLINE inline __attribute__((always_inline))
+
+inline constexpr Lanes kLaneNumbers = {0, 1, 2, 3, 4, 5, 6, 7};
+
+SOILVDB_INLINE Lanes all_lanes(float v) { return Lanes{} + v; }
+SOILVDB_INLINE Lanes min(Lanes a, Lanes b) { return a < b ? a : b; }
+SOILVDB_INLINE Lanes max(Lanes a, Lanes b) { return a > b ? a : b; }
+SOILVDB_INLINE Lanes abs(Lanes v) {
+  return reinterpret_cast<Lanes>(reinterpret_cast<LaneMask>(v) & 0x7fffffff);
+}
+SOILVDB_INLINE Lanes sqrt(Lanes v) {
+  Lanes root;
+  for (int k = 0; k < kChunkSide; ++k) root[k] = std::sqrt(v[k]);
+  return root;
+}
+
+/// Bit k is set where lane k is.
+SOILVDB_INLINE std::uint32_t bits(LaneMask mask) {
+  using Quarters = std::uint64_t __attribute__((vector_size(sizeof(LaneMask))));
+  constexpr LaneMask kBit = {1, 2, 4, 8, 16, 32, 64, 128};
+  const Quarters q = reinterpret_cast<Quarters>(mask & kBit);
+  const std::uint64_t any = q[0] | q[1] | q[2] | q[3];
+  return static_cast<std::uint32_t>(any | any >> 32);
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/lattice.h"
+
+#include <cmath>
+
+namespace soilvdb::inline v0 {
+
+Vec3 lattice_origin(double voxel_size_m, const Vec3& near_m) {
+  const double step = kLatticePeriod * voxel_size_m;
+  // Adding 0 turns -0 into 0.
+  return (near_m.array() / step).round() * step + 0.0;
+}
+
+std::optional<Coord3> lattice_shift(const Soil& a, const Soil& b) {
+  constexpr double kMost = 1 << 29, kSame = 1e-3;  // voxels
+  if (a.voxel_size_m() != b.voxel_size_m()) return std::nullopt;
+  const Vec3 apart = (b.origin() - a.origin()) / (kLatticePeriod * a.voxel_size_m());
+  const Vec3 periods = apart.array().round();
+  if (!((apart - periods).cwiseAbs().maxCoeff() * kLatticePeriod < kSame) ||
+      !(periods.cwiseAbs().maxCoeff() * kLatticePeriod < kMost))
+    return std::nullopt;
+  return Coord3((periods * kLatticePeriod).cast<int>());
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,192 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/tracker.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+
+#include "core/site/machine.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double us_since(Clock::time_point begin) {
+  return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
+}
+
+/// Calls `f()`, which gives an update, and times it.
+template <typename F>
+Update timed(F f) {
+  const Clock::time_point begin = Clock::now();
+  Update update = f();
+  update.us = us_since(begin);
+  return update;
+}
+
+/// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
+void check(const Soil& soil, const Machine& machine, const Pose& pose) {
+  constexpr double kMostVoxels = 1 << 23;
+  const double room_m = kMostVoxels * soil.voxel_size_m() - machine.radius_m();
+  if (!is_sane(pose) || (pose.position - soil.origin()).cwiseAbs().maxCoeff() > room_m)
+    throw std::invalid_argument("the pose is no place on this site, or no rotation");
+}
+
+/// The same for all of a path that its rows say.
+void check(const Soil& soil, const Machine& machine, const Motion& motion, double begin_s,
+           double end_s) {
+  if (!std::isfinite(begin_s) || !std::isfinite(end_s) || begin_s > end_s)
+    throw std::invalid_argument("the times of an update must be finite and in order");
+  const std::vector<double>& times = motion.times_s();
+  auto row = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), begin_s) -
+                                      times.begin());
+  check(soil, machine, motion.pose(begin_s));
+  for (; row < times.size() && times[row] < end_s; ++row) check(soil, machine, motion.row(row));
+  check(soil, machine, motion.pose(end_s));
+}
+
+/// Numbers groups of boxes that are connected by common points. Empty boxes are alone.
+std::vector<std::size_t> groups_of(const std::vector<Eigen::AlignedBox3d>& boxes) {
+  std::vector<std::size_t> group(boxes.size());
+  std::iota(group.begin(), group.end(), std::size_t{0});
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (group[i] == group[j] || !boxes[i].intersects(boxes[j])) continue;
+      const std::size_t from = group[i], to = group[j];
+      std::replace(group.begin(), group.end(), from, to);
+    }
+  }
+  return group;
+}
+
+}  // namespace
+
+Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets) : soil_(soil) {
+  for (Bucket& bucket : buckets)
+    machines_.push_back(std::make_unique<Machine>(std::move(bucket), soil));
+}
+
+Tracker::~Tracker() = default;
+
+Machine& Tracker::at(std::size_t machine) const {
+  if (machine >= machines_.size()) throw std::invalid_argument("there is no such machine");
+  return *machines_[machine];
+}
+
+Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
+  return timed([&] {
+    Machine& m = at(machine);
+    check(soil_, m, world_from_bucket);
+    soil_.page_out();
+    return m.move(soil_, world_from_bucket);
+  });
+}
+
+Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
+  return timed([&] {
+    Machine& m = at(machine);
+    check(soil_, m, motion, begin_s, end_s);
+    soil_.page_out();
+    return m.move(soil_, motion, begin_s, end_s);
+  });
+}
+
+std::vector<Update> Tracker::update(std::span<const Move> moves) {
+  const Clock::time_point begin = Clock::now();
+  for (const Move& move : moves) {
+    const Machine& machine = at(move.machine);
+    if (move.motion != nullptr) {
+      check(soil_, machine, *move.motion, move.begin_s, move.end_s);
+    } else {
+      check(soil_, machine, move.to);
+    }
+  }
+  soil_.page_out();
+  const std::vector<std::vector<std::size_t>> groups = apart(moves);
+  const double planning_us =
+      us_since(begin) / static_cast<double>(std::max<std::size_t>(moves.size(), 1));
+  std::vector<Update> updates(moves.size());
+  const auto run = [&](std::size_t i) {
+    const Move& move = moves[i];
+    Machine& machine = *machines_[move.machine];
+    updates[i] = timed([&] {
+      return move.motion != nullptr ? machine.move(soil_, *move.motion, move.begin_s, move.end_s)
+                                    : machine.move(soil_, move.to);
+    });
+    updates[i].us += planning_us;
+  };
+  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t g) {
+    for (const std::size_t i : groups[g]) run(i);
+  });
+  return updates;
+}
+
+/// Numbers of the moves, in their order, in groups of machines that don't come near each other.
+std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves) const {
+  std::vector<std::vector<std::size_t>> groups(machines_.size());
+  if (machines_.size() == 1) {
+    groups.front().resize(moves.size());
+    std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
+    return groups;
+  }
+  std::vector<std::vector<Pose>> paths(machines_.size());
+  for (const Move& move : moves) {
+    std::vector<Pose>& path = paths[move.machine];
+    if (move.motion == nullptr) {
+      path.push_back(move.to);
+    } else {
+      const Bucket& bucket = machines_[move.machine]->bucket();
+      const auto traced =
+          move.motion->trace(move.begin_s, move.end_s, bucket, soil_.voxel_size_m(), 1e300);
+      path.insert(path.end(), traced.begin(), traced.end());
+    }
+  }
+  std::vector<Eigen::AlignedBox3d> workspaces;
+  for (std::size_t m = 0; m < machines_.size(); ++m)
+    workspaces.push_back(machines_[m]->workspace(soil_, paths[m]));
+  const std::vector<std::size_t> group = groups_of(workspaces);
+  for (std::size_t i = 0; i < moves.size(); ++i) groups[group[moves[i].machine]].push_back(i);
+  std::erase_if(groups, [](const auto& list) { return list.empty(); });
+  return groups;
+}
+
+const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(machine)->ledger(); }
+
+Ledger Tracker::total() const {
+  Ledger sum;
+  sum.sample_m3 = soil_.sample_m3();
+  for (const auto& machine : machines_) {
+    sum.captured += machine->ledger().captured;
+    sum.displaced += machine->ledger().displaced;
+    sum.dumped += machine->ledger().dumped;
+  }
+  return sum;
+}
+
+std::vector<Coord3> Tracker::take_changed() { return soil_.take_touched(); }
+
+double Tracker::tolerance_m() const { return Machine::tolerance_m(soil_); }
+
+std::string Tracker::state() const {
+  std::string bytes;
+  for (const auto& machine : machines_) machine->save(bytes);
+  return bytes;
+}
+
+void Tracker::restore(std::string_view state) {
+  std::vector<std::unique_ptr<Machine>> machines;
+  for (const auto& machine : machines_) {
+    machines.push_back(std::make_unique<Machine>(machine->bucket(), soil_));
+    machines.back()->load(state);
+  }
+  if (!state.empty()) throw std::invalid_argument("the state is of more machines");
+  machines_ = std::move(machines);
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// From words to planes: what the surface is in every cell it runs through.
+#pragma once
+
+#include <vector>
+
+#include "core/surface/crease.h"
+
+namespace soilvdb::inline v0 {
+
+/// How a surface curves: what its normal changes by, along and across, in a plane's tangents.
+struct Bend {
+  float uu = 0, uv = 0, vv = 0;  ///< 1/voxel; of a ball of soil positive
+};
+
+/// The models of the cells of a CellGrid.
+///
+/// A cell's model depends on the words within a chunk of it and on nothing else: not on
+/// the grid, its neighbours' order or threads.
+class CellModels {
+ public:
+  /// @param range models are made for cells so far from a chunk asked for, voxels
+  CellModels(const CellGrid& grid, int range);
+
+  /// The model of a cell, or null where it is all soil, all air or not explained.
+  const CellModel* find(int id) const {
+    const int k = index_[static_cast<std::size_t>(id)];
+    return k < 0 || !cells_[static_cast<std::size_t>(k)].model.solved
+               ? nullptr
+               : &cells_[static_cast<std::size_t>(k)].model;
+  }
+  /// Is the cell's centre in soil?
+  bool soil(int id) const {
+    const CellModel* m = find(id);
+    return m != nullptr ? m->soil() : grid_.count(id) > 32;
+  }
+  /// Signed distance at a point relative to a cell's centre, as far as the cell knows.
+  float beyond(int id, float x, float y, float z) const {
+    const CellModel* m = find(id);
+    return m != nullptr ? m->at(x, y, z).beyond : soil(id) ? -0.5f : 0.5f;
+  }
+  /// Is the cell undug, or without a surface?
+  bool base(int id) const {
+    const int k = index_[static_cast<std::size_t>(id)];
+    return k < 0 || cells_[static_cast<std::size_t>(k)].kind == Cell::kBase;
+  }
+  const CellGrid& grid() const { return grid_; }
+
+  struct Cell {
+    int id = 0;
+    int away = 0;
+    enum Kind : std::uint8_t {
+      kUnfitted,
+      kBase,    ///< undug
+      kSmooth,  ///< one plane
+      kSided,   ///< of a thin wall
+      kOther
+    } kind = kUnfitted;
+    bool bent = false;   ///< bend is known
+    bool both = false;   ///< opposite is known
+    CellPlane plane;     ///< as fitted: where the surface bends, too far inwards
+    CellPlane opposite;  ///< the other face of a wall that fills the cell
+    Bend bend;
+    CellModel model;
+  };
+  const std::vector<Cell>& cells() const { return cells_; }
+
+ private:
+  Cell* at(int id) {
+    const int k = index_[static_cast<std::size_t>(id)];
+    return k < 0 ? nullptr : &cells_[static_cast<std::size_t>(k)];
+  }
+  Cell* neighbour(const Cell& cell, int x, int y, int z) {
+    return at(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
+  }
+  void fit(Cell& cell);
+  void find_bend(Cell& cell);
+  CellPlane base_plane(int id) const;
+  void gather(const Cell& cell, Candidates& candidates);
+  void solve_creases(int range);
+  /// Shifts the planes of each cell so that models and words around it hold the same volume.
+  void conserve_volumes(int range);
+
+  const CellGrid& grid_;
+  std::vector<int> index_;
+  std::vector<Cell> cells_;
+};
+
+}  // namespace soilvdb::inline v0

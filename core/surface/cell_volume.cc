@@ -1,0 +1,90 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/surface/cell_volume.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/surface/plane_mask.h"
+#include "soilvdb/base_surface.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+/// Patterns of samples that are weighed where planes meet: the cell's own and others, not the same
+/// for all cells, or what they have wrong would add up along a crease.
+constexpr int kWeighed = 4;
+/// Samples this near to the surface count in part, voxels: area is their number.
+constexpr float kSoft = 0.05f;
+
+/// Below one plane: the cut-off corner's pyramid less those beyond the cell (Scardovelli and
+/// Zaleski 2000), two by two so that a normal along an axis does no harm.
+CellVolume below(const CellPlane& p) {
+  constexpr double kLeast = 1e-4;
+  double a = std::max(std::abs(double{p.nx}), kLeast), b = std::max(std::abs(double{p.ny}), kLeast),
+         c = std::max(std::abs(double{p.nz}), kLeast);
+  if (a > b) std::swap(a, b);
+  if (a > c) std::swap(a, c);
+  const double depth = (a + b + c) / 2 - std::abs(double{p.d});
+  double volume = 0, area = 0;
+  const auto add = [&](double x, double sign) {
+    if (x <= 0) return;
+    volume += sign * (x < a ? x * x * x / a : 3 * x * (x - a) + a * a);
+    area += sign * (x < a ? 3 * x * x / a : 6 * x - 3 * a);
+  };
+  add(depth, 1);
+  add(depth - b, -1);
+  add(depth - c, -1);
+  const double share = 1 / (6 * b * c);
+  volume *= share;
+  return {static_cast<float>(p.d > 0 ? 1 - volume : volume), static_cast<float>(area * share)};
+}
+
+SOILVDB_INLINE Lanes beyond(const CellPlane& p, Lanes x, Lanes y, Lanes z) {
+  const float d = p.d + (p.nx + p.ny + p.nz) / 2;
+  return p.nx * x + (p.ny * y + p.nz * z) - d;
+}
+
+SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel) {
+  const int planes = model.planes();
+  const bool first_and =
+      model.join == Join::kAnd || model.join == Join::kAndAnd || model.join == Join::kAndOr;
+  const bool second_and = model.join == Join::kAndAnd || model.join == Join::kOrAnd;
+  const int own = sample_pattern(voxel);
+  Lanes volume = {}, area = {};
+  for (int k = 0; k < kWeighed; ++k) {
+    const CellPoints& points = pattern_points((own + k * (kPatterns / kWeighed)) % kPatterns);
+    for (int row = 0; row < kChunkSide; ++row) {
+      Lanes x, y, z;
+      __builtin_memcpy(&x, points.x + kChunkSide * row, sizeof(x));
+      __builtin_memcpy(&y, points.y + kChunkSide * row, sizeof(y));
+      __builtin_memcpy(&z, points.z + kChunkSide * row, sizeof(z));
+      Lanes s = beyond(model.plane[0], x, y, z);
+      const Lanes b = beyond(model.plane[1], x, y, z);
+      s = first_and ? max(s, b) : min(s, b);
+      if (planes > 2) {
+        const Lanes c = beyond(model.plane[2], x, y, z);
+        s = second_and ? max(s, c) : min(s, c);
+      }
+      const Lanes share = 0.5f - s / (2 * kSoft);
+      volume += min(max(share, all_lanes(0)), all_lanes(1));
+      area += (share > 0.0f && share < 1.0f) ? all_lanes(1) : all_lanes(0);
+    }
+  }
+  float soil = 0, near = 0;
+  for (int lane = 0; lane < kChunkSide; ++lane) {
+    soil += volume[lane];
+    near += area[lane];
+  }
+  constexpr float kShare = 1.0f / (64 * kWeighed);
+  return {soil * kShare, near * (kShare / (2 * kSoft))};
+}
+
+}  // namespace
+
+CellVolume cell_volume(const CellModel& model, const Coord3& voxel) {
+  return model.join == Join::kOne ? below(model.plane[0]) : weighed(model, voxel);
+}
+
+}  // namespace soilvdb::inline v0

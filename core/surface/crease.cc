@@ -1,0 +1,260 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/surface/crease.h"
+
+#include <bit>
+
+#include "core/surface/plane_mask.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr float kAlikeCosine = 0.985f;  // 10 degrees
+constexpr float kAlikeGap = 0.25f;      // voxels
+constexpr float kFar = 1.0f;            // beyond the cell, voxels
+constexpr int kFree = 2;                // wrong samples of a neighbour that cost nothing
+constexpr int kMostOfNeighbour = 24;    // it may see what the cell doesn't
+constexpr int kPlaneCost = 8;
+constexpr int kGood = 14;  // a pair better than that is not made a triple
+constexpr int kUnsolved = 160;
+constexpr int kRefits = 2;
+constexpr float kStiffness = 0.6f;  // of planes against joint refits, voxels^2
+constexpr float kMostMove = 0.35f;
+constexpr int kCells = 27, kOwn = 13;
+
+using Mask = std::uint64_t;
+using Masks = Mask[kCells];
+
+SOILVDB_INLINE Mask joined(Join join, Mask a, Mask b, Mask c) {
+  switch (join) {
+    case Join::kOne:
+      return a;
+    case Join::kAnd:
+      return a & b;
+    case Join::kOr:
+      return a | b;
+    case Join::kAndAnd:
+      return a & b & c;
+    case Join::kOrOr:
+      return a | b | c;
+    case Join::kAndOr:
+      return (a & b) | c;
+    case Join::kOrAnd:
+      return (a | b) & c;
+  }
+  return a;
+}
+
+/// What a model has wrong, up to `most`.
+template <Join join>
+SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, const Masks& c,
+                         int most) {
+  int sum = kPlaneCost * planes_of(join) +
+            std::popcount(joined(join, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
+  for (int k = 0; k < kCells && sum < most; ++k) {
+    if (k == kOwn) continue;
+    const int wrong = std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFree;
+    sum += std::min(std::max(wrong, 0), kMostOfNeighbour);
+  }
+  return sum;
+}
+
+struct Best {
+  int score = 1 << 20;
+  Join join = Join::kOne;
+  int plane[3] = {0, 0, 0};
+};
+
+template <Join join>
+SOILVDB_INLINE void attempt(const Masks& words, const Masks* masks, int a, int b, int c,
+                            Best& best) {
+  const int s = score<join>(words, masks[a], masks[b], masks[c], best.score);
+  if (s < best.score) best = {s, join, {a, b, c}};
+}
+
+struct Window {
+  const CellPoints* points[kCells];
+  Masks words;
+};
+
+SOILVDB_INLINE void make_masks(const Window& window, const CellPlane& plane, Masks& masks) {
+  const float half_range = plane.half_range() + kFaceMargin;
+  for (int k = 0; k < kCells; ++k) {
+    const CellPlane here = plane.from(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+    masks[k] = here.d >= half_range    ? ~Mask{0}
+               : here.d <= -half_range ? 0
+                                       : plane_mask(*window.points[k], here);
+  }
+}
+
+/// What a join of masks has wrong.
+SOILVDB_INLINE int score_of(Join join, const Masks& words, const Masks* m) {
+  const int planes = planes_of(join);
+  const Masks &a = m[0], &b = m[planes > 1 ? 1 : 0], &c = m[planes > 2 ? 2 : 0];
+  constexpr int kAny = 1 << 20;
+  switch (join) {
+    case Join::kOne:
+      return score<Join::kOne>(words, a, b, c, kAny);
+    case Join::kAnd:
+      return score<Join::kAnd>(words, a, b, c, kAny);
+    case Join::kOr:
+      return score<Join::kOr>(words, a, b, c, kAny);
+    case Join::kAndAnd:
+      return score<Join::kAndAnd>(words, a, b, c, kAny);
+    case Join::kOrOr:
+      return score<Join::kOrOr>(words, a, b, c, kAny);
+    case Join::kAndOr:
+      return score<Join::kAndOr>(words, a, b, c, kAny);
+    case Join::kOrAnd:
+      return score<Join::kOrAnd>(words, a, b, c, kAny);
+  }
+  return kAny;
+}
+
+/// One Gauss-Newton step of all planes together.
+SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
+                                  const Window& window) {
+  struct Sums {
+    float more = 0, x = 0, y = 0, z = 0;  // of wrong samples: soil less air, and its moments
+    float a[6] = {0, 0, 0, 0, 0, 0};
+  } sums[3];
+  const int planes = model.planes();
+  const float half_range[3] = {model.plane[0].half_range(), model.plane[1].half_range(),
+                               model.plane[2].half_range()};
+  const Tangents tangents[3] = {Tangents(model.plane[0]), Tangents(model.plane[1]),
+                                Tangents(model.plane[2])};
+  for (int k = 0; k < kCells; ++k) {
+    const float x = static_cast<float>(k / 9 - 1), y = static_cast<float>(k / 3 % 3 - 1),
+                z = static_cast<float>(k % 3 - 1);
+    bool near = false;
+    for (int p = 0; p < planes; ++p) {
+      const CellPlane& plane = model.plane[p];
+      const float s = plane.beyond(x, y, z);
+      if (std::abs(s) >= half_range[p]) continue;
+      near = true;
+      const float fx = x - s * plane.nx, fy = y - s * plane.ny, fz = z - s * plane.nz;
+      if (model.at(fx, fy, fz).plane != p) continue;
+      const Tangents& t = tangents[p];
+      const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
+      const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
+      Sums& sum = sums[p];
+      sum.a[0] += 1;
+      sum.a[1] += u;
+      sum.a[2] += v;
+      sum.a[3] += u * u;
+      sum.a[4] += u * v;
+      sum.a[5] += v * v;
+    }
+    if (!near) continue;
+    const Mask all =
+        joined(model.join, masks[0][k], planes > 1 ? masks[1][k] : 0, planes > 2 ? masks[2][k] : 0);
+    Mask wrong = all ^ window.words[k];
+    if (std::popcount(wrong) > kMostOfNeighbour) continue;  // of another surface
+    for (; wrong != 0; wrong &= wrong - 1) {
+      const int i = std::countr_zero(wrong);
+      const CellPoints& points = *window.points[k];
+      const float px = x + points.x[i] - 0.5f, py = y + points.y[i] - 0.5f,
+                  pz = z + points.z[i] - 0.5f;
+      const Active active = model.at(px, py, pz);
+      if (std::abs(active.beyond) > 0.5f) continue;
+      const float sign = window.words[k] >> i & 1 ? 1.0f : -1.0f;
+      Sums& sum = sums[active.plane];
+      sum.more += sign;
+      sum.x += sign * px;
+      sum.y += sign * py;
+      sum.z += sign * pz;
+    }
+  }
+  CellModel moved = model;
+  for (int p = 0; p < planes; ++p) {
+    float* const a = sums[p].a;
+    const Tangents& t = tangents[p];
+    const auto along = [&](const float* e) {
+      return e[0] * sums[p].x + (e[1] * sums[p].y + e[2] * sums[p].z);
+    };
+    const float b[3] = {sums[p].more, along(t.u), along(t.v)};
+    a[0] += kStiffness / 4;
+    a[3] += kStiffness;
+    a[5] += kStiffness;
+    displace(moved.plane[p], t, a, b, kMostMove);
+  }
+  return moved;
+}
+
+SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> planes,
+                            CellModel& model) {
+  const int n = static_cast<int>(planes.size());
+  Masks masks[kMostCandidates];
+  for (int p = 0; p < n; ++p) make_masks(window, planes[static_cast<std::size_t>(p)], masks[p]);
+  Best best;
+  const Masks& words = window.words;
+  for (int a = 0; a < n; ++a) attempt<Join::kOne>(words, masks, a, a, a, best);
+  for (int a = 0; a < n; ++a) {
+    for (int b = a + 1; b < n; ++b) {
+      attempt<Join::kAnd>(words, masks, a, b, a, best);
+      attempt<Join::kOr>(words, masks, a, b, a, best);
+    }
+  }
+  if (best.score - kPlaneCost * planes_of(best.join) > kGood) {
+    for (int a = 0; a < n; ++a) {
+      for (int b = a + 1; b < n; ++b) {
+        for (int c = b + 1; c < n; ++c) {
+          attempt<Join::kAndAnd>(words, masks, a, b, c, best);
+          attempt<Join::kOrOr>(words, masks, a, b, c, best);
+          attempt<Join::kAndOr>(words, masks, a, b, c, best);
+          attempt<Join::kAndOr>(words, masks, a, c, b, best);
+          attempt<Join::kAndOr>(words, masks, b, c, a, best);
+          attempt<Join::kOrAnd>(words, masks, a, b, c, best);
+          attempt<Join::kOrAnd>(words, masks, a, c, b, best);
+          attempt<Join::kOrAnd>(words, masks, b, c, a, best);
+        }
+      }
+    }
+  }
+  model.join = best.join;
+  Masks fitted[2][3];
+  for (int p = 0; p < 3; ++p) {
+    model.plane[p] = planes[static_cast<std::size_t>(best.plane[p])];
+    std::copy_n(masks[best.plane[p]], kCells, fitted[0][p]);
+  }
+  for (int k = 0; k < kRefits; ++k) {
+    const CellModel moved = refitted(model, fitted[k & 1], window);
+    Masks* const then = fitted[1 - (k & 1)];
+    for (int p = 0; p < moved.planes(); ++p) make_masks(window, moved.plane[p], then[p]);
+    const int s = score_of(moved.join, words, then);
+    if (s > best.score) break;
+    best.score = s;
+    model = moved;
+  }
+  model.wrong = best.score - kPlaneCost * planes_of(best.join);
+  model.solved = best.score < kUnsolved;
+}
+
+}  // namespace
+
+void Candidates::add(const CellPlane& plane) {
+  if (full() || std::abs(plane.d) > plane.half_range() + kFar) return;
+  for (int k = 0; k < size_; ++k) {
+    const CellPlane& other = planes_[k];
+    if (plane.along(other.nx, other.ny, other.nz) > kAlikeCosine &&
+        std::abs(plane.d - other.d) < kAlikeGap) {
+      return;
+    }
+  }
+  planes_[size_++] = plane;
+}
+
+CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidates) {
+  CellModel model;
+  if (candidates.planes().empty()) return model;
+  Window window;
+  for (int k = 0; k < kCells; ++k) {
+    const int x = k / 9 - 1, y = k / 3 % 3 - 1, z = k % 3 - 1;
+    window.words[k] = grid.word(id + x * grid.step(0) + y * grid.step(1) + z);
+    window.points[k] = &grid.points(id + x * grid.step(0) + y * grid.step(1) + z);
+  }
+  solve(window, candidates.planes(), model);
+  return model;
+}
+
+}  // namespace soilvdb::inline v0

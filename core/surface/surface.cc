@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/surface/surface.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <map>
+
+#include "soilvdb/chunk_range.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr int kChunksPerBlock = kBlockSide / kChunkSide;
+/// Side of the cubes in which many chunks share what is known around them, voxels: larger ones look
+/// at less twice, and leave the caches.
+constexpr int kShare = 64;
+
+int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
+
+/// Is a chunk farther from resident ground than the band reaches?
+bool untouched_around(const Soil& soil, const Coord3& chunk) {
+  for (int n = 0; n < 27; ++n) {
+    if (soil.find(chunk + kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) != nullptr)
+      return false;
+  }
+  return true;
+}
+
+void base_distance(const Soil& soil, const Coord3& chunk, float* phi_m) {
+  soil.base().distance(soil.world_from_index(chunk.cast<double>()), soil.voxel_size_m(),
+                       soil.band_m(), phi_m);
+}
+
+}  // namespace
+
+SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need)
+    : grid_(soil, chunks, halo(need)),
+      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1),
+      contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {
+  if (need == kDistance) distance_.emplace(soil, models_, contour_);
+}
+
+void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m) {
+  if (untouched_around(soil, chunk_origin)) return base_distance(soil, chunk_origin, phi_m);
+  SurfaceBlock(soil, {&chunk_origin, 1}, SurfaceBlock::kDistance).distance(chunk_origin, phi_m);
+}
+
+void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
+                       const std::function<void(std::size_t, const float*)>& out) {
+  struct Piece {
+    std::vector<Coord3> chunks;
+    std::vector<std::size_t> numbers;
+  };
+  std::map<std::array<int, 3>, Piece> by_block;
+  std::vector<std::size_t> untouched;
+  for (std::size_t i = 0; i < chunks.size(); ++i) {
+    const Coord3& c = chunks[i];
+    if (untouched_around(soil, c)) {
+      untouched.push_back(i);
+      continue;
+    }
+    constexpr int kMask = ~(kShare - 1);
+    Piece& piece = by_block[{c.x() & kMask, c.y() & kMask, c.z() & kMask}];
+    piece.chunks.push_back(c);
+    piece.numbers.push_back(i);
+  }
+  tbb::parallel_for(std::size_t{0}, untouched.size(), [&](std::size_t i) {
+    float phi_m[kChunkVoxels];
+    base_distance(soil, chunks[untouched[i]], phi_m);
+    out(untouched[i], phi_m);
+  });
+  std::vector<const Piece*> pieces;
+  for (const auto& [block, piece] : by_block) pieces.push_back(&piece);
+  tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
+    const Piece& piece = *pieces[i];
+    const SurfaceBlock block(soil, piece.chunks, SurfaceBlock::kDistance);
+    float phi_m[kChunkVoxels];
+    for (std::size_t k = 0; k < piece.chunks.size(); ++k) {
+      block.distance(piece.chunks[k], phi_m);
+      out(piece.numbers[k], phi_m);
+    }
+  });
+}
+
+std::vector<Coord3> resident_chunks(const Soil& soil, const Coord3& block) {
+  std::vector<Coord3> all;
+  for (int n = 0; n < kChunksPerBlock * kChunksPerBlock * kChunksPerBlock; ++n) {
+    const Coord3 origin = block + kChunkSide * Coord3(n / 16, n / 4 % 4, n % 4);
+    if (soil.find(origin) != nullptr) all.push_back(origin);
+  }
+  return all;
+}
+
+}  // namespace soilvdb::inline v0

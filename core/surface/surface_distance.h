@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Signed distance from the polygons of a contour.
+#pragma once
+
+#include <vector>
+
+#include "core/surface/dual_contour.h"
+
+namespace soilvdb::inline v0 {
+
+/// Voxels between a voxel and the lower end of the edge of any polygon within the band around it:
+/// the band's three and a polygon's reach.
+inline constexpr int kPolygonsSeen = 4;
+
+/// phi at voxel centres: to the nearest of the polygons within the band, all of which are looked
+/// at, so that their order is no matter. Where the nearest is of untouched ground and the base
+/// surface agrees it is the base surface's own distance.
+class ContourDistance {
+ public:
+  /// @param contour with reach kPolygonsSeen + 1. Models must outlive it.
+  ContourDistance(const Soil& soil, const CellModels& models, const Contour& contour);
+
+  /// 512 values for the voxels of a chunk, m.
+  void chunk(const Coord3& origin, float* phi_m) const;
+
+  /// A triangle as the kernel takes it, in voxels from the lower end of its edge.
+  struct Triangle {
+    Coord3 cell;
+    float corner[3][3], edge[3][3], inverse_square[3];
+    float inwards[3][3];  ///< in the plane, across each edge
+    float normal[3], beside;
+    float middle[3], radius;  ///< of a ball around it
+    bool base;
+  };
+
+ private:
+  const Soil& soil_;
+  const CellModels& models_;
+  std::vector<Triangle> triangles_;  // by columns of the grid
+  std::vector<int> first_;           // of each column, and the end
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,22 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/draw/change_plan.h"
+
+#include "io/draw/ground_source.h"
+#include "soilvdb/surface_height.h"
+
+namespace soilvdb::inline v0::io {
+
+void write_change_plan(const std::filesystem::path& file, const Soil& before, const Soil& after,
+                       const Eigen::AlignedBox2d& changed, const Caption& caption) {
+  const Ground ground{.now = surface_heights(after),
+                      .base = surface_heights(before),
+                      .voxel_size_m = after.voxel_size_m(),
+                      .cut = changed};
+  const Vec2 margin = Vec2::Constant(0.15 * changed.sizes().maxCoeff());
+  const Eigen::AlignedBox2d box(changed.min() - margin, changed.max() + margin);
+  Canvas canvas = draw_plan(ground, box, caption);
+  save(file, canvas);
+}
+
+}  // namespace soilvdb::inline v0::io

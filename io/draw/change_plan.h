@@ -1,0 +1,20 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A picture of what changed between two states of a site.
+#pragma once
+
+#include <filesystem>
+
+#include "soilvdb/io/picture.h"
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0::io {
+
+/// The plan of write_plan(), of the ground after, with the depth cut since `before` in colour.
+/// Where soil was added nothing is coloured.
+/// @param changed what changed, world, m; shown with a margin
+/// @throw std::runtime_error naming the file and the cause.
+void write_change_plan(const std::filesystem::path& file, const Soil& before, const Soil& after,
+                       const Eigen::AlignedBox2d& changed, const Caption& caption);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/io/picture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "io/draw/ground_source.h"
+#include "io/file/atomic_file.h"
+#include "soilvdb/surface_height.h"
+
+namespace soilvdb::inline v0::io {
+
+Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
+  Eigen::AlignedBox2d box;
+  for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
+    for (const Chunk* chunk : s->chunks()) {
+      if (cut_only && chunk->soil_count >= chunk->base_count) continue;
+      // Cells reach half a voxel beyond the centres.
+      const Vec3 low = s->world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
+      box.extend(low.head<2>());
+      box.extend(low.head<2>() + Vec2::Constant(s->voxel_size_m() * kChunkSide));
+    }
+  return box;
+}
+
+Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
+  Eigen::AlignedBox2d box = footprint(soil, true);
+  if (box.isEmpty()) box = footprint(soil, false);
+  if (box.isEmpty()) {
+    const Vec2 centre = soil.origin().head<2>();
+    return {centre - Vec2::Constant(10), centre + Vec2::Constant(10)};
+  }
+  const double size_m = box.sizes().maxCoeff();
+  const Vec2 margin = Vec2::Constant(0.15 * size_m + std::min(1.0, 0.3 * size_m));
+  return {box.min() - margin, box.max() + margin};
+}
+
+Ground ground_of(const Soil& soil) {
+  return {.now = surface_heights(soil),
+          .base = [&soil](double x, double y) { return soil.undug().height(x, y); },
+          .voxel_size_m = soil.voxel_size_m(),
+          .cut = footprint(soil, true)};
+}
+
+DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
+  const Eigen::AlignedBox2d part = box.intersection(ground.cut);
+  if (ground.cut.isEmpty() || part.isEmpty() || !(part.sizes().minCoeff() > 0)) return {};
+  const double cell = std::max(ground.voxel_size_m / 3, part.sizes().maxCoeff() / 700);
+  const auto cells = [&](double length) {
+    return std::max(1, static_cast<int>(std::ceil(length / cell)));
+  };
+  return DepthScale::up_to(
+      deepest(sample_relief(ground.now, ground.base, part, cells(part.sizes().x()),
+                            cells(part.sizes().y()), ground.least_m())),
+      ground.least_m());
+}
+
+Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m) {
+  if (box.isEmpty() || !box.min().allFinite() || !box.max().allFinite()) {
+    throw std::invalid_argument(
+        "a picture needs a region with finite sides, xmin < xmax and ymin < ymax");
+  }
+  const double least = std::max(
+      {4 * voxel_size_m, box.sizes().maxCoeff() / 12, 1e-9 * box.max().cwiseAbs().maxCoeff()});
+  const Vec2 half = box.sizes().cwiseMax(least) / 2;
+  return {box.center() - half, box.center() + half};
+}
+
+void save(const std::filesystem::path& file, Canvas& canvas) {
+  write_atomically(file, canvas.png());
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The lit view of a block of ground, of any ground that can be made a closed level set.
+#pragma once
+
+#include <functional>
+
+#include "io/draw/ground_source.h"
+#include "io/draw/ray_tracer.h"
+
+namespace soilvdb::inline v0::io {
+
+/// The ground in a box of the world as a closed level set relative to the origin; null where that
+/// can't be made, and the view makes do with heights.
+using MakeBlock = std::function<openvdb::FloatGrid::ConstPtr(const Eigen::AlignedBox3d& box)>;
+
+/// The picture write_view() writes.
+Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& origin,
+                 const Eigen::AlignedBox2d& box, const Caption& caption);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What the readers of text files share: the whole file as a string, strict numbers, and words for
+// messages.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "soilvdb/io/error.h"
+
+namespace soilvdb::inline v0::io {
+
+/// Largest magnitude of a number in an input file: beyond it is a slip, or metres taken for
+/// millimetres.
+inline constexpr double kMaxNumber = 1e9;
+
+/// @throw InputError unless `file` is there, a file (no folder, no device), and can be read.
+void check_readable(const std::filesystem::path& file);
+
+/// The whole file. @throw InputError also if it is empty, larger than `max_bytes` or not text.
+std::string read_text(const std::filesystem::path& file, std::size_t max_bytes);
+
+/// The number that fills all of `text`; nothing otherwise. Independent of the locale. May be NaN or
+/// infinite.
+std::optional<double> parse_number(std::string_view text);
+
+/// `text` on one line, without control characters, cut to a length fit for a message.
+std::string printable(std::string_view text);
+
+/// The candidate with the fewest insertions, deletions, changes and swaps of letters from `word`;
+/// the first of equals; empty if there are no candidates.
+std::string nearest(std::string_view word, std::span<const std::string> candidates);
+
+/// 'a', 'b' and 'c'
+std::string quoted_list(std::span<const std::string> words);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,31 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Checksums against damage by accident, not against forgery.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace soilvdb::inline v0::io {
+
+/// CRC-64/XZ.
+/// @param before that of what comes before `bytes`
+std::uint64_t crc64(std::string_view bytes, std::uint64_t before = 0);
+
+/// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of
+/// 64 blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
+/// @param whole all of it, whatever its size: for what a damaged byte would crash
+/// @throw InputError if it can't be read.
+std::string file_fingerprint(const std::filesystem::path& file, bool whole = false);
+
+/// Size and CRC-64 of a whole file.
+struct FileDigest {
+  std::uint64_t size = 0, crc = 0;
+  bool operator==(const FileDigest&) const = default;
+};
+/// @throw InputError if it can't be read.
+FileDigest file_digest(const std::filesystem::path& file);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What every reader throws when an input file is wrong.
+#pragma once
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+namespace soilvdb::inline v0::io {
+
+/// An input file or the command line is wrong: "FILE:LINE: what is wrong and what would be right",
+/// without the line number where the file has none. One line, whatever is in the file's name.
+struct InputError : std::runtime_error {
+  explicit InputError(const std::string& message) : std::runtime_error(one_line(message)) {}
+  InputError(const std::filesystem::path& file, const std::string& message)
+      : InputError(file.string() + ": " + message) {}
+  InputError(const std::filesystem::path& file, long line, const std::string& message)
+      : InputError(file.string() + ":" + std::to_string(line) + ": " + message) {}
+
+ private:
+  static std::string one_line(std::string text) {
+    for (char& c : text) {
+      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
+    }
+    return text;
+  }
+};
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,160 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The journal of a run: what each update consumed and gave, in an append-only file from which an
+// interrupted run goes on.
+//
+// A file of frames. Each has a checksum over its content and its place in the file, and says up to
+// where the file was known to be on disk when it was written. So a bad frame at the end is what a
+// crash leaves, the end of the journal; a bad frame before that is damage.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <variant>
+#include <vector>
+
+#include "soilvdb/io/motion_rows.h"
+
+namespace soilvdb::inline v0::io {
+
+/// What the run was asked for, as the program writes it; the first record.
+struct JournalConfig {
+  std::string text;
+};
+/// A machine moved on over [begin_s, end_s]: the rows of its motion that took, and what came of it.
+struct JournalMove {
+  std::uint32_t machine = 0;
+  bool ends_update = true;
+  double begin_s = 0, end_s = 0, cut_m3 = 0, bucket_m3 = 0, us = 0;
+  MotionRows rows;
+};
+/// A file that was finished, as of so many updates.
+struct JournalFile {
+  std::string name;
+  std::uint64_t updates = 0, size = 0, crc = 0;
+  std::string parent = {};  ///< an incremental snapshot: the one before it
+};
+/// A file that is no longer needed and is about to be deleted.
+struct JournalRemoval {
+  std::string name;
+};
+/// The run came to its end.
+struct JournalEnd {};
+using JournalRecord =
+    std::variant<JournalConfig, JournalMove, JournalFile, JournalRemoval, JournalEnd>;
+
+/// How far a run has come.
+struct JournalExtent {
+  std::uint64_t updates = 0;
+  double time_s = 0;
+};
+
+/// Makes `file` a journal that holds a configuration and nothing else, atomically.
+/// @param removed files of a run before, which are about to be deleted
+/// @return its size, bytes
+/// @throw std::runtime_error naming the file and the cause.
+std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConfig& config,
+                            const std::vector<std::string>& removed = {});
+
+/// Appends records to a journal. A thread of its own writes and syncs, so add() costs a copy.
+///
+/// A record is acknowledged once it is on disk for sure. After an error nothing more is written,
+/// and the next call throws it. Files and what is removed may be added, and flush() called, by one
+/// thread while another adds moves; else it is not thread-safe.
+class JournalWriter {
+ public:
+  /// @param end of the good part of the file, in bytes; what comes after it is cut off
+  /// @param done how far the good part comes
+  /// @param sync_s at most this long, s, until a record is acknowledged; 0: within add()
+  /// @throw std::runtime_error naming the file and the cause, as the others do.
+  JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done, double sync_s);
+  /// Syncs what there is, if it can.
+  ~JournalWriter();
+  JournalWriter(const JournalWriter&) = delete;
+  JournalWriter& operator=(const JournalWriter&) = delete;
+
+  void add(const JournalMove& move);
+  void add(const JournalFile& file);
+  void add(const JournalRemoval& removed);
+  void add(const JournalEnd& end);
+  /// Returns when all that was added before is acknowledged.
+  void flush();
+  JournalExtent acknowledged() const;
+
+ private:
+  void added(std::unique_lock<std::mutex>& lock);
+  void work();
+  void write_batch(std::unique_lock<std::mutex>& lock, bool sync);
+
+  const std::filesystem::path file_;
+  const double sync_s_;
+  int descriptor_ = -1;
+  std::uint64_t end_ = 0, synced_ = 0;  // bytes
+  std::string batch_;                   // records on their way into a frame
+  std::vector<double> last_row_s_;      // of each machine
+
+  mutable std::mutex mutex_;
+  std::condition_variable wake_, done_;
+  std::string pending_;  // records that aren't in a frame yet
+  JournalExtent added_, acknowledged_;
+  std::uint64_t count_added_ = 0, count_acknowledged_ = 0;  // records
+  bool stop_ = false, hurry_ = false;
+  std::string error_;
+  std::thread worker_;
+};
+
+/// Reads a journal from its start to the end of its good part.
+class JournalReader {
+ public:
+  /// @throw InputError if `file` is not there or does not begin as a journal does.
+  explicit JournalReader(const std::filesystem::path& file);
+
+  /// The next record; nothing at the end of the good part.
+  /// @throw InputError if a record makes no sense although its checksum is right.
+  std::optional<JournalRecord> next();
+
+  /// Of the frames read so far, in bytes.
+  std::uint64_t good_bytes() const { return good_; }
+  /// At the end: bytes that a crash left of a frame that never became whole.
+  std::uint64_t torn_bytes() const { return damaged_ ? 0 : size_ - good_; }
+  /// At the end: is the frame at good_bytes() damaged, having been on disk once?
+  bool damaged() const { return damaged_; }
+
+ private:
+  bool next_frame();
+  bool synced_past(std::uint64_t place);
+
+  std::filesystem::path file_;
+  std::ifstream in_;
+  std::uint64_t size_ = 0, good_ = 0;
+  bool damaged_ = false, at_end_ = false;
+  std::string frame_;
+  std::size_t at_ = 0;
+  std::vector<MotionRows> rows_;  // of each machine, as its last move had them
+};
+
+/// Does this file begin as a journal does? False if there is none.
+bool is_journal(const std::filesystem::path& file);
+
+/// What a journal says, but for the moves.
+struct JournalContent {
+  JournalConfig config;
+  JournalExtent done;                ///< acknowledged
+  std::vector<JournalFile> files;    ///< the last of each name, by updates
+  std::vector<std::string> removed;  ///< that aren't among them any more
+  bool ended = false;
+  std::uint64_t good_bytes = 0, torn_bytes = 0;  ///< as of JournalReader
+  bool damaged = false;
+};
+/// @throw InputError as JournalReader does.
+JournalContent read_journal(const std::filesystem::path& file);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Motions of buckets as CSV: a header, then one row per time, by poses or by joints.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "soilvdb/io/csv.h"
+#include "soilvdb/motion.h"
+
+namespace soilvdb::inline v0::io {
+
+struct MotionInput {
+  Motion motion;
+  std::vector<std::string> warnings;  ///< unused columns, joints beyond their limits
+};
+
+/// Rows that can't be what a machine did: fields missing, too many or no numbers; numbers no site
+/// and no sensor has; times that don't increase; a bucket or joint faster than any machine's since
+/// the last good row.
+struct BadRows {
+  std::int64_t count = 0;
+  std::string first;             ///< "FILE:LINE: what is wrong and what would be right"
+  std::optional<double> good_s;  ///< time of the last good row before it, if there is one
+  std::int64_t at_odds = 0;      ///< rows that are bad only by what the good row before them says
+  long at_odds_with = 0;  ///< the line of the row that most of them in a row are at odds with
+};
+
+/// Reads `time` (s, strictly increasing) and, without a chain, x,y,z (m) with roll,pitch,yaw (rad,
+/// missing ones are 0) or qx,qy,qz,qw: the bucket frame in the world; with a chain, a column for
+/// each of its movable joints (rad or m).
+///
+/// UTF-8 with or without a byte order mark, LF or CR LF line ends, spaces around commas, quoted
+/// fields, blank lines at the end. Columns it has no use for are skipped unread, with one warning.
+/// @throw InputError naming file, line, what is wrong and what would be right; so does a bad row.
+MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain);
+
+/// Reads the same part by part, in memory for one part. Parts join: each begins with the last row
+/// of the one before. Bad rows are left out, as if the file hadn't got them.
+class MotionReader {
+ public:
+  /// @throw InputError as read_motion() does; so does next().
+  MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain);
+  ~MotionReader();
+  MotionReader(const MotionReader&) = delete;
+  MotionReader& operator=(const MotionReader&) = delete;
+
+  /// The row it is at and up to `most_steps` more; goes on to the last of them. One row: the end.
+  Motion next(std::int64_t most_steps);
+  /// Of the text of the rows that next() returned last; differs from one process to the next.
+  std::size_t digest() const;
+
+  CsvLines::Mark mark() const;  ///< of the row it is at
+  void go_to(const CsvLines::Mark& mark);
+  std::int64_t bytes_read() const;
+
+  const BadRows& bad_rows() const;  ///< of all rows read so far
+  /// What read_motion() would warn of, for all rows read so far.
+  std::vector<std::string> warnings() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,72 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A motion of any length in memory for a part of it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "soilvdb/io/motion_csv.h"
+#include "soilvdb/motion.h"
+
+namespace soilvdb::inline v0::io {
+
+/// What a run does at a bad row: ends before it, or goes on as if it weren't there.
+enum class OnBadRow { kStop, kSkip };
+
+/// A checked motion whose rows come part by part, each part a Motion. Parts join: each begins with
+/// the last row of the one before. A file of one part stays in memory; of a longer one only where
+/// its parts begin, and part() reads again.
+class MotionFile {
+ public:
+  /// Steps between rows in each part but the last: about a megabyte.
+  static constexpr std::int64_t kPartSteps = 1 << 14;
+
+  /// One part, in memory.
+  MotionFile(Motion motion);
+
+  /// Reads and checks a file as read_motion() does, its bad rows left out.
+  /// @param look is shown each part, and how many bytes of the file have been read
+  /// @param warnings what read_motion() warns of is added, and the bad rows that are left out
+  /// @throw InputError as read_motion() does; for a bad row only where there is no good one, none
+  ///        to dig before it, or as many contradict good ones as not, so that those may be what is
+  ///        wrong.
+  MotionFile(const std::filesystem::path& file, const std::optional<Chain>& chain,
+             OnBadRow on_bad_row,
+             const std::function<void(const Motion& part, std::int64_t bytes)>& look,
+             std::vector<std::string>& warnings);
+
+  std::int64_t rows() const { return rows_; }
+  double begin_s() const { return begin_s_; }
+  double end_s() const { return end_s_; }
+  const std::filesystem::path& file() const { return file_; }  ///< empty: it has none
+  const BadRows& bad_rows() const { return bad_rows_; }
+  /// Is it to be dug up to bad_rows().good_s only?
+  bool stops() const { return stop_ && bad_rows_.count > 0; }
+
+  std::size_t parts() const { return parts_.size(); }
+  /// Safe to call from several threads.
+  /// @throw std::runtime_error if the file is not what it was when it was checked.
+  std::shared_ptr<const Motion> part(std::size_t i) const;
+
+ private:
+  struct Part {
+    CsvLines::Mark mark;
+    std::size_t digest = 0;
+  };
+  std::filesystem::path file_;
+  std::optional<Chain> chain_;
+  bool stop_ = false;
+  BadRows bad_rows_;
+  std::vector<Part> parts_;
+  std::shared_ptr<const Motion> only_;  // where there is one part
+  std::int64_t rows_ = 0;
+  double begin_s_ = 0, end_s_ = 0;
+};
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The rows of a motion as plain numbers, for the journal.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "soilvdb/motion.h"
+
+namespace soilvdb::inline v0::io {
+
+struct MotionRows {
+  bool joints = false;      ///< else poses: x, y, z, qx, qy, qz, qw
+  std::size_t columns = 0;  ///< values per row
+  std::vector<double> times_s, values;
+};
+
+/// Those rows of a motion on which its poses in [begin_s, end_s] depend.
+MotionRows rows_between(const Motion& motion, double begin_s, double end_s);
+
+/// A motion of these rows; between the same times it has the same poses, to the last bit.
+/// @throw std::invalid_argument if they don't make a motion of this chain.
+Motion motion_of(const MotionRows& rows, const Chain& chain);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,36 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Pictures for people: a shaded plan with the cut depth in colour, and a lit view of the dig.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0::io {
+
+/// What a picture says in words.
+struct Caption {
+  std::string title;   ///< the scenario's name
+  std::string detail;  ///< e.g. "cut 1.83 m3, 5 cm voxels, EPSG:26918"
+};
+
+/// Shaded plan of a box of the world: hillshade, cut depth in colour, contours, scale bar, legend,
+/// north arrow, coordinates at the frame. PNG.
+/// @throw std::runtime_error naming the file and the cause.
+void write_plan(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
+                const Caption& caption);
+
+/// Perspective view of the same box: ray-traced level set, sun and shadow, cut depth in colour.
+void write_view(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
+                const Caption& caption);
+
+/// The columns of the resident ground and of that beneath it, world; empty if there are none.
+/// @param cut_only of the chunks alone that have lost soil
+Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only);
+
+/// The box of the world a picture of this soil should show: the ground that was cut, with a margin.
+Eigen::AlignedBox2d region_of_interest(const Soil& soil);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,69 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A scenario: terrain, machines with their motions, and what to write. YAML, format version 1.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "soilvdb/bucket.h"
+#include "soilvdb/io/error.h"
+#include "soilvdb/io/motion_file.h"
+#include "soilvdb/io/swept_boxes.h"
+#include "soilvdb/motion.h"
+
+namespace soilvdb::inline v0::io {
+
+struct PlaneTerrain {
+  double height_m = 0;        ///< at x = y = 0
+  Vec2 slope = Vec2::Zero();  ///< dz/dx, dz/dy
+};
+struct RasterTerrain {
+  std::filesystem::path file;
+};
+struct LevelSetTerrain {
+  std::filesystem::path file;  ///< a snapshot or any closed level set
+};
+using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
+
+struct MachineInput {
+  /// A machine whose motion is in memory.
+  MachineInput(std::string name, Bucket bucket, Motion motion);
+  MachineInput(std::string name, Bucket bucket, MotionFile motion, SweptBoxes swept);
+
+  std::string name;
+  Bucket bucket;
+  MotionFile motion;
+  SweptBoxes swept;  ///< of the bucket
+};
+
+struct Scenario {
+  std::filesystem::path file;
+  std::string name;
+  double voxel_size_m = 0;
+  Terrain terrain;
+  std::vector<MachineInput> machines;  ///< names are unique
+  std::optional<double> snapshot_every_s;
+  bool incremental_snapshots = false;
+  std::optional<std::size_t> snapshots_kept;  ///< newest of them, 2 or more; else all
+  std::optional<std::string> mesh;            ///< "ply", "obj", "stl" or "glb"
+  std::optional<double> raster_cell_m;
+  double journal_sync_s = 1;                  ///< how often the journal is synced; 0: always
+  std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
+  std::vector<std::string> warnings;  ///< unused columns, joints beyond limits, bad rows left out
+};
+
+/// Is told how many bytes of all the motions have been read, and how many there are.
+using ReadProgress = std::function<void(std::int64_t done, std::int64_t total)>;
+
+/// Reads a scenario with all its machines, and their motions from end to end; doesn't open the
+/// terrain.
+/// @throw InputError naming file, line, what is wrong and what would be right.
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress = {});
+
+}  // namespace soilvdb::inline v0::io

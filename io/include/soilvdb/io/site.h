@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Opens a site: the terrain a scenario names, as soil that is ready to be dug.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "soilvdb/io/scenario.h"
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0::io {
+
+/// How to find a base surface again.
+struct BaseReference {
+  Terrain terrain;       ///< a level set may be a snapshot; paths canonical
+  std::string checksum;  ///< of the file's size and a sample of its bytes; empty for a plane
+};
+
+/// A base surface, and the coordinate system it came with.
+struct Base {
+  std::shared_ptr<const BaseSurface> surface;
+  BaseReference reference;
+  std::string crs_wkt;         ///< empty: not known
+  Eigen::AlignedBox2d bounds;  ///< where it is known, world; infinite for a plane
+  /// Where it is a snapshot's ground, what that was before anyone dug.
+  std::optional<BaseReference> beneath = {};
+};
+
+/// Opens a terrain; a snapshot as the surface of its ground.
+/// @throw InputError if the terrain can't be used: missing, not a height raster, closed level set
+/// or
+///        snapshot, in degrees or feet.
+Base open_base(const Terrain& terrain);
+
+/// The ground of a site, and what goes with it into a snapshot.
+struct Site {
+  std::unique_ptr<Soil> soil;
+  BaseReference reference;
+  std::string crs_wkt;
+  Eigen::AlignedBox2d bounds;
+  std::optional<BaseReference> beneath = {};
+
+  /// The ground before anyone dug, beneath all snapshots that one was dug from.
+  const BaseReference& undug() const { return beneath ? *beneath : reference; }
+};
+
+/// The same site as if nobody had dug there. @param site outlives it: the base surface is its
+Site undug_site(const Site& site);
+
+/// Opens a scenario's terrain at its voxel size: a new site, its origin that of the lattice near
+/// the first lip position (soilvdb/lattice.h), or the one a snapshot with such voxels holds.
+/// @throw InputError also where no machine's motion comes over the terrain, or a mouth goes below
+///        the ground's height around it where the terrain has none.
+Site open_site(const Scenario& scenario);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,210 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Writing journals.
+#include "soilvdb/io/journal.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <limits>
+#include <span>
+#include <stdexcept>
+
+#include "io/file/atomic_file.h"
+#include "io/journal/journal_format.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kBatch = std::size_t{256} << 10;  // bytes that are written without waiting
+constexpr std::size_t kMostPending = std::size_t{64} << 20;  // where add() waits for a slow disk
+
+[[noreturn]] void fail(const std::filesystem::path& file, int error) {
+  throw std::runtime_error(file.string() + ": can't be written: " + std::strerror(error));
+}
+
+void append_text(std::string& bytes, std::string_view text) {
+  append_raw(bytes, static_cast<std::uint32_t>(text.size()));
+  bytes += text;
+}
+
+void append_numbers(std::string& bytes, std::span<const double> numbers) {
+  append_raw(bytes, static_cast<std::uint32_t>(numbers.size()));
+  bytes.append(reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes());
+}
+
+std::string frame(std::string_view content, std::uint64_t place, std::uint64_t synced) {
+  const FrameHead head{static_cast<std::uint32_t>(content.size()), synced, crc64(content)};
+  return head.bytes(place).append(content);
+}
+
+}  // namespace
+
+std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConfig& config,
+                            const std::vector<std::string>& removed) {
+  std::string content(1, kConfigTag);
+  append_text(content, config.text);
+  for (const std::string& name : removed) {
+    content += kGoneTag;
+    append_text(content, name);
+  }
+  const std::string bytes = frame(content, 0, 0);
+  write_atomically(file, bytes);
+  return bytes.size();
+}
+
+JournalWriter::JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done,
+                             double sync_s)
+    : file_(std::move(file)), sync_s_(sync_s), end_(end), added_(done), acknowledged_(done) {
+  descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
+  if (descriptor_ < 0) fail(file_, errno);
+  if (::ftruncate(descriptor_, static_cast<off_t>(end)) != 0 || ::fsync(descriptor_) != 0 ||
+      ::lseek(descriptor_, static_cast<off_t>(end), SEEK_SET) < 0) {
+    const int error = errno;
+    ::close(descriptor_);
+    fail(file_, error);
+  }
+  synced_ = end;
+  worker_ = std::thread([this] { work(); });
+}
+
+JournalWriter::~JournalWriter() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_one();
+  worker_.join();
+  ::close(descriptor_);
+}
+
+void JournalWriter::add(const JournalMove& move) {
+  const MotionRows& rows = move.rows;
+  if (last_row_s_.size() <= move.machine)
+    last_row_s_.resize(move.machine + 1, -std::numeric_limits<double>::infinity());
+  double& last_row_s = last_row_s_[move.machine];
+  const auto fresh = static_cast<std::size_t>(
+      std::upper_bound(rows.times_s.begin(), rows.times_s.end(), last_row_s) -
+      rows.times_s.begin());
+  if (!rows.times_s.empty()) last_row_s = rows.times_s.back();
+
+  std::unique_lock lock(mutex_);
+  pending_ += kMoveTag;
+  append_raw(pending_, move.machine);
+  append_raw(pending_, move.ends_update);
+  for (const double value : {move.begin_s, move.end_s, move.cut_m3, move.bucket_m3, move.us})
+    append_raw(pending_, value);
+  append_raw(pending_, rows.joints);
+  append_raw(pending_, static_cast<std::uint32_t>(rows.columns));
+  append_numbers(pending_, std::span(rows.times_s).subspan(fresh));
+  append_numbers(pending_, std::span(rows.values).subspan(fresh * rows.columns));
+  if (move.ends_update) {
+    ++added_.updates;
+    added_.time_s = move.end_s;
+  }
+  added(lock);
+}
+
+void JournalWriter::add(const JournalFile& file) {
+  std::unique_lock lock(mutex_);
+  pending_ += kFileTag;
+  for (const std::uint64_t value : {file.updates, file.size, file.crc}) append_raw(pending_, value);
+  append_text(pending_, file.name);
+  append_text(pending_, file.parent);
+  added(lock);
+}
+
+void JournalWriter::add(const JournalRemoval& removed) {
+  std::unique_lock lock(mutex_);
+  pending_ += kGoneTag;
+  append_text(pending_, removed.name);
+  added(lock);
+}
+
+void JournalWriter::add(const JournalEnd&) {
+  flush();  // so that the end vouches for everything before it
+  std::unique_lock lock(mutex_);
+  pending_ += kEndTag;
+  added(lock);
+}
+
+void JournalWriter::added(std::unique_lock<std::mutex>& lock) {
+  ++count_added_;
+  if (pending_.size() >= kBatch) wake_.notify_one();
+  done_.wait(lock, [&] { return pending_.size() < kMostPending || !error_.empty(); });
+  if (!error_.empty()) throw std::runtime_error(error_);
+  if (sync_s_ > 0) return;
+  lock.unlock();
+  flush();
+}
+
+void JournalWriter::flush() {
+  std::unique_lock lock(mutex_);
+  const std::uint64_t count = count_added_;
+  hurry_ = true;
+  wake_.notify_one();
+  done_.wait(lock, [&] { return count_acknowledged_ >= count || !error_.empty(); });
+  if (!error_.empty()) throw std::runtime_error(error_);
+}
+
+JournalExtent JournalWriter::acknowledged() const {
+  const std::lock_guard lock(mutex_);
+  return acknowledged_;
+}
+
+void JournalWriter::work() {
+  const auto interval = std::chrono::duration_cast<Clock::duration>(
+      std::chrono::duration<double>(sync_s_ > 0 ? sync_s_ : 1.0));
+  Clock::time_point next_sync = Clock::now() + interval;
+  std::unique_lock lock(mutex_);
+  for (bool last = false; !last;) {
+    wake_.wait_until(lock, next_sync, [&] { return stop_ || hurry_ || pending_.size() >= kBatch; });
+    last = stop_;
+    const bool sync = last || hurry_ || Clock::now() >= next_sync;
+    hurry_ = false;
+    if (sync) next_sync = Clock::now() + interval;
+    if (error_.empty()) {
+      try {
+        write_batch(lock, sync);
+      } catch (const std::exception& e) {
+        if (!lock.owns_lock()) lock.lock();
+        error_ = e.what();
+      }
+    }
+    done_.notify_all();
+  }
+}
+
+void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
+  batch_.clear();
+  batch_.swap(pending_);  // the two take turns, so that neither has to grow again
+  const JournalExtent upto = added_;
+  const std::uint64_t count = count_added_;
+  lock.unlock();
+  if (!batch_.empty()) {
+    const std::string bytes = frame(batch_, end_, synced_);
+    for (std::string_view rest = bytes; !rest.empty();) {
+      const ssize_t n = ::write(descriptor_, rest.data(), rest.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) fail(file_, errno);
+      rest.remove_prefix(static_cast<std::size_t>(n));
+    }
+    end_ += bytes.size();
+  }
+  if (sync && synced_ < end_) {
+    if (::fdatasync(descriptor_) != 0) fail(file_, errno);
+    synced_ = end_;
+  }
+  lock.lock();
+  if (!sync) return;
+  acknowledged_ = upto;
+  count_acknowledged_ = count;
+}
+
+}  // namespace soilvdb::inline v0::io

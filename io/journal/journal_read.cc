@@ -1,0 +1,218 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Reading journals, damaged ones included.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "io/file/text.h"
+#include "io/journal/journal_format.h"
+#include "soilvdb/io/journal.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr std::uint32_t kMostMachines = 100'000;
+
+bool take_flag(std::string_view& bytes, bool& flag) {
+  std::uint8_t byte = 0;
+  if (!take_raw(bytes, byte) || byte > 1) return false;
+  flag = byte == 1;
+  return true;
+}
+
+bool take_text(std::string_view& bytes, std::string& text) {
+  std::uint32_t size = 0;
+  if (!take_raw(bytes, size) || bytes.size() < size) return false;
+  text = bytes.substr(0, size);
+  bytes.remove_prefix(size);
+  return true;
+}
+
+bool take_numbers(std::string_view& bytes, std::vector<double>& numbers) {
+  std::uint32_t count = 0;
+  if (!take_raw(bytes, count) || bytes.size() / sizeof(double) < count) return false;
+  numbers.resize(count);
+  for (double& number : numbers) take_raw(bytes, number);
+  return true;
+}
+
+/// Takes the rows that a machine's last moves hadn't had, and forgets those before `begin_s`.
+bool take_rows(std::string_view& bytes, double begin_s, MotionRows& rows) {
+  MotionRows fresh;
+  std::uint32_t columns = 0;
+  if (!take_flag(bytes, fresh.joints) || !take_raw(bytes, columns) ||
+      !take_numbers(bytes, fresh.times_s) || !take_numbers(bytes, fresh.values) ||
+      fresh.values.size() != fresh.times_s.size() * columns)
+    return false;
+  fresh.columns = columns;
+  if (!rows.times_s.empty() && (rows.joints != fresh.joints || rows.columns != columns))
+    return false;
+  const auto drop = [&](std::size_t first, std::size_t last) {
+    const auto at = [](auto& list, std::size_t i) {
+      return list.begin() + static_cast<std::ptrdiff_t>(i);
+    };
+    rows.times_s.erase(at(rows.times_s, first), at(rows.times_s, last));
+    rows.values.erase(at(rows.values, first * columns), at(rows.values, last * columns));
+  };
+  const auto count_below = [&](double time_s) {
+    return static_cast<std::size_t>(
+        std::lower_bound(rows.times_s.begin(), rows.times_s.end(), time_s) - rows.times_s.begin());
+  };
+  // A run that was gone on with begins with rows that are there already.
+  if (!fresh.times_s.empty()) drop(count_below(fresh.times_s.front()), rows.times_s.size());
+  rows.joints = fresh.joints;
+  rows.columns = columns;
+  rows.times_s.insert(rows.times_s.end(), fresh.times_s.begin(), fresh.times_s.end());
+  rows.values.insert(rows.values.end(), fresh.values.begin(), fresh.values.end());
+  const auto after = std::upper_bound(rows.times_s.begin(), rows.times_s.end(), begin_s);
+  const std::ptrdiff_t first = std::min<std::ptrdiff_t>(
+      after - rows.times_s.begin() - 1, static_cast<std::ptrdiff_t>(rows.times_s.size()) - 2);
+  drop(0, static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, first)));
+  return !rows.times_s.empty();
+}
+
+bool take_move(std::string_view& bytes, std::vector<MotionRows>& rows, JournalMove& move) {
+  if (!take_raw(bytes, move.machine) || move.machine >= kMostMachines ||
+      !take_flag(bytes, move.ends_update))
+    return false;
+  for (double* value : {&move.begin_s, &move.end_s, &move.cut_m3, &move.bucket_m3, &move.us})
+    if (!take_raw(bytes, *value)) return false;
+  if (rows.size() <= move.machine) rows.resize(move.machine + 1);
+  if (!take_rows(bytes, move.begin_s, rows[move.machine])) return false;
+  move.rows = rows[move.machine];
+  return true;
+}
+
+bool take_file(std::string_view& bytes, JournalFile& file) {
+  return take_raw(bytes, file.updates) && take_raw(bytes, file.size) && take_raw(bytes, file.crc) &&
+         take_text(bytes, file.name) && take_text(bytes, file.parent);
+}
+
+}  // namespace
+
+JournalReader::JournalReader(const std::filesystem::path& file) : file_(file) {
+  check_readable(file);
+  in_.open(file, std::ios::binary);
+  size_ = std::filesystem::file_size(file);
+  if (!next_frame() || frame_.front() != kConfigTag)
+    throw InputError(file, "is not a journal, or damaged at its start");
+}
+
+std::optional<JournalRecord> JournalReader::next() {
+  if (at_ == frame_.size() && !next_frame()) return std::nullopt;
+  std::string_view rest = std::string_view(frame_).substr(at_ + 1);
+  const auto taken = [&](auto record, bool good) -> JournalRecord {
+    if (!good)
+      throw InputError(
+          file_, fmt::format("holds nonsense before byte {}; a newer soilvdb may read it", good_));
+    at_ = frame_.size() - rest.size();
+    return record;
+  };
+  JournalConfig config;
+  JournalMove move;
+  JournalFile file;
+  JournalRemoval removed;
+  switch (frame_[at_]) {
+    case kConfigTag: {
+      const bool good = take_text(rest, config.text);
+      return taken(std::move(config), good);
+    }
+    case kMoveTag: {
+      const bool good = take_move(rest, rows_, move);
+      return taken(std::move(move), good);
+    }
+    case kFileTag: {
+      const bool good = take_file(rest, file);
+      return taken(std::move(file), good);
+    }
+    case kGoneTag: {
+      const bool good = take_text(rest, removed.name);
+      return taken(std::move(removed), good);
+    }
+    case kEndTag:
+      return taken(JournalEnd{}, true);
+    default:
+      return taken(JournalEnd{}, false);
+  }
+}
+
+/// Reads the frame at good_; false if there is none, and then says why.
+bool JournalReader::next_frame() {
+  if (at_end_) return false;
+  FrameHead head;
+  std::string bytes(FrameHead::kSize, '\0');
+  in_.clear();
+  in_.seekg(static_cast<std::streamoff>(good_));
+  if (size_ - good_ > FrameHead::kSize && in_.read(bytes.data(), FrameHead::kSize) &&
+      head.parse(bytes, good_) && head.length > 0 &&
+      head.length <= size_ - good_ - FrameHead::kSize) {
+    frame_.resize(head.length);
+    if (in_.read(frame_.data(), head.length) && crc64(frame_) == head.crc) {
+      good_ += FrameHead::kSize + head.length;
+      at_ = 0;
+      return true;
+    }
+  }
+  at_end_ = true;
+  frame_.clear();
+  at_ = 0;
+  damaged_ = synced_past(good_);
+  return false;
+}
+
+/// Does a frame after `place` say that the file was on disk beyond it?
+bool JournalReader::synced_past(std::uint64_t place) {
+  constexpr std::size_t kBlock = std::size_t{1} << 20;
+  std::string block;
+  for (std::uint64_t start = place; start + FrameHead::kSize <= size_; start += kBlock) {
+    // Blocks overlap by a head.
+    block.resize(std::min<std::uint64_t>(kBlock + FrameHead::kSize, size_ - start));
+    in_.clear();
+    in_.seekg(static_cast<std::streamoff>(start));
+    if (!in_.read(block.data(), static_cast<std::streamsize>(block.size())))
+      throw InputError(file_, fmt::format("can't be read at byte {}", start));
+    const std::string_view all = block;
+    const std::string_view mark(reinterpret_cast<const char*>(&kFrameMark), sizeof kFrameMark);
+    for (std::size_t at = all.find(mark); at != all.npos; at = all.find(mark, at + 1)) {
+      FrameHead head;
+      if (head.parse(all.substr(at), start + at) && head.synced > place) return true;
+    }
+  }
+  return false;
+}
+
+bool is_journal(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::uint32_t mark = 0;
+  return in.read(reinterpret_cast<char*>(&mark), sizeof mark) && mark == kFrameMark;
+}
+
+JournalContent read_journal(const std::filesystem::path& file) {
+  JournalReader reader(file);
+  JournalContent content;
+  while (const std::optional<JournalRecord> record = reader.next()) {
+    if (const auto* config = std::get_if<JournalConfig>(&*record)) {
+      content.config = *config;
+    } else if (const auto* move = std::get_if<JournalMove>(&*record)) {
+      if (move->ends_update) content.done = {content.done.updates + 1, move->end_s};
+    } else if (const auto* written = std::get_if<JournalFile>(&*record)) {
+      std::erase_if(content.files, [&](const auto& f) { return f.name == written->name; });
+      std::erase(content.removed, written->name);
+      content.files.push_back(*written);
+    } else if (const auto* removed = std::get_if<JournalRemoval>(&*record)) {
+      std::erase_if(content.files, [&](const auto& f) { return f.name == removed->name; });
+      content.removed.push_back(removed->name);
+    } else {
+      content.ended = true;
+    }
+  }
+  std::stable_sort(content.files.begin(), content.files.end(),
+                   [](const auto& a, const auto& b) { return a.updates < b.updates; });
+  content.good_bytes = reader.good_bytes();
+  content.torn_bytes = reader.torn_bytes();
+  content.damaged = reader.damaged();
+  return content;
+}
+
+}  // namespace soilvdb::inline v0::io

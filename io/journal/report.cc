@@ -1,0 +1,138 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/journal/report.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <system_error>
+
+#include "io/file/atomic_file.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail(const fs::path& file, int error) {
+  throw std::runtime_error(fmt::format("{}: can't be written: {}", file.string(),
+                                       std::generic_category().message(error)));
+}
+
+std::FILE* open_for_writing(const fs::path& file) {
+  std::FILE* stream = std::fopen(file.c_str(), "wbe");
+  if (!stream) fail(file, errno);
+  return stream;
+}
+
+/// A field of a CSV file, quoted where RFC 4180 asks for it.
+std::string csv_field(std::string_view text) {
+  if (text.find_first_of(",\"\r\n") == std::string_view::npos) return std::string(text);
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + '"';
+}
+
+}  // namespace
+
+void Durations::add(double us) {
+  const double octave = std::log2(std::max(us * 1e3, 1.0));
+  const auto bin = static_cast<std::size_t>(octave * kPerOctave);
+  ++bins_[std::min(bin, bins_.size() - 1)];
+  ++count_;
+  sum_us_ += us;
+  max_us_ = std::max(max_us_, us);
+}
+
+double Durations::mean_us() const { return count_ ? sum_us_ / static_cast<double>(count_) : 0; }
+
+double Durations::quantile_us(double q) const {
+  if (!count_) return 0;
+  const auto rank = std::max<std::int64_t>(
+      1, static_cast<std::int64_t>(std::ceil(q * static_cast<double>(count_))));
+  std::int64_t seen = 0;
+  for (std::size_t bin = 0; bin < bins_.size(); ++bin) {
+    seen += bins_[bin];
+    if (seen < rank) continue;
+    const double middle = std::exp2((static_cast<double>(bin) + 0.5) / kPerOctave) * 1e-3;
+    return std::min(middle, max_us_);
+  }
+  return max_us_;
+}
+
+std::string to_json(const Summary& s) {
+  using Json = nlohmann::ordered_json;
+  Json machines = Json::array();
+  for (const Summary::Machine& m : s.machines)
+    machines.push_back({{"name", m.name},
+                        {"bucket_m3", m.bucket_m3},
+                        {"cut_m3", m.cut_m3},
+                        {"bad_rows", m.bad_rows}});
+  const Json json = {
+      {"soilvdb", 1},
+      {"scenario", s.scenario},
+      {"voxel_size_m", s.voxel_size_m},
+      {"threads", s.threads},
+      {"updates", s.updates.count()},
+      {"acknowledged", {{"updates", s.acknowledged_updates}, {"time_s", s.acknowledged_s}}},
+      {"volume_m3",
+       {{"cut", s.cut_m3},
+        {"captured", s.captured_m3},
+        {"displaced", s.displaced_m3},
+        {"dumped", s.dumped_m3},
+        {"ground_change", s.ground_change_m3},
+        {"residual", s.residual_m3}}},
+      {"machines", machines},
+      {"update_us",
+       {{"mean", s.updates.mean_us()},
+        {"p50", s.updates.quantile_us(0.5)},
+        {"p99", s.updates.quantile_us(0.99)},
+        {"max", s.updates.max_us()}}},
+      {"wall_s",
+       {{"open", s.open_s}, {"updates", s.updates.sum_us() * 1e-6}, {"total", s.total_s}}},
+      {"memory_bytes", {{"soil", s.soil_bytes}, {"peak_rss", s.peak_rss_bytes}}},
+      {"soil",
+       {{"leaves", s.leaves}, {"active_voxels", s.active_voxels}, {"resident_m2", s.resident_m2}}},
+      {"state_hash", fmt::format("{:016x}", s.state_hash)},
+      {"files", s.files},
+  };
+  // Names come from the user's files and need not be UTF-8.
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+
+UpdatesCsv::UpdatesCsv(fs::path file) : file_(std::move(file)), part_(file_) {
+  part_ += ".part";
+  stream_.reset(open_for_writing(part_));
+  if (std::fputs("time,machine,cut_m3,bucket_m3,update_us\n", stream_.get()) < 0)
+    fail(file_, errno);
+}
+
+UpdatesCsv::~UpdatesCsv() {
+  if (!stream_) return;
+  stream_.reset();
+  std::remove(part_.c_str());
+}
+
+void UpdatesCsv::add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
+                     double update_us) {
+  const std::string row =
+      fmt::format("{},{},{},{},{:.3f}\n", time_s, csv_field(machine), cut_m3, bucket_m3, update_us);
+  if (std::fwrite(row.data(), 1, row.size(), stream_.get()) != row.size()) fail(file_, errno);
+}
+
+void UpdatesCsv::close() {
+  if (std::fflush(stream_.get()) != 0 || fsync(fileno(stream_.get())) != 0) fail(file_, errno);
+  if (std::fclose(stream_.release()) != 0 || std::rename(part_.c_str(), file_.c_str()) != 0) {
+    const int error = errno;
+    std::remove(part_.c_str());
+    fail(file_, error);
+  }
+  sync_folder(file_);
+}
+
+}  // namespace soilvdb::inline v0::io

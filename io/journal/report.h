@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a run reports to other programs: summary.json, and updates.csv with one row per update.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace soilvdb::inline v0::io {
+
+/// How long updates took: mean and maximum exact, quantiles to within 1 %, in constant memory.
+class Durations {
+ public:
+  void add(double us);
+  std::int64_t count() const { return count_; }
+  double sum_us() const { return sum_us_; }
+  double mean_us() const;
+  double max_us() const { return max_us_; }
+  /// The duration that a share `q` in [0, 1] of all does not exceed; 0 if there are none.
+  double quantile_us(double q) const;
+
+ private:
+  static constexpr int kPerOctave = 64;
+  static constexpr int kOctaves = 50;                       ///< from 1 ns to 13 days
+  std::array<std::int64_t, kPerOctave * kOctaves> bins_{};  ///< by logarithm of the duration
+  std::int64_t count_ = 0;
+  double sum_us_ = 0, max_us_ = 0;
+};
+
+/// Everything in summary.json, which documents the names.
+struct Summary {
+  struct Machine {
+    std::string name;
+    double bucket_m3 = 0, cut_m3 = 0;
+    std::int64_t bad_rows = 0;  ///< of its motion
+  };
+  std::string scenario;
+  double voxel_size_m = 0;
+  int threads = 0;
+  double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
+  double ground_change_m3 = 0, residual_m3 = 0;
+  std::vector<Machine> machines;
+  double acknowledged_s = 0;               ///< what can't be lost any more: up to this time,
+  std::uint64_t acknowledged_updates = 0;  ///< so many updates
+  Durations updates;
+  double open_s = 0, total_s = 0;
+  std::uint64_t soil_bytes = 0, peak_rss_bytes = 0;
+  std::uint64_t leaves = 0, active_voxels = 0;
+  double resident_m2 = 0;
+  std::uint64_t state_hash = 0;
+  std::vector<std::string> files;  ///< relative to the run's folder
+};
+
+/// The text of summary.json.
+std::string to_json(const Summary& summary);
+
+/// Writes updates.csv row by row into FILE.part, which close() renames to FILE. Without close()
+/// nothing is left, and a FILE that was there before stays.
+class UpdatesCsv {
+ public:
+  /// @throw std::runtime_error naming the file and the cause, as the others do.
+  explicit UpdatesCsv(std::filesystem::path file);
+  ~UpdatesCsv();
+  UpdatesCsv(const UpdatesCsv&) = delete;
+  UpdatesCsv& operator=(const UpdatesCsv&) = delete;
+
+  void add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
+           double update_us);
+  void close();
+
+ private:
+  struct Closer {
+    void operator()(std::FILE* f) const { std::fclose(f); }
+  };
+  std::filesystem::path file_, part_;
+  std::unique_ptr<std::FILE, Closer> stream_;
+};
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,253 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// URDF by TinyXML-2: what a motion needs is links, joints and their frames, axes and limits.
+// Nothing of the file reaches a formatting function of the parser: of its errors number and line
+// are used.
+#include "soilvdb/io/urdf.h"
+
+#include <cpl_string.h>
+#include <fmt/format.h>
+#include <tinyxml2.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string_view>
+#include <vector>
+
+#include "io/file/text.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+using tinyxml2::XMLElement;
+
+constexpr std::size_t kMaxBytes = 16 << 20;
+
+bool is_utf8(std::string_view text) {
+  try {
+    return !nlohmann::json(text).dump().empty();
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
+}
+
+/// Refuses what isn't UTF-8: names go into messages and summaries, which are.
+void check_encoding(const std::filesystem::path& file, std::string_view text) {
+  long line = 1;
+  for (std::size_t from = 0, end = 0; from < text.size(); from = end + 1, ++line) {
+    end = std::min(text.find('\n', from), text.size());
+    if (!is_utf8(text.substr(from, end - from)))
+      throw InputError(file, line, "isn't UTF-8; convert the file to that");
+  }
+}
+
+const char* explain(tinyxml2::XMLError error) {
+  switch (error) {
+    case tinyxml2::XML_ERROR_PARSING_ATTRIBUTE:
+      return "an attribute isn't name=\"value\"; the file may be cut short";
+    case tinyxml2::XML_ERROR_PARSING_COMMENT:
+      return "a comment isn't closed; '-->' is missing";
+    case tinyxml2::XML_ERROR_PARSING_CDATA:
+      return "a CDATA section isn't closed; ']]>' is missing";
+    case tinyxml2::XML_ERROR_MISMATCHED_ELEMENT:
+      return "an element isn't closed, or closed without being opened; each needs an end tag";
+    case tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED:
+      return "elements are nested too deep; a URDF has about five levels";
+    case tinyxml2::XML_ERROR_PARSING_ELEMENT:
+    case tinyxml2::XML_ERROR_PARSING:
+      return "a tag isn't closed; the file may be cut short";
+    default:
+      return "isn't XML; a URDF begins with <robot name=\"...\">";
+  }
+}
+
+/// The links and joints of a URDF file.
+class Robot {
+ public:
+  Robot(const std::filesystem::path& file, std::string_view text) : file_(file) {
+    if (document_.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS)
+      throw InputError(file_, document_.ErrorLineNum(), explain(document_.ErrorID()));
+    const XMLElement* robot = document_.RootElement();
+    if (robot == nullptr) throw InputError(file_, "has no element; a URDF is a <robot>");
+    if (robot->Name() != std::string_view("robot")) fail(*robot, "is not the <robot> of a URDF");
+    for (const auto* e = robot->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+      const std::string_view kind = e->Name();
+      if (kind == "link") {
+        unique(links_, *e);
+      } else if (kind == "joint") {
+        unique(joints_, *e);
+        by_child_.emplace(linked(*e, "child"), e);
+      } else if (kind.starts_with("xacro:")) {
+        fail(*e,
+             fmt::format("is written in xacro; make a URDF of it first: xacro {} > machine.urdf",
+                         file_.filename().string()));
+      }
+    }
+    if (links_.empty()) fail(*robot, "has no link");
+  }
+
+  bool has_link(const std::string& link) const { return links_.contains(link); }
+  std::string nearest_link(const std::string& link) const {
+    std::vector<std::string> names;
+    for (const auto& [name, xml] : links_) names.push_back(name);
+    return printable(nearest(link, names));
+  }
+
+  /// The joints from the link without a parent to `link`.
+  std::vector<Joint> chain(const std::string& link) const {
+    std::vector<Joint> chain;
+    for (std::string child = link; by_child_.contains(child);) {
+      const auto [first, last] = by_child_.equal_range(child);
+      const XMLElement& joint = *first->second;
+      if (std::next(first) != last) {
+        const XMLElement& other = *std::next(first)->second;
+        fail(other, fmt::format("leads to link '{}', as joint '{}' does; a link has one parent",
+                                printable(child), printable(attribute(joint, "name"))));
+      }
+      if (chain.size() == joints_.size()) {
+        fail(joint,
+             fmt::format("is part of a loop, so link '{}' hangs on no root", printable(link)));
+      }
+      chain.push_back(read(joint));
+      child = linked(joint, "parent");
+    }
+    std::reverse(chain.begin(), chain.end());
+    return chain;
+  }
+
+ private:
+  using Named = std::map<std::string, const XMLElement*>;
+
+  [[noreturn]] void fail(const XMLElement& at, const std::string& message) const {
+    const XMLElement* named = &at;  // the joint or link that it is in
+    while (named->Attribute("name") == nullptr && named->Parent()->ToElement() != nullptr)
+      named = named->Parent()->ToElement();
+    const char* name = named->Attribute("name");
+    throw InputError(file_, at.GetLineNum(),
+                     name == nullptr ? fmt::format("<{}> {}", printable(named->Name()), message)
+                                     : fmt::format("{} '{}' {}", printable(named->Name()),
+                                                   printable(name), message));
+  }
+
+  std::string attribute(const XMLElement& element, const char* name) const {
+    const char* value = element.Attribute(name);
+    if (value == nullptr || *value == '\0') fail(element, fmt::format("has no {}=\"...\"", name));
+    // The file is UTF-8, but character references can make what isn't.
+    if (!is_utf8(value)) {
+      throw InputError(file_, element.GetLineNum(),
+                       fmt::format("'{}' isn't UTF-8; write it without '&#'", name));
+    }
+    return value;
+  }
+
+  void unique(Named& elements, const XMLElement& element) const {
+    if (!elements.emplace(attribute(element, "name"), &element).second)
+      fail(element, "is there twice; rename one");
+  }
+
+  /// The name of the link in a joint's <parent> or <child>.
+  std::string linked(const XMLElement& joint, const char* which) const {
+    const XMLElement* element = joint.FirstChildElement(which);
+    if (element == nullptr) fail(joint, fmt::format("has no <{} link=\"...\"/>", which));
+    return attribute(*element, "link");
+  }
+
+  double number(const XMLElement& element, std::string_view text) const {
+    const std::optional<double> value = parse_number(text);
+    if (!value || !(std::abs(*value) <= kMaxNumber))
+      fail(element, fmt::format("has '{}' where a number is needed, -1e9 to 1e9", printable(text)));
+    return *value;
+  }
+
+  /// The three numbers in an attribute of a joint's child; `otherwise` where there is none.
+  Vec3 numbers(const XMLElement& joint, const char* child, const char* name, Vec3 otherwise) const {
+    const XMLElement* element = joint.FirstChildElement(child);
+    const char* text = element == nullptr ? nullptr : element->Attribute(name);
+    if (text == nullptr) return otherwise;
+    const CPLStringList words(CSLTokenizeString2(text, " \t\r\n", 0));
+    if (words.size() != 3) {
+      fail(*element, fmt::format("has {}=\"{}\" in <{}>; it must be three numbers", name,
+                                 printable(text), child));
+    }
+    for (int i = 0; i < 3; ++i) otherwise[i] = number(*element, words[i]);
+    return otherwise;
+  }
+
+  Joint::Type type(const XMLElement& joint) const {
+    const std::string type = attribute(joint, "type");
+    if (type == "fixed") return Joint::Type::kFixed;
+    if (type == "revolute") return Joint::Type::kRevolute;
+    if (type == "continuous") return Joint::Type::kContinuous;
+    if (type == "prismatic") return Joint::Type::kPrismatic;
+    fail(joint, fmt::format("is {}; it must be fixed, revolute, continuous or prismatic",
+                            printable(type)));
+  }
+
+  Joint read(const XMLElement& in) const {
+    Joint joint;
+    joint.name = attribute(in, "name");
+    if (const std::string parent = linked(in, "parent"); !has_link(parent)) {
+      fail(in, fmt::format("hangs on link '{}', which is not there; did you mean '{}'?",
+                           printable(parent), nearest_link(parent)));
+    }
+    if (const XMLElement* mimic = in.FirstChildElement("mimic")) {
+      fail(in, fmt::format("mimics joint '{}', which is not supported; make it a joint of its own "
+                           "with its own column in the motion",
+                           printable(attribute(*mimic, "joint"))));
+    }
+    joint.type = type(in);
+    joint.parent_from_joint.position = numbers(in, "origin", "xyz", Vec3::Zero());
+    const Vec3 rpy = numbers(in, "origin", "rpy", Vec3::Zero());
+    joint.parent_from_joint.rotation = from_rpy(rpy.x(), rpy.y(), rpy.z());
+    if (joint.type == Joint::Type::kFixed) return joint;
+    const Vec3 axis = numbers(in, "axis", "xyz", Vec3::UnitX());
+    if (axis.norm() < 1e-9) {
+      fail(in, fmt::format("has the axis {} {} {}; it must have a direction", axis.x(), axis.y(),
+                           axis.z()));
+    }
+    joint.axis = axis.normalized();
+    if (joint.type == Joint::Type::kContinuous) return joint;
+    const XMLElement* limit = in.FirstChildElement("limit");
+    if (limit == nullptr)
+      fail(in, R"(has no <limit lower="..." upper="..."/>; without limits it is continuous)");
+    if (const char* lower = limit->Attribute("lower")) joint.lower = number(*limit, lower);
+    if (const char* upper = limit->Attribute("upper")) joint.upper = number(*limit, upper);
+    if (joint.lower > joint.upper) {
+      fail(in, fmt::format("has the lower limit {} above its upper limit {}; swap them",
+                           joint.lower, joint.upper));
+    }
+    return joint;
+  }
+
+  const std::filesystem::path& file_;
+  tinyxml2::XMLDocument document_;
+  Named links_, joints_;
+  std::multimap<std::string, const XMLElement*> by_child_;
+};
+
+}  // namespace
+
+Chain read_chain(const std::filesystem::path& file, const std::string& link) {
+  const std::string text = read_text(file, kMaxBytes);
+  check_encoding(file, text);
+  const Robot robot(file, text);
+  if (!robot.has_link(link)) {
+    throw std::invalid_argument(fmt::format("no link '{}' in {}; did you mean '{}'?",
+                                            printable(link), file.filename().string(),
+                                            robot.nearest_link(link)));
+  }
+  Chain chain;
+  chain.joints = robot.chain(link);
+  for (const Joint& joint : chain.joints) {
+    if (joint.type != Joint::Type::kFixed && joint.name == "time") {
+      throw InputError(file, "joint 'time' has the name of the motion's first column; rename it");
+    }
+  }
+  return chain;
+}
+
+}  // namespace soilvdb::inline v0::io

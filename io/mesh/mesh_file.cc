@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/io/mesh_file.h"
+
+#include <assimp/scene.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <assimp/Exporter.hpp>
+#include <cctype>
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string_view>
+
+#include "io/file/atomic_file.h"
+#include "io/file/text.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+enum class Format { kPly, kObj, kStl, kGlb };
+
+Format format_of(const std::filesystem::path& file) {
+  std::string suffix = file.extension().string();
+  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (suffix == ".ply") return Format::kPly;
+  if (suffix == ".obj") return Format::kObj;
+  if (suffix == ".stl") return Format::kStl;
+  if (suffix == ".glb") return Format::kGlb;
+  throw std::invalid_argument(file.string() + ": unknown mesh format '" + printable(suffix) +
+                              "'; .ply, .obj, .stl or .glb would do");
+}
+
+/// Assimp's name of the format.
+const char* exporter(Format format) {
+  switch (format) {
+    case Format::kPly:
+      return "plyb";
+    case Format::kObj:
+      return "objnomtl";
+    case Format::kGlb:
+      return "glb2";
+    case Format::kStl:
+      break;
+  }
+  return "";
+}
+
+/// WKT on one line.
+std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
+  return text;
+}
+
+std::string origin_text(const Vec3& origin) {
+  return fmt::format("{} {} {}", origin.x(), origin.y(), origin.z());
+}
+
+std::unique_ptr<aiScene> make_scene(const Mesh& mesh, Format format) {
+  auto scene = std::make_unique<aiScene>();
+  scene->mMaterials = new aiMaterial* [1] { new aiMaterial };
+  scene->mNumMaterials = 1;
+  auto* out = new aiMesh;
+  scene->mMeshes = new aiMesh* [1] { out };
+  scene->mNumMeshes = 1;
+  out->mName = "surface";
+  out->mPrimitiveTypes = aiPrimitiveType_TRIANGLE;
+  out->mVertices = new aiVector3D[mesh.points.size()];
+  out->mNumVertices = static_cast<unsigned>(mesh.points.size());
+  for (std::size_t i = 0; i < mesh.points.size(); ++i) {
+    const Eigen::Vector3f& p = mesh.points[i];
+    out->mVertices[i] =
+        format == Format::kGlb ? aiVector3D(p.x(), p.z(), -p.y()) : aiVector3D(p.x(), p.y(), p.z());
+  }
+  out->mFaces = new aiFace[mesh.triangles.size()];
+  out->mNumFaces = static_cast<unsigned>(mesh.triangles.size());
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const auto& t = mesh.triangles[i];
+    out->mFaces[i].mIndices = new unsigned[3]{t[0], t[1], t[2]};
+    out->mFaces[i].mNumIndices = 3;
+  }
+  scene->mRootNode = new aiNode("soilvdb");
+  scene->mRootNode->mMeshes = new unsigned[1]{0};
+  scene->mRootNode->mNumMeshes = 1;
+  return scene;
+}
+
+/// Assimp's STL has no normals; this one has those of its facets.
+std::string stl_bytes(const Mesh& mesh, const Vec3& origin) {
+  constexpr std::size_t kHeader = 80;
+  std::string bytes = "soilvdb origin " + origin_text(origin);
+  bytes.resize(kHeader, '\0');
+  const auto put = [&bytes](const auto& value) {
+    bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  bytes.reserve(kHeader + 4 + 50 * mesh.triangles.size());
+  put(static_cast<std::uint32_t>(mesh.triangles.size()));
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3f &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
+    const Vec3 normal = (b - a).cast<double>().cross((c - a).cast<double>()).stableNormalized();
+    for (const Eigen::Vector3f& v : {Eigen::Vector3f(normal.cast<float>()), a, b, c}) {
+      for (int i = 0; i < 3; ++i) put(v[i]);
+    }
+    put(std::uint16_t{0});
+  }
+  return bytes;
+}
+
+/// Puts text after the first `lines` lines of a header.
+void insert_after(std::string& bytes, int lines, const std::string& text) {
+  std::size_t at = 0;
+  for (; lines > 0; --lines) at = bytes.find('\n', at) + 1;
+  bytes.insert(at, text);
+}
+
+/// Adds extras to the asset, and drops what Assimp claims to use but doesn't.
+std::string annotated_glb(std::string_view bytes, const Vec3& origin, const std::string& crs_wkt) {
+  // 12 bytes of header, then chunks of length, type and data: JSON first.
+  constexpr std::size_t kJson = 20;
+  std::uint32_t length = 0;
+  std::memcpy(&length, bytes.data() + 12, sizeof length);
+  nlohmann::json json = nlohmann::json::parse(bytes.substr(kJson, length));
+  json["asset"]["extras"]["origin"] = {origin.x(), origin.y(), origin.z()};
+  if (!crs_wkt.empty()) json["asset"]["extras"]["crs"] = crs_wkt;
+  json["asset"]["generator"] = "soilvdb with " + json["asset"]["generator"].get<std::string>();
+  json.erase("extensionsUsed");
+  std::string text = json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  std::string out(bytes.substr(0, kJson));
+  out += text;
+  out += bytes.substr(kJson + length);
+  const auto whole = static_cast<std::uint32_t>(out.size());
+  length = static_cast<std::uint32_t>(text.size());
+  std::memcpy(out.data() + 8, &whole, sizeof whole);
+  std::memcpy(out.data() + 12, &length, sizeof length);
+  return out;
+}
+
+/// The file by Assimp, and where the mesh is in the format's own way.
+std::string exported(const std::filesystem::path& file, const Mesh& mesh, Format format,
+                     const Vec3& origin, const std::string& crs_wkt) {
+  Assimp::Exporter exporters;
+  const aiExportDataBlob* blob =
+      exporters.ExportToBlob(make_scene(mesh, format).get(), exporter(format), 0u);
+  if (blob == nullptr || blob->size == 0) {
+    throw std::runtime_error(file.string() +
+                             ": can't be written: " + printable(exporters.GetErrorString()));
+  }
+  std::string bytes(static_cast<const char*>(blob->data), blob->size);
+  exporters.FreeBlob();
+  if (format == Format::kGlb) return annotated_glb(bytes, origin, crs_wkt);
+  const bool ply = format == Format::kPly;
+  const char* comment = ply ? "comment" : "#";
+  std::string lines = fmt::format("{} origin {}\n", comment, origin_text(origin));
+  if (!crs_wkt.empty()) lines += fmt::format("{} crs {}\n", comment, one_line(crs_wkt));
+  insert_after(bytes, ply ? 2 : 0, lines);  // after "ply" and "format ..."
+  return bytes;
+}
+
+}  // namespace
+
+void write_mesh(const std::filesystem::path& file, const Mesh& mesh, const Vec3& origin,
+                const std::string& crs_wkt) {
+  const Format format = format_of(file);
+  if (mesh.triangles.empty()) {
+    throw std::invalid_argument(file.string() + ": there is no surface to write");
+  }
+  write_atomically(file, format == Format::kStl ? stl_bytes(mesh, origin)
+                                                : exported(file, mesh, format, origin, crs_wkt));
+}
+
+}  // namespace soilvdb::inline v0::io

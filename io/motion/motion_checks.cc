@@ -1,0 +1,177 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/motion/motion_checks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "io/file/text.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr double kMaxTimeS = 1e11;             // seconds since 1970 are fine, milliseconds are not
+constexpr double kQuaternionTolerance = 0.01;  // two decimals; more is no rotation
+constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad or m
+// No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
+// clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
+constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
+constexpr double kJitter_m = 1, kJitter_rad = 1,
+                 kWrapJitter_rad = 0.2;  // that sensors may add, however short the time
+// Of a joint in one row, however long it takes: what is surely a slip takes forever to sweep.
+constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
+
+// Of a joint that goes all the way round, which is slower than buckets curl: houses swing at 1.5
+// rad/s.
+constexpr double kFastestTurn_rad_s = 2, kTurn = 2 * std::numbers::pi;
+
+bool may_wrap(const Joint& joint) {
+  if (joint.type == Joint::Type::kContinuous) return true;
+  const double range = joint.upper - joint.lower;
+  return joint.type == Joint::Type::kRevolute && (range == 0 || range > 0.9 * kTurn);
+}
+
+/// Is it a turn too fast for a machine, and little but for the whole turn?
+bool wraps(double travel, double after_s) {
+  const double rest = std::abs(std::abs(travel) - kTurn);
+  return std::abs(travel) > kFastestTurn_rad_s * after_s &&
+         rest <= std::min(kFastestTurn_rad_s * after_s + kWrapJitter_rad, kTurn / 4);
+}
+
+/// Refuses what moves faster than machines do.
+void check_speed(const CsvLines& lines, const std::string& what, double moved, double after_s,
+                 bool turn) {
+  const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
+  if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return;
+  const char* unit = turn ? "rad" : "m";
+  lines.fail(
+      fmt::format("{} {} {:.3g} {} in {:.3g} s since the row before; no machine does more "
+                  "than {} {}/s",
+                  what, turn ? "turns" : "moves", moved, unit, after_s, fastest, unit));
+}
+
+}  // namespace
+
+double row_number(const CsvLines& lines, const std::string& name, std::string_view field) {
+  const auto value = parse_number(field);
+  if (!value) {
+    lines.fail(fmt::format("{} is '{}'; it must be a number", name, printable(field)));
+  }
+  const double limit = name == "time" ? kMaxTimeS : kMaxNumber;
+  if (!(std::abs(*value) <= limit)) {
+    lines.fail(fmt::format("{} is {}; it must be a number within {:g}{}", name, printable(field),
+                           limit, name == "time" ? " (seconds)" : ""));
+  }
+  if (std::fpclassify(*value) == FP_SUBNORMAL) {
+    lines.fail(
+        fmt::format("{} is {}, less than any sensor tells from 0; it must be 0 or a number "
+                    "beyond 1e-300",
+                    name, printable(field)));
+  }
+  return *value;
+}
+
+Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion) {
+  Pose pose;
+  pose.position = {v[1], v[2], v[3]};
+  if (!quaternion) {
+    pose.rotation = from_rpy(v[4], v[5], v[6]);
+    return pose;
+  }
+  pose.rotation = Eigen::Quaterniond(v[7], v[4], v[5], v[6]);
+  const double norm = pose.rotation.norm();
+  if (!(std::abs(norm - 1) <= kQuaternionTolerance)) {
+    lines.fail(fmt::format("the quaternion qx,qy,qz,qw has the norm {:.6g}; it must be 1", norm));
+  }
+  pose.rotation.normalize();
+  return pose;
+}
+
+void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, double after_s) {
+  check_speed(lines, "the bucket", (pose.position - before.position).norm(), after_s, false);
+  check_speed(lines, "the bucket", pose.rotation.angularDistance(before.rotation), after_s, true);
+}
+
+void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
+                  const std::vector<double>& row) {
+  std::size_t i = 0;
+  for (const Joint& joint : chain.joints) {
+    if (joint.type == Joint::Type::kFixed) continue;
+    ++i;
+    const bool turns = joint.type != Joint::Type::kPrismatic;
+    const double moved = std::abs(row[i] - before[i]);
+    const double most = turns ? kMostTurn_rad : kMostShift_m;
+    if (moved > most) {
+      const char* unit = turns ? "rad" : "m";
+      lines.fail(fmt::format("joint {} {} {:g} {} since the row before; at most {} {} in one row",
+                             joint.name, turns ? "turns" : "moves", row[i] - before[i], unit, most,
+                             unit));
+    }
+    const double after_s = row[0] - before[0];
+    if (may_wrap(joint) && wraps(row[i] - before[i], after_s)) {
+      const double on = before[i] + std::remainder(row[i] - before[i], kTurn);
+      throw InputError(lines.file(), lines.number(),
+                       fmt::format("joint {} wraps from {:.4g} to {:.4g} rad; it must go on past a "
+                                   "whole turn, to {:.4g}",
+                                   joint.name, before[i], row[i], on));
+    }
+    check_speed(lines, "joint " + joint.name, moved, after_s, turns);
+  }
+}
+
+JointLimits::JointLimits(const Chain& chain) {
+  for (const Joint& joint : chain.joints) {
+    if (joint.type != Joint::Type::kFixed) joints_.push_back({joint});
+  }
+}
+
+void JointLimits::row(const std::vector<double>& v, long line) {
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    auto& [joint, rows, first, before, turns, first_turn] = joints_[i];
+    if (may_wrap(joint) && std::abs(v[i + 1] - before) > kTurn / 2 && turns++ == 0)
+      first_turn = line;
+    before = v[i + 1];
+    if (joint.type == Joint::Type::kContinuous || joint.lower == joint.upper) continue;
+    if (v[i + 1] >= joint.lower - kLimitTolerance && v[i + 1] <= joint.upper + kLimitTolerance) {
+      continue;
+    }
+    if (rows++ == 0) first = line;
+  }
+}
+
+void JointLimits::warn(const std::filesystem::path& file,
+                       std::vector<std::string>& warnings) const {
+  for (const auto& [joint, rows, first, before, turns, first_turn] : joints_) {
+    if (turns > 0) {
+      warnings.push_back(fmt::format(
+          "{}: joint {} turns more than half a turn at once in {} row{}, first at line {}; if it "
+          "wraps there, it must go on past a whole turn",
+          file.string(), joint.name, turns, turns == 1 ? "" : "s", first_turn));
+    }
+    if (rows == 0) continue;
+    warnings.push_back(fmt::format(
+        "{}: joint {} exceeds its limits ({:.2f} to {:.2f} {}) in {} row{}, first at line {}",
+        file.string(), joint.name, joint.lower, joint.upper,
+        joint.type == Joint::Type::kPrismatic ? "m" : "rad", rows, rows == 1 ? "" : "s", first));
+  }
+}
+
+void LargeAngles::row(const std::vector<double>& v, long line) {
+  const auto beyond_a_turn = [](double angle) { return std::abs(angle) > kTurn; };
+  if (std::none_of(v.begin() + 4, v.begin() + 7, beyond_a_turn)) return;
+  if (rows_++ == 0) first_ = line;
+}
+
+void LargeAngles::warn(const std::filesystem::path& file,
+                       std::vector<std::string>& warnings) const {
+  if (rows_ == 0) return;
+  warnings.push_back(fmt::format(
+      "{}: roll, pitch or yaw is beyond a turn in {} row{}, first at line {}; they must "
+      "be in radians, not degrees",
+      file.string(), rows_, rows_ == 1 ? "" : "s", first_));
+}
+
+}  // namespace soilvdb::inline v0::io

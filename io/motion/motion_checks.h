@@ -1,0 +1,61 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a row of a motion may say, by itself and after the row before it.
+#pragma once
+
+#include <filesystem>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "soilvdb/io/csv.h"
+#include "soilvdb/kinematics.h"
+
+namespace soilvdb::inline v0::io {
+
+// All throw LineError naming the line that `lines` is at; of a joint that wraps, InputError, since
+// there leaving rows out would be wrong.
+
+/// The number in a field of column `name`, one that a sensor could have sent.
+double row_number(const CsvLines& lines, const std::string& name, std::string_view field);
+
+/// @param v time, x, y, z and roll, pitch, yaw or qx, qy, qz, qw
+Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion);
+
+/// Refuses a pose that no bucket reaches in that time, or a joint's value that no joint does.
+void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, double after_s);
+/// @param before the time, then the joints; so is `row`
+void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
+                  const std::vector<double>& row);
+
+/// Rows in which each movable joint is beyond its limits, or turns so far that it may have wrapped.
+class JointLimits {
+ public:
+  explicit JointLimits(const Chain& chain);
+  /// @param v the time, then the joints
+  void row(const std::vector<double>& v, long line);
+  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const;
+
+ private:
+  struct Count {
+    Joint joint;
+    long rows = 0, first = 0;
+    double before = std::numeric_limits<double>::quiet_NaN();
+    long turns = 0, first_turn = 0;
+  };
+  std::vector<Count> joints_;
+};
+
+/// Rows whose roll, pitch or yaw is beyond a turn, as it is in degrees.
+class LargeAngles {
+ public:
+  /// @param v time, x, y, z, roll, pitch, yaw
+  void row(const std::vector<double>& v, long line);
+  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const;
+
+ private:
+  long rows_ = 0, first_ = 0;
+};
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,125 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/motion/motion_columns.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "io/file/text.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+const std::vector<std::string> kAngles = {"roll", "pitch", "yaw"};
+const std::vector<std::string> kQuaternion = {"qx", "qy", "qz", "qw"};
+
+class Header {
+ public:
+  Header(const CsvLines& lines, const std::vector<std::string_view>& fields)
+      : lines_(lines), names_(fields.begin(), fields.end()) {
+    if (parse_number(names_[0])) {
+      lines_.fail(
+          "begins with numbers; the first line must name the columns: time,x,y,z and so on");
+    }
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      if (names_[i].empty()) continue;
+      if (find(names_[i]) != i) {
+        lines_.fail(fmt::format("column '{}' is there twice; leave one out", printable(names_[i])));
+      }
+    }
+  }
+
+  std::size_t find(const std::string& name) const {
+    const auto it = std::find(names_.begin(), names_.end(), name);
+    return it == names_.end() ? Columns::kNone : static_cast<std::size_t>(it - names_.begin());
+  }
+  bool has(const std::string& name) const { return find(name) != Columns::kNone; }
+  std::vector<std::string> missing(const std::vector<std::string>& wanted) const {
+    std::vector<std::string> names;
+    for (const auto& name : wanted) {
+      if (!has(name)) names.push_back(name);
+    }
+    return names;
+  }
+
+  Columns columns(const std::optional<Chain>& chain) const {
+    if (!has("time")) fail_missing({"time"}, "the header must be time and the columns of a motion");
+    Columns c = chain ? joints(chain->movable()) : poses();
+    c.count = names_.size();
+    for (const auto& name : c.names) c.fields.push_back(find(name));
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      if (std::find(c.fields.begin(), c.fields.end(), i) == c.fields.end()) {
+        c.unused.push_back(names_[i]);
+      }
+    }
+    return c;
+  }
+
+ private:
+  Columns joints(const std::vector<std::string>& movable) const {
+    Columns c;
+    c.names = {"time"};
+    c.names.insert(c.names.end(), movable.begin(), movable.end());
+    if (const auto lacking = missing(movable); !lacking.empty()) {
+      fail_missing(lacking,
+                   "the machine has a urdf, so its motion needs a column for each joint "
+                   "from the root to the lip: " +
+                       quoted_list(movable));
+    }
+    const auto used = [&](const char* n) {
+      return std::find(c.names.begin(), c.names.end(), n) != c.names.end();
+    };
+    if (!used("x") && !used("y") && !used("z") && has("x") && has("y") && has("z")) {
+      lines_.fail(
+          "has both joints and a pose (x, y, z); remove the columns of the pose, or the "
+          "machine's urdf");
+    }
+    return c;
+  }
+
+  Columns poses() const {
+    const std::vector<std::string> xyz = {"x", "y", "z"};
+    if (const auto lacking = missing(xyz); !lacking.empty()) {
+      fail_missing(lacking,
+                   "a motion by poses needs time,x,y,z (a motion by joints needs the "
+                   "machine's urdf)");
+    }
+    Columns c;
+    c.names = {"time", "x", "y", "z"};
+    const auto lacking = missing(kQuaternion);
+    c.quaternion = lacking.size() < kQuaternion.size();
+    if (c.quaternion && missing(kAngles).size() < kAngles.size()) {
+      lines_.fail("has both angles (roll, pitch, yaw) and a quaternion (qx, qy, qz, qw); keep one");
+    }
+    if (c.quaternion && !lacking.empty()) {
+      fail_missing(lacking, "a quaternion needs qx,qy,qz,qw");
+    }
+    const auto& rotation = c.quaternion ? kQuaternion : kAngles;
+    c.names.insert(c.names.end(), rotation.begin(), rotation.end());
+    return c;
+  }
+
+  [[noreturn]] void fail_missing(const std::vector<std::string>& lacking,
+                                 const std::string& what_is_right) const {
+    std::string hint;
+    if (names_.size() == 1 && names_[0].find_first_of(";\t") != std::string::npos) {
+      hint = "; columns must be separated by commas";
+    }
+    lines_.fail(fmt::format("column{} {} {} missing; {}{}", lacking.size() == 1 ? "" : "s",
+                            quoted_list(lacking), lacking.size() == 1 ? "is" : "are", what_is_right,
+                            hint));
+  }
+
+  const CsvLines& lines_;
+  std::vector<std::string> names_;
+};
+
+}  // namespace
+
+Columns read_columns(const CsvLines& lines, const std::vector<std::string_view>& header,
+                     const std::optional<Chain>& chain) {
+  return Header(lines, header).columns(chain);
+}
+
+}  // namespace soilvdb::inline v0::io

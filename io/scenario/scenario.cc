@@ -1,0 +1,252 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Reads a scenario section by section; the motions, which can be long, come last.
+#include "soilvdb/io/scenario.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "io/file/text.h"
+#include "io/scenario/yaml_map.h"
+#include "soilvdb/io/urdf.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr double kMinVoxelM = 1e-4, kMaxVoxelM = 100;
+constexpr double kMinEveryS = 1e-3, kMaxEveryS = 1e9;
+constexpr std::size_t kMaxKept = 1'000'000;
+constexpr double kMaxSyncS = 3600;
+constexpr double kMinCellM = 1e-3, kMaxCellM = 1e4;
+constexpr std::array kMeshFormats = {"ply", "obj", "stl", "glb"};
+
+void check_version(const YamlMap& scenario) {
+  const std::string version = scenario.text("soilvdb");
+  if (version != "1") {
+    scenario.fail("soilvdb", fmt::format("format version is '{}'; this program reads version 1",
+                                         printable(version)));
+  }
+}
+
+std::string read_name(const YamlMap& scenario, const std::filesystem::path& file) {
+  if (scenario.has("name")) return scenario.name("name");
+  const std::string stem = file.stem().string();
+  try {
+    check_name(stem);
+  } catch (const std::invalid_argument&) {
+    scenario.fail("name", "key 'name' is missing in scenario");
+  }
+  return stem;
+}
+
+/// The path under `key` of a file that is there.
+std::filesystem::path read_path(const YamlMap& map, const std::string& key) {
+  const auto path = map.path(key);
+  try {
+    check_readable(path);
+  } catch (const InputError& e) {
+    map.fail(key, fmt::format("{}: {}", key, e.what()));
+  }
+  return path;
+}
+
+Terrain read_terrain(const YamlMap& scenario) {
+  const YamlMap terrain = scenario.map("terrain", {"plane", "raster", "level_set"});
+  const int kinds = terrain.has("plane") + terrain.has("raster") + terrain.has("level_set");
+  if (kinds != 1) {
+    scenario.fail("terrain", fmt::format("terrain has {}; it must have exactly one of plane, "
+                                         "raster and level_set",
+                                         kinds == 0 ? "no kind" : fmt::format("{} kinds", kinds)));
+  }
+  if (terrain.has("raster")) return RasterTerrain{read_path(terrain, "raster")};
+  if (terrain.has("level_set")) return LevelSetTerrain{read_path(terrain, "level_set")};
+  const YamlMap map = terrain.map("plane", {"z", "slope"});
+  PlaneTerrain plane;
+  plane.height_m = map.number("z");
+  if (map.has("slope")) {
+    const auto slope = map.numbers("slope", 2);
+    plane.slope = {slope[0], slope[1]};
+  }
+  return plane;
+}
+
+Bucket read_bucket(const YamlMap& machine) {
+  const YamlMap map = machine.map("bucket", {"width", "height", "profile", "dump_angle"});
+  Bucket bucket;
+  bucket.width_m = map.number("width");
+  bucket.height_m = map.number("height");
+  if (map.has("profile")) {
+    bucket.profile = map.points("profile");
+    if (bucket.profile.empty()) {
+      map.fail("profile", "profile is empty; give its points, or leave it out");
+    }
+  }
+  if (map.has("dump_angle")) bucket.dump_angle_rad = map.number("dump_angle");
+  try {
+    bucket.validate();
+  } catch (const std::invalid_argument& e) {
+    const std::string message = e.what();  // begins with the key
+    map.fail(message.substr(0, message.find(' ')), message);
+  }
+  return bucket;
+}
+
+Pose read_pose(const YamlMap& map) {
+  Pose pose;
+  if (map.has("xyz")) pose.position = Vec3(map.numbers("xyz", 3).data());
+  if (map.has("rpy")) {
+    const auto rpy = map.numbers("rpy", 3);
+    for (const double angle : rpy) {
+      if (std::abs(angle) > 2 * std::numbers::pi)
+        map.fail("rpy", fmt::format("rpy has {}; angles must be in radians, within a turn", angle));
+    }
+    pose.rotation = from_rpy(rpy[0], rpy[1], rpy[2]);
+  }
+  return pose;
+}
+
+std::optional<Chain> read_machine_chain(const YamlMap& machine) {
+  if (!machine.has("urdf")) {
+    for (const char* key : {"base", "lip"}) {
+      if (machine.has(key)) {
+        machine.fail(key, fmt::format("'{}' is for a machine with a 'urdf'; add that, or remove "
+                                      "'{}'",
+                                      key, key));
+      }
+    }
+    return std::nullopt;
+  }
+  const auto file = read_path(machine, "urdf");
+  if (!machine.has("lip")) {
+    machine.fail("urdf", "key 'lip' is missing in machine; a 'urdf' needs it to place the bucket");
+  }
+  const YamlMap lip = machine.map("lip", {"link", "xyz", "rpy"});
+  Chain chain;
+  try {
+    chain = read_chain(file, lip.text("link"));
+  } catch (const std::invalid_argument& e) {
+    lip.fail("link", e.what());
+  }
+  chain.link_from_bucket = read_pose(lip);
+  if (machine.has("base")) chain.world_from_root = read_pose(machine.map("base", {"xyz", "rpy"}));
+  return chain;
+}
+
+OnBadRow read_on_bad_row(const YamlMap& machine) {
+  const std::string policy = machine.has("bad_rows") ? machine.text("bad_rows") : "stop";
+  if (policy != "stop" && policy != "skip") {
+    machine.fail("bad_rows",
+                 fmt::format("bad_rows is '{}'; it must be stop or skip: the run ends "
+                             "before the first bad row of the motion, or leaves all out",
+                             printable(policy)));
+  }
+  return policy == "stop" ? OnBadRow::kStop : OnBadRow::kSkip;
+}
+
+void read_output(const YamlMap& scenario, Scenario& result) {
+  if (!scenario.has("output")) return;
+  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
+  if (output.has("snapshots")) {
+    const YamlMap snapshots = output.map("snapshots", {"every", "incremental", "keep"});
+    result.snapshot_every_s = snapshots.number("every", kMinEveryS, kMaxEveryS, "s");
+    result.incremental_snapshots = snapshots.has("incremental") && snapshots.flag("incremental");
+    if (snapshots.has("keep")) result.snapshots_kept = snapshots.count("keep", 2, kMaxKept);
+  }
+  if (output.has("mesh")) {
+    result.mesh = output.text("mesh");
+    if (std::find(kMeshFormats.begin(), kMeshFormats.end(), *result.mesh) == kMeshFormats.end()) {
+      output.fail("mesh", fmt::format("mesh is '{}'; it must be ply, obj, stl or glb",
+                                      printable(*result.mesh)));
+    }
+  }
+  if (output.has("raster")) {
+    result.raster_cell_m = output.map("raster", {"cell"}).number("cell", kMinCellM, kMaxCellM, "m");
+  }
+  if (output.has("journal")) {
+    const YamlMap journal = output.map("journal", {"sync"});
+    const std::string sync = journal.text("sync");
+    if (sync != "always" && !parse_number(sync)) {
+      journal.fail("sync", fmt::format("sync is '{}'; it must be a number of seconds, or always",
+                                       printable(sync)));
+    }
+    result.journal_sync_s =
+        sync == "always" ? 0 : journal.number("sync", kMinEveryS, kMaxSyncS, "s");
+  }
+}
+
+/// A machine's section of a scenario, all but the rows of its motion.
+struct Section {
+  std::string name;
+  Bucket bucket;
+  std::optional<Chain> chain;
+  std::filesystem::path motion;
+  OnBadRow on_bad_row = OnBadRow::kStop;
+};
+
+std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result) {
+  std::vector<Section> sections;
+  std::set<std::string> names;
+  for (const YamlMap& machine :
+       scenario.maps("machines", "machine",
+                     {"name", "bucket", "motion", "bad_rows", "urdf", "base", "lip"})) {
+    const std::string name = machine.name("name");
+    if (!names.insert(name).second) {
+      machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
+    }
+    const Bucket bucket = read_bucket(machine);
+    sections.push_back({name, bucket, read_machine_chain(machine), read_path(machine, "motion"),
+                        read_on_bad_row(machine)});
+    result.inputs.push_back(sections.back().motion);
+    if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
+  }
+  return sections;
+}
+
+}  // namespace
+
+MachineInput::MachineInput(std::string n, Bucket b, Motion m)
+    : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)) {
+  swept.add(*motion.part(0), bucket);
+}
+
+MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
+    : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)), swept(std::move(w)) {}
+
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress) {
+  const YamlMap map = YamlMap::load(
+      file, "scenario", {"soilvdb", "name", "voxel_size", "terrain", "machines", "output"});
+  check_version(map);
+  Scenario scenario;
+  scenario.file = file;
+  scenario.name = read_name(map, file);
+  scenario.voxel_size_m = map.number("voxel_size", kMinVoxelM, kMaxVoxelM, "m");
+  scenario.terrain = read_terrain(map);
+  read_output(map, scenario);
+
+  const std::vector<Section> sections = read_machines(map, scenario);
+  std::int64_t done = 0, total = 0;
+  const auto size = [](const Section& section) {
+    return static_cast<std::int64_t>(std::filesystem::file_size(section.motion));
+  };
+  for (const Section& section : sections) total += size(section);
+  for (const Section& section : sections) {
+    SweptBoxes swept;
+    MotionFile motion(
+        section.motion, section.chain, section.on_bad_row,
+        [&](const Motion& part, std::int64_t bytes) {
+          swept.add(part, section.bucket);
+          if (progress) progress(done + bytes, total);
+        },
+        scenario.warnings);
+    done += size(section);
+    scenario.machines.emplace_back(section.name, section.bucket, std::move(motion), std::move(swept));
+  }
+  return scenario;
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,104 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/io/site.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <limits>
+
+#include "io/scenario/workspace.h"
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/io/level_set_file.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/lattice.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr double kSameSize = 1e-9;  // relative: the same number, through text
+
+Base open_plane(const PlaneTerrain& plane) {
+  const Vec2 all = Vec2::Constant(std::numeric_limits<double>::infinity());
+  return {make_plane(plane.height_m, plane.slope), {plane, ""}, "", {-all, all}};
+}
+
+Base open_raster_base(const std::filesystem::path& file) {
+  const RasterInput raster = open_raster(file);
+  const HeightGrid& grid = raster.grid;
+  const Vec2 last = grid.first + grid.spacing.cwiseProduct(Vec2(grid.nx - 1, grid.ny - 1));
+  return {make_height_field(grid, raster.source),
+          {RasterTerrain{std::filesystem::canonical(file)}, file_fingerprint(file)},
+          raster.crs_wkt,
+          {grid.first, last}};
+}
+
+Base open_level_set_base(const std::filesystem::path& file) {
+  LevelSetInput input = read_level_set(file);
+  return {
+      std::move(input.surface),
+      {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file, /*whole=*/true)},
+      std::move(input.crs_wkt),
+      {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
+}
+
+/// The surface of a snapshot's ground.
+Base base_of(Site site, const std::filesystem::path& file) {
+  BaseReference beneath = site.undug();
+  return {
+      make_soil_surface(std::move(site.soil)),
+      {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file, /*whole=*/true)},
+      std::move(site.crs_wkt),
+      site.bounds,
+      std::move(beneath)};
+}
+
+Base open_snapshot_base(const std::filesystem::path& file) {
+  return base_of(read_snapshot(file), file);
+}
+
+Vec3 first_lip(const Scenario& scenario) {
+  return scenario.machines.front().motion.part(0)->row(0).position;
+}
+
+Site open_terrain(const Scenario& scenario) {
+  const double h = scenario.voxel_size_m;
+  const auto* level_set = std::get_if<LevelSetTerrain>(&scenario.terrain);
+  Base base;
+  if (level_set != nullptr && is_snapshot(level_set->file)) {
+    Site site = read_snapshot(level_set->file);
+    if (std::abs(h - site.soil->voxel_size_m()) <= kSameSize * h) return site;
+    base = base_of(std::move(site), level_set->file);
+  } else {
+    base = open_base(scenario.terrain);
+  }
+  return {std::make_unique<Soil>(h, lattice_origin(h, first_lip(scenario)), base.surface),
+          std::move(base.reference), std::move(base.crs_wkt), base.bounds, std::move(base.beneath)};
+}
+
+}  // namespace
+
+Base open_base(const Terrain& terrain) {
+  if (const auto* plane = std::get_if<PlaneTerrain>(&terrain)) return open_plane(*plane);
+  if (const auto* raster = std::get_if<RasterTerrain>(&terrain)) {
+    return open_raster_base(raster->file);
+  }
+  const std::filesystem::path& file = std::get<LevelSetTerrain>(terrain).file;
+  return is_snapshot(file) ? open_snapshot_base(file) : open_level_set_base(file);
+}
+
+Site undug_site(const Site& site) {
+  const Soil& soil = *site.soil;
+  return {std::make_unique<Soil>(soil.voxel_size_m(), soil.origin(), soil.shared_base()),
+          site.reference, site.crs_wkt, site.bounds, site.beneath};
+}
+
+Site open_site(const Scenario& scenario) {
+  if (scenario.machines.empty()) throw InputError(scenario.file, "has no machines; one would do");
+  Site site = open_terrain(scenario);
+  check_workspace(scenario, site);
+  return site;
+}
+
+}  // namespace soilvdb::inline v0::io

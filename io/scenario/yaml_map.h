@@ -1,0 +1,67 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Strict reading of a YAML map: every value has the type asked for, every key is known.
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "soilvdb/io/error.h"
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0::io {
+
+/// One map of a YAML file. All members throw InputError with file and line.
+class YamlMap {
+ public:
+  /// @param what what the map is called in messages
+  /// @param known all keys it may have; a key twice is an error too
+  YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
+          std::vector<std::string> known);
+
+  /// The one document in a YAML file, which must be a map.
+  static YamlMap load(const std::filesystem::path& file, std::string what,
+                      std::vector<std::string> known);
+
+  bool has(const std::string& key) const;
+  /// The map or list under `key`, which must be there.
+  YamlMap map(const std::string& key, std::vector<std::string> known) const;
+  std::vector<YamlMap> maps(const std::string& key, const std::string& what,
+                            std::vector<std::string> known) const;
+  std::string text(const std::string& key) const;
+  /// One line fit for the name of a file.
+  std::string name(const std::string& key) const;
+  /// A path, made relative to where the YAML file is.
+  std::filesystem::path path(const std::string& key) const;
+  double number(const std::string& key) const;
+  double number(const std::string& key, double least, double most, const char* unit) const;
+  std::size_t count(const std::string& key, std::size_t least, std::size_t most) const;
+  /// true or false.
+  bool flag(const std::string& key) const;
+  /// `n` numbers.
+  std::vector<double> numbers(const std::string& key, std::size_t n) const;
+  /// Points [x, z].
+  std::vector<Vec2> points(const std::string& key) const;
+
+  /// @throw InputError at the line of `key`, or of the map where it hasn't got it.
+  [[noreturn]] void fail(const std::string& key, const std::string& message) const;
+
+ private:
+  YAML::Node at(const std::string& key) const;
+  [[noreturn]] void fail(const YAML::Node& node, const std::string& message) const;
+  double number(const YAML::Node& node, const std::string& name) const;
+  std::vector<double> numbers(const YAML::Node& node, std::size_t n, const std::string& name) const;
+
+  std::filesystem::path file_;
+  YAML::Node node_;
+  std::string what_;
+};
+
+/// @throw std::invalid_argument unless `name` can be the name of a file and stands on one line.
+void check_name(const std::string& name);
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,59 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What writer and reader of snapshots agree on beyond the .vdb format itself.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "soilvdb/io/checksum.h"
+
+namespace soilvdb::inline v0::io {
+
+// 1 had distances that were carved, 2 samples in grids that other programs stumble over.
+inline constexpr int kFormat = 3;
+
+inline constexpr const char* kParentKey = "soilvdb_since";
+inline constexpr const char* kParentChecksumKey = "soilvdb_since_checksum";
+inline std::string to_text(const FileDigest& digest) {
+  return fmt::format("{:016x} {:016x}", digest.crc, digest.size);
+}
+
+// A .vdb starts with magic (8 bytes), format (4), library version (8) and a flag (1), and a UUID as
+// 36 letters. Ours starts with a mark ("soilvdb", as a UUID of version 8) and ends with a checksum.
+inline constexpr std::size_t kUuidAt = 21, kUuidSize = 36;
+inline constexpr std::string_view kMark = "736f696c-7664-8200-8";
+inline constexpr std::string_view kLevelSetMark = "736f696c-7664-8201-8";  // of those for others
+inline constexpr std::string_view kTrailerWord = "soilvdb-crc64 ";
+inline constexpr std::size_t kTrailerSize = kTrailerWord.size() + 16 + 1 + 16 + 1;
+
+// Before the checksum: the samples, and where there is one the tracker's state, each with a line
+// behind it that says its size.
+inline constexpr std::string_view kSamplesWord = "soilvdb-samples ", kStateWord = "soilvdb-state ";
+inline constexpr std::size_t kSizeDigits = 16;
+
+inline std::string size_line(std::string_view word, std::string_view bytes) {
+  return fmt::format("{}{:016x}\n", word, bytes.size());
+}
+
+inline std::string trailer(std::string_view bytes) {
+  return fmt::format("{}{:016x} {:016x}\n", kTrailerWord, crc64(bytes), bytes.size());
+}
+
+/// Puts a mark and a digest of all that follows where OpenVDB put a UUID that it drew at random, so
+/// that the same content makes the same bytes.
+inline void put_uuid(std::string& bytes, std::string_view mark) {
+  if (bytes.size() < kUuidAt + kUuidSize || bytes[kUuidAt + 8] != '-' || bytes[kUuidAt + 23] != '-')
+    throw std::runtime_error("this OpenVDB's file header is not the known one");
+  const std::uint64_t digest = crc64(std::string_view(bytes).substr(kUuidAt + kUuidSize));
+  bytes.replace(
+      kUuidAt, kUuidSize,
+      fmt::format("{}{:03x}-{:012x}", mark, digest >> 52, digest & ((std::uint64_t{1} << 48) - 1)));
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,122 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Reading snapshots.
+#include <fmt/format.h>
+
+#include <memory>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "core/ground/soil_writer.h"
+#include "io/file/text.h"
+#include "io/snapshot/snapshot_chain.h"
+#include "io/snapshot/snapshot_format.h"
+#include "io/snapshot/snapshot_samples.h"
+#include "soilvdb/io/level_set_file.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/soil_grids.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& meta) {
+  const std::string kind = meta.text("soilvdb_base");
+  if (kind == "plane") {
+    return open_base(
+        PlaneTerrain{meta.number("soilvdb_base_height_m"),
+                     {meta.number("soilvdb_base_slope_x"), meta.number("soilvdb_base_slope_y")}});
+  }
+  if (kind != "raster" && kind != "level_set") {
+    throw InputError(snapshot,
+                     fmt::format("has a base surface of unknown kind '{}'; a newer soilvdb "
+                                 "may read it",
+                                 printable(kind)));
+  }
+  // The file may have moved together with the snapshot, or the snapshot alone.
+  std::error_code none;
+  std::filesystem::path file = (std::filesystem::weakly_canonical(snapshot, none).parent_path() /
+                                meta.text("soilvdb_base_file"))
+                                   .lexically_normal();
+  const std::filesystem::path other = meta.text("soilvdb_base_file_absolute");
+  const std::string checksum = meta.text("soilvdb_base_checksum");
+  // OpenVDB only parses a level set that is what it was when the run tried it out.
+  const bool whole = kind == "level_set";
+  const auto matches = [&](const std::filesystem::path& path) {
+    return std::filesystem::is_regular_file(path, none) &&
+           file_fingerprint(path, whole) == checksum;
+  };
+  if (!matches(file)) {
+    if (matches(other)) {
+      file = other;
+    } else if (!std::filesystem::exists(file, none) && !std::filesystem::exists(other, none)) {
+      throw InputError(snapshot, fmt::format("its base surface {} is missing; put it back there",
+                                             file.string()));
+    } else {
+      if (!std::filesystem::exists(file, none)) file = other;
+      throw InputError(snapshot, fmt::format("its base surface {} has changed since; put back the "
+                                             "file the ground was dug from",
+                                             file.string()));
+    }
+  }
+  if (kind == "raster") return open_base(RasterTerrain{file});
+  return open_base(LevelSetTerrain{file});
+}
+
+/// The ground that one file holds, and what it says was dropped.
+std::unique_ptr<Soil> read_soil(ChainFile& member, const Base& base, std::vector<Coord3>& dropped) {
+  const MetaReader meta(member.file, *member.meta);
+  const openvdb::Vec3d origin = meta.vector(kOriginKey);
+  auto soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
+                                     Vec3(origin.x(), origin.y(), origin.z()), base.surface);
+  dropped = restore_samples(*member.samples, *soil);
+  if (fmt::format("{:016x}", soil->state_hash()) != meta.text("soilvdb_state_hash"))
+    throw std::runtime_error("its ground is not what was written");
+  return soil;
+}
+
+}  // namespace
+
+Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
+  openvdb::initialize();
+  std::vector<ChainFile> chain = open_chain(file);
+  const MetaReader meta(file, *chain.front().meta);
+  Base base = reading(file, file, [&] { return open_referenced(file, meta); });
+  Site site;
+  std::size_t chunks = 0;
+  for (auto member = chain.rbegin(); member != chain.rend(); ++member) {
+    reading(file, member->file, [&] {
+      std::vector<Coord3> dropped;
+      std::unique_ptr<Soil> soil = read_soil(*member, base, dropped);
+      if (!member->parent) {
+        site.soil = std::move(soil);
+        return;
+      }
+      chunks += soil->chunk_count() + dropped.size();
+      SoilWriter writer(*site.soil);
+      for (const Coord3& origin : dropped) writer.drop(origin);
+      for (const Chunk* chunk : soil->chunks()) writer.copy_from(*soil, chunk->origin);
+      if (member->file == file) member->parent->dropped = std::move(dropped);
+    });
+    member->samples.reset();
+  }
+  site.reference = std::move(base.reference);
+  site.crs_wkt = meta.text(kCrsKey);
+  site.bounds = base.bounds;
+  site.beneath = std::move(base.beneath);
+  if (info != nullptr) {
+    reading(file, file, [&] {
+      *info = {meta.text("soilvdb_scenario"),          meta.number("soilvdb_time_s"),
+               meta.number("soilvdb_cut_m3"),          meta.number("soilvdb_captured_m3"),
+               meta.number("soilvdb_displaced_m3"),    meta.number("soilvdb_dumped_m3"),
+               std::move(chain.front().tracker_state), std::move(chain.front().parent)};
+    });
+    if (info->parent) {
+      info->parent->depth = chain.size() - 1;
+      info->parent->chunks = chunks;
+    }
+  }
+  return site;
+}
+
+}  // namespace soilvdb::inline v0::io

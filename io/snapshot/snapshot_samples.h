@@ -1,0 +1,21 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The samples of a snapshot as bytes: small, quick to make, the same for any number of threads.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0::io {
+
+/// All resident chunks, and the origins of those that a snapshot says were dropped.
+std::string samples_bytes(const Soil& soil, const std::vector<Coord3>& dropped);
+
+/// Puts the chunks into a soil. @return origins of dropped ones
+/// @throw std::exception on anything that isn't as samples_bytes() makes it.
+std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil);
+
+}  // namespace soilvdb::inline v0::io

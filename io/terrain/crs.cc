@@ -1,0 +1,158 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/terrain/crs.h"
+
+#include <fmt/format.h>
+#include <ogr_spatialref.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "io/file/text.h"
+#include "io/terrain/gdal.h"
+#include "soilvdb/io/error.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+/// DIR/NAME_SUFFIX.tif beside the file.
+std::filesystem::path beside(const std::filesystem::path& file, const std::string& suffix) {
+  std::filesystem::path out = file;
+  return out.replace_filename(file.stem().string() + suffix + ".tif");
+}
+
+/// Length of a unit by its name, m; nothing for names that mean nothing to us, which is taken as m.
+std::optional<double> unit_metres(std::string name) {
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (name.find("foot") != std::string::npos || name.find("feet") != std::string::npos ||
+      name.starts_with("ft") || name == "us-ft" || name == "usft") {
+    const bool survey = name.find("us") != std::string::npos;
+    return survey ? 1200.0 / 3937.0 : 0.3048;
+  }
+  if (name == "cm" || name.starts_with("centimet")) return 0.01;
+  if (name == "mm" || name.starts_with("millimet")) return 0.001;
+  if (name == "km" || name.starts_with("kilomet")) return 1000;
+  if (name == "dm" || name.starts_with("decimet")) return 0.1;
+  if (name == "yd" || name.starts_with("yard")) return 0.9144;
+  return std::nullopt;
+}
+
+bool is_metre(double length) { return std::abs(length - 1) < 1e-9; }
+
+/// Where a point of `srs` is, in degrees.
+std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec2& p) {
+  OGRSpatialReference from(srs), to;
+  to.importFromEPSG(4326);
+  from.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+  to.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+  const std::unique_ptr<OGRCoordinateTransformation> transform(
+      OGRCreateCoordinateTransformation(&from, &to));
+  double x = p.x(), y = p.y();
+  if (!transform || !transform->Transform(1, &x, &y)) return std::nullopt;
+  if (!(std::abs(y) <= 90) || !(std::abs(x) <= 720)) return std::nullopt;
+  return Vec2(x, y);
+}
+
+[[noreturn]] void refuse_heights(const std::filesystem::path& file, const std::string& unit,
+                                 double metres, const std::string& horizontal) {
+  const auto out = shell_quoted(beside(file, "_m"));
+  std::string command =
+      fmt::format("gdal_calc.py --calc=A*{} -A {} --outfile={}", metres, shell_quoted(file), out);
+  // gdal_calc copies the vertical CRS, and with it the unit that is no longer right.
+  if (!horizontal.empty()) command += fmt::format(" && gdal_edit.py -a_srs {} {}", horizontal, out);
+  throw InputError(file, fmt::format("heights are in '{}', not metres; convert them with: {}",
+                                     printable(unit), command));
+}
+
+}  // namespace
+
+std::string crs_label(const std::string& wkt) {
+  const GdalMessages messages;
+  OGRSpatialReference srs;
+  if (wkt.empty() || srs.importFromWkt(wkt.c_str()) != OGRERR_NONE) return {};
+  const char* authority = srs.GetAuthorityName(nullptr);
+  const char* code = srs.GetAuthorityCode(nullptr);
+  if (authority != nullptr && code != nullptr) return std::string(authority) + ":" + code;
+  const char* name = srs.GetName();
+  return name != nullptr ? name : "";
+}
+
+std::string shell_quoted(const std::filesystem::path& path) {
+  const std::string text = path.string();
+  const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
+    return std::isalnum(c) || std::string_view("/._-+:,@=").find(char(c)) != std::string_view::npos;
+  });
+  if (plain && text[0] != '-') return text;
+  std::string quoted = text[0] == '-' ? "./'" : "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+int utm_epsg(double longitude, double latitude) {
+  if (latitude > 84) return 32661;
+  if (latitude < -80) return 32761;
+  const double turned = longitude + 180 - 360 * std::floor((longitude + 180) / 360);
+  const int zone = std::min(60, 1 + static_cast<int>(turned / 6));
+  return (latitude < 0 ? 32700 : 32600) + zone;
+}
+
+std::string warp_command(const std::filesystem::path& file, int epsg, const std::string& source) {
+  return fmt::format("gdalwarp {}-t_srs EPSG:{} -r bilinear {} {}",
+                     source.empty() ? "" : "-s_srs " + source + " ", epsg, shell_quoted(file),
+                     shell_quoted(beside(file, "_utm")));
+}
+
+void require_metres(const std::filesystem::path& file, const OGRSpatialReference& srs,
+                    const Vec2& centre, const std::string& vertical_unit) {
+  std::string wrong;
+  if (srs.IsGeographic() || srs.IsDerivedGeographic()) {
+    wrong = "is in degrees, not metres";
+  } else if (srs.IsGeocentric()) {
+    wrong = "is in geocentric coordinates, not in a map's";
+  } else {
+    const char* name = nullptr;
+    const double length = srs.GetLinearUnits(&name);
+    if (!is_metre(length)) {
+      wrong = fmt::format("has coordinates in '{}', not metres",
+                          printable(name != nullptr ? name : "an unknown unit"));
+    }
+  }
+  if (!wrong.empty()) {
+    const auto place = longitude_latitude(srs, centre);
+    if (!place) {
+      throw InputError(file, wrong +
+                                 "; reproject it to a CRS in metres, as with: gdalwarp -t_srs "
+                                 "EPSG:<the site's UTM zone> -r bilinear " +
+                                 shell_quoted(file) + " " + shell_quoted(beside(file, "_utm")));
+    }
+    throw InputError(file, fmt::format("{}; reproject it with: {}", wrong,
+                                       warp_command(file, utm_epsg(place->x(), place->y()), "")));
+  }
+  std::string unit = vertical_unit;
+  double length = unit_metres(unit).value_or(1);
+  std::string horizontal;
+  if (srs.IsCompound()) {
+    const char* name = nullptr;
+    const double vertical = srs.GetTargetLinearUnits("COMPD_CS|VERT_CS", &name);
+    if (!is_metre(vertical)) {
+      length = vertical;
+      unit = name != nullptr ? name : "an unknown unit";
+    }
+    const char* authority = srs.GetAuthorityName("COMPD_CS|PROJCS");
+    const char* code = srs.GetAuthorityCode("COMPD_CS|PROJCS");
+    horizontal = authority != nullptr && code != nullptr ? std::string(authority) + ":" + code
+                                                         : "EPSG:<its horizontal CRS>";
+  }
+  if (!is_metre(length)) refuse_heights(file, unit, length, horizontal);
+}
+
+void require_metres(const std::filesystem::path& file, const std::string& vertical_unit) {
+  const double length = unit_metres(vertical_unit).value_or(1);
+  if (!is_metre(length)) refuse_heights(file, vertical_unit, length, "");
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,295 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Reading heights.
+#include "soilvdb/io/raster.h"
+
+#include <fmt/format.h>
+#include <gdal_priv.h>
+#include <ogr_spatialref.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <optional>
+
+#include "io/file/text.h"
+#include "io/terrain/crs.h"
+#include "io/terrain/gdal.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr double kHighest = 1e5;  // m, either way
+constexpr double kVoids[] = {-9999, -99999, -32768, -32767};
+constexpr double kMostPosts = 4e11;  // a state of 600 km x 600 km at 1 m
+constexpr double kLargeBlock_bytes = 256 << 20, kMostPacked = 1000;  // deflate can't do more
+constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which a raster is read at opening
+constexpr std::int64_t kReadWholeBytes = 1 << 24;
+
+/// What a look at some of a raster's heights has shown.
+struct Probe {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  bool whole = false;  ///< all were read
+};
+
+class GdalHeights final : public HeightSource {
+ public:
+  GdalHeights(std::filesystem::path file, GDALDatasetUniquePtr dataset)
+      : file_(std::move(file)), dataset_(std::move(dataset)), band_(dataset_->GetRasterBand(1)) {
+    if ((band_->GetMaskFlags() & GMF_ALL_VALID) == 0) mask_ = band_->GetMaskBand();
+    int given = 0;
+    const double scale = band_->GetScale(&given);
+    if (given && std::isfinite(scale) && scale != 0) scale_ = scale;
+    const double offset = band_->GetOffset(&given);
+    if (given && std::isfinite(offset)) offset_ = offset;
+  }
+
+  GDALDataset& dataset() const { return *dataset_; }
+  GDALRasterBand& band() const { return *band_; }
+  int nx() const { return dataset_->GetRasterXSize(); }
+  int ny() const { return dataset_->GetRasterYSize(); }
+  /// Which way columns and rows run.
+  void set_direction(bool westward, bool southward) {
+    westward_ = westward;
+    southward_ = southward;
+  }
+
+  void read(int x0, int y0, int w, int h, float* out) const override {
+    const std::lock_guard lock(mutex_);
+    const GdalMessages messages;
+    const int column = westward_ ? nx() - x0 - w : x0, row = southward_ ? ny() - y0 - h : y0;
+    const std::size_t size = std::size_t(w) * h;
+    std::vector<double> raw(size);
+    std::vector<std::uint8_t> valid(mask_ != nullptr ? size : 0);
+    if (band_->RasterIO(GF_Read, column, row, w, h, raw.data(), w, h, GDT_Float64, 0, 0, nullptr) !=
+            CE_None ||
+        (mask_ != nullptr && mask_->RasterIO(GF_Read, column, row, w, h, valid.data(), w, h,
+                                             GDT_Byte, 0, 0, nullptr) != CE_None)) {
+      throw std::runtime_error(fmt::format(
+          "{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})", file_.string(), row,
+          row + h - 1, column, column + w - 1, messages.error_or("GDAL doesn't say why")));
+    }
+    for (int j = 0; j < h; ++j) {
+      for (int i = 0; i < w; ++i) {
+        const std::size_t from =
+            std::size_t(southward_ ? h - 1 - j : j) * w + (westward_ ? w - 1 - i : i);
+        const bool there = valid.empty() || valid[from] != 0;
+        out[std::size_t(j) * w + i] = there ? height(raw[from]) : kNone;
+      }
+    }
+  }
+
+ private:
+  float height(double raw) const {
+    if (std::find(std::begin(kVoids), std::end(kVoids), raw) != std::end(kVoids)) return kNone;
+    const double z = raw * scale_ + offset_;
+    return std::abs(z) <= kHighest ? static_cast<float>(z) : kNone;
+  }
+
+  std::filesystem::path file_;
+  GDALDatasetUniquePtr dataset_;
+  GDALRasterBand* band_;
+  GDALRasterBand* mask_ = nullptr;
+  double scale_ = 1, offset_ = 0;
+  bool westward_ = false, southward_ = true;
+  mutable std::mutex mutex_;  // a GDAL dataset serves one thread at a time
+};
+
+GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
+  check_readable(file);
+  const std::string path = std::filesystem::absolute(file).string();
+  GDALDriverH format = GDALIdentifyDriver(path.c_str(), nullptr);
+  const std::string name = format != nullptr ? GDALGetDriverShortName(format) : "";
+  // The ASCII reader guesses from the first 100 KB whether a file has only integers.
+  const char* const ascii[] = {"DATATYPE=Float64", nullptr};
+  messages.clear();
+  GDALDatasetUniquePtr dataset(GDALDataset::Open(
+      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, nullptr,
+      name == "AAIGrid" || name == "GRASSASCIIGrid" ? ascii : nullptr, nullptr));
+  if (dataset) return dataset;
+  if (name.empty()) {
+    throw InputError(file,
+                     "is not a raster that is read as terrain; a GeoTIFF or an Esri ASCII grid of "
+                     "heights would do (gdal_translate makes one of other formats)");
+  }
+  throw InputError(file, fmt::format("is damaged ({})", messages.error_or("GDAL can't open it")));
+}
+
+void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
+  if (dataset.GetRasterCount() < 1) throw InputError(file, "has no band; the first one is read");
+  const double posts = double(dataset.GetRasterXSize()) * dataset.GetRasterYSize();
+  if (dataset.GetRasterXSize() < 2 || dataset.GetRasterYSize() < 2 || posts > kMostPosts) {
+    throw InputError(file,
+                     fmt::format("has {} x {} cells; 2 x 2 to {:.0e} cells in all would do",
+                                 dataset.GetRasterXSize(), dataset.GetRasterYSize(), kMostPosts));
+  }
+  GDALRasterBand& band = *dataset.GetRasterBand(1);
+  int bx = 0, by = 0;
+  band.GetBlockSize(&bx, &by);
+  const double block_bytes = double(bx) * by * GDALGetDataTypeSizeBytes(band.GetRasterDataType());
+  const auto file_bytes = static_cast<double>(std::filesystem::file_size(file));
+  if (block_bytes > std::max(kLargeBlock_bytes, kMostPacked * file_bytes)) {
+    throw InputError(
+        file,
+        fmt::format("is damaged or has too large blocks, {} x {} cells, of which each is read "
+                    "whole; tiles, as of gdal_translate -co TILED=YES, would do",
+                    bx, by));
+  }
+  if (GDALDataTypeIsComplex(band.GetRasterDataType())) {
+    throw InputError(file, "holds complex numbers; heights in metres are needed");
+  }
+  const GDALColorInterp colour = band.GetColorInterpretation();
+  if (colour == GCI_PaletteIndex || colour == GCI_RedBand) {
+    throw InputError(file, "is a picture, its first band a colour; heights in metres are needed");
+  }
+}
+
+/// Sets the source's direction. @return the posts: centres of the cells.
+HeightGrid place(const std::filesystem::path& file, GdalHeights& source) {
+  std::array<double, 6> t;
+  if (source.dataset().GetGeoTransform(t.data()) != CE_None) {
+    throw InputError(file, fmt::format("has no position and cell size; set the coordinates of its "
+                                       "upper left and lower right corner with: gdal_edit.py "
+                                       "-a_ullr <xmin> <ymax> <xmax> <ymin> {}",
+                                       shell_quoted(file)));
+  }
+  const int nx = source.nx(), ny = source.ny();
+  if (!std::all_of(t.begin(), t.end(), [](double v) { return std::abs(v) < 1e12; })) {
+    throw InputError(file, "has a position or cell size that is not a number or beyond measure");
+  }
+  // Rotation that moves no cell by a thousandth of its size is rounding.
+  if (std::abs(t[2]) * ny > 1e-3 * std::abs(t[1]) || std::abs(t[4]) * nx > 1e-3 * std::abs(t[5])) {
+    std::filesystem::path out = file;
+    out.replace_filename(file.stem().string() + "_north_up.tif");
+    throw InputError(file, fmt::format("is rotated; turn it north up with: gdalwarp -r bilinear {} "
+                                       "{}",
+                                       shell_quoted(file), shell_quoted(out)));
+  }
+  if (t[1] == 0 || t[5] == 0) throw InputError(file, "has cells of size 0; above 0 m is needed");
+  source.set_direction(t[1] < 0, t[5] < 0);
+  HeightGrid grid;
+  grid.nx = nx;
+  grid.ny = ny;
+  grid.spacing = {std::abs(t[1]), std::abs(t[5])};
+  grid.first = {std::min(t[0], t[0] + nx * t[1]) + grid.spacing.x() / 2,
+                std::min(t[3], t[3] + ny * t[5]) + grid.spacing.y() / 2};
+  return grid;
+}
+
+/// A GeoTIFF cut short has blocks beyond its end: seen without reading any.
+void check_blocks_within_file(const std::filesystem::path& file, GdalHeights& source) {
+  int bx = 0, by = 0;
+  source.band().GetBlockSize(&bx, &by);
+  if (bx < 1 || by < 1) return;
+  const std::int64_t columns = (source.nx() + bx - 1) / bx, rows = (source.ny() + by - 1) / by;
+  constexpr std::int64_t kMost = 10'000;
+  const std::int64_t step = std::max<std::int64_t>(1, columns * rows / kMost);
+  const auto size = static_cast<double>(std::filesystem::file_size(file));
+  for (std::int64_t last = columns * rows - 1, n = last; n >= 0; n -= step) {
+    const auto item = [&](const char* name) {
+      const char* text = source.band().GetMetadataItem(
+          fmt::format("{}_{}_{}", name, n % columns, n / columns).c_str(), "TIFF");
+      return text != nullptr ? parse_number(text).value_or(0) : 0;
+    };
+    if (item("BLOCK_OFFSET") + item("BLOCK_SIZE") > size) {
+      throw InputError(file, "is damaged: it ends before its data do; copy or download it again");
+    }
+  }
+}
+
+/// Reads all of a small raster, and a few blocks of a large one.
+Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::string& driver) {
+  const std::int64_t nx = source.nx(), ny = source.ny();
+  const std::uintmax_t bytes = std::filesystem::file_size(file);
+  const bool ascii = driver == "AAIGrid" || driver == "GRASSASCIIGrid" || driver == "GSAG";
+  if (driver == "GTiff") check_blocks_within_file(file, source);
+  if (ascii && bytes < 2 * static_cast<std::uintmax_t>(nx * ny)) {
+    throw InputError(file,
+                     fmt::format("is damaged: {} bytes can't hold {} x {} heights", bytes, nx, ny));
+  }
+  Probe result;
+  std::vector<float> heights;
+  const auto look = [&](std::int64_t x, std::int64_t y, std::int64_t w, std::int64_t h) {
+    heights.resize(static_cast<std::size_t>(w * h));
+    source.read(int(x), int(y), int(w), int(h), heights.data());
+    for (const float z : heights) {
+      if (std::isnan(z)) continue;
+      result.low = std::min<double>(result.low, z);
+      result.high = std::max<double>(result.high, z);
+    }
+  };
+  if (nx * ny <= kReadWhole && bytes <= kReadWholeBytes) {
+    look(0, 0, nx, ny);
+    result.whole = true;
+    return result;
+  }
+  int bx = 0, by = 0;
+  source.band().GetBlockSize(&bx, &by);
+  // A block too large to be read in passing, or one that can be reached only by way of all before.
+  if (ascii || std::int64_t{bx} * by > kReadWhole) return result;
+  for (const std::int64_t y : {std::int64_t{0}, ny / 2, ny - 1}) {
+    for (const std::int64_t x : {std::int64_t{0}, nx / 2, nx - 1}) look(x, y, 1, 1);
+  }
+  return result;
+}
+
+/// Degrees look like metres where no CRS says what they are: cells of less than a centimetre, and
+/// ground that would be higher than it is wide.
+void refuse_likely_degrees(const std::filesystem::path& file, const HeightGrid& grid,
+                           const Probe& seen) {
+  const Vec2 size = grid.spacing.cwiseProduct(Vec2(grid.nx, grid.ny));
+  const Vec2 centre = grid.first + size / 2,
+             far = grid.first.cwiseAbs().cwiseMax((grid.first + size).cwiseAbs());
+  if (far.x() > 361 || far.y() > 91 || grid.spacing.maxCoeff() > 0.01) return;
+  if (!(seen.high - seen.low > size.maxCoeff())) return;
+  throw InputError(
+      file,
+      fmt::format("has no CRS and looks to be in degrees (cells of {:g}, heights from {:g} to "
+                  "{:g} m); reproject it with: {}",
+                  grid.spacing.x(), seen.low, seen.high,
+                  warp_command(file, utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
+}
+
+}  // namespace
+
+RasterInput open_raster(const std::filesystem::path& file) {
+  GdalMessages messages;
+  auto source = std::make_shared<GdalHeights>(file, open_dataset(file, messages));
+  check_is_heights(file, source->dataset());
+  RasterInput input;
+  input.driver = source->dataset().GetDriverName();
+  input.grid = place(file, *source);
+  const OGRSpatialReference* srs = source->dataset().GetSpatialRef();
+  const char* unit = source->band().GetUnitType();
+  const Vec2 centre =
+      input.grid.first +
+      input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
+  if (srs != nullptr && !srs->IsEmpty()) {
+    require_metres(file, *srs, centre, unit != nullptr ? unit : "");
+    char* wkt = nullptr;
+    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
+    if (srs->exportToWkt(&wkt, options) == OGRERR_NONE) input.crs_wkt = wkt;
+    CPLFree(wkt);
+  } else {
+    require_metres(file, unit != nullptr ? unit : "");
+  }
+  Probe seen;
+  try {
+    seen = probe(file, *source, input.driver);
+  } catch (const InputError&) {
+    throw;
+  } catch (const std::runtime_error& error) {  // names the file already
+    throw InputError(error.what());
+  }
+  if (seen.whole && seen.low > seen.high) {
+    throw InputError(file, "has no height: all its cells are NODATA or beyond +-100 km");
+  }
+  if (input.crs_wkt.empty()) refuse_likely_degrees(file, input.grid, seen);
+  input.source = std::move(source);
+  return input;
+}
+
+}  // namespace soilvdb::inline v0::io

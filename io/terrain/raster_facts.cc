@@ -1,0 +1,51 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/terrain/raster_facts.h"
+
+#include <fmt/format.h>
+#include <gdal_priv.h>
+
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "io/file/text.h"
+#include "io/terrain/gdal.h"
+#include "soilvdb/io/error.h"
+
+namespace soilvdb::inline v0::io {
+
+RasterFacts raster_facts(const std::filesystem::path& file) {
+  check_readable(file);
+  GdalMessages messages;
+  const std::unique_ptr<GDALDataset> raster(
+      GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
+  if (!raster || raster->GetRasterCount() < 1)
+    throw InputError(file, fmt::format("is no raster that can be read: {}",
+                                       messages.error_or("it has no bands")));
+  RasterFacts facts;
+  facts.driver = raster->GetDriverName();
+  facts.columns = raster->GetRasterXSize();
+  facts.rows = raster->GetRasterYSize();
+  facts.bands = raster->GetRasterCount();
+  GDALRasterBand* band = raster->GetRasterBand(1);
+  int block_rows = 0;
+  band->GetBlockSize(&facts.block_columns, &block_rows);
+  facts.value_type = GDALGetDataTypeName(band->GetRasterDataType());
+  int has_nodata = 0;
+  const double nodata = band->GetNoDataValue(&has_nodata);
+  if (has_nodata) facts.nodata = fmt::format("{}", nodata);
+  std::array<double, 6> t{};  // x = t0 + column t1 + row t2, y = t3 + column t4 + row t5
+  if (raster->GetGeoTransform(t.data()) == CE_None) {
+    facts.placed = true;
+    facts.cell = {std::hypot(t[1], t[4]), std::hypot(t[2], t[5])};
+    for (const int column : {0, facts.columns})
+      for (const int row : {0, facts.rows})
+        facts.box.extend(
+            Vec2(t[0] + column * t[1] + row * t[2], t[3] + column * t[4] + row * t[5]));
+  }
+  if (const char* wkt = raster->GetProjectionRef()) facts.crs_wkt = wkt;
+  return facts;
+}
+
+}  // namespace soilvdb::inline v0::io

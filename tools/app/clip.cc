@@ -1,0 +1,118 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/app/clip.h"
+
+#include <fmt/format.h>
+#include <openvdb/io/Stream.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "io/file/atomic_file.h"
+#include "io/snapshot/snapshot_format.h"
+#include "soilvdb/io/level_set_file.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/soil_grids.h"
+
+namespace soilvdb::tools {
+namespace {
+
+/// The mesh without the points that no triangle uses.
+Mesh compacted(const Mesh& mesh) {
+  constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
+  std::vector<std::uint32_t> place(mesh.points.size(), kUnused);
+  Mesh result;
+  for (auto triangle : mesh.triangles) {
+    for (std::uint32_t& vertex : triangle) {
+      if (place[vertex] == kUnused) {
+        place[vertex] = static_cast<std::uint32_t>(result.points.size());
+        result.points.push_back(mesh.points[vertex]);
+      }
+      vertex = place[vertex];
+    }
+    result.triangles.push_back(triangle);
+  }
+  return result;
+}
+
+}  // namespace
+
+Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
+  // A block's vertices lie within a voxel of its cells.
+  const Vec2 low = (box.min() - soil.origin().head<2>()) / soil.voxel_size_m();
+  const Vec2 high = (box.max() - soil.origin().head<2>()) / soil.voxel_size_m();
+  std::vector<Coord3> chunks;
+  for (const Chunk* chunk : soil.chunks()) chunks.push_back(chunk->origin);
+  std::map<Coord3, Mesh, SurfaceMesh::Less> patches;
+  for (const Coord3& block : blocks_touched(chunks)) {
+    bool meets = true;
+    for (int axis = 0; axis < 2; ++axis)
+      meets &= block[axis] + kBlockSide + 1 >= low[axis] && block[axis] - 1 <= high[axis];
+    if (meets) patches.emplace(block, mesh_block(soil, block));
+  }
+  Mesh mesh = weld(patches);
+  const Vec2 local_min = box.min() - soil.origin().head<2>();
+  const Vec2 local_max = box.max() - soil.origin().head<2>();
+  std::erase_if(mesh.triangles, [&](const std::array<std::uint32_t, 3>& t) {
+    const Vec2 centre =
+        (mesh.points[t[0]] + mesh.points[t[1]] + mesh.points[t[2]]).head<2>().cast<double>() / 3;
+    return (centre.array() < local_min.array()).any() ||
+           (centre.array() >= local_max.array()).any();
+  });
+  return compacted(mesh);
+}
+
+Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan) {
+  constexpr double kMargin_voxels = 10;
+  constexpr double kMostCells = 1000;  // across
+  const double h = soil.voxel_size_m();
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  const io::SurfaceRaster heights =
+      io::rasterise(soil, plan, std::max(h, plan.sizes().maxCoeff() / kMostCells));
+  for (std::size_t i = 0; i < heights.surface.size(); ++i) {
+    const double z = heights.surface[i], base = z - heights.change[i];
+    if (std::isnan(z)) continue;
+    low = std::min({low, z, base});
+    high = std::max({high, z, base});
+  }
+  for (const Chunk* chunk : soil.chunks()) {
+    const Vec3 first = soil.world_from_index(chunk->origin.cast<double>());
+    const Vec3 last = first + Vec3::Constant(h * (kChunkSide - 1));
+    if (!plan.intersects(Eigen::AlignedBox2d(first.head<2>(), last.head<2>()))) continue;
+    low = std::min(low, first.z());
+    high = std::max(high, last.z());
+  }
+  if (!(low <= high)) throw std::invalid_argument("there is no ground");
+  const double margin = kMargin_voxels * h;
+  return {Vec3(plan.min().x(), plan.min().y(), low - margin),
+          Vec3(plan.max().x(), plan.max().y(), high + margin)};
+}
+
+std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site& site,
+                              const Eigen::AlignedBox3d& box) {
+  const openvdb::FloatGrid::Ptr grid = closed_level_set(*site.soil, box);
+  bool soil = false;
+  for (auto leaf = grid->tree().cbeginLeaf(); leaf && !soil; ++leaf)
+    for (auto value = leaf->cbeginValueAll(); value && !soil; ++value) soil = *value < 0;
+  if (!soil)
+    throw std::invalid_argument(fmt::format(
+        "it is too small for voxels of {:g} m, or there is no soil", site.soil->voxel_size_m()));
+  const Vec3& origin = site.soil->origin();
+  grid->setName("surface");
+  grid->insertMeta(io::kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
+  grid->insertMeta(io::kCrsKey, openvdb::StringMetadata(site.crs_wkt));
+  std::ostringstream bytes;
+  openvdb::io::Stream(bytes).write(openvdb::GridCPtrVec{grid});
+  std::string text = std::move(bytes).str();
+  io::put_uuid(text, io::kLevelSetMark);
+  io::write_atomically(file, text);
+  return grid->activeVoxelCount();
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,29 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Parts of a site, cut out for other programs.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "soilvdb/io/site.h"
+#include "soilvdb/mesher.h"
+#include "soilvdb/soil.h"
+
+namespace soilvdb::tools {
+
+/// The triangles of mesh_all() whose centre of gravity is in the box (low sides included), so that
+/// regions which tile the plane share them out. Meshes only the blocks that reach into it.
+Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box);
+
+/// The box over `plan` that holds the surface of the ground there with a margin of ten voxels,
+/// world.
+Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan);
+
+/// Writes a closed, self-contained level set of the ground in the box, grid `surface`, with the
+/// site's origin and CRS as metadata. Atomic. @return its active voxels.
+/// @throw std::runtime_error naming the file and the cause.
+std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site& site,
+                              const Eigen::AlignedBox3d& box);
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,118 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb export: a snapshot as mesh, raster, picture or closed level set.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "io/file/text.h"
+#include "io/terrain/crs.h"
+#include "soilvdb/io/mesh_file.h"
+#include "soilvdb/io/picture.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/mesher.h"
+#include "tools/app/clip.h"
+#include "tools/app/commands.h"
+#include "tools/run/outputs.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using Box2 = Eigen::AlignedBox2d;
+
+constexpr std::array kMeshes = {"ply", "obj", "stl", "glb"};
+
+bool is_mesh(const std::string& suffix) {
+  return std::find(kMeshes.begin(), kMeshes.end(), suffix) != kMeshes.end();
+}
+
+void export_mesh(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
+  const Mesh mesh = region ? mesh_region(*site.soil, *region) : mesh_all(*site.soil);
+  if (mesh.triangles.empty()) throw std::invalid_argument("there is no surface of dug ground");
+  io::write_mesh(to, mesh, site.soil->origin(), site.crs_wkt);
+  fmt::print("{}: {} vertices, {} triangles\n", to.string(), mesh.points.size(),
+             mesh.triangles.size());
+}
+
+void export_raster(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
+  const Box2 box = region ? *region : io::footprint(*site.soil, false);
+  const double cell_m = affordable_cell_m(box, site.soil->voxel_size_m());
+  write_surface_raster(to, *site.soil, box, cell_m, site.crs_wkt);
+  fmt::print("{}: bands surface and change, cells of {} m\n", to.string(), cell_m);
+}
+
+void export_picture(const fs::path& to, const io::Site& site, const io::SnapshotInfo& info,
+                    const std::optional<Box2>& region, bool perspective) {
+  const Box2 box = region ? *region : io::region_of_interest(*site.soil);
+  std::string detail = fmt::format("cut {} m³ by {} s, {} m voxels", number(info.cut_m3),
+                                   time_text(info.time_s), site.soil->voxel_size_m());
+  if (!site.crs_wkt.empty()) detail += ", " + io::crs_label(site.crs_wkt);
+  const io::Caption caption{info.scenario, detail};
+  (perspective ? io::write_view : io::write_plan)(to, *site.soil, box, caption);
+  fmt::print("{}: {}\n", to.string(), perspective ? "perspective view" : "plan");
+}
+
+void export_level_set(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
+  const Soil& soil = *site.soil;
+  Box2 plan = region ? *region : io::region_of_interest(soil);
+  if (!site.bounds.isEmpty()) plan = plan.intersection(site.bounds);
+  if (plan.isEmpty()) throw std::invalid_argument("the terrain has no heights");
+  const Eigen::AlignedBox3d box = ground_box(soil, plan);
+  const std::uint64_t voxels = write_level_set(to, site, box);
+  fmt::print("{}: closed level set of {} m x {} m x {} m, {} voxels\n", to.string(),
+             number(box.sizes().x()), number(box.sizes().y()), number(box.sizes().z()), voxels);
+}
+
+}  // namespace
+
+void export_file(const ExportOptions& options) {
+  const std::string suffix = suffix_of(options.to);
+  if (!is_mesh(suffix) && suffix != "tif" && suffix != "png" && suffix != "vdb")
+    throw io::InputError(options.to, fmt::format("the suffix '{}' is none of .ply .obj .stl .glb "
+                                                 ".tif .png .vdb",
+                                                 options.to.extension().string()));
+  if (options.view && suffix != "png")
+    throw io::InputError(options.to, "--view is for pictures; leave it out, or give a .png");
+  std::optional<Box2> region;
+  if (options.region) region = parse_region(*options.region);
+  io::check_readable(options.file);
+  check_output(options.to, options.file);
+  if (!io::is_snapshot(options.file))
+    throw io::InputError(options.file,
+                         "is not a snapshot of soilvdb; give a soil_*.vdb that "
+                         "soilvdb run wrote");
+  io::SnapshotInfo info;
+  const io::Site site = io::read_snapshot(options.file, &info);
+  const Box2 resident = io::footprint(*site.soil, false);
+  if (resident.isEmpty())
+    throw io::InputError(options.file,
+                         "holds no ground: no bucket had met any soil yet; give a "
+                         "later snapshot");
+  if (region && region->intersection(resident).isEmpty())
+    throw io::InputError(
+        fmt::format("--region {}: misses the dug ground, which is at "
+                    "{:.3f},{:.3f},{:.3f},{:.3f}",
+                    *options.region, resident.min().x(), resident.min().y(), resident.max().x(),
+                    resident.max().y()));
+  try {
+    if (is_mesh(suffix)) export_mesh(options.to, site, region);
+    if (suffix == "tif") export_raster(options.to, site, region);
+    if (suffix == "png")
+      export_picture(options.to, site, info, region, options.view == "perspective");
+    if (suffix == "vdb") export_level_set(options.to, site, region);
+  } catch (const std::invalid_argument& e) {
+    const std::string where =
+        options.region ? "--region " + *options.region : options.file.string();
+    throw io::InputError(where + ": " + e.what());
+  }
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,221 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb info: what is in a snapshot, another .vdb, a raster or a scenario.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "io/file/text.h"
+#include "io/terrain/raster_facts.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/scenario.h"
+#include "soilvdb/io/snapshot.h"
+#include "tools/app/child.h"
+#include "tools/app/commands.h"
+#include "tools/run/outputs.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+void line(std::string_view label, const std::string& text) {
+  fmt::print("{:<14}{}\n", label, text);
+}
+
+std::string box_text(const Eigen::AlignedBox2d& box) {
+  if (box.isEmpty()) return "nowhere";
+  return fmt::format("x {:.2f} to {:.2f}, y {:.2f} to {:.2f}", box.min().x(), box.max().x(),
+                     box.min().y(), box.max().y());
+}
+
+std::string box_text(const Eigen::AlignedBox3d& box) {
+  if (box.isEmpty()) return "nowhere";
+  return fmt::format("{}, z {:.2f} to {:.2f} m",
+                     box_text(Eigen::AlignedBox2d(box.min().head<2>(), box.max().head<2>())),
+                     box.min().z(), box.max().z());
+}
+
+void info_snapshot(const fs::path& file) {
+  io::SnapshotInfo info;
+  const io::Site site = io::read_snapshot(file, &info);
+  const Soil& soil = *site.soil;
+  Eigen::AlignedBox3d box;
+  for (const Chunk* chunk : soil.chunks()) {
+    const Vec3 low = soil.world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
+    box.extend(low);
+    box.extend(low + Vec3::Constant(soil.voxel_size_m() * kChunkSide));
+  }
+  fmt::print("{}: snapshot of soilvdb\n", file.string());
+  line("scenario", info.scenario);
+  line("time", time_text(info.time_s) + " s");
+  line("voxels", fmt::format("{} m", soil.voxel_size_m()));
+  line("origin",
+       fmt::format("{} {} {} m", soil.origin().x(), soil.origin().y(), soil.origin().z()));
+  line("CRS", crs_text(site.crs_wkt));
+  line("base", terrain_text(site.reference.terrain));
+  if (const std::string ground = beneath_text(soil); !ground.empty()) line("", ground);
+  line("cut",
+       fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
+                   number(info.captured_m3), number(info.displaced_m3), number(info.dumped_m3)));
+  if (info.parent)
+    line("goes on from",
+         fmt::format("{}; {} in all since a whole one", io::printable(info.parent->name),
+                     counted(static_cast<double>(info.parent->depth), "incremental snapshot")));
+  line("resident", fmt::format("{} m², {} chunks, {} voxels", number(soil.resident_m2()),
+                               soil.chunks().size(), soil.active_voxels()));
+  line("bounds", box_text(box));
+  line("state hash", fmt::format("{:016x}", soil.state_hash()));
+  line("checksums", site.reference.checksum.empty() ? "good" : "good, also of its base");
+}
+
+/// Heights of a raster, all of them or evenly spread windows of a large one.
+struct Heights {
+  std::int64_t read = 0, known = 0;
+  float low = std::numeric_limits<float>::infinity(), high = -low;
+  bool all = true;
+};
+
+/// @param block_columns windows as wide as what is stored together are quick to read
+Heights sample_heights(const io::RasterInput& raster, int block_columns) {
+  constexpr int kWindow = 1 << 14, kMostWindows = 256, kLeastColumns = 128;
+  const HeightGrid& grid = raster.grid;
+  const int columns = std::min(std::max(block_columns, kLeastColumns), grid.nx);
+  const int rows = std::clamp(kWindow / columns, 1, grid.ny);
+  const std::int64_t nx = (grid.nx + columns - 1) / columns, ny = (grid.ny + rows - 1) / rows;
+  const std::int64_t windows = std::min<std::int64_t>(nx * ny, kMostWindows);
+  Heights heights;
+  heights.all = windows == nx * ny;
+  std::vector<float> values;
+  for (std::int64_t i = 0; i < windows; ++i) {
+    const std::int64_t at = i * (nx * ny) / windows;
+    const int x0 = static_cast<int>(at % nx) * columns, y0 = static_cast<int>(at / nx) * rows;
+    const int width = std::min(columns, grid.nx - x0), depth = std::min(rows, grid.ny - y0);
+    values.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(depth));
+    raster.source->read(x0, y0, width, depth, values.data());
+    for (const float z : values) {
+      ++heights.read;
+      if (std::isnan(z)) continue;
+      ++heights.known;
+      heights.low = std::min(heights.low, z);
+      heights.high = std::max(heights.high, z);
+    }
+  }
+  return heights;
+}
+
+void info_raster(const fs::path& file) {
+  const io::RasterFacts facts = io::raster_facts(file);
+  fmt::print("{}: raster, {}\n", file.string(), facts.driver);
+  line("size", fmt::format("{} x {} cells, {}, {}", facts.columns, facts.rows,
+                           counted(facts.bands, "band"), facts.value_type));
+  if (facts.placed) {
+    line("cell", fmt::format("{:.8g} x {:.8g}", facts.cell.x(), facts.cell.y()));
+    line("extent", box_text(facts.box));
+  }
+  line("CRS", facts.crs_wkt.empty() ? "not known" : crs_text(facts.crs_wkt));
+  line("NODATA", facts.nodata.empty() ? "none named" : facts.nodata);
+  try {
+    const Heights heights = sample_heights(io::open_raster(file), facts.block_columns);
+    const double share = 1 - static_cast<double>(heights.known) /
+                                 static_cast<double>(std::max<std::int64_t>(heights.read, 1));
+    line("heights", heights.known == 0
+                        ? std::string("none in what was sampled")
+                        : fmt::format("{:.2f} to {:.2f} m{}", heights.low, heights.high,
+                                      heights.all ? "" : ", of evenly spread samples"));
+    line("no height", fmt::format("{:.3g} % of the cells", 100 * share));
+    line("as terrain", "usable");
+  } catch (const std::exception& e) {
+    std::string_view reason = e.what();
+    const std::string file_said = file.string() + ": ";
+    if (reason.starts_with(file_said)) reason.remove_prefix(file_said.size());
+    line("as terrain", fmt::format("not usable: {}", reason));
+  }
+}
+
+void info_scenario(const fs::path& file) {
+  const io::Scenario scenario = io::read_scenario(file);
+  fmt::print("{}: scenario\n", file.string());
+  line("name", scenario.name);
+  line("voxels", fmt::format("{} m", scenario.voxel_size_m));
+  line("terrain", terrain_text(scenario.terrain));
+  for (const io::MachineInput& machine : scenario.machines) {
+    const Bucket& bucket = machine.bucket;
+    const io::MotionFile& motion = machine.motion;
+    line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name, bucket.width_m,
+                                bucket.height_m,
+                                bucket.profile.empty()
+                                    ? std::string("no body")
+                                    : fmt::format("body of {} points", bucket.profile.size())));
+    Eigen::AlignedBox3d box;
+    for (std::size_t i = 0; i < motion.parts(); ++i) {
+      const auto part = motion.part(i);
+      for (std::size_t row = 0; row < part->times_s().size(); ++row) {
+        const Pose world_from_bucket = part->row(row);
+        for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
+          for (const double z : {0.0, bucket.height_m})
+            box.extend(world_from_bucket * Vec3(0, y, z));
+      }
+    }
+    line("  motion",
+         fmt::format("{}, {} s from {} s", counted(static_cast<double>(motion.rows()), "row"),
+                     time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
+    line("  mouth in", box_text(box));
+    if (motion.stops()) line("warning", motion.bad_rows().first + "; a run ends before this row");
+  }
+  if (scenario.snapshot_every_s)
+    line("snapshots", fmt::format("every {} s{}{}", *scenario.snapshot_every_s,
+                                  scenario.incremental_snapshots ? ", incremental" : "",
+                                  scenario.snapshots_kept ? fmt::format(", the newest {} kept",
+                                                                        *scenario.snapshots_kept)
+                                                          : ""));
+  if (scenario.mesh) line("mesh", *scenario.mesh);
+  if (scenario.raster_cell_m) line("raster", fmt::format("cells of {} m", *scenario.raster_cell_m));
+  for (const std::string& warning : scenario.warnings) line("warning", warning);
+}
+
+/// The first bytes of a file, to tell what it is.
+std::string head_of(const fs::path& file) {
+  std::array<char, 4096> bytes;
+  std::ifstream in(file, std::ios::binary);
+  in.read(bytes.data(), bytes.size());
+  return {bytes.data(), static_cast<std::size_t>(in.gcount())};
+}
+
+bool looks_like_scenario(const fs::path& file, const std::string& head) {
+  const std::string suffix = suffix_of(file);
+  return suffix == "yaml" || suffix == "yml" || head.starts_with("soilvdb:") ||
+         head.find("\nsoilvdb:") != std::string::npos;
+}
+
+}  // namespace
+
+void info(const InfoOptions& options) {
+  constexpr std::string_view kVdbMagic("\x20\x42\x44\x56\0\0\0\0", 8);
+  const fs::path& file = options.file;
+  io::check_readable(file);
+  const std::string head = head_of(file);
+  if (head.starts_with(kVdbMagic) || suffix_of(file) == "vdb") {
+    if (io::is_snapshot(file)) return info_snapshot(file);
+    fmt::print("{}", read_in_child(kText, file));
+    return;
+  }
+  if (looks_like_scenario(file, head)) return info_scenario(file);
+  try {
+    info_raster(file);
+  } catch (const io::InputError& e) {
+    if (std::string_view(e.what()).find("not recognized") == std::string_view::npos) throw;
+    throw io::InputError(file, "is neither a .vdb, nor a scenario, nor a raster that GDAL reads");
+  }
+}
+
+}  // namespace soilvdb::tools

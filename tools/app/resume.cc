@@ -1,0 +1,133 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb resume: goes on with a run that a crash, a power cut or a signal ended, and makes files
+// of a finished one again that are damaged or gone.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "soilvdb/io/snapshot.h"
+#include "tools/app/commands.h"
+#include "tools/run/recorded_motion.h"
+#include "tools/run/run_files.h"
+#include "tools/run/session.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+io::JournalContent open_run(const fs::path& folder) {
+  std::error_code none;
+  const fs::path file = folder / kJournalName;
+  if (!fs::is_directory(folder, none))
+    throw io::InputError(folder, "is not a folder; name the one a run writes to");
+  if (!fs::exists(file, none))
+    throw io::InputError(folder, "holds no run to go on with: it has no journal");
+  return io::read_journal(file);
+}
+
+/// Takes what isn't good out of the files that a journal knows. @return that
+std::vector<RunFile> take_faulty(const fs::path& folder, io::JournalContent& journal) {
+  std::vector<RunFile> faulty = check_files(folder, journal);
+  std::erase_if(faulty, [](const RunFile& file) { return file.fault.empty(); });
+  std::erase_if(journal.files, [&](const io::JournalFile& good) {
+    return std::any_of(faulty.begin(), faulty.end(),
+                       [&](const RunFile& file) { return file.known.name == good.name; });
+  });
+  return faulty;
+}
+
+/// The newest good ground that the journal knows of. Where the run is finished it is about faulty
+/// files, and the newest before those.
+Start find_start(const fs::path& folder, const io::JournalContent& journal,
+                 const std::vector<RunFile>& faulty, const io::Scenario& scenario) {
+  std::uint64_t end = std::numeric_limits<std::uint64_t>::max();
+  for (auto file = faulty.rbegin(); file != faulty.rend(); ++file) {
+    if (journal.ended && is_periodic(file->known.name)) end = file->known.updates;
+  }
+  const auto start_from = [&](const io::JournalFile& file) {
+    io::SnapshotInfo info;
+    Start start{io::read_snapshot(folder / file.name, &info), file.updates, "", file.name,
+                info.parent};
+    start.tracker_state = std::move(info.tracker_state);
+    fmt::print("going on from {}\n", file.name);
+    return start;
+  };
+  for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
+    // Nothing goes on from the last one of a run that was stopped.
+    const bool usable =
+        is_periodic(file->name) || (file->name == kFinalName && !scenario.incremental_snapshots);
+    if (!usable || file->updates == 0 || file->updates >= end) continue;
+    try {
+      return start_from(*file);
+    } catch (const io::InputError& e) {
+      say(fmt::format("warning: {}; going on from what came before it", e.what()));
+    }
+  }
+  fmt::print("going on from the beginning\n");
+  return {io::open_site(scenario), 0, ""};
+}
+
+void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const Start& start) {
+  for (const RunFile& file : faulty) {
+    if (file.outdated) continue;
+    const bool anew = file.known.updates >= start.updates;
+    say(fmt::format("warning: {}: {}; {}", (folder / file.known.name).string(), file.fault,
+                    anew ? "it is made anew"
+                         : "once the run is finished, resume it again and it is made anew"));
+  }
+}
+
+/// Keeps a damaged journal before its good part is gone on with.
+void keep_damaged(const fs::path& folder, const io::JournalContent& journal) {
+  const fs::path file = folder / kJournalName, kept = folder / "journal.damaged";
+  fs::copy_file(file, kept, fs::copy_options::overwrite_existing);
+  say(
+      fmt::format("warning: {}: is damaged at byte {}; what comes after is dug again, the damaged "
+                  "journal is kept as {}",
+                  file.string(), journal.good_bytes, kept.filename().string()));
+}
+
+}  // namespace
+
+void resume(const ResumeOptions& options) {
+  const Session::Clock::time_point begin = Session::Clock::now();
+  const fs::path& path = options.folder;
+  open_run(path);
+  RunFolder folder(path);
+  folder.lock();
+  io::JournalContent journal = open_run(path);
+  const std::vector<RunFile> faulty = take_faulty(path, journal);
+  const io::JournalExtent& done = journal.done;
+  const std::string reached = fmt::format(
+      fmt::runtime(journal.ended ? "{}: the run is finished: {} to {} s\n"
+                                 : "{}: {} acknowledged, to {} s\n"),
+      path.string(), counted(static_cast<double>(done.updates), "update"), time_text(done.time_s));
+  if (journal.ended && faulty.empty() && !journal.damaged) {
+    fmt::print("{}", reached);
+    return;
+  }
+  RunConfig config = parse_run_config(journal.config.text, path);
+  if (options.memory_mb) config.options.memory_mb = options.memory_mb;
+  io::Scenario scenario = read_to_dig(config.options);
+  check_recorded_motion(path / kJournalName, scenario, config);
+  fmt::print("{}", reached);
+  std::fflush(stdout);
+  folder.clear();
+  with_threads(config.options.threads, [&](int threads) {
+    Start start = find_start(path, journal, faulty, scenario);
+    warn_of(faulty, path, start);
+    if (journal.damaged) keep_damaged(path, journal);
+    Session(std::move(config), std::move(scenario), folder, std::move(start), threads, begin)
+        .resume(journal);
+  });
+}
+
+}  // namespace soilvdb::tools

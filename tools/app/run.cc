@@ -1,0 +1,112 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb run: digs a scenario and writes what it asks for.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "soilvdb/io/snapshot.h"
+#include "tools/app/child.h"
+#include "tools/app/commands.h"
+#include "tools/run/progress.h"
+#include "tools/run/session.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Other programs' .vdb files crash OpenVDB when they are damaged; a child finds out.
+void try_out(const io::Terrain& terrain) {
+  const auto* level_set = std::get_if<io::LevelSetTerrain>(&terrain);
+  if (!level_set || io::is_snapshot(level_set->file)) return;
+  read_in_child(kLevelSet, level_set->file);
+}
+
+/// At voxels of half a bucket's size its volumes are off by a percent; at those of four times its
+/// size it seems to dig nothing.
+void check_voxels(io::Scenario& scenario) {
+  for (const io::MachineInput& machine : scenario.machines) {
+    const double side_m = std::min(machine.bucket.width_m, machine.bucket.height_m);
+    if (scenario.voxel_size_m <= side_m / 2) continue;
+    if (scenario.voxel_size_m > 2 * std::max(machine.bucket.width_m, machine.bucket.height_m)) {
+      throw io::InputError(
+          scenario.file,
+          fmt::format(
+              "voxels of {} m are larger than the bucket of {}, {} m x {} m, and would show "
+              "nothing of what it digs; the voxel size must be {} m or less",
+              scenario.voxel_size_m, machine.name, machine.bucket.width_m, machine.bucket.height_m,
+              side_m / 5));
+    }
+    scenario.warnings.push_back(fmt::format(
+        "{}: voxels of {} m are too large for the bucket of {}, {} m x {} m; volumes will be off "
+        "by percents or more, use {} m or less",
+        scenario.file.string(), scenario.voxel_size_m, machine.name, machine.bucket.width_m,
+        machine.bucket.height_m, side_m / 5));
+  }
+}
+
+fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
+  if (options.out) return *options.out;
+  const std::string& name = scenario.name;
+  if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
+    throw io::InputError(scenario.file, fmt::format("the name '{}' can't be that of a folder; "
+                                                    "give --out DIR",
+                                                    name));
+  return fs::path("out") / name;
+}
+
+}  // namespace
+
+io::Scenario read_to_dig(const RunOptions& options) {
+  std::optional<Progress> progress;
+  io::Scenario scenario =
+      io::read_scenario(options.scenario, [&](std::int64_t done, std::int64_t total) {
+        if (!progress) progress.emplace("reading motions", total, "B");
+        progress->update(done);
+      });
+  progress.reset();
+  if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
+  check_voxels(scenario);
+  try_out(scenario.terrain);
+  return scenario;
+}
+
+void run(const RunOptions& options) {
+  const Session::Clock::time_point begin = Session::Clock::now();
+  io::Scenario scenario = read_to_dig(options);
+  RunFolder folder(folder_of(options, scenario));
+  with_threads(options.threads, [&](int threads) {
+    Start start{io::open_site(scenario), 0, ""};
+    for (const fs::path& input : input_files(scenario)) folder.spare(input);
+    RunConfig config{options, start.site.soil->change_m3(), ends_of(scenario.machines)};
+    config.options.out = folder.path();
+    folder.make();
+    try {
+      folder.lock();
+      folder.replace();
+      folder.clear();
+      const std::vector<std::string> warnings = scenario.warnings;
+      const std::string ground = beneath_text(*start.site.soil);
+      Session job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
+      if (!ground.empty()) say("the terrain is " + ground);
+      for (const std::string& warning : warnings) say("warning: " + warning);
+      job.run();
+    } catch (...) {
+      folder.unmake();
+      throw;
+    }
+  });
+}
+
+}  // namespace soilvdb::tools

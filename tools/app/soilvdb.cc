@@ -1,0 +1,295 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The program: its command line, and how what goes wrong becomes one line and an exit status.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <functional>
+#include <new>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "io/file/text.h"
+#include "soilvdb/io/error.h"
+#include "soilvdb/version.h"
+#include "tools/app/child.h"
+#include "tools/app/commands.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr double kLeastVoxel_m = 1e-4, kMostVoxel_m = 100;  // as in a scenario
+constexpr std::int64_t kLeastMemory_mb = 16, kMostMemory_mb = 10'000'000;
+enum ExitStatus { kDone = 0, kFailed = 1, kWrongInput = 2 };
+
+int complain(ExitStatus status, std::string message) {
+  say(std::move(message));
+  return status;
+}
+
+/// An option's text must be a number in [low, high]; as a transform() it then spells it plainly.
+CLI::Validator number_between(double low, double high, bool whole, const std::string& meaning) {
+  return CLI::Validator(
+      [=](std::string& text) {
+        const auto value = io::parse_number(text);
+        if (!value || !(*value >= low && *value <= high) || (whole && *value != std::floor(*value)))
+          return fmt::format("'{}' is not {}", io::printable(text), meaning);
+        if (whole) text = fmt::format("{:.0f}", *value);  // 1e3 is 1000
+        return std::string();
+      },
+      "");
+}
+
+/// The first signal asks for a stop; one that comes more than a second later ends the program at
+/// once. What sends signals may send each twice, to the process and to its group.
+void on_stop(int signal) {
+  static volatile std::sig_atomic_t asked_s = 0;
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  const auto now_s = static_cast<std::sig_atomic_t>(now.tv_sec);
+  if (!stop_requested) {
+    asked_s = now_s;
+    stop_requested = 1;
+  } else if (now_s > asked_s + 1) {
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
+}
+
+void stop_on_signals() {
+  struct sigaction stop {};
+  stop.sa_handler = on_stop;
+  stop.sa_flags = SA_RESTART;
+  sigaddset(&stop.sa_mask, SIGINT);
+  sigaddset(&stop.sa_mask, SIGTERM);
+  sigaction(SIGINT, &stop, nullptr);
+  sigaction(SIGTERM, &stop, nullptr);
+}
+
+/// The command line, and the options of all commands.
+class CommandLine {
+ public:
+  CommandLine() {
+    app_.require_subcommand(1);
+    app_.set_version_flag("--version", "soilvdb " SOILVDB_VERSION);
+    app_.footer(
+        "Exit status: 0 done; 2 the input or the command line is wrong, nothing was "
+        "written; 1 anything else.");
+    add_run();
+    add_resume();
+    add_verify();
+    add_info();
+    add_export();
+    add_diff();
+  }
+
+  int main(int argc, char** argv) {
+    if (argc > 1 && argv[1][0] != '-') {
+      const std::vector<std::string> known = commands();
+      if (std::find(known.begin(), known.end(), argv[1]) == known.end())
+        return complain(kWrongInput, unknown_command(argv[1]));
+    }
+    try {
+      app_.parse(argc, argv);
+    } catch (const CLI::Success& e) {
+      app_.exit(e);  // prints the help or the version asked for
+      return kDone;
+    } catch (const CLI::ExtrasError&) {
+      return complain(kWrongInput,
+                      fmt::format("{}; see soilvdb {}--help", not_expected(), command()));
+    } catch (const CLI::ParseError& e) {
+      return complain(kWrongInput, fmt::format("{}; see soilvdb {}--help", e.what(), command()));
+    }
+    std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
+    command_();
+    return kDone;
+  }
+
+ private:
+  std::vector<std::string> commands() const {
+    std::vector<std::string> names;
+    for (const CLI::App* sub : app_.get_subcommands([](const CLI::App*) { return true; }))
+      names.push_back(sub->get_name());
+    return names;
+  }
+
+  std::string unknown_command(const std::string& word) const {
+    const std::vector<std::string> names = commands();
+    return fmt::format("no command '{}', the nearest is '{}'; there are {}", io::printable(word),
+                       io::nearest(word, names), fmt::join(names, ", "));
+  }
+
+  /// What is wrong with a word on the command line that is neither an option nor wanted.
+  std::string not_expected() const {
+    const std::vector<std::string> words = app_.remaining(true);
+    const auto option = std::find_if(words.begin(), words.end(),
+                                     [](const std::string& w) { return w.starts_with('-'); });
+    if (option == words.end())
+      return fmt::format("'{}' is one word too many", io::printable(words.front()));
+    const std::string word = option->substr(0, option->find('='));
+    std::vector<std::string> known;
+    for (const CLI::Option* o : app_.get_subcommands().front()->get_options())
+      for (const std::string& name : o->get_lnames()) known.push_back("--" + name);
+    return fmt::format("no option '{}', the nearest is '{}'", io::printable(word),
+                       io::nearest(word, known));
+  }
+
+  std::string command() const {
+    const auto used = app_.get_subcommands();
+    return used.empty() ? "" : used.front()->get_name() + ' ';
+  }
+
+  /// @param otherwise what holds without the option
+  static void add_memory(CLI::App* sub, std::optional<std::int64_t>& mb, const char* otherwise) {
+    sub->add_option(
+           "--memory", mb,
+           fmt::format("most that the ground may hold of memory, MB, 16 or more; what was "
+                       "not used for longest goes to a file without a name in the run's folder. "
+                       "Besides it the program takes 100 MB, and 7 kB per chunk of 8 x 8 "
+                       "x 8 voxels while it writes a snapshot. Default: {}",
+                       otherwise))
+        ->type_name("MB")
+        ->transform(number_between(
+            kLeastMemory_mb, kMostMemory_mb, true,
+            fmt::format("a whole number of MB from {} to {}", kLeastMemory_mb, kMostMemory_mb)));
+  }
+
+  void add_run() {
+    CLI::App* sub = app_.add_subcommand("run", "dig a scenario");
+    sub->add_option("SCENARIO", run_.scenario, "scenario file (YAML)")->required();
+    sub->add_option("--out", run_.out, "folder to write to; default: out/<scenario name>")
+        ->type_name("DIR");
+    sub->add_option("--voxel", run_.voxel_size_m, "voxel size instead of the scenario's, m")
+        ->type_name("M")
+        ->check(number_between(
+            kLeastVoxel_m, kMostVoxel_m, false,
+            fmt::format("a voxel size from {} to {} m", kLeastVoxel_m, kMostVoxel_m)));
+    sub->add_option("--threads", run_.threads, "threads; default: one per core")
+        ->type_name("N")
+        ->transform(number_between(1, 1024, true, "a whole number from 1 to 1024"));
+    sub->add_option("--updates", run_.updates,
+                    "updates of each machine, even in time over its motion; default: one per row "
+                    "of the motion")
+        ->type_name("N")
+        ->transform(number_between(1, 1e8, true, "a whole number from 1 to 100000000"));
+    add_memory(sub, run_.memory_mb, "what it takes");
+    sub->add_flag("--no-mesh", no_mesh_, "no mesh, even if the scenario asks for one");
+    sub->add_flag("--no-snapshots", no_snapshots_, "no snapshots, not even the last");
+    sub->callback([this] {
+      run_.mesh = !no_mesh_;
+      run_.snapshots = !no_snapshots_;
+      command_ = [this] {
+        stop_on_signals();
+        run(run_);
+      };
+    });
+  }
+
+  void add_resume() {
+    CLI::App* sub = app_.add_subcommand("resume", "go on with an interrupted run to its end");
+    sub->add_option("DIR", resume_.folder, "folder the run writes to")->required();
+    add_memory(sub, resume_.memory_mb, "as for the run");
+    sub->callback([this] {
+      command_ = [this] {
+        stop_on_signals();
+        resume(resume_);
+      };
+    });
+  }
+
+  void add_verify() {
+    CLI::App* sub = app_.add_subcommand("verify", "is everything of a run intact");
+    sub->add_option("DIR|FILE", verify_.path, "folder of a run, or a snapshot or journal")
+        ->required();
+    sub->callback([this] { command_ = [this] { verify(verify_); }; });
+  }
+
+  void add_info() {
+    CLI::App* sub = app_.add_subcommand("info", "say what is in a file");
+    sub->add_option("FILE", info_.file, ".vdb, raster or scenario")->required();
+    sub->callback([this] { command_ = [this] { info(info_); }; });
+  }
+
+  void add_export() {
+    CLI::App* sub = app_.add_subcommand("export", "write a snapshot for other programs");
+    sub->add_option("FILE", export_.file, "snapshot (.vdb)")->required();
+    sub->add_option("--to", export_.to,
+                    "file to write: .ply .obj .stl .glb mesh, .tif surface and change, .png "
+                    "picture, .vdb closed level set")
+        ->type_name("OUT")
+        ->required();
+    sub->add_option("--region", export_.region, "only this part of the site, m")
+        ->type_name("XMIN,YMIN,XMAX,YMAX");
+    sub->add_option("--view", export_.view, "of a .png picture: plan (default) or perspective")
+        ->type_name("VIEW")
+        ->check(CLI::Validator(
+            [](std::string& text) {
+              if (text == "plan" || text == "perspective") return std::string();
+              return fmt::format("'{}' is neither plan nor perspective", io::printable(text));
+            },
+            ""));
+    sub->callback([this] { command_ = [this] { export_file(export_); }; });
+  }
+
+  void add_diff() {
+    CLI::App* sub = app_.add_subcommand("diff", "cut and fill between two snapshots of a site");
+    sub->add_option("A.vdb", diff_.before, "snapshot before")->required();
+    sub->add_option("B.vdb", diff_.after, "snapshot after")->required();
+    sub->add_option("--to", diff_.to, "write the change of height: .tif raster or .png picture")
+        ->type_name("OUT");
+    sub->add_flag("--json", diff_.json, "print the numbers as JSON");
+    sub->callback([this] { command_ = [this] { diff(diff_); }; });
+  }
+
+  CLI::App app_{"Tracks the ground and the soil in the bucket while excavators dig.", "soilvdb"};
+  RunOptions run_;
+  bool no_mesh_ = false, no_snapshots_ = false;
+  ResumeOptions resume_;
+  VerifyOptions verify_;
+  InfoOptions info_;
+  ExportOptions export_;
+  DiffOptions diff_;
+  std::function<void()> command_;
+};
+
+/// What a shell may have closed or ignored is as it is elsewhere: files that are opened don't
+/// become the standard streams, and children can be waited for.
+void set_up_process() {
+  int descriptor = 0;
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);
+  close(descriptor);
+  std::signal(SIGCHLD, SIG_DFL);
+}
+
+int guarded_main(int argc, char** argv) {
+  set_up_process();
+  try {
+    if (argc == 4 && std::string_view(argv[1]) == kInChild) child_main(argv[2], argv[3]);
+    const int status = CommandLine().main(argc, argv);
+    if (std::fflush(stdout) != 0 || std::ferror(stdout))
+      return complain(kFailed, "standard output can't be written to");
+    return status;
+  } catch (const io::InputError& e) {
+    return complain(kWrongInput, e.what());
+  } catch (const std::bad_alloc&) {
+    return complain(kFailed, "out of memory");
+  } catch (const std::exception& e) {
+    return complain(kFailed, e.what());
+  }
+}
+
+}  // namespace
+}  // namespace soilvdb::tools
+
+int main(int argc, char** argv) { return soilvdb::tools::guarded_main(argc, argv); }

@@ -1,0 +1,134 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb verify: is everything that a run left intact, and good to which time.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string>
+#include <vector>
+
+#include "soilvdb/io/error.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/snapshot.h"
+#include "tools/app/commands.h"
+#include "tools/run/recorded_motion.h"
+#include "tools/run/run_files.h"
+#include "tools/run/run_folder.h"
+#include "tools/run/session.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Calls `read`, for which a file that is damaged is the result and not a wrong question.
+template <typename F>
+auto judged(F read) {
+  try {
+    return read();
+  } catch (const io::InputError& e) {
+    throw std::runtime_error(e.what());
+  }
+}
+
+/// Why a run can't be gone on with; empty if it can.
+std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& journal) {
+  try {
+    const RunConfig config = parse_run_config(journal.config.text, folder);
+    check_recorded_motion(folder / kJournalName, read_to_dig(config.options), config);
+  } catch (const io::InputError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+void verify_run(const fs::path& folder) {
+  const io::JournalContent journal =
+      judged([&] { return io::read_journal(folder / kJournalName); });
+  std::vector<std::string> faults;
+  const auto report = [&](const std::string& name, const std::string& fault,
+                          const std::string& good) {
+    fmt::print("{:<20} {}\n", name, fault.empty() ? good : fault);
+    if (!fault.empty()) faults.push_back(fmt::format("{} {}", name, fault));
+  };
+  const std::string reached =
+      fmt::format("{} to {} s", counted(static_cast<double>(journal.done.updates), "update"),
+                  time_text(journal.done.time_s));
+  report(kJournalName,
+         journal.damaged
+             ? fmt::format("is damaged at byte {}: {} are good", journal.good_bytes, reached)
+             : "",
+         fmt::format("good: {}{}{}", reached,
+                     journal.ended ? ", finished" : ", not finished: `soilvdb resume` goes on",
+                     journal.torn_bytes == 0 ? ""
+                                             : fmt::format("; {} bytes after it never became whole",
+                                                           journal.torn_bytes)));
+  for (const RunFile& file : check_files(folder, journal))
+    if (!file.outdated) report(file.known.name, file.fault, "good");
+  if (!journal.ended) report("inputs", fault_of_inputs(folder, journal), "good");
+  if (faults.empty()) {
+    fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));
+    return;
+  }
+  throw std::runtime_error(fmt::format(
+      "{}: {}; the journal is good to {} s, from which `soilvdb resume {}` makes what is "
+      "missing or damaged anew",
+      folder.string(), fmt::join(faults, "; "), time_text(journal.done.time_s), folder.string()));
+}
+
+void verify_snapshot(const fs::path& file) {
+  io::SnapshotInfo info;
+  judged([&] { return io::read_snapshot(file, &info); });
+  fmt::print("{}: intact, the ground of {} at {} s\n", file.string(), info.scenario,
+             time_text(info.time_s));
+}
+
+void verify_journal(const fs::path& file) {
+  const io::JournalContent journal = judged([&] { return io::read_journal(file); });
+  if (journal.damaged)
+    throw std::runtime_error(fmt::format("{}: is damaged at byte {}; good to {} s", file.string(),
+                                         journal.good_bytes, time_text(journal.done.time_s)));
+  fmt::print("{}: intact, {} to {} s\n", file.string(),
+             counted(static_cast<double>(journal.done.updates), "update"),
+             time_text(journal.done.time_s));
+}
+
+/// Any other file that a run wrote.
+void verify_output(const fs::path& file) {
+  const fs::path journal = file.parent_path() / kJournalName;
+  std::error_code none;
+  if (fs::exists(journal, none)) {
+    for (const io::JournalFile& known : io::read_journal(journal).files) {
+      if (known.name != file.filename()) continue;
+      const std::string what = fault_of(file, known);
+      if (!what.empty()) throw std::runtime_error(fmt::format("{}: {}", file.string(), what));
+      fmt::print("{}: intact\n", file.string());
+      return;
+    }
+  }
+  throw io::InputError(file,
+                       "can't be verified: it is no snapshot, and no journal beside it "
+                       "knows it");
+}
+
+}  // namespace
+
+void verify(const VerifyOptions& options) {
+  const fs::path& path = options.path;
+  std::error_code none;
+  if (fs::is_directory(path, none)) {
+    if (!fs::exists(path / kJournalName, none))
+      throw io::InputError(path, "holds no run: it has no journal; name a snapshot to verify it");
+    verify_run(path);
+  } else if (io::is_snapshot(path)) {
+    verify_snapshot(path);
+  } else if (io::is_journal(path)) {
+    verify_journal(path);
+  } else {
+    if (!fs::exists(path, none)) throw io::InputError(path, "no such file or folder");
+    verify_output(path);
+  }
+}
+
+}  // namespace soilvdb::tools

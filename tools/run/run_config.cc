@@ -1,0 +1,112 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/run_config.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <vector>
+
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/version.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr int kFormat = 2;
+
+/// Where an input is now.
+fs::path find_input(const Json& input, const fs::path& folder) {
+  const auto relative = input.at("relative").get<std::string>();
+  const fs::path absolute = input.at("absolute").get<std::string>();
+  const auto checksum = input.value("checksum", std::string());
+  std::error_code none;
+  bool there = false;
+  const fs::path typed = folder / relative, behind_links = fs::canonical(folder, none) / relative;
+  for (const fs::path& file :
+       {typed.lexically_normal(), behind_links.lexically_normal(), absolute}) {
+    if (!fs::is_regular_file(file, none)) continue;
+    there = true;
+    if (checksum.empty() || io::file_fingerprint(file) == checksum) return file;
+  }
+  if (there)
+    throw io::InputError(absolute, fmt::format("has changed since the run in {} began; put back "
+                                               "what it was, or begin a new run",
+                                               folder.string()));
+  throw io::InputError(absolute,
+                       fmt::format("is missing; the run in {} needs it to go on", folder.string()));
+}
+
+}  // namespace
+
+std::vector<fs::path> input_files(const io::Scenario& scenario) {
+  std::vector<fs::path> files{scenario.file};
+  files.insert(files.end(), scenario.inputs.begin(), scenario.inputs.end());
+  if (const auto* raster = std::get_if<io::RasterTerrain>(&scenario.terrain))
+    files.push_back(raster->file);
+  if (const auto* level_set = std::get_if<io::LevelSetTerrain>(&scenario.terrain))
+    files.push_back(level_set->file);
+  return files;
+}
+
+std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
+  const RunOptions& options = config.options;
+  Json inputs = Json::array();
+  for (const fs::path& file : input_files(scenario)) {
+    // Relative, so that both may move together.
+    inputs.push_back({{"relative", fs::proximate(file, *options.out).string()},
+                      {"absolute", fs::absolute(file).lexically_normal().string()}});
+    const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
+    if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
+      inputs.back()["checksum"] = io::file_fingerprint(file);
+  }
+  Json json = {{"format", kFormat},
+               {"version", SOILVDB_VERSION},
+               {"inputs", inputs},
+               {"threads", options.threads},
+               {"mesh", options.mesh},
+               {"snapshots", options.snapshots},
+               {"change_before_m3", config.change_before_m3},
+               {"ends_s", config.ends_s}};
+  if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
+  if (options.updates) json["updates"] = *options.updates;
+  if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
+  // Not as text: paths may hold any bytes.
+  std::string bytes;
+  Json::to_cbor(json, bytes);
+  return bytes;
+}
+
+RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
+  try {
+    const Json json = Json::from_cbor(bytes);
+    if (const int format = json.at("format"); format != kFormat)
+      throw io::InputError(folder, fmt::format("is a run of format {}; this version goes on with "
+                                               "format {}",
+                                               format, kFormat));
+    RunConfig config;
+    RunOptions& options = config.options;
+    for (const Json& input : json.at("inputs")) {
+      const fs::path file = find_input(input, folder);
+      if (options.scenario.empty()) options.scenario = file;
+    }
+    options.out = folder;
+    options.threads = json.at("threads");
+    options.mesh = json.at("mesh");
+    options.snapshots = json.at("snapshots");
+    config.change_before_m3 = json.at("change_before_m3");
+    json.at("ends_s").get_to(config.ends_s);
+    if (json.contains("voxel_size_m")) options.voxel_size_m = json["voxel_size_m"].get<double>();
+    if (json.contains("updates")) options.updates = json["updates"].get<std::int64_t>();
+    if (json.contains("memory_mb")) options.memory_mb = json["memory_mb"].get<std::int64_t>();
+    return config;
+  } catch (const Json::exception& e) {
+    throw io::InputError(folder, fmt::format("its journal holds no configuration ({})", e.what()));
+  }
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,32 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a run was asked for, kept in its journal so that it can be gone on with.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "soilvdb/io/scenario.h"
+#include "tools/app/commands.h"
+
+namespace soilvdb::tools {
+
+struct RunConfig {
+  RunOptions options;           ///< `out` is set
+  double change_before_m3 = 0;  ///< of a site that was dug before
+  std::vector<double> ends_s;   ///< of the motions, as the run began
+};
+
+/// All the files a run reads: the scenario first, then motions and URDFs, the terrain.
+std::vector<std::filesystem::path> input_files(const io::Scenario& scenario);
+
+/// The configuration as bytes, with the place and a fingerprint of each input but the motions:
+/// those may change after what was dug, see check_recorded_motion().
+std::string to_bytes(const RunConfig& config, const io::Scenario& scenario);
+
+/// Takes it back, in the folder where it is now; the scenario's path is where it is now, too.
+/// @throw io::InputError naming the input that has changed or gone.
+RunConfig parse_run_config(const std::string& bytes, const std::filesystem::path& folder);
+
+}  // namespace soilvdb::tools

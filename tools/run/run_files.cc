@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/run_files.h"
+
+#include <fmt/format.h>
+
+#include <map>
+#include <optional>
+
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/io/error.h"
+#include "soilvdb/io/snapshot.h"
+#include "tools/run/run_folder.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kGoodButNeeds = "is good by itself but needs";
+
+/// What is wrong with what a snapshot, itself good, goes on from.
+/// @param before the files before it
+std::string fault_before(const fs::path& file, const io::JournalFile& known,
+                         const std::map<std::string, const RunFile*>& before) {
+  const auto found = before.find(known.parent);
+  std::string what;
+  if (found == before.end()) {
+    what = "the journal doesn't know";
+  } else if (found->second->fault.starts_with(kGoodButNeeds)) {
+    return found->second->fault;
+  } else if (what = found->second->fault; what.empty()) {
+    const io::JournalFile& base = found->second->known;
+    const std::optional<io::SnapshotParent> parent = io::read_snapshot_parent(file);
+    if (parent && parent->name == base.name &&
+        parent->digest == io::FileDigest{base.size, base.crc})
+      return "";
+    what = "is another one than it goes on from";
+  }
+  return fmt::format("{} {}, which {}", kGoodButNeeds, known.parent, what);
+}
+
+}  // namespace
+
+std::string fault_of(const fs::path& file, const io::JournalFile& known) {
+  std::error_code none;
+  if (!fs::exists(file, none)) return "is missing";
+  try {
+    if (io::file_digest(file) != io::FileDigest{known.size, known.crc})
+      return "is damaged: its checksum is not the journal's";
+  } catch (const io::InputError&) {
+    return "can't be read";
+  }
+  return "";
+}
+
+std::vector<RunFile> check_files(const fs::path& folder, const io::JournalContent& journal) {
+  std::vector<RunFile> files;
+  files.reserve(journal.files.size());  // they stay where they are
+  std::map<std::string, const RunFile*> before;
+  for (const io::JournalFile& known : journal.files) {
+    RunFile& file = files.emplace_back();
+    file.known = known;
+    file.outdated = !is_periodic(known.name) && known.updates != journal.done.updates;
+    file.fault = fault_of(folder / known.name, known);
+    if (file.fault.empty() && !known.parent.empty())
+      file.fault = fault_before(folder / known.name, known, before);
+    before[known.name] = &file;
+  }
+  return files;
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,109 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace soilvdb::tools {
+
+Schedule::Schedule(const std::vector<io::MachineInput>& machines,
+                   std::optional<std::int64_t> updates, const std::vector<double>& ends_s,
+                   double tolerance_m)
+    : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
+  for (std::size_t i = 0; i < machines.size(); ++i) {
+    const io::MachineInput& machine = machines[i];
+    cursors_.emplace_back(machine, updates, ends_s.at(i), tolerance_m);
+    total_ += cursors_.back().count();
+    begin_s_ = std::min(begin_s_, machine.motion.begin_s());
+    end_s_ = std::max(end_s_, machine.motion.end_s());
+    const io::BadRows& bad = machine.motion.bad_rows();
+    if (!machine.motion.stops() || *bad.good_s >= stop_s_) continue;
+    stop_s_ = *bad.good_s;
+    stops_at_ = bad.first;
+  }
+}
+
+std::optional<Step> Schedule::next() {
+  Cursor* first = nullptr;
+  for (Cursor& cursor : cursors_) {
+    if (!cursor.at_end() && (!first || cursor.until_s() < first->until_s())) first = &cursor;
+  }
+  // Where the run stops before anything has moved, nothing is done at all.
+  if (!first || first->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
+  Step step = first->step();
+  step.machine = static_cast<std::size_t>(first - cursors_.data());
+  return step;
+}
+
+Schedule::Cursor::Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates,
+                         double end_s, double tolerance_m)
+    : machine_(&machine),
+      tolerance_m_(tolerance_m),
+      by_rows_(!updates || end_s == machine.motion.begin_s()),
+      thin_(!by_rows_ && machine.motion.rows() > 2 * *updates),
+      intervals_(updates.value_or(1)),
+      planned_s_(end_s),
+      count_(machine.motion.rows()),
+      at_s_(machine.motion.begin_s()) {
+  if (!by_rows_) {
+    constexpr double kMost = 1e15;
+    const double spans = (machine.motion.end_s() - at_s_) / (planned_s_ - at_s_);
+    const double about = std::floor(spans * static_cast<double>(intervals_)) - 1;
+    count_ = static_cast<std::int64_t>(std::clamp(about, 1.0, kMost));
+    while (boundary_s(count_) < machine.motion.end_s()) ++count_;
+  }
+  load(0);
+  aim();
+}
+
+void Schedule::Cursor::load(std::size_t part) {
+  part_ = part;
+  row_ = part == 0 ? 0 : 1;  // parts join
+  motion_ = machine_->motion.part(part);
+  if (thin_)
+    motion_ = std::make_shared<Motion>(motion_->simplified(machine_->bucket, tolerance_m_));
+}
+
+/// Finds where the next update ends.
+void Schedule::Cursor::aim() {
+  if (at_end()) return;
+  const io::MotionFile& whole = machine_->motion;
+  if (done_ > 0 && at_s_ >= motion_->end_s() && part_ + 1 < whole.parts()) load(part_ + 1);
+  if (by_rows_) {
+    until_s_ = motion_->times_s()[row_++];
+  } else if (done_ + 1 == count_) {
+    until_s_ = whole.end_s();
+  } else {
+    until_s_ = std::min(boundary_s(done_ + 1), whole.end_s());
+  }
+}
+
+/// Where an update ends, unless it is the last.
+double Schedule::Cursor::boundary_s(std::int64_t update) const {
+  if (update == intervals_) return planned_s_;
+  const double begin_s = machine_->motion.begin_s();
+  const double share = static_cast<double>(update) / static_cast<double>(intervals_);
+  return begin_s + (planned_s_ - begin_s) * share;
+}
+
+Step Schedule::Cursor::step() {
+  Step step{0, at_s_, std::min(until_s_, motion_->end_s()), motion_, until_s_ <= motion_->end_s()};
+  at_s_ = step.end_s;
+  if (step.ends_update) {
+    ++done_;
+    aim();
+  } else {
+    load(part_ + 1);
+  }
+  return step;
+}
+
+std::vector<double> ends_of(const std::vector<io::MachineInput>& machines) {
+  std::vector<double> ends_s;
+  for (const io::MachineInput& machine : machines) ends_s.push_back(machine.motion.end_s());
+  return ends_s;
+}
+
+}  // namespace soilvdb::tools

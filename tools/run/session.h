@@ -1,0 +1,125 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The work of a run: the update loop, its journal, and the files it leaves. The same whether it
+// begins or goes on.
+#pragma once
+
+#include <tbb/global_control.h>
+#include <tbb/info.h>
+#include <tbb/task_arena.h>
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "io/journal/report.h"
+#include "soilvdb/io/journal.h"
+#include "soilvdb/io/scenario.h"
+#include "soilvdb/io/site.h"
+#include "soilvdb/tracker.h"
+#include "tools/run/progress.h"
+#include "tools/run/run_config.h"
+#include "tools/run/run_folder.h"
+#include "tools/run/schedule.h"
+#include "tools/run/snapshot_schedule.h"
+#include "tools/run/snapshot_writer.h"
+
+namespace soilvdb::tools {
+
+/// The ground a run begins or goes on with.
+struct Start {
+  io::Site site;
+  std::uint64_t updates = 0;  ///< that it has seen
+  std::string tracker_state;  ///< after those; empty at the beginning
+  std::string snapshot = {};  ///< name of the one that it was read from, and what that goes on from
+  std::optional<io::SnapshotParent> parent = {};
+};
+
+/// One run, from checked input to its last file.
+class Session {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// @param folder outlives the job
+  /// @param begin when the command was given
+  /// @throw io::InputError if there is nothing to dig before a bad row
+  Session(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
+          Clock::time_point begin);
+
+  /// Digs from the beginning of the motion to its end, to a bad row, or to a signal.
+  /// @throw io::InputError if the first update finds the input wrong; then nothing is written
+  /// @throw std::runtime_error telling what is safe.
+  void run();
+
+  /// The same from where a journal ends: what it holds is not dug again where `start` has seen it,
+  /// and must come out the same where it hasn't. Of a run that is finished the files are made again
+  /// that are missing from `before`.
+  /// @param before its files are those that are good
+  void resume(const io::JournalContent& before);
+
+ private:
+  void guarded(void (Session::*work)());
+  void replay_and_dig();
+  void replay(io::JournalReader& reader);
+  void dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before);
+  std::runtime_error differs(std::uint64_t count, const io::JournalMove& move,
+                             const std::string& why) const;
+  void dig();
+  void begin_journal();
+  void book(const io::JournalMove& move);
+  std::vector<Step> next_batch(const std::function<bool()>& take);
+  bool all_came_to(const Step& now) const;
+  void after(const Step& now);
+  void go_on_with_snapshots();
+  void write_periodic(const std::string& name);
+  io::SnapshotInfo snapshot_info();
+  const io::JournalFile* intact(const std::string& name) const;
+  template <typename F>
+  void write_final(const std::string& name, F write);
+  void finish();
+  void write_mesh();
+  void write_raster();
+  void summarise();
+  std::string safe(const std::string& before_going_on = "");
+
+  Clock::time_point begin_;
+  RunConfig config_;
+  io::Scenario scenario_;
+  RunFolder& folder_;
+  Start start_;
+  Tracker tracker_;
+  Schedule schedule_;
+  std::optional<Step> step_;  ///< the next one
+  SnapshotSchedule snapshots_;
+  std::optional<io::JournalContent> before_;  ///< of a run that is gone on with
+  std::optional<io::JournalWriter> journal_;  ///< from the first update on
+  SnapshotWriter writer_;
+  std::optional<io::UpdatesCsv> csv_;
+  io::Summary summary_;
+  Progress progress_;
+  std::vector<std::pair<double, double>> under_way_;  ///< us and m3 of each machine's update
+  double time_s_ = 0;                                 ///< how far the motion has come
+  bool stopped_ = false;
+};
+
+/// The scenario a run is to dig, read and checked.
+/// @throw io::InputError
+io::Scenario read_to_dig(const RunOptions& options);
+
+/// Calls `f(threads)` where it has so many threads to run on; 0: one per core.
+template <typename F>
+void with_threads(int threads, F f) {
+  if (threads <= 0) threads = tbb::info::default_concurrency();
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
+  tbb::task_arena arena(threads);
+  arena.execute([&] { f(threads); });
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,151 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/snapshot_writer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <set>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "core/ground/soil_writer.h"
+#include "core/site/background.h"
+#include "io/file/atomic_file.h"
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/io/checksum.h"
+
+namespace soilvdb::tools {
+namespace {
+
+std::vector<Coord3> all_chunks(const Soil& soil) {
+  std::vector<Coord3> origins;
+  for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
+  return origins;
+}
+
+/// The resident chunks within two chunks of some: what their surface is made of.
+std::vector<Coord3> chunks_around(const Soil& soil, const std::vector<Coord3>& chunks) {
+  std::vector<Coord3> around;
+  for (const Coord3& c : chunks) {
+    for (int n = 0; n < 125; ++n) {
+      const Coord3 other = c + kChunkSide * Coord3(n / 25 - 2, n / 5 % 5 - 2, n % 5 - 2);
+      if (soil.find(other) != nullptr) around.push_back(other);
+    }
+  }
+  std::sort(around.begin(), around.end(), before);
+  around.erase(std::unique(around.begin(), around.end()), around.end());
+  return around;
+}
+
+}  // namespace
+
+SnapshotWriter::SnapshotWriter(RunFolder& folder, const Options& options)
+    : folder_(folder), options_(options) {}
+
+void SnapshotWriter::go_on(std::vector<io::JournalFile> files,
+                           const std::optional<io::SnapshotParent>& parent) {
+  files_ = std::move(files);
+  depth_ = parent ? parent->depth : 0;
+  chunks_ = parent ? parent->chunks : 0;
+}
+
+void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, const io::Site& site,
+                           io::SnapshotInfo info, io::JournalWriter& journal) {
+  finish();
+  const Soil& soil = *site.soil;
+  std::vector<Coord3> changed;
+  if (options_.incremental) changed = tracker.take_changed();
+  const bool whole = !options_.incremental || files_.empty() || depth_ == io::kMaxChainLength ||
+                     chunks_ + changed.size() >= soil.chunk_count();
+  depth_ = whole ? 0 : depth_ + 1;
+  chunks_ = whole ? 0 : chunks_ + changed.size();
+  if (whole) anew_ = false;
+  // What goes on from one that was written anew must be, too: it may have other bytes.
+  if (there && !anew_) {
+    files_.push_back(std::move(file));
+    done_.push_back(files_.back().name);
+    delete_old(journal);
+    return finish();
+  }
+  anew_ = true;
+  file.parent.clear();
+  if (!whole) {
+    const io::JournalFile& last = files_.back();
+    info.parent = io::SnapshotParent{last.name, {last.size, last.crc}};
+    file.parent = last.name;
+  }
+  io::Site copy = io::undug_site(site);
+  for (const Coord3& origin : whole ? all_chunks(soil) : changed) {
+    SoilWriter(*copy.soil).copy_from(soil, origin);
+    if (!whole && soil.find(origin) == nullptr) info.parent->dropped.push_back(origin);
+  }
+  std::unique_ptr<Soil> ground;
+  if (!whole) {
+    ground = io::undug_site(site).soil;
+    for (const Coord3& origin : chunks_around(soil, changed)) {
+      SoilWriter(*ground).copy_from(soil, origin);
+    }
+  }
+  auto work = [this, file = std::move(file), copy = std::move(copy), ground = std::move(ground),
+               info = std::move(info), &journal] { save(file, copy, ground.get(), info, journal); };
+  if (options_.beside) {
+    writing_ =
+        std::async(std::launch::async, [work = std::move(work)] { run_in_background(work); });
+  } else {
+    work();
+    finish();
+  }
+}
+
+void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const Soil* ground,
+                          const io::SnapshotInfo& info, io::JournalWriter& journal) {
+  const std::filesystem::path path = folder_.path() / file.name;
+  const std::string bytes = io::snapshot_bytes(path, site, info, ground);
+  io::write_atomically(path, bytes);
+  file.size = bytes.size();
+  file.crc = io::crc64(bytes);
+  done_.push_back(file.name);
+  journal.add(file);
+  files_.push_back(std::move(file));
+  delete_old(journal);
+}
+
+void SnapshotWriter::delete_old(io::JournalWriter& journal) {
+  if (!options_.keep || files_.size() <= *options_.keep) return;
+  std::set<std::string> needed;
+  std::vector<io::JournalFile> stay, go;
+  for (auto file = files_.rbegin(); file != files_.rend(); ++file) {
+    const bool stays = stay.size() < *options_.keep || needed.contains(file->name);
+    if (stays) needed.insert(file->parent);
+    (stays ? stay : go).push_back(*file);
+  }
+  if (go.empty()) return;
+  for (const io::JournalFile& file : go) journal.add(io::JournalRemoval{file.name});
+  journal.flush();  // the newest is in there, too
+  for (const io::JournalFile& file : go) {
+    std::error_code error;
+    std::filesystem::remove(folder_.path() / file.name, error);
+    if (error)
+      throw std::runtime_error(fmt::format("{}: can't be deleted: {}",
+                                           (folder_.path() / file.name).string(), error.message()));
+    deleted_.push_back(file.name);
+  }
+  files_.assign(stay.rbegin(), stay.rend());
+}
+
+void SnapshotWriter::check() {
+  if (writing_.valid() && writing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    finish();
+}
+
+void SnapshotWriter::finish() {
+  if (writing_.valid()) writing_.wait();
+  for (const std::string& name : std::exchange(done_, {})) folder_.done(name);
+  for (const std::string& name : std::exchange(deleted_, {})) folder_.forget(name);
+  if (writing_.valid()) writing_.get();
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/summary_text.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/run/progress.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr std::size_t kMostListed = 8;  // machines, files
+
+void line(std::string_view label, const std::string& text) {
+  fmt::print("{:<12}{}\n", label, text);
+}
+
+void print_machines(const std::vector<io::Summary::Machine>& machines) {
+  for (std::size_t i = 0; i < std::min(machines.size(), kMostListed); ++i)
+    line(i ? "" : "in bucket",
+         fmt::format("{} m³ {}", number(machines[i].bucket_m3), machines[i].name));
+  if (machines.size() > kMostListed)
+    line("", fmt::format("... {} more in {}", machines.size() - kMostListed, kSummaryName));
+}
+
+std::string file_list(const std::vector<std::string>& files) {
+  if (files.size() <= kMostListed) return fmt::format("{}", fmt::join(files, ", "));
+  const auto last = files.end() - static_cast<std::ptrdiff_t>(kMostListed - 2);
+  return fmt::format("{}, ... {} ({} files)", files.front(), fmt::join(last, files.end(), ", "),
+                     files.size());
+}
+
+}  // namespace
+
+void print_summary(const io::Summary& s, double motion_s, const RunFolder& folder) {
+  const io::Durations& updates = s.updates;
+  fmt::print("{}: {} of {}, {} s of motion, {} m voxels, {}\n\n", s.scenario,
+             counted(static_cast<double>(updates.count()), "update"),
+             counted(static_cast<double>(s.machines.size()), "machine"), time_text(motion_s),
+             s.voxel_size_m, counted(s.threads, "thread"));
+  line("cut", fmt::format("{} m³", number(s.cut_m3)));
+  line("  captured", fmt::format("{} m³", number(s.captured_m3)));
+  line("  displaced", fmt::format("{} m³", number(s.displaced_m3)));
+  line("dumped", fmt::format("{} m³", number(s.dumped_m3)));
+  print_machines(s.machines);
+  line("ground", fmt::format("{} m³ by recount, residual {} m³", number(s.ground_change_m3),
+                             s.residual_m3 == 0 ? "0" : fmt::format("{:.1e}", s.residual_m3)));
+  line("", fmt::format("{} m² resident, {} chunks, {} voxels", number(s.resident_m2), s.leaves,
+                       s.active_voxels));
+  line("update",
+       fmt::format("p50 {} µs, p99 {} µs, max {} µs; {} updates/s",
+                   number(updates.quantile_us(0.5)), number(updates.quantile_us(0.99)),
+                   number(updates.max_us()), short_count(1e6 / std::max(updates.mean_us(), 1e-3))));
+  line("memory", fmt::format("soil {}, peak {}", bytes(static_cast<double>(s.soil_bytes)),
+                             bytes(static_cast<double>(s.peak_rss_bytes))));
+  line("time", fmt::format("opening {}, updates {}, in all {}", short_duration(s.open_s),
+                           short_duration(updates.sum_us() * 1e-6), short_duration(s.total_s)));
+  line("files", fmt::format("in {}: {}", folder.path().string(), file_list(folder.files())));
+}
+
+}  // namespace soilvdb::tools
