@@ -11,6 +11,7 @@
 
 #include "bench/engine.h"
 #include "bench/site.h"
+#include "core/constants.h"
 #include "core/cut/excavator.h"
 #include "core/cut/facet.h"
 #include "core/lattice/lanes.h"
@@ -47,7 +48,7 @@ void trace(benchmark::State& state) {
   int i = 0;
   for (auto _ : state) {
     benchmark::DoNotOptimize(
-        motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), kMostBend * h, 16 * h));
+        motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), kMaxBend * h, 16 * h));
     i = (i + 1) % kUpdates;
   }
 }
@@ -67,7 +68,7 @@ void excavate(benchmark::State& state) {
       soil = std::make_unique<Soil>(h, Vec3::Zero(), make_hills(site_m(state)));
       state.ResumeTiming();
     }
-    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMostBend * h, 16 * h);
+    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, 16 * h);
     samples += excavator.sweep(*soil, path).captured;
     i = (i + 1) % kUpdates;
   }
@@ -82,11 +83,11 @@ void excavate_again(benchmark::State& state) {
   Excavator excavator(bucket);
   const double h = voxel_m(state);
   Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
-  const auto whole = motion.trace(0, 1, bucket, kMostBend * h, 16 * h);
+  const auto whole = motion.trace(0, 1, bucket, kMaxBend * h, 16 * h);
   excavator.sweep(soil, whole);
   int i = 0;
   for (auto _ : state) {
-    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMostBend * h, 16 * h);
+    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, 16 * h);
     benchmark::DoNotOptimize(excavator.sweep(soil, path));
     i = (i + 1) % kUpdates;
   }

@@ -32,8 +32,8 @@ constexpr double kRequiredSpread = 3e-4;  // over numbers of updates
 constexpr double kCellError = 0.0168, kWorstCellError = 0.0225;
 constexpr double kSigmas = 5;
 /// What the parabola of a segment leaves out of a point's path, voxels: sqrt(3) / 216 of its third
-/// derivative, at most 1.5 times the turn (0.13 rad with kMostBend on a bucket of ten voxels) times
-/// the second, 8 kMostBend.
+/// derivative, at most 1.5 times the turn (0.13 rad with kMaxBend on a bucket of ten voxels) times
+/// the second, 8 kMaxBend.
 constexpr double kPathBend = 2.5e-4;
 constexpr int kUpdates = 50;
 

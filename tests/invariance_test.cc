@@ -13,6 +13,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/constants.h"
 #include "core/cut/excavator.h"
 #include "soilvdb/mesher.h"
 #include "tests/dig_runner.h"
@@ -73,7 +74,7 @@ TEST(Cut, TheSamePathAgainRemovesNothing) {
   for (const std::string& family : families()) {
     const Dig dig = make_dig(family, placements()[1]);
     Soil soil(kVoxel, dig.origin, dig.ground);
-    const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * kMostBend, kVoxel * 16);
+    const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * kMaxBend, kVoxel * 16);
     Excavator excavator(dig.bucket);
     EXPECT_GT(excavator.sweep(soil, path).captured, 0) << family;
     EXPECT_EQ(excavator.sweep(soil, path).captured, 0) << family << " again";

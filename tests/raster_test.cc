@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/io/raster.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -22,6 +23,7 @@
 #include "tests/temp_folder.h"
 
 extern "C" int GDALGetDriverCount();
+extern "C" void GDALAllRegister();
 
 namespace soilvdb::io {
 namespace {
@@ -281,7 +283,16 @@ TEST(Raster, FormatsThatReferToOtherFilesAreNotFollowed) {
 TEST(Raster, FormatsThatHoldNoHeightsAreUnknownToGdalHere) {
   const TempFolder folder;
   refusal(folder, folder.write("empty.tif", ""));
-  EXPECT_EQ(GDALGetDriverCount(), 14) << "as many as io/gdal.cc names";
+  EXPECT_EQ(GDALGetDriverCount(), 14) << "as many as io/terrain/gdal.cc names";
+  // Whoever links us may use all that GDAL has; we still don't.
+  GDALAllRegister();
+  folder.write("a.asc", ascii("4 5 6\n1 2 3\n"));
+  ASSERT_EQ(std::system(fmt::format("gdal_translate -q -of PNG -ot UInt16 '{0}/a.asc' '{0}/a.png'",
+                                    folder.path().string())
+                            .c_str()),
+            0);
+  EXPECT_THAT(refusal(folder, folder / "a.png"),
+              HasSubstr("is not a raster that is read as terrain"));
 }
 
 TEST(Raster, ACutOffRasterIsRefusedAtOpening) {

@@ -2,10 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/solids.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include "core/ground/soil_writer.h"
 
@@ -84,6 +87,29 @@ Solid thin_slot(double thickness_m, double roll, double yaw, double first_face_m
   Pose middle{kPlace, from_rpy(roll, 0, yaw)};
   middle.position.y() = first_face_m + thickness_m / 2;
   return ground_less("thin slot", Vec2::Zero(), {{middle, Vec3(0.4, thickness_m / 2, 0.3)}});
+}
+
+const std::vector<Solid>& known_solids() {
+  constexpr double kDegree = std::numbers::pi / 180;
+  static const std::vector<Solid> all = [] {
+    const auto at = [](double x, double y, double z, double roll, double pitch, double yaw) {
+      return Pose{Vec3(x, y, z), from_rpy(roll, pitch, yaw)};
+    };
+    std::vector<Solid> list;
+    for (const double yaw : {0.0, 33.0, 61.0}) {
+      list.push_back(half_sine_trench(yaw * kDegree));
+      list.back().name += fmt::format(" at {:.0f} degrees", yaw);
+    }
+    list.push_back(ground_less("box in a slope", {0.2, 0.1},
+                               {{at(0.013, 0.008, 0.009, 0.1, 0.15, 0.5), {0.5, 0.3, 0.3}}}));
+    list.push_back(ground_less("box along the axes", {0, 0},
+                               {{at(0.013, 0.008, 0.009, 0, 0, 0), {0.5, 0.3, 0.3}}}));
+    list.push_back(ground_less("undercut", {0, 0},
+                               {{at(0.013, 0.008, 0.009, 0, 0, 0.3), {0.4, 0.3, 0.3}},
+                                {at(0.5, 0.1, -0.2, 0, 0, 0.3), {0.4, 0.2, 0.1}}}));
+    return list;
+  }();
+  return all;
 }
 
 std::unique_ptr<Soil> sampled(const Solid& solid, double h) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/compare/changed_area.h"
+#include "core/constants.h"
 #include "soilvdb/column_gains.h"
 
 namespace soilvdb::inline v0 {
@@ -16,8 +17,7 @@ namespace {
 
 using Box = GainGrid::Box;
 
-constexpr int kSlab = 64;       // boxes along x that are compared at a time
-constexpr double kCertain = 3;  // standard deviations
+constexpr int kBoxSlab = 64;  // boxes along x that are compared at a time
 
 const Soil& coarsest(const Soil& a, const Soil& b) {
   const Soil* found = &a;
@@ -115,7 +115,7 @@ std::set<int> slabs(const Soil& before, const Soil& after, const GainGrid& grid)
   std::set<int> all;
   const auto slab = [&](const Soil& soil, const Vec3& index) {
     const double x = grid.at(soil.world_from_index(index))[0];
-    return static_cast<int>(std::floor(x / kSlab));
+    return static_cast<int>(std::floor(x / kBoxSlab));
   };
   for (const Soil* top : {&before, &after})
     for (const Soil* soil = top; soil != nullptr; soil = soil->base().soil())
@@ -137,13 +137,13 @@ Difference box_difference(const Soil& before, const Soil& after) {
   double variance = 0;
   ColumnChanges columns;
   for (const int slab : slabs(before, after, grid)) {
-    const int first = slab * kSlab;
+    const int first = slab * kBoxSlab;
     // With a box beyond on either side, where those at the sides look.
-    const std::vector<Change> all = changes(before, after, grid, first - 1, first + kSlab + 1);
+    const std::vector<Change> all = changes(before, after, grid, first - 1, first + kBoxSlab + 1);
     for (std::size_t i = 0, next = 0; i < all.size(); i = next) {
       const auto [x, y, z] = all[i].box;
       for (next = i; next < all.size() && all[next].box[0] == x && all[next].box[1] == y;) ++next;
-      if (x < first || x >= first + kSlab) continue;
+      if (x < first || x >= first + kBoxSlab) continue;
       for (std::size_t k = i; k < next; ++k) {
         const Change& c = all[k];
         (c.m3() < 0 ? d.cut_m3 : d.fill_m3) += std::abs(c.m3());

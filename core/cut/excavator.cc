@@ -7,16 +7,12 @@
 #include <cmath>
 #include <string>
 
+#include "core/constants.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-/// Chunks times strokes below which one thread is quicker than two.
-constexpr std::size_t kParallelWork = 64;
-/// Chunks in the box of a part of a path that is dug at once.
-constexpr double kPartChunks = 512;
 
 double chunks_in(const Eigen::AlignedBox3d& box) {
   return ((box.sizes() / kChunkSide).array() + 1).prod();
@@ -32,8 +28,8 @@ bool may_cut(const float* a, const float* ra, const float* b, const float* rb, c
              const Vec2& high) {
   if ((a[0] > ra[0] && b[0] > rb[0]) || (a[0] < -ra[0] && b[0] < -rb[0])) return false;
   const auto meets = [&](int axis, double least, double most) {
-    return std::max(a[axis] + ra[axis], b[axis] + rb[axis]) >= least - kMostBend &&
-           std::min(a[axis] - ra[axis], b[axis] - rb[axis]) <= most + kMostBend;
+    return std::max(a[axis] + ra[axis], b[axis] + rb[axis]) >= least - kMaxBend &&
+           std::min(a[axis] - ra[axis], b[axis] - rb[axis]) <= most + kMaxBend;
   };
   return meets(1, low.x(), high.x()) && meets(2, low.y(), high.y());
 }

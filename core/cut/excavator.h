@@ -7,14 +7,11 @@
 #include <span>
 #include <vector>
 
+#include "core/constants.h"
 #include "core/cut/facet.h"
 #include "core/ground/soil_writer.h"
 
 namespace soilvdb::inline v0 {
-
-/// Most that a point fixed in the world may leave the straight way in the bucket frame in a segment
-/// of a path, voxels.
-inline constexpr double kMostBend = 0.02;
 
 /// What one call took away, in samples of Soil::sample_m3().
 struct Cut {
@@ -35,7 +32,7 @@ class Excavator {
   /// Guarantees: the union of what a path removes does not depend on where it is split; the same
   /// path again removes nothing; the result is the same for any number of threads.
   /// @param path world_from_bucket, as from Motion::trace(): ends of segments and, between them,
-  ///        their middles in time; points bend less than kMostBend. One pose alone removes nothing.
+  ///        their middles in time; points bend less than kMaxBend. One pose alone removes nothing.
   /// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
   Cut sweep(Soil& soil, std::span<const Pose> path);
 

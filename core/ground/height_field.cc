@@ -2,61 +2,37 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <limits>
-#include <mutex>
-#include <vector>
 
 #include "core/ground/bilinear_patch.h"
+#include "core/ground/height_tiles.h"
 #include "soilvdb/base_surface.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr int kTile = 64;       // posts per side of a tile, read at once
 constexpr int kSearch = 64;     // posts around unknown ground in which a height is looked for
 constexpr double kCliff = 1e9;  // a slope that bounds nothing
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-struct Tile {
-  std::vector<float> posts;
-  float low, high;  // of the posts with a height; low > high: none
-  bool complete;
-};
-
-/// Posts of a rectangle of a HeightField, gathered for quick access.
-struct Window {
-  int x0, y0, nx, ny;
-  std::vector<float> posts;
-  double low, high;
-  bool complete;
-
-  float at(int x, int y) const { return posts[std::size_t(y - y0) * nx + (x - x0)]; }
-};
-
 class HeightField final : public BaseSurface {
  public:
   HeightField(const HeightGrid& grid, std::shared_ptr<const HeightSource> source)
-      : grid_(grid),
-        source_(std::move(source)),
-        tiles_x_((grid.nx + kTile - 1) / kTile),
-        tiles_y_((grid.ny + kTile - 1) / kTile),
-        tiles_(std::size_t(tiles_x_) * tiles_y_) {}
-  ~HeightField() override { HeightField::forget(); }
+      : tiles_(grid, std::move(source)), grid_(tiles_.grid()) {}
 
   Content classify(const Eigen::AlignedBox3d& box) const override {
-    const Bounds b = bounds(box.min().head<2>(), box.max().head<2>(), 0);
+    const HeightTiles::Bounds b = tiles_.bounds(box.min().head<2>(), box.max().head<2>(), 0);
     if (box.min().z() >= b.high) return Content::kAir;
     if (b.complete && box.max().z() < b.low) return Content::kSoil;
     return Content::kMixed;
   }
 
   bool known(const Eigen::AlignedBox3d& box) const override {
-    Bounds b = bounds(box.min().head<2>(), box.max().head<2>(), 0);
+    HeightTiles::Bounds b = tiles_.bounds(box.min().head<2>(), box.max().head<2>(), 0);
     if (b.complete) return true;
     for (int margin = 4; margin <= kSearch && b.low > b.high; margin *= 2) {
-      b = bounds(box.min().head<2>(), box.max().head<2>(), margin);
+      b = tiles_.bounds(box.min().head<2>(), box.max().head<2>(), margin);
     }
     return b.low <= b.high && box.min().z() >= b.high;
   }
@@ -64,7 +40,7 @@ class HeightField final : public BaseSurface {
   void distance(const Vec3& first, double h, double band, float* phi) const override {
     const Vec3 last = first + Vec3::Constant(h * (kChunkSide - 1));
     const Vec2 margin = Vec2::Constant(band);
-    const Window& w = window(first.head<2>() - margin, last.head<2>() + margin);
+    const HeightTiles::Window& w = tiles_.window(first.head<2>() - margin, last.head<2>() + margin);
     if (first.z() - band >= w.high || (w.complete && last.z() + band <= w.low)) {
       std::fill_n(phi, kChunkVoxels, static_cast<float>(first.z() - band >= w.high ? band : -band));
       return;
@@ -100,7 +76,7 @@ class HeightField final : public BaseSurface {
                SampleWords& words) const override {
     const Vec2 half = Vec2::Constant(h / 2);
     const Vec2 last = first.head<2>() + Vec2::Constant(h * (kChunkSide - 1));
-    const Window& w = window(first.head<2>() - half, last + half);
+    const HeightTiles::Window& w = tiles_.window(first.head<2>() - half, last + half);
     // Over a cell the ground is within this of its height in the middle.
     const double half_range = h / 2 * (1 + steepest_x(w) + steepest_y(w));
     for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
@@ -119,28 +95,20 @@ class HeightField final : public BaseSurface {
     }
   }
 
-  std::uint64_t memory_bytes() const override {
-    return tiles_.size() * sizeof(tiles_[0]) + held_.load(std::memory_order_relaxed);
-  }
-
-  void forget() const override {
-    for (auto& tile : tiles_) delete tile.exchange(nullptr);
-    held_ = 0;
-  }
+  std::uint64_t memory_bytes() const override { return tiles_.memory_bytes(); }
+  void forget() const override { tiles_.forget(); }
 
   std::optional<double> height(double x, double y) const override {
-    const double z = at(window({x, y}, {x, y}), x, y);
+    const double z = at(tiles_.window({x, y}, {x, y}), x, y);
     if (std::isnan(z)) return std::nullopt;
     return z;
   }
 
  private:
-  static constexpr double kFar = std::numeric_limits<double>::infinity();
-
   /// Bit i is set where point i of the cell with low corner `low` and side `h` is soil.
-  std::uint64_t occupancy(const Window& w, const Vec3& low, double h,
+  std::uint64_t occupancy(const HeightTiles::Window& w, const Vec3& low, double h,
                           const CellPoints& points) const {
-    const Vec2 u0 = post(low.x(), low.y()), u1 = post(low.x() + h, low.y() + h);
+    const Vec2 u0 = tiles_.post(low.x(), low.y()), u1 = tiles_.post(low.x() + h, low.y() + h);
     const int i = static_cast<int>(std::floor(u0.x())), j = static_cast<int>(std::floor(u0.y()));
     if (u1.x() <= i + 1 && u1.y() <= j + 1 && i >= 0 && j >= 0 && i + 1 < grid_.nx &&
         j + 1 < grid_.ny) {
@@ -163,123 +131,9 @@ class HeightField final : public BaseSurface {
     return bits;
   }
 
-  struct Bounds {
-    double low, high;
-    bool complete;
-  };
-
-  Vec2 post(double x, double y) const {
-    return (Vec2(x, y) - grid_.first).cwiseQuotient(grid_.spacing);
-  }
-
-  const Tile& tile(int tx, int ty) const {
-    std::atomic<Tile*>& slot = tiles_[std::size_t(ty) * tiles_x_ + tx];
-    if (Tile* t = slot.load(std::memory_order_acquire)) return *t;
-    const std::lock_guard lock(mutex_);
-    if (Tile* t = slot.load(std::memory_order_acquire)) return *t;
-    auto t = std::make_unique<Tile>();
-    const int nx = std::min(kTile, grid_.nx - tx * kTile),
-              ny = std::min(kTile, grid_.ny - ty * kTile);
-    t->posts.resize(std::size_t(nx) * ny);
-    source_->read(tx * kTile, ty * kTile, nx, ny, t->posts.data());
-    t->low = std::numeric_limits<float>::infinity();
-    t->high = -t->low;
-    t->complete = true;
-    for (const float z : t->posts) {
-      if (std::isnan(z)) {
-        t->complete = false;
-      } else {
-        t->low = std::min(t->low, z);
-        t->high = std::max(t->high, z);
-      }
-    }
-    held_ += sizeof(Tile) + t->posts.size() * sizeof(float);
-    slot.store(t.get(), std::memory_order_release);
-    return *t.release();
-  }
-
-  /// Posts that bound the patches over a rectangle; `complete` only if all are there with a height.
-  void range(const Vec2& low, const Vec2& high, int margin, int& x0, int& y0, int& x1, int& y1,
-             bool& inside) const {
-    const Vec2 a = post(low.x(), low.y()), b = post(high.x(), high.y());
-    inside = a.x() >= 0 && a.y() >= 0 && b.x() <= grid_.nx - 1 && b.y() <= grid_.ny - 1;
-    const auto index = [](double v, int n) {
-      return static_cast<int>(std::clamp(std::floor(v), 0.0, double(n - 1)));
-    };
-    x0 = index(a.x() - margin, grid_.nx - 1);
-    y0 = index(a.y() - margin, grid_.ny - 1);
-    x1 = index(b.x() + margin + 1, grid_.nx);
-    y1 = index(b.y() + margin + 1, grid_.ny);
-    // Empty where the rectangle is beyond the grid, beside any post.
-    if (b.x() + margin < -1 || a.x() - margin > grid_.nx) x1 = x0 - 1;
-    if (b.y() + margin < -1 || a.y() - margin > grid_.ny) y1 = y0 - 1;
-  }
-
-  Bounds bounds(const Vec2& low, const Vec2& high, int margin) const {
-    int x0, y0, x1, y1;
-    bool complete;
-    range(low, high, margin, x0, y0, x1, y1, complete);
-    float least = std::numeric_limits<float>::infinity(), most = -least;
-    if (x1 < x0 || y1 < y0) return {least, most, false};
-    for (int ty = y0 / kTile; ty <= y1 / kTile; ++ty) {
-      for (int tx = x0 / kTile; tx <= x1 / kTile; ++tx) {
-        const Tile& t = tile(tx, ty);
-        const int ax = std::max(x0 - tx * kTile, 0), bx = std::min(x1 - tx * kTile, kTile - 1);
-        const int ay = std::max(y0 - ty * kTile, 0), by = std::min(y1 - ty * kTile, kTile - 1);
-        if (t.complete &&
-            (bx - ax) * (by - ay) > kTile * kTile / 4) {  // a looser bound is quick and safe
-          least = std::min(least, t.low);
-          most = std::max(most, t.high);
-          continue;
-        }
-        const int nx = std::min(kTile, grid_.nx - tx * kTile);
-        for (int y = ay; y <= by; ++y) {
-          for (int x = ax; x <= bx; ++x) {
-            const float z = t.posts[std::size_t(y) * nx + x];
-            if (std::isnan(z)) {
-              complete = false;
-            } else {
-              least = std::min(least, z);
-              most = std::max(most, z);
-            }
-          }
-        }
-      }
-    }
-    return {least, most, complete};
-  }
-
-  /// Good until the thread asks for the next.
-  const Window& window(const Vec2& low, const Vec2& high) const {
-    thread_local Window w;
-    w.low = kFar;
-    w.high = -kFar;
-    int x1, y1;
-    range(low, high, 0, w.x0, w.y0, x1, y1, w.complete);
-    w.nx = std::max(0, x1 - w.x0 + 1);
-    w.ny = std::max(0, y1 - w.y0 + 1);
-    w.posts.resize(std::size_t(w.nx) * w.ny);
-    for (int y = 0; y < w.ny; ++y) {
-      for (int x = 0; x < w.nx; ++x) {
-        const int gx = w.x0 + x, gy = w.y0 + y;
-        const Tile& t = tile(gx / kTile, gy / kTile);
-        const int nx = std::min(kTile, grid_.nx - gx / kTile * kTile);
-        const float z = t.posts[std::size_t(gy % kTile) * nx + gx % kTile];
-        w.posts[std::size_t(y) * w.nx + x] = z;
-        if (std::isnan(z)) {
-          w.complete = false;
-        } else {
-          w.low = std::min<double>(w.low, z);
-          w.high = std::max<double>(w.high, z);
-        }
-      }
-    }
-    return w;
-  }
-
   /// Height at (x, y), NaN where there is none.
-  double at(const Window& w, double x, double y) const {
-    const Vec2 u = post(x, y);
+  double at(const HeightTiles::Window& w, double x, double y) const {
+    const Vec2 u = tiles_.post(x, y);
     if (!(u.x() >= 0 && u.y() >= 0 && u.x() <= grid_.nx - 1 && u.y() <= grid_.ny - 1)) return kNone;
     const int i = std::min(static_cast<int>(u.x()), grid_.nx - 2);
     const int j = std::min(static_cast<int>(u.y()), grid_.ny - 2);
@@ -289,7 +143,7 @@ class HeightField final : public BaseSurface {
   }
 
   /// Largest |dz/dx| and |dz/dy| between the window's posts, those without a height left out.
-  double steepest_x(const Window& w) const {
+  double steepest_x(const HeightTiles::Window& w) const {
     float most = 0;
     for (int y = 0; y < w.ny; ++y) {
       const float* z = &w.posts[std::size_t(y) * w.nx];
@@ -297,7 +151,7 @@ class HeightField final : public BaseSurface {
     }
     return most / grid_.spacing.x();
   }
-  double steepest_y(const Window& w) const {
+  double steepest_y(const HeightTiles::Window& w) const {
     float most = 0;
     for (int y = 0; y + 1 < w.ny; ++y) {
       const float* z = &w.posts[std::size_t(y) * w.nx];
@@ -310,9 +164,10 @@ class HeightField final : public BaseSurface {
   }
 
   /// Lowers `best` to the distances from the points of a row to the patches.
-  void nearest(const Window& w, const PointRow& row, std::array<float, kChunkSide>& best) const {
+  void nearest(const HeightTiles::Window& w, const PointRow& row,
+               std::array<float, kChunkSide>& best) const {
     const double farthest = *std::max_element(best.begin(), best.end());
-    const Vec2 c = post(row.x, row.y);
+    const Vec2 c = tiles_.post(row.x, row.y);
     const Vec2 r = Vec2::Constant(farthest).cwiseQuotient(grid_.spacing);
     const int i0 = std::max(static_cast<int>(std::floor(c.x() - r.x())), w.x0);
     const int i1 = std::min(static_cast<int>(std::floor(c.x() + r.x())), w.x0 + w.nx - 2);
@@ -340,12 +195,8 @@ class HeightField final : public BaseSurface {
     }
   }
 
-  HeightGrid grid_;
-  std::shared_ptr<const HeightSource> source_;
-  int tiles_x_, tiles_y_;
-  mutable std::vector<std::atomic<Tile*>> tiles_;
-  mutable std::atomic<std::uint64_t> held_ = 0;  // bytes of those that are read
-  mutable std::mutex mutex_;
+  HeightTiles tiles_;
+  const HeightGrid& grid_;
 };
 
 }  // namespace

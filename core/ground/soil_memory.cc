@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/constants.h"
 #include "core/ground/soil_state.h"
 
 namespace soilvdb::inline v0 {
@@ -51,10 +52,10 @@ void Soil::page_out() {
   const auto held = [&] { return state.bytes() + base_->memory_bytes() + state.idle_bytes; };
   if (held() <= limit_bytes_) return;
   // Unless others may be reading it.
-  if (base_->memory_bytes() > limit_bytes_ / 4 && base_.use_count() == 1) base_->forget();
+  if (base_->memory_bytes() > limit_bytes_ / kBaseShare && base_.use_count() == 1) base_->forget();
   const std::vector<SampleLeaf*> leaves = state.leaves();
   for (std::size_t seen = 0; seen < 2 * leaves.size(); ++seen) {
-    if (held() <= limit_bytes_ - limit_bytes_ / 8) return;
+    if (held() <= limit_bytes_ - limit_bytes_ / kPagedShare) return;
     state.hand = state.hand + 1 < leaves.size() ? state.hand + 1 : 0;
     Chunk& chunk = leaves[state.hand]->chunk;
     const std::size_t bytes = chunk.samples.heap_bytes();

@@ -5,15 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/constants.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-// In voxels; a bucket's travel is that of its fastest corner.
-constexpr double kTolerance = 1e-3;  ///< by which rows may be left out
-constexpr double kStride = 16;       ///< between poses, so that boxes around segments stay small
 
 constexpr double kFar = 1e300;
 
@@ -32,52 +29,53 @@ Machine::Machine(Bucket bucket, const Soil& soil)
   ledger_.sample_m3 = soil.sample_m3();
 }
 
-double Machine::tolerance_m(const Soil& soil) { return kTolerance * soil.voxel_size_m(); }
+double Machine::tolerance_m(const Soil& soil) { return kPathTolerance * soil.voxel_size_m(); }
 
-Update Machine::booked(std::int64_t cut_before) const {
-  const std::int64_t cut = ledger_.captured + ledger_.displaced - cut_before;
-  return {static_cast<double>(cut) * ledger_.sample_m3, ledger_.bucket_m3()};
+Update Machine::move(Soil& soil, const Pose& to) { return follow(soil, plan(soil, to)); }
+
+Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double end_s) {
+  return follow(soil, plan(soil, motion, begin_s, end_s));
 }
 
-Update Machine::move(Soil& soil, const Pose& to) {
-  if (!placed_) return dig_along(soil, {&to, 1});
+/// Follows path_, books what it cuts. @param digs whether it may meet soil
+Update Machine::follow(Soil& soil, bool digs) {
+  const std::int64_t cut_before = ledger_.cut();
+  if (digs && !placed_) {
+    book(excavator_.stamp(soil, path_.front()));
+    current_ = path_.front();
+    placed_ = true;
+  }
+  if (digs) dig(soil);
+  current_ = path_.back();
+  return {static_cast<double>(ledger_.cut() - cut_before) * ledger_.sample_m3, ledger_.bucket_m3()};
+}
+
+/// Makes path_ the way on to a pose: the pose alone where nothing can be dug. @return whether it
+/// can
+bool Machine::plan(const Soil& soil, const Pose& to) {
+  path_.assign(1, to);
+  if (!placed_) return true;
   if (to.position == current_.position && to.rotation.coeffs() == current_.rotation.coeffs())
-    return booked(ledger_.captured + ledger_.displaced);
+    return false;
   const Pose ends[] = {current_, to};
   const double turn = current_.rotation.angularDistance(to.rotation);
   const double h = soil.voxel_size_m();
   // A turning point leaves the chord between its ends by its arc's height at most.
-  if (stays_in_air(soil, ends, radius_m_ * (1 - std::cos(turn / 2)))) {
-    current_ = to;
-    return booked(ledger_.captured + ledger_.displaced);
-  }
-  traced_.assign(1, current_);
-  trace(current_, to, bucket_, kMostBend * h, kStride * h, traced_);
-  return dig_along(soil, traced_);
+  if (stays_in_air(soil, ends, radius_m_ * (1 - std::cos(turn / 2)))) return false;
+  path_.assign(1, current_);
+  trace(current_, to, bucket_, kMaxBend * h, kPathStride * h, path_);
+  return true;
 }
 
-Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double end_s) {
+/// The same along a motion: first as coarsely as will do in the air.
+bool Machine::plan(const Soil& soil, const Motion& motion, double begin_s, double end_s) {
   const double h = soil.voxel_size_m();
   if (placed_) {
-    const auto path = motion.trace(begin_s, end_s, bucket_, h, kFar);
-    if (stays_in_air(soil, path, h)) {
-      current_ = path.back();
-      return booked(ledger_.captured + ledger_.displaced);
-    }
+    path_ = motion.trace(begin_s, end_s, bucket_, h, kFar);
+    if (stays_in_air(soil, path_, h)) return false;
   }
-  return dig_along(soil, motion.trace(begin_s, end_s, bucket_, kMostBend * h, kStride * h));
-}
-
-Update Machine::dig_along(Soil& soil, std::span<const Pose> path) {
-  const std::int64_t cut_before = ledger_.captured + ledger_.displaced;
-  if (!placed_) {
-    ledger_.displaced += excavator_.stamp(soil, path.front()).displaced;
-    current_ = path.front();
-    placed_ = true;
-  }
-  dig(soil, path);
-  current_ = path.back();
-  return booked(cut_before);
+  path_ = motion.trace(begin_s, end_s, bucket_, kMaxBend * h, kPathStride * h);
+  return true;
 }
 
 /// Is the bucket surely above the ground all along a path, and no load of it dumped?
@@ -98,20 +96,24 @@ bool Machine::stays_in_air(const Soil& soil, std::span<const Pose> path, double 
   return soil.is_air(around) && soil.base().known(around);
 }
 
-/// A load leaves at a pose, so the path is dug from each pose that dumps to the next.
-void Machine::dig(Soil& soil, std::span<const Pose> path) {
+/// Digs path_. A load leaves at a pose, so from each pose that dumps to the next.
+void Machine::dig(Soil& soil) {
+  const std::span<const Pose> path = path_;
   const auto looks_far_down = [&](std::size_t i) {
     return bucket_.dump_angle_rad && looks_down(path[i]) >= *bucket_.dump_angle_rad;
   };
   for (std::size_t from = 0, i = 0; i < path.size(); i += 2) {
     const bool dumps = looks_far_down(i) || (i > 0 && looks_far_down(i - 1));
     if (!dumps && i + 1 < path.size()) continue;
-    const Cut cut = excavator_.sweep(soil, path.subspan(from, i - from + 1));
-    ledger_.captured += cut.captured;
-    ledger_.displaced += cut.displaced;
+    book(excavator_.sweep(soil, path.subspan(from, i - from + 1)));
     if (dumps) ledger_.dumped = ledger_.captured;
     from = i;
   }
+}
+
+void Machine::book(const Cut& cut) {
+  ledger_.captured += cut.captured;
+  ledger_.displaced += cut.displaced;
 }
 
 Eigen::AlignedBox3d Machine::workspace(const Soil& soil, std::span<const Pose> path) const {

@@ -15,6 +15,8 @@
 
 namespace soilvdb::inline v0 {
 
+/// Where a bucket is and what it holds, brought from pose to pose: a move is planned, dug and
+/// booked.
 class Machine {
  public:
   /// @throw std::invalid_argument for a bad bucket.
@@ -38,10 +40,12 @@ class Machine {
   void load(std::string_view& in);
 
  private:
-  Update dig_along(Soil& soil, std::span<const Pose> path);
+  bool plan(const Soil& soil, const Pose& to);
+  bool plan(const Soil& soil, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Soil& soil, std::span<const Pose> path, double bend_m) const;
-  void dig(Soil& soil, std::span<const Pose> path);
-  Update booked(std::int64_t cut_before) const;
+  Update follow(Soil& soil, bool digs);
+  void dig(Soil& soil);
+  void book(const Cut& cut);
 
   Bucket bucket_;
   Excavator excavator_;
@@ -50,7 +54,7 @@ class Machine {
   Ledger ledger_;
   bool placed_ = false;
   Pose current_;
-  std::vector<Pose> traced_;  // scratch
+  std::vector<Pose> path_;  // of the next move; scratch
 };
 
 }  // namespace soilvdb::inline v0

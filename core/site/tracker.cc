@@ -10,6 +10,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "core/constants.h"
 #include "core/site/machine.h"
 
 namespace soilvdb::inline v0 {
@@ -32,8 +33,7 @@ Update timed(F f) {
 
 /// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
 void check(const Soil& soil, const Machine& machine, const Pose& pose) {
-  constexpr double kMostVoxels = 1 << 23;
-  const double room_m = kMostVoxels * soil.voxel_size_m() - machine.radius_m();
+  const double room_m = kMaxIndex * soil.voxel_size_m() - machine.radius_m();
   if (!is_sane(pose) || (pose.position - soil.origin()).cwiseAbs().maxCoeff() > room_m)
     throw std::invalid_argument("the pose is no place on this site, or no rotation");
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/constants.h"
 #include "core/surface/cell_plane.h"
 
 namespace soilvdb::inline v0 {
@@ -30,10 +31,6 @@ struct Active {
   float beyond;
   int plane;
 };
-
-/// How far outside of a thin wall a voxel's centre may be and count as in it, voxels: else a wall
-/// one voxel thick would be lost where both its faces run through centres. The same for slots.
-inline constexpr float kTie = 0.04f;
 
 struct CellModel {
   Join join = Join::kOne;

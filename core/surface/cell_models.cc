@@ -4,24 +4,12 @@
 
 #include <array>
 
+#include "core/constants.h"
 #include "core/surface/cell_volume.h"
 #include "core/surface/crease.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr int kSweeps = 2;
-constexpr int kSight = 2;  // voxels from which a crease takes planes
-/// Voxels by which more is needed farther out than models: for bends, and to conserve_volumes
-/// volumes.
-constexpr int kBendFarther = 1;
-constexpr int kSettleFarther = 1;
-constexpr float kBaseSight = 2;  // voxels from which a crease takes the base surface's plane
-constexpr int kExplained = 4;    // wrong samples with which a crease isn't looked at again
-constexpr float kBendCosine = 0.8f;
-constexpr float kMostBend = 0.4f;
-constexpr float kMostShift = 0.1f, kLeastArea = 1;  // to conserve volumes, voxels, voxels^2
-constexpr float kLeastSpread = 0.5f;                // of the neighbours, voxels^4
 
 /// The cells within kSight, the nearest first.
 struct Sight {
@@ -63,9 +51,9 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
 
 CellModels::CellModels(const CellGrid& grid, int wanted) : grid_(grid) {
   index_.assign(static_cast<std::size_t>(grid.side()) * grid.side() * grid.side(), -1);
-  const int range = wanted + kSettleFarther;
+  const int range = wanted + kVolumeHalo;
   const std::vector<CellGrid::Cell> surface =
-      grid.surface_cells(range + kSweeps - 1 + kSight + kBendFarther);
+      grid.surface_cells(range + kSweeps - 1 + kSight + kBendHalo);
   cells_.reserve(surface.size());
   for (const CellGrid::Cell& c : surface) {
     index_[static_cast<std::size_t>(c.id)] = static_cast<int>(cells_.size());
@@ -185,7 +173,7 @@ void CellModels::conserve_volumes(int range) {
       }
     }
     const float shift = sum / std::max(area, kLeastArea);
-    shifts[k] = std::min(std::max(shift, -kMostShift), kMostShift);
+    shifts[k] = std::min(std::max(shift, -kMaxShift), kMaxShift);
   }
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     for (CellPlane& plane : cells_[k].model.plane) plane.d -= shifts[k];
@@ -246,7 +234,9 @@ void CellModels::find_bend(Cell& cell) {
   }
   const float det = xx * yy - xy * xy;
   if (!(det > kLeastSpread)) return;
-  const auto held = [&](float v) { return std::min(std::max(v / det, -kMostBend), kMostBend); };
+  const auto held = [&](float v) {
+    return std::min(std::max(v / det, -kMaxCurvature), kMaxCurvature);
+  };
   cell.bend = {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
                held(vy * xx - vx * xy)};
 }

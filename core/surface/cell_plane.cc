@@ -5,21 +5,11 @@
 #include <algorithm>
 #include <bit>
 
+#include "core/constants.h"
 #include "core/surface/plane_mask.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr int kSteps = 3;          // of Gauss-Newton, at most
-constexpr float kHopeless = 0.5f;  // share of wrong samples after one
-/// Wrong samples of those by the plane, and in one cell, with which all is smooth: some everywhere
-/// for want of curvature, most at the window's corners, where a surface that bends with a radius of
-/// six voxels is a fifth of a voxel off its plane.
-constexpr float kWrongShare = 0.1f;
-constexpr int kWrongInCell = 14;
-constexpr float kSlab = 0.5f;    // half thickness of what a sided fit looks at, voxels
-constexpr float kLeastArea = 4;  // of a sided fit, voxels^2
-constexpr float kMostStep = 0.5f;
 
 /// What the 27 words say against a plane.
 struct Residual {
@@ -78,9 +68,9 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
           wrong = plane_mask(*points, here) ^ word;
           if (wrong != 0 && slab) {
             CellPlane side = here;
-            side.d = here.d - kSlab;
+            side.d = here.d - kSideSlab;
             wrong &= ~plane_mask(*points, side);
-            side.d = here.d + kSlab;
+            side.d = here.d + kSideSlab;
             wrong &= plane_mask(*points, side);
           }
         }
@@ -123,7 +113,7 @@ SOILVDB_INLINE void push(const Residual& r, const Tangents& t, float* b) {
 SOILVDB_INLINE void improve(const Residual& r, const Tangents& t, CellPlane& plane) {
   float b[3];
   push(r, t, b);
-  displace(plane, t, r.a, b, kMostStep);
+  displace(plane, t, r.a, b, kMaxStep);
 }
 
 bool normalise(CellPlane& p) {
@@ -198,13 +188,13 @@ bool by_heights(const CellGrid& grid, int id, int axis, bool up, CellPlane& plan
 
 SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, PlaneFit& fit) {
   Residual r;
-  for (int k = 0; k < kSteps; ++k) {
+  for (int k = 0; k < kFitSteps; ++k) {
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, false, r);
     const float share = static_cast<float>(r.wrong) / (64 * r.area);
-    fit.smooth = k > 0 && share <= kWrongShare && r.most <= kWrongInCell;
-    if (k > 0 && share > kHopeless) return;
-    if (k + 1 == kSteps && !fit.smooth) return;
+    fit.smooth = k > 0 && share <= kSmoothShare && r.most <= kSmoothInCell;
+    if (k > 0 && share > kHopelessShare) return;
+    if (k + 1 == kFitSteps && !fit.smooth) return;
     improve(r, t, fit.plane);
     if (fit.smooth) return;
   }
@@ -215,8 +205,9 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
   for (int k = 0;; ++k) {
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, true, r);
-    if (k == kSteps) {
-      fit.sided = r.area >= kLeastArea && static_cast<float>(r.wrong) <= kWrongShare * 64 * r.area;
+    if (k == kFitSteps) {
+      fit.sided =
+          r.area >= kLeastSideArea && static_cast<float>(r.wrong) <= kSmoothShare * 64 * r.area;
       return;
     }
     improve(r, t, fit.plane);

@@ -54,8 +54,4 @@ struct PlaneFit {
 /// 0.006 voxel. A curved surface is fitted 3/8 of (k1 + k2) too far inwards.
 PlaneFit fit_plane(const CellGrid& grid, int id);
 
-/// Offset of the surface from a plane fitted to 27 cells, along n, voxels, for a trace of
-/// curvature.
-inline constexpr float kWindowBend = 0.375f;
-
 }  // namespace soilvdb::inline v0

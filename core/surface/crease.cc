@@ -4,22 +4,12 @@
 
 #include <bit>
 
+#include "core/constants.h"
 #include "core/surface/plane_mask.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr float kAlikeCosine = 0.985f;  // 10 degrees
-constexpr float kAlikeGap = 0.25f;      // voxels
-constexpr float kFar = 1.0f;            // beyond the cell, voxels
-constexpr int kFree = 2;                // wrong samples of a neighbour that cost nothing
-constexpr int kMostOfNeighbour = 24;    // it may see what the cell doesn't
-constexpr int kPlaneCost = 8;
-constexpr int kGood = 14;  // a pair better than that is not made a triple
-constexpr int kUnsolved = 160;
-constexpr int kRefits = 2;
-constexpr float kStiffness = 0.6f;  // of planes against joint refits, voxels^2
-constexpr float kMostMove = 0.35f;
 constexpr int kCells = 27, kOwn = 13;
 
 using Mask = std::uint64_t;
@@ -53,8 +43,8 @@ SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, con
             std::popcount(joined(join, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
   for (int k = 0; k < kCells && sum < most; ++k) {
     if (k == kOwn) continue;
-    const int wrong = std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFree;
-    sum += std::min(std::max(wrong, 0), kMostOfNeighbour);
+    const int wrong = std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFreeWrong;
+    sum += std::min(std::max(wrong, 0), kMaxWrong);
   }
   return sum;
 }
@@ -149,7 +139,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
     const Mask all =
         joined(model.join, masks[0][k], planes > 1 ? masks[1][k] : 0, planes > 2 ? masks[2][k] : 0);
     Mask wrong = all ^ window.words[k];
-    if (std::popcount(wrong) > kMostOfNeighbour) continue;  // of another surface
+    if (std::popcount(wrong) > kMaxWrong) continue;  // of another surface
     for (; wrong != 0; wrong &= wrong - 1) {
       const int i = std::countr_zero(wrong);
       const CellPoints& points = *window.points[k];
@@ -176,7 +166,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
     a[0] += kStiffness / 4;
     a[3] += kStiffness;
     a[5] += kStiffness;
-    displace(moved.plane[p], t, a, b, kMostMove);
+    displace(moved.plane[p], t, a, b, kMaxRefit);
   }
   return moved;
 }
@@ -184,7 +174,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
 SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> planes,
                             CellModel& model) {
   const int n = static_cast<int>(planes.size());
-  Masks masks[kMostCandidates];
+  Masks masks[kMaxCandidates];
   for (int p = 0; p < n; ++p) make_masks(window, planes[static_cast<std::size_t>(p)], masks[p]);
   Best best;
   const Masks& words = window.words;
@@ -195,7 +185,7 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
       attempt<Join::kOr>(words, masks, a, b, a, best);
     }
   }
-  if (best.score - kPlaneCost * planes_of(best.join) > kGood) {
+  if (best.score - kPlaneCost * planes_of(best.join) > kGoodPair) {
     for (int a = 0; a < n; ++a) {
       for (int b = a + 1; b < n; ++b) {
         for (int c = b + 1; c < n; ++c) {
@@ -233,7 +223,7 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
 }  // namespace
 
 void Candidates::add(const CellPlane& plane) {
-  if (full() || std::abs(plane.d) > plane.half_range() + kFar) return;
+  if (full() || std::abs(plane.d) > plane.half_range() + kFarPlane) return;
   for (int k = 0; k < size_; ++k) {
     const CellPlane& other = planes_[k];
     if (plane.along(other.nx, other.ny, other.nz) > kAlikeCosine &&

@@ -9,9 +9,6 @@
 
 namespace soilvdb::inline v0 {
 
-/// Planes looked at for a cell.
-inline constexpr int kMostCandidates = 6;
-
 /// The planes that may meet in a cell, all seen from it, the likeliest first, no two alike.
 class Candidates {
  public:
@@ -19,10 +16,10 @@ class Candidates {
   void add(const CellPlane& plane);
   std::span<const CellPlane> planes() const { return {planes_, static_cast<std::size_t>(size_)}; }
   int size() const { return size_; }
-  bool full() const { return size_ == kMostCandidates; }
+  bool full() const { return size_ == kMaxCandidates; }
 
  private:
-  CellPlane planes_[kMostCandidates];
+  CellPlane planes_[kMaxCandidates];
   int size_ = 0;
 };
 

@@ -6,93 +6,11 @@
 #include <cmath>
 #include <cstring>
 
-#include "core/surface/sheet_vertex.h"
+#include "core/surface/dual_cell.h"
+#include "core/surface/edge_crossing.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-// Corners of a dual cell are x + 2 y + 4 z, its edges 4 axis + p + 2 q, where p and q are 0 or 1
-// along the next two axes, its faces 2 axis + side.
-constexpr int kNext[3] = {1, 2, 0}, kNextButOne[3] = {2, 0, 1};
-
-constexpr int low_corner(int edge) {
-  const int axis = edge / 4;
-  return (edge & 1) << kNext[axis] | (edge >> 1 & 1) << kNextButOne[axis];
-}
-
-/// The edge of a dual cell between two corners that differ in one axis.
-constexpr int edge_between(int a, int b) {
-  const int axis = (a ^ b) == 1 ? 0 : (a ^ b) == 2 ? 1 : 2, low = a & b;
-  return 4 * axis + (low >> kNext[axis] & 1) + 2 * (low >> kNextButOne[axis] & 1);
-}
-
-/// The corners of each face in turn around it.
-struct Faces {
-  int corner[6][4];
-  constexpr Faces() : corner() {
-    for (int f = 0; f < 6; ++f) {
-      const int axis = f / 2, base = (f & 1) << axis;
-      const int p = 1 << kNext[axis], q = 1 << kNextButOne[axis];
-      corner[f][0] = base;
-      corner[f][1] = base | p;
-      corner[f][2] = base | p | q;
-      corner[f][3] = base | q;
-    }
-  }
-};
-constexpr Faces kFaces;
-
-/// Joins the edges that are crossed to sheets, by segments on the faces. @param corners in soil
-/// @param between faces whose middle is in soil, of those all of whose edges are crossed
-constexpr std::array<std::int8_t, 12> sheets(unsigned corners, unsigned between) {
-  std::array<std::int8_t, 12> group{};
-  const auto soil = [&](int corner) { return (corners >> corner & 1) != 0; };
-  for (int e = 0; e < 12; ++e) {
-    const int a = low_corner(e), b = a | 1 << (e / 4);
-    group[static_cast<std::size_t>(e)] = static_cast<std::int8_t>(soil(a) != soil(b) ? e : -1);
-  }
-  const auto join = [&](int a, int b) {
-    const std::int8_t from = group[static_cast<std::size_t>(b)],
-                      to = group[static_cast<std::size_t>(a)];
-    for (std::int8_t& g : group) {
-      if (g == from) g = to;
-    }
-  };
-  for (int f = 0; f < 6; ++f) {
-    const int* const c = kFaces.corner[f];
-    int edges[4] = {}, crossed[4] = {}, n = 0;
-    for (int k = 0; k < 4; ++k) {
-      edges[k] = edge_between(c[k], c[(k + 1) & 3]);
-      if (group[static_cast<std::size_t>(edges[k])] >= 0) crossed[n++] = edges[k];
-    }
-    if (n == 2) join(crossed[0], crossed[1]);
-    if (n < 4) continue;
-    // Segments cut off the corners that the middle is not like.
-    const int k = soil(c[0]) != ((between >> f & 1) != 0) ? 0 : 1;
-    join(edges[(k + 3) & 3], edges[k]);
-    join(edges[k + 1], edges[(k + 2) & 3]);
-  }
-  return group;
-}
-
-/// The sheets of a dual cell by its corners in soil, where no face is ambiguous.
-struct Sheets {
-  struct Case {
-    std::array<std::int8_t, 12> group{};
-    bool ambiguous = false;
-  } of[256];
-  constexpr Sheets() : of() {
-    for (unsigned corners = 0; corners < 256; ++corners) {
-      of[corners].group = sheets(corners, 0);
-      for (const auto& c : kFaces.corner) {
-        const unsigned a = corners >> c[0] & 1;
-        of[corners].ambiguous |=
-            (corners >> c[1] & 1) != a && (corners >> c[2] & 1) == a && (corners >> c[3] & 1) != a;
-      }
-    }
-  }
-};
-constexpr Sheets kSheets;
 
 /// One dual cell that the surface runs through.
 struct DualCell {
@@ -154,68 +72,6 @@ class Contouring {
     return grid_.away(cell) < range_;
   }
 
-  /// Crossing of the edge from a voxel along an axis, in voxels from that voxel's centre.
-  Crossing crossing(int id, int axis) const {
-    Crossing seen[2];
-    const bool below = seen_from(id, axis, 0, seen[0]);
-    const bool above = seen_from(id, axis, 1, seen[1]);
-    if (below && above) {
-      // Each model is right in its own half.
-      const bool first = seen[0].p[axis] <= 0.5f, second = seen[1].p[axis] >= 0.5f;
-      if (first != second) return seen[first ? 0 : 1];
-      Crossing c;
-      float square = 0;
-      for (int a = 0; a < 3; ++a) {
-        c.p[a] = (seen[0].p[a] + seen[1].p[a]) / 2;
-        c.n[a] = seen[0].n[a] + seen[1].n[a];
-        square += c.n[a] * c.n[a];
-      }
-      const float scale = 1 / std::sqrt(std::max(square, 1e-6f));
-      for (float& v : c.n) v *= scale;
-      return c;
-    }
-    if (below || above) return seen[below ? 0 : 1];
-    Crossing c{{0, 0, 0}, {0, 0, 0}};
-    c.p[axis] = 0.5f;
-    c.n[axis] = soil_[static_cast<std::size_t>(id)] ? 1.0f : -1.0f;
-    return c;
-  }
-
-  /// What the model of one end of that edge says. @return false if it says nothing
-  bool seen_from(int id, int axis, int end, Crossing& c) const {
-    const int here = id + end * grid_.step(axis);
-    const CellModel* const m = models_.find(here);
-    if (m == nullptr) return false;
-    const Active centre = m->at(0, 0, 0);
-    // A centre that counts as in a thin wall lies just outside of its face.
-    const bool tied = (centre.beyond < 0) != (soil_[static_cast<std::size_t>(here)] != 0);
-    const float slack = tied ? kTie : 1e-3f, from = static_cast<float>(end);
-    float best = 2;
-    for (int p = 0; p < m->planes(); ++p) {
-      const CellPlane& plane = m->plane[p];
-      const float slope[3] = {plane.nx, plane.ny, plane.nz};
-      // Out of soil in the direction in which the signs say so.
-      const float outwards = soil_[static_cast<std::size_t>(id)] ? slope[axis] : -slope[axis];
-      if (!(outwards > 1e-6f)) continue;
-      const float along = plane.d / slope[axis];
-      if (!(std::abs(along + from - 0.5f) <= 0.5f + slack)) continue;
-      float q[3] = {0, 0, 0};
-      q[axis] = along;
-      if (std::abs(m->at(q[0], q[1], q[2]).beyond) > slack || std::abs(along) >= best) continue;
-      best = std::abs(along);
-      q[axis] = tied ? along + from : std::min(std::max(along + from, 0.0f), 1.0f);
-      std::copy_n(q, 3, c.p);
-      std::copy_n(slope, 3, c.n);
-    }
-    if (best < 2 || !tied) return best < 2;
-    const CellPlane& face = m->plane[centre.plane];
-    const float n[3] = {face.nx, face.ny, face.nz};
-    for (int a = 0; a < 3; ++a) c.p[a] = -centre.beyond * n[a];
-    c.p[axis] += from;
-    std::copy_n(n, 3, c.n);
-    return true;
-  }
-
   int corner_id(int cell, int corner) const {
     return cell + (corner & 1) * grid_.step(0) + (corner >> 1 & 1) * grid_.step(1) +
            (corner >> 2) * grid_.step(2);
@@ -274,7 +130,7 @@ class Contouring {
         if (group[static_cast<std::size_t>(k)] != group[static_cast<std::size_t>(e)]) continue;
         dual.group[k] = groups;
         const int corner = low_corner(k);
-        crossings[n] = crossing(corner_id(cell, corner), k / 4);
+        crossings[n] = edge_crossing(models_, soil_.data(), corner_id(cell, corner), k / 4);
         for (int a = 0; a < 3; ++a) crossings[n].p[a] += static_cast<float>(corner >> a & 1);
         ++n;
       }
@@ -351,7 +207,7 @@ class Contouring {
     ContourVertex v{grid_.at(low), {0, 0, 0}, false};
     for (const int e : ends) {
       const int corner = low_corner(e);
-      const Crossing at = crossing(corner_id(cell, corner), e / 4);
+      const Crossing at = edge_crossing(models_, soil_.data(), corner_id(cell, corner), e / 4);
       for (int a = 0; a < 3; ++a) {
         v.in[a] += (at.p[a] + (a == axis ? 0.0f : static_cast<float>(corner >> a & 1))) / 2;
       }
@@ -407,7 +263,7 @@ class Contouring {
 
   /// Two triangles of four vertices: those that come nearer to the crossing, if they have area.
   void split(int id, int axis, const std::uint32_t* ring) {
-    const Crossing at = crossing(id, axis);
+    const Crossing at = edge_crossing(models_, soil_.data(), id, axis);
     const Vec3 on = grid_.at(id).cast<double>() + Vec3(at.p[0], at.p[1], at.p[2]);
     Vec3 v[4];
     for (int k = 0; k < 4; ++k) v[k] = place(ring[k]) - on;

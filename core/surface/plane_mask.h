@@ -5,14 +5,12 @@
 
 #include <cstdint>
 
+#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
 #include "core/surface/cell_plane.h"
 
 namespace soilvdb::inline v0 {
-
-/// Samples within this of a plane that passes by a cell aren't asked one by one, voxels.
-inline constexpr float kFaceMargin = 0.04f;
 
 /// Rows to columns in a square of 8 x 8 bits (Warren, Hacker's Delight 7-3).
 SOILVDB_INLINE std::uint64_t transpose(std::uint64_t b) {

@@ -5,17 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/constants.h"
+
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr float kOutside = 0.25f;          // of its dual cell, voxels
-constexpr float kInside = 1e-3f;           // at least, of a vertex held to its dual cell
-constexpr float kSmoothCosine = 0.97f;     // 14 degrees between two normals
-constexpr float kLeastEigenvalue = 0.06f;  // of the largest
-/// Crossings lie on a curved surface, their mean r^2 k / 2 below and their planes' middle as much
-/// above it (r^2 = 1/4 the mean square distance). The chords of a mesh of that spacing want the
-/// vertex k / 12 above: 5/6 of the way.
-constexpr float kVolumeShare = 5.0f / 6;
 
 /// Eigenvalues and eigenvectors of a symmetric matrix by Jacobi's rotations.
 void eigen(float a[3][3], float v[3][3]) {

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 
+#include "core/constants.h"
 #include "core/surface/surface.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint64_t kRoom = std::uint64_t{64} << 20;  // bytes, or as much as the ground has
 constexpr int kChunks = kBlockSide / kChunkSide;
 constexpr int kBlockMask = ~(kBlockSide - 1);
 
@@ -35,7 +35,7 @@ std::uint8_t unequal(const T* a, const T* b) {
 }  // namespace
 
 SoilTiles::SoilTiles(const Soil& ground)
-    : ground_(ground), most_bytes_(std::max(kRoom, ground.memory_bytes())) {}
+    : ground_(ground), most_bytes_(std::max(kTileBytes, ground.memory_bytes())) {}
 
 std::shared_ptr<const SoilTiles::Block> SoilTiles::block(const Coord3& origin) const {
   std::shared_ptr<Entry> entry;

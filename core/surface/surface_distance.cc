@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
 
@@ -15,7 +16,6 @@ using Triangle = ContourDistance::Triangle;
 
 constexpr float kBand = 3;              // voxels
 constexpr float kPolygonReach = 1.25f;  // of a polygon about the lower end of its edge, voxels
-constexpr float kAgree = 0.1f;          // of the base surface and the contour on it, voxels
 constexpr float kLeast = 1e-4f;         // voxels: no voxel is on the surface, for its sign's sake
 constexpr float kSliver = 1e-4f;        // voxels^2: twice the area of what has no plane of its own
 

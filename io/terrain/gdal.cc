@@ -28,13 +28,16 @@ void register_drivers() {
 
 }  // namespace
 
+const char* const* height_formats() {
+  static constexpr const char* kFormats[] = {"GTiff", "AAIGrid", "AIG",  "GRASSASCIIGrid", "EHdr",
+                                             "ENVI",  "HFA",     "GSAG", "GSBG",           "GS7BG",
+                                             "SAGA",  "SRTMHGT", "DTED", "USGSDEM",        nullptr};
+  return kFormats;
+}
+
 GdalMessages::GdalMessages() {
   static std::once_flag once;
-  std::call_once(once, [] {
-    register_drivers();
-    // GDAL's own choice is 5 % of the memory; tiles are kept decoded by the height field anyway.
-    GDALSetCacheMax64(GIntBig{64} << 20);
-  });
+  std::call_once(once, register_drivers);
   CPLPushErrorHandlerEx([](CPLErr severity, CPLErrorNum number,
                            const char* message) { keep(severity, number, message); },
                         this);

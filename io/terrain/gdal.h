@@ -7,6 +7,10 @@
 
 namespace soilvdb::inline v0::io {
 
+/// The formats that heights are read from, by GDAL's names, a null at the end: whoever links us may
+/// have told GDAL of others.
+const char* const* height_formats();
+
 /// While one lives, what GDAL and PROJ would print on this thread is kept here. Makes sure GDAL is
 /// ready. Scopes nest.
 class GdalMessages {

@@ -101,13 +101,14 @@ class GdalHeights final : public HeightSource {
 GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
   check_readable(file);
   const std::string path = std::filesystem::absolute(file).string();
-  GDALDriverH format = GDALIdentifyDriver(path.c_str(), nullptr);
+  GDALDriverH format =
+      GDALIdentifyDriverEx(path.c_str(), GDAL_OF_RASTER, height_formats(), nullptr);
   const std::string name = format != nullptr ? GDALGetDriverShortName(format) : "";
   // The ASCII reader guesses from the first 100 KB whether a file has only integers.
   const char* const ascii[] = {"DATATYPE=Float64", nullptr};
   messages.clear();
   GDALDatasetUniquePtr dataset(GDALDataset::Open(
-      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, nullptr,
+      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, height_formats(),
       name == "AAIGrid" || name == "GRASSASCIIGrid" ? ascii : nullptr, nullptr));
   if (dataset) return dataset;
   if (name.empty()) {

@@ -18,8 +18,8 @@ namespace soilvdb::inline v0::io {
 RasterFacts raster_facts(const std::filesystem::path& file) {
   check_readable(file);
   GdalMessages messages;
-  const std::unique_ptr<GDALDataset> raster(
-      GDALDataset::Open(file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR));
+  const std::unique_ptr<GDALDataset> raster(GDALDataset::Open(
+      file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, height_formats()));
   if (!raster || raster->GetRasterCount() < 1)
     throw InputError(file, fmt::format("is no raster that can be read: {}",
                                        messages.error_or("it has no bands")));

@@ -264,12 +264,14 @@ class CommandLine {
 };
 
 /// What a shell may have closed or ignored is as it is elsewhere: files that are opened don't
-/// become the standard streams, and children can be waited for.
+/// become the standard streams, and children can be waited for. GDAL's cache, which would take 5 %
+/// of the memory, is small, for heights are kept decoded; who sets it is heard.
 void set_up_process() {
   int descriptor = 0;
   while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);
   close(descriptor);
   std::signal(SIGCHLD, SIG_DFL);
+  setenv("GDAL_CACHEMAX", "64", /*overwrite=*/0);
 }
 
 int guarded_main(int argc, char** argv) {

@@ -22,7 +22,8 @@ struct Ledger {
   std::int64_t captured = 0, displaced = 0, dumped = 0;  ///< samples
   double sample_m3 = 0;
 
-  double cut_m3() const { return static_cast<double>(captured + displaced) * sample_m3; }
+  std::int64_t cut() const { return captured + displaced; }  ///< samples
+  double cut_m3() const { return static_cast<double>(cut()) * sample_m3; }
   double captured_m3() const { return static_cast<double>(captured) * sample_m3; }
   double displaced_m3() const { return static_cast<double>(displaced) * sample_m3; }
   double dumped_m3() const { return static_cast<double>(dumped) * sample_m3; }

@@ -1,0 +1,132 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/ground/height_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr int kTile = 64;  // posts per side of a tile, read at once
+
+}  // namespace
+
+HeightTiles::HeightTiles(const HeightGrid& grid, std::shared_ptr<const HeightSource> source)
+    : grid_(grid),
+      source_(std::move(source)),
+      tiles_x_((grid.nx + kTile - 1) / kTile),
+      tiles_y_((grid.ny + kTile - 1) / kTile),
+      tiles_(std::size_t(tiles_x_) * tiles_y_) {}
+
+void HeightTiles::forget() const {
+  for (auto& tile : tiles_) delete tile.exchange(nullptr);
+  held_ = 0;
+}
+
+const HeightTiles::Tile& HeightTiles::tile(int tx, int ty) const {
+  std::atomic<Tile*>& slot = tiles_[std::size_t(ty) * tiles_x_ + tx];
+  if (Tile* t = slot.load(std::memory_order_acquire)) return *t;
+  const std::lock_guard lock(mutex_);
+  if (Tile* t = slot.load(std::memory_order_acquire)) return *t;
+  auto t = std::make_unique<Tile>();
+  const int nx = std::min(kTile, grid_.nx - tx * kTile),
+            ny = std::min(kTile, grid_.ny - ty * kTile);
+  t->posts.resize(std::size_t(nx) * ny);
+  source_->read(tx * kTile, ty * kTile, nx, ny, t->posts.data());
+  t->low = std::numeric_limits<float>::infinity();
+  t->high = -t->low;
+  t->complete = true;
+  for (const float z : t->posts) {
+    if (std::isnan(z)) {
+      t->complete = false;
+    } else {
+      t->low = std::min(t->low, z);
+      t->high = std::max(t->high, z);
+    }
+  }
+  held_ += sizeof(Tile) + t->posts.size() * sizeof(float);
+  slot.store(t.get(), std::memory_order_release);
+  return *t.release();
+}
+
+/// Posts that bound the patches over a rectangle; `complete` only if all are there with a height.
+void HeightTiles::range(const Vec2& low, const Vec2& high, int margin, int& x0, int& y0, int& x1,
+                        int& y1, bool& inside) const {
+  const Vec2 a = post(low.x(), low.y()), b = post(high.x(), high.y());
+  inside = a.x() >= 0 && a.y() >= 0 && b.x() <= grid_.nx - 1 && b.y() <= grid_.ny - 1;
+  const auto index = [](double v, int n) {
+    return static_cast<int>(std::clamp(std::floor(v), 0.0, double(n - 1)));
+  };
+  x0 = index(a.x() - margin, grid_.nx - 1);
+  y0 = index(a.y() - margin, grid_.ny - 1);
+  x1 = index(b.x() + margin + 1, grid_.nx);
+  y1 = index(b.y() + margin + 1, grid_.ny);
+  // Empty where the rectangle is beyond the grid, beside any post.
+  if (b.x() + margin < -1 || a.x() - margin > grid_.nx) x1 = x0 - 1;
+  if (b.y() + margin < -1 || a.y() - margin > grid_.ny) y1 = y0 - 1;
+}
+
+HeightTiles::Bounds HeightTiles::bounds(const Vec2& low, const Vec2& high, int margin) const {
+  int x0, y0, x1, y1;
+  bool complete;
+  range(low, high, margin, x0, y0, x1, y1, complete);
+  float least = std::numeric_limits<float>::infinity(), most = -least;
+  if (x1 < x0 || y1 < y0) return {least, most, false};
+  for (int ty = y0 / kTile; ty <= y1 / kTile; ++ty) {
+    for (int tx = x0 / kTile; tx <= x1 / kTile; ++tx) {
+      const Tile& t = tile(tx, ty);
+      const int ax = std::max(x0 - tx * kTile, 0), bx = std::min(x1 - tx * kTile, kTile - 1);
+      const int ay = std::max(y0 - ty * kTile, 0), by = std::min(y1 - ty * kTile, kTile - 1);
+      if (t.complete &&
+          (bx - ax) * (by - ay) > kTile * kTile / 4) {  // a looser bound is quick and safe
+        least = std::min(least, t.low);
+        most = std::max(most, t.high);
+        continue;
+      }
+      const int nx = std::min(kTile, grid_.nx - tx * kTile);
+      for (int y = ay; y <= by; ++y) {
+        for (int x = ax; x <= bx; ++x) {
+          const float z = t.posts[std::size_t(y) * nx + x];
+          if (std::isnan(z)) {
+            complete = false;
+          } else {
+            least = std::min(least, z);
+            most = std::max(most, z);
+          }
+        }
+      }
+    }
+  }
+  return {least, most, complete};
+}
+
+const HeightTiles::Window& HeightTiles::window(const Vec2& low, const Vec2& high) const {
+  thread_local Window w;
+  w.low = std::numeric_limits<double>::infinity();
+  w.high = -w.low;
+  int x1, y1;
+  range(low, high, 0, w.x0, w.y0, x1, y1, w.complete);
+  w.nx = std::max(0, x1 - w.x0 + 1);
+  w.ny = std::max(0, y1 - w.y0 + 1);
+  w.posts.resize(std::size_t(w.nx) * w.ny);
+  for (int y = 0; y < w.ny; ++y) {
+    for (int x = 0; x < w.nx; ++x) {
+      const int gx = w.x0 + x, gy = w.y0 + y;
+      const Tile& t = tile(gx / kTile, gy / kTile);
+      const int nx = std::min(kTile, grid_.nx - gx / kTile * kTile);
+      const float z = t.posts[std::size_t(gy % kTile) * nx + gx % kTile];
+      w.posts[std::size_t(y) * w.nx + x] = z;
+      if (std::isnan(z)) {
+        w.complete = false;
+      } else {
+        w.low = std::min<double>(w.low, z);
+        w.high = std::max<double>(w.high, z);
+      }
+    }
+  }
+  return w;
+}
+
+}  // namespace soilvdb::inline v0

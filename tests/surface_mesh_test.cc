@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Meshes of digs as surfaces: manifold, watertight, the same by any way to them.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <random>
+
+#include "core/surface/surface.h"
+#include "tests/dig_runner.h"
+#include "tests/solids.h"
+
+namespace soilvdb::testing {
+namespace {
+
+Dig random_or_named(int k) {
+  const auto& names = families();
+  const int named = static_cast<int>(names.size());
+  return k < named ? make_dig(names[static_cast<std::size_t>(k)], placements()[1])
+                   : random_dig(static_cast<std::uint64_t>(k - named + 1));
+}
+
+TEST(SurfaceMeshOfADig, IsManifoldAndWatertight) {
+  const int digs = static_cast<int>(families().size()) + 10;
+  for (int k = 0; k < digs; ++k) {
+    const Dig dig = random_or_named(k);
+    for (const double h : {0.1, 0.05}) {
+      const Dug dug(dig, h, 50);
+      const Faults f = faults(mesh_all(dug.soil), dug.soil);
+      EXPECT_EQ(f.without_area, 0) << dig.family << ", voxel " << h;
+      EXPECT_EQ(f.crowded, 0) << dig.family << ", voxel " << h;
+      EXPECT_EQ(f.torn, 0) << dig.family << ", voxel " << h;
+    }
+  }
+}
+
+TEST(SurfaceMeshOfADig, IsManifoldWhereTheSurfaceRunsThroughTheGrid) {
+  Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(soil, {Bucket{1.0, 0.6, {}, {}}});
+  tracker.update(0, Pose{Vec3(0, 0, 0), from_rpy(0, -0.4, 0)});
+  tracker.update(0, Pose{Vec3(0.5, 0, -0.4), from_rpy(0, -0.3, 0)});
+  const Faults f = faults(mesh_all(soil), soil);
+  EXPECT_EQ(f.without_area, 0);
+  EXPECT_EQ(f.crowded, 0);
+  EXPECT_EQ(f.torn, 0);
+}
+
+TEST(SurfaceMeshOfADig, PatchesAreTheSameWhateverElseIsMeshed) {
+  const Dug dug(make_dig("overlapping", placements()[1]), 0.05, 50);
+  int compared = 0;
+  for (const Chunk* chunk : dug.soil.chunks()) {
+    const Coord3& origin = chunk->origin;
+    const Coord3 block(origin.x() & ~31, origin.y() & ~31, origin.z() & ~31);
+    const std::vector<Coord3> all = resident_chunks(dug.soil, block);
+    const SurfaceBlock whole(dug.soil, all, SurfaceBlock::kMesh);
+    const SurfaceBlock part(dug.soil, {&origin, 1}, SurfaceBlock::kMesh);
+    std::map<std::array<float, 3>, int> places;
+    const auto key = [](const SurfaceBlock& b, const ContourVertex& v) {
+      const Coord3 c = b.first() + v.cell;
+      return std::array<float, 3>{static_cast<float>(c.x()) + v.in[0],
+                                  static_cast<float>(c.y()) + v.in[1],
+                                  static_cast<float>(c.z()) + v.in[2]};
+    };
+    for (const ContourVertex& v : whole.contour().vertices) ++places[key(whole, v)];
+    for (const auto& t : part.contour().triangles) {
+      for (const std::uint32_t k : t) {
+        ASSERT_TRUE(places.contains(key(part, part.contour().vertices[k])));
+        ++compared;
+      }
+    }
+  }
+  EXPECT_GT(compared, 1000);
+}
+
+TEST(SurfaceMeshOfADig, HasTheSameBitsForAnyNumberOfThreads) {
+  const Dug dug(make_dig("swing", placements()[1]), 0.05, 50);
+  const auto with = [&](std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return mesh_all(dug.soil);
+  };
+  const Mesh one = with(1), four = with(4);
+  EXPECT_EQ(one.triangles, four.triangles);
+  EXPECT_EQ(one.points, four.points);
+}
+
+}  // namespace
+}  // namespace soilvdb::testing
