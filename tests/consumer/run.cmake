@@ -43,7 +43,7 @@ check(${build} ${work}/static)
 if(root)
   run(${CMAKE_COMMAND} -S ${root} -B ${work}/shared_build -G ${generator} --log-level=WARNING
       -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_COMPILER=${compiler} -DBUILD_SHARED_LIBS=ON
-      -DSOILVDB_TOOLS=OFF -DSOILVDB_TESTS=OFF -DSOILVDB_BENCH=OFF)
+      -DSOILVDB_WERROR=${werror} -DSOILVDB_TOOLS=OFF -DSOILVDB_TESTS=OFF -DSOILVDB_BENCH=OFF)
   run(${CMAKE_COMMAND} --build ${work}/shared_build)
   check(${work}/shared_build ${work}/shared)
   file(GLOB libraries ${work}/shared/lib*/*.so ${work}/shared/lib/*/*.so)
