@@ -41,7 +41,7 @@ inline constexpr std::uint64_t kPagedShare = 8, kBaseShare = 4;
 /// takes itself. Less: distances are made again and again along a cut.
 inline constexpr std::uint64_t kTileBytes = std::uint64_t{64} << 20;
 
-// ---- Planes of cells (core/surface/cell_plane.cc) ----------------------------------------------
+// ---- Planes of cells (core/cell/cell_plane.cc) ----------------------------------------------
 
 /// Gauss-Newton steps of a fit. Two nearly always do; a third is for starts that are 20 degrees
 /// off.
@@ -65,7 +65,7 @@ inline constexpr float kMaxStep = 0.5f;
 /// sample points come near to a cell's faces: else bits of the neighbours are missed.
 inline constexpr float kFaceMargin = 0.04f;
 
-// ---- Creases (core/surface/crease.cc) -----------------------------------------------------------
+// ---- Creases (core/cell/crease.cc) -----------------------------------------------------------
 
 /// Planes that are tried together. Six cost 15 pairs and 20 triples; a corner has three.
 inline constexpr int kMaxCandidates = 6;
@@ -85,7 +85,7 @@ inline constexpr int kGoodPair = 14, kUnsolved = 160;
 inline constexpr int kRefits = 2;
 inline constexpr float kStiffness = 0.6f, kMaxRefit = 0.35f;
 
-// ---- Models of cells (core/surface/cell_models.cc) ----------------------------------------------
+// ---- Models of cells (core/cell/cell_models.cc) ----------------------------------------------
 
 /// Times that creases are solved; the second time they know what their neighbours found. Each needs
 /// the models one voxel farther out.

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/surface/cell_models.h"
+#include "core/cell/cell_models.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/cell/crease.h"
 #include "core/ground/soil_writer.h"
-#include "core/surface/crease.h"
 #include "tests/solids.h"
 
 namespace soilvdb::testing {

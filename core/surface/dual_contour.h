@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/surface/cell_models.h"
+#include "core/cell/cell_models.h"
 
 namespace soilvdb::inline v0 {
 

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-#include "core/surface/cell_models.h"
+#include "core/cell/cell_models.h"
 #include "core/surface/sheet_vertex.h"
 
 namespace soilvdb::inline v0 {

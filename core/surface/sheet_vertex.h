@@ -3,7 +3,7 @@
 // Where on the planes of its crossings the vertex of a sheet goes.
 #pragma once
 
-#include "core/surface/cell_plane.h"
+#include "core/cell/cell_plane.h"
 
 namespace soilvdb::inline v0 {
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "core/surface/cell_models.h"
+#include "core/cell/cell_models.h"
 #include "core/surface/dual_contour.h"
 #include "core/surface/surface_distance.h"
 #include "soilvdb/mesher.h"

@@ -244,7 +244,8 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
         },
         scenario.warnings);
     done += size(section);
-    scenario.machines.emplace_back(section.name, section.bucket, std::move(motion), std::move(swept));
+    scenario.machines.emplace_back(section.name, section.bucket, std::move(motion),
+                                   std::move(swept));
   }
   return scenario;
 }

@@ -5,7 +5,7 @@
 
 #include <span>
 
-#include "core/surface/cell_model.h"
+#include "core/cell/cell_model.h"
 
 namespace soilvdb::inline v0 {
 

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/surface/cell_models.h"
+#include "core/cell/cell_models.h"
 
 #include <array>
 
+#include "core/cell/cell_volume.h"
+#include "core/cell/crease.h"
 #include "core/constants.h"
-#include "core/surface/cell_volume.h"
-#include "core/surface/crease.h"
 
 namespace soilvdb::inline v0 {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/surface/cell_grid.h"
+#include "core/cell/cell_grid.h"
 
 namespace soilvdb::inline v0 {
 

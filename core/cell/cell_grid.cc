@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/surface/cell_grid.h"
+#include "core/cell/cell_grid.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/surface/crease.h"
+#include "core/cell/crease.h"
 
 #include <bit>
 
+#include "core/cell/plane_mask.h"
 #include "core/constants.h"
-#include "core/surface/plane_mask.h"
 
 namespace soilvdb::inline v0 {
 namespace {

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/surface/cell_plane.h"
+#include "core/cell/cell_plane.h"
 
 #include <algorithm>
 #include <bit>
 
+#include "core/cell/plane_mask.h"
 #include "core/constants.h"
-#include "core/surface/plane_mask.h"
 
 namespace soilvdb::inline v0 {
 namespace {

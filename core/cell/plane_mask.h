@@ -5,10 +5,10 @@
 
 #include <cstdint>
 
+#include "core/cell/cell_plane.h"
 #include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
-#include "core/surface/cell_plane.h"
 
 namespace soilvdb::inline v0 {
 

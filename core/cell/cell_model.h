@@ -7,8 +7,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/cell/cell_plane.h"
 #include "core/constants.h"
-#include "core/surface/cell_plane.h"
 
 namespace soilvdb::inline v0 {
 

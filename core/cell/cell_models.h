@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "core/surface/crease.h"
+#include "core/cell/crease.h"
 
 namespace soilvdb::inline v0 {
 

@@ -3,7 +3,7 @@
 // How much soil a model puts into its cell.
 #pragma once
 
-#include "core/surface/cell_model.h"
+#include "core/cell/cell_model.h"
 
 namespace soilvdb::inline v0 {
 

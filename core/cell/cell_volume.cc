@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/surface/cell_volume.h"
+#include "core/cell/cell_volume.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "core/surface/plane_mask.h"
+#include "core/cell/plane_mask.h"
 #include "soilvdb/base_surface.h"
 
 namespace soilvdb::inline v0 {
