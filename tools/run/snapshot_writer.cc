@@ -5,14 +5,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
+#include <exception>
 #include <set>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "core/ground/soil_writer.h"
-#include "core/site/background.h"
 #include "io/file/atomic_file.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/io/checksum.h"
@@ -89,15 +88,13 @@ void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, c
       SoilWriter(*ground).copy_from(soil, origin);
     }
   }
-  auto work = [this, file = std::move(file), copy = std::move(copy), ground = std::move(ground),
-               info = std::move(info), &journal] { save(file, copy, ground.get(), info, journal); };
-  if (options_.beside) {
-    writing_ =
-        std::async(std::launch::async, [work = std::move(work)] { run_in_background(work); });
-  } else {
-    work();
-    finish();
-  }
+  auto work = [this, file = std::move(file),
+               copy = std::make_shared<const io::Site>(std::move(copy)),
+               ground = std::shared_ptr<const Soil>(std::move(ground)), info = std::move(info),
+               &journal] { save(file, *copy, ground.get(), info, journal); };
+  if (!background_) background_.emplace(options_.beside);
+  background_->run(std::move(work));
+  if (!options_.beside) finish();
 }
 
 void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const Soil* ground,
@@ -137,15 +134,19 @@ void SnapshotWriter::delete_old(io::JournalWriter& journal) {
 }
 
 void SnapshotWriter::check() {
-  if (writing_.valid() && writing_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
-    finish();
+  if (background_ && background_->done()) finish();
 }
 
 void SnapshotWriter::finish() {
-  if (writing_.valid()) writing_.wait();
+  std::exception_ptr error;
+  try {
+    if (background_) background_->wait();
+  } catch (...) {
+    error = std::current_exception();
+  }
   for (const std::string& name : std::exchange(done_, {})) folder_.done(name);
   for (const std::string& name : std::exchange(deleted_, {})) folder_.forget(name);
-  if (writing_.valid()) writing_.get();
+  if (error) std::rethrow_exception(error);
 }
 
 }  // namespace soilvdb::tools

@@ -5,11 +5,11 @@
 #pragma once
 
 #include <cstdint>
-#include <future>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "soilvdb/background.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
@@ -72,7 +72,7 @@ class SnapshotWriter {
   std::size_t depth_ = 0, chunks_ = 0;       // as io::SnapshotParent has them, of the last one
   bool anew_ = false;                        // one was written since the last whole one
   std::vector<std::string> done_, deleted_;  // that the folder isn't told of yet
-  std::future<void> writing_;                // it works on all but the options and links
+  std::optional<Background> background_;     // works on all but the options
 };
 
 }  // namespace soilvdb::tools

@@ -9,12 +9,13 @@
 #include <exception>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
-#include <thread>
 #include <vector>
 
+#include "soilvdb/background.h"
 #include "soilvdb/mesher.h"
 #include "soilvdb/soil.h"
 
@@ -90,20 +91,14 @@ class GroundService {
   template <typename T>
   using ByOrigin = std::map<Coord3, T, SurfaceMesh::Less>;
 
-  /// Chunks to put into the copy (none: to drop), then a job or none.
-  struct Task {
+  /// Chunks to put into the copy; none: to drop.
+  struct Changes {
     ByOrigin<std::optional<Chunk>> chunks;
     std::uint64_t first_post = 0, last_post = 0;
-    std::function<void()> job;
   };
 
-  void serve();
-  void add(Task task);
-  void perform(Task task);
-  void apply(Task& task);
-  void mesh_next();
-  void keep_error();
-  void throw_error();
+  void apply(Changes& changes);
+  bool mesh_next();
 
   Soil& copy_;
   const Options options_;
@@ -116,15 +111,13 @@ class GroundService {
   std::exception_ptr broken_ = nullptr;  // why the copy isn't the ground any more
 
   mutable std::mutex mutex_;  // for all below
-  std::condition_variable wake_, done_;
-  std::deque<Task> tasks_;
-  std::size_t jobs_ = 0;  // among the tasks
-  bool idle_ = false, ending_ = false;
+  std::condition_variable job_began_;
+  std::shared_ptr<Changes> newest_;  // that wait, with no job after them
+  std::size_t jobs_ = 0;             // that wait
   ByOrigin<Patch> patches_;
   std::uint64_t blocks_meshed_ = 0;
-  std::deque<std::exception_ptr> errors_;
 
-  std::thread thread_;
+  Background background_;  // last, so that it ends first
 };
 
 }  // namespace soilvdb::inline v0
