@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/cell/cell_samples.h"
 #include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
@@ -53,10 +54,10 @@ class CellGrid {
   int away(const Coord3& cell) const;
   /// Does any cell of a cube differ from the base surface? Cells beyond the grid don't.
   bool any_change(const Coord3& low, int side) const;
-  const CellPoints& points(int id) const {
+  const CellSamples& samples(int id) const {
     std::uint8_t& pattern = buffers_->patterns[static_cast<std::size_t>(id)];
     if (pattern == kPatterns) pattern = static_cast<std::uint8_t>(sample_pattern(first_ + at(id)));
-    return pattern_points(pattern);
+    return patterns_[pattern];
   }
 
   /// The base surface's own distance at the centre of a cell, voxels, clamped to +-3.
@@ -83,6 +84,7 @@ class CellGrid {
   void read(const Soil& soil, int chunk, const Coord3& origin);
 
   const Soil& soil_;
+  const CellSamples* const patterns_ = cell_samples();
   Coord3 first_;
   int side_, chunks_;
   /// Memory of a cube, used again by the next one of the thread: fresh pages cost as much as fits.
