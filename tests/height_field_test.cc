@@ -72,8 +72,8 @@ std::unique_ptr<BaseSurface> field(const std::shared_ptr<Posts>& posts) {
 constexpr int kBordersX[] = {0, 20, 63, 64, 66, 128, kNx - 1};
 constexpr int kBordersY[] = {0, 41, 63, 64, 128, kNy - 1};
 
-/// Calls `f(first)` with the first voxels of chunks about the borders, some of whose cells end on
-/// them, that hold the ground's surface.
+/// Calls `f(first)` with the first voxels of chunks about the borders, whose cells end on them or
+/// lie across, that hold the ground's surface.
 template <typename F>
 void for_chunks_on_borders(const Posts& posts, F f) {
   std::mt19937 random(2);
@@ -81,9 +81,10 @@ void for_chunks_on_borders(const Posts& posts, F f) {
     for (const int y : kBordersY) {
       const Vec2 corner = posts.place(x, y);
       const Vec2 cells(static_cast<double>(random() % 9), static_cast<double>(random() % 9));
-      const Vec2 first = corner - kVoxel * (cells - Vec2(0.5, 0.5));
+      const Vec2 ends = corner - kVoxel * (cells - Vec2(0.5, 0.5));
       const double z = std::isnan(posts.post(x, y)) ? 0 : posts.post(x, y);
-      for (const double below : {2.0, 6.0}) f(Vec3(first.x(), first.y(), z - kVoxel * below));
+      f(Vec3(ends.x(), ends.y(), z - kVoxel * 2));
+      f(Vec3(ends.x() - 0.4 * kVoxel, ends.y() + 0.3 * kVoxel, z - kVoxel * 6));
     }
   }
 }
