@@ -3,9 +3,11 @@
 // Runs with incremental snapshots: the ground of whole ones at a cost that goes with what changed.
 #include <openvdb/openvdb.h>
 
+#include <random>
 #include <set>
 
 #include "soilvdb/io/journal.h"
+#include "soilvdb/io/raster.h"
 #include "soilvdb/io/snapshot.h"
 #include "tests/program.h"
 
@@ -28,7 +30,7 @@ class Incremental : public ProgramTest {
   void run_with(const std::string& snapshots, const std::string& out,
                 const std::string& options = "") const {
     std::string text = half_sine_scenario(
-        "{plane: {z: 0, slope: [0.05, 0.02]}}", "dig.csv",
+        terrain_, "dig.csv",
         fmt::format("{{snapshots: {{{}}}, journal: {{sync: {}}}}}", snapshots, sync_));
     text.replace(text.find("0.025"), 5, "0.05");
     write_file(folder() / (out + ".yaml"), text);
@@ -38,6 +40,7 @@ class Incremental : public ProgramTest {
   }
 
   std::string sync_ = "1";
+  std::string terrain_ = "{plane: {z: 0, slope: [0.05, 0.02]}}";
 
   /// Snapshots on the way, in order.
   std::vector<io::JournalFile> snapshots(const std::string& out) const {
@@ -55,6 +58,23 @@ class Incremental : public ProgramTest {
     openvdb::io::File vdb((folder() / file).string());
     vdb.open(/*delayLoad=*/false);
     return openvdb::gridPtrCast<openvdb::FloatGrid>(vdb.readGrid("surface"));
+  }
+  /// Are their surfaces leaf by leaf those of whole ones?
+  void expect_surfaces_of_whole_ones() const {
+    run_with("every: 1", "whole");
+    run_with("every: 1, incremental: true", "part");
+    std::size_t compared = 0;
+    for (const io::JournalFile& file : snapshots("part")) {
+      if (file.parent.empty()) continue;
+      const openvdb::FloatGrid::Ptr part = surface("part/" + file.name),
+                                    whole = surface("whole/" + file.name);
+      for (auto leaf = part->tree().cbeginLeaf(); leaf; ++leaf, ++compared) {
+        const auto* const same = whole->tree().probeConstLeaf(leaf->origin());
+        ASSERT_NE(same, nullptr);
+        EXPECT_TRUE(*same == *leaf) << file.name << ' ' << leaf->origin();
+      }
+    }
+    EXPECT_GT(compared, 100u);
   }
   /// Makes of a finished run one that ended earlier.
   void interrupt(const std::string& out, double share) const {
@@ -93,21 +113,23 @@ TEST_F(Incremental, SnapshotsAreTheGroundOfWholeOnesWithAnyThreads) {
   EXPECT_EQ(hash("one/soil_final.vdb"), hash("whole/soil_final.vdb"));
 }
 
-TEST_F(Incremental, TheirSurfaceIsThatOfWholeOnes) {
-  run_with("every: 1", "whole");
-  run_with("every: 1, incremental: true", "part");
-  std::size_t compared = 0;
-  for (const io::JournalFile& file : snapshots("part")) {
-    if (file.parent.empty()) continue;
-    const openvdb::FloatGrid::Ptr part = surface("part/" + file.name),
-                                  whole = surface("whole/" + file.name);
-    for (auto leaf = part->tree().cbeginLeaf(); leaf; ++leaf, ++compared) {
-      const auto* const same = whole->tree().probeConstLeaf(leaf->origin());
-      ASSERT_NE(same, nullptr);
-      EXPECT_TRUE(*same == *leaf) << file.name << ' ' << leaf->origin();
-    }
+TEST_F(Incremental, TheirSurfaceIsThatOfWholeOnes) { expect_surfaces_of_whole_ones(); }
+
+TEST_F(Incremental, TheirSurfaceIsThatOfWholeOnesInADeepPitOfRoughGround) {
+  // Layer below layer, so that what was dug before lies at any distance above what is dug now.
+  std::mt19937 random(3);
+  std::vector<float> heights(41 * 41);
+  for (float& z : heights) z = static_cast<float>(random() % 1024) / 1024 - 0.5f;
+  io::write_geotiff(folder() / "rough.tif", {41, 41, {-4, -4}, {0.25, 0.25}}, {{"z", heights}}, "");
+  terrain_ = "{raster: rough.tif}";
+  std::string csv = "time,x,y,z\n";
+  for (int pass = 0, row = 0; pass < 8; ++pass) {
+    for (int i = 0; i <= 10; ++i, ++row)
+      csv += fmt::format("{},{},0,{}\n", row / 5.0, 0.15 * (pass % 2 ? 10 - i : i),
+                         0.3 - 0.25 * pass - 0.2 * std::sin(std::numbers::pi * i / 10));
   }
-  EXPECT_GT(compared, 100u);
+  write_file(folder() / "dig.csv", csv);
+  expect_surfaces_of_whole_ones();
 }
 
 TEST_F(Incremental, AWholeOneComesWhenTheOthersHaveComeToTheGroundItself) {

@@ -80,11 +80,14 @@ TEST(Memory, IsAccountedWithinFivePercentOfTheGrowthOfTheResidentSet) {
     dig_and_measure(pipe_ends[1]);
     _exit(0);
   }
+  close(pipe_ends[1]);  // the child's is the last: what it leaves unsaid ends the pipe
   double result[2] = {};
-  EXPECT_EQ(read(pipe_ends[0], result, sizeof(result)), static_cast<ssize_t>(sizeof(result)));
-  waitpid(child, nullptr, 0);
+  const ssize_t size = read(pipe_ends[0], result, sizeof(result));
   close(pipe_ends[0]);
-  close(pipe_ends[1]);
+  int status = -1;
+  EXPECT_EQ(waitpid(child, &status, 0), child);
+  ASSERT_EQ(status, 0) << "the child came to another end";
+  ASSERT_EQ(size, static_cast<ssize_t>(sizeof(result)));
   EXPECT_GT(result[1], 100e6);
   EXPECT_NEAR(result[0] / result[1], 1, 0.05) << result[0] << " accounted, grown " << result[1];
 }

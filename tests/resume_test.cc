@@ -174,10 +174,20 @@ TEST_F(Resume, FallsBackToAnOlderSnapshotAndSaysSo) {
 TEST_F(Resume, MakesDamagedFilesOfAFinishedRunAnew) {
   run_whole();
   const auto whole = content();
-  const auto expect_made_anew = [&] {
+  const auto expect_made_anew = [&](const std::vector<std::string>& names, const char* fault) {
     EXPECT_EQ(run("verify out/dig").status, 1);
     const Result result = run("resume out/dig");
     EXPECT_EQ(result.status, 0) << result.err;
+    for (const std::string& name : names) {
+      const std::string said =
+          fmt::format("soilvdb: warning: out/dig/{}: {}; it is made anew\n", name, fault);
+      EXPECT_NE(result.err.find(said), std::string::npos) << result.err;
+    }
+    EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), std::ssize(names))
+        << result.err;
+    EXPECT_TRUE(
+        result.out.starts_with("out/dig: the run is finished: 41 updates to 5 s\ngoing on "))
+        << result.out;
     expect_same_as_whole();
     auto now = content();
     for (const auto& [name, bytes] : whole) {
@@ -198,20 +208,22 @@ TEST_F(Resume, MakesDamagedFilesOfAFinishedRunAnew) {
     } else {
       fs::remove(out() / name);
     }
-    expect_made_anew();
+    expect_made_anew({name},
+                     i % 2 ? "is damaged: its checksum is not the journal's" : "is missing");
     if (name != "summary.json") {
       EXPECT_EQ(read_file(out() / "summary.json"), summary);
     }
   }
-  for (const char* name : {"soil_2.vdb", "soil_4.vdb", "soil_final.vdb", "soil_final.ply"})
-    fs::remove(out() / name);
-  expect_made_anew();
+  const std::vector<std::string> several = {"soil_2.vdb", "soil_4.vdb", "soil_final.vdb",
+                                            "soil_final.ply"};
+  for (const std::string& name : several) fs::remove(out() / name);
+  expect_made_anew(several, "is missing");
   // Not from other inputs.
   fs::remove(out() / "soil_4.vdb");
   write_file(folder() / "dig.csv", HalfSine{}.csv(41) + "6,1,0,1,0\n");
   expect_refused("resume out/dig", "dig.csv:43: was not there when the run was finished");
   write_file(folder() / "dig.csv", HalfSine{}.csv(41));
-  expect_made_anew();
+  expect_made_anew({"soil_4.vdb"}, "is missing");
 }
 
 TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {

@@ -135,6 +135,9 @@ bool Excavator::dig(Samples& samples, const Coord3& origin, Work& work, double h
 void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut) {
   Eigen::AlignedBox3d whole;
   for (std::size_t i = first; i <= last; ++i) whole.extend(box(i));
+  // A bend, a parabola, leaves the hull of its ends and middle by a quarter of it.
+  const Vec3 bulge = Vec3::Constant(kMostBend / 4);
+  whole = {whole.min() - bulge, whole.max() + bulge};
   if (soil.is_air(in_world(soil, whole))) return;
   const double h = soil.voxel_size_m();
   strokes_.clear();
