@@ -98,7 +98,7 @@ TEST(Sweep, OfARolledBucketTakesWhatItsFacesPass) {
     const Eigen::AngleAxisd turn(between(random, 0, 0.4), in_cube(random, 1).normalized());
     const Pose to{from.position + kVoxel * in_cube(random, 12), turn * from.rotation};
     std::vector<Pose> path{from};
-    trace(from, to, bucket, kMostBend * kVoxel, 16 * kVoxel, path);
+    trace(from, to, bucket, kMaxBend * kVoxel, 16 * kVoxel, path);
     expect_as_asked(bucket, path);
   }
 }
@@ -108,7 +108,7 @@ TEST(Sweep, WithEdgesOnBordersOfChunksTakesWhatBendsInAndLeavesWhatBendsOut) {
   std::mt19937 random(2);
   for (int i = 0; i < 120; ++i) {
     SCOPED_TRACE(i);
-    const auto near_zero = [&] { return between(random, -kMostBend, kMostBend); };
+    const auto near_zero = [&] { return between(random, -kMaxBend, kMaxBend); };
     const Bucket bucket = bucket_of(8 + near_zero(), 8 + near_zero(), i % 10 == 9);
     const Eigen::Quaterniond turn = quarter_turns(random);
     // The middle of the mouth is that of a chunk's face, but for a bend.
@@ -119,7 +119,7 @@ TEST(Sweep, WithEdgesOnBordersOfChunksTakesWhatBendsInAndLeavesWhatBendsOut) {
     if (i % 2 == 0) bend = Vec3::Unit(static_cast<int>(random() % 3)) * (i % 4 == 0 ? 1 : -1);
     const Vec3 middle = Vec3::Constant(3.5);
     const auto pose = [&](const Vec3& at) { return Pose{kVoxel * (middle + turn * at), turn}; };
-    const std::vector<Pose> path{pose(lip), pose(lip + way / 2 + 0.999 * kMostBend * bend),
+    const std::vector<Pose> path{pose(lip), pose(lip + way / 2 + 0.999 * kMaxBend * bend),
                                  pose(lip + way)};
     expect_as_asked(bucket, path);
   }

@@ -136,7 +136,7 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
   Eigen::AlignedBox3d whole;
   for (std::size_t i = first; i <= last; ++i) whole.extend(box(i));
   // A bend, a parabola, leaves the hull of its ends and middle by a quarter of it.
-  const Vec3 bulge = Vec3::Constant(kMostBend / 4);
+  const Vec3 bulge = Vec3::Constant(kMaxBend / 4);
   whole = {whole.min() - bulge, whole.max() + bulge};
   if (soil.is_air(in_world(soil, whole))) return;
   const double h = soil.voxel_size_m();
