@@ -269,7 +269,6 @@ TEST_F(BadRows, ABucketThatIsUndergroundAllTheTimeIsWarnedOf) {
   const Result deep = run("run geoid.yaml --out deep");
   EXPECT_EQ(deep.status, 0);
   EXPECT_TRUE(deep.err.starts_with("soilvdb: warning: geoid.yaml: " + warning)) << deep.err;
-  // A bucket that digs a pit from its floor on isn't under the ground that is left.
   EXPECT_EQ(run("info clean.yaml").out.find("below the ground"), std::string::npos);
   EXPECT_EQ(run("run clean.yaml --out clean").err, "");
 }

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/io/raster.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -242,8 +243,10 @@ std::string mercator(const TempFolder& folder, double latitude) {
 
 TEST(Raster, WebMercatorIsRefusedWhereItsMetresAreNone) {
   const TempFolder folder;
-  EXPECT_THAT(mercator(folder, 60),  // cos 60 degrees, on an ellipsoid
-              HasSubstr("'WGS 84 / Pseudo-Mercator', of which 1 m is 0.501"));
+  // cos(latitude) times the ellipsoid's mean radius there over that at the equator: 0.5 x 1.00168
+  // at 60 degrees, 0.70711 x 0.99999 at 45.
+  EXPECT_THAT(mercator(folder, 60),
+              HasSubstr("'WGS 84 / Pseudo-Mercator', of which 1 m is 0.5008 m on the ground here"));
   EXPECT_THAT(mercator(folder, 45),
               HasSubstr("of which 1 m is 0.7071 m on the ground here; reproject it with: gdalwarp "
                         "-t_srs EPSG:32632 -r bilinear -ot Float32 -dstnodata -9999 a.asc "
