@@ -191,6 +191,88 @@ TEST_F(BadRows, WhereMostContradictOneThisOneMayBeWrong) {
   EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 12);
 }
 
+TEST_F(BadRows, ABeginningThatIsOutnumberedIsNotDug) {
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  // Two rows of the day before, at the gate; at 50 m/s the bucket could be back at 2.2 s.
+  write_file(folder() / "bad.csv", with({{1, "-2,102,0,0,0"}, {1, "-1,102,0,0,0"}}));
+  expect_refused("run bad.yaml",
+                 "bad.csv:3: the 9 rows after this one contradict it, and fewer good ones come up "
+                 "to it (first: bad.csv:4: the bucket moves 102 m in 1 s since the row before");
+  expect_refused("info bad.yaml", "bad.csv:3: the 9 rows after this one contradict it");
+  // As 'skip' does, where all that come contradict.
+  write_file(folder() / "bad.csv", with({{1, "-1,5e8,0,0,0"}}));
+  expect_refused("run bad.yaml", "bad.csv:2: 41 of the 42 rows contradict the good ones before");
+  // Good rows that outnumber those that contradict them are dug.
+  write_file(folder() / "bad.csv", with({{30, "3.6,99,0,0,0"}}));
+  EXPECT_EQ(run("run bad.yaml --out bad").status, 1);
+}
+
+/// A boom that lowers the lip from 0.1 m above the ground, on a slide, as angles of 0 to 25
+/// degrees.
+TEST_F(BadRows, JointsInDegreesAreRefusedUnlessTheScenarioSaysSo) {
+  write_file(folder() / "m.urdf",
+             R"(<robot name="m"><link name="a"/><link name="b"/><link name="c"/>
+<joint name="slide" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="3" effort="1" velocity="1"/></joint>
+<joint name="boom" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>)");
+  const auto write = [&](const std::string& name, const std::string& motion,
+                         const std::string& more) {
+    write_scenario(name, motion,
+                   "stop" + more +
+                       "\n    urdf: m.urdf\n    base: {xyz: [0, 0, 0.1]}\n"
+                       "    lip: {link: c, xyz: [1, 0, 0]}");
+  };
+  const auto rows = [](double unit, int bad) {
+    std::string text = "time,slide,boom\n";
+    for (int i = 0; i <= 50; ++i) {
+      const std::string boom = fmt::format("{:.17g}", std::min(0.5 * i, 20.0) * unit);
+      text += fmt::format("{:.1f},{:.2f},{}\n", 0.1 * i, 0.02 * i, i == bad ? "nan" : boom);
+    }
+    return text;
+  };
+  write_file(folder() / "radians.csv", rows(std::numbers::pi / 180, -1));
+  write_file(folder() / "degrees.csv", rows(1, -1));
+  write("radians.yaml", "radians.csv", "");
+  write("wrong.yaml", "degrees.csv", "");
+  write("degrees.yaml", "degrees.csv", "\n    angles: degrees");
+  for (const char* command : {"run", "info"})
+    expect_refused(
+        fmt::format("{} wrong.yaml", command),
+        "degrees.csv:15: boom is 6.5 rad, more than a whole turn, and 38 of 51 rows have "
+        "such angles: they look like degrees");
+  ASSERT_EQ(run("run radians.yaml --out radians").status, 0);
+  const Result dug = run("run degrees.yaml --out degrees");
+  EXPECT_EQ(dug.status, 0) << dug.err;
+  EXPECT_EQ(run("info degrees.yaml").status, 0);
+  const double cut_m3 = summary("radians")["volume_m3"]["cut"];
+  EXPECT_GT(cut_m3, 0.01);
+  constexpr double kSample_m3 = 0.05 * 0.05 * 0.05 / 64;  // rounding may take one or leave it
+  EXPECT_NEAR(summary("degrees")["volume_m3"]["cut"], cut_m3, 1.01 * kSample_m3);
+  // It stops, is mended and gone on with as any.
+  write_file(folder() / "degrees.csv", rows(1, 40));
+  EXPECT_EQ(run("run degrees.yaml --out stopped").status, 1);
+  write_file(folder() / "degrees.csv", rows(1, -1));
+  const Result on = run("resume stopped");
+  EXPECT_EQ(on.status, 0) << on.err;
+  expect_same("stopped", "degrees");
+  EXPECT_EQ(run("verify stopped").status, 0);
+}
+
+TEST_F(BadRows, ABucketThatIsUndergroundAllTheTimeIsWarnedOf) {
+  const std::string warning =
+      "the bucket of digger is 46.5 m or more below the ground all the time; heights of motion "
+      "and terrain must be from the same zero";
+  write_file(folder() / "geoid.yaml",  // the mouth goes up to 0.5 m
+             half_sine_scenario("{plane: {z: 47}}", "clean.csv", "{}"));
+  EXPECT_NE(run("info geoid.yaml").out.find(warning), std::string::npos);
+  const Result deep = run("run geoid.yaml --out deep");
+  EXPECT_EQ(deep.status, 0);
+  EXPECT_TRUE(deep.err.starts_with("soilvdb: warning: geoid.yaml: " + warning)) << deep.err;
+  EXPECT_EQ(run("info clean.yaml").out.find("below the ground"), std::string::npos);
+  EXPECT_EQ(run("run clean.yaml --out clean").err, "");
+}
+
 TEST_F(BadRows, ResumeStopsThereAgainUntilTheRowIsMended) {
   ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
   ASSERT_EQ(run("run clean.yaml --updates 10 --out clean10").status, 0);

@@ -32,7 +32,8 @@ std::string rows(std::int64_t count) {
 MotionFile open(const std::filesystem::path& file, OnBadRow on_bad_row = OnBadRow::kStop) {
   std::vector<std::string> warnings;
   return MotionFile(
-      file, std::nullopt, on_bad_row, [](const Motion&, std::int64_t) {}, warnings);
+      file, std::nullopt, AngleUnit::kRadians, on_bad_row, [](const Motion&, std::int64_t) {},
+      warnings);
 }
 
 TEST(MotionFile, PartsJoinAndHoldTheRowsOfTheWholeFile) {

@@ -197,7 +197,8 @@ TEST(Raster, DegreesAreRefusedWithTheCommandThatReprojects) {
   folder.write("a.prj", kDegrees);
   EXPECT_THAT(refusal(folder, file), HasSubstr("is in degrees"));
   EXPECT_THAT(refusal(folder, file),
-              HasSubstr("gdalwarp -t_srs EPSG:32618 -r bilinear a.asc a_utm.tif"));
+              HasSubstr("gdalwarp -t_srs EPSG:32618 -r bilinear -ot Float32 -dstnodata -9999 "
+                        "a.asc a_utm.tif"));
 }
 
 TEST(Raster, TheUtmZoneIsThatOfThePlace) {
@@ -219,6 +220,39 @@ TEST(Raster, FeetAreRefusedWithTheCommandThatReprojects) {
                          "UNIT[\"metre\",1]", "UNIT[\"US survey foot\",0.3048006096012192]"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("'US survey foot', not metres"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:326"));
+}
+
+/// A map in metres whose metres aren't, at a latitude in degrees.
+std::string mercator(const TempFolder& folder, double latitude) {
+  constexpr double kRadius_m = 6378137;
+  const double north_m =
+      kRadius_m * std::atanh(std::sin(latitude * std::numbers::pi / 180));  // of a sphere
+  folder.write("a.prj",
+               R"(PROJCS["WGS 84 / Pseudo-Mercator",GEOGCS["WGS 84",DATUM["WGS_1984",)"
+               R"(SPHEROID["WGS 84",6378137,298.257223563]],PRIMEM["Greenwich",0],)"
+               R"(UNIT["degree",0.0174532925199433]],PROJECTION["Mercator_1SP"],)"
+               R"(PARAMETER["central_meridian",0],PARAMETER["scale_factor",1],)"
+               R"(PARAMETER["false_easting",0],PARAMETER["false_northing",0],UNIT["metre",1],)"
+               R"(EXTENSION["PROJ4","+proj=merc +a=6378137 +b=6378137 +lat_ts=0 +lon_0=0 +x_0=0 )"
+               R"(+y_0=0 +k=1 +units=m +nadgrids=@null +wktext +no_defs"],)"
+               R"(AUTHORITY["EPSG","3857"]])");
+  return refusal(folder,
+                 folder.write("a.asc", fmt::format("ncols 3\nnrows 2\nxllcorner 1000000\n"
+                                                   "yllcorner {}\ncellsize 1\n4 5 6\n1 2 3\n",
+                                                   north_m)));
+}
+
+TEST(Raster, WebMercatorIsRefusedWhereItsMetresAreNone) {
+  const TempFolder folder;
+  // cos(latitude) times the ellipsoid's mean radius there over that at the equator: 0.5 x 1.00168
+  // at 60 degrees, 0.70711 x 0.99999 at 45.
+  EXPECT_THAT(mercator(folder, 60),
+              HasSubstr("'WGS 84 / Pseudo-Mercator', of which 1 m is 0.5008 m on the ground here"));
+  EXPECT_THAT(mercator(folder, 45),
+              HasSubstr("of which 1 m is 0.7071 m on the ground here; reproject it with: gdalwarp "
+                        "-t_srs EPSG:32632 -r bilinear -ot Float32 -dstnodata -9999 a.asc "
+                        "a_utm.tif"));
+  EXPECT_EQ(mercator(folder, 1), "accepted") << "off by less than a percent";
 }
 
 TEST(Raster, DegreesWithoutACrsAreRecognised) {

@@ -45,7 +45,7 @@ class ScenarioFile : public testing::Test {
  protected:
   void SetUp() override {
     folder_.write("m.csv", "time,x,y,z\n0,0,0,0\n1,1,0,0\n");
-    folder_.write("joints.csv", "time,boom\n0,0.5\n1,2\n");
+    folder_.write("joints.csv", "time,boom\n0,0.5\n1,1.05\n");
     folder_.write("m.urdf", kUrdf);
   }
   Scenario read(const std::string& content) {
@@ -146,6 +146,16 @@ TEST_F(ScenarioFile, AMachineMayBeGivenByItsJoints) {
                 "at line 3");
 }
 
+TEST_F(ScenarioFile, AnglesOfAMotionMayBeInDegrees) {
+  folder_.write("poses.csv", "time,x,y,z,pitch\n0,1,2,3,30\n");
+  const Scenario s = read(with(13, "    motion: poses.csv\n    angles: degrees"));
+  EXPECT_TRUE(s.machines[0].motion.part(0)->row(0).rotation.isApprox(
+      from_rpy(0, std::numbers::pi / 6, 0), 1e-12));
+  EXPECT_EQ(error(13, "    motion: m.csv\n    angles: deg"),
+            "s.yaml:14: angles is 'deg'; it must be radians or degrees: what the joints, or roll, "
+            "pitch and yaw, of the motion are in");
+}
+
 TEST_F(ScenarioFile, IsAsTheReadmeSays) {
   std::ifstream readme(SOILVDB_SOURCE_DIR "/README.md");
   std::string content;
@@ -156,7 +166,7 @@ TEST_F(ScenarioFile, IsAsTheReadmeSays) {
     if (inside && !other_kind) content += line + "\n";
     if (line == "```yaml") inside = true;
   }
-  folder_.write("digger.csv", "time,boom\n0,0.5\n1,2\n");
+  folder_.write("digger.csv", "time,boom\n0,0.5\n1,1.05\n");
   folder_.write("digger.urdf", kUrdf);
   folder_.write("site.tif", "");
   const Scenario s = read(content);
@@ -184,7 +194,7 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
       "soilvdb, name, voxel_size, terrain, machines, output");
   EXPECT_EQ(error(13, "    motoin: m.csv"),
             "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
-            "name, bucket, motion, bad_rows, urdf, base, lip");
+            "name, bucket, motion, angles, bad_rows, urdf, base, lip");
   EXPECT_EQ(error(3, "voxel: 0.05"),
             "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
             "soilvdb, name, voxel_size, terrain, machines, output");
@@ -324,7 +334,7 @@ TEST_F(ScenarioFile, MachinesMustBeAListWithDifferentNames) {
             "s.yaml:4: machines is a map; it must be a list of at least one machine");
   EXPECT_EQ(error_of(head + "machines:\n- digger\n"),
             "s.yaml:5: machine is 'digger'; it must be a map with keys of "
-            "name, bucket, motion, bad_rows, urdf, base, lip");
+            "name, bucket, motion, angles, bad_rows, urdf, base, lip");
   EXPECT_EQ(error_of(head + "machines:\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"),

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <thread>
 
 #include "temp_folder.h"
@@ -72,8 +73,47 @@ TEST_F(Urdf, OriginsAxesAndLimitsAreTheJoints) {
   EXPECT_TRUE(slide.axis.isApprox(Vec3(0, 0.6, 0.8), 1e-15)) << "made unit";
   EXPECT_EQ(slide.lower, -0.5);
   EXPECT_EQ(slide.upper, 1.5);
+  EXPECT_EQ(slide.fastest, 1);
+  EXPECT_EQ(chain.joints[1].fastest, 0) << "it has none";
   EXPECT_EQ(chain.joints[1].type, Joint::Type::kContinuous);
   EXPECT_EQ(chain.joints[1].axis, Vec3::UnitX()) << "the default of URDF";
+}
+
+TEST_F(Urdf, AnAxisGivesADirectionWhateverItsLength) {
+  const auto about = [&](const std::string& axis) {
+    return read(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><axis xyz=")" +
+                        axis + "\"/></joint>"))
+        .world_from_bucket(std::array{0.3, 0.9});
+  };
+  const Pose unit = about("0 0 1");
+  for (const char* axis : {"0 0 0.25", "0 0 1e-6", "0 0 40"}) {
+    const Pose pose = about(axis);
+    EXPECT_EQ(pose.position, unit.position) << axis;
+    EXPECT_TRUE(pose.rotation.isApprox(unit.rotation, 1e-15)) << axis;
+  }
+  // The slide's z stays; the turn adds to the quarter turn of its origin.
+  EXPECT_TRUE(unit.rotation.isApprox(from_rpy(0, 0, 1.5707963267948966 + 0.9), 1e-12));
+  EXPECT_EQ(error(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><axis xyz="0 1e-12 0"/></joint>)")),
+            "m.urdf:10: joint 'turn' has the axis 0 1e-12 0; it must have a direction");
+}
+
+TEST_F(Urdf, VelocityLimitsAreTakenWhereTheyAreAny) {
+  const auto fastest = [&](const std::string& velocity) {
+    return read(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
+      <child link="c"/><limit effort="1" velocity=")" +
+                        velocity + "\"/></joint>"))
+        .joints[1]
+        .fastest;
+  };
+  EXPECT_EQ(fastest("0.5"), 0.5);
+  EXPECT_EQ(fastest("0"), 0);
+  EXPECT_EQ(fastest("1e12"), 0);
+  EXPECT_EQ(
+      test::message_of(folder_, [&] { fastest("fast"); }),
+      "m.urdf:11: joint 'turn' has velocity=\"fast\" in <limit>; it must be a number of rad/s "
+      "or m/s");
 }
 
 TEST_F(Urdf, AMissingLinkNamesTheNearest) {

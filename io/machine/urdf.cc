@@ -177,6 +177,17 @@ class Robot {
     return otherwise;
   }
 
+  /// What moves it is unknown to many who write 0, or more than anything does.
+  double fastest(const XMLElement& limit) const {
+    const char* text = limit.Attribute("velocity");
+    if (text == nullptr) return 0;
+    const std::optional<double> value = parse_number(text);
+    if (!value || std::isnan(*value))
+      fail(limit, fmt::format("has velocity=\"{}\" in <limit>; it must be a number of rad/s or m/s",
+                              printable(text)));
+    return *value > 0 && *value <= kMaxNumber ? *value : 0;
+  }
+
   Joint::Type type(const XMLElement& joint) const {
     const std::string type = attribute(joint, "type");
     if (type == "fixed") return Joint::Type::kFixed;
@@ -210,8 +221,9 @@ class Robot {
                            axis.z()));
     }
     joint.axis = axis.normalized();
-    if (joint.type == Joint::Type::kContinuous) return joint;
     const XMLElement* limit = in.FirstChildElement("limit");
+    if (limit != nullptr) joint.fastest = fastest(*limit);
+    if (joint.type == Joint::Type::kContinuous) return joint;
     if (limit == nullptr)
       fail(in, R"(has no <limit lower="..." upper="..."/>; without limits it is continuous)");
     if (const char* lower = limit->Attribute("lower")) joint.lower = number(*limit, lower);

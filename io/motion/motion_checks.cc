@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "io/file/text.h"
+#include "io/motion/motion_angles.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -19,20 +20,20 @@ constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad
 // No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
 // clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
 constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
-constexpr double kJitter_m = 1, kJitter_rad = 1,
-                 kWrapJitter_rad = 0.2;  // that sensors may add, however short the time
+// That sensors may add, however short the time: satellite positions step by a decimetre or two when
+// a fix is lost or found, angles of inclinometers and gyroscopes by a few degrees under shocks.
+constexpr double kJitter_m = 0.25, kJitter_rad = 0.25, kWrapJitter_rad = 0.2;
+// A URDF's limits are rounded, to 5 degrees at times, which is off by 0.04 rad; sensors are mounted
+// and set to zero within 3 degrees. The bucket's teeth stay within a bucket's height of the truth.
+constexpr double kBeyondLimit_rad = 0.1, kBeyondLimit_m = 0.1;
+// Velocities of a URDF are rated ones: loads push joints beyond, by a third at most.
+constexpr double kBeyondFastest = 2, kJointJitter = 0.05;  // rad or m, of an encoder
 // Of a joint in one row, however long it takes: what is surely a slip takes forever to sweep.
 constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
 
 // Of a joint that goes all the way round, which is slower than buckets curl: houses swing at 1.5
 // rad/s.
 constexpr double kFastestTurn_rad_s = 2, kTurn = 2 * std::numbers::pi;
-
-bool may_wrap(const Joint& joint) {
-  if (joint.type == Joint::Type::kContinuous) return true;
-  const double range = joint.upper - joint.lower;
-  return joint.type == Joint::Type::kRevolute && (range == 0 || range > 0.9 * kTurn);
-}
 
 /// Is it a turn too fast for a machine, and little but for the whole turn?
 bool wraps(double travel, double after_s) {
@@ -51,6 +52,18 @@ void check_speed(const CsvLines& lines, const std::string& what, double moved, d
       fmt::format("{} {} {:.3g} {} in {:.3g} s since the row before; no machine does more "
                   "than {} {}/s",
                   what, turn ? "turns" : "moves", moved, unit, after_s, fastest, unit));
+}
+
+/// Refuses what is faster than the joint of this machine.
+void check_joint_speed(const CsvLines& lines, const Joint& joint, double moved, double after_s) {
+  if (joint.fastest == 0) return;
+  if (moved <= kBeyondFastest * joint.fastest * after_s + kJointJitter) return;
+  const bool turns = joint.type != Joint::Type::kPrismatic;
+  const char* unit = turns ? "rad" : "m";
+  lines.fail(fmt::format(
+      "joint {} {} {:.3g} {} in {:.3g} s since the row before; its velocity limit in "
+      "the urdf is {:g} {}/s, and none goes beyond twice that",
+      joint.name, turns ? "turns" : "moves", moved, unit, after_s, joint.fastest, unit));
 }
 
 }  // namespace
@@ -90,13 +103,39 @@ Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaterni
   return pose;
 }
 
+void check_limits(const CsvLines& lines, const Chain& chain, const std::vector<double>& row,
+                  AngleUnit unit) {
+  std::size_t i = 0;
+  for (const Joint& joint : chain.joints) {
+    if (joint.type == Joint::Type::kFixed) continue;
+    ++i;
+    if (joint.lower == joint.upper || may_wrap(joint)) continue;
+    const bool turns = joint.type != Joint::Type::kPrismatic;
+    const double beyond = std::max(joint.lower - row[i], row[i] - joint.upper);
+    const double most = turns ? kBeyondLimit_rad : kBeyondLimit_m;
+    if (beyond <= most) continue;
+    const auto text = [&](double value) {
+      return angle_text(value, turns ? unit : AngleUnit::kRadians);
+    };
+    const bool degrees = turns && unit == AngleUnit::kRadians && std::abs(row[i]) > kTurn;
+    lines.fail(
+        fmt::format("joint {} is at {} {}; the urdf limits it to {} to {}, and no more than {} "
+                    "beyond is taken{}",
+                    joint.name, text(row[i]), turns ? unit_name(unit) : "m", text(joint.lower),
+                    text(joint.upper), text(most),
+                    degrees ? "; if these are degrees, say 'angles: degrees' beside the "
+                              "machine's 'motion:'"
+                            : ""));
+  }
+}
+
 void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, double after_s) {
   check_speed(lines, "the bucket", (pose.position - before.position).norm(), after_s, false);
   check_speed(lines, "the bucket", pose.rotation.angularDistance(before.rotation), after_s, true);
 }
 
 void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
-                  const std::vector<double>& row) {
+                  const std::vector<double>& row, AngleUnit unit) {
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
     if (joint.type == Joint::Type::kFixed) continue;
@@ -105,19 +144,22 @@ void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<d
     const double moved = std::abs(row[i] - before[i]);
     const double most = turns ? kMostTurn_rad : kMostShift_m;
     if (moved > most) {
-      const char* unit = turns ? "rad" : "m";
+      const char* length = turns ? "rad" : "m";
       lines.fail(fmt::format("joint {} {} {:g} {} since the row before; at most {} {} in one row",
-                             joint.name, turns ? "turns" : "moves", row[i] - before[i], unit, most,
-                             unit));
+                             joint.name, turns ? "turns" : "moves", row[i] - before[i], length,
+                             most, length));
     }
     const double after_s = row[0] - before[0];
     if (may_wrap(joint) && wraps(row[i] - before[i], after_s)) {
       const double on = before[i] + std::remainder(row[i] - before[i], kTurn);
-      throw InputError(lines.file(), lines.number(),
-                       fmt::format("joint {} wraps from {:.4g} to {:.4g} rad; it must go on past a "
-                                   "whole turn, to {:.4g}",
-                                   joint.name, before[i], row[i], on));
+      throw InputError(
+          lines.file(), lines.number(),
+          fmt::format("joint {} wraps from {} to {} {}; it must go on past a whole "
+                      "turn, to {}",
+                      joint.name, angle_text(before[i], unit), angle_text(row[i], unit),
+                      unit_name(unit), angle_text(on, unit)));
     }
+    check_joint_speed(lines, joint, moved, after_s);
     check_speed(lines, "joint " + joint.name, moved, after_s, turns);
   }
 }
@@ -157,21 +199,6 @@ void JointLimits::warn(const std::filesystem::path& file,
         file.string(), joint.name, joint.lower, joint.upper,
         joint.type == Joint::Type::kPrismatic ? "m" : "rad", rows, rows == 1 ? "" : "s", first));
   }
-}
-
-void LargeAngles::row(const std::vector<double>& v, long line) {
-  const auto beyond_a_turn = [](double angle) { return std::abs(angle) > kTurn; };
-  if (std::none_of(v.begin() + 4, v.begin() + 7, beyond_a_turn)) return;
-  if (rows_++ == 0) first_ = line;
-}
-
-void LargeAngles::warn(const std::filesystem::path& file,
-                       std::vector<std::string>& warnings) const {
-  if (rows_ == 0) return;
-  warnings.push_back(fmt::format(
-      "{}: roll, pitch or yaw is beyond a turn in {} row{}, first at line {}; they must "
-      "be in radians, not degrees",
-      file.string(), rows_, rows_ == 1 ? "" : "s", first_));
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "soilvdb/io/csv.h"
+#include "soilvdb/io/motion_csv.h"
 #include "soilvdb/kinematics.h"
 
 namespace soilvdb::inline v0::io {
@@ -23,11 +24,16 @@ double row_number(const CsvLines& lines, const std::string& name, std::string_vi
 /// @param v time, x, y, z and roll, pitch, yaw or qx, qy, qz, qw
 Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion);
 
+/// Refuses a joint's value clearly beyond where it stops. @param row the time, then the joints
+/// @param unit of the file; values are in radians
+void check_limits(const CsvLines& lines, const Chain& chain, const std::vector<double>& row,
+                  AngleUnit unit);
+
 /// Refuses a pose that no bucket reaches in that time, or a joint's value that no joint does.
 void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, double after_s);
-/// @param before the time, then the joints; so is `row`
+/// @param before the time, then the joints; so is `row` @param unit of the file
 void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
-                  const std::vector<double>& row);
+                  const std::vector<double>& row, AngleUnit unit);
 
 /// Rows in which each movable joint is beyond its limits, or turns so far that it may have wrapped.
 class JointLimits {
@@ -45,17 +51,6 @@ class JointLimits {
     long turns = 0, first_turn = 0;
   };
   std::vector<Count> joints_;
-};
-
-/// Rows whose roll, pitch or yaw is beyond a turn, as it is in degrees.
-class LargeAngles {
- public:
-  /// @param v time, x, y, z, roll, pitch, yaw
-  void row(const std::vector<double>& v, long line);
-  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const;
-
- private:
-  long rows_ = 0, first_ = 0;
 };
 
 }  // namespace soilvdb::inline v0::io

@@ -106,6 +106,7 @@ class Header {
     if (names_.size() == 1 && names_[0].find_first_of(";\t") != std::string::npos) {
       hint = "; columns must be separated by commas";
     }
+    hint += other_case(lacking, names_);
     lines_.fail(fmt::format("column{} {} {} missing; {}{}", lacking.size() == 1 ? "" : "s",
                             quoted_list(lacking), lacking.size() == 1 ? "is" : "are", what_is_right,
                             hint));
@@ -115,7 +116,26 @@ class Header {
   std::vector<std::string> names_;
 };
 
+bool same_but_for_case(const std::string& a, const std::string& b) {
+  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : int{c}; };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [&](char c, char d) { return lower(c) == lower(d); });
+}
+
 }  // namespace
+
+std::string other_case(const std::vector<std::string>& wanted,
+                       const std::vector<std::string>& there) {
+  std::string hint;
+  for (const std::string& name : wanted) {
+    const auto it = std::find_if(there.begin(), there.end(),
+                                 [&](const auto& n) { return same_but_for_case(n, name); });
+    if (it == there.end()) continue;
+    hint += fmt::format("{} '{}' by '{}'", hint.empty() ? "; did you mean" : ",", printable(name),
+                        printable(*it));
+  }
+  return hint.empty() ? hint : hint + "?";
+}
 
 Columns read_columns(const CsvLines& lines, const std::vector<std::string_view>& header,
                      const std::optional<Chain>& chain) {

@@ -28,4 +28,8 @@ struct Columns {
 Columns read_columns(const CsvLines& lines, const std::vector<std::string_view>& header,
                      const std::optional<Chain>& chain);
 
+/// "; did you mean 'pitch' by 'Pitch'?" where names that are wanted are there but for their case.
+std::string other_case(const std::vector<std::string>& wanted,
+                       const std::vector<std::string>& there);
+
 }  // namespace soilvdb::inline v0::io

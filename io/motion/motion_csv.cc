@@ -5,12 +5,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <functional>
 #include <limits>
 #include <string_view>
 #include <utility>
 
 #include "io/file/text.h"
+#include "io/motion/motion_angles.h"
 #include "io/motion/motion_checks.h"
 #include "io/motion/motion_columns.h"
 
@@ -22,12 +24,13 @@ constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
 }  // namespace
 
 struct MotionReader::State {
-  State(const std::filesystem::path& f, const std::optional<Chain>& c)
-      : file(f), chain(c), lines(f), limits(c.value_or(Chain{})) {
+  State(const std::filesystem::path& f, const std::optional<Chain>& c, AngleUnit u)
+      : file(f), chain(c), unit(u), lines(f), limits(c.value_or(Chain{})) {
     std::string_view line;
     if (!lines.next(line)) throw InputError(file, "is empty; it must be a motion as CSV");
     split_fields(line, fields);
     columns = read_columns(lines, fields, chain);
+    angles = Angles(columns.names, chain, unit);
     row.resize(columns.names.size(), 0.0);
     fresh = row;
   }
@@ -48,6 +51,7 @@ struct MotionReader::State {
         take(line);
         at = mark;
         at_odds = 0;
+        ++good;
         return true;
       } catch (const LineError& e) {
         if (blanks > 0) refuse_blanks();
@@ -58,7 +62,14 @@ struct MotionReader::State {
             most_at_odds = at_odds;
             bad.at_odds_with = at.lines + 1;
           }
+          if (at_odds > std::max(good, bad.outnumbering)) {
+            bad.outnumbering = at_odds;
+            bad.outnumbered = at.lines + 1;
+          }
         }
+      } catch (const InputError&) {  // of a joint that wraps, as degrees seem to
+        angles.check(file);
+        throw;
       }
     }
   }
@@ -74,6 +85,8 @@ struct MotionReader::State {
       if (columns.fields[i] == Columns::kNone) continue;
       fresh[i] = row_number(lines, columns.names[i], fields[columns.fields[i]]);
     }
+    angles.row(fresh, lines.number());
+    if (chain) check_limits(lines, *chain, fresh, unit);
     const auto time = fields[columns.fields[0]];
     compared = !first;
     if (!first && !(fresh[0] > row[0])) {
@@ -83,11 +96,10 @@ struct MotionReader::State {
                       printable(time), printable(time_text)));
     }
     if (chain) {
-      if (!first) check_joints(lines, *chain, row, fresh);
+      if (!first) check_joints(lines, *chain, row, fresh, unit);
       limits.row(fresh, lines.number());
     } else {
       const Pose to = row_pose(lines, fresh, columns.quaternion);
-      if (!columns.quaternion) angles.row(fresh, lines.number());
       if (!first) check_poses(lines, pose, to, fresh[0] - row[0]);
       pose = to;
     }
@@ -110,10 +122,11 @@ struct MotionReader::State {
 
   std::filesystem::path file;
   std::optional<Chain> chain;
+  AngleUnit unit;
   CsvLines lines;
   Columns columns;
   JointLimits limits;
-  LargeAngles angles;
+  Angles angles;
   std::vector<std::string_view> fields;
   std::vector<double> row, fresh;  // the row it is at, and scratch
   Pose pose;                       // of the row, where there is no chain
@@ -127,12 +140,15 @@ struct MotionReader::State {
   bool compared = false;           // the line it looks at with the row
   std::int64_t at_odds = 0;        // rows since the row that can't come after it,
   std::int64_t most_at_odds = 0;   // and the most there were of them
+  std::int64_t good = 0;           // rows so far
   BadRows bad;
 };
 
-MotionReader::MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain)
-    : state_(std::make_unique<State>(file, chain)) {
+MotionReader::MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain,
+                           AngleUnit angles)
+    : state_(std::make_unique<State>(file, chain, angles)) {
   if (state_->advance()) return;
+  check_angles();
   if (state_->bad.count > 0) throw InputError(state_->bad.first);
   throw InputError(file, state_->lines.number(), "has a header but no rows; it needs at least one");
 }
@@ -171,6 +187,8 @@ Motion MotionReader::next(std::int64_t most_steps) {
 
 const BadRows& MotionReader::bad_rows() const { return state_->bad; }
 
+void MotionReader::check_angles() const { state_->angles.check(state_->file); }
+
 std::size_t MotionReader::digest() const { return state_->digest; }
 
 std::vector<std::string> MotionReader::warnings() const {
@@ -185,7 +203,8 @@ std::vector<std::string> MotionReader::warnings() const {
                                       unused.size() == 1 ? "" : "s", quoted_list(unused));
     if (!zero.empty()) {
       warning += fmt::format("; {} {} there, taken as 0", quoted_list(zero),
-                             zero.size() == 1 ? "isn't" : "aren't");
+                             zero.size() == 1 ? "isn't" : "aren't") +
+                 other_case(zero, unused);
     }
     warnings.push_back(std::move(warning));
   }
@@ -194,9 +213,11 @@ std::vector<std::string> MotionReader::warnings() const {
   return warnings;
 }
 
-MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain) {
-  MotionReader reader(file, chain);
+MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain,
+                        AngleUnit angles) {
+  MotionReader reader(file, chain, angles);
   Motion motion = reader.next(std::numeric_limits<std::int64_t>::max());
+  reader.check_angles();
   if (reader.bad_rows().count > 0) throw InputError(reader.bad_rows().first);
   return {std::move(motion), reader.warnings()};
 }

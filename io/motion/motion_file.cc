@@ -25,12 +25,12 @@ MotionFile::MotionFile(Motion motion)
       end_s_(only_->end_s()) {}
 
 MotionFile::MotionFile(const std::filesystem::path& file, const std::optional<Chain>& chain,
-                       OnBadRow on_bad_row,
+                       AngleUnit angles, OnBadRow on_bad_row,
                        const std::function<void(const Motion&, std::int64_t)>& look,
                        std::vector<std::string>& warnings)
-    : file_(file), chain_(chain), stop_(on_bad_row == OnBadRow::kStop) {
-  MotionReader reader(file, chain);
-  if (stop_ && reader.bad_rows().count > 0) throw InputError(reader.bad_rows().first);
+    : file_(file), chain_(chain), angles_(angles), stop_(on_bad_row == OnBadRow::kStop) {
+  MotionReader reader(file, chain, angles);
+  const bool begins_bad = reader.bad_rows().count > 0;
   for (bool more = true; more;) {
     const CsvLines::Mark mark = reader.mark();
     Motion part = reader.next(kPartSteps);
@@ -44,26 +44,40 @@ MotionFile::MotionFile(const std::filesystem::path& file, const std::optional<Ch
     parts_.push_back({mark, reader.digest()});
     only_ = parts_.size() == 1 ? std::make_shared<Motion>(std::move(part)) : nullptr;
   }
+  reader.check_angles();
   const std::vector<std::string> said = reader.warnings();
   warnings.insert(warnings.end(), said.begin(), said.end());
   bad_rows_ = reader.bad_rows();
-  const std::int64_t all = rows_ + bad_rows_.count;
-  if (!stop_ && bad_rows_.at_odds > 0 && 2 * bad_rows_.at_odds >= all) {
-    throw InputError(
-        file, bad_rows_.at_odds_with,
-        fmt::format(
-            "{} of the {} rows contradict the good ones before them, this one above all "
-            "(first: {}); mend or delete what is wrong: 'bad_rows: skip' is for the odd row",
-            bad_rows_.at_odds, all, bad_rows_.first));
-  }
+  if (stop_ && begins_bad) throw InputError(bad_rows_.first);
+  check_odds();
   if (bad_rows_.count > 0 && !stop_) warnings.push_back(warning(bad_rows_));
+}
+
+/// Refuses a motion of which nobody knows what is wrong, the rows that contradict or those before.
+void MotionFile::check_odds() const {
+  const std::int64_t all = rows_ + bad_rows_.count;
+  if (bad_rows_.at_odds > 0 && 2 * bad_rows_.at_odds >= all) {
+    throw InputError(
+        file_, bad_rows_.at_odds_with,
+        fmt::format("{} of the {} rows contradict the good ones before them, this one above all "
+                    "(first: {}); mend or delete what is wrong{}",
+                    bad_rows_.at_odds, all, bad_rows_.first,
+                    stop_ ? "" : ": 'bad_rows: skip' is for the odd row"));
+  }
+  if (stop_ && bad_rows_.outnumbering > 0) {
+    throw InputError(
+        file_, bad_rows_.outnumbered,
+        fmt::format("the {} rows after this one contradict it, and fewer good ones come up to it "
+                    "(first: {}); mend or delete what is wrong",
+                    bad_rows_.outnumbering, bad_rows_.first));
+  }
 }
 
 std::shared_ptr<const Motion> MotionFile::part(std::size_t i) const {
   if (only_) return only_;
   const auto rows_before = static_cast<std::int64_t>(i) * kPartSteps;
   try {
-    MotionReader reader(file_, chain_);
+    MotionReader reader = this->reader();
     reader.go_to(parts_[i].mark);
     auto motion =
         std::make_shared<Motion>(reader.next(std::min(kPartSteps, rows_ - 1 - rows_before)));

@@ -148,6 +148,16 @@ OnBadRow read_on_bad_row(const YamlMap& machine) {
   return policy == "stop" ? OnBadRow::kStop : OnBadRow::kSkip;
 }
 
+AngleUnit read_angle_unit(const YamlMap& machine) {
+  const std::string unit = machine.has("angles") ? machine.text("angles") : "radians";
+  if (unit != "radians" && unit != "degrees") {
+    machine.fail("angles", fmt::format("angles is '{}'; it must be radians or degrees: what the "
+                                       "joints, or roll, pitch and yaw, of the motion are in",
+                                       printable(unit)));
+  }
+  return unit == "radians" ? AngleUnit::kRadians : AngleUnit::kDegrees;
+}
+
 void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
   const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
@@ -185,6 +195,7 @@ struct Section {
   Bucket bucket;
   std::optional<Chain> chain;
   std::filesystem::path motion;
+  AngleUnit angles = AngleUnit::kRadians;
   OnBadRow on_bad_row = OnBadRow::kStop;
 };
 
@@ -193,14 +204,14 @@ std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result) {
   std::set<std::string> names;
   for (const YamlMap& machine :
        scenario.maps("machines", "machine",
-                     {"name", "bucket", "motion", "bad_rows", "urdf", "base", "lip"})) {
+                     {"name", "bucket", "motion", "angles", "bad_rows", "urdf", "base", "lip"})) {
     const std::string name = machine.name("name");
     if (!names.insert(name).second) {
       machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
     }
     const Bucket bucket = read_bucket(machine);
     sections.push_back({name, bucket, read_machine_chain(machine), read_path(machine, "motion"),
-                        read_on_bad_row(machine)});
+                        read_angle_unit(machine), read_on_bad_row(machine)});
     result.inputs.push_back(sections.back().motion);
     if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
   }
@@ -237,7 +248,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   for (const Section& section : sections) {
     SweptBoxes swept;
     MotionFile motion(
-        section.motion, section.chain, section.on_bad_row,
+        section.motion, section.chain, section.angles, section.on_bad_row,
         [&](const Motion& part, std::int64_t bytes) {
           swept.add(part, section.bucket);
           if (progress) progress(done + bytes, total);

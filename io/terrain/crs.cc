@@ -6,9 +6,11 @@
 #include <ogr_spatialref.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <memory>
+#include <numbers>
 #include <optional>
 
 #include "io/file/text.h"
@@ -46,6 +48,7 @@ bool is_metre(double length) { return std::abs(length - 1) < 1e-9; }
 /// Where a point of `srs` is, in degrees.
 std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec2& p) {
   OGRSpatialReference from(srs), to;
+  from.StripVertical();
   to.importFromEPSG(4326);
   from.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
   to.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
@@ -55,6 +58,41 @@ std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec
   if (!transform || !transform->Transform(1, &x, &y)) return std::nullopt;
   if (!(std::abs(y) <= 90) || !(std::abs(x) <= 720)) return std::nullopt;
   return Vec2(x, y);
+}
+
+// UTM is off by 0.002 at most in its zone, a grid for the whole of Norway or France by 0.007.
+constexpr double kMostAreaOff = 0.01;
+
+/// How many square metres on the ground one of the map is at a place, by WGS 84's ellipsoid.
+std::optional<double> ground_area(const OGRSpatialReference& srs, const Vec2& p) {
+  constexpr double kAxis_m = 6378137, kEccentricity2 = 0.00669437999014, kStep = 100;
+  std::array<Vec3, 3> earth;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto place = longitude_latitude(srs, p + kStep * Vec2(i == 1, i == 2));
+    if (!place) return std::nullopt;
+    const Vec2 angle = *place * (std::numbers::pi / 180);
+    const double sine = std::sin(angle.y());
+    const double normal_m = kAxis_m / std::sqrt(1 - kEccentricity2 * sine * sine);
+    earth[i] =
+        normal_m * Vec3(std::cos(angle.y()) * std::cos(angle.x()),
+                        std::cos(angle.y()) * std::sin(angle.x()), (1 - kEccentricity2) * sine);
+  }
+  return (earth[1] - earth[0]).cross(earth[2] - earth[0]).norm() / (kStep * kStep);
+}
+
+/// Refuses maps whose metres aren't: volumes would be off as their areas are, Web Mercator's by
+/// half in the middle of Europe.
+void require_true_scale(const std::filesystem::path& file, const OGRSpatialReference& srs,
+                        const Vec2& centre) {
+  const std::optional<double> area = ground_area(srs, centre);
+  if (!area || std::abs(*area - 1) <= kMostAreaOff) return;
+  const Vec2 place = longitude_latitude(srs, centre).value();
+  const char* name = srs.GetName();
+  throw InputError(
+      file, fmt::format("has coordinates in '{}', of which 1 m is {:.4g} m on the ground here; "
+                        "reproject it with: {}",
+                        printable(name != nullptr ? name : ""), std::sqrt(*area),
+                        warp_command(file, utm_epsg(place.x(), place.y()), "")));
 }
 
 [[noreturn]] void refuse_heights(const std::filesystem::path& file, const std::string& unit,
@@ -101,7 +139,8 @@ int utm_epsg(double longitude, double latitude) {
 }
 
 std::string warp_command(const std::filesystem::path& file, int epsg, const std::string& source) {
-  return fmt::format("gdalwarp {}-t_srs EPSG:{} -r bilinear {} {}",
+  // Without NODATA of its own, what is outside of a turned raster would be 0, a height.
+  return fmt::format("gdalwarp {}-t_srs EPSG:{} -r bilinear -ot Float32 -dstnodata -9999 {} {}",
                      source.empty() ? "" : "-s_srs " + source + " ", epsg, shell_quoted(file),
                      shell_quoted(beside(file, "_utm")));
 }
@@ -124,14 +163,16 @@ void require_metres(const std::filesystem::path& file, const OGRSpatialReference
   if (!wrong.empty()) {
     const auto place = longitude_latitude(srs, centre);
     if (!place) {
-      throw InputError(file, wrong +
-                                 "; reproject it to a CRS in metres, as with: gdalwarp -t_srs "
-                                 "EPSG:<the site's UTM zone> -r bilinear " +
-                                 shell_quoted(file) + " " + shell_quoted(beside(file, "_utm")));
+      throw InputError(file,
+                       wrong +
+                           "; reproject it to a CRS in metres, as with: gdalwarp -t_srs "
+                           "EPSG:<the site's UTM zone> -r bilinear -ot Float32 -dstnodata -9999 " +
+                           shell_quoted(file) + " " + shell_quoted(beside(file, "_utm")));
     }
     throw InputError(file, fmt::format("{}; reproject it with: {}", wrong,
                                        warp_command(file, utm_epsg(place->x(), place->y()), "")));
   }
+  require_true_scale(file, srs, centre);
   std::string unit = vertical_unit;
   double length = unit_metres(unit).value_or(1);
   std::string horizontal;

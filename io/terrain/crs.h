@@ -23,7 +23,8 @@ int utm_epsg(double longitude, double latitude);
 
 /// @param centre middle of the raster, in `srs`, x east and y north
 /// @param vertical_unit name of the unit of the heights; may be empty
-/// @throw InputError unless x, y and heights are in metres; with the command that mends it.
+/// @throw InputError unless x, y and heights are in metres, and those of x and y are metres on the
+///        ground, too (areas within a percent); with the command that mends it.
 void require_metres(const std::filesystem::path& file, const OGRSpatialReference& srs,
                     const Vec2& centre, const std::string& vertical_unit);
 

@@ -14,9 +14,11 @@
 #include <vector>
 
 #include "io/file/text.h"
+#include "io/scenario/underground.h"
 #include "io/terrain/raster_facts.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
+#include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
@@ -142,8 +144,19 @@ void info_raster(const fs::path& file) {
   }
 }
 
+/// Adds what a run would warn of, having opened the terrain; not of level sets, which take long.
+void warn_of_ground(io::Scenario& scenario) {
+  if (std::holds_alternative<io::LevelSetTerrain>(scenario.terrain)) return;
+  try {
+    io::warn_of_underground(scenario, *io::open_base(scenario.terrain).surface);
+  } catch (const std::exception& e) {
+    scenario.warnings.push_back(e.what());
+  }
+}
+
 void info_scenario(const fs::path& file) {
-  const io::Scenario scenario = io::read_scenario(file);
+  io::Scenario scenario = io::read_scenario(file);
+  warn_of_ground(scenario);
   fmt::print("{}: scenario\n", file.string());
   line("name", scenario.name);
   line("voxels", fmt::format("{} m", scenario.voxel_size_m));

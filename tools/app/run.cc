@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "io/scenario/underground.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
@@ -56,6 +58,12 @@ void check_voxels(io::Scenario& scenario) {
   }
 }
 
+/// The ground as it is when the run begins.
+std::shared_ptr<const BaseSurface> ground_of(const Soil& soil) {
+  if (soil.chunks().empty()) return soil.shared_base();
+  return make_soil_surface({std::shared_ptr<void>(), &soil});
+}
+
 fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
   if (options.out) return *options.out;
   const std::string& name = scenario.name;
@@ -88,6 +96,7 @@ void run(const RunOptions& options) {
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
     Start start{io::open_site(scenario), 0, ""};
+    io::warn_of_underground(scenario, *ground_of(*start.site.soil));
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
     RunConfig config{options, start.site.soil->change_m3(), ends_of(scenario.machines)};
     config.options.out = folder.path();

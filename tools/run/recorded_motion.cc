@@ -131,9 +131,7 @@ class DugRows {
 
   /// @param time_s of a row; if there is none any more, the line is that of the next, or the last
   [[noreturn]] void refuse(double time_s, const std::string& what) const {
-    const Chain& chain = motion_->chain();
-    io::MotionReader reader(machine_.motion.file(),
-                            motion_->poses().empty() ? std::optional<Chain>(chain) : std::nullopt);
+    io::MotionReader reader = machine_.motion.reader();
     while (true) {
       const long line = reader.mark().lines + 1;
       const Motion two = reader.next(1);

@@ -19,6 +19,7 @@ struct Joint {
   Pose parent_from_joint;       ///< the URDF <origin>
   Vec3 axis = Vec3::UnitX();    ///< unit, in the joint frame
   double lower = 0, upper = 0;  ///< rad or m; equal values mean no limit
+  double fastest = 0;           ///< rad/s or m/s; 0 means no limit
 };
 
 /// A serial chain. Joint values come in the order of the movable joints (all but the fixed ones).

@@ -35,8 +35,8 @@ class MotionFile {
   /// @param warnings what read_motion() warns of is added, and the bad rows that are left out
   /// @throw InputError as read_motion() does; for a bad row only where there is no good one, none
   ///        to dig before it, or as many contradict good ones as not, so that those may be what is
-  ///        wrong.
-  MotionFile(const std::filesystem::path& file, const std::optional<Chain>& chain,
+  ///        wrong; where it would stop, also where those before a bad one are outnumbered.
+  MotionFile(const std::filesystem::path& file, const std::optional<Chain>& chain, AngleUnit angles,
              OnBadRow on_bad_row,
              const std::function<void(const Motion& part, std::int64_t bytes)>& look,
              std::vector<std::string>& warnings);
@@ -45,6 +45,9 @@ class MotionFile {
   double begin_s() const { return begin_s_; }
   double end_s() const { return end_s_; }
   const std::filesystem::path& file() const { return file_; }  ///< empty: it has none
+  MotionReader reader() const {
+    return {file_, chain_, angles_};
+  }  ///< of its file, at the first row
   const BadRows& bad_rows() const { return bad_rows_; }
   /// Is it to be dug up to bad_rows().good_s only?
   bool stops() const { return stop_ && bad_rows_.count > 0; }
@@ -59,8 +62,11 @@ class MotionFile {
     CsvLines::Mark mark;
     std::size_t digest = 0;
   };
+  void check_odds() const;
+
   std::filesystem::path file_;
   std::optional<Chain> chain_;
+  AngleUnit angles_ = AngleUnit::kRadians;
   bool stop_ = false;
   BadRows bad_rows_;
   std::vector<Part> parts_;
