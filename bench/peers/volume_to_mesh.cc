@@ -18,7 +18,6 @@ namespace {
 
 using Tree = openvdb::tree::Tree3<float, 4, 3>::Type;
 
-constexpr int kSide = kBlockSide + 2 * kChunkSide;
 constexpr int kReach = 2;    // voxels from a chunk whose signs matter to the patterns of its cells
 constexpr int kOffset = 64;  // of the tree: all its places are floats of one exponent
 
@@ -50,9 +49,9 @@ Crossing crossing(const CellModels& models, int id, int axis) {
 
 class Block {
  public:
-  Block(const Soil& soil, const Coord3& block, std::span<const Coord3> chunks, VolumeToMesh how,
+  Block(const Soil& soil, std::span<const Coord3> chunks, VolumeToMesh how,
         VolumeToMeshTimes& times)
-      : soil_(soil), cells_(soil, block - Coord3::Constant(kChunkSide), kSide, chunks, 1) {
+      : soil_(soil), cells_(soil, chunks, 1) {
     std::clock_t last = std::clock();
     const auto took = [&](double& sum) {
       const std::clock_t now = std::clock();
@@ -74,7 +73,8 @@ class Block {
 
  private:
   bool is_near(const Coord3& c) const {
-    return (c.array() >= 0).all() && (c.array() < kSide).all() && cells_.away(c) <= kChunkSide;
+    return (c.array() >= 0).all() && (c.array() < cells_.side()).all() &&
+           cells_.away(c) <= kChunkSide;
   }
 
   void fill() {
@@ -132,7 +132,8 @@ class Block {
 
   /// The polygon belongs to the block as in Contour.
   bool wanted(const Coord3& c, int axis) const {
-    if ((c.array() < kChunkSide - 1).any() || (c.array() >= kSide - kChunkSide).any()) return false;
+    if ((c.array() < kChunkSide - 1).any() || (c.array() >= cells_.side() - kChunkSide).any())
+      return false;
     return cells_.resident(c) ? cells_.asked(c) : cells_.asked(c + Coord3::Unit(axis));
   }
 
@@ -238,7 +239,7 @@ class Block {
 Mesh volume_to_mesh(const Soil& soil, const Coord3& block, VolumeToMesh how,
                     VolumeToMeshTimes& times) {
   const std::vector<Coord3> chunks = resident_chunks(soil, block);
-  return chunks.empty() ? Mesh{} : Block(soil, block, chunks, how, times).mesh();
+  return chunks.empty() ? Mesh{} : Block(soil, chunks, how, times).mesh();
 }
 
 }  // namespace soilvdb::bench

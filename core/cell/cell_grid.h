@@ -9,7 +9,6 @@
 #include <span>
 #include <vector>
 
-#include "core/cell/cell_samples.h"
 #include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
@@ -54,10 +53,10 @@ class CellGrid {
   int away(const Coord3& cell) const;
   /// Does any cell of a cube differ from the base surface? Cells beyond the grid don't.
   bool any_change(const Coord3& low, int side) const;
-  const CellSamples& samples(int id) const {
+  const CellPoints& points(int id) const {
     std::uint8_t& pattern = buffers_->patterns[static_cast<std::size_t>(id)];
     if (pattern == kPatterns) pattern = static_cast<std::uint8_t>(sample_pattern(first_ + at(id)));
-    return patterns_[pattern];
+    return pattern_points(pattern);
   }
 
   /// The base surface's own distance at the centre of a cell, voxels, clamped to +-3.
@@ -84,7 +83,6 @@ class CellGrid {
   void read(const Soil& soil, int chunk, const Coord3& origin);
 
   const Soil& soil_;
-  const CellSamples* const patterns_ = cell_samples();
   Coord3 first_;
   int side_, chunks_;
   /// Memory of a cube, used again by the next one of the thread: fresh pages cost as much as fits.

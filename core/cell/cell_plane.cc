@@ -18,7 +18,7 @@ struct Residual {
   /// The cells that have wrong ones, in order.
   struct Cell {
     std::uint64_t wrong, word;
-    const CellSamples* samples;  // null where the plane passes by: all count as at the middle
+    const CellPoints* points;  // null where the plane passes by: all count as at the middle
     float x, y, z;
   } cells[27];
   int size;
@@ -44,7 +44,7 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
         const float s = plane.beyond(fx, fy, fz);
         const int here_id = id + x * sx + y * sy + z;
         const std::uint64_t word = words[here_id];
-        const CellSamples* samples = nullptr;
+        const CellPoints* points = nullptr;
         std::uint64_t wrong;
         if (std::abs(s) >= half_range) {
           if (slab) continue;
@@ -62,23 +62,23 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
           r.a[3] += a * (u * u + 1.0f / 12);
           r.a[4] += a * u * v;
           r.a[5] += a * (v * v + 1.0f / 12);
-          samples = &grid.samples(here_id);
+          points = &grid.points(here_id);
           CellPlane here = plane;
           here.d = -s;
-          wrong = plane_mask(*samples, here) ^ word;
+          wrong = plane_mask(*points, here) ^ word;
           if (wrong != 0 && slab) {
             CellPlane side = here;
             side.d = here.d - kSideSlab;
-            wrong &= ~plane_mask(*samples, side);
+            wrong &= ~plane_mask(*points, side);
             side.d = here.d + kSideSlab;
-            wrong &= plane_mask(*samples, side);
+            wrong &= plane_mask(*points, side);
           }
         }
         if (wrong == 0) continue;
         const int n = std::popcount(wrong);
         r.wrong += n;
         r.most = std::max(r.most, n);
-        r.cells[r.size++] = {wrong, word, samples, fx, fy, fz};
+        r.cells[r.size++] = {wrong, word, points, fx, fy, fz};
       }
     }
   }
@@ -92,16 +92,16 @@ SOILVDB_INLINE void push(const Residual& r, const Tangents& t, float* b) {
     const auto more =
         static_cast<float>(2 * std::popcount(c.wrong & c.word) - std::popcount(c.wrong));
     float px = more * c.x, py = more * c.y, pz = more * c.z;
-    if (c.samples != nullptr) {  // which are from the cell's corner
+    if (c.points != nullptr) {  // which are from the cell's corner
       px -= more / 2;
       py -= more / 2;
       pz -= more / 2;
       for (std::uint64_t wrong = c.wrong; wrong != 0; wrong &= wrong - 1) {
         const int i = std::countr_zero(wrong);
         const float sign = c.word >> i & 1 ? 1.0f : -1.0f;
-        px += sign * c.samples->points.x[i];
-        py += sign * c.samples->points.y[i];
-        pz += sign * c.samples->points.z[i];
+        px += sign * c.points->x[i];
+        py += sign * c.points->y[i];
+        pz += sign * c.points->z[i];
       }
     }
     b[0] += more;

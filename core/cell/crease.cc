@@ -35,38 +35,16 @@ SOILVDB_INLINE Mask joined(Join join, Mask a, Mask b, Mask c) {
   return a;
 }
 
-/// What a neighbour has wrong, as it counts.
-SOILVDB_INLINE int counted(Mask mask, Mask word) {
-  return std::min(std::max(std::popcount(mask ^ word) - kFreeWrong, 0), kMaxWrong);
-}
-
-/// The neighbours that tell planes apart. All others count the same whatever joins them.
-struct Telling {
-  int size = 0, others = 0;
-  std::uint8_t cells[kCells];
-  Telling(const Masks& words, const Masks* masks, int planes) {
-    for (int k = 0; k < kCells; ++k) {
-      if (k == kOwn) continue;
-      bool same = true;
-      for (int p = 1; p < planes; ++p) same &= masks[p][k] == masks[0][k];
-      if (same) {
-        others += counted(masks[0][k], words[k]);
-      } else {
-        cells[size++] = static_cast<std::uint8_t>(k);
-      }
-    }
-  }
-};
-
 /// What a model has wrong, up to `most`.
 template <Join join>
-SOILVDB_INLINE int score(const Masks& words, const Telling& telling, const Masks& a, const Masks& b,
-                         const Masks& c, int most) {
-  int sum = kPlaneCost * planes_of(join) + telling.others +
+SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, const Masks& c,
+                         int most) {
+  int sum = kPlaneCost * planes_of(join) +
             std::popcount(joined(join, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
-  for (int i = 0; i < telling.size && sum < most; ++i) {
-    const int k = telling.cells[i];
-    sum += counted(joined(join, a[k], b[k], c[k]), words[k]);
+  for (int k = 0; k < kCells && sum < most; ++k) {
+    if (k == kOwn) continue;
+    const int wrong = std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFreeWrong;
+    sum += std::min(std::max(wrong, 0), kMaxWrong);
   }
   return sum;
 }
@@ -78,14 +56,14 @@ struct Best {
 };
 
 template <Join join>
-SOILVDB_INLINE void attempt(const Masks& words, const Telling& telling, const Masks* masks, int a,
-                            int b, int c, Best& best) {
-  const int s = score<join>(words, telling, masks[a], masks[b], masks[c], best.score);
+SOILVDB_INLINE void attempt(const Masks& words, const Masks* masks, int a, int b, int c,
+                            Best& best) {
+  const int s = score<join>(words, masks[a], masks[b], masks[c], best.score);
   if (s < best.score) best = {s, join, {a, b, c}};
 }
 
 struct Window {
-  const CellSamples* samples[kCells];
+  const CellPoints* points[kCells];
   Masks words;
 };
 
@@ -95,19 +73,32 @@ SOILVDB_INLINE void make_masks(const Window& window, const CellPlane& plane, Mas
     const CellPlane here = plane.from(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
     masks[k] = here.d >= half_range    ? ~Mask{0}
                : here.d <= -half_range ? 0
-                                       : plane_mask(*window.samples[k], here);
+                                       : plane_mask(*window.points[k], here);
   }
 }
 
 /// What a join of masks has wrong.
 SOILVDB_INLINE int score_of(Join join, const Masks& words, const Masks* m) {
   const int planes = planes_of(join);
-  int sum = kPlaneCost * planes;
-  for (int k = 0; k < kCells; ++k) {
-    const Mask all = joined(join, m[0][k], planes > 1 ? m[1][k] : 0, planes > 2 ? m[2][k] : 0);
-    sum += k == kOwn ? std::popcount(all ^ words[k]) : counted(all, words[k]);
+  const Masks &a = m[0], &b = m[planes > 1 ? 1 : 0], &c = m[planes > 2 ? 2 : 0];
+  constexpr int kAny = 1 << 20;
+  switch (join) {
+    case Join::kOne:
+      return score<Join::kOne>(words, a, b, c, kAny);
+    case Join::kAnd:
+      return score<Join::kAnd>(words, a, b, c, kAny);
+    case Join::kOr:
+      return score<Join::kOr>(words, a, b, c, kAny);
+    case Join::kAndAnd:
+      return score<Join::kAndAnd>(words, a, b, c, kAny);
+    case Join::kOrOr:
+      return score<Join::kOrOr>(words, a, b, c, kAny);
+    case Join::kAndOr:
+      return score<Join::kAndOr>(words, a, b, c, kAny);
+    case Join::kOrAnd:
+      return score<Join::kOrAnd>(words, a, b, c, kAny);
   }
-  return sum;
+  return kAny;
 }
 
 /// One Gauss-Newton step of all planes together.
@@ -151,7 +142,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
     if (std::popcount(wrong) > kMaxWrong) continue;  // of another surface
     for (; wrong != 0; wrong &= wrong - 1) {
       const int i = std::countr_zero(wrong);
-      const CellPoints& points = window.samples[k]->points;
+      const CellPoints& points = *window.points[k];
       const float px = x + points.x[i] - 0.5f, py = y + points.y[i] - 0.5f,
                   pz = z + points.z[i] - 0.5f;
       const Active active = model.at(px, py, pz);
@@ -187,26 +178,25 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
   for (int p = 0; p < n; ++p) make_masks(window, planes[static_cast<std::size_t>(p)], masks[p]);
   Best best;
   const Masks& words = window.words;
-  const Telling telling(words, masks, n);
-  for (int a = 0; a < n; ++a) attempt<Join::kOne>(words, telling, masks, a, a, a, best);
+  for (int a = 0; a < n; ++a) attempt<Join::kOne>(words, masks, a, a, a, best);
   for (int a = 0; a < n; ++a) {
     for (int b = a + 1; b < n; ++b) {
-      attempt<Join::kAnd>(words, telling, masks, a, b, a, best);
-      attempt<Join::kOr>(words, telling, masks, a, b, a, best);
+      attempt<Join::kAnd>(words, masks, a, b, a, best);
+      attempt<Join::kOr>(words, masks, a, b, a, best);
     }
   }
   if (best.score - kPlaneCost * planes_of(best.join) > kGoodPair) {
     for (int a = 0; a < n; ++a) {
       for (int b = a + 1; b < n; ++b) {
         for (int c = b + 1; c < n; ++c) {
-          attempt<Join::kAndAnd>(words, telling, masks, a, b, c, best);
-          attempt<Join::kOrOr>(words, telling, masks, a, b, c, best);
-          attempt<Join::kAndOr>(words, telling, masks, a, b, c, best);
-          attempt<Join::kAndOr>(words, telling, masks, a, c, b, best);
-          attempt<Join::kAndOr>(words, telling, masks, b, c, a, best);
-          attempt<Join::kOrAnd>(words, telling, masks, a, b, c, best);
-          attempt<Join::kOrAnd>(words, telling, masks, a, c, b, best);
-          attempt<Join::kOrAnd>(words, telling, masks, b, c, a, best);
+          attempt<Join::kAndAnd>(words, masks, a, b, c, best);
+          attempt<Join::kOrOr>(words, masks, a, b, c, best);
+          attempt<Join::kAndOr>(words, masks, a, b, c, best);
+          attempt<Join::kAndOr>(words, masks, a, c, b, best);
+          attempt<Join::kAndOr>(words, masks, b, c, a, best);
+          attempt<Join::kOrAnd>(words, masks, a, b, c, best);
+          attempt<Join::kOrAnd>(words, masks, a, c, b, best);
+          attempt<Join::kOrAnd>(words, masks, b, c, a, best);
         }
       }
     }
@@ -251,7 +241,7 @@ CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidate
   for (int k = 0; k < kCells; ++k) {
     const int x = k / 9 - 1, y = k / 3 % 3 - 1, z = k % 3 - 1;
     window.words[k] = grid.word(id + x * grid.step(0) + y * grid.step(1) + z);
-    window.samples[k] = &grid.samples(id + x * grid.step(0) + y * grid.step(1) + z);
+    window.points[k] = &grid.points(id + x * grid.step(0) + y * grid.step(1) + z);
   }
   solve(window, candidates.planes(), model);
   return model;
