@@ -178,6 +178,17 @@ TEST_F(Run, AMotionOfOneRowIsOneUpdate) {
   }
 }
 
+TEST_F(Run, SizesAreSaidInAsFewDigitsAsTheyNeed) {
+  std::string text = half_sine_scenario();
+  text.replace(text.find("height: 0.5"), 11, "height: 1.04");
+  text.replace(text.find("width: 0.2"), 10, "width: 1.04");  // a fifth: 0.20800000000000002
+  write_file(folder() / "large.yaml", text);
+  expect_refused("run large.yaml --voxel 3",
+                 "voxels of 3 m are larger than the bucket of digger, "
+                 "1.04 m x 1.04 m, and would show nothing of what it "
+                 "digs; the voxel size must be 0.208 m or less");
+}
+
 TEST_F(Run, VoxelsThatAreTooLargeForABucketAreWarnedOf) {
   EXPECT_EQ(run("run dig.yaml --updates 20 --voxel 0.1").err, "");
   const Result result = run("run dig.yaml --updates 20 --voxel 0.11");
@@ -228,6 +239,15 @@ TEST_F(Run, AnOutputRasterTooLargeIsRefusedBeforeTheRun) {
   write_file(folder() / "dig.csv",
              "time,x,y,z\n0,0,0,-0.2\n1,1,0,-0.2\n2,1,0,1\n500,2001,2000,1\n");
   summary("dig.yaml");
+}
+
+TEST_F(Run, SaysThatTimesOfUpdatesMayAddUpToMoreThanTheWhole) {
+  std::string text = half_sine_scenario();
+  text += "  - name: second\n    bucket: {width: 0.2, height: 0.5}\n    motion: dig.csv\n";
+  write_file(folder() / "two.yaml", text);
+  EXPECT_NE(run("run two.yaml --threads 2").out.find(", one by one: several may run at once"),
+            std::string::npos);
+  EXPECT_EQ(run("run dig.yaml --threads 2").out.find("one by one"), std::string::npos);
 }
 
 TEST_F(Run, MachinesMoveInTheOrderOfTime) {
@@ -289,6 +309,20 @@ TEST_F(Run, LeavesOtherFilesAloneAndReplacesItsOwn) {
   const auto again = summary("dig.yaml --updates 3");
   EXPECT_EQ(again["updates"], 3);
   EXPECT_EQ(read_file(folder() / "out/dig/notes.txt"), "mine");
+}
+
+TEST_F(Run, LeavesFilesThatOnlyHaveTheNamesOfItsOwn) {
+  write_file(folder() / "mine/soil_final.vdb", "mine");
+  write_file(folder() / "mine/summary.json", "mine");
+  write_file(folder() / "mine/soil_final.obj", "mine");  // which this run doesn't write
+  expect_refused("run dig.yaml --out mine",
+                 "mine: holds soil_final.vdb, summary.json, which no journal there knows and the "
+                 "run would write over; move that away or give another --out");
+  fs::remove(folder() / "mine/summary.json");
+  expect_refused("run dig.yaml --out mine", "mine: holds soil_final.vdb, which");
+  EXPECT_EQ(run("run dig.yaml --out mine --no-snapshots").status, 0);
+  EXPECT_EQ(read_file(folder() / "mine/soil_final.vdb"), "mine");
+  EXPECT_EQ(read_file(folder() / "mine/soil_final.obj"), "mine");
 }
 
 TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
