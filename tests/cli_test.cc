@@ -93,7 +93,7 @@ TEST_F(CommandLine, RefusesOptionsWithWrongValuesInBothOrders) {
       {"--voxel inf", "--voxel"},
       {"--voxel 1000", "--voxel"},
       {"--voxel ''", "--voxel"},
-      {"--no-mesh=maybe", "--no-mesh"},
+      {"--no-mesh=maybe", "--no-mesh takes no value; see soilvdb run --help"},
   }};
   for (const auto& [option, hint] : cases) {
     expect_refused(fmt::format("run dig.yaml {}", option), hint);

@@ -247,10 +247,10 @@ TEST(LevelSet, OfSeveralGridsOneIsNamed) {
   EXPECT_NEAR(*rocks.surface->height(0, 0), 2, 0.1);
   EXPECT_NEAR(*ground.surface->height(0, 0), 5, 0.1);
   EXPECT_EQ(refusal(folder, [&] { open(""); }),
-            "a.vdb: has several level sets, 'rocks' and 'ground'; choose one, as in {level_set: "
-            "a.vdb, grid: rocks}");
+            "a.vdb: has several level sets, 'ground' and 'rocks'; choose one, as in {level_set: "
+            "a.vdb, grid: ground}");
   EXPECT_EQ(refusal(folder, [&] { open("Ground"); }),
-            "a.vdb: has no level set 'Ground'; there are 'rocks' and 'ground'");
+            "a.vdb: has no level set 'Ground'; there are 'ground' and 'rocks'");
   // A snapshot knows which one it was dug from.
   Site site = open_site(
       scenario_of(LevelSetTerrain{folder / "a.vdb", "ground"}, {-3, 0, 4.5}, {3, 0, 4.5}));

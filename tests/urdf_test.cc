@@ -148,7 +148,7 @@ TEST_F(Urdf, WhatIsMissingOrNoNumberIsNamedWithItsLine) {
             "m.urdf:11: joint 'turn' is there twice; rename one");
   EXPECT_EQ(error("<robot name=\"m\"><link name=\"a\"/>\n<xacro:include filename=\"b\"/></robot>"),
             "m.urdf:2: robot 'm' is written in xacro; make a URDF of it first: xacro m.urdf > "
-            "machine.urdf");
+            "m_made.urdf");
 }
 
 TEST_F(Urdf, WhatIsBesideTheChainIsNotLookedAt) {

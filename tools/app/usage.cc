@@ -49,8 +49,9 @@ std::string usage(const CLI::App& command) {
   return text;
 }
 
-/// What is missing; CLI11 says "DIR is required" or "--out: 1 required DIR missing".
-std::string missing(const CLI::App& command, const CLI::ParseError& error) {
+/// What is missing or too much; CLI11 says "DIR is required", "--out: 1 required DIR missing",
+/// "Could not convert: --no-mesh = maybe".
+std::string missing_or_not_wanted(const CLI::App& command, const CLI::ParseError& error) {
   const std::string said = error.what();
   for (const CLI::Option* o : command.get_options()) {
     const std::string name = o->get_name(o->get_positional());
@@ -58,6 +59,8 @@ std::string missing(const CLI::App& command, const CLI::ParseError& error) {
       return fmt::format("{} is missing; right is soilvdb {}", with_value(*o), usage(command));
     if (said.starts_with(name + ':') && o->get_type_size() != 0)
       return fmt::format("{} has no value behind it; right is {}", name, with_value(*o));
+    if (o->get_type_size() == 0 && said.find(name + " = ") != said.npos)
+      return fmt::format("{} takes no value", name);
   }
   return said;
 }
@@ -84,8 +87,9 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   } else if (used.empty()) {
     what = fmt::format("no command is named; there are {}", fmt::join(commands(app), ", "));
   } else if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr ||
-             dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
-    what = missing(*used.front(), error);
+             dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr ||
+             dynamic_cast<const CLI::ConversionError*>(&error) != nullptr) {
+    what = missing_or_not_wanted(*used.front(), error);
   }
   return fmt::format("{}; see soilvdb {}--help", what, command);
 }
