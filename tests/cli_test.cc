@@ -63,16 +63,19 @@ TEST_F(CommandLine, RefusesADamagedForeignFileWhereChildrenCantBeWaitedFor) {
 }
 
 TEST_F(CommandLine, RefusesWhatItDoesNotKnow) {
-  expect_refused("", "--help");
+  expect_refused("", "no command is named; there are run, resume,");
   expect_refused("dig dig.yaml", "no command 'dig'");
   expect_refused("exprot a.vdb", "the nearest is 'export'");
   expect_refused("--colour run dig.yaml", "--colour");
   expect_refused("run dig.yaml --colour", "--colour");
   expect_refused("run --colour dig.yaml", "--colour");
   expect_refused("run dig.yaml other.yaml", "other.yaml");
-  expect_refused("run", "SCENARIO");
-  expect_refused("export dig.vdb", "--to");
-  expect_refused("diff a.vdb", "B.vdb");
+  expect_refused("run",
+                 "SCENARIO is missing; right is soilvdb run SCENARIO; see soilvdb run --help");
+  expect_refused("export dig.vdb", "--to OUT is missing; right is soilvdb export FILE --to OUT;");
+  expect_refused("diff a.vdb", "B.vdb is missing; right is soilvdb diff A.vdb B.vdb;");
+  expect_refused("run dig.yaml --out",
+                 "--out has no value behind it; right is --out DIR; see soilvdb run --help");
 }
 
 TEST_F(CommandLine, RefusesOptionsWithWrongValuesInBothOrders) {
@@ -90,7 +93,7 @@ TEST_F(CommandLine, RefusesOptionsWithWrongValuesInBothOrders) {
       {"--voxel inf", "--voxel"},
       {"--voxel 1000", "--voxel"},
       {"--voxel ''", "--voxel"},
-      {"--no-mesh=maybe", "--no-mesh"},
+      {"--no-mesh=maybe", "--no-mesh takes no value; see soilvdb run --help"},
   }};
   for (const auto& [option, hint] : cases) {
     expect_refused(fmt::format("run dig.yaml {}", option), hint);

@@ -196,9 +196,8 @@ TEST(Raster, DegreesAreRefusedWithTheCommandThatReprojects) {
       "a.asc", "ncols 2\nnrows 2\nxllcorner -77\nyllcorner 38\ncellsize 0.1\n1 2\n3 4\n");
   folder.write("a.prj", kDegrees);
   EXPECT_THAT(refusal(folder, file), HasSubstr("is in degrees"));
-  EXPECT_THAT(refusal(folder, file),
-              HasSubstr("gdalwarp -t_srs EPSG:32618 -r bilinear -ot Float32 -dstnodata -9999 "
-                        "a.asc a_utm.tif"));
+  EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:32618 -novshift -r bilinear "
+                                               "-ot Float32 -dstnodata -9999 a.asc a_utm.tif"));
 }
 
 TEST(Raster, TheUtmZoneIsThatOfThePlace) {
@@ -220,6 +219,9 @@ TEST(Raster, FeetAreRefusedWithTheCommandThatReprojects) {
                          "UNIT[\"metre\",1]", "UNIT[\"US survey foot\",0.3048006096012192]"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("'US survey foot', not metres"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:326"));
+  EXPECT_THAT(refusal(folder, file),
+              HasSubstr("; that leaves heights as they are; if they are in the same unit, convert "
+                        "them, too, with: gdal_calc.py --calc=A*0.304800609"));
 }
 
 /// A map in metres whose metres aren't, at a latitude in degrees.
@@ -272,7 +274,60 @@ TEST(Raster, ARotatedRasterIsRefused) {
                "data type = 4\ninterleave = bsq\nbyte order = 0\n"
                "map info = {Arbitrary, 1, 1, 100, 204, 2, 2, units=Meters, rotation=30}\n");
   EXPECT_THAT(refusal(folder, folder / "a.img"),
-              HasSubstr("is rotated; turn it north up with: gdalwarp -r bilinear a.img"));
+              HasSubstr("is rotated; turn it north up with: gdalwarp -r bilinear -ot Float32 "
+                        "-dstnodata -9999 a.img a_north_up.tif"));
+}
+
+/// Does what a message advises, in the folder. @return did that work?
+bool follow(const TempFolder& folder, const std::string& message, const std::string& from) {
+  std::string command = message.substr(message.find(from));
+  command = command.substr(0, command.find(" (its heights"));
+  return !output_of("cd " + folder.path().string() + " && " + command + " && echo done").empty();
+}
+
+TEST(Raster, WhatIsAdvisedForARotatedOneLeavesNoGroundOutsideOfIt) {
+  if (output_of("command -v gdalwarp").empty()) GTEST_SKIP() << "gdalwarp is not there";
+  const TempFolder folder;
+  constexpr int kSide = 20;
+  std::string bytes;
+  for (int i = 0; i < kSide * kSide; ++i) bytes += std::string("\xc4\x09", 2);  // 2500, no NODATA
+  folder.write("a.img", bytes);
+  folder.write("a.hdr",
+               "ENVI\nsamples = 20\nlines = 20\nbands = 1\nheader offset = 0\n"
+               "data type = 12\ninterleave = bsq\nbyte order = 0\n"
+               "map info = {Arbitrary, 1, 1, 100, 204, 2, 2, units=Meters, rotation=30}\n");
+  ASSERT_TRUE(follow(folder, refusal(folder, folder / "a.img"), "gdalwarp"));
+  int ground = 0, none = 0;
+  for (const float z : all_of(open_raster(folder / "a_north_up.tif"))) {
+    (std::isnan(z) ? none : ground)++;
+    if (!std::isnan(z)) {
+      EXPECT_EQ(z, 2500);
+    }
+  }
+  EXPECT_GT(ground, kSide * kSide / 2);
+  EXPECT_GT(none, kSide);  // the corners
+}
+
+TEST(Raster, WhatIsAdvisedForDegreesTakesHeightsInFeetToMetres) {
+  if (output_of("command -v gdalwarp && command -v gdal_calc.py").empty())
+    GTEST_SKIP() << "gdalwarp or gdal_calc.py is not there";
+  const TempFolder folder;
+  folder.write("a.asc",
+               "ncols 3\nnrows 3\nxllcorner -77\nyllcorner 38\ncellsize 0.001\n"
+               "1000.5 1000.5 1000.5\n1000.5 1000.5 1000.5\n1000.5 1000.5 1000.5\n");
+  ASSERT_FALSE(output_of("cd " + folder.path().string() +
+                         " && gdal_translate -a_srs EPSG:4326+6360 a.asc a.tif")
+                   .empty());
+  const std::string message = refusal(folder, folder / "a.tif");
+  EXPECT_THAT(message, HasSubstr("(its heights are in 'US survey foot', which gdalwarp leaves"));
+  ASSERT_TRUE(follow(folder, message, "gdalwarp")) << message;
+  int ground = 0;
+  for (const float z : all_of(open_raster(folder / "a_utm_m.tif"))) {
+    if (std::isnan(z)) continue;
+    ++ground;
+    EXPECT_FLOAT_EQ(z, 1000.5F * 1200 / 3937);
+  }
+  EXPECT_GT(ground, 4);
 }
 
 TEST(Raster, ARowOfGigabytesIsRefusedUnread) {

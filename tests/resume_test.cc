@@ -241,7 +241,7 @@ TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
   expect_same_as_whole();
   std::string whole_journal = read_file(out() / "journal");
   damage("journal", 60);
-  expect_refused("run dig.yaml", "damaged at its start; remove it or give another --out");
+  expect_refused("run dig.yaml", "damaged at its start; remove the folder or give another --out");
   write_file(out() / "journal", "dear diary\n");
   expect_refused("run dig.yaml", "journal: is not a journal");
   write_file(out() / "journal", whole_journal.replace(whole_journal.size() / 2, 1, "?"));
@@ -293,7 +293,10 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
   interrupt(0.6);
   for (const char* name : {"dig.yaml", "flat.tif"}) {
     const std::string text = read_file(folder() / name);
-    write_file(folder() / name, text + "\n");
+    std::string other = text + "\n";
+    if (name == std::string("dig.yaml"))
+      other.replace(other.find("height: 0.5"), 11, "height: 0.6");
+    write_file(folder() / name, other);
     expect_refused("resume out/dig", std::string(name) + ": has changed since the run");
     const Result verified = run("verify out/dig");
     EXPECT_EQ(verified.status, 1);
@@ -307,6 +310,70 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
   fs::rename(folder() / "gone.csv", folder() / "dig.csv");
   EXPECT_EQ(run("resume out/dig").status, 0);
   expect_same_as_whole();
+}
+
+TEST_F(Resume, AScenarioMayBeWrittenAnotherWayButMustSayTheSame) {
+  run_whole();
+  interrupt(0.6);
+  const std::string text = read_file(folder() / "dig.yaml");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string other = text;
+    write_file(folder() / "dig.yaml", other.replace(other.find(from), from.size(), to));
+  };
+  for (const auto& [from, to, change] :
+       {std::array{"0.05", "0.1", "(voxel_size was 0.05 and is 0.1)"},
+        std::array{"width: 0.2", "width: 0.3", "(machines[0].bucket.width was 0.2 and is 0.3)"},
+        std::array{"{every: 1}", "{}", "(output.snapshots.every was 1 and is gone)"},
+        std::array{"mesh: ply", "mesh: ply, raster: {cell: 1}",
+                   "(output.raster.cell was not there)"},
+        std::array{"  - name: digger", "  - name: dagger", "name was digger and is dagger"}}) {
+    SCOPED_TRACE(to);
+    with(from, to);
+    expect_refused("resume out/dig", "dig.yaml: has changed since the run in out/dig began");
+    expect_refused("resume out/dig", change);
+    EXPECT_EQ(run("verify out/dig").status, 1);
+  }
+  with("voxel_size: 0.05", "# as measured\nvoxel_size:   0.0500\n\n");
+  EXPECT_EQ(run("verify out/dig").status, 0);
+  with("name: dig\n", "name: 'dig'   # of last week\r\n");
+  EXPECT_EQ(run("resume out/dig").status, 0);
+  expect_same_as_whole();
+}
+
+TEST_F(Resume, FollowsALinkToItsTerrainAsItIsNow) {
+  const HeightGrid grid{9, 9, {-4, -4}, {1, 1}};
+  const fs::path project = folder() / "project", moved = folder() / "moved";
+  fs::create_directories(project);
+  fs::create_directories(folder() / "data");
+  io::write_geotiff(folder() / "data/flat.tif", grid, {{"z", std::vector<float>(81)}}, "");
+  fs::create_symlink(folder() / "data/flat.tif", project / "site.tif");
+  write_scenario("{raster: site.tif}");
+  for (const char* name : {"dig.yaml", "dig.csv"}) fs::rename(folder() / name, project / name);
+  const Result whole = run("run project/dig.yaml --out project/out");
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  const std::string hash = read_json(project / "out/summary.json")["state_hash"];
+  fs::resize_file(project / "out/journal", fs::file_size(project / "out/journal") * 3 / 5);
+  fs::rename(project, moved);
+  fs::rename(folder() / "data", folder() / "data of May");
+  const std::string there = (folder() / "project/site.tif").string(),
+                    here = (moved / "site.tif").string();
+  // A link that leads nowhere: both places are named, the one of then and the one looked at.
+  const Result none = run("resume moved/out");
+  EXPECT_EQ(none.status, 2);
+  EXPECT_NE(none.err.find("soilvdb: " + there + ": is missing, and there is no moved/site.tif"),
+            std::string::npos)
+      << none.err;
+  expect_refused("info moved/out/soil_2.vdb", "soil_2.vdb: its base surface " + there +
+                                                  " is missing, and there is no " + here +
+                                                  "; put it back there");
+  fs::remove(moved / "site.tif");
+  fs::create_symlink(folder() / "data of May/flat.tif", moved / "site.tif");
+  EXPECT_EQ(run("info moved/out/soil_2.vdb").status, 0);
+  const Result result = run("resume moved/out");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.out.find("going on from soil_"), std::string::npos) << result.out;
+  EXPECT_EQ(result.err, "");
+  EXPECT_EQ(read_json(moved / "out/summary.json")["state_hash"], hash);
 }
 
 TEST_F(Resume, FindsInputsThatMovedTogetherWithTheRun) {
@@ -377,6 +444,46 @@ TEST_F(Resume, VerifyNamesEveryFileThatIsNotAsItWasWritten) {
     expect_refused("verify out/dig/" + name, name);
     write_file(entry.path(), bytes);
   }
+}
+
+TEST_F(Resume, VerifyFindsAFinishedRunWhoseJournalWasCutShortOrZeroed) {
+  run_whole();
+  const std::string journal = read_file(out() / "journal");
+  const auto expect_found = [&](const std::string& bytes) {
+    write_file(out() / "journal", bytes);
+    const Result bad = run("verify out/dig");
+    EXPECT_EQ(bad.status, 1);
+    EXPECT_NE(bad.err.find("journal is damaged: it ends after"), std::string::npos) << bad.err;
+    EXPECT_NE(bad.err.find("held 41 when summary.json was written"), std::string::npos) << bad.err;
+    EXPECT_NE(bad.out.find("soil_4.vdb           is there, but the journal doesn't know it; by "
+                           "itself good, the ground at 4 s"),
+              std::string::npos)
+        << bad.out;
+    EXPECT_NE(bad.out.find("soil_1.vdb           good"), std::string::npos) << bad.out;
+  };
+  const std::size_t half = journal.size() / 2;
+  expect_found(journal.substr(0, half));
+  expect_found(journal.substr(0, half) + std::string(journal.size() - half, '\0'));
+  EXPECT_EQ(run("resume out/dig").status, 0);
+  expect_same_as_whole();
+  write_file(out() / "journal", std::string(journal.size(), '\0'));
+  const Result none = run("verify out/dig");
+  EXPECT_EQ(none.status, 1);
+  EXPECT_NE(none.out.find("soil_1.vdb           is there, but the journal doesn't know it; by "
+                          "itself good, the ground at 1 s"),
+            std::string::npos)
+      << none.out;
+}
+
+TEST_F(Resume, VerifyNamesASnapshotThatTheJournalDoesNotKnow) {
+  run_whole();
+  fs::copy(out() / "soil_2.vdb", out() / "soil_2 of Monday.vdb");
+  const Result result = run("verify out/dig");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.out.find("soil_2 of Monday.vdb is there, but the journal doesn't know it; by "
+                            "itself good, the ground at 2 s\n"),
+            std::string::npos)
+      << result.out;
 }
 
 TEST_F(Resume, ByALinkToAFolderThatMovedWithItsInputs) {

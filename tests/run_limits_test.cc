@@ -58,6 +58,20 @@ TEST_F(Run, LeavesOtherFilesAloneAndReplacesItsOwn) {
   EXPECT_EQ(read_file(folder() / "out/dig/notes.txt"), "mine");
 }
 
+TEST_F(Run, LeavesFilesThatOnlyHaveTheNamesOfItsOwn) {
+  write_file(folder() / "mine/soil_final.vdb", "mine");
+  write_file(folder() / "mine/summary.json", "mine");
+  write_file(folder() / "mine/soil_final.obj", "mine");  // which this run doesn't write
+  expect_refused("run dig.yaml --out mine",
+                 "mine: holds soil_final.vdb, summary.json, which no journal there knows and the "
+                 "run would write over; move that away or give another --out");
+  fs::remove(folder() / "mine/summary.json");
+  expect_refused("run dig.yaml --out mine", "mine: holds soil_final.vdb, which");
+  EXPECT_EQ(run("run dig.yaml --out mine --no-snapshots").status, 0);
+  EXPECT_EQ(read_file(folder() / "mine/soil_final.vdb"), "mine");
+  EXPECT_EQ(read_file(folder() / "mine/soil_final.obj"), "mine");
+}
+
 TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
   // A limit on the size of files stands for the full disk: writes fail in the same places.
   const Result result =

@@ -160,6 +160,17 @@ TEST_F(Run, AMotionOfOneRowIsOneUpdate) {
   }
 }
 
+TEST_F(Run, SizesAreSaidInAsFewDigitsAsTheyNeed) {
+  std::string text = half_sine_scenario();
+  text.replace(text.find("height: 0.5"), 11, "height: 1.04");
+  text.replace(text.find("width: 0.2"), 10, "width: 1.04");  // a fifth: 0.20800000000000002
+  write_file(folder() / "large.yaml", text);
+  expect_refused("run large.yaml --voxel 3",
+                 "voxels of 3 m are larger than the bucket of digger, "
+                 "1.04 m x 1.04 m, and would show nothing of what it "
+                 "digs; the voxel size must be 0.208 m or less");
+}
+
 TEST_F(Run, VoxelsThatAreTooLargeForABucketAreWarnedOf) {
   EXPECT_EQ(run("run dig.yaml --updates 20 --voxel 0.1").err, "");
   const Result result = run("run dig.yaml --updates 20 --voxel 0.11");
@@ -194,6 +205,15 @@ TEST_F(Run, AMotionOfAnyLengthDigsTheSameHoweverItIsSplit) {
     EXPECT_EQ(count(), std::stod(updates));
     EXPECT_NEAR(s["volume_m3"]["cut"], by_rows_m3, 1e-4 * by_rows_m3);
   }
+}
+
+TEST_F(Run, SaysThatTimesOfUpdatesMayAddUpToMoreThanTheWhole) {
+  std::string text = half_sine_scenario();
+  text += "  - name: second\n    bucket: {width: 0.2, height: 0.5}\n    motion: dig.csv\n";
+  write_file(folder() / "two.yaml", text);
+  EXPECT_NE(run("run two.yaml --threads 2").out.find(", one by one: several may run at once"),
+            std::string::npos);
+  EXPECT_EQ(run("run dig.yaml --threads 2").out.find("one by one"), std::string::npos);
 }
 
 TEST_F(Run, MachinesMoveInTheOrderOfTime) {

@@ -162,7 +162,8 @@ TEST_F(ScenarioFile, IsAsTheReadmeSays) {
   bool inside = false;
   for (std::string line; std::getline(readme, line);) {
     if (line == "```") inside = false;
-    const bool other_kind = line.starts_with("  plane:") || line.starts_with("  level_set:");
+    const bool other_kind = line.starts_with("  plane:") || line.starts_with("  level_set:") ||
+                            line.starts_with("  grid:");
     if (inside && !other_kind) content += line + "\n";
     if (line == "```yaml") inside = true;
   }
@@ -323,6 +324,8 @@ TEST_F(ScenarioFile, TerrainMustBeOfOneKind) {
   EXPECT_EQ(
       error(5, "  plane: {z: 0}\n  raster: a.tif"),
       "s.yaml:4: terrain has 2 kinds; it must have exactly one of plane, raster and level_set");
+  EXPECT_EQ(error(5, "  raster: a.tif\n  grid: ground"),
+            "s.yaml:6: 'grid' is for a level_set, the name of the grid in its file; remove it");
   EXPECT_EQ(error(5, "  raster:"), "s.yaml:5: raster is empty; it must have a value");
 }
 
@@ -425,7 +428,8 @@ TEST_F(ScenarioFile, FilesThatAreNoScenario) {
 
 TEST_F(ScenarioFile, BrokenYaml) {
   EXPECT_EQ(error(5, "  plane: {z: 2.5").substr(0, 9), "s.yaml:6:") << "cut short on line 5";
-  EXPECT_EQ(error(4, "terrain:\n\tplane: {z: 0}").find("s.yaml:5: is not valid YAML: "), 0u);
+  EXPECT_EQ(error(4, "terrain:\n\tplane: {z: 0}"),
+            "s.yaml:5: is not valid YAML: a tab indents this line; use spaces instead");
   EXPECT_EQ(error(2, "name: *nobody").find("s.yaml:2: is not valid YAML: "), 0u);
 }
 

@@ -233,6 +233,40 @@ TEST(LevelSet, TheGridNamedSurfaceComesFirst) {
   EXPECT_NEAR(*read_level_set(folder / "a.vdb").surface->height(0, 0), 5, 0.1);
 }
 
+TEST(LevelSet, OfSeveralGridsOneIsNamed) {
+  const TempFolder folder;
+  const auto small = test::level_set_sphere(2, {0, 0, 0}, 0.25f);
+  small->setName("rocks");
+  const auto large = sphere();
+  large->setName("ground");
+  write_grids(folder / "a.vdb", {small, large});
+  const auto open = [&](const std::string& grid) {
+    return open_base(LevelSetTerrain{folder / "a.vdb", grid});
+  };
+  const Base rocks = open("rocks"), ground = open("ground");
+  EXPECT_NEAR(*rocks.surface->height(0, 0), 2, 0.1);
+  EXPECT_NEAR(*ground.surface->height(0, 0), 5, 0.1);
+  EXPECT_EQ(refusal(folder, [&] { open(""); }),
+            "a.vdb: has several level sets, 'ground' and 'rocks'; choose one, as in {level_set: "
+            "a.vdb, grid: ground}");
+  EXPECT_EQ(refusal(folder, [&] { open("Ground"); }),
+            "a.vdb: has no level set 'Ground'; there are 'ground' and 'rocks'");
+  // A snapshot knows which one it was dug from.
+  Site site = open_site(
+      scenario_of(LevelSetTerrain{folder / "a.vdb", "ground"}, {-3, 0, 4.5}, {3, 0, 4.5}));
+  write_snapshot(folder / "b.vdb", site, {});
+  EXPECT_NEAR(*read_snapshot(folder / "b.vdb").soil->base().height(0, 0), 5, 0.1);
+  EXPECT_EQ(refusal(folder,
+                    [&] {
+                      open_base(LevelSetTerrain{folder / "b.vdb", "rocks"});
+                    }),
+            "b.vdb: is a snapshot without a grid 'rocks'; leave 'grid' out");
+  large->setName("rocks");
+  write_grids(folder / "a.vdb", {small, large});
+  EXPECT_EQ(refusal(folder, [&] { open("rocks"); }),
+            "a.vdb: has 2 level sets 'rocks'; give each a name of its own");
+}
+
 TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
   const TempFolder folder;
   const auto said = [&](const std::string& name) {

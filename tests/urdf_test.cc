@@ -119,6 +119,10 @@ TEST_F(Urdf, VelocityLimitsAreTakenWhereTheyAreAny) {
 TEST_F(Urdf, AMissingLinkNamesTheNearest) {
   const std::string content = R"(<robot name="m"><link name="boom_link"/></robot>)";
   EXPECT_EQ(error(content, "bom_link"), "no link 'bom_link' in m.urdf; did you mean 'boom_link'?");
+  EXPECT_EQ(error(R"(<robot name="m"><link name="bucket_end_link"/><link name="bucket_link"/>
+                     <link name="bracket"/></robot>)",
+                  "bucket"),
+            "no link 'bucket' in m.urdf; did you mean 'bucket_link'?");
 }
 
 TEST_F(Urdf, JointsThatCantBeDrivenByOneNumber) {
@@ -184,7 +188,7 @@ TEST_F(Urdf, WhatIsMissingOrNoNumberIsNamedWithItsLine) {
             "m.urdf:11: joint 'turn' is there twice; rename one");
   EXPECT_EQ(error("<robot name=\"m\"><link name=\"a\"/>\n<xacro:include filename=\"b\"/></robot>"),
             "m.urdf:2: robot 'm' is written in xacro; make a URDF of it first: xacro m.urdf > "
-            "machine.urdf");
+            "m_made.urdf");
 }
 
 TEST_F(Urdf, WhatIsBesideTheChainIsNotLookedAt) {
@@ -231,6 +235,26 @@ TEST_F(Urdf, FilesThatAreNone) {
   EXPECT_EQ(error("<robot name=\"m\">\n<link name=\"a\">\n</robot>"),
             "m.urdf:2: an element isn't closed, or closed without being opened; each needs an end "
             "tag");
+}
+
+TEST_F(Urdf, WhatIsStillXacroIsToldHowToBecomeOne) {
+  const auto said = [&](const std::string& name, const std::string& body) {
+    const auto file =
+        folder_.write(name, "<robot name=\"m\" xmlns:xacro=\"x\">\n" + body + "</robot>");
+    return test::message_of(folder_, [&] { read_chain(file, "bucket"); });
+  };
+  EXPECT_EQ(said("m.urdf.xacro", "<link name=\"${prefix}bucket\"/>"),
+            "m.urdf.xacro:2: link '${prefix}bucket' is written in xacro; make a URDF of it first: "
+            "xacro m.urdf.xacro > m.urdf");
+  EXPECT_EQ(said("m.xacro", "<xacro:include filename=\"boom.xacro\"/>"),
+            "m.xacro:2: robot 'm' is written in xacro; make a URDF of it first: xacro m.xacro > "
+            "m.urdf");
+  EXPECT_EQ(
+      said("m.urdf", "<link name=\"a\"/>\n<link name=\"b\"><visual><xacro:box/></visual></link>"),
+      "m.urdf:3: link 'b' is written in xacro; make a URDF of it first: xacro m.urdf > "
+      "m_made.urdf");
+  // What xacro makes still names it.
+  EXPECT_EQ(said("made.urdf", "<link name=\"bucket\"/>"), "nothing thrown");
 }
 
 TEST_F(Urdf, EntitiesAreNotExpandedAndDeepNestingIsRefused) {

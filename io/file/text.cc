@@ -91,17 +91,16 @@ std::string printable(std::string_view text) {
     while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
     text = text.substr(0, end);
   }
-  std::string line(text);
-  for (char& c : line) {
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
-  }
+  const std::string line = one_line(std::string(text));
   return cut ? line + "..." : line;
 }
 
 std::string nearest(std::string_view word, std::span<const std::string> candidates) {
   word = word.substr(0, 200);
+  // What begins with the word comes first, the shortest of it before others.
   const auto distance = [&](const std::string& candidate) {
-    return !word.empty() && candidate.starts_with(word) ? 0 : edit_distance(word, candidate);
+    const std::size_t edits = edit_distance(word, candidate);
+    return std::pair(!word.empty() && candidate.starts_with(word) ? 0 : edits, edits);
   };
   const auto best = std::min_element(
       candidates.begin(), candidates.end(),

@@ -31,8 +31,8 @@ std::optional<double> parse_number(std::string_view text);
 /// `text` on one line, without control characters, cut to a length fit for a message.
 std::string printable(std::string_view text);
 
-/// The candidate with the fewest insertions, deletions, changes and swaps of letters from `word`;
-/// the first of equals; empty if there are no candidates.
+/// The shortest candidate that begins with `word`, else the one with the fewest insertions,
+/// deletions, changes and swaps of letters from it; the first of equals; empty if there are none.
 std::string nearest(std::string_view word, std::span<const std::string> candidates);
 
 /// 'a', 'b' and 'c'

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "io/file/text.h"
+#include "io/terrain/crs.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -74,6 +75,7 @@ class Robot {
     const XMLElement* robot = document_.RootElement();
     if (robot == nullptr) throw InputError(file_, "has no element; a URDF is a <robot>");
     if (robot->Name() != std::string_view("robot")) fail(*robot, "is not the <robot> of a URDF");
+    refuse_xacro(*robot);
     for (const auto* e = robot->FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
       const std::string_view kind = e->Name();
       if (kind == "link") {
@@ -81,10 +83,6 @@ class Robot {
       } else if (kind == "joint") {
         unique(joints_, *e);
         by_child_.emplace(linked(*e, "child"), e);
-      } else if (kind.starts_with("xacro:")) {
-        fail(*e,
-             fmt::format("is written in xacro; make a URDF of it first: xacro {} > machine.urdf",
-                         file_.filename().string()));
       }
     }
     if (links_.empty()) fail(*robot, "has no link");
@@ -131,6 +129,25 @@ class Robot {
                      name == nullptr ? fmt::format("<{}> {}", printable(named->Name()), message)
                                      : fmt::format("{} '{}' {}", printable(named->Name()),
                                                    printable(name), message));
+  }
+
+  /// A URDF that is still to be made, of parts and by expressions.
+  void refuse_xacro(const XMLElement& element) const {
+    bool is_it = std::string_view(element.Name()).starts_with("xacro:");
+    for (const auto* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
+      const std::string_view value = a->Value();
+      is_it |= value.find("${") != value.npos || value.find("$(") != value.npos;
+    }
+    if (is_it) {
+      std::filesystem::path urdf = file_.filename();
+      if (urdf.extension() == ".xacro") urdf.replace_extension();
+      urdf.replace_extension(".urdf");
+      if (urdf == file_.filename()) urdf.replace_filename(urdf.stem().string() + "_made.urdf");
+      fail(element, fmt::format("is written in xacro; make a URDF of it first: xacro {} > {}",
+                                shell_quoted(file_.filename()), shell_quoted(urdf)));
+    }
+    for (const auto* e = element.FirstChildElement(); e != nullptr; e = e->NextSiblingElement())
+      refuse_xacro(*e);
   }
 
   std::string attribute(const XMLElement& element, const char* name) const {

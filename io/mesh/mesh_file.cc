@@ -50,13 +50,6 @@ const char* exporter(Format format) {
   return "";
 }
 
-/// WKT on one line.
-std::string one_line(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
-  return text;
-}
-
 std::string origin_text(const Vec3& origin) {
   return fmt::format("{} {} {}", origin.x(), origin.y(), origin.z());
 }
@@ -157,7 +150,7 @@ std::string exported(const std::filesystem::path& file, const Mesh& mesh, Format
   const bool ply = format == Format::kPly;
   const char* comment = ply ? "comment" : "#";
   std::string lines = fmt::format("{} origin {}\n", comment, origin_text(origin));
-  if (!crs_wkt.empty()) lines += fmt::format("{} crs {}\n", comment, one_line(crs_wkt));
+  if (!crs_wkt.empty()) lines += fmt::format("{} crs {}\n", comment, one_line(crs_wkt, ' '));
   insert_after(bytes, ply ? 2 : 0, lines);  // after "ply" and "format ..."
   return bytes;
 }

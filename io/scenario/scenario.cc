@@ -56,15 +56,21 @@ std::filesystem::path read_path(const YamlMap& map, const std::string& key) {
 }
 
 Terrain read_terrain(const YamlMap& scenario) {
-  const YamlMap terrain = scenario.map("terrain", {"plane", "raster", "level_set"});
+  const YamlMap terrain = scenario.map("terrain", {"plane", "raster", "level_set", "grid"});
   const int kinds = terrain.has("plane") + terrain.has("raster") + terrain.has("level_set");
   if (kinds != 1) {
     scenario.fail("terrain", fmt::format("terrain has {}; it must have exactly one of plane, "
                                          "raster and level_set",
                                          kinds == 0 ? "no kind" : fmt::format("{} kinds", kinds)));
   }
+  if (terrain.has("grid") && !terrain.has("level_set")) {
+    terrain.fail("grid", "'grid' is for a level_set, the name of the grid in its file; remove it");
+  }
   if (terrain.has("raster")) return RasterTerrain{read_path(terrain, "raster")};
-  if (terrain.has("level_set")) return LevelSetTerrain{read_path(terrain, "level_set")};
+  if (terrain.has("level_set")) {
+    return LevelSetTerrain{read_path(terrain, "level_set"),
+                           terrain.has("grid") ? terrain.text("grid") : ""};
+  }
   const YamlMap map = terrain.map("plane", {"z", "slope"});
   PlaneTerrain plane;
   plane.height_m = map.number("z");

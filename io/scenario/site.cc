@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "io/file/text.h"
 #include "io/scenario/workspace.h"
 #include "soilvdb/io/checksum.h"
 #include "soilvdb/io/level_set_file.h"
@@ -16,6 +17,11 @@
 
 namespace soilvdb::inline v0::io {
 namespace {
+
+/// Where a file is, without following links: those may be mended to lead elsewhere.
+std::filesystem::path as_given(const std::filesystem::path& file) {
+  return std::filesystem::absolute(file).lexically_normal();
+}
 
 constexpr double kSameSize = 1e-9;  // relative: the same number, through text
 
@@ -29,33 +35,38 @@ Base open_raster_base(const std::filesystem::path& file) {
   const HeightGrid& grid = raster.grid;
   const Vec2 last = grid.first + grid.spacing.cwiseProduct(Vec2(grid.nx - 1, grid.ny - 1));
   return {make_height_field(grid, raster.source),
-          {RasterTerrain{std::filesystem::canonical(file)}, file_fingerprint(file)},
+          {RasterTerrain{as_given(file)}, file_fingerprint(file)},
           raster.crs_wkt,
           {grid.first, last}};
 }
 
-Base open_level_set_base(const std::filesystem::path& file) {
-  LevelSetInput input = read_level_set(file);
-  return {
-      std::move(input.surface),
-      {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file, /*whole=*/true)},
-      std::move(input.crs_wkt),
-      {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
+Base open_level_set_base(const LevelSetTerrain& terrain) {
+  const std::filesystem::path& file = terrain.file;
+  LevelSetInput input = read_level_set(file, terrain.grid);
+  return {std::move(input.surface),
+          {LevelSetTerrain{as_given(file), input.grid}, file_fingerprint(file, /*whole=*/true)},
+          std::move(input.crs_wkt),
+          {input.bounds.min().head<2>(), input.bounds.max().head<2>()}};
 }
 
 /// The surface of a snapshot's ground.
 Base base_of(Site site, const std::filesystem::path& file) {
   BaseReference beneath = site.undug();
-  return {
-      make_soil_surface(std::move(site.soil)),
-      {LevelSetTerrain{std::filesystem::canonical(file)}, file_fingerprint(file, /*whole=*/true)},
-      std::move(site.crs_wkt),
-      site.bounds,
-      std::move(beneath)};
+  return {make_soil_surface(std::move(site.soil)),
+          {LevelSetTerrain{as_given(file)}, file_fingerprint(file, /*whole=*/true)},
+          std::move(site.crs_wkt),
+          site.bounds,
+          std::move(beneath)};
 }
 
 Base open_snapshot_base(const std::filesystem::path& file) {
   return base_of(read_snapshot(file), file);
+}
+
+void check_grid_of_snapshot(const LevelSetTerrain& terrain) {
+  if (terrain.grid.empty() || terrain.grid == kSurfaceGrid) return;
+  throw InputError(terrain.file, fmt::format("is a snapshot without a grid '{}'; leave 'grid' out",
+                                             printable(terrain.grid)));
 }
 
 Vec3 first_lip(const Scenario& scenario) {
@@ -67,6 +78,7 @@ Site open_terrain(const Scenario& scenario) {
   const auto* level_set = std::get_if<LevelSetTerrain>(&scenario.terrain);
   Base base;
   if (level_set != nullptr && is_snapshot(level_set->file)) {
+    check_grid_of_snapshot(*level_set);
     Site site = read_snapshot(level_set->file);
     if (std::abs(h - site.soil->voxel_size_m()) <= kSameSize * h) return site;
     base = base_of(std::move(site), level_set->file);
@@ -84,8 +96,10 @@ Base open_base(const Terrain& terrain) {
   if (const auto* raster = std::get_if<RasterTerrain>(&terrain)) {
     return open_raster_base(raster->file);
   }
-  const std::filesystem::path& file = std::get<LevelSetTerrain>(terrain).file;
-  return is_snapshot(file) ? open_snapshot_base(file) : open_level_set_base(file);
+  const auto& level_set = std::get<LevelSetTerrain>(terrain);
+  if (!is_snapshot(level_set.file)) return open_level_set_base(level_set);
+  check_grid_of_snapshot(level_set);
+  return open_snapshot_base(level_set.file);
 }
 
 Site undug_site(const Site& site) {

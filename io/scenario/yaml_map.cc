@@ -65,6 +65,21 @@ struct DocumentStarts : YAML::EventHandler {
 
 }  // namespace
 
+void refuse_yaml(const std::filesystem::path& file, const std::string& text,
+                 const YAML::Exception& e) {
+  const std::string message = "is not valid YAML: " + printable(e.msg);
+  if (e.mark.is_null()) throw InputError(file, message);
+  // What it says of a tab is another thing each time, at the line or the one before.
+  std::istringstream in(text);
+  std::string line;
+  for (long n = 0; n <= e.mark.line && std::getline(in, line); ++n) {
+    const std::size_t indent = std::min(line.find_first_not_of(" \t"), line.size());
+    if (n + 1 < e.mark.line || line.find('\t') >= indent) continue;
+    throw InputError(file, n + 1, "is not valid YAML: a tab indents this line; use spaces instead");
+  }
+  throw InputError(file, e.mark.line + 1, message);
+}
+
 YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
                  std::vector<std::string> known)
     : file_(file), node_(node), what_(std::move(what)) {
@@ -99,9 +114,7 @@ YamlMap YamlMap::load(const std::filesystem::path& file, std::string what,
     if (document.IsNull()) throw InputError(file, "is empty");
     return YamlMap(file, document, std::move(what), std::move(known));
   } catch (const YAML::Exception& e) {
-    const std::string message = "is not valid YAML: " + printable(e.msg);
-    if (e.mark.is_null()) throw InputError(file, message);
-    throw InputError(file, e.mark.line + 1, message);
+    refuse_yaml(file, text, e);
   }
 }
 

@@ -61,6 +61,10 @@ class YamlMap {
   std::string what_;
 };
 
+/// @throw InputError saying what `e`, thrown when this text of a file was read, means.
+[[noreturn]] void refuse_yaml(const std::filesystem::path& file, const std::string& text,
+                              const YAML::Exception& e);
+
 /// @throw std::invalid_argument unless `name` can be the name of a file and stands on one line.
 void check_name(const std::string& name);
 

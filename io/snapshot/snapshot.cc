@@ -45,13 +45,18 @@ void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseRe
     return;
   }
   const auto* raster = std::get_if<RasterTerrain>(&base.terrain);
-  const std::filesystem::path& file =
-      raster != nullptr ? raster->file : std::get<LevelSetTerrain>(base.terrain).file;
-  put(meta, "soilvdb_base", raster != nullptr ? "raster" : "level_set");
+  const auto absolute = [](const std::filesystem::path& path) {
+    return std::filesystem::absolute(path).lexically_normal();
+  };
+  const std::filesystem::path file =
+      absolute(raster != nullptr ? raster->file : std::get<LevelSetTerrain>(base.terrain).file);
+  const std::string grid = raster != nullptr ? "" : std::get<LevelSetTerrain>(base.terrain).grid;
+  // Of another kind, so that who doesn't know of grids doesn't take the first one.
+  put(meta, "soilvdb_base", raster != nullptr ? "raster" : grid.empty() ? "level_set" : kBaseGrid);
+  put(meta, "soilvdb_base_grid", grid);
   put(meta, "soilvdb_base_file",
-      std::filesystem::proximate(file, std::filesystem::weakly_canonical(snapshot).parent_path())
-          .string());
-  put(meta, "soilvdb_base_file_absolute", std::filesystem::absolute(file).string());
+      file.lexically_proximate(absolute(snapshot).parent_path()).string());
+  put(meta, "soilvdb_base_file_absolute", file.string());
   put(meta, "soilvdb_base_checksum", base.checksum);
 }
 

@@ -18,6 +18,8 @@ namespace soilvdb::inline v0::io {
 // 1 had distances that were carved, 2 samples in grids that other programs stumble over.
 inline constexpr int kFormat = 3;
 
+inline constexpr const char* kBaseGrid = "level_set_grid";  // one of several grids in its file
+
 inline constexpr const char* kParentKey = "soilvdb_since";
 inline constexpr const char* kParentChecksumKey = "soilvdb_since_checksum";
 inline std::string to_text(const FileDigest& digest) {

@@ -20,6 +20,37 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
+/// Where the base surface's file is now: it may have moved together with the snapshot, or the
+/// snapshot alone.
+/// @param whole OpenVDB only parses a level set that is what it was when the run tried it out
+std::filesystem::path find_base(const std::filesystem::path& snapshot, const MetaReader& meta,
+                                bool whole) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  const fs::path relative = meta.text("soilvdb_base_file"),
+                 then = meta.text("soilvdb_base_file_absolute");
+  const auto beside = [&](const fs::path& place) {
+    return (place.parent_path() / relative).lexically_normal();
+  };
+  const std::string checksum = meta.text("soilvdb_base_checksum");
+  fs::path other;  // a file of that name which isn't it
+  const fs::path here = beside(fs::absolute(snapshot).lexically_normal());
+  for (const fs::path& file : {here, beside(fs::weakly_canonical(snapshot, none)), then}) {
+    if (!fs::is_regular_file(file, none)) continue;
+    if (file_fingerprint(file, whole) == checksum) return file;
+    if (other.empty()) other = file;
+  }
+  if (!other.empty()) {
+    throw InputError(snapshot, fmt::format("its base surface {} has changed since; put back the "
+                                           "file the ground was dug from",
+                                           other.string()));
+  }
+  throw InputError(
+      snapshot,
+      fmt::format("its base surface {} is missing{}; put it back there", then.string(),
+                  here == then ? "" : fmt::format(", and there is no {}", here.string())));
+}
+
 Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& meta) {
   const std::string kind = meta.text("soilvdb_base");
   if (kind == "plane") {
@@ -27,40 +58,15 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
         PlaneTerrain{meta.number("soilvdb_base_height_m"),
                      {meta.number("soilvdb_base_slope_x"), meta.number("soilvdb_base_slope_y")}});
   }
-  if (kind != "raster" && kind != "level_set") {
+  if (kind != "raster" && kind != "level_set" && kind != kBaseGrid) {
     throw InputError(snapshot,
                      fmt::format("has a base surface of unknown kind '{}'; a newer soilvdb "
                                  "may read it",
                                  printable(kind)));
   }
-  // The file may have moved together with the snapshot, or the snapshot alone.
-  std::error_code none;
-  std::filesystem::path file = (std::filesystem::weakly_canonical(snapshot, none).parent_path() /
-                                meta.text("soilvdb_base_file"))
-                                   .lexically_normal();
-  const std::filesystem::path other = meta.text("soilvdb_base_file_absolute");
-  const std::string checksum = meta.text("soilvdb_base_checksum");
-  // OpenVDB only parses a level set that is what it was when the run tried it out.
-  const bool whole = kind == "level_set";
-  const auto matches = [&](const std::filesystem::path& path) {
-    return std::filesystem::is_regular_file(path, none) &&
-           file_fingerprint(path, whole) == checksum;
-  };
-  if (!matches(file)) {
-    if (matches(other)) {
-      file = other;
-    } else if (!std::filesystem::exists(file, none) && !std::filesystem::exists(other, none)) {
-      throw InputError(snapshot, fmt::format("its base surface {} is missing; put it back there",
-                                             file.string()));
-    } else {
-      if (!std::filesystem::exists(file, none)) file = other;
-      throw InputError(snapshot, fmt::format("its base surface {} has changed since; put back the "
-                                             "file the ground was dug from",
-                                             file.string()));
-    }
-  }
+  const std::filesystem::path file = find_base(snapshot, meta, kind != "raster");
   if (kind == "raster") return open_base(RasterTerrain{file});
-  return open_base(LevelSetTerrain{file});
+  return open_base(LevelSetTerrain{file, meta.text("soilvdb_base_grid")});
 }
 
 /// The ground that one file holds, and what it says was dropped.

@@ -20,6 +20,8 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
+constexpr int kWarpNodata = -9999;  // taken for no height in any raster
+
 /// DIR/NAME_SUFFIX.tif beside the file.
 std::filesystem::path beside(const std::filesystem::path& file, const std::string& suffix) {
   std::filesystem::path out = file;
@@ -92,18 +94,59 @@ void require_true_scale(const std::filesystem::path& file, const OGRSpatialRefer
       file, fmt::format("has coordinates in '{}', of which 1 m is {:.4g} m on the ground here; "
                         "reproject it with: {}",
                         printable(name != nullptr ? name : ""), std::sqrt(*area),
-                        warp_command(file, utm_epsg(place.x(), place.y()), "")));
+                        reproject_command(file, utm_epsg(place.x(), place.y()), "")));
 }
 
-[[noreturn]] void refuse_heights(const std::filesystem::path& file, const std::string& unit,
-                                 double metres, const std::string& horizontal) {
-  const auto out = shell_quoted(beside(file, "_m"));
-  std::string command =
-      fmt::format("gdal_calc.py --calc=A*{} -A {} --outfile={}", metres, shell_quoted(file), out);
+/// The command that takes heights from a unit to metres.
+std::string heights_command(const std::filesystem::path& file, double metres) {
+  return fmt::format("gdal_calc.py --calc=A*{} -A {} --outfile={}", metres, shell_quoted(file),
+                     shell_quoted(beside(file, "_m")));
+}
+
+/// What a raster's heights are in, as far as it says so.
+struct HeightUnit {
+  std::string name;
+  double metres = 1;
+  bool known = false;
+};
+
+[[noreturn]] void refuse_heights(const std::filesystem::path& file, const HeightUnit& unit,
+                                 const std::string& horizontal) {
+  std::string command = heights_command(file, unit.metres);
   // gdal_calc copies the vertical CRS, and with it the unit that is no longer right.
-  if (!horizontal.empty()) command += fmt::format(" && gdal_edit.py -a_srs {} {}", horizontal, out);
+  if (!horizontal.empty()) {
+    command +=
+        fmt::format(" && gdal_edit.py -a_srs {} {}", horizontal, shell_quoted(beside(file, "_m")));
+  }
   throw InputError(file, fmt::format("heights are in '{}', not metres; convert them with: {}",
-                                     printable(unit), command));
+                                     printable(unit.name), command));
+}
+
+HeightUnit height_unit(const OGRSpatialReference& srs, const std::string& band_unit) {
+  HeightUnit unit{band_unit, unit_metres(band_unit).value_or(1), !band_unit.empty()};
+  if (!srs.IsCompound()) return unit;
+  const char* name = nullptr;
+  const double vertical = srs.GetTargetLinearUnits("COMPD_CS|VERT_CS", &name);
+  if (!is_metre(vertical)) return {name != nullptr ? name : "an unknown unit", vertical, true};
+  unit.known = true;
+  return unit;
+}
+
+/// gdalwarp -novshift moves heights but doesn't convert them, and what it makes doesn't name their
+/// unit.
+/// @param length of the unit of the coordinates, m
+std::string after_warp(const std::filesystem::path& file, const HeightUnit& unit, double length) {
+  const std::string command =
+      heights_command(beside(file, "_utm"), unit.known ? unit.metres : length);
+  if (!is_metre(unit.metres)) {
+    return fmt::format(" && {} (its heights are in '{}', which gdalwarp leaves as they are)",
+                       command, printable(unit.name));
+  }
+  if (unit.known || is_metre(length)) return "";
+  return fmt::format(
+      "; that leaves heights as they are; if they are in the same unit, convert "
+      "them, too, with: {}",
+      command);
 }
 
 }  // namespace
@@ -138,15 +181,26 @@ int utm_epsg(double longitude, double latitude) {
   return (latitude < 0 ? 32700 : 32600) + zone;
 }
 
-std::string warp_command(const std::filesystem::path& file, int epsg, const std::string& source) {
-  // Without NODATA of its own, what is outside of a turned raster would be 0, a height.
-  return fmt::format("gdalwarp {}-t_srs EPSG:{} -r bilinear -ot Float32 -dstnodata -9999 {} {}",
-                     source.empty() ? "" : "-s_srs " + source + " ", epsg, shell_quoted(file),
-                     shell_quoted(beside(file, "_utm")));
+std::string warp_command(const std::filesystem::path& file, const std::string& options,
+                         const std::string& suffix) {
+  // Where the source names no NODATA, gdalwarp would fill what lies outside of it with ground at 0.
+  return fmt::format("gdalwarp {}{}-r bilinear -ot Float32 -dstnodata {} {} {}", options,
+                     options.empty() ? "" : " ", kWarpNodata, shell_quoted(file),
+                     shell_quoted(beside(file, suffix)));
+}
+
+std::string reproject_command(const std::filesystem::path& file, int epsg,
+                              const std::string& source) {
+  return warp_command(file,
+                      fmt::format("{}-t_srs EPSG:{} -novshift",
+                                  source.empty() ? "" : "-s_srs " + source + " ", epsg),
+                      "_utm");
 }
 
 void require_metres(const std::filesystem::path& file, const OGRSpatialReference& srs,
                     const Vec2& centre, const std::string& vertical_unit) {
+  const HeightUnit unit = height_unit(srs, vertical_unit);
+  double length = 1;
   std::string wrong;
   if (srs.IsGeographic() || srs.IsDerivedGeographic()) {
     wrong = "is in degrees, not metres";
@@ -154,7 +208,7 @@ void require_metres(const std::filesystem::path& file, const OGRSpatialReference
     wrong = "is in geocentric coordinates, not in a map's";
   } else {
     const char* name = nullptr;
-    const double length = srs.GetLinearUnits(&name);
+    length = srs.GetLinearUnits(&name);
     if (!is_metre(length)) {
       wrong = fmt::format("has coordinates in '{}', not metres",
                           printable(name != nullptr ? name : "an unknown unit"));
@@ -162,38 +216,29 @@ void require_metres(const std::filesystem::path& file, const OGRSpatialReference
   }
   if (!wrong.empty()) {
     const auto place = longitude_latitude(srs, centre);
-    if (!place) {
-      throw InputError(file,
-                       wrong +
-                           "; reproject it to a CRS in metres, as with: gdalwarp -t_srs "
-                           "EPSG:<the site's UTM zone> -r bilinear -ot Float32 -dstnodata -9999 " +
-                           shell_quoted(file) + " " + shell_quoted(beside(file, "_utm")));
-    }
-    throw InputError(file, fmt::format("{}; reproject it with: {}", wrong,
-                                       warp_command(file, utm_epsg(place->x(), place->y()), "")));
+    throw InputError(
+        file,
+        fmt::format(
+            "{}; reproject it {}: {}{}", wrong, place ? "with" : "to a CRS in metres, as with",
+            place ? reproject_command(file, utm_epsg(place->x(), place->y()), "")
+                  : warp_command(file, "-t_srs EPSG:<the site's UTM zone> -novshift", "_utm"),
+            after_warp(file, unit, length)));
   }
   require_true_scale(file, srs, centre);
-  std::string unit = vertical_unit;
-  double length = unit_metres(unit).value_or(1);
+  if (is_metre(unit.metres)) return;
   std::string horizontal;
   if (srs.IsCompound()) {
-    const char* name = nullptr;
-    const double vertical = srs.GetTargetLinearUnits("COMPD_CS|VERT_CS", &name);
-    if (!is_metre(vertical)) {
-      length = vertical;
-      unit = name != nullptr ? name : "an unknown unit";
-    }
     const char* authority = srs.GetAuthorityName("COMPD_CS|PROJCS");
     const char* code = srs.GetAuthorityCode("COMPD_CS|PROJCS");
     horizontal = authority != nullptr && code != nullptr ? std::string(authority) + ":" + code
                                                          : "EPSG:<its horizontal CRS>";
   }
-  if (!is_metre(length)) refuse_heights(file, unit, length, horizontal);
+  refuse_heights(file, unit, horizontal);
 }
 
 void require_metres(const std::filesystem::path& file, const std::string& vertical_unit) {
   const double length = unit_metres(vertical_unit).value_or(1);
-  if (!is_metre(length)) refuse_heights(file, vertical_unit, length, "");
+  if (!is_metre(length)) refuse_heights(file, {vertical_unit, length, true}, "");
 }
 
 }  // namespace soilvdb::inline v0::io

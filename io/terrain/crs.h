@@ -31,7 +31,13 @@ void require_metres(const std::filesystem::path& file, const OGRSpatialReference
 /// The same for a raster without a CRS: only its heights have a unit.
 void require_metres(const std::filesystem::path& file, const std::string& vertical_unit);
 
-/// The command that takes `file` to a projected CRS in metres. @param source -s_srs, may be empty
-std::string warp_command(const std::filesystem::path& file, int epsg, const std::string& source);
+/// The command that makes of `file` the raster NAME_SUFFIX.tif beside it, with no height outside of
+/// it. @param options of gdalwarp, may be empty
+std::string warp_command(const std::filesystem::path& file, const std::string& options,
+                         const std::string& suffix);
+
+/// The one that takes `file` to a projected CRS in metres. @param source -s_srs, may be empty
+std::string reproject_command(const std::filesystem::path& file, int epsg,
+                              const std::string& source);
 
 }  // namespace soilvdb::inline v0::io

@@ -30,23 +30,46 @@ std::string described(const openvdb::GridBase& grid) {
 }
 
 /// All that is read of a foreign file is read here.
-FloatGrid::Ptr read_grid(const std::filesystem::path& file) {
+/// @param several are there other level sets in it?
+FloatGrid::Ptr read_grid(const std::filesystem::path& file, const std::string& name,
+                         bool& several) {
   openvdb::initialize();
   openvdb::io::File vdb(file.string());
   vdb.open(/*delayLoad=*/false);
   const openvdb::GridPtrVecPtr grids = vdb.readAllGridMetadata();
-  openvdb::GridBase::Ptr chosen;
+  std::vector<std::string> names;  // of level sets
   std::string found;
   for (const openvdb::GridBase::Ptr& grid : *grids) {
     found += (found.empty() ? "" : ", ") + described(*grid);
     if (!grid->isType<FloatGrid>() || grid->getGridClass() != openvdb::GRID_LEVEL_SET) continue;
-    if (!chosen || (grid->getName() == "surface" && chosen->getName() != "surface")) chosen = grid;
+    names.push_back(grid->getName());
   }
-  if (!chosen) {
+  if (names.empty()) {
     throw InputError(file, fmt::format("has no float grid of class level set, only {}; {}",
                                        found.empty() ? "no grids at all" : found, kMakeLevelSet));
   }
-  const auto grid = openvdb::gridPtrCast<FloatGrid>(vdb.readGrid(chosen->getName()));
+  const auto count = [&](const std::string& n) {
+    return std::count(names.begin(), names.end(), n);
+  };
+  if (!name.empty() && count(name) == 0) {
+    throw InputError(file, fmt::format("has no level set '{}'; there {} {}", printable(name),
+                                       names.size() == 1 ? "is" : "are", quoted_list(names)));
+  }
+  const std::string chosen = !name.empty()             ? name
+                             : count(kSurfaceGrid) > 0 ? kSurfaceGrid
+                                                       : names.front();
+  if (count(chosen) > 1) {
+    throw InputError(file, fmt::format("has {} level sets '{}'; give each a name of its own",
+                                       count(chosen), printable(chosen)));
+  }
+  if (name.empty() && chosen != kSurfaceGrid && names.size() > 1) {
+    throw InputError(file,
+                     fmt::format("has several level sets, {}; choose one, as in "
+                                 "{{level_set: {}, grid: {}}}",
+                                 quoted_list(names), file.filename().string(), printable(chosen)));
+  }
+  several = names.size() > 1;
+  const auto grid = openvdb::gridPtrCast<FloatGrid>(vdb.readGrid(chosen));
   if (!grid) throw std::runtime_error("its grid is not of the type its header names");
   return grid;
 }
@@ -148,11 +171,12 @@ void check_values(const std::filesystem::path& file, const FloatGrid& grid) {
 
 }  // namespace
 
-LevelSetInput read_level_set(const std::filesystem::path& file) {
+LevelSetInput read_level_set(const std::filesystem::path& file, const std::string& name) {
   check_readable(file);
   FloatGrid::Ptr grid;
+  bool several = false;
   try {
-    grid = read_grid(file);
+    grid = read_grid(file, name, several);
   } catch (const InputError&) {
     throw;
   } catch (const std::bad_alloc&) {
@@ -164,6 +188,7 @@ LevelSetInput read_level_set(const std::filesystem::path& file) {
   check_transform(file, *grid);
   check_values(file, *grid);
   LevelSetInput input;
+  if (several) input.grid = grid->getName();
   Vec3 origin = Vec3::Zero();
   if (const auto at = grid->getMetadata<openvdb::Vec3DMetadata>(kOriginKey)) {
     origin = {at->value().x(), at->value().y(), at->value().z()};

@@ -163,11 +163,8 @@ HeightGrid place(const std::filesystem::path& file, GdalHeights& source) {
   }
   // Rotation that moves no cell by a thousandth of its size is rounding.
   if (std::abs(t[2]) * ny > 1e-3 * std::abs(t[1]) || std::abs(t[4]) * nx > 1e-3 * std::abs(t[5])) {
-    std::filesystem::path out = file;
-    out.replace_filename(file.stem().string() + "_north_up.tif");
-    throw InputError(file, fmt::format("is rotated; turn it north up with: gdalwarp -r bilinear {} "
-                                       "{}",
-                                       shell_quoted(file), shell_quoted(out)));
+    throw InputError(file,
+                     "is rotated; turn it north up with: " + warp_command(file, "", "_north_up"));
   }
   if (t[1] == 0 || t[5] == 0) throw InputError(file, "has cells of size 0; above 0 m is needed");
   source.set_direction(t[1] < 0, t[5] < 0);
@@ -251,7 +248,7 @@ void refuse_likely_degrees(const std::filesystem::path& file, const HeightGrid& 
       fmt::format("has no CRS and looks to be in degrees (cells of {:g}, heights from {:g} to "
                   "{:g} m); reproject it with: {}",
                   grid.spacing.x(), seen.low, seen.high,
-                  warp_command(file, utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
+                  reproject_command(file, utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
 }
 
 }  // namespace

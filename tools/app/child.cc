@@ -76,8 +76,8 @@ void child_main(const std::string& what, const std::filesystem::path& file) {
   limit_memory_and_time(file);
   write_all(answer, std::string(1, kStarted));
   try {
-    if (what == kLevelSet) {
-      io::read_level_set(file);
+    if (what.starts_with(kLevelSet)) {
+      io::read_level_set(file, what.substr(kLevelSet.size()));
     } else {
       write_all(answer, foreign_vdb_text(file));
     }
@@ -90,7 +90,7 @@ void child_main(const std::string& what, const std::filesystem::path& file) {
   _exit(0);  // without taking down what may be damaged
 }
 
-std::string read_in_child(const char* what, const std::filesystem::path& file) {
+std::string read_in_child(const std::string& what, const std::filesystem::path& file) {
   std::array<int, 2> ends;
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
     throw std::system_error(errno, std::generic_category(), "pipe");
@@ -98,7 +98,7 @@ std::string read_in_child(const char* what, const std::filesystem::path& file) {
   if (pid < 0) throw std::system_error(errno, std::generic_category(), "fork");
   if (pid == 0) {  // a new program: libraries have threads, which a fork leaves half done
     dup2(ends[1], STDOUT_FILENO);
-    execl("/proc/self/exe", "soilvdb", kInChild, what, file.c_str(), nullptr);
+    execl("/proc/self/exe", "soilvdb", kInChild, what.c_str(), file.c_str(), nullptr);
     _exit(kBroken);
   }
   close(ends[1]);

@@ -47,6 +47,9 @@ bool same_base(const io::BaseReference& a, const io::BaseReference& b) {
   if (plane_a && plane_b)
     return plane_a->height_m == plane_b->height_m && plane_a->slope == plane_b->slope;
   // The same file may be found by two names.
+  const auto* set_a = std::get_if<io::LevelSetTerrain>(&a.terrain);
+  const auto* set_b = std::get_if<io::LevelSetTerrain>(&b.terrain);
+  if (set_a && set_b && set_a->grid != set_b->grid) return false;
   return a.terrain.index() == b.terrain.index() && a.checksum == b.checksum;
 }
 

@@ -46,14 +46,14 @@ void export_raster(const fs::path& to, const io::Site& site, const std::optional
   const Box2 box = region ? *region : io::footprint(*site.soil, false);
   const double cell_m = affordable_cell_m(box, site.soil->voxel_size_m());
   write_surface_raster(to, *site.soil, box, cell_m, site.crs_wkt);
-  fmt::print("{}: bands surface and change, cells of {} m\n", to.string(), cell_m);
+  fmt::print("{}: bands surface and change, cells of {} m\n", to.string(), length_text(cell_m));
 }
 
 void export_picture(const fs::path& to, const io::Site& site, const io::SnapshotInfo& info,
                     const std::optional<Box2>& region, bool perspective) {
   const Box2 box = region ? *region : io::region_of_interest(*site.soil);
   std::string detail = fmt::format("cut {} m³ by {} s, {} m voxels", number(info.cut_m3),
-                                   time_text(info.time_s), site.soil->voxel_size_m());
+                                   time_text(info.time_s), length_text(site.soil->voxel_size_m()));
   if (!site.crs_wkt.empty()) detail += ", " + io::crs_label(site.crs_wkt);
   const io::Caption caption{info.scenario, detail};
   (perspective ? io::write_view : io::write_plan)(to, *site.soil, box, caption);

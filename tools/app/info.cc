@@ -60,7 +60,7 @@ void info_snapshot(const fs::path& file) {
   fmt::print("{}: snapshot of soilvdb\n", file.string());
   line("scenario", info.scenario);
   line("time", time_text(info.time_s) + " s");
-  line("voxels", fmt::format("{} m", soil.voxel_size_m()));
+  line("voxels", length_text(soil.voxel_size_m()) + " m");
   line("origin",
        fmt::format("{} {} {} m", soil.origin().x(), soil.origin().y(), soil.origin().z()));
   line("CRS", crs_text(site.crs_wkt));
@@ -159,13 +159,13 @@ void info_scenario(const fs::path& file) {
   warn_of_ground(scenario);
   fmt::print("{}: scenario\n", file.string());
   line("name", scenario.name);
-  line("voxels", fmt::format("{} m", scenario.voxel_size_m));
+  line("voxels", length_text(scenario.voxel_size_m) + " m");
   line("terrain", terrain_text(scenario.terrain));
   for (const io::MachineInput& machine : scenario.machines) {
     const Bucket& bucket = machine.bucket;
     const io::MotionFile& motion = machine.motion;
-    line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name, bucket.width_m,
-                                bucket.height_m,
+    line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name,
+                                length_text(bucket.width_m), length_text(bucket.height_m),
                                 bucket.profile.empty()
                                     ? std::string("no body")
                                     : fmt::format("body of {} points", bucket.profile.size())));
@@ -192,7 +192,8 @@ void info_scenario(const fs::path& file) {
                                                                         *scenario.snapshots_kept)
                                                           : ""));
   if (scenario.mesh) line("mesh", *scenario.mesh);
-  if (scenario.raster_cell_m) line("raster", fmt::format("cells of {} m", *scenario.raster_cell_m));
+  if (scenario.raster_cell_m)
+    line("raster", fmt::format("cells of {} m", length_text(*scenario.raster_cell_m)));
   for (const std::string& warning : scenario.warnings) line("warning", warning);
 }
 

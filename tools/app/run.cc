@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <regex>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,7 +33,7 @@ namespace fs = std::filesystem;
 void try_out(const io::Terrain& terrain) {
   const auto* level_set = std::get_if<io::LevelSetTerrain>(&terrain);
   if (!level_set || io::is_snapshot(level_set->file)) return;
-  read_in_child(kLevelSet, level_set->file);
+  read_in_child(kLevelSet + level_set->grid, level_set->file);
 }
 
 /// At voxels of half a bucket's size its volumes are off by a percent; at those of four times its
@@ -47,14 +48,15 @@ void check_voxels(io::Scenario& scenario) {
           fmt::format(
               "voxels of {} m are larger than the bucket of {}, {} m x {} m, and would show "
               "nothing of what it digs; the voxel size must be {} m or less",
-              scenario.voxel_size_m, machine.name, machine.bucket.width_m, machine.bucket.height_m,
-              side_m / 5));
+              length_text(scenario.voxel_size_m), machine.name, length_text(machine.bucket.width_m),
+              length_text(machine.bucket.height_m), length_text(side_m / 5)));
     }
     scenario.warnings.push_back(fmt::format(
         "{}: voxels of {} m are too large for the bucket of {}, {} m x {} m; volumes will be off "
         "by percents or more, use {} m or less",
-        scenario.file.string(), scenario.voxel_size_m, machine.name, machine.bucket.width_m,
-        machine.bucket.height_m, side_m / 5));
+        scenario.file.string(), length_text(scenario.voxel_size_m), machine.name,
+        length_text(machine.bucket.width_m), length_text(machine.bucket.height_m),
+        length_text(side_m / 5)));
   }
 }
 
@@ -72,6 +74,16 @@ fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
                                                     "give --out DIR",
                                                     name));
   return fs::path("out") / name;
+}
+
+/// Is it the name of a file that a run writes beside its journal?
+bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name) {
+  if (name == kSummaryName || name == kUpdatesName) return true;
+  if (options.mesh && scenario.mesh && name == "soil_final." + *scenario.mesh) return true;
+  if (scenario.raster_cell_m && name == "soil_final.tif") return true;
+  if (!options.snapshots) return false;
+  static const std::regex on_the_way(R"(soil_-?[0-9.]+\.vdb)");
+  return name == kFinalName || (scenario.snapshot_every_s && std::regex_match(name, on_the_way));
 }
 
 }  // namespace
@@ -103,7 +115,7 @@ void run(const RunOptions& options) {
     folder.make();
     try {
       folder.lock();
-      folder.replace();
+      folder.replace([&](const std::string& name) { return writes(scenario, options, name); });
       folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
       const std::string ground = beneath_text(*start.site.soil);

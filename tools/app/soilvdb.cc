@@ -3,11 +3,9 @@
 // The program: its command line, and how what goes wrong becomes one line and an exit status.
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -24,6 +22,7 @@
 #include "soilvdb/version.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
+#include "tools/app/usage.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -95,21 +94,15 @@ class CommandLine {
   }
 
   int main(int argc, char** argv) {
-    if (argc > 1 && argv[1][0] != '-') {
-      const std::vector<std::string> known = commands();
-      if (std::find(known.begin(), known.end(), argv[1]) == known.end())
-        return complain(kWrongInput, unknown_command(argv[1]));
-    }
+    if (argc > 1 && argv[1][0] != '-' && !has_command(app_, argv[1]))
+      return complain(kWrongInput, unknown_command(app_, argv[1]));
     try {
       app_.parse(argc, argv);
     } catch (const CLI::Success& e) {
       app_.exit(e);  // prints the help or the version asked for
       return kDone;
-    } catch (const CLI::ExtrasError&) {
-      return complain(kWrongInput,
-                      fmt::format("{}; see soilvdb {}--help", not_expected(), command()));
     } catch (const CLI::ParseError& e) {
-      return complain(kWrongInput, fmt::format("{}; see soilvdb {}--help", e.what(), command()));
+      return complain(kWrongInput, explain(app_, e));
     }
     std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
     command_();
@@ -117,39 +110,6 @@ class CommandLine {
   }
 
  private:
-  std::vector<std::string> commands() const {
-    std::vector<std::string> names;
-    for (const CLI::App* sub : app_.get_subcommands([](const CLI::App*) { return true; }))
-      names.push_back(sub->get_name());
-    return names;
-  }
-
-  std::string unknown_command(const std::string& word) const {
-    const std::vector<std::string> names = commands();
-    return fmt::format("no command '{}', the nearest is '{}'; there are {}", io::printable(word),
-                       io::nearest(word, names), fmt::join(names, ", "));
-  }
-
-  /// What is wrong with a word on the command line that is neither an option nor wanted.
-  std::string not_expected() const {
-    const std::vector<std::string> words = app_.remaining(true);
-    const auto option = std::find_if(words.begin(), words.end(),
-                                     [](const std::string& w) { return w.starts_with('-'); });
-    if (option == words.end())
-      return fmt::format("'{}' is one word too many", io::printable(words.front()));
-    const std::string word = option->substr(0, option->find('='));
-    std::vector<std::string> known;
-    for (const CLI::Option* o : app_.get_subcommands().front()->get_options())
-      for (const std::string& name : o->get_lnames()) known.push_back("--" + name);
-    return fmt::format("no option '{}', the nearest is '{}'", io::printable(word),
-                       io::nearest(word, known));
-  }
-
-  std::string command() const {
-    const auto used = app_.get_subcommands();
-    return used.empty() ? "" : used.front()->get_name() + ' ';
-  }
-
   /// @param otherwise what holds without the option
   static void add_memory(CLI::App* sub, std::optional<std::int64_t>& mb, const char* otherwise) {
     sub->add_option(

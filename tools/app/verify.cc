@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -43,9 +46,68 @@ std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& jo
   return "";
 }
 
+/// Does the journal say that this file is to be deleted?
+bool goes(const io::JournalContent& journal, const std::string& name) {
+  return std::find(journal.removed.begin(), journal.removed.end(), name) != journal.removed.end();
+}
+
+/// What is wrong with a journal whose run has written a summary since: that is written once all
+/// updates are in the journal on disk, so one that has fewer was cut short or written over.
+std::string fault_of_end(const fs::path& folder, const io::JournalContent& journal) {
+  if (goes(journal, kSummaryName)) return "";  // it is of a run before
+  std::ifstream in(folder / kSummaryName);
+  const nlohmann::json summary = nlohmann::json::parse(in, nullptr, /*allow_exceptions=*/false);
+  const auto acknowledged = nlohmann::json::json_pointer("/acknowledged/updates");
+  if (!summary.is_object() || !summary.contains(acknowledged)) return "";
+  const nlohmann::json& updates = summary[acknowledged];
+  if (!updates.is_number_unsigned() || updates <= journal.done.updates) return "";
+  return fmt::format("is damaged: it ends after {}, and held {} when {} was written",
+                     counted(static_cast<double>(journal.done.updates), "update"),
+                     updates.get<std::uint64_t>(), kSummaryName);
+}
+
+/// Prints which files of a run's there are that its journal doesn't know. What a crash leaves can
+/// be one, and what somebody put there: that is no fault.
+void list_unknown(const fs::path& folder, const io::JournalContent& journal) {
+  std::vector<std::string> names;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    const auto is_it = [&](const io::JournalFile& known) { return known.name == name; };
+    const bool is_run_s =
+        is_output(name) &&
+        (name.ends_with(".vdb") || !name.starts_with("soil_") || name.starts_with("soil_final."));
+    if (is_run_s && entry.is_regular_file(none) && !goes(journal, name) &&
+        std::none_of(journal.files.begin(), journal.files.end(), is_it))
+      names.push_back(name);
+  }
+  std::sort(names.begin(), names.end());
+  for (const std::string& name : names) {
+    std::string itself;
+    if (io::is_snapshot(folder / name)) {
+      try {
+        io::SnapshotInfo info;
+        io::read_snapshot(folder / name, &info);
+        itself = fmt::format("; by itself good, the ground at {} s", time_text(info.time_s));
+      } catch (const io::InputError& e) {
+        itself = fmt::format("; {}", e.what());
+      }
+    }
+    fmt::print("{:<20} is there, but the journal doesn't know it{}\n", name, itself);
+  }
+}
+
+io::JournalContent journal_of(const fs::path& folder) {
+  try {
+    return judged([&] { return io::read_journal(folder / kJournalName); });
+  } catch (const std::runtime_error&) {
+    list_unknown(folder, {});
+    throw;
+  }
+}
+
 void verify_run(const fs::path& folder) {
-  const io::JournalContent journal =
-      judged([&] { return io::read_journal(folder / kJournalName); });
+  const io::JournalContent journal = journal_of(folder);
   std::vector<std::string> faults;
   const auto report = [&](const std::string& name, const std::string& fault,
                           const std::string& good) {
@@ -58,7 +120,7 @@ void verify_run(const fs::path& folder) {
   report(kJournalName,
          journal.damaged
              ? fmt::format("is damaged at byte {}: {} are good", journal.good_bytes, reached)
-             : "",
+             : fault_of_end(folder, journal),
          fmt::format("good: {}{}{}", reached,
                      journal.ended ? ", finished" : ", not finished: `soilvdb resume` goes on",
                      journal.torn_bytes == 0 ? ""
@@ -66,6 +128,7 @@ void verify_run(const fs::path& folder) {
                                                            journal.torn_bytes)));
   for (const RunFile& file : check_files(folder, journal))
     if (!file.outdated) report(file.known.name, file.fault, "good");
+  list_unknown(folder, journal);
   if (!journal.ended) report("inputs", fault_of_inputs(folder, journal), "good");
   if (faults.empty()) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));

@@ -14,6 +14,7 @@
 #include "io/file/text.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/raster.h"
+#include "tools/run/text.h"
 
 namespace soilvdb::tools {
 
@@ -66,10 +67,10 @@ void write_surface_raster(const fs::path& file, const Soil& soil, const Eigen::A
                           double cell_m, const std::string& crs_wkt) {
   const double cells = box.sizes().x() / cell_m * (box.sizes().y() / cell_m);
   if (cells > io::kMostRasterCells)
-    throw std::runtime_error(
-        fmt::format("{}: cells of {} m would be {:.2g} over the dug ground, "
-                    "which is too many; cells of {} m would do",
-                    file.string(), cell_m, cells, affordable_cell_m(box, cell_m)));
+    throw std::runtime_error(fmt::format(
+        "{}: cells of {} m would be {:.2g} over the dug ground, "
+        "which is too many; cells of {} m would do",
+        file.string(), length_text(cell_m), cells, length_text(affordable_cell_m(box, cell_m))));
   const io::SurfaceRaster raster = io::rasterise(soil, box, cell_m);
   io::write_geotiff(file, raster.grid, {{"surface", raster.surface}, {"change", raster.change}},
                     crs_wkt);

@@ -17,28 +17,50 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kFormat = 2;
+constexpr int kFormat = 3;  // 2 knew the scenario by its bytes
+
+/// What of an input has changed since, in words; empty: nothing.
+std::string change_of(const Json& input, const fs::path& file) {
+  if (input.contains("values")) {
+    const std::string what =
+        io::difference(input["values"].get<io::ScenarioValues>(), io::scenario_values(file));
+    return what.empty() ? "" : " (" + what + ")";
+  }
+  const auto checksum = input.value("checksum", std::string());
+  return checksum.empty() || io::file_fingerprint(file) == checksum ? "" : " ";
+}
 
 /// Where an input is now.
 fs::path find_input(const Json& input, const fs::path& folder) {
-  const auto relative = input.at("relative").get<std::string>();
+  const fs::path relative = input.at("relative").get<std::string>();
+  const fs::path resolved = input.at("resolved").get<std::string>();
   const fs::path absolute = input.at("absolute").get<std::string>();
-  const auto checksum = input.value("checksum", std::string());
   std::error_code none;
-  bool there = false;
-  const fs::path typed = folder / relative, behind_links = fs::canonical(folder, none) / relative;
-  for (const fs::path& file :
-       {typed.lexically_normal(), behind_links.lexically_normal(), absolute}) {
+  std::string changed;
+  const fs::path typed = (folder / relative).lexically_normal(),
+                 behind_links = fs::canonical(folder, none);
+  for (const fs::path& file : {typed, (behind_links / relative).lexically_normal(), absolute,
+                               (behind_links / resolved).lexically_normal()}) {
     if (!fs::is_regular_file(file, none)) continue;
-    there = true;
-    if (checksum.empty() || io::file_fingerprint(file) == checksum) return file;
+    const std::string change = change_of(input, file);
+    if (change.empty()) return file;
+    if (changed.empty()) changed = change;
   }
-  if (there)
-    throw io::InputError(absolute, fmt::format("has changed since the run in {} began; put back "
+  if (!changed.empty())
+    throw io::InputError(absolute, fmt::format("has changed since the run in {} began{}; put back "
                                                "what it was, or begin a new run",
-                                               folder.string()));
-  throw io::InputError(absolute,
-                       fmt::format("is missing; the run in {} needs it to go on", folder.string()));
+                                               folder.string(), changed == " " ? "" : changed));
+  const std::string sought =
+      typed == absolute ? "" : fmt::format(", and there is no {}", typed.string());
+  throw io::InputError(absolute, fmt::format("is missing{}; the run in {} needs it to go on",
+                                             sought, folder.string()));
+}
+
+/// Where an input is from the run's folder, both as they were given: what is behind a link may be
+/// another file some day.
+fs::path relative_as_given(const fs::path& file, const fs::path& folder) {
+  return fs::absolute(file).lexically_normal().lexically_proximate(
+      fs::absolute(folder / "").lexically_normal());
 }
 
 }  // namespace
@@ -58,10 +80,13 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   Json inputs = Json::array();
   for (const fs::path& file : input_files(scenario)) {
     // Relative, so that both may move together.
-    inputs.push_back({{"relative", fs::proximate(file, *options.out).string()},
+    inputs.push_back({{"relative", relative_as_given(file, *options.out).string()},
+                      {"resolved", fs::proximate(file, *options.out).string()},
                       {"absolute", fs::absolute(file).lexically_normal().string()}});
     const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
-    if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
+    if (file == scenario.file)
+      inputs.back()["values"] = io::scenario_values(file);
+    else if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
       inputs.back()["checksum"] = io::file_fingerprint(file);
   }
   Json json = {{"format", kFormat},

@@ -4,6 +4,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/file.h>
 #include <unistd.h>
 
@@ -103,7 +104,24 @@ void RunFolder::unmake() {
   made_.clear();
 }
 
-void RunFolder::replace() {
+void RunFolder::replace(const std::function<bool(const std::string&)>& writes) {
+  replace_run();
+  std::vector<std::string> strange;
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(path_, none)) {
+    const std::string name = entry.path().filename().string();
+    if (writes(name) && std::find(replaced_.begin(), replaced_.end(), name) == replaced_.end())
+      strange.push_back(name);
+  }
+  if (strange.empty()) return;
+  std::sort(strange.begin(), strange.end());
+  throw io::InputError(
+      path_, fmt::format("holds {}, which no journal there knows and the run would write over; "
+                         "move that away or give another --out",
+                         fmt::join(strange, ", ")));
+}
+
+void RunFolder::replace_run() {
   const fs::path file = path_ / kJournalName;
   std::error_code none;
   if (!fs::exists(file, none)) return;
@@ -111,7 +129,7 @@ void RunFolder::replace() {
   try {
     journal = io::read_journal(file);
   } catch (const io::InputError& e) {
-    throw io::InputError(fmt::format("{}; remove it or give another --out", e.what()));
+    throw io::InputError(fmt::format("{}; remove the folder or give another --out", e.what()));
   }
   if (journal.damaged)
     throw io::InputError(

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -40,8 +41,10 @@ class RunFolder {
   void unmake();
 
   /// Prepares to replace the run that the folder holds, if it holds one.
-  /// @throw io::InputError if that has dug and isn't finished: `soilvdb resume` can go on with it.
-  void replace();
+  /// @param writes is it the name of a file that the new run writes?
+  /// @throw io::InputError if that has dug and isn't finished: `soilvdb resume` can go on with it;
+  /// and if the new run would write over a file that is there and of no run.
+  void replace(const std::function<bool(const std::string&)>& writes);
   /// The files of that run.
   const std::vector<std::string>& replaced() const { return replaced_; }
 
@@ -56,6 +59,8 @@ class RunFolder {
   const std::vector<std::string>& files() const { return files_; }
 
  private:
+  void replace_run();
+
   std::filesystem::path path_;
   std::vector<std::filesystem::path> made_;  ///< outermost first
   std::vector<std::string> replaced_, files_;

@@ -44,7 +44,7 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
   fmt::print("{}: {} of {}, {} s of motion, {} m voxels, {}\n\n", s.scenario,
              counted(static_cast<double>(updates.count()), "update"),
              counted(static_cast<double>(s.machines.size()), "machine"), time_text(motion_s),
-             s.voxel_size_m, counted(s.threads, "thread"));
+             length_text(s.voxel_size_m), counted(s.threads, "thread"));
   line("cut", fmt::format("{} m³", number(s.cut_m3)));
   line("  captured", fmt::format("{} m³", number(s.captured_m3)));
   line("  displaced", fmt::format("{} m³", number(s.displaced_m3)));
@@ -60,8 +60,11 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
                    number(updates.max_us()), short_count(1e6 / std::max(updates.mean_us(), 1e-3))));
   line("memory", fmt::format("soil {}, peak {}", bytes(static_cast<double>(s.soil_bytes)),
                              bytes(static_cast<double>(s.peak_rss_bytes))));
-  line("time", fmt::format("opening {}, updates {}, in all {}", short_duration(s.open_s),
-                           short_duration(updates.sum_us() * 1e-6), short_duration(s.total_s)));
+  // Updates of machines that are apart take their times side by side.
+  const bool beside = s.machines.size() > 1 && s.threads > 1;
+  line("time", fmt::format("in all {}: opening {}, updates {}{}", short_duration(s.total_s),
+                           short_duration(s.open_s), short_duration(updates.sum_us() * 1e-6),
+                           beside ? ", one by one: several may run at once" : ""));
   line("files", fmt::format("in {}: {}", folder.path().string(), file_list(folder.files())));
 }
 

@@ -10,6 +10,7 @@
 #include <variant>
 
 #include "io/terrain/crs.h"
+#include "soilvdb/io/error.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -24,9 +25,7 @@ std::string without_trailing_zeros(std::string text) {
 }  // namespace
 
 void say(std::string line) {
-  for (char& c : line)
-    if (static_cast<unsigned char>(c) < ' ' || c == '\x7f') c = ' ';
-  std::fputs(("soilvdb: " + line + "\n").c_str(), stderr);
+  std::fputs(("soilvdb: " + io::one_line(std::move(line), ' ') + "\n").c_str(), stderr);
 }
 
 std::string number(double value) {
@@ -34,6 +33,10 @@ std::string number(double value) {
   if (std::abs(value) < kNothing) return "0";
   const int digits = static_cast<int>(std::floor(std::log10(std::abs(value))));
   return without_trailing_zeros(fmt::format("{:.{}f}", value, std::clamp(3 - digits, 1, 9)));
+}
+
+std::string length_text(double length_m) {
+  return fmt::format("{:.10g}", length_m);  // a scenario's and what is computed from it
 }
 
 std::string bytes(double count) {
@@ -59,11 +62,13 @@ std::string crs_text(const std::string& wkt) {
 
 std::string terrain_text(const io::Terrain& terrain) {
   if (const auto* plane = std::get_if<io::PlaneTerrain>(&terrain))
-    return fmt::format("plane z = {} m at x = y = 0, slope {} {}", plane->height_m,
+    return fmt::format("plane z = {} m at x = y = 0, slope {} {}", length_text(plane->height_m),
                        plane->slope.x(), plane->slope.y());
   if (const auto* raster = std::get_if<io::RasterTerrain>(&terrain))
     return fmt::format("raster {}", raster->file.string());
-  return fmt::format("level set {}", std::get<io::LevelSetTerrain>(terrain).file.string());
+  const auto& level_set = std::get<io::LevelSetTerrain>(terrain);
+  return fmt::format("level set {}{}", level_set.file.string(),
+                     level_set.grid.empty() ? "" : ", grid " + io::one_line(level_set.grid));
 }
 
 std::string beneath_text(const Soil& soil) {
@@ -71,7 +76,7 @@ std::string beneath_text(const Soil& soil) {
   if (ground == nullptr) return "";
   const double h = ground->voxel_size_m();
   return fmt::format("the surface of a snapshot with voxels of {} m, true to {} m where it was dug",
-                     h, h / 2);
+                     length_text(h), length_text(h / 2));
 }
 
 }  // namespace soilvdb::tools

@@ -16,6 +16,9 @@ void say(std::string line);
 /// Four significant digits without an exponent for anything a site can hold: "0.03927", "1234.5".
 std::string number(double value);
 
+/// A length as it was given, without what computing left of it: "0.208" for 0.20800000000000002.
+std::string length_text(double length_m);
+
 /// "12.3 MB", by powers of 1000.
 std::string bytes(double count);
 

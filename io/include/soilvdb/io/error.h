@@ -9,6 +9,14 @@
 
 namespace soilvdb::inline v0::io {
 
+/// `text` on one line: control characters, which names and fields may hold, become `instead`.
+inline std::string one_line(std::string text, char instead = '?') {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = instead;
+  }
+  return text;
+}
+
 /// An input file or the command line is wrong: "FILE:LINE: what is wrong and what would be right",
 /// without the line number where the file has none. One line, whatever is in the file's name.
 struct InputError : std::runtime_error {
@@ -17,14 +25,6 @@ struct InputError : std::runtime_error {
       : InputError(file.string() + ": " + message) {}
   InputError(const std::filesystem::path& file, long line, const std::string& message)
       : InputError(file.string() + ":" + std::to_string(line) + ": " + message) {}
-
- private:
-  static std::string one_line(std::string text) {
-    for (char& c : text) {
-      if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = '?';
-    }
-    return text;
-  }
 };
 
 }  // namespace soilvdb::inline v0::io

@@ -12,10 +12,14 @@
 
 namespace soilvdb::inline v0::io {
 
+/// Name of the grid that comes first: that of snapshots and of what `soilvdb export` writes.
+inline constexpr const char* kSurfaceGrid = "surface";
+
 struct LevelSetInput {
   std::shared_ptr<const BaseSurface> surface;
   Eigen::AlignedBox3d bounds;  ///< of its narrow band, world
   std::string crs_wkt;         ///< empty: not known
+  std::string grid;            ///< its name, where the file has other level sets, too; else empty
 };
 
 /// Metadata of a grid: world coordinates of the origin its transform is relative to (Vec3d, m), and
@@ -23,12 +27,13 @@ struct LevelSetInput {
 inline constexpr const char* kOriginKey = "soilvdb_origin";
 inline constexpr const char* kCrsKey = "soilvdb_crs";
 
-/// Reads the grid `surface` if it is a float level set, else the first one that is.
+/// Reads the float level set of this name; without a name `surface`, or else the only one.
 ///
 /// Caveat: OpenVDB trusts the bytes it parses. Call it on files of unknown provenance only where a
 /// crash does no harm.
-/// @throw InputError if there is no such grid, it can't be read, is turned or stretched, its values
+/// @throw InputError if there is no such grid, or several without a name to choose by, if it can't
+/// be read, is turned or stretched, its values
 ///        make no sense as distances, or it is not closed.
-LevelSetInput read_level_set(const std::filesystem::path& file);
+LevelSetInput read_level_set(const std::filesystem::path& file, const std::string& grid = "");
 
 }  // namespace soilvdb::inline v0::io

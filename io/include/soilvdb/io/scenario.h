@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -28,6 +29,7 @@ struct RasterTerrain {
 };
 struct LevelSetTerrain {
   std::filesystem::path file;  ///< a snapshot or any closed level set
+  std::string grid = {};       ///< of several in the file; empty: the only one, or `surface`
 };
 using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
 
@@ -65,5 +67,13 @@ using ReadProgress = std::function<void(std::int64_t done, std::int64_t total)>;
 /// terrain.
 /// @throw InputError naming file, line, what is wrong and what would be right.
 Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress = {});
+
+/// What a scenario's file says, by key ("machines[0].bucket.width"), whatever its comments, quotes
+/// and white space.
+using ScenarioValues = std::map<std::string, std::string>;
+/// @throw InputError if the file can't be read or is no YAML.
+ScenarioValues scenario_values(const std::filesystem::path& file);
+/// The first difference in words, "voxel_size was 0.05 and is 0.025"; empty if there is none.
+std::string difference(const ScenarioValues& before, const ScenarioValues& now);
 
 }  // namespace soilvdb::inline v0::io

@@ -14,7 +14,7 @@ namespace soilvdb::inline v0::io {
 
 /// How to find a base surface again.
 struct BaseReference {
-  Terrain terrain;       ///< a level set may be a snapshot; paths canonical
+  Terrain terrain;       ///< a level set may be a snapshot; paths absolute, links not followed
   std::string checksum;  ///< of the file's size and a sample of its bytes; empty for a plane
 };
 

@@ -1,0 +1,81 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The values of a scenario apart from how they are written down.
+#include <fmt/format.h>
+
+#include <string>
+#include <string_view>
+
+#include "io/file/text.h"
+#include "io/scenario/yaml_map.h"
+#include "soilvdb/io/scenario.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr std::size_t kMaxBytes = 16 << 20;     // of a scenario
+constexpr std::size_t kMostValues = 1'000'000;  // which aliases could make many more of
+constexpr int kDeepest = 20;
+
+class Values {
+ public:
+  explicit Values(const std::filesystem::path& file) : file_(file) {}
+
+  void add(const std::string& key, const YAML::Node& node, int depth = 0) {
+    if (depth > kDeepest || values_.size() > kMostValues)
+      throw InputError(file_, "has more values, or deeper ones, than a scenario");
+    if (node.IsMap()) {
+      for (const auto& entry : node) {
+        const std::string name = entry.first.IsScalar() ? entry.first.Scalar() : "?";
+        add(key.empty() ? name : key + "." + name, entry.second, depth + 1);
+      }
+    } else if (node.IsSequence()) {
+      for (std::size_t i = 0; i < node.size(); ++i)
+        add(fmt::format("{}[{}]", key, i), node[i], depth + 1);
+      values_[key] = fmt::format("a list of {}", node.size());
+    } else {
+      values_[key] = text_of(key, node);
+    }
+  }
+  ScenarioValues take() { return std::move(values_); }
+
+ private:
+  static std::string text_of(std::string_view key, const YAML::Node& node) {
+    if (!node.IsScalar()) return "";
+    // 0.050 is 0.05, but as names they differ.
+    const auto number = parse_number(node.Scalar());
+    return number && !key.ends_with("name") ? fmt::format("{}", *number) : node.Scalar();
+  }
+
+  const std::filesystem::path& file_;
+  ScenarioValues values_;
+};
+
+}  // namespace
+
+ScenarioValues scenario_values(const std::filesystem::path& file) {
+  const std::string text = read_text(file, kMaxBytes);
+  try {
+    Values values(file);
+    values.add("", YAML::Load(text));
+    return values.take();
+  } catch (const YAML::Exception& e) {
+    refuse_yaml(file, text, e);
+  }
+}
+
+std::string difference(const ScenarioValues& before, const ScenarioValues& now) {
+  for (const auto& [key, value] : before) {
+    const auto found = now.find(key);
+    if (found == now.end())
+      return fmt::format("{} was {} and is gone", printable(key), printable(value));
+    if (found->second != value)
+      return fmt::format("{} was {} and is {}", printable(key), printable(value),
+                         printable(found->second));
+  }
+  for (const auto& [key, value] : now)
+    if (!before.contains(key)) return fmt::format("{} was not there", printable(key));
+  return "";
+}
+
+}  // namespace soilvdb::inline v0::io
