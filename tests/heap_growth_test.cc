@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include <algorithm>
 #include <array>
+#include <limits>
 
 #include "soilvdb/ground_service.h"
 #include "soilvdb/io/site.h"
@@ -59,7 +61,16 @@ double growth(Levelling& dig, AfterPass&& after_pass, Settle&& settle) {
       after_pass();
     }
     settle();
-    return double(allocated_bytes());
+    // Threads keep the memory of the block they meshed last, and blocks differ in size: the least
+    // after passes that end with the same one.
+    double least = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 4; ++i) {
+      dig.pass();
+      after_pass();
+      settle();
+      least = std::min(least, double(allocated_bytes()));
+    }
+    return least;
   };
   const double half = level_until(kUpdates / 2), end = level_until(kUpdates);
   EXPECT_GT(dig.tracker.total().cut_m3(), 1.0) << "it was dug";
@@ -83,7 +94,12 @@ TEST(Heap, IsFlatWithAServiceBesideUpdates) {
     service.run([&] { ++jobs; });
     if (++passes % 7 == 0) service.take_patches();
   };
-  EXPECT_LT(growth(dig, after_pass, [&] { service.finish(); }), kGrowth);
+  // Patches are bounded, but how many wait depends on how far the thread came meanwhile.
+  const auto settle = [&] {
+    service.finish();
+    service.take_patches();
+  };
+  EXPECT_LT(growth(dig, after_pass, settle), kGrowth);
   EXPECT_EQ(jobs, passes);
 }
 
