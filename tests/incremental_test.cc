@@ -220,6 +220,11 @@ TEST_F(Incremental, ResumeGoesOnToTheSameFiles) {
       fs::remove_all(folder() / "dig");
       fs::copy(folder() / "saved", folder() / "dig");
       interrupt("dig", share);
+      // No crash leaves a journal that knows of files deleted since: that they go is on disk first.
+      const auto known = snapshots("dig");
+      const bool lost = std::any_of(known.begin(), known.end(), [&](const auto& file) {
+        return !fs::exists(folder() / "dig" / file.name);
+      });
       const Result result = run("resume dig");
       EXPECT_EQ(result.status, 0) << result.err;
       // What this journal knows may have been deleted by the end of the run.
@@ -228,6 +233,9 @@ TEST_F(Incremental, ResumeGoesOnToTheSameFiles) {
       EXPECT_TRUE(vdb_files("dig") == files);
       EXPECT_EQ(read_json(folder() / "dig/summary.json")["state_hash"], summary["state_hash"]);
       EXPECT_EQ(read_json(folder() / "dig/summary.json")["files"], summary["files"]);
+      if (lost) {
+        EXPECT_EQ(run("resume dig").status, 0);
+      }
       EXPECT_EQ(run("verify dig").status, 0);
     }
     fs::remove_all(folder() / "saved");
