@@ -46,7 +46,7 @@ Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
     return std::chrono::duration<double, std::micro>(d).count();
   };
   Latencies times;
-  const io::Site site = hilly_site(), copy = io::untouched(site);
+  const io::Site site = hilly_site(), copy = io::undug_site(site);
   Tracker tracker(*site.soil, {excavator_bucket()});
   GroundService service(*copy.soil, {});
   const DigCycles machine = fleet().front();
@@ -166,7 +166,7 @@ struct Cost {
 
 Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
   constexpr int kStrokes = 5, kDigUpdates = 50, kUpdatesPerCycle = 200;
-  const io::Site site = hilly_site(), copy = io::untouched(site);
+  const io::Site site = hilly_site(), copy = io::undug_site(site);
   Tracker tracker(*site.soil, {excavator_bucket()});
   GroundService service(*copy.soil, {.thread = false});
   const DigCycles machine = fleet().front();
@@ -189,7 +189,7 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
     const Stopwatch save_part;
     io::SnapshotInfo info;
     info.parent = io::SnapshotParent{"before.vdb", {}};
-    const io::Site part = io::untouched(site);
+    const io::Site part = io::undug_site(site);
     for (const Coord3& origin : changed) {
       SoilWriter(*part.soil).copy_from(*site.soil, origin);
       if (site.soil->find(origin) == nullptr) info.parent->dropped.push_back(origin);

@@ -12,6 +12,7 @@
 #include <ctime>
 
 #include "core/surface/sheet_vertex.h"
+#include "core/surface/surface.h"
 
 namespace soilvdb::bench {
 namespace {

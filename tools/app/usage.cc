@@ -35,10 +35,12 @@ std::string not_expected(const CLI::App& app) {
                      io::nearest(word, known));
 }
 
+bool takes_value(const CLI::Option& option) { return option.get_expected_max() > 0; }
+
 /// "--out DIR", "SCENARIO", "--no-mesh"
 std::string with_value(const CLI::Option& option) {
   if (option.get_positional()) return option.get_name(true);
-  return option.get_name() + (option.get_type_size() == 0 ? "" : ' ' + option.get_type_name());
+  return option.get_name() + (takes_value(option) ? ' ' + option.get_type_name() : "");
 }
 
 /// "export FILE --to OUT": a command with all that it must have.
@@ -57,9 +59,9 @@ std::string missing_or_not_wanted(const CLI::App& command, const CLI::ParseError
     const std::string name = o->get_name(o->get_positional());
     if (said.starts_with(name + ' '))
       return fmt::format("{} is missing; right is soilvdb {}", with_value(*o), usage(command));
-    if (said.starts_with(name + ':') && o->get_type_size() != 0)
+    if (said.starts_with(name + ':') && takes_value(*o))
       return fmt::format("{} has no value behind it; right is {}", name, with_value(*o));
-    if (o->get_type_size() == 0 && said.find(name + " = ") != said.npos)
+    if (!takes_value(*o) && said.find(name + " = ") != said.npos)
       return fmt::format("{} takes no value", name);
   }
   return said;
