@@ -13,9 +13,10 @@ namespace soilvdb::inline v0 {
 // ---- Cuts -------------------------------------------------------------------------------------
 
 /// Most that a point fixed in the world may leave the straight way in the bucket frame in a segment
-/// of a path, voxels. A stroke's parabola leaves out at most 0.013 of that (third order), and the
-/// facet's kernel relies on it for what it skips. More: whole samples are missed. Less: more
-/// segments, each of which looks at every voxel again.
+/// of a path, voxels. A stroke's parabola leaves out at most 0.013 of that on a bucket of ten
+/// voxels (third order; 0.017 on one of five), and the facet's kernel relies on it for what it
+/// skips. More: whole samples are missed. Less: more segments, each of which looks at every voxel
+/// again.
 inline constexpr double kMaxBend = 0.02;
 /// By which a path may leave a machine's own where rows say no more than their neighbours, voxels.
 /// A tenth of what a count errs by on one cell; more shows in cuts.

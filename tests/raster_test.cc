@@ -258,6 +258,18 @@ TEST(Raster, WebMercatorIsRefusedWhereItsMetresAreNone) {
   EXPECT_EQ(mercator(folder, 1), "accepted") << "off by less than a percent";
 }
 
+TEST(Raster, WhatIsAdvisedAtThePolesIsAcceptedThere) {
+  const TempFolder folder;
+  folder.write("a.asc",
+               "ncols 3\nnrows 2\nxllcorner 2000000\nyllcorner 2000000\ncellsize 1\n"
+               "4 5 6\n1 2 3\n");
+  ASSERT_EQ(std::system(fmt::format("cd '{}' && gdal_translate -q -a_srs EPSG:32761 a.asc a.tif",
+                                    folder.path().string())
+                            .c_str()),
+            0);
+  EXPECT_EQ(refusal(folder, folder / "a.tif"), "accepted");
+}
+
 TEST(Raster, DegreesWithoutACrsAreRecognised) {
   const TempFolder folder;
   const std::string header = "ncols 3\nnrows 2\nxllcorner -77\nyllcorner 38\ncellsize 0.0003\n";

@@ -312,6 +312,29 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
   expect_same_as_whole();
 }
 
+TEST_F(Resume, ATerrainBesideWhatAFolderLinksToIsFoundAgain) {
+  const HeightGrid grid{9, 9, {-4, -4}, {1, 1}};
+  fs::create_directories(folder() / "data/a");
+  io::write_geotiff(folder() / "data/flat.tif", grid, {{"z", std::vector<float>(81)}}, "");
+  fs::create_directory_symlink(folder() / "data/a", folder() / "site");
+  write_scenario("{raster: ../flat.tif}");
+  for (const char* name : {"dig.yaml", "dig.csv"})
+    fs::rename(folder() / name, folder() / "site" / name);
+  const Result whole = run("run site/dig.yaml --out out");
+  ASSERT_EQ(whole.status, 0) << whole.err;
+  EXPECT_EQ(run("info out/soil_final.vdb").status, 0);
+  fs::resize_file(folder() / "out/journal", fs::file_size(folder() / "out/journal") * 3 / 5);
+  const Result result = run("resume out");
+  EXPECT_EQ(result.status, 0) << result.err;
+}
+
+TEST_F(Resume, AnotherFileAtItsPlaceIsNotTakenForTheScenario) {
+  run_whole();
+  interrupt(0.6);
+  write_file(folder() / "dig.yaml", "no: [scenario");
+  expect_refused("resume out/dig", "dig.yaml: has changed since the run in out/dig began (");
+}
+
 TEST_F(Resume, AScenarioMayBeWrittenAnotherWayButMustSayTheSame) {
   run_whole();
   interrupt(0.6);

@@ -72,6 +72,20 @@ TEST_F(Run, LeavesFilesThatOnlyHaveTheNamesOfItsOwn) {
   EXPECT_EQ(read_file(folder() / "mine/soil_final.obj"), "mine");
 }
 
+TEST_F(Run, BeginsAnewOverASnapshotThatTheJournalDidNotLiveToKnow) {
+  write_file(folder() / "dig.yaml", half_sine_scenario() + "output: {snapshots: {every: 1}}\n");
+  const std::string hash = summary("dig.yaml")["state_hash"];
+  const fs::path out = folder() / "out/dig";
+  for (const char* name : {"summary.json", "soil_final.vdb", "updates.csv", "soil_2.vdb"})
+    fs::remove(out / name);
+  // Its first frame alone, which says what was asked for.
+  std::uintmax_t size = fs::file_size(out / "journal");
+  while (io::read_journal(out / "journal").done.updates > 0)
+    fs::resize_file(out / "journal", size = size * 9 / 10);
+  ASSERT_TRUE(fs::exists(out / "soil_1.vdb"));
+  EXPECT_EQ(summary("dig.yaml")["state_hash"], hash);
+}
+
 TEST_F(Run, AFullDiskIsStatusOneAndSaysWhatIsSafe) {
   // A limit on the size of files stands for the full disk: writes fail in the same places.
   const Result result =

@@ -16,8 +16,8 @@ struct Bend {
 
 /// The models of the cells of a CellGrid.
 ///
-/// A cell's model depends on the words within a chunk of it and on nothing else: not on
-/// the grid, its neighbours' order or threads.
+/// A cell's model depends on the words within a chunk of it and on nothing else: not on the grid,
+/// its neighbours' order or threads.
 class CellModels {
  public:
   /// @param range models are made for cells so far from a chunk asked for, voxels

@@ -45,8 +45,8 @@ class Excavator {
     Eigen::Matrix3d axes;  // columns are the facet's
     Vec3 position;
     Eigen::AlignedBox3d box;
-    float
-        half_range[3];  // most the facet's coordinates differ over a chunk from those at its middle
+    // Most the facet's coordinates differ over a chunk from those at its middle.
+    float half_range[3];
   };
   /// A stroke on its way through a chunk: a facet in the segment that ends with a pose.
   struct StrokeRef {

@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// what a record of the cold store begins with, so that no other chunk's is taken for it.
+/// What a record of the cold store begins with, so that no other chunk's is taken for it.
 struct Label {
   std::int32_t origin[3];
   std::uint32_t soil_count;

@@ -16,14 +16,14 @@ namespace soilvdb::inline v0 {
 struct ContourVertex {
   Coord3 cell;  ///< of the dual cell: the voxel at its low corner
   float in[3];  ///< from that voxel's centre
-  bool base;    ///< made of untouched cells alone
+  bool base;    ///< made of undug cells alone
 };
 
 struct Contour {
   std::vector<ContourVertex> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
-  std::vector<int>
-      edges;  ///< of each triangle: the cell at the lower end of the edge it goes round
+  /// Of each triangle: the cell at the lower end of the edge it goes round.
+  std::vector<int> edges;
 };
 
 /// Dual contouring (Ju et al. 2002) with a vertex for each sheet of the surface in a dual cell, so

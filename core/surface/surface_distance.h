@@ -14,7 +14,7 @@ namespace soilvdb::inline v0 {
 inline constexpr int kPolygonsSeen = 4;
 
 /// phi at voxel centres: to the nearest of the polygons within the band, all of which are looked
-/// at, so that their order is no matter. Where the nearest is of untouched ground and the base
+/// at, so that their order is no matter. Where the nearest is of undug ground and the base
 /// surface agrees it is the base surface's own distance.
 class ContourDistance {
  public:

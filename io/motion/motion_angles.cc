@@ -78,8 +78,9 @@ void Angles::check(const std::filesystem::path& file) const {
       file, first,
       fmt::format("{} is {:g} rad, more than a whole turn, and {} of {} rows have such angles: "
                   "they look like degrees; make them radians, or say 'angles: degrees' beside "
-                  "the machine's 'motion:'",
-                  printable(name), angle_rad, rows, rows_));
+                  "the machine's 'motion:'{}",
+                  printable(name), angle_rad, rows, rows_,
+                  joints_ ? "" : "; of what turns round and round keep it within a turn"));
 }
 
 void Angles::warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const {

@@ -24,8 +24,8 @@ bool find_step(const MachineInput& machine, const std::function<bool(const Box3&
 
 Box3 box_at(const Pose& world_from_bucket, const Corners& corners);
 
-/// Boxes about the bucket from pose to pose of a step's path, closer than a voxel of `h`
-/// metres to each other.
+/// Boxes about the bucket from pose to pose of a step's path, closer than a voxel of `h` metres to
+/// each other.
 std::vector<Box3> close_boxes(const MachineInput& m, const Motion& part, std::size_t row, double h);
 
 }  // namespace soilvdb::inline v0::io

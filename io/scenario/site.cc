@@ -18,9 +18,12 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// Where a file is, without following links: those may be mended to lead elsewhere.
+/// Where a file is, without following links: those may be mended to lead elsewhere. But for what is
+/// reached by .. behind one.
 std::filesystem::path as_given(const std::filesystem::path& file) {
-  return std::filesystem::absolute(file).lexically_normal();
+  std::error_code none;
+  const std::filesystem::path plain = std::filesystem::absolute(file).lexically_normal();
+  return std::filesystem::equivalent(plain, file, none) ? plain : std::filesystem::canonical(file);
 }
 
 constexpr double kSameSize = 1e-9;  // relative: the same number, through text

@@ -11,8 +11,8 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Each piece has a CRC-64 of its bytes and its place. The file grows to what was in it at most;
-/// room that pieces leave is taken again.
+/// Each record has a CRC-64 of its bytes and its place. The file grows to what was in it at most;
+/// room that records leave is taken again.
 class ColdFile final : public ColdStore {
  public:
   /// @param folder in which the file is made. @throw std::runtime_error if it can't be

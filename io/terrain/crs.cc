@@ -62,8 +62,9 @@ std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec
   return Vec2(x, y);
 }
 
-// UTM is off by 0.002 at most in its zone, a grid for the whole of Norway or France by 0.007.
-constexpr double kMostAreaOff = 0.01;
+// UTM is off by 0.002 at most in its zone, a grid for the whole of Norway or France by 0.007, UPS
+// by 0.0121 at its pole.
+constexpr double kMostAreaOff = 0.0125;
 
 /// How many square metres on the ground one of the map is at a place, by WGS 84's ellipsoid.
 std::optional<double> ground_area(const OGRSpatialReference& srs, const Vec2& p) {

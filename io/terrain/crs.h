@@ -24,7 +24,7 @@ int utm_epsg(double longitude, double latitude);
 /// @param centre middle of the raster, in `srs`, x east and y north
 /// @param vertical_unit name of the unit of the heights; may be empty
 /// @throw InputError unless x, y and heights are in metres, and those of x and y are metres on the
-///        ground, too (areas within a percent); with the command that mends it.
+///        ground, too (areas within 1.25 %); with the command that mends it.
 void require_metres(const std::filesystem::path& file, const OGRSpatialReference& srs,
                     const Vec2& centre, const std::string& vertical_unit);
 

@@ -119,10 +119,11 @@ void run(const RunOptions& options) {
       folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
       const std::string ground = beneath_text(*start.site.soil);
-      Session job(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
+      Session session(std::move(config), std::move(scenario), folder, std::move(start), threads,
+                      begin);
       if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);
-      job.run();
+      session.run();
     } catch (...) {
       folder.unmake();
       throw;

@@ -20,7 +20,7 @@ using Json = nlohmann::json;
 constexpr int kFormat = 3;  // 2 knew the scenario by its bytes
 
 /// What of an input has changed since, in words; empty: nothing.
-std::string change_of(const Json& input, const fs::path& file) {
+std::string change_of(const Json& input, const fs::path& file) try {
   if (input.contains("values")) {
     const std::string what =
         io::difference(input["values"].get<io::ScenarioValues>(), io::scenario_values(file));
@@ -28,6 +28,8 @@ std::string change_of(const Json& input, const fs::path& file) {
   }
   const auto checksum = input.value("checksum", std::string());
   return checksum.empty() || io::file_fingerprint(file) == checksum ? "" : " ";
+} catch (const io::InputError& e) {  // what lies there may be another file altogether
+  return fmt::format(" ({})", e.what());
 }
 
 /// Where an input is now.
@@ -50,8 +52,9 @@ fs::path find_input(const Json& input, const fs::path& folder) {
     throw io::InputError(absolute, fmt::format("has changed since the run in {} began{}; put back "
                                                "what it was, or begin a new run",
                                                folder.string(), changed == " " ? "" : changed));
-  const std::string sought =
-      typed == absolute ? "" : fmt::format(", and there is no {}", typed.string());
+  const std::string sought = fs::absolute(typed).lexically_normal() == absolute
+                                 ? ""
+                                 : fmt::format(", and there is no {}", typed.string());
   throw io::InputError(absolute, fmt::format("is missing{}; the run in {} needs it to go on",
                                              sought, folder.string()));
 }

@@ -105,13 +105,15 @@ void RunFolder::unmake() {
 }
 
 void RunFolder::replace(const std::function<bool(const std::string&)>& writes) {
-  replace_run();
+  const bool unfinished = replace_run();
   std::vector<std::string> strange;
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(path_, none)) {
     const std::string name = entry.path().filename().string();
-    if (writes(name) && std::find(replaced_.begin(), replaced_.end(), name) == replaced_.end())
-      strange.push_back(name);
+    if (!writes(name) || std::find(replaced_.begin(), replaced_.end(), name) != replaced_.end())
+      continue;
+    // A crash may come between a snapshot and the journal's record of it.
+    (unfinished && is_periodic(name) ? replaced_ : strange).push_back(name);
   }
   if (strange.empty()) return;
   std::sort(strange.begin(), strange.end());
@@ -121,10 +123,11 @@ void RunFolder::replace(const std::function<bool(const std::string&)>& writes) {
                          fmt::join(strange, ", ")));
 }
 
-void RunFolder::replace_run() {
+/// @return whether there is one that isn't finished
+bool RunFolder::replace_run() {
   const fs::path file = path_ / kJournalName;
   std::error_code none;
-  if (!fs::exists(file, none)) return;
+  if (!fs::exists(file, none)) return false;
   io::JournalContent journal;
   try {
     journal = io::read_journal(file);
@@ -144,6 +147,7 @@ void RunFolder::replace_run() {
                            time_text(journal.done.time_s), path_.string()));
   replaced_ = std::move(journal.removed);
   for (const io::JournalFile& known : journal.files) replaced_.push_back(known.name);
+  return !journal.ended;
 }
 
 void RunFolder::remove(const std::vector<std::string>& names) const {

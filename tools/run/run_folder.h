@@ -59,7 +59,7 @@ class RunFolder {
   const std::vector<std::string>& files() const { return files_; }
 
  private:
-  void replace_run();
+  bool replace_run();
 
   std::filesystem::path path_;
   std::vector<std::filesystem::path> made_;  ///< outermost first

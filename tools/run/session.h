@@ -46,7 +46,7 @@ class Session {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// @param folder outlives the job
+  /// @param folder outlives the session
   /// @param begin when the command was given
   /// @throw io::InputError if there is nothing to dig before a bad row
   Session(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,

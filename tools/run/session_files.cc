@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The files of a job.
+// The files of a session: snapshots on the way, the rest at the end.
 #include <fmt/format.h>
 #include <sys/resource.h>
 

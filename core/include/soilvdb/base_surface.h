@@ -14,7 +14,7 @@ namespace soilvdb::inline v0 {
 
 class Soil;
 
-/// Voxels per side of a leaf, the chunk in which ground gets voxels.
+/// Voxels per side of a chunk, in which ground gets voxels: a leaf of the tree.
 inline constexpr int kChunkSide = 8;
 inline constexpr int kChunkVoxels = kChunkSide * kChunkSide * kChunkSide;
 

@@ -10,16 +10,16 @@
 
 namespace soilvdb::inline v0 {
 
-/// Pieces of bytes by number. All members may be called from several threads.
+/// Records of bytes by number. All members may be called from several threads.
 class ColdStore {
  public:
   virtual ~ColdStore() = default;
-  /// Keeps a piece. @return its number, above 0. @throw std::runtime_error if it can't be kept
+  /// Keeps a record. @return its number, above 0. @throw std::runtime_error if it can't be kept
   virtual std::uint32_t put(std::string_view bytes) = 0;
   /// Gives it back. @throw std::runtime_error if it isn't any more what was put
-  virtual void get(std::uint32_t piece, std::string& bytes) const = 0;
+  virtual void get(std::uint32_t record, std::string& bytes) const = 0;
   /// Forgets it: its number may come again. @param size in bytes
-  virtual void drop(std::uint32_t piece, std::size_t size) = 0;
+  virtual void drop(std::uint32_t record, std::size_t size) = 0;
 };
 
 }  // namespace soilvdb::inline v0

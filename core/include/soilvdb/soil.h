@@ -22,10 +22,10 @@ namespace soilvdb::inline v0 {
 /// are counted on samples, surfaces are made from them when somebody looks
 /// (core/surface/surface.h).
 struct Chunk {
-  Coord3 origin;                  ///< index of the first voxel, a multiple of 8
-  bool touched = false;           ///< listed for Soil::take_touched()
-  bool above = false;             ///< soil was added that the base surface doesn't have
-  std::uint8_t used = 0;          ///< how lately, where memory is limited: 2 since Soil::page_out()
+  Coord3 origin;          ///< index of the first voxel, a multiple of 8
+  bool touched = false;   ///< listed for Soil::take_touched()
+  bool above = false;     ///< soil was added that the base surface doesn't have
+  std::uint8_t used = 0;  ///< how lately, where memory is limited: 2: since the last page_out()
   std::uint16_t base_count = 0;   ///< samples of soil in the base surface
   std::uint16_t soil_count = 0;   ///< samples of soil now
   std::uint32_t cold_record = 0;  ///< of the cold store, which has the samples; 0: they are here
@@ -82,7 +82,7 @@ class Soil {
   /// May run while others change the ground elsewhere.
   bool is_air(const Eigen::AlignedBox3d& box) const;
 
-  /// samples of a chunk, resident or not.
+  /// Samples of a chunk, resident or not.
   void read_samples(const Coord3& origin, SampleWords& samples) const;
   /// Those that the base surface has there.
   void read_base(const Coord3& origin, SampleWords& samples) const;

@@ -45,9 +45,8 @@ class MotionFile {
   double begin_s() const { return begin_s_; }
   double end_s() const { return end_s_; }
   const std::filesystem::path& file() const { return file_; }  ///< empty: it has none
-  MotionReader reader() const {
-    return {file_, chain_, angles_};
-  }  ///< of its file, at the first row
+  /// Of its file, at the first row.
+  MotionReader reader() const { return {file_, chain_, angles_}; }
   const BadRows& bad_rows() const { return bad_rows_; }
   /// Is it to be dug up to bad_rows().good_s only?
   bool stops() const { return stop_ && bad_rows_.count > 0; }
