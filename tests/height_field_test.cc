@@ -162,8 +162,9 @@ double distance_to(const Posts& posts, int i, int j, const Vec3& p) {
 }
 
 TEST(HeightField, DistanceIsThatToTheNearestPatchOnBothSidesOfABorder) {
-  // Three steps of Gauss-Newton, of which a border takes one, each by 0.02 or smaller.
-  constexpr double kError = 4e-4;
+  // Three steps of Gauss-Newton, of which a border takes one, each by 0.02 or smaller, from an
+  // error of the band at most: three voxels.
+  constexpr double kError = 3 * 0.02 * 0.02;
   constexpr double kBand = 3 * kVoxel;
   const auto posts = testing::posts(0.04);
   const auto ground = field(posts);
