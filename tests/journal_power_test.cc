@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <fstream>
 #include <map>
 #include <mutex>
@@ -80,7 +81,7 @@ io::JournalMove move(int i, int rows = 1) {
   move.rows.columns = 1;
   for (int k = 0; k <= rows; ++k) {
     move.rows.times_s.push_back(i + static_cast<double>(k) / rows);
-    move.rows.values.push_back(0.5 * k);
+    move.rows.values.push_back(std::sin(k));
   }
   return move;
 }
@@ -103,7 +104,7 @@ class JournalPower : public ::testing::Test {
   /// Adds more than is kept waiting for a sync, and returns when that is written.
   void add_much(io::JournalWriter& writer, int i) const {
     constexpr int kRows = 40'000;
-    const auto size = std::filesystem::file_size(file_) + kRows * 2 * sizeof(double);
+    const auto size = std::filesystem::file_size(file_) + kRows * sizeof(double);
     writer.add(move(i, kRows));
     while (std::filesystem::file_size(file_) < size)
       std::this_thread::sleep_for(std::chrono::milliseconds(1));

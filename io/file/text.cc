@@ -117,4 +117,15 @@ std::string quoted_list(std::span<const std::string> words) {
   return list;
 }
 
+std::string shell_quoted(const std::filesystem::path& path) {
+  const std::string text = path.string();
+  const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
+    return std::isalnum(c) || std::string_view("/._-+:,@=").find(char(c)) != std::string_view::npos;
+  });
+  if (plain && text[0] != '-') return text;
+  std::string quoted = text[0] == '-' ? "./'" : "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
 }  // namespace soilvdb::inline v0::io

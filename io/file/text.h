@@ -38,4 +38,7 @@ std::string nearest(std::string_view word, std::span<const std::string> candidat
 /// 'a', 'b' and 'c'
 std::string quoted_list(std::span<const std::string> words);
 
+/// `path` as an argument for a shell.
+std::string shell_quoted(const std::filesystem::path& path);
+
 }  // namespace soilvdb::inline v0::io

@@ -16,6 +16,7 @@
 
 #include "io/file/atomic_file.h"
 #include "io/journal/journal_format.h"
+#include "io/journal/move_coding.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -32,11 +33,6 @@ constexpr std::size_t kMostPending = std::size_t{64} << 20;  // where add() wait
 void append_text(std::string& bytes, std::string_view text) {
   append_raw(bytes, static_cast<std::uint32_t>(text.size()));
   bytes += text;
-}
-
-void append_numbers(std::string& bytes, std::span<const double> numbers) {
-  append_raw(bytes, static_cast<std::uint32_t>(numbers.size()));
-  bytes.append(reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes());
 }
 
 std::string frame(std::string_view content, std::uint64_t place, std::uint64_t synced) {
@@ -85,25 +81,11 @@ JournalWriter::~JournalWriter() {
 }
 
 void JournalWriter::add(const JournalMove& move) {
-  const MotionRows& rows = move.rows;
-  if (last_row_s_.size() <= move.machine)
-    last_row_s_.resize(move.machine + 1, -std::numeric_limits<double>::infinity());
-  double& last_row_s = last_row_s_[move.machine];
-  const auto fresh = static_cast<std::size_t>(
-      std::upper_bound(rows.times_s.begin(), rows.times_s.end(), last_row_s) -
-      rows.times_s.begin());
-  if (!rows.times_s.empty()) last_row_s = rows.times_s.back();
-
+  if (before_.size() <= move.machine) before_.resize(move.machine + 1);
   std::unique_lock lock(mutex_);
   pending_ += kMoveTag;
-  append_raw(pending_, move.machine);
-  append_raw(pending_, move.ends_update);
-  for (const double value : {move.begin_s, move.end_s, move.cut_m3, move.bucket_m3, move.us})
-    append_raw(pending_, value);
-  append_raw(pending_, rows.joints);
-  append_raw(pending_, static_cast<std::uint32_t>(rows.columns));
-  append_numbers(pending_, std::span(rows.times_s).subspan(fresh));
-  append_numbers(pending_, std::span(rows.values).subspan(fresh * rows.columns));
+  append_count(pending_, move.machine);
+  append_move(pending_, move, before_[move.machine]);
   if (move.ends_update) {
     ++added_.updates;
     added_.time_s = move.end_s;

@@ -7,19 +7,13 @@
 
 #include "io/file/text.h"
 #include "io/journal/journal_format.h"
+#include "io/journal/move_coding.h"
 #include "soilvdb/io/journal.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::uint32_t kMostMachines = 100'000;
-
-bool take_flag(std::string_view& bytes, bool& flag) {
-  std::uint8_t byte = 0;
-  if (!take_raw(bytes, byte) || byte > 1) return false;
-  flag = byte == 1;
-  return true;
-}
 
 bool take_text(std::string_view& bytes, std::string& text) {
   std::uint32_t size = 0;
@@ -29,25 +23,12 @@ bool take_text(std::string_view& bytes, std::string& text) {
   return true;
 }
 
-bool take_numbers(std::string_view& bytes, std::vector<double>& numbers) {
-  std::uint32_t count = 0;
-  if (!take_raw(bytes, count) || bytes.size() / sizeof(double) < count) return false;
-  numbers.resize(count);
-  for (double& number : numbers) take_raw(bytes, number);
-  return true;
-}
-
-/// Takes the rows that a machine's last moves hadn't had, and forgets those before `begin_s`.
-bool take_rows(std::string_view& bytes, double begin_s, MotionRows& rows) {
-  MotionRows fresh;
-  std::uint32_t columns = 0;
-  if (!take_flag(bytes, fresh.joints) || !take_raw(bytes, columns) ||
-      !take_numbers(bytes, fresh.times_s) || !take_numbers(bytes, fresh.values) ||
-      fresh.values.size() != fresh.times_s.size() * columns)
+/// Puts the rows that a machine's move brought behind those that it had, and forgets those before
+/// `begin_s`; false if they don't fit.
+bool add_rows(MotionRows& rows, const MotionRows& fresh, double begin_s) {
+  if (!rows.times_s.empty() && (rows.joints != fresh.joints || rows.columns != fresh.columns))
     return false;
-  fresh.columns = columns;
-  if (!rows.times_s.empty() && (rows.joints != fresh.joints || rows.columns != columns))
-    return false;
+  const std::size_t columns = fresh.columns;
   const auto drop = [&](std::size_t first, std::size_t last) {
     const auto at = [](auto& list, std::size_t i) {
       return list.begin() + static_cast<std::ptrdiff_t>(i);
@@ -72,18 +53,6 @@ bool take_rows(std::string_view& bytes, double begin_s, MotionRows& rows) {
   return !rows.times_s.empty();
 }
 
-bool take_move(std::string_view& bytes, std::vector<MotionRows>& rows, JournalMove& move) {
-  if (!take_raw(bytes, move.machine) || move.machine >= kMostMachines ||
-      !take_flag(bytes, move.ends_update))
-    return false;
-  for (double* value : {&move.begin_s, &move.end_s, &move.cut_m3, &move.bucket_m3, &move.us})
-    if (!take_raw(bytes, *value)) return false;
-  if (rows.size() <= move.machine) rows.resize(move.machine + 1);
-  if (!take_rows(bytes, move.begin_s, rows[move.machine])) return false;
-  move.rows = rows[move.machine];
-  return true;
-}
-
 bool take_file(std::string_view& bytes, JournalFile& file) {
   return take_raw(bytes, file.updates) && take_raw(bytes, file.size) && take_raw(bytes, file.crc) &&
          take_text(bytes, file.name) && take_text(bytes, file.parent);
@@ -95,8 +64,31 @@ JournalReader::JournalReader(const std::filesystem::path& file) : file_(file) {
   check_readable(file);
   in_.open(file, std::ios::binary);
   size_ = std::filesystem::file_size(file);
-  if (!next_frame() || frame_.front() != kConfigTag)
-    throw InputError(file, "is not a journal, or damaged at its start");
+  if (next_frame() && frame_.front() == kConfigTag) return;
+  std::uint32_t mark = 0;
+  in_.clear();
+  in_.seekg(0);
+  if (in_.read(reinterpret_cast<char*>(&mark), sizeof mark) && mark == kFormerFrameMark)
+    throw InputError(file, "is a journal of another soilvdb's format; run its scenario again");
+  throw InputError(file, "is not a journal, or damaged at its start");
+}
+
+JournalReader::~JournalReader() = default;
+
+/// Takes a move, with the rows that it shares with the one before.
+bool JournalReader::take(std::string_view& bytes, JournalMove& move) {
+  std::uint64_t machine = 0;
+  if (!take_count(bytes, machine) || machine >= kMostMachines) return false;
+  if (rows_.size() <= machine) {
+    rows_.resize(machine + 1);
+    before_.resize(machine + 1);
+  }
+  move.machine = static_cast<std::uint32_t>(machine);
+  if (!take_move(bytes, move, before_[machine]) ||
+      !add_rows(rows_[machine], move.rows, move.begin_s))
+    return false;
+  move.rows = rows_[machine];
+  return true;
 }
 
 std::optional<JournalRecord> JournalReader::next() {
@@ -119,7 +111,7 @@ std::optional<JournalRecord> JournalReader::next() {
       return taken(std::move(config), good);
     }
     case kMoveTag: {
-      const bool good = take_move(rest, rows_, move);
+      const bool good = take(rest, move);
       return taken(std::move(move), good);
     }
     case kFileTag: {

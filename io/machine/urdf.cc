@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "io/file/text.h"
-#include "io/terrain/crs.h"
 
 namespace soilvdb::inline v0::io {
 namespace {

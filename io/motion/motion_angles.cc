@@ -12,7 +12,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kDegree = std::numbers::pi / 180;
 
 bool has_stops(const Joint& joint) { return joint.lower != joint.upper && !may_wrap(joint); }

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,6 +14,8 @@
 #include "soilvdb/kinematics.h"
 
 namespace soilvdb::inline v0::io {
+
+inline constexpr double kTurn = 2 * std::numbers::pi;
 
 /// Can the joint's angle go all the way round? So it is for limits of half a turn either way, too:
 /// they are where a sensor wraps, not where the joint stops.

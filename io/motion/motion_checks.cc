@@ -33,7 +33,7 @@ constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
 
 // Of a joint that goes all the way round, which is slower than buckets curl: houses swing at 1.5
 // rad/s.
-constexpr double kFastestTurn_rad_s = 2, kTurn = 2 * std::numbers::pi;
+constexpr double kFastestTurn_rad_s = 2;
 
 /// Is it a turn too fast for a machine, and little but for the whole turn?
 bool wraps(double travel, double after_s) {

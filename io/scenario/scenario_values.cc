@@ -13,7 +13,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMaxBytes = 16 << 20;     // of a scenario
 constexpr std::size_t kMostValues = 1'000'000;  // which aliases could make many more of
 constexpr int kDeepest = 20;
 
@@ -54,14 +53,9 @@ class Values {
 }  // namespace
 
 ScenarioValues scenario_values(const std::filesystem::path& file) {
-  const std::string text = read_text(file, kMaxBytes);
-  try {
-    Values values(file);
-    values.add("", YAML::Load(text));
-    return values.take();
-  } catch (const YAML::Exception& e) {
-    refuse_yaml(file, text, e);
-  }
+  Values values(file);
+  values.add("", read_yaml(file));
+  return values.take();
 }
 
 std::string difference(const ScenarioValues& before, const ScenarioValues& now) {

@@ -13,6 +13,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include "core/constants.h"
 #include "io/scenario/find_step.h"
 #include "soilvdb/io/raster.h"
 
@@ -21,7 +22,6 @@ namespace {
 
 constexpr double kBytesPerChunk = 3500;  // a Chunk, its leaf, its share of the tree
 constexpr int kCellBits = 21;            // of a coordinate of a cell no smaller than a chunk
-constexpr double kMostVoxels = 1 << 23;  // either way from the origin: 21 bits of chunks
 constexpr int kPointsAcross = 8;         // of a mouth, where its sweep is estimated
 constexpr double kMostCells = 1e6;       // looked at for one block of steps
 constexpr double kMostStrokeM = 1000;    // in soil, from one row to the next
@@ -63,13 +63,13 @@ void check_distance(const Scenario& scenario, const Site& site, const MachineInp
   const Vec3 far = (whole.min() - site.soil->origin())
                        .cwiseAbs()
                        .cwiseMax((whole.max() - site.soil->origin()).cwiseAbs());
-  if (far.maxCoeff() < kMostVoxels * h) return;
+  if (far.maxCoeff() < kMaxIndex * h) return;
   throw InputError(
       scenario.file,
       fmt::format("machine '{}' goes {:.0f} m from the site's origin, more than the "
                   "{:g} m that voxels of {:g} m can number; a voxel_size of {:.2g} or "
                   "more would do",
-                  m.name, far.maxCoeff(), kMostVoxels * h, h, 1.05 * far.maxCoeff() / kMostVoxels));
+                  m.name, far.maxCoeff(), kMaxIndex * h, h, 1.05 * far.maxCoeff() / kMaxIndex));
 }
 
 /// A stroke that takes hours to dig, and that no machine made.

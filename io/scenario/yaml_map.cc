@@ -63,10 +63,8 @@ struct DocumentStarts : YAML::EventHandler {
   long second_line = 0;  ///< 0: there is none
 };
 
-}  // namespace
-
-void refuse_yaml(const std::filesystem::path& file, const std::string& text,
-                 const YAML::Exception& e) {
+[[noreturn]] void refuse(const std::filesystem::path& file, const std::string& text,
+                         const YAML::Exception& e) {
   const std::string message = "is not valid YAML: " + printable(e.msg);
   if (e.mark.is_null()) throw InputError(file, message);
   // What it says of a tab is another thing each time, at the line or the one before.
@@ -78,6 +76,23 @@ void refuse_yaml(const std::filesystem::path& file, const std::string& text,
     throw InputError(file, n + 1, "is not valid YAML: a tab indents this line; use spaces instead");
   }
   throw InputError(file, e.mark.line + 1, message);
+}
+
+}  // namespace
+
+YAML::Node read_yaml(const std::filesystem::path& file) {
+  const std::string text = read_text(file, kMaxBytes);
+  try {
+    const DocumentStarts starts(text);
+    if (starts.second_line > 0) {
+      throw InputError(file, starts.second_line, "a second document starts; there must be one");
+    }
+    const YAML::Node document = YAML::Load(text);
+    if (document.IsNull()) throw InputError(file, "is empty");
+    return document;
+  } catch (const YAML::Exception& e) {
+    refuse(file, text, e);
+  }
 }
 
 YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
@@ -104,18 +119,7 @@ YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std:
 
 YamlMap YamlMap::load(const std::filesystem::path& file, std::string what,
                       std::vector<std::string> known) {
-  const std::string text = read_text(file, kMaxBytes);
-  try {
-    const DocumentStarts starts(text);
-    if (starts.second_line > 0) {
-      throw InputError(file, starts.second_line, "a second document starts; there must be one");
-    }
-    const YAML::Node document = YAML::Load(text);
-    if (document.IsNull()) throw InputError(file, "is empty");
-    return YamlMap(file, document, std::move(what), std::move(known));
-  } catch (const YAML::Exception& e) {
-    refuse_yaml(file, text, e);
-  }
+  return YamlMap(file, read_yaml(file), std::move(what), std::move(known));
 }
 
 bool YamlMap::has(const std::string& key) const { return node_[key].IsDefined(); }

@@ -23,7 +23,7 @@ class YamlMap {
   YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
           std::vector<std::string> known);
 
-  /// The one document in a YAML file, which must be a map.
+  /// The document of read_yaml(), which must be a map.
   static YamlMap load(const std::filesystem::path& file, std::string what,
                       std::vector<std::string> known);
 
@@ -61,9 +61,8 @@ class YamlMap {
   std::string what_;
 };
 
-/// @throw InputError saying what `e`, thrown when this text of a file was read, means.
-[[noreturn]] void refuse_yaml(const std::filesystem::path& file, const std::string& text,
-                              const YAML::Exception& e);
+/// The one document in a YAML file. @throw InputError naming the line, or if there is another.
+YAML::Node read_yaml(const std::filesystem::path& file);
 
 /// @throw std::invalid_argument unless `name` can be the name of a file and stands on one line.
 void check_name(const std::string& name);

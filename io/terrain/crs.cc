@@ -163,17 +163,6 @@ std::string crs_label(const std::string& wkt) {
   return name != nullptr ? name : "";
 }
 
-std::string shell_quoted(const std::filesystem::path& path) {
-  const std::string text = path.string();
-  const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {
-    return std::isalnum(c) || std::string_view("/._-+:,@=").find(char(c)) != std::string_view::npos;
-  });
-  if (plain && text[0] != '-') return text;
-  std::string quoted = text[0] == '-' ? "./'" : "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
-
 int utm_epsg(double longitude, double latitude) {
   if (latitude > 84) return 32661;
   if (latitude < -80) return 32761;

@@ -15,9 +15,6 @@ namespace soilvdb::inline v0::io {
 /// "EPSG:26918", else the CRS's name; empty for an empty WKT or one that can't be read.
 std::string crs_label(const std::string& wkt);
 
-/// `path` as an argument for a shell.
-std::string shell_quoted(const std::filesystem::path& path);
-
 /// The UTM zone (by EPSG, WGS 84) at a place in degrees; the polar systems beyond 84 N and 80 S.
 int utm_epsg(double longitude, double latitude);
 

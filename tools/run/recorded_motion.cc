@@ -96,7 +96,7 @@ class DugRows {
         std::find(now.times_s.begin(), now.times_s.end(), now_s()) - now.times_s.begin());
     for (std::size_t k = 0; k < std::min(rows.columns, now.columns); ++k) {
       const double was = rows.values[i * rows.columns + k], is = now.values[at * now.columns + k];
-      if (same_bits(was, is)) continue;
+      if (io::same_bits(was, is)) continue;
       const std::string name = column(rows, k);
       if (name.empty())
         refuse(now_s(), "turns the bucket otherwise than it was dug; put that back");

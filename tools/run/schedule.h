@@ -3,7 +3,6 @@
 // Which machine moves when: the updates of a run, in the order of time.
 #pragma once
 
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -24,14 +23,10 @@ struct Step {
   bool ends_update = true;
 };
 
-inline bool same_bits(double a, double b) {
-  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
-}
-
 /// Is a step the one that a journal's move was, to the last bit of its times?
 inline bool is_move(const Step& step, const io::JournalMove& move) {
-  return step.machine == move.machine && same_bits(step.begin_s, move.begin_s) &&
-         same_bits(step.end_s, move.end_s);
+  return step.machine == move.machine && io::same_bits(step.begin_s, move.begin_s) &&
+         io::same_bits(step.end_s, move.end_s);
 }
 
 /// The updates of several machines, merged by the time at which they end; at equal times in the

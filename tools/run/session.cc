@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <utility>
@@ -157,12 +158,11 @@ void Session::dig_again(std::span<const Step> batch, std::span<const io::Journal
   auto count = static_cast<std::uint64_t>(summary_.updates.count());
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const io::JournalMove& move = before[i];
-    if (!same_bits(results[i].cut_m3, move.cut_m3) ||
-        !same_bits(results[i].bucket_m3, move.bucket_m3)) {
+    if (samples(results[i].cut_m3) != move.cut || samples(results[i].bucket_m3) != move.bucket) {
       throw differs(count, move,
                     fmt::format("cut {} m³ and now cuts {} m³; it was another version of soilvdb "
                                 "that dug it, or another machine",
-                                move.cut_m3, results[i].cut_m3));
+                                volume_m3(move.cut), results[i].cut_m3));
     }
     count += move.ends_update;
   }
@@ -204,8 +204,8 @@ void Session::dig() {
                                  step.ends_update,
                                  step.begin_s,
                                  step.end_s,
-                                 results[i].cut_m3,
-                                 results[i].bucket_m3,
+                                 samples(results[i].cut_m3),
+                                 samples(results[i].bucket_m3),
                                  results[i].us,
                                  io::rows_between(*step.motion, step.begin_s, step.end_s)};
       journal_->add(move);
@@ -229,14 +229,22 @@ void Session::begin_journal() {
 
 void Session::book(const io::JournalMove& move) {
   time_s_ = move.end_s;
-  std::pair<double, double>& sum = under_way_[move.machine];
+  auto& sum = under_way_[move.machine];
   sum.first += move.us;
-  sum.second += move.cut_m3;
+  sum.second += move.cut;
   if (!move.ends_update) return;
   summary_.updates.add(sum.first);
-  csv_->add(move.end_s, scenario_.machines[move.machine].name, sum.second, move.bucket_m3,
-            sum.first);
+  csv_->add(move.end_s, scenario_.machines[move.machine].name, volume_m3(sum.second),
+            volume_m3(move.bucket), sum.first);
   sum = {};
+}
+
+std::int64_t Session::samples(double m3) const {
+  return std::llround(m3 / start_.site.soil->sample_m3());
+}
+
+double Session::volume_m3(std::int64_t samples) const {
+  return static_cast<double>(samples) * start_.site.soil->sample_m3();
 }
 
 /// Have all machines come to the end of this step: none has another update that ends with it?

@@ -74,6 +74,8 @@ class Session {
   void begin_journal();
   void book(const io::JournalMove& move);
   std::vector<Step> next_batch(const std::function<bool()>& take);
+  std::int64_t samples(double m3) const;
+  double volume_m3(std::int64_t samples) const;
   bool all_came_to(const Step& now) const;
   void after(const Step& now);
   void go_on_with_snapshots();
@@ -103,8 +105,9 @@ class Session {
   std::optional<io::UpdatesCsv> csv_;
   io::Summary summary_;
   Progress progress_;
-  std::vector<std::pair<double, double>> under_way_;  ///< us and m3 of each machine's update
-  double time_s_ = 0;                                 ///< how far the motion has come
+  /// Of each machine's update: us, and samples cut.
+  std::vector<std::pair<double, std::int64_t>> under_way_;
+  double time_s_ = 0;  ///< how far the motion has come
   bool stopped_ = false;
 };
 

@@ -33,7 +33,9 @@ struct JournalConfig {
 struct JournalMove {
   std::uint32_t machine = 0;
   bool ends_update = true;
-  double begin_s = 0, end_s = 0, cut_m3 = 0, bucket_m3 = 0, us = 0;
+  double begin_s = 0, end_s = 0;
+  std::int64_t cut = 0, bucket = 0;  ///< samples: by this update, in the bucket after it
+  double us = 0;                     ///< to the ns
   MotionRows rows;
 };
 /// A file that was finished, as of so many updates.
@@ -56,6 +58,8 @@ struct JournalExtent {
   std::uint64_t updates = 0;
   double time_s = 0;
 };
+
+struct MoveBefore;  // io/journal/move_coding.h
 
 /// Makes `file` a journal that holds a configuration and nothing else, atomically.
 /// @param removed files of a run before, which are about to be deleted
@@ -99,7 +103,7 @@ class JournalWriter {
   int descriptor_ = -1;
   std::uint64_t end_ = 0, synced_ = 0;  // bytes
   std::string batch_;                   // records on their way into a frame
-  std::vector<double> last_row_s_;      // of each machine
+  std::vector<MoveBefore> before_;      // of each machine
 
   mutable std::mutex mutex_;
   std::condition_variable wake_, done_;
@@ -116,6 +120,7 @@ class JournalReader {
  public:
   /// @throw InputError if `file` is not there or does not begin as a journal does.
   explicit JournalReader(const std::filesystem::path& file);
+  ~JournalReader();
 
   /// The next record; nothing at the end of the good part.
   /// @throw InputError if a record makes no sense although its checksum is right.
@@ -129,6 +134,7 @@ class JournalReader {
   bool damaged() const { return damaged_; }
 
  private:
+  bool take(std::string_view& bytes, JournalMove& move);
   bool next_frame();
   bool synced_past(std::uint64_t place);
 
@@ -138,7 +144,8 @@ class JournalReader {
   bool damaged_ = false, at_end_ = false;
   std::string frame_;
   std::size_t at_ = 0;
-  std::vector<MotionRows> rows_;  // of each machine, as its last move had them
+  std::vector<MotionRows> rows_;    // of each machine, as its last move had them
+  std::vector<MoveBefore> before_;  // of each machine
 };
 
 /// Does this file begin as a journal does? False if there is none.

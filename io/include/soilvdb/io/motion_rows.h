@@ -3,12 +3,18 @@
 // The rows of a motion as plain numbers, for the journal.
 #pragma once
 
+#include <bit>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0::io {
+
+inline bool same_bits(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
 
 struct MotionRows {
   bool joints = false;      ///< else poses: x, y, z, qx, qy, qz, qw

@@ -1,0 +1,200 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/journal/move_coding.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "io/journal/journal_format.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr double kNsPerUs = 1e3;
+
+/// What a move doesn't have to say, and what a first one has to.
+enum MoveFlag : std::uint8_t {
+  kEndsUpdate = 1,
+  kFirst = 2,           // of its writer: there is nothing before it, and it says how many columns
+  kJoints = 4,          // where it is the first
+  kBeginsAtEnd = 8,     // of the move before
+  kEndsAtLastRow = 16,  // of those that it brings
+  kAllFlags = 31
+};
+
+// How a number of a series begins: one of these, or the difference of two whole numbers and kNear.
+constexpr std::uint64_t kSame = 0, kRaw = 1, kDecimals = 2, kNear = 3;
+
+// Powers of ten are exact, and so the quotient is the double that is nearest to the decimal, which
+// is what was read from it.
+constexpr std::array kPowers = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9};
+constexpr double kMostScaled = 0x1p53;
+
+double decimal(std::int64_t scaled, int decimals) {
+  return static_cast<double>(scaled) / kPowers[static_cast<std::size_t>(decimals)];
+}
+
+/// Is `value` a decimal of so many decimals, and which?
+bool is_decimal(double value, int decimals, std::int64_t& scaled) {
+  const double times = value * kPowers[static_cast<std::size_t>(decimals)];
+  if (!(std::abs(times) < kMostScaled)) return false;
+  scaled = std::llround(times);
+  return same_bits(decimal(scaled, decimals), value);
+}
+
+/// Small differences of either sign are small numbers.
+std::uint64_t difference(std::int64_t value, std::int64_t before) {
+  const std::uint64_t d = static_cast<std::uint64_t>(value) - static_cast<std::uint64_t>(before);
+  return (d << 1) ^ (d >> 63 ? ~std::uint64_t{0} : 0);
+}
+
+std::int64_t add_difference(std::int64_t before, std::uint64_t difference) {
+  const std::uint64_t d = (difference >> 1) ^ (difference & 1 ? ~std::uint64_t{0} : 0);
+  return static_cast<std::int64_t>(static_cast<std::uint64_t>(before) + d);
+}
+
+bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
+  std::uint64_t d = 0;
+  if (!take_count(bytes, d)) return false;
+  value = add_difference(before, d);
+  return true;
+}
+
+}  // namespace
+
+void append_count(std::string& bytes, std::uint64_t count) {
+  for (; count >= 128; count >>= 7) bytes += static_cast<char>(count | 128);
+  bytes += static_cast<char>(count);
+}
+
+bool take_count(std::string_view& bytes, std::uint64_t& count) {
+  count = 0;
+  for (int shift = 0; shift < 64; shift += 7) {
+    std::uint8_t byte = 0;
+    if (!take_raw(bytes, byte)) return false;
+    count |= static_cast<std::uint64_t>(byte & 127) << shift;
+    if (byte < 128) return true;
+  }
+  return false;
+}
+
+void Series::append(std::string& bytes, double value) {
+  std::int64_t scaled = 0;
+  if (same_bits(value, last_)) {
+    append_count(bytes, kSame);
+    return;
+  }
+  last_ = value;
+  if (is_decimal(value, decimals_, scaled)) {
+    const std::uint64_t d = difference(scaled, scaled_);
+    scaled_ = scaled;
+    append_count(bytes, d + kNear);
+    return;
+  }
+  for (int decimals = decimals_ + 1; decimals < static_cast<int>(kPowers.size()); ++decimals) {
+    if (!is_decimal(value, decimals, scaled)) continue;
+    decimals_ = decimals;
+    scaled_ = scaled;
+    append_count(bytes, kDecimals);
+    append_count(bytes, static_cast<std::uint64_t>(decimals));
+    append_count(bytes, difference(scaled, 0));
+    return;
+  }
+  append_count(bytes, kRaw);
+  append_raw(bytes, value);
+}
+
+bool Series::take(std::string_view& bytes, double& value) {
+  std::uint64_t how = 0;
+  if (!take_count(bytes, how)) return false;
+  if (how == kRaw) {
+    if (!take_raw(bytes, last_)) return false;
+  } else if (how == kDecimals) {
+    std::uint64_t decimals = 0;
+    if (!take_count(bytes, decimals) || decimals >= kPowers.size() ||
+        !take_difference(bytes, 0, scaled_))
+      return false;
+    decimals_ = static_cast<int>(decimals);
+    last_ = decimal(scaled_, decimals_);
+  } else if (how != kSame) {
+    scaled_ = add_difference(scaled_, how - kNear);
+    last_ = decimal(scaled_, decimals_);
+  }
+  value = last_;
+  return true;
+}
+
+void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before) {
+  const MotionRows& rows = move.rows;
+  const auto fresh = static_cast<std::size_t>(
+      std::upper_bound(rows.times_s.begin(), rows.times_s.end(), before.last_row_s) -
+      rows.times_s.begin());
+  const bool begins_at_end = !before.first && same_bits(move.begin_s, before.end_s);
+  const bool ends_at_last_row =
+      fresh < rows.times_s.size() && same_bits(move.end_s, rows.times_s.back());
+  unsigned flags = move.ends_update ? kEndsUpdate : 0;
+  if (before.first) flags |= kFirst | (rows.joints ? kJoints : 0);
+  if (begins_at_end) flags |= kBeginsAtEnd;
+  if (ends_at_last_row) flags |= kEndsAtLastRow;
+  bytes += static_cast<char>(flags);
+  if (before.first) {
+    append_count(bytes, rows.columns);
+    before.values.resize(rows.columns);
+  }
+  if (!begins_at_end) append_raw(bytes, move.begin_s);
+  if (!ends_at_last_row) append_raw(bytes, move.end_s);
+  append_count(bytes, difference(move.cut, 0));
+  append_count(bytes, difference(move.bucket, before.bucket));
+  append_count(bytes, static_cast<std::uint64_t>(std::llround(move.us * kNsPerUs)));
+  append_count(bytes, rows.times_s.size() - fresh);
+  for (std::size_t row = fresh; row < rows.times_s.size(); ++row) {
+    before.times_s.append(bytes, rows.times_s[row]);
+    for (std::size_t k = 0; k < rows.columns; ++k)
+      before.values[k].append(bytes, rows.values[row * rows.columns + k]);
+  }
+  before.first = false;
+  before.end_s = move.end_s;
+  before.bucket = move.bucket;
+  if (!rows.times_s.empty()) before.last_row_s = rows.times_s.back();
+}
+
+bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before) {
+  std::uint8_t flags = 0;
+  if (!take_raw(bytes, flags) || flags > kAllFlags) return false;
+  move.ends_update = flags & kEndsUpdate;
+  if (flags & kFirst) {
+    std::uint64_t columns = 0;
+    if (!take_count(bytes, columns) || columns > bytes.size()) return false;
+    before = {};
+    before.first = false;
+    before.joints = flags & kJoints;
+    before.values.resize(columns);
+  } else if (before.first) {
+    return false;
+  }
+  std::uint64_t ns = 0, count = 0;
+  move.begin_s = before.end_s;
+  if (!(flags & kBeginsAtEnd) && !take_raw(bytes, move.begin_s)) return false;
+  if (!(flags & kEndsAtLastRow) && !take_raw(bytes, move.end_s)) return false;
+  if (!take_difference(bytes, 0, move.cut) || !take_difference(bytes, before.bucket, move.bucket) ||
+      !take_count(bytes, ns) || !take_count(bytes, count) || count > bytes.size())
+    return false;
+  move.us = static_cast<double>(ns) / kNsPerUs;
+  move.rows.joints = before.joints;
+  move.rows.columns = before.values.size();
+  for (std::uint64_t row = 0; row < count; ++row) {
+    if (!before.times_s.take(bytes, move.rows.times_s.emplace_back())) return false;
+    for (Series& column : before.values)
+      if (!column.take(bytes, move.rows.values.emplace_back())) return false;
+  }
+  if (flags & kEndsAtLastRow) {
+    if (count == 0) return false;
+    move.end_s = move.rows.times_s.back();
+  }
+  before.end_s = move.end_s;
+  before.bucket = move.bucket;
+  return true;
+}
+
+}  // namespace soilvdb::inline v0::io
