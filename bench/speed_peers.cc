@@ -49,31 +49,23 @@ Score score(const MakeEngine& make, const std::vector<std::string>& families, do
 class Peers {
  public:
   Peers(const Options& options, Goals& goals)
-      : quick_(options.quick),
-        goals_(goals),
+      : goals_(goals),
         placements_(options.quick ? 2 : 4),
         csv_(options.out / "peers.csv",
              "peer,voxel_m,us_per_update,error,soilvdb_voxel_m,soilvdb_us,soilvdb_error,ratio") {}
 
-  /// Against soilvdb at the coarsest voxels at which it errs at most `part` as much.
+  /// Against soilvdb at the coarsest voxels at which it errs no more.
   void at_error(const std::string& name, const MakeEngine& make, double voxel_m, int updates,
-                const std::vector<std::string>& families, double part, double goal) {
+                const std::vector<std::string>& families, double goal) {
     const Score theirs = score(make, families, voxel_m, updates, placements_);
     double voxel = 0;
     Score ours;
     for (const double v : {0.2, 0.15, 0.1, 0.075, 0.05, 0.035, 0.025, 0.0175, 0.0125}) {
       voxel = v;
       ours = score(make_soilvdb, families, v, updates, placements_);
-      if (ours.error <= part * theirs.error) break;
+      if (ours.error <= theirs.error) break;
     }
     add(name, voxel_m, theirs, voxel, ours, goal);
-  }
-
-  /// Against soilvdb at the same voxel size.
-  void at_voxel(const std::string& name, const MakeEngine& make, double voxel_m, int updates,
-                const std::vector<std::string>& families, double goal) {
-    add(name, voxel_m, score(make, families, voxel_m, updates, placements_), voxel_m,
-        score(make_soilvdb, families, voxel_m, updates, placements_), goal);
   }
 
   /// On a site of 100 m, a few updates: time only.
@@ -116,8 +108,6 @@ class Peers {
     add(fmt::format("{}, site of {:g} m", name, side_m), kVoxel_m, theirs, kVoxel_m, ours, goal);
   }
 
-  bool quick() const { return quick_; }
-
  private:
   void add(const std::string& name, double voxel_m, const Score& theirs, double our_voxel_m,
            const Score& ours, double goal) {
@@ -133,7 +123,6 @@ class Peers {
     goals_.add({"times faster than " + name, ratio, "x", {}, goal, note});
   }
 
-  bool quick_;
   Goals& goals_;
   std::size_t placements_;
   Csv csv_;
@@ -149,15 +138,7 @@ void measure_peers(const Options& options, Goals& goals) {
   peers.on_site("openvdb_csg (cut alone, tool ready)", make_openvdb_csg, side, 10, 30);
   peers.at_error(
       "the paper's method on its grid of 100^3",
-      [](const Task& t) { return make_paper_cube(t, 100); }, 0.01, 50, {"half_sine"}, 1, 200);
-#ifdef SOILVDB_WITH_OCTOMAP
-  const std::vector<std::string> digs = {"half_sine", "drag", "drag_curl"};
-  peers.at_error("octomap, at a tenth of its error", make_octomap, 0.05, 100, digs, 0.1, 10);
-#endif
-#ifdef SOILVDB_WITH_CGAL
-  peers.at_voxel("cgal corefinement", make_cgal, 0.025, options.quick ? 20 : 50, {"half_sine"},
-                 200);
-#endif
+      [](const Task& t) { return make_paper_cube(t, 100); }, 0.01, 50, {"half_sine"}, 200);
 }
 
 }  // namespace soilvdb::bench

@@ -15,6 +15,7 @@
 #include "bench/peers/volume_to_mesh.h"
 #include "bench/report.h"
 #include "bench/stages.h"
+#include "core/surface/surface.h"
 #include "soilvdb/io/site.h"
 #include "tests/dig_runner.h"
 #include "tests/solids.h"
@@ -35,7 +36,10 @@ Ground ground(Solid solid, double h) {
   return {std::move(soil), std::move(solid)};
 }
 
-std::vector<Ground> excavator(double h) {
+/// Digs data/excavator.yaml at 10 Hz.
+/// @param after each update
+std::shared_ptr<Soil> dig_excavator(double h,
+                                    const std::function<void(const Soil&, Tracker&)>& after) {
   io::Scenario scenario = io::read_scenario(SOILVDB_SOURCE_DIR "/data/excavator.yaml");
   scenario.voxel_size_m = h;
   std::shared_ptr<Soil> soil = io::open_site(scenario).soil;
@@ -46,9 +50,14 @@ std::vector<Ground> excavator(double h) {
     for (double t = motion->begin_s(), next; t < motion->end_s(); t = next) {
       next = std::min(t + 0.1, motion->end_s());
       tracker.update(0, *motion, t, next);
+      after(*soil, tracker);
     }
   }
-  return {{soil, {}}};
+  return soil;
+}
+
+std::vector<Ground> excavator(double h) {
+  return {{dig_excavator(h, [](const Soil&, Tracker&) {}), {}}};
 }
 
 std::vector<Ground> digs(double h) {
@@ -204,6 +213,33 @@ void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, do
   state.counters["wrong_topology"] = topology;
 }
 
+/// Blocks that an update changed, each time one did: made anew, and with what is known of before.
+void mesh_changed_blocks(benchmark::State& state) {
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  const double h = static_cast<double>(state.range(0)) / 1000;
+  std::vector<double> anew_us, us;
+  std::optional<CachedMesher> mesher;
+  const auto timed = [](std::vector<double>& all, const auto& make) {
+    const std::clock_t begin = std::clock();
+    benchmark::DoNotOptimize(make());
+    all.push_back(1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  };
+  for (auto _ : state) {
+    dig_excavator(h, [&](const Soil& soil, Tracker& tracker) {
+      if (!mesher) mesher.emplace(soil);
+      for (const Coord3& block : blocks_touched(tracker.take_changed())) {
+        if (resident_chunks(soil, block).empty()) continue;
+        timed(anew_us, [&] { return mesh_block(soil, block); });
+        timed(us, [&] { return mesher->block(block); });
+      }
+    });
+  }
+  state.counters["blocks"] = static_cast<double>(us.size());
+  state.counters["anew_us"] = quantile(anew_us, 0.5);
+  state.counters["median_us"] = quantile(us, 0.5);
+  state.counters["p99_us"] = quantile(us, 0.99);
+}
+
 }  // namespace
 
 void register_mesh_blocks() {
@@ -219,6 +255,12 @@ void register_mesh_blocks() {
                                                                  {"slots_turned", slots_turned},
                                                                  {"slots_thinner", slots_thinner},
                                                                  {"rubble", rubble}};
+  benchmark::RegisterBenchmark("MeshChangedBlock/soilvdb/excavator", mesh_changed_blocks)
+      ->ArgName("voxel_mm")
+      ->Unit(benchmark::kMillisecond)
+      ->Iterations(1)
+      ->Arg(50)
+      ->Arg(100);
   static std::map<std::pair<std::string, std::int64_t>, std::vector<Ground>> known;
   for (const auto& scene : kScenes) {
     const auto add = [&](const std::string& mesher, const auto& mesh_block) {

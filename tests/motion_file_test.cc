@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Motions that are read part by part are the same as in one piece.
+#include "soilvdb/io/motion_file.h"
+
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +11,6 @@
 #include <sstream>
 
 #include "soilvdb/io/motion_csv.h"
-#include "soilvdb/io/motion_file.h"
 #include "soilvdb/io/swept_boxes.h"
 #include "tests/temp_folder.h"
 

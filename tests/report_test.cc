@@ -3,15 +3,15 @@
 #include "io/journal/report.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
+
+#include "tests/temp_folder.h"
 
 namespace soilvdb::io {
 namespace {
@@ -67,18 +67,12 @@ TEST(Summary, IsJsonWhateverTheNames) {
 
 class UpdatesCsvTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "soilvdb_test_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   std::string text() const {
     std::stringstream text;
     text << std::ifstream(folder_ / "updates.csv").rdbuf();
     return text.str();
   }
-  fs::path folder_;
+  const test::TempFolder folder_;
 };
 
 TEST_F(UpdatesCsvTest, IsThereOnceClosed) {
@@ -91,14 +85,14 @@ TEST_F(UpdatesCsvTest, IsThereOnceClosed) {
             "time,machine,cut_m3,bucket_m3,update_us\n"
             "0.5,digger,0.001,0.25,12.346\n"
             "1,\"a \"\"b\"\", c\",0,0,1.000\n");
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 1);
 }
 
 TEST_F(UpdatesCsvTest, LeavesTheOneBeforeWhenItIsNotClosed) {
   std::ofstream(folder_ / "updates.csv") << "before";
   { UpdatesCsv(folder_ / "updates.csv").add(0, "digger", 0, 0, 0); }
   EXPECT_EQ(text(), "before");
-  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_.path()), fs::directory_iterator()), 1);
 }
 
 TEST_F(UpdatesCsvTest, SaysWhichFileCannotBeWritten) {

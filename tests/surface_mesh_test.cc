@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
+#include "core/ground/soil_writer.h"
 #include "core/surface/surface.h"
 #include "tests/dig_runner.h"
 #include "tests/solids.h"
@@ -71,6 +73,38 @@ TEST(SurfaceMeshOfADig, PatchesAreTheSameWhateverElseIsMeshed) {
     }
   }
   EXPECT_GT(compared, 1000);
+}
+
+TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterEachChange) {
+  const Dig dig = make_dig("overlapping", placements()[1]);
+  const Dug end(dig, 0.05, 1);  // its site
+  Soil soil(0.05, end.soil.origin(), end.soil.shared_base());
+  SoilWriter writer(soil);
+  CachedMesher mesher(soil);
+  std::mt19937 random(4);
+  std::vector<Coord3> chunks;
+  for (const Chunk* chunk : end.soil.chunks()) chunks.push_back(chunk->origin);
+  std::shuffle(chunks.begin(), chunks.end(), random);
+  int meshed = 0;
+  // Each chunk comes as it is in the end, goes, and comes again: what is remembered is of other
+  // words, at the same place, and of the same words again.
+  for (int round = 0; round < 3; ++round) {
+    for (const Coord3& origin : chunks) {
+      if (round == 1) {
+        writer.drop(origin);
+      } else {
+        writer.copy_from(end.soil, origin);
+      }
+      if (random() % 4 != 0) continue;
+      for (const Coord3& block : blocks_touched({&origin, 1})) {
+        const Mesh anew = mesh_block(soil, block), again = mesher.block(block);
+        ASSERT_EQ(again.triangles, anew.triangles);
+        ASSERT_EQ(again.points, anew.points);
+        meshed += !anew.triangles.empty();
+      }
+    }
+  }
+  EXPECT_GT(meshed, 50);
 }
 
 TEST(SurfaceMeshOfADig, HasTheSameBitsForAnyNumberOfThreads) {

@@ -49,7 +49,8 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
 
 }  // namespace
 
-CellModels::CellModels(const CellGrid& grid, int wanted) : grid_(grid) {
+CellModels::CellModels(const CellGrid& grid, int wanted, CellMemo* memo)
+    : grid_(grid), memo_(memo) {
   index_.assign(static_cast<std::size_t>(grid.side()) * grid.side() * grid.side(), -1);
   const int range = wanted + kVolumeHalo;
   const std::vector<CellGrid::Cell> surface =
@@ -81,7 +82,7 @@ CellModels::CellModels(const CellGrid& grid, int wanted) : grid_(grid) {
 
 void CellModels::fit(Cell& cell) {
   if (cell.kind != Cell::kUnfitted) return;
-  const PlaneFit fit = fit_plane(grid_, cell.id);
+  const PlaneFit fit = memo_ != nullptr ? memo_->fit(grid_, cell.id) : fit_plane(grid_, cell.id);
   cell.plane = fit.plane;
   cell.opposite = fit.opposite;
   cell.both = fit.both;
@@ -116,13 +117,8 @@ void CellModels::solve_creases(int range) {
     }
   }
   std::vector<CellModel> models(all.size());
-  std::vector<int> seen(cells_.size());
   for (std::size_t n = 0; n < all.size(); ++n) {
-    const Cell& cell = cells_[static_cast<std::size_t>(all[n])];
-    Candidates candidates;
-    gather(cell, candidates);
-    seen[static_cast<std::size_t>(all[n])] = candidates.size();
-    models[n] = solve_crease(grid_, cell.id, candidates);
+    models[n] = crease(cells_[static_cast<std::size_t>(all[n])]);
   }
   for (std::size_t n = 0; n < all.size(); ++n) {
     cells_[static_cast<std::size_t>(all[n])].model = models[n];
@@ -133,13 +129,18 @@ void CellModels::solve_creases(int range) {
     const Cell& cell = cells_[static_cast<std::size_t>(k)];
     models.push_back(cell.model);
     if (cell.model.solved && cell.model.wrong <= kExplained) continue;
-    Candidates candidates;
-    gather(cell, candidates);
-    models.back() = solve_crease(grid_, cell.id, candidates);
+    models.back() = crease(cell);
   }
   for (std::size_t n = 0; n < wanted.size(); ++n) {
     cells_[static_cast<std::size_t>(wanted[n])].model = models[n];
   }
+}
+
+CellModel CellModels::crease(const Cell& cell) {
+  Candidates candidates;
+  gather(cell, candidates);
+  return memo_ != nullptr ? memo_->crease(grid_, cell.id, candidates)
+                          : solve_crease(grid_, cell.id, candidates);
 }
 
 void CellModels::conserve_volumes(int range) {

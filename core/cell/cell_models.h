@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "core/cell/cell_memo.h"
 #include "core/cell/crease.h"
 
 namespace soilvdb::inline v0 {
@@ -21,7 +22,8 @@ struct Bend {
 class CellModels {
  public:
   /// @param range models are made for cells so far from a chunk asked for, voxels
-  CellModels(const CellGrid& grid, int range);
+  /// @param memo of grids before, of any ground; may be null
+  CellModels(const CellGrid& grid, int range, CellMemo* memo = nullptr);
 
   /// The model of a cell, or null where it is all soil, all air or not explained.
   const CellModel* find(int id) const {
@@ -78,11 +80,13 @@ class CellModels {
   void find_bend(Cell& cell);
   CellPlane base_plane(int id) const;
   void gather(const Cell& cell, Candidates& candidates);
+  CellModel crease(const Cell& cell);
   void solve_creases(int range);
   /// Shifts the planes of each cell so that models and words around it hold the same volume.
   void conserve_volumes(int range);
 
   const CellGrid& grid_;
+  CellMemo* const memo_;
   std::vector<int> index_;
   std::vector<Cell> cells_;
 };

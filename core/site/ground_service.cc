@@ -28,6 +28,7 @@ bool same_surface(const Chunk* before, const std::optional<Chunk>& now) {
 GroundService::GroundService(Soil& copy, const Options& options)
     : copy_(copy), options_(options), background_(options.thread, [this] { return mesh_next(); }) {
   if (options_.most_jobs == 0) throw std::invalid_argument("one job at least must be let wait");
+  if (options_.meshes) mesher_.emplace(copy_);
 }
 
 GroundService::~GroundService() = default;
@@ -123,7 +124,7 @@ bool GroundService::mesh_next() {
   to_mesh_.pop_front();
   patch.first_post = asked_.extract(patch.block).mapped();
   patch.last_post = applied_;
-  patch.mesh = mesh_block(copy_, patch.block);
+  patch.mesh = mesher_->block(patch.block);
   const std::lock_guard lock(mutex_);
   ++blocks_meshed_;
   const auto [it, inserted] = patches_.try_emplace(patch.block);

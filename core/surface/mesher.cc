@@ -30,13 +30,11 @@ struct PointHash {
   }
 };
 
-}  // namespace
-
-Mesh mesh_block(const Soil& soil, const Coord3& block) {
+Mesh mesh_block(const Soil& soil, const Coord3& block, CellMemo* memo) {
   Mesh mesh;
   const std::vector<Coord3> chunks = resident_chunks(soil, block);
   if (chunks.empty()) return mesh;
-  const SurfaceBlock surface(soil, chunks, SurfaceBlock::kMesh);
+  const SurfaceBlock surface(soil, chunks, SurfaceBlock::kMesh, memo);
   const Contour& contour = surface.contour();
   mesh.points.reserve(contour.vertices.size());
   const double h = soil.voxel_size_m();
@@ -49,6 +47,16 @@ Mesh mesh_block(const Soil& soil, const Coord3& block) {
   mesh.triangles = contour.triangles;
   return mesh;
 }
+
+}  // namespace
+
+Mesh mesh_block(const Soil& soil, const Coord3& block) { return mesh_block(soil, block, nullptr); }
+
+CachedMesher::CachedMesher(const Soil& soil) : soil_(&soil), memo_(std::make_unique<CellMemo>()) {}
+CachedMesher::~CachedMesher() = default;
+CachedMesher::CachedMesher(CachedMesher&&) noexcept = default;
+
+Mesh CachedMesher::block(const Coord3& block) { return mesh_block(*soil_, block, memo_.get()); }
 
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
   // A chunk's samples are looked at from as far as a chunk.

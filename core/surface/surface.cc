@@ -35,9 +35,10 @@ void base_distance(const Soil& soil, const Coord3& chunk, float* phi_m) {
 
 }  // namespace
 
-SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need)
+SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need,
+                           CellMemo* memo)
     : grid_(soil, chunks, halo(need)),
-      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1),
+      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1, memo),
       contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {
   if (need == kDistance) distance_.emplace(soil, models_, contour_);
 }

@@ -29,7 +29,9 @@ class SurfaceBlock {
  public:
   enum Need { kMesh, kDistance };
   /// @param chunks at least one; memory and time go with the cube around them
-  SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need);
+  /// @param memo of blocks before; may be null
+  SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need,
+               CellMemo* memo = nullptr);
 
   /// The triangles of the chunks; with kDistance also of those around.
   const Contour& contour() const { return contour_; }

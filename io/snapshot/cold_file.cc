@@ -21,7 +21,7 @@ constexpr std::size_t kUnit = 64;  // bytes; a record's number is that of its fi
 /// Before a record's bytes in the file.
 struct Head {
   std::uint64_t crc;  ///< of the rest and the bytes
-  std::uint32_t record, size;
+  std::uint32_t number, size;
 };
 
 std::size_t units(std::size_t size) { return (sizeof(Head) + size + kUnit - 1) / kUnit; }
@@ -46,41 +46,41 @@ ColdFile::~ColdFile() { ::close(descriptor_); }
 
 std::uint32_t ColdFile::put(std::string_view bytes) {
   const std::size_t length = units(bytes.size());
-  std::uint32_t record = 0;
+  std::uint32_t number = 0;
   {
     const std::lock_guard lock(mutex_);
     if (gaps_.size() <= length) gaps_.resize(length + 1);
     if (!gaps_[length].empty()) {
-      record = gaps_[length].back();
+      number = gaps_[length].back();
       gaps_[length].pop_back();
     } else if (length < std::numeric_limits<std::uint32_t>::max() - end_) {
-      record = end_;
+      number = end_;
       end_ += static_cast<std::uint32_t>(length);
     } else {
       throw std::runtime_error(folder_.string() + ": its file of cold ground is full");
     }
   }
-  const Head head{0, record, static_cast<std::uint32_t>(bytes.size())};
+  const Head head{0, number, static_cast<std::uint32_t>(bytes.size())};
   std::string record(reinterpret_cast<const char*>(&head), sizeof(head));
   record += bytes;
   const std::uint64_t crc = checksum(record);
   std::memcpy(record.data(), &crc, sizeof(crc));
   for (std::size_t done = 0; done < record.size();) {
     const ssize_t n = ::pwrite(descriptor_, record.data() + done, record.size() - done,
-                               static_cast<off_t>(record * kUnit + done));
+                               static_cast<off_t>(number * kUnit + done));
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) {
       const int why = errno;
-      drop(record, bytes.size());
+      drop(number, bytes.size());
       throw std::runtime_error(fmt::format("{}: cold ground can't be written to a file there ({})",
                                            folder_.string(), std::strerror(n < 0 ? why : ENOSPC)));
     }
     done += static_cast<std::size_t>(n);
   }
-  return record;
+  return number;
 }
 
-void ColdFile::get(std::uint32_t record, std::string& bytes) const {
+void ColdFile::get(std::uint32_t number, std::string& bytes) const {
   constexpr std::size_t kUsual = 2048;  // most are read at one go
   bytes.resize(kUsual);
   std::size_t have = 0;
@@ -88,7 +88,7 @@ void ColdFile::get(std::uint32_t record, std::string& bytes) const {
   const auto read_to = [&](std::size_t size) {
     while (have < size) {
       const ssize_t n = ::pread(descriptor_, bytes.data() + have, bytes.size() - have,
-                                static_cast<off_t>(record * kUnit + have));
+                                static_cast<off_t>(number * kUnit + have));
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) return false;
       have += static_cast<std::size_t>(n);
@@ -99,7 +99,7 @@ void ColdFile::get(std::uint32_t record, std::string& bytes) const {
   if (good) {
     std::memcpy(&head, bytes.data(), sizeof(head));
     constexpr std::size_t kMost = 1 << 20;
-    good = head.record == record && head.size < kMost;
+    good = head.number == number && head.size < kMost;
   }
   if (good) {
     const std::size_t size = sizeof(head) + head.size;
@@ -113,9 +113,9 @@ void ColdFile::get(std::uint32_t record, std::string& bytes) const {
   bytes.erase(0, sizeof(head));
 }
 
-void ColdFile::drop(std::uint32_t record, std::size_t size) {
+void ColdFile::drop(std::uint32_t number, std::size_t size) {
   const std::lock_guard lock(mutex_);
-  gaps_[units(size)].push_back(record);
+  gaps_[units(size)].push_back(number);
 }
 
 std::uint64_t ColdFile::size_bytes() const {

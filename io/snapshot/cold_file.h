@@ -22,8 +22,8 @@ class ColdFile final : public ColdStore {
   ColdFile& operator=(const ColdFile&) = delete;
 
   std::uint32_t put(std::string_view bytes) override;
-  void get(std::uint32_t record, std::string& bytes) const override;
-  void drop(std::uint32_t record, std::size_t size) override;
+  void get(std::uint32_t number, std::string& bytes) const override;
+  void drop(std::uint32_t number, std::size_t size) override;
 
   std::uint64_t size_bytes() const;  ///< of the file
 

@@ -105,6 +105,7 @@ class GroundService {
   std::uint64_t posts_ = 0;
 
   // Of the service's thread.
+  std::optional<CachedMesher> mesher_;
   std::deque<Coord3> to_mesh_;           // blocks in the order they were asked for
   ByOrigin<std::uint64_t> asked_;        // the same, with the first post that asked
   std::uint64_t applied_ = 0;            // the last post that the copy holds

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -28,6 +29,22 @@ struct Mesh {
 /// the resident ground ends. Safe to call from several threads while nothing writes to the soil.
 /// @param block origin in index space, multiples of 32
 Mesh mesh_block(const Soil& soil, const Coord3& block);
+
+class CellMemo;  // core/cell/cell_memo.h
+
+/// Meshes blocks again and again, the same as mesh_block() does, in a time that goes with what
+/// changed in between. For one thread at a time.
+class CachedMesher {
+ public:
+  explicit CachedMesher(const Soil& soil);
+  ~CachedMesher();
+  CachedMesher(CachedMesher&&) noexcept;
+  Mesh block(const Coord3& block);
+
+ private:
+  const Soil* soil_;
+  std::unique_ptr<CellMemo> memo_;  // 3 MB
+};
 
 /// Origins of the blocks whose patch depends on any of these chunks, sorted.
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks);
