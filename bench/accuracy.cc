@@ -200,9 +200,10 @@ class Accuracy {
         "\nTime per update at which an error is reached, us, and how many times soilvdb's that is: "
         "{}"
         "\nupdates per dig, rms over the digs both completed, between voxel sizes by linear"
-        "\ninterpolation of log time over log error.\n\n{:<14}{:>5}{:>7}",
+        "\ninterpolation of log time over log error; <: the coarsest voxels err "
+        "less.\n\n{:<14}{:>5}{:>7}",
         kCommonUpdates, "engine", "digs", "failed");
-    for (const double error : kErrors) fmt::print("{:>13g} %", 100 * error);
+    for (const double error : kErrors) fmt::print("{:>16g} %", 100 * error);
     fmt::print("\n");
     Csv csv(folder_ / "at_error.csv",
             "engine,digs,failed_steps,error,us_per_update,soilvdb_us_per_update,ratio");
@@ -210,20 +211,24 @@ class Accuracy {
       const auto digs = digs_done(samples_, peer.name, kCommonUpdates);
       const auto theirs = curve(samples_, peer.name, kCommonUpdates, digs);
       const auto ours = curve(samples_, "soilvdb", kCommonUpdates, digs);
+      if (theirs.empty() || ours.empty()) continue;
       int failures = 0;
       for (const Point& p : theirs) failures += p.failures;
       fmt::print("{:<14}{:>5}{:>7}", peer.name, digs.size(), failures);
       for (const double error : kErrors) {
         const auto us = us_at_error(theirs, error), our_us = us_at_error(ours, error);
-        const std::string ratio = us && our_us ? fmt::format("{:.3g}", *us / *our_us) : "";
-        const auto text = [](const std::optional<double>& number) {
-          return number ? fmt::format("{:.4g}", *number) : "";
+        const auto number = [](const std::optional<double>& value) {
+          return value ? fmt::format("{:.4g}", *value) : "";
         };
-        fmt::print("{:>15}", !us                      ? "never"
-                             : peer.name == "soilvdb" ? text(us)
-                                                      : fmt::format("{} {}x", text(us), ratio));
+        const std::string ratio = us && our_us ? fmt::format("{:.3g}", *us / *our_us) : "";
+        std::string cell = "never";
+        if (us) {
+          cell = (theirs[0].error <= error ? "<" : "") + number(us);
+          if (peer.name != "soilvdb") cell += our_us ? " " + ratio + "x" : ", soilvdb never";
+        }
+        fmt::print("{:>18}", cell);
         csv.row(fmt::format("{},{},{},{},{},{},{}", peer.name, digs.size(), failures, error,
-                            text(us), text(our_us), ratio));
+                            number(us), number(our_us), ratio));
       }
       fmt::print("\n");
     }

@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "tests/dig_runner.h"
+#include "tests/sanitized.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -83,8 +84,10 @@ INSTANTIATE_TEST_SUITE_P(Threads, GroundServiceTest, ::testing::Bool(),
 
 TEST_P(GroundServiceTest, PatchesAreThoseOfTheGroundBitForBit) {
   constexpr int kUpdates = 60;
+  constexpr std::size_t kFamilies = test::kSanitized ? 4 : 1;  // one of so many
   int n = 0;
-  for (const std::string& family : families()) {
+  for (std::size_t k = 0; k < families().size(); k += kFamilies) {
+    const std::string& family = families()[k];
     for (const int updates_per_post : {1, 7}) {
       SCOPED_TRACE(family + ", a post every " + std::to_string(updates_per_post));
       const std::size_t at = static_cast<std::size_t>(++n) % placements().size();

@@ -50,7 +50,7 @@ JournalMove move(const Motion& motion, int i) {
           end_s,
           i * std::int64_t{1'000'003},
           (5 - i) * std::int64_t{70'001},
-          5.5 + i,
+          5500 + i,
           rows_between(motion, begin_s, end_s)};
 }
 
@@ -61,8 +61,8 @@ std::string as_text(const JournalRecord& record) {
     text << config->text;
   } else if (const auto* m = std::get_if<JournalMove>(&record)) {
     text << m->machine << ' ' << m->ends_update;
-    text << ' ' << m->cut << ' ' << m->bucket;
-    for (const double v : {m->begin_s, m->end_s, m->us}) text << ' ' << v;
+    text << ' ' << m->cut_samples << ' ' << m->bucket_samples << ' ' << m->ns;
+    for (const double v : {m->begin_s, m->end_s}) text << ' ' << v;
     for (const double v : m->rows.times_s) text << ' ' << v;
     for (const double v : m->rows.values) text << ' ' << v;
   } else if (const auto* f = std::get_if<JournalFile>(&record)) {
@@ -233,35 +233,54 @@ TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
     ASSERT_TRUE(same_bits(back.rows.values[i], numbers[i])) << i << ": " << numbers[i];
 }
 
-/// Three times as large it was once: 123 MB for a motion of 41 MB.
-TEST_F(Journal, IsNoLargerThanTheMotionAsText) {
-  JournalMove move;
-  move.rows.joints = true;
-  move.rows.columns = 4;
-  std::size_t text = 0;
-  const auto file = folder_ / "journal";
-  JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
-  for (int i = 1; i < 10'000; ++i) {
-    move.begin_s = std::exchange(move.end_s, i / 100.0);
-    move.rows.times_s = {move.begin_s, move.end_s};
-    std::vector<double> row;
-    std::string line = fmt::format("{:.2f}", move.end_s);
-    for (int joint = 0; joint < 4; ++joint) {
-      const std::string angle = fmt::format("{:.4f}", std::sin(0.001 * i * (joint + 1)));
-      row.push_back(std::stod(angle));
-      line += ',' + angle;
-    }
-    move.rows.values.erase(move.rows.values.begin(), move.rows.values.end() - (i == 1 ? 0 : 4));
-    if (i == 1) move.rows.values.assign(4, 0.0);
-    move.rows.values.insert(move.rows.values.end(), row.begin(), row.end());
-    move.cut = 1000 + i % 100;
-    move.bucket += move.cut;
-    move.us = 40 + 0.001 * (i % 7000);
-    writer.add(move);
-    text += line.size() + 1;
+/// It was three times as large once: 123 MB for a motion of 41 MB.
+TEST_F(Journal, IsAboutAsLargeAsTheMotionAsText) {
+  constexpr int kRows = 5000;
+  std::vector<double> times_s, angles;
+  std::vector<Pose> poses;
+  std::size_t poses_text = 0, joints_text = 0;
+  const auto decimal = [](double value, int decimals, std::string& line) {
+    const std::string text = fmt::format("{:.{}f}", value, decimals);
+    line += text + ',';
+    return std::stod(text);
+  };
+  for (int i = 0; i < kRows; ++i) {
+    std::string line, joints;
+    times_s.push_back(decimal(i / 100.0, 2, line));
+    joints = line;
+    const double x = decimal(512340 + 0.013 * i, 3, line), y = decimal(5403640, 3, line),
+                 z = decimal(std::sin(0.01 * i), 3, line),
+                 pitch = decimal(0.4 * std::sin(0.02 * i), 4, line);
+    poses.push_back({{x, y, z}, from_rpy(0, pitch, 0)});
+    for (int joint = 1; joint <= 4; ++joint)
+      angles.push_back(decimal(std::sin(0.001 * i * joint), 4, joints));
+    poses_text += line.size();
+    joints_text += joints.size();
   }
-  writer.flush();
-  EXPECT_LT(std::filesystem::file_size(file), text);
+  Chain chain;
+  for (const char* name : {"swing", "boom", "stick", "bucket"}) {
+    Joint joint;
+    joint.name = name;
+    joint.type = Joint::Type::kContinuous;
+    chain.joints.push_back(joint);
+  }
+  const auto size_of = [&](const Motion& motion) {
+    const auto file = folder_ / "journal";
+    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+    std::int64_t bucket = 0;
+    for (int i = 1; i < kRows; ++i) {
+      const std::int64_t cut = 20'000 + i % 1000;
+      const double begin_s = motion.times_s()[static_cast<std::size_t>(i - 1)],
+                   end_s = motion.times_s()[static_cast<std::size_t>(i)];
+      writer.add(JournalMove{0, true, begin_s, end_s, cut, bucket += cut, 50'000 + i,
+                             rows_between(motion, begin_s, end_s)});
+    }
+    writer.flush();
+    return static_cast<double>(std::filesystem::file_size(file));
+  };
+  EXPECT_LT(size_of(Motion(times_s, angles, chain)), static_cast<double>(joints_text));
+  // Rotations are no decimals: two of four numbers, eight bytes more each than the angle as text.
+  EXPECT_LT(size_of(Motion(times_s, poses)), 1.2 * static_cast<double>(poses_text));
 }
 
 TEST_F(Journal, GoesOnAfterWhatIsGood) {
@@ -380,7 +399,7 @@ TEST_F(Journal, SomethingElseIsRefused) {
                 HasSubstr("no: is not a journal"));
   EXPECT_THAT(
       test::message_of(folder_, [&] { JournalReader reader(folder_.write("old", "SVJ1")); }),
-      HasSubstr("old: is a journal of another soilvdb's format; run its scenario again"));
+      HasSubstr("old: is a journal of an older format, which isn't read any more"));
   EXPECT_THAT(test::message_of(folder_, [&] { JournalReader reader(folder_ / "none"); }),
               HasSubstr("none: no such file"));
 }

@@ -11,6 +11,7 @@
 #include "core/ground/soil_writer.h"
 #include "core/surface/surface.h"
 #include "tests/dig_runner.h"
+#include "tests/sanitized.h"
 #include "tests/solids.h"
 
 namespace soilvdb::testing {
@@ -28,6 +29,7 @@ TEST(SurfaceMeshOfADig, IsManifoldAndWatertight) {
   for (int k = 0; k < digs; ++k) {
     const Dig dig = random_or_named(k);
     for (const double h : {0.1, 0.05}) {
+      if (test::kSanitized && h < 0.1) continue;
       const Dug dug(dig, h, 50);
       const Faults f = faults(mesh_all(dug.soil), dug.soil);
       EXPECT_EQ(f.without_area, 0) << dig.family << ", voxel " << h;
@@ -105,6 +107,36 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterEachChange) {
     }
   }
   EXPECT_GT(meshed, 50);
+}
+
+TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterTwoSamplesAlikeChanged) {
+  Dug dug(make_dig("overlapping", placements()[1]), 0.05, 50);
+  CachedMesher mesher(dug.soil);
+  SoilWriter writer(dug.soil);
+  std::mt19937 random(6);
+  int compared = 0;
+  for (const Chunk* chunk : dug.soil.chunks()) {
+    const Coord3 origin = chunk->origin;
+    SampleWords words;
+    dug.soil.read_samples(origin, words);
+    // The same sample of two cells side by side, the last ones most.
+    const std::uint64_t sample = std::uint64_t{1} << (random() % 2 ? 63 : random() % 64);
+    std::size_t cell = 0;
+    while (cell < 511 && (words[cell] == kAllSoil || (words[cell] & sample) == 0 ||
+                          words[cell + 1] == kAllSoil || (words[cell + 1] & sample) == 0))
+      ++cell;
+    if (cell == 511) continue;
+    const Coord3 block(origin.x() & ~31, origin.y() & ~31, origin.z() & ~31);
+    mesher.block(block);
+    SampleWords set{};
+    set[cell] = set[cell + 1] = sample;
+    ASSERT_EQ(writer.remove(origin, set), 2);
+    const Mesh anew = mesh_block(dug.soil, block), again = mesher.block(block);
+    ASSERT_EQ(again.triangles, anew.triangles);
+    ASSERT_EQ(again.points, anew.points);
+    ++compared;
+  }
+  EXPECT_GT(compared, 20);
 }
 
 TEST(SurfaceMeshOfADig, HasTheSameBitsForAnyNumberOfThreads) {

@@ -3,6 +3,8 @@
 // A folder for one test, gone when it ends, and what a reader says about a file in it.
 #pragma once
 
+#include <unistd.h>
+
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -20,7 +22,9 @@ inline std::filesystem::path scratch() {
   const std::filesystem::path memory = "/dev/shm";
   std::error_code missing;
   const std::filesystem::space_info space = std::filesystem::space(memory, missing);
-  if (std::getenv("TMPDIR") == nullptr && !missing && space.available > kRoom) return memory;
+  if (std::getenv("TMPDIR") == nullptr && !missing && space.available > kRoom &&
+      access(memory.c_str(), W_OK) == 0)
+    return memory;
   return std::filesystem::temp_directory_path();
 }
 

@@ -3,21 +3,22 @@
 #include "core/cell/cell_memo.h"
 
 #include <bit>
+#include <cstddef>
 
 #include "core/lattice/splitmix64.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-// Entries; a power of two. A block that was dug has 5000 cells with a fit and 1500 with a crease.
+// Entries; powers of two. A block that was dug has 5000 cells with a fit and 1500 with a crease, so
+// six blocks that are dug at once are remembered.
 constexpr std::size_t kFits = std::size_t{1} << 15, kCreases = std::size_t{1} << 14;
 
-constexpr std::uint64_t kOdd[] = {0x9e3779b97f4a7c15u, 0xbf58476d1ce4e5b9u, 0x94d049bb133111ebu};
-
-/// One of several values that are added up: which one it is matters.
+/// One of several values that are added up: which one it is matters. All bits of a value are mixed,
+/// else changes of two words' last samples would cancel.
 std::uint64_t mixed(std::uint64_t value, int place) {
-  value = (value + static_cast<std::uint64_t>(place + 1) * kOdd[0]) * kOdd[1];
-  return (value ^ value >> 32) * kOdd[2];
+  constexpr std::uint64_t kGolden = 0x9e3779b97f4a7c15u;
+  return splitmix64(value + static_cast<std::uint64_t>(place + 1) * kGolden);
 }
 
 /// Of the place of a cell and all words that fit_plane() and solve_crease() look at; never 0.

@@ -12,8 +12,7 @@
 namespace soilvdb::inline v0 {
 
 /// Fits and creases of cells by what they are functions of: the place, the samples around it and,
-/// of creases, the planes that are tried. A block of which a bucket changed a corner then costs
-/// little more than that corner.
+/// of creases, the planes that are tried.
 ///
 /// Guarantees: what comes out is what would be made anew. Memory is 3 MB; of two cells that want
 /// the same room the later one has it. Caveat: cells are told apart by 63 bits of a hash.

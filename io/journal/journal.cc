@@ -6,12 +6,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <limits>
-#include <span>
 #include <stdexcept>
 
 #include "io/file/atomic_file.h"

@@ -69,7 +69,7 @@ JournalReader::JournalReader(const std::filesystem::path& file) : file_(file) {
   in_.clear();
   in_.seekg(0);
   if (in_.read(reinterpret_cast<char*>(&mark), sizeof mark) && mark == kFormerFrameMark)
-    throw InputError(file, "is a journal of another soilvdb's format; run its scenario again");
+    throw InputError(file, "is a journal of an older format, which isn't read any more");
   throw InputError(file, "is not a journal, or damaged at its start");
 }
 

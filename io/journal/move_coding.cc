@@ -5,22 +5,23 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <stdexcept>
 
 #include "io/journal/journal_format.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr double kNsPerUs = 1e3;
+constexpr std::uint64_t kMostColumns = 1000;
+constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;  // a double has them all
 
 /// What a move doesn't have to say, and what a first one has to.
 enum MoveFlag : std::uint8_t {
   kEndsUpdate = 1,
-  kFirst = 2,           // of its writer: there is nothing before it, and it says how many columns
-  kJoints = 4,          // where it is the first
-  kBeginsAtEnd = 8,     // of the move before
-  kEndsAtLastRow = 16,  // of those that it brings
-  kAllFlags = 31
+  kFirst = 2,        // of its writer: there is nothing before it, and it says how many columns
+  kJoints = 4,       // where it is the first
+  kBeginsAtEnd = 8,  // of the move before
+  kAllFlags = 15
 };
 
 // How a number of a series begins: one of these, or the difference of two whole numbers and kNear.
@@ -61,6 +62,11 @@ bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t&
   return true;
 }
 
+/// The same for a number of samples: false if there can't be so many.
+bool take_samples(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
+  return take_difference(bytes, before, value) && -kMostSamples <= value && value <= kMostSamples;
+}
+
 }  // namespace
 
 void append_count(std::string& bytes, std::uint64_t count) {
@@ -92,7 +98,7 @@ void Series::append(std::string& bytes, double value) {
     append_count(bytes, d + kNear);
     return;
   }
-  for (int decimals = decimals_ + 1; decimals < static_cast<int>(kPowers.size()); ++decimals) {
+  for (int decimals = 0; decimals < static_cast<int>(kPowers.size()); ++decimals) {
     if (!is_decimal(value, decimals, scaled)) continue;
     decimals_ = decimals;
     scaled_ = scaled;
@@ -127,26 +133,26 @@ bool Series::take(std::string_view& bytes, double& value) {
 
 void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before) {
   const MotionRows& rows = move.rows;
+  if (!before.first && (rows.columns != before.values.size() || rows.joints != before.joints))
+    throw std::invalid_argument("a machine's rows have the same columns in all its moves");
   const auto fresh = static_cast<std::size_t>(
       std::upper_bound(rows.times_s.begin(), rows.times_s.end(), before.last_row_s) -
       rows.times_s.begin());
   const bool begins_at_end = !before.first && same_bits(move.begin_s, before.end_s);
-  const bool ends_at_last_row =
-      fresh < rows.times_s.size() && same_bits(move.end_s, rows.times_s.back());
   unsigned flags = move.ends_update ? kEndsUpdate : 0;
   if (before.first) flags |= kFirst | (rows.joints ? kJoints : 0);
   if (begins_at_end) flags |= kBeginsAtEnd;
-  if (ends_at_last_row) flags |= kEndsAtLastRow;
   bytes += static_cast<char>(flags);
   if (before.first) {
     append_count(bytes, rows.columns);
+    before.joints = rows.joints;
     before.values.resize(rows.columns);
   }
   if (!begins_at_end) append_raw(bytes, move.begin_s);
-  if (!ends_at_last_row) append_raw(bytes, move.end_s);
-  append_count(bytes, difference(move.cut, 0));
-  append_count(bytes, difference(move.bucket, before.bucket));
-  append_count(bytes, static_cast<std::uint64_t>(std::llround(move.us * kNsPerUs)));
+  before.ends_s.append(bytes, move.end_s);
+  append_count(bytes, difference(move.cut_samples, 0));
+  append_count(bytes, difference(move.bucket_samples, before.bucket_samples));
+  append_count(bytes, difference(move.ns, 0));
   append_count(bytes, rows.times_s.size() - fresh);
   for (std::size_t row = fresh; row < rows.times_s.size(); ++row) {
     before.times_s.append(bytes, rows.times_s[row]);
@@ -155,7 +161,7 @@ void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before
   }
   before.first = false;
   before.end_s = move.end_s;
-  before.bucket = move.bucket;
+  before.bucket_samples = move.bucket_samples;
   if (!rows.times_s.empty()) before.last_row_s = rows.times_s.back();
 }
 
@@ -165,7 +171,7 @@ bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before) {
   move.ends_update = flags & kEndsUpdate;
   if (flags & kFirst) {
     std::uint64_t columns = 0;
-    if (!take_count(bytes, columns) || columns > bytes.size()) return false;
+    if (!take_count(bytes, columns) || columns > kMostColumns) return false;
     before = {};
     before.first = false;
     before.joints = flags & kJoints;
@@ -173,14 +179,13 @@ bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before) {
   } else if (before.first) {
     return false;
   }
-  std::uint64_t ns = 0, count = 0;
+  std::uint64_t count = 0;
   move.begin_s = before.end_s;
   if (!(flags & kBeginsAtEnd) && !take_raw(bytes, move.begin_s)) return false;
-  if (!(flags & kEndsAtLastRow) && !take_raw(bytes, move.end_s)) return false;
-  if (!take_difference(bytes, 0, move.cut) || !take_difference(bytes, before.bucket, move.bucket) ||
-      !take_count(bytes, ns) || !take_count(bytes, count) || count > bytes.size())
+  if (!before.ends_s.take(bytes, move.end_s) || !take_samples(bytes, 0, move.cut_samples) ||
+      !take_samples(bytes, before.bucket_samples, move.bucket_samples) ||
+      !take_difference(bytes, 0, move.ns) || !take_count(bytes, count) || count > bytes.size())
     return false;
-  move.us = static_cast<double>(ns) / kNsPerUs;
   move.rows.joints = before.joints;
   move.rows.columns = before.values.size();
   for (std::uint64_t row = 0; row < count; ++row) {
@@ -188,12 +193,8 @@ bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before) {
     for (Series& column : before.values)
       if (!column.take(bytes, move.rows.values.emplace_back())) return false;
   }
-  if (flags & kEndsAtLastRow) {
-    if (count == 0) return false;
-    move.end_s = move.rows.times_s.back();
-  }
   before.end_s = move.end_s;
-  before.bucket = move.bucket;
+  before.bucket_samples = move.bucket_samples;
   return true;
 }
 

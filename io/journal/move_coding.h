@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A journal's moves as bytes: about as many as the rows of the motion had as text. Each is told by
-// what is different from the machine's move before it, and decimals as whole numbers.
+// A journal's moves as bytes: about as many as the rows of a motion in decimals have as text. Each
+// is told by what is different from the machine's move before it, and decimals as whole numbers.
 #pragma once
 
 #include <cstdint>
@@ -24,18 +24,18 @@ class Series {
 
  private:
   double last_ = 0;
-  int decimals_ = 0;         // as many as were needed so far
-  std::int64_t scaled_ = 0;  // the last that had no more, in units of its last decimal
+  int decimals_ = 0;         // as many as the last one needed that was a decimal
+  std::int64_t scaled_ = 0;  // that one, in units of its last decimal
 };
 
 /// What a machine's next move is told by the difference to.
 struct MoveBefore {
   bool first = true;  ///< there is none
   double end_s = 0;
-  std::int64_t bucket = 0;
-  double last_row_s = -std::numeric_limits<double>::infinity();
+  std::int64_t bucket_samples = 0;
+  double last_row_s = -std::numeric_limits<double>::infinity();  ///< written; a reader has the rows
   bool joints = false;
-  Series times_s;
+  Series ends_s, times_s;
   std::vector<Series> values;  ///< by column
 };
 

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "io/file/text.h"
 #include "io/motion/motion_angles.h"

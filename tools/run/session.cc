@@ -34,6 +34,8 @@ std::vector<Bucket> buckets(const io::Scenario& scenario) {
 /// machines.
 constexpr std::size_t kBatch = 64;
 
+constexpr double kNsPerUs = 1e3;
+
 constexpr const char* kMended = "once that is mended ";
 
 }  // namespace
@@ -158,11 +160,16 @@ void Session::dig_again(std::span<const Step> batch, std::span<const io::Journal
   auto count = static_cast<std::uint64_t>(summary_.updates.count());
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const io::JournalMove& move = before[i];
-    if (samples(results[i].cut_m3) != move.cut || samples(results[i].bucket_m3) != move.bucket) {
-      throw differs(count, move,
-                    fmt::format("cut {} m³ and now cuts {} m³; it was another version of soilvdb "
-                                "that dug it, or another machine",
-                                volume_m3(move.cut), results[i].cut_m3));
+    const bool same_cut = samples(results[i].cut_m3) == move.cut_samples;
+    if (!same_cut || samples(results[i].bucket_m3) != move.bucket_samples) {
+      throw differs(
+          count, move,
+          fmt::format("{} {} m³ and now {} {} m³; it was another version of soilvdb that dug it, "
+                      "or another machine",
+                      same_cut ? "left a load of" : "cut",
+                      volume_m3(same_cut ? move.bucket_samples : move.cut_samples),
+                      same_cut ? "leaves" : "cuts",
+                      same_cut ? results[i].bucket_m3 : results[i].cut_m3));
     }
     count += move.ends_update;
   }
@@ -206,7 +213,7 @@ void Session::dig() {
                                  step.end_s,
                                  samples(results[i].cut_m3),
                                  samples(results[i].bucket_m3),
-                                 results[i].us,
+                                 std::llround(kNsPerUs * results[i].us),
                                  io::rows_between(*step.motion, step.begin_s, step.end_s)};
       journal_->add(move);
       book(move);
@@ -230,12 +237,13 @@ void Session::begin_journal() {
 void Session::book(const io::JournalMove& move) {
   time_s_ = move.end_s;
   auto& sum = under_way_[move.machine];
-  sum.first += move.us;
-  sum.second += move.cut;
+  sum.first += move.ns;
+  sum.second += move.cut_samples;
   if (!move.ends_update) return;
-  summary_.updates.add(sum.first);
+  const double us = static_cast<double>(sum.first) / kNsPerUs;
+  summary_.updates.add(us);
   csv_->add(move.end_s, scenario_.machines[move.machine].name, volume_m3(sum.second),
-            volume_m3(move.bucket), sum.first);
+            volume_m3(move.bucket_samples), us);
   sum = {};
 }
 

@@ -105,8 +105,8 @@ class Session {
   std::optional<io::UpdatesCsv> csv_;
   io::Summary summary_;
   Progress progress_;
-  /// Of each machine's update: us, and samples cut.
-  std::vector<std::pair<double, std::int64_t>> under_way_;
+  /// Of each machine's update: ns, and samples cut.
+  std::vector<std::pair<std::int64_t, std::int64_t>> under_way_;
   double time_s_ = 0;  ///< how far the motion has come
   bool stopped_ = false;
 };

@@ -34,8 +34,8 @@ struct JournalMove {
   std::uint32_t machine = 0;
   bool ends_update = true;
   double begin_s = 0, end_s = 0;
-  std::int64_t cut = 0, bucket = 0;  ///< samples: by this update, in the bucket after it
-  double us = 0;                     ///< to the ns
+  std::int64_t cut_samples = 0, bucket_samples = 0;  ///< of Soil::sample_m3(); bucket: after it
+  std::int64_t ns = 0;                               ///< it took
   MotionRows rows;
 };
 /// A file that was finished, as of so many updates.
@@ -85,6 +85,7 @@ class JournalWriter {
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;
 
+  /// @throw std::invalid_argument if its rows have other columns than the machine's before
   void add(const JournalMove& move);
   void add(const JournalFile& file);
   void add(const JournalRemoval& removed);
@@ -121,6 +122,8 @@ class JournalReader {
   /// @throw InputError if `file` is not there or does not begin as a journal does.
   explicit JournalReader(const std::filesystem::path& file);
   ~JournalReader();
+  JournalReader(const JournalReader&) = delete;
+  JournalReader& operator=(const JournalReader&) = delete;
 
   /// The next record; nothing at the end of the good part.
   /// @throw InputError if a record makes no sense although its checksum is right.
