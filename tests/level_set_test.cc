@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <string>
 
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/io/site.h"
@@ -29,6 +30,15 @@ void write_grids(const std::filesystem::path& file, openvdb::GridPtrVec grids) {
 }
 
 openvdb::FloatGrid::Ptr sphere() { return test::level_set_sphere(5.0f, {0, 0, 0}, 0.25f); }
+
+/// Balls with radii of 2 m and 5 m, by these names.
+void write_spheres(const std::filesystem::path& file, const std::string& small,
+                   const std::string& large) {
+  const auto first = test::level_set_sphere(2, {0, 0, 0}, 0.25f), second = sphere();
+  first->setName(small);
+  second->setName(large);
+  write_grids(file, {first, second});
+}
 
 TEST(LevelSet, AClosedOneIsGround) {
   const TempFolder folder;
@@ -53,21 +63,13 @@ TEST(LevelSet, ItsOriginAndCrsAreMetadata) {
 
 TEST(LevelSet, TheGridNamedSurfaceComesFirst) {
   const TempFolder folder;
-  const auto other = test::level_set_sphere(2, {0, 0, 0}, 0.25f);
-  other->setName("other");
-  const auto surface = sphere();
-  surface->setName("surface");
-  write_grids(folder / "a.vdb", {other, surface});
+  write_spheres(folder / "a.vdb", "other", "surface");
   EXPECT_NEAR(*read_level_set(folder / "a.vdb").surface->height(0, 0), 5, 0.1);
 }
 
 TEST(LevelSet, OfSeveralGridsOneIsNamed) {
   const TempFolder folder;
-  const auto small = test::level_set_sphere(2, {0, 0, 0}, 0.25f);
-  small->setName("rocks");
-  const auto large = sphere();
-  large->setName("ground");
-  write_grids(folder / "a.vdb", {small, large});
+  write_spheres(folder / "a.vdb", "rocks", "ground");
   const auto open = [&](const std::string& grid) {
     return open_base(LevelSetTerrain{folder / "a.vdb", grid});
   };
@@ -89,8 +91,7 @@ TEST(LevelSet, OfSeveralGridsOneIsNamed) {
                       open_base(LevelSetTerrain{folder / "b.vdb", "rocks"});
                     }),
             "b.vdb: is a snapshot without a grid 'rocks'; leave 'grid' out");
-  large->setName("rocks");
-  write_grids(folder / "a.vdb", {small, large});
+  write_spheres(folder / "a.vdb", "rocks", "rocks");
   EXPECT_EQ(refusal(folder, [&] { open("rocks"); }),
             "a.vdb: has 2 level sets 'rocks'; give each a name of its own");
 }
