@@ -43,6 +43,11 @@ class Resume : public ProgramTest {
     for (const char* name : {"summary.json", "soil_final.vdb", "soil_final.ply", "updates.csv"})
       fs::remove(out() / name);
   }
+  /// Makes a run that ended early, and knows what it would have been.
+  void run_part(double share, const std::string& arguments = "dig.yaml") const {
+    run_whole(arguments);
+    interrupt(share);
+  }
   void expect_same_as_whole() const {
     EXPECT_EQ(summary()["state_hash"], hash_);
     EXPECT_EQ(summary()["volume_m3"]["cut"], cut_m3_);
@@ -50,15 +55,27 @@ class Resume : public ProgramTest {
     EXPECT_EQ(read_file(out() / "soil_final.ply"), mesh_);
     EXPECT_EQ(run("verify out/dig").status, 0);
   }
+  void expect_goes_on_to_the_same() const {
+    good("resume out/dig");
+    expect_same_as_whole();
+  }
+
+  /// Runs it and expects exit status 0.
+  Result good(const std::string& arguments) const {
+    const Result result = run(arguments);
+    EXPECT_EQ(result.status, 0) << arguments << ": " << result.err;
+    return result;
+  }
+  /// Runs it and expects exit status 1 with `hint` on stderr.
+  Result bad(const std::string& arguments, const std::string& hint) const {
+    const Result result = run(arguments);
+    EXPECT_EQ(result.status, 1) << arguments;
+    EXPECT_NE(result.err.find(hint), std::string::npos) << arguments << ": " << result.err;
+    return result;
+  }
 
   fs::path out() const { return folder() / "out/dig"; }
   nlohmann::json summary() const { return read_json(out() / "summary.json"); }
-  void expect_goes_on_to_the_same(double share) const {
-    interrupt(share);
-    const Result result = run("resume out/dig");
-    EXPECT_EQ(result.status, 0) << result.err;
-    expect_same_as_whole();
-  }
 
   /// updates.csv without the last column, the time each took.
   std::vector<std::string> updates() const {

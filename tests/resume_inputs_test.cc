@@ -13,8 +13,7 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
   const HeightGrid grid{9, 9, {-4, -4}, {1, 1}};
   io::write_geotiff(folder() / "flat.tif", grid, {{"z", std::vector<float>(81)}}, "");
   write_scenario("{raster: flat.tif}");
-  run_whole();
-  interrupt(0.6);
+  run_part(0.6);
   for (const char* name : {"dig.yaml", "flat.tif"}) {
     const std::string text = read_file(folder() / name);
     std::string other = text + "\n";
@@ -22,9 +21,7 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
       other.replace(other.find("height: 0.5"), 11, "height: 0.6");
     write_file(folder() / name, other);
     expect_refused("resume out/dig", std::string(name) + ": has changed since the run");
-    const Result verified = run("verify out/dig");
-    EXPECT_EQ(verified.status, 1);
-    EXPECT_NE(verified.err.find(name), std::string::npos) << verified.err;
+    bad("verify out/dig", name);
     fs::remove(folder() / name);
     expect_refused("resume out/dig", std::string(name) + ": is missing");
     write_file(folder() / name, text);
@@ -32,8 +29,7 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
   fs::rename(folder() / "dig.csv", folder() / "gone.csv");
   expect_refused("resume out/dig", "dig.csv: is missing");
   fs::rename(folder() / "gone.csv", folder() / "dig.csv");
-  EXPECT_EQ(run("resume out/dig").status, 0);
-  expect_same_as_whole();
+  expect_goes_on_to_the_same();
 }
 
 TEST_F(Resume, ATerrainBesideWhatAFolderLinksToIsFoundAgain) {
@@ -48,20 +44,17 @@ TEST_F(Resume, ATerrainBesideWhatAFolderLinksToIsFoundAgain) {
   ASSERT_EQ(whole.status, 0) << whole.err;
   EXPECT_EQ(run("info out/soil_final.vdb").status, 0);
   fs::resize_file(folder() / "out/journal", fs::file_size(folder() / "out/journal") * 3 / 5);
-  const Result result = run("resume out");
-  EXPECT_EQ(result.status, 0) << result.err;
+  good("resume out");
 }
 
 TEST_F(Resume, AnotherFileAtItsPlaceIsNotTakenForTheScenario) {
-  run_whole();
-  interrupt(0.6);
+  run_part(0.6);
   write_file(folder() / "dig.yaml", "no: [scenario");
   expect_refused("resume out/dig", "dig.yaml: has changed since the run in out/dig began (");
 }
 
 TEST_F(Resume, AScenarioMayBeWrittenAnotherWayButMustSayTheSame) {
-  run_whole();
-  interrupt(0.6);
+  run_part(0.6);
   const std::string text = read_file(folder() / "dig.yaml");
   const auto with = [&](const std::string& from, const std::string& to) {
     std::string other = text;
@@ -83,8 +76,7 @@ TEST_F(Resume, AScenarioMayBeWrittenAnotherWayButMustSayTheSame) {
   with("voxel_size: 0.05", "# as measured\nvoxel_size:   0.0500\n\n");
   EXPECT_EQ(run("verify out/dig").status, 0);
   with("name: dig\n", "name: 'dig'   # of last week\r\n");
-  EXPECT_EQ(run("resume out/dig").status, 0);
-  expect_same_as_whole();
+  expect_goes_on_to_the_same();
 }
 
 TEST_F(Resume, FollowsALinkToItsTerrainAsItIsNow) {
@@ -116,8 +108,7 @@ TEST_F(Resume, FollowsALinkToItsTerrainAsItIsNow) {
   fs::remove(moved / "site.tif");
   fs::create_symlink(folder() / "data of May/flat.tif", moved / "site.tif");
   EXPECT_EQ(run("info moved/out/soil_2.vdb").status, 0);
-  const Result result = run("resume moved/out");
-  EXPECT_EQ(result.status, 0) << result.err;
+  const Result result = good("resume moved/out");
   EXPECT_NE(result.out.find("going on from soil_"), std::string::npos) << result.out;
   EXPECT_EQ(result.err, "");
   EXPECT_EQ(read_json(moved / "out/summary.json")["state_hash"], hash);
@@ -126,8 +117,7 @@ TEST_F(Resume, FollowsALinkToItsTerrainAsItIsNow) {
 TEST_F(Resume, FindsInputsThatMovedTogetherWithTheRun) {
   write_file(folder() / "site/dig.csv", HalfSine{}.csv(41));
   fs::copy(folder() / "dig.yaml", folder() / "site/dig.yaml");
-  run_whole("site/dig.yaml");
-  interrupt(0.6);
+  run_part(0.6, "site/dig.yaml");
   fs::create_directories(folder() / "elsewhere/out");
   fs::rename(folder() / "site", folder() / "elsewhere/site");
   fs::rename(out(), folder() / "elsewhere/out/dig");
@@ -136,14 +126,12 @@ TEST_F(Resume, FindsInputsThatMovedTogetherWithTheRun) {
 }
 
 TEST_F(Resume, ByALinkToAFolderThatMovedWithItsInputs) {
-  run_whole();
-  interrupt(0.7);
+  run_part(0.7);
   const fs::path moved = folder() / "moved/deep", link = folder() / "link";
   fs::create_directories(moved);
   for (const char* name : {"dig.yaml", "dig.csv", "out"}) fs::rename(folder() / name, moved / name);
   fs::create_directory_symlink(moved / "out/dig", link);
-  const Result result = run("resume link");
-  EXPECT_EQ(result.status, 0) << result.err;
+  good("resume link");
   EXPECT_EQ(read_json(link / "summary.json")["state_hash"], hash_);
 }
 

@@ -18,8 +18,7 @@ TEST_F(Resume, GoesOnFromTheNewestSnapshotToTheSameFiles) {
   run_whole("dig.yaml --threads 1");  // a snapshot is safe before the next update
   const nlohmann::json files = summary()["files"];
   interrupt(0.7);
-  const Result result = run("resume out/dig");
-  EXPECT_EQ(result.status, 0) << result.err;
+  const Result result = good("resume out/dig");
   EXPECT_EQ(result.err, "");
   EXPECT_NE(result.out.find("updates acknowledged, to 3."), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("going on from soil_3.vdb"), std::string::npos) << result.out;
@@ -33,8 +32,8 @@ TEST_F(Resume, FromAnyPlaceAndUnderAnyOptions) {
   for (const char* options : {"", "--no-snapshots", "--updates 7", "--updates 300 --threads 1"}) {
     SCOPED_TRACE(options);
     for (const double share : {0.2, 0.5, 0.97}) {
-      run_whole(std::string("dig.yaml ") + options);
-      expect_goes_on_to_the_same(share);
+      run_part(share, std::string("dig.yaml ") + options);
+      expect_goes_on_to_the_same();
       fs::remove_all(out());
     }
   }
@@ -45,8 +44,8 @@ TEST_F(Resume, InTheMiddleOfAnUpdateThatTakesSeveralPartsOfALongMotion) {
   write_scenario("{plane: {z: 0}}", "0.001");
   for (const char* options : {"--updates 2", "--updates 3001"}) {
     for (const double share : {0.3, 0.6, 0.9}) {
-      run_whole(std::string("dig.yaml ") + options);
-      expect_goes_on_to_the_same(share);
+      run_part(share, std::string("dig.yaml ") + options);
+      expect_goes_on_to_the_same();
     }
   }
 }
@@ -66,8 +65,8 @@ TEST_F(Resume, OfSeveralMachinesOnARasterInUtmCoordinates) {
       "output: {snapshots: {every: 0.7}, mesh: ply, journal: {sync: always}}\n";
   write_file(folder() / "dig.yaml", text);
   for (const double share : {0.3, 0.8}) {
-    run_whole();
-    expect_goes_on_to_the_same(share);
+    run_part(share);
+    expect_goes_on_to_the_same();
   }
 }
 
@@ -78,9 +77,7 @@ TEST_F(Resume, AfterASignal) {
   if (stopped.status == 0) GTEST_SKIP() << "came to its end first";
   EXPECT_EQ(stopped.status, 1);
   EXPECT_NE(stopped.err.find("`soilvdb resume out/dig` goes on"), std::string::npos) << stopped.err;
-  const Result result = run("resume out/dig");
-  EXPECT_EQ(result.status, 0) << result.err;
-  expect_same_as_whole();
+  expect_goes_on_to_the_same();
 }
 
 TEST_F(Resume, OfAFinishedRunSaysSo) {
@@ -93,12 +90,10 @@ TEST_F(Resume, OfAFinishedRunSaysSo) {
 }
 
 TEST_F(Resume, FallsBackToAnOlderSnapshotAndSaysSo) {
-  run_whole("dig.yaml --threads 1");
-  interrupt(0.7);
+  run_part(0.7, "dig.yaml --threads 1");
   damage("soil_3.vdb", fs::file_size(out() / "soil_3.vdb") / 2);
   fs::remove(out() / "soil_2.vdb");
-  const Result result = run("resume out/dig");
-  EXPECT_EQ(result.status, 0) << result.err;
+  const Result result = good("resume out/dig");
   EXPECT_NE(result.err.find("soil_3.vdb: is damaged"), std::string::npos) << result.err;
   EXPECT_NE(result.err.find("soil_2.vdb: is missing; it is made anew"), std::string::npos);
   EXPECT_NE(result.out.find("going on from soil_1.vdb"), std::string::npos) << result.out;
@@ -110,8 +105,7 @@ TEST_F(Resume, MakesDamagedFilesOfAFinishedRunAnew) {
   const auto whole = content();
   const auto expect_made_anew = [&](const std::vector<std::string>& names, const char* fault) {
     EXPECT_EQ(run("verify out/dig").status, 1);
-    const Result result = run("resume out/dig");
-    EXPECT_EQ(result.status, 0) << result.err;
+    const Result result = good("resume out/dig");
     for (const std::string& name : names) {
       const std::string said =
           fmt::format("soilvdb: warning: out/dig/{}: {}; it is made anew\n", name, fault);
@@ -161,16 +155,14 @@ TEST_F(Resume, MakesDamagedFilesOfAFinishedRunAnew) {
 }
 
 TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
-  run_whole();
-  interrupt(0.6);
+  run_part(0.6);
   write_file(out() / ".soil_4.vdb.4711-3.tmp", "half");
   const std::string way_out =
       "; `soilvdb resume out/dig` goes on with it; to begin anew remove the folder or give "
       "another --out\n";
   expect_refused("run dig.yaml", "out/dig: holds a run that isn't finished, good to 3 s");
   expect_refused("run dig.yaml", way_out);
-  EXPECT_EQ(run("resume out/dig").status, 0);
-  expect_same_as_whole();
+  expect_goes_on_to_the_same();
   EXPECT_EQ(run("run dig.yaml").status, 0);
   expect_same_as_whole();
   std::string whole_journal = read_file(out() / "journal");
@@ -204,16 +196,12 @@ TEST_F(Resume, RunReplacesAFinishedRunWithAllItsFiles) {
 }
 
 TEST_F(Resume, DigsAgainWhatADamagedJournalHeld) {
-  run_whole();
-  interrupt(0.9);
+  run_part(0.9);
   const std::size_t at = fs::file_size(out() / "journal") / 3;
   damage("journal", at);
   const std::string damaged = read_file(out() / "journal");
-  const Result verified = run("verify out/dig");
-  EXPECT_EQ(verified.status, 1);
-  EXPECT_NE(verified.err.find("journal is damaged at byte"), std::string::npos) << verified.err;
-  const Result result = run("resume out/dig");
-  EXPECT_EQ(result.status, 0) << result.err;
+  bad("verify out/dig", "journal is damaged at byte");
+  const Result result = good("resume out/dig");
   EXPECT_NE(result.err.find("journal: is damaged at byte"), std::string::npos) << result.err;
   EXPECT_EQ(read_file(out() / "journal.damaged"), damaged);
   expect_same_as_whole();
@@ -230,8 +218,7 @@ TEST_F(Resume, RefusesWhatIsNoRun) {
 }
 
 TEST_F(Resume, KeepsOutOfAFolderWhereARunIsAtWork) {
-  run_whole();
-  interrupt(0.6);
+  run_part(0.6);
   const int descriptor = open(out().c_str(), O_RDONLY | O_DIRECTORY);
   ASSERT_EQ(flock(descriptor, LOCK_EX | LOCK_NB), 0);
   expect_refused("resume out/dig", "another run is at work");
@@ -241,8 +228,7 @@ TEST_F(Resume, KeepsOutOfAFolderWhereARunIsAtWork) {
 }
 
 TEST_F(Resume, ClearsAwayWhatACrashLeftHalfDone) {
-  run_whole();
-  interrupt(0.6);
+  run_part(0.6);
   write_file(out() / ".soil_4.vdb.4711-3.tmp", "half");
   write_file(out() / "updates.csv.part", "time");
   write_file(out() / ".mine.tmp", "mine");

@@ -8,19 +8,16 @@ namespace {
 
 TEST_F(Resume, VerifyNamesEveryFileThatIsNotAsItWasWritten) {
   run_whole();
-  const Result good = run("verify out/dig");
-  EXPECT_EQ(good.status, 0) << good.err;
-  EXPECT_NE(good.out.find("out/dig: intact, good to 5 s"), std::string::npos) << good.out;
+  const Result whole = good("verify out/dig");
+  EXPECT_NE(whole.out.find("out/dig: intact, good to 5 s"), std::string::npos) << whole.out;
   for (const auto& entry : fs::directory_iterator(out())) {
     const std::string name = entry.path().filename();
     const std::string bytes = read_file(entry.path());
     EXPECT_EQ(run("verify out/dig/" + name).status, 0) << name;
     damage(name, bytes.size() / 2);
     for (const std::string& what : {std::string(), "/" + name}) {
-      const Result bad = run("verify out/dig" + what);
-      EXPECT_EQ(bad.status, 1) << name;
-      EXPECT_NE(bad.err.find(name), std::string::npos) << bad.err;
-      EXPECT_EQ(std::count(bad.err.begin(), bad.err.end(), '\n'), 1) << bad.err;
+      const Result result = bad("verify out/dig" + what, name);
+      EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
     }
     fs::remove(entry.path());
     if (name != "journal") {
@@ -36,21 +33,19 @@ TEST_F(Resume, VerifyFindsAFinishedRunWhoseJournalWasCutShortOrZeroed) {
   const std::string journal = read_file(out() / "journal");
   const auto expect_found = [&](const std::string& bytes) {
     write_file(out() / "journal", bytes);
-    const Result bad = run("verify out/dig");
-    EXPECT_EQ(bad.status, 1);
-    EXPECT_NE(bad.err.find("journal is damaged: it ends after"), std::string::npos) << bad.err;
-    EXPECT_NE(bad.err.find("held 41 when summary.json was written"), std::string::npos) << bad.err;
-    EXPECT_NE(bad.out.find("soil_4.vdb           is there, but the journal doesn't know it; by "
-                           "itself good, the ground at 4 s"),
+    const Result result = bad("verify out/dig", "journal is damaged: it ends after");
+    EXPECT_NE(result.err.find("held 41 when summary.json was written"), std::string::npos)
+        << result.err;
+    EXPECT_NE(result.out.find("soil_4.vdb           is there, but the journal doesn't know it; by "
+                              "itself good, the ground at 4 s"),
               std::string::npos)
-        << bad.out;
-    EXPECT_NE(bad.out.find("soil_1.vdb           good"), std::string::npos) << bad.out;
+        << result.out;
+    EXPECT_NE(result.out.find("soil_1.vdb           good"), std::string::npos) << result.out;
   };
   const std::size_t half = journal.size() / 2;
   expect_found(journal.substr(0, half));
   expect_found(journal.substr(0, half) + std::string(journal.size() - half, '\0'));
-  EXPECT_EQ(run("resume out/dig").status, 0);
-  expect_same_as_whole();
+  expect_goes_on_to_the_same();
   write_file(out() / "journal", std::string(journal.size(), '\0'));
   const Result none = run("verify out/dig");
   EXPECT_EQ(none.status, 1);
@@ -63,8 +58,7 @@ TEST_F(Resume, VerifyFindsAFinishedRunWhoseJournalWasCutShortOrZeroed) {
 TEST_F(Resume, VerifyNamesASnapshotThatTheJournalDoesNotKnow) {
   run_whole();
   fs::copy(out() / "soil_2.vdb", out() / "soil_2 of Monday.vdb");
-  const Result result = run("verify out/dig");
-  EXPECT_EQ(result.status, 0) << result.err;
+  const Result result = good("verify out/dig");
   EXPECT_NE(result.out.find("soil_2 of Monday.vdb is there, but the journal doesn't know it; by "
                             "itself good, the ground at 2 s\n"),
             std::string::npos)
@@ -74,19 +68,13 @@ TEST_F(Resume, VerifyNamesASnapshotThatTheJournalDoesNotKnow) {
 TEST_F(Resume, VerifyFindsAJournalThatIsDamagedAtItsStart) {
   run_whole();
   damage("journal", 60);
-  for (const char* what : {"out/dig", "out/dig/journal"}) {
-    const Result bad = run(fmt::format("verify {}", what));
-    EXPECT_EQ(bad.status, 1);
-    EXPECT_NE(bad.err.find("journal: is not a journal, or damaged at its start"),
-              std::string::npos);
-  }
+  for (const char* what : {"out/dig", "out/dig/journal"})
+    bad(fmt::format("verify {}", what), "journal: is not a journal, or damaged at its start");
 }
 
 TEST_F(Resume, VerifyOfAnInterruptedRunSaysHowFarItIsGood) {
-  run_whole();
-  interrupt(0.7);
-  const Result result = run("verify out/dig");
-  EXPECT_EQ(result.status, 0) << result.err;
+  run_part(0.7);
+  const Result result = good("verify out/dig");
   EXPECT_NE(result.out.find("not finished"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("out/dig: intact, good to 3."), std::string::npos) << result.out;
   expect_refused("verify dig.yaml", "can't be verified");
