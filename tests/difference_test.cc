@@ -4,50 +4,19 @@
 
 #include <gtest/gtest.h>
 
-#include <bit>
 #include <cmath>
 #include <functional>
 #include <memory>
 #include <numbers>
 #include <utility>
-#include <vector>
 
-#include "soilvdb/lattice.h"
 #include "soilvdb/tracker.h"
+#include "tests/difference_fixture.h"
 
 namespace soilvdb {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kArea = 0.02;  // relative: what is asked of diff's area
-
-Bucket bucket(double width_m, double height_m) {
-  Bucket b;
-  b.width_m = width_m;
-  b.height_m = height_m;
-  return b;
-}
-
-/// A mouth that stays upright while its lip follows half a sine below the ground.
-struct HalfSine {
-  Vec2 from{0.013, -0.027};
-  double yaw = 0, width = 0.6, length = 2, depth = 0.3, ground = 0;
-  double area_m2() const { return width * length; }
-
-  void dig(Soil& soil, double begin = 0, double end = 1) const {
-    Tracker tracker(soil, {bucket(width, 1)});
-    for (int i = 0; i <= 100; ++i) {
-      const double s = begin + (end - begin) * i / 100;
-      const Vec2 at = from + s * length * Vec2(std::cos(yaw), std::sin(yaw));
-      tracker.update(0,
-                     {{at.x(), at.y(), ground - depth * std::sin(kPi * s)}, from_rpy(0, 0, yaw)});
-    }
-  }
-};
-
-std::shared_ptr<const BaseSurface> plane(double height_m, const Vec2& slope = Vec2::Zero()) {
-  return make_plane(height_m, slope);
-}
 
 TEST(Difference, OfAPitHasItsAreaAndVolume) {
   for (const double yaw : {0.0, 0.4, 1.1}) {
@@ -109,52 +78,6 @@ TEST(Difference, OfWhatIsSkimmedHasItsArea) {
   for (const double x : {0.33, 5.33})
     tracker.update(0, {{x, 0.21, 0.015}, Eigen::Quaterniond::Identity()});
   EXPECT_NEAR(difference(before, after, true).area_m2, 10, kArea * 10);
-}
-
-TEST(Lattice, IsTheSameWhateverPlaceComesFirst) {
-  for (const double h : {0.025, 0.05, 0.1}) {
-    const double period = kLatticePeriod * h;
-    const Vec3 at(556449.9, 5394951.3, 540);
-    const Vec3 origin = lattice_origin(h, at);
-    EXPECT_LE((origin - at).cwiseAbs().maxCoeff(), period / 2);
-    for (const Vec3& step : {Vec3(30, -40, 5), Vec3(5 * period, 0, 0), Vec3(-2000, 999, -700)}) {
-      const auto ground = plane(0);
-      const Soil a(h, origin, ground), b(h, lattice_origin(h, at + step), ground);
-      const auto shift = lattice_shift(a, b);
-      ASSERT_TRUE(shift.has_value());
-      EXPECT_LT((a.world_from_index(shift->cast<double>()) - b.origin()).norm(), 1e-6);
-      const Coord3 voxel(7, -3, 11);
-      EXPECT_EQ(&sample_points(voxel), &sample_points(voxel + *shift));
-    }
-  }
-  const auto ground = plane(0);
-  EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.05, Vec3::Zero(), ground}), std::nullopt);
-  for (const double x : {10.0, -10.0}) {
-    EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.1, Vec3(x, 0, 0), ground}),
-              std::nullopt);
-  }
-}
-
-TEST(Lattice, TheSameDigOnOtherOriginsIsTheSame) {
-  constexpr double kVoxel = 0.05;
-  HalfSine trench;
-  trench.from = {556449.9, 5394951};
-  trench.yaw = 0.3;
-  trench.ground = 540;  // samples lie in the ground's plane but for rounding
-  const auto ground = plane(540);
-  const Vec3 origin = lattice_origin(kVoxel, {556449.9, 5394951, 540});
-  const Vec3 period = Vec3::Constant(kLatticePeriod * kVoxel);
-  Soil a(kVoxel, origin, ground), b(kVoxel, lattice_origin(kVoxel, origin + period), ground);
-  ASSERT_NE(a.origin(), b.origin());
-  const Soil before(kVoxel, origin, ground);
-  trench.dig(a);
-  trench.dig(b);
-  const Difference whole = difference(before, a, true), none = difference(a, b, true);
-  EXPECT_GT(whole.cut_m3, 0.2);
-  EXPECT_TRUE(none.exact);
-  // Samples on the very edge of what the bucket passes may be on either side of it.
-  EXPECT_LT(none.cut_m3 + none.fill_m3, 1e-5 * whole.cut_m3);
-  EXPECT_NEAR(difference(before, b, true).cut_m3, whole.cut_m3, 1e-5 * whole.cut_m3);
 }
 
 TEST(BoxDifference, OfTheSameDigWithOtherVoxelsIsWithinItsError) {
@@ -269,54 +192,6 @@ TEST(BoxDifference, FollowsGroundThatWasDugFromGround) {
   const Difference none = difference(whole, second, false);
   EXPECT_LT(none.cut_m3, none.error_m3);
   EXPECT_LT(none.fill_m3, none.error_m3);
-}
-
-/// Soil in a box of both, m^3.
-double soil_m3(const Soil& soil, const Eigen::AlignedBox3d& box) {
-  std::int64_t count = 0;
-  const double h = soil.voxel_size_m();
-  SampleWords words;
-  for (double x = box.min().x(); x < box.max().x() - h / 2; x += 8 * h)
-    for (double y = box.min().y(); y < box.max().y() - h / 2; y += 8 * h)
-      for (double z = box.min().z(); z < box.max().z() - h / 2; z += 8 * h) {
-        const Vec3 first = soil.index_from_world(Vec3(x, y, z) + Vec3::Constant(h / 2));
-        soil.read_samples(first.array().round().matrix().cast<int>(), words);
-        for (const std::uint64_t word : words) count += std::popcount(word);
-      }
-  return static_cast<double>(count) * soil.sample_m3();
-}
-
-TEST(SoilSurface, HoldsTheVolumeOfTheGroundItIsOf) {
-  const auto ground = plane(0.013);
-  auto dug = std::make_shared<Soil>(0.05, Vec3::Constant(0.025), ground);
-  HalfSine trench;
-  trench.yaw = 0.4;
-  trench.dig(*dug);
-  const Eigen::AlignedBox3d box(Vec3(-1.6, -1.6, -1.6), Vec3(3.2, 3.2, 1.6));
-  const double before = soil_m3(*dug, box), cut = -dug->change_m3();
-  for (const double h : {0.025, 0.1, 0.2}) {
-    const Soil soil(h, Vec3::Constant(h / 2), make_soil_surface(dug));
-    // Half a voxel of the ground that was dug, on all that was dug, is what is promised.
-    EXPECT_NEAR(soil_m3(soil, box), before, 0.02 * cut) << h;
-  }
-}
-
-TEST(SoilSurface, IsTheGroundsOwnBaseWhereNobodyDug) {
-  const auto ground = plane(0.013, {0.2, 0.1});
-  auto dug = std::make_shared<Soil>(0.05, Vec3::Zero(), ground);
-  HalfSine().dig(*dug);
-  const Soil on_it(0.1, Vec3::Zero(), make_soil_surface(dug)), own(0.1, Vec3::Zero(), ground);
-  SampleWords a, b;
-  for (int z = -16; z <= 16; z += 8) {
-    const Coord3 far(80, 80, z);
-    on_it.read_samples(far, a);
-    own.read_samples(far, b);
-    EXPECT_EQ(a, b);
-  }
-  EXPECT_EQ(*on_it.base().height(20, 20), *ground->height(20, 20));
-  EXPECT_TRUE(on_it.is_air({Vec3(0.9, -0.1, -0.2), Vec3(1.1, 0.1, 1)}));
-  EXPECT_FALSE(on_it.is_air({Vec3(0.9, -0.1, -0.5), Vec3(1.1, 0.1, 1)}));
-  EXPECT_EQ(on_it.base().classify({Vec3(0.9, -0.1, -0.8), Vec3(1.1, 0.1, -0.6)}), Content::kSoil);
 }
 
 }  // namespace

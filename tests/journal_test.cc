@@ -10,121 +10,16 @@
 #include <cmath>
 #include <limits>
 #include <random>
-#include <sstream>
 #include <utility>
 
-#include "soilvdb/io/error.h"
 #include "soilvdb/io/motion_rows.h"
-#include "tests/faults.h"
+#include "tests/journal_fixture.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
 namespace {
 
-using test::TempFolder;
 using ::testing::HasSubstr;
-
-constexpr double kEvery_s = 0.1;  // between rows
-
-Pose pose(int i) {
-  return {{512340.0 + 0.1 * i, 5403640.0 - 0.03 * i * i, std::sin(i)},
-          from_rpy(0.1 * i, -0.4, 0.2)};
-}
-
-Motion motion(int rows) {
-  std::vector<double> times_s;
-  std::vector<Pose> poses;
-  for (int i = 0; i < rows; ++i) {
-    times_s.push_back(kEvery_s * i);
-    poses.push_back(pose(i));
-  }
-  return {times_s, poses};
-}
-
-/// The record of update i of two machines, which take turns.
-JournalMove move(const Motion& motion, int i) {
-  const double begin_s = kEvery_s * std::max(0, i / 2 - 1), end_s = kEvery_s * (i / 2);
-  return {static_cast<std::uint32_t>(i % 2),
-          true,
-          begin_s,
-          end_s,
-          i * std::int64_t{1'000'003},
-          (5 - i) * std::int64_t{70'001},
-          5500 + i,
-          rows_between(motion, begin_s, end_s)};
-}
-
-std::string as_text(const JournalRecord& record) {
-  std::ostringstream text;
-  text << std::hexfloat << record.index() << ' ';
-  if (const auto* config = std::get_if<JournalConfig>(&record)) {
-    text << config->text;
-  } else if (const auto* m = std::get_if<JournalMove>(&record)) {
-    text << m->machine << ' ' << m->ends_update;
-    text << ' ' << m->cut_samples << ' ' << m->bucket_samples << ' ' << m->ns;
-    for (const double v : {m->begin_s, m->end_s}) text << ' ' << v;
-    for (const double v : m->rows.times_s) text << ' ' << v;
-    for (const double v : m->rows.values) text << ' ' << v;
-  } else if (const auto* f = std::get_if<JournalFile>(&record)) {
-    text << f->name << ' ' << f->updates << ' ' << f->size << ' ' << f->crc;
-  }
-  return text.str();
-}
-
-/// All that can be read of a journal, and whether it was called damaged; a refusal reads as
-/// nothing.
-struct Reading {
-  std::vector<std::string> records;
-  bool damaged = false, refused = false;
-  std::uint64_t good_bytes = 0;
-};
-
-Reading reading(const std::filesystem::path& file) {
-  Reading result;
-  try {
-    JournalReader reader(file);
-    while (const auto record = reader.next()) result.records.push_back(as_text(*record));
-    result.damaged = reader.damaged();
-    result.good_bytes = reader.good_bytes();
-  } catch (const InputError&) {
-    result.refused = true;
-  }
-  return result;
-}
-
-bool is_prefix(const std::vector<std::string>& part, const std::vector<std::string>& all) {
-  return part.size() <= all.size() && std::equal(part.begin(), part.end(), all.begin());
-}
-
-class Journal : public ::testing::Test {
- protected:
-  /// A journal of `count` updates, `per_frame` of them in each frame, and its end.
-  std::string write(int count, int per_frame, bool end = true) const {
-    const Motion way = motion(count);
-    const auto file = folder_ / "journal";
-    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
-    for (int i = 0; i < count; ++i) {
-      writer.add(move(way, i));
-      if (i == count / 2) writer.add(JournalFile{"soil_1.vdb", 5, 12345, 0x1234567890abcdef});
-      if ((i + 1) % per_frame == 0) writer.flush();
-    }
-    if (end) writer.add(JournalEnd{});
-    writer.flush();
-    return content(file);
-  }
-  static std::string content(const std::filesystem::path& file) {
-    std::ostringstream text;
-    text << std::ifstream(file, std::ios::binary).rdbuf();
-    return text.str();
-  }
-  /// Writes bytes into a file that stays as long as it is.
-  static void poke(const std::filesystem::path& file, std::size_t at, std::string_view bytes) {
-    std::fstream(file, std::ios::binary | std::ios::in | std::ios::out)
-        .seekp(static_cast<std::streamoff>(at))
-        .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  }
-  TempFolder folder_;
-};
 
 TEST_F(Journal, GivesBackEveryRecordToTheLastBit) {
   write(20, 3);
@@ -305,91 +200,6 @@ TEST_F(Journal, GoesOnAfterWhatIsGood) {
   std::erase_if(moves, is_file);
   std::erase_if(whole.records, is_file);
   EXPECT_EQ(moves, whole.records);
-}
-
-TEST_F(Journal, CutOffAnywhereItHoldsWhatCameBefore) {
-  const std::string bytes = write(12, 2);
-  const std::vector<std::string> all = reading(folder_ / "journal").records;
-  std::size_t least = all.size();
-  for (std::size_t size = bytes.size(); size-- > 0;) {
-    std::filesystem::resize_file(folder_ / "journal", size);
-    const Reading part = reading(folder_ / "journal");
-    EXPECT_TRUE(is_prefix(part.records, all)) << size;
-    EXPECT_FALSE(part.damaged) << size;
-    EXPECT_LT(part.records.size(), all.size()) << size;
-    EXPECT_LE(part.records.size(), least) << size;
-    EXPECT_GE(part.records.size() + 3, least) << size;  // at most a frame less
-    least = part.records.size();
-  }
-  EXPECT_EQ(least, 0u);
-  testing::record_faults("journals cut off at each length", bytes.size(), "read up to there");
-}
-
-TEST_F(Journal, FlippedBitsAreNeverAcceptedAndSaidWhereTheyWereSynced) {
-  const std::string bytes = write(30, 2);
-  const auto file = folder_ / "journal";
-  const std::vector<std::string> all = reading(file).records;
-  const std::size_t last_frame = bytes.size() - 33;  // 32 bytes of head, a tag
-  std::mt19937 random(7);
-  std::size_t damaged = 0, refused = 0;
-  const std::size_t count = testing::faults(1000, 10'000, 100'000);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t at = random() % bytes.size();
-    poke(file, at, std::string(1, static_cast<char>(bytes[at] ^ (1 << random() % 8))));
-    const Reading part = reading(file);
-    poke(file, at, bytes.substr(at, 1));
-    ASSERT_TRUE(is_prefix(part.records, all)) << at;
-    ASSERT_LT(part.records.size(), all.size()) << at;
-    ASSERT_EQ(part.damaged || part.refused, at < last_frame) << at;
-    ASSERT_LE(part.good_bytes, at);
-    damaged += part.damaged;
-    refused += part.refused;
-  }
-  EXPECT_GT(damaged, count * 8 / 10);
-  EXPECT_GT(refused, 0u);  // where the configuration is hit
-  EXPECT_EQ(reading(file).records, all);
-  testing::record_faults("journals with a flipped bit", count, "read up to there");
-}
-
-TEST_F(Journal, ZeroedPagesAndRubbishAreFoundToo) {
-  const std::string bytes = write(400, 5);
-  const auto file = folder_ / "journal";
-  const std::vector<std::string> all = reading(file).records;
-  std::mt19937 random(11);
-  const std::size_t count = testing::faults(200, 1000, 10'000);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t at = random() % (bytes.size() - 512);
-    const std::size_t size = std::min<std::size_t>(bytes.size() - at, i % 2 ? 512 : 4096);
-    std::string page(size, '\0');
-    if (i % 3 == 0)
-      for (char& c : page) c = static_cast<char>(random());
-    poke(file, at, page);
-    const Reading part = reading(file);
-    poke(file, at, bytes.substr(at, size));
-    ASSERT_TRUE(is_prefix(part.records, all)) << at;
-    ASSERT_LT(part.records.size(), all.size()) << at;
-  }
-  testing::record_faults("journals with a page of zeros or rubbish", count, "read up to there");
-}
-
-/// Frames that the disk wrote in another order before the power went are no damage.
-TEST_F(Journal, AFrameThatWasNeverSyncedMayBeMissing) {
-  const auto file = folder_ / "journal";
-  const Motion way = motion(8000);
-  std::uint64_t synced = 0;
-  {
-    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
-    writer.add(move(way, 0));
-    writer.flush();
-    synced = std::filesystem::file_size(file);
-    for (int i = 2; i < 15'000; i += 2) writer.add(move(way, i));  // frames without a sync between
-  }
-  std::string bytes = content(file);
-  ASSERT_GT(bytes.size(), synced + 300'000);
-  for (std::size_t k = synced; k < synced + 100; ++k) bytes[k] = '\0';
-  const Reading part = reading(folder_.write("bad", bytes));
-  EXPECT_FALSE(part.damaged);
-  EXPECT_EQ(part.good_bytes, synced);
 }
 
 TEST_F(Journal, SomethingElseIsRefused) {

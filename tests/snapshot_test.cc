@@ -6,16 +6,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <sstream>
+#include <filesystem>
+#include <string>
 
 #include "io/snapshot/snapshot_format.h"
 #include "soilvdb/io/checksum.h"
-#include "soilvdb/io/raster.h"
 #include "soilvdb/surface_height.h"
-#include "soilvdb/tracker.h"
+#include "tests/snapshot_fixture.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::io {
@@ -24,87 +22,12 @@ namespace {
 using test::TempFolder;
 using ::testing::HasSubstr;
 
-const SnapshotInfo kInfo{"dig", 1.0 / 3, 0.5, 0.4, 0.1, 0.05};
-
-Bucket bucket() {
-  Bucket b;
-  b.width_m = 0.5;
-  b.height_m = 0.4;
-  return b;
-}
-
-/// A pose of the bucket on its way through the ground of `open()`.
-Pose pose(double s) {
-  return {{400001 + 0.8 * s, 5000002 + 0.1 * s, 99.9 - 0.3 * std::sin(3 * s)},
-          from_rpy(0.1, -0.4 + s, 0.2)};
-}
-
-std::filesystem::path hills(const TempFolder& folder) {
-  const HeightGrid grid{21, 21, {399996, 4999996}, {0.5, 0.5}};
-  std::vector<float> heights;
-  for (int i = 0; i < 21 * 21; ++i) heights.push_back(100 + 0.3f * std::sin(float(i)));
-  write_geotiff(folder / "hills.tif", grid, {{"z", heights}}, "");
-  return folder / "hills.tif";
-}
-
-Site site_on(const Terrain& terrain) {
-  Base base = open_base(terrain);
-  return {std::make_unique<Soil>(0.05, Vec3(400000, 5000000, 100), base.surface), base.reference,
-          "LOCAL_CS[\"site\"]", base.bounds};
-}
-
-void dig(Soil& soil, double from, double to) {
-  Tracker tracker(soil, {bucket()});
-  for (int i = 0; i <= 20; ++i) tracker.update(0, pose(from + (to - from) * i / 20));
-}
-
-std::string content(const std::filesystem::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file, std::ios::binary).rdbuf();
-  return text.str();
-}
-
 std::string output_of(const std::string& command) {
   std::FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
   std::string text;
   char buffer[4096];
   for (std::size_t n; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) text.append(buffer, n);
   return ::pclose(pipe) == 0 ? text : "";
-}
-
-std::string refusal(const TempFolder& folder, const std::filesystem::path& file) {
-  bool refused = false;
-  const std::string message = test::message_of(folder, [&] {
-    try {
-      read_snapshot(file);
-    } catch (const InputError&) {
-      refused = true;
-      throw;
-    }
-  });
-  return refused ? message : "accepted: " + message;
-}
-
-TEST(Checksum, IsTheOneThatXzUses) {
-  EXPECT_EQ(crc64("123456789"), 0x995dc9bbdf1939fau);  // the check value of CRC-64/XZ
-}
-
-TEST(Checksum, TellsFilesApartByTheirStartMiddleAndEnd) {
-  const TempFolder folder;
-  std::string bytes(10 << 20, 'a');
-  const std::string before = file_fingerprint(folder.write("a", bytes));
-  EXPECT_EQ(file_fingerprint(folder.write("b", bytes)), before);
-  for (const std::size_t at : {std::size_t{0}, bytes.size() - 1}) {
-    std::string other = bytes;
-    other[at] = 'b';
-    EXPECT_NE(file_fingerprint(folder.write("b", other)), before) << at;
-  }
-  EXPECT_NE(file_fingerprint(folder.write("b", bytes + "a")), before);
-  // Between its blocks it only looks if it is told to.
-  std::string other = bytes;
-  other[100 << 10] = 'b';
-  EXPECT_EQ(file_fingerprint(folder.write("b", other)), before);
-  EXPECT_NE(file_fingerprint(folder / "b", true), file_fingerprint(folder / "a", true));
 }
 
 class Snapshot : public ::testing::TestWithParam<const char*> {
@@ -256,54 +179,6 @@ TEST_P(Snapshot, ThatIsDamagedIsStillKnownAsOurs) {
   EXPECT_THAT(refusal(folder_, folder_ / "d.vdb"), HasSubstr("no such file"));
 }
 
-TEST(SnapshotBase, IsFoundAgainWhenBothHaveMoved) {
-  const TempFolder folder;
-  std::filesystem::create_directories(folder / "job/out");
-  std::filesystem::rename(hills(folder), folder / "job/hills.tif");
-  const Site site = site_on(RasterTerrain{folder / "job/hills.tif"});
-  dig(*site.soil, 0, 0.3);
-  write_snapshot(folder / "job/out/a.vdb", site, kInfo);
-  std::filesystem::rename(folder / "job", folder / "moved");
-  EXPECT_EQ(read_snapshot(folder / "moved/out/a.vdb").soil->state_hash(), site.soil->state_hash());
-}
-
-TEST(SnapshotBase, IsFoundAgainWhenTheSnapshotHasMoved) {
-  const TempFolder folder;
-  const Site site = site_on(RasterTerrain{hills(folder)});
-  dig(*site.soil, 0, 0.3);
-  write_snapshot(folder / "a.vdb", site, kInfo);
-  std::filesystem::create_directories(folder / "far/away");
-  std::filesystem::rename(folder / "a.vdb", folder / "far/away/a.vdb");
-  EXPECT_EQ(read_snapshot(folder / "far/away/a.vdb").soil->state_hash(), site.soil->state_hash());
-}
-
-TEST(SnapshotBase, BehindALinkIsFoundAndWrittenAgainAsItWas) {
-  const TempFolder folder;
-  std::filesystem::create_directories(folder / "far/away/disk");
-  std::filesystem::create_directories(folder / "out/run");
-  std::filesystem::rename(hills(folder), folder / "far/away/disk/hills.tif");
-  std::filesystem::create_directory_symlink(folder / "far/away/disk", folder / "site");
-  std::filesystem::create_directory_symlink(folder / "out/run", folder / "far/run");
-  const Site site = site_on(RasterTerrain{folder / "site/hills.tif"});
-  dig(*site.soil, 0, 0.3);
-  write_snapshot(folder / "far/run/a.vdb", site, kInfo);
-  std::filesystem::create_symlink(folder / "out/run/a.vdb", folder / "a.vdb");
-  write_snapshot(folder / "out/run/b.vdb", read_snapshot(folder / "a.vdb"), kInfo);
-  EXPECT_EQ(content(folder / "out/run/b.vdb"), content(folder / "out/run/a.vdb"));
-}
-
-TEST(SnapshotBase, ThatIsGoneOrHasChangedIsSaid) {
-  const TempFolder folder;
-  const Site site = site_on(RasterTerrain{hills(folder)});
-  write_snapshot(folder / "a.vdb", site, kInfo);
-  std::filesystem::rename(folder / "hills.tif", folder / "else.tif");
-  EXPECT_THAT(refusal(folder, folder / "a.vdb"), HasSubstr("base surface hills.tif is missing"));
-  std::string bytes = content(folder / "else.tif");
-  bytes.back() = static_cast<char>(bytes.back() + 1);
-  folder.write("hills.tif", bytes);
-  EXPECT_THAT(refusal(folder, folder / "a.vdb"), HasSubstr("base surface hills.tif has changed"));
-}
-
 TEST(SnapshotFile, ThatCantBeWrittenIsNamedAndNothingIsLeft) {
   const TempFolder folder;
   const Site site = site_on(PlaneTerrain{100, {0, 0}});
@@ -312,44 +187,6 @@ TEST(SnapshotFile, ThatCantBeWrittenIsNamedAndNothingIsLeft) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   EXPECT_FALSE(is_snapshot(folder / "no/a.vdb"));
   EXPECT_FALSE(is_snapshot(folder.path()));
-}
-
-class SnapshotTerrain : public ::testing::Test {
- protected:
-  void SetUp() override {
-    dig(*site_.soil, 0, 0.3);
-    write_snapshot(folder_ / "a.vdb", site_, kInfo);
-    scenario_.file = "dig.yaml";
-    scenario_.name = "dig";
-    scenario_.terrain = LevelSetTerrain{folder_ / "a.vdb"};
-    scenario_.machines.push_back({"digger", bucket(), Motion({0, 1}, {pose(0.3), pose(0.4)})});
-  }
-  TempFolder folder_;
-  const Site site_ = site_on(PlaneTerrain{100, {0, 0}});
-  Scenario scenario_;
-};
-
-TEST_F(SnapshotTerrain, WithTheScenariosVoxelsIsTheGroundItself) {
-  scenario_.voxel_size_m = 0.05;
-  EXPECT_EQ(open_site(scenario_).soil->state_hash(), site_.soil->state_hash());
-}
-
-TEST_F(SnapshotTerrain, WithOtherVoxelsIsTheSurfaceOfThatGround) {
-  scenario_.voxel_size_m = 0.1;
-  const Site on_it = open_site(scenario_);
-  EXPECT_TRUE(on_it.soil->chunks().empty());
-  ASSERT_NE(on_it.soil->base().soil(), nullptr);
-  EXPECT_EQ(on_it.soil->base().soil()->state_hash(), site_.soil->state_hash());
-  EXPECT_TRUE(std::holds_alternative<PlaneTerrain>(on_it.undug().terrain));
-  dig(*on_it.soil, 0.2, 1);
-  // And again through a file.
-  write_snapshot(folder_ / "b.vdb", on_it, kInfo);
-  const Site back = read_snapshot(folder_ / "b.vdb");
-  EXPECT_EQ(back.soil->state_hash(), on_it.soil->state_hash());
-  EXPECT_EQ(back.soil->base().soil()->state_hash(), site_.soil->state_hash());
-  EXPECT_TRUE(std::holds_alternative<PlaneTerrain>(back.undug().terrain));
-  std::filesystem::remove(folder_ / "a.vdb");
-  EXPECT_THAT(refusal(folder_, folder_ / "b.vdb"), HasSubstr("a.vdb is missing"));
 }
 
 }  // namespace

@@ -6,7 +6,9 @@
 #include <tbb/parallel_for.h>
 
 #include <atomic>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <vector>
@@ -15,6 +17,7 @@
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/tracker.h"
+#include "tests/difference_fixture.h"
 
 namespace soilvdb {
 namespace {
@@ -162,6 +165,54 @@ TEST(SoilSurface, HasTheGroundsOwnDistancesInItsVoxelsOnAllSidesOfWhatWasDug) {
     dug->distance(chunk.cast<double>(), 1, ground->band_m(), now.data());
     EXPECT_EQ(own, now) << chunk.transpose();
   }
+}
+
+/// Soil in a box of both, m^3.
+double soil_m3(const Soil& soil, const Eigen::AlignedBox3d& box) {
+  std::int64_t count = 0;
+  const double h = soil.voxel_size_m();
+  SampleWords words;
+  for (double x = box.min().x(); x < box.max().x() - h / 2; x += 8 * h)
+    for (double y = box.min().y(); y < box.max().y() - h / 2; y += 8 * h)
+      for (double z = box.min().z(); z < box.max().z() - h / 2; z += 8 * h) {
+        const Vec3 first = soil.index_from_world(Vec3(x, y, z) + Vec3::Constant(h / 2));
+        soil.read_samples(first.array().round().matrix().cast<int>(), words);
+        for (const std::uint64_t word : words) count += std::popcount(word);
+      }
+  return static_cast<double>(count) * soil.sample_m3();
+}
+
+TEST(SoilSurface, HoldsTheVolumeOfTheGroundItIsOf) {
+  const auto ground = plane(0.013);
+  auto dug = std::make_shared<Soil>(0.05, Vec3::Constant(0.025), ground);
+  HalfSine trench;
+  trench.yaw = 0.4;
+  trench.dig(*dug);
+  const Eigen::AlignedBox3d box(Vec3(-1.6, -1.6, -1.6), Vec3(3.2, 3.2, 1.6));
+  const double before = soil_m3(*dug, box), cut = -dug->change_m3();
+  for (const double h : {0.025, 0.1, 0.2}) {
+    const Soil soil(h, Vec3::Constant(h / 2), make_soil_surface(dug));
+    // Half a voxel of the ground that was dug, on all that was dug, is what is promised.
+    EXPECT_NEAR(soil_m3(soil, box), before, 0.02 * cut) << h;
+  }
+}
+
+TEST(SoilSurface, IsTheGroundsOwnBaseWhereNobodyDug) {
+  const auto ground = plane(0.013, {0.2, 0.1});
+  auto dug = std::make_shared<Soil>(0.05, Vec3::Zero(), ground);
+  HalfSine().dig(*dug);
+  const Soil on_it(0.1, Vec3::Zero(), make_soil_surface(dug)), own(0.1, Vec3::Zero(), ground);
+  SampleWords a, b;
+  for (int z = -16; z <= 16; z += 8) {
+    const Coord3 far(80, 80, z);
+    on_it.read_samples(far, a);
+    own.read_samples(far, b);
+    EXPECT_EQ(a, b);
+  }
+  EXPECT_EQ(*on_it.base().height(20, 20), *ground->height(20, 20));
+  EXPECT_TRUE(on_it.is_air({Vec3(0.9, -0.1, -0.2), Vec3(1.1, 0.1, 1)}));
+  EXPECT_FALSE(on_it.is_air({Vec3(0.9, -0.1, -0.5), Vec3(1.1, 0.1, 1)}));
+  EXPECT_EQ(on_it.base().classify({Vec3(0.9, -0.1, -0.8), Vec3(1.1, 0.1, -0.6)}), Content::kSoil);
 }
 
 }  // namespace
