@@ -85,8 +85,7 @@ class Incremental : public ProgramTest {
   }
   /// Makes of a finished run one that ended earlier.
   void interrupt(const std::string& out, double share) const {
-    const auto size = static_cast<double>(fs::file_size(folder() / out / "journal"));
-    fs::resize_file(folder() / out / "journal", static_cast<std::uintmax_t>(size * share));
+    cut_journal(folder() / out / "journal", share);
     for (const char* name : {"summary.json", "soil_final.vdb", "updates.csv"})
       fs::remove(folder() / out / name);
   }

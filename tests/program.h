@@ -9,7 +9,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -68,6 +70,15 @@ class ProgramTest : public ::testing::Test {
                         .c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
             read_file(temp_ / "out"), read_file(temp_ / "err")};
+  }
+
+  /// Leaves of a run's journal its first frame, the configuration, and a share of the rest.
+  static void cut_journal(const fs::path& journal, double share) {
+    const std::string bytes = read_file(journal);
+    std::uint32_t content = 0;
+    std::memcpy(&content, bytes.data() + 4, sizeof content);
+    const double first = 32.0 + content, rest = static_cast<double>(bytes.size()) - first;
+    fs::resize_file(journal, static_cast<std::uintmax_t>(first + rest * share));
   }
 
   /// Everything in the folder, by name, with its content.

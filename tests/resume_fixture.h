@@ -38,8 +38,7 @@ class Resume : public ProgramTest {
   }
   /// Makes of a run that came to its end one that ended earlier.
   void interrupt(double share) const {
-    const auto size = static_cast<double>(fs::file_size(out() / "journal"));
-    fs::resize_file(out() / "journal", static_cast<std::uintmax_t>(size * share));
+    cut_journal(out() / "journal", share);
     for (const char* name : {"summary.json", "soil_final.vdb", "soil_final.ply", "updates.csv"})
       fs::remove(out() / name);
   }

@@ -160,7 +160,7 @@ TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
   const std::string way_out =
       "; `soilvdb resume out/dig` goes on with it; to begin anew remove the folder or give "
       "another --out\n";
-  expect_refused("run dig.yaml", "out/dig: holds a run that isn't finished, good to 3 s");
+  expect_refused("run dig.yaml", "out/dig: holds a run that isn't finished, good to 3.");
   expect_refused("run dig.yaml", way_out);
   expect_goes_on_to_the_same();
   EXPECT_EQ(run("run dig.yaml").status, 0);

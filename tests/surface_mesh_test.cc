@@ -115,8 +115,9 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterTwoSamplesAlikeCha
   SoilWriter writer(dug.soil);
   std::mt19937 random(6);
   int compared = 0;
-  for (const Chunk* chunk : dug.soil.chunks()) {
-    const Coord3 origin = chunk->origin;
+  const std::vector<const Chunk*> chunks = dug.soil.chunks();
+  for (std::size_t i = 0; i < 4 * chunks.size(); ++i) {
+    const Coord3 origin = chunks[i % chunks.size()]->origin;
     SampleWords words;
     dug.soil.read_samples(origin, words);
     // The same sample of two cells side by side, the last ones most.

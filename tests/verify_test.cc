@@ -73,7 +73,7 @@ TEST_F(Resume, VerifyFindsAJournalThatIsDamagedAtItsStart) {
 }
 
 TEST_F(Resume, VerifyOfAnInterruptedRunSaysHowFarItIsGood) {
-  run_part(0.7);
+  run_part(0.6);
   const Result result = good("verify out/dig");
   EXPECT_NE(result.out.find("not finished"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("out/dig: intact, good to 3."), std::string::npos) << result.out;
