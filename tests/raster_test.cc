@@ -2,16 +2,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/io/raster.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <thread>
+#include <utility>
 
 #include "io/file/atomic_file.h"
 #include "io/terrain/crs.h"
@@ -90,6 +93,33 @@ TEST(Raster, RowsMayRunNorthward) {
   EXPECT_EQ(open_raster(header("2")).grid.first, Vec2(101, 201));
   expect_same(all_of(open_raster(header("-2"))), {1, 2, 3, 4, 5, 6});
   EXPECT_EQ(open_raster(header("-2")).grid.first, Vec2(101, 205));
+}
+
+/// Both raw formats have headers NAME.hdr, and then take any NAME for theirs.
+TEST(Raster, OfOneNameInManyFormatsEachIsReadAsItself) {
+  const std::string values = "1 2 3\n4.5 5 6\n";
+  for (const auto& [raw, raw_file] : {std::pair{"EHdr", "dem.bil"}, {"ENVI", "dem.dat"}}) {
+    const TempFolder folder;
+    folder.write("dem.asc", ascii(values));
+    std::vector<std::string> files = {"dem.asc"};
+    for (const auto& [format, name] : {std::pair{"GTiff", "dem.tif"},
+                                       {"HFA", "dem.img"},
+                                       {"GSBG", "dem.grd"},
+                                       {"SAGA", "dem.sdat"},
+                                       {raw, raw_file}}) {
+      if (std::system(fmt::format("cd '{}' && gdal_translate -q -ot Float32 -of {} dem.asc {}",
+                                  folder.path().string(), format, name)
+                          .c_str()) != 0)
+        GTEST_SKIP() << "gdal_translate is not there";
+      files.emplace_back(name);
+    }
+    const std::vector<float> truth = all_of(open_raster(folder / "dem.asc"));
+    for (const std::string& file : files) {
+      const RasterInput raster = open_raster(folder / file);
+      EXPECT_EQ(all_of(raster), truth) << file << " beside " << raw;
+      EXPECT_EQ(raster.grid.first, Vec2(101, 201)) << file;
+    }
+  }
 }
 
 TEST(Raster, WhatIsWrittenIsReadBackBitForBit) {

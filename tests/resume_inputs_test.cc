@@ -21,7 +21,8 @@ TEST_F(Resume, RefusesInputsThatHaveChangedOrGone) {
       other.replace(other.find("height: 0.5"), 11, "height: 0.6");
     write_file(folder() / name, other);
     expect_refused("resume out/dig", std::string(name) + ": has changed since the run");
-    bad("verify out/dig", name);
+    const Result verified = bad("verify out/dig", name);
+    EXPECT_EQ(verified.err.find("makes what is missing"), std::string::npos) << verified.err;
     fs::remove(folder() / name);
     expect_refused("resume out/dig", std::string(name) + ": is missing");
     write_file(folder() / name, text);

@@ -28,11 +28,16 @@ void register_drivers() {
 
 }  // namespace
 
-const char* const* height_formats() {
-  static constexpr const char* kFormats[] = {"GTiff", "AAIGrid", "AIG",  "GRASSASCIIGrid", "EHdr",
-                                             "ENVI",  "HFA",     "GSAG", "GSBG",           "GS7BG",
-                                             "SAGA",  "SRTMHGT", "DTED", "USGSDEM",        nullptr};
-  return kFormats;
+std::string height_format(const std::filesystem::path& file) {
+  static constexpr const char* kMarked[] = {
+      "GTiff", "AAIGrid", "AIG",     "GRASSASCIIGrid", "HFA",     "GSAG", "GSBG",
+      "GS7BG", "SAGA",    "SRTMHGT", "DTED",           "USGSDEM", nullptr};
+  static constexpr const char* kRaw[] = {"EHdr", "ENVI", nullptr};
+  for (const char* const* formats : {kMarked, kRaw}) {
+    if (GDALDriverH found = GDALIdentifyDriverEx(file.c_str(), GDAL_OF_RASTER, formats, nullptr))
+      return GDALGetDriverShortName(found);
+  }
+  return "";
 }
 
 GdalMessages::GdalMessages() {

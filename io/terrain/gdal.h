@@ -3,13 +3,15 @@
 // What all uses of GDAL share: it is set up once, and its messages are kept from the terminal.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 namespace soilvdb::inline v0::io {
 
-/// The formats that heights are read from, by GDAL's names, a null at the end: whoever links us may
-/// have told GDAL of others.
-const char* const* height_formats();
+/// The format of a file of heights, by GDAL's name; empty: of none that we read, whatever others
+/// have told GDAL of. Formats whose files say nothing of themselves (EHdr, ENVI) are asked last:
+/// they take any file with a header of theirs beside it.
+std::string height_format(const std::filesystem::path& file);
 
 /// While one lives, what GDAL and PROJ would print on this thread is kept here. Makes sure GDAL is
 /// ready. Scopes nest.

@@ -101,21 +101,20 @@ class GdalHeights final : public HeightSource {
 GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
   check_readable(file);
   const std::string path = std::filesystem::absolute(file).string();
-  GDALDriverH format =
-      GDALIdentifyDriverEx(path.c_str(), GDAL_OF_RASTER, height_formats(), nullptr);
-  const std::string name = format != nullptr ? GDALGetDriverShortName(format) : "";
+  const std::string name = height_format(path);
   // The ASCII reader guesses from the first 100 KB whether a file has only integers.
   const char* const ascii[] = {"DATATYPE=Float64", nullptr};
   messages.clear();
-  GDALDatasetUniquePtr dataset(GDALDataset::Open(
-      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, height_formats(),
-      name == "AAIGrid" || name == "GRASSASCIIGrid" ? ascii : nullptr, nullptr));
-  if (dataset) return dataset;
   if (name.empty()) {
     throw InputError(file,
                      "is not a raster that is read as terrain; a GeoTIFF or an Esri ASCII grid of "
                      "heights would do (gdal_translate makes one of other formats)");
   }
+  const char* const formats[] = {name.c_str(), nullptr};
+  GDALDatasetUniquePtr dataset(GDALDataset::Open(
+      path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, formats,
+      name == "AAIGrid" || name == "GRASSASCIIGrid" ? ascii : nullptr, nullptr));
+  if (dataset) return dataset;
   throw InputError(file, fmt::format("is damaged ({})", messages.error_or("GDAL can't open it")));
 }
 

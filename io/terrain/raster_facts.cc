@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <string>
 
 #include "io/file/text.h"
 #include "io/terrain/gdal.h"
@@ -18,11 +19,17 @@ namespace soilvdb::inline v0::io {
 RasterFacts raster_facts(const std::filesystem::path& file) {
   check_readable(file);
   GdalMessages messages;
-  const std::unique_ptr<GDALDataset> raster(GDALDataset::Open(
-      file.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, height_formats()));
+  const std::string format = height_format(file);
+  const char* const formats[] = {format.c_str(), nullptr};
+  const std::unique_ptr<GDALDataset> raster(
+      format.empty()
+          ? nullptr
+          : GDALDataset::Open(file.c_str(),
+                              GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, formats));
   if (!raster || raster->GetRasterCount() < 1)
-    throw InputError(file, fmt::format("is no raster that can be read: {}",
-                                       messages.error_or("it has no bands")));
+    throw InputError(
+        file, fmt::format("is no raster that can be read: {}",
+                          messages.error_or("it is of no format of heights, or has no bands")));
   RasterFacts facts;
   facts.driver = raster->GetDriverName();
   facts.columns = raster->GetRasterXSize();

@@ -116,8 +116,8 @@ class CommandLine {
            "--memory", mb,
            fmt::format("most that the ground may hold of memory, MB, 16 or more; what was "
                        "not used for longest goes to a file without a name in the run's folder. "
-                       "Besides it the program takes 100 MB, and 7 kB per chunk of 8 x 8 "
-                       "x 8 voxels while it writes a snapshot. Default: {}",
+                       "Besides it the program takes 100 MB, and up to 11 kB per chunk of "
+                       "8 x 8 x 8 voxels while it writes a snapshot. Default: {}",
                        otherwise))
         ->type_name("MB")
         ->transform(number_between(

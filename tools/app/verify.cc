@@ -129,15 +129,19 @@ void verify_run(const fs::path& folder) {
   for (const RunFile& file : check_files(folder, journal))
     if (!file.outdated) report(file.known.name, file.fault, "good");
   list_unknown(folder, journal);
-  if (!journal.ended) report("inputs", fault_of_inputs(folder, journal), "good");
+  const std::string inputs = journal.ended ? "" : fault_of_inputs(folder, journal);
+  if (!journal.ended) report("inputs", inputs, "good");
   if (faults.empty()) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));
     return;
   }
   throw std::runtime_error(fmt::format(
-      "{}: {}; the journal is good to {} s, from which `soilvdb resume {}` makes what is "
-      "missing or damaged anew",
-      folder.string(), fmt::join(faults, "; "), time_text(journal.done.time_s), folder.string()));
+      "{}: {}; the journal is good to {} s{}", folder.string(), fmt::join(faults, "; "),
+      time_text(journal.done.time_s),
+      inputs.empty() ? fmt::format(", from which `soilvdb resume {}` makes what is missing or "
+                                   "damaged anew",
+                                   folder.string())
+                     : ""));
 }
 
 void verify_snapshot(const fs::path& file) {
