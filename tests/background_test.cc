@@ -5,9 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
+#include <latch>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace soilvdb {
@@ -82,6 +85,24 @@ TEST(Background, WhatAJobHoldsIsGoneWhenItCountsAsDone) {
   background.run([held = std::move(held)] {});
   background.wait();
   EXPECT_TRUE(watched.expired());
+}
+
+TEST(Background, IsDoneWhenTheLastJobHasEndedAndNoSooner) {
+  std::latch started(1), go(1);
+  std::atomic<bool> ended = false;
+  Background background(true);
+  background.run([&] {
+    started.count_down();
+    go.wait();
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    ended = true;
+  });
+  started.wait();
+  EXPECT_FALSE(background.done());
+  go.count_down();
+  background.wait();
+  EXPECT_TRUE(ended);
+  EXPECT_TRUE(background.done());
 }
 
 }  // namespace

@@ -135,5 +135,25 @@ TEST_F(Incremental, KeysAreChecked) {
   refused("incremental: true", "key 'every' is missing");
 }
 
+TEST_F(Incremental, AWholeOneComesAfterALongChain) {
+  // A long trench, then a dip into one place of it every second.
+  std::string csv = "time,x,y,z\n0,0,0,-0.1\n40,40,0,-0.1\n";
+  for (int i = 1; i <= 75; ++i) csv += fmt::format("{},40,0,{}\n", 40 + i, -0.1 - 0.002 * i);
+  write_file(folder() / "dig.csv", csv);
+  std::string text = half_sine_scenario("{plane: {z: 0}}", "dig.csv",
+                                        "{snapshots: {every: 1, incremental: true}}");
+  text.replace(text.find("0.025"), 5, "0.05");
+  write_file(folder() / "dig.yaml", text);
+  good("run dig.yaml --out o");
+  std::size_t deepest = 0;
+  for (const io::JournalFile& file : io::read_journal(folder() / "o/journal").files) {
+    if (file.parent.empty()) continue;
+    io::SnapshotInfo info;
+    ASSERT_NO_THROW(io::read_snapshot(folder() / "o" / file.name, &info)) << file.name;
+    deepest = std::max(deepest, info.parent->depth);
+  }
+  EXPECT_EQ(deepest, io::kMaxChainLength);
+}
+
 }  // namespace
 }  // namespace soilvdb::testing

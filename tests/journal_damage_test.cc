@@ -106,5 +106,28 @@ TEST_F(Journal, AFrameThatWasNeverSyncedMayBeMissing) {
   EXPECT_EQ(part.good_bytes, synced);
 }
 
+TEST(JournalFrames, AHeadThatLiesAcrossABorderOfBlocksIsFound) {
+  const test::TempFolder folder;
+  const auto file = folder / "journal";
+  constexpr std::size_t kBlock = std::size_t{1} << 20, kHead = 32;
+  for (const std::size_t before : {1u, 8u, 31u, 32u}) {  // bytes of the head in the first block
+    const std::uint64_t place = io::begin_journal(file, {"configuration"});
+    {
+      io::JournalWriter writer(file, place, {}, 3600);
+      const std::size_t numbers = 1 + 3 * 8 + 4 + 4;
+      writer.add(io::JournalFile{std::string(kBlock - before - kHead - numbers, 'a')});
+      writer.flush();
+      writer.add(io::JournalRemoval{"b"});
+      writer.flush();
+    }
+    std::fstream(file, std::ios::in | std::ios::out | std::ios::binary)
+        .seekp(static_cast<std::streamoff>(place + 1000))
+        .put('b');
+    const io::JournalContent journal = io::read_journal(file);
+    EXPECT_EQ(journal.good_bytes, place);
+    EXPECT_TRUE(journal.damaged) << before;
+  }
+}
+
 }  // namespace
 }  // namespace soilvdb::io

@@ -216,5 +216,22 @@ TEST_F(ExportedBlock, IsPassedOverAtAnyDistance) {
   EXPECT_FALSE(base.surface->known({Vec3(2000, 2000, -0.3), Vec3(2001, 2001, 1)}));
 }
 
+TEST(LevelSet, ALevelSetWithoutDistancesInTheAirIsNotClosed) {
+  const test::TempFolder folder;
+  for (const bool in_air : {true, false}) {
+    const auto half = test::level_set_sphere(5.0f, {0, 0, 0}, 0.25f);
+    for (auto leaf = half->tree().beginLeaf(); leaf; ++leaf)
+      for (openvdb::Index n = 0; n < 512; ++n) {
+        const float value = leaf->getValue(n);
+        if ((value > 0) == in_air)
+          leaf->setValueOff(n, in_air ? half->background() : -half->background());
+      }
+    openvdb::io::File((folder / "half.vdb").string()).write(openvdb::GridPtrVec{half});
+    EXPECT_THAT(test::message_of(folder, [&] { io::read_level_set(folder / "half.vdb"); }),
+                ::testing::HasSubstr("is not closed"))
+        << in_air;
+  }
+}
+
 }  // namespace
 }  // namespace soilvdb::io

@@ -257,29 +257,5 @@ TEST(Memory, GroundThatComesBackDamagedIsRefused) {
   EXPECT_THROW(dug.soil.state_hash(), std::runtime_error);
 }
 
-TEST(ColdFile, GivesBackWhatWasPutAndTakesRoomThatIsLeft) {
-  const test::TempFolder folder;
-  io::ColdFile file(folder.path());
-  std::vector<std::pair<std::uint32_t, std::string>> pieces;
-  for (std::size_t round = 0; round < 3; ++round) {
-    const std::uint64_t size = file.size_bytes();
-    for (std::size_t i = 0; i < 200; ++i) {
-      const std::string bytes(37 * i, static_cast<char>('a' + (i + round) % 26));
-      pieces.emplace_back(file.put(bytes), bytes);
-    }
-    if (round > 0) {
-      EXPECT_EQ(file.size_bytes(), size);
-    }
-    std::string back;
-    for (const auto& [piece, bytes] : pieces) {
-      EXPECT_GT(piece, 0u);
-      file.get(piece, back);
-      EXPECT_EQ(back, bytes);
-      file.drop(piece, bytes.size());
-    }
-    pieces.clear();
-  }
-}
-
 }  // namespace
 }  // namespace soilvdb::testing

@@ -174,5 +174,25 @@ TEST(MeshFile, IsRefusedWhereItCantBeWritten) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
+TEST(StlFile, NormalsOfAnStlPointOutwards) {
+  const test::TempFolder folder;
+  Mesh mesh;
+  mesh.points = {{0, 0, 0}, {2, 0, 0}, {0, 3, 0}, {0, 0, 1}};
+  mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};  // of a tetrahedron, outwards
+  io::write_mesh(folder / "a.stl", mesh, Vec3::Zero(), "");
+  std::ostringstream text;
+  text << std::ifstream(folder / "a.stl", std::ios::binary).rdbuf();
+  const std::string bytes = text.str();
+  for (std::size_t k = 0; k < mesh.triangles.size(); ++k) {
+    Eigen::Vector3f normal, a, b, c;
+    const char* at = bytes.data() + 84 + 50 * k;
+    for (Eigen::Vector3f* v : {&normal, &a, &b, &c}) {
+      std::memcpy(v->data(), at, 12);
+      at += 12;
+    }
+    EXPECT_LT((normal - (b - a).cross(c - a).normalized()).norm(), 1e-6f) << k;
+  }
+}
+
 }  // namespace
 }  // namespace soilvdb::io

@@ -159,5 +159,34 @@ TEST(SweptBoxes, AWholeTurnOfAJointGoesAllTheWayRound) {
   }
 }
 
+std::string rows(std::int64_t from, std::int64_t to) {
+  std::string text;
+  for (std::int64_t i = from; i < to; ++i)
+    text += fmt::format("{:.2f},{:.4f},0,0\n", 0.01 * static_cast<double>(i),
+                        1e-4 * static_cast<double>(i));
+  return text;
+}
+TEST(MotionFileRows, PartsAfterALineThatIsTooLongAreFound) {
+  const test::TempFolder folder;
+  constexpr std::int64_t kPart = MotionFile::kPartSteps;
+  const auto file =
+      folder.write("m.csv", "time,x,y,z\n" + rows(0, 100) + std::string(150'000, '1') + '\n' +
+                                rows(100, 2 * kPart + 10));
+  const MotionFile motion = open(file, OnBadRow::kSkip);
+  EXPECT_EQ(motion.bad_rows().count, 1);
+  ASSERT_EQ(motion.parts(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NO_THROW(motion.part(i)) << i;
+}
+TEST(MotionFileRows, OddRowsHereAndThereAreCountedBetweenGoodOnes) {
+  const test::TempFolder folder;
+  const std::string odd = "0,0,0,0\n";
+  const auto file = folder.write("m.csv", "time,x,y,z\n" + rows(0, 4) + odd + odd + odd +
+                                              rows(4, 5) + odd + odd + odd + rows(5, 60));
+  const MotionFile motion = open(file, OnBadRow::kStop);
+  EXPECT_TRUE(motion.stops());
+  EXPECT_EQ(motion.bad_rows().good_s, 0.03);
+  EXPECT_EQ(motion.bad_rows().count, 6);
+}
+
 }  // namespace
 }  // namespace soilvdb::io

@@ -72,6 +72,20 @@ class ProgramTest : public ::testing::Test {
             read_file(temp_ / "out"), read_file(temp_ / "err")};
   }
 
+  /// Runs it and expects exit status 0.
+  Result good(const std::string& arguments) const {
+    const Result result = run(arguments);
+    EXPECT_EQ(result.status, 0) << arguments << ": " << result.err;
+    return result;
+  }
+  /// Runs it and expects exit status 1 with `hint` on stderr.
+  Result bad(const std::string& arguments, const std::string& hint) const {
+    const Result result = run(arguments);
+    EXPECT_EQ(result.status, 1) << arguments;
+    EXPECT_NE(result.err.find(hint), std::string::npos) << arguments << ": " << result.err;
+    return result;
+  }
+
   /// Leaves of a run's journal its first frame, the configuration, and a share of the rest.
   static void cut_journal(const fs::path& journal, double share) {
     const std::string bytes = read_file(journal);

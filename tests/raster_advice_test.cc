@@ -200,5 +200,21 @@ TEST(Raster, ForeignFeetOfHeightAreRefusedAndTheCommandHelps) {
   EXPECT_EQ(refusal(folder, folder / "a_m.tif"), "accepted");
 }
 
+TEST(Raster, AMapWhoseMetresAreShorterIsRefusedToo) {
+  const test::TempFolder folder;
+  folder.write(
+      "a.prj",
+      R"(PROJCS["half",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",)"
+      R"(6378137,298.257223563]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],)"
+      R"(PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],)"
+      R"(PARAMETER["central_meridian",9],PARAMETER["scale_factor",0.5],)"
+      R"(PARAMETER["false_easting",0],PARAMETER["false_northing",0],UNIT["metre",1]])");
+  const auto file = folder.write("a.asc",
+                                 "ncols 3\nnrows 2\nxllcorner 0\nyllcorner 2700000\ncellsize 1\n"
+                                 "4 5 6\n1 2 3\n");
+  EXPECT_THAT(test::message_of(folder, [&] { io::open_raster(file); }),
+              ::testing::HasSubstr("of which 1 m is 2 m on the ground here"));
+}
+
 }  // namespace
 }  // namespace soilvdb::io

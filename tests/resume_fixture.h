@@ -59,20 +59,6 @@ class Resume : public ProgramTest {
     expect_same_as_whole();
   }
 
-  /// Runs it and expects exit status 0.
-  Result good(const std::string& arguments) const {
-    const Result result = run(arguments);
-    EXPECT_EQ(result.status, 0) << arguments << ": " << result.err;
-    return result;
-  }
-  /// Runs it and expects exit status 1 with `hint` on stderr.
-  Result bad(const std::string& arguments, const std::string& hint) const {
-    const Result result = run(arguments);
-    EXPECT_EQ(result.status, 1) << arguments;
-    EXPECT_NE(result.err.find(hint), std::string::npos) << arguments << ": " << result.err;
-    return result;
-  }
-
   fs::path out() const { return folder() / "out/dig"; }
   nlohmann::json summary() const { return read_json(out() / "summary.json"); }
 

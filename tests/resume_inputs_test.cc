@@ -136,5 +136,29 @@ TEST_F(Resume, ByALinkToAFolderThatMovedWithItsInputs) {
   EXPECT_EQ(read_json(link / "summary.json")["state_hash"], hash_);
 }
 
+TEST_F(Resume, RefusesAMachineThatHasChanged) {
+  const std::string urdf =
+      "<robot name=\"m\"><link name=\"root\"/><link name=\"tip\"/>\n"
+      "<joint name=\"slide\" type=\"prismatic\"><parent link=\"root\"/><child link=\"tip\"/>\n"
+      "<origin xyz=\"0 0 -0.1\"/><axis xyz=\"1 0 0\"/><limit lower=\"-9\" upper=\"9\"/></joint>\n"
+      "</robot>\n";
+  write_file(folder() / "m.urdf", urdf);
+  std::string csv = "time,slide\n";
+  for (int i = 0; i <= 40; ++i) csv += fmt::format("{},{}\n", i / 8.0, i / 40.0);
+  write_file(folder() / "dig.csv", csv);
+  write_file(
+      folder() / "dig.yaml",
+      half_sine_scenario("{plane: {z: 0}}", "dig.csv\n    urdf: m.urdf\n    lip: {link: tip}",
+                         "{snapshots: {every: 1}, journal: {sync: always}}"));
+  good("run dig.yaml --out o");
+  fs::resize_file(folder() / "o/journal", fs::file_size(folder() / "o/journal") * 3 / 5);
+  std::string other = urdf;
+  other.replace(other.find("-0.1"), 4, "-0.2");
+  write_file(folder() / "m.urdf", other);
+  expect_refused("resume o", "m.urdf: has changed since the run");
+  write_file(folder() / "m.urdf", urdf);
+  good("resume o");
+}
+
 }  // namespace
 }  // namespace soilvdb::testing

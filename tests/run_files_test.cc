@@ -1,12 +1,17 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The commands that look at the files a run left: export, diff, info.
+#include <openvdb/openvdb.h>
+
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <numeric>
 
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/snapshot.h"
 #include "tests/cli_fixture.h"
+#include "tests/spheres.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -221,6 +226,53 @@ TEST_F(AfterARun, ADamagedSnapshotIsRefused) {
     expect_refused(command, "damaged.vdb");
   write_file(folder() / "cut.vdb", bytes.substr(0, bytes.size() / 3));
   expect_refused("info cut.vdb", "cut.vdb");
+}
+
+/// Middles of the triangles of a binary STL, and its origin added.
+std::vector<Vec3> middles(const fs::path& file) {
+  const std::string bytes = read_file(file);
+  std::vector<Vec3> all;
+  for (std::size_t at = 84; at + 50 <= bytes.size(); at += 50) {
+    float v[12];
+    std::memcpy(v, bytes.data() + at, sizeof(v));
+    all.emplace_back((v[3] + v[6] + v[9]) / 3.0, (v[4] + v[7] + v[10]) / 3.0,
+                     (v[5] + v[8] + v[11]) / 3.0);
+  }
+  return all;
+}
+TEST_F(CommandLine, ARegionOfAMeshIsThatOfTheWhole) {
+  write_file(folder() / "dig.yaml", half_sine_scenario());
+  write_file(folder() / "dig.csv", HalfSine{}.csv(101));
+  good("run dig.yaml --out o");
+  good("export o/soil_final.vdb --to whole.stl");
+  // Just beyond where blocks of 32 voxels of 25 mm meet, and elsewhere.
+  for (const auto& [x0, y0, x1, y1] :
+       {std::array{0.2, 0.01, 0.6, 0.09}, {0.81, -0.09, 0.95, 0.09}, {0.3, -0.05, 0.79, -0.01}}) {
+    good(fmt::format("export o/soil_final.vdb --to part.stl --region {},{},{},{}", x0, y0, x1, y1));
+    const auto inside = [&](const Vec3& p) {
+      return p.x() >= x0 && p.x() < x1 && p.y() >= y0 && p.y() < y1;
+    };
+    const std::vector<Vec3> whole = middles(folder() / "whole.stl"),
+                            part = middles(folder() / "part.stl");
+    EXPECT_EQ(std::count_if(whole.begin(), whole.end(), inside),
+              static_cast<std::ptrdiff_t>(part.size()))
+        << x0 << ' ' << y0;
+  }
+}
+
+TEST_F(CommandLine, DiffRefusesTwoGridsOfOneFile) {
+  const auto one = test::level_set_sphere(5, {0, 0, 0}, 0.25f),
+             two = test::level_set_sphere(4.9f, {0, 0, 0}, 0.25f);
+  one->setName("one");
+  two->setName("two");
+  openvdb::io::File((folder() / "both.vdb").string()).write(openvdb::GridPtrVec{one, two});
+  write_file(folder() / "dig.csv", "time,x,y,z\n0,-0.5,0,4.7\n1,0.5,0,4.7\n");
+  for (const char* grid : {"one", "two"}) {
+    write_file(folder() / "dig.yaml",
+               half_sine_scenario(fmt::format("{{level_set: both.vdb, grid: {}}}", grid)));
+    good(fmt::format("run dig.yaml --out {}", grid));
+  }
+  expect_refused("diff one/soil_final.vdb two/soil_final.vdb", "is not of the same site as");
 }
 
 }  // namespace

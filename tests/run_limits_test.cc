@@ -174,5 +174,20 @@ TEST_F(Run, RefusesToWriteOverItsTerrain) {
   expect_refused("run next.yaml", "ground.vdb: is an input");
 }
 
+TEST_F(Run, GoesOnUnderTheSameMemory) {
+  write_file(folder() / "dig.yaml", half_sine_scenario());
+  write_file(folder() / "dig.csv", HalfSine{}.csv(1001));
+  const std::string small = fmt::format("ulimit -f 400; '{}' ", SOILVDB_PROGRAM);
+  const Result full = shell(
+      small +
+      "run dig.yaml --voxel 0.001 --updates 300 --no-mesh --no-snapshots --memory 16 --out full");
+  EXPECT_EQ(full.status, 1);
+  EXPECT_NE(full.err.find("cold ground"), std::string::npos) << full.err;
+  // Gone on with under the same limit: the disk is still full.
+  const Result again = shell(small + "resume full");
+  EXPECT_EQ(again.status, 1);
+  EXPECT_NE(again.err.find("cold ground"), std::string::npos) << again.err;
+}
+
 }  // namespace
 }  // namespace soilvdb::testing

@@ -11,6 +11,7 @@
 #include "soilvdb/io/snapshot.h"
 #include "soilvdb/soil.h"
 #include "tests/run_fixture.h"
+#include "tools/run/snapshot_schedule.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -248,6 +249,13 @@ TEST_F(Run, AsksForMeshAndRasterAreMet) {
   EXPECT_DOUBLE_EQ(raster.grid.spacing.x(), 0.05);
   const auto s = summary("dig.yaml --no-mesh --out plain", "plain");
   EXPECT_FALSE(fs::exists(folder() / "plain/soil_final.obj"));
+}
+
+TEST(SnapshotSchedule, SnapshotsAreDueAtMultiplesHoweverTheyAreRounded) {
+  for (const double begin_s : {0.0, 1000.0}) {
+    tools::SnapshotSchedule schedule(0.1, begin_s, begin_s + 100);
+    for (int i = 1; i <= 1000; ++i) EXPECT_TRUE(schedule.due(begin_s + 0.1 * i)) << i;
+  }
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/io/site.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -166,6 +167,41 @@ TEST(Site, RealTerrainIsOpened) {
                                               {8, 8, 1500}, {9, 8, 1500}));
                       }),
               HasSubstr("reaches ground without a height"));
+}
+
+io::Scenario of_machines(int machines, double voxel_size_m) {
+  io::Scenario scenario;
+  scenario.file = "dig.yaml";
+  scenario.name = "dig";
+  scenario.voxel_size_m = voxel_size_m;
+  scenario.terrain = io::PlaneTerrain{0, {0, 0}};
+  for (int m = 0; m < machines; ++m) {
+    std::vector<double> times_s;
+    std::vector<Pose> poses;
+    for (int i = 0; i <= 100; ++i) {
+      times_s.push_back(i);
+      poses.push_back(Pose{{0.1 * i, 10.0 * m, -0.4}});
+    }
+    scenario.machines.push_back(
+        {fmt::format("digger {}", m), Bucket{1, 0.5, {}, {}}, Motion(times_s, poses)});
+  }
+  return scenario;
+}
+TEST(Site, WhatAllMachinesDigIsToFitIntoTheMemory) {
+  // The smallest voxels that will do for one.
+  double least = 1e-4;
+  const auto fits = [](int machines, double h) {
+    try {
+      io::open_site(of_machines(machines, h));
+    } catch (const io::InputError&) {
+      return false;
+    }
+    return true;
+  };
+  while (!fits(1, least)) least *= 1.05;
+  // A coarse estimate, too, says that one takes less than a 64th then.
+  EXPECT_FALSE(fits(100, 4 * least));
+  EXPECT_TRUE(fits(100, 8 * least));
 }
 
 }  // namespace
