@@ -33,8 +33,8 @@ Mesh mesh_block(const Soil& soil, const Coord3& block);
 class CellMemo;  // core/cell/cell_memo.h
 
 /// Meshes blocks again and again, the same as mesh_block() does: where a bucket changed a corner of
-/// one, in two thirds of the time. For one thread at a time, while nothing writes to the soil, which
-/// outlives it.
+/// one, in two thirds of the time. For one thread at a time, while nothing writes to the soil,
+/// which outlives it.
 class CachedMesher {
  public:
   explicit CachedMesher(const Soil& soil);
