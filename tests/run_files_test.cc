@@ -246,17 +246,17 @@ TEST_F(CommandLine, ARegionOfAMeshIsThatOfTheWhole) {
   good("run dig.yaml --out o");
   good("export o/soil_final.vdb --to whole.stl");
   // Just beyond where blocks of 32 voxels of 25 mm meet, and elsewhere.
-  for (const auto& [x0, y0, x1, y1] :
+  for (const std::array<double, 4>& region :
        {std::array{0.2, 0.01, 0.6, 0.09}, {0.81, -0.09, 0.95, 0.09}, {0.3, -0.05, 0.79, -0.01}}) {
-    good(fmt::format("export o/soil_final.vdb --to part.stl --region {},{},{},{}", x0, y0, x1, y1));
+    good(fmt::format("export o/soil_final.vdb --to part.stl --region {}", fmt::join(region, ",")));
     const auto inside = [&](const Vec3& p) {
-      return p.x() >= x0 && p.x() < x1 && p.y() >= y0 && p.y() < y1;
+      return p.x() >= region[0] && p.x() < region[2] && p.y() >= region[1] && p.y() < region[3];
     };
     const std::vector<Vec3> whole = middles(folder() / "whole.stl"),
                             part = middles(folder() / "part.stl");
     EXPECT_EQ(std::count_if(whole.begin(), whole.end(), inside),
               static_cast<std::ptrdiff_t>(part.size()))
-        << x0 << ' ' << y0;
+        << region[0] << ' ' << region[1];
   }
 }
 
