@@ -240,6 +240,28 @@ TEST_F(Run, MachinesMoveInTheOrderOfTime) {
   }
 }
 
+TEST_F(Run, ASnapshotHoldsWhatEveryMachineHadDone) {
+  HalfSine beside;
+  beside.y_m = 3;
+  const std::string scenario =
+      half_sine_scenario() +
+      "  - {name: other, bucket: {width: 0.2, height: 0.5}, motion: beside.csv}\n"
+      "output: {snapshots: {every: 1}}\n";
+  const auto dig = [&](const std::string& out, int last_row) {
+    write_file(folder() / "dig.csv", HalfSine{}.csv(11, 0, last_row));
+    write_file(folder() / "beside.csv", beside.csv(11, 0, last_row));
+    write_file(folder() / (out + ".yaml"), scenario);
+    summary(out + ".yaml --out " + out, out);
+  };
+  dig("whole", 10);
+  dig("part", 2);
+  const Result diff = run("diff whole/soil_1.vdb part/soil_final.vdb --json");
+  ASSERT_EQ(diff.status, 0) << diff.err;
+  const auto change = nlohmann::json::parse(diff.out);
+  EXPECT_EQ(change["cut_m3"], 0);
+  EXPECT_EQ(change["fill_m3"], 0);
+}
+
 TEST_F(Run, AsksForMeshAndRasterAreMet) {
   write_file(folder() / "dig.yaml",
              half_sine_scenario("{plane: {z: 0}}", "dig.csv", "{mesh: obj, raster: {cell: 0.05}}"));
