@@ -76,10 +76,10 @@ TEST(Cut, TheSamePathAgainRemovesNothing) {
     Soil soil(kVoxel, dig.origin, dig.ground);
     const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * kMaxBend, kVoxel * 16);
     Excavator excavator(dig.bucket);
-    EXPECT_GT(excavator.sweep(soil, path).captured, 0) << family;
-    EXPECT_EQ(excavator.sweep(soil, path).captured, 0) << family << " again";
+    EXPECT_GT(excavator.sweep(soil, path).all.captured, 0) << family;
+    EXPECT_EQ(excavator.sweep(soil, path).all.captured, 0) << family << " again";
     const std::vector<Pose> back(path.rbegin(), path.rend());
-    EXPECT_EQ(excavator.sweep(soil, back).captured, 0) << family << " backwards";
+    EXPECT_EQ(excavator.sweep(soil, back).all.captured, 0) << family << " backwards";
   }
 }
 

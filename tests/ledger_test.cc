@@ -142,8 +142,8 @@ TEST(Ledger, AnySplitOfAPathGivesTheSameSamples) {
       for (std::size_t i = 0; i + 1 < path.size(); i += length - 1) {
         const Cut cut =
             excavator.sweep(soil, std::span(path).subspan(i, std::min(length, path.size() - i)));
-        total.captured += cut.captured;
-        total.displaced += cut.displaced;
+        total.captured += cut.all.captured;
+        total.displaced += cut.all.displaced;
       }
       if (length == path.size()) whole = total.captured + total.displaced;
       if (length == path.size()) whole_captured = total.captured;

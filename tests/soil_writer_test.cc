@@ -236,7 +236,7 @@ TEST(SoilWriter, SeveralInDifferentChunksAtOnceGiveTheSameBits) {
 TEST(SoilWriter, AnErrorOnTheWayLeavesWhatWasChangedListedAndCounted) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   const std::vector<SoilWriter::Edit> edits = {{{0, 0, -8}}, {{8, 0, -8}}, {{16, 0, -8}}};
-  const auto change = [](std::size_t i, Samples& samples) {
+  const auto change = [](std::size_t i, Samples& samples, Samples&) {
     if (i == 1) throw std::runtime_error("no more");
     samples.set_word(3, 0);
     return true;

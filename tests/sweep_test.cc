@@ -59,7 +59,7 @@ void expect_as_asked(const Bucket& bucket, std::span<const Pose> path) {
   const Wrong found = wrong(removed, swept);
   EXPECT_EQ(found.missed, 0) << "of " << count(swept.surely);
   EXPECT_EQ(found.invented, 0) << "of " << count(swept.surely);
-  EXPECT_EQ(block.cut.captured + block.cut.displaced, count(removed));
+  EXPECT_EQ(block.cut.all.sum(), count(removed));
   EXPECT_LT(count(swept.perhaps), count(swept.surely) / 100 + 50) << "too few are asked";
 }
 
@@ -165,9 +165,9 @@ TEST(Sweep, ThatStopsOnSamplesAndGoesOnTakesEachOnceBothWays) {
       for (const Block* parts : {&split, &calls}) {
         EXPECT_TRUE(parts->removed() == removed)
             << count(parts->removed()) << " instead of " << count(removed);
-        EXPECT_EQ(parts->cut.captured, whole.cut.captured);
-        EXPECT_EQ(parts->cut.displaced, whole.cut.displaced);
-        EXPECT_EQ(parts->cut.captured + parts->cut.displaced, count(removed));
+        EXPECT_EQ(parts->cut.all.captured, whole.cut.all.captured);
+        EXPECT_EQ(parts->cut.all.displaced, whole.cut.all.displaced);
+        EXPECT_EQ(parts->cut.all.sum(), count(removed));
       }
     }
   }

@@ -76,8 +76,7 @@ Block::Block(const Bucket& bucket, double voxel_size_m)
 
 void Block::sweep(std::span<const Pose> path) {
   const Cut part = excavator.sweep(soil, path);
-  cut.captured += part.captured;
-  cut.displaced += part.displaced;
+  cut.all += part.all;
 }
 
 SampleSet Block::removed() const {

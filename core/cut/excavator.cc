@@ -116,19 +116,28 @@ void Excavator::find_strokes(const Coord3& origin, std::size_t first, std::size_
 /// Digs all strokes of one chunk: the sweep's difference, as for level sets, where what is soil
 /// after it is where max(soil, -sweep) < 0, decided at 64 points of each voxel instead of at its
 /// centre.
-/// @return whether anything was there
-bool Excavator::dig(Samples& samples, const Coord3& origin, Work& work, double h) const {
+Removed Excavator::dig(Samples& samples, const Coord3& origin, const Work& work, double h) const {
   const Booking through_mouth = facets_.size() > 1 ? Booking::kCapturedAhead : Booking::kCaptured;
+  Removed removed;
   for (std::size_t i = work.first; i < work.last; ++i) {
     const auto [f, pose] = strokes_[i];
     const Stroke stroke(frame(pose - 2, f, origin), frame(pose - 1, f, origin),
                         frame(pose, f, origin), facets_[f], h);
     const Booking booking = f == 0 ? through_mouth : Booking::kDisplaced;
-    const Removed part = cut_samples(samples, origin, stroke, facets_[f], h, booking);
-    work.removed.captured += part.captured;
-    work.removed.displaced += part.displaced;
+    removed += cut_samples(samples, origin, stroke, facets_[f], h, booking);
   }
-  return work.removed.captured + work.removed.displaced > 0;
+  return removed;
+}
+
+/// The same, and what was loose: what a stroke does to a sample doesn't depend on others, so
+/// digging the loose ones alone counts them. @return whether anything was there
+bool Excavator::dig(std::size_t edit, Samples& samples, Samples& loose, double h) {
+  Work& work = work_[edit];
+  const Coord3& origin = edits_[edit].origin;
+  work.cut.all = dig(samples, origin, work, h);
+  if (work.cut.all.sum() > 0 && loose.heap_bytes() > 0)
+    work.cut.loose = dig(loose, origin, work, h);
+  return work.cut.all.sum() > 0;
 }
 
 /// Digs the path from its pose `first` to `last`.
@@ -152,10 +161,10 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
   });
   SoilWriter(soil).edit(
       SoilWriter::Operation::kRemove, edits_, kParallelWork,
-      [&](std::size_t i, Samples& samples) { return dig(samples, edits_[i].origin, work_[i], h); });
+      [&](std::size_t i, Samples& samples, Samples& loose) { return dig(i, samples, loose, h); });
   for (const Work& work : work_) {
-    cut.captured += work.removed.captured;
-    cut.displaced += work.removed.displaced;
+    cut.all += work.cut.all;
+    cut.loose += work.cut.loose;
   }
 }
 
@@ -182,6 +191,31 @@ Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
   return cut;
 }
 
+/// Takes the samples inside the body out of a chunk. @return how many
+std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const Soil& soil,
+                                   const Pose& bucket_from_world) const {
+  std::int64_t removed = 0;
+  for (int n = 0; n < kChunkVoxels; ++n) {
+    const std::uint64_t word = samples.word(n);
+    if (word == 0) continue;
+    const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+    const CellPoints& points = sample_points(voxel);
+    const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
+    std::uint64_t hit = 0;
+    for (int i = 0; i < 64; ++i) {
+      const Vec3 p = bucket_from_world *
+                     soil.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
+      const bool in =
+          std::abs(p.y()) <= bucket_.width_m / 2 && inside(bucket_.profile, {p.x(), p.z()});
+      hit |= std::uint64_t{in} << i;
+    }
+    hit &= word;
+    removed += std::popcount(hit);
+    samples.set_word(n, word ^ hit);
+  }
+  return removed;
+}
+
 Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
   Cut cut;
   if (bucket_.profile.empty()) return cut;
@@ -191,30 +225,20 @@ Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
   const Pose bucket_from_world = world_from_bucket.inverse();
   edits_.clear();
   for_each_chunk(box(0), [&](const Coord3& origin) { edits_.push_back({origin}); });
-  std::vector<std::int64_t> removed(edits_.size());
-  const auto clear = [&](std::size_t e, Samples& samples) {
-    for (int n = 0; n < kChunkVoxels; ++n) {
-      const std::uint64_t word = samples.word(n);
-      if (word == 0) continue;
-      const Coord3 voxel = edits_[e].origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
-      const CellPoints& points = sample_points(voxel);
-      const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
-      std::uint64_t hit = 0;
-      for (int i = 0; i < 64; ++i) {
-        const Vec3 p = bucket_from_world *
-                       soil.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
-        const bool in =
-            std::abs(p.y()) <= bucket_.width_m / 2 && inside(bucket_.profile, {p.x(), p.z()});
-        hit |= std::uint64_t{in} << i;
-      }
-      hit &= word;
-      removed[e] += std::popcount(hit);
-      samples.set_word(n, word ^ hit);
-    }
-    return removed[e] > 0;
+  std::vector<Cut> cuts(edits_.size());
+  const auto clear = [&](std::size_t e, Samples& samples, Samples& loose) {
+    const auto clear_of = [&](Samples& of) {
+      return clear_body(of, edits_[e].origin, soil, bucket_from_world);
+    };
+    cuts[e].all.displaced = clear_of(samples);
+    cuts[e].loose.displaced = clear_of(loose);
+    return cuts[e].all.displaced > 0;
   };
   SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits_, kParallelWork, clear);
-  for (const std::int64_t samples : removed) cut.displaced += samples;
+  for (const Cut& part : cuts) {
+    cut.all += part.all;
+    cut.loose += part.loose;
+  }
   return cut;
 }
 

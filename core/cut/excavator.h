@@ -13,10 +13,10 @@
 
 namespace soilvdb::inline v0 {
 
-/// What one call took away, in samples of Soil::sample_m3().
+/// What one call took away.
 struct Cut {
-  std::int64_t captured = 0;   ///< through the mouth
-  std::int64_t displaced = 0;  ///< by the body alone
+  Removed all;
+  Removed loose;  ///< what of it was loose
 };
 
 /// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated.
@@ -55,7 +55,7 @@ class Excavator {
   /// A chunk's strokes, in the order of the path.
   struct Work {
     std::size_t first, last;
-    Removed removed;
+    Cut cut;
   };
 
   Station station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) const;
@@ -63,7 +63,10 @@ class Excavator {
   Eigen::AlignedBox3d box(std::size_t pose) const;
   AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
   void find_strokes(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
-  bool dig(Samples& samples, const Coord3& origin, Work& work, double voxel_size_m) const;
+  Removed dig(Samples& samples, const Coord3& origin, const Work& work, double voxel_size_m) const;
+  bool dig(std::size_t edit, Samples& samples, Samples& loose, double voxel_size_m);
+  std::int64_t clear_body(Samples& samples, const Coord3& origin, const Soil& soil,
+                          const Pose& bucket_from_world) const;
   void sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut);
 
   Bucket bucket_;

@@ -44,9 +44,17 @@ struct Stroke {
 /// segment.
 enum class Booking { kCaptured, kCapturedAhead, kDisplaced };
 
-/// What strokes took out of a chunk, in samples.
+/// What was taken out, in samples of Soil::sample_m3().
 struct Removed {
-  std::int64_t captured = 0, displaced = 0;
+  std::int64_t captured = 0;   ///< through the mouth
+  std::int64_t displaced = 0;  ///< by the body alone
+
+  std::int64_t sum() const { return captured + displaced; }
+  Removed& operator+=(const Removed& more) {
+    captured += more.captured;
+    displaced += more.displaced;
+    return *this;
+  }
 };
 
 /// Takes out the samples that the facet passes through.

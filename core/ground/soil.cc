@@ -79,10 +79,21 @@ bool Soil::is_air(const Eigen::AlignedBox3d& box) const {
   return air;
 }
 
+Eigen::AlignedBox3i Soil::above_base() const {
+  const std::shared_lock lock(state_->mutex);
+  return state_->above;
+}
+
 void Soil::read_samples(const Coord3& origin, SampleWords& samples) const {
   const Chunk* chunk = find(origin);
   if (chunk == nullptr) return read_base(origin, samples);
   chunk->cold_record == 0 ? chunk->samples.expand(samples) : copy(*chunk).samples.expand(samples);
+}
+
+void Soil::read_loose(const Coord3& origin, SampleWords& loose) const {
+  const Chunk* chunk = find(origin);
+  if (chunk == nullptr || chunk->loose_count == 0) return loose.fill(0);
+  chunk->cold_record == 0 ? chunk->loose.expand(loose) : copy(*chunk).loose.expand(loose);
 }
 
 void Soil::read_base(const Coord3& origin, SampleWords& samples) const {
@@ -138,6 +149,10 @@ std::uint64_t Soil::state_hash() const {
     SampleWords samples;
     read_samples(all[i]->origin, samples);
     for (const std::uint64_t word : samples) digest = splitmix64(digest + word);
+    if (all[i]->loose_count > 0) {
+      read_loose(all[i]->origin, samples);
+      for (const std::uint64_t word : samples) digest = splitmix64(digest + word);
+    }
     digests[i] = digest;
   });
   std::uint64_t digest = splitmix64(std::bit_cast<std::uint64_t>(h_));

@@ -24,8 +24,7 @@ struct Label {
 
 std::uint64_t Soil::memory_bytes() const {
   std::uint64_t bytes = state_->bytes() + base_->memory_bytes();
-  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf)
-    bytes += leaf->chunk.samples.heap_bytes();
+  for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf) bytes += leaf->chunk.heap_bytes();
   return bytes;
 }
 
@@ -35,7 +34,7 @@ void Soil::limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store) {
   store_ = std::move(store);
   for (SampleLeaf* leaf : state_->leaves()) {
     leaf->chunk.used = State::kUsed;
-    state_->idle_bytes += leaf->chunk.samples.heap_bytes();
+    state_->idle_bytes += leaf->chunk.heap_bytes();
   }
 }
 
@@ -46,7 +45,7 @@ void Soil::page_out() {
     SampleLeaf* leaf = state.find(origin);
     if (leaf == nullptr || leaf->chunk.used != State::kInUse) continue;
     leaf->chunk.used = State::kUsed;
-    state.idle_bytes += leaf->chunk.samples.heap_bytes();
+    state.idle_bytes += leaf->chunk.heap_bytes();
   }
   state.in_use.clear();
   const auto held = [&] { return state.bytes() + base_->memory_bytes() + state.idle_bytes; };
@@ -58,7 +57,7 @@ void Soil::page_out() {
     if (held() <= limit_bytes_ - limit_bytes_ / kPagedShare) return;
     state.hand = state.hand + 1 < leaves.size() ? state.hand + 1 : 0;
     Chunk& chunk = leaves[state.hand]->chunk;
-    const std::size_t bytes = chunk.samples.heap_bytes();
+    const std::size_t bytes = chunk.heap_bytes();
     if (bytes == 0) continue;
     if (chunk.used == State::kUsed) {
       chunk.used = State::kIdle;
@@ -86,8 +85,10 @@ void Soil::store(Chunk& chunk) {
   const Label label(chunk);
   std::string bytes(reinterpret_cast<const char*>(&label), sizeof(label));
   chunk.samples.put(bytes);
+  chunk.loose.put(bytes);
   chunk.cold_record = store_->put(bytes);
   chunk.samples = {};
+  chunk.loose = {};
 }
 
 /// Reads what a chunk has in the cold store, and leaves it there. @return its size
@@ -96,12 +97,14 @@ std::size_t Soil::load(Chunk& chunk) const {
   store_->get(chunk.cold_record, bytes);
   const Label label(chunk);
   std::string_view rest = bytes;
-  Samples samples;
+  Samples samples, loose;
   const bool good = rest.starts_with({reinterpret_cast<const char*>(&label), sizeof(label)}) &&
-                    (rest.remove_prefix(sizeof(label)), samples.take(rest)) && rest.empty() &&
-                    samples.count() == chunk.soil_count;
+                    (rest.remove_prefix(sizeof(label)), samples.take(rest) && loose.take(rest)) &&
+                    rest.empty() && samples.count() == chunk.soil_count &&
+                    loose.count() == chunk.loose_count;
   if (!good) throw std::runtime_error("what comes back from the cold store is another chunk");
   chunk.samples = std::move(samples);
+  chunk.loose = std::move(loose);
   chunk.cold_record = 0;
   return bytes.size();
 }

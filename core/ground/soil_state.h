@@ -61,7 +61,7 @@ struct Soil::State {
   /// Notes that a chunk is in use, so that what it holds may change. @param fresh it wasn't there
   void use(Chunk& chunk, bool fresh = false) {
     if (chunk.used == kInUse) return;
-    if (!fresh) idle_bytes -= chunk.samples.heap_bytes();
+    if (!fresh) idle_bytes -= chunk.heap_bytes();
     chunk.used = kInUse;
     in_use.push_back(chunk.origin);
   }

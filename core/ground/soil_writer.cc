@@ -17,12 +17,24 @@ namespace {
 /// Brings what is said of a chunk up to date with its samples.
 SOILVDB_FOR_CPUS void recount(SampleLeaf& leaf) {
   leaf.chunk.soil_count = static_cast<std::uint16_t>(leaf.chunk.samples.count());
+  leaf.chunk.loose_count = static_cast<std::uint16_t>(leaf.chunk.loose.count());
   for (int g = 0; g < 8; ++g)
     leaf.getValueMask().getWord<std::uint64_t>(g) = leaf.chunk.samples.occupied(g);
 }
 
 bool is_air(const SampleWords& words) {
   return std::all_of(words.begin(), words.end(), [](std::uint64_t word) { return word == 0; });
+}
+
+/// What isn't soil isn't loose.
+void keep_loose_in(const Samples& soil, Samples& loose) {
+  for (int g = 0; g < kChunkVoxels / 64; ++g) {
+    for (std::uint64_t left = loose.occupied(g); left != 0; left &= left - 1) {
+      const int n = 64 * g + std::countr_zero(left);
+      const std::uint64_t word = loose.word(n);
+      if ((word & ~soil.word(n)) != 0) loose.set_word(n, word & soil.word(n));
+    }
+  }
 }
 
 /// Has a chunk soil that the base surface doesn't have?
@@ -106,14 +118,17 @@ void SoilWriter::perform(Operation operation, const Coord3& origin, Target& targ
   }
   Chunk& chunk = target.leaf->chunk;
   try {
-    target.changed = change(i, chunk.samples);
+    target.changed = change(i, chunk.samples, chunk.loose);
   } catch (...) {
     target.changed = true;  // for all we know
+    keep_loose_in(chunk.samples, chunk.loose);
     recount(*target.leaf);
     throw;
   }
   if (!target.changed) return;
+  keep_loose_in(chunk.samples, chunk.loose);
   chunk.samples.trim();
+  chunk.loose.trim();
   recount(*target.leaf);
   if (operation == Operation::kRemove || chunk.above) return;
   chunk.above = true;  // also if the base can't be read any more
@@ -147,16 +162,17 @@ void SoilWriter::load(Chunk& chunk) {
 }
 
 std::int64_t SoilWriter::change(Operation operation, const Coord3& origin,
-                                const SampleWords& samples) {
+                                const SampleWords& samples, Kind kind) {
   std::int64_t count = 0;
   const Edit edit{origin};
-  this->edit(operation, {&edit, 1}, 2, [&](std::size_t, Samples& soil) {
+  this->edit(operation, {&edit, 1}, 2, [&](std::size_t, Samples& soil, Samples& loose) {
     for (int n = 0; n < kChunkVoxels; ++n) {
       const std::uint64_t word = soil.word(n);
       const std::uint64_t other =
           samples[static_cast<std::size_t>(n)] & (operation == Operation::kRemove ? word : ~word);
       if (other == 0) continue;
       soil.set_word(n, word ^ other);
+      if (kind == Kind::kLoose) loose.set_word(n, loose.word(n) | other);
       count += std::popcount(other);
     }
     return count > 0;
@@ -165,10 +181,10 @@ std::int64_t SoilWriter::change(Operation operation, const Coord3& origin,
 }
 
 std::int64_t SoilWriter::remove(const Coord3& origin, const SampleWords& samples) {
-  return change(Operation::kRemove, origin, samples);
+  return change(Operation::kRemove, origin, samples, Kind::kBank);
 }
-std::int64_t SoilWriter::add(const Coord3& origin, const SampleWords& samples) {
-  return change(Operation::kAdd, origin, samples);
+std::int64_t SoilWriter::add(const Coord3& origin, const SampleWords& samples, Kind kind) {
+  return change(Operation::kAdd, origin, samples, kind);
 }
 
 void SoilWriter::put(Chunk chunk) {

@@ -14,10 +14,10 @@ namespace soilvdb::inline v0 {
 /// Adds samples to a Soil and removes them.
 ///
 /// Guarantees: counts, the tree's active voxels and what Soil::is_air() knows agree with the
-/// samples; every chunk that came, went or changed is on Soil::take_touched()'s list; chunks come
-/// back from the cold store before they change. Removing what is there and adding it again, or the
-/// other way round, leaves the samples as they were, bit for bit. The result of a call is the same
-/// for any number of threads.
+/// samples; what is loose is soil; every chunk that came, went or changed is on
+/// Soil::take_touched()'s list; chunks come back from the cold store before they change. Removing
+/// what is there and adding it again, or the other way round, leaves the samples as they were, bit
+/// for bit. The result of a call is the same for any number of threads.
 ///
 /// Several writers of one soil may edit() at once where they change different chunks: leaves are
 /// made and filled apart from the tree, each by one thread, and added to it under a lock. All other
@@ -33,8 +33,9 @@ class SoilWriter {
     Coord3 origin;
     std::size_t work = 1;
   };
-  /// Changes the samples of edit `i`, one way alone. @return whether it did
-  using Change = std::function<bool(std::size_t i, Samples& samples)>;
+  /// Changes the samples of edit `i`, one way alone; what is loose of them it may change too, but
+  /// what isn't soil any more isn't loose either. @return whether it did
+  using Change = std::function<bool(std::size_t i, Samples& samples, Samples& loose)>;
 
   /// Calls `change` for each chunk, once; those that hold no soil are left out where soil is to be
   /// removed. Chunks become resident if they hold soil before or after.
@@ -46,7 +47,9 @@ class SoilWriter {
 
   /// The same for given samples of one chunk. @return how many there were to remove, or to add
   std::int64_t remove(const Coord3& origin, const SampleWords& samples);
-  std::int64_t add(const Coord3& origin, const SampleWords& samples);
+  /// `kind`: of what is added.
+  enum class Kind { kBank, kLoose };
+  std::int64_t add(const Coord3& origin, const SampleWords& samples, Kind kind = Kind::kBank);
 
   /// Makes a place what a chunk says: that of a snapshot, or Soil::copy() of another soil with the
   /// same voxel size, origin and base surface.
@@ -63,7 +66,8 @@ class SoilWriter {
                const Change& change);
   void book(std::span<Target> targets);
   void load(Chunk& chunk);
-  std::int64_t change(Operation operation, const Coord3& origin, const SampleWords& samples);
+  std::int64_t change(Operation operation, const Coord3& origin, const SampleWords& samples,
+                      Kind kind);
   Soil& soil_;
 };
 

@@ -112,8 +112,8 @@ void Machine::dig(Soil& soil) {
 }
 
 void Machine::book(const Cut& cut) {
-  ledger_.captured += cut.captured;
-  ledger_.displaced += cut.displaced;
+  ledger_.captured += cut.all.captured;
+  ledger_.displaced += cut.all.displaced;
 }
 
 Eigen::AlignedBox3d Machine::workspace(const Soil& soil, std::span<const Pose> path) const {

@@ -4,9 +4,10 @@
 // parts; then the parts, each with its number of chunks, its size and its size in the file, which
 // is the same where Blosc made it no smaller.
 //
-// A part holds, one after another for all its chunks: origins, base counts and whether soil is
-// above the base surface's, a bit for each cell that is all soil, a bit for each that is mixed, and
-// the words of mixed cells, of all words the first byte, then the second and so on.
+// A part holds, one after another for all its chunks: origins; base counts, whether soil is above
+// the base surface's and whether some is loose; a bit for each cell that is all soil, a bit for
+// each that is mixed; of chunks with loose soil the same for what is loose; and the words of mixed
+// cells in that order, of all words the first byte, then the second and so on.
 #include "io/snapshot/snapshot_samples.h"
 
 #include <openvdb/points/StreamCompression.h>
@@ -26,7 +27,7 @@ namespace {
 
 constexpr std::size_t kPartChunks = 1024;
 constexpr int kGroups = kChunkVoxels / 64;
-constexpr std::uint32_t kAbove = 1u << 16;
+constexpr std::uint32_t kAbove = 1u << 16, kLoose = 1u << 17, kFlags = 1u << 18;
 
 using Masks = std::array<std::uint64_t, kGroups>;
 using Origin = std::array<std::int32_t, 3>;
@@ -59,6 +60,7 @@ class Reader {
     return value;
   }
   bool empty() const { return left_.empty(); }
+  std::string_view rest() const { return left_; }
 
  private:
   std::string_view left_;
@@ -80,63 +82,105 @@ std::uint64_t word_of(std::string_view planes, std::size_t i) {
   return word;
 }
 
+/// A bit for each cell that is full, a bit for each that is mixed.
+struct CellMasks {
+  Masks full{}, mixed{};
+};
+
+/// @param mixed_words those of mixed cells are appended
+CellMasks masks_of(const SampleWords& words, std::vector<std::uint64_t>& mixed_words) {
+  CellMasks masks;
+  for (std::size_t n = 0; n < kChunkVoxels; ++n) {
+    const std::uint64_t word = words[n], bit = std::uint64_t{1} << (n & 63);
+    if (word == kAllSoil) {
+      masks.full[n >> 6] |= bit;
+    } else if (word != 0) {
+      masks.mixed[n >> 6] |= bit;
+      mixed_words.push_back(word);
+    }
+  }
+  return masks;
+}
+
 std::string part_bytes(const Soil& soil, const Chunk* const* chunks, std::size_t count) {
-  std::string origins, bases, masks;
-  std::vector<std::uint64_t> mixed_words;
+  std::string origins, bases, masks, loose_masks;
+  std::vector<std::uint64_t> mixed_words, loose_words;
   SampleWords words;
   for (std::size_t i = 0; i < count; ++i) {
     const Chunk& chunk = *chunks[i];
     put(origins, Origin{chunk.origin.x(), chunk.origin.y(), chunk.origin.z()});
-    put(bases, std::uint32_t{chunk.base_count} + (chunk.above ? kAbove : 0));
+    put(bases, std::uint32_t{chunk.base_count} + (chunk.above ? kAbove : 0) +
+                   (chunk.loose_count > 0 ? kLoose : 0));
     soil.read_samples(chunk.origin, words);
-    Masks full{}, mixed{};
-    for (std::size_t n = 0; n < kChunkVoxels; ++n) {
-      const std::uint64_t word = words[n], bit = std::uint64_t{1} << (n & 63);
-      if (word == kAllSoil) {
-        full[n >> 6] |= bit;
-      } else if (word != 0) {
-        mixed[n >> 6] |= bit;
-        mixed_words.push_back(word);
-      }
-    }
-    put(masks, full);
-    put(masks, mixed);
+    put(masks, masks_of(words, mixed_words));
+    if (chunk.loose_count == 0) continue;
+    soil.read_loose(chunk.origin, words);
+    put(loose_masks, masks_of(words, loose_words));
   }
-  return origins + bases + masks + planes(mixed_words);
+  mixed_words.insert(mixed_words.end(), loose_words.begin(), loose_words.end());
+  return origins + bases + masks + loose_masks + planes(mixed_words);
 }
+
+/// Takes the words of mixed cells in their order.
+class MixedWords {
+ public:
+  explicit MixedWords(std::string_view planes) : planes_(planes) {
+    if (planes.size() % 8 != 0) refuse();
+  }
+  void expand(const CellMasks& masks, SampleWords& words) {
+    for (std::size_t n = 0; n < kChunkVoxels; ++n) {
+      words[n] = (masks.full[n >> 6] >> (n & 63) & 1) != 0 ? kAllSoil : 0;
+      if ((masks.mixed[n >> 6] >> (n & 63) & 1) == 0) continue;
+      if (next_ == planes_.size() / 8) refuse();
+      words[n] = word_of(planes_, next_++);
+    }
+  }
+  bool empty() const { return next_ == planes_.size() / 8; }
+
+ private:
+  std::string_view planes_;
+  std::size_t next_ = 0;
+};
 
 void restore_part(std::string_view bytes, std::size_t count, Soil& soil) {
   if (count > kPartChunks) refuse();
   Reader in(bytes);
-  Reader origins(in.take(count * sizeof(Origin))), bases(in.take(count * sizeof(std::uint32_t))),
-      masks(in.take(count * 2 * sizeof(Masks)));
-  const std::string_view mixed_words =
-      in.take(bytes.size() - count * (sizeof(Origin) + sizeof(std::uint32_t) + 2 * sizeof(Masks)));
-  if (mixed_words.size() % 8 != 0) refuse();
-  std::size_t next = 0;
-  SoilWriter writer(soil);
+  Reader origins(in.take(count * sizeof(Origin)));
+  std::vector<std::uint32_t> bases(count);
+  for (std::uint32_t& base : bases) {
+    base = in.get<std::uint32_t>();
+    if (base >= kFlags) refuse();
+  }
+  const auto loose_chunks = static_cast<std::uint64_t>(
+      std::count_if(bases.begin(), bases.end(), [](auto base) { return (base & kLoose) != 0; }));
+  Reader masks(in.take(count * sizeof(CellMasks)));
+  Reader loose_masks(in.take(loose_chunks * sizeof(CellMasks)));
+  MixedWords mixed_words(in.rest());
+  std::vector<Chunk> chunks(count);
   SampleWords words;
   for (std::size_t i = 0; i < count; ++i) {
+    Chunk& chunk = chunks[i];
     const auto origin = origins.get<Origin>();
-    const auto base = bases.get<std::uint32_t>();
-    const auto full = masks.get<Masks>(), mixed = masks.get<Masks>();
-    Chunk chunk;
     chunk.origin = {origin[0], origin[1], origin[2]};
-    if ((origin[0] | origin[1] | origin[2]) % kChunkSide != 0 || base >= 2 * kAbove ||
-        soil.find(chunk.origin) != nullptr)
-      refuse();
-    chunk.base_count = static_cast<std::uint16_t>(base);
-    chunk.above = (base & kAbove) != 0;
-    for (std::size_t n = 0; n < kChunkVoxels; ++n) {
-      words[n] = (full[n >> 6] >> (n & 63) & 1) != 0 ? kAllSoil : 0;
-      if ((mixed[n >> 6] >> (n & 63) & 1) == 0) continue;
-      if (next == mixed_words.size() / 8) refuse();
-      words[n] = word_of(mixed_words, next++);
-    }
+    if ((origin[0] | origin[1] | origin[2]) % kChunkSide != 0) refuse();
+    chunk.base_count = static_cast<std::uint16_t>(bases[i]);
+    chunk.above = (bases[i] & kAbove) != 0;
+    mixed_words.expand(masks.get<CellMasks>(), words);
     chunk.samples.assign(words);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    if ((bases[i] & kLoose) == 0) continue;
+    mixed_words.expand(loose_masks.get<CellMasks>(), words);
+    for (int n = 0; n < kChunkVoxels; ++n)
+      if ((words[static_cast<std::size_t>(n)] & ~chunks[i].samples.word(n)) != 0) refuse();
+    chunks[i].loose.assign(words);
+  }
+  if (!mixed_words.empty()) refuse();
+  SoilWriter writer(soil);
+  for (Chunk& chunk : chunks) {
+    if (soil.find(chunk.origin) != nullptr) refuse();
     writer.put(std::move(chunk));
   }
-  if (next != mixed_words.size() / 8) refuse();
 }
 
 /// Smaller, if Blosc can.
@@ -185,7 +229,7 @@ std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil) {
       restore_part(stored, head.chunks, soil);
       continue;
     }
-    constexpr std::size_t kMost = kPartChunks * (sizeof(Origin) + 4 + sizeof(SampleWords) * 2);
+    constexpr std::size_t kMost = kPartChunks * (sizeof(Origin) + 4 + 4 * sizeof(SampleWords));
     if (head.size > kMost || head.stored < 16) refuse();
     // Blosc's own head: sizes at 4 and 12.
     std::uint32_t plain = 0, small = 0;

@@ -22,14 +22,18 @@ namespace soilvdb::inline v0 {
 /// are counted on samples, surfaces are made from them when somebody looks
 /// (core/surface/surface.h).
 struct Chunk {
-  Coord3 origin;          ///< index of the first voxel, a multiple of 8
-  bool touched = false;   ///< listed for Soil::take_touched()
-  bool above = false;     ///< soil was added that the base surface doesn't have
-  std::uint8_t used = 0;  ///< how lately, where memory is limited: 2: since the last page_out()
+  Coord3 origin;                  ///< index of the first voxel, a multiple of 8
+  std::uint32_t cold_record = 0;  ///< of the cold store, which has the samples; 0: they are here
   std::uint16_t base_count = 0;   ///< samples of soil in the base surface
   std::uint16_t soil_count = 0;   ///< samples of soil now
-  std::uint32_t cold_record = 0;  ///< of the cold store, which has the samples; 0: they are here
-  Samples samples;
+  std::uint16_t loose_count = 0;  ///< those of them that are loose
+  bool touched : 1 = false;       ///< listed for Soil::take_touched()
+  bool above : 1 = false;         ///< soil was added that the base surface doesn't have
+  std::uint8_t used : 2 = 0;  ///< how lately, where memory is limited: 2: since the last page_out()
+  Samples samples;            ///< of soil
+  Samples loose;              ///< those of them that were moved: a subset
+
+  std::size_t heap_bytes() const { return samples.heap_bytes() + loose.heap_bytes(); }
 };
 
 /// The ground of a site.
@@ -82,8 +86,13 @@ class Soil {
   /// May run while others change the ground elsewhere.
   bool is_air(const Eigen::AlignedBox3d& box) const;
 
+  /// Cells among which all soil lies that was added above the base surface's; empty: there is none.
+  Eigen::AlignedBox3i above_base() const;
+
   /// Samples of a chunk, resident or not.
   void read_samples(const Coord3& origin, SampleWords& samples) const;
+  /// Those of them that are loose.
+  void read_loose(const Coord3& origin, SampleWords& loose) const;
   /// Those that the base surface has there.
   void read_base(const Coord3& origin, SampleWords& samples) const;
   /// A chunk as it is, cold or not.
