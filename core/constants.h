@@ -133,4 +133,94 @@ inline constexpr float kAgree = 0.1f;
 /// Standard deviations of counts beyond which a box surely changed.
 inline constexpr double kCertain = 3;
 
+// ---- Soil that comes to rest (core/settle) ------------------------------------------------------
+
+/// Travel from one station, where soil comes to rest, to the next: shares of the bucket's radius,
+/// and voxels at least. More: soil in front of a full bucket comes in lumps. Less: more is settled
+/// that moves again at once.
+inline constexpr double kStationShare = 0.1, kStationVoxels = 2;
+/// A pour comes down in parts, evenly over its time: of so many cells, but no more parts than that.
+/// More: each looks at the pile anew.
+inline constexpr double kPourCells = 400;
+inline constexpr std::int64_t kMostPourParts = 128;
+/// Way in plan from one station to the next that says where the body pushes soil to, radii.
+inline constexpr double kLeastPush = 0.01;
+
+/// Cells beyond a pile or what was dug that are looked at first; more if soil comes that far.
+inline constexpr int kWindowMargin = 8;
+/// Most cells along a side of what is looked at: 50 m at 5 cm. Soil that runs on beyond stays at
+/// the border.
+inline constexpr int kMostWindow = 1024;
+/// How near to a surface samples are chosen one by one, cells; four times as far until that decides
+/// it, at most all of a column's.
+inline constexpr float kFillNear = 0.125f, kFillFar = 1e4f;
+/// Chunks from which on they are changed in parallel.
+inline constexpr std::size_t kParallelFill = 8;
+/// How far beyond repose loose soil may stand before it slides, rad: 1.4 degrees. It then comes to
+/// rest within kRestTolerance. Less: what counts err by slides to and fro.
+inline constexpr double kSteepStart = 0.025;
+/// Change of height that is worth moving samples for, cells. Less than what a count errs by.
+inline constexpr double kLeastChange = 1e-3;
+/// Cells between points of a bucket that are looked at for what it stands in the way of, and how
+/// far above the ground it still does: soil that is less deep there is moved by the next stroke.
+inline constexpr double kObstacleStep = 0.7;
+inline constexpr float kObstacleAbove = 2;
+
+// ---- Pouring (core/settle) ----------------------------------------------------------------------
+
+/// Drop below what repose allows from which soil runs on instead of lying there, columns' sides.
+/// More: ledges stay on scarps. Less: noise of counted heights is a thousand small lips.
+inline constexpr double kLooseStep = 0.25;
+/// The same where soil comes over the edge of a step, columns' sides. More: soil rises above edges
+/// while what it runs down to is still lower.
+inline constexpr double kLooseDrop = 0.01;
+/// Share of the drop between two columns that must be left when the ground on either side goes on
+/// as it came: then there is a step between them with an edge to run over, else a slope. More:
+/// walls are slopes and their edges half a column off. Less: slopes are stairs.
+inline constexpr double kStepShare = 0.6;
+/// How far loose soil with a step of its own stands above a firm edge below it, columns' sides.
+/// Less: what is wrong with heights at faces, which are guessed, lifts edges.
+inline constexpr double kCovered = 0.05;
+/// Levels this near are one, columns' sides. More: soil poured in parts lies elsewhere than soil
+/// poured at once. Less: more fronts are looked at to find a lip.
+inline constexpr double kLevelStep = 1e-6;
+/// Most levels that are tried for one pile, and most piles of one pour: never reached but by ground
+/// that isn't any.
+inline constexpr int kMostLevels = 200, kMostRuns = 10000;
+
+// ---- Collapse of what is too steep (core/settle) ------------------------------------------------
+
+/// Step along fluxes between columns, soil for each side of drop. The steepest mode has 32, where
+/// soil flows both ways between columns, and momentum is stable up to 4/3 of its inverse. More: it
+/// runs away on ground as rough as its columns. Less: more steps.
+inline constexpr float kFluxStep = 1.0f / 24;
+/// Drop beyond repose that counts for each side of soil on support that is steeper: how fast it
+/// leaves. From 8 on it runs away, at 1 it takes longer.
+inline constexpr float kDrain = 4;
+/// Soil that may stay on steep support, or lack in a column until the end, sides.
+inline constexpr float kFilm = 0.05f;
+/// How far beyond repose a slope may be at rest, rad: half a degree; and most steps for it. Random
+/// ground 100 columns wide needs 600, a wall 20.
+inline constexpr double kRestTolerance = 0.0087;
+inline constexpr int kMostSteps = 1000;
+/// How far drops and fluxes may still be from each other at rest, as share of repose. More: soil
+/// may have gone farther than it would.
+inline constexpr float kFluxTolerance = 0.04f;
+/// The same of coarser columns, of which only a start is asked, but one that is near: each side
+/// there is two here.
+inline constexpr double kCoarseTolerance = 0.002;
+inline constexpr int kMostCoarseSteps = 300;
+/// Steps after which rest is looked for, which takes as long as a step.
+inline constexpr int kRestSteps = 10;
+/// Columns of a side from which on coarser ones are tried first.
+inline constexpr int kLeastToCoarsen = 24;
+/// Share of what a column had that it may owe in the end, which rounding leaves, and times that it
+/// is asked to give less before it gives nothing.
+inline constexpr double kOwed = 1e-13;
+inline constexpr int kMostRounds = 100;
+/// Change of height at a grid's edge that counts, sides.
+inline constexpr double kNoticed = 0.01;
+/// Rows that a thread works on at least. Less: threads wait for each other.
+inline constexpr int kBandRows = 24;
+
 }  // namespace soilvdb::inline v0

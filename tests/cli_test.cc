@@ -134,6 +134,18 @@ TEST_F(CommandLine, WorksWithSpacesInNames) {
   EXPECT_TRUE(fs::exists(folder() / "the out/my mesh.ply"));
 }
 
+TEST_F(CommandLine, InfoTellsWhatABucketWithABodyHolds) {
+  EXPECT_EQ(run("info dig.yaml").out.find("struck"), std::string::npos);
+  std::string scenario = half_sine_scenario();
+  const std::string height = "height: 0.5";
+  scenario.insert(scenario.find(height) + height.size(),
+                  ", profile: [[0, 0], [-0.4, 0], [-0.4, 0.5], [0, 0.5]]");
+  write_file(folder() / "body.yaml", scenario);
+  const Result result = run("info body.yaml");
+  EXPECT_EQ(result.status, 0) << result.err;
+  EXPECT_NE(result.out.find("0.04 m³ struck, 0.04433 m³ heaped"), std::string::npos) << result.out;
+}
+
 TEST_F(CommandLine, AFullStandardOutputIsAnError) {
   const Result result = shell(fmt::format("'{}' info dig.yaml >/dev/full", SOILVDB_PROGRAM));
   EXPECT_EQ(result.status, 1);

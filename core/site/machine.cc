@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "core/constants.h"
 #include "soilvdb/chunk_range.h"
@@ -21,33 +23,76 @@ double looks_down(const Pose& world_from_bucket) {
 
 }  // namespace
 
-Machine::Machine(Bucket bucket, const Soil& soil)
+Machine::Machine(Bucket bucket, const Soil& soil, Earthworks* works)
     : bucket_((bucket.validate(), std::move(bucket))),
       excavator_(bucket_),
-      extremes_(extremes(bucket_)) {
+      extremes_(extremes(bucket_)),
+      works_(works) {
   for (const Vec3& p : extremes_) radius_m_ = std::max(radius_m_, p.norm());
   ledger_.sample_m3 = soil.sample_m3();
+  if (works_ == nullptr) return;
+  ledger_.units = works_->units();
+  capacity_ = Capacity::of(bucket_);
 }
 
 double Machine::tolerance_m(const Soil& soil) { return kPathTolerance * soil.voxel_size_m(); }
 
-Update Machine::move(Soil& soil, const Pose& to) { return follow(soil, plan(soil, to)); }
+Update Machine::move(Soil& soil, const Pose& to) {
+  const Ledger before = ledger_;
+  const std::int64_t slid_before = slid();
+  constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
+  if (works_ != nullptr && placed_) {
+    const Pose from = current_;
+    const double whole_m = travel_m(from, to), every_m = station_travel_m(soil);
+    if (whole_m == 0) come_to_rest(soil, kNever);
+    for (double at_m = every_m - travel_m_; at_m <= whole_m; at_m += every_m) {
+      const Pose station = interpolate(from, to, at_m / whole_m);
+      follow(soil, plan(soil, station), kNever);
+      come_to_rest(soil, kNever);
+    }
+    travel_m_ = std::fmod(travel_m_ + whole_m, every_m);
+  }
+  follow(soil, plan(soil, to), kNever);
+  return since(before, slid_before);
+}
 
 Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double end_s) {
-  return follow(soil, plan(soil, motion, begin_s, end_s));
+  const Ledger before = ledger_;
+  const std::int64_t slid_before = slid();
+  double from_s = begin_s;
+  if (works_ != nullptr) {
+    for (const double station_s : stations(soil, motion, begin_s, end_s)) {
+      follow(soil, plan(soil, motion, from_s, station_s), station_s);
+      come_to_rest(soil, station_s);
+      from_s = station_s;
+    }
+  }
+  follow(soil, plan(soil, motion, from_s, end_s), end_s);
+  return since(before, slid_before);
+}
+
+Update Machine::since(const Ledger& before, std::int64_t slid_before) const {
+  const auto loose_m3 = [&](std::int64_t mass) {
+    return ledger_.units.loose_samples(mass) * ledger_.sample_m3;
+  };
+  Update update;
+  update.cut_m3 = static_cast<double>(ledger_.cut() - before.cut()) * ledger_.sample_m3;
+  update.bucket_m3 = ledger_.bucket_m3();
+  update.spilled_m3 = loose_m3(ledger_.spilled - before.spilled);
+  update.slid_m3 = loose_m3(slid() - slid_before);
+  return update;
 }
 
 /// Follows path_, books what it cuts. @param digs whether it may meet soil
-Update Machine::follow(Soil& soil, bool digs) {
-  const std::int64_t cut_before = ledger_.cut();
+void Machine::follow(Soil& soil, bool digs, double time_s) {
   if (digs && !placed_) {
     book(excavator_.stamp(soil, path_.front()));
-    current_ = path_.front();
+    current_ = station_ = path_.front();
     placed_ = true;
   }
-  if (digs) dig(soil);
+  if (digs) dig(soil, time_s);
+  if (digs && works_ != nullptr) unsettled_m_.extend(plan_box(path_));
   current_ = path_.back();
-  return {static_cast<double>(ledger_.cut() - cut_before) * ledger_.sample_m3, ledger_.bucket_m3()};
 }
 
 /// Makes path_ the way on to a pose: the pose alone where nothing can be dug. @return whether it
@@ -81,7 +126,7 @@ bool Machine::plan(const Soil& soil, const Motion& motion, double begin_s, doubl
 /// Is the bucket surely above the ground all along a path, and no load of it dumped?
 /// @param bend_m most that a point of the bucket leaves the straight way between two poses
 bool Machine::stays_in_air(const Soil& soil, std::span<const Pose> path, double bend_m) const {
-  const bool may_dump = ledger_.captured > ledger_.dumped && bucket_.dump_angle_rad.has_value();
+  const bool may_dump = ledger_.load > 0 && bucket_.dump_angle_rad.has_value();
   Eigen::AlignedBox3d box;
   for (std::size_t i = 0; i < path.size(); ++i) {
     const Eigen::Matrix3d axes = path[i].rotation.toRotationMatrix();
@@ -97,7 +142,7 @@ bool Machine::stays_in_air(const Soil& soil, std::span<const Pose> path, double 
 }
 
 /// Digs path_. A load leaves at a pose, so from each pose that dumps to the next.
-void Machine::dig(Soil& soil) {
+void Machine::dig(Soil& soil, double time_s) {
   const std::span<const Pose> path = path_;
   const auto looks_far_down = [&](std::size_t i) {
     return bucket_.dump_angle_rad && looks_down(path[i]) >= *bucket_.dump_angle_rad;
@@ -106,7 +151,7 @@ void Machine::dig(Soil& soil) {
     const bool dumps = looks_far_down(i) || (i > 0 && looks_far_down(i - 1));
     if (!dumps && i + 1 < path.size()) continue;
     book(excavator_.sweep(soil, path.subspan(from, i - from + 1)));
-    if (dumps) ledger_.dumped = ledger_.captured;
+    if (dumps && ledger_.load > 0) dump(soil, path[i], time_s);
     from = i;
   }
 }
@@ -114,6 +159,20 @@ void Machine::dig(Soil& soil) {
 void Machine::book(const Cut& cut) {
   ledger_.captured += cut.all.captured;
   ledger_.displaced += cut.all.displaced;
+  const auto mass = [&](std::int64_t all, std::int64_t loose) {
+    return (all - loose) * ledger_.units.bank + loose * ledger_.units.loose;
+  };
+  ledger_.load += mass(cut.all.captured, cut.loose.captured);
+  if (works_ != nullptr) pushed_ += mass(cut.all.displaced, cut.loose.displaced);
+}
+
+/// All leaves the bucket at once.
+void Machine::dump(const Soil& soil, const Pose& at, double time_s) {
+  const std::int64_t mass = std::exchange(ledger_.load, 0);
+  ledger_.dumped += mass;
+  if (works_ == nullptr) return;
+  ledger_.spilled += mass;
+  works_->drop(at * spill_point(at), mass, time_s, Obstacle(bucket_, at, soil));
 }
 
 Eigen::AlignedBox3d Machine::workspace(const Soil& soil, std::span<const Pose> path) const {

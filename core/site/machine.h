@@ -9,18 +9,22 @@
 #include <vector>
 
 #include "core/cut/excavator.h"
+#include "core/settle/earthworks.h"
 #include "soilvdb/bucket.h"
+#include "soilvdb/capacity.h"
 #include "soilvdb/motion.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::inline v0 {
 
 /// Where a bucket is and what it holds, brought from pose to pose: a move is planned, dug and
-/// booked.
+/// booked. Where soil moves, it does so at stations: places a fixed travel apart, whatever the
+/// updates are.
 class Machine {
  public:
+  /// @param works null where soil doesn't move; else it outlives the machine
   /// @throw std::invalid_argument for a bad bucket.
-  Machine(Bucket bucket, const Soil& soil);
+  Machine(Bucket bucket, const Soil& soil, Earthworks* works);
 
   const Bucket& bucket() const { return bucket_; }
   double radius_m() const { return radius_m_; }  ///< of the bucket about its frame's origin
@@ -31,6 +35,11 @@ class Machine {
   /// As Tracker::update(). @throw NoGroundError
   Update move(Soil& soil, const Pose& to);
   Update move(Soil& soil, const Motion& motion, double begin_s, double end_s);
+  /// What the bucket pushes, holds too much of or leaves behind comes to rest.
+  void come_to_rest(Soil& soil, double time_s);
+  /// Pushed by the body and not yet come down, units of mass.
+  std::int64_t pushed() const { return pushed_; }
+
   /// A box of index space beyond which moving on past these poses changes nothing.
   Eigen::AlignedBox3d workspace(const Soil& soil, std::span<const Pose> path) const;
 
@@ -43,9 +52,19 @@ class Machine {
   bool plan(const Soil& soil, const Pose& to);
   bool plan(const Soil& soil, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Soil& soil, std::span<const Pose> path, double bend_m) const;
-  Update follow(Soil& soil, bool digs);
-  void dig(Soil& soil);
+  void follow(Soil& soil, bool digs, double time_s);
+  void dig(Soil& soil, double time_s);
   void book(const Cut& cut);
+  void dump(const Soil& soil, const Pose& at, double time_s);
+  Update since(const Ledger& before, std::int64_t slid_before) const;
+  std::int64_t slid() const;
+  double travel_m(const Pose& from, const Pose& to) const;
+  std::vector<double> stations(const Soil& soil, const Motion& motion, double begin_s,
+                               double end_s);
+  double station_travel_m(const Soil& soil) const;
+  Vec3 spill_point(const Pose& at) const;
+  Vec3 push_point(const Pose& at) const;
+  Eigen::AlignedBox2d plan_box(std::span<const Pose> path) const;
 
   Bucket bucket_;
   Excavator excavator_;
@@ -55,6 +74,14 @@ class Machine {
   bool placed_ = false;
   Pose current_;
   std::vector<Pose> path_;  // of the next move; scratch
+
+  // Where soil moves.
+  Earthworks* works_;
+  std::optional<Capacity> capacity_;
+  double travel_m_ = 0;              // since the last station
+  Pose station_;                     // the last one
+  std::int64_t pushed_ = 0;          // by the body since then, units of mass
+  Eigen::AlignedBox2d unsettled_m_;  // where soil may stand too steep
 };
 
 }  // namespace soilvdb::inline v0

@@ -1,43 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A machine as bytes and back. Numbers as they are in memory: little-endian on all that we run on.
-#include <cstring>
+// A machine as bytes and back.
 #include <stdexcept>
-#include <type_traits>
 
+#include "core/lattice/bytes.h"
 #include "core/site/machine.h"
 
 namespace soilvdb::inline v0 {
-namespace {
-
-template <typename T>
-requires std::is_arithmetic_v<T>
-void put(std::string& out, T value) {
-  out.append(reinterpret_cast<const char*>(&value), sizeof(value));
-}
-void put(std::string& out, const Pose& pose) {
-  for (const double v : pose.position) put(out, v);
-  for (const double v : pose.rotation.coeffs()) put(out, v);
-}
-
-template <typename T>
-requires std::is_arithmetic_v<T>
-void take(std::string_view& in, T& value) {
-  if (in.size() < sizeof(value)) throw std::invalid_argument("the state ends too early");
-  std::memcpy(&value, in.data(), sizeof(value));
-  in.remove_prefix(sizeof(value));
-}
-void take(std::string_view& in, bool& value) {
-  std::uint8_t byte = 0;
-  take(in, byte);
-  value = byte != 0;
-}
-void take(std::string_view& in, Pose& pose) {
-  for (double& v : pose.position) take(in, v);
-  for (double& v : pose.rotation.coeffs()) take(in, v);
-}
-
-}  // namespace
 
 void Machine::save(std::string& out) const {
   put(out, bucket_.width_m);
@@ -45,9 +14,16 @@ void Machine::save(std::string& out) const {
   put(out, std::uint64_t{bucket_.profile.size()});
   put(out, ledger_.captured);
   put(out, ledger_.displaced);
+  put(out, ledger_.load);
+  put(out, ledger_.spilled);
   put(out, ledger_.dumped);
   put(out, placed_);
   put(out, current_);
+  put(out, travel_m_);
+  put(out, station_);
+  put(out, pushed_);
+  for (const double v : unsettled_m_.min()) put(out, v);
+  for (const double v : unsettled_m_.max()) put(out, v);
 }
 
 void Machine::load(std::string_view& in) {
@@ -60,9 +36,16 @@ void Machine::load(std::string_view& in) {
     throw std::invalid_argument("the state is of another bucket");
   take(in, ledger_.captured);
   take(in, ledger_.displaced);
+  take(in, ledger_.load);
+  take(in, ledger_.spilled);
   take(in, ledger_.dumped);
   take(in, placed_);
   take(in, current_);
+  take(in, travel_m_);
+  take(in, station_);
+  take(in, pushed_);
+  for (double& v : unsettled_m_.min()) take(in, v);
+  for (double& v : unsettled_m_.max()) take(in, v);
 }
 
 }  // namespace soilvdb::inline v0

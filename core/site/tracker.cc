@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 
 #include "core/constants.h"
+#include "core/lattice/bytes.h"
 #include "core/site/machine.h"
 
 namespace soilvdb::inline v0 {
@@ -67,9 +69,15 @@ std::vector<std::size_t> groups_of(const std::vector<Eigen::AlignedBox3d>& boxes
 
 }  // namespace
 
-Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets) : soil_(soil) {
+Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets)
+    : Tracker(soil, std::move(buckets), Earthmoving{}) {}
+
+Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmoving)
+    : soil_(soil), earthmoving_(std::move(earthmoving)), poured_parts_(earthmoving_.pours.size()) {
+  if (earthmoving_.soil)
+    works_ = std::make_unique<Earthworks>(soil, *earthmoving_.soil, earthmoving_.hoppers);
   for (Bucket& bucket : buckets)
-    machines_.push_back(std::make_unique<Machine>(std::move(bucket), soil));
+    machines_.push_back(std::make_unique<Machine>(std::move(bucket), soil, works_.get()));
 }
 
 Tracker::~Tracker() = default;
@@ -130,7 +138,8 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
 /// Numbers of the moves, in their order, in groups of machines that don't come near each other.
 std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves) const {
   std::vector<std::vector<std::size_t>> groups(machines_.size());
-  if (machines_.size() == 1) {
+  // Soil that moves may come from one machine to another.
+  if (machines_.size() == 1 || works_ != nullptr) {
     groups.front().resize(moves.size());
     std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
     return groups;
@@ -164,9 +173,92 @@ Ledger Tracker::total() const {
   for (const auto& machine : machines_) {
     sum.captured += machine->ledger().captured;
     sum.displaced += machine->ledger().displaced;
+    sum.load += machine->ledger().load;
+    sum.spilled += machine->ledger().spilled;
     sum.dumped += machine->ledger().dumped;
+    sum.units = machine->ledger().units;
   }
   return sum;
+}
+
+/// The whole of a pour, units of mass.
+std::int64_t Tracker::mass_of(const Pour& pour) const {
+  return std::llround(pour.volume_m3 / soil_.sample_m3() *
+                      static_cast<double>(works_->units().loose));
+}
+
+std::int64_t Tracker::parts_of(const Pour& pour) const {
+  const double cells = pour.volume_m3 / (64 * soil_.sample_m3());
+  const auto parts = static_cast<std::int64_t>(std::min(cells / kPourCells, 1e9)) + 1;
+  return pour.end_s > pour.begin_s ? std::min(parts, kMostPourParts) : 1;
+}
+
+/// What of a pour has come down after so many of its parts.
+std::int64_t Tracker::poured(const Pour& pour, std::int64_t parts) const {
+  const std::int64_t all = parts_of(pour), mass = mass_of(pour);
+  return mass / all * parts + mass % all * parts / all;
+}
+
+Update Tracker::pour(std::size_t pour, double until_s) {
+  if (pour >= poured_parts_.size()) throw std::invalid_argument("there is no such pour");
+  return timed([&] {
+    soil_.page_out();
+    const Pour& source = earthmoving_.pours[pour];
+    const std::int64_t slid_before = works_->books().slid;
+    std::int64_t& parts = poured_parts_[pour];
+    // Parts of one size, whatever the updates are; the last ends with the pour.
+    const std::int64_t all = parts_of(source);
+    const auto falls_s = [&](std::int64_t part) {
+      const double share = static_cast<double>(part) / static_cast<double>(all);
+      return part < all ? source.begin_s + share * (source.end_s - source.begin_s) : source.end_s;
+    };
+    while (parts < all && falls_s(parts + 1) <= until_s) {
+      const std::int64_t before = poured(source, parts++);
+      works_->drop(source.at_m, poured(source, parts) - before, until_s, Obstacle{});
+    }
+    Update update;
+    update.slid_m3 = slid_m3(slid_before);
+    return update;
+  });
+}
+
+double Tracker::slid_m3(std::int64_t before) const {
+  return works_->units().loose_samples(works_->books().slid - before) * soil_.sample_m3();
+}
+
+Update Tracker::come_to_rest() {
+  return timed([&] {
+    Update update;
+    if (works_ == nullptr) return update;
+    const std::int64_t slid_before = works_->books().slid, spilled_before = total().spilled;
+    for (const auto& machine : machines_)
+      machine->come_to_rest(soil_, std::numeric_limits<double>::quiet_NaN());
+    update.slid_m3 = slid_m3(slid_before);
+    update.spilled_m3 =
+        works_->units().loose_samples(total().spilled - spilled_before) * soil_.sample_m3();
+    return update;
+  });
+}
+
+SiteLedger Tracker::site() const {
+  SiteLedger site;
+  if (works_ == nullptr) return site;
+  const Earthworks::Books& books = works_->books();
+  site.units = works_->units();
+  for (const Chunk* chunk : soil_.chunks()) {
+    site.ground += (std::int64_t{chunk->soil_count} - chunk->loose_count - chunk->base_count) *
+                       site.units.bank +
+                   chunk->loose_count * site.units.loose;
+  }
+  site.in_flight = books.in_flight;
+  for (const auto& machine : machines_) site.in_flight += machine->pushed();
+  for (std::size_t i = 0; i < poured_parts_.size(); ++i)
+    site.poured += poured(earthmoving_.pours[i], poured_parts_[i]);
+  site.hauled = books.hauled;
+  site.slid = books.slid;
+  site.fill_samples = books.fill_samples;
+  site.gone_samples = books.gone_samples;
+  return site;
 }
 
 std::vector<Coord3> Tracker::take_changed() { return soil_.take_touched(); }
@@ -176,17 +268,28 @@ double Tracker::tolerance_m() const { return Machine::tolerance_m(soil_); }
 std::string Tracker::state() const {
   std::string bytes;
   for (const auto& machine : machines_) machine->save(bytes);
+  if (works_ == nullptr) return bytes;
+  works_->save(bytes);
+  for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   return bytes;
 }
 
 void Tracker::restore(std::string_view state) {
   std::vector<std::unique_ptr<Machine>> machines;
   for (const auto& machine : machines_) {
-    machines.push_back(std::make_unique<Machine>(machine->bucket(), soil_));
+    machines.push_back(std::make_unique<Machine>(machine->bucket(), soil_, works_.get()));
     machines.back()->load(state);
+  }
+  Earthworks::Books books;
+  std::vector<std::int64_t> parts(poured_parts_.size());
+  if (works_ != nullptr) {
+    books.load(state);
+    for (std::int64_t& part : parts) take(state, part);
   }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   machines_ = std::move(machines);
+  poured_parts_ = std::move(parts);
+  if (works_ != nullptr) works_->restore(books);
 }
 
 }  // namespace soilvdb::inline v0

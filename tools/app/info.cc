@@ -16,6 +16,7 @@
 #include "io/file/text.h"
 #include "io/scenario/underground.h"
 #include "io/terrain/raster_facts.h"
+#include "soilvdb/capacity.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/io/site.h"
@@ -169,6 +170,9 @@ void info_scenario(const fs::path& file) {
                                 bucket.profile.empty()
                                     ? std::string("no body")
                                     : fmt::format("body of {} points", bucket.profile.size())));
+    if (const auto capacity = Capacity::of(bucket))
+      line("  holds", fmt::format("{} m³ struck, {} m³ heaped at 1:1",
+                                  number(capacity->struck_m3()), number(capacity->heaped_m3())));
     Eigen::AlignedBox3d box;
     for (std::size_t i = 0; i < motion.parts(); ++i) {
       const auto part = motion.part(i);

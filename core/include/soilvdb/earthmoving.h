@@ -6,6 +6,7 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "soilvdb/types.h"
 
@@ -36,6 +37,13 @@ struct Hopper {
   double top_m = 0;                                           ///< height of its rim
   double begin_s = -std::numeric_limits<double>::infinity();  ///< it is there from here ...
   double end_s = std::numeric_limits<double>::infinity();     ///< ... to here
+};
+
+/// All of it; without `soil` soil doesn't move.
+struct Earthmoving {
+  std::optional<SoilProperties> soil;
+  std::vector<Pour> pours;
+  std::vector<Hopper> hoppers;
 };
 
 }  // namespace soilvdb::inline v0

@@ -11,31 +11,50 @@
 #include <vector>
 
 #include "soilvdb/bucket.h"
+#include "soilvdb/earthmoving.h"
+#include "soilvdb/mass.h"
 #include "soilvdb/motion.h"
 #include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
 
-/// Volumes booked for one machine, or for all. cut = captured + displaced. Kept as counts of
-/// samples, so sums are exact in any order.
+/// What is booked for one machine, or for all. cut = captured + displaced, volumes in place. Kept
+/// as counts, so sums are exact in any order.
 struct Ledger {
-  std::int64_t captured = 0, displaced = 0, dumped = 0;  ///< samples
+  std::int64_t captured = 0, displaced = 0;  ///< samples
+  std::int64_t load = 0;                     ///< what the bucket holds, in units of mass
+  std::int64_t spilled = 0, dumped = 0;      ///< the same that left it; the part by dump_angle
+  MassUnits units;
   double sample_m3 = 0;
 
   std::int64_t cut() const { return captured + displaced; }  ///< samples
   double cut_m3() const { return static_cast<double>(cut()) * sample_m3; }
   double captured_m3() const { return static_cast<double>(captured) * sample_m3; }
   double displaced_m3() const { return static_cast<double>(displaced) * sample_m3; }
-  double dumped_m3() const { return static_cast<double>(dumped) * sample_m3; }
-  /// What the bucket holds.
-  double bucket_m3() const { return static_cast<double>(captured - dumped) * sample_m3; }
+  /// Loose volumes: what the bucket holds, and what left it.
+  double bucket_m3() const { return units.loose_samples(load) * sample_m3; }
+  double spilled_m3() const { return units.loose_samples(spilled) * sample_m3; }
+  double dumped_m3() const { return units.loose_samples(dumped) * sample_m3; }
+};
+
+/// What is booked for a site whose soil moves, besides its machines. Masses in units.
+struct SiteLedger {
+  std::int64_t ground = 0;     ///< change of the ground's mass, counted anew
+  std::int64_t in_flight = 0;  ///< less than a sample each, or pushed and not yet come down
+  std::int64_t poured = 0;     ///< brought by pours
+  std::int64_t hauled = 0;     ///< into hoppers
+  std::int64_t slid = 0;       ///< moved because slopes failed
+  std::int64_t fill_samples = 0, gone_samples = 0;  ///< added to the ground; lost by slopes
+  MassUnits units;
 };
 
 /// What one update did.
 struct Update {
-  double cut_m3 = 0;     ///< removed from the ground by this update
-  double bucket_m3 = 0;  ///< in the bucket after it
-  double us = 0;         ///< it took, with its share of what was done for several at once
+  double cut_m3 = 0;      ///< removed from the ground by this update
+  double bucket_m3 = 0;   ///< in the bucket after it, loose
+  double spilled_m3 = 0;  ///< that left the bucket in it, loose
+  double slid_m3 = 0;     ///< of slopes that came down in it, loose
+  double us = 0;          ///< it took, with its share of what was done for several at once
 };
 
 /// What a machine is to do next: go straight on to a pose or, with a motion, along that from
@@ -47,7 +66,8 @@ struct Move {
   double begin_s = 0, end_s = 0;
 };
 
-class Machine;  // core/site/machine.h
+class Machine;     // core/site/machine.h
+class Earthworks;  // core/settle/earthworks.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
@@ -67,6 +87,9 @@ class Tracker {
  public:
   /// @param soil outlives the tracker. @throw std::invalid_argument for a bad bucket.
   Tracker(Soil& soil, std::vector<Bucket> buckets);
+  /// The same on soil that moves: it fills a bucket to its capacity, spills, piles up and slides.
+  /// @throw std::invalid_argument for properties that are none
+  Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmoving);
   ~Tracker();
 
   /// Moves a machine's bucket on to a pose, in a straight line and by slerp from the last one. The
@@ -80,7 +103,15 @@ class Tracker {
   /// @throw NoGroundError; other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
+  /// What of a pour, one of those that the tracker was made with, has come down by a time comes to
+  /// lie. The result doesn't depend on how often this is called.
+  Update pour(std::size_t pour, double until_s);
+  /// All that is under way comes to rest, as at the next standstill.
+  Update come_to_rest();
+
   const Ledger& ledger(std::size_t machine) const;
+  /// Where soil is besides the ground and the buckets; zeros where it doesn't move.
+  SiteLedger site() const;
   Ledger total() const;
   /// Origins of the chunks that came, went or may have changed since the last call,
   /// sorted.
@@ -97,9 +128,16 @@ class Tracker {
 
  private:
   Machine& at(std::size_t machine) const;
+  std::int64_t mass_of(const Pour& pour) const;
+  std::int64_t parts_of(const Pour& pour) const;
+  std::int64_t poured(const Pour& pour, std::int64_t parts) const;
+  double slid_m3(std::int64_t before) const;
   std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;
   Soil& soil_;
+  Earthmoving earthmoving_;
+  std::unique_ptr<Earthworks> works_;  // null: soil doesn't move
   std::vector<std::unique_ptr<Machine>> machines_;
+  std::vector<std::int64_t> poured_parts_;  // of each pour
 };
 
 }  // namespace soilvdb::inline v0

@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Numbers as bytes and back, as they are in memory: little-endian on all that we run on.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0 {
+
+template <typename T>
+requires std::is_arithmetic_v<T>
+void put(std::string& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+inline void put(std::string& out, const Pose& pose) {
+  for (const double v : pose.position) put(out, v);
+  for (const double v : pose.rotation.coeffs()) put(out, v);
+}
+
+/// Takes it off again. @throw std::invalid_argument if there is less
+template <typename T>
+requires std::is_arithmetic_v<T>
+void take(std::string_view& in, T& value) {
+  if (in.size() < sizeof(value)) throw std::invalid_argument("the state ends too early");
+  std::memcpy(&value, in.data(), sizeof(value));
+  in.remove_prefix(sizeof(value));
+}
+inline void take(std::string_view& in, bool& value) {
+  std::uint8_t byte = 0;
+  take(in, byte);
+  value = byte != 0;
+}
+inline void take(std::string_view& in, Pose& pose) {
+  for (double& v : pose.position) take(in, v);
+  for (double& v : pose.rotation.coeffs()) take(in, v);
+}
+
+}  // namespace soilvdb::inline v0

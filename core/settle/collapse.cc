@@ -1,0 +1,182 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/collapse.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+
+#include "core/constants.h"
+#include "core/settle/flux_grid.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+// Angles by + - * / and sqrt alone, whose bits are the same on any build and CPU: continued
+// fractions, to 1e-9 up to 1 rad.
+double tangent(double rad) {
+  const double a2 = rad * rad;
+  return rad / (1 - a2 / (3 - a2 / (5 - a2 / (7 - a2 / 9))));
+}
+double arc_tangent(double tangent) {
+  for (int i = 0; i < 3; ++i) tangent /= 1 + std::sqrt(1 + tangent * tangent);  // of half of it
+  const double t2 = tangent * tangent;
+  return 8 * tangent / (1 + t2 / (3 + 4 * t2 / (5 + 9 * t2 / (7 + 16 * t2 / 9))));
+}
+/// Slope beyond another that is steeper by an angle; and the angle.
+float slope_beyond(double slope, double rad) {
+  const double t = tangent(rad), rest = 1 - slope * t;
+  return rest <= 0 ? std::numeric_limits<float>::max()
+                   : static_cast<float>(t * (1 + slope * slope) / rest);
+}
+double angle_beyond(double slope, float more) {
+  return arc_tangent(more / (1 + (slope + more) * slope));
+}
+
+/// What a column holds above what stands, in its sides: depths, and soil as loose volume.
+class Stack {
+ public:
+  Stack(double base, double bank, double top, double swell)
+      : base_(base), bank_(bank - base), loose_(top - bank), swell_(swell) {}
+
+  double base() const { return base_; }
+  double bank_soil() const { return swell_ * bank_; }
+  double soil() const { return bank_soil() + loose_; }
+  double bank_depth(double soil) const { return std::min(soil / swell_, bank_); }
+  double depth(double soil) const {
+    return soil < bank_soil() ? soil / swell_ : bank_ + (soil - bank_soil());
+  }
+
+ private:
+  double base_, bank_, loose_, swell_;
+};
+
+/// The columns that are there, from the lowest top upwards: soil never leaves a column without a
+/// lower neighbour, so how far down it goes there doesn't matter.
+class Ground {
+ public:
+  Ground(const SoilColumns& columns, double swell) : columns_(columns) {
+    zero_m_ = std::numeric_limits<double>::infinity();
+    for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
+      if (!missing(c)) zero_m_ = std::min(zero_m_, columns.top_m[c]);
+    }
+    for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
+      const auto height = [&](const std::vector<double>& of) {
+        return missing(c) ? 0 : std::max((of[c] - zero_m_) / columns.side_m, -1.0);
+      };
+      const double top = height(columns.top_m), base = std::min(height(columns.base_m), top);
+      stacks_.emplace_back(base, std::clamp(height(columns.bank_m), base, top), top, swell);
+    }
+  }
+
+  bool missing(std::size_t c) const { return !columns_.missing.empty() && columns_.missing[c]; }
+  const Stack& operator[](std::size_t c) const { return stacks_[c]; }
+  double top_m(std::size_t c, double soil) const {
+    return zero_m_ + columns_.side_m * (stacks_[c].base() + stacks_[c].depth(soil));
+  }
+  /// Calls f(c, i) for each column that is there with its places in the lists and in a grid.
+  template <class F>
+  void each(const FluxGrid& grid, const F& f) const {
+    std::size_t c = 0;
+    for (int y = 0; y < columns_.ny; ++y) {
+      for (int x = 0; x < columns_.nx; ++x, ++c) {
+        if (!missing(c)) f(c, grid.at(x, y));
+      }
+    }
+  }
+
+ private:
+  const SoilColumns& columns_;
+  double zero_m_;
+  std::vector<Stack> stacks_;
+};
+
+/// Grids with columns twice as wide each, until they are few.
+std::deque<FluxGrid> coarser_grids(const FluxGrid& grid) {
+  std::deque<FluxGrid> all;
+  for (const FluxGrid* g = &grid; std::max(g->nx(), g->ny()) >= kLeastToCoarsen; g = &all.back()) {
+    all.push_back(g->coarser());
+  }
+  return all;
+}
+
+/// Soil of each column after what flowed. Fluxes are floats, but what one column gives another
+/// gets, so sums in double hold the mass.
+///
+/// Where they aren't quite at rest a column may give a little more than it has. It then gives as
+/// much less, to all alike, and so do those that got it and passed it on; those that soil went
+/// round in circles between give nothing.
+std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::size_t size) {
+  std::vector<double> soil(size), share(grid.size(), 1.0), next;
+  bool again = true;
+  for (int round = 0; again; ++round) {
+    again = false;
+    next = share;
+    ground.each(grid, [&](std::size_t c, std::size_t i) {
+      const FluxGrid::Flow flow = grid.flow(i, share);
+      const double had = ground[c].soil() + flow.in;
+      soil[c] = had - share[i] * flow.out;
+      if (soil[c] >= -kOwed * had) return;
+      next[i] = round < kMostRounds ? had / flow.out : 0;
+      again = true;
+    });
+    share.swap(next);
+  }
+  return soil;
+}
+
+}  // namespace
+
+Collapse collapse(const SoilColumns& columns, const Repose& repose) {
+  const Ground ground(columns, repose.swell);
+  FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
+                static_cast<float>(repose.swell));
+  const auto set = [&](std::size_t c, std::size_t i, double soil) {
+    const Stack& s = ground[c];
+    grid.set_column(i, static_cast<float>(s.base()), static_cast<float>(s.bank_soil()),
+                    static_cast<float>(soil));
+  };
+  ground.each(grid, [&](std::size_t c, std::size_t i) { set(c, i, ground[c].soil()); });
+  grid.find_brinks();
+  const auto beyond = [&](double rad) { return slope_beyond(repose.slope, rad); };
+  Collapse result;
+  result.top_m = columns.top_m;
+  const float steep = grid.unrest().steep;
+  result.steepest_rad = angle_beyond(repose.slope, steep);
+  if (steep <= beyond(repose.start_rad)) return result;
+
+  std::deque<FluxGrid> coarse = coarser_grids(grid);
+  for (std::size_t k = coarse.size(); k-- > 0;) {
+    const auto sides = static_cast<float>(2 << k);  // of ours in one of theirs
+    coarse[k].relax(kMostCoarseSteps, sides * beyond(kCoarseTolerance));
+    (k > 0 ? coarse[k - 1] : grid).start_from(coarse[k]);
+  }
+  result.iterations = grid.relax(kMostSteps, beyond(kRestTolerance));
+
+  const std::vector<double> soil = soil_after(ground, grid, columns.top_m.size());
+  const double area_m2 = columns.side_m * columns.side_m;
+  double bank = 0, loose = 0, fill = 0;
+  ground.each(grid, [&](std::size_t c, std::size_t i) {
+    const Stack& s = ground[c];
+    const double before = s.soil(), after = std::max(soil[c], 0.0);
+    set(c, i, after);
+    if (after == before) return;
+    result.top_m[c] = ground.top_m(c, after);
+    const double bank_gone = s.bank_depth(before) - s.bank_depth(after);
+    const double risen = s.depth(after) - s.depth(before);
+    bank += bank_gone;
+    (risen > 0 ? fill : loose) += std::abs(risen + bank_gone);
+    const int x = static_cast<int>(c) % columns.nx, y = static_cast<int>(c) / columns.nx;
+    const bool edge = x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1;
+    result.at_edge |= edge && std::abs(risen) > kNoticed;
+  });
+  grid.forget_flux();
+  result.steepest_rad = angle_beyond(repose.slope, grid.unrest().steep);
+  result.bank_m3 = bank * area_m2 * columns.side_m;
+  result.loose_m3 = loose * area_m2 * columns.side_m;
+  result.fill_m3 = fill * area_m2 * columns.side_m;
+  return result;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Ground as heights of square columns, as soil that falls and slides sees it.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0 {
+
+/// Ground given by the heights of square columns. Column (x, y) covers [x, x + 1] x [y, y + 1]
+/// sides from the corner (0, 0), has number x * ny + y, and its height is that at its middle.
+/// What lies outside, and what is rigid, is a wall of any height: no soil goes there, none is lost.
+struct Columns {
+  int nx = 0, ny = 0;
+  double side_m = 0;
+  std::vector<double> height_m;
+  /// Heights of the firm ground below loose soil; empty: all is firm. Edges that soil runs over are
+  /// found in it: what lies on them blurs them by half a side.
+  std::vector<double> firm_m;
+  std::vector<std::uint8_t> rigid;  ///< empty: none is
+
+  Columns() = default;
+  Columns(int columns_x, int columns_y, double side, double height = 0)
+      : nx(columns_x),
+        ny(columns_y),
+        side_m(side),
+        height_m(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), height) {}
+
+  int index(int x, int y) const { return x * ny + y; }
+  bool has(int x, int y) const { return x >= 0 && y >= 0 && x < nx && y < ny; }
+  double at(int column) const { return height_m[static_cast<std::size_t>(column)]; }
+  double firm_at(int column) const {
+    return firm_m.empty() ? at(column) : firm_m[static_cast<std::size_t>(column)];
+  }
+  double& at(int column) { return height_m[static_cast<std::size_t>(column)]; }
+  /// Soil can lie on it.
+  bool open(int x, int y) const {
+    return has(x, y) && (rigid.empty() || rigid[static_cast<std::size_t>(index(x, y))] == 0);
+  }
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,74 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Soil that falls, piles up and slides on a site's ground, and the books of it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/settle/collapse.h"
+#include "core/settle/column_samples.h"
+#include "core/settle/obstacle.h"
+#include "core/settle/pour.h"
+#include "soilvdb/earthmoving.h"
+#include "soilvdb/mass.h"
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0 {
+
+/// Puts loose soil where it comes to rest.
+///
+/// Guarantees: mass is neither made nor lost: what doesn't make a whole sample, or finds no place,
+/// is in flight and comes down with what falls next. The same bits for any number of threads. Calls
+/// cost what they move and what is near it, whatever the site's size.
+class Earthworks {
+ public:
+  /// What became of soil besides the ground and the buckets, in units of mass, but for samples.
+  struct Books {
+    std::int64_t in_flight = 0;
+    std::int64_t hauled = 0;        ///< into hoppers
+    std::int64_t slid = 0;          ///< moved because it stood too steep
+    std::int64_t fill_samples = 0;  ///< added to the ground, that which slid among them
+    std::int64_t gone_samples = 0;  ///< that slopes lost, in place
+
+    /// @throw std::invalid_argument if the bytes are not what Earthworks::save() wrote
+    void load(std::string_view& in);
+  };
+
+  /// @param soil outlives it
+  Earthworks(Soil& soil, const SoilProperties& properties, std::vector<Hopper> hoppers);
+
+  const SoilProperties& properties() const { return properties_; }
+  const MassUnits& units() const { return units_; }
+  double slope() const { return slope_; }  ///< tangent of the angle of repose
+  const Books& books() const { return books_; }
+
+  /// Soil falls straight down: into a hopper, else onto the ground, which it makes a pile on. Where
+  /// an obstacle or no ground is below, beside that.
+  void drop(const Vec3& from_m, std::int64_t mass, double time_s, const Obstacle& obstacle);
+  /// Loose soil in and around a box of the plan that stands too steep comes to rest.
+  void settle(const Eigen::AlignedBox2d& around_m, const Obstacle& obstacle);
+
+  void save(std::string& out) const;
+  void restore(const Books& books) { books_ = books; }
+
+ private:
+  bool pour(const Vec2& at, int half, std::int64_t samples, const Obstacle& obstacle);
+  std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
+                     std::int64_t samples);
+  bool slide(const Coord2& first, const Coord2& size, const Obstacle& obstacle, bool last);
+  void move(const GroundWindow& window, const Coord2& corner, const SoilColumns& before,
+            const Collapse& after);
+
+  Soil& soil_;
+  SoilProperties properties_;
+  std::vector<Hopper> hoppers_;
+  MassUnits units_;
+  double slope_;
+  Books books_;
+  Pourer pourer_;
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,149 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/flux_row.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "core/constants.h"
+#include "core/lattice/affine.h"
+#include "core/lattice/lanes.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+SOILVDB_INLINE Lanes load(const float* from) {
+  Lanes v;
+  std::memcpy(&v, from, sizeof(v));
+  return v;
+}
+SOILVDB_INLINE void store(float* to, Lanes v) { std::memcpy(to, &v, sizeof(v)); }
+SOILVDB_INLINE float most(Lanes v) {
+  float m = v[0];
+  for (int k = 1; k < kChunkSide; ++k) m = std::max(m, v[k]);
+  return m;
+}
+
+SOILVDB_INLINE bool any(LaneMask mask) {
+  using Quarters = std::uint64_t __attribute__((vector_size(sizeof(LaneMask))));
+  const Quarters q = reinterpret_cast<Quarters>(mask);
+  return (q[0] | q[1] | q[2] | q[3]) != 0;
+}
+
+/// Drops from eight columns to their neighbours, in the order of FluxRow::out, and squares of those
+/// that go down.
+struct Drops {
+  Lanes by[4], down2[4];
+};
+
+SOILVDB_INLINE Drops drops(const FluxRow& r, int x) {
+  Drops d;
+  const Lanes top = load(r.top + x);
+  const std::ptrdiff_t to[4] = {1, -1, r.stride, -r.stride};
+  for (int n = 0; n < 4; ++n) {
+    d.by[n] = top - load(r.top + x + to[n]);
+    const Lanes down = max(d.by[n], Lanes{});
+    d.down2[n] = down * down;
+  }
+  return d;
+}
+
+/// What columns have to give down a quadrant, as a drop: what lies on support that is steeper than
+/// repose goes the quicker the more it is.
+SOILVDB_INLINE Lanes spare(const FluxRow& r, int x, int t) {
+  const Lanes held = max(load(r.brink[t & 1] + x), load(r.brink[2 + (t >> 1)] + x));
+  return kDrain * (load(r.depth + x) - held);
+}
+
+/// Steps a quadrant's pair of fluxes. @return the drop that is allowed: repose, or what there is
+/// less what is to go, so that soil on steep support goes and the support stays
+SOILVDB_INLINE Lanes step(const FluxRow& r, const Drops& d, int column, int t, Lanes& x, Lanes& y) {
+  const int nx = t & 1, ny = 2 + (t >> 1);
+  const Lanes steep2 = d.down2[nx] + d.down2[ny], limit = all_lanes(r.limit);
+  Lanes allowed = limit;
+  if (any(steep2 > limit * limit)) allowed = max(limit, sqrt(steep2) - spare(r, column, t));
+  x = max(x + kFluxStep * d.by[nx], Lanes{});
+  y = max(y + kFluxStep * d.by[ny], Lanes{});
+  const Lanes size = sqrt(x * x + y * y);  // 0: less than nothing is kept
+  const Lanes keep = max(1 - kFluxStep * allowed / size, Lanes{});
+  x *= keep;
+  y *= keep;
+  return allowed;
+}
+
+/// Nothing flows nor will: most columns, most of the time.
+SOILVDB_INLINE bool at_rest(const FluxRow& r, const Drops& d, int x) {
+  const Lanes steepest2 = max(d.down2[0], d.down2[1]) + max(d.down2[2], d.down2[3]);
+  if (any(steepest2 > r.limit * r.limit)) return false;
+  LaneMask flows = {};
+  for (int f = 0; f < 8; ++f) {
+    flows |= (load(r.flux[f] + x) != 0) | (load(r.ahead[f] + x) != 0);
+  }
+  return !any(flows);
+}
+
+}  // namespace
+
+SOILVDB_FOR_CPUS double push(const FluxRow& r, float momentum) {
+  Lanes uphill{};
+  for (int x = 0; x < r.columns; x += kChunkSide) {
+    const Drops d = drops(r, x);
+    if (at_rest(r, d, x)) continue;
+    Lanes out[4] = {};
+    for (int t = 0; t < 4; ++t) {
+      float* const flux[2] = {r.flux[2 * t] + x, r.flux[2 * t + 1] + x};
+      float* const ahead[2] = {r.ahead[2 * t] + x, r.ahead[2 * t + 1] + x};
+      const Lanes from[2] = {load(ahead[0]), load(ahead[1])};
+      Lanes to[2] = {from[0], from[1]};
+      // What slides down steep support goes one way only: momentum would let it run away.
+      const Lanes allowed = step(r, d, x, t, to[0], to[1]);
+      for (int c = 0; c < 2; ++c) {
+        const Lanes change = to[c] - load(flux[c]);
+        const Lanes next = to[c] + (allowed > r.limit ? Lanes{} : momentum * change);
+        uphill += (from[c] - to[c]) * change;
+        store(flux[c], to[c]);
+        store(ahead[c], next);
+        out[c == 0 ? t & 1 : 2 + (t >> 1)] += next;
+      }
+    }
+    for (int n = 0; n < 4; ++n) store(r.out[n] + x, out[n]);
+  }
+  double sum = 0;
+  for (int k = 0; k < kChunkSide; ++k) sum += double{uphill[k]};
+  return sum;
+}
+
+// Sums of two and of two such: grids that are mirrored or turned have the same bits.
+SOILVDB_FOR_CPUS void settle(const FluxRow& r) {
+  const float shrunk = 1 - 1 / r.swell;
+  for (int x = 0; x < r.columns; x += kChunkSide) {
+    const Lanes out =
+        (load(r.out[0] + x) + load(r.out[1] + x)) + (load(r.out[2] + x) + load(r.out[3] + x));
+    const Lanes in = (load(r.out[0] + x - 1) + load(r.out[1] + x + 1)) +
+                     (load(r.out[2] + x - r.stride) + load(r.out[3] + x + r.stride));
+    const Lanes soil = load(r.soil + x) + (in - out);
+    const Lanes depth = soil - shrunk * min(soil, load(r.bank + x));
+    store(r.depth + x, depth);
+    store(r.top + x, load(r.base + x) + depth);
+  }
+}
+
+SOILVDB_FOR_CPUS Unrest unrest(const FluxRow& r) {
+  Lanes steep{}, off{}, hollow{};
+  for (int x = 0; x < r.columns; x += kChunkSide) {
+    const Drops d = drops(r, x);
+    const Lanes lack = -load(r.depth + x);
+    hollow = max(hollow, load(r.soil + x) < 0 ? Lanes{} : lack);
+    for (int t = 0; t < 4; ++t) {
+      const Lanes from[2] = {load(r.flux[2 * t] + x), load(r.flux[2 * t + 1] + x)};
+      Lanes to[2] = {from[0], from[1]};
+      const LaneMask slides = step(r, d, x, t, to[0], to[1]) > r.limit;
+      const Lanes beyond = sqrt(d.down2[t & 1] + d.down2[2 + (t >> 1)]) - r.limit;
+      steep = max(steep, min(beyond, spare(r, x, t) - kDrain * kFilm));
+      for (int c = 0; c < 2; ++c) off = max(off, slides ? Lanes{} : abs(to[c] - from[c]));
+    }
+  }
+  return {most(steep), most(off) / kFluxStep, most(hollow)};
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,352 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/front.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/constants.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr double kHair = 1e-9;  // columns: rays this near to a corner pass through it
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Vec2 middle(int x, int y) { return {x + 0.5, y + 0.5}; }
+
+}  // namespace
+
+void Front::clear() {
+  level = -kInfinity;
+  filled = keys = 0;
+  next = lip = kInfinity;
+  whole = true;
+  fits = false;
+  parts.clear();
+  anchors.clear();
+  lips.clear();
+}
+
+double Front::level_of(double volume) const {
+  double count = static_cast<double>(parts.size());
+  double at = (volume + keys) / count;
+  // Parts that would have less than nothing leave; what they took away lowers the level.
+  for (;;) {
+    double sum = 0, below = 0;
+    for (const Part& part : parts) {
+      if (!(part.key < at)) continue;
+      sum += part.key;
+      ++below;
+    }
+    if (below == 0 || below == count) return at;
+    count = below;
+    at = (volume + sum) / count;
+  }
+}
+
+void FrontFinder::look_at(const Columns& columns, double slope) {
+  columns_ = &columns;
+  slope_ = slope * columns.side_m;
+  tau_ = kLooseStep * columns.side_m;
+  labels_.resize(columns.height_m.size());
+}
+
+int FrontFinder::add_anchor(const Vec2& at, double distance, bool lip) {
+  front_->anchors.push_back({at, distance, lip});
+  return static_cast<int>(front_->anchors.size()) - 1;
+}
+
+void FrontFinder::begin(const Source& source, Front& front) {
+  front.clear();
+  front_ = &front;
+  queue_.clear();
+  if (++epoch_ == 0) {
+    for (Label& l : labels_) l.epoch = 0;
+    epoch_ = 1;
+  }
+  add_anchor(source.at, 0);
+  const int x = source.column / columns_->ny, y = source.column % columns_->ny;
+  const double distance = (middle(x, y) - source.at).norm();
+  reach(source.column, distance, 0);
+  // Soil that falls on a column spreads from it even where its middle is higher than the soil.
+  expand(source.column);
+}
+
+void FrontFinder::end() {
+  for (const Front::Lip& lip : front_->lips)
+    if (!labelled(lip.below) || label(lip.below).state != kReached)
+      front_->lip = std::min(front_->lip, lip.level);
+}
+
+void FrontFinder::fill(const Source& source, double level, double most, Front& front) {
+  growing_ = false;
+  level_ = front.level = level;
+  begin(source, front);
+  front.level = level;
+  while (!queue_.empty()) {
+    const Queued next = pop();
+    if (!take(next)) continue;
+    front.filled += level - front.parts.back().key;
+    if (front.filled > most) {
+      front.whole = false;
+      break;
+    }
+    expand(next.column);
+  }
+  end();
+}
+
+void FrontFinder::grow(const Source& source, double volume, double limit, Front& front) {
+  growing_ = true;
+  level_ = -kInfinity;
+  limit_ = limit;
+  begin(source, front);
+  double count = 0;
+  const auto holds = [&](double level) {
+    return count > 0 && count * level - front.keys >= volume;
+  };
+  while (!front.fits && limit_ > level_ && !queue_.empty()) {
+    const Queued next = pop();
+    if (holds(std::min(next.order, limit_))) {
+      front.fits = true;
+    } else if (next.order > limit_) {
+      break;
+    } else if (take(next)) {
+      level_ = std::max(level_, next.order);
+      ++count;
+      expand(next.column);
+      front.fits = holds(level_);
+    }
+  }
+  if (queue_.empty() && count > 0 && holds(limit_)) front.fits = true;
+  front.level = front.fits ? front.level_of(volume) : limit_;
+  front.filled = front.fits ? volume : count > 0 ? count * limit_ - front.keys : 0;
+  front.next = limit_;
+}
+
+void FrontFinder::push(double order, double distance, int column, int anchor) {
+  queue_.push_back({order, distance, column, anchor});
+  const auto later = [](const Queued& a, const Queued& b) {
+    if (a.order != b.order) return a.order > b.order;
+    return a.distance != b.distance ? a.distance > b.distance : a.column > b.column;
+  };
+  std::push_heap(queue_.begin(), queue_.end(), later);
+}
+
+FrontFinder::Queued FrontFinder::pop() {
+  const auto later = [](const Queued& a, const Queued& b) {
+    if (a.order != b.order) return a.order > b.order;
+    return a.distance != b.distance ? a.distance > b.distance : a.column > b.column;
+  };
+  std::pop_heap(queue_.begin(), queue_.end(), later);
+  const Queued next = queue_.back();
+  queue_.pop_back();
+  return next;
+}
+
+bool FrontFinder::take(const Queued& next) {
+  Label& l = label(next.column);
+  if (l.state != kQueued || l.distance != next.distance) return false;
+  l.state = kReached;
+  const double key = columns_->at(next.column) + slope_ * next.distance;
+  front_->keys += key;
+  front_->parts.push_back({next.column, next.anchor, next.distance, key});
+  return true;
+}
+
+void FrontFinder::expand(int column) {
+  const int x = column / columns_->ny, y = column % columns_->ny;
+  if (!growing_) over_lips_of(column, label(column).anchor);
+  for (int i = -1; i <= 1; ++i)
+    for (int j = -1; j <= 1; ++j)
+      if ((i != 0 || j != 0) && columns_->open(x + i, y + j)) relax(column, x, y, x + i, y + j);
+}
+
+void FrontFinder::relax(int column, int x, int y, int to_x, int to_y) {
+  const int to = columns_->index(to_x, to_y);
+  const Label here = label(column);
+  if (labelled(to) &&
+      (label(to).anchor == here.anchor || (!growing_ && label(to).state == kReached)))
+    return;
+  const Anchor from = anchor(here.anchor);
+  const Vec2 goal = middle(to_x, to_y);
+  const double direct = from.distance + (goal - from.at).norm();
+  if (labelled(to) && label(to).distance <= direct + kHair) return;
+  const double level = growing_ ? std::max(level_, columns_->at(to) + slope_ * direct) : level_;
+  if (sees(here.anchor, to_x, to_y, level)) return reach(to, direct, here.anchor);
+  double edge;
+  if ((x == to_x || y == to_y) && step(x, y, to_x, to_y, edge)) return;  // over_lips_of()
+  // Round a corner: distances go on from the middle of this column.
+  const double bent = here.distance + (goal - middle(x, y)).norm();
+  if (labelled(to) && label(to).distance <= bent + kHair) return;
+  const double level_here = growing_ ? std::max(level_, columns_->at(to) + slope_ * bent) : level_;
+  if (here.corner < 0) label(column).corner = add_anchor(middle(x, y), here.distance);
+  if (sees(label(column).corner, to_x, to_y, level_here)) reach(to, bent, label(column).corner);
+}
+
+void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const Anchor& from) {
+  const int to = columns_->index(to_x, to_y);
+  const Vec2 across(to_x - x, to_y - y), along(-across.y(), across.x());
+  const Vec2 face = middle(x, y) + across / 2;
+  const double ahead = (face - from.at).dot(across), beside = (from.at - face).dot(along);
+  if (ahead < -kHair) return;
+  const double nearest = std::clamp(beside, -0.5, 0.5);
+  const double opens = edge + slope_ * (from.distance + (face + nearest * along - from.at).norm());
+  const double reach_there = (level_ - edge) / slope_ - from.distance;
+  if (growing_) {
+    const bool all = ahead * ahead + (std::abs(beside) + 0.5) * (std::abs(beside) + 0.5) <
+                     reach_there * reach_there;
+    if (!all || reach_there < 0) limit_ = std::min(limit_, std::max(opens, level_));
+    return;
+  }
+  if (!(opens < level_)) {
+    front_->lips.push_back({to, opens});
+    front_->next = std::min(front_->next, opens);
+    return;
+  }
+  // The soil stands above the edge where it is near enough to the anchor.
+  const double half = std::sqrt(std::max(0.0, reach_there * reach_there - ahead * ahead));
+  const double low = std::max(-0.5, beside - half), high = std::min(0.5, beside + half);
+  const double straight = ahead > kHair ? beside * 0.5 / (ahead + 0.5) : nearest;
+  const int i = to_x - x, j = to_y - y;
+  over_lip_to(to_x, to_y, face + std::min(std::max(straight, low), high) * along, from);
+  over_lip_to(to_x + j, to_y - i, face + low * along, from);
+  over_lip_to(to_x - j, to_y + i, face + high * along, from);
+}
+
+void FrontFinder::over_lip_to(int x, int y, const Vec2& lip, const Anchor& from) {
+  if (!columns_->open(x, y)) return;
+  const int to = columns_->index(x, y);
+  const double to_lip = from.distance + (lip - from.at).norm();
+  const double distance = to_lip + (middle(x, y) - lip).norm();
+  if (labelled(to) && label(to).distance <= distance + kHair) return;
+  if (!(columns_->at(to) + slope_ * distance < level_)) return;
+  const int at_lip = add_anchor(lip, to_lip, true);
+  if (sees(at_lip, x, y, level_)) reach(to, distance, at_lip);
+}
+
+void FrontFinder::reach(int column, double distance, int anchor) {
+  const double key = columns_->at(column) + slope_ * distance;
+  Label& l = label(column);
+  if (growing_) {
+    // Soil runs on, or a shorter way opened: distances are found anew at a level.
+    if (level_ - key > tau_ || (labelled(column) && l.state == kReached)) {
+      limit_ = std::min(limit_, level_);
+      return;
+    }
+  } else if (labelled(column) && l.state == kReached) {
+    return;
+  }
+  const bool low = growing_ || key < level_;
+  const bool known = labelled(column);
+  l = {distance, anchor, -1, epoch_, low ? kQueued : kTooHigh};
+  if (low)
+    push(growing_ ? std::max(key, level_) : distance, distance, column, anchor);
+  else
+    front_->next = std::min(front_->next, key);
+  if (!known && (growing_ || !low)) over_lips_of(column, anchor);
+}
+
+void FrontFinder::over_lips_of(int column, int from) {
+  const int x = column / columns_->ny, y = column % columns_->ny;
+  constexpr int kSides[4][2] = {{-1, 0}, {0, -1}, {0, 1}, {1, 0}};
+  for (const auto& side : kSides) {
+    double edge;
+    const int to_x = x + side[0], to_y = y + side[1];
+    if (columns_->open(to_x, to_y) && step(x, y, to_x, to_y, edge))
+      over_lip(x, y, to_x, to_y, edge, Anchor(anchor(from)));
+  }
+}
+
+bool FrontFinder::step(int x, int y, int to_x, int to_y, double& edge) const {
+  const Columns& c = *columns_;
+  const int i = to_x - x, j = to_y - y, high = c.index(x, y), low = c.index(to_x, to_y);
+  const double drop = c.at(high) - c.at(low), firm_drop = c.firm_at(high) - c.firm_at(low);
+  if (!(std::max(drop, firm_drop) > slope_ + tau_)) return false;
+  // Ground goes on to the face from both sides as it came, unless it rises too steep for that.
+  const int behind = c.open(x - i, y - j) ? c.index(x - i, y - j) : high;
+  const int beyond = c.open(to_x + i, to_y + j) ? c.index(to_x + i, to_y + j) : low;
+  const auto at_face = [&](double ground, double rise, double most) {
+    return rise <= slope_ ? ground + std::max(rise, -most) / 2 : ground;
+  };
+  const auto foot_at_face = [&](double ground, double fall, double most) {
+    return fall >= -slope_ ? ground + std::min(fall, most) / 2 : ground;
+  };
+  const double most = std::max(drop, slope_), firm_most = std::max(firm_drop, slope_);
+  const double firm = at_face(c.firm_at(high), c.firm_at(high) - c.firm_at(behind), firm_most);
+  const double loose =
+      c.at(high) > c.firm_at(high) ? at_face(c.at(high), c.at(high) - c.at(behind), most) : firm;
+  const double foot = foot_at_face(c.at(low), c.at(low) - c.at(beyond), most);
+  const bool steps = drop > slope_ + tau_ && std::max(firm, loose) - foot > kStepShare * drop;
+  edge = std::max(firm, loose);
+  if (firm_drop > slope_ + tau_ && !(steps && loose > firm + kCovered * c.side_m)) {
+    // Whatever lies on firm ground and before it, nothing passes below its edge.
+    const double firm_foot =
+        foot_at_face(c.firm_at(low), c.firm_at(low) - c.firm_at(beyond), firm_most);
+    edge = firm;
+    return firm - firm_foot > kStepShare * firm_drop;
+  }
+  return steps;
+}
+
+bool FrontFinder::passes(int x, int y, int to_x, int to_y, double surface) const {
+  const Columns& c = *columns_;
+  if (!c.open(to_x, to_y)) return false;
+  double edge;
+  if (step(x, y, to_x, to_y, edge) || step(to_x, to_y, x, y, edge)) return edge < surface;
+  // Ground at the face's middle, from which it may rise by half of the slope to where the way is.
+  const double ground = (c.at(c.index(x, y)) + c.at(c.index(to_x, to_y))) / 2;
+  return ground < surface + slope_ / 2 + tau_;
+}
+
+bool FrontFinder::sees(int seen_from, int x, int y, double level) const {
+  const Anchor& from = anchor(seen_from);
+  const Vec2 way = from.at - middle(x, y);
+  const double dx = std::abs(way.x()), dy = std::abs(way.y());
+  const int sx = way.x() > 0 ? 1 : -1, sy = way.y() > 0 ? 1 : -1;
+  // Between two neighbours that see the anchor nothing hides it but a lip.
+  if (std::max(dx, dy) > 1.5) {
+    const Columns& c = *columns_;
+    const int next_x = dx > dy ? x + sx : x, next_y = dx > dy ? y : y + sy;
+    const auto shows = [&](int i, int j) {
+      if (!c.open(i, j)) return false;
+      const int n = c.index(i, j);
+      if (!labelled(n) || label(n).anchor != seen_from || label(n).state == kTooHigh) return false;
+      return c.at(n) + slope_ * label(n).distance <= level + tau_;
+    };
+    double edge;
+    if (shows(next_x, next_y) && shows(x + sx, y + sy) && !step(next_x, next_y, x, y, edge) &&
+        !step(x + sx, y + sy, next_x, next_y, edge))
+      return true;
+  }
+  const double length = way.norm();
+  const double every_x = dx > 0 ? 1 / dx : kInfinity, every_y = dy > 0 ? 1 / dy : kInfinity;
+  double next_x = every_x / 2, next_y = every_y / 2;
+  for (;;) {
+    const double t = std::min(next_x, next_y);
+    if (t >= 1 - kHair) return true;
+    const double surface = level - slope_ * (from.distance + (1 - t) * length);
+    if (std::abs(next_x - next_y) < kHair) {
+      const bool by_x =
+          passes(x, y, x + sx, y, surface) && passes(x + sx, y, x + sx, y + sy, surface);
+      if (!by_x &&
+          !(passes(x, y, x, y + sy, surface) && passes(x, y + sy, x + sx, y + sy, surface)))
+        return false;
+      x += sx;
+      y += sy;
+      next_x += every_x;
+      next_y += every_y;
+    } else if (next_x < next_y) {
+      if (!passes(x, y, x + sx, y, surface)) return false;
+      x += sx;
+      next_x += every_x;
+    } else {
+      if (!passes(x, y, x, y + sy, surface)) return false;
+      y += sy;
+      next_y += every_y;
+    }
+  }
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,117 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// How far loose soil reaches whose top stands at a level: the least stable surface over a point.
+// Lengths in plan are in columns here, heights in metres, volumes in metres of one column.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "core/settle/columns.h"
+
+namespace soilvdb::inline v0 {
+
+/// Where soil arrives: a point, and the column that it lies on (columns share their sides).
+struct Source {
+  Vec2 at;
+  int column;
+};
+
+/// A point that distances go on from in straight lines, and the way to it from the source.
+struct Anchor {
+  Vec2 at;
+  double distance;
+  bool lip;  ///< on the edge of a step down
+};
+
+/// The surface max(ground, level - slope * distance) over what is reached: distances are those of
+/// ways that stay below that surface's ground, round corners, over lips that the soil is above of.
+struct Front {
+  /// A column reached. `key` is the level from which on it is: ground + slope * distance.
+  struct Part {
+    int column, anchor;
+    double distance, key;
+  };
+  /// A step down where soil would run over from a level on, and the column below it.
+  struct Lip {
+    int below;
+    double level;
+  };
+
+  double level = -std::numeric_limits<double>::infinity();
+  double filled = 0, keys = 0;  ///< heights raised at this level; sum of the parts' keys
+  double next = std::numeric_limits<double>::infinity();  ///< least level that reaches more
+  double lip = std::numeric_limits<double>::infinity();   ///< least at which a new depth opens
+  bool whole = true;        ///< not broken off because it held too much
+  bool fits = false;        ///< only grow(): holds what was asked for
+  std::vector<Part> parts;  ///< by distance, or as they were reached
+  std::vector<Anchor> anchors;
+  std::vector<Lip> lips;
+
+  void clear();
+  /// The level at which the parts hold so much, those of least key first.
+  double level_of(double volume) const;
+};
+
+/// Finds fronts. Keeps its memory from one to the next: what a front costs goes with its parts.
+class FrontFinder {
+ public:
+  /// The ground may change between calls, its size doesn't.
+  void look_at(const Columns& columns, double slope);
+
+  /// The front of soil whose top is at `level`; broken off once it holds more than `most`.
+  void fill(const Source& source, double level, double most, Front& front);
+  /// Lets the level rise until the front holds `volume`; ends before where soil would run over a
+  /// lip, or distances change, or at `limit`. One pass.
+  void grow(const Source& source, double volume, double limit, Front& front);
+
+  /// Ground falls by a step from column (x, y) to its neighbour along an axis; then `edge` is the
+  /// height of the step's upper edge.
+  bool step(int x, int y, int to_x, int to_y, double& edge) const;
+
+ private:
+  enum State : std::uint8_t { kReached, kQueued, kTooHigh };
+  struct Label {
+    double distance;
+    int anchor, corner;  // corner: the anchor at its middle
+    std::uint32_t epoch = 0;
+    State state;
+  };
+  struct Queued {
+    double order, distance;
+    int column, anchor;
+  };
+
+  const Columns* columns_ = nullptr;
+  double slope_ = 0, tau_ = 0;  // metres per column; metres
+  std::uint32_t epoch_ = 0;
+  std::vector<Label> labels_;
+  std::vector<Queued> queue_;
+  Front* front_ = nullptr;
+  bool growing_ = false;
+  double level_ = 0, limit_ = 0;
+
+  void begin(const Source& source, Front& front);
+  void end();
+  void push(double order, double distance, int column, int anchor);
+  Queued pop();
+  bool take(const Queued& next);
+  void expand(int column);
+  void relax(int column, int x, int y, int to_x, int to_y);
+  void over_lip(int x, int y, int to_x, int to_y, double edge, const Anchor& from);
+  void over_lip_to(int x, int y, const Vec2& lip, const Anchor& from);
+  void reach(int column, double distance, int anchor);
+  void over_lips_of(int column, int anchor);
+  bool sees(int anchor, int x, int y, double level) const;
+  bool passes(int x, int y, int to_x, int to_y, double surface) const;
+  bool labelled(int column) const {
+    return labels_[static_cast<std::size_t>(column)].epoch == epoch_;
+  }
+  Label& label(int column) { return labels_[static_cast<std::size_t>(column)]; }
+  const Label& label(int column) const { return labels_[static_cast<std::size_t>(column)]; }
+  const Anchor& anchor(int i) const { return front_->anchors[static_cast<std::size_t>(i)]; }
+  int add_anchor(const Vec2& at, double distance, bool lip = false);
+};
+
+}  // namespace soilvdb::inline v0

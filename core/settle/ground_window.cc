@@ -1,0 +1,126 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/ground_window.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <optional>
+
+namespace soilvdb::inline v0 {
+namespace {
+
+int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
+
+/// What one column has come to on the way down.
+struct Walk {
+  bool open = false;       // it is in the window, and its bank isn't found
+  bool topped = false;     // its top is found
+  int above = 0;           // samples of cells that aren't full, above the topmost full one
+  int bank_above = 0;      // the same of bank soil, above the topmost cell full of that
+  bool base_read = false;  // `base` is what the base surface has
+  std::optional<double> base;
+};
+
+/// Nothing of a column of chunks is above this one; nothing where there is no ground.
+std::optional<int> highest_chunk(const Soil& soil, int cx, int cy) {
+  std::optional<int> z;
+  for (const Coord2& at : {Coord2(4, 4), Coord2(0, 0), Coord2(7, 0), Coord2(0, 7), Coord2(7, 7)}) {
+    const Vec3 p = soil.world_from_index(Vec3(cx + at.x(), cy + at.y(), 0));
+    const auto height = soil.base().height(p.x(), p.y());
+    if (!height) continue;
+    z = chunk_floor(
+        static_cast<int>(std::floor((*height - soil.origin().z()) / soil.voxel_size_m() + 0.5)));
+    while (soil.classify({cx, cy, *z + kChunkSide}) != Content::kAir) *z += kChunkSide;
+    break;
+  }
+  const Eigen::AlignedBox3i above = soil.above_base();
+  const Eigen::AlignedBox2i plan(above.min().head<2>(), above.max().head<2>());
+  if (!above.isEmpty() && plan.contains(Coord2(cx, cy)))
+    z = std::max(z.value_or(above.max().z()), above.max().z());
+  return z;
+}
+
+}  // namespace
+
+GroundWindow::GroundWindow(const Soil& soil, const Coord2& first, int nx, int ny)
+    : first_(first), nx_(nx), ny_(ny), columns_(static_cast<std::size_t>(nx * ny)) {
+  for (int cx = chunk_floor(first.x()); cx < first.x() + nx; cx += kChunkSide)
+    for (int cy = chunk_floor(first.y()); cy < first.y() + ny; cy += kChunkSide)
+      if (const auto z = highest_chunk(soil, cx, cy)) read_chunk_column(soil, cx, cy, *z);
+}
+
+/// Goes down a column of chunks until all columns of cells have come to bank soil.
+void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z) {
+  Walk walks[kChunkSide * kChunkSide];
+  int open = 0;
+  const auto inside = [&](int x, int y) { return x >= 0 && y >= 0 && x < nx_ && y < ny_; };
+  const auto column = [&](int c) -> Column& {
+    return columns_[index(cx + c / kChunkSide - first_.x(), cy + c % kChunkSide - first_.y())];
+  };
+  for (int c = 0; c < kChunkSide * kChunkSide; ++c) {
+    walks[c].open = inside(cx + c / kChunkSide - first_.x(), cy + c % kChunkSide - first_.y());
+    open += walks[c].open;
+  }
+  const auto end = [&](int c, double solid) {  // solid: height of what is full from there down
+    Walk& walk = walks[c];
+    Column& out = column(c);
+    if (!walk.topped) {
+      out.top = solid + walk.above / 64.0;
+      out.full = static_cast<int>(std::ceil(solid - 0.5)) - 1;
+    }
+    out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
+    out.known = true;
+    walk.open = false;
+    --open;
+  };
+  SampleWords words, loose;
+  for (int z = chunk_floor(top_z); open > 0; z -= kChunkSide) {
+    const Coord3 origin(cx, cy, z);
+    const Chunk* chunk = soil.find(origin);
+    if (chunk == nullptr) {
+      const double low = z - 0.5, high = low + kChunkSide;
+      for (int c = 0; c < kChunkSide * kChunkSide; ++c) {
+        Walk& walk = walks[c];
+        if (!walk.open) continue;
+        if (!walk.base_read) {
+          const Vec3 at = soil.world_from_index(Vec3(cx + c / kChunkSide, cy + c % kChunkSide, 0));
+          walk.base = soil.base().height(at.x(), at.y());
+          if (walk.base) walk.base = (*walk.base - soil.origin().z()) / soil.voxel_size_m();
+          walk.base_read = true;
+        }
+        if (!walk.base) {  // a wall
+          walk.open = false;
+          --open;
+        } else if (*walk.base > low) {
+          end(c, std::min(*walk.base, high));
+        }
+      }
+      continue;
+    }
+    if (chunk->soil_count == 0) continue;
+    soil.read_samples(origin, words);
+    const bool some_loose = chunk->loose_count > 0;
+    has_loose_ |= some_loose;
+    if (some_loose) soil.read_loose(origin, loose);
+    for (int c = 0; c < kChunkSide * kChunkSide; ++c) {
+      Walk& walk = walks[c];
+      for (int k = kChunkSide - 1; k >= 0 && walk.open; --k) {
+        const auto n = static_cast<std::size_t>(c * kChunkSide + k);
+        const std::uint64_t bank = some_loose ? words[n] & ~loose[n] : words[n];
+        const double solid = z + k + 0.5;
+        if (bank == kAllSoil) {
+          end(c, solid);
+        } else if (!walk.topped && words[n] == kAllSoil) {
+          column(c).top = solid + walk.above / 64.0;
+          column(c).full = z + k;
+          walk.topped = true;
+        }
+        walk.above += std::popcount(words[n]);
+        walk.bank_above += std::popcount(bank);
+      }
+    }
+  }
+}
+
+}  // namespace soilvdb::inline v0

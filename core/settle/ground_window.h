@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Ground over a rectangle of cells as heights of columns, as soil that falls and slides sees it.
+#pragma once
+
+#include <vector>
+
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0 {
+
+using Coord2 = Eigen::Vector2i;
+
+/// Heights of the topmost soil over a rectangle of cells, in index space: the top of cell k is at
+/// k + 0.5. They are counted: what lies in cells above the topmost full one counts with its volume.
+class GroundWindow {
+ public:
+  struct Column {
+    double top = 0;      ///< of all soil
+    double bank = 0;     ///< of what is left without the loose soil on it
+    int full = 0;        ///< the topmost cell that is full: nothing can be added below
+    bool known = false;  ///< the terrain has ground there
+  };
+
+  /// @param first the lowest cell; nx, ny how many
+  GroundWindow(const Soil& soil, const Coord2& first, int nx, int ny);
+
+  const Coord2& first() const { return first_; }
+  int nx() const { return nx_; }
+  int ny() const { return ny_; }
+  /// x, y from 0
+  const Column& at(int x, int y) const { return columns_[index(x, y)]; }
+  bool has_loose() const { return has_loose_; }
+
+ private:
+  std::size_t index(int x, int y) const { return static_cast<std::size_t>(x * ny_ + y); }
+  void read_chunk_column(const Soil& soil, int cx, int cy, int top_z);
+
+  Coord2 first_;
+  int nx_, ny_;
+  bool has_loose_ = false;
+  std::vector<Column> columns_;
+};
+
+}  // namespace soilvdb::inline v0

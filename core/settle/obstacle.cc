@@ -1,0 +1,56 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/obstacle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/constants.h"
+
+namespace soilvdb::inline v0 {
+
+Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Soil& soil) {
+  Eigen::AlignedBox3d box;
+  for (const Vec3& p : extremes(bucket)) box.extend(soil.index_from_world(world_from_bucket * p));
+  const auto cell = [](double at) { return static_cast<int>(std::floor(at + 0.5)); };
+  first_ = {cell(box.min().x()), cell(box.min().y())};
+  nx_ = cell(box.max().x()) - first_.x() + 1;
+  ny_ = cell(box.max().y()) - first_.y() + 1;
+  lowest_.assign(static_cast<std::size_t>(nx_ * ny_), std::numeric_limits<float>::infinity());
+  // Points of the faces across the lip, each less than a cell from the next. The side plates' lower
+  // ends are among them.
+  std::vector<Vec2> outline = bucket.profile;
+  if (outline.empty()) outline = {{0, 0}, {0, bucket.height_m}};
+  outline.push_back(outline.front());
+  const double step = kObstacleStep * soil.voxel_size_m();
+  const auto steps = [&](double length) {
+    return std::max(1, static_cast<int>(std::ceil(length / step)));
+  };
+  const int across = steps(bucket.width_m);
+  const Vec3 along_lip = world_from_bucket.rotation * Vec3::UnitY() / soil.voxel_size_m();
+  for (std::size_t i = 0; i + 1 < outline.size(); ++i) {
+    const Vec2 edge = outline[i + 1] - outline[i];
+    const int n = steps(edge.norm());
+    for (int k = 0; k <= n; ++k) {
+      const Vec2 at = outline[i] + edge * (static_cast<double>(k) / n);
+      const Vec3 middle = soil.index_from_world(world_from_bucket * Vec3(at.x(), 0, at.y()));
+      for (int j = 0; j <= across; ++j) {
+        const Vec3 p =
+            middle + along_lip * (bucket.width_m * (static_cast<double>(j) / across - 0.5));
+        const int x = std::clamp(cell(p.x()) - first_.x(), 0, nx_ - 1);
+        const int y = std::clamp(cell(p.y()) - first_.y(), 0, ny_ - 1);
+        float& lowest = lowest_[static_cast<std::size_t>(x * ny_ + y)];
+        lowest = std::min(lowest, static_cast<float>(p.z()));
+      }
+    }
+  }
+}
+
+bool Obstacle::blocks(int x, int y, double top) const {
+  const int i = x - first_.x(), j = y - first_.y();
+  if (i < 0 || j < 0 || i >= nx_ || j >= ny_) return false;
+  return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleAbove;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,196 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/pour.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/constants.h"
+#include "core/settle/fall_line.h"
+#include "core/settle/front.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+struct Pourer::Work {
+  FrontFinder finder;
+  FallLine way;
+  Front low, high, tried;
+  struct Before {
+    std::uint32_t epoch = 0;
+    double level;
+  };
+  std::vector<Before> before;
+  std::uint32_t epoch = 0;
+
+  Columns* ground = nullptr;
+  double slope = 0, side = 0;
+
+  enum Rest { kAll, kRunsOn, kFull };
+  Rest settle(double volume, double cap, Source& lip, double& lip_level);
+  bool runs_on(Source& lip, double& lip_level);
+  double next_level(double volume, int n, bool bounded) const;
+  double commit(const Front& front, double level, const Source& apex, Deposit& deposit);
+};
+
+/// Where soil that the low front doesn't hold runs on to in the high one: its first column that is
+/// raised by more than noise from one to the other.
+bool Pourer::Work::runs_on(Source& lip, double& lip_level) {
+  before.resize(ground->height_m.size());
+  if (++epoch == 0) {
+    for (Before& b : before) b.epoch = 0;
+    epoch = 1;
+  }
+  const double fall = slope * side, noise = kLooseStep * side, edge_noise = kLooseDrop * side;
+  for (const Front::Part& p : low.parts)
+    before[static_cast<std::size_t>(p.column)] = {epoch, low.level - fall * p.distance};
+  for (const Front::Part& p : high.parts) {
+    const Before& b = before[static_cast<std::size_t>(p.column)];
+    double was = ground->at(p.column);
+    if (b.epoch == epoch) was = std::max(was, b.level);
+    const double is = high.level - fall * p.distance;
+    const Anchor& from = high.anchors[static_cast<std::size_t>(p.anchor)];
+    if (is - was <= (from.lip ? edge_noise : noise) + (high.level - low.level)) continue;
+    // Over the side through which the way comes in.
+    const Vec2 middle(p.column / ground->ny + 0.5, p.column % ground->ny + 0.5);
+    const Vec2 back = from.at - middle;
+    const double far = std::max(std::abs(back.x()), std::abs(back.y()));
+    lip.at = far > 0.5 ? Vec2(middle + back * (0.5 / far)) : from.at;
+    lip.column = p.column;
+    lip_level = is + fall * (middle - lip.at).norm();
+    return true;
+  }
+  return false;
+}
+
+/// The next level to look at between the two fronts.
+double Pourer::Work::next_level(double volume, int n, bool bounded) const {
+  const double tolerance = kLevelStep * side;
+  const double middle = (low.level + high.level) / 2;
+  // Just below where a lip opens, then just above.
+  if (low.lip > low.level && low.lip < (bounded ? high.level : kInfinity) && n % 4 == 0)
+    return low.lip + (low.lip - low.level > tolerance ? -tolerance / 4 : tolerance / 4);
+  if (bounded && (n % 4 == 3 || !high.whole)) return middle;
+  double level;
+  if (bounded) {
+    const double part = (volume - low.filled) / (high.filled - low.filled);
+    level = low.level + std::clamp(part, 0.02, 0.98) * (high.level - low.level);
+  } else {
+    const double more =
+        (volume - low.filled) / std::max(1.0, static_cast<double>(low.parts.size()));
+    level = low.level + std::min(more, std::max(side, low.level - way.lowest()));
+  }
+  return level;
+}
+
+/// Finds the level at which the pile on the way holds the volume (in `low`), or up to which it does
+/// before it runs over a lip, or is as high as what it runs down from.
+Pourer::Work::Rest Pourer::Work::settle(double volume, double cap, Source& lip, double& lip_level) {
+  const double tolerance = kLevelStep * side;
+  if (cap < kInfinity) {
+    finder.fill(way.at(cap), cap, volume, low);
+    if (low.whole) return kFull;
+  }
+  low.clear();
+  low.level = way.lowest();
+  bool bounded = false;
+  double level = low.level + tolerance;
+  if (way.upright() > way.lowest()) {
+    finder.grow(way.at(way.lowest()), volume, way.upright(), low);
+    if (low.fits) return kAll;
+    level = low.level + tolerance / 4;
+  }
+  for (int n = 0; n < kMostLevels; ++n) {
+    finder.fill(way.at(level), level, 1.5 * volume, tried);
+    const bool fits = tried.filled <= volume;
+    const bool near =
+        tried.whole && !tried.parts.empty() &&
+        std::abs(tried.filled - volume) <= tolerance * static_cast<double>(tried.parts.size());
+    std::swap(tried, fits ? low : high);
+    bounded = bounded || !fits;
+    if (near) {
+      if (!fits) std::swap(low, high);
+      low.level = low.level_of(volume);
+      return kAll;
+    }
+    if (bounded && high.level - low.level <= tolerance) {
+      if (runs_on(lip, lip_level)) return kRunsOn;
+      if (!high.whole) {
+        finder.fill(way.at(high.level), high.level, kInfinity, high);
+        if (runs_on(lip, lip_level)) return kRunsOn;
+      }
+      std::swap(low, high);
+      low.level = low.level_of(volume);
+      return kAll;
+    }
+    level = next_level(volume, n, bounded);
+  }
+  return kAll;
+}
+
+/// Raises the ground. @return what that took, in metres of a column.
+double Pourer::Work::commit(const Front& front, double level, const Source& apex,
+                            Deposit& deposit) {
+  Cone cone;
+  cone.apex_m = apex.at * side;
+  cone.level_m = level;
+  double raised = 0;
+  for (const Front::Part& p : front.parts) {
+    const double before_m = ground->at(p.column);
+    const double after_m = level - slope * side * p.distance;
+    if (!(after_m > before_m)) continue;
+    raised += after_m - before_m;
+    ground->at(p.column) = after_m;
+    const Anchor& from = front.anchors[static_cast<std::size_t>(p.anchor)];
+    cone.columns.push_back({p.column, before_m, after_m, from.at * side, from.distance * side});
+  }
+  cone.volume_m3 = raised * side * side;
+  if (!cone.columns.empty()) deposit.cones.push_back(std::move(cone));
+  return raised;
+}
+
+Pourer::Pourer() : work_(std::make_unique<Work>()) {}
+Pourer::~Pourer() = default;
+Pourer::Pourer(Pourer&&) noexcept = default;
+Pourer& Pourer::operator=(Pourer&&) noexcept = default;
+
+Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, double slope) {
+  Deposit deposit;
+  Work& w = *work_;
+  w.ground = &ground;
+  w.slope = slope;
+  w.side = ground.side_m;
+  const Vec2 at = source / ground.side_m;
+  const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
+  double left = volume_m3 / (ground.side_m * ground.side_m);
+  if (!ground.open(x, y)) {
+    deposit.left_m3 = volume_m3;
+    return deposit;
+  }
+  if (!(left > 0)) return deposit;
+  w.finder.look_at(ground, slope);
+  const Source top{at, ground.index(x, y)};
+  Source from = top;
+  double level = kInfinity;  // of the soil that falls: at first it comes from above
+  for (int n = 0; n < kMostRuns && left > 0; ++n) {
+    w.way.find(w.finder, ground, slope, from, level);
+    Source lip;
+    const auto rest = w.settle(left, level, lip, level);
+    const Source apex = w.way.at(w.low.level);
+    const double raised = w.commit(w.low, w.low.level, apex, deposit);
+    if (rest == Work::kAll) return deposit;
+    left -= raised;
+    // The rest raises both: again from above.
+    from = rest == Work::kFull ? top : lip;
+    if (rest == Work::kFull) level = kInfinity;
+  }
+  deposit.left_m3 = left * ground.side_m * ground.side_m;
+  return deposit;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,72 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Loose soil that falls at a point and comes to rest.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/settle/columns.h"
+
+namespace soilvdb::inline v0 {
+
+/// A column that a cone raised. Its surface in the column is that cone's level less slope times
+/// (distance_m + the way from `from_m`): distances go round corners and through gaps.
+struct RaisedColumn {
+  int column;
+  double before_m, after_m;
+  Vec2 from_m;        ///< the last corner on the way from the apex, or the apex
+  double distance_m;  ///< from the apex to there
+};
+
+/// Soil that came to rest around one point.
+struct Cone {
+  Vec2 apex_m;
+  double level_m;  ///< of the surface over the apex
+  double volume_m3;
+  std::vector<RaisedColumn> columns;  ///< each once; those nearest to the apex first, mostly
+};
+
+/// What a pour raised: first cones are where it fell, later ones where soil ran on to. A column may
+/// be raised by several.
+struct Deposit {
+  std::vector<Cone> cones;
+  double left_m3 = 0;  ///< that found no place: all of it where the source is on no open column
+};
+
+/// Pours soil. Keeps its memory from one pour to the next: what a pour costs goes with the columns
+/// that it raises or that lie under the pile that it raises.
+///
+/// Soil piles up around the source to the least surface that is nowhere steeper than `slope`:
+/// max(ground, level - slope * distance), distances in plan around what is higher. Where that
+/// surface comes to a drop, all that follows runs over it, down the fall line, and piles up where
+/// it comes to rest, until both are one. Ground that no soil reaches stays, however steep.
+///
+/// Guarantees: what is raised is what was poured, to rounding; no column is lowered; pouring in
+/// parts at one point gives the same ground as at once (to 1e-2 of a side, root mean square); the
+/// same bits wherever it runs.
+/// Caveats: no inertia, no segregation. Steps of less than about one side count as slopes. Pours in
+/// parts before a step need the columns' `firm_m`. On rough ground steeper than `slope`, where a
+/// pile meets several ways down, parts may lie elsewhere, and more soil may leave single columns
+/// lower.
+///
+///     Pourer pourer;
+///     Columns ground(100, 100, 0.05);
+///     pourer.pour(ground, {2.5, 2.5}, 1.0, std::tan(0.61));
+class Pourer {
+ public:
+  Pourer();
+  ~Pourer();
+  Pourer(Pourer&&) noexcept;
+  Pourer& operator=(Pourer&&) noexcept;
+
+  /// @param source metres from the columns' corner
+  /// @param slope tangent of the angle of repose, > 0
+  Deposit pour(Columns& ground, const Vec2& source, double volume_m3, double slope);
+
+ private:
+  struct Work;
+  std::unique_ptr<Work> work_;
+};
+
+}  // namespace soilvdb::inline v0
