@@ -25,13 +25,13 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(
       error(3, "voxelsize: 0.05"),
       "s.yaml:3: unknown key 'voxelsize' in scenario; did you mean 'voxel_size'? Its keys are "
-      "soilvdb, name, voxel_size, terrain, machines, output");
+      "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
   EXPECT_EQ(error(13, "    motoin: m.csv"),
             "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
             "name, bucket, motion, angles, bad_rows, urdf, base, lip");
   EXPECT_EQ(error(3, "voxel: 0.05"),
             "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
-            "soilvdb, name, voxel_size, terrain, machines, output");
+            "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
   EXPECT_EQ(error(5, "  plane: {hight: 1}"),
             "s.yaml:5: unknown key 'hight' in plane; did you mean 'z'? Its keys are "
             "z, slope");
@@ -40,7 +40,7 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
             "snapshots, mesh, raster, journal");
   EXPECT_EQ(error(2, "<<: {name: dig}"),
             "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'? Its keys are "
-            "soilvdb, name, voxel_size, terrain, machines, output");
+            "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
 }
 
 TEST_F(ScenarioFile, AKeyTwice) {

@@ -132,10 +132,10 @@ TEST_F(ScenarioFile, FilesThatAreNoScenario) {
             "s.yaml: is a binary file; it must be UTF-8 text");
   EXPECT_EQ(error_of("hello\n"),
             "s.yaml:1: scenario is 'hello'; it must be a map with keys of "
-            "soilvdb, name, voxel_size, terrain, machines, output");
+            "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
   EXPECT_EQ(error_of("- a\n"),
             "s.yaml:1: scenario is a list; it must be a map with keys of "
-            "soilvdb, name, voxel_size, terrain, machines, output");
+            "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
   EXPECT_EQ(error_of(with(0, "") + "---\nsoilvdb: 1\n").substr(0, 7), "s.yaml:");
   EXPECT_NE(error_of(with(0, "") + "---\nsoilvdb: 1\n").find("a second document starts"),
             std::string::npos);

@@ -9,9 +9,9 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <set>
 
 #include "io/file/text.h"
+#include "io/scenario/earthmoving.h"
 #include "io/scenario/yaml_map.h"
 #include "soilvdb/io/urdf.h"
 
@@ -81,7 +81,7 @@ Terrain read_terrain(const YamlMap& scenario) {
   return plane;
 }
 
-Bucket read_bucket(const YamlMap& machine) {
+Bucket read_bucket(const YamlMap& machine, bool soil_moves) {
   const YamlMap map = machine.map("bucket", {"width", "height", "profile", "dump_angle"});
   Bucket bucket;
   bucket.width_m = map.number("width");
@@ -93,6 +93,7 @@ Bucket read_bucket(const YamlMap& machine) {
     }
   }
   if (map.has("dump_angle")) bucket.dump_angle_rad = map.number("dump_angle");
+  if (soil_moves) check_capacity(map, bucket);
   try {
     bucket.validate();
   } catch (const std::invalid_argument& e) {
@@ -205,17 +206,14 @@ struct Section {
   OnBadRow on_bad_row = OnBadRow::kStop;
 };
 
-std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result) {
+std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result, Names& names) {
   std::vector<Section> sections;
-  std::set<std::string> names;
+  if (!scenario.has("machines") && scenario.has("pours")) return sections;
   for (const YamlMap& machine :
        scenario.maps("machines", "machine",
                      {"name", "bucket", "motion", "angles", "bad_rows", "urdf", "base", "lip"})) {
-    const std::string name = machine.name("name");
-    if (!names.insert(name).second) {
-      machine.fail("name", fmt::format("machine '{}' is there twice; names must differ", name));
-    }
-    const Bucket bucket = read_bucket(machine);
+    const std::string name = names.take(machine, "machine");
+    const Bucket bucket = read_bucket(machine, result.soil.has_value());
     sections.push_back({name, bucket, read_machine_chain(machine), read_path(machine, "motion"),
                         read_angle_unit(machine), read_on_bad_row(machine)});
     result.inputs.push_back(sections.back().motion);
@@ -235,8 +233,9 @@ MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
     : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)), swept(std::move(w)) {}
 
 Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress) {
-  const YamlMap map = YamlMap::load(
-      file, "scenario", {"soilvdb", "name", "voxel_size", "terrain", "machines", "output"});
+  const YamlMap map = YamlMap::load(file, "scenario",
+                                    {"soilvdb", "name", "voxel_size", "terrain", "soil", "machines",
+                                     "pours", "hoppers", "output"});
   check_version(map);
   Scenario scenario;
   scenario.file = file;
@@ -244,8 +243,12 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   scenario.voxel_size_m = map.number("voxel_size", kMinVoxelM, kMaxVoxelM, "m");
   scenario.terrain = read_terrain(map);
   read_output(map, scenario);
+  read_soil(map, scenario);
+  Names names;
+  const std::vector<Section> sections = read_machines(map, scenario, names);
+  read_pours(map, scenario, names);
+  read_hoppers(map, scenario, names);
 
-  const std::vector<Section> sections = read_machines(map, scenario);
   std::int64_t done = 0, total = 0;
   const auto size = [](const Section& section) {
     return static_cast<std::int64_t>(std::filesystem::file_size(section.motion));

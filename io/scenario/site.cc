@@ -72,7 +72,9 @@ void check_grid_of_snapshot(const LevelSetTerrain& terrain) {
                                              printable(terrain.grid)));
 }
 
-Vec3 first_lip(const Scenario& scenario) {
+/// The first lip, or where there are no machines the first pour.
+Vec3 first_place(const Scenario& scenario) {
+  if (scenario.machines.empty()) return scenario.pours.front().at_m;
   return scenario.machines.front().motion.part(0)->row(0).position;
 }
 
@@ -88,7 +90,7 @@ Site open_terrain(const Scenario& scenario) {
   } else {
     base = open_base(scenario.terrain);
   }
-  return {std::make_unique<Soil>(h, lattice_origin(h, first_lip(scenario)), base.surface),
+  return {std::make_unique<Soil>(h, lattice_origin(h, first_place(scenario)), base.surface),
           std::move(base.reference), std::move(base.crs_wkt), base.bounds, std::move(base.beneath)};
 }
 
@@ -112,7 +114,8 @@ Site undug_site(const Site& site) {
 }
 
 Site open_site(const Scenario& scenario) {
-  if (scenario.machines.empty()) throw InputError(scenario.file, "has no machines; one would do");
+  if (scenario.machines.empty() && scenario.pours.empty())
+    throw InputError(scenario.file, "has no machines; one would do");
   Site site = open_terrain(scenario);
   check_workspace(scenario, site);
   return site;

@@ -15,6 +15,7 @@
 
 #include "core/constants.h"
 #include "io/scenario/find_step.h"
+#include "io/scenario/pour_places.h"
 #include "soilvdb/io/raster.h"
 
 namespace soilvdb::inline v0::io {
@@ -233,7 +234,7 @@ void check_memory(const Scenario& scenario, const Site& site) {
           h, bytes / 1e9, memory_bytes() / 1e9, rounded_up(enough)));
 }
 
-/// The output raster covers all the ground that is dug, and all between.
+/// The output raster covers all the ground that is dug or poured on, and all between.
 void check_raster(const Scenario& scenario, const Site& site) {
   if (!scenario.raster_cell_m) return;
   const double h = site.soil->voxel_size_m(), cell_m = *scenario.raster_cell_m;
@@ -246,6 +247,7 @@ void check_raster(const Scenario& scenario, const Site& site) {
     dug.extend(site.soil->world_from_index(chunk->origin.cast<double>()).head<2>());
   all = dug;
   for (const MachineInput& m : scenario.machines) all.extend(plan(m.swept.whole()));
+  for (const Pour& pour : scenario.pours) all.extend(Vec2(pour.at_m.head<2>()));
   if (cells(all) <= kMostRasterCells) return;
   const auto more = [&](const Box3& box) {
     return !dug.contains(plan(box)) && !surely_air(site, box);
@@ -259,6 +261,7 @@ void check_raster(const Scenario& scenario, const Site& site) {
       return false;
     });
   }
+  for (const Pour& pour : scenario.pours) dug.extend(Vec2(pour.at_m.head<2>()));
   if (dug.isEmpty() || cells(dug) <= kMostRasterCells) return;
   const double enough = cell_m * std::sqrt(cells(dug) / kMostRasterCells);
   throw InputError(
@@ -271,11 +274,11 @@ void check_raster(const Scenario& scenario, const Site& site) {
 }  // namespace
 
 void check_workspace(const Scenario& scenario, const Site& site) {
-  if (scenario.machines.empty()) return;
-  check_overlap(scenario, site);
+  if (!scenario.machines.empty()) check_overlap(scenario, site);
   for (const MachineInput& m : scenario.machines) check_distance(scenario, site, m);
   for (const MachineInput& m : scenario.machines) check_strokes(site, scenario, m);
   for (const MachineInput& m : scenario.machines) check_known(scenario, site, m);
+  check_pours(scenario, site);
   check_memory(scenario, site);
   check_raster(scenario, site);
 }

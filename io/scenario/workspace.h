@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the buckets of a scenario go, checked against a site before anything is dug.
+// Where the buckets and pours of a scenario go, checked against a site before anything is dug.
 #pragma once
 
 #include "soilvdb/io/scenario.h"
@@ -14,7 +14,7 @@ namespace soilvdb::inline v0::io {
 ///        terrain; one digs where the terrain has no height; the motion is too far from the site's
 ///        origin for the voxel size; it digs on for more than 1 km from one row to the next; the
 ///        ground it digs would need more than half of the memory, or
-///        an output raster of more cells than can be written.
+///        an output raster of more cells than can be written; what check_pours() refuses.
 void check_workspace(const Scenario& scenario, const Site& site);
 
 }  // namespace soilvdb::inline v0::io

@@ -47,11 +47,14 @@ class YamlMap {
   /// Points [x, z].
   std::vector<Vec2> points(const std::string& key) const;
 
-  /// @throw InputError at the line of `key`, or of the map where it hasn't got it.
+  /// "FILE:LINE" of `key`, or of the map where it hasn't got it.
+  std::string place(const std::string& key) const;
+  /// @throw InputError there.
   [[noreturn]] void fail(const std::string& key, const std::string& message) const;
 
  private:
   YAML::Node at(const std::string& key) const;
+  YAML::Node node_of(const std::string& key) const;
   [[noreturn]] void fail(const YAML::Node& node, const std::string& message) const;
   double number(const YAML::Node& node, const std::string& name) const;
   std::vector<double> numbers(const YAML::Node& node, std::size_t n, const std::string& name) const;

@@ -20,7 +20,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto file = folder.write("scenario.yaml", fuzz::text(data, size));
   fuzz::expect_read_or_refused([&] {
     const io::Scenario scenario = io::read_scenario(file);
-    fuzz::require(scenario.voxel_size_m > 0 && !scenario.machines.empty(), "a usable scenario");
+    fuzz::require(
+        scenario.voxel_size_m > 0 && !(scenario.machines.empty() && scenario.pours.empty()),
+        "a usable scenario");
   });
   return 0;
 }

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <fstream>
 #include <limits>
+#include <numbers>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -145,6 +146,37 @@ void info_raster(const fs::path& file) {
   }
 }
 
+std::string angle_text(double rad) {
+  return fmt::format("{:g} rad ({:.1f}°)", rad, rad * 180 / std::numbers::pi);
+}
+
+/// Soil that moves, and what brings it or takes it away.
+void print_earthmoving(const io::Scenario& scenario) {
+  if (const auto& soil = scenario.soil) {
+    line("soil", fmt::format("repose {}, swell {:g}, {:g} kg/m³", angle_text(soil->repose_rad),
+                             soil->swell, soil->density_kg_m3));
+    if (soil->cohesion_pa || soil->friction_rad)
+      line("  bank",
+           fmt::format("{}, friction {}",
+                       soil->cohesion_pa ? fmt::format("cohesion {:g} Pa", *soil->cohesion_pa)
+                                         : std::string("stands as it is cut"),
+                       angle_text(soil->friction_rad.value_or(soil->repose_rad))));
+  }
+  for (const Pour& pour : scenario.pours) {
+    line("pour", fmt::format("{}: {:g} m³, {} s to {} s, at x {:.2f}, y {:.2f}, z {:.2f} m",
+                             pour.name, pour.volume_m3, time_text(pour.begin_s),
+                             time_text(pour.end_s), pour.at_m.x(), pour.at_m.y(), pour.at_m.z()));
+  }
+  for (const Hopper& hopper : scenario.hoppers) {
+    line("hopper",
+         fmt::format(
+             "{}: {}, rim at z {:.2f} m, {}", hopper.name, box_text(hopper.box_m), hopper.top_m,
+             std::isfinite(hopper.end_s)
+                 ? fmt::format("{} s to {} s", time_text(hopper.begin_s), time_text(hopper.end_s))
+                 : std::string("all the time")));
+  }
+}
+
 /// Adds what a run would warn of, having opened the terrain; not of level sets, which take long.
 void warn_of_ground(io::Scenario& scenario) {
   if (std::holds_alternative<io::LevelSetTerrain>(scenario.terrain)) return;
@@ -189,6 +221,7 @@ void info_scenario(const fs::path& file) {
     line("  mouth in", box_text(box));
     if (motion.stops()) line("warning", motion.bad_rows().first + "; a run ends before this row");
   }
+  print_earthmoving(scenario);
   if (scenario.snapshot_every_s)
     line("snapshots", fmt::format("every {} s{}{}", *scenario.snapshot_every_s,
                                   scenario.incremental_snapshots ? ", incremental" : "",

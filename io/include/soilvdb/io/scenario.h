@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A scenario: terrain, machines with their motions, and what to write. YAML, format version 1.
+// A scenario: terrain, machines with their motions, soil that moves, and what to write. YAML,
+// format version 1.
 #pragma once
 
 #include <cstdint>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "soilvdb/bucket.h"
+#include "soilvdb/earthmoving.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/motion_file.h"
 #include "soilvdb/io/swept_boxes.h"
@@ -49,7 +51,10 @@ struct Scenario {
   std::string name;
   double voxel_size_m = 0;
   Terrain terrain;
-  std::vector<MachineInput> machines;  ///< names are unique
+  std::vector<MachineInput> machines;  ///< names are unique; none only where there are pours
+  std::optional<SoilProperties> soil;  ///< nothing: soil is rigid
+  std::vector<Pour> pours;             ///< names are unique, and no machine's; only with soil
+  std::vector<Hopper> hoppers;         ///< the same; no two in one place at one time
   std::optional<double> snapshot_every_s;
   bool incremental_snapshots = false;
   std::optional<std::size_t> snapshots_kept;  ///< newest of them, 2 or more; else all

@@ -50,9 +50,11 @@ struct Site {
 Site undug_site(const Site& site);
 
 /// Opens a scenario's terrain at its voxel size: a new site, its origin that of the lattice near
-/// the first lip position (soilvdb/lattice.h), or the one a snapshot with such voxels holds.
+/// the first lip position, or pour (soilvdb/lattice.h), or the one a snapshot with such voxels
+/// holds.
 /// @throw InputError also where no machine's motion comes over the terrain, or a mouth goes below
-///        the ground's height around it where the terrain has none.
+///        the ground's height around it where the terrain has none, or a pour begins there or in
+///        the ground.
 Site open_site(const Scenario& scenario);
 
 }  // namespace soilvdb::inline v0::io
