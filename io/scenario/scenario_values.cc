@@ -7,7 +7,8 @@
 #include <string_view>
 
 #include "io/file/text.h"
-#include "io/scenario/yaml_map.h"
+#include "io/scenario/yaml_file.h"
+#include "soilvdb/io/error.h"
 #include "soilvdb/io/scenario.h"
 
 namespace soilvdb::inline v0::io {

@@ -6,21 +6,18 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <yaml-cpp/eventhandler.h>
 
 #include <algorithm>
 #include <cmath>
 #include <set>
-#include <sstream>
 #include <stdexcept>
-#include <string_view>
 
 #include "io/file/text.h"
+#include "io/scenario/yaml_file.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMaxBytes = 16 << 20;
 constexpr std::size_t kMaxNameBytes = 100;
 
 std::string describe(const YAML::Node& node) {
@@ -36,107 +33,20 @@ std::string describe(const YAML::Node& node) {
   }
 }
 
-/// Where documents start. Looks for no more than two: a comma where one should start makes yaml-cpp
-/// see documents without end.
-struct DocumentStarts : YAML::EventHandler {
-  explicit DocumentStarts(const std::string& text) {
-    std::istringstream in(text);
-    YAML::Parser parser(in);
-    if (parser.HandleNextDocument(*this)) parser.HandleNextDocument(*this);
-  }
-
-  void OnDocumentStart(const YAML::Mark& mark) override {
-    if (++count == 2) second_line = mark.line + 1;
-  }
-  void OnDocumentEnd() override {}
-  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
-  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
-  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t,
-                const std::string&) override {}
-  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
-                       YAML::EmitterStyle::value) override {}
-  void OnSequenceEnd() override {}
-  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
-                  YAML::EmitterStyle::value) override {}
-  void OnMapEnd() override {}
-
-  int count = 0;
-  long second_line = 0;  ///< 0: there is none
-};
-
-constexpr const char* kNoBlank = "a blank is missing after the colon of '";
-
-/// The word before a colon that another character follows at once, where that is how a line or an
-/// item begins, as in voxel_size:0.05, which is no key; else nothing. Not of paths, C:/ or http://.
-std::string key_without_blank(std::string_view line) {
-  const auto skip = [&](const char* characters) {
-    line.remove_prefix(std::min(line.find_first_not_of(characters), line.size()));
-  };
-  skip(" ");
-  while (line.starts_with("- ")) {
-    line.remove_prefix(1);
-    skip(" ");
-  }
-  const std::size_t colon = line.find_first_not_of("abcdefghijklmnopqrstuvwxyz_");
-  if (colon == 0 || colon + 1 >= line.size() || line[colon] != ':') return "";
-  return std::string_view(" \t\r\n:/\\").find(line[colon + 1]) == std::string_view::npos
-             ? std::string(line.substr(0, colon))
-             : "";
-}
-
-/// The same of one of the `known` keys.
+/// One of the `known` keys that a blank is missing after.
 std::string known_without_blank(const std::string& text, const std::vector<std::string>& known) {
   const std::string key = key_without_blank(text);
   return std::find(known.begin(), known.end(), key) == known.end() ? "" : key;
 }
 
-[[noreturn]] void refuse(const std::filesystem::path& file, const std::string& text,
-                         const YAML::Exception& e) {
-  const std::string message = "is not valid YAML: " + printable(e.msg);
-  if (e.mark.is_null()) throw InputError(file, message);
-  // What it says of a tab is another thing each time, at the line or the one before.
-  std::istringstream in(text);
-  std::string line, key;
-  long line_of_key = 0;
-  for (long n = 0; n <= e.mark.line && std::getline(in, line); ++n) {
-    // yaml-cpp goes on to the next key before it complains.
-    if (const std::string found = key_without_blank(line); !found.empty()) {
-      key = found;
-      line_of_key = n + 1;
-    }
-    const std::size_t indent = std::min(line.find_first_not_of(" \t"), line.size());
-    if (n + 1 < e.mark.line || line.find('\t') >= indent) continue;
-    throw InputError(file, n + 1, "is not valid YAML: a tab indents this line; use spaces instead");
-  }
-  if (!key.empty()) {
-    throw InputError(file, line_of_key, "is not valid YAML: " + (kNoBlank + printable(key)) + "'");
-  }
-  throw InputError(file, e.mark.line + 1, message);
-}
-
 }  // namespace
-
-YAML::Node read_yaml(const std::filesystem::path& file) {
-  const std::string text = read_text(file, kMaxBytes);
-  try {
-    const DocumentStarts starts(text);
-    if (starts.second_line > 0) {
-      throw InputError(file, starts.second_line, "a second document starts; there must be one");
-    }
-    const YAML::Node document = YAML::Load(text);
-    if (document.IsNull()) throw InputError(file, "is empty");
-    return document;
-  } catch (const YAML::Exception& e) {
-    refuse(file, text, e);
-  }
-}
 
 YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
                  std::vector<std::string> known)
     : file_(file), node_(node), what_(std::move(what)) {
   if (!node_.IsMap()) {
     const std::string cut = node_.IsScalar() ? known_without_blank(node_.Scalar(), known) : "";
-    if (!cut.empty()) fail(node_, fmt::format("{}{}' in {}", kNoBlank, cut, what_));
+    if (!cut.empty()) fail(node_, fmt::format("{} in {}", no_blank(cut), what_));
     fail(node_, fmt::format("{} is {}; it must be a map with keys of {}", what_, describe(node),
                             fmt::join(known, ", ")));
   }
@@ -145,7 +55,7 @@ YamlMap::YamlMap(const std::filesystem::path& file, const YAML::Node& node, std:
     const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
     if (std::find(known.begin(), known.end(), key) == known.end()) {
       const std::string cut = known_without_blank(key, known);
-      if (!cut.empty()) fail(entry.first, fmt::format("{}{}' in {}", kNoBlank, cut, what_));
+      if (!cut.empty()) fail(entry.first, fmt::format("{} in {}", no_blank(cut), what_));
       fail(entry.first,
            fmt::format("unknown key {} in {}; did you mean '{}'? Its keys are {}",
                        entry.first.IsScalar() ? describe(entry.first) : "that is no word", what_,

@@ -64,9 +64,6 @@ class YamlMap {
   std::string what_;
 };
 
-/// The one document in a YAML file. @throw InputError naming the line, or if there is another.
-YAML::Node read_yaml(const std::filesystem::path& file);
-
 /// @throw std::invalid_argument unless `name` can be the name of a file and stands on one line.
 void check_name(const std::string& name);
 
