@@ -273,5 +273,21 @@ TEST_F(Earthmoving, PoursFallOnTheTerrain) {
             "height; a terrain that has one there would do, or another place");
 }
 
+using Program = testing::ProgramTest;
+
+TEST_F(Program, InfoShowsWhatMovesSoil) {
+  testing::write_file(
+      folder() / "s.yaml",
+      kHead + "soil: {repose_angle: 0.61, swell: 0.25, density: 1900, cohesion: 1e4}\n" + kPour +
+          "hoppers: [{name: bin, box: [8, -1, 9, 1], top: 2}]\n");
+  const std::string out = good("info s.yaml").out;
+  for (const std::string line :
+       {"soil          repose 0.61 rad (35.0°), swell 0.25, 1900 kg/m³\n",
+        "  bank        cohesion 10000 Pa, friction 0.61 rad (35.0°)\n",
+        "pour          truck: 1 m³, 0 s to 2 s, at x 5.00, y 0.00, z 3.00 m\n",
+        "hopper        bin: x 8.00 to 9.00, y -1.00 to 1.00, rim at z 2.00 m, all the time\n"})
+    EXPECT_NE(out.find(line), std::string::npos) << line << out;
+}
+
 }  // namespace
 }  // namespace soilvdb::io

@@ -48,7 +48,6 @@ struct DocumentStarts : YAML::EventHandler {
                          const YAML::Exception& e) {
   const std::string message = "is not valid YAML: " + printable(e.msg);
   if (e.mark.is_null()) throw InputError(file, message);
-  // What it says of a tab is another thing each time, at the line or the one before.
   std::istringstream in(text);
   std::string line, key;
   long line_of_key = 0;
@@ -58,6 +57,7 @@ struct DocumentStarts : YAML::EventHandler {
       key = found;
       line_of_key = n + 1;
     }
+    // What it says of a tab is another thing each time, at the line or the one before.
     const std::size_t indent = std::min(line.find_first_not_of(" \t"), line.size());
     if (n + 1 < e.mark.line || line.find('\t') >= indent) continue;
     throw InputError(file, n + 1, "is not valid YAML: a tab indents this line; use spaces instead");
@@ -94,8 +94,9 @@ std::string key_without_blank(std::string_view line) {
     line.remove_prefix(1);
     skip(" ");
   }
+  if (line.empty()) return "";
   const std::size_t colon = line.find_first_not_of("abcdefghijklmnopqrstuvwxyz_");
-  if (colon == 0 || colon + 1 >= line.size() || line[colon] != ':') return "";
+  if (colon == 0 || colon >= line.size() - 1 || line[colon] != ':') return "";
   return std::string_view(" \t\r\n:/\\").find(line[colon + 1]) == std::string_view::npos
              ? std::string(line.substr(0, colon))
              : "";

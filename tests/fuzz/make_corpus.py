@@ -42,6 +42,16 @@ machines:
     lip: {link: b, xyz: [1.4, 0, 0], rpy: [3.14, 1.5, 0]}
   - {name: two, bucket: *b, motion: motion.csv}
 '''
+EARTHMOVING = '''soilvdb: 1
+voxel_size: 0.1
+terrain: {plane: {z: 0.0}}
+soil: {repose_angle: 0.61, swell: 0.25, density: 1800, cohesion: 10000, friction_angle: 0.5}
+pours:
+  - {name: truck, at: [5.0, 0.0, 3.0], time: [0, 2], volume: 1.0}
+hoppers:
+  - {name: truck, box: [8, -1.5, 13, 1.5], top: 2.0, time: [0, 600]}
+  - {name: crusher, box: [14, -1, 15, 1], top: 1}
+'''
 POSES = 'time,x,y,z,pitch\n0,0,0,0.1,0\n0.5,0.3,0,-0.1,0.1\n1,0.6,0,-0.1,0.2\n1.5,0.8,0,0.2,0.5\n'
 QUATERNIONS = 'time,x,y,z,qx,qy,qz,qw,note\n0,1,2,3,0,0,0,1,"a, b"\n1e-3,2,2,3,0.6,0,0,0.8,\n'
 JOINTS = '\ufefftime , boom,stick\r\n0,0.1,1\r\n1,0.5,+1.5\r\n2,1.5,-.5e0\r\n\r\n'
@@ -110,6 +120,7 @@ def main():
   program = pathlib.Path(sys.argv[1]).resolve()
   write('scenario', 'poses', SCENARIO)
   write('scenario', 'joints', BY_JOINTS)
+  write('scenario', 'earthmoving', EARTHMOVING)
   write('motion', 'poses', POSES)
   write('motion', 'quaternions', QUATERNIONS)
   write('motion', 'joints', JOINTS)
