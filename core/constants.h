@@ -151,14 +151,19 @@ inline constexpr int kWindowMargin = 8;
 /// Most cells along a side of what is looked at: 50 m at 5 cm. Soil that runs on beyond stays at
 /// the border.
 inline constexpr int kMostWindow = 1024;
-/// How near to a surface samples are chosen one by one, cells; four times as far until that decides
-/// it, at most all of a column's.
-inline constexpr float kFillNear = 0.125f, kFillFar = 1e4f;
+/// Cells above a column's surface, and below its bank, in which samples of it may lie: bank that
+/// fills a part of a column puts its soil higher than the mean.
+inline constexpr int kFillCells = 16;
 /// Chunks from which on they are changed in parallel.
 inline constexpr std::size_t kParallelFill = 8;
-/// How far beyond repose loose soil may stand before it slides, rad: 1.4 degrees. It then comes to
-/// rest within kRestTolerance. Less: what counts err by slides to and fro.
-inline constexpr double kSteepStart = 0.025;
+/// Soil slides where it drops more than repose allows by so many cells: to the next column, and to
+/// the third. Heights err by 0.03 where soil was cut. Less: what counts err by slides to and
+/// fro. More: heaps stand too steep.
+inline constexpr double kSteepStep = 0.2, kSteepDrop = 0.08;
+inline constexpr int kSteepColumns = 3;
+/// What it comes to rest at is steeper than repose by so much, a quarter of a degree, so that little of
+/// what counts err by slides along.
+inline constexpr double kNoiseSlope = 0.005;
 /// Change of height that is worth moving samples for, cells. Less than what a count errs by.
 inline constexpr double kLeastChange = 1e-3;
 /// Cells between points of a bucket that are looked at for what it stands in the way of, and how
@@ -219,7 +224,7 @@ inline constexpr int kLeastToCoarsen = 24;
 inline constexpr double kOwed = 1e-13;
 inline constexpr int kMostRounds = 100;
 /// Change of height at a grid's edge that counts, sides.
-inline constexpr double kNoticed = 0.01;
+inline constexpr double kNoticed = 0.1;
 /// Rows that a thread works on at least. Less: threads wait for each other.
 inline constexpr int kBandRows = 24;
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Surfaces over columns of cells, made of samples: exactly so many are added, or all above removed.
+// Columns of cells that rise or fall by so many samples, in the shape of a surface.
 #pragma once
 
 #include <cstdint>
@@ -11,28 +11,27 @@
 
 namespace soilvdb::inline v0 {
 
-/// A surface over a column: a cone, or a plane.
-struct ColumnSurface {
-  Coord2 cell;    ///< x, y
-  int low, high;  ///< cells of z that it concerns
+/// By how many samples a column changes, and the surface that it is to have: a cone, or a plane.
+struct ColumnChange {
+  Coord2 cell;           ///< x, y
+  int low, high;         ///< cells of z that may change
+  std::int64_t samples;  ///< to be added, or to be removed
   bool cone;
-  float height;  ///< of the cone's apex, or of the plane in the middle; cells above `low`
-  float a, b;    ///< the apex from the column's corner, cells; or the plane's slopes
-  float beyond;  ///< of a cone: soil comes to (a, b) from so far
+  float a, b;  ///< a cone's apex from the column's corner, cells; or a plane's slopes
 };
 
-/// Fills air below surfaces with loose soil: of all their samples those that are lowest below them,
-/// or least above them, exactly so many. The same samples whatever the order of columns.
+/// Adds loose samples to columns: of the air in a column those that are lowest below a surface of
+/// its shape. So heights are those asked for to a sample, also where bank stands in a part of a
+/// column.
 /// @param slope of cones
 /// @return how many were added: fewer only if there is no more room in the columns' cells
-std::int64_t fill_below(Soil& soil, std::span<const ColumnSurface> surfaces, double slope,
-                        std::int64_t samples);
+std::int64_t add_loose(Soil& soil, std::span<const ColumnChange> changes, double slope);
 
 /// Soil that was taken out, samples.
 struct Taken {
   std::int64_t bank = 0, loose = 0;
 };
-/// Removes loose soil above surfaces, or with `bank` all soil.
-Taken remove_above(Soil& soil, std::span<const ColumnSurface> surfaces, double slope, bool bank);
+/// Removes samples from columns, the highest above surfaces first: loose soil, or with `bank` any.
+Taken remove_top(Soil& soil, std::span<const ColumnChange> changes, double slope, bool bank);
 
 }  // namespace soilvdb::inline v0

@@ -81,6 +81,22 @@ bool at_border(const Deposit& deposit, const Columns& columns) {
   return false;
 }
 
+/// Splits samples among volumes, none made or lost by rounding.
+class WholeSamples {
+ public:
+  explicit WholeSamples(double per_volume) : per_volume_(per_volume) {}
+  std::int64_t next(double volume) {
+    sum_ += volume * per_volume_;
+    const std::int64_t before = given_;
+    given_ = std::max(before, static_cast<std::int64_t>(std::llround(sum_)));
+    return given_ - before;
+  }
+
+ private:
+  double per_volume_, sum_ = 0;
+  std::int64_t given_ = 0;
+};
+
 double minmod(double a, double b) {
   if (a * b <= 0) return 0;
   return std::abs(a) < std::abs(b) ? a : b;
@@ -113,26 +129,30 @@ struct Slope {
   }
 };
 
-/// Where loose soil is steeper than repose allows: a box of the window, empty if nowhere.
+/// Where loose soil is surely steeper than repose allows: a box of the window, empty if nowhere.
+/// Between neighbours, what counts err by is a slope; over some columns it isn't.
 Eigen::AlignedBox2i steep_part(const GroundWindow& window, const Obstacle& obstacle, double slope) {
   Eigen::AlignedBox2i box;
-  const auto free_drop = [&](const GroundWindow::Column& from, int x, int y) {
+  const auto drop = [&](const GroundWindow::Column& from, int x, int y) {
     if (x < 0 || y < 0 || x >= window.nx() || y >= window.ny()) return 0.0;
     const GroundWindow::Column& to = window.at(x, y);
     if (!to.known || from.top <= to.top) return 0.0;
     const Coord2 cell = window.first() + Coord2(x, y);
-    return obstacle.blocks(cell.x(), cell.y(), to.top) ? 0.0 : from.top - to.top;
+    if (obstacle.blocks(cell.x(), cell.y(), to.top)) return 0.0;
+    // Over a brink: what a slope drops across a column stays on it.
+    return from.top - std::max(to.top, from.bank);
   };
   for (int x = 0; x < window.nx(); ++x) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
       if (!c.known || c.top - c.bank < kFilm) continue;
-      const double along_x = std::max(free_drop(c, x - 1, y), free_drop(c, x + 1, y));
-      const double along_y = std::max(free_drop(c, x, y - 1), free_drop(c, x, y + 1));
-      const double most = slope + kSteepStart * (1 + slope * slope);
-      if (along_x * along_x + along_y * along_y <= most * most) continue;
-      // What a shallow film on a drop of bank soil leaves isn't steep.
-      box.extend(Coord2(x, y));
+      const auto steep = [&](int far, double noise) {
+        const double along_x = std::max(drop(c, x - far, y), drop(c, x + far, y));
+        const double along_y = std::max(drop(c, x, y - far), drop(c, x, y + far));
+        const double most = far * slope + noise;
+        return along_x * along_x + along_y * along_y > most * most;
+      };
+      if (steep(1, kSteepStep) || steep(kSteepColumns, kSteepDrop)) box.extend(Coord2(x, y));
     }
   }
   return box;
@@ -145,7 +165,8 @@ Earthworks::Earthworks(Soil& soil, const SoilProperties& properties, std::vector
       properties_(properties),
       hoppers_(std::move(hoppers)),
       units_(properties),
-      slope_(std::tan(properties.repose_rad)) {
+      // Rounded, as C libraries differ in the last bits.
+      slope_(static_cast<float>(std::tan(properties.repose_rad))) {
   const auto require = [](bool good, const char* what) {
     if (!good) throw std::invalid_argument(what);
   };
@@ -197,24 +218,21 @@ bool Earthworks::pour(const Vec2& at, int half, std::int64_t samples, const Obst
 /// @return how many found room
 std::int64_t Earthworks::raise(const Deposit& deposit, const GroundWindow& window, double zero,
                                std::int64_t samples) {
-  double whole = deposit.left_m3, volume = 0;
+  double whole = deposit.left_m3;
   for (const Cone& cone : deposit.cones) whole += cone.volume_m3;
-  std::int64_t added = 0, before = 0;
-  std::vector<ColumnSurface> surfaces;
-  for (const Cone& cone : deposit.cones) {
-    surfaces.clear();
+  WholeSamples share(static_cast<double>(samples) / whole);
+  std::int64_t added = 0;
+  std::vector<ColumnChange> changes;
+  for (const Cone& cone : deposit.cones) {  // a column may be raised by several
+    changes.clear();
     for (const RaisedColumn& c : cone.columns) {
       const int x = c.column / window.ny(), y = c.column % window.ny();
-      const int low = window.at(x, y).full + 1;
-      surfaces.push_back({window.first() + Coord2(x, y), low, cell_of(zero + c.after_m) + 2, true,
-                          static_cast<float>(zero + cone.level_m + 0.5 - low),
-                          static_cast<float>(c.from_m.x() - x),
-                          static_cast<float>(c.from_m.y() - y), static_cast<float>(c.distance_m)});
+      changes.push_back({window.first() + Coord2(x, y), window.at(x, y).full + 1,
+                         cell_of(zero + c.after_m) + kFillCells, share.next(c.after_m - c.before_m),
+                         true, static_cast<float>(c.from_m.x() - x),
+                         static_cast<float>(c.from_m.y() - y)});
     }
-    volume += cone.volume_m3;
-    const std::int64_t until = std::llround(static_cast<double>(samples) * (volume / whole));
-    added += fill_below(soil_, surfaces, slope_, until - before);
-    before = until;
+    added += add_loose(soil_, changes, slope_);
   }
   books_.fill_samples += added;
   return added;
@@ -249,7 +267,7 @@ bool Earthworks::slide(const Coord2& first, const Coord2& size, const Obstacle& 
     const Eigen::AlignedBox2i around(steep.min() - wide, steep.max() + wide);
     const Eigen::AlignedBox2i part = whole.intersection(around);
     const Slope before(window, part, obstacle);
-    const Collapse after = collapse(before.columns, {slope_, 1 + properties_.swell});
+    const Collapse after = collapse(before.columns, {slope_ + kNoiseSlope, 1 + properties_.swell});
     if (after.iterations == 0) return true;
     if (after.at_edge && !whole.contains(around) && !last) return false;
     if (after.at_edge && part.sizes() != whole.sizes()) continue;
@@ -262,7 +280,8 @@ bool Earthworks::slide(const Coord2& first, const Coord2& size, const Obstacle& 
 void Earthworks::move(const GroundWindow& window, const Coord2& corner, const SoilColumns& before,
                       const Collapse& after) {
   const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * before.nx + x); };
-  std::vector<ColumnSurface> lowered, raised;
+  std::vector<ColumnChange> lowered, raised;
+  double rises = 0;
   for (int y = 0; y < before.ny; ++y) {
     for (int x = 0; x < before.nx; ++x) {
       const double now = after.top_m[at(x, y)], was = before.top_m[at(x, y)];
@@ -275,21 +294,33 @@ void Earthworks::move(const GroundWindow& window, const Coord2& corner, const So
       };
       const double a = std::clamp(minmod(rise(1, 0), -rise(-1, 0)), -slope_, slope_);
       const double b = std::clamp(minmod(rise(0, 1), -rise(0, -1)), -slope_, slope_);
-      const bool falls = now < was;
       const Coord2 place = corner + Coord2(x, y);
-      const int low = falls ? cell_of(now) - 2 : window.at(place.x(), place.y()).full + 1;
-      const int high = cell_of(std::max(now, was)) + 2;
+      const GroundWindow::Column& column = window.at(place.x(), place.y());
+      const bool falls = now < was;
+      // Loose soil may lie as deep as bank is gone in a part of the column.
+      const int low = falls ? cell_of(column.bank) - kFillCells : column.full + 1;
+      const int high = cell_of(std::max(now, was)) + kFillCells;
+      const auto samples = static_cast<std::int64_t>(std::llround(64 * (was - now)));
+      if (falls && samples == 0) continue;
+      if (!falls) rises += now - was;
       (falls ? lowered : raised)
-          .push_back({window.first() + place, low, high, false, static_cast<float>(now + 0.5 - low),
-                      static_cast<float>(a), static_cast<float>(b), 0});
+          .push_back({window.first() + place, low, high, samples, false, static_cast<float>(a),
+                      static_cast<float>(b)});
     }
   }
-  const Taken taken = remove_above(soil_, lowered, slope_, false);
+  const Taken taken = remove_top(soil_, lowered, slope_, false);
   const std::int64_t mass = taken.loose * units_.loose + taken.bank * units_.bank;
   books_.in_flight += mass;
   books_.slid += mass;
   books_.gone_samples += taken.loose + taken.bank;
-  const std::int64_t added = fill_below(soil_, raised, slope_, books_.in_flight / units_.loose);
+  if (raised.empty()) return;
+  WholeSamples share(static_cast<double>(books_.in_flight / units_.loose) / rises);
+  for (ColumnChange& c : raised) {
+    const Coord2 in_part = c.cell - window.first() - corner;
+    const std::size_t i = at(in_part.x(), in_part.y());
+    c.samples = share.next(after.top_m[i] - before.top_m[i]);
+  }
+  const std::int64_t added = add_loose(soil_, raised, slope_);
   books_.in_flight -= added * units_.loose;
   books_.fill_samples += added;
 }
