@@ -37,6 +37,15 @@ std::int64_t residual(const Tracker& tracker) {
   return site.ground + tracker.total().load + site.in_flight + site.hauled - site.poured;
 }
 
+/// Height of the highest soil.
+double surface_top(const Soil& soil) {
+  const GroundWindow window(soil, {-64, -64}, 128, 128);
+  double top = -1e9;
+  for (int x = 0; x < 128; ++x)
+    for (int y = 0; y < 128; ++y) top = std::max(top, window.at(x, y).top);
+  return (top + 0.5) * soil.voxel_size_m();
+}
+
 /// A dig along x in a trench `depth` deep, curled up at its end.
 std::vector<Pose> drag(double from_x, double length, double depth, int steps) {
   std::vector<Pose> path;
@@ -115,6 +124,26 @@ TEST(Earthmoving, ADigFillsTheBucketAndPilesTheRest) {
     tracker.come_to_rest();
     EXPECT_EQ(residual(tracker), 0);
   }
+}
+
+TEST(Earthmoving, AHeapThatIsDugIntoHasNoRoof) {
+  constexpr double kVoxel = 0.05;
+  Earthmoving earthmoving = loam();
+  earthmoving.pours.push_back({"truck", {0, 0, 5}, 0, 0, 6.0});
+  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Bucket bucket = digger();
+  Tracker tracker(soil, {bucket}, earthmoving);
+  tracker.pour(0, 0);
+  const double high = surface_top(soil);
+  EXPECT_GT(high, 1.3);
+  // Through the foot of the heap, far below its top.
+  for (int i = 0; i <= 200; ++i) tracker.update(0, Pose{{-3 + 3.0 * i / 200, 0, 0.05}});
+  for (int i = 0; i <= 100; ++i) tracker.update(0, Pose{{-3.0 * i / 100, 0, 0.05}});
+  tracker.come_to_rest();
+  EXPECT_EQ(residual(tracker), 0);
+  EXPECT_LT(surface_top(soil), high - 0.2);
+  const GroundWindow window(soil, {-64, -64}, 128, 128);
+  EXPECT_FALSE(window.has_hanging());
 }
 
 }  // namespace

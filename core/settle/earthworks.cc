@@ -259,6 +259,7 @@ bool Earthworks::slide(const Coord2& first, const Coord2& size, const Obstacle& 
                        bool last) {
   const GroundWindow window(soil_, first, size.x(), size.y());
   if (!window.has_loose()) return true;
+  if (window.has_hanging() && fall(window, obstacle)) return slide(first, size, obstacle, last);
   const Eigen::AlignedBox2i steep = steep_part(window, obstacle, slope_);
   if (steep.isEmpty()) return true;
   const Eigen::AlignedBox2i whole(Coord2(0, 0), size - Coord2::Ones());
@@ -274,6 +275,30 @@ bool Earthworks::slide(const Coord2& first, const Coord2& size, const Obstacle& 
     move(window, before.first, before.columns, after);
     return true;
   }
+}
+
+/// Loose soil that nothing is under falls straight down. @return whether some did
+bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
+  std::vector<ColumnChange> from, to;
+  for (int x = 0; x < window.nx(); ++x) {
+    for (int y = 0; y < window.ny(); ++y) {
+      const GroundWindow::Column& c = window.at(x, y);
+      const Coord2 cell = window.first() + Coord2(x, y);
+      if (c.hangs == 0 || obstacle.blocks(cell.x(), cell.y(), c.top)) continue;
+      from.push_back({cell, c.hangs_low, c.hangs_high, c.hangs, false, 0, 0});
+      to.push_back(from.back());
+      to.back().low = c.bank_full + 1;
+      to.back().high = c.hangs_low - 1;
+    }
+  }
+  if (from.empty()) return false;
+  const Taken taken = remove_top(soil_, from, slope_, false);
+  const std::int64_t added = add_loose(soil_, to, slope_);
+  books_.in_flight += (taken.loose - added) * units_.loose;
+  books_.slid += taken.loose * units_.loose;
+  books_.gone_samples += taken.loose;
+  books_.fill_samples += added;
+  return true;
 }
 
 /// Makes what collapsed samples.
@@ -297,8 +322,7 @@ void Earthworks::move(const GroundWindow& window, const Coord2& corner, const So
       const Coord2 place = corner + Coord2(x, y);
       const GroundWindow::Column& column = window.at(place.x(), place.y());
       const bool falls = now < was;
-      // Loose soil may lie as deep as bank is gone in a part of the column.
-      const int low = falls ? cell_of(column.bank) - kFillCells : column.full + 1;
+      const int low = (falls ? column.bank_full : column.full) + 1;
       const int high = cell_of(std::max(now, was)) + kFillCells;
       const auto samples = static_cast<std::int64_t>(std::llround(64 * (was - now)));
       if (falls && samples == 0) continue;

@@ -58,6 +58,7 @@ class Earthworks {
   bool pour(const Vec2& at, int half, std::int64_t samples, const Obstacle& obstacle);
   std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
                      std::int64_t samples);
+  bool fall(const GroundWindow& window, const Obstacle& obstacle);
   bool slide(const Coord2& first, const Coord2& size, const Obstacle& obstacle, bool last);
   void move(const GroundWindow& window, const Coord2& corner, const SoilColumns& before,
             const Collapse& after);

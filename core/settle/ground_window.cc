@@ -14,11 +14,13 @@ int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 /// What one column has come to on the way down.
 struct Walk {
-  bool open = false;       // it is in the window, and its bank isn't found
-  bool topped = false;     // its top is found
-  int above = 0;           // samples of cells that aren't full, above the topmost full one
-  int bank_above = 0;      // the same of bank soil, above the topmost cell full of that
-  bool base_read = false;  // `base` is what the base surface has
+  bool open = false;    // it is in the window, and its bank isn't found
+  bool topped = false;  // its top is found
+  int above = 0;        // samples of cells that aren't full, above the topmost full one
+  int bank_above = 0;   // the same of bank soil, above the topmost cell full of that
+  int piece_high = 0;   // topmost cell of the piece of soil it is in
+  std::int64_t piece = 0, piece_bank = 0;  // samples of that, from there down
+  bool base_read = false;                  // `base` is what the base surface has
   std::optional<double> base;
 };
 
@@ -65,14 +67,30 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
   const auto end = [&](int c, double solid) {  // solid: height of what is full from there down
     Walk& walk = walks[c];
     Column& out = column(c);
+    out.bank_full = static_cast<int>(std::ceil(solid - 0.5)) - 1;
     if (!walk.topped) {
       out.top = solid + walk.above / 64.0;
-      out.full = static_cast<int>(std::ceil(solid - 0.5)) - 1;
+      out.full = out.bank_full;
     }
     out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
     out.known = true;
     walk.open = false;
     --open;
+  };
+  const auto gap = [&](int c, int z) {
+    Walk& walk = walks[c];
+    if (walk.piece > 0 && walk.piece_bank == 0) {
+      Column& out = column(c);
+      out.hangs = walk.piece;
+      out.hangs_low = z + 1;
+      out.hangs_high = walk.piece_high;
+      has_hanging_ = true;
+    }
+    walk.piece = walk.piece_bank = 0;
+  };
+  const auto all_gap = [&](int z) {
+    for (int c = 0; c < kChunkSide * kChunkSide; ++c)
+      if (walks[c].open) gap(c, z + kChunkSide - 1);
   };
   SampleWords words, loose;
   for (int z = chunk_floor(top_z); open > 0; z -= kChunkSide) {
@@ -93,12 +111,18 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
           walk.open = false;
           --open;
         } else if (*walk.base > low) {
+          if (*walk.base < high - 1) gap(c, z + kChunkSide - 1);
           end(c, std::min(*walk.base, high));
+        } else {
+          gap(c, z + kChunkSide - 1);
         }
       }
       continue;
     }
-    if (chunk->soil_count == 0) continue;
+    if (chunk->soil_count == 0) {
+      all_gap(z);
+      continue;
+    }
     soil.read_samples(origin, words);
     const bool some_loose = chunk->loose_count > 0;
     has_loose_ |= some_loose;
@@ -115,6 +139,13 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
           column(c).top = solid + walk.above / 64.0;
           column(c).full = z + k;
           walk.topped = true;
+        }
+        if (words[n] == 0) {
+          gap(c, z + k);
+        } else {
+          if (walk.piece == 0) walk.piece_high = z + k;
+          walk.piece += std::popcount(words[n]);
+          walk.piece_bank += std::popcount(bank);
         }
         walk.above += std::popcount(words[n]);
         walk.bank_above += std::popcount(bank);

@@ -3,6 +3,7 @@
 // Ground over a rectangle of cells as heights of columns, as soil that falls and slides sees it.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "soilvdb/soil.h"
@@ -19,7 +20,11 @@ class GroundWindow {
     double top = 0;      ///< of all soil
     double bank = 0;     ///< of what is left without the loose soil on it
     int full = 0;        ///< the topmost cell that is full: nothing can be added below
+    int bank_full = 0;   ///< the topmost that is full of bank soil
     bool known = false;  ///< the terrain has ground there
+    /// Loose soil that nothing is under: the lowest such piece, its cells and samples.
+    int hangs_low = 0, hangs_high = 0;
+    std::int64_t hangs = 0;
   };
 
   /// @param first the lowest cell; nx, ny how many
@@ -31,6 +36,7 @@ class GroundWindow {
   /// x, y from 0
   const Column& at(int x, int y) const { return columns_[index(x, y)]; }
   bool has_loose() const { return has_loose_; }
+  bool has_hanging() const { return has_hanging_; }
 
  private:
   std::size_t index(int x, int y) const { return static_cast<std::size_t>(x * ny_ + y); }
@@ -38,7 +44,7 @@ class GroundWindow {
 
   Coord2 first_;
   int nx_, ny_;
-  bool has_loose_ = false;
+  bool has_loose_ = false, has_hanging_ = false;
   std::vector<Column> columns_;
 };
 
