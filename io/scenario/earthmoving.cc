@@ -113,6 +113,10 @@ void read_soil(const YamlMap& scenario, Scenario& result) {
                "'cohesion' needs 'density', the weight that it holds; add that, in "
                "kg/m3 of bank soil");
     }
+    result.warnings.push_back(fmt::format(
+        "{}: cohesion is checked but not used yet: cuts in bank soil stand as they were "
+        "made, however high",
+        map.place("cohesion")));
   }
   if (map.has("friction_angle"))
     soil.friction_rad = read_angle(map, "friction_angle", /*zero_is_good=*/true);
