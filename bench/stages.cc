@@ -69,7 +69,7 @@ void excavate(benchmark::State& state) {
       state.ResumeTiming();
     }
     const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, 16 * h);
-    samples += excavator.sweep(*soil, path).captured;
+    samples += excavator.sweep(*soil, path).all.captured;
     i = (i + 1) % kUpdates;
   }
   state.counters["cut_voxels"] =

@@ -154,8 +154,8 @@ inline constexpr int kMostWindow = 1024;
 /// Cells above a column's surface, and below its bank, in which samples of it may lie: bank that
 /// fills a part of a column puts its soil higher than the mean.
 inline constexpr int kFillCells = 16;
-/// Chunks from which on they are changed in parallel.
-inline constexpr std::size_t kParallelFill = 8;
+/// Chunks and columns from which on they are changed in parallel.
+inline constexpr std::size_t kParallelFill = 64, kParallelColumns = 400;
 /// Soil slides where it drops more than repose allows by so many cells: to the next column, and to
 /// the third. Heights err by 0.03 where soil was cut. Less: what counts err by slides to and
 /// fro. More: heaps stand too steep.

@@ -12,6 +12,7 @@
 
 #include "core/constants.h"
 #include "core/ground/soil_writer.h"
+#include "core/lattice/cell_counts.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -36,11 +37,13 @@ class Stack {
     first_ = {corner.x(), corner.y(), low & ~kSideMask};
     const auto chunks = static_cast<std::size_t>((high - first_.z()) / kChunkSide + 1);
     may_.resize(chunks);
+    counts_.resize(chunks);
     chosen_.resize(chunks);
     for (std::size_t i = 0; i < chunks; ++i) {
       adds || bank ? soil.read_samples(origin(i), may_[i]) : soil.read_loose(origin(i), may_[i]);
       if (adds)
         for (std::uint64_t& word : may_[i]) word = ~word;
+      count_cells(may_[i], counts_[i]);
       chosen_[i].fill(0);
     }
   }
@@ -61,6 +64,11 @@ class Stack {
              [static_cast<std::size_t>(cell_number(c, z))];
   }
 
+  int count(const ColumnChange& c, int z) const {
+    return counts_[static_cast<std::size_t>((z - first_.z()) / kChunkSide)]
+                  [static_cast<std::size_t>(cell_number(c, z))];
+  }
+
   /// Takes the column's samples in their order from one end: cell by cell while all of a cell come
   /// before any that could be left, then one by one.
   void choose(const ColumnChange& c, float slope) {
@@ -68,7 +76,7 @@ class Stack {
     std::int64_t sum = 0;
     int last = from;  // cell in which the count is reached
     for (int z = from;; z += step) {
-      sum += std::popcount(word(may_, c, z));
+      sum += count(c, z);
       last = z;
       if (sum >= c.samples || z == to) break;
     }
@@ -83,7 +91,7 @@ class Stack {
       if (may == 0) continue;
       if (step * (last - z) > unsure) {
         word(chosen_, c, z) = may;
-        left -= std::popcount(may);
+        left -= count(c, z);
       } else {
         add_keys(c, slope, z, may);
       }
@@ -124,6 +132,7 @@ class Stack {
   std::vector<ColumnChange> changes_;
   bool adds_;
   Coord3 first_;
+  std::vector<CellCounts> counts_;
   std::vector<SampleWords> may_, chosen_;  // by chunks upwards: what may change, what does
   std::vector<std::int64_t> keys_;
 };
@@ -144,8 +153,12 @@ std::vector<Stack> choose(const Soil& soil, std::span<const ColumnChange> change
     stacks.emplace_back(soil, std::vector<ColumnChange>(from, to), adds, bank);
     from = to;
   }
-  tbb::parallel_for(std::size_t{0}, stacks.size(),
-                    [&](std::size_t i) { stacks[i].choose(static_cast<float>(slope)); });
+  const auto run = [&](std::size_t i) { stacks[i].choose(static_cast<float>(slope)); };
+  if (changes.size() >= kParallelColumns) {
+    tbb::parallel_for(std::size_t{0}, stacks.size(), run);
+  } else {
+    for (std::size_t i = 0; i < stacks.size(); ++i) run(i);
+  }
   return stacks;
 }
 
@@ -171,8 +184,10 @@ void edit(Soil& soil, const std::vector<Stack>& stacks, SoilWriter::Operation op
 }
 
 std::int64_t count(const SampleWords& words) {
+  CellCounts counts;
+  count_cells(words, counts);
   std::int64_t sum = 0;
-  for (const std::uint64_t word : words) sum += std::popcount(word);
+  for (const int n : counts) sum += n;
   return sum;
 }
 

@@ -3,9 +3,10 @@
 #include "core/settle/ground_window.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <optional>
+
+#include "core/lattice/cell_counts.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -93,6 +94,8 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
       if (walks[c].open) gap(c, z + kChunkSide - 1);
   };
   SampleWords words, loose;
+  CellCounts counts, loose_counts;
+  loose_counts.fill(0);
   for (int z = chunk_floor(top_z); open > 0; z -= kChunkSide) {
     const Coord3 origin(cx, cy, z);
     const Chunk* chunk = soil.find(origin);
@@ -126,29 +129,35 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
     soil.read_samples(origin, words);
     const bool some_loose = chunk->loose_count > 0;
     has_loose_ |= some_loose;
-    if (some_loose) soil.read_loose(origin, loose);
+    count_cells(words, counts);
+    if (some_loose) {
+      soil.read_loose(origin, loose);
+      count_cells(loose, loose_counts);
+    } else {
+      loose_counts.fill(0);
+    }
     for (int c = 0; c < kChunkSide * kChunkSide; ++c) {
       Walk& walk = walks[c];
       for (int k = kChunkSide - 1; k >= 0 && walk.open; --k) {
         const auto n = static_cast<std::size_t>(c * kChunkSide + k);
-        const std::uint64_t bank = some_loose ? words[n] & ~loose[n] : words[n];
+        const int all = counts[n], bank = all - loose_counts[n];
         const double solid = z + k + 0.5;
-        if (bank == kAllSoil) {
+        if (bank == 64) {
           end(c, solid);
-        } else if (!walk.topped && words[n] == kAllSoil) {
+        } else if (!walk.topped && all == 64) {
           column(c).top = solid + walk.above / 64.0;
           column(c).full = z + k;
           walk.topped = true;
         }
-        if (words[n] == 0) {
+        if (all == 0) {
           gap(c, z + k);
         } else {
           if (walk.piece == 0) walk.piece_high = z + k;
-          walk.piece += std::popcount(words[n]);
-          walk.piece_bank += std::popcount(bank);
+          walk.piece += all;
+          walk.piece_bank += bank;
         }
-        walk.above += std::popcount(words[n]);
-        walk.bank_above += std::popcount(bank);
+        walk.above += all;
+        walk.bank_above += bank;
       }
     }
   }

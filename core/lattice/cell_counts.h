@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// How many samples each cell of a chunk has.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "soilvdb/base_surface.h"
+
+namespace soilvdb::inline v0 {
+
+using CellCounts = std::array<std::uint8_t, kChunkVoxels>;
+
+void count_cells(const SampleWords& words, CellCounts& counts);
+
+}  // namespace soilvdb::inline v0
