@@ -83,10 +83,13 @@ class Stack {
     if (c.samples <= 0) return;
     // The surface is so much higher or lower over the column's corners than over its middle.
     const float tilt = c.cone ? 0.70711f * slope : 0.5f * (std::abs(c.a) + std::abs(c.b));
-    const int unsure = static_cast<int>(std::ceil(2 * tilt)) + 1;
+    // So what is more cells than twice that before the last one comes before all of that, and what
+    // is more cells behind it comes after.
+    constexpr float kRounding = 1e-3f;
+    const int unsure = static_cast<int>(std::ceil(2 * tilt + kRounding));
     std::int64_t left = c.samples;
     keys_.clear();
-    for (int z = from; step * (z - to) <= 0 && step * (z - last) <= unsure + 1; z += step) {
+    for (int z = from; step * (z - to) <= 0 && step * (z - last) <= unsure; z += step) {
       const std::uint64_t may = word(may_, c, z);
       if (may == 0) continue;
       if (step * (last - z) > unsure) {
