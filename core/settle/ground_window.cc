@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "core/lattice/cell_counts.h"
@@ -11,37 +12,81 @@
 namespace soilvdb::inline v0 {
 namespace {
 
+constexpr int kSlopeCells = 2;  // below its middle in which ground may have air
+
 int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 /// What one column has come to on the way down.
 struct Walk {
-  bool open = false;    // it is in the window, and its bank isn't found
-  bool topped = false;  // its top is found
-  int above = 0;        // samples of cells that aren't full, above the topmost full one
-  int bank_above = 0;   // the same of bank soil, above the topmost cell full of that
-  int piece_high = 0;   // topmost cell of the piece of soil it is in
+  bool open = false;      // it is in the window, and its bank isn't found
+  bool topped = false;    // its top is found
+  double above = 0;       // samples of cells that aren't full, above the topmost full one
+  double bank_above = 0;  // the same of bank soil, above the topmost cell full of that
+  int piece_high = 0;     // topmost cell of the piece of soil it is in
   std::int64_t piece = 0, piece_bank = 0;  // samples of that, from there down
   bool base_read = false;                  // `base` is what the base surface has
   std::optional<double> base;
 };
 
-/// Nothing of a column of chunks is above this one; nothing where there is no ground.
-std::optional<int> highest_chunk(const Soil& soil, int cx, int cy) {
-  std::optional<int> z;
-  for (const Coord2& at : {Coord2(4, 4), Coord2(0, 0), Coord2(7, 0), Coord2(0, 7), Coord2(7, 7)}) {
-    const Vec3 p = soil.world_from_index(Vec3(cx + at.x(), cy + at.y(), 0));
-    const auto height = soil.base().height(p.x(), p.y());
-    if (!height) continue;
-    z = chunk_floor(
-        static_cast<int>(std::floor((*height - soil.origin().z()) / soil.voxel_size_m() + 0.5)));
-    while (soil.classify({cx, cy, *z + kChunkSide}) != Content::kAir) *z += kChunkSide;
-    break;
+/// Mean height of the base surface over a column, nearly what a count will find: that of its middle
+/// is a cell off beside cliffs. Index space.
+std::optional<double> base_height(const Soil& soil, int x, int y) {
+  double sum = 0;
+  for (const double u : {-0.25, 0.25}) {
+    for (const double v : {-0.25, 0.25}) {
+      const Vec3 p = soil.world_from_index(Vec3(x + u, y + v, 0));
+      const auto height = soil.base().height(p.x(), p.y());
+      if (!height) return std::nullopt;
+      sum += *height;
+    }
   }
+  return (sum / 4 - soil.origin().z()) / soil.voxel_size_m();
+}
+
+/// What the base surface has over a column of chunks.
+struct Terrain {
+  std::optional<int> highest;  // no soil is above this chunk; nothing where there is no ground
+  bool whole = true;           // there is ground everywhere
+};
+
+/// Has a column of cells ground all over it? Where that ends within, no cell would ever be full.
+bool all_ground(const Soil& soil, int x, int y) {
+  constexpr double kInside = 0.499;
+  const auto has = [&](double u, double v) {
+    const Vec3 p = soil.world_from_index(Vec3(x + u, y + v, 0));
+    return soil.base().height(p.x(), p.y()).has_value();
+  };
+  return has(0, 0) && has(-kInside, -kInside) && has(-kInside, kInside) && has(kInside, -kInside) &&
+         has(kInside, kInside);
+}
+
+Terrain terrain_of(const Soil& soil, int cx, int cy) {
+  Terrain terrain;
+  std::optional<int>& z = terrain.highest;
+  double low = std::numeric_limits<double>::infinity();
+  const auto look = [&](int x, int y) {
+    const Vec3 p = soil.world_from_index(Vec3(cx + x, cy + y, 0));
+    const auto height = soil.base().height(p.x(), p.y());
+    if (!height) return;
+    low = std::min(low, *height);
+    const int chunk = chunk_floor(
+        static_cast<int>(std::floor((*height - soil.origin().z()) / soil.voxel_size_m() + 0.5)));
+    z = std::max(z.value_or(chunk), chunk);
+  };
+  for (const Coord2& at : {Coord2(4, 4), Coord2(0, 0), Coord2(7, 0), Coord2(0, 7), Coord2(7, 7)})
+    look(at.x(), at.y());
+  const double h = soil.voxel_size_m();
+  const Vec3 corner = soil.world_from_index(Vec3(cx - 0.5, cy - 0.5, 0));
+  const Vec3 floor(corner.x(), corner.y(), low - h);
+  terrain.whole = z && soil.base().known({floor, floor + Vec3(8 * h, 8 * h, h)});
+  for (int c = 0; !terrain.whole && c < kChunkSide * kChunkSide; ++c)  // islands, cliffs at holes
+    look(c / kChunkSide, c % kChunkSide);
+  while (z && soil.classify({cx, cy, *z + kChunkSide}) != Content::kAir) *z += kChunkSide;
   const Eigen::AlignedBox3i above = soil.above_base();
   const Eigen::AlignedBox2i plan(above.min().head<2>(), above.max().head<2>());
   if (!above.isEmpty() && plan.contains(Coord2(cx, cy)))
     z = std::max(z.value_or(above.max().z()), above.max().z());
-  return z;
+  return terrain;
 }
 
 }  // namespace
@@ -50,11 +95,13 @@ GroundWindow::GroundWindow(const Soil& soil, const Coord2& first, int nx, int ny
     : first_(first), nx_(nx), ny_(ny), columns_(static_cast<std::size_t>(nx * ny)) {
   for (int cx = chunk_floor(first.x()); cx < first.x() + nx; cx += kChunkSide)
     for (int cy = chunk_floor(first.y()); cy < first.y() + ny; cy += kChunkSide)
-      if (const auto z = highest_chunk(soil, cx, cy)) read_chunk_column(soil, cx, cy, *z);
+      read_chunk_column(soil, cx, cy);
 }
 
 /// Goes down a column of chunks until all columns of cells have come to bank soil.
-void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z) {
+void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy) {
+  const Terrain terrain = terrain_of(soil, cx, cy);
+  if (!terrain.highest) return;
   Walk walks[kChunkSide * kChunkSide];
   int open = 0;
   const auto inside = [&](int x, int y) { return x >= 0 && y >= 0 && x < nx_ && y < ny_; };
@@ -62,16 +109,19 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
     return columns_[index(cx + c / kChunkSide - first_.x(), cy + c % kChunkSide - first_.y())];
   };
   for (int c = 0; c < kChunkSide * kChunkSide; ++c) {
-    walks[c].open = inside(cx + c / kChunkSide - first_.x(), cy + c % kChunkSide - first_.y());
+    const int x = cx + c / kChunkSide, y = cy + c % kChunkSide;
+    walks[c].open = inside(x - first_.x(), y - first_.y());
+    if (walks[c].open && !terrain.whole) walks[c].open = all_ground(soil, x, y);
     open += walks[c].open;
   }
-  const auto end = [&](int c, double solid) {  // solid: height of what is full from there down
+  // solid: height of what is full from there down; full: the topmost cell that surely is.
+  const auto end = [&](int c, double solid, int full) {
     Walk& walk = walks[c];
     Column& out = column(c);
-    out.bank_full = static_cast<int>(std::ceil(solid - 0.5)) - 1;
+    out.bank_full = full;
     if (!walk.topped) {
       out.top = solid + walk.above / 64.0;
-      out.full = out.bank_full;
+      out.full = full;
     }
     out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
     out.known = true;
@@ -96,7 +146,7 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
   SampleWords words, loose;
   CellCounts counts, loose_counts;
   loose_counts.fill(0);
-  for (int z = chunk_floor(top_z); open > 0; z -= kChunkSide) {
+  for (int z = chunk_floor(*terrain.highest); open > 0; z -= kChunkSide) {
     const Coord3 origin(cx, cy, z);
     const Chunk* chunk = soil.find(origin);
     if (chunk == nullptr) {
@@ -105,19 +155,23 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
         Walk& walk = walks[c];
         if (!walk.open) continue;
         if (!walk.base_read) {
-          const Vec3 at = soil.world_from_index(Vec3(cx + c / kChunkSide, cy + c % kChunkSide, 0));
-          walk.base = soil.base().height(at.x(), at.y());
-          if (walk.base) walk.base = (*walk.base - soil.origin().z()) / soil.voxel_size_m();
+          walk.base = base_height(soil, cx + c / kChunkSide, cy + c % kChunkSide);
           walk.base_read = true;
         }
         if (!walk.base) {  // a wall
           walk.open = false;
           --open;
-        } else if (*walk.base > low) {
+        } else if (*walk.base >= low + 1) {
           if (*walk.base < high - 1) gap(c, z + kChunkSide - 1);
-          end(c, std::min(*walk.base, high));
+          const double solid = std::min(*walk.base, high);
+          // Where ground slopes, cells below its middle have air, too.
+          end(c, solid, static_cast<int>(std::floor(solid - 0.5)) - kSlopeCells);
         } else {
           gap(c, z + kChunkSide - 1);
+          if (*walk.base <= low) continue;
+          // The full cell is in the chunk below, if it's still there.
+          walk.above += 64 * (*walk.base - low);
+          walk.bank_above += 64 * (*walk.base - low);
         }
       }
       continue;
@@ -143,7 +197,7 @@ void GroundWindow::read_chunk_column(const Soil& soil, int cx, int cy, int top_z
         const int all = counts[n], bank = all - loose_counts[n];
         const double solid = z + k + 0.5;
         if (bank == 64) {
-          end(c, solid);
+          end(c, solid, z + k);
         } else if (!walk.topped && all == 64) {
           column(c).top = solid + walk.above / 64.0;
           column(c).full = z + k;

@@ -21,7 +21,7 @@ class GroundWindow {
     double bank = 0;     ///< of what is left without the loose soil on it
     int full = 0;        ///< the topmost cell that is full: nothing can be added below
     int bank_full = 0;   ///< the topmost that is full of bank soil
-    bool known = false;  ///< the terrain has ground there
+    bool known = false;  ///< the terrain has ground all over it
     /// Loose soil that nothing is under: the lowest such piece, its cells and samples.
     int hangs_low = 0, hangs_high = 0;
     std::int64_t hangs = 0;
@@ -40,7 +40,7 @@ class GroundWindow {
 
  private:
   std::size_t index(int x, int y) const { return static_cast<std::size_t>(x * ny_ + y); }
-  void read_chunk_column(const Soil& soil, int cx, int cy, int top_z);
+  void read_chunk_column(const Soil& soil, int cx, int cy);
 
   Coord2 first_;
   int nx_, ny_;
