@@ -58,11 +58,11 @@ TEST(Earthmoving, APourIsACone) {
 TEST(Earthmoving, MakesAndLosesNothingWhateverIsDone) {
   for (const auto& ground : grounds()) {
     Work work(ground, 7, 0.2);
-    for (int i = 0; i < 350; ++i) {
+    for (int i = 0; i < 280; ++i) {
       work.step();
       ASSERT_EQ(residual(work.tracker), 0) << i;
     }
-    EXPECT_GT(work.tracker.total().captured, 20000);
+    EXPECT_GT(work.tracker.total().captured, 15000);
     EXPECT_GT(work.tracker.total().dumped, 0);
     EXPECT_GT(work.tracker.site().slid, 0);
   }
@@ -71,7 +71,7 @@ TEST(Earthmoving, MakesAndLosesNothingWhateverIsDone) {
 TEST(Earthmoving, LeavesLooseSoilNoSteeperThanReposeAfterAnyWork) {
   for (const auto& ground : grounds()) {
     Work work(ground, 8);
-    for (int i = 0; i < 160; ++i) work.step();
+    for (int i = 0; i < 140; ++i) work.step();
     for (std::size_t m = 0; m < 4; ++m) work.tracker.update(m, {{0, 0, 9}, work.at[m].rotation});
     work.tracker.come_to_rest();
     const std::vector<double> over = over_repose(all_of(work.soil));
@@ -133,7 +133,7 @@ TEST(Earthmoving, IsTheSameOnAnyNumberOfThreads) {
   for (const std::size_t threads : {1u, 2u, 4u}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     Work work(grounds()[1], 11);
-    for (int i = 0; i < 150; ++i) work.step();
+    for (int i = 0; i < 90; ++i) work.step();
     if (hash == 0) hash = work.soil.state_hash();
     EXPECT_EQ(work.soil.state_hash(), hash);
   }

@@ -62,6 +62,7 @@ inline std::string as_text(const JournalRecord& record) {
   } else if (const auto* m = std::get_if<JournalMove>(&record)) {
     text << m->machine << ' ' << m->ends_update;
     text << ' ' << m->cut_samples << ' ' << m->bucket_samples << ' ' << m->ns;
+    text << ' ' << m->spilled << ' ' << m->slid;
     for (const double v : {m->begin_s, m->end_s}) text << ' ' << v;
     for (const double v : m->rows.times_s) text << ' ' << v;
     for (const double v : m->rows.values) text << ' ' << v;

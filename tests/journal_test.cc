@@ -37,6 +37,33 @@ TEST_F(Journal, GivesBackEveryRecordToTheLastBit) {
   EXPECT_FALSE(reader.damaged());
 }
 
+TEST_F(Journal, PoursHaveNoRowsAndSoilThatCameDownIsThere) {
+  const Motion way = motion(6);
+  const auto file = folder_ / "journal";
+  std::vector<std::string> written;
+  {
+    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+    for (int i = 0; i < 6; ++i) {
+      JournalMove next = move(way, 2 * i);
+      if (i % 2 == 1) next = {7, true, 0.1 * i, 0.1 * (i + 1), 0, 0, 12, MotionRows()};
+      next.slid = i * std::int64_t{1'000'000'007};
+      next.spilled = i == 4 ? 0 : i;
+      writer.add(next);
+      written.push_back(as_text(next));
+    }
+  }
+  Reading read = reading(file);
+  ASSERT_EQ(read.records.size(), written.size() + 1);
+  for (std::size_t i = 1; i < written.size(); i += 2) EXPECT_EQ(read.records[i + 1], written[i]);
+  JournalReader reader(file);
+  reader.next();
+  for (int i = 0; i < 6; ++i) {
+    const JournalMove back = std::get<JournalMove>(*reader.next());
+    EXPECT_EQ(back.slid, i * std::int64_t{1'000'000'007});
+    EXPECT_EQ(back.spilled, i == 4 ? 0 : i);
+  }
+}
+
 TEST_F(Journal, RowsGiveTheSamePosesToTheLastBitAtAnyTime) {
   const Motion whole = motion(30);
   std::mt19937 random(5);

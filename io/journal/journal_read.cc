@@ -50,7 +50,7 @@ bool add_rows(MotionRows& rows, const MotionRows& fresh, double begin_s) {
   const std::ptrdiff_t first = std::min<std::ptrdiff_t>(
       after - rows.times_s.begin() - 1, static_cast<std::ptrdiff_t>(rows.times_s.size()) - 2);
   drop(0, static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, first)));
-  return !rows.times_s.empty();
+  return columns == 0 || !rows.times_s.empty();  // pours have none
 }
 
 bool take_file(std::string_view& bytes, JournalFile& file) {

@@ -21,7 +21,8 @@ enum MoveFlag : std::uint8_t {
   kFirst = 2,        // of its writer: there is nothing before it, and it says how many columns
   kJoints = 4,       // where it is the first
   kBeginsAtEnd = 8,  // of the move before
-  kAllFlags = 15
+  kMoved = 16,       // soil was spilled or slid, and it says how much
+  kAllFlags = 31
 };
 
 // How a number of a series begins: one of these, or the difference of two whole numbers and kNear.
@@ -142,6 +143,7 @@ void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before
   unsigned flags = move.ends_update ? kEndsUpdate : 0;
   if (before.first) flags |= kFirst | (rows.joints ? kJoints : 0);
   if (begins_at_end) flags |= kBeginsAtEnd;
+  if (move.spilled != 0 || move.slid != 0) flags |= kMoved;
   bytes += static_cast<char>(flags);
   if (before.first) {
     append_count(bytes, rows.columns);
@@ -152,6 +154,10 @@ void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before
   before.ends_s.append(bytes, move.end_s);
   append_count(bytes, difference(move.cut_samples, 0));
   append_count(bytes, difference(move.bucket_samples, before.bucket_samples));
+  if (flags & kMoved) {
+    append_count(bytes, difference(move.spilled, 0));
+    append_count(bytes, difference(move.slid, 0));
+  }
   append_count(bytes, difference(move.ns, 0));
   append_count(bytes, rows.times_s.size() - fresh);
   for (std::size_t row = fresh; row < rows.times_s.size(); ++row) {
@@ -183,8 +189,12 @@ bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before) {
   move.begin_s = before.end_s;
   if (!(flags & kBeginsAtEnd) && !take_raw(bytes, move.begin_s)) return false;
   if (!before.ends_s.take(bytes, move.end_s) || !take_samples(bytes, 0, move.cut_samples) ||
-      !take_samples(bytes, before.bucket_samples, move.bucket_samples) ||
-      !take_difference(bytes, 0, move.ns) || !take_count(bytes, count) || count > bytes.size())
+      !take_samples(bytes, before.bucket_samples, move.bucket_samples))
+    return false;
+  if ((flags & kMoved) &&
+      (!take_samples(bytes, 0, move.spilled) || !take_samples(bytes, 0, move.slid)))
+    return false;
+  if (!take_difference(bytes, 0, move.ns) || !take_count(bytes, count) || count > bytes.size())
     return false;
   move.rows.joints = before.joints;
   move.rows.columns = before.values.size();

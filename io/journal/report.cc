@@ -68,25 +68,42 @@ double Durations::quantile_us(double q) const {
 std::string to_json(const Summary& s) {
   using Json = nlohmann::ordered_json;
   Json machines = Json::array();
-  for (const Summary::Machine& m : s.machines)
+  for (const Summary::Machine& m : s.machines) {
     machines.push_back({{"name", m.name},
                         {"bucket_m3", m.bucket_m3},
                         {"cut_m3", m.cut_m3},
                         {"bad_rows", m.bad_rows}});
-  const Json json = {
+    if (!s.moved) continue;
+    machines.back()["bucket_kg"] = m.bucket_kg;
+    if (m.capacity)
+      machines.back()["capacity_m3"] = {{"struck", m.capacity->struck_m3()},
+                                        {"heaped", m.capacity->heaped_m3()}};
+  }
+  Json volumes = {
+      {"cut", s.cut_m3},       {"captured", s.captured_m3},           {"displaced", s.displaced_m3},
+      {"dumped", s.dumped_m3}, {"ground_change", s.ground_change_m3}, {"residual", s.residual_m3}};
+  Json masses;
+  if (const auto& m = s.moved) {
+    volumes.update({{"spilled", m->spilled_m3},
+                    {"poured", m->poured_m3},
+                    {"hauled", m->hauled_m3},
+                    {"slid", m->slid_m3},
+                    {"fill", m->fill_m3}});
+    masses = {{"ground_change", m->ground_change_kg},
+              {"buckets", m->buckets_kg},
+              {"hauled", m->hauled_kg},
+              {"poured", m->poured_kg},
+              {"in_flight", m->in_flight_kg},
+              {"residual", m->residual_kg}};
+  }
+  Json json = {
       {"soilvdb", 1},
       {"scenario", s.scenario},
       {"voxel_size_m", s.voxel_size_m},
       {"threads", s.threads},
       {"updates", s.updates.count()},
       {"acknowledged", {{"updates", s.acknowledged_updates}, {"time_s", s.acknowledged_s}}},
-      {"volume_m3",
-       {{"cut", s.cut_m3},
-        {"captured", s.captured_m3},
-        {"displaced", s.displaced_m3},
-        {"dumped", s.dumped_m3},
-        {"ground_change", s.ground_change_m3},
-        {"residual", s.residual_m3}}},
+      {"volume_m3", volumes},
       {"machines", machines},
       {"update_us",
        {{"mean", s.updates.mean_us()},
@@ -101,15 +118,18 @@ std::string to_json(const Summary& s) {
       {"state_hash", fmt::format("{:016x}", s.state_hash)},
       {"files", s.files},
   };
+  if (s.moved) json["mass_kg"] = masses;
   // Names come from the user's files and need not be UTF-8.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
 }
 
-UpdatesCsv::UpdatesCsv(fs::path file) : file_(std::move(file)), part_(file_) {
+UpdatesCsv::UpdatesCsv(fs::path file, bool soil_moves) : file_(std::move(file)), part_(file_) {
   part_ += ".part";
   stream_.reset(open_for_writing(part_));
-  if (std::fputs("time,machine,cut_m3,bucket_m3,update_us\n", stream_.get()) < 0)
-    fail(file_, errno);
+  const char* head = soil_moves
+                         ? "time,machine,cut_m3,bucket_m3,update_us,bucket_kg,spilled_m3,slid_m3\n"
+                         : "time,machine,cut_m3,bucket_m3,update_us\n";
+  if (std::fputs(head, stream_.get()) < 0) fail(file_, errno);
 }
 
 UpdatesCsv::~UpdatesCsv() {
@@ -119,9 +139,11 @@ UpdatesCsv::~UpdatesCsv() {
 }
 
 void UpdatesCsv::add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
-                     double update_us) {
-  const std::string row =
-      fmt::format("{},{},{},{},{:.3f}\n", time_s, csv_field(machine), cut_m3, bucket_m3, update_us);
+                     double update_us, const std::optional<Moved>& moved) {
+  std::string row =
+      fmt::format("{},{},{},{},{:.3f}", time_s, csv_field(machine), cut_m3, bucket_m3, update_us);
+  if (moved) row += fmt::format(",{},{},{}", moved->bucket_kg, moved->spilled_m3, moved->slid_m3);
+  row += '\n';
   if (std::fwrite(row.data(), 1, row.size(), stream_.get()) != row.size()) fail(file_, errno);
 }
 

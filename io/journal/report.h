@@ -8,9 +8,12 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "soilvdb/capacity.h"
 
 namespace soilvdb::inline v0::io {
 
@@ -39,12 +42,21 @@ struct Summary {
     std::string name;
     double bucket_m3 = 0, cut_m3 = 0;
     std::int64_t bad_rows = 0;  ///< of its motion
+    double bucket_kg = 0;       ///< where soil moves, as what follows
+    std::optional<Capacity> capacity = {};
+  };
+  /// Where soil moves.
+  struct Moved {
+    double spilled_m3 = 0, poured_m3 = 0, hauled_m3 = 0, slid_m3 = 0, fill_m3 = 0;
+    double ground_change_kg = 0, buckets_kg = 0, hauled_kg = 0, poured_kg = 0, in_flight_kg = 0,
+           residual_kg = 0;
   };
   std::string scenario;
   double voxel_size_m = 0;
   int threads = 0;
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
   double ground_change_m3 = 0, residual_m3 = 0;
+  std::optional<Moved> moved;
   std::vector<Machine> machines;
   double acknowledged_s = 0;               ///< what can't be lost any more: up to this time,
   std::uint64_t acknowledged_updates = 0;  ///< so many updates
@@ -64,14 +76,19 @@ std::string to_json(const Summary& summary);
 /// nothing is left, and a FILE that was there before stays.
 class UpdatesCsv {
  public:
+  /// What more a row says where soil moves.
+  struct Moved {
+    double bucket_kg = 0, spilled_m3 = 0, slid_m3 = 0;
+  };
+
   /// @throw std::runtime_error naming the file and the cause, as the others do.
-  explicit UpdatesCsv(std::filesystem::path file);
+  explicit UpdatesCsv(std::filesystem::path file, bool soil_moves = false);
   ~UpdatesCsv();
   UpdatesCsv(const UpdatesCsv&) = delete;
   UpdatesCsv& operator=(const UpdatesCsv&) = delete;
 
   void add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
-           double update_us);
+           double update_us, const std::optional<Moved>& moved = {});
   void close();
 
  private:

@@ -71,6 +71,10 @@ void info_snapshot(const fs::path& file) {
   line("cut",
        fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
                    number(info.captured_m3), number(info.displaced_m3), number(info.dumped_m3)));
+  std::int64_t loose = 0;
+  for (const Chunk* chunk : soil.chunks()) loose += chunk->loose_count;
+  if (loose > 0)
+    line("loose", fmt::format("{} m³", number(static_cast<double>(loose) * soil.sample_m3())));
   if (info.parent)
     line("goes on from",
          fmt::format("{}; {} in all since a whole one", io::printable(info.parent->name),

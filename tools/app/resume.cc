@@ -47,7 +47,8 @@ std::vector<RunFile> take_faulty(const fs::path& folder, io::JournalContent& jou
 /// The newest good ground that the journal knows of. Where the run is finished it is about faulty
 /// files, and the newest before those.
 Start find_start(const fs::path& folder, const io::JournalContent& journal,
-                 const std::vector<RunFile>& faulty, const io::Scenario& scenario) {
+                 const std::vector<RunFile>& faulty, const io::Scenario& scenario,
+                 const RunConfig& config) {
   std::uint64_t end = std::numeric_limits<std::uint64_t>::max();
   for (auto file = faulty.rbegin(); file != faulty.rend(); ++file) {
     if (journal.ended && is_periodic(file->known.name)) end = file->known.updates;
@@ -57,7 +58,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     Start start{io::read_snapshot(folder / file.name, &info), file.updates, "", file.name,
                 info.parent};
     start.tracker_state = std::move(info.tracker_state);
-    fmt::print("going on from {}\n", file.name);
+    if (scenario.soil) start.at_rest = take_at_rest(start.tracker_state);
     return start;
   };
   for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
@@ -66,7 +67,13 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
         is_periodic(file->name) || (file->name == kFinalName && !scenario.incremental_snapshots);
     if (!usable || file->updates == 0 || file->updates >= end) continue;
     try {
-      return start_from(*file);
+      Start start = start_from(*file);
+      // A motion may go on by now where the run came to its end: not from ground at rest.
+      if (start.at_rest && Schedule(scenario, config.options.updates, config.ends_s, 0).total() !=
+                               static_cast<std::int64_t>(start.updates))
+        continue;
+      fmt::print("going on from {}\n", file->name);
+      return start;
     } catch (const io::InputError& e) {
       say(fmt::format("warning: {}; going on from what came before it", e.what()));
     }
@@ -122,7 +129,7 @@ void resume(const ResumeOptions& options) {
   std::fflush(stdout);
   folder.clear();
   with_threads(config.options.threads, [&](int threads) {
-    Start start = find_start(path, journal, faulty, scenario);
+    Start start = find_start(path, journal, faulty, scenario, config);
     warn_of(faulty, path, start);
     if (journal.damaged) keep_damaged(path, journal);
     Session(std::move(config), std::move(scenario), folder, std::move(start), threads, begin)

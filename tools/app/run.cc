@@ -110,7 +110,7 @@ void run(const RunOptions& options) {
     Start start{io::open_site(scenario), 0, ""};
     io::warn_of_underground(scenario, *ground_of(*start.site.soil));
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
-    RunConfig config{options, start.site.soil->change_m3(), ends_of(scenario.machines)};
+    RunConfig config{options, start.site.soil->change_m3(), ends_of(scenario.machines), 0};
     config.options.out = folder.path();
     folder.make();
     try {

@@ -159,7 +159,7 @@ void check_recorded_motion(const std::filesystem::path& journal, const io::Scena
   std::vector<DugRows> rows;
   for (const io::MachineInput& machine : machines)
     rows.emplace_back(machine, !config.options.updates, same_m);
-  Schedule schedule(machines, config.options.updates, config.ends_s, same_m);
+  Schedule schedule(scenario, config.options.updates, config.ends_s, same_m);
   bool ended = false;
   io::JournalReader reader(journal);
   while (const std::optional<io::JournalRecord> record = reader.next()) {
@@ -169,11 +169,13 @@ void check_recorded_motion(const std::filesystem::path& journal, const io::Scena
     if (move->machine < rows.size()) rows[move->machine].check(*move);
     // Rows that come before what others have dug have missed their time.
     const std::optional<Step> step = schedule.next();
-    if (!step || !is_move(*step, *move))
+    if (!step || !is_move(*step, *move)) {
+      const std::size_t mover = step ? step->machine : move->machine;
       throw io::InputError(
-          machines.at(step ? step->machine : move->machine).motion.file(),
+          mover < machines.size() ? machines[mover].motion.file() : scenario.file,
           fmt::format("its rows up to {} s are not those of the run; put back what they were",
                       time_text(move->end_s)));
+    }
   }
   if (!ended) return;
   for (const DugRows& motion : rows) motion.check_end();

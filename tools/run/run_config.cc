@@ -100,6 +100,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
                {"snapshots", options.snapshots},
                {"change_before_m3", config.change_before_m3},
                {"ends_s", config.ends_s}};
+  if (scenario.soil) json["mass_before"] = config.mass_before;
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
@@ -128,6 +129,7 @@ RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
     options.snapshots = json.at("snapshots");
     config.change_before_m3 = json.at("change_before_m3");
     json.at("ends_s").get_to(config.ends_s);
+    config.mass_before = json.value("mass_before", std::int64_t{0});
     if (json.contains("voxel_size_m")) options.voxel_size_m = json["voxel_size_m"].get<double>();
     if (json.contains("updates")) options.updates = json["updates"].get<std::int64_t>();
     if (json.contains("memory_mb")) options.memory_mb = json["memory_mb"].get<std::int64_t>();

@@ -3,6 +3,7 @@
 // What a run was asked for, kept in its journal so that it can be gone on with.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -16,6 +17,8 @@ struct RunConfig {
   RunOptions options;           ///< `out` is set
   double change_before_m3 = 0;  ///< of a site that was dug before
   std::vector<double> ends_s;   ///< of the motions, as the run began
+  /// As change_before_m3, in MassUnits; of soil that moves.
+  std::int64_t mass_before = 0;
 };
 
 /// All the files a run reads: the scenario first, then motions and URDFs, the terrain.

@@ -7,13 +7,17 @@
 #include <limits>
 
 namespace soilvdb::tools {
+namespace {
 
-Schedule::Schedule(const std::vector<io::MachineInput>& machines,
-                   std::optional<std::int64_t> updates, const std::vector<double>& ends_s,
-                   double tolerance_m)
+constexpr std::int64_t kPourSteps = 128;  // so many updates of a pour
+
+}  // namespace
+
+Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
+                   const std::vector<double>& ends_s, double tolerance_m)
     : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
-  for (std::size_t i = 0; i < machines.size(); ++i) {
-    const io::MachineInput& machine = machines[i];
+  for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
+    const io::MachineInput& machine = scenario.machines[i];
     cursors_.emplace_back(machine, updates, ends_s.at(i), tolerance_m);
     total_ += cursors_.back().count();
     begin_s_ = std::min(begin_s_, machine.motion.begin_s());
@@ -23,12 +27,28 @@ Schedule::Schedule(const std::vector<io::MachineInput>& machines,
     stop_s_ = *bad.good_s;
     stops_at_ = bad.first;
   }
+  for (const Pour& pour : scenario.pours) {
+    total_ += pours_.emplace_back(pour).count();
+    begin_s_ = std::min(begin_s_, pour.begin_s);
+    end_s_ = std::max(end_s_, pour.end_s);
+  }
 }
 
 std::optional<Step> Schedule::next() {
   Cursor* first = nullptr;
   for (Cursor& cursor : cursors_) {
     if (!cursor.at_end() && (!first || cursor.until_s() < first->until_s())) first = &cursor;
+  }
+  PourCursor* first_pour = nullptr;
+  for (PourCursor& pour : pours_) {
+    if (!pour.at_end() && (!first_pour || pour.until_s() < first_pour->until_s()))
+      first_pour = &pour;
+  }
+  if (first_pour && (!first || first_pour->until_s() < first->until_s())) {
+    if (first_pour->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
+    Step step = first_pour->step();
+    step.machine = cursors_.size() + static_cast<std::size_t>(first_pour - pours_.data());
+    return step;
   }
   // Where the run stops before anything has moved, nothing is done at all.
   if (!first || first->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
@@ -98,6 +118,22 @@ Step Schedule::Cursor::step() {
     load(part_ + 1);
   }
   return step;
+}
+
+Schedule::PourCursor::PourCursor(const Pour& pour)
+    : pour_(&pour), count_(pour.end_s > pour.begin_s ? kPourSteps : 1) {}
+
+double Schedule::PourCursor::boundary_s(std::int64_t share) const {
+  if (share == 0) return pour_->begin_s;
+  if (share == count_) return pour_->end_s;
+  return pour_->begin_s +
+         (pour_->end_s - pour_->begin_s) * static_cast<double>(share) / static_cast<double>(count_);
+}
+
+Step Schedule::PourCursor::step() {
+  const double begin_s = boundary_s(done_), end_s = boundary_s(done_ + 1);
+  ++done_;
+  return {0, begin_s, end_s, nullptr, true};
 }
 
 std::vector<double> ends_of(const std::vector<io::MachineInput>& machines) {

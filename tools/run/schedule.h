@@ -15,7 +15,8 @@
 
 namespace soilvdb::tools {
 
-/// Machine `machine` moves on over [begin_s, end_s]: one update, or a piece of it.
+/// Machine `machine` moves on over [begin_s, end_s]: one update, or a piece of it. Pours are
+/// numbered after the machines, and have no motion.
 struct Step {
   std::size_t machine = 0;
   double begin_s = 0, end_s = 0;
@@ -32,21 +33,22 @@ inline bool is_move(const Step& step, const io::JournalMove& move) {
 /// The updates of several machines, merged by the time at which they end; at equal times in the
 /// order of the machines. A machine's steps follow on each other and cover its whole motion. Where
 /// parts of a long motion meet within an update, it comes in several steps, one after the other.
+/// Pours come in even shares of their time among them.
 /// Where a motion stops at a bad row, all machines do, with their last updates that end before it.
 class Schedule {
  public:
-  /// @param machines outlive the schedule
+  /// @param scenario outlives the schedule
   /// @param updates even intervals of each motion; without it one update per row, of which the
   ///        first places the bucket. A motion of one row always makes one update.
   /// @param ends_s where each motion ended when the run began, as ends_of() has them: it makes so
   ///        many updates up to there, and goes on in the same intervals if it is longer by now
   /// @param tolerance_m of Motion::simplified(), by which rows are left out that say no more than
   ///        their neighbours, where an update covers several
-  Schedule(const std::vector<io::MachineInput>& machines, std::optional<std::int64_t> updates,
+  Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
            const std::vector<double>& ends_s, double tolerance_m);
 
   std::int64_t total() const { return total_; }  ///< updates
-  double begin_s() const { return begin_s_; }    ///< of the earliest motion
+  double begin_s() const { return begin_s_; }    ///< of the earliest motion or pour
   double end_s() const { return end_s_; }        ///< of the latest
 
   /// The bad row at which it stops, and what is wrong with it; empty: it doesn't.
@@ -80,7 +82,21 @@ class Schedule {
     std::shared_ptr<const Motion> motion_;  // part_ of the machine's
     double at_s_, until_s_ = 0;             // where the last step ended, where the update ends
   };
+  class PourCursor {
+   public:
+    explicit PourCursor(const Pour& pour);
+    std::int64_t count() const { return count_; }
+    bool at_end() const { return done_ == count_; }
+    double until_s() const { return boundary_s(done_ + 1); }
+    Step step();
+
+   private:
+    double boundary_s(std::int64_t share) const;
+    const Pour* pour_;
+    std::int64_t count_, done_ = 0;
+  };
   std::vector<Cursor> cursors_;
+  std::vector<PourCursor> pours_;
   std::int64_t total_ = 0;
   double begin_s_ = 0, end_s_ = 0;
   double stop_s_;

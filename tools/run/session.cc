@@ -3,8 +3,8 @@
 #include "tools/run/session.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -47,9 +47,9 @@ Session::Session(RunConfig config, io::Scenario scenario, RunFolder& folder, Sta
       scenario_(std::move(scenario)),
       folder_(folder),
       start_(std::move(start)),
-      tracker_(*start_.site.soil, buckets(scenario_)),
-      schedule_(scenario_.machines, config_.options.updates, config_.ends_s,
-                tracker_.tolerance_m()),
+      tracker_(*start_.site.soil, buckets(scenario_),
+               Earthmoving{scenario_.soil, scenario_.pours, scenario_.hoppers}),
+      schedule_(scenario_, config_.options.updates, config_.ends_s, tracker_.tolerance_m()),
       step_(schedule_.next()),
       snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
                  schedule_.begin_s(), schedule_.end_s()),
@@ -61,7 +61,13 @@ Session::Session(RunConfig config, io::Scenario scenario, RunFolder& folder, Sta
   if (const auto mb = config_.options.memory_mb)
     start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
                                    std::make_shared<io::ColdFile>(folder_.path()));
-  under_way_.resize(scenario_.machines.size());
+  under_way_.resize(scenario_.machines.size() + scenario_.pours.size());
+  if (scenario_.soil) {
+    most_load_.resize(under_way_.size());
+    units_ = MassUnits(*scenario_.soil);
+    at_rest_ = start_.at_rest;
+    if (start_.updates == 0) config_.mass_before = tracker_.site().ground;
+  }
   summary_.scenario = scenario_.name;
   summary_.voxel_size_m = scenario_.voxel_size_m;
   summary_.threads = threads;
@@ -78,9 +84,10 @@ void Session::resume(const io::JournalContent& before) {
 /// Runs the work and what comes after it, and tells what is safe if something goes wrong.
 void Session::guarded(void (Session::*work)()) {
   try {
-    csv_.emplace(folder_.path() / kUpdatesName);
+    csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value());
     (this->*work)();
     progress_.clear();
+    come_to_rest();
     finish();
   } catch (const NoGroundError& e) {
     progress_.clear();
@@ -151,23 +158,31 @@ void Session::replay(io::JournalReader& reader) {
 /// Digs what the journal has, which must cut what it cut then.
 void Session::dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before) {
   std::vector<Motion> motions;
-  for (std::size_t i = 0; i < batch.size(); ++i)
-    motions.push_back(io::motion_of(before[i].rows, batch[i].motion->chain()));
+  motions.reserve(batch.size());  // they stay where they are
   std::vector<Move> moves;
-  for (std::size_t i = 0; i < batch.size(); ++i)
-    moves.push_back({batch[i].machine, {}, &motions[i], batch[i].begin_s, batch[i].end_s});
-  const std::vector<Update> results = tracker_.update(moves);
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const Motion* motion = nullptr;
+    if (batch[i].motion)
+      motion = &motions.emplace_back(io::motion_of(before[i].rows, batch[i].motion->chain()));
+    moves.push_back({batch[i].machine, {}, motion, batch[i].begin_s, batch[i].end_s});
+  }
+  const std::vector<Update> results = move_on(batch, moves);
   auto count = static_cast<std::uint64_t>(summary_.updates.count());
   for (std::size_t i = 0; i < batch.size(); ++i) {
     const io::JournalMove& move = before[i];
     const bool same_cut = samples(results[i].cut_m3) == move.cut_samples;
-    if (!same_cut || samples(results[i].bucket_m3) != move.bucket_samples) {
+    if (same_cut && mass(results[i].bucket_m3) == move.bucket_samples &&
+        (mass(results[i].spilled_m3) != move.spilled || mass(results[i].slid_m3) != move.slid))
+      throw differs(count, move,
+                    "had soil come down otherwise; it was another version of soilvdb that dug it, "
+                    "or another machine");
+    if (!same_cut || mass(results[i].bucket_m3) != move.bucket_samples) {
       throw differs(
           count, move,
           fmt::format("{} {} m³ and now {} {} m³; it was another version of soilvdb that dug it, "
                       "or another machine",
                       same_cut ? "left a load of" : "cut",
-                      volume_m3(same_cut ? move.bucket_samples : move.cut_samples),
+                      same_cut ? loose_m3(move.bucket_samples) : volume_m3(move.cut_samples),
                       same_cut ? "leaves" : "cuts",
                       same_cut ? results[i].bucket_m3 : results[i].cut_m3));
     }
@@ -203,18 +218,21 @@ void Session::dig() {
     std::vector<Move> moves;
     for (const Step& step : batch)
       moves.push_back({step.machine, {}, step.motion.get(), step.begin_s, step.end_s});
-    const std::vector<Update> results = tracker_.update(moves);
+    const std::vector<Update> results = move_on(batch, moves);
     if (!journal_) begin_journal();
     for (std::size_t i = 0; i < batch.size(); ++i) {
       const Step& step = batch[i];
-      const io::JournalMove move{static_cast<std::uint32_t>(step.machine),
-                                 step.ends_update,
-                                 step.begin_s,
-                                 step.end_s,
-                                 samples(results[i].cut_m3),
-                                 samples(results[i].bucket_m3),
-                                 std::llround(kNsPerUs * results[i].us),
-                                 io::rows_between(*step.motion, step.begin_s, step.end_s)};
+      const io::JournalMove move{
+          static_cast<std::uint32_t>(step.machine),
+          step.ends_update,
+          step.begin_s,
+          step.end_s,
+          samples(results[i].cut_m3),
+          mass(results[i].bucket_m3),
+          std::llround(kNsPerUs * results[i].us),
+          step.motion ? io::rows_between(*step.motion, step.begin_s, step.end_s) : io::MotionRows(),
+          mass(results[i].spilled_m3),
+          mass(results[i].slid_m3)};
       journal_->add(move);
       book(move);
     }
@@ -236,23 +254,22 @@ void Session::begin_journal() {
 
 void Session::book(const io::JournalMove& move) {
   time_s_ = move.end_s;
-  auto& sum = under_way_[move.machine];
-  sum.first += move.ns;
-  sum.second += move.cut_samples;
+  UnderWay& sum = under_way_[move.machine];
+  sum.ns += move.ns;
+  sum.cut_samples += move.cut_samples;
+  sum.spilled += move.spilled;
+  sum.slid += move.slid;
   if (!move.ends_update) return;
-  const double us = static_cast<double>(sum.first) / kNsPerUs;
+  const double us = static_cast<double>(sum.ns) / kNsPerUs;
   summary_.updates.add(us);
-  csv_->add(move.end_s, scenario_.machines[move.machine].name, volume_m3(sum.second),
-            volume_m3(move.bucket_samples), us);
+  std::optional<io::UpdatesCsv::Moved> moved;
+  if (scenario_.soil) {
+    most_load_[move.machine] = std::max(most_load_[move.machine], move.bucket_samples);
+    moved = {kg(move.bucket_samples), loose_m3(sum.spilled), loose_m3(sum.slid)};
+  }
+  csv_->add(move.end_s, name_of(move.machine), volume_m3(sum.cut_samples),
+            loose_m3(move.bucket_samples), us, moved);
   sum = {};
-}
-
-std::int64_t Session::samples(double m3) const {
-  return std::llround(m3 / start_.site.soil->sample_m3());
-}
-
-double Session::volume_m3(std::int64_t samples) const {
-  return static_cast<double>(samples) * start_.site.soil->sample_m3();
 }
 
 /// Have all machines come to the end of this step: none has another update that ends with it?
@@ -266,26 +283,6 @@ void Session::after(const Step& now) {
   progress_.update(summary_.updates.count());
   if (all_came_to(now) && snapshots_.due(now.end_s))
     write_periodic("soil_" + time_text(now.end_s) + ".vdb");
-}
-
-/// What is on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb
-/// resume out/dig` goes on from 2.5 s".
-std::string Session::safe(const std::string& before_going_on) {
-  if (!journal_) return "nothing of this run is on disk";
-  try {
-    writer_.finish();
-  } catch (const std::exception&) {  // why we are asked, or as bad
-  }
-  try {
-    journal_->flush();
-  } catch (const std::exception&) {  // the disk that is full may be why we are asked
-  }
-  const io::JournalExtent reached = journal_->acknowledged();
-  std::vector<std::string> files = folder_.files();
-  files.push_back(kJournalName);
-  const std::string folder = folder_.path().string();
-  return fmt::format("safe in {}: {}; {}`soilvdb resume {}` goes on from {} s", folder,
-                     fmt::join(files, ", "), before_going_on, folder, time_text(reached.time_s));
 }
 
 }  // namespace soilvdb::tools

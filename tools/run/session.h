@@ -39,7 +39,13 @@ struct Start {
   std::string tracker_state;  ///< after those; empty at the beginning
   std::string snapshot = {};  ///< name of the one that it was read from, and what that goes on from
   std::optional<io::SnapshotParent> parent = {};
+  bool at_rest = false;  ///< where soil moves: all has come to rest at the run's end
 };
+
+/// Where soil moves a snapshot's tracker state ends with a byte that says Start::at_rest.
+void put_at_rest(std::string& tracker_state, bool at_rest);
+/// Takes it off again and returns it.
+bool take_at_rest(std::string& tracker_state);
 
 /// One run, from checked input to its last file.
 class Session {
@@ -67,6 +73,8 @@ class Session {
   void guarded(void (Session::*work)());
   void replay_and_dig();
   void replay(io::JournalReader& reader);
+  std::vector<Update> move_on(std::span<const Step> batch, std::span<const Move> moves);
+  void come_to_rest();
   void dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before);
   std::runtime_error differs(std::uint64_t count, const io::JournalMove& move,
                              const std::string& why) const;
@@ -74,8 +82,12 @@ class Session {
   void begin_journal();
   void book(const io::JournalMove& move);
   std::vector<Step> next_batch(const std::function<bool()>& take);
+  const std::string& name_of(std::size_t mover) const;
   std::int64_t samples(double m3) const;
+  std::int64_t mass(double loose_m3) const;
   double volume_m3(std::int64_t samples) const;
+  double loose_m3(std::int64_t mass) const;
+  double kg(std::int64_t mass) const;
   bool all_came_to(const Step& now) const;
   void after(const Step& now);
   void go_on_with_snapshots();
@@ -88,6 +100,7 @@ class Session {
   void write_mesh();
   void write_raster();
   void summarise();
+  void summarise_soil();
   std::string safe(const std::string& before_going_on = "");
 
   Clock::time_point begin_;
@@ -105,10 +118,15 @@ class Session {
   std::optional<io::UpdatesCsv> csv_;
   io::Summary summary_;
   Progress progress_;
-  /// Of each machine's update: ns, and samples cut.
-  std::vector<std::pair<std::int64_t, std::int64_t>> under_way_;
+  /// Sums of the steps of a machine's update.
+  struct UnderWay {
+    std::int64_t ns = 0, cut_samples = 0, spilled = 0, slid = 0;
+  };
+  std::vector<UnderWay> under_way_;      // of each machine and pour
+  std::vector<std::int64_t> most_load_;  // that each has held
+  MassUnits units_;
   double time_s_ = 0;  ///< how far the motion has come
-  bool stopped_ = false;
+  bool stopped_ = false, at_rest_ = false;
 };
 
 /// The scenario a run is to dig, read and checked.

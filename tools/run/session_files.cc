@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The files of a session: snapshots on the way, the rest at the end.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -39,8 +40,11 @@ const io::JournalFile* Session::intact(const std::string& name) const {
 
 io::SnapshotInfo Session::snapshot_info() {
   const Ledger total = tracker_.total();
-  return {scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
-          total.displaced_m3(), total.dumped_m3(), tracker_.state()};
+  io::SnapshotInfo info{
+      scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
+      total.displaced_m3(), total.dumped_m3(), tracker_.state()};
+  if (scenario_.soil) put_at_rest(info.tracker_state, at_rest_);
+  return info;
 }
 
 /// Those of the run before that lead to where the ground is.
@@ -93,10 +97,11 @@ void Session::finish() {
                 [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });
   const bool mesh = config_.options.mesh && scenario_.mesh;
   if (soil.chunks().empty()) {
-    say(fmt::format("warning: no bucket met any soil{}",
-                    mesh || scenario_.raster_cell_m
-                        ? "; there is no ground to make meshes or rasters of"
-                        : ""));
+    say(fmt::format(
+        "warning: {}{}",
+        scenario_.machines.empty() ? "no soil came to lie on the ground" : "no bucket met any soil",
+        mesh || scenario_.raster_cell_m ? "; there is no ground to make meshes or rasters of"
+                                        : ""));
   } else {
     if (mesh)
       write_final("soil_final." + *scenario_.mesh, [&](const auto& file) {
@@ -135,12 +140,33 @@ void Session::summarise() {
     summary_.machines.push_back({scenario_.machines[i].name, ledger.bucket_m3(), ledger.cut_m3(),
                                  scenario_.machines[i].motion.bad_rows().count});
   }
+  if (scenario_.soil) summarise_soil();
   summary_.leaves = soil.chunks().size();
   summary_.active_voxels = soil.active_voxels();
   summary_.resident_m2 = soil.resident_m2();
   summary_.soil_bytes = soil.memory_bytes();
   summary_.state_hash = soil.state_hash();
   summary_.peak_rss_bytes = peak_rss_bytes();
+}
+
+/// What is on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb
+/// resume out/dig` goes on from 2.5 s".
+std::string Session::safe(const std::string& before_going_on) {
+  if (!journal_) return "nothing of this run is on disk";
+  try {
+    writer_.finish();
+  } catch (const std::exception&) {  // why we are asked, or as bad
+  }
+  try {
+    journal_->flush();
+  } catch (const std::exception&) {  // the disk that is full may be why we are asked
+  }
+  const io::JournalExtent reached = journal_->acknowledged();
+  std::vector<std::string> files = folder_.files();
+  files.push_back(kJournalName);
+  const std::string folder = folder_.path().string();
+  return fmt::format("safe in {}: {}; {}`soilvdb resume {}` goes on from {} s", folder,
+                     fmt::join(files, ", "), before_going_on, folder, time_text(reached.time_s));
 }
 
 }  // namespace soilvdb::tools

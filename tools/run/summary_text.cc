@@ -50,6 +50,14 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
   line("  displaced", fmt::format("{} m³", number(s.displaced_m3)));
   line("dumped", fmt::format("{} m³", number(s.dumped_m3)));
   print_machines(s.machines);
+  if (const auto& m = s.moved) {
+    line("spilled", fmt::format("{} m³", number(m->spilled_m3)));
+    line("poured", fmt::format("{} m³", number(m->poured_m3)));
+    line("hauled", fmt::format("{} m³", number(m->hauled_m3)));
+    line("slid", fmt::format("{} m³", number(m->slid_m3)));
+    line("mass", fmt::format("ground {} kg, residual {} kg", number(m->ground_change_kg),
+                             m->residual_kg == 0 ? "0" : fmt::format("{:.1e}", m->residual_kg)));
+  }
   line("ground", fmt::format("{} m³ by recount, residual {} m³", number(s.ground_change_m3),
                              s.residual_m3 == 0 ? "0" : fmt::format("{:.1e}", s.residual_m3)));
   line("", fmt::format("{} m² resident, {} chunks, {} voxels", number(s.resident_m2), s.leaves,

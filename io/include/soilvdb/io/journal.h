@@ -30,13 +30,16 @@ struct JournalConfig {
   std::string text;
 };
 /// A machine moved on over [begin_s, end_s]: the rows of its motion that took, and what came of it.
+/// Pours come after the machines and have no rows.
 struct JournalMove {
   std::uint32_t machine = 0;
   bool ends_update = true;
   double begin_s = 0, end_s = 0;
-  std::int64_t cut_samples = 0, bucket_samples = 0;  ///< of Soil::sample_m3(); bucket: after it
-  std::int64_t ns = 0;                               ///< it took
+  std::int64_t cut_samples = 0;     ///< of Soil::sample_m3()
+  std::int64_t bucket_samples = 0;  ///< after it; where soil moves in MassUnits, as what follows
+  std::int64_t ns = 0;              ///< it took
   MotionRows rows;
+  std::int64_t spilled = 0, slid = 0;
 };
 /// A file that was finished, as of so many updates.
 struct JournalFile {

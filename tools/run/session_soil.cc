@@ -1,0 +1,114 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a session does besides where soil moves: pours, rest at the end, and the books of it.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "soilvdb/capacity.h"
+#include "tools/run/session.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr char kAtRest = 'R', kUnderWay = 'U';  // last byte of a state where soil moves
+
+}  // namespace
+
+void put_at_rest(std::string& tracker_state, bool at_rest) {
+  tracker_state += at_rest ? kAtRest : kUnderWay;
+}
+
+bool take_at_rest(std::string& tracker_state) {
+  if (tracker_state.empty()) return false;
+  const char last = tracker_state.back();
+  tracker_state.pop_back();
+  return last == kAtRest;
+}
+
+/// One update per step: machines as many at once as there are between pours.
+std::vector<Update> Session::move_on(std::span<const Step> batch, std::span<const Move> moves) {
+  if (scenario_.pours.empty()) return tracker_.update(moves);
+  const std::size_t machines = scenario_.machines.size();
+  std::vector<Update> results;
+  for (std::size_t i = 0; i < batch.size();) {
+    if (batch[i].machine >= machines) {
+      results.push_back(tracker_.pour(batch[i].machine - machines, batch[i].end_s));
+      ++i;
+      continue;
+    }
+    std::size_t end = i + 1;
+    while (end < batch.size() && batch[end].machine < machines) ++end;
+    const std::vector<Update> some = tracker_.update(moves.subspan(i, end - i));
+    results.insert(results.end(), some.begin(), some.end());
+    i = end;
+  }
+  return results;
+}
+
+/// At the end of the run, once: ground that was read from there is at rest.
+void Session::come_to_rest() {
+  if (!scenario_.soil || stopped_ || at_rest_) return;
+  tracker_.come_to_rest();
+  at_rest_ = true;
+}
+
+const std::string& Session::name_of(std::size_t mover) const {
+  const std::size_t machines = scenario_.machines.size();
+  return mover < machines ? scenario_.machines[mover].name : scenario_.pours[mover - machines].name;
+}
+
+std::int64_t Session::samples(double m3) const {
+  return std::llround(m3 / start_.site.soil->sample_m3());
+}
+
+std::int64_t Session::mass(double loose_m3) const {
+  return std::llround(loose_m3 / start_.site.soil->sample_m3() * static_cast<double>(units_.loose));
+}
+
+double Session::volume_m3(std::int64_t samples) const {
+  return static_cast<double>(samples) * start_.site.soil->sample_m3();
+}
+
+double Session::loose_m3(std::int64_t mass) const {
+  return units_.loose_samples(mass) * start_.site.soil->sample_m3();
+}
+
+double Session::kg(std::int64_t mass) const {
+  return units_.kg(mass, start_.site.soil->sample_m3(), *scenario_.soil);
+}
+
+/// Of soil that moves; counts in samples and units of mass, which are exact.
+void Session::summarise_soil() {
+  const Ledger total = tracker_.total();
+  const SiteLedger site = tracker_.site();
+  const std::int64_t ground = site.ground - config_.mass_before;
+  const std::int64_t residual = ground + total.load + site.in_flight + site.hauled - site.poured;
+  const std::int64_t expected = site.fill_samples - site.gone_samples - total.cut();
+  summary_.residual_m3 = volume_m3(samples(summary_.ground_change_m3) - expected);
+  io::Summary::Moved& moved = summary_.moved.emplace();
+  moved.spilled_m3 = loose_m3(total.spilled);
+  moved.poured_m3 = loose_m3(site.poured);
+  moved.hauled_m3 = loose_m3(site.hauled);
+  moved.slid_m3 = loose_m3(site.slid);
+  moved.fill_m3 = volume_m3(site.fill_samples);
+  moved.ground_change_kg = kg(ground);
+  moved.buckets_kg = kg(total.load);
+  moved.hauled_kg = kg(site.hauled);
+  moved.poured_kg = kg(site.poured);
+  moved.in_flight_kg = kg(site.in_flight);
+  moved.residual_kg = kg(residual);
+  for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
+    const Ledger& ledger = tracker_.ledger(i);
+    io::Summary::Machine& machine = summary_.machines[i];
+    machine.bucket_kg = kg(ledger.load);
+    machine.capacity = Capacity::of(scenario_.machines[i].bucket);
+    // What sticks to a bucket that was tipped is less.
+    if (!stopped_ && machine.capacity && ledger.load > most_load_[i] / 2)
+      say(fmt::format("warning: {} still holds {} m³ at the end; it was never tipped to dump that",
+                      machine.name, number(machine.bucket_m3)));
+  }
+}
+
+}  // namespace soilvdb::tools
