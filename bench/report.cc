@@ -16,6 +16,7 @@ namespace soilvdb::bench {
 namespace {
 
 std::string goal(const Figure& f) {
+  if (f.at_most && f.at_least) return fmt::format("{:g} to {:g}", *f.at_least, *f.at_most);
   if (f.at_most) return fmt::format("<= {:g}", *f.at_most);
   if (f.at_least) return fmt::format(">= {:g}", *f.at_least);
   return "";

@@ -139,18 +139,28 @@ inline constexpr double kCertain = 3;
 /// and voxels at least. More: soil in front of a full bucket comes in lumps. Less: more is settled
 /// that moves again at once.
 inline constexpr double kStationShare = 0.1, kStationVoxels = 2;
-/// A pour comes down in parts, evenly over its time: of so many cells, but no more parts than that.
-/// More: each looks at the pile anew.
+/// Stations from one at which what a bucket left comes to rest to the next, while it digs. More:
+/// soil stands too steep behind it for longer. Less: more of it slides that is moved again at once.
+inline constexpr int kRestStations = 5;
+/// A pour comes down in parts, evenly over its time: of so many cells, but no fewer and no more
+/// parts than that. More: each looks at the pile anew. Fewer: a truck tips all its soil at the end.
 inline constexpr double kPourCells = 400;
-inline constexpr std::int64_t kMostPourParts = 128;
+inline constexpr std::int64_t kLeastPourParts = 16, kMostPourParts = 128;
 /// Way in plan from one station to the next that says where the body pushes soil to, radii.
 inline constexpr double kLeastPush = 0.01;
 
 /// Cells beyond a pile or what was dug that are looked at first; more if soil comes that far.
 inline constexpr int kWindowMargin = 8;
-/// Most cells along a side of what is looked at: 50 m at 5 cm. Soil that runs on beyond stays at
-/// the border.
-inline constexpr int kMostWindow = 1024;
+/// Cells along a side of what is looked at, 50 m at 5 cm, from which on what slides beyond does so
+/// in another such square, and how many there may be.
+inline constexpr int kMostWindow = 1024, kMostSlideWindows = 100;
+/// Columns of chunks of which is kept what the base surface has there: 600 bytes each. Less: sites
+/// with many machines ask it anew.
+inline constexpr std::size_t kMostBaseColumns = 8192;
+/// Cells along a side of what is looked at from which on soil that runs on beyond does so to
+/// another such square. Less: piles that would fill what they run down from don't know it. More:
+/// soil on long steep slopes takes longer. And how many squares there may be.
+inline constexpr int kRunOnWindow = 256, kMostPourWindows = 1000;
 /// Cells above a column's surface, and below its bank, in which samples of it may lie: bank that
 /// fills a part of a column puts its soil higher than the mean.
 inline constexpr int kFillCells = 16;
@@ -161,9 +171,19 @@ inline constexpr std::size_t kParallelFill = 64, kParallelColumns = 400;
 /// fro. More: heaps stand too steep.
 inline constexpr double kSteepStep = 0.2, kSteepDrop = 0.08;
 inline constexpr int kSteepColumns = 3;
-/// What it comes to rest at is steeper than repose by so much, a quarter of a degree, so that little of
-/// what counts err by slides along.
+/// What it comes to rest at is steeper than repose by so much, a quarter of a degree, so that
+/// little of what counts err by slides along.
 inline constexpr double kNoiseSlope = 0.005;
+/// m/s2, standard.
+inline constexpr double kGravity = 9.80665;
+/// Cells about what was dug in which ledges are looked for first; more if they reach farther.
+inline constexpr int kLedgeMargin = 4;
+/// Cells below the terrain at which a column was surely dug.
+inline constexpr double kDug = 0.25;
+/// Times that soil comes to rest around all machines, one after the other, until none moves.
+inline constexpr int kMostRests = 32;
+/// Failures of a bank, one after the other at one station, before the next station goes on with it.
+inline constexpr int kMostFailures = 32;
 /// Change of height that is worth moving samples for, cells. Less than what a count errs by.
 inline constexpr double kLeastChange = 1e-3;
 /// Cells between points of a bucket that are looked at for what it stands in the way of, and how

@@ -86,7 +86,7 @@ def hills():
 # attitude there is `a`, the angle by which its mouth looks above the horizontal.
 
 BASE = (512340.0, 5403640.0, 431.85)
-YAW = 0.6
+YAW = 0.0
 WIDTH, HEIGHT = 1.2, 1.15
 PROFILE = [(0, 0), (-0.45, 0.09), (-0.80, 0.32), (-0.92, 0.62), (-0.85, 0.90), (-0.55, 1.10),
            (0, 1.15)]
@@ -145,15 +145,26 @@ def ease(t):
     return t * t * (3 - 2 * t)
 
 
-ENTRY = math.radians(33)  # below the horizontal
-RADIUS_IN, RADIUS_OUT = 1.86, 2.0
-LAYER = 0.30
+ENTRY, EXIT = math.radians(40), math.radians(48)  # from the horizontal
+RADIUS_IN, RADIUS_OUT = 1.35, 1.5
+FAR_END = 8.7  # of the trench at the ground's surface, from the swing axis
+CLEAR = 0.40  # above the ground before and after a pass
+# Depth of the floor, where the pass begins from the far end, drag along the floor: two passes to a
+# layer while it is long, from the far end to the near one.
+PASSES = [(0.30, 0.0, 0.75), (0.30, 2.05, 0.80), (0.60, 0.0, 0.65), (0.60, 1.80, 0.75),
+          (0.90, 0.0, 0.50), (0.90, 1.50, 0.55), (1.20, 0.0, 0.85), (1.50, 0.0, 0.60)]
+# Where the loads go: swing, lip from the swing axis, height over the ground there, and the lip's
+# height over the ground as it tips.
+TRUCK, HEAP = (1.25, 6.1, 3.6), (-0.64, 6.5, 2.4)
+LEVEL, TIP = 1.27, 2.25  # attitude of a load that is carried, and how far it is tipped
+LOADS = [HEAP, TRUCK, TRUCK, HEAP, TRUCK, TRUCK, HEAP, TRUCK]
 
 
-def dig_path(layer, drag, step=0.01):
-    """Lip and attitude along one pass: distance inward, height over the untouched ground, a. The
-    mouth looks along the path; the floor's clearance angle keeps the body out of the ground."""
-    u, z, a = -0.55 / math.tan(ENTRY), 0.55, -ENTRY
+def dig_path(depth, begin, drag, step=0.01):
+    """Lip and attitude along one pass: distance inward from the far end, height over the untouched
+    ground, a. The mouth looks along the path; the floor's clearance angle keeps the body out of the
+    ground."""
+    u, z, a = begin - CLEAR / math.tan(ENTRY), CLEAR, -ENTRY
     points = [(u, z, a)]
 
     def go(length, turn):
@@ -166,14 +177,11 @@ def dig_path(layer, drag, step=0.01):
             a += turn / n / 2
             points.append((u, z, a))
 
-    go((0.55 + LAYER * (layer - 1)) / math.sin(ENTRY), 0)
-    turn = math.acos(1 - LAYER / RADIUS_IN)
-    assert abs(turn - ENTRY) < 0.02
+    go((CLEAR + depth - RADIUS_IN * (1 - math.cos(ENTRY))) / math.sin(ENTRY), 0)
     go(RADIUS_IN * ENTRY, ENTRY)
     go(drag, 0)
-    out = math.acos(1 - LAYER / RADIUS_OUT)
-    go(RADIUS_OUT * out, out)
-    go((LAYER * (layer - 1) + 0.75) / math.sin(out), 0.25)
+    go(RADIUS_OUT * EXIT, EXIT)
+    go((CLEAR - z) / math.sin(EXIT), 0.3)
     return points
 
 
@@ -182,40 +190,42 @@ def blend(rows, start, end, seconds):
     rows += [tuple(s + (e - s) * ease(i / n) for s, e in zip(start, end)) for i in range(1, n + 1)]
 
 
-def cycle(rows, swing, layer, drag, r_in, seconds):
-    path = [(r_in - u, z, a) for u, z, a in dig_path(layer, drag)]
-    start = (swing, *joints(path[0][0], path[0][1] + ground_z(swing, path[0][0]), path[0][2]))
-    above = (swing, *joints(path[0][0] - 0.5, 1.6, -0.55))
+def cycle(rows, dig, unload):
+    depth, begin, drag = dig
+    path = [(FAR_END - u, z, a) for u, z, a in dig_path(depth, begin, drag)]
+    start = (0, *joints(path[0][0], path[0][1] + ground_z(0, path[0][0]), path[0][2]))
+    above = (0, *joints(path[0][0] - 0.4, 1.5, -0.6))
     if rows:  # swing back high and open the bucket on the way
-        blend(rows, rows[-1], above, max(2.5, abs(rows[-1][0] - swing) * 1.9))
+        blend(rows, rows[-1], above, max(2.0, abs(rows[-1][0]) * 2.2))
     else:
         rows.append(above)
-    blend(rows, above, start, 1.5)
-    n = round(seconds * RATE)
+    blend(rows, above, start, 1.3)
+    n = round((1.2 + 0.0075 * len(path)) * RATE)
     for i in range(1, n + 1):
         t = i / n  # starts and stops gently
         s = (t - math.sin(2 * math.pi * t) / (2 * math.pi) * 0.6) * (len(path) - 1)
         k = min(int(s), len(path) - 2)
         r, z, a = (p + (q - p) * (s - k) for p, q in zip(path[k], path[k + 1]))
-        rows.append((swing, *joints(r, z + ground_z(swing, r), a)))
+        rows.append((0, *joints(r, z + ground_z(0, r), a)))
     r, z, a = lip(*rows[-1][1:])
-    for i in range(1, 31):  # curl and lift
-        t = i / 30
-        rows.append((swing, *joints(r + 1.5 * ease(t), z + 1.9 * ease(min(1, 1.25 * t)),
-                                    a + (1.35 - a) * ease(t))))
-    side = 1.35
-    blend(rows, rows[-1], (side, *joints(6.6, 2.9, 1.35)), max(2.5, abs(side - swing) * 1.9))
-    r, z, a = lip(*rows[-1][1:])
-    for i in range(1, 31):  # dump
-        t = i / 30
-        rows.append((side, *joints(r + 0.4 * ease(t), z - 0.6 * ease(t), a - 2.5 * ease(t))))
+    n = round(2.4 * RATE)
+    for i in range(1, n + 1):  # curl and lift
+        t = i / n
+        rows.append((0, *joints(r + 0.9 * ease(t), z + 1.5 * ease(min(1, 1.25 * t)),
+                                a + (LEVEL - a) * ease(t))))
+    side, reach, height = unload
+    height += ground_z(side, reach)
+    blend(rows, rows[-1], (side, *joints(reach, height, LEVEL)), max(2.2, abs(side) * 2.4))
+    n = round(2.7 * RATE)
+    for i in range(1, n + 1):  # tip about the lip
+        t = i / n
+        rows.append((side, *joints(reach, height - 0.3 * ease(t), LEVEL - TIP * ease(t))))
 
 
 def excavator():
     rows = []
-    for layer, drag in ((1, 1.3), (2, 0.8)):
-        for k in range(3):
-            cycle(rows, -0.55 + 0.18 * k, layer, drag, 8.1, 6.0)
+    for dig, unload in zip(PASSES, LOADS):
+        cycle(rows, dig, unload)
     names = ["swing_joint", "boom_joint", "arm_joint", "bucket_joint"]
     for i, name in enumerate(names):
         values = [row[i] for row in rows]
@@ -229,7 +239,8 @@ def excavator():
 
 
 def check_volume(rows, cell=0.05, steps=8):
-    """The volume above the lip's path, and what the body takes beside it, on a grid of columns."""
+    """The volume above the lip's path, and what the body takes beside it, on a grid of columns, of
+    soil that neither falls nor swells."""
     heights = {}
 
     def column(i, j):
@@ -263,12 +274,13 @@ def check_volume(rows, cell=0.05, steps=8):
                 for m in range(1, 8):
                     dr, dz = in_plane(a, x0 + (x1 - x0) * m / 7, z0 + (z1 - z0) * m / 7)
                     displaced += cut(q[0], r + dr, z + dz)
-            if a < -0.9 and load:
+            if a < 0 and q[0] and load:
                 loads.append(load)
                 load = 0
     print(f"excavator: {len(rows) / RATE:.0f} s, captured {captured:.2f} m3, displaced "
           f"{displaced:.3f} m3, loads " + " ".join(f"{v:.2f}" for v in loads))
-    assert len(loads) == 6 and all(0.7 < v < 1.3 for v in loads) and displaced < 0.05 * captured
+    assert len(loads) == len(PASSES) and all(0.6 < v < 1 for v in loads)
+    assert displaced < 0.05 * captured
 
 
 def write_csv(name, header, rows):

@@ -144,13 +144,16 @@ class Waves {
   std::vector<Wave> waves_;
 };
 
-/// Rough ground of bank and loose soil that fails down to a base of its own.
-inline SoilColumns rough(unsigned seed, int nx, int ny, double base_slope, double top_slope) {
+/// Rough ground of bank and loose soil that fails down to a base of its own. @param fine columns to
+/// a side, whose own sides heights are then in
+inline SoilColumns rough(unsigned seed, int nx, int ny, double base_slope, double top_slope,
+                         int fine = 1) {
   const Waves base(seed, base_slope, 8, 48), bank(seed + 1, 0.3, 6, 24),
       top(seed + 2, top_slope, 8, 48);
-  return sampled<1>(nx, ny, [&](double x, double y) {
+  return sampled<1>(fine * nx, fine * ny, [&](double u, double v) {
+    const double x = u / fine, y = v / fine;
     const double b = base(x, y), m = std::max(b, b + 1 + bank(x, y));
-    return Layers{b, m, std::max(m, top(x, y))};
+    return Layers{fine * b, fine * m, fine * std::max(m, top(x, y))};
   });
 }
 

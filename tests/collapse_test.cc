@@ -3,12 +3,12 @@
 // Collapse against truths in closed form.
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <limits>
 #include <string>
 
 #include "core/constants.h"
 #include "tests/collapse_scenes.h"
+#include "tests/collapse_truths.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -23,14 +23,6 @@ struct Soil {
   Repose repose() const { return {.slope = slope(), .swell = swell}; }
 };
 constexpr Soil kSoils[] = {{35, 1}, {35, 1.25}, {25, 1.1}, {30, 1.7}, {45, 1.4}};
-
-double root(const std::function<double(double)>& f, double low, double high) {
-  for (int i = 0; i < 60; ++i) {
-    const double middle = (low + high) / 2;
-    ((f(low) < 0) == (f(middle) < 0) ? low : high) = middle;
-  }
-  return low;
-}
 
 Layers bank(double top) { return {0, top, top}; }
 Layers rigid(double top) { return {top, top, top}; }
@@ -56,11 +48,6 @@ Collapse check(const std::string& name, const SoilColumns& ground, const Soil& s
   EXPECT_NEAR(soil.swell * collapse.bank_m3 + collapse.loose_m3, collapse.fill_m3,
               1e-9 * collapse.fill_m3);
   return collapse;
-}
-
-/// Of a cohesionless wall: where the new slope meets the old face.
-double wall_beta(double height, double swell) {
-  return height * std::sqrt(swell) / (1 + std::sqrt(swell));
 }
 
 TEST(Collapse, AWallRetreatsAndRunsOutWhateverItsDirection) {
@@ -100,13 +87,7 @@ TEST(Collapse, ARoundPitClosesFromItsRim) {
   constexpr double kRadius = 24, kDepth = 16;
   for (const Soil& soil : kSoils) {
     const double k = soil.slope();
-    const double beta = root(
-        [&](double b) {
-          const double u = b / k, v = (kDepth - b) / k;
-          return u * u * kRadius / 2 - u * u * u / 6 -
-                 soil.swell * (v * v * kRadius / 2 + v * v * v / 6);
-        },
-        0, std::min(kDepth, k * kRadius));
+    const double beta = pit_beta(kRadius, kDepth, k, soil.swell);
     check(
         "pit",
         sampled(kSides, kSides,
@@ -121,17 +102,7 @@ TEST(Collapse, ATowerComesToACone) {
   constexpr double kHeight = 32, kTowerRadius = 8;
   for (const Soil& soil : kSoils) {
     const double k = soil.slope();
-    const double apex = root(
-        [&](double a) {
-          double sum = 0;
-          constexpr double kStep = 0.01;
-          for (double r = kStep / 2; r < a / k + kTowerRadius; r += kStep) {
-            const double gain = std::max(0.0, a - k * r) - (r < kTowerRadius ? kHeight : 0);
-            sum += r * gain * (gain < 0 ? soil.swell : 1);
-          }
-          return sum;
-        },
-        0, kHeight);
+    const double apex = tower_apex(kTowerRadius, kHeight, k, soil.swell);
     const Collapse collapse =
         check("tower",
               sampled(kSides, kSides,

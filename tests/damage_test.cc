@@ -24,8 +24,11 @@ class DamagedRun : public ProgramTest {
     std::string rows = "time,x,y,z\n";
     for (int i = 0; i <= 40; ++i) rows += fmt::format("{},{},5,{}\n", 0.1 * i, 5 + 0.1 * i, 4.85);
     write_file(folder() / "dig.csv", rows);
+    // Soil that moves, so that some of it is loose.
     const std::string text = half_sine_scenario(
-        "{plane: {z: 5}}", "dig.csv",
+        "{plane: {z: 5}}\nsoil: {repose_angle: 0.6, swell: 0.2}\n"
+        "pours: [{name: heap, at: [8, 5.1, 6], time: [0.1, 0.1], volume: 0.005}]",
+        "dig.csv",
         "{snapshots: {every: 0.4, incremental: true}, mesh: ply, journal: {sync: always}}");
     write_file(folder() / "dig.yaml", text);
     const Result result = run("run dig.yaml --threads 1 --out whole");

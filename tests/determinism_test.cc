@@ -62,31 +62,51 @@ Bucket bucket(double width_m, double height_m, std::vector<Vec2> profile = {},
 class Dig {
  public:
   Dig(double voxel_size_m, const Vec3& origin, std::unique_ptr<BaseSurface> ground,
-      std::vector<Bucket> buckets)
-      : soil_(voxel_size_m, origin, std::move(ground)), tracker_(soil_, std::move(buckets)) {}
+      std::vector<Bucket> buckets, Earthmoving earthmoving = {})
+      : soil_(voxel_size_m, origin, std::move(ground)),
+        moves_(earthmoving.soil.has_value()),
+        pours_(earthmoving.pours.size()),
+        tracker_(soil_, std::move(buckets), std::move(earthmoving)) {}
 
   /// Rows of a motion, so many to an update.
   void along(const Motion& motion, int updates) {
     for (int i = 0; i < updates; ++i) {
       const double span = motion.end_s() - motion.begin_s();
-      add(tracker_.update(0, motion, motion.begin_s() + span * i / updates,
-                          motion.begin_s() + span * (i + 1) / updates));
+      const double end_s = motion.begin_s() + span * (i + 1) / updates;
+      add(tracker_.update(0, motion, motion.begin_s() + span * i / updates, end_s));
+      for (std::size_t p = 0; p < pours_; ++p) add(tracker_.pour(p, end_s));
     }
+    if (moves_) add(tracker_.come_to_rest());
   }
   void all(const std::vector<Move>& moves) {
     for (const Update& update : tracker_.update(moves)) add(update);
   }
   Outcome outcome() {
     const Ledger total = tracker_.total();
+    if (moves_) {
+      const SiteLedger site = tracker_.site();
+      EXPECT_GT(site.slid, 0);
+      EXPECT_GT(site.hauled, 0);
+      EXPECT_EQ(site.ground + total.load + site.in_flight + site.hauled, site.poured);
+      for (const std::int64_t mass : {site.ground, site.in_flight, site.hauled, site.slid,
+                                      site.fill_samples, total.load, total.spilled})
+        add(static_cast<std::uint64_t>(mass));
+    }
     return {soil_.state_hash(), digest_, total.captured, total.displaced, total.dumped};
   }
 
  private:
   void add(const Update& update) {
-    digest_ = splitmix64(digest_ ^ std::bit_cast<std::uint64_t>(update.cut_m3));
-    digest_ = splitmix64(digest_ ^ std::bit_cast<std::uint64_t>(update.bucket_m3));
+    add(std::bit_cast<std::uint64_t>(update.cut_m3));
+    add(std::bit_cast<std::uint64_t>(update.bucket_m3));
+    if (!moves_) return;
+    add(std::bit_cast<std::uint64_t>(update.spilled_m3));
+    add(std::bit_cast<std::uint64_t>(update.slid_m3));
   }
+  void add(std::uint64_t bits) { digest_ = splitmix64(digest_ ^ bits); }
   Soil soil_;
+  const bool moves_;  // the soil
+  const std::size_t pours_;
   Tracker tracker_;
   std::uint64_t digest_ = 0;
 };
@@ -207,11 +227,37 @@ Outcome level_set() {
   return dig.outcome();
 }
 
-const std::map<std::string, Outcome (*)()> kScenes = {{"plane", plane},
-                                                      {"raster", raster},
-                                                      {"fleet", fleet},
-                                                      {"undercut", undercut},
-                                                      {"level_set", level_set}};
+/// A bucket fills up, spills, curls, is tipped over a hopper, goes through what a truck has poured
+/// meanwhile, and is tipped onto another heap. In UTM coordinates.
+Outcome earthmoving() {
+  const Vec3 corner(500000, 5400000, 430);
+  const auto in_plan = [&](double x, double y) { return Vec2(corner.x() + x, corner.y() + y); };
+  Earthmoving all;
+  all.soil = SoilProperties{0.61, 0.25, 1800, {}, {}};
+  all.pours = {{"truck", corner + Vec3(1.5, 1.5, 5), 0, 6, 0.8},
+               {"tip", corner + Vec3(-0.5, 0.3, 5), 3, 3, 0.3}};
+  all.hoppers = {{"bed", {in_plan(2, -2.5), in_plan(4, -0.5)}, corner.z() + 1.2}};
+  const Vec2 uphill(0.1, -0.05);
+  Dig dig(0.1, corner, make_plane(corner.z() - uphill.dot(corner.head<2>()), uphill),
+          {bucket(1, 0.8, {{0, 0}, {-0.45, -0.05}, {-0.8, 0.3}, {-0.6, 0.8}, {0, 0.8}})}, all);
+  const Pose way[] = {
+      at(-2, 0, 0.5, 0.18),    at(-1.6, 0, -0.45, 0.18),        at(0.3, 0, -0.35, 0.1),
+      at(0.9, 0, 0.5, -0.7),   at(1.2, 0.2, 2.2, -0.8),         at(2.5, -1.5, 2.4, -0.8),
+      at(2.5, -1.5, 2.4, 0.8), at(-1.6, 0.3, -0.5, 0.18, 0.05), at(0.4, 0.4, -0.45, 0.1, 0.05),
+      at(1, 0.4, 2, -0.8),     at(1.5, 1.2, 2.2, -0.8),         at(1.5, 1.2, 2.2, 0.8)};
+  std::vector<double> times;
+  std::vector<Pose> poses;
+  for (const Pose& pose : way) {
+    times.push_back(0.8 * static_cast<double>(times.size()));
+    poses.push_back({corner + pose.position, pose.rotation});
+  }
+  dig.along({times, poses}, 60);
+  return dig.outcome();
+}
+
+const std::map<std::string, Outcome (*)()> kScenes = {
+    {"plane", plane},       {"raster", raster},       {"fleet", fleet},
+    {"undercut", undercut}, {"level_set", level_set}, {"earthmoving", earthmoving}};
 
 /// The lines of the file: its head, and the outcome of each scene.
 struct Golden {
@@ -259,7 +305,8 @@ TEST_P(Determinism, SameBitsOnAnyThreadsRunsBuildsAndCpus) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, Determinism,
-                         ::testing::Values("plane", "raster", "fleet", "undercut", "level_set"),
+                         ::testing::Values("plane", "raster", "fleet", "undercut", "level_set",
+                                           "earthmoving"),
                          [](const auto& scene) { return scene.param; });
 
 }  // namespace

@@ -4,8 +4,10 @@
 // way.
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <chrono>
 #include <limits>
+#include <numbers>
 
 #include "tests/earthmoving_fixture.h"
 
@@ -87,6 +89,39 @@ TEST(EarthmovingAttack, PoursOfAnySizeAnywhere) {
                 {pour({-0.5, 0.2, 2}, 5)}, 7 * kDegree);
 }
 
+/// Samples that a box of the plan lost or got, each counted.
+std::int64_t changed_samples(const Soil& soil, const Eigen::AlignedBox2d& box_m) {
+  std::int64_t changed = 0;
+  for (const Chunk* chunk : soil.chunks()) {
+    SampleWords now, before;
+    soil.read_samples(chunk->origin, now);
+    soil.read_base(chunk->origin, before);
+    for (std::size_t n = 0; n < now.size(); ++n) {
+      const Vec3 at = soil.world_from_index(
+          (chunk->origin + Coord3(static_cast<int>(n >> 6), static_cast<int>(n >> 3 & 7), 0))
+              .cast<double>());
+      if (box_m.contains(at.head<2>())) changed += std::popcount(now[n] ^ before[n]);
+    }
+  }
+  return changed;
+}
+
+TEST(EarthmovingAttack, SoilRunsDownALongSteepSlopeToItsFoot) {
+  // 80 m long, steeper than repose, then level ground.
+  Site site(raster({601, 41, {-100, -10}, {0.2, 0.5}},
+                   [](double x, double) { return x < -80 ? 72.0
+                                                 : x < 0 ? -0.9 * x
+                                                         : 0.0; }),
+            {}, loam_with_pours({{"a", {-75.03, 0.02, 75}, 0, 0, 0.5}}));
+  const auto begin = std::chrono::steady_clock::now();
+  site.tracker.pour(0, 0);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+  EXPECT_EQ(residual(site.tracker), 0);
+  EXPECT_NEAR(site.soil.change_m3(), 0.5, 1e-3);
+  // Columns hold a film on their steps.
+  EXPECT_LT(changed_samples(site.soil, {Vec2(-80, -9), Vec2(-2, 9)}), 32000 / 8);
+}
+
 TEST(EarthmovingAttack, NothingComesToLieWhereThereIsNoGround) {
   Site site(raster({9, 9, {-4.02, -4.03}, {1, 1}}, flat), {},
             loam_with_pours({{"a", {3.97, 3.95, 2}, 0, 0, 2}}));
@@ -130,6 +165,22 @@ TEST(EarthmovingAttack, AHopperTakesWhatFallsIntoItAndNothingBeside) {
   }
 }
 
+TEST(EarthmovingAttack, AHopperThatGoesWhileSoilFallsTakesItsShare) {
+  std::int64_t hauled[2];
+  for (const int calls : {1, 10}) {
+    Earthmoving all = loam_with_pours({{"a", {0, 0, 3}, 0, 2, 4}});
+    all.hoppers.push_back({"hopper", {Vec2(-1, -1), Vec2(1, 1)}, 2, 0, 1});
+    Site site(make_plane(0, {0, 0}), {}, all);
+    for (int i = 1; i <= calls; ++i) site.tracker.pour(0, 2.0 * i / calls);
+    EXPECT_EQ(residual(site.tracker), 0);
+    hauled[calls > 1] = site.tracker.site().hauled;
+    EXPECT_NEAR(
+        static_cast<double>(hauled[calls > 1]) / static_cast<double>(site.tracker.site().poured),
+        0.5, 0.06);
+  }
+  EXPECT_EQ(hauled[0], hauled[1]);
+}
+
 /// On the slope Front::level_of() went to and fro for ever between two counts of parts.
 TEST(EarthmovingAttack, BucketsOfAllKindsComeThroughHeapsAndGround) {
   Bucket tiny = digger(), dumping = digger();
@@ -157,6 +208,44 @@ TEST(EarthmovingAttack, BucketsOfAllKindsComeThroughHeapsAndGround) {
       EXPECT_GT(site.tracker.total().cut_m3(), 0.01);
     }
   }
+}
+
+Earthmoving cohesive(double cohesion_pa) {
+  Earthmoving all = loam();
+  all.soil->cohesion_pa = cohesion_pa;
+  return all;
+}
+
+TEST(EarthmovingAttack, ASteepSlopeStandsUntilItsFootIsDug) {
+  // 2 m high, steeper than friction holds it; a cut of 0.22 m is critical for the cohesion.
+  Site site(raster({401, 41, {-40, -10}, {0.2, 0.5}},
+                   [](double x, double) { return x < 0   ? 2.0
+                                                 : x < 1 ? 2 - 2 * x
+                                                         : 0.0; }),
+            {Bucket{2.0, 4.0, {}, {}}}, cohesive(500));
+  const auto pass = [&](double x) {
+    for (const Vec3& to : {Vec3(x, -3, 3), Vec3(x, -3, -0.15), Vec3(x, 3, -0.15), Vec3(x, 3, 3)})
+      site.tracker.update(0, {to, from_rpy(0, 0, std::numbers::pi / 2)});
+    site.tracker.come_to_rest();
+    EXPECT_EQ(residual(site.tracker), 0);
+  };
+  const Eigen::AlignedBox2d slope(Vec2(-8, -4), Vec2(0.9, 4));
+  pass(2.3);  // to 1.3
+  EXPECT_EQ(changed_samples(site.soil, slope), 0);
+  pass(2);  // to its foot
+  EXPECT_GT(changed_samples(site.soil, slope), 1000);
+}
+
+TEST(EarthmovingAttack, NothingFailsThroughTheTerrainsEdge) {
+  // A wedge would be 1.5 m wide, but the ground ends 0.8 m behind the wall; steeper ones hold.
+  Site site(raster({41, 41, {-3.2, -10}, {0.5, 0.5}}, flat), {Bucket{12.0, 8.0, {}, {}}},
+            cohesive(6000));
+  for (const Vec3& to : {Vec3(-2.4, 0, 1), Vec3(-2.4, 0, -2.8), Vec3(4, 0, -2.8), Vec3(4, 0, 1)})
+    site.tracker.update(0, {to});
+  site.tracker.come_to_rest();
+  EXPECT_EQ(residual(site.tracker), 0);
+  EXPECT_GT(site.tracker.site().slid, 0);  // the other wall
+  EXPECT_EQ(changed_samples(site.soil, {Vec2(-3.2, -3), Vec2(-2.5, 3)}), 0);
 }
 
 /// Goal: soil poured onto a bucket that stands on the ground lies beside it, so nothing is higher

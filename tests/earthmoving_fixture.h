@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -82,7 +83,8 @@ inline GroundWindow all_of(const Soil& soil) {
     box.extend(Coord2(chunk->origin.head<2>() - Coord2(8, 8)));
     box.extend(Coord2(chunk->origin.head<2>() + Coord2(16, 16)));
   }
-  return {soil, box.min(), box.sizes().x(), box.sizes().y()};
+  if (box.isEmpty()) box.extend(Coord2(0, 0));
+  return {soil, box.min(), box.sizes().x() + 1, box.sizes().y() + 1};
 }
 
 /// How much steeper than repose loose soil is, rad, sorted: by central differences where all nine
@@ -164,10 +166,11 @@ inline std::vector<Pose> cycle(const Vec3& from, double depth, int steps, double
 /// Anything a site may be asked for, at random, on ground that ends.
 class Work {
  public:
-  Work(std::shared_ptr<const BaseSurface> base, std::uint64_t seed, double voxel_size_m = 0.1)
+  Work(std::shared_ptr<const BaseSurface> base, std::uint64_t seed, double voxel_size_m = 0.1,
+       std::optional<double> cohesion_pa = {})
       : soil(voxel_size_m, Vec3::Zero(), std::move(base)),
         random(seed),
-        tracker(soil, buckets(), site()) {}
+        tracker(soil, buckets(), site(cohesion_pa)) {}
 
   static std::vector<Bucket> buckets() {
     Bucket dumping = digger(), plate{1.0, 0.6, {}, 0.8}, spoon = digger();
@@ -175,10 +178,11 @@ class Work {
     spoon.width_m = 0.15;
     return {digger(), dumping, plate, spoon};
   }
-  static Earthmoving site() {
+  static Earthmoving site(std::optional<double> cohesion_pa) {
     Earthmoving all = loam_with_pours({{"a", {1, 1, 4}, 0, 100, 3},
                                        {"b", {-2, 1.5, 4}, 0, 100, 1},
                                        {"c", {3.9, 0, 4}, 20, 20, 0.5}});
+    all.soil->cohesion_pa = cohesion_pa;
     all.hoppers.push_back({"hopper", {Vec2(-3, -3), Vec2(-1.5, -2)}, 0.5, {}, {}});
     return all;
   }

@@ -68,7 +68,7 @@ TEST_F(Earthmoving, EverythingInItIsRead) {
   EXPECT_EQ(s.hoppers[0].end_s, 600);
   EXPECT_TRUE(std::isinf(s.hoppers[1].begin_s) && std::isinf(s.hoppers[1].end_s));
   ASSERT_EQ(s.warnings.size(), 1u);
-  EXPECT_NE(s.warnings[0].find("cohesion is checked but not used yet"), std::string::npos);
+  EXPECT_NE(s.warnings[0].find("never dumps"), std::string::npos);
 }
 
 TEST_F(Earthmoving, WhatIsOptionalMayBeLeftOut) {
@@ -152,6 +152,21 @@ TEST_F(Earthmoving, SteepSoilIsWarnedOfOnce) {
             (folder_ / "s.yaml").string() +
                 ":5: a repose_angle of 1.1 rad, 63.0 degrees, is steeper than loose soil stands; "
                 "most is from 0.44 to 0.79");
+}
+
+TEST_F(Earthmoving, ABucketThatNeverDumpsIsWarnedOfOnce) {
+  const auto warnings = [&](const std::string& soil, const std::string& keys) {
+    return read(kHead + soil + "machines:\n- name: digger\n  motion: m.csv\n  bucket: {width: 1, " +
+                "height: 1" + keys + "}\n")
+        .warnings;
+  };
+  EXPECT_EQ(warnings(kSoil, ""),
+            std::vector{(folder_ / "s.yaml").string() +
+                        ":8: the bucket of 'digger' has neither profile nor dump_angle: it holds "
+                        "any amount of soil and never dumps it"});
+  EXPECT_TRUE(warnings(kSoil, ", dump_angle: 0.8").empty());
+  EXPECT_TRUE(warnings(kSoil, ", profile: [[0, 0], [-0.5, 0.5], [0, 1]]").empty());
+  EXPECT_TRUE(warnings("", "").empty()) << "soil that doesn't move is only counted";
 }
 
 TEST_F(Earthmoving, PoursAndHoppersNeedSoil) {

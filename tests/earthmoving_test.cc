@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <random>
 
 #include "tests/earthmoving_fixture.h"
@@ -17,6 +18,8 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 /// Heights of columns that soil came to by other ways may differ by so much, voxels: two samples.
 constexpr double kCount = 2.0 / 64;
+/// Of the bank of grounds(), Pa: it stands, cuts of some voxels fail, any does.
+constexpr std::optional<double> kCohesions[] = {{}, 1000, 0};
 
 /// Height of the highest soil.
 double surface_top(const Soil& soil) {
@@ -56,13 +59,13 @@ TEST(Earthmoving, APourIsACone) {
 }
 
 TEST(Earthmoving, MakesAndLosesNothingWhateverIsDone) {
-  for (const auto& ground : grounds()) {
-    Work work(ground, 7, 0.2);
+  for (std::size_t g = 0; g < 3; ++g) {
+    Work work(grounds()[g], 7, 0.2, kCohesions[g]);
     for (int i = 0; i < 280; ++i) {
       work.step();
       ASSERT_EQ(residual(work.tracker), 0) << i;
     }
-    EXPECT_GT(work.tracker.total().captured, 15000);
+    EXPECT_GT(work.tracker.total().captured, 5000);
     EXPECT_GT(work.tracker.total().dumped, 0);
     EXPECT_GT(work.tracker.site().slid, 0);
   }
@@ -85,18 +88,13 @@ TEST(Earthmoving, LeavesLooseSoilNoSteeperThanReposeAfterAnyWork) {
   }
 }
 
-/// Goal: a second time changes nothing. What one machine leaves may come to lie where another has
-/// settled already: some cells' worth of samples slide until the third time.
 TEST(Earthmoving, StaysOnceItCameToRest) {
-  for (const auto& ground : grounds()) {
-    Work work(ground, 9);
+  for (std::size_t g = 0; g < 3; ++g) {
+    Work work(grounds()[g], 9, 0.1, kCohesions[g]);
     for (int i = 1; i <= 100; ++i) {
       work.step();
       if (i % 20 != 0) continue;
       work.tracker.come_to_rest();
-      const std::int64_t gone = work.tracker.site().gone_samples;
-      for (int again = 0; again < 3; ++again) work.tracker.come_to_rest();
-      EXPECT_LE(work.tracker.site().gone_samples - gone, 5 * 64) << i;
       const std::uint64_t hash = work.soil.state_hash();
       work.tracker.come_to_rest();
       EXPECT_EQ(work.soil.state_hash(), hash) << i;
@@ -105,11 +103,11 @@ TEST(Earthmoving, StaysOnceItCameToRest) {
 }
 
 TEST(Earthmoving, GoesOnFromItsStateBitForBit) {
-  Work work(grounds()[2], 10);
+  Work work(grounds()[2], 10, 0.1, 300);
   for (int i = 0; i < 100; ++i) work.step();
   const std::unique_ptr<Soil> copy = copy_of(work.soil);
   ASSERT_EQ(copy->state_hash(), work.soil.state_hash());
-  Tracker other(*copy, Work::buckets(), Work::site());
+  Tracker other(*copy, Work::buckets(), Work::site(300));
   other.restore(work.tracker.state());
   EXPECT_EQ(residual(other), 0);
   std::mt19937_64 random(3);
@@ -132,7 +130,7 @@ TEST(Earthmoving, IsTheSameOnAnyNumberOfThreads) {
   std::uint64_t hash = 0;
   for (const std::size_t threads : {1u, 2u, 4u}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    Work work(grounds()[1], 11);
+    Work work(grounds()[1], 11, 0.1, 300);
     for (int i = 0; i < 90; ++i) work.step();
     if (hash == 0) hash = work.soil.state_hash();
     EXPECT_EQ(work.soil.state_hash(), hash);

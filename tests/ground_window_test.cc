@@ -210,7 +210,7 @@ TEST(GroundWindow, SeesAPitThatGoesBelowTheBaseAndALedgeOverIt) {
 /// Ground that reaches into a chunk by less than a sample, and is dug away below that.
 TEST(GroundWindow, SeesAPitWhoseRimIsAHairAboveChunks) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(-0.05 + 0.0002, {0, 0}));
-  EXPECT_NEAR(GroundWindow(soil, {3, 3}, 1, 1).at(0, 0).top, -0.498, 1e-9);
+  EXPECT_NEAR(GroundWindow(soil, {3, 3}, 1, 1).at(0, 0).top, -0.498, kCountNoise);
   SampleWords all;
   all.fill(kAllSoil);
   SoilWriter(soil).remove({0, 0, -8}, all);

@@ -51,7 +51,9 @@ inline JournalMove move(const Motion& motion, int i) {
           i * std::int64_t{1'000'003},
           (5 - i) * std::int64_t{70'001},
           5500 + i,
-          rows_between(motion, begin_s, end_s)};
+          rows_between(motion, begin_s, end_s),
+          i % 3 == 0 ? i * std::int64_t{65'537} : 0,
+          i % 4 == 0 ? i * std::int64_t{1'000'003} : 0};
 }
 
 inline std::string as_text(const JournalRecord& record) {

@@ -12,6 +12,8 @@
 #include "core/ground/soil_writer.h"
 #include "io/snapshot/cold_file.h"
 #include "soilvdb/chunk_range.h"
+#include "soilvdb/sample_tree.h"
+#include "soilvdb/tracker.h"
 #include "tests/snapshot_fixture.h"
 
 namespace soilvdb::testing {
@@ -165,6 +167,27 @@ TEST(LooseSoil, IsCountedApartWhenItIsCut) {
     EXPECT_EQ(cut.all.sum(), all_before - all());
     EXPECT_EQ(cut.loose.sum(), loose_before - loose());
   }
+}
+
+TEST(LooseSoil, TakesNoMemoryWhereSoilDoesntMove) {
+  // The heap's pieces have a head of 8 bytes and come in steps of 16: without the list of what is
+  // loose a leaf would take 128, too.
+  static_assert(sizeof(SampleLeaf) + 8 <= 128);
+  const auto dig = [](Earthmoving earthmoving) {
+    auto soil = std::make_unique<Soil>(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(*soil, {{1.2, 0.9, {{0, 0}, {-0.6, 0.3}, {0, 0.9}}, {}}}, earthmoving);
+    for (int i = 0; i < 20; ++i) tracker.update(0, Pose{{0.1 * i, 0, -0.3}});
+    return soil;
+  };
+  Earthmoving moves;
+  moves.soil = SoilProperties{0.61, 0.25, 1800, {}, {}};
+  const auto loose_bytes = [](const Soil& soil) {
+    std::size_t bytes = 0;
+    for (const Chunk* chunk : soil.chunks()) bytes += chunk->loose.heap_bytes();
+    return bytes;
+  };
+  EXPECT_EQ(loose_bytes(*dig({})), 0u);
+  EXPECT_GT(loose_bytes(*dig(moves)), 0u);
 }
 
 }  // namespace

@@ -134,6 +134,67 @@ TEST(Plan, ShowsTheCutWhereItIsAndNowhereElse) {
   }
 }
 
+/// A heap of 0.3 m^3 beside a trench.
+Soil& dig_and_pour(Soil& soil) {
+  dig(soil, {0, 1, 0});
+  Earthmoving earthmoving;
+  earthmoving.soil =
+      SoilProperties{.repose_rad = 0.6, .swell = 0, .cohesion_pa = {}, .friction_rad = {}};
+  earthmoving.pours.push_back({"heap", {0, -0.8, 1}, 0, 0, 0.3});
+  Tracker(soil, {}, earthmoving).pour(0, 0);
+  return soil;
+}
+
+TEST(Plan, ShowsCutInRedFillInBlueAndLooseSoilAsClods) {
+  const TempFolder folder;
+  Soil soil = plane_site();
+  write_plan(folder / "plan.png", dig_and_pour(soil), {Vec2(-2, -2), Vec2(2, 2)}, kCaption);
+  const Picture picture(folder / "plan.png");
+  const Eigen::AlignedBox2i frame = frame_of(picture);
+  const double px = frame.sizes().x() / 4.0;
+  const auto at = [&](double x, double y) {
+    return picture.at(frame.min().x() + static_cast<int>((x + 2) * px),
+                      frame.min().y() + static_cast<int>((2 - y) * px));
+  };
+  // Between the grid's lines. Neighbouring pixels of clods differ; those of a floor hardly do.
+  double roughest_floor = 0, roughest_heap = 0;
+  for (double u = 0.06; u < 0.2; u += 0.01) {
+    const Vec3 floor = at(u, 1.06), heap = at(u, -0.74), ground = at(u + 1.5, 0.06);
+    EXPECT_GT(floor.x(), floor.z() + 40) << "red where it was cut";
+    EXPECT_GT(heap.z(), heap.x() + 40) << "blue where it was filled";
+    EXPECT_GT(ground.x(), ground.z()) << "earth's own colour where it wasn't touched";
+    EXPECT_LT(ground.maxCoeff() - ground.minCoeff(), 60);
+    const auto rough = [&](double x, double y) { return (at(x + 0.01, y) - at(x, y)).norm(); };
+    roughest_floor = std::max(roughest_floor, rough(u, 1.06));
+    roughest_heap = std::max(roughest_heap, rough(u, -0.74));
+  }
+  EXPECT_GT(roughest_heap, 5 * std::max(1.0, roughest_floor));
+}
+
+TEST(CutAndFill, IsTheNetOfColumns) {
+  Soil soil = plane_site();
+  const CutAndFill change = cut_and_fill(dig_and_pour(soil));
+  const double kTrench_m3 = 2 * 0.6 * 0.4, kSample_m3 = soil.sample_m3();
+  EXPECT_NEAR(change.cut_m3, kTrench_m3, 0.01 * kTrench_m3);
+  EXPECT_NEAR(change.fill_m3, 0.3, kSample_m3);
+  EXPECT_NEAR(change.fill_m3 - change.cut_m3, soil.change_m3(), 1e-9);
+}
+
+TEST(ChangeScale, IsAboutAsLightForFillAsForCutAndAsBeforeWithoutFill) {
+  const ChangeScale both = ChangeScale::up_to(2, 1, 0.01), cut = ChangeScale::up_to(2, 0, 0.01);
+  const auto luma = [](const Rgb& c) { return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b; };
+  double before = 1;
+  for (double m = 0.05; m < 2; m += 0.05) {
+    const Rgb red = both.color(m), blue = both.color(-m);
+    EXPECT_GT(red.r, red.b) << m;
+    EXPECT_GT(blue.b, blue.r) << m;
+    EXPECT_NEAR(luma(red), luma(blue), 0.15) << m;
+    EXPECT_LT(luma(red), before);
+    before = luma(red);
+  }
+  EXPECT_NEAR(cut.color(2).b, 0.631, 1e-9) << "violet";
+}
+
 TEST(Plan, IsTheSameBytesWithOneAndTwoThreads) {
   const TempFolder folder;
   Soil soil = plane_site(0.1);
@@ -272,15 +333,23 @@ TEST(RoundDown125, GivesOneTwoOrFiveTimesAPowerOfTen) {
   EXPECT_DOUBLE_EQ(round_down_125(1000), 1000);
 }
 
-TEST(DepthScale, EndsOnATickNotAboveTheDeepest) {
-  for (const double deepest : {0.013, 0.25, 0.99, 1.01, 7.3, 42.0}) {
-    const DepthScale scale = DepthScale::up_to(deepest, 0.001);
-    EXPECT_GE(scale.max_m, deepest * (1 - 1e-5));
-    EXPECT_LT(scale.max_m - scale.tick_m, deepest);
-    const double ticks = scale.max_m / scale.tick_m;
-    EXPECT_NEAR(ticks, std::round(ticks), 1e-9);
+TEST(ChangeScale, EndsOnTicksNotAboveTheDeepestAndTheHighest) {
+  for (const double deepest : {0.0, 0.013, 0.25, 0.99, 1.01, 7.3, 42.0}) {
+    for (const double highest : {0.0, 0.3, 2.0}) {
+      const ChangeScale scale = ChangeScale::up_to(deepest, highest, 0.001);
+      for (const auto& [end, most] : {std::pair(scale.cut_m, deepest), {scale.fill_m, highest}}) {
+        EXPECT_GE(end, most * (1 - 1e-5));
+        if (most == 0) {
+          EXPECT_EQ(end, 0);
+          continue;
+        }
+        EXPECT_LT(end - scale.tick_m, most);
+        const double ticks = end / scale.tick_m;
+        EXPECT_NEAR(ticks, std::round(ticks), 1e-9);
+      }
+    }
   }
-  EXPECT_EQ(DepthScale::up_to(0.001, 0.01).max_m, 0);
+  EXPECT_TRUE(ChangeScale::up_to(0.001, 0.005, 0.01).empty());
 }
 
 }  // namespace

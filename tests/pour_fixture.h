@@ -18,7 +18,7 @@
 namespace soilvdb::testing {
 
 inline constexpr double kSide_m = 0.05;
-inline const double kRepose = std::tan(35 * std::numbers::pi / 180);
+inline const double kPourSlope = std::tan(35 * std::numbers::pi / 180);
 
 /// Only with the environment variable SOILVDB_TABLE set.
 template <typename... Args>

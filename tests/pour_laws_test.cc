@@ -103,11 +103,11 @@ double over_repose_deg(const Columns& before, const Columns& after, int column) 
           after.at(after.index(x, y + j)) > here)
         continue;
       const double far = std::sqrt(i * i + j * j) * after.side_m;
-      double allowed = after.at(after.index(x + i, y + j)) + kRepose * far;
-      if (ground > allowed) allowed = ground + kRepose * far / 2;
-      if (here > allowed) most = std::max(most, std::atan(kRepose + (here - allowed) / far));
+      double allowed = after.at(after.index(x + i, y + j)) + kPourSlope * far;
+      if (ground > allowed) allowed = ground + kPourSlope * far / 2;
+      if (here > allowed) most = std::max(most, std::atan(kPourSlope + (here - allowed) / far));
     }
-  return most > 0 ? (most - std::atan(kRepose)) * 180 / kPi : 0;
+  return most > 0 ? (most - std::atan(kPourSlope)) * 180 / kPi : 0;
 }
 
 TEST(PourLaws, OnRoughGroundAllThatWasPouredLiesAndLiesAtRest) {
@@ -118,7 +118,7 @@ TEST(PourLaws, OnRoughGroundAllThatWasPouredLiesAndLiesAtRest) {
     Columns ground = t.ground;
     for (int n = 0; n < 20; ++n) {
       const Columns before = ground;
-      const Deposit deposit = pourer.pour(ground, t.sources[n % 2], kQuantum_m3, kRepose);
+      const Deposit deposit = pourer.pour(ground, t.sources[n % 2], kQuantum_m3, kPourSlope);
       ASSERT_EQ(deposit.left_m3, 0);
       ASSERT_NEAR(volume_between(before, ground), kQuantum_m3, kExact * kQuantum_m3);
       double booked = 0;
@@ -146,7 +146,7 @@ TEST(PourLaws, MoreSoilNeverLiesLower) {
     Columns last = t.ground;
     for (int n = 1; n <= 20; ++n) {
       Columns more = t.ground;
-      pourer.pour(more, t.sources[0], n * kQuantum_m3, kRepose);
+      pourer.pour(more, t.sources[0], n * kQuantum_m3, kPourSlope);
       for (int i = 0; i < kColumns * kColumns; ++i) {
         const double by = (last.at(i) - more.at(i)) / kSide_m;
         columns += more.at(i) > t.ground.at(i);
@@ -166,8 +166,8 @@ TEST(PourLaws, MoreSoilNeverLiesLower) {
 TEST(PourLaws, SoilBelowNeverLiesHigherThanWhatItRanDownFrom) {
   Pourer pourer;
   Columns less = rough(33, 0.8, Relief::kWaves), more = less;
-  pourer.pour(less, Vec2(1.926, 2.1), 0.34, kRepose);
-  pourer.pour(more, Vec2(1.926, 2.1), 0.35, kRepose);
+  pourer.pour(less, Vec2(1.926, 2.1), 0.34, kPourSlope);
+  pourer.pour(more, Vec2(1.926, 2.1), 0.35, kPourSlope);
   for (int i = 0; i < kColumns * kColumns; ++i)
     ASSERT_GE(more.at(i), less.at(i) - kRounding * 100 * kSide_m);
 }
@@ -177,13 +177,13 @@ TEST(PourLaws, TurnedAndMirroredGroundTakesSoilTheSameWay) {
   for (const Terrain& t : terrains()) {
     SCOPED_TRACE(t.name);
     Columns ground = t.ground;
-    pourer.pour(ground, t.sources[0], 0.4, kRepose);
+    pourer.pour(ground, t.sources[0], 0.4, kPourSlope);
     for (int way = 1; way < 8; ++way) {
       const View view{way, kColumns};
       Columns turned = t.ground;
       for (int i = 0; i < kColumns * kColumns; ++i) turned.at(view.of(i)) = t.ground.at(i);
       turned.firm_m = turned.height_m;
-      pourer.pour(turned, view.of(t.sources[0], kSide_m), 0.4, kRepose);
+      pourer.pour(turned, view.of(t.sources[0], kSide_m), 0.4, kPourSlope);
       double most = 0;
       for (int i = 0; i < kColumns * kColumns; ++i)
         most = std::max(most, std::abs(turned.at(view.of(i)) - ground.at(i)));
@@ -197,9 +197,9 @@ TEST(PourLaws, TheSameBitsWithAUsedPourerAndAFreshOne) {
   for (const Terrain& t : terrains()) {
     SCOPED_TRACE(t.name);
     Columns a = t.ground, b = t.ground, c = t.ground;
-    used.pour(a, t.sources[0], 0.1, kRepose);
-    used.pour(b, t.sources[0], 0.1, kRepose);
-    Pourer().pour(c, t.sources[0], 0.1, kRepose);
+    used.pour(a, t.sources[0], 0.1, kPourSlope);
+    used.pour(b, t.sources[0], 0.1, kPourSlope);
+    Pourer().pour(c, t.sources[0], 0.1, kPourSlope);
     ASSERT_EQ(a.height_m, b.height_m);
     ASSERT_EQ(a.height_m, c.height_m);
   }
@@ -213,7 +213,7 @@ TEST(PourLaws, AGridsEdgeIsAWall) {
         Columns ground(nx, ny, kSide_m);
         for (int n = 0; n < nx * ny; ++n) ground.at(n) = kSide_m * ((n * 7) % 5);
         const Columns before = ground;
-        const Deposit deposit = pourer.pour(ground, middle_m(ground, i), 0.01, kRepose);
+        const Deposit deposit = pourer.pour(ground, middle_m(ground, i), 0.01, kPourSlope);
         ASSERT_EQ(deposit.left_m3, 0);
         ASSERT_NEAR(volume_between(before, ground), 0.01, kExact * 0.01);
       }
@@ -225,10 +225,10 @@ TEST(PourLaws, SoilThatFallsOnNoOpenColumnIsLeft) {
   ground.rigid.assign(400, 0);
   ground.rigid[static_cast<std::size_t>(ground.index(10, 10))] = 1;
   for (const Vec2& at : {Vec2(-0.01, 0.5), Vec2(0.5, 1.01), Vec2(1e9, 0.5), Vec2(0.52, 0.52)}) {
-    EXPECT_EQ(pourer.pour(ground, at, 0.1, kRepose).left_m3, 0.1);
+    EXPECT_EQ(pourer.pour(ground, at, 0.1, kPourSlope).left_m3, 0.1);
     EXPECT_EQ(ground.height_m, Columns(20, 20, kSide_m).height_m);
   }
-  EXPECT_EQ(pourer.pour(ground, Vec2(0.5, 0.4), 0, kRepose).cones.size(), 0u);
+  EXPECT_EQ(pourer.pour(ground, Vec2(0.5, 0.4), 0, kPourSlope).cones.size(), 0u);
 }
 
 TEST(PourLaws, RigidColumnsStayAsTheyAre) {
@@ -237,7 +237,7 @@ TEST(PourLaws, RigidColumnsStayAsTheyAre) {
   ground.rigid.assign(3600, 0);
   for (int i = 0; i < 3600; i += 7) ground.rigid[static_cast<std::size_t>(i)] = 1;
   ground.rigid[static_cast<std::size_t>(ground.index(30, 30))] = 0;
-  pourer.pour(ground, Vec2(1.52, 1.52), 0.2, kRepose);
+  pourer.pour(ground, Vec2(1.52, 1.52), 0.2, kPourSlope);
   EXPECT_NEAR(volume_between(Columns(60, 60, kSide_m), ground), 0.2, kExact);
   for (std::size_t i = 0; i < 3600; ++i)
     if (ground.rigid[i] != 0) {

@@ -14,8 +14,8 @@ TEST(Relief, AReliefIsSampledInTheMiddleOfItsCells) {
   const auto x = [](double east, double) { return std::optional(east); };
   const auto y = [](double, double north) { return std::optional(north); };
   const Eigen::AlignedBox2d box(Vec2(10, 20), Vec2(14, 22));
-  const io::Relief along_x = io::sample_relief(x, x, box, 4, 2, 0.01);
-  const io::Relief along_y = io::sample_relief(y, y, box, 4, 2, 0.01);
+  const io::Relief along_x = io::sample_relief(x, x, box, 4, 2, 0.01, false);
+  const io::Relief along_y = io::sample_relief(y, y, box, 4, 2, 0.01, false);
   for (int i = 0; i < 4; ++i) {
     for (int j = 0; j < 2; ++j) {
       EXPECT_NEAR(along_x.height[along_x.at(i, j)] + along_x.datum_m, 10.5 + i, 1e-5);

@@ -39,19 +39,24 @@ class Plane final : public BaseSurface {
   void samples(const Coord3& chunk, const Vec3& first, double h,
                SampleWords& words) const override {
     const double half_range = h / 2 * (1 + slope_.cwiseAbs().sum());
-    for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
-      const double gap = middle.z() - at(middle.x(), middle.y());
-      if (std::abs(gap) > half_range) {
-        words[static_cast<std::size_t>(n)] = gap < 0 ? kAllSoil : 0;
-        continue;
+    for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
+      const Coord3 at_bottom(column >> 6, column >> 3 & 7, 0);
+      const Vec3 bottom = first + h * at_bottom.cast<double>();
+      const double ground = at(bottom.x(), bottom.y());
+      for (int z = 0; z < kChunkSide; ++z) {
+        std::uint64_t& word = words[static_cast<std::size_t>(column + z)];
+        const double middle = first.z() + h * z, gap = middle - ground;
+        if (std::abs(gap) > half_range) {
+          word = gap < 0 ? kAllSoil : 0;
+          continue;
+        }
+        // Relative to the cell, so that float is enough.
+        const double ground_over_low =
+            at(bottom.x() - h / 2, bottom.y() - h / 2) - (middle - h / 2);
+        word = points_below(sample_points(chunk + at_bottom + Coord3(0, 0, z)),
+                            static_cast<float>(ground_over_low / h), static_cast<float>(slope_.x()),
+                            static_cast<float>(slope_.y()), 0);
       }
-      // Relative to the cell, so that float is enough.
-      const Vec3 low = middle - Vec3::Constant(h / 2);
-      words[static_cast<std::size_t>(n)] =
-          points_below(sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7)),
-                       static_cast<float>((at(low.x(), low.y()) - low.z()) / h),
-                       static_cast<float>(slope_.x()), static_cast<float>(slope_.y()), 0);
     }
   }
 

@@ -105,7 +105,8 @@ std::size_t SoilWriter::find(Operation operation, std::span<const Edit> edits,
 void SoilWriter::perform(Operation operation, const Coord3& origin, Target& target, std::size_t i,
                          const Change& change) {
   SampleWords base;
-  if (target.leaf == nullptr) {
+  const bool made = target.leaf == nullptr;
+  if (made) {
     soil_.read_base(origin, base);
     if (operation == Operation::kRemove && is_air(base)) return;
     target.made = std::make_unique<SampleLeaf>(to_coord(origin));
@@ -132,7 +133,7 @@ void SoilWriter::perform(Operation operation, const Coord3& origin, Target& targ
   recount(*target.leaf);
   if (operation == Operation::kRemove || chunk.above) return;
   chunk.above = true;  // also if the base can't be read any more
-  soil_.read_base(origin, base);
+  if (!made) soil_.read_base(origin, base);
   chunk.above = exceeds(chunk.samples, base);
 }
 

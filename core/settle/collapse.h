@@ -55,7 +55,8 @@ struct Collapse {
 /// thinner than what a slope drops across a column may stay on brinks, however steep. Where soil
 /// runs over a steep brink at an angle to the grid, kMostSteps may end it before rest: single
 /// columns at the brink are steeper then (steepest_rad tells), and collapsing again moves up to
-/// half a side.
+/// half a side. Rest takes 4000 to 20000 steps there and is as far from the truth (0.2 to 0.8 side
+/// root mean square on the slope that ends at such a brink): columns that it cuts are only means.
 ///
 /// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, 60 where kMostSteps are taken.
 Collapse collapse(const SoilColumns& columns, const Repose& repose);

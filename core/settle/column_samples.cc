@@ -5,14 +5,16 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
+#include <memory>
+#include <numeric>
 #include <vector>
 
 #include "core/constants.h"
 #include "core/ground/soil_writer.h"
 #include "core/lattice/cell_counts.h"
+#include "core/settle/sample_ranking.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -23,11 +25,12 @@ int cell_number(const ColumnChange& c, int z) {
   return (c.cell.x() & kSideMask) << 6 | (c.cell.y() & kSideMask) << 3 | (z & kSideMask);
 }
 
-/// The chunks over and under each other in which some columns change, and what does.
+/// The chunks over and under each other in which some columns change, and what does. Chunks are
+/// read when a column first comes to them.
 class Stack {
  public:
-  Stack(const Soil& soil, std::vector<ColumnChange> changes, bool adds, bool bank)
-      : changes_(std::move(changes)), adds_(adds) {
+  Stack(const Soil& soil, std::span<const ColumnChange> changes, bool adds, bool bank)
+      : soil_(&soil), changes_(changes), adds_(adds), bank_(bank) {
     int low = changes_.front().low, high = changes_.front().high;
     for (const ColumnChange& c : changes_) {
       low = std::min(low, c.low);
@@ -35,52 +38,62 @@ class Stack {
     }
     const Coord2 corner = changes_.front().cell.unaryExpr([](int v) { return v & ~kSideMask; });
     first_ = {corner.x(), corner.y(), low & ~kSideMask};
-    const auto chunks = static_cast<std::size_t>((high - first_.z()) / kChunkSide + 1);
-    may_.resize(chunks);
-    counts_.resize(chunks);
-    chosen_.resize(chunks);
-    for (std::size_t i = 0; i < chunks; ++i) {
-      adds || bank ? soil.read_samples(origin(i), may_[i]) : soil.read_loose(origin(i), may_[i]);
-      if (adds)
-        for (std::uint64_t& word : may_[i]) word = ~word;
-      count_cells(may_[i], counts_[i]);
-      chosen_[i].fill(0);
-    }
+    pieces_.resize(static_cast<std::size_t>((high - first_.z()) / kChunkSide + 1));
   }
 
-  std::size_t chunks() const { return may_.size(); }
+  std::size_t chunks() const { return pieces_.size(); }
   Coord3 origin(std::size_t i) const {
     return first_ + Coord3(0, 0, static_cast<int>(i) * kChunkSide);
   }
-  const SampleWords& chosen(std::size_t i) const { return chosen_[i]; }
+  /// What changes of a chunk, null if nothing does.
+  const SampleWords* chosen(std::size_t i) const {
+    return pieces_[i] && pieces_[i]->some ? &pieces_[i]->chosen : nullptr;
+  }
 
   void choose(float slope) {
     for (const ColumnChange& c : changes_) choose(c, slope);
   }
 
  private:
-  std::uint64_t& word(std::vector<SampleWords>& of, const ColumnChange& c, int z) const {
-    return of[static_cast<std::size_t>((z - first_.z()) / kChunkSide)]
-             [static_cast<std::size_t>(cell_number(c, z))];
-  }
+  struct Piece {
+    SampleWords may, chosen;  // what may change, what does
+    bool some;
+  };
 
-  int count(const ColumnChange& c, int z) const {
-    return counts_[static_cast<std::size_t>((z - first_.z()) / kChunkSide)]
-                  [static_cast<std::size_t>(cell_number(c, z))];
+  Piece& piece(int z) {
+    const auto i = static_cast<std::size_t>((z - first_.z()) / kChunkSide);
+    if (!pieces_[i]) {
+      pieces_[i] = std::make_unique_for_overwrite<Piece>();
+      Piece& p = *pieces_[i];
+      adds_ || bank_ ? soil_->read_samples(origin(i), p.may) : soil_->read_loose(origin(i), p.may);
+      if (adds_)
+        for (std::uint64_t& word : p.may) word = ~word;
+      p.chosen.fill(0);
+      p.some = false;
+    }
+    return *pieces_[i];
+  }
+  std::uint64_t may(const ColumnChange& c, int z) {
+    return piece(z).may[static_cast<std::size_t>(cell_number(c, z))];
+  }
+  void take(const ColumnChange& c, int z, std::uint64_t samples) {
+    Piece& p = piece(z);
+    p.chosen[static_cast<std::size_t>(cell_number(c, z))] |= samples;
+    p.some |= samples != 0;
   }
 
   /// Takes the column's samples in their order from one end: cell by cell while all of a cell come
   /// before any that could be left, then one by one.
   void choose(const ColumnChange& c, float slope) {
+    if (c.samples <= 0) return;
     const int step = adds_ ? 1 : -1, from = adds_ ? c.low : c.high, to = adds_ ? c.high : c.low;
     std::int64_t sum = 0;
     int last = from;  // cell in which the count is reached
     for (int z = from;; z += step) {
-      sum += count(c, z);
+      sum += std::popcount(may(c, z));
       last = z;
       if (sum >= c.samples || z == to) break;
     }
-    if (c.samples <= 0) return;
     // The surface is so much higher or lower over the column's corners than over its middle.
     const float tilt = c.cone ? 0.70711f * slope : 0.5f * (std::abs(c.a) + std::abs(c.b));
     // So what is more cells than twice that before the last one comes before all of that, and what
@@ -88,100 +101,80 @@ class Stack {
     constexpr float kRounding = 1e-3f;
     const int unsure = static_cast<int>(std::ceil(2 * tilt + kRounding));
     std::int64_t left = c.samples;
-    keys_.clear();
-    for (int z = from; step * (z - to) <= 0 && step * (z - last) <= unsure; z += step) {
-      const std::uint64_t may = word(may_, c, z);
-      if (may == 0) continue;
-      if (step * (last - z) > unsure) {
-        word(chosen_, c, z) = may;
-        left -= count(c, z);
-      } else {
-        add_keys(c, slope, z, may);
-      }
+    int z = from;
+    for (; step * (last - z) > unsure; z += step) {
+      const std::uint64_t all = may(c, z);
+      take(c, z, all);
+      left -= std::popcount(all);
     }
-    const auto end = keys_.begin() + std::min(left, static_cast<std::int64_t>(keys_.size()));
-    if (end != keys_.end()) std::nth_element(keys_.begin(), end, keys_.end());
-    for (auto key = keys_.begin(); key != end; ++key) {
-      const auto sample = static_cast<std::uint32_t>(*key);
-      word(chosen_, c, c.low + static_cast<int>(sample >> 6)) |= std::uint64_t{1} << (sample & 63);
-    }
+    const int end = step * (to - last) > unsure ? last + step * unsure : to;
+    const int low = std::min(z, end), high = std::max(z, end);
+    const ColumnSurface surface{c.cone, c.a, c.b, slope, adds_ ? 1.0f : -1.0f};
+    ranking_.clear();
+    for (z = low; z <= high; ++z)
+      ranking_.add(sample_points({c.cell.x(), c.cell.y(), z}), static_cast<float>(z - c.low),
+                   surface, may(c, z));
+    const std::span<const std::uint64_t> first = ranking_.first(left);
+    for (z = low; z <= high; ++z) take(c, z, first[static_cast<std::size_t>(z - low)]);
   }
 
-  /// Height above the surface in fixed point, so that it orders the same however it was computed;
-  /// then which sample it is.
-  void add_keys(const ColumnChange& c, float slope, int z, std::uint64_t may) {
-    const CellPoints& points = sample_points({c.cell.x(), c.cell.y(), z});
-    const float low = static_cast<float>(z - c.low);
-    std::array<std::int32_t, 64> above;
-    for (std::size_t i = 0; i < 64; ++i) {
-      float surface;
-      if (c.cone) {
-        const float x = points.x[i] - c.a, y = points.y[i] - c.b;
-        surface = -slope * std::sqrt(x * x + y * y);
-      } else {
-        surface = c.a * points.x[i] + c.b * points.y[i];
-      }
-      const float height = low + points.z[i] - surface;
-      above[i] = static_cast<std::int32_t>((adds_ ? height : -height) * 65536.0f);
-    }
-    const auto cell = static_cast<std::int64_t>(z - c.low) << 6;
-    for (; may != 0; may &= may - 1) {
-      const int i = std::countr_zero(may);
-      keys_.push_back(std::int64_t{above[static_cast<std::size_t>(i)]} * (std::int64_t{1} << 32) +
-                      (cell | i));
-    }
-  }
-
-  std::vector<ColumnChange> changes_;
-  bool adds_;
+  const Soil* soil_;
+  std::span<const ColumnChange> changes_;
+  bool adds_, bank_;
   Coord3 first_;
-  std::vector<CellCounts> counts_;
-  std::vector<SampleWords> may_, chosen_;  // by chunks upwards: what may change, what does
-  std::vector<std::int64_t> keys_;
+  std::vector<std::unique_ptr<Piece>> pieces_;  // by chunks upwards
+  SampleRanking ranking_;
 };
 
 /// Chooses what changes, in stacks of chunks side by side.
-std::vector<Stack> choose(const Soil& soil, std::span<const ColumnChange> changes, double slope,
-                          bool adds, bool bank) {
-  std::vector<ColumnChange> sorted(changes.begin(), changes.end());
-  const auto corner = [](const ColumnChange& c) {
-    return std::pair(c.cell.x() & ~kSideMask, c.cell.y() & ~kSideMask);
+class Stacks {
+ public:
+  Stacks(const Soil& soil, std::span<const ColumnChange> changes, double slope, bool adds,
+         bool bank)
+      : sorted_(changes.begin(), changes.end()) {
+    const auto corner = [](const ColumnChange& c) {
+      return std::pair(c.cell.x() & ~kSideMask, c.cell.y() & ~kSideMask);
+    };
+    std::stable_sort(sorted_.begin(), sorted_.end(),
+                     [&](const auto& a, const auto& b) { return corner(a) < corner(b); });
+    for (auto from = sorted_.begin(); from != sorted_.end();) {
+      const auto to = std::find_if(from, sorted_.end(),
+                                   [&](const auto& c) { return corner(c) != corner(*from); });
+      stacks_.emplace_back(soil, std::span<const ColumnChange>(from, to), adds, bank);
+      from = to;
+    }
+    const auto run = [&](std::size_t i) { stacks_[i].choose(static_cast<float>(slope)); };
+    if (changes.size() >= kParallelColumns) {
+      tbb::parallel_for(std::size_t{0}, stacks_.size(), run);
+    } else {
+      for (std::size_t i = 0; i < stacks_.size(); ++i) run(i);
+    }
+    for (const Stack& stack : stacks_)
+      for (std::size_t i = 0; i < stack.chunks(); ++i)
+        if (const SampleWords* words = stack.chosen(i)) chosen_.push_back({stack.origin(i), words});
+  }
+
+  /// Chunks of which something was chosen, and what.
+  struct Chosen {
+    Coord3 origin;
+    const SampleWords* words;
   };
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [&](const auto& a, const auto& b) { return corner(a) < corner(b); });
-  std::vector<Stack> stacks;
-  for (auto from = sorted.begin(); from != sorted.end();) {
-    const auto to =
-        std::find_if(from, sorted.end(), [&](const auto& c) { return corner(c) != corner(*from); });
-    stacks.emplace_back(soil, std::vector<ColumnChange>(from, to), adds, bank);
-    from = to;
-  }
-  const auto run = [&](std::size_t i) { stacks[i].choose(static_cast<float>(slope)); };
-  if (changes.size() >= kParallelColumns) {
-    tbb::parallel_for(std::size_t{0}, stacks.size(), run);
-  } else {
-    for (std::size_t i = 0; i < stacks.size(); ++i) run(i);
-  }
-  return stacks;
-}
+  const std::vector<Chosen>& chosen() const { return chosen_; }
+
+ private:
+  std::vector<ColumnChange> sorted_;
+  std::vector<Stack> stacks_;
+  std::vector<Chosen> chosen_;
+};
 
 /// Calls f(words, samples, loose) for each chunk of which something was chosen.
 template <typename F>
-void edit(Soil& soil, const std::vector<Stack>& stacks, SoilWriter::Operation operation,
-          const F& f) {
+void edit(Soil& soil, const Stacks& stacks, SoilWriter::Operation operation, const F& f) {
   std::vector<SoilWriter::Edit> edits;
-  std::vector<const SampleWords*> chosen;
-  for (const Stack& stack : stacks) {
-    for (std::size_t i = 0; i < stack.chunks(); ++i) {
-      const SampleWords& words = stack.chosen(i);
-      if (std::all_of(words.begin(), words.end(), [](auto word) { return word == 0; })) continue;
-      edits.push_back({stack.origin(i)});
-      chosen.push_back(&words);
-    }
-  }
+  for (const Stacks::Chosen& c : stacks.chosen()) edits.push_back({c.origin});
   SoilWriter(soil).edit(operation, edits, kParallelFill,
                         [&](std::size_t i, Samples& samples, Samples& loose) {
-                          f(*chosen[i], samples, loose);
+                          f(*stacks.chosen()[i].words, samples, loose);
                           return true;
                         });
 }
@@ -189,15 +182,13 @@ void edit(Soil& soil, const std::vector<Stack>& stacks, SoilWriter::Operation op
 std::int64_t count(const SampleWords& words) {
   CellCounts counts;
   count_cells(words, counts);
-  std::int64_t sum = 0;
-  for (const int n : counts) sum += n;
-  return sum;
+  return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
 }  // namespace
 
 std::int64_t add_loose(Soil& soil, std::span<const ColumnChange> changes, double slope) {
-  const std::vector<Stack> stacks = choose(soil, changes, slope, true, false);
+  const Stacks stacks(soil, changes, slope, true, false);
   const auto add = [](const SampleWords& more, Samples& to) {
     SampleWords words;
     to.expand(words);
@@ -210,22 +201,20 @@ std::int64_t add_loose(Soil& soil, std::span<const ColumnChange> changes, double
          add(more, loose);
        });
   std::int64_t added = 0;
-  for (const Stack& stack : stacks)
-    for (std::size_t i = 0; i < stack.chunks(); ++i) added += count(stack.chosen(i));
+  for (const Stacks::Chosen& c : stacks.chosen()) added += count(*c.words);
   return added;
 }
 
 Taken remove_top(Soil& soil, std::span<const ColumnChange> changes, double slope, bool bank) {
-  const std::vector<Stack> stacks = choose(soil, changes, slope, false, bank);
+  const Stacks stacks(soil, changes, slope, false, bank);
   Taken taken;
   SampleWords loose;
-  for (const Stack& stack : stacks) {
-    for (std::size_t i = 0; i < stack.chunks(); ++i) {
-      soil.read_loose(stack.origin(i), loose);
-      for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= stack.chosen(i)[n];
-      taken.loose += count(loose);
-      taken.bank += count(stack.chosen(i)) - count(loose);
-    }
+  for (const Stacks::Chosen& c : stacks.chosen()) {
+    soil.read_loose(c.origin, loose);
+    for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= (*c.words)[n];
+    const std::int64_t loose_samples = count(loose);
+    taken.loose += loose_samples;
+    taken.bank += count(*c.words) - loose_samples;
   }
   const auto remove = [](const SampleWords& gone, Samples& from) {
     SampleWords words;

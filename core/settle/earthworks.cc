@@ -13,89 +13,12 @@
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/settle/collapse.h"
+#include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
 int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
-int cell_of(double at) { return static_cast<int>(std::floor(at + 0.5)); }
-
-/// Cells along a cone's radius.
-int cone_radius(double samples, double slope) {
-  return static_cast<int>(std::cbrt(3 * samples / (64 * std::numbers::pi * slope))) + 1;
-}
-
-/// The ground of a window as the pourer sees it, in cells above the lowest.
-struct PourGround {
-  Columns columns;
-  double zero = std::numeric_limits<double>::infinity();
-
-  PourGround(const GroundWindow& window, const Obstacle& obstacle)
-      : columns(window.nx(), window.ny(), 1) {
-    columns.firm_m = columns.height_m;
-    columns.rigid.assign(columns.height_m.size(), 0);
-    each(window, [&](const GroundWindow::Column& c, std::size_t, int, int) {
-      if (c.known) zero = std::min(zero, c.bank);
-    });
-    each(window, [&](const GroundWindow::Column& c, std::size_t i, int x, int y) {
-      columns.rigid[i] =
-          !c.known || obstacle.blocks(window.first().x() + x, window.first().y() + y, c.top);
-      if (!c.known) return;
-      columns.height_m[i] = c.top - zero;
-      columns.firm_m[i] = c.bank - zero;
-    });
-  }
-  template <typename F>
-  void each(const GroundWindow& window, const F& f) const {
-    for (int x = 0; x < window.nx(); ++x)
-      for (int y = 0; y < window.ny(); ++y)
-        f(window.at(x, y), static_cast<std::size_t>(columns.index(x, y)), x, y);
-  }
-  /// The nearest place to soil that falls, or nothing.
-  std::optional<Vec2> nearest_open(const Vec2& at) const {
-    const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
-    if (columns.open(x, y)) return at;
-    std::optional<Vec2> best;
-    double least = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < columns.nx; ++i) {
-      for (int j = 0; j < columns.ny; ++j) {
-        const Vec2 middle(i + 0.5, j + 0.5);
-        const double distance = (middle - at).squaredNorm();
-        if (distance >= least || !columns.open(i, j)) continue;
-        least = distance;
-        best = middle;
-      }
-    }
-    return best;
-  }
-};
-
-/// Does soil come to the border of the window, so that it may go on beyond?
-bool at_border(const Deposit& deposit, const Columns& columns) {
-  for (const Cone& cone : deposit.cones) {
-    for (const RaisedColumn& c : cone.columns) {
-      const int x = c.column / columns.ny, y = c.column % columns.ny;
-      if (x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1) return true;
-    }
-  }
-  return false;
-}
-
-/// Splits samples among volumes, none made or lost by rounding.
-class WholeSamples {
- public:
-  explicit WholeSamples(double per_volume) : per_volume_(per_volume) {}
-  std::int64_t next(double volume) {
-    sum_ += volume * per_volume_;
-    const std::int64_t before = given_;
-    given_ = std::max(before, static_cast<std::int64_t>(std::llround(sum_)));
-    return given_ - before;
-  }
-
- private:
-  double per_volume_, sum_ = 0;
-  std::int64_t given_ = 0;
-};
 
 double minmod(double a, double b) {
   if (a * b <= 0) return 0;
@@ -166,7 +89,8 @@ Earthworks::Earthworks(Soil& soil, const SoilProperties& properties, std::vector
       hoppers_(std::move(hoppers)),
       units_(properties),
       // Rounded, as C libraries differ in the last bits.
-      slope_(static_cast<float>(std::tan(properties.repose_rad))) {
+      slope_(static_cast<float>(std::tan(properties.repose_rad))),
+      base_(soil) {
   const auto require = [](bool good, const char* what) {
     if (!good) throw std::invalid_argument(what);
   };
@@ -175,91 +99,78 @@ Earthworks::Earthworks(Soil& soil, const SoilProperties& properties, std::vector
           "the angle of repose must be above 0 and below pi / 2 rad");
   require(p.swell >= 0 && std::isfinite(p.swell), "swell must be 0 or more");
   require(p.density_kg_m3 > 0 && std::isfinite(p.density_kg_m3), "density must be above 0");
+  const double friction_rad = p.friction_rad.value_or(p.repose_rad);
+  require(friction_rad >= 0 && friction_rad < std::numbers::pi / 2,
+          "the angle of friction must be 0 or more and below pi / 2 rad");
+  if (!p.cohesion_pa) return;
+  require(*p.cohesion_pa >= 0 && std::isfinite(*p.cohesion_pa), "cohesion must be 0 or more");
+  const double friction = static_cast<float>(std::tan(friction_rad));
+  const double cohesion = *p.cohesion_pa / (p.density_kg_m3 * kGravity * soil_.voxel_size_m());
+  strength_ = BankStrength{cohesion, friction, 1 + p.swell};
+  // What pulls it apart, by Mohr's circle: 2 c cos(phi) / (1 + sin(phi)).
+  ledge_strength_ = {cohesion, 2 * cohesion / (3 * (friction + std::hypot(1, friction)))};
 }
 
-void Earthworks::drop(const Vec3& from_m, std::int64_t mass, double time_s,
-                      const Obstacle& obstacle) {
-  const auto takes = [&](const Hopper& hopper) {
-    const bool there = std::isnan(time_s) || (time_s >= hopper.begin_s && time_s <= hopper.end_s);
-    return there && hopper.box_m.contains(from_m.head<2>()) && from_m.z() >= hopper.top_m;
-  };
-  if (std::any_of(hoppers_.begin(), hoppers_.end(), takes)) {
-    books_.hauled += mass;
+void Earthworks::settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
+                        bool bank_fails) {
+  if (around_m.isEmpty()) return;
+  const Eigen::AlignedBox3i around(soil_.index_from_world(around_m.min()).unaryExpr(&cell_of),
+                                   soil_.index_from_world(around_m.max()).unaryExpr(&cell_of));
+  break_ledges(around, obstacle);
+  settle_columns({Coord2(around.min().head<2>()), Coord2(around.max().head<2>())}, obstacle,
+                 bank_fails);
+}
+
+/// Lets soil come to rest in and around columns of cells.
+void Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle,
+                                bool bank_fails) {
+  int axis;
+  if (changed.sizes().maxCoeff(&axis) > kMostWindow / 2) {
+    Eigen::AlignedBox2i low = changed, high = changed;
+    low.max()[axis] = changed.center()[axis];
+    high.min()[axis] = low.max()[axis] + 1;
+    settle_columns(low, obstacle, bank_fails);
+    settle_columns(high, obstacle, bank_fails);
     return;
   }
-  books_.in_flight += mass;
-  const std::int64_t samples = books_.in_flight / units_.loose;
-  if (samples == 0) return;
-  const Vec2 at = soil_.index_from_world(from_m).head<2>();
-  const int most = kMostWindow / 2;
-  for (int half = cone_radius(static_cast<double>(samples), slope_) + kWindowMargin;; half *= 2) {
-    if (pour(at, std::min(half, most), samples, obstacle) || half >= most) return;
-  }
-}
-
-/// Pours within a window. @return false if that is too small, and nothing was done
-bool Earthworks::pour(const Vec2& at, int half, std::int64_t samples, const Obstacle& obstacle) {
-  const Coord2 first(chunk_floor(cell_of(at.x()) - half), chunk_floor(cell_of(at.y()) - half));
-  const int side = 2 * half + kChunkSide;
-  const GroundWindow window(soil_, first, side, side);
-  PourGround ground(window, obstacle);
-  const auto source = ground.nearest_open(at + Vec2(0.5, 0.5) - first.cast<double>());
-  const bool last = half >= kMostWindow / 2;
-  if (!source) return last;
-  const Deposit deposit =
-      pourer_.pour(ground.columns, *source, static_cast<double>(samples) / 64, slope_);
-  if (!last && (deposit.left_m3 > 0 || at_border(deposit, ground.columns))) return false;
-  const std::int64_t added = raise(deposit, window, ground.zero, samples);
-  books_.in_flight -= added * units_.loose;
-  return true;
-}
-
-/// Makes what was poured samples. @param zero height that the pourer's are above, index space
-/// @return how many found room
-std::int64_t Earthworks::raise(const Deposit& deposit, const GroundWindow& window, double zero,
-                               std::int64_t samples) {
-  double whole = deposit.left_m3;
-  for (const Cone& cone : deposit.cones) whole += cone.volume_m3;
-  WholeSamples share(static_cast<double>(samples) / whole);
-  std::int64_t added = 0;
-  std::vector<ColumnChange> changes;
-  for (const Cone& cone : deposit.cones) {  // a column may be raised by several
-    changes.clear();
-    for (const RaisedColumn& c : cone.columns) {
-      const int x = c.column / window.ny(), y = c.column % window.ny();
-      changes.push_back({window.first() + Coord2(x, y), window.at(x, y).full + 1,
-                         cell_of(zero + c.after_m) + kFillCells, share.next(c.after_m - c.before_m),
-                         true, static_cast<float>(c.from_m.x() - x),
-                         static_cast<float>(c.from_m.y() - y)});
+  int margin = kWindowMargin;
+  for (int failures = 0, windows = 0; failures < kMostFailures && windows < kMostSlideWindows;) {
+    const Coord2 wide = Coord2::Constant(margin);
+    const Coord2 first = (changed.min() - wide).unaryExpr(&chunk_floor);
+    const Coord2 end =
+        (changed.max() + wide).unaryExpr(&chunk_floor) + Coord2::Constant(kChunkSide);
+    const Coord2 size = end - first;
+    const bool last = size.maxCoeff() >= kMostWindow;
+    std::optional<GroundWindow> window(std::in_place, base_, first, size.x(), size.y());
+    const auto failed =
+        strength_ && bank_fails ? fail(*window, changed, obstacle, last) : std::optional(false);
+    if (failed.value_or(false)) window.emplace(base_, first, size.x(), size.y());
+    Eigen::AlignedBox2i beyond;
+    if (failed && slide(*window, obstacle, last, beyond)) {
+      if (failed.value_or(false)) {
+        ++failures;  // what is left may fail, too
+      } else if (beyond.isEmpty()) {
+        return;
+      } else {  // it slides on
+        changed = beyond;
+        margin = kWindowMargin;
+        ++windows;
+      }
+    } else {
+      margin *= 2;
     }
-    added += add_loose(soil_, changes, slope_);
-  }
-  books_.fill_samples += added;
-  return added;
-}
-
-void Earthworks::settle(const Eigen::AlignedBox2d& around_m, const Obstacle& obstacle) {
-  if (around_m.isEmpty()) return;
-  const Vec2 low = (around_m.min() - soil_.origin().head<2>()) / soil_.voxel_size_m();
-  const Vec2 high = (around_m.max() - soil_.origin().head<2>()) / soil_.voxel_size_m();
-  for (int margin = kWindowMargin;; margin *= 2) {
-    const Coord2 first(chunk_floor(cell_of(low.x()) - margin),
-                       chunk_floor(cell_of(low.y()) - margin));
-    const Coord2 end(chunk_floor(cell_of(high.x()) + margin) + kChunkSide,
-                     chunk_floor(cell_of(high.y()) + margin) + kChunkSide);
-    const Coord2 size = (end - first).cwiseMin(kMostWindow);
-    const bool last = size != end - first;
-    if (slide(first, size, obstacle, last) || last) return;
   }
 }
 
 /// Lets what is too steep in a window slide. @param last whatever comes to its border
+/// @param beyond columns at its border that got soil
 /// @return false if the window is too small, and nothing was done
-bool Earthworks::slide(const Coord2& first, const Coord2& size, const Obstacle& obstacle,
-                       bool last) {
-  const GroundWindow window(soil_, first, size.x(), size.y());
+bool Earthworks::slide(const GroundWindow& window, const Obstacle& obstacle, bool last,
+                       Eigen::AlignedBox2i& beyond) {
   if (!window.has_loose()) return true;
-  if (window.has_hanging() && fall(window, obstacle)) return slide(first, size, obstacle, last);
+  const Coord2 size(window.nx(), window.ny());
+  if (window.has_hanging() && fall(window, obstacle))
+    return slide({base_, window.first(), size.x(), size.y()}, obstacle, last, beyond);
   const Eigen::AlignedBox2i steep = steep_part(window, obstacle, slope_);
   if (steep.isEmpty()) return true;
   const Eigen::AlignedBox2i whole(Coord2(0, 0), size - Coord2::Ones());
@@ -272,7 +183,7 @@ bool Earthworks::slide(const Coord2& first, const Coord2& size, const Obstacle& 
     if (after.iterations == 0) return true;
     if (after.at_edge && !whole.contains(around) && !last) return false;
     if (after.at_edge && part.sizes() != whole.sizes()) continue;
-    move(window, before.first, before.columns, after);
+    beyond = move(window, before.first, before.columns, after);
     return true;
   }
 }
@@ -301,9 +212,9 @@ bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
   return true;
 }
 
-/// Makes what collapsed samples.
-void Earthworks::move(const GroundWindow& window, const Coord2& corner, const SoilColumns& before,
-                      const Collapse& after) {
+/// Makes what collapsed samples. @return columns at the window's border that got some
+Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& corner,
+                                     const SoilColumns& before, const Collapse& after) {
   const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * before.nx + x); };
   std::vector<ColumnChange> lowered, raised;
   double rises = 0;
@@ -337,16 +248,23 @@ void Earthworks::move(const GroundWindow& window, const Coord2& corner, const So
   books_.in_flight += mass;
   books_.slid += mass;
   books_.gone_samples += taken.loose + taken.bank;
-  if (raised.empty()) return;
+  Eigen::AlignedBox2i at_border;
+  if (raised.empty()) return at_border;
   WholeSamples share(static_cast<double>(books_.in_flight / units_.loose) / rises);
   for (ColumnChange& c : raised) {
     const Coord2 in_part = c.cell - window.first() - corner;
     const std::size_t i = at(in_part.x(), in_part.y());
-    c.samples = share.next(after.top_m[i] - before.top_m[i]);
+    const double rise = after.top_m[i] - before.top_m[i];
+    c.samples = share.next(rise);
+    const Coord2 to_border =
+        (c.cell - window.first())
+            .cwiseMin(window.first() + Coord2(window.nx(), window.ny()) - Coord2::Ones() - c.cell);
+    if (to_border.minCoeff() == 0 && rise > kFilm) at_border.extend(c.cell);
   }
   const std::int64_t added = add_loose(soil_, raised, slope_);
   books_.in_flight -= added * units_.loose;
   books_.fill_samples += added;
+  return at_border;
 }
 
 void Earthworks::save(std::string& out) const {

@@ -4,12 +4,16 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "core/settle/bank_failure.h"
+#include "core/settle/base_columns.h"
 #include "core/settle/collapse.h"
 #include "core/settle/column_samples.h"
+#include "core/settle/ledges.h"
 #include "core/settle/obstacle.h"
 #include "core/settle/pour.h"
 #include "soilvdb/earthmoving.h"
@@ -33,6 +37,9 @@ class Earthworks {
     std::int64_t fill_samples = 0;  ///< added to the ground, that which slid among them
     std::int64_t gone_samples = 0;  ///< that slopes lost, in place
 
+    /// Changes whenever soil moves.
+    std::int64_t moved() const { return fill_samples + gone_samples; }
+
     /// @throw std::invalid_argument if the bytes are not what Earthworks::save() wrote
     void load(std::string_view& in);
   };
@@ -48,27 +55,44 @@ class Earthworks {
   /// Soil falls straight down: into a hopper, else onto the ground, which it makes a pile on. Where
   /// an obstacle or no ground is below, beside that.
   void drop(const Vec3& from_m, std::int64_t mass, double time_s, const Obstacle& obstacle);
-  /// Loose soil in and around a box of the plan that stands too steep comes to rest.
-  void settle(const Eigen::AlignedBox2d& around_m, const Obstacle& obstacle);
+  /// Soil in and around a box comes to rest: ledges break off, cuts that are too high for the
+  /// bank's cohesion fail, and loose soil that stands too steep slides.
+  /// @param bank_fails false: cuts stay as they are for now, however high
+  void settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle, bool bank_fails);
 
   void save(std::string& out) const;
   void restore(const Books& books) { books_ = books; }
 
  private:
-  bool pour(const Vec2& at, int half, std::int64_t samples, const Obstacle& obstacle);
+  /// Columns of soil that become loose.
+  struct Loosening {
+    std::vector<ColumnChange> from, to;
+    std::vector<double> weights;  ///< samples that come of it, about
+  };
+
+  bool pour(Vec2& at, int half, bool may_run_on, const Obstacle& obstacle);
   std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
                      std::int64_t samples);
   bool fall(const GroundWindow& window, const Obstacle& obstacle);
-  bool slide(const Coord2& first, const Coord2& size, const Obstacle& obstacle, bool last);
-  void move(const GroundWindow& window, const Coord2& corner, const SoilColumns& before,
-            const Collapse& after);
+  void break_ledges(const Eigen::AlignedBox3i& around, const Obstacle& obstacle);
+  std::optional<bool> fail(const GroundWindow& window, Eigen::AlignedBox2i& feet,
+                           const Obstacle& obstacle, bool last);
+  void loosen(Loosening& loosening);
+  void settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle, bool bank_fails);
+  bool slide(const GroundWindow& window, const Obstacle& obstacle, bool last,
+             Eigen::AlignedBox2i& beyond);
+  Eigen::AlignedBox2i move(const GroundWindow& window, const Coord2& corner,
+                           const SoilColumns& before, const Collapse& after);
 
   Soil& soil_;
   SoilProperties properties_;
   std::vector<Hopper> hoppers_;
   MassUnits units_;
   double slope_;
+  std::optional<BankStrength> strength_;  // where bank can fail
+  LedgeStrength ledge_strength_;          // then
   Books books_;
+  BaseColumns base_;
   Pourer pourer_;
 };
 

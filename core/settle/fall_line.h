@@ -19,6 +19,7 @@ class FallLine {
   /// Where a pile's top is when it is at a level.
   Source at(double level) const;
   double lowest() const { return nodes_.back().level; }
+  Source end() const { return {nodes_.back().at, nodes_.back().column}; }
   /// The pile's top rises over one point up to this level.
   double upright() const;
 

@@ -29,7 +29,8 @@ FluxGrid::FluxGrid(int nx, int ny, float limit, float swell)
   for (Array& a : ahead_) a.assign(n, 0);
   for (Array& a : out_) a.assign(n, 0);
   for (Array& a : brink_) a.assign(n, 0);
-  uphill_.assign(static_cast<std::size_t>(ny), 0);
+  flows_.assign(n / kFrame, 0);
+  uphill_.assign(static_cast<std::size_t>(ny * kFrame), 0);
 }
 
 void FluxGrid::set_column(std::size_t i, float base, float bank, float soil) {
@@ -147,6 +148,7 @@ FluxRow FluxGrid::row(int y) {
     r.brink[n] = &brink_[n][i];
     r.out[n] = &out_[n][i];
   }
+  r.flows = &flows_[i / kFrame];
   return r;
 }
 
@@ -160,33 +162,43 @@ void FluxGrid::in_bands(const F& band) const {
   });
 }
 
-void FluxGrid::settle_by(const Array* fluxes) {
+void FluxGrid::note_flows() {
+  for (std::size_t i = 0; i < size(); ++i)
+    for (const Array& flux : flux_)
+      if (flux[i] != 0) flows_[i / kFrame] = 2;
+}
+
+/// @param all also where nothing flowed since it was done last
+void FluxGrid::settle_by(const Array* fluxes, bool all) {
   in_bands([&](int first, int last) {
-    for (std::size_t i = at(0, first), n = at(0, last); i < n; ++i) {
-      for (int d = 0; d < 2; ++d) {
-        out_[d][i] = fluxes[2 * d][i] + fluxes[2 * d + 4][i];
-        out_[2 + d][i] = fluxes[4 * d + 1][i] + fluxes[4 * d + 3][i];
+    for (std::size_t group = at(0, first), end = at(0, last); group < end; group += kFrame) {
+      if (!all && flows_[group / kFrame] == 0) continue;
+      for (std::size_t i = group; i < group + kFrame; ++i) {
+        for (int d = 0; d < 2; ++d) {
+          out_[d][i] = fluxes[2 * d][i] + fluxes[2 * d + 4][i];
+          out_[2 + d][i] = fluxes[4 * d + 1][i] + fluxes[4 * d + 3][i];
+        }
       }
     }
   });
   in_bands([&](int first, int last) {
-    for (int y = first; y < last; ++y) settle(row(y));
+    for (int y = first; y < last; ++y) settle(row(y), all);
   });
 }
 
-Unrest FluxGrid::unrest() {
-  settle_by(flux_);
+Unrest FluxGrid::unrest(bool all) {
+  settle_by(flux_, all);
   std::vector<Unrest> rows(static_cast<std::size_t>(ny_));
   in_bands([&](int first, int last) {
     for (int y = first; y < last; ++y) rows[static_cast<std::size_t>(y)] = soilvdb::unrest(row(y));
   });
-  Unrest all;
+  Unrest most;
   for (const Unrest& r : rows) {
-    all.steep = std::max(all.steep, r.steep);
-    all.flux = std::max(all.flux, r.flux);
-    all.hollow = std::max(all.hollow, r.hollow);
+    most.steep = std::max(most.steep, r.steep);
+    most.flux = std::max(most.flux, r.flux);
+    most.hollow = std::max(most.hollow, r.hollow);
   }
-  return all;
+  return most;
 }
 
 double FluxGrid::step(float momentum) {
@@ -194,35 +206,40 @@ double FluxGrid::step(float momentum) {
   // sides of bands, which wait until all is pushed.
   in_bands([&](int first, int last) {
     for (int y = first; y < last; ++y) {
-      uphill_[static_cast<std::size_t>(y)] = push(row(y), momentum);
-      if (y - 1 > first) settle(row(y - 1));
+      push(row(y), momentum, &uphill_[static_cast<std::size_t>(y * kFrame)]);
+      if (y - 1 > first) settle(row(y - 1), false);
     }
   });
   const int bands = std::max(1, ny_ / kBandRows);
   for (int b = 0; b < bands; ++b) {
     const int first = b * ny_ / bands, last = (b + 1) * ny_ / bands - 1;
-    settle(row(first));
-    if (last > first) settle(row(last));
+    settle(row(first), false);
+    if (last > first) settle(row(last), false);
   }
   double sum = 0;
-  for (const double row : uphill_) sum += row;
+  for (std::size_t y = 0; y < uphill_.size(); y += kFrame) {
+    double row = 0;
+    for (std::size_t k = 0; k < kFrame; ++k) row += double{uphill_[y + k]};
+    sum += row;
+  }
   return sum;
 }
 
 int FluxGrid::relax(int most, float tolerance) {
   for (int f = 0; f < 8; ++f) ahead_[f] = flux_[f];
-  settle_by(ahead_);
+  note_flows();
+  settle_by(ahead_, true);
   double lead = 1;
   for (int done = 1; done <= most; ++done) {
     const double next = (1 + std::sqrt(1 + 4 * lead * lead)) / 2;
     const double uphill = step(static_cast<float>((lead - 1) / next));
     lead = uphill > 0 ? 1 : next;
     if (done % kRestSteps != 0 && done < most) continue;
-    const Unrest now = unrest();
+    const Unrest now = unrest(false);
     if (done == most ||
         (now.steep <= tolerance && now.flux <= kFluxTolerance * limit_ && now.hollow <= tolerance))
       return done;
-    settle_by(ahead_);
+    settle_by(ahead_, false);
   }
   return 0;
 }

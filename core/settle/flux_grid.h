@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "core/settle/flux_row.h"
@@ -54,7 +55,7 @@ class FluxGrid {
   FluxGrid coarser() const;
   void start_from(const FluxGrid& coarse);
 
-  Unrest unrest();
+  Unrest unrest() { return unrest(true); }
 
   /// Projected gradient steps on the fluxes with momentum (Beck and Teboulle 2009) that starts
   /// again where it leads uphill (O'Donoghue and Candes 2015), until at rest to a tolerance.
@@ -71,7 +72,9 @@ class FluxGrid {
   FluxRow row(int y);
   template <class F>
   void in_bands(const F& band) const;
-  void settle_by(const Array* fluxes);
+  void settle_by(const Array* fluxes, bool all);
+  Unrest unrest(bool all);
+  void note_flows();
   double step(float momentum);
 
   int nx_, ny_, stride_;
@@ -81,7 +84,8 @@ class FluxGrid {
   Array flux_[8], ahead_[8];  // ahead: with momentum
   // To higher x, lower x, higher y, lower y: soil that a brink there holds back, what flows.
   Array brink_[4], out_[4];
-  std::vector<double> uphill_;  // by rows
+  std::vector<std::uint8_t> flows_;  // by eight columns
+  Array uphill_;                     // by rows, eight parts of each
 };
 
 }  // namespace soilvdb::inline v0

@@ -73,50 +73,69 @@ SOILVDB_INLINE Lanes step(const FluxRow& r, const Drops& d, int column, int t, L
 
 /// Nothing flows nor will: most columns, most of the time.
 SOILVDB_INLINE bool at_rest(const FluxRow& r, const Drops& d, int x) {
+  if (r.flows[x / kChunkSide] > 1) return false;
   const Lanes steepest2 = max(d.down2[0], d.down2[1]) + max(d.down2[2], d.down2[3]);
-  if (any(steepest2 > r.limit * r.limit)) return false;
+  return !any(steepest2 > r.limit * r.limit);
+}
+
+/// Steps quadrant `t` of eight columns. @return whether anything flows in it
+template <int t>
+SOILVDB_INLINE bool push(const FluxRow& r, const Drops& d, int x, float momentum, Lanes& uphill,
+                         Lanes* out) {
+  constexpr int kAlong[2] = {t & 1, 2 + (t >> 1)};
+  float* const flux[2] = {r.flux[2 * t] + x, r.flux[2 * t + 1] + x};
+  float* const ahead[2] = {r.ahead[2 * t] + x, r.ahead[2 * t + 1] + x};
+  const Lanes was[2] = {load(flux[0]), load(flux[1])};
+  const Lanes from[2] = {load(ahead[0]), load(ahead[1])};
+  const LaneMask flowed = (was[0] != 0) | (was[1] != 0) | (from[0] != 0) | (from[1] != 0);
+  // Surely less steep than what would start to flow.
+  const Lanes steep2 = d.down2[kAlong[0]] + d.down2[kAlong[1]];
+  if (!any(flowed | (steep2 > 0.999f * r.limit * r.limit))) return false;
+  Lanes to[2] = {from[0], from[1]};
+  // What slides down steep support goes one way only: momentum would let it run away.
+  const Lanes allowed = step(r, d, x, t, to[0], to[1]);
   LaneMask flows = {};
-  for (int f = 0; f < 8; ++f) {
-    flows |= (load(r.flux[f] + x) != 0) | (load(r.ahead[f] + x) != 0);
+  for (int c = 0; c < 2; ++c) {
+    const Lanes change = to[c] - was[c];
+    const Lanes next = to[c] + (allowed > r.limit ? Lanes{} : momentum * change);
+    uphill += (from[c] - to[c]) * change;
+    store(flux[c], to[c]);
+    store(ahead[c], next);
+    flows |= (to[c] != 0) | (next != 0);
+    out[kAlong[c]] += next;
   }
-  return !any(flows);
+  return any(flows);
 }
 
 }  // namespace
 
-SOILVDB_FOR_CPUS double push(const FluxRow& r, float momentum) {
+SOILVDB_FOR_CPUS void push(const FluxRow& r, float momentum, float uphill_by[kChunkSide]) {
   Lanes uphill{};
   for (int x = 0; x < r.columns; x += kChunkSide) {
     const Drops d = drops(r, x);
-    if (at_rest(r, d, x)) continue;
-    Lanes out[4] = {};
-    for (int t = 0; t < 4; ++t) {
-      float* const flux[2] = {r.flux[2 * t] + x, r.flux[2 * t + 1] + x};
-      float* const ahead[2] = {r.ahead[2 * t] + x, r.ahead[2 * t + 1] + x};
-      const Lanes from[2] = {load(ahead[0]), load(ahead[1])};
-      Lanes to[2] = {from[0], from[1]};
-      // What slides down steep support goes one way only: momentum would let it run away.
-      const Lanes allowed = step(r, d, x, t, to[0], to[1]);
-      for (int c = 0; c < 2; ++c) {
-        const Lanes change = to[c] - load(flux[c]);
-        const Lanes next = to[c] + (allowed > r.limit ? Lanes{} : momentum * change);
-        uphill += (from[c] - to[c]) * change;
-        store(flux[c], to[c]);
-        store(ahead[c], next);
-        out[c == 0 ? t & 1 : 2 + (t >> 1)] += next;
-      }
+    std::uint8_t& flows = r.flows[x / kChunkSide];
+    if (at_rest(r, d, x)) {
+      flows = 0;
+      continue;
     }
+    Lanes out[4] = {};
+    bool any_flows = push<0>(r, d, x, momentum, uphill, out);
+    any_flows |= push<1>(r, d, x, momentum, uphill, out);
+    any_flows |= push<2>(r, d, x, momentum, uphill, out);
+    any_flows |= push<3>(r, d, x, momentum, uphill, out);
     for (int n = 0; n < 4; ++n) store(r.out[n] + x, out[n]);
+    flows = any_flows ? 2 : 1;
   }
-  double sum = 0;
-  for (int k = 0; k < kChunkSide; ++k) sum += double{uphill[k]};
-  return sum;
+  store(uphill_by, uphill);
 }
 
 // Sums of two and of two such: grids that are mirrored or turned have the same bits.
-SOILVDB_FOR_CPUS void settle(const FluxRow& r) {
+SOILVDB_FOR_CPUS void settle(const FluxRow& r, bool all) {
   const float shrunk = 1 - 1 / r.swell;
   for (int x = 0; x < r.columns; x += kChunkSide) {
+    const std::uint8_t* here = r.flows + x / kChunkSide;
+    const std::ptrdiff_t above = r.stride / kChunkSide;
+    if (!all && (here[0] | here[-1] | here[1] | here[-above] | here[above]) == 0) continue;
     const Lanes out =
         (load(r.out[0] + x) + load(r.out[1] + x)) + (load(r.out[2] + x) + load(r.out[3] + x));
     const Lanes in = (load(r.out[0] + x - 1) + load(r.out[1] + x + 1)) +
@@ -132,6 +151,7 @@ SOILVDB_FOR_CPUS Unrest unrest(const FluxRow& r) {
   Lanes steep{}, off{}, hollow{};
   for (int x = 0; x < r.columns; x += kChunkSide) {
     const Drops d = drops(r, x);
+    if (at_rest(r, d, x)) continue;  // and no less deep than at first
     const Lanes lack = -load(r.depth + x);
     hollow = max(hollow, load(r.soil + x) < 0 ? Lanes{} : lack);
     for (int t = 0; t < 4; ++t) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 namespace soilvdb::inline v0 {
 
@@ -15,12 +16,19 @@ struct FluxRow {
   const float *base, *bank, *soil, *brink[4];
   float *top, *depth;
   float *flux[8], *ahead[8], *out[4];
+  /// Of each eight columns: 2 where something flows, 1 where something did
+  /// until the last step.
+  std::uint8_t* flows;
 };
 
-/// A step of all fluxes of a row. @return by how much its momentum led uphill
-double push(const FluxRow& row, float momentum);
-/// Soil, and so heights, after what flowed.
-void settle(const FluxRow& row);
+/// A step of all fluxes of a row.
+/// @param uphill_by eight parts of by how much its momentum led uphill. In memory: who takes lanes
+///        out of a register to return a sum leaves its upper half in use, for which code without
+///        such registers that runs next waits
+void push(const FluxRow& row, float momentum, float uphill_by[8]);
+/// Soil, and so heights, after what flowed: of all columns, or of those that it
+/// changed.
+void settle(const FluxRow& row, bool all);
 
 /// How far from rest columns are, in sides of the finest of them.
 struct Unrest {

@@ -52,8 +52,8 @@ void FrontFinder::look_at(const Columns& columns, double slope) {
   labels_.resize(columns.height_m.size());
 }
 
-int FrontFinder::add_anchor(const Vec2& at, double distance, bool lip) {
-  front_->anchors.push_back({at, distance, lip});
+int FrontFinder::add_anchor(const Vec2& at, double distance) {
+  front_->anchors.push_back({at, distance, false, at});
   return static_cast<int>(front_->anchors.size()) - 1;
 }
 
@@ -127,19 +127,11 @@ void FrontFinder::grow(const Source& source, double volume, double limit, Front&
 
 void FrontFinder::push(double order, double distance, int column, int anchor) {
   queue_.push_back({order, distance, column, anchor});
-  const auto later = [](const Queued& a, const Queued& b) {
-    if (a.order != b.order) return a.order > b.order;
-    return a.distance != b.distance ? a.distance > b.distance : a.column > b.column;
-  };
-  std::push_heap(queue_.begin(), queue_.end(), later);
+  std::push_heap(queue_.begin(), queue_.end());
 }
 
 FrontFinder::Queued FrontFinder::pop() {
-  const auto later = [](const Queued& a, const Queued& b) {
-    if (a.order != b.order) return a.order > b.order;
-    return a.distance != b.distance ? a.distance > b.distance : a.column > b.column;
-  };
-  std::pop_heap(queue_.begin(), queue_.end(), later);
+  std::pop_heap(queue_.begin(), queue_.end());
   const Queued next = queue_.back();
   queue_.pop_back();
   return next;
@@ -210,19 +202,25 @@ void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const 
   const double low = std::max(-0.5, beside - half), high = std::min(0.5, beside + half);
   const double straight = ahead > kHair ? beside * 0.5 / (ahead + 0.5) : nearest;
   const int i = to_x - x, j = to_y - y;
-  over_lip_to(to_x, to_y, face + std::min(std::max(straight, low), high) * along, from);
-  over_lip_to(to_x + j, to_y - i, face + low * along, from);
-  over_lip_to(to_x - j, to_y + i, face + high * along, from);
+  const Vec2 over = face + std::min(std::max(straight, low), high) * along;
+  // What counted heights err by doesn't widen what soil runs over.
+  const bool barely = level_ - opens < kCovered * columns_->side_m;
+  over_lip_to(to_x, to_y, over, barely ? Vec2(face + nearest * along) : over, from);
+  const Vec2 left = face + low * along, right = face + high * along;
+  over_lip_to(to_x + j, to_y - i, left, left, from);
+  over_lip_to(to_x - j, to_y + i, right, right, from);
 }
 
-void FrontFinder::over_lip_to(int x, int y, const Vec2& lip, const Anchor& from) {
+void FrontFinder::over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens,
+                              const Anchor& from) {
   if (!columns_->open(x, y)) return;
   const int to = columns_->index(x, y);
   const double to_lip = from.distance + (lip - from.at).norm();
   const double distance = to_lip + (middle(x, y) - lip).norm();
   if (labelled(to) && label(to).distance <= distance + kHair) return;
   if (!(columns_->at(to) + slope_ * distance < level_)) return;
-  const int at_lip = add_anchor(lip, to_lip, true);
+  front_->anchors.push_back({lip, to_lip, true, opens});
+  const int at_lip = static_cast<int>(front_->anchors.size()) - 1;
   if (sees(at_lip, x, y, level_)) reach(to, distance, at_lip);
 }
 

@@ -22,7 +22,8 @@ struct Source {
 struct Anchor {
   Vec2 at;
   double distance;
-  bool lip;  ///< on the edge of a step down
+  bool lip;    ///< on the edge of a step down
+  Vec2 opens;  ///< where soil runs over that edge, if it only just does: there it came first
 };
 
 /// The surface max(ground, level - slope * distance) over what is reached: distances are those of
@@ -81,6 +82,11 @@ class FrontFinder {
   struct Queued {
     double order, distance;
     int column, anchor;
+    /// So that the first of a heap is the next to come.
+    bool operator<(const Queued& o) const {
+      if (order != o.order) return order > o.order;
+      return distance != o.distance ? distance > o.distance : column > o.column;
+    }
   };
 
   const Columns* columns_ = nullptr;
@@ -100,7 +106,7 @@ class FrontFinder {
   void expand(int column);
   void relax(int column, int x, int y, int to_x, int to_y);
   void over_lip(int x, int y, int to_x, int to_y, double edge, const Anchor& from);
-  void over_lip_to(int x, int y, const Vec2& lip, const Anchor& from);
+  void over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens, const Anchor& from);
   void reach(int column, double distance, int anchor);
   void over_lips_of(int column, int anchor);
   bool sees(int anchor, int x, int y, double level) const;
@@ -111,7 +117,7 @@ class FrontFinder {
   Label& label(int column) { return labels_[static_cast<std::size_t>(column)]; }
   const Label& label(int column) const { return labels_[static_cast<std::size_t>(column)]; }
   const Anchor& anchor(int i) const { return front_->anchors[static_cast<std::size_t>(i)]; }
-  int add_anchor(const Vec2& at, double distance, bool lip = false);
+  int add_anchor(const Vec2& at, double distance);
 };
 
 }  // namespace soilvdb::inline v0

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/settle/base_columns.h"
 #include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
@@ -28,6 +29,8 @@ class GroundWindow {
   };
 
   /// @param first the lowest cell; nx, ny how many
+  GroundWindow(BaseColumns& base, const Coord2& first, int nx, int ny);
+  /// The same for one look.
   GroundWindow(const Soil& soil, const Coord2& first, int nx, int ny);
 
   const Coord2& first() const { return first_; }
@@ -40,7 +43,7 @@ class GroundWindow {
 
  private:
   std::size_t index(int x, int y) const { return static_cast<std::size_t>(x * ny_ + y); }
-  void read_chunk_column(const Soil& soil, int cx, int cy);
+  class Descent;
 
   Coord2 first_;
   int nx_, ny_;

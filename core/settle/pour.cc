@@ -17,6 +17,18 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
+namespace {
+
+/// Is a column so near to the ground's border that so much soil might lean on it?
+bool at_border(const Columns& ground, int column, double volume, double slope) {
+  const int x = column / ground.ny, y = column % ground.ny;
+  const int far = std::min({x, y, ground.nx - 1 - x, ground.ny - 1 - y});
+  constexpr int kLeast = 6;  // columns: soil comes down a slope by some at a time
+  return far < kLeast + 2 * std::cbrt(volume / slope);
+}
+
+}  // namespace
+
 struct Pourer::Work {
   FrontFinder finder;
   FallLine way;
@@ -33,10 +45,30 @@ struct Pourer::Work {
 
   enum Rest { kAll, kRunsOn, kFull };
   Rest settle(double volume, double cap, Source& lip, double& lip_level);
+  Vec2 entrance(const Vec2& middle, const Anchor& from) const;
   bool runs_on(Source& lip, double& lip_level);
   double next_level(double volume, int n, bool bounded) const;
   double commit(const Front& front, double level, const Source& apex, Deposit& deposit);
 };
+
+/// Where the straight way from an anchor comes into a column below: through which side, and where
+/// soil runs over the edge there, if it only just does.
+Vec2 Pourer::Work::entrance(const Vec2& middle, const Anchor& from) const {
+  const Vec2 back = from.at - middle;
+  const int axis = std::abs(back.x()) > std::abs(back.y()) ? 0 : 1;
+  const double far = std::abs(back[axis]);
+  if (!(far > 0.5)) return from.at;
+  const Vec2 straight = middle + back * (0.5 / far);
+  Vec2 first = straight, above = middle;
+  first[1 - axis] = std::clamp(from.at[1 - axis], middle[1 - axis] - 0.5, middle[1 - axis] + 0.5);
+  above[axis] += back[axis] > 0 ? 1 : -1;
+  double edge;
+  if (!finder.step(static_cast<int>(above.x()), static_cast<int>(above.y()),
+                   static_cast<int>(middle.x()), static_cast<int>(middle.y()), edge))
+    return straight;
+  const double there = high.level - slope * side * (from.distance + (first - from.at).norm());
+  return there - edge < kCovered * side ? first : straight;
+}
 
 /// Where soil that the low front doesn't hold runs on to in the high one: its first column that is
 /// raised by more than noise from one to the other.
@@ -56,12 +88,9 @@ bool Pourer::Work::runs_on(Source& lip, double& lip_level) {
     const double is = high.level - fall * p.distance;
     const Anchor& from = high.anchors[static_cast<std::size_t>(p.anchor)];
     if (is - was <= (from.lip ? edge_noise : noise) + (high.level - low.level)) continue;
-    // Over the side through which the way comes in.
-    const Vec2 middle(p.column / ground->ny + 0.5, p.column % ground->ny + 0.5);
-    const Vec2 back = from.at - middle;
-    const double far = std::max(std::abs(back.x()), std::abs(back.y()));
-    lip.at = far > 0.5 ? Vec2(middle + back * (0.5 / far)) : from.at;
     lip.column = p.column;
+    const Vec2 middle(p.column / ground->ny + 0.5, p.column % ground->ny + 0.5);
+    lip.at = from.lip ? from.opens : entrance(middle, from);
     lip_level = is + fall * (middle - lip.at).norm();
     return true;
   }
@@ -159,14 +188,16 @@ Pourer::~Pourer() = default;
 Pourer::Pourer(Pourer&&) noexcept = default;
 Pourer& Pourer::operator=(Pourer&&) noexcept = default;
 
-Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, double slope) {
+Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, double slope,
+                     bool leaves) {
   Deposit deposit;
   Work& w = *work_;
   w.ground = &ground;
   w.slope = slope;
   w.side = ground.side_m;
   const Vec2 at = source / ground.side_m;
-  const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
+  const bool inside = at.x() >= 0 && at.y() >= 0 && at.x() < ground.nx && at.y() < ground.ny;
+  const int x = inside ? static_cast<int>(at.x()) : -1, y = inside ? static_cast<int>(at.y()) : -1;
   double left = volume_m3 / (ground.side_m * ground.side_m);
   if (!ground.open(x, y)) {
     deposit.left_m3 = volume_m3;
@@ -179,12 +210,20 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
   double level = kInfinity;  // of the soil that falls: at first it comes from above
   for (int n = 0; n < kMostRuns && left > 0; ++n) {
     w.way.find(w.finder, ground, slope, from, level);
-    Source lip;
+    Source lip = w.way.end();
+    if (leaves && lip.column != from.column && at_border(ground, lip.column, left, slope)) {
+      deposit.exit_m = lip.at * ground.side_m;
+      break;
+    }
     const auto rest = w.settle(left, level, lip, level);
     const Source apex = w.way.at(w.low.level);
     const double raised = w.commit(w.low, w.low.level, apex, deposit);
     if (rest == Work::kAll) return deposit;
     left -= raised;
+    if (leaves && rest == Work::kRunsOn && at_border(ground, lip.column, left, slope)) {
+      deposit.exit_m = lip.at * ground.side_m;
+      break;
+    }
     // The rest raises both: again from above.
     from = rest == Work::kFull ? top : lip;
     if (rest == Work::kFull) level = kInfinity;

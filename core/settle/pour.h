@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "core/settle/columns.h"
@@ -32,6 +33,8 @@ struct Cone {
 struct Deposit {
   std::vector<Cone> cones;
   double left_m3 = 0;  ///< that found no place: all of it where the source is on no open column
+  /// Where what is left comes to the columns' border on its way down, to run on beyond.
+  std::optional<Vec2> exit_m;
 };
 
 /// Pours soil. Keeps its memory from one pour to the next: what a pour costs goes with the columns
@@ -62,7 +65,9 @@ class Pourer {
 
   /// @param source metres from the columns' corner
   /// @param slope tangent of the angle of repose, > 0
-  Deposit pour(Columns& ground, const Vec2& source, double volume_m3, double slope);
+  /// @param leaves what runs down to the columns' border is left there, to run on
+  Deposit pour(Columns& ground, const Vec2& source, double volume_m3, double slope,
+               bool leaves = false);
 
  private:
   struct Work;

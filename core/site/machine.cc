@@ -44,15 +44,16 @@ Update Machine::move(Soil& soil, const Pose& to) {
   if (works_ != nullptr && placed_) {
     const Pose from = current_;
     const double whole_m = travel_m(from, to), every_m = station_travel_m(soil);
-    if (whole_m == 0) come_to_rest(soil, kNever);
+    if (whole_m == 0) stop(soil, kNever, true);
     for (double at_m = every_m - travel_m_; at_m <= whole_m; at_m += every_m) {
       const Pose station = interpolate(from, to, at_m / whole_m);
       follow(soil, plan(soil, station), kNever);
-      come_to_rest(soil, kNever);
+      stop(soil, kNever, ++stations_ >= kRestStations);
     }
     travel_m_ = std::fmod(travel_m_ + whole_m, every_m);
   }
   follow(soil, plan(soil, to), kNever);
+  if (works_ != nullptr) way_m_.extend(box_around(std::span(&to, 1)));
   return since(before, slid_before);
 }
 
@@ -62,10 +63,12 @@ Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double en
   double from_s = begin_s;
   if (works_ != nullptr) {
     for (const double station_s : stations(soil, motion, begin_s, end_s)) {
+      pass_rows(motion, from_s, station_s);
       follow(soil, plan(soil, motion, from_s, station_s), station_s);
-      come_to_rest(soil, station_s);
+      stop(soil, station_s, station_s == from_s || ++stations_ >= kRestStations);
       from_s = station_s;
     }
+    pass_rows(motion, from_s, end_s);
   }
   follow(soil, plan(soil, motion, from_s, end_s), end_s);
   return since(before, slid_before);
@@ -88,10 +91,10 @@ void Machine::follow(Soil& soil, bool digs, double time_s) {
   if (digs && !placed_) {
     book(excavator_.stamp(soil, path_.front()));
     current_ = station_ = path_.front();
+    way_m_ = box_around(std::span(path_).first(1));
     placed_ = true;
   }
   if (digs) dig(soil, time_s);
-  if (digs && works_ != nullptr) unsettled_m_.extend(plan_box(path_));
   current_ = path_.back();
 }
 

@@ -36,7 +36,9 @@ class Machine {
   Update move(Soil& soil, const Pose& to);
   Update move(Soil& soil, const Motion& motion, double begin_s, double end_s);
   /// What the bucket pushes, holds too much of or leaves behind comes to rest.
-  void come_to_rest(Soil& soil, double time_s);
+  /// Cuts fail once the bucket is out of the ground: while it works in them it props them, and they
+  /// are seen whole; here they do in any case.
+  void come_to_rest(Soil& soil, double time_s) { stop(soil, time_s, true, true); }
   /// Pushed by the body and not yet come down, units of mass.
   std::int64_t pushed() const { return pushed_; }
 
@@ -57,14 +59,16 @@ class Machine {
   void book(const Cut& cut);
   void dump(const Soil& soil, const Pose& at, double time_s);
   Update since(const Ledger& before, std::int64_t slid_before) const;
+  void stop(Soil& soil, double time_s, bool rests, bool ends = false);
   std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
   std::vector<double> stations(const Soil& soil, const Motion& motion, double begin_s,
                                double end_s);
+  void pass_rows(const Motion& motion, double begin_s, double end_s);
   double station_travel_m(const Soil& soil) const;
   Vec3 spill_point(const Pose& at) const;
   Vec3 push_point(const Pose& at) const;
-  Eigen::AlignedBox2d plan_box(std::span<const Pose> path) const;
+  Eigen::AlignedBox3d box_around(std::span<const Pose> path) const;
 
   Bucket bucket_;
   Excavator excavator_;
@@ -78,10 +82,14 @@ class Machine {
   // Where soil moves.
   Earthworks* works_;
   std::optional<Capacity> capacity_;
-  double travel_m_ = 0;              // since the last station
+  double travel_m_ = 0;              // from the last station to the last row or pose
   Pose station_;                     // the last one
+  Eigen::AlignedBox3d way_m_;        // of the bucket in plan since then, at stations and rows
+  std::int64_t cut_before_ = 0;      // samples, up to the last station
+  std::int32_t stations_ = 0;        // since soil came to rest
   std::int64_t pushed_ = 0;          // by the body since then, units of mass
-  Eigen::AlignedBox2d unsettled_m_;  // where soil may stand too steep
+  Eigen::AlignedBox3d unsettled_m_;  // where soil may stand too steep
+  Eigen::AlignedBox3d propped_m_;    // where bank may, once the bucket has left it
 };
 
 }  // namespace soilvdb::inline v0

@@ -20,37 +20,51 @@ double Machine::travel_m(const Pose& from, const Pose& to) const {
 }
 
 /// Times of the stations in (begin, end], and where the bucket comes to a standstill. They are
-/// places between rows: other updates have the same.
+/// counted from row to row: other updates have the same.
 std::vector<double> Machine::stations(const Soil& soil, const Motion& motion, double begin_s,
                                       double end_s) {
   const double every_m = station_travel_m(soil);
   const std::vector<double>& rows_s = motion.times_s();
   std::vector<double> found;
   auto next = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
-  for (double at_s = begin_s; at_s < end_s && next != rows_s.end(); ++next) {
-    if (next == rows_s.begin()) continue;
+  if (next == rows_s.begin()) ++next;
+  for (; next < rows_s.end() && *(next - 1) < end_s; ++next) {
     const auto row = static_cast<std::size_t>(next - rows_s.begin());
-    const double until_s = std::min(*next, end_s);
-    const double m_per_s =
-        travel_m(motion.row(row - 1), motion.row(row)) / (rows_s[row] - rows_s[row - 1]);
-    if (m_per_s == 0) {
-      found.push_back(at_s);
-    } else {
-      while (travel_m_ + m_per_s * (until_s - at_s) >= every_m) {
-        at_s = std::min(until_s, at_s + (every_m - travel_m_) / m_per_s);
-        travel_m_ = 0;
-        found.push_back(at_s);
-      }
-      travel_m_ += m_per_s * (until_s - at_s);
+    const double from_s = rows_s[row - 1], to_s = rows_s[row];
+    const double way_m = travel_m(motion.row(row - 1), motion.row(row));
+    if (way_m == 0 && from_s >= begin_s) found.push_back(from_s);
+    double at_m = every_m - travel_m_;
+    for (; at_m <= way_m; at_m += every_m) {
+      const double at_s = std::min(to_s, from_s + (to_s - from_s) * (at_m / way_m));
+      if (at_s > begin_s && at_s <= end_s) found.push_back(at_s);
     }
-    at_s = until_s;
+    if (to_s <= end_s) travel_m_ = std::max(0.0, every_m - (at_m - way_m));
   }
   return found;
 }
 
-void Machine::come_to_rest(Soil& soil, double time_s) {
+/// Notes where the bucket is at the rows in (begin, end].
+void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
+  const std::vector<double>& rows_s = motion.times_s();
+  auto row = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
+  for (; row != rows_s.end() && *row <= end_s; ++row) {
+    const Pose at[] = {motion.row(static_cast<std::size_t>(row - rows_s.begin()))};
+    way_m_.extend(box_around(at));
+  }
+}
+
+/// What the bucket pushes and holds too much of falls. @param rests what it left comes to rest, as
+/// it does when the bucket leaves the ground @param ends cuts fail though it is in the ground
+void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
   if (!placed_) return;
   const Pose& at = current_;
+  const Pose here[] = {at};
+  if (ledger_.cut() != cut_before_) {
+    unsettled_m_.extend(way_m_);
+    unsettled_m_.extend(box_around(here));
+  }
+  const bool in_air = stays_in_air(soil, here, 0), bank_fails = ends || in_air;
+  propped_m_.extend(unsettled_m_);
   std::int64_t spill = 0;
   Hold hold;
   if (capacity_ && ledger_.load > 0) {
@@ -59,7 +73,8 @@ void Machine::come_to_rest(Soil& soil, double time_s) {
         hold.volume_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
     spill = std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
   }
-  if (spill > 0 || pushed_ > 0 || !unsettled_m_.isEmpty()) {
+  if (spill > 0 || pushed_ > 0 || !unsettled_m_.isEmpty() ||
+      (bank_fails && !propped_m_.isEmpty())) {
     const Obstacle obstacle(bucket_, at, soil);
     if (pushed_ > 0) works_->drop(push_point(at), std::exchange(pushed_, 0), time_s, obstacle);
     if (spill > 0) {
@@ -67,13 +82,17 @@ void Machine::come_to_rest(Soil& soil, double time_s) {
       ledger_.spilled += spill;
       works_->drop(at * hold.spill, spill, time_s, obstacle);
     }
-    works_->settle(unsettled_m_, obstacle);
-    // Soil that leans on the bucket does so until that has gone.
-    unsettled_m_.setEmpty();
-    const Pose here[] = {at};
-    if (!stays_in_air(soil, here, 0)) unsettled_m_ = plan_box(here);
+    if (rests || in_air) {
+      works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
+      // Soil that leans on the bucket does so until that has gone.
+      unsettled_m_ = in_air ? Eigen::AlignedBox3d() : box_around(here);
+      if (bank_fails) propped_m_.setEmpty();
+      stations_ = 0;
+    }
   }
   station_ = at;
+  way_m_ = box_around(here);
+  cut_before_ = ledger_.cut();
 }
 
 /// Where soil leaves the bucket.
@@ -99,10 +118,10 @@ Vec3 Machine::push_point(const Pose& at) const {
   return at * farthest;
 }
 
-Eigen::AlignedBox2d Machine::plan_box(std::span<const Pose> path) const {
-  Eigen::AlignedBox2d box;
+Eigen::AlignedBox3d Machine::box_around(std::span<const Pose> path) const {
+  Eigen::AlignedBox3d box;
   for (const Pose& pose : path)
-    for (const Vec3& p : extremes_) box.extend((pose * p).head<2>().eval());
+    for (const Vec3& p : extremes_) box.extend(pose * p);
   return box;
 }
 

@@ -14,16 +14,21 @@ void Machine::save(std::string& out) const {
   put(out, std::uint64_t{bucket_.profile.size()});
   put(out, ledger_.captured);
   put(out, ledger_.displaced);
-  put(out, ledger_.load);
-  put(out, ledger_.spilled);
   put(out, ledger_.dumped);
   put(out, placed_);
   put(out, current_);
+  if (works_ == nullptr) return;
+  put(out, ledger_.load);
+  put(out, ledger_.spilled);
   put(out, travel_m_);
   put(out, station_);
   put(out, pushed_);
-  for (const double v : unsettled_m_.min()) put(out, v);
-  for (const double v : unsettled_m_.max()) put(out, v);
+  put(out, cut_before_);
+  put(out, stations_);
+  for (const Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
+    for (const double v : box->min()) put(out, v);
+    for (const double v : box->max()) put(out, v);
+  }
 }
 
 void Machine::load(std::string_view& in) {
@@ -36,16 +41,22 @@ void Machine::load(std::string_view& in) {
     throw std::invalid_argument("the state is of another bucket");
   take(in, ledger_.captured);
   take(in, ledger_.displaced);
-  take(in, ledger_.load);
-  take(in, ledger_.spilled);
   take(in, ledger_.dumped);
   take(in, placed_);
   take(in, current_);
+  ledger_.load = ledger_.captured - ledger_.dumped;  // where soil doesn't move
+  if (works_ == nullptr) return;
+  take(in, ledger_.load);
+  take(in, ledger_.spilled);
   take(in, travel_m_);
   take(in, station_);
   take(in, pushed_);
-  for (double& v : unsettled_m_.min()) take(in, v);
-  for (double& v : unsettled_m_.max()) take(in, v);
+  take(in, cut_before_);
+  take(in, stations_);
+  for (Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
+    for (double& v : box->min()) take(in, v);
+    for (double& v : box->max()) take(in, v);
+  }
 }
 
 }  // namespace soilvdb::inline v0

@@ -14,6 +14,7 @@
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/site/machine.h"
+#include "soilvdb/pour_parts.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -187,15 +188,9 @@ std::int64_t Tracker::mass_of(const Pour& pour) const {
                       static_cast<double>(works_->units().loose));
 }
 
-std::int64_t Tracker::parts_of(const Pour& pour) const {
-  const double cells = pour.volume_m3 / (64 * soil_.sample_m3());
-  const auto parts = static_cast<std::int64_t>(std::min(cells / kPourCells, 1e9)) + 1;
-  return pour.end_s > pour.begin_s ? std::min(parts, kMostPourParts) : 1;
-}
-
 /// What of a pour has come down after so many of its parts.
 std::int64_t Tracker::poured(const Pour& pour, std::int64_t parts) const {
-  const std::int64_t all = parts_of(pour), mass = mass_of(pour);
+  const std::int64_t all = PourParts(pour, soil_.voxel_size_m()).count(), mass = mass_of(pour);
   return mass / all * parts + mass % all * parts / all;
 }
 
@@ -206,15 +201,10 @@ Update Tracker::pour(std::size_t pour, double until_s) {
     const Pour& source = earthmoving_.pours[pour];
     const std::int64_t slid_before = works_->books().slid;
     std::int64_t& parts = poured_parts_[pour];
-    // Parts of one size, whatever the updates are; the last ends with the pour.
-    const std::int64_t all = parts_of(source);
-    const auto falls_s = [&](std::int64_t part) {
-      const double share = static_cast<double>(part) / static_cast<double>(all);
-      return part < all ? source.begin_s + share * (source.end_s - source.begin_s) : source.end_s;
-    };
-    while (parts < all && falls_s(parts + 1) <= until_s) {
+    const PourParts all(source, soil_.voxel_size_m());
+    while (parts < all.count() && all.falls_s(parts + 1) <= until_s) {
       const std::int64_t before = poured(source, parts++);
-      works_->drop(source.at_m, poured(source, parts) - before, until_s, Obstacle{});
+      works_->drop(source.at_m, poured(source, parts) - before, all.falls_s(parts), Obstacle{});
     }
     Update update;
     update.slid_m3 = slid_m3(slid_before);
@@ -231,8 +221,13 @@ Update Tracker::come_to_rest() {
     Update update;
     if (works_ == nullptr) return update;
     const std::int64_t slid_before = works_->books().slid, spilled_before = total().spilled;
-    for (const auto& machine : machines_)
-      machine->come_to_rest(soil_, std::numeric_limits<double>::quiet_NaN());
+    // What one machine leaves may come to lie where another's rested already.
+    std::int64_t moved = -1;
+    for (int n = 0; n < kMostRests && moved != works_->books().moved(); ++n) {
+      moved = works_->books().moved();
+      for (const auto& machine : machines_)
+        machine->come_to_rest(soil_, std::numeric_limits<double>::quiet_NaN());
+    }
     update.slid_m3 = slid_m3(slid_before);
     update.spilled_m3 =
         works_->units().loose_samples(total().spilled - spilled_before) * soil_.sample_m3();
@@ -284,7 +279,11 @@ void Tracker::restore(std::string_view state) {
   std::vector<std::int64_t> parts(poured_parts_.size());
   if (works_ != nullptr) {
     books.load(state);
-    for (std::int64_t& part : parts) take(state, part);
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      take(state, parts[i]);
+      if (parts[i] < 0 || parts[i] > PourParts(earthmoving_.pours[i], soil_.voxel_size_m()).count())
+        throw std::invalid_argument("the state is of another pour");
+    }
   }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   machines_ = std::move(machines);

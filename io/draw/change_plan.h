@@ -10,11 +10,12 @@
 
 namespace soilvdb::inline v0::io {
 
-/// The plan of write_plan(), of the ground after, with the depth cut since `before` in colour.
-/// Where soil was added nothing is coloured.
+/// The plan of write_plan(), of the ground after, with what was cut and filled since `before` in
+/// colour.
 /// @param changed what changed, world, m; shown with a margin
+/// @param filled soil was added anywhere
 /// @throw std::runtime_error naming the file and the cause.
 void write_change_plan(const std::filesystem::path& file, const Soil& before, const Soil& after,
-                       const Eigen::AlignedBox2d& changed, const Caption& caption);
+                       const Eigen::AlignedBox2d& changed, bool filled, const Caption& caption);
 
 }  // namespace soilvdb::inline v0::io

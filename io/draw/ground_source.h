@@ -15,16 +15,24 @@ namespace soilvdb::inline v0::io {
 struct Ground {
   HeightFunction now, base;
   double voxel_size_m = 0;
-  Eigen::AlignedBox2d cut;  ///< holds all that was cut; empty where nothing was
+  Eigen::AlignedBox2d changed;  ///< holds all that changed; empty where nothing did
+  bool filled = false;          ///< soil was added; else what is higher than it was is noise
+  /// Share of the soil about a point of the world that is loose; null: none is anywhere.
+  std::function<double(const Vec3&)> loose = {};
 
   /// Changes of less than this aren't drawn: the surface may be as much off.
   double least_m() const { return 0.1 * voxel_size_m; }
 };
 
 Ground ground_of(const Soil& soil);
+/// Ground::loose of a soil.
+std::function<double(const Vec3&)> loose_of(const Soil& soil);
+
+/// Samples both surfaces at the centres of nx x ny cells.
+Relief relief_of(const Ground& ground, const Eigen::AlignedBox2d& box, int nx, int ny);
 
 /// One scale for every picture of a box, however coarse its pixels are.
-DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box);
+ChangeScale change_scale(const Ground& ground, const Eigen::AlignedBox2d& box);
 
 /// A box that can be drawn: finite, and grown about its centre to at least twelve to one and 4
 /// voxels. @throw std::invalid_argument if it is empty or not finite.

@@ -8,6 +8,9 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <vector>
+
+#include "io/draw/loose_soil.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -21,6 +24,26 @@ constexpr std::array<Rgb, 7> kDepthColors{{{0.992, 0.773, 0.153},
                                            {0.663, 0.137, 0.584},
                                            {0.494, 0.012, 0.659},
                                            {0.298, 0.008, 0.631}}};
+
+// Amber as above and ColorBrewer's RdBu, darker at its ends and without its white middle: there the
+// ground itself shows.
+constexpr std::array<Rgb, 5> kCutColors{{{0.976, 0.800, 0.420},
+                                         {0.957, 0.604, 0.300},
+                                         {0.839, 0.345, 0.230},
+                                         {0.650, 0.080, 0.150},
+                                         {0.380, 0.000, 0.110}}};
+constexpr std::array<Rgb, 5> kFillColors{{{0.750, 0.870, 0.930},
+                                          {0.500, 0.730, 0.860},
+                                          {0.230, 0.520, 0.740},
+                                          {0.110, 0.330, 0.600},
+                                          {0.020, 0.150, 0.360}}};
+
+template <std::size_t N>
+Rgb along(const std::array<Rgb, N>& colors, double share) {
+  const double at = std::clamp(share, 0.0, 1.0) * (N - 1);
+  const auto i = std::min<std::size_t>(static_cast<std::size_t>(at), N - 2);
+  return mix(colors[i], colors[i + 1], at - static_cast<double>(i));
+}
 
 }  // namespace
 
@@ -47,19 +70,25 @@ std::string length_label(double length_m) {
   return fmt::format("{:g} mm", length_m * 1000);
 }
 
-DepthScale DepthScale::up_to(double deepest_m, double least_m) {
-  if (!(deepest_m > least_m)) return {};
-  DepthScale scale;
-  scale.tick_m = round_down_125(deepest_m / 3.5);
-  scale.max_m = scale.tick_m * std::ceil(deepest_m / scale.tick_m * (1 - 1e-6));
+ChangeScale ChangeScale::up_to(double deepest_m, double highest_m, double least_m) {
+  const double cut = deepest_m > least_m ? deepest_m : 0;
+  const double fill = highest_m > least_m ? highest_m : 0;
+  if (!(cut + fill > 0)) return {};
+  ChangeScale scale;
+  scale.tick_m = round_down_125((cut + fill) / 3.5);
+  const auto ticks = [&](double m) {
+    return scale.tick_m * std::ceil(m / scale.tick_m * (1 - 1e-6));
+  };
+  scale.cut_m = ticks(cut);
+  scale.fill_m = ticks(fill);
   return scale;
 }
 
-Rgb DepthScale::color(double depth_m) const {
-  const double at =
-      max_m > 0 ? std::clamp(depth_m / max_m, 0.0, 1.0) * (kDepthColors.size() - 1) : 0;
-  const auto i = std::min<std::size_t>(static_cast<std::size_t>(at), kDepthColors.size() - 2);
-  return mix(kDepthColors[i], kDepthColors[i + 1], at - static_cast<double>(i));
+Rgb ChangeScale::color(double depth_m) const {
+  const double most = std::max(cut_m, fill_m);
+  const double share = most > 0 ? std::abs(depth_m) / most : 0;
+  if (!(fill_m > 0)) return along(kDepthColors, share);
+  return depth_m < 0 ? along(kFillColors, share) : along(kCutColors, share);
 }
 
 double draw_caption(Canvas& canvas, double x, double y, double width, const Caption& caption) {
@@ -72,17 +101,24 @@ double draw_caption(Canvas& canvas, double x, double y, double width, const Capt
   return 62;
 }
 
-void draw_legend(Canvas& canvas, const Area& bar, const DepthScale& scale) {
-  const bool upright = bar.h > bar.w;
-  const bool centimetres = scale.max_m < 0.5;
+void draw_legend(Canvas& canvas, const Area& bar, const ChangeScale& scale) {
+  const bool upright = bar.h > bar.w, fill = scale.fill_m > 0;
+  const double span = scale.cut_m + scale.fill_m, length = upright ? bar.h : bar.w;
+  const bool centimetres = span < 0.5;
   const double unit = centimetres ? 0.01 : 1;
   cairo_t* cr = canvas.cr();
-  canvas.text(bar.x, bar.y - 13, centimetres ? "Cut depth (cm)" : "Cut depth (m)",
+  const std::string heading = fill ? "Cut (\u2212) and fill (+), " : "Cut depth (";
+  canvas.text(bar.x, bar.y - 13, heading + (centimetres ? "cm" : "m") + (fill ? "" : ")"),
               {.size = 15, .bold = true});
-  const int steps = static_cast<int>(upright ? bar.h : bar.w);
+  // Depth as it goes from the bar's left, or top, to its other end.
+  const bool from_cut = fill && !upright;
+  const auto depth = [&](double share) {
+    return from_cut ? scale.cut_m - share * span : share * span - scale.fill_m;
+  };
+  const int steps = static_cast<int>(length);
   for (int i = 0; i < steps; ++i) {
-    canvas.color(scale.color((i + 0.5) / steps * scale.max_m));
-    const double s = (upright ? bar.h : bar.w) / steps;
+    canvas.color(scale.color(depth((i + 0.5) / steps)));
+    const double s = length / steps;
     if (upright) {
       cairo_rectangle(cr, bar.x, bar.y + i * s, bar.w, s + 0.5);
     } else {
@@ -94,10 +130,12 @@ void draw_legend(Canvas& canvas, const Area& bar, const DepthScale& scale) {
   cairo_set_line_width(cr, 1);
   canvas.rectangle(bar);
   cairo_stroke(cr);
-  const int ticks = static_cast<int>(std::lround(scale.max_m / scale.tick_m));
+  const int ticks = static_cast<int>(std::lround(span / scale.tick_m));
   for (int i = 0; i <= ticks; ++i) {
-    const std::string label = number(i * scale.tick_m / unit, scale.tick_m / unit);
     const double at = static_cast<double>(i) / ticks;
+    const double shown = fill ? -depth(at) : depth(at);
+    std::string label = number(shown / unit, scale.tick_m / unit);
+    if (fill && shown > 0.5 * scale.tick_m) label = "+" + label;
     canvas.color(kInk);
     if (upright) {
       const double y = bar.y + at * bar.h;
@@ -109,6 +147,20 @@ void draw_legend(Canvas& canvas, const Area& bar, const DepthScale& scale) {
       canvas.text(x, bar.y + bar.h + 10, label, {.align_x = 0.5, .align_y = 1});
     }
   }
+}
+
+void draw_loose_key(Canvas& canvas, double x, double y, const Rgb& ground) {
+  constexpr int kSide = static_cast<int>(kSwatch_px);
+  std::vector<std::uint32_t> pixels;
+  for (int v = 0; v < kSide; ++v)
+    for (int u = 0; u < kSide; ++u)
+      pixels.push_back(to_pixel(as_loose(ground, Vec3(u, v, 0), kSide / 4.0, 1)));
+  canvas.blit(static_cast<int>(x), static_cast<int>(y), kSide, kSide, pixels.data());
+  canvas.color(kInk);
+  cairo_set_line_width(canvas.cr(), 1);
+  canvas.rectangle({std::floor(x), std::floor(y), kSwatch_px, kSwatch_px});
+  cairo_stroke(canvas.cr());
+  canvas.text(x + kSwatch_px + 10, y + kSwatch_px / 2, "Loose soil", {.align_y = 0.5});
 }
 
 double draw_scale_bar(Canvas& canvas, double x, double y, double width, double metres_per_px) {
@@ -150,20 +202,22 @@ void draw_north(Canvas& canvas, double x, double y, const Vec2& north, const Vec
               {.size = 16, .bold = true, .align_x = 0.5, .align_y = 0.5});
 }
 
-void draw_cut_ring(Canvas& canvas, double x, double y, double right_end) {
+void draw_ring(Canvas& canvas, double x, double y, double right_end, const ChangeScale& scale) {
+  const bool cut = scale.cut_m > 0;
+  const Rgb dark = cut ? kDepthColors[5] : kFillColors[3];
   cairo_t* cr = canvas.cr();
   for (const bool halo : {true, false}) {
     cairo_set_line_width(cr, halo ? 5 : 2);
-    canvas.color(halo ? Rgb{1, 1, 1} : kDepthColors[5], halo ? 0.7 : 1);
+    canvas.color(halo ? Rgb{1, 1, 1} : dark, halo ? 0.7 : 1);
     cairo_new_path(cr);
     cairo_arc(cr, x, y, 22, 0, 2 * std::numbers::pi);
     cairo_stroke(cr);
   }
   const bool left = x > right_end - 70;
-  canvas.text(x + (left ? -30 : 30), y, "cut",
+  canvas.text(x + (left ? -30 : 30), y, cut ? "cut" : "fill",
               {.size = 15,
                .bold = true,
-               .color = {0.36, 0.01, 0.50},
+               .color = dark,
                .align_x = left ? 1.0 : 0.0,
                .align_y = 0.5,
                .halo = 2.5});

@@ -4,25 +4,45 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
+#include <utility>
 
 #include "io/draw/ground_source.h"
+#include "io/draw/loose_soil.h"
 #include "io/file/atomic_file.h"
+#include "soilvdb/column_gains.h"
 #include "soilvdb/surface_height.h"
 
 namespace soilvdb::inline v0::io {
 
-Eigen::AlignedBox2d footprint(const Soil& soil, bool cut_only) {
+Eigen::AlignedBox2d footprint(const Soil& soil, bool changed_only) {
   Eigen::AlignedBox2d box;
   for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
     for (const Chunk* chunk : s->chunks()) {
-      if (cut_only && chunk->soil_count >= chunk->base_count) continue;
+      if (changed_only && chunk->soil_count >= chunk->base_count && chunk->loose_count == 0)
+        continue;
       // Cells reach half a voxel beyond the centres.
       const Vec3 low = s->world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
       box.extend(low.head<2>());
       box.extend(low.head<2>() + Vec2::Constant(s->voxel_size_m() * kChunkSide));
     }
   return box;
+}
+
+CutAndFill cut_and_fill(const Soil& soil) {
+  const GainGrid grid = GainGrid::columns(soil.origin().head<2>(), soil.voxel_size_m());
+  std::map<std::pair<int, int>, double> columns_m3;
+  for (const Soil* s = &soil; s != nullptr; s = s->base().soil()) {
+    for_each_gain(*s, grid, [&](const GainGrid::Box& box, const Gain& gain) {
+      columns_m3[{box[0], box[1]}] += gain.m3;
+    });
+  }
+  CutAndFill sum;
+  for (const auto& [column, gain_m3] : columns_m3) {
+    (gain_m3 < 0 ? sum.cut_m3 : sum.fill_m3) += std::abs(gain_m3);
+  }
+  return sum;
 }
 
 Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
@@ -37,24 +57,36 @@ Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
   return {box.min() - margin, box.max() + margin};
 }
 
+std::function<double(const Vec3&)> loose_of(const Soil& soil) {
+  if (!has_loose(soil)) return {};
+  return [&soil](const Vec3& point) { return looseness(soil, point); };
+}
+
 Ground ground_of(const Soil& soil) {
+  bool filled = false;
+  for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
+    filled |= !s->above_base().isEmpty();
   return {.now = surface_heights(soil),
           .base = [&soil](double x, double y) { return soil.undug().height(x, y); },
           .voxel_size_m = soil.voxel_size_m(),
-          .cut = footprint(soil, true)};
+          .changed = footprint(soil, true),
+          .filled = filled,
+          .loose = loose_of(soil)};
 }
 
-DepthScale depth_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
-  const Eigen::AlignedBox2d part = box.intersection(ground.cut);
-  if (ground.cut.isEmpty() || part.isEmpty() || !(part.sizes().minCoeff() > 0)) return {};
+Relief relief_of(const Ground& ground, const Eigen::AlignedBox2d& box, int nx, int ny) {
+  return sample_relief(ground.now, ground.base, box, nx, ny, ground.least_m(), ground.filled);
+}
+
+ChangeScale change_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
+  const Eigen::AlignedBox2d part = box.intersection(ground.changed);
+  if (ground.changed.isEmpty() || part.isEmpty() || !(part.sizes().minCoeff() > 0)) return {};
   const double cell = std::max(ground.voxel_size_m / 3, part.sizes().maxCoeff() / 700);
   const auto cells = [&](double length) {
     return std::max(1, static_cast<int>(std::ceil(length / cell)));
   };
-  return DepthScale::up_to(
-      deepest(sample_relief(ground.now, ground.base, part, cells(part.sizes().x()),
-                            cells(part.sizes().y()), ground.least_m())),
-      ground.least_m());
+  const Relief relief = relief_of(ground, part, cells(part.sizes().x()), cells(part.sizes().y()));
+  return ChangeScale::up_to(deepest(relief), highest(relief), ground.least_m());
 }
 
 Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m) {

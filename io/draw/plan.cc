@@ -96,7 +96,7 @@ std::vector<std::string> notes(const Relief& relief, const PlanStyle& style) {
   if (style.contour_m > 0) {
     lines.push_back(fmt::format("Contours every {}", length_label(style.contour_m)));
   }
-  if (!(style.scale.max_m > 0)) lines.push_back("Nothing cut here");
+  if (style.scale.empty()) lines.push_back("Nothing cut here");
   return lines;
 }
 
@@ -137,9 +137,9 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
     if (east.step / metres_per_px > widest + 26) break;
   }
 
-  const Relief relief = sample_relief(ground.now, ground.base, box, static_cast<int>(map.w),
-                                      static_cast<int>(map.h), ground.least_m());
-  PlanStyle style{.voxel_size_m = ground.voxel_size_m, .scale = depth_scale(ground, box)};
+  Relief relief = relief_of(ground, box, static_cast<int>(map.w), static_cast<int>(map.h));
+  if (ground.loose) sample_loose(relief, ground.loose, ground.voxel_size_m);
+  PlanStyle style{.voxel_size_m = ground.voxel_size_m, .scale = change_scale(ground, box)};
   if (const auto range = height_range(relief);
       range && range->high - range->low > std::max(1e-3, 2 * ground.voxel_size_m)) {
     style.contour_m = round_down_125((range->high - range->low) / 9);
@@ -158,10 +158,11 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
                  .angle = l.angle,
                  .halo = 2});
   }
-  if (!ground.cut.isEmpty() && box.contains(ground.cut.center()) &&
-      ground.cut.sizes().maxCoeff() < kSmallCut_px * metres_per_px) {
-    draw_cut_ring(canvas, map.x + (ground.cut.center().x() - box.min().x()) / metres_per_px,
-                  map.y + (box.max().y() - ground.cut.center().y()) / metres_per_px, map.x + map.w);
+  if (!ground.changed.isEmpty() && box.contains(ground.changed.center()) &&
+      ground.changed.sizes().maxCoeff() < kSmallChange_px * metres_per_px) {
+    draw_ring(canvas, map.x + (ground.changed.center().x() - box.min().x()) / metres_per_px,
+              map.y + (box.max().y() - ground.changed.center().y()) / metres_per_px, map.x + map.w,
+              style.scale);
   }
 
   const double bottom = map.y + map.h;
@@ -173,19 +174,31 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
   draw_caption(canvas, kEdge, 20, canvas.width() - 2 * kEdge, caption);
 
   const std::vector<std::string> lines = notes(relief, style);
-  const bool legend = style.scale.max_m > 0;
+  const bool legend = !style.scale.empty();
+  const bool loose = std::any_of(relief.loose.begin(), relief.loose.end(),
+                                 [](float share) { return share > 0.5f; });
   if (layout.beside) {
     const double x = map.x + map.w + 30;
     draw_north(canvas, x + 20, map.y + 56, {0, -34}, {34, 0});
     const double bar_top = map.y + 150;
     const double bar_h = std::min(340.0, bottom - bar_top - 150);
     if (legend) draw_legend(canvas, {x, bar_top, 24, bar_h}, style.scale);
-    draw_notes(canvas, x, legend ? bar_top + bar_h + 44 : bar_top, kSideColumn, lines);
+    double y = legend ? bar_top + bar_h + 44 : bar_top;
+    if (loose) {
+      draw_loose_key(canvas, x, y - 12, kEarth);
+      y += 48;
+    }
+    draw_notes(canvas, x, y, kSideColumn, lines);
     draw_scale_bar(canvas, x + 5, bottom - 8, kSideColumn - 40, metres_per_px);
   } else {
     const double y = bottom + 116;
     if (legend) draw_legend(canvas, {map.x, y, 380, 22}, style.scale);
-    draw_notes(canvas, map.x + (legend ? 470 : 0), y, 260, lines);
+    double x = map.x + (legend ? 430 : 0);
+    if (loose) {
+      draw_loose_key(canvas, x, y - 2, kEarth);
+      x += 150;
+    }
+    draw_notes(canvas, x + (legend ? 40 : 0), y, 220, lines);
     draw_scale_bar(canvas, map.x + map.w - 420, y + 8, 280, metres_per_px);
     draw_north(canvas, map.x + map.w - 24, y + 10, {0, -28}, {28, 0});
   }

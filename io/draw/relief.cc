@@ -10,12 +10,13 @@
 #include <limits>
 #include <numbers>
 
+#include "io/draw/loose_soil.h"
+
 namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr float kNoHeight = std::numeric_limits<float>::quiet_NaN();
 constexpr double kWallSlope = 2.5;
-constexpr Rgb kEarth{0.800, 0.765, 0.705};
 constexpr Rgb kNoGround{0.955, 0.955, 0.955};
 constexpr Rgb kHatch{0.875, 0.875, 0.875};
 constexpr Rgb kContour{0.33, 0.25, 0.17};
@@ -76,7 +77,7 @@ double exaggeration(const Relief& r, int radius) {
       std::max(1, static_cast<int>(std::sqrt(static_cast<double>(r.height.size()) / 20000)));
   for (int y = 0; y < r.ny; y += stride) {
     for (int x = 0; x < r.nx; x += stride) {
-      if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] > 0) continue;
+      if (std::isnan(r.height[r.at(x, y)]) || r.depth[r.at(x, y)] != 0) continue;
       const Gradient g = gradient(r, x, y, radius);
       slopes.push_back(std::hypot(g.east, g.north));
     }
@@ -104,7 +105,7 @@ double contour_cover(double height_m, double change_per_px_m, double interval_m)
 }  // namespace
 
 Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
-                     const Eigen::AlignedBox2d& box, int nx, int ny, double least_m) {
+                     const Eigen::AlignedBox2d& box, int nx, int ny, double least_m, bool filled) {
   Relief r{.nx = nx, .ny = ny, .box = box, .height = {}, .depth = {}};
   r.height.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), kNoHeight);
   r.depth.assign(r.height.size(), 0.0f);
@@ -123,9 +124,9 @@ Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
       const auto z = now(world_x, world_y);
       if (!z) continue;
       const double before = base(world_x, world_y).value_or(*z), depth = before - *z;
-      const bool cut = depth > least_m;
-      r.height[r.at(x, y)] = static_cast<float>((cut ? *z : before) - r.datum_m);
-      if (cut) r.depth[r.at(x, y)] = static_cast<float>(depth);
+      const bool changed = depth > least_m || (filled && depth < -least_m);
+      r.height[r.at(x, y)] = static_cast<float>((changed ? *z : before) - r.datum_m);
+      if (changed) r.depth[r.at(x, y)] = static_cast<float>(depth);
     }
   });
   return r;
@@ -146,6 +147,23 @@ float deepest(const Relief& relief) {
   return relief.depth.empty() ? 0 : *std::max_element(relief.depth.begin(), relief.depth.end());
 }
 
+float highest(const Relief& relief) {
+  return relief.depth.empty() ? 0 : -*std::min_element(relief.depth.begin(), relief.depth.end());
+}
+
+void sample_loose(Relief& r, const std::function<double(const Vec3&)>& loose, double voxel_size_m) {
+  r.loose.assign(r.height.size(), 0.0f);
+  for_rows(r.ny, [&](int y) {
+    for (int x = 0; x < r.nx; ++x) {
+      const std::size_t at = r.at(x, y);
+      if (std::isnan(r.height[at])) continue;
+      const Vec2 p = r.middle(x, y);
+      const double z = r.height[at] + r.datum_m - 0.25 * voxel_size_m;
+      r.loose[at] = static_cast<float>(loose({p.x(), p.y(), z}));
+    }
+  });
+}
+
 double depth_at(const Relief& r, double x, double y) {
   const double u = std::clamp((x - r.box.min().x()) / r.cell_x() - 0.5, 0.0, r.nx - 1.0);
   const double v = std::clamp((r.box.max().y() - y) / r.cell_y() - 0.5, 0.0, r.ny - 1.0);
@@ -162,6 +180,7 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
   const int radius = radius_px(r, style.voxel_size_m);
   const double half = 0.5 * style.voxel_size_m;
   const double steeper = exaggeration(r, radius);
+  const double clod = clod_m(r.box.sizes().norm(), style.voxel_size_m);
   for_rows(r.ny, [&](int y) {
     for (int x = 0; x < r.nx; ++x) {
       const std::size_t at = r.at(x, y);
@@ -171,12 +190,17 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
       }
       const Gradient g = gradient(r, x, y, radius);
       const double depth = r.depth[at];
-      // In the cut colour speaks of depth first: the light only models it.
+      // Where the ground changed colour speaks of depth first: the light only models it.
       const double light =
-          depth > 0 ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
+          depth != 0 ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
       Rgb color = kEarth;
-      if (depth > 0 && style.scale.max_m > 0) {
-        color = mix(color, style.scale.color(depth), 0.55 + 0.4 * std::min(1.0, depth / half));
+      if (depth != 0 && !style.scale.empty()) {
+        color = mix(color, style.scale.color(depth),
+                    0.55 + 0.4 * std::min(1.0, std::abs(depth) / half));
+      }
+      if (!r.loose.empty()) {
+        const Vec2 p = r.middle(x, y) - r.box.min();
+        color = as_loose(color, {p.x(), p.y(), r.height[at]}, clod, r.loose[at]);
       }
       // Shadows darken towards a cool tone, sunlit slopes brighten towards white.
       color = light < 1 ? mix({0.16, 0.13, 0.17}, color, 0.12 + 0.88 * std::pow(light, 0.7))
@@ -204,7 +228,7 @@ std::vector<ContourLabel> label_contours(const Relief& r, const PlanStyle& style
     for (int dy = -kRoom; dy <= kRoom; dy += 8) {
       for (int dx = -kRoom; dx <= kRoom; dx += 8) {
         const std::size_t at = r.at(x + dx, y + dy);
-        if (std::isnan(r.height[at]) || r.depth[at] > 0) return false;
+        if (std::isnan(r.height[at]) || r.depth[at] != 0) return false;
       }
     }
     return std::none_of(labels.begin(), labels.end(), [&](const ContourLabel& l) {

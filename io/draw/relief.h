@@ -20,12 +20,17 @@ namespace soilvdb::inline v0::io {
 struct Relief {
   int nx = 0, ny = 0;
   Eigen::AlignedBox2d box;
-  double datum_m = 0;         ///< a height in the box: floats keep their precision anywhere
-  std::vector<float> height;  ///< above datum_m; NaN where there is no ground
-  std::vector<float> depth;   ///< base surface less the ground now; 0 where nothing was cut
+  double datum_m = 0;             ///< a height in the box: floats keep their precision anywhere
+  std::vector<float> height;      ///< above datum_m; NaN where there is no ground
+  std::vector<float> depth;       ///< base surface less the ground now; 0 where nothing changed
+  std::vector<float> loose = {};  ///< share of the soil at the surface that is; or empty: none
 
   double cell_x() const { return box.sizes().x() / nx; }
   double cell_y() const { return box.sizes().y() / ny; }
+  /// Of a cell, world.
+  Vec2 middle(int x, int y) const {
+    return {box.min().x() + (x + 0.5) * cell_x(), box.max().y() - (y + 0.5) * cell_y()};
+  }
   std::size_t at(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(nx) + static_cast<std::size_t>(x);
   }
@@ -35,28 +40,39 @@ struct Relief {
 using HeightFunction = std::function<std::optional<double>(double x, double y)>;
 
 /// Samples both surfaces; they must be safe to call from several threads.
-/// @param least_m ground that is less deep than that is as it was
+/// @param least_m ground that changed by less than that is as it was
+/// @param filled false: so is ground that is higher than it was
 Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
-                     const Eigen::AlignedBox2d& box, int nx, int ny, double least_m);
+                     const Eigen::AlignedBox2d& box, int nx, int ny, double least_m, bool filled);
 
 /// Lowest and highest ground, m above the datum; nothing where there is no ground at all.
 struct HeightRange {
   float low = 0, high = 0;
 };
 std::optional<HeightRange> height_range(const Relief& relief);
+/// Deepest cut and highest fill, m.
 float deepest(const Relief& relief);
+float highest(const Relief& relief);
+
+/// Fills in where the soil at the surface is loose.
+/// @param loose share of the soil about a point of the world that is loose
+void sample_loose(Relief& relief, const std::function<double(const Vec3&)>& loose,
+                  double voxel_size_m);
 
 /// Bilinear depth at (x, y) of the world, clamped to the box.
 double depth_at(const Relief& relief, double x, double y);
 
+inline constexpr Rgb kEarth{0.800, 0.765, 0.705};
+
 /// How a plan is drawn.
 struct PlanStyle {
   double voxel_size_m = 0;
-  DepthScale scale;
+  ChangeScale scale;
   double contour_m = 0;  ///< height between contours; 0: none
 };
 
-/// Opaque pixels, row by row: earth tones under a hillshade, cut depth in colour, contours.
+/// Opaque pixels, row by row: earth tones under a hillshade, what changed in colour, loose soil as
+/// clods, contours.
 std::vector<std::uint32_t> shade(const Relief& relief, const PlanStyle& style);
 
 /// Where a contour can be labelled, px in the relief.
@@ -64,7 +80,7 @@ struct ContourLabel {
   double x = 0, y = 0, angle = 0;  ///< angle: along the contour, so that letters stand upright
   double height_m = 0;
 };
-/// At most one label on each fifth contour, apart from each other, the rim and the cut.
+/// At most one label on each fifth contour, apart from each other, the rim and what changed.
 std::vector<ContourLabel> label_contours(const Relief& relief, const PlanStyle& style);
 
 }  // namespace soilvdb::inline v0::io

@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "io/draw/cutout.h"
+#include "io/draw/loose_soil.h"
 #include "soilvdb/soil_grids.h"
 
 namespace soilvdb::inline v0::io {
@@ -32,8 +33,8 @@ Relief heights(const Ground& ground, const Eigen::AlignedBox2d& box, int most, d
   const double cell = std::max(box.sizes().maxCoeff() / most, finest_m);
   const Vec2 cells = (box.sizes() / cell).array().round().max(2.0);
   const Vec2 half = cells * cell / 2;
-  return sample_relief(ground.now, ground.base, {box.center() - half, box.center() + half},
-                       static_cast<int>(cells.x()), static_cast<int>(cells.y()), ground.least_m());
+  return relief_of(ground, {box.center() - half, box.center() + half}, static_cast<int>(cells.x()),
+                   static_cast<int>(cells.y()));
 }
 
 /// Looks at the block from an azimuth (clockwise from north, where the camera stands).
@@ -171,13 +172,19 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   scene.low = space.min() - origin;
   scene.high = space.max() - origin;
   scene.high.z() = range->high + relief.datum_m - origin.z();
-  const DepthScale scale = depth_scale(ground, box);
+  const ChangeScale scale = change_scale(ground, box);
   const auto depth = [&](const Vec3& p) {
     const double x = p.x() + origin.x(), y = p.y() + origin.y();
-    if (scale.max_m <= 0 || !ground.cut.contains(Vec2(x, y))) return 0.0;
+    if (scale.empty() || !ground.changed.contains(Vec2(x, y))) return 0.0;
     if (coarse) return depth_at(relief, x, y);
     const auto before = ground.base(x, y);
-    return before ? *before - (p.z() + origin.z()) : 0.0;
+    const double d = before ? *before - (p.z() + origin.z()) : 0;
+    return ground.filled ? d : std::max(0.0, d);
+  };
+  const double clod = clod_m(size, voxel);
+  const auto clods = [&](const Rgb& color, const Vec3& p, const Vec3& normal) {
+    if (!ground.loose) return color;
+    return as_loose(color, p, clod, ground.loose(p + origin - 0.25 * voxel * normal));
   };
   const double rim = 1.1 * scene.ground->voxelSize().x();
   const double line_m = round_down_125(size / 6);
@@ -192,15 +199,17 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
       const double v = std::clamp(y, box.min().y() + rim, box.max().y() - rim);
       const auto top = ground.base(u, v);
       const double below = top ? *top - (p.z() + origin.z()) : 0;
-      return section_color(below, size);
+      return clods(section_color(below, size), p, normal);
     }
-    if (d > kRound * voxel) {
-      return mix(kTopSoil, scale.color(d), 0.6 + 0.4 * std::min(1.0, d / voxel));
+    if (const double changed = std::abs(d); changed > kRound * voxel) {
+      return clods(mix(kTopSoil, scale.color(d), 0.6 + 0.4 * std::min(1.0, changed / voxel)), p,
+                   normal);
     }
     const auto off = [&](double v) {
       return std::abs(v / line_m - std::round(v / line_m)) * line_m;
     };
-    return std::min(off(x), off(y)) < 0.0007 * size ? scaled(kTopSoil, 0.93) : kTopSoil;
+    const bool line = std::min(off(x), off(y)) < 0.0007 * size;
+    return clods(line ? scaled(kTopSoil, 0.93) : kTopSoil, p, normal);
   };
 
   const std::vector<Vec3> points = hull(relief, scene.low, scene.high, origin);
@@ -211,12 +220,11 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
     const double azimuth = degrees * std::numbers::pi / 180;
     Camera candidate = look(scene.low, scene.high, azimuth);
     frame(candidate, points, {0, 0, 200, 130});
-    const double share =
-        scale.max_m <= 0 ? 0 : seen(scene, candidate, 200, 130, [&](const Vec3& p) {
-          const double d = depth(p);
-          const double part = d / scale.max_m;
-          return d > kRound * voxel ? 0.1 + part * part : 0.0;
-        });
+    const double share = scale.empty() ? 0 : seen(scene, candidate, 200, 130, [&](const Vec3& p) {
+      const double d = std::abs(depth(p));
+      const double part = d / std::max(scale.cut_m, scale.fill_m);
+      return d > kRound * voxel ? 0.1 + part * part : 0.0;
+    });
     if (share > 1.02 * most) {
       most = share;
       camera = candidate;
@@ -233,18 +241,19 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
               render(scene, camera, canvas.width(), canvas.height()).data());
   draw_caption(canvas, kEdge, 20, kWidth - 2 * kEdge, caption);
   draw_ruler(canvas, camera, scene.low, scene.high);
-  if (!ground.cut.isEmpty() && box.contains(ground.cut.center())) {
-    const Vec2 c = ground.cut.center();
+  if (!ground.changed.isEmpty() && box.contains(ground.changed.center())) {
+    const Vec2 c = ground.changed.center();
     if (const auto z = ground.now(c.x(), c.y())) {
       const Vec2 at = camera.project(Vec3(c.x(), c.y(), *z) - origin);
-      const double px = (ground.cut.sizes().maxCoeff() /
+      const double px = (ground.changed.sizes().maxCoeff() /
                          (camera.eye - (Vec3(c.x(), c.y(), *z) - origin)).norm()) /
                         camera.s;
-      if (px < kSmallCut_px) draw_cut_ring(canvas, at.x(), at.y(), kWidth);
+      if (px < kSmallChange_px) draw_ring(canvas, at.x(), at.y(), kWidth, scale);
     }
   }
   const double y = canvas.height() - 62;
-  if (scale.max_m > 0) {
+  if (ground.loose) draw_loose_key(canvas, kEdge + 500, y - 2, kTopSoil);
+  if (!scale.empty()) {
     draw_legend(canvas, {kEdge + 4, y, 420, 20}, scale);
   } else {
     canvas.text(kEdge + 4, y + 16, "Nothing cut here", {.size = 14, .color = kFaintInk});

@@ -9,6 +9,8 @@
 #include <cstddef>
 #include <numbers>
 
+#include "io/file/text.h"
+
 namespace soilvdb::inline v0::io {
 namespace {
 
@@ -113,10 +115,6 @@ void read_soil(const YamlMap& scenario, Scenario& result) {
                "'cohesion' needs 'density', the weight that it holds; add that, in "
                "kg/m3 of bank soil");
     }
-    result.warnings.push_back(fmt::format(
-        "{}: cohesion is checked but not used yet: cuts in bank soil stand as they were "
-        "made, however high",
-        map.place("cohesion")));
   }
   if (map.has("friction_angle"))
     soil.friction_rad = read_angle(map, "friction_angle", /*zero_is_good=*/true);
@@ -184,6 +182,15 @@ void check_capacity(const YamlMap& map, const Bucket& bucket) {
   map.fail("profile",
            "profile gives the bucket a capacity of zero; it must enclose an area with "
            "the mouth");
+}
+
+void warn_if_never_dumps(const YamlMap& machine, const std::string& name, const Bucket& bucket,
+                         Scenario& result) {
+  if (!result.soil || !bucket.profile.empty() || bucket.dump_angle_rad) return;
+  result.warnings.push_back(
+      fmt::format("{}: the bucket of '{}' has neither profile nor dump_angle: it holds any amount "
+                  "of soil and never dumps it",
+                  machine.place("bucket"), printable(name)));
 }
 
 }  // namespace soilvdb::inline v0::io

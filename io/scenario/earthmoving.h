@@ -30,5 +30,8 @@ void read_hoppers(const YamlMap& scenario, Scenario& result, Names& names);
 
 /// @throw InputError if a bucket's body holds nothing of soil that moves.
 void check_capacity(const YamlMap& map, const Bucket& bucket);
+/// Warns of a bucket that keeps all soil that it ever took, where that moves.
+void warn_if_never_dumps(const YamlMap& machine, const std::string& name, const Bucket& bucket,
+                         Scenario& result);
 
 }  // namespace soilvdb::inline v0::io

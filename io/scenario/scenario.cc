@@ -214,6 +214,7 @@ std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result, Na
                      {"name", "bucket", "motion", "angles", "bad_rows", "urdf", "base", "lip"})) {
     const std::string name = names.take(machine, "machine");
     const Bucket bucket = read_bucket(machine, result.soil.has_value());
+    warn_if_never_dumps(machine, name, bucket, result);
     sections.push_back({name, bucket, read_machine_chain(machine), read_path(machine, "motion"),
                         read_angle_unit(machine), read_on_bad_row(machine)});
     result.inputs.push_back(sections.back().motion);

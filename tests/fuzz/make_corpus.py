@@ -46,11 +46,23 @@ EARTHMOVING = '''soilvdb: 1
 voxel_size: 0.1
 terrain: {plane: {z: 0.0}}
 soil: {repose_angle: 0.61, swell: 0.25, density: 1800, cohesion: 10000, friction_angle: 0.5}
+machines:
+  - name: digger
+    bucket: {width: 0.4, height: 0.3, profile: [[0, 0], [-0.2, 0.05], [0, 0.3]]}
+    motion: motion.csv
 pours:
   - {name: truck, at: [5.0, 0.0, 3.0], time: [0, 2], volume: 1.0}
 hoppers:
   - {name: truck, box: [8, -1.5, 13, 1.5], top: 2.0, time: [0, 600]}
   - {name: crusher, box: [14, -1, 15, 1], top: 1}
+'''
+# What snapshot_fuzz.cc has, too.
+MOVING = '''soil: {repose_angle: 0.61, swell: 0.25}
+pours:
+  - {name: truck, at: [0.5, 0.5, 1], time: [0, 1.5], volume: 0.05}
+  - {name: tip, at: [1, 0, 1], time: [1, 1], volume: 0.02}
+hoppers:
+  - {name: bed, box: [2, -1, 3, 1], top: 0.5}
 '''
 POSES = 'time,x,y,z,pitch\n0,0,0,0.1,0\n0.5,0.3,0,-0.1,0.1\n1,0.6,0,-0.1,0.2\n1.5,0.8,0,0.2,0.5\n'
 QUATERNIONS = 'time,x,y,z,qx,qy,qz,qw,note\n0,1,2,3,0,0,0,1,"a, b"\n1e-3,2,2,3,0.6,0,0,0.8,\n'
@@ -131,15 +143,20 @@ def main():
     work = pathlib.Path(folder)
     rasters(work)
     # The bucket that snapshot_fuzz.cc has, digging and in the air.
-    (work / 'scenario.yaml').write_text(re.sub(', profile: .*]]', '', SCENARIO))
-    for name, motion in [('digging', POSES), ('in_air', POSES.replace('-', ''))]:
+    rigid = re.sub(', profile: .*]]', '', SCENARIO)
+    moving = re.sub(', dump_angle: [^}]*', '', SCENARIO) + MOVING
+    for name, scenario, motion in [('moving', moving, POSES), ('digging', rigid, POSES),
+                                   ('in_air', rigid, POSES.replace('-', ''))]:
+      (work / 'scenario.yaml').write_text(scenario)
       (work / 'motion.csv').write_text(motion)
       subprocess.run([program, 'run', 'scenario.yaml', '--out', name], cwd=work, check=True,
                      stdout=subprocess.DEVNULL)
       write('journal', name, (work / name / 'journal').read_bytes())
       snapshot = (work / name / 'soil_final.vdb').read_bytes()
       size = int(snapshot[-65:-49], 16)  # in the line before the checksum's
-      write('snapshot', name, b'\2' + snapshot[-79 - size:-79])
+      state = snapshot[-79 - size:-79]
+      # A last byte says whether soil that moves is at rest.
+      write('snapshot', name, b'M' + state[:-1] if name == 'moving' else b'\2' + state)
       rest = snapshot[:-79 - size]
       size = int(rest[-17:-1], 16)  # in the line behind the samples
       write('snapshot', 'samples_' + name, b'\3' + rest[-33 - size:-33])

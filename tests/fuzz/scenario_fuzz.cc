@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenarios, beside a motion and a machine that they may refer to.
 #include "soilvdb/io/scenario.h"
+#include "soilvdb/io/site.h"
 #include "tests/fuzz/fuzz.h"
 
 using namespace soilvdb;
@@ -23,6 +24,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::require(
         scenario.voxel_size_m > 0 && !(scenario.machines.empty() && scenario.pours.empty()),
         "a usable scenario");
+    // Are the pours and machines on it?
+    if (std::holds_alternative<io::PlaneTerrain>(scenario.terrain)) io::open_site(scenario);
   });
   return 0;
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Snapshots. By the first byte: the rest is a whole file; or what stands between the samples and a
-// checksum that is right; or samples; or a tracker's state.
+// checksum that is right; or samples; or a tracker's state, of soil that moves or doesn't.
 #include <tbb/global_control.h>
 
 #include <memory>
@@ -15,6 +15,8 @@
 using namespace soilvdb;
 
 namespace {
+
+constexpr std::uint8_t kMovingSoil = 'M';
 
 Bucket bucket() {
   Bucket bucket;
@@ -65,14 +67,29 @@ void restore_samples(const std::string& bytes) {
   }
 }
 
-void restore(const std::string& state) {
+/// As tests/fuzz/make_corpus.py has them.
+Earthmoving earthmoving() {
+  Earthmoving all;
+  all.soil = SoilProperties{0.61, 0.25, 1800, {}, {}};
+  all.pours = {{"truck", {0.5, 0.5, 1}, 0, 1.5, 0.05}, {"tip", {1, 0, 1}, 1, 1, 0.02}};
+  all.hoppers = {{"bed", {Vec2(2, -1), Vec2(3, 1)}, 0.5}};
+  return all;
+}
+
+void restore(const std::string& state, const Earthmoving& earthmoving) {
   Site site;
-  Tracker tracker(*site.site.soil, {bucket()});
+  Bucket body = bucket();
+  if (earthmoving.soil) body.profile = {{0, 0}, {-0.2, 0.05}, {0, 0.3}};
+  Tracker tracker(*site.site.soil, {body}, earthmoving);
   try {
     tracker.restore(state);
   } catch (const std::invalid_argument& no_state) {
     fuzz::check_message(no_state);
+    return;
   }
+  const std::string now = tracker.state();
+  tracker.restore(now);
+  fuzz::require(tracker.state() == now, "the state is what was restored");
 }
 
 }  // namespace
@@ -86,7 +103,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::expect_read_or_refused([&] {
     if (data[0] % 4 == 0) io::read_snapshot(folder.write("soil.vdb", rest));
     if (data[0] % 4 == 1) read_with_tail(folder, rest);
-    if (data[0] % 4 == 2) restore(rest);
+    if (data[0] == kMovingSoil) return restore(rest, earthmoving());
+    if (data[0] % 4 == 2) restore(rest, {});
     if (data[0] % 4 == 3) restore_samples(rest);
   });
   return 0;

@@ -107,7 +107,7 @@ void diff(const DiffOptions& options) {
     if (suffix == "tif") write_raster(*options.to, a, b, box);
     if (suffix == "png")
       io::write_change_plan(
-          *options.to, *a.site.soil, *b.site.soil, box,
+          *options.to, *a.site.soil, *b.site.soil, box, change.fill_m3 > change.error_m3,
           {fmt::format("{}: {} s to {} s", b.info.scenario, time_text(a.info.time_s),
                        time_text(b.info.time_s)),
            fmt::format("cut {} m³, fill {} m³", number(change.cut_m3), number(change.fill_m3))});

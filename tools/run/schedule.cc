@@ -7,18 +7,14 @@
 #include <limits>
 
 namespace soilvdb::tools {
-namespace {
-
-constexpr std::int64_t kPourSteps = 128;  // so many updates of a pour
-
-}  // namespace
-
 Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
                    const std::vector<double>& ends_s, double tolerance_m)
     : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
   for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
     const io::MachineInput& machine = scenario.machines[i];
-    cursors_.emplace_back(machine, updates, ends_s.at(i), tolerance_m);
+    // Soil comes to rest at places that are counted from row to row, so all rows stay.
+    const auto thinned_m = scenario.soil ? std::nullopt : std::optional(tolerance_m);
+    cursors_.emplace_back(machine, updates, ends_s.at(i), thinned_m);
     total_ += cursors_.back().count();
     begin_s_ = std::min(begin_s_, machine.motion.begin_s());
     end_s_ = std::max(end_s_, machine.motion.end_s());
@@ -28,7 +24,7 @@ Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> upd
     stops_at_ = bad.first;
   }
   for (const Pour& pour : scenario.pours) {
-    total_ += pours_.emplace_back(pour).count();
+    total_ += pours_.emplace_back(PourParts(pour, scenario.voxel_size_m)).count();
     begin_s_ = std::min(begin_s_, pour.begin_s);
     end_s_ = std::max(end_s_, pour.end_s);
   }
@@ -58,15 +54,14 @@ std::optional<Step> Schedule::next() {
 }
 
 Schedule::Cursor::Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates,
-                         double end_s, double tolerance_m)
+                         double end_s, std::optional<double> thinned_m)
     : machine_(&machine),
-      tolerance_m_(tolerance_m),
       by_rows_(!updates || end_s == machine.motion.begin_s()),
-      thin_(!by_rows_ && machine.motion.rows() > 2 * *updates),
       intervals_(updates.value_or(1)),
       planned_s_(end_s),
       count_(machine.motion.rows()),
       at_s_(machine.motion.begin_s()) {
+  if (!by_rows_ && machine.motion.rows() > 2 * *updates) thinned_m_ = thinned_m;
   if (!by_rows_) {
     constexpr double kMost = 1e15;
     const double spans = (machine.motion.end_s() - at_s_) / (planned_s_ - at_s_);
@@ -82,8 +77,8 @@ void Schedule::Cursor::load(std::size_t part) {
   part_ = part;
   row_ = part == 0 ? 0 : 1;  // parts join
   motion_ = machine_->motion.part(part);
-  if (thin_)
-    motion_ = std::make_shared<Motion>(motion_->simplified(machine_->bucket, tolerance_m_));
+  if (thinned_m_)
+    motion_ = std::make_shared<Motion>(motion_->simplified(machine_->bucket, *thinned_m_));
 }
 
 /// Finds where the next update ends.
@@ -120,18 +115,8 @@ Step Schedule::Cursor::step() {
   return step;
 }
 
-Schedule::PourCursor::PourCursor(const Pour& pour)
-    : pour_(&pour), count_(pour.end_s > pour.begin_s ? kPourSteps : 1) {}
-
-double Schedule::PourCursor::boundary_s(std::int64_t share) const {
-  if (share == 0) return pour_->begin_s;
-  if (share == count_) return pour_->end_s;
-  return pour_->begin_s +
-         (pour_->end_s - pour_->begin_s) * static_cast<double>(share) / static_cast<double>(count_);
-}
-
 Step Schedule::PourCursor::step() {
-  const double begin_s = boundary_s(done_), end_s = boundary_s(done_ + 1);
+  const double begin_s = parts_.falls_s(done_), end_s = until_s();
   ++done_;
   return {0, begin_s, end_s, nullptr, true};
 }

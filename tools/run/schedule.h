@@ -12,6 +12,7 @@
 
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/scenario.h"
+#include "soilvdb/pour_parts.h"
 
 namespace soilvdb::tools {
 
@@ -33,7 +34,7 @@ inline bool is_move(const Step& step, const io::JournalMove& move) {
 /// The updates of several machines, merged by the time at which they end; at equal times in the
 /// order of the machines. A machine's steps follow on each other and cover its whole motion. Where
 /// parts of a long motion meet within an update, it comes in several steps, one after the other.
-/// Pours come in even shares of their time among them.
+/// Each part of a pour is an update among them, when it falls.
 /// Where a motion stops at a bad row, all machines do, with their last updates that end before it.
 class Schedule {
  public:
@@ -43,7 +44,7 @@ class Schedule {
   /// @param ends_s where each motion ended when the run began, as ends_of() has them: it makes so
   ///        many updates up to there, and goes on in the same intervals if it is longer by now
   /// @param tolerance_m of Motion::simplified(), by which rows are left out that say no more than
-  ///        their neighbours, where an update covers several
+  ///        their neighbours, where an update covers several and soil doesn't move
   Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
            const std::vector<double>& ends_s, double tolerance_m);
 
@@ -61,7 +62,7 @@ class Schedule {
   class Cursor {
    public:
     Cursor(const io::MachineInput& machine, std::optional<std::int64_t> updates, double end_s,
-           double tolerance_m);
+           std::optional<double> thinned_m);
     std::int64_t count() const { return count_; }
     bool at_end() const { return done_ == count_; }
     double until_s() const { return until_s_; }  ///< where the update it is in ends
@@ -73,27 +74,26 @@ class Schedule {
     double boundary_s(std::int64_t update) const;
 
     const io::MachineInput* machine_;
-    double tolerance_m_;
-    bool by_rows_, thin_ = false;
-    std::int64_t intervals_;         // even ones, up to planned_s_
-    double planned_s_;               // where the motion ended when the run began
-    std::int64_t count_, done_ = 0;  // updates
+    bool by_rows_;
+    std::optional<double> thinned_m_;  // of Motion::simplified()
+    std::int64_t intervals_;           // even ones, up to planned_s_
+    double planned_s_;                 // where the motion ended when the run began
+    std::int64_t count_, done_ = 0;    // updates
     std::size_t part_ = 0, row_ = 0;
     std::shared_ptr<const Motion> motion_;  // part_ of the machine's
     double at_s_, until_s_ = 0;             // where the last step ended, where the update ends
   };
   class PourCursor {
    public:
-    explicit PourCursor(const Pour& pour);
-    std::int64_t count() const { return count_; }
-    bool at_end() const { return done_ == count_; }
-    double until_s() const { return boundary_s(done_ + 1); }
+    explicit PourCursor(const PourParts& parts) : parts_(parts) {}
+    std::int64_t count() const { return parts_.count(); }
+    bool at_end() const { return done_ == count(); }
+    double until_s() const { return parts_.falls_s(done_ + 1); }
     Step step();
 
    private:
-    double boundary_s(std::int64_t share) const;
-    const Pour* pour_;
-    std::int64_t count_, done_ = 0;
+    PourParts parts_;
+    std::int64_t done_ = 0;
   };
   std::vector<Cursor> cursors_;
   std::vector<PourCursor> pours_;

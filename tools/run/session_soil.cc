@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "io/file/text.h"
 #include "soilvdb/capacity.h"
 #include "tools/run/session.h"
 #include "tools/run/text.h"
@@ -87,7 +88,7 @@ void Session::summarise_soil() {
   const std::int64_t residual = ground + total.load + site.in_flight + site.hauled - site.poured;
   const std::int64_t expected = site.fill_samples - site.gone_samples - total.cut();
   summary_.residual_m3 = volume_m3(samples(summary_.ground_change_m3) - expected);
-  io::Summary::Moved& moved = summary_.moved.emplace();
+  io::Summary::Moved& moved = summary_.moved.emplace(io::Summary::Moved{});
   moved.spilled_m3 = loose_m3(total.spilled);
   moved.poured_m3 = loose_m3(site.poured);
   moved.hauled_m3 = loose_m3(site.hauled);
@@ -104,10 +105,14 @@ void Session::summarise_soil() {
     io::Summary::Machine& machine = summary_.machines[i];
     machine.bucket_kg = kg(ledger.load);
     machine.capacity = Capacity::of(scenario_.machines[i].bucket);
-    // What sticks to a bucket that was tipped is less.
-    if (!stopped_ && machine.capacity && ledger.load > most_load_[i] / 2)
-      say(fmt::format("warning: {} still holds {} m³ at the end; it was never tipped to dump that",
-                      machine.name, number(machine.bucket_m3)));
+    // What stays in a bucket that was tipped is less. One that never dumps was warned of already.
+    const Bucket& bucket = scenario_.machines[i].bucket;
+    const bool dumps = !bucket.profile.empty() || bucket.dump_angle_rad;
+    if (!stopped_ && dumps && ledger.load > most_load_[i] / 2)
+      say(fmt::format(
+          "warning: {} carries its load to the end, {} m³; it was not tipped far enough "
+          "to dump that",
+          io::printable(machine.name), number(machine.bucket_m3)));
   }
 }
 

@@ -60,6 +60,10 @@ class Samples {
     const Head& h = head();
     return (h.soil[first >> 6] | h.mixed[first >> 6]) >> (first & 63) & 0xff;
   }
+  /// Bit i: cell `first` + i is all soil; `first` a multiple of 8, i < 8.
+  std::uint32_t full_of_row(int first) const {
+    return head().soil[first >> 6] >> (first & 63) & 0xff;
+  }
   /// Bit i: cell i of group `g`, which is 64 cells, holds soil.
   std::uint64_t occupied(int g) const { return head().soil[g] | head().mixed[g]; }
   /// Bit i: row i of eight cells of group `g`, which is 64 cells, holds soil.

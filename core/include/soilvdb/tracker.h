@@ -129,7 +129,6 @@ class Tracker {
  private:
   Machine& at(std::size_t machine) const;
   std::int64_t mass_of(const Pour& pour) const;
-  std::int64_t parts_of(const Pour& pour) const;
   std::int64_t poured(const Pour& pour, std::int64_t parts) const;
   double slid_m3(std::int64_t before) const;
   std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;

@@ -62,7 +62,8 @@ struct Scenario {
   std::optional<double> raster_cell_m;
   double journal_sync_s = 1;                  ///< how often the journal is synced; 0: always
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
-  std::vector<std::string> warnings;  ///< unused columns, joints beyond limits, bad rows left out
+  /// Unused columns, joints beyond limits, bad rows left out, doubtful soil and buckets.
+  std::vector<std::string> warnings;
 };
 
 /// Is told how many bytes of all the motions have been read, and how many there are.

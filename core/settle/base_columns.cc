@@ -1,0 +1,114 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/base_columns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "core/constants.h"
+#include "core/lattice/cell_counts.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+std::optional<double> height(const Soil& soil, double x, double y) {
+  const double h = soil.voxel_size_m();
+  return soil.base().height(soil.origin().x() + h * x, soil.origin().y() + h * y);
+}
+
+double mean_height(const Soil& soil, int x, int y) {
+  double sum = 0;
+  for (const double u : {-0.25, 0.25})
+    for (const double v : {-0.25, 0.25})
+      sum += height(soil, x + u, y + v).value_or(std::numeric_limits<double>::quiet_NaN());
+  return (sum / 4 - soil.origin().z()) / soil.voxel_size_m();
+}
+
+bool all_ground(const Soil& soil, int x, int y) {
+  constexpr double kInside = 0.499;
+  const auto has = [&](double u, double v) { return height(soil, x + u, y + v).has_value(); };
+  return has(0, 0) && has(-kInside, -kInside) && has(-kInside, kInside) && has(kInside, -kInside) &&
+         has(kInside, kInside);
+}
+
+/// Heights by counting, as those of ground that was touched are: then soil that comes onto it or
+/// goes finds the height that it had. NaN where cliffs take more chunks than are looked at.
+void count_heights(const Soil& soil, int cx, int cy, BaseColumn& column) {
+  constexpr int kMostChunks = 4;
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  column.heights.fill(kNone);
+  std::array<double, BaseColumn::kCells> above{};
+  int left = BaseColumn::kCells;
+  SampleWords words;
+  CellCounts counts;
+  for (int n = 0, z = column.highest; n < kMostChunks && left > 0; ++n, z -= kChunkSide) {
+    soil.read_base({cx, cy, z}, words);
+    count_cells(words, counts);
+    for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
+      for (int k = kChunkSide - 1; k >= 0 && std::isnan(column.heights[c]); --k) {
+        const int count = counts[c * kChunkSide + static_cast<std::size_t>(k)];
+        if (count == 64) {
+          column.heights[c] = z + k + 0.5 + above[c] / 64;
+          --left;
+        }
+        above[c] += count;
+      }
+    }
+  }
+}
+
+BaseColumn column_of(const Soil& soil, int cx, int cy) {
+  BaseColumn column;
+  double low_m = std::numeric_limits<double>::infinity();
+  const auto look = [&](int x, int y) {
+    const auto height_m = height(soil, cx + x, cy + y);
+    if (!height_m) return;
+    low_m = std::min(low_m, *height_m);
+    const int chunk =
+        static_cast<int>(std::floor((*height_m - soil.origin().z()) / soil.voxel_size_m() + 0.5)) &
+        ~(kChunkSide - 1);
+    column.highest = column.some ? std::max(column.highest, chunk) : chunk;
+    column.some = true;
+  };
+  for (const auto& [x, y] : {std::pair(4, 4), {0, 0}, {7, 0}, {0, 7}, {7, 7}}) look(x, y);
+  const double h = soil.voxel_size_m();
+  const Vec3 corner = soil.world_from_index(Vec3(cx - 0.5, cy - 0.5, 0));
+  const Vec3 floor(corner.x(), corner.y(), low_m - h);
+  column.whole = column.some && soil.base().known({floor, floor + Vec3(8 * h, 8 * h, h)});
+  for (int c = 0; c < BaseColumn::kCells; ++c) {
+    const int x = c / kChunkSide, y = c % kChunkSide;
+    if (!column.whole) {  // islands, cliffs at holes
+      look(x, y);
+      if (!all_ground(soil, cx + x, cy + y)) column.all_ground &= ~(std::uint64_t{1} << c);
+    }
+  }
+  while (column.some && soil.classify({cx, cy, column.highest + kChunkSide}) != Content::kAir)
+    column.highest += kChunkSide;
+  if (column.some) count_heights(soil, cx, cy, column);
+  for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
+    const int x = static_cast<int>(c) / kChunkSide, y = static_cast<int>(c) % kChunkSide;
+    if (std::isnan(column.heights[c])) column.heights[c] = mean_height(soil, cx + x, cy + y);
+  }
+  return column;
+}
+
+}  // namespace
+
+const BaseColumn& BaseColumns::at(int cx, int cy) {
+  if (columns_.size() >= kMostBaseColumns) columns_.clear();
+  const std::uint64_t key =
+      std::uint64_t{static_cast<std::uint32_t>(cx)} << 32 | static_cast<std::uint32_t>(cy);
+  auto& column = columns_[key];
+  if (!column) column = std::make_unique<const BaseColumn>(column_of(soil_, cx, cy));
+  return *column;
+}
+
+double BaseColumns::height(const Eigen::Vector2i& cell) {
+  constexpr int kMask = kChunkSide - 1;
+  const int in_chunk = (cell.x() & kMask) * kChunkSide + (cell.y() & kMask);
+  return at(cell.x() & ~kMask, cell.y() & ~kMask).heights[static_cast<std::size_t>(in_chunk)];
+}
+
+}  // namespace soilvdb::inline v0

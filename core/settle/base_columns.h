@@ -1,0 +1,47 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What the base surface has over columns of chunks: asked for once, looked at many times.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <unordered_map>
+
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0 {
+
+/// The base surface over one column of chunks, index space.
+struct BaseColumn {
+  static constexpr int kCells = kChunkSide * kChunkSide;
+
+  bool some = false;  ///< there is ground
+  int highest = 0;    ///< z of the highest chunk that may hold some of it
+  bool whole = true;  ///< there is ground everywhere
+  /// Bit x * 8 + y: there is ground all over that column of cells. Where it ends within, no cell
+  /// would ever be full.
+  std::uint64_t all_ground = ~std::uint64_t{0};
+  /// Mean heights over columns of cells, nearly what counts will find: that in the middle is a cell
+  /// off beside cliffs. NaN where there is none.
+  std::array<double, kCells> heights;
+};
+
+/// Keeps what was asked for, up to kMostBaseColumns. Not for several threads.
+class BaseColumns {
+ public:
+  /// @param soil outlives it
+  explicit BaseColumns(const Soil& soil) : soil_(soil) {}
+
+  const Soil& soil() const { return soil_; }
+  /// @param cx, cy the chunks' lowest cell; valid until the next call
+  const BaseColumn& at(int cx, int cy);
+  /// Mean height over a column of cells, index space; NaN where there is none.
+  double height(const Eigen::Vector2i& cell);
+
+ private:
+  const Soil& soil_;
+  std::unordered_map<std::uint64_t, std::unique_ptr<const BaseColumn>> columns_;
+};
+
+}  // namespace soilvdb::inline v0
