@@ -37,6 +37,14 @@ inline void take(std::string_view& in, bool& value) {
   take(in, byte);
   value = byte != 0;
 }
+/// An amount of soil, in samples or units of mass. @throw std::invalid_argument if there can't be
+/// so much, or less than none
+inline void take_amount(std::string_view& in, std::int64_t& value) {
+  constexpr std::int64_t kMost = std::int64_t{1} << 62;
+  take(in, value);
+  if (value < 0 || value > kMost)
+    throw std::invalid_argument("the state has an amount of soil that can't be");
+}
 inline void take(std::string_view& in, Pose& pose) {
   for (double& v : pose.position) take(in, v);
   for (double& v : pose.rotation.coeffs()) take(in, v);

@@ -274,7 +274,8 @@ void Earthworks::save(std::string& out) const {
 }
 
 void Earthworks::Books::load(std::string_view& in) {
-  for (std::int64_t* v : {&in_flight, &hauled, &slid, &fill_samples, &gone_samples}) take(in, *v);
+  for (std::int64_t* v : {&in_flight, &hauled, &slid, &fill_samples, &gone_samples})
+    take_amount(in, *v);
 }
 
 }  // namespace soilvdb::inline v0

@@ -39,19 +39,19 @@ void Machine::load(std::string_view& in) {
   take(in, count);
   if (width != bucket_.width_m || height != bucket_.height_m || count != bucket_.profile.size())
     throw std::invalid_argument("the state is of another bucket");
-  take(in, ledger_.captured);
-  take(in, ledger_.displaced);
-  take(in, ledger_.dumped);
+  take_amount(in, ledger_.captured);
+  take_amount(in, ledger_.displaced);
+  take_amount(in, ledger_.dumped);
   take(in, placed_);
   take(in, current_);
   ledger_.load = ledger_.captured - ledger_.dumped;  // where soil doesn't move
   if (works_ == nullptr) return;
-  take(in, ledger_.load);
-  take(in, ledger_.spilled);
+  take_amount(in, ledger_.load);
+  take_amount(in, ledger_.spilled);
   take(in, travel_m_);
   take(in, station_);
-  take(in, pushed_);
-  take(in, cut_before_);
+  take_amount(in, pushed_);
+  take_amount(in, cut_before_);
   take(in, stations_);
   for (Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
     for (double& v : box->min()) take(in, v);
