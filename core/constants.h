@@ -149,18 +149,19 @@ inline constexpr std::int64_t kLeastPourParts = 16, kMostPourParts = 128;
 /// Way in plan from one station to the next that says where the body pushes soil to, radii.
 inline constexpr double kLeastPush = 0.01;
 
-/// Cells beyond a pile or what was dug that are looked at first; more if soil comes that far.
-inline constexpr int kWindowMargin = 8;
+/// Cells beyond what was dug, and beyond a pile, that are looked at first; more if soil comes
+/// there.
+inline constexpr int kWindowMargin = 8, kPourMargin = 2;
 /// Cells along a side of what is looked at, 50 m at 5 cm, from which on what slides beyond does so
 /// in another such square, and how many there may be.
-inline constexpr int kMostWindow = 1024, kMostSlideWindows = 100;
+inline constexpr int kMostWindow = 1024, kMostSlideWindows = 20;
 /// Columns of chunks of which is kept what the base surface has there: 600 bytes each. Less: sites
 /// with many machines ask it anew.
 inline constexpr std::size_t kMostBaseColumns = 8192;
 /// Cells along a side of what is looked at from which on soil that runs on beyond does so to
 /// another such square. Less: piles that would fill what they run down from don't know it. More:
 /// soil on long steep slopes takes longer. And how many squares there may be.
-inline constexpr int kRunOnWindow = 256, kMostPourWindows = 1000;
+inline constexpr int kRunOnWindow = 256, kMostPourWindows = 200;
 /// Cells above a column's surface, and below its bank, in which samples of it may lie: bank that
 /// fills a part of a column puts its soil higher than the mean.
 inline constexpr int kFillCells = 16;
@@ -224,10 +225,12 @@ inline constexpr float kFluxStep = 1.0f / 24;
 inline constexpr float kDrain = 4;
 /// Soil that may stay on steep support, or lack in a column until the end, sides.
 inline constexpr float kFilm = 0.05f;
-/// How far beyond repose a slope may be at rest, rad: half a degree; and most steps for it. Random
-/// ground 100 columns wide needs 600, a wall 20.
+/// How far beyond repose a slope may be at rest, rad: half a degree; most steps until soil is where
+/// they brought it and they begin again, and how often that is. Random ground 100 columns wide
+/// needs 600, a wall 20. Where soil runs over brinks thousands don't bring rest, the second
+/// beginning does.
 inline constexpr double kRestTolerance = 0.0087;
-inline constexpr int kMostSteps = 1000;
+inline constexpr int kMostSteps = 500, kMostTries = 3;
 /// How far drops and fluxes may still be from each other at rest, as share of repose. More: soil
 /// may have gone farther than it would.
 inline constexpr float kFluxTolerance = 0.04f;

@@ -46,10 +46,8 @@ SoilColumns sampled(int nx, int ny, const F& at) {
 
 /// The ground after a collapse: the same base, with what is left of the bank.
 inline SoilColumns after(SoilColumns columns, const Collapse& collapse) {
-  for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
-    columns.top_m[c] = collapse.top_m[c];
-    columns.bank_m[c] = std::clamp(columns.bank_m[c], columns.base_m[c], columns.top_m[c]);
-  }
+  columns.top_m = collapse.top_m;
+  columns.bank_m = collapse.bank_m;
   return columns;
 }
 

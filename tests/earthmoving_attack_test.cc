@@ -5,17 +5,20 @@
 #include <gtest/gtest.h>
 
 #include <bit>
-#include <chrono>
+#include <ctime>
 #include <limits>
 #include <numbers>
 
 #include "tests/earthmoving_fixture.h"
+#include "tests/sanitized.h"
 
 namespace soilvdb::testing {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kVoxel = 0.1;
+// Of this process's own time: others may keep it waiting.
+constexpr std::clock_t kSoon = (test::kSanitized ? 50 : 5) * CLOCKS_PER_SEC;
 
 struct Site {
   Soil soil;
@@ -33,12 +36,12 @@ void expect_poured(const char* what, std::shared_ptr<const BaseSurface> base,
   SCOPED_TRACE(what);
   Site site(std::move(base), {}, loam_with_pours(pours), origin);
   double samples = 0;
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();
   for (std::size_t i = 0; i < pours.size(); ++i) {
     site.tracker.pour(i, 100);
     samples += pours[i].volume_m3 / site.soil.sample_m3();
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(5));
+  EXPECT_LT(std::clock() - begin, kSoon);
   EXPECT_EQ(residual(site.tracker), 0);
   EXPECT_NEAR(static_cast<double>(loose_samples(site.soil)), samples, 1);
   EXPECT_EQ(pockets(site.soil), 0);
@@ -113,9 +116,9 @@ TEST(EarthmovingAttack, SoilRunsDownALongSteepSlopeToItsFoot) {
                                                  : x < 0 ? -0.9 * x
                                                          : 0.0; }),
             {}, loam_with_pours({{"a", {-75.03, 0.02, 75}, 0, 0, 0.5}}));
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();
   site.tracker.pour(0, 0);
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+  EXPECT_LT(std::clock() - begin, kSoon);
   EXPECT_EQ(residual(site.tracker), 0);
   EXPECT_NEAR(site.soil.change_m3(), 0.5, 1e-3);
   // Columns hold a film on their steps.

@@ -74,15 +74,15 @@ TEST(Earthmoving, MakesAndLosesNothingWhateverIsDone) {
 TEST(Earthmoving, LeavesLooseSoilNoSteeperThanReposeAfterAnyWork) {
   for (const auto& ground : grounds()) {
     Work work(ground, 8);
-    for (int i = 0; i < 140; ++i) work.step();
+    for (int i = 0; i < 300; ++i) work.step();
     for (std::size_t m = 0; m < 4; ++m) work.tracker.update(m, {{0, 0, 9}, work.at[m].rotation});
     work.tracker.come_to_rest();
     const std::vector<double> over = over_repose(all_of(work.soil));
     ASSERT_GT(over.size(), 100u);
     const auto steep = over.end() - std::upper_bound(over.begin(), over.end(), 3 * kDegree);
-    // Goals: 1.5 degrees, and none over 3. Found: 1.77, and one column in 900, up to 24.
+    // Goals: 1.5 degrees, and none over 3. Up to 1.8 were found, where little is loose.
     EXPECT_LE(over[over.size() * 99 / 100], 2 * kDegree);
-    EXPECT_LE(static_cast<double>(steep), 0.01 * static_cast<double>(over.size()));
+    EXPECT_EQ(steep, 0);
     // Goal: 0. Found: up to 1.8 % of what is loose, where cells below heaps were cut in part.
     EXPECT_LE(pockets(work.soil), loose_samples(work.soil) / 40);
   }

@@ -126,9 +126,13 @@ std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::
   return soil;
 }
 
-}  // namespace
+struct Flowed {
+  int steps = 0;            ///< on the columns themselves; 0: nothing was too steep
+  double steepest_rad = 0;  ///< by how much soil is still steeper than repose
+};
 
-Collapse collapse(const SoilColumns& columns, const Repose& repose) {
+/// Lets soil flow until it is at rest, or for long enough. @param columns then hold what came of it
+Flowed flow(SoilColumns& columns, const Repose& repose) {
   const Ground ground(columns, repose.swell);
   FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
                 static_cast<float>(repose.swell));
@@ -140,11 +144,8 @@ Collapse collapse(const SoilColumns& columns, const Repose& repose) {
   ground.each(grid, [&](std::size_t c, std::size_t i) { set(c, i, ground[c].soil()); });
   grid.find_brinks();
   const auto beyond = [&](double rad) { return slope_beyond(repose.slope, rad); };
-  Collapse result;
-  result.top_m = columns.top_m;
   const float steep = grid.unrest().steep;
-  result.steepest_rad = angle_beyond(repose.slope, steep);
-  if (steep <= beyond(repose.start_rad)) return result;
+  if (steep <= beyond(repose.start_rad)) return {0, angle_beyond(repose.slope, steep)};
 
   std::deque<FluxGrid> coarse = coarser_grids(grid);
   for (std::size_t k = coarse.size(); k-- > 0;) {
@@ -152,30 +153,48 @@ Collapse collapse(const SoilColumns& columns, const Repose& repose) {
     coarse[k].relax(kMostCoarseSteps, sides * beyond(kCoarseTolerance));
     (k > 0 ? coarse[k - 1] : grid).start_from(coarse[k]);
   }
-  result.iterations = grid.relax(kMostSteps, beyond(kRestTolerance));
+  const int steps = grid.relax(kMostSteps, beyond(kRestTolerance));
 
   const std::vector<double> soil = soil_after(ground, grid, columns.top_m.size());
-  const double area_m2 = columns.side_m * columns.side_m;
-  double bank = 0, loose = 0, fill = 0;
   ground.each(grid, [&](std::size_t c, std::size_t i) {
-    const Stack& s = ground[c];
-    const double before = s.soil(), after = std::max(soil[c], 0.0);
+    const double after = std::max(soil[c], 0.0);
     set(c, i, after);
-    if (after == before) return;
-    result.top_m[c] = ground.top_m(c, after);
-    const double bank_gone = s.bank_depth(before) - s.bank_depth(after);
-    const double risen = s.depth(after) - s.depth(before);
-    bank += bank_gone;
-    (risen > 0 ? fill : loose) += std::abs(risen + bank_gone);
-    const int x = static_cast<int>(c) % columns.nx, y = static_cast<int>(c) / columns.nx;
-    const bool edge = x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1;
-    result.at_edge |= edge && std::abs(risen) > kNoticed;
+    if (after == ground[c].soil()) return;
+    columns.top_m[c] = std::max(ground.top_m(c, after), columns.base_m[c]);
+    columns.bank_m[c] = std::min(columns.bank_m[c], columns.top_m[c]);
   });
   grid.forget_flux();
-  result.steepest_rad = angle_beyond(repose.slope, grid.unrest().steep);
-  result.bank_m3 = bank * area_m2 * columns.side_m;
-  result.loose_m3 = loose * area_m2 * columns.side_m;
-  result.fill_m3 = fill * area_m2 * columns.side_m;
+  return {steps, angle_beyond(repose.slope, grid.unrest().steep)};
+}
+
+}  // namespace
+
+Collapse collapse(const SoilColumns& columns, const Repose& repose) {
+  SoilColumns now = columns;
+  Collapse result;
+  for (int tries = 0; tries < kMostTries; ++tries) {
+    const Flowed flowed = flow(now, repose);
+    result.iterations += flowed.steps;
+    result.steepest_rad = flowed.steepest_rad;
+    if (flowed.steps < kMostSteps) break;
+  }
+  result.top_m = std::move(now.top_m);
+  result.bank_m = std::move(now.bank_m);
+  double bank = 0, loose = 0, fill = 0;
+  for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
+    const double risen = result.top_m[c] - columns.top_m[c];
+    if (risen == 0 || (!columns.missing.empty() && columns.missing[c])) continue;
+    const double bank_gone = columns.bank_m[c] - result.bank_m[c];
+    bank += bank_gone;
+    (risen + bank_gone > 0 ? fill : loose) += std::abs(risen + bank_gone);
+    const int x = static_cast<int>(c) % columns.nx, y = static_cast<int>(c) / columns.nx;
+    const bool edge = x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1;
+    result.at_edge |= edge && std::abs(risen) > kNoticed * columns.side_m;
+  }
+  const double area_m2 = columns.side_m * columns.side_m;
+  result.bank_m3 = bank * area_m2;
+  result.loose_m3 = loose * area_m2;
+  result.fill_m3 = fill * area_m2;
   return result;
 }
 

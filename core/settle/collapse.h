@@ -28,7 +28,8 @@ struct Repose {
 };
 
 struct Collapse {
-  std::vector<double> top_m;  ///< of each column; to the bit as it was where nothing moved
+  std::vector<double> top_m;   ///< of each column; to the bit as it was where nothing moved
+  std::vector<double> bank_m;  ///< what is above, and wasn't before, is loose
   /// What left its column as bank or as loose soil, in place, and what came to others, loose:
   /// swell * bank + loose = fill, but for rounding.
   double bank_m3 = 0, loose_m3 = 0, fill_m3 = 0;
@@ -53,12 +54,11 @@ struct Collapse {
 ///
 /// Caveats: where soil could run either way over a brink, the grid's directions decide. Soil
 /// thinner than what a slope drops across a column may stay on brinks, however steep. Where soil
-/// runs over a steep brink at an angle to the grid, kMostSteps may end it before rest: single
-/// columns at the brink are steeper then (steepest_rad tells), and collapsing again moves up to
-/// half a side. Rest takes 4000 to 20000 steps there and is as far from the truth (0.2 to 0.8 side
-/// root mean square on the slope that ends at such a brink): columns that it cuts are only means.
+/// runs over a steep brink at an angle to the grid, it comes to rest in several goes of kMostSteps,
+/// and is 0.2 to 0.8 side root mean square from the truth on the slope that ends there: columns
+/// that a brink cuts are only means. kMostTries may end it before: steepest_rad tells.
 ///
-/// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, 60 where kMostSteps are taken.
+/// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, 60 where it takes all tries.
 Collapse collapse(const SoilColumns& columns, const Repose& repose);
 
 }  // namespace soilvdb::inline v0

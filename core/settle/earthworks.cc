@@ -41,7 +41,7 @@ struct Slope {
         const GroundWindow::Column& c = window.at(at.x(), at.y());
         columns.base_m.push_back(c.bank);
         columns.top_m.push_back(c.top);
-        columns.missing.push_back(!c.known || obstacle.blocks(cell.x(), cell.y(), c.top));
+        columns.missing.push_back(!c.known || obstacle.blocks(cell.x(), cell.y(), c.surface));
       }
     }
     columns.bank_m = columns.base_m;
@@ -61,7 +61,7 @@ Eigen::AlignedBox2i steep_part(const GroundWindow& window, const Obstacle& obsta
     const GroundWindow::Column& to = window.at(x, y);
     if (!to.known || from.top <= to.top) return 0.0;
     const Coord2 cell = window.first() + Coord2(x, y);
-    if (obstacle.blocks(cell.x(), cell.y(), to.top)) return 0.0;
+    if (obstacle.blocks(cell.x(), cell.y(), to.surface)) return 0.0;
     // Over a brink: what a slope drops across a column stays on it.
     return from.top - std::max(to.top, from.bank);
   };
@@ -195,7 +195,7 @@ bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
       const Coord2 cell = window.first() + Coord2(x, y);
-      if (c.hangs == 0 || obstacle.blocks(cell.x(), cell.y(), c.top)) continue;
+      if (c.hangs == 0 || obstacle.blocks(cell.x(), cell.y(), c.surface)) continue;
       from.push_back({cell, c.hangs_low, c.hangs_high, c.hangs, false, 0, 0});
       to.push_back(from.back());
       to.back().low = c.bank_full + 1;
@@ -218,6 +218,7 @@ Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& c
   const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * before.nx + x); };
   std::vector<ColumnChange> lowered, raised;
   double rises = 0;
+  WholeSamples lost(64);
   for (int y = 0; y < before.ny; ++y) {
     for (int x = 0; x < before.nx; ++x) {
       const double now = after.top_m[at(x, y)], was = before.top_m[at(x, y)];
@@ -235,7 +236,7 @@ Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& c
       const bool falls = now < was;
       const int low = (falls ? column.bank_full : column.full) + 1;
       const int high = cell_of(std::max(now, was)) + kFillCells;
-      const auto samples = static_cast<std::int64_t>(std::llround(64 * (was - now)));
+      const std::int64_t samples = falls ? lost.next(was - now) : 0;
       if (falls && samples == 0) continue;
       if (!falls) rises += now - was;
       (falls ? lowered : raised)

@@ -79,7 +79,7 @@ std::optional<bool> Earthworks::fail(const GroundWindow& window, Eigen::AlignedB
       const Coord2 cell = window.first() + Coord2(x, y);
       ground.height_m[i] = c.top;
       ground.firm_m[i] = c.bank;
-      ground.rigid[i] = !c.known || obstacle.blocks(cell.x(), cell.y(), c.top);
+      ground.rigid[i] = !c.known || obstacle.blocks(cell.x(), cell.y(), c.surface);
     }
   }
   const Eigen::AlignedBox2i all(Coord2::Zero(), Coord2(window.nx() - 1, window.ny() - 1));

@@ -35,7 +35,7 @@ struct PourGround {
     });
     each(window, [&](const GroundWindow::Column& c, std::size_t i, int x, int y) {
       columns.rigid[i] =
-          !c.known || obstacle.blocks(window.first().x() + x, window.first().y() + y, c.top);
+          !c.known || obstacle.blocks(window.first().x() + x, window.first().y() + y, c.surface);
       if (!c.known) return;
       columns.height_m[i] = c.top - zero;
       columns.firm_m[i] = c.bank - zero;
@@ -96,7 +96,7 @@ void Earthworks::drop(const Vec3& from_m, std::int64_t mass, double time_s,
   Vec2 at = soil_.index_from_world(from_m).head<2>();
   constexpr int kMost = kMostWindow / 2;
   const int radius = cone_radius(static_cast<double>(samples), slope_);
-  int half = radius + kWindowMargin, most_run = kRunOnWindow / 2;
+  int half = radius + kPourMargin, most_run = kRunOnWindow / 2;
   for (int windows = 0; windows < kMostPourWindows; ++windows) {
     const Vec2 before = at;
     if (!pour(at, std::min(half, kMost), half >= most_run, obstacle)) {

@@ -18,8 +18,10 @@ int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 /// What one column has come to on the way down.
 struct Walk {
-  bool open = false;              // it is in the window, and its bank isn't found
-  bool topped = false;            // its top is found
+  bool open = false;    // it is in the window, and its bank isn't found
+  bool some = false;    // it came to soil
+  bool filled = false;  // all cells are full from `full` down to here
+  int full = 0;
   int piece_high = 0;             // topmost cell of the piece of soil it is in
   int piece = 0, piece_bank = 0;  // samples of that, from there down
   double above = 0;               // samples of cells that aren't full, above the topmost full one
@@ -88,15 +90,18 @@ class GroundWindow::Descent {
   void end(int c, double solid, int full) {
     Walk& walk = walks_[c];
     Column& out = column(c);
+    found(c, solid);
     out.bank_full = full;
-    if (!walk.topped) {
-      out.top = solid + walk.above / 64.0;
-      out.full = full;
-    }
+    out.full = walk.filled ? walk.full : full;
+    out.top = solid + walk.above / 64.0;
     out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
     out.known = true;
     walk.open = false;
     --open_;
+  }
+  void found(int c, double surface) {
+    if (!walks_[c].some) column(c).surface = surface;
+    walks_[c].some = true;
   }
   /// @param z the cell without soil
   void gap(int c, int z) {
@@ -109,6 +114,7 @@ class GroundWindow::Descent {
       window_.has_hanging_ = true;
     }
     walk.piece = walk.piece_bank = 0;
+    walk.filled = false;
   }
 
   void through_air(int z) {
@@ -133,6 +139,7 @@ class GroundWindow::Descent {
       } else {
         gap(c, z + kChunkSide - 1);
         if (ground <= low) continue;
+        found(c, ground);
         // The full cell is in the chunk below, if it's still there.
         walk.above += 64 * (ground - low);
         walk.bank_above += 64 * (ground - low);
@@ -160,12 +167,14 @@ class GroundWindow::Descent {
         const int bank =
             (loose >> k & 1) != 0 ? all - std::popcount(chunk.loose.word(row + k)) : all;
         const double solid = z + k + 0.5;
+        found(c, solid);
         if (bank == 64) {
           end(c, solid, z + k);
-        } else if (!walk.topped && all == 64) {
-          column(c).top = solid + walk.above / 64.0;
-          column(c).full = z + k;
-          walk.topped = true;
+        } else if (all < 64) {
+          walk.filled = false;
+        } else if (!walk.filled) {
+          walk.filled = true;
+          walk.full = z + k;
         }
         if (walk.piece == 0) walk.piece_high = z + k;
         walk.piece += all;

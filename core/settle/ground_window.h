@@ -14,13 +14,15 @@ namespace soilvdb::inline v0 {
 using Coord2 = Eigen::Vector2i;
 
 /// Heights of the topmost soil over a rectangle of cells, in index space: the top of cell k is at
-/// k + 0.5. They are counted: what lies in cells above the topmost full one counts with its volume.
+/// k + 0.5. They are counted: what lies above the topmost cell that is full of bank soil counts
+/// with its volume, so soil that comes fills the pores below before heights rise.
 class GroundWindow {
  public:
   struct Column {
     double top = 0;      ///< of all soil
+    double surface = 0;  ///< the top of the topmost cell with any, pores below it or not
     double bank = 0;     ///< of what is left without the loose soil on it
-    int full = 0;        ///< the topmost cell that is full: nothing can be added below
+    int full = 0;        ///< all cells are full up to this one: nothing can be added below
     int bank_full = 0;   ///< the topmost that is full of bank soil
     bool known = false;  ///< the terrain has ground all over it
     /// Loose soil that nothing is under: the lowest such piece, its cells and samples.

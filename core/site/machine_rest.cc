@@ -85,7 +85,8 @@ void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
     if (rests || in_air) {
       works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
       // Soil that leans on the bucket does so until that has gone.
-      unsettled_m_ = in_air ? Eigen::AlignedBox3d() : box_around(here);
+      const bool gone = stays_in_air(soil, here, kObstacleAbove * soil.voxel_size_m());
+      unsettled_m_ = gone ? Eigen::AlignedBox3d() : box_around(here);
       if (bank_fails) propped_m_.setEmpty();
       stations_ = 0;
     }
