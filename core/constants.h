@@ -155,6 +155,8 @@ inline constexpr int kWindowMargin = 8, kPourMargin = 2;
 /// Cells along a side of what is looked at, 50 m at 5 cm, from which on what slides beyond does so
 /// in another such square, and how many there may be.
 inline constexpr int kMostWindow = 1024, kMostSlideWindows = 20;
+/// Cells of a pile's radius that fit into one.
+inline constexpr int kMostPile = 480;
 /// Columns of chunks of which is kept what the base surface has there: 600 bytes each. Less: sites
 /// with many machines ask it anew.
 inline constexpr std::size_t kMostBaseColumns = 8192;
@@ -179,6 +181,8 @@ inline constexpr double kNoiseSlope = 0.005;
 inline constexpr double kGravity = 9.80665;
 /// Cells about what was dug in which ledges are looked for first; more if they reach farther.
 inline constexpr int kLedgeMargin = 4;
+/// The same below it, for the ground that falls are to come to.
+inline constexpr int kLedgeDepth = 2;
 /// Cells below the terrain at which a column was surely dug.
 inline constexpr double kDug = 0.25;
 /// Times that soil comes to rest around all machines, one after the other, until none moves.

@@ -236,14 +236,14 @@ class Ledges : public ::testing::Test {
     hollow(soil, {-20, -20, -20}, {20, 20, 0});  // a pit 4 m wide, 2 m deep
   }
   std::int64_t fallen(const LedgeStrength* strength) {
-    bool at_side = false;
+    BeyondBox beyond;
     std::int64_t samples = 0;
     for (const Loosened& piece :
-         find_ledges(soil, {Coord3(-40, -40, -25), Coord3(40, 40, 2)}, strength, at_side)) {
+         find_ledges(soil, {Coord3(-40, -40, -25), Coord3(40, 40, 2)}, strength, beyond)) {
       samples += piece.bank;
       EXPECT_EQ(piece.ground, -21) << piece.cell.transpose();
     }
-    EXPECT_FALSE(at_side);
+    EXPECT_FALSE(beyond.holds || beyond.ground);
     return samples;
   }
   Soil soil;

@@ -271,6 +271,20 @@ TEST_F(Earthmoving, PoursBeginAboveTheTerrain) {
   EXPECT_NE(of("at: [9e8, 0, 1], time: [0, 1]", kDigger).find("can number"), std::string::npos);
 }
 
+TEST_F(Earthmoving, PoursAreNoWiderThanWhatIsLookedAt) {
+  const auto of = [&](const std::string& volume) {
+    const Scenario s = read(kHead + kSoil +
+                            "pours: [{name: truck, at: [5, 0, 3], time: [0, 9], "
+                            "volume: " +
+                            volume + "}]\n");
+    return refusal(folder_, [&] { open_site(s); });
+  };
+  EXPECT_EQ(of("80000"), "accepted: nothing thrown");
+  EXPECT_EQ(of("90000"),
+            "s.yaml: pour 'truck' of 90000 m3 makes a cone with a radius of 49.7 m; voxels of 0.1 "
+            "m can have one of 48.0 m: a voxel_size of 0.11 or more would do");
+}
+
 TEST_F(Earthmoving, PoursFallOnTheTerrain) {
   std::vector<float> heights(11 * 11, 10);
   heights[5 * 11 + 5] = std::nanf("");

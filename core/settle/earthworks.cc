@@ -30,18 +30,18 @@ struct Slope {
   Coord2 first, size;  ///< in the window
   SoilColumns columns;
 
-  Slope(const GroundWindow& window, const Eigen::AlignedBox2i& part, const Obstacle& obstacle)
+  Slope(const GroundWindow& window, const Eigen::AlignedBox2i& part, const BlockedColumns& blocked)
       : first(part.min()), size(part.sizes() + Coord2::Ones()) {
     columns.nx = size.x();
     columns.ny = size.y();
     columns.side_m = 1;
     for (int y = 0; y < size.y(); ++y) {
       for (int x = 0; x < size.x(); ++x) {
-        const Coord2 at = first + Coord2(x, y), cell = window.first() + at;
+        const Coord2 at = first + Coord2(x, y);
         const GroundWindow::Column& c = window.at(at.x(), at.y());
         columns.base_m.push_back(c.bank);
         columns.top_m.push_back(c.top);
-        columns.missing.push_back(!c.known || obstacle.blocks(cell.x(), cell.y(), c.surface));
+        columns.missing.push_back(!c.known || blocked(at.x(), at.y()));
       }
     }
     columns.bank_m = columns.base_m;
@@ -54,14 +54,13 @@ struct Slope {
 
 /// Where loose soil is surely steeper than repose allows: a box of the window, empty if nowhere.
 /// Between neighbours, what counts err by is a slope; over some columns it isn't.
-Eigen::AlignedBox2i steep_part(const GroundWindow& window, const Obstacle& obstacle, double slope) {
+Eigen::AlignedBox2i steep_part(const GroundWindow& window, const BlockedColumns& blocked,
+                               double slope) {
   Eigen::AlignedBox2i box;
   const auto drop = [&](const GroundWindow::Column& from, int x, int y) {
     if (x < 0 || y < 0 || x >= window.nx() || y >= window.ny()) return 0.0;
     const GroundWindow::Column& to = window.at(x, y);
-    if (!to.known || from.top <= to.top) return 0.0;
-    const Coord2 cell = window.first() + Coord2(x, y);
-    if (obstacle.blocks(cell.x(), cell.y(), to.surface)) return 0.0;
+    if (!to.known || from.top <= to.top || blocked(x, y)) return 0.0;
     // Over a brink: what a slope drops across a column stays on it.
     return from.top - std::max(to.top, from.bank);
   };
@@ -111,27 +110,26 @@ Earthworks::Earthworks(Soil& soil, const SoilProperties& properties, std::vector
   ledge_strength_ = {cohesion, 2 * cohesion / (3 * (friction + std::hypot(1, friction)))};
 }
 
-void Earthworks::settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
+bool Earthworks::settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
                         bool bank_fails) {
-  if (around_m.isEmpty()) return;
+  if (around_m.isEmpty()) return true;
   const Eigen::AlignedBox3i around(soil_.index_from_world(around_m.min()).unaryExpr(&cell_of),
                                    soil_.index_from_world(around_m.max()).unaryExpr(&cell_of));
   break_ledges(around, obstacle);
-  settle_columns({Coord2(around.min().head<2>()), Coord2(around.max().head<2>())}, obstacle,
-                 bank_fails);
+  return settle_columns({Coord2(around.min().head<2>()), Coord2(around.max().head<2>())}, obstacle,
+                        bank_fails);
 }
 
-/// Lets soil come to rest in and around columns of cells.
-void Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle,
+/// Lets soil come to rest in and around columns of cells. @return whether all of it did
+bool Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle,
                                 bool bank_fails) {
   int axis;
   if (changed.sizes().maxCoeff(&axis) > kMostWindow / 2) {
     Eigen::AlignedBox2i low = changed, high = changed;
     low.max()[axis] = changed.center()[axis];
     high.min()[axis] = low.max()[axis] + 1;
-    settle_columns(low, obstacle, bank_fails);
-    settle_columns(high, obstacle, bank_fails);
-    return;
+    const bool low_rests = settle_columns(low, obstacle, bank_fails);
+    return settle_columns(high, obstacle, bank_fails) && low_rests;
   }
   int margin = kWindowMargin;
   for (int failures = 0, windows = 0; failures < kMostFailures && windows < kMostSlideWindows;) {
@@ -150,7 +148,7 @@ void Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obs
       if (failed.value_or(false)) {
         ++failures;  // what is left may fail, too
       } else if (beyond.isEmpty()) {
-        return;
+        return true;
       } else {  // it slides on
         changed = beyond;
         margin = kWindowMargin;
@@ -160,6 +158,7 @@ void Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obs
       margin *= 2;
     }
   }
+  return false;
 }
 
 /// Lets what is too steep in a window slide. @param last whatever comes to its border
@@ -171,14 +170,15 @@ bool Earthworks::slide(const GroundWindow& window, const Obstacle& obstacle, boo
   const Coord2 size(window.nx(), window.ny());
   if (window.has_hanging() && fall(window, obstacle))
     return slide({base_, window.first(), size.x(), size.y()}, obstacle, last, beyond);
-  const Eigen::AlignedBox2i steep = steep_part(window, obstacle, slope_);
+  const BlockedColumns blocked(window, obstacle);
+  const Eigen::AlignedBox2i steep = steep_part(window, blocked, slope_);
   if (steep.isEmpty()) return true;
   const Eigen::AlignedBox2i whole(Coord2(0, 0), size - Coord2::Ones());
   for (int margin = kWindowMargin;; margin *= 2) {
     const Coord2 wide = Coord2::Constant(margin);
     const Eigen::AlignedBox2i around(steep.min() - wide, steep.max() + wide);
     const Eigen::AlignedBox2i part = whole.intersection(around);
-    const Slope before(window, part, obstacle);
+    const Slope before(window, part, blocked);
     const Collapse after = collapse(before.columns, {slope_ + kNoiseSlope, 1 + properties_.swell});
     if (after.iterations == 0) return true;
     if (after.at_edge && !whole.contains(around) && !last) return false;
@@ -190,16 +190,16 @@ bool Earthworks::slide(const GroundWindow& window, const Obstacle& obstacle, boo
 
 /// Loose soil that nothing is under falls straight down. @return whether some did
 bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
+  const BlockedColumns blocked(window, obstacle);
   std::vector<ColumnChange> from, to;
   for (int x = 0; x < window.nx(); ++x) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
       const Coord2 cell = window.first() + Coord2(x, y);
-      if (c.hangs == 0 || obstacle.blocks(cell.x(), cell.y(), c.surface)) continue;
+      if (c.hangs == 0 || blocked(x, y)) continue;
       from.push_back({cell, c.hangs_low, c.hangs_high, c.hangs, false, 0, 0});
       to.push_back(from.back());
-      to.back().low = c.bank_full + 1;
-      to.back().high = c.hangs_low - 1;
+      to.back().low = c.bank_full + 1;  // up to its own top: it may be thicker than the gap
     }
   }
   if (from.empty()) return false;
@@ -269,13 +269,13 @@ Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& c
 }
 
 void Earthworks::save(std::string& out) const {
-  for (const std::int64_t v :
-       {books_.in_flight, books_.hauled, books_.slid, books_.fill_samples, books_.gone_samples})
+  for (const std::int64_t v : {books_.in_flight, books_.hauled, books_.astray, books_.slid,
+                               books_.fill_samples, books_.gone_samples})
     put(out, v);
 }
 
 void Earthworks::Books::load(std::string_view& in) {
-  for (std::int64_t* v : {&in_flight, &hauled, &slid, &fill_samples, &gone_samples})
+  for (std::int64_t* v : {&in_flight, &hauled, &astray, &slid, &fill_samples, &gone_samples})
     take_amount(in, *v);
 }
 

@@ -24,15 +24,16 @@ namespace soilvdb::inline v0 {
 
 /// Puts loose soil where it comes to rest.
 ///
-/// Guarantees: mass is neither made nor lost: what doesn't make a whole sample, or finds no place,
-/// is in flight and comes down with what falls next. The same bits for any number of threads. Calls
-/// cost what they move and what is near it, whatever the site's size.
+/// Guarantees: mass is neither made nor lost: what doesn't make a whole sample is in flight and
+/// comes down with what falls next; what finds no ground is booked as astray. The same bits for any
+/// number of threads. Calls cost what they move and what is near it, whatever the site's size.
 class Earthworks {
  public:
   /// What became of soil besides the ground and the buckets, in units of mass, but for samples.
   struct Books {
     std::int64_t in_flight = 0;
     std::int64_t hauled = 0;        ///< into hoppers
+    std::int64_t astray = 0;        ///< fell where the terrain has no ground
     std::int64_t slid = 0;          ///< moved because it stood too steep
     std::int64_t fill_samples = 0;  ///< added to the ground, that which slid among them
     std::int64_t gone_samples = 0;  ///< that slopes lost, in place
@@ -58,7 +59,8 @@ class Earthworks {
   /// Soil in and around a box comes to rest: ledges break off, cuts that are too high for the
   /// bank's cohesion fail, and loose soil that stands too steep slides.
   /// @param bank_fails false: cuts stay as they are for now, however high
-  void settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle, bool bank_fails);
+  /// @return false if some of it isn't at rest yet: it is to be called again
+  bool settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle, bool bank_fails);
 
   void save(std::string& out) const;
   void restore(const Books& books) { books_ = books; }
@@ -70,6 +72,7 @@ class Earthworks {
     std::vector<double> weights;  ///< samples that come of it, about
   };
 
+  void go_astray(double samples);
   bool pour(Vec2& at, int half, bool may_run_on, const Obstacle& obstacle);
   std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
                      std::int64_t samples);
@@ -78,7 +81,7 @@ class Earthworks {
   std::optional<bool> fail(const GroundWindow& window, Eigen::AlignedBox2i& feet,
                            const Obstacle& obstacle, bool last);
   void loosen(Loosening& loosening);
-  void settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle, bool bank_fails);
+  bool settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle, bool bank_fails);
   bool slide(const GroundWindow& window, const Obstacle& obstacle, bool last,
              Eigen::AlignedBox2i& beyond);
   Eigen::AlignedBox2i move(const GroundWindow& window, const Coord2& corner,

@@ -33,8 +33,8 @@ void Earthworks::loosen(Loosening& loosening) {
 
 /// What hangs on nothing falls straight down, and so do ledges that are too long.
 void Earthworks::break_ledges(const Eigen::AlignedBox3i& around, const Obstacle& obstacle) {
-  for (int margin = kLedgeMargin;;) {
-    Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, 2),
+  for (int margin = kLedgeMargin, depth = kLedgeDepth;;) {
+    Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, depth),
                             around.max() + Coord3(margin, margin, 2));
     const Coord2 size = box.sizes().head<2>() + Coord2::Ones();
     const GroundWindow window(base_, box.min().head<2>(), size.x(), size.y());
@@ -42,10 +42,10 @@ void Earthworks::break_ledges(const Eigen::AlignedBox3i& around, const Obstacle&
       for (int y = 0; y < size.y(); ++y)
         if (const auto& c = window.at(x, y); c.known)
           box.max().z() = std::max(box.max().z(), cell_of(c.top) + 2);
-    bool at_side = false;
+    BeyondBox beyond;
     Loosening falls;
     for (const Loosened& piece :
-         find_ledges(soil_, box, strength_ ? &ledge_strength_ : nullptr, at_side)) {
+         find_ledges(soil_, box, strength_ ? &ledge_strength_ : nullptr, beyond)) {
       if (obstacle.blocks(piece.cell.x(), piece.cell.y(), piece.high)) continue;
       constexpr std::int64_t kAll = std::numeric_limits<std::int64_t>::max();
       falls.from.push_back({piece.cell, piece.low, piece.high, kAll, false, 0, 0});
@@ -56,8 +56,10 @@ void Earthworks::break_ledges(const Eigen::AlignedBox3i& around, const Obstacle&
     }
     if (!falls.from.empty()) {
       loosen(falls);
-    } else if (at_side && size.maxCoeff() < kMostWindow) {
+    } else if (beyond.holds && size.maxCoeff() < kMostWindow) {
       margin *= 2;
+    } else if (beyond.ground && depth < kMostWindow) {
+      depth *= 4;
     } else {
       return;
     }
@@ -72,14 +74,14 @@ std::optional<bool> Earthworks::fail(const GroundWindow& window, Eigen::AlignedB
   Columns ground(window.nx(), window.ny(), 1);
   ground.firm_m = ground.height_m;
   ground.rigid.assign(ground.height_m.size(), 0);
+  const BlockedColumns blocked(window, obstacle);
   for (int x = 0; x < window.nx(); ++x) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
       const auto i = static_cast<std::size_t>(ground.index(x, y));
-      const Coord2 cell = window.first() + Coord2(x, y);
       ground.height_m[i] = c.top;
       ground.firm_m[i] = c.bank;
-      ground.rigid[i] = !c.known || obstacle.blocks(cell.x(), cell.y(), c.surface);
+      ground.rigid[i] = !c.known || blocked(x, y);
     }
   }
   const Eigen::AlignedBox2i all(Coord2::Zero(), Coord2(window.nx() - 1, window.ny() - 1));

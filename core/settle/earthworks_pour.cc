@@ -30,12 +30,12 @@ struct PourGround {
       : columns(window.nx(), window.ny(), 1) {
     columns.firm_m = columns.height_m;
     columns.rigid.assign(columns.height_m.size(), 0);
+    const BlockedColumns blocked(window, obstacle);
     each(window, [&](const GroundWindow::Column& c, std::size_t, int, int) {
       if (c.known) zero = std::min(zero, c.bank);
     });
     each(window, [&](const GroundWindow::Column& c, std::size_t i, int x, int y) {
-      columns.rigid[i] =
-          !c.known || obstacle.blocks(window.first().x() + x, window.first().y() + y, c.surface);
+      columns.rigid[i] = !c.known || blocked(x, y);
       if (!c.known) return;
       columns.height_m[i] = c.top - zero;
       columns.firm_m[i] = c.bank - zero;
@@ -121,7 +121,10 @@ bool Earthworks::pour(Vec2& at, int half, bool may_run_on, const Obstacle& obsta
   PourGround ground(window, obstacle);
   const auto source = ground.nearest_open(at + Vec2(0.5, 0.5) - first.cast<double>());
   const bool last = half >= kMostWindow / 2;
-  if (!source) return last;
+  if (!source) {
+    if (last) go_astray(static_cast<double>(samples));
+    return last;
+  }
   const Deposit deposit =
       pourer_.pour(ground.columns, *source, static_cast<double>(samples) / 64, slope_, may_run_on);
   const bool runs_on = deposit.exit_m.has_value();
@@ -129,8 +132,19 @@ bool Earthworks::pour(Vec2& at, int half, bool may_run_on, const Obstacle& obsta
   if (!last && !runs_on && deposit.left_m3 > 0) return false;
   const std::int64_t added = raise(deposit, window, ground.zero, samples);
   books_.in_flight -= added * units_.loose;
-  if (runs_on) at = *deposit.exit_m + first.cast<double>() - Vec2(0.5, 0.5);
+  if (runs_on)
+    at = *deposit.exit_m + first.cast<double>() - Vec2(0.5, 0.5);
+  else
+    go_astray(64 * deposit.left_m3);
   return true;
+}
+
+/// Soil that finds no ground as far as is looked: it must not come down where something else falls.
+void Earthworks::go_astray(double samples) {
+  const std::int64_t mass =
+      std::min<std::int64_t>(std::llround(samples), books_.in_flight / units_.loose) * units_.loose;
+  books_.in_flight -= mass;
+  books_.astray += mass;
 }
 
 /// Makes what was poured samples. @param zero height that the pourer's are above, index space

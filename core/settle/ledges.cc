@@ -107,7 +107,8 @@ class Runs {
         if (x < 0 || y < 0 || x >= nx_ || y >= ny_) continue;
         for (std::size_t n = 0; n < of(column(x, y)).size(); ++n) {
           const Run& to = of(column(x, y))[n];
-          const bool meet = to.bank_low <= from.bank_high && to.bank_high >= from.bank_low;
+          const bool meet = to.bank > 0 && from.bank > 0 && to.bank_low <= from.bank_high &&
+                            to.bank_high >= from.bank_low;
           if (meet && to.root == kNone) hold(column(x, y), n, from.root);
         }
       }
@@ -136,12 +137,12 @@ struct Ledge {
 }  // namespace
 
 std::vector<Loosened> find_ledges(const Soil& soil, const Eigen::AlignedBox3i& cells,
-                                  const LedgeStrength* strength, bool& at_side) {
+                                  const LedgeStrength* strength, BeyondBox& beyond) {
   std::vector<Loosened> found;
   Runs runs(soil, cells);
   if (!runs.any_hang()) return found;
   runs.hold_from_ground();
-  at_side = runs.hold_from_sides();
+  beyond.holds = runs.hold_from_sides();
   std::vector<Ledge> ledges(static_cast<std::size_t>(runs.columns()));
   const auto each_hanging = [&](const auto& f) {
     for (int c = 0; c < runs.columns(); ++c)
@@ -161,7 +162,11 @@ std::vector<Loosened> find_ledges(const Soil& soil, const Eigen::AlignedBox3i& c
         run.root == kBeyond ||
         (run.root >= 0 &&
          (strength == nullptr || ledges[static_cast<std::size_t>(run.root)].stands(*strength)));
-    if (stands || r == 0) return;  // where no ground is below within the box it is left alone
+    if (stands) return;
+    if (r == 0) {
+      beyond.ground = true;
+      return;
+    }
     found.push_back({runs.cell(c), run.low, run.high, runs.of(c)[r - 1].high, run.bank, run.loose});
   });
   return found;

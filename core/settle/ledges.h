@@ -33,8 +33,12 @@ struct Loosened {
 /// Bank is connected where columns that are neighbours have some in the same cells of z; loose soil
 /// holds nothing. What comes to the bottom of the box stands on ground.
 /// @param strength null: bank that is connected stands
-/// @param at_side whether something hangs on nothing but what may be beyond the sides; it stands
+/// What may be beyond the box, where something hangs that stands therefore.
+struct BeyondBox {
+  bool holds = false;   ///< bank at a side that nothing else holds
+  bool ground = false;  ///< what it would fall to
+};
 std::vector<Loosened> find_ledges(const Soil& soil, const Eigen::AlignedBox3i& cells,
-                                  const LedgeStrength* strength, bool& at_side);
+                                  const LedgeStrength* strength, BeyondBox& beyond);
 
 }  // namespace soilvdb::inline v0

@@ -3,6 +3,7 @@
 // A bucket as what falls and slides meets it.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "core/settle/ground_window.h"
@@ -20,9 +21,28 @@ class Obstacle {
   bool blocks(int x, int y, double top) const;
 
  private:
+  friend class BlockedColumns;
   Coord2 first_ = Coord2::Zero();
   int nx_ = 0, ny_ = 0;
   std::vector<float> lowest_;  // index space, cells above the ground's index 0
+};
+
+/// Columns of a window that take and give no soil: those an obstacle stands in, and those that it
+/// stands all around, where soil would pile up as in a well.
+class BlockedColumns {
+ public:
+  BlockedColumns(const GroundWindow& window, const Obstacle& obstacle);
+  /// @param x, y in the window, from 0
+  bool operator()(int x, int y) const {
+    const int i = x - first_.x(), j = y - first_.y();
+    if (i < 0 || j < 0 || i >= nx_ || j >= ny_) return false;
+    return blocked_[static_cast<std::size_t>(i * ny_ + j)] != 0;
+  }
+
+ private:
+  Coord2 first_;
+  int nx_, ny_;
+  std::vector<std::uint8_t> blocked_;
 };
 
 }  // namespace soilvdb::inline v0

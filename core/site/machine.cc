@@ -62,11 +62,11 @@ Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double en
   const std::int64_t slid_before = slid();
   double from_s = begin_s;
   if (works_ != nullptr) {
-    for (const double station_s : stations(soil, motion, begin_s, end_s)) {
-      pass_rows(motion, from_s, station_s);
-      follow(soil, plan(soil, motion, from_s, station_s), station_s);
-      stop(soil, station_s, station_s == from_s || ++stations_ >= kRestStations);
-      from_s = station_s;
+    for (const auto& [time_s, still] : stops(soil, motion, begin_s, end_s)) {
+      pass_rows(motion, from_s, time_s);
+      follow(soil, plan(soil, motion, from_s, time_s), time_s);
+      stop(soil, time_s, still || ++stations_ >= kRestStations);
+      from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);
   }
@@ -176,6 +176,7 @@ void Machine::dump(const Soil& soil, const Pose& at, double time_s) {
   if (works_ == nullptr) return;
   ledger_.spilled += mass;
   works_->drop(at * spill_point(at), mass, time_s, Obstacle(bucket_, at, soil));
+  note_leaning(soil, at);
 }
 
 Eigen::AlignedBox3d Machine::workspace(const Soil& soil, std::span<const Pose> path) const {

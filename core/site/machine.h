@@ -62,8 +62,12 @@ class Machine {
   void stop(Soil& soil, double time_s, bool rests, bool ends = false);
   std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
-  std::vector<double> stations(const Soil& soil, const Motion& motion, double begin_s,
-                               double end_s);
+  struct Stop {
+    double time_s;
+    bool still;  ///< a standstill, not a station
+  };
+  std::vector<Stop> stops(const Soil& soil, const Motion& motion, double begin_s, double end_s);
+  void note_leaning(const Soil& soil, const Pose& at);
   void pass_rows(const Motion& motion, double begin_s, double end_s);
   double station_travel_m(const Soil& soil) const;
   Vec3 spill_point(const Pose& at) const;

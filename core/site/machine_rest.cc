@@ -19,24 +19,24 @@ double Machine::travel_m(const Pose& from, const Pose& to) const {
   return (to.position - from.position).norm() + 2 * half_turn * radius_m_;
 }
 
-/// Times of the stations in (begin, end], and where the bucket comes to a standstill. They are
+/// Stations in (begin, end], and where the bucket comes to a standstill in [begin, end). They are
 /// counted from row to row: other updates have the same.
-std::vector<double> Machine::stations(const Soil& soil, const Motion& motion, double begin_s,
-                                      double end_s) {
+std::vector<Machine::Stop> Machine::stops(const Soil& soil, const Motion& motion, double begin_s,
+                                          double end_s) {
   const double every_m = station_travel_m(soil);
   const std::vector<double>& rows_s = motion.times_s();
-  std::vector<double> found;
+  std::vector<Stop> found;
   auto next = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
   if (next == rows_s.begin()) ++next;
   for (; next < rows_s.end() && *(next - 1) < end_s; ++next) {
     const auto row = static_cast<std::size_t>(next - rows_s.begin());
     const double from_s = rows_s[row - 1], to_s = rows_s[row];
     const double way_m = travel_m(motion.row(row - 1), motion.row(row));
-    if (way_m == 0 && from_s >= begin_s) found.push_back(from_s);
+    if (way_m == 0 && from_s >= begin_s) found.push_back({from_s, true});
     double at_m = every_m - travel_m_;
     for (; at_m <= way_m; at_m += every_m) {
       const double at_s = std::min(to_s, from_s + (to_s - from_s) * (at_m / way_m));
-      if (at_s > begin_s && at_s <= end_s) found.push_back(at_s);
+      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, false});
     }
     if (to_s <= end_s) travel_m_ = std::max(0.0, every_m - (at_m - way_m));
   }
@@ -83,17 +83,24 @@ void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
       works_->drop(at * hold.spill, spill, time_s, obstacle);
     }
     if (rests || in_air) {
-      works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
-      // Soil that leans on the bucket does so until that has gone.
-      const bool gone = stays_in_air(soil, here, kObstacleAbove * soil.voxel_size_m());
-      unsettled_m_ = gone ? Eigen::AlignedBox3d() : box_around(here);
-      if (bank_fails) propped_m_.setEmpty();
+      const bool done =
+          works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
+      if (done) unsettled_m_.setEmpty();
+      if (done && bank_fails) propped_m_.setEmpty();
       stations_ = 0;
     }
+    note_leaning(soil, at);
   }
   station_ = at;
   way_m_ = box_around(here);
   cut_before_ = ledger_.cut();
+}
+
+/// Soil that leans on the bucket does so until that has gone.
+void Machine::note_leaning(const Soil& soil, const Pose& at) {
+  const Pose here[] = {at};
+  if (!stays_in_air(soil, here, kObstacleAbove * soil.voxel_size_m()))
+    unsettled_m_.extend(box_around(here));
 }
 
 /// Where soil leaves the bucket.

@@ -216,7 +216,7 @@ double Tracker::slid_m3(std::int64_t before) const {
   return works_->units().loose_samples(works_->books().slid - before) * soil_.sample_m3();
 }
 
-Update Tracker::come_to_rest() {
+Update Tracker::come_to_rest(double time_s) {
   return timed([&] {
     Update update;
     if (works_ == nullptr) return update;
@@ -225,8 +225,7 @@ Update Tracker::come_to_rest() {
     std::int64_t moved = -1;
     for (int n = 0; n < kMostRests && moved != works_->books().moved(); ++n) {
       moved = works_->books().moved();
-      for (const auto& machine : machines_)
-        machine->come_to_rest(soil_, std::numeric_limits<double>::quiet_NaN());
+      for (const auto& machine : machines_) machine->come_to_rest(soil_, time_s);
     }
     update.slid_m3 = slid_m3(slid_before);
     update.spilled_m3 =
@@ -245,7 +244,8 @@ SiteLedger Tracker::site() const {
                        site.units.bank +
                    chunk->loose_count * site.units.loose;
   }
-  site.in_flight = books.in_flight;
+  site.astray = books.astray;
+  site.in_flight = books.in_flight + books.astray;
   for (const auto& machine : machines_) site.in_flight += machine->pushed();
   for (std::size_t i = 0; i < poured_parts_.size(); ++i)
     site.poured += poured(earthmoving_.pours[i], poured_parts_[i]);

@@ -51,7 +51,7 @@ std::vector<Update> Session::move_on(std::span<const Step> batch, std::span<cons
 /// At the end of the run, once: ground that was read from there is at rest.
 void Session::come_to_rest() {
   if (!scenario_.soil || stopped_ || at_rest_) return;
-  tracker_.come_to_rest();
+  tracker_.come_to_rest(time_s_);
   at_rest_ = true;
 }
 
@@ -100,6 +100,9 @@ void Session::summarise_soil() {
   moved.poured_kg = kg(site.poured);
   moved.in_flight_kg = kg(site.in_flight);
   moved.residual_kg = kg(residual);
+  if (site.astray > 0)
+    say(fmt::format("warning: {} m³ fell where the terrain has no ground and are lost to the site",
+                    number(loose_m3(site.astray))));
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const Ledger& ledger = tracker_.ledger(i);
     io::Summary::Machine& machine = summary_.machines[i];

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -39,11 +40,13 @@ struct Ledger {
 
 /// What is booked for a site whose soil moves, besides its machines. Masses in units.
 struct SiteLedger {
-  std::int64_t ground = 0;     ///< change of the ground's mass, counted anew
-  std::int64_t in_flight = 0;  ///< less than a sample each, or pushed and not yet come down
-  std::int64_t poured = 0;     ///< brought by pours
-  std::int64_t hauled = 0;     ///< into hoppers
-  std::int64_t slid = 0;       ///< moved because slopes failed
+  std::int64_t ground = 0;  ///< change of the ground's mass, counted anew
+  /// Less than a sample each, pushed and not yet come down, or astray.
+  std::int64_t in_flight = 0;
+  std::int64_t astray = 0;  ///< the part of it that fell where the terrain has no ground
+  std::int64_t poured = 0;  ///< brought by pours
+  std::int64_t hauled = 0;  ///< into hoppers
+  std::int64_t slid = 0;    ///< moved because slopes failed
   std::int64_t fill_samples = 0, gone_samples = 0;  ///< added to the ground; lost by slopes
   MassUnits units;
 };
@@ -106,8 +109,9 @@ class Tracker {
   /// What of a pour, one of those that the tracker was made with, has come down by a time comes to
   /// lie. The result doesn't depend on how often this is called.
   Update pour(std::size_t pour, double until_s);
-  /// All that is under way comes to rest, as at the next standstill.
-  Update come_to_rest();
+  /// All that is under way comes to rest, as at the next standstill. @param time_s says which
+  /// hoppers are there; NaN: all
+  Update come_to_rest(double time_s = std::numeric_limits<double>::quiet_NaN());
 
   const Ledger& ledger(std::size_t machine) const;
   /// Where soil is besides the ground and the buckets; zeros where it doesn't move.
