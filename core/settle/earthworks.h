@@ -73,6 +73,7 @@ class Earthworks {
   };
 
   void go_astray(double samples);
+  int heap_radius(const Vec2& at);
   bool pour(Vec2& at, int half, bool may_run_on, const Obstacle& obstacle);
   std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
                      std::int64_t samples);

@@ -96,7 +96,7 @@ void Earthworks::drop(const Vec3& from_m, std::int64_t mass, double time_s,
   Vec2 at = soil_.index_from_world(from_m).head<2>();
   constexpr int kMost = kMostWindow / 2;
   const int radius = cone_radius(static_cast<double>(samples), slope_);
-  int half = radius + kPourMargin, most_run = kRunOnWindow / 2;
+  int half = radius + kPourMargin + heap_radius(at), most_run = kRunOnWindow / 2;
   for (int windows = 0; windows < kMostPourWindows; ++windows) {
     const Vec2 before = at;
     if (!pour(at, std::min(half, kMost), half >= most_run, obstacle)) {
@@ -108,6 +108,13 @@ void Earthworks::drop(const Vec3& from_m, std::int64_t mass, double time_s,
     }
   }
   pour(at, kMost, false, obstacle);  // it lies at the border
+}
+
+/// About how far the heap that lies at a place reaches: more soil spreads over all of it.
+int Earthworks::heap_radius(const Vec2& at) {
+  const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
+  const GroundWindow::Column column = GroundWindow(base_, cell, 1, 1).at(0, 0);
+  return std::min(kMostWindow, static_cast<int>((column.top - column.bank) / slope_));
 }
 
 /// Pours what is in flight within a window. @param at where soil falls, index space; then where it

@@ -104,17 +104,17 @@ double Pourer::Work::next_level(double volume, int n, bool bounded) const {
   // Just below where a lip opens, then just above.
   if (low.lip > low.level && low.lip < (bounded ? high.level : kInfinity) && n % 4 == 0)
     return low.lip + (low.lip - low.level > tolerance ? -tolerance / 4 : tolerance / 4);
-  if (bounded && (n % 4 == 3 || !high.whole)) return middle;
-  double level;
-  if (bounded) {
-    const double part = (volume - low.filled) / (high.filled - low.filled);
-    level = low.level + std::clamp(part, 0.02, 0.98) * (high.level - low.level);
-  } else {
+  if (!bounded) {
     const double more =
         (volume - low.filled) / std::max(1.0, static_cast<double>(low.parts.size()));
-    level = low.level + std::min(more, std::max(side, low.level - way.lowest()));
+    return low.level + std::min(more, std::max(side, low.level - way.lowest()));
   }
-  return level;
+  if (!high.whole || n % 4 == 3) return middle;
+  // Either is exact if the same columns are raised there, at the same distances.
+  const auto parts = static_cast<double>(low.parts.size());
+  for (const double level : {high.level_of(volume), low.level + (volume - low.filled) / parts})
+    if (level > low.level && level < high.level) return level;
+  return middle;
 }
 
 /// Finds the level at which the pile on the way holds the volume (in `low`), or up to which it does
