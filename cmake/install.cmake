@@ -5,12 +5,16 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/soilvdb)
 
-foreach(module IN ITEMS core io draw)
+set(modules core io draw)
+if(TARGET soilvdb_run)
+  list(APPEND modules run)
+endif()
+foreach(module IN LISTS modules)
   install(TARGETS soilvdb_${module} EXPORT soilvdb-${module}-targets)
   install(EXPORT soilvdb-${module}-targets NAMESPACE soilvdb:: DESTINATION ${config_dir})
 endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/core/include/ ${PROJECT_SOURCE_DIR}/io/include/
-                  ${PROJECT_BINARY_DIR}/include/
+                  ${PROJECT_SOURCE_DIR}/tools/run/include/ ${PROJECT_BINARY_DIR}/include/
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/soilvdb-config.cmake.in

@@ -183,7 +183,7 @@ class Work {
                                        {"b", {-2, 1.5, 4}, 0, 100, 1},
                                        {"c", {3.9, 0, 4}, 20, 20, 0.5}});
     all.soil->cohesion_pa = cohesion_pa;
-    all.hoppers.push_back({"hopper", {Vec2(-3, -3), Vec2(-1.5, -2)}, 0.5, {}, {}});
+    all.hoppers.push_back({"hopper", {Vec2(-3, -3), Vec2(-1.5, -2)}, 0.5});
     return all;
   }
   double unit() { return std::uniform_real_distribution<double>(0, 1)(random); }

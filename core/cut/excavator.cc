@@ -168,13 +168,23 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
   }
 }
 
-Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
-  Cut cut;
-  if (path.size() < 2) return cut;
+void Excavator::find_stations(const Soil& soil, std::span<const Pose> path) {
   stations_.clear();
   for (const Pose& pose : path) {
     for (const Facet& facet : facets_) stations_.push_back(station(soil, facet, pose));
   }
+}
+
+void Excavator::require_ground(const Soil& soil, std::span<const Pose> path) {
+  if (path.size() == 1 && bucket_.profile.empty()) return;
+  find_stations(soil, path);
+  require_known(soil, path);
+}
+
+Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
+  Cut cut;
+  if (path.size() < 2) return cut;
+  find_stations(soil, path);
   require_known(soil, path);
   for (std::size_t first = 0; first + 2 < path.size();) {
     std::size_t last = first + 2;

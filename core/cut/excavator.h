@@ -36,6 +36,9 @@ class Excavator {
   /// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
   Cut sweep(Soil& soil, std::span<const Pose> path);
 
+  /// As sweep() and, for a path of one pose, stamp(), but removes nothing. @throw NoGroundError
+  void require_ground(const Soil& soil, std::span<const Pose> path);
+
   /// Removes every sample inside the body at one pose (a bucket that starts in the ground).
   Cut stamp(Soil& soil, const Pose& world_from_bucket);
 
@@ -58,6 +61,7 @@ class Excavator {
     Cut cut;
   };
 
+  void find_stations(const Soil& soil, std::span<const Pose> path);
   Station station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) const;
   void require_known(const Soil& soil, std::span<const Pose> path) const;
   Eigen::AlignedBox3d box(std::size_t pose) const;

@@ -90,19 +90,9 @@ Earthworks::Earthworks(Soil& soil, const SoilProperties& properties, std::vector
       // Rounded, as C libraries differ in the last bits.
       slope_(static_cast<float>(std::tan(properties.repose_rad))),
       base_(soil) {
-  const auto require = [](bool good, const char* what) {
-    if (!good) throw std::invalid_argument(what);
-  };
   const SoilProperties& p = properties_;
-  require(p.repose_rad > 0 && p.repose_rad < std::numbers::pi / 2,
-          "the angle of repose must be above 0 and below pi / 2 rad");
-  require(p.swell >= 0 && std::isfinite(p.swell), "swell must be 0 or more");
-  require(p.density_kg_m3 > 0 && std::isfinite(p.density_kg_m3), "density must be above 0");
-  const double friction_rad = p.friction_rad.value_or(p.repose_rad);
-  require(friction_rad >= 0 && friction_rad < std::numbers::pi / 2,
-          "the angle of friction must be 0 or more and below pi / 2 rad");
   if (!p.cohesion_pa) return;
-  require(*p.cohesion_pa >= 0 && std::isfinite(*p.cohesion_pa), "cohesion must be 0 or more");
+  const double friction_rad = p.friction_rad.value_or(p.repose_rad);
   const double friction = static_cast<float>(std::tan(friction_rad));
   const double cohesion = *p.cohesion_pa / (p.density_kg_m3 * kGravity * soil_.voxel_size_m());
   strength_ = BankStrength{cohesion, friction, 1 + p.swell};

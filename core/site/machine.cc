@@ -42,15 +42,11 @@ Update Machine::move(Soil& soil, const Pose& to) {
   const std::int64_t slid_before = slid();
   constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
   if (works_ != nullptr && placed_) {
-    const Pose from = current_;
-    const double whole_m = travel_m(from, to), every_m = station_travel_m(soil);
-    if (whole_m == 0) stop(soil, kNever, true);
-    for (double at_m = every_m - travel_m_; at_m <= whole_m; at_m += every_m) {
-      const Pose station = interpolate(from, to, at_m / whole_m);
+    if (travel_m(current_, to) == 0) stop(soil, kNever, true);
+    for (const Pose& station : stations(soil, to)) {
       follow(soil, plan(soil, station), kNever);
       stop(soil, kNever, ++stations_ >= kRestStations);
     }
-    travel_m_ = std::fmod(travel_m_ + whole_m, every_m);
   }
   follow(soil, plan(soil, to), kNever);
   if (works_ != nullptr) way_m_.extend(box_around(std::span(&to, 1)));
@@ -72,6 +68,31 @@ Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double en
   }
   follow(soil, plan(soil, motion, from_s, end_s), end_s);
   return since(before, slid_before);
+}
+
+/// Follows path_ without digging.
+void Machine::approach(const Soil& soil, bool digs) {
+  if (digs && !placed_) excavator_.require_ground(soil, std::span(path_).first(1));
+  if (digs) excavator_.require_ground(soil, path_);
+  placed_ = placed_ || digs;
+  current_ = path_.back();
+}
+
+void Machine::require_ground(const Soil& soil, const Pose& to) {
+  if (works_ != nullptr && placed_)
+    for (const Pose& station : stations(soil, to)) approach(soil, plan(soil, station));
+  approach(soil, plan(soil, to));
+}
+
+void Machine::require_ground(const Soil& soil, const Motion& motion, double begin_s, double end_s) {
+  double from_s = begin_s;
+  if (works_ != nullptr) {
+    for (const Stop& stop : stops(soil, motion, begin_s, end_s)) {
+      approach(soil, plan(soil, motion, from_s, stop.time_s));
+      from_s = stop.time_s;
+    }
+  }
+  approach(soil, plan(soil, motion, from_s, end_s));
 }
 
 Update Machine::since(const Ledger& before, std::int64_t slid_before) const {

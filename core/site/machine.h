@@ -35,6 +35,22 @@ class Machine {
   /// As Tracker::update(). @throw NoGroundError
   Update move(Soil& soil, const Pose& to);
   Update move(Soil& soil, const Motion& motion, double begin_s, double end_s);
+  /// Goes the same ways without digging, to find out whether there is ground to dig everywhere.
+  /// Where it is then is to be put back.
+  /// @throw NoGroundError if move() would
+  void require_ground(const Soil& soil, const Pose& to);
+  void require_ground(const Soil& soil, const Motion& motion, double begin_s, double end_s);
+  struct Place {
+    bool placed = false;
+    Pose current;
+    double travel_m = 0;
+  };
+  Place place() const { return {placed_, current_, travel_m_}; }
+  void put_back(const Place& place) {
+    placed_ = place.placed;
+    current_ = place.current;
+    travel_m_ = place.travel_m;
+  }
   /// What the bucket pushes, holds too much of or leaves behind comes to rest.
   /// Cuts fail once the bucket is out of the ground: while it works in them it props them, and they
   /// are seen whole; here they do in any case.
@@ -54,6 +70,8 @@ class Machine {
   bool plan(const Soil& soil, const Pose& to);
   bool plan(const Soil& soil, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Soil& soil, std::span<const Pose> path, double bend_m) const;
+  void approach(const Soil& soil, bool digs);
+  std::vector<Pose> stations(const Soil& soil, const Pose& to);
   void follow(Soil& soil, bool digs, double time_s);
   void dig(Soil& soil, double time_s);
   void book(const Cut& cut);

@@ -19,6 +19,16 @@ double Machine::travel_m(const Pose& from, const Pose& to) const {
   return (to.position - from.position).norm() + 2 * half_turn * radius_m_;
 }
 
+/// The stations on the straight way on to a pose.
+std::vector<Pose> Machine::stations(const Soil& soil, const Pose& to) {
+  std::vector<Pose> found;
+  const double whole_m = travel_m(current_, to), every_m = station_travel_m(soil);
+  for (double at_m = every_m - travel_m_; at_m <= whole_m; at_m += every_m)
+    found.push_back(interpolate(current_, to, at_m / whole_m));
+  travel_m_ = std::fmod(travel_m_ + whole_m, every_m);
+  return found;
+}
+
 /// Stations in (begin, end], and where the bucket comes to a standstill in [begin, end). They are
 /// counted from row to row: other updates have the same.
 std::vector<Machine::Stop> Machine::stops(const Soil& soil, const Motion& motion, double begin_s,

@@ -75,6 +75,7 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets)
 
 Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmoving)
     : soil_(soil), earthmoving_(std::move(earthmoving)), poured_parts_(earthmoving_.pours.size()) {
+  earthmoving_.validate();
   if (earthmoving_.soil)
     works_ = std::make_unique<Earthworks>(soil, *earthmoving_.soil, earthmoving_.hoppers);
   for (Bucket& bucket : buckets)
@@ -91,7 +92,7 @@ Machine& Tracker::at(std::size_t machine) const {
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
   return timed([&] {
     Machine& m = at(machine);
-    check(soil_, m, world_from_bucket);
+    soilvdb::check(soil_, m, world_from_bucket);
     soil_.page_out();
     return m.move(soil_, world_from_bucket);
   });
@@ -100,22 +101,53 @@ Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
 Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
   return timed([&] {
     Machine& m = at(machine);
-    check(soil_, m, motion, begin_s, end_s);
+    soilvdb::check(soil_, m, motion, begin_s, end_s);
     soil_.page_out();
     return m.move(soil_, motion, begin_s, end_s);
   });
 }
 
-std::vector<Update> Tracker::update(std::span<const Move> moves) {
-  const Clock::time_point begin = Clock::now();
-  for (const Move& move : moves) {
-    const Machine& machine = at(move.machine);
-    if (move.motion != nullptr) {
-      check(soil_, machine, *move.motion, move.begin_s, move.end_s);
-    } else {
-      check(soil_, machine, move.to);
+void Tracker::check(const Move& move) const {
+  const Machine& machine = at(move.machine);
+  if (move.motion != nullptr) {
+    soilvdb::check(soil_, machine, *move.motion, move.begin_s, move.end_s);
+  } else {
+    soilvdb::check(soil_, machine, move.to);
+  }
+}
+
+std::optional<BadMove> Tracker::find_bad(std::span<const Move> moves) {
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    try {
+      check(moves[i]);
+    } catch (const std::invalid_argument& e) {
+      return BadMove{i, false, e.what()};
     }
   }
+  // They go from where they are to where these bring them, and are put back.
+  std::vector<std::pair<Machine*, Machine::Place>> before;
+  for (const auto& machine : machines_) before.emplace_back(machine.get(), machine->place());
+  std::optional<BadMove> bad;
+  for (std::size_t i = 0; i < moves.size() && !bad; ++i) {
+    const Move& move = moves[i];
+    Machine& machine = *machines_[move.machine];
+    try {
+      if (move.motion != nullptr) {
+        machine.require_ground(soil_, *move.motion, move.begin_s, move.end_s);
+      } else {
+        machine.require_ground(soil_, move.to);
+      }
+    } catch (const NoGroundError& e) {
+      bad = BadMove{i, true, e.what()};
+    }
+  }
+  for (const auto& [machine, place] : before) machine->put_back(place);
+  return bad;
+}
+
+std::vector<Update> Tracker::update(std::span<const Move> moves) {
+  const Clock::time_point begin = Clock::now();
+  for (const Move& move : moves) check(move);
   soil_.page_out();
   const std::vector<std::vector<std::size_t>> groups = apart(moves);
   const double planning_us =

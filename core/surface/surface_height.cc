@@ -2,16 +2,39 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/surface_height.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <numeric>
+#include <utility>
 
 namespace soilvdb::inline v0 {
 namespace {
 
 constexpr int kBlockMask = ~(kBlockSide - 1);
+constexpr std::size_t kMostPatches = 4096;  // kept by a look at many places: some 100 kB each
+constexpr std::size_t kFewHeights = 256;    // that one thread looks at
+
+int block_of(int voxel) { return voxel & kBlockMask; }
+
+/// The column of voxels whose corners' middles are around a place.
+Eigen::Vector2i column_of(const Soil& soil, double x, double y) {
+  const Vec3 index = soil.index_from_world({x, y, soil.origin().z()});
+  return index.head<2>().array().floor().matrix().cast<int>();
+}
+
+/// Columns of one part, which are at the same border of a block or at none, have the same blocks.
+Eigen::Vector2i part_of(const Eigen::Vector2i& column) {
+  return column.unaryExpr([](int v) {
+    const int in_block = v & ~kBlockMask;
+    return (v & kBlockMask) + (in_block == 0 ? 0 : in_block == kBlockSide - 1 ? 2 : 1);
+  });
+}
 
 /// Where a vertical line meets a triangle; nothing where it doesn't, or only along an edge-on one.
 std::optional<double> height_on(const Vec3& a, const Vec3& b, const Vec3& c, const Vec2& at) {
@@ -27,68 +50,85 @@ std::optional<double> height_on(const Vec3& a, const Vec3& b, const Vec3& c, con
 }  // namespace
 
 SurfaceHeight::SurfaceHeight(const Soil& soil) : soil_(soil) {
-  for (const Chunk* chunk : soil.chunks()) {
-    const Coord3& c = chunk->origin;
-    std::vector<int>& blocks = blocks_[{c.x() & kBlockMask, c.y() & kBlockMask}];
-    const int z = c.z() & kBlockMask;
-    if (std::find(blocks.begin(), blocks.end(), z) == blocks.end()) blocks.push_back(z);
-  }
+  for (const Chunk* chunk : soil.chunks()) add(chunk->origin);
 }
 
-const SurfaceHeight::Patch& SurfaceHeight::patch(const Coord3& block) {
-  const auto [it, fresh] = patches_.try_emplace(block);
-  Patch& patch = it->second;
-  if (!fresh) return patch;
+void SurfaceHeight::add(const Coord3& chunk) {
+  std::vector<int>& blocks = blocks_[{chunk.x() & kBlockMask, chunk.y() & kBlockMask, 0}];
+  const int z = chunk.z() & kBlockMask;
+  if (std::find(blocks.begin(), blocks.end(), z) == blocks.end()) blocks.push_back(z);
+}
+
+void SurfaceHeight::update(std::span<const Coord3> changed_chunks) {
+  for (const Coord3& chunk : changed_chunks) add(chunk);
+  for (const Coord3& block : blocks_touched(changed_chunks)) patches_.erase(block);
+}
+
+void SurfaceHeight::make(const Coord3& block, Patch& patch) const {
   patch.mesh = mesh_block(soil_, block);
-  const float h = static_cast<float>(soil_.voxel_size_m());
-  for (std::uint32_t k = 0; k < patch.mesh.triangles.size(); ++k) {
-    const auto& t = patch.mesh.triangles[k];
-    Eigen::Vector2f low = patch.mesh.points[t[0]].head<2>(), high = low;
-    for (const std::uint32_t v : t) {
-      low = low.cwiseMin(patch.mesh.points[v].head<2>());
-      high = high.cwiseMax(patch.mesh.points[v].head<2>());
+  const auto h = static_cast<float>(soil_.voxel_size_m());
+  const std::vector<std::array<std::uint32_t, 3>>& triangles = patch.mesh.triangles;
+  std::vector<Eigen::AlignedBox2i> columns(triangles.size());
+  Eigen::AlignedBox2i all;
+  for (std::size_t k = 0; k < triangles.size(); ++k) {
+    for (const std::uint32_t v : triangles[k]) {
+      const Eigen::Vector2f at = patch.mesh.points[v].head<2>() / h;
+      columns[k].extend(Eigen::Vector2i(at.array().floor().matrix().cast<int>()));
     }
-    low = (low / h).array().floor();
-    high = (high / h).array().floor();
-    for (int x = static_cast<int>(low.x()); x <= static_cast<int>(high.x()); ++x) {
-      for (int y = static_cast<int>(low.y()); y <= static_cast<int>(high.y()); ++y) {
-        patch.columns[{x, y}].push_back(k);
-      }
-    }
+    all.extend(columns[k]);
   }
-  return patch;
+  if (all.isEmpty()) return;
+  patch.first = all.min();
+  patch.size = all.sizes() + Eigen::Vector2i::Ones();
+  patch.begin.assign(static_cast<std::size_t>(patch.size.prod() + 1), 0);
+  const auto each = [&](const auto& f) {
+    for (std::uint32_t k = 0; k < triangles.size(); ++k)
+      for (int x = columns[k].min().x(); x <= columns[k].max().x(); ++x)
+        for (int y = columns[k].min().y(); y <= columns[k].max().y(); ++y)
+          f(static_cast<std::size_t>((x - patch.first.x()) * patch.size.y() + y - patch.first.y()),
+            k);
+  };
+  each([&](std::size_t column, std::uint32_t) { ++patch.begin[column + 1]; });
+  std::partial_sum(patch.begin.begin(), patch.begin.end(), patch.begin.begin());
+  patch.over.resize(patch.begin.back());
+  std::vector<std::uint32_t> next(patch.begin.begin(), patch.begin.end() - 1);
+  each([&](std::size_t column, std::uint32_t k) { patch.over[next[column]++] = k; });
 }
 
-std::optional<double> SurfaceHeight::at(double x, double y) {
-  const Vec3 index = soil_.index_from_world({x, y, soil_.origin().z()});
-  const std::pair<int, int> column(static_cast<int>(std::floor(index.x())),
-                                   static_cast<int>(std::floor(index.y())));
+/// Calls f(block) for all blocks whose triangles may be over a place: a polygon belongs to the
+/// block of its edge's lower end, which may be a voxel beyond.
+template <typename F>
+void SurfaceHeight::each_block(double x, double y, const F& f) const {
+  const Eigen::Vector2i column = column_of(soil_, x, y);
+  const Eigen::Vector2i low = (column - Eigen::Vector2i::Ones()).unaryExpr(&block_of);
+  const Eigen::Vector2i high = (column + Eigen::Vector2i::Ones()).unaryExpr(&block_of);
+  for (int bx = low.x(); bx <= high.x(); bx += kBlockSide) {
+    for (int by = low.y(); by <= high.y(); by += kBlockSide) {
+      const auto blocks = blocks_.find({bx, by, 0});
+      if (blocks == blocks_.end()) continue;
+      for (const int z : blocks->second) f(Coord3(bx, by, z));
+    }
+  }
+}
+
+/// Where all patches are there.
+std::optional<double> SurfaceHeight::look(double x, double y) const {
+  const Eigen::Vector2i column = column_of(soil_, x, y);
   const Vec2 at = Vec2(x, y) - soil_.origin().head<2>();
   std::optional<double> top;
-  // A polygon belongs to the block of its edge's lower end, which may be a voxel beyond.
-  const int own_x = column.first & kBlockMask, own_y = column.second & kBlockMask;
-  for (const int dx : {0, -1, 1}) {
-    for (const int dy : {0, -1, 1}) {
-      const int bx = (column.first + dx) & kBlockMask, by = (column.second + dy) & kBlockMask;
-      if ((dx != 0 && bx == own_x) || (dy != 0 && by == own_y)) continue;
-      const auto blocks = blocks_.find({bx, by});
-      if (blocks == blocks_.end()) continue;
-      for (const int z : blocks->second) {
-        const Patch& p = patch({bx, by, z});
-        const auto found = p.columns.find(column);
-        if (found == p.columns.end()) continue;
-        std::optional<double> here;
-        for (const std::uint32_t k : found->second) {
-          const auto& t = p.mesh.triangles[k];
-          const auto height =
-              height_on(p.mesh.points[t[0]].cast<double>(), p.mesh.points[t[1]].cast<double>(),
-                        p.mesh.points[t[2]].cast<double>(), at);
-          if (height) here = std::max(here.value_or(*height), *height);
-        }
-        if (here) top = std::max(top.value_or(*here), *here);
-      }
+  each_block(x, y, [&](const Coord3& block) {
+    const Patch& p = patches_.find(block)->second;
+    const Eigen::Vector2i in_patch = column - p.first;
+    if ((in_patch.array() < 0).any() || (in_patch.array() >= p.size.array()).any()) return;
+    const auto n = static_cast<std::size_t>(in_patch.x() * p.size.y() + in_patch.y());
+    for (std::uint32_t i = p.begin[n]; i < p.begin[n + 1]; ++i) {
+      const auto& t = p.mesh.triangles[p.over[i]];
+      const auto height =
+          height_on(p.mesh.points[t[0]].cast<double>(), p.mesh.points[t[1]].cast<double>(),
+                    p.mesh.points[t[2]].cast<double>(), at);
+      if (height) top = std::max(top.value_or(*height), *height);
     }
-  }
+  });
   // Ground that isn't resident may be on top of what is: the roof of a hollow.
   const std::optional<double> base = soil_.base().height(x, y);
   const auto resident = [&](double z) {
@@ -101,6 +141,42 @@ std::optional<double> SurfaceHeight::at(double x, double y) {
   const double height = *top + soil_.origin().z();
   if (base && *base > height && !resident(*base)) return base;
   return height;
+}
+
+std::optional<double> SurfaceHeight::at(double x, double y) {
+  each_block(x, y, [&](const Coord3& block) {
+    const auto [patch, fresh] = patches_.try_emplace(block);
+    if (fresh) make(block, patch->second);
+  });
+  return look(x, y);
+}
+
+void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
+  const std::size_t count = std::min(xy_m.size(), heights_m.size());
+  std::vector<std::pair<Coord3, Patch*>> missing;
+  for (std::size_t from = 0, to = 0; from < count; from = to) {
+    if (patches_.size() > kMostPatches) patches_.clear();
+    missing.clear();
+    Eigen::Vector2i known(-1, -1);  // part whose blocks are there; none is that one
+    for (; to < count && missing.size() < kMostPatches; ++to) {
+      const Eigen::Vector2i part = part_of(column_of(soil_, xy_m[to].x(), xy_m[to].y()));
+      if (part == known) continue;
+      known = part;
+      each_block(xy_m[to].x(), xy_m[to].y(), [&](const Coord3& block) {
+        const auto [patch, fresh] = patches_.try_emplace(block);
+        if (fresh) missing.emplace_back(block, &patch->second);
+      });
+    }
+    tbb::parallel_for(std::size_t{0}, missing.size(),
+                      [&](std::size_t i) { make(missing[i].first, *missing[i].second); });
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(from, to, kFewHeights),
+        [&](const tbb::blocked_range<std::size_t>& range) {
+          for (std::size_t i = range.begin(); i < range.end(); ++i)
+            heights_m[i] =
+                look(xy_m[i].x(), xy_m[i].y()).value_or(std::numeric_limits<double>::quiet_NaN());
+        });
+  }
 }
 
 std::function<std::optional<double>(double x, double y)> surface_heights(const Soil& soil) {

@@ -72,15 +72,24 @@ void check_grid_of_snapshot(const LevelSetTerrain& terrain) {
                                              printable(terrain.grid)));
 }
 
+/// Of where a base is known; a plane's is the world's origin.
+Vec3 middle(const Base& base) {
+  if (!base.bounds.sizes().allFinite()) return {0, 0, base.surface->height(0, 0).value_or(0)};
+  const Vec2 at = base.bounds.center();
+  return {at.x(), at.y(), base.surface->height(at.x(), at.y()).value_or(0)};
+}
+
 /// The first lip, or where there are no machines the first pour.
 Vec3 first_place(const Scenario& scenario) {
   if (scenario.machines.empty()) return scenario.pours.front().at_m;
   return scenario.machines.front().motion.part(0)->row(0).position;
 }
 
-Site open_terrain(const Scenario& scenario) {
-  const double h = scenario.voxel_size_m;
-  const auto* level_set = std::get_if<LevelSetTerrain>(&scenario.terrain);
+}  // namespace
+
+Site open_site(const Terrain& terrain, double voxel_size_m, const std::optional<Vec3>& near_m) {
+  const double h = voxel_size_m;
+  const auto* level_set = std::get_if<LevelSetTerrain>(&terrain);
   Base base;
   if (level_set != nullptr && is_snapshot(level_set->file)) {
     check_grid_of_snapshot(*level_set);
@@ -88,13 +97,11 @@ Site open_terrain(const Scenario& scenario) {
     if (std::abs(h - site.soil->voxel_size_m()) <= kSameSize * h) return site;
     base = base_of(std::move(site), level_set->file);
   } else {
-    base = open_base(scenario.terrain);
+    base = open_base(terrain);
   }
-  return {std::make_unique<Soil>(h, lattice_origin(h, first_place(scenario)), base.surface),
+  return {std::make_unique<Soil>(h, lattice_origin(h, near_m.value_or(middle(base))), base.surface),
           std::move(base.reference), std::move(base.crs_wkt), base.bounds, std::move(base.beneath)};
 }
-
-}  // namespace
 
 Base open_base(const Terrain& terrain) {
   if (const auto* plane = std::get_if<PlaneTerrain>(&terrain)) return open_plane(*plane);
@@ -116,7 +123,7 @@ Site undug_site(const Site& site) {
 Site open_site(const Scenario& scenario) {
   if (scenario.machines.empty() && scenario.pours.empty())
     throw InputError(scenario.file, "has no machines; one would do");
-  Site site = open_terrain(scenario);
+  Site site = open_site(scenario.terrain, scenario.voxel_size_m, first_place(scenario));
   check_workspace(scenario, site);
   return site;
 }

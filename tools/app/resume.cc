@@ -14,8 +14,8 @@
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
 #include "tools/run/recorded_motion.h"
+#include "tools/run/run.h"
 #include "tools/run/run_files.h"
-#include "tools/run/session.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -105,7 +105,7 @@ void keep_damaged(const fs::path& folder, const io::JournalContent& journal) {
 }  // namespace
 
 void resume(const ResumeOptions& options) {
-  const Session::Clock::time_point begin = Session::Clock::now();
+  const Run::Clock::time_point begin = Run::Clock::now();
   const fs::path& path = options.folder;
   open_run(path);
   RunFolder folder(path);
@@ -132,7 +132,7 @@ void resume(const ResumeOptions& options) {
     Start start = find_start(path, journal, faulty, scenario, config);
     warn_of(faulty, path, start);
     if (journal.damaged) keep_damaged(path, journal);
-    Session(std::move(config), std::move(scenario), folder, std::move(start), threads, begin)
+    Run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin)
         .resume(journal);
   });
 }

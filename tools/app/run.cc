@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // soilvdb run: digs a scenario and writes what it asks for.
+#include "tools/run/run.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -18,7 +20,6 @@
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
 #include "tools/run/progress.h"
-#include "tools/run/session.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -103,7 +104,7 @@ io::Scenario read_to_dig(const RunOptions& options) {
 }
 
 void run(const RunOptions& options) {
-  const Session::Clock::time_point begin = Session::Clock::now();
+  const Run::Clock::time_point begin = Run::Clock::now();
   io::Scenario scenario = read_to_dig(options);
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
@@ -119,11 +120,10 @@ void run(const RunOptions& options) {
       folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
       const std::string ground = beneath_text(*start.site.soil);
-      Session session(std::move(config), std::move(scenario), folder, std::move(start), threads,
-                      begin);
+      Run run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
       if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);
-      session.run();
+      run.run();
     } catch (...) {
       folder.unmake();
       throw;

@@ -15,9 +15,9 @@
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
 #include "tools/run/recorded_motion.h"
+#include "tools/run/run.h"
 #include "tools/run/run_files.h"
 #include "tools/run/run_folder.h"
-#include "tools/run/session.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {

@@ -1,288 +1,353 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/run/session.h"
+#include "soilvdb/session.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <memory>
+#include <new>
+#include <set>
+#include <stdexcept>
 #include <utility>
-#include <vector>
 
-#include "io/snapshot/cold_file.h"
-#include "tools/run/summary_text.h"
-#include "tools/run/text.h"
+#include "soilvdb/io/scenario.h"
+#include "tools/run/session_state.h"
 
-namespace soilvdb::tools {
+namespace soilvdb::inline v0 {
 namespace {
 
-using Clock = Session::Clock;
-
-double seconds_since(Clock::time_point begin) {
-  return std::chrono::duration<double>(Clock::now() - begin).count();
+io::Site open_checked(const SessionSite& site) {
+  if (!(site.voxel_size_m > 0) || !std::isfinite(site.voxel_size_m))
+    throw std::invalid_argument(
+        fmt::format("the voxel size is {} m; it must be more than 0", site.voxel_size_m));
+  if (site.near_m && !site.near_m->allFinite())
+    throw std::invalid_argument("the place where work begins must be finite");
+  return io::open_site(site.terrain, site.voxel_size_m, site.near_m);
 }
 
-std::vector<Bucket> buckets(const io::Scenario& scenario) {
-  std::vector<Bucket> all;
-  for (const io::MachineInput& machine : scenario.machines) all.push_back(machine.bucket);
-  return all;
+/// The reason in a result, or none if there is no memory for it.
+template <typename Result>
+Result refused(Status status, const std::string& why) noexcept {
+  Result result;
+  result.status = status;
+  try {
+    result.why = why;
+  } catch (...) {
+  }
+  return result;
 }
-
-/// Updates of each machine that are handed to the tracker at once, where there are several
-/// machines.
-constexpr std::size_t kBatch = 64;
-
-constexpr double kNsPerUs = 1e3;
-
-constexpr const char* kMended = "once that is mended ";
 
 }  // namespace
 
-Session::Session(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start,
-                 int threads, Clock::time_point begin)
-    : begin_(begin),
-      config_(std::move(config)),
-      scenario_(std::move(scenario)),
-      folder_(folder),
-      start_(std::move(start)),
-      tracker_(*start_.site.soil, buckets(scenario_),
-               Earthmoving{scenario_.soil, scenario_.pours, scenario_.hoppers}),
-      schedule_(scenario_, config_.options.updates, config_.ends_s, tracker_.tolerance_m()),
-      step_(schedule_.next()),
-      snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
-                 schedule_.begin_s(), schedule_.end_s()),
-      writer_(folder_, {scenario_.incremental_snapshots, scenario_.snapshots_kept, threads > 1}),
-      progress_(scenario_.name, schedule_.total(), " updates"),
-      time_s_(schedule_.begin_s()) {
-  if (!step_) throw io::InputError(schedule_.stops_at());
-  if (start_.updates > 0) tracker_.restore(start_.tracker_state);
-  if (const auto mb = config_.options.memory_mb)
-    start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
-                                   std::make_shared<io::ColdFile>(folder_.path()));
-  under_way_.resize(scenario_.machines.size() + scenario_.pours.size());
-  if (scenario_.soil) {
-    most_load_.resize(under_way_.size());
-    units_ = MassUnits(*scenario_.soil);
-    at_rest_ = start_.at_rest;
-    if (start_.updates == 0) config_.mass_before = tracker_.site().ground;
+Session::State::State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_,
+                      io::Site site_)
+    : machines(std::move(machines_)),
+      earthmoving(std::move(earthmoving_)),
+      site(std::move(site_)),
+      times_s(machines.size(), std::numeric_limits<double>::quiet_NaN()) {
+  std::set<std::string> names;
+  std::vector<Bucket> buckets;
+  for (const SessionMachine& machine : machines) {
+    if (!names.insert(machine.name).second)
+      throw std::invalid_argument(
+          fmt::format("machine '{}' is there twice; names must differ", machine.name));
+    buckets.push_back(machine.bucket);
   }
-  summary_.scenario = scenario_.name;
-  summary_.voxel_size_m = scenario_.voxel_size_m;
-  summary_.threads = threads;
-  summary_.open_s = seconds_since(begin_);
+  tracker = std::make_unique<Tracker>(*site.soil, std::move(buckets), earthmoving);
 }
 
-void Session::run() { guarded(&Session::dig); }
-
-void Session::resume(const io::JournalContent& before) {
-  before_ = before;
-  guarded(&Session::replay_and_dig);
+std::string Session::State::name(std::size_t machine) const {
+  return fmt::format("machine '{}'", machines[machine].name);
 }
 
-/// Runs the work and what comes after it, and tells what is safe if something goes wrong.
-void Session::guarded(void (Session::*work)()) {
+/// Tells those who look what changed since they did.
+void Session::State::note_changes() {
+  const std::vector<Coord3> changed = site.soil->take_touched();
+  unmeshed.insert(changed.begin(), changed.end());
+  if (heights) heights->update(changed);
+}
+
+Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
+
+Session::Session(SessionSite site)
+    : state_(std::make_unique<State>(std::move(site.machines), std::move(site.earthmoving),
+                                     open_checked(site))) {}
+
+Session Session::open(const std::filesystem::path& file) {
+  const io::Scenario scenario = io::read_scenario(file);
+  std::vector<SessionMachine> machines;
+  for (const io::MachineInput& machine : scenario.machines) {
+    const std::shared_ptr<const Motion> motion = machine.motion.part(0);
+    std::optional<Chain> chain;
+    if (!motion->joint_values().empty()) chain = motion->chain();
+    machines.push_back({machine.name, machine.bucket, std::move(chain)});
+  }
+  return Session(std::make_unique<State>(
+      std::move(machines), Earthmoving{scenario.soil, scenario.pours, scenario.hoppers},
+      io::open_site(scenario)));
+}
+
+Session::~Session() = default;
+Session::Session(Session&&) noexcept = default;
+Session& Session::operator=(Session&&) noexcept = default;
+
+double Session::voxel_size_m() const { return state_->site.soil->voxel_size_m(); }
+const Vec3& Session::origin() const { return state_->site.soil->origin(); }
+const std::vector<SessionMachine>& Session::machines() const { return state_->machines; }
+
+std::size_t Session::machine(std::string_view name) const {
+  std::string all;
+  for (std::size_t i = 0; i < state_->machines.size(); ++i) {
+    if (state_->machines[i].name == name) return i;
+    all += (i > 0 ? ", " : "") + state_->machines[i].name;
+  }
+  throw std::invalid_argument(
+      fmt::format("there is no machine '{}'; there are: {}", name, all.empty() ? "none" : all));
+}
+
+Pose Session::pose(std::size_t machine, std::span<const double> joints) const {
+  if (machine >= state_->machines.size())
+    throw std::invalid_argument(
+        fmt::format("there is no machine {}; there are {}", machine, state_->machines.size()));
+  const std::optional<Chain>& chain = state_->machines[machine].chain;
+  if (!chain)
+    throw std::invalid_argument(
+        fmt::format("{} has no joints; give it a pose", state_->name(machine)));
+  const std::vector<std::string> names = chain->movable();
+  if (joints.size() != names.size())
+    throw std::invalid_argument(fmt::format("{} has {} joints, not {}: {}", state_->name(machine),
+                                            names.size(), joints.size(), fmt::join(names, ", ")));
+  for (std::size_t i = 0; i < joints.size(); ++i)
+    if (!std::isfinite(joints[i]))
+      throw std::invalid_argument(fmt::format("{}: joint '{}' is {}; it must be finite",
+                                              state_->name(machine), names[i], joints[i]));
+  return chain->world_from_bucket(joints);
+}
+
+/// The move to a state. @param last_s of the machine's state before, then of this one
+/// @throw std::invalid_argument
+Move Session::State::move(const Session& session, const MachineState& state, double& last_s) const {
+  const double time_s = state.time_s;
+  if (std::isinf(time_s))
+    throw std::invalid_argument(fmt::format("{}: the time must be finite", name(state.machine)));
+  if (time_s < last_s)
+    throw std::invalid_argument(
+        fmt::format("{}: time goes back from {} s to {} s", name(state.machine), last_s, time_s));
+  Move move;
+  move.machine = state.machine;
+  move.to = state.joints.empty() ? state.pose : session.pose(state.machine, state.joints);
+  if (!std::isnan(time_s)) last_s = time_s;
+  return move;
+}
+
+void Session::State::pour(double until_s) {
+  for (std::size_t i = 0; i < earthmoving.pours.size(); ++i) tracker->pour(i, until_s);
+}
+
+/// @throw std::invalid_argument if there is none of that number
+void Session::State::require(std::size_t machine) const {
+  if (machine < machines.size()) return;
+  throw std::invalid_argument(
+      fmt::format("there is no machine {}; there are {}", machine, machines.size()));
+}
+
+/// Calls `work(moving)`, which sets `moving` before anything changes that it can't take back.
+template <typename Result, typename Work>
+Result Session::State::guarded(const Work& work) noexcept {
+  if (!broken.empty()) return refused<Result>(Status::kFailed, broken);
+  bool moving = false;
   try {
-    csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value());
-    (this->*work)();
-    progress_.clear();
-    come_to_rest();
-    finish();
+    return work(moving);
   } catch (const NoGroundError& e) {
-    progress_.clear();
-    csv_.reset();
-    if (!journal_) throw io::InputError(scenario_.file, e.what());
-    throw std::runtime_error(
-        fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), safe(kMended)));
+    if (!moving) return refused<Result>(Status::kNoGround, e.what());
+    broken = e.what();
+  } catch (const std::invalid_argument& e) {
+    if (!moving) return refused<Result>(Status::kBadState, e.what());
+    broken = e.what();
   } catch (const std::exception& e) {
-    progress_.clear();
-    csv_.reset();
-    throw std::runtime_error(fmt::format("{}; {}", e.what(), safe(stop_requested ? "" : kMended)));
+    if (!moving) return refused<Result>(Status::kFailed, e.what());
+    broken = e.what();
   }
-  print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
-  if (!stopped_) return;
-  const std::string why = step_ ? "stopped by a signal"
-                                : schedule_.stops_at() + "; mend or delete it; stopped before it";
-  throw std::runtime_error(fmt::format("{}, at {} s of {} s; {}", why, time_text(time_s_),
-                                       time_text(schedule_.end_s()), safe()));
-}
-
-void Session::replay_and_dig() {
-  const std::filesystem::path file = folder_.path() / kJournalName;
-  journal_.emplace(file, before_->good_bytes, before_->done, scenario_.journal_sync_s);
-  if (!before_->ended) {
-    // Made anew it has other bytes, and until then it doesn't tell what is here.
-    journal_->add(io::JournalRemoval{kSummaryName});
-    journal_->flush();
-    folder_.remove({kSummaryName});
-    std::erase_if(before_->files, [](const auto& known) { return known.name == kSummaryName; });
+  try {
+    broken += "; the ground is of no use any more, restore a state";
+  } catch (...) {
   }
-  go_on_with_snapshots();
-  io::JournalReader reader(file);  // now without what was torn
-  replay(reader);
-  dig();
+  return refused<Result>(Status::kFailed, broken);
 }
 
-/// The journal's moves, as many at once as a run digs.
-void Session::replay(io::JournalReader& reader) {
-  const auto next_move = [&]() -> std::optional<io::JournalMove> {
-    while (std::optional<io::JournalRecord> record = reader.next()) {
-      if (auto* move = std::get_if<io::JournalMove>(&*record)) return std::move(*move);
-    }
-    return std::nullopt;
-  };
-  std::optional<io::JournalMove> ahead = next_move();
-  while (ahead) {
-    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
-    std::vector<io::JournalMove> moves;
-    auto count = static_cast<std::uint64_t>(summary_.updates.count());  // updates before `ahead`
-    const bool known = count < start_.updates;                          // to the snapshot
-    const auto take = [&] {
-      if (!ahead || known != (count < start_.updates)) return false;
-      if (!step_ || !is_move(*step_, *ahead))
-        throw differs(count, *ahead, "is not the one that the scenario has in this place");
-      count += ahead->ends_update;
-      moves.push_back(std::move(*ahead));
-      ahead = next_move();
-      return true;
-    };
-    take();
-    const std::vector<Step> batch = next_batch(take);
-    if (!known) dig_again(batch, moves);
-    for (const io::JournalMove& move : moves) book(move);
-    after(batch.back());
-  }
-}
-
-/// Digs what the journal has, which must cut what it cut then.
-void Session::dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before) {
-  std::vector<Motion> motions;
-  motions.reserve(batch.size());  // they stay where they are
-  std::vector<Move> moves;
-  for (std::size_t i = 0; i < batch.size(); ++i) {
-    const Motion* motion = nullptr;
-    if (batch[i].motion)
-      motion = &motions.emplace_back(io::motion_of(before[i].rows, batch[i].motion->chain()));
-    moves.push_back({batch[i].machine, {}, motion, batch[i].begin_s, batch[i].end_s});
-  }
-  const std::vector<Update> results = move_on(batch, moves);
-  auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  for (std::size_t i = 0; i < batch.size(); ++i) {
-    const io::JournalMove& move = before[i];
-    const bool same_cut = samples(results[i].cut_m3) == move.cut_samples;
-    if (same_cut && mass(results[i].bucket_m3) == move.bucket_samples &&
-        (mass(results[i].spilled_m3) != move.spilled || mass(results[i].slid_m3) != move.slid))
-      throw differs(count, move,
-                    "had soil come down otherwise; it was another version of soilvdb that dug it, "
-                    "or another machine");
-    if (!same_cut || mass(results[i].bucket_m3) != move.bucket_samples) {
-      throw differs(
-          count, move,
-          fmt::format("{} {} m³ and now {} {} m³; it was another version of soilvdb that dug it, "
-                      "or another machine",
-                      same_cut ? "left a load of" : "cut",
-                      same_cut ? loose_m3(move.bucket_samples) : volume_m3(move.cut_samples),
-                      same_cut ? "leaves" : "cuts",
-                      same_cut ? results[i].bucket_m3 : results[i].cut_m3));
-    }
-    count += move.ends_update;
-  }
-}
-
-/// @param count updates before the journal's move
-std::runtime_error Session::differs(std::uint64_t count, const io::JournalMove& move,
-                                    const std::string& why) const {
-  return std::runtime_error(fmt::format("{}: update {}, at {} s, {}",
-                                        (folder_.path() / kJournalName).string(), count + 1,
-                                        time_text(move.end_s), why));
-}
-
-/// The next steps, up to one that a snapshot is due after, or before one that isn't taken.
-std::vector<Step> Session::next_batch(const std::function<bool()>& take) {
-  const std::size_t machines = scenario_.machines.size();
-  const std::size_t most = machines == 1 ? 1 : kBatch * machines;
-  std::vector<Step> batch;
-  do {
-    batch.push_back(*step_);
-    step_ = schedule_.next();
-    if (all_came_to(batch.back()) && snapshots_.would_be_due(batch.back().end_s)) break;
-  } while (step_ && batch.size() < most && take());
-  return batch;
-}
-
-/// The update loop.
-void Session::dig() {
-  while (step_ && !stopped_) {
-    const std::vector<Step> batch = next_batch([] { return true; });
+BatchResult Session::update(std::span<const MachineState> states) noexcept {
+  State& s = *state_;
+  std::size_t at = 0;
+  BatchResult result = s.guarded<BatchResult>([&](bool& moving) {
+    BatchResult made;
+    std::vector<double> times_s = s.times_s;
     std::vector<Move> moves;
-    for (const Step& step : batch)
-      moves.push_back({step.machine, {}, step.motion.get(), step.begin_s, step.end_s});
-    const std::vector<Update> results = move_on(batch, moves);
-    if (!journal_) begin_journal();
-    for (std::size_t i = 0; i < batch.size(); ++i) {
-      const Step& step = batch[i];
-      const io::JournalMove move{
-          static_cast<std::uint32_t>(step.machine),
-          step.ends_update,
-          step.begin_s,
-          step.end_s,
-          samples(results[i].cut_m3),
-          mass(results[i].bucket_m3),
-          std::llround(kNsPerUs * results[i].us),
-          step.motion ? io::rows_between(*step.motion, step.begin_s, step.end_s) : io::MotionRows(),
-          mass(results[i].spilled_m3),
-          mass(results[i].slid_m3)};
-      journal_->add(move);
-      book(move);
+    for (; at < states.size(); ++at) {
+      s.require(states[at].machine);
+      moves.push_back(s.move(*this, states[at], times_s[states[at].machine]));
     }
-    after(batch.back());
-    stopped_ = stop_requested && step_ && batch.back().ends_update;
+    if (const std::optional<BadMove> bad = s.tracker->find_bad(moves)) {
+      at = bad->move;
+      made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
+      made.why = s.name(moves[at].machine) + ": " + bad->why;
+      return made;
+    }
+    moving = true;
+    if (s.earthmoving.pours.empty()) {
+      made.updates = s.tracker->update(moves);
+    } else {
+      for (std::size_t i = 0; i < moves.size(); ++i) {
+        if (!std::isnan(states[i].time_s)) s.pour(states[i].time_s);
+        made.updates.push_back(s.tracker->update(moves[i].machine, moves[i].to));
+      }
+    }
+    s.times_s = std::move(times_s);
+    return made;
+  });
+  result.bad = result.ok() ? 0 : at;
+  return result;
+}
+
+StepResult Session::update(const MachineState& state) noexcept {
+  State& s = *state_;
+  return s.guarded<StepResult>([&](bool& moving) {
+    s.require(state.machine);
+    double time_s = s.times_s[state.machine];
+    const Move move = s.move(*this, state, time_s);
+    StepResult made;
+    // A stroke of rigid soil is refused before it digs; else what it does on the way is.
+    const bool one_stroke = !s.earthmoving.soil && !s.machines[state.machine].bucket.dump_angle_rad;
+    if (!one_stroke) {
+      if (const std::optional<BadMove> bad = s.tracker->find_bad(std::span(&move, 1))) {
+        made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
+        made.why = s.name(state.machine) + ": " + bad->why;
+        return made;
+      }
+      moving = true;
+      if (!std::isnan(state.time_s)) s.pour(state.time_s);
+    }
+    try {
+      made.update = s.tracker->update(move.machine, move.to);
+    } catch (const NoGroundError& e) {
+      throw NoGroundError(s.name(state.machine) + ": " + e.what());
+    } catch (const std::invalid_argument& e) {
+      throw std::invalid_argument(s.name(state.machine) + ": " + e.what());
+    } catch (...) {
+      moving = true;
+      throw;
+    }
+    s.times_s[state.machine] = time_s;
+    return made;
+  });
+}
+
+StepResult Session::update(std::size_t machine, const Motion& motion, double begin_s,
+                           double end_s) noexcept {
+  State& s = *state_;
+  return s.guarded<StepResult>([&](bool& moving) {
+    s.require(machine);
+    StepResult made;
+    const Move move{machine, {}, &motion, begin_s, end_s};
+    if (begin_s < s.times_s[machine])
+      throw std::invalid_argument(fmt::format("{}: time goes back from {} s to {} s",
+                                              s.name(machine), s.times_s[machine], begin_s));
+    if (const std::optional<BadMove> bad = s.tracker->find_bad(std::span(&move, 1))) {
+      made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
+      made.why = s.name(machine) + ": " + bad->why;
+      return made;
+    }
+    moving = true;
+    made.update = s.tracker->update(machine, motion, begin_s, end_s);
+    s.times_s[machine] = end_s;
+    return made;
+  });
+}
+
+StepResult Session::pour(double until_s) noexcept {
+  return state_->guarded<StepResult>([&](bool& moving) {
+    if (std::isnan(until_s)) throw std::invalid_argument("the time must be a number");
+    StepResult made;
+    moving = true;
+    for (std::size_t i = 0; i < state_->earthmoving.pours.size(); ++i)
+      made.update.slid_m3 += state_->tracker->pour(i, until_s).slid_m3;
+    return made;
+  });
+}
+
+StepResult Session::come_to_rest() noexcept {
+  return state_->guarded<StepResult>([&](bool& moving) {
+    StepResult made;
+    moving = true;
+    const auto& times_s = state_->times_s;
+    double last_s = std::numeric_limits<double>::quiet_NaN();
+    for (const double time_s : times_s) last_s = std::fmax(last_s, time_s);
+    made.update = state_->tracker->come_to_rest(last_s);
+    return made;
+  });
+}
+
+const Ledger& Session::ledger(std::size_t machine) const {
+  return state_->tracker->ledger(machine);
+}
+Ledger Session::total() const { return state_->tracker->total(); }
+SiteLedger Session::books() const { return state_->tracker->site(); }
+
+double Session::bucket_kg(std::size_t machine) const {
+  const Ledger& of = ledger(machine);
+  if (!state_->earthmoving.soil) return 0;
+  return of.units.kg(of.load, of.sample_m3, *state_->earthmoving.soil);
+}
+
+double Session::change_m3() const { return state_->site.soil->change_m3(); }
+std::uint64_t Session::ground_hash() const { return state_->site.soil->state_hash(); }
+std::uint64_t Session::memory_bytes() const { return state_->site.soil->memory_bytes(); }
+
+void Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
+  if (heights_m.size() < xy_m.size())
+    throw std::invalid_argument("there must be room for as many heights as places");
+  State& s = *state_;
+  s.note_changes();
+  if (!s.heights) s.heights = std::make_unique<SurfaceHeight>(*s.site.soil);
+  s.heights->at(xy_m, heights_m);
+}
+
+Mesh Session::mesh() const { return mesh_all(*state_->site.soil); }
+
+std::vector<SurfacePatch> Session::changed_patches() {
+  State& s = *state_;
+  s.note_changes();
+  const std::vector<Coord3> chunks(s.unmeshed.begin(), s.unmeshed.end());
+  std::vector<SurfacePatch> patches;
+  for (const Coord3& block : blocks_touched(chunks)) patches.push_back({block, {}});
+  tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
+    patches[i].mesh = mesh_block(*s.site.soil, patches[i].block);
+  });
+  s.unmeshed.clear();
+  return patches;
+}
+
+std::vector<StepResult> update_many(std::span<Session* const> sessions,
+                                    std::span<const MachineState> states) noexcept {
+  std::vector<StepResult> results;
+  try {
+    results.resize(sessions.size());
+    const std::set<const Session*> all(sessions.begin(), sessions.end());
+    if (sessions.size() != states.size() || all.size() != sessions.size()) {
+      const std::string why =
+          sessions.size() != states.size()
+              ? fmt::format("there are {} states for {} sessions", states.size(), sessions.size())
+              : "a session is there twice";
+      for (StepResult& result : results) result = refused<StepResult>(Status::kBadState, why);
+      return results;
+    }
+    tbb::parallel_for(std::size_t{0}, sessions.size(),
+                      [&](std::size_t i) { results[i] = sessions[i]->update(states[i]); });
+  } catch (const std::exception& e) {
+    for (StepResult& result : results) result = refused<StepResult>(Status::kFailed, e.what());
   }
-  if (!step_) stopped_ = !schedule_.stops_at().empty();
+  return results;
 }
 
-/// From here on the folder is this run's.
-void Session::begin_journal() {
-  const std::filesystem::path file = folder_.path() / kJournalName;
-  const std::uint64_t size =
-      io::begin_journal(file, {to_bytes(config_, scenario_)}, folder_.replaced());
-  journal_.emplace(file, size, io::JournalExtent{0, schedule_.begin_s()}, scenario_.journal_sync_s);
-  folder_.remove(folder_.replaced());
-  folder_.remove({kSummaryName});  // without its journal
-}
-
-void Session::book(const io::JournalMove& move) {
-  time_s_ = move.end_s;
-  UnderWay& sum = under_way_[move.machine];
-  sum.ns += move.ns;
-  sum.cut_samples += move.cut_samples;
-  sum.spilled += move.spilled;
-  sum.slid += move.slid;
-  if (!move.ends_update) return;
-  const double us = static_cast<double>(sum.ns) / kNsPerUs;
-  summary_.updates.add(us);
-  std::optional<io::UpdatesCsv::Moved> moved;
-  if (scenario_.soil) {
-    most_load_[move.machine] = std::max(most_load_[move.machine], move.bucket_samples);
-    moved = {kg(move.bucket_samples), loose_m3(sum.spilled), loose_m3(sum.slid)};
-  }
-  csv_->add(move.end_s, name_of(move.machine), volume_m3(sum.cut_samples),
-            loose_m3(move.bucket_samples), us, moved);
-  sum = {};
-}
-
-/// Have all machines come to the end of this step: none has another update that ends with it?
-bool Session::all_came_to(const Step& now) const {
-  return now.ends_update && (!step_ || step_->end_s > now.end_s);
-}
-
-/// What is due between a step and the next.
-void Session::after(const Step& now) {
-  writer_.check();
-  progress_.update(summary_.updates.count());
-  if (all_came_to(now) && snapshots_.due(now.end_s))
-    write_periodic("soil_" + time_text(now.end_s) + ".vdb");
-}
-
-}  // namespace soilvdb::tools
+}  // namespace soilvdb::inline v0

@@ -1,172 +1,130 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The files of a session: snapshots on the way, the rest at the end.
+// A session as a snapshot, as bytes and as another session.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
-#include <sys/resource.h>
 
-#include <algorithm>
-#include <cstdio>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
 
-#include "io/file/atomic_file.h"
+#include "core/ground/soil_writer.h"
+#include "core/lattice/bytes.h"
+#include "io/snapshot/snapshot_samples.h"
 #include "soilvdb/io/checksum.h"
-#include "soilvdb/io/mesh_file.h"
-#include "soilvdb/io/picture.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/mesher.h"
-#include "tools/run/outputs.h"
-#include "tools/run/session.h"
-#include "tools/run/text.h"
+#include "tools/run/session_state.h"
 
-namespace soilvdb::tools {
+namespace soilvdb::inline v0 {
 namespace {
 
-std::uint64_t peak_rss_bytes() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
+constexpr std::string_view kMagic = "soilvdb state";
+constexpr std::uint32_t kVersion = 1;
+
+void put_text(std::string& out, std::string_view text) {
+  put(out, std::uint64_t{text.size()});
+  out.append(text);
+}
+
+std::string_view take_text(std::string_view& in) {
+  std::uint64_t size = 0;
+  take(in, size);
+  if (size > in.size()) throw std::invalid_argument("the state ends too early");
+  const std::string_view text = in.substr(0, size);
+  in.remove_prefix(size);
+  return text;
+}
+
+/// What must be the same of the site that a state is of: else it would be another ground.
+std::string identity(const Soil& soil, const io::BaseReference& base) {
+  std::string out;
+  put(out, soil.voxel_size_m());
+  for (const double v : soil.origin()) put(out, v);
+  put_text(out, base.checksum);
+  if (const auto* plane = std::get_if<io::PlaneTerrain>(&base.terrain)) {
+    put(out, plane->height_m);
+    for (const double v : plane->slope) put(out, v);
+  }
+  return out;
 }
 
 }  // namespace
 
-/// A file of now that the journal before knows and that is good, or null.
-const io::JournalFile* Session::intact(const std::string& name) const {
-  if (!before_) return nullptr;
-  const auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  for (const io::JournalFile& file : before_->files)
-    if (file.name == name && file.updates == count) return &file;
-  return nullptr;
+void Session::write(const std::filesystem::path& file) const {
+  const State& s = *state_;
+  const Ledger total = s.tracker->total();
+  io::SnapshotInfo info;
+  for (const double time_s : s.times_s) info.time_s = std::fmax(info.time_s, time_s);
+  info.cut_m3 = total.cut_m3();
+  info.captured_m3 = total.captured_m3();
+  info.displaced_m3 = total.displaced_m3();
+  info.dumped_m3 = total.dumped_m3();
+  io::write_snapshot(file, s.site, info);
 }
 
-io::SnapshotInfo Session::snapshot_info() {
-  const Ledger total = tracker_.total();
-  io::SnapshotInfo info{
-      scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
-      total.displaced_m3(), total.dumped_m3(), tracker_.state()};
-  if (scenario_.soil) put_at_rest(info.tracker_state, at_rest_);
-  return info;
+std::string Session::save() const {
+  const State& s = *state_;
+  if (!s.broken.empty()) throw std::runtime_error(s.broken);
+  std::string rest;
+  put_text(rest, identity(*s.site.soil, s.site.reference));
+  put_text(rest, s.tracker->state());
+  put(rest, std::uint64_t{s.times_s.size()});
+  for (const double time_s : s.times_s) put(rest, time_s);
+  put_text(rest, io::samples_bytes(*s.site.soil, {}));
+  std::string out(kMagic);
+  put(out, kVersion);
+  put(out, io::crc64(rest));
+  return out + rest;
 }
 
-/// Those of the run before that lead to where the ground is.
-void Session::go_on_with_snapshots() {
-  std::vector<io::JournalFile> files;
-  for (const io::JournalFile& file : before_->files) {
-    const bool seen = file.updates < start_.updates || file.name == start_.snapshot;
-    if (seen && is_periodic(file.name)) files.push_back(file);
-  }
-  if (start_.updates > 0) tracker_.take_changed();
-  writer_.go_on(std::move(files), start_.parent);
-  folder_.remove(before_->removed);
-  writer_.delete_old(*journal_);
-}
-
-/// A snapshot on the way, unless it is there already.
-void Session::write_periodic(const std::string& name) {
-  const auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  const io::JournalFile* there = intact(name);
-  if (count >= start_.updates && name != start_.snapshot) {
-    const io::JournalFile file = there ? *there : io::JournalFile{name, count};
-    writer_.write(file, there != nullptr, tracker_, start_.site, snapshot_info(), *journal_);
-  } else if (there) {
-    folder_.done(name);
-  }
-}
-
-/// Calls `write(path)` for a file that is written once, at the end, unless it is there already.
-template <typename F>
-void Session::write_final(const std::string& name, F write) {
-  if (!intact(name)) {
-    const std::filesystem::path file = folder_.path() / name;
-    write(file);
-    const io::FileDigest digest = io::file_digest(file);
-    journal_->add(io::JournalFile{name, static_cast<std::uint64_t>(summary_.updates.count()),
-                                  digest.size, digest.crc});
-  }
-  folder_.done(name);
-}
-
-/// Everything that is written once, at the end.
-void Session::finish() {
-  writer_.finish();
-  journal_->flush();  // what is written over here is outdated by it
-  const Soil& soil = *start_.site.soil;
-  write_final(kUpdatesName, [&](const auto&) { csv_->close(); });
-  csv_.reset();
-  if (config_.options.snapshots)
-    write_final(kFinalName,
-                [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });
-  const bool mesh = config_.options.mesh && scenario_.mesh;
-  if (soil.chunks().empty()) {
-    say(fmt::format(
-        "warning: {}{}",
-        scenario_.machines.empty() ? "no soil came to lie on the ground" : "no bucket met any soil",
-        mesh || scenario_.raster_cell_m ? "; there is no ground to make meshes or rasters of"
-                                        : ""));
-  } else {
-    if (mesh)
-      write_final("soil_final." + *scenario_.mesh, [&](const auto& file) {
-        io::write_mesh(file, mesh_all(soil), soil.origin(), start_.site.crs_wkt);
-      });
-    if (scenario_.raster_cell_m)
-      write_final("soil_final.tif", [&](const auto& file) {
-        write_surface_raster(file, soil, io::footprint(soil, false), *scenario_.raster_cell_m,
-                             start_.site.crs_wkt);
-      });
-  }
-  summarise();
-  summary_.files = folder_.files();
-  summary_.files.insert(summary_.files.end(), {kJournalName, kSummaryName});
-  journal_->flush();
-  summary_.acknowledged_updates = journal_->acknowledged().updates;
-  summary_.acknowledged_s = journal_->acknowledged().time_s;
-  summary_.total_s = std::chrono::duration<double>(Clock::now() - begin_).count();
-  write_final(kSummaryName,
-              [&](const auto& file) { io::write_atomically(file, io::to_json(summary_)); });
-  if (!stopped_ && !(before_ && before_->ended)) journal_->add(io::JournalEnd{});
-  journal_->flush();
-}
-
-void Session::summarise() {
-  const Soil& soil = *start_.site.soil;
-  const Ledger total = tracker_.total();
-  summary_.cut_m3 = total.cut_m3();
-  summary_.captured_m3 = total.captured_m3();
-  summary_.displaced_m3 = total.displaced_m3();
-  summary_.dumped_m3 = total.dumped_m3();
-  summary_.ground_change_m3 = soil.change_m3() - config_.change_before_m3;
-  summary_.residual_m3 = summary_.ground_change_m3 + summary_.cut_m3;
-  for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
-    const Ledger& ledger = tracker_.ledger(i);
-    summary_.machines.push_back({scenario_.machines[i].name, ledger.bucket_m3(), ledger.cut_m3(),
-                                 scenario_.machines[i].motion.bad_rows().count});
-  }
-  if (scenario_.soil) summarise_soil();
-  summary_.leaves = soil.chunks().size();
-  summary_.active_voxels = soil.active_voxels();
-  summary_.resident_m2 = soil.resident_m2();
-  summary_.soil_bytes = soil.memory_bytes();
-  summary_.state_hash = soil.state_hash();
-  summary_.peak_rss_bytes = peak_rss_bytes();
-}
-
-/// What is on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb
-/// resume out/dig` goes on from 2.5 s".
-std::string Session::safe(const std::string& before_going_on) {
-  if (!journal_) return "nothing of this run is on disk";
+void Session::restore(std::string_view bytes) {
+  State& s = *state_;
+  if (bytes.substr(0, kMagic.size()) != kMagic)
+    throw std::invalid_argument("these bytes are no state; one is what save() gives");
+  bytes.remove_prefix(kMagic.size());
+  std::uint32_t version = 0;
+  take(bytes, version);
+  if (version != kVersion)
+    throw std::invalid_argument(
+        fmt::format("the state has version {}; this program has {}", version, kVersion));
+  std::uint64_t checksum = 0;
+  take(bytes, checksum);
+  if (checksum != io::crc64(bytes))
+    throw std::invalid_argument("the state is damaged: it has another checksum");
+  if (take_text(bytes) != identity(*s.site.soil, s.site.reference))
+    throw std::invalid_argument(
+        "the state is of another site; voxels, origin and terrain must be the same");
+  const std::string_view tracker_state = take_text(bytes);
+  std::uint64_t machines = 0;
+  take(bytes, machines);
+  if (machines != s.machines.size())
+    throw std::invalid_argument(
+        fmt::format("the state is of {} machines; this site has {}", machines, s.machines.size()));
+  std::vector<double> times_s(machines);
+  for (double& time_s : times_s) take(bytes, time_s);
+  State restored(s.machines, s.earthmoving, io::undug_site(s.site));
   try {
-    writer_.finish();
-  } catch (const std::exception&) {  // why we are asked, or as bad
+    io::restore_samples(take_text(bytes), *restored.site.soil);
+  } catch (const std::runtime_error& e) {
+    throw std::invalid_argument(e.what());
   }
-  try {
-    journal_->flush();
-  } catch (const std::exception&) {  // the disk that is full may be why we are asked
-  }
-  const io::JournalExtent reached = journal_->acknowledged();
-  std::vector<std::string> files = folder_.files();
-  files.push_back(kJournalName);
-  const std::string folder = folder_.path().string();
-  return fmt::format("safe in {}: {}; {}`soilvdb resume {}` goes on from {} s", folder,
-                     fmt::join(files, ", "), before_going_on, folder, time_text(reached.time_s));
+  restored.tracker->restore(tracker_state);
+  // Who looks sees all change: what is here now, and what comes.
+  s.note_changes();
+  for (const Chunk* chunk : s.site.soil->chunks()) restored.unmeshed.insert(chunk->origin);
+  restored.unmeshed.merge(s.unmeshed);
+  restored.times_s = std::move(times_s);
+  *state_ = std::move(restored);
 }
 
-}  // namespace soilvdb::tools
+Session Session::clone() const {
+  const State& s = *state_;
+  if (!s.broken.empty()) throw std::runtime_error(s.broken);
+  auto copy = std::make_unique<State>(s.machines, s.earthmoving, io::undug_site(s.site));
+  SoilWriter writer(*copy->site.soil);
+  for (const Chunk* chunk : s.site.soil->chunks()) writer.copy_from(*s.site.soil, chunk->origin);
+  copy->tracker->restore(s.tracker->state());
+  copy->times_s = s.times_s;
+  return Session(std::move(copy));
+}
+
+}  // namespace soilvdb::inline v0

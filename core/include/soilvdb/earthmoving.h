@@ -44,6 +44,9 @@ struct Earthmoving {
   std::optional<SoilProperties> soil;
   std::vector<Pour> pours;
   std::vector<Hopper> hoppers;
+
+  /// @throw std::invalid_argument in one line for soil, a pour or a hopper that can't be
+  void validate() const;
 };
 
 }  // namespace soilvdb::inline v0

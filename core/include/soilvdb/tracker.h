@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -69,6 +70,13 @@ struct Move {
   double begin_s = 0, end_s = 0;
 };
 
+/// A move that can't be made, and why.
+struct BadMove {
+  std::size_t move = 0;    ///< which of those that were asked for
+  bool no_ground = false;  ///< its bucket reaches ground without a height; else it is no move
+  std::string why;
+};
+
 class Machine;     // core/site/machine.h
 class Earthworks;  // core/settle/earthworks.h
 
@@ -106,6 +114,10 @@ class Tracker {
   /// @throw NoGroundError; other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
+  /// The first of these moves that update() would refuse, if any; nothing is moved.
+  /// @throw as update() does, but for what it finds
+  std::optional<BadMove> find_bad(std::span<const Move> moves);
+
   /// What of a pour, one of those that the tracker was made with, has come down by a time comes to
   /// lie. The result doesn't depend on how often this is called.
   Update pour(std::size_t pour, double until_s);
@@ -132,6 +144,7 @@ class Tracker {
 
  private:
   Machine& at(std::size_t machine) const;
+  void check(const Move& move) const;
   std::int64_t mass_of(const Pour& pour) const;
   std::int64_t poured(const Pour& pour, std::int64_t parts) const;
   double slid_m3(std::int64_t before) const;

@@ -49,6 +49,11 @@ struct Site {
 /// The same site as if nobody had dug there. @param site outlives it: the base surface is its
 Site undug_site(const Site& site);
 
+/// Opens a terrain as a site nobody works on yet. @param near_m where work begins, which says the
+/// origin; without, it is near the terrain's middle
+/// @throw InputError as open_base()
+Site open_site(const Terrain& terrain, double voxel_size_m, const std::optional<Vec3>& near_m);
+
 /// Opens a scenario's terrain at its voxel size: a new site, its origin that of the lattice near
 /// the first lip position, or pour (soilvdb/lattice.h), or the one a snapshot with such voxels
 /// holds.

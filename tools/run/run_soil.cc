@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a session does besides where soil moves: pours, rest at the end, and the books of it.
+// What a run does besides, where soil moves: pours, rest at the end, and the books of it.
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "io/file/text.h"
 #include "soilvdb/capacity.h"
-#include "tools/run/session.h"
+#include "tools/run/run.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -29,7 +29,7 @@ bool take_at_rest(std::string& tracker_state) {
 }
 
 /// One update per step: machines as many at once as there are between pours.
-std::vector<Update> Session::move_on(std::span<const Step> batch, std::span<const Move> moves) {
+std::vector<Update> Run::move_on(std::span<const Step> batch, std::span<const Move> moves) {
   if (scenario_.pours.empty()) return tracker_.update(moves);
   const std::size_t machines = scenario_.machines.size();
   std::vector<Update> results;
@@ -49,39 +49,39 @@ std::vector<Update> Session::move_on(std::span<const Step> batch, std::span<cons
 }
 
 /// At the end of the run, once: ground that was read from there is at rest.
-void Session::come_to_rest() {
+void Run::come_to_rest() {
   if (!scenario_.soil || stopped_ || at_rest_) return;
   tracker_.come_to_rest(time_s_);
   at_rest_ = true;
 }
 
-const std::string& Session::name_of(std::size_t mover) const {
+const std::string& Run::name_of(std::size_t mover) const {
   const std::size_t machines = scenario_.machines.size();
   return mover < machines ? scenario_.machines[mover].name : scenario_.pours[mover - machines].name;
 }
 
-std::int64_t Session::samples(double m3) const {
+std::int64_t Run::samples(double m3) const {
   return std::llround(m3 / start_.site.soil->sample_m3());
 }
 
-std::int64_t Session::mass(double loose_m3) const {
+std::int64_t Run::mass(double loose_m3) const {
   return std::llround(loose_m3 / start_.site.soil->sample_m3() * static_cast<double>(units_.loose));
 }
 
-double Session::volume_m3(std::int64_t samples) const {
+double Run::volume_m3(std::int64_t samples) const {
   return static_cast<double>(samples) * start_.site.soil->sample_m3();
 }
 
-double Session::loose_m3(std::int64_t mass) const {
+double Run::loose_m3(std::int64_t mass) const {
   return units_.loose_samples(mass) * start_.site.soil->sample_m3();
 }
 
-double Session::kg(std::int64_t mass) const {
+double Run::kg(std::int64_t mass) const {
   return units_.kg(mass, start_.site.soil->sample_m3(), *scenario_.soil);
 }
 
 /// Of soil that moves; counts in samples and units of mass, which are exact.
-void Session::summarise_soil() {
+void Run::summarise_soil() {
   const Ledger total = tracker_.total();
   const SiteLedger site = tracker_.site();
   const std::int64_t ground = site.ground - config_.mass_before;

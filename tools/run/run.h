@@ -48,15 +48,15 @@ void put_at_rest(std::string& tracker_state, bool at_rest);
 bool take_at_rest(std::string& tracker_state);
 
 /// One run, from checked input to its last file.
-class Session {
+class Run {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// @param folder outlives the session
+  /// @param folder outlives the run
   /// @param begin when the command was given
   /// @throw io::InputError if there is nothing to dig before a bad row
-  Session(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
-          Clock::time_point begin);
+  Run(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
+      Clock::time_point begin);
 
   /// Digs from the beginning of the motion to its end, to a bad row, or to a signal.
   /// @throw io::InputError if the first update finds the input wrong; then nothing is written
@@ -70,7 +70,7 @@ class Session {
   void resume(const io::JournalContent& before);
 
  private:
-  void guarded(void (Session::*work)());
+  void guarded(void (Run::*work)());
   void replay_and_dig();
   void replay(io::JournalReader& reader);
   std::vector<Update> move_on(std::span<const Step> batch, std::span<const Move> moves);

@@ -1,0 +1,364 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A session does what a run does, refuses what can't be without a trace, and goes on from states.
+#include "soilvdb/session.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <limits>
+
+#include "soilvdb/io/scenario.h"
+#include "soilvdb/surface_height.h"
+#include "tests/earthmoving_fixture.h"
+#include "tests/program.h"
+#include "tests/raster_fixture.h"
+#include "tests/temp_folder.h"
+
+namespace soilvdb::testing {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+SessionSite site_of(Earthmoving earthmoving = {}) {
+  return {.voxel_size_m = 0.1,
+          .terrain = io::PlaneTerrain{0.2, {0.05, 0}},
+          .machines = {{"digger", digger()}, {"plate", Bucket{1.0, 0.6, {}, 0.8}}},
+          .earthmoving = std::move(earthmoving)};
+}
+
+Earthmoving moving() {
+  Earthmoving all = loam_with_pours({{"truck", {2, 2, 4}, 5, 40, 2}});
+  all.hoppers.push_back({"bin", {Vec2(-4, 3), Vec2(-2, 5)}, 0.5});
+  return all;
+}
+
+/// Two machines' states in turn.
+std::vector<MachineState> states() {
+  std::vector<MachineState> all;
+  double time_s = 0;
+  for (const Pose& pose : cycle({-3, 0, 0}, 0.5, 40)) {
+    MachineState digs{.machine = 0, .time_s = time_s += 0.5, .pose = pose};
+    MachineState pushes{.machine = 1, .time_s = time_s, .pose = {pose.position, {1, 0, 0, 0}}};
+    pushes.pose.position += Vec3(0.7, -1.5, 0.1);
+    all.push_back(digs);
+    all.push_back(pushes);
+  }
+  return all;
+}
+
+std::vector<MachineState> part(const std::vector<MachineState>& all, double from, double to) {
+  const auto at = [&](double share) {
+    return all.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(all.size()));
+  };
+  return {at(from), at(to)};
+}
+
+void feed(Session& session, const std::vector<MachineState>& all) {
+  for (const MachineState& state : all) {
+    const StepResult step = session.update(state);
+    ASSERT_TRUE(step.ok()) << step.why;
+  }
+}
+
+class Sessions : public ::testing::TestWithParam<bool> {
+ protected:
+  static SessionSite site() { return site_of(GetParam() ? moving() : Earthmoving{}); }
+};
+INSTANTIATE_TEST_SUITE_P(Soil, Sessions, ::testing::Bool(), [](const auto& given) {
+  return given.param ? "ThatMoves" : "ThatIsRigid";
+});
+
+TEST_P(Sessions, DoWhatATrackerDoes) {
+  Session session(site());
+  Soil soil(0.1, session.origin(), make_plane(0.2, {0.05, 0}));
+  Tracker tracker(soil, {digger(), Bucket{1.0, 0.6, {}, 0.8}}, site().earthmoving);
+  for (const MachineState& state : states()) {
+    if (GetParam()) tracker.pour(0, state.time_s);
+    const Update wanted = tracker.update(state.machine, state.pose);
+    const StepResult step = session.update(state);
+    ASSERT_TRUE(step.ok()) << step.why;
+    ASSERT_EQ(step.update.cut_m3, wanted.cut_m3);
+    ASSERT_EQ(step.update.bucket_m3, wanted.bucket_m3);
+    ASSERT_EQ(step.update.spilled_m3, wanted.spilled_m3);
+  }
+  EXPECT_EQ(session.ground_hash(), soil.state_hash());
+  EXPECT_GT(session.total().cut_m3(), 0.5);
+  if (!GetParam()) return;
+  EXPECT_GT(session.books().poured, 0);
+  EXPECT_TRUE(session.come_to_rest().ok());
+  tracker.come_to_rest(states().back().time_s);
+  EXPECT_EQ(session.ground_hash(), soil.state_hash());
+  EXPECT_NEAR(session.bucket_kg(0), session.ledger(0).bucket_m3() / 1.25 * 1800, 1e-6);
+}
+
+TEST_P(Sessions, MoveABatchAsOneByOneOnAnyThreads) {
+  Session single(site());
+  feed(single, states());
+  for (const std::size_t threads : {1, 2, 4}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    Session batch(site());
+    const std::vector<MachineState> all = states();
+    for (std::size_t from = 0; from < all.size(); from += 6) {
+      const auto some = std::span(all).subspan(from, std::min<std::size_t>(6, all.size() - from));
+      const BatchResult result = batch.update(some);
+      ASSERT_TRUE(result.ok()) << result.why;
+      ASSERT_EQ(result.updates.size(), some.size());
+    }
+    EXPECT_EQ(batch.save(), single.save());
+  }
+}
+
+TEST_P(Sessions, RefuseWhatCantBeWithoutATrace) {
+  Session session(site());
+  feed(session, part(states(), 0, 0.5));
+  const std::string before = session.save();
+  const MachineState last = part(states(), 0, 0.5).back();
+  const double joints[] = {0.1, 0.2};
+  const auto with = [&](const auto& change) {
+    MachineState state = last;
+    change(state);
+    return state;
+  };
+  const std::vector<std::pair<MachineState, std::string>> bad = {
+      {with([](auto& s) { s.machine = 7; }), "there is no machine 7; there are 2"},
+      {with([](auto& s) { s.time_s = 1; }), "machine 'plate': time goes back from"},
+      {with([](auto& s) { s.time_s = std::numeric_limits<double>::infinity(); }),
+       "machine 'plate': the time must be finite"},
+      {with([](auto& s) { s.pose.position.x() = kNaN; }),
+       "machine 'plate': the pose is no place on this site, or no rotation"},
+      {with([](auto& s) { s.pose.rotation.coeffs() *= 2; }), "machine 'plate': the pose is"},
+      {with([](auto& s) { s.pose.position.y() = 1e8; }), "machine 'plate': the pose is"},
+      {with([&](auto& s) { s.joints = joints; }), "machine 'plate' has no joints; give it a pose"}};
+  for (const auto& [state, why] : bad) {
+    const StepResult step = session.update(state);
+    EXPECT_EQ(step.status, Status::kBadState);
+    EXPECT_EQ(step.why.substr(0, why.size()), why);
+    const MachineState good = part(states(), 0.5, 0.6).front();
+    const MachineState batch[] = {good, state};
+    const BatchResult result = session.update(batch);
+    EXPECT_EQ(result.status, Status::kBadState);
+    EXPECT_EQ(result.bad, 1u);
+    EXPECT_TRUE(result.updates.empty());
+    EXPECT_EQ(session.save(), before) << why;
+  }
+  feed(session, part(states(), 0.5, 1));
+  Session whole(site());
+  feed(whole, states());
+  EXPECT_EQ(session.save(), whole.save());
+}
+
+TEST_P(Sessions, LeaveTheGroundAsItWasWhereTheTerrainEnds) {
+  // The ground ends at x = 6: a stroke that goes beyond isn't begun.
+  const test::TempFolder folder;
+  SessionSite edge = site();
+  io::write_geotiff(folder / "flat.tif", {17, 13, {-10, -6}, {1, 1}},
+                    {{"z", std::vector<float>(17 * 13, 0.2f)}}, "");
+  edge.terrain = io::RasterTerrain{folder / "flat.tif"};
+  edge.earthmoving.pours.clear();
+  Session session(edge);
+  feed(session, {{.machine = 0, .pose = {{0, 0, 1}, {1, 0, 0, 0}}},
+                 {.machine = 0, .pose = {{1, 0, -0.3}, {1, 0, 0, 0}}}});
+  const std::string before = session.save();
+  const MachineState beyond{.machine = 0, .pose = {{9, 0, -0.3}, {1, 0, 0, 0}}};
+  const StepResult step = session.update(beyond);
+  EXPECT_EQ(step.status, Status::kNoGround);
+  EXPECT_EQ(step.why.substr(0, 53), "machine 'digger': the bucket reaches ground without a");
+  const MachineState near{.machine = 0, .pose = {{3, 0, -0.3}, {1, 0, 0, 0}}};
+  const MachineState both[] = {near, beyond};
+  const BatchResult result = session.update(both);
+  EXPECT_EQ(result.status, Status::kNoGround);
+  EXPECT_EQ(result.bad, 1u);
+  EXPECT_EQ(session.save(), before);
+  EXPECT_TRUE(session.update(near).ok());
+}
+
+TEST_P(Sessions, GoOnFromAStateOrAsACloneToTheSameBits) {
+  Session whole(site());
+  feed(whole, states());
+  for (const double share : {0.1, 0.45, 0.6, 0.9}) {
+    Session first(site());
+    feed(first, part(states(), 0, share));
+    Session second(site()), copy = first.clone();
+    feed(second, part(states(), 0, 0.3));  // it has been elsewhere
+    second.restore(first.save());
+    EXPECT_EQ(second.save(), first.save());
+    const std::string before = first.save();
+    for (Session* session : {&copy, &second}) {
+      feed(*session, part(states(), share, 1));
+      EXPECT_EQ(session->save(), whole.save()) << share;
+    }
+    EXPECT_EQ(first.save(), before) << "a copy changed it";
+    feed(first, part(states(), share, 1));
+    EXPECT_EQ(first.save(), whole.save()) << share;
+  }
+}
+
+TEST_P(Sessions, TakeNoOtherBytesForAState) {
+  Session session(site());
+  feed(session, part(states(), 0, 0.5));
+  const std::string state = session.save();
+  const auto refusal = [&](std::string_view bytes) {
+    try {
+      session.restore(bytes);
+    } catch (const std::invalid_argument& e) {
+      EXPECT_EQ(session.save(), state);
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(refusal(""), "these bytes are no state; one is what save() gives");
+  EXPECT_EQ(refusal("soilvdb what"), "these bytes are no state; one is what save() gives");
+  for (std::size_t size = 13; size < state.size(); size += 1 + state.size() / 97)
+    EXPECT_NE(refusal(std::string_view(state).substr(0, size)), "taken") << size;
+  for (std::size_t at = 0; at < state.size(); at += 1 + state.size() / 97) {
+    std::string other = state;
+    other[at] = static_cast<char>(other[at] ^ 4);
+    EXPECT_NE(refusal(other), "taken") << at;
+  }
+  std::string newer = state;
+  newer[13] = 2;
+  EXPECT_EQ(refusal(newer), "the state has version 2; this program has 1");
+  SessionSite higher = site();
+  higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
+  EXPECT_EQ(refusal(Session(higher).save()),
+            "the state is of another site; voxels, origin and terrain must be the same");
+  SessionSite alone = site();
+  alone.machines.pop_back();
+  EXPECT_EQ(refusal(Session(alone).save()), "the state is of 1 machines; this site has 2");
+  session.restore(state);
+  EXPECT_EQ(session.save(), state);
+}
+
+TEST_P(Sessions, TellHeightsOfTheGroundAsItIsNow) {
+  Session session(site());
+  std::vector<Vec2> xy;
+  for (double x = -6; x < 6; x += 0.083)
+    for (double y = -6; y < 6; y += 0.137) xy.emplace_back(x, y);
+  std::vector<double> before(xy.size()), now(xy.size()), again(xy.size());
+  double deepest = 0;
+  for (int i = 0; i < 4; ++i) {
+    feed(session, part(states(), i / 4.0, (i + 1) / 4.0));
+    session.heights(xy, now);  // keeps what didn't change
+    const Session copy = session.clone();
+    const test::TempFolder folder;
+    session.write(folder / "now.vdb");
+    Session fresh({.voxel_size_m = 0.1, .terrain = io::LevelSetTerrain{folder / "now.vdb"}});
+    fresh.heights(xy, again);
+    EXPECT_EQ(now, again);
+    for (std::size_t k = 0; k < xy.size(); ++k)
+      deepest = std::min(deepest, now[k] - (0.2 + 0.05 * xy[k].x()));
+    if (i < 2) {
+      EXPECT_NE(now, before);
+    }
+    before = now;
+  }
+  EXPECT_LT(deepest, -0.4);
+}
+
+TEST_P(Sessions, PatchesThatChangedMakeTheMesh) {
+  Session session(site());
+  std::map<Coord3, Mesh, SurfaceMesh::Less> patches;
+  const auto take = [&] {
+    for (SurfacePatch& patch : session.changed_patches())
+      patches[patch.block] = std::move(patch.mesh);
+  };
+  std::string state;
+  for (int i = 0; i < 4; ++i) {
+    feed(session, part(states(), i / 4.0, (i + 1) / 4.0));
+    take();
+    EXPECT_TRUE(session.changed_patches().empty());
+    EXPECT_EQ(weld(patches).points.size(), session.mesh().points.size());
+    if (i == 1) state = session.save();
+  }
+  session.restore(state);  // what came since goes
+  take();
+  EXPECT_EQ(weld(patches).points, session.mesh().points);
+  EXPECT_EQ(weld(patches).triangles, session.mesh().triangles);
+}
+
+TEST_P(Sessions, StepManyAtOnceAsOneByOne) {
+  constexpr std::size_t kMany = 8;
+  Session start(site());
+  feed(start, part(states(), 0, 0.3));
+  const std::vector<MachineState> rest = part(states(), 0.3, 0.6);
+  std::vector<Session> many;
+  std::vector<Session*> all;
+  for (std::size_t i = 0; i < kMany; ++i) many.push_back(start.clone());
+  for (Session& session : many) all.push_back(&session);
+  const auto state = [&](std::size_t step, std::size_t i) {
+    MachineState own = rest[step];
+    own.pose.position.z() -= 0.01 * static_cast<double>(i);
+    return own;
+  };
+  for (std::size_t step = 0; step < rest.size(); ++step) {
+    std::vector<MachineState> now;
+    for (std::size_t i = 0; i < kMany; ++i) now.push_back(state(step, i));
+    for (const StepResult& result : update_many(all, now)) ASSERT_TRUE(result.ok()) << result.why;
+  }
+  for (std::size_t i = 0; i < kMany; ++i) {
+    Session alone = start.clone();
+    for (std::size_t step = 0; step < rest.size(); ++step) alone.update(state(step, i));
+    EXPECT_EQ(alone.save(), many[i].save()) << i;
+  }
+  const std::vector<MachineState> two = {rest[0], rest[0]};
+  const std::vector<Session*> same = {all[0], all[0]};
+  EXPECT_EQ(update_many(same, two)[0].why, "a session is there twice");
+}
+
+TEST(Session, RefusesWhatCantBeASite) {
+  const auto refusal = [](const auto& change) {
+    SessionSite site = site_of(moving());
+    change(site);
+    try {
+      const Session session(site);
+    } catch (const std::exception& e) {
+      return std::string(e.what());
+    }
+    return std::string("taken");
+  };
+  EXPECT_EQ(refusal([](auto& s) { s.voxel_size_m = 0; }),
+            "the voxel size is 0 m; it must be more than 0");
+  EXPECT_EQ(refusal([](auto& s) { s.machines[1].name = "digger"; }),
+            "machine 'digger' is there twice; names must differ");
+  EXPECT_EQ(refusal([](auto& s) { s.earthmoving.pours[0].volume_m3 = kNaN; }),
+            "pour 'truck': its volume must be above 0");
+  EXPECT_EQ(refusal([](auto& s) { s.earthmoving.soil.reset(); }),
+            "pours and hoppers are for soil that moves; say how it does");
+  EXPECT_NE(refusal([](auto& s) { s.machines[0].bucket.width_m = -1; }), "taken");
+  EXPECT_NE(refusal([](auto& s) { s.terrain = io::RasterTerrain{"/no.tif"}; }), "taken");
+}
+
+using Program = ProgramTest;
+
+TEST_F(Program, ASessionFedAsARunIsComesToTheSameGround) {
+  write_file(folder() / "dig.csv",
+             "time,x,y,z,pitch\n0,-3,0,0.5,0.3\n2,-2.5,0,-0.3,0.3\n4,0,0.1,-0.35,0.2\n"
+             "6,1,0.1,0.6,-1.2\n8,1,4,1.5,-1.4\n9,1,4,1.5,1.0\n");
+  for (const char* soil : {"", "soil: {repose_angle: 0.61, swell: 0.25}\n"}) {
+    write_file(folder() / "s.yaml", std::string("soilvdb: 1\nvoxel_size: 0.1\n"
+                                                "terrain: {plane: {z: 0.04}}\n") +
+                                        soil +
+                                        "machines:\n- name: digger\n  motion: dig.csv\n"
+                                        "  bucket: {width: 1.2, height: 0.9, profile: [[0, 0], "
+                                        "[-0.45, -0.1], [-0.95, 0.55], [0, 0.9]]}\n");
+    good("run s.yaml --out out --updates 90");
+    const nlohmann::json summary = read_json(folder() / "out/summary.json");
+    fs::remove_all(folder() / "out");
+    Session session = Session::open(folder() / "s.yaml");
+    const io::Scenario scenario = io::read_scenario(folder() / "s.yaml");
+    const std::shared_ptr<const Motion> motion = scenario.machines[0].motion.part(0);
+    for (int i = 0; i < 90; ++i) {
+      const StepResult step = session.update(0, *motion, 9.0 * i / 90, 9.0 * (i + 1) / 90);
+      ASSERT_TRUE(step.ok()) << step.why;
+    }
+    session.come_to_rest();
+    EXPECT_EQ(fmt::format("{:016x}", session.ground_hash()), summary["state_hash"]);
+    EXPECT_EQ(session.machine("digger"), 0u);
+  }
+}
+
+}  // namespace
+}  // namespace soilvdb::testing

@@ -1,0 +1,168 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A site for a program's own loop: fed machine states one by one, looked at in between.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "soilvdb/bucket.h"
+#include "soilvdb/earthmoving.h"
+#include "soilvdb/io/site.h"
+#include "soilvdb/kinematics.h"
+#include "soilvdb/mesher.h"
+#include "soilvdb/tracker.h"
+
+namespace soilvdb::inline v0 {
+
+struct SessionMachine {
+  std::string name;
+  Bucket bucket;
+  std::optional<Chain> chain = {};  ///< for states that are joints
+};
+
+/// What a session is made of.
+struct SessionSite {
+  double voxel_size_m = 0;   ///< > 0
+  io::Terrain terrain = {};  ///< a snapshot: its ground, with its voxels if they are as large
+  std::vector<SessionMachine> machines = {};
+  Earthmoving earthmoving = {};  ///< without `soil` soil is rigid
+  /// Where work begins, world; voxels within 2^15 of it are numbered exactly. Without: the
+  /// terrain's middle, or the world's origin.
+  std::optional<Vec3> near_m = {};
+};
+
+/// Where a machine is at a time. Its bucket goes there in a straight line from where it was; its
+/// first state places it.
+struct MachineState {
+  std::size_t machine = 0;
+  /// s, in any frame of time that all share; NaN: none is known. A machine's must not go back.
+  double time_s = std::numeric_limits<double>::quiet_NaN();
+  /// world_from_bucket, unless there are `joints`.
+  Pose pose = {};
+  /// rad or m, of the machine's chain, one for each movable joint.
+  std::span<const double> joints = {};
+};
+
+enum class Status {
+  kOk,
+  kBadState,  ///< no such machine, a pose or joints that are none, or time that goes back
+  kNoGround,  ///< the bucket would reach ground that the terrain has no height for
+  kFailed,    ///< something else went wrong on the way: the ground is of no use until restored
+};
+
+/// What came of a state. Unless `status` is kOk nothing has changed, and `why` is one line.
+struct StepResult {
+  Status status = Status::kOk;
+  std::string why = {};
+  Update update = {};
+  bool ok() const { return status == Status::kOk; }
+};
+
+/// What came of several: all, or `bad` says which one was the first that couldn't be.
+struct BatchResult {
+  Status status = Status::kOk;
+  std::string why = {};
+  std::size_t bad = 0;
+  std::vector<Update> updates = {};  ///< one for each state
+  bool ok() const { return status == Status::kOk; }
+};
+
+/// A block's part of the surface.
+struct SurfacePatch {
+  Coord3 block;  ///< index of its first voxel, a multiple of kBlockSide
+  Mesh mesh;     ///< points in metres from Session::origin(); empty: there is no surface any more
+};
+
+/// A site with machines, brought up to date state by state, without any file.
+///
+/// Guarantees: updates don't throw, and one that isn't made leaves ground, loads and times as they
+/// were, to the bit; the same states give the same bits as `soilvdb run` gives for the same
+/// updates, for any number of threads, and whoever looks in between. clone() and restored states go
+/// on as this one would.
+/// Threads: a session is for one thread at a time; different ones may be used at once. Work runs in
+/// the caller's TBB arena.
+///
+///     Session site({.voxel_size_m = 0.05, .terrain = io::PlaneTerrain{},
+///                   .machines = {{"digger", {.width_m = 1.2, .height_m = 0.9}}}});
+///     while (controller.next(state))
+///       if (const StepResult step = site.update(state); step.ok()) control(step.update.bucket_m3);
+class Session {
+ public:
+  /// @throw io::InputError, std::invalid_argument in one line for what can't be a site
+  explicit Session(SessionSite site);
+  /// The site, machines and soil of a scenario, before anything moved.
+  /// @throw io::InputError as `soilvdb run` says it
+  static Session open(const std::filesystem::path& scenario);
+  ~Session();
+  Session(Session&&) noexcept;
+  Session& operator=(Session&&) noexcept;
+
+  double voxel_size_m() const;
+  const Vec3& origin() const;
+  const std::vector<SessionMachine>& machines() const;
+  /// The machine of that name. @throw std::invalid_argument naming those that there are
+  std::size_t machine(std::string_view name) const;
+  /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
+  /// chain, or another number of joints
+  Pose pose(std::size_t machine, std::span<const double> joints) const;
+
+  StepResult update(const MachineState& state) noexcept;
+  /// All of these, in their order, or none of them. Machines that are apart move in parallel.
+  BatchResult update(std::span<const MachineState> states) noexcept;
+  /// Along a motion, from where the machine is at `begin_s` to `end_s`, as a run does.
+  StepResult update(std::size_t machine, const Motion& motion, double begin_s,
+                    double end_s) noexcept;
+  /// Pours come down up to a time; so they do before each state that has one.
+  StepResult pour(double until_s) noexcept;
+  /// Soil that stands or hangs too steep comes to rest, as at the end of a run.
+  StepResult come_to_rest() noexcept;
+
+  /// @throw std::out_of_range if there is no such machine
+  const Ledger& ledger(std::size_t machine) const;
+  Ledger total() const;
+  SiteLedger books() const;
+  /// Mass that a bucket holds; 0 where soil is rigid, for no density is known.
+  double bucket_kg(std::size_t machine) const;
+  double change_m3() const;  ///< volume of the ground less that of the terrain, counted anew
+  /// Digest of the ground, `state_hash` of a run's summary.json.
+  std::uint64_t ground_hash() const;
+  std::uint64_t memory_bytes() const;
+
+  /// Heights of the topmost soil at places of the world, m; NaN where there is none.
+  void heights(std::span<const Vec2> xy_m, std::span<double> heights_m);
+  /// The surface of all ground that was touched; points in metres from origin().
+  Mesh mesh() const;
+  /// The patches of it that changed since the last call, by block; at first all.
+  std::vector<SurfacePatch> changed_patches();
+
+  /// Writes a snapshot (.vdb) that `soilvdb` goes on from.
+  /// @throw std::runtime_error if it can't be written
+  void write(const std::filesystem::path& file) const;
+  /// All that the next update depends on, as bytes, for restore() of a session of the same site.
+  std::string save() const;
+  /// @throw std::invalid_argument in one line if the bytes are no state of this site; nothing has
+  ///        changed then
+  void restore(std::string_view state);
+  /// Another session that goes on as this one would.
+  Session clone() const;
+
+ private:
+  struct State;
+  explicit Session(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+/// One state for each of these sessions, which differ, on all threads of the caller's TBB arena.
+/// @param states as many as sessions
+std::vector<StepResult> update_many(std::span<Session* const> sessions,
+                                    std::span<const MachineState> states) noexcept;
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,288 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "io/snapshot/cold_file.h"
+#include "tools/run/summary_text.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+using Clock = Run::Clock;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+std::vector<Bucket> buckets(const io::Scenario& scenario) {
+  std::vector<Bucket> all;
+  for (const io::MachineInput& machine : scenario.machines) all.push_back(machine.bucket);
+  return all;
+}
+
+/// Updates of each machine that are handed to the tracker at once, where there are several
+/// machines.
+constexpr std::size_t kBatch = 64;
+
+constexpr double kNsPerUs = 1e3;
+
+constexpr const char* kMended = "once that is mended ";
+
+}  // namespace
+
+Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start, int threads,
+         Clock::time_point begin)
+    : begin_(begin),
+      config_(std::move(config)),
+      scenario_(std::move(scenario)),
+      folder_(folder),
+      start_(std::move(start)),
+      tracker_(*start_.site.soil, buckets(scenario_),
+               Earthmoving{scenario_.soil, scenario_.pours, scenario_.hoppers}),
+      schedule_(scenario_, config_.options.updates, config_.ends_s, tracker_.tolerance_m()),
+      step_(schedule_.next()),
+      snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
+                 schedule_.begin_s(), schedule_.end_s()),
+      writer_(folder_, {scenario_.incremental_snapshots, scenario_.snapshots_kept, threads > 1}),
+      progress_(scenario_.name, schedule_.total(), " updates"),
+      time_s_(schedule_.begin_s()) {
+  if (!step_) throw io::InputError(schedule_.stops_at());
+  if (start_.updates > 0) tracker_.restore(start_.tracker_state);
+  if (const auto mb = config_.options.memory_mb)
+    start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
+                                   std::make_shared<io::ColdFile>(folder_.path()));
+  under_way_.resize(scenario_.machines.size() + scenario_.pours.size());
+  if (scenario_.soil) {
+    most_load_.resize(under_way_.size());
+    units_ = MassUnits(*scenario_.soil);
+    at_rest_ = start_.at_rest;
+    if (start_.updates == 0) config_.mass_before = tracker_.site().ground;
+  }
+  summary_.scenario = scenario_.name;
+  summary_.voxel_size_m = scenario_.voxel_size_m;
+  summary_.threads = threads;
+  summary_.open_s = seconds_since(begin_);
+}
+
+void Run::run() { guarded(&Run::dig); }
+
+void Run::resume(const io::JournalContent& before) {
+  before_ = before;
+  guarded(&Run::replay_and_dig);
+}
+
+/// Runs the work and what comes after it, and tells what is safe if something goes wrong.
+void Run::guarded(void (Run::*work)()) {
+  try {
+    csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value());
+    (this->*work)();
+    progress_.clear();
+    come_to_rest();
+    finish();
+  } catch (const NoGroundError& e) {
+    progress_.clear();
+    csv_.reset();
+    if (!journal_) throw io::InputError(scenario_.file, e.what());
+    throw std::runtime_error(
+        fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), safe(kMended)));
+  } catch (const std::exception& e) {
+    progress_.clear();
+    csv_.reset();
+    throw std::runtime_error(fmt::format("{}; {}", e.what(), safe(stop_requested ? "" : kMended)));
+  }
+  print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
+  if (!stopped_) return;
+  const std::string why = step_ ? "stopped by a signal"
+                                : schedule_.stops_at() + "; mend or delete it; stopped before it";
+  throw std::runtime_error(fmt::format("{}, at {} s of {} s; {}", why, time_text(time_s_),
+                                       time_text(schedule_.end_s()), safe()));
+}
+
+void Run::replay_and_dig() {
+  const std::filesystem::path file = folder_.path() / kJournalName;
+  journal_.emplace(file, before_->good_bytes, before_->done, scenario_.journal_sync_s);
+  if (!before_->ended) {
+    // Made anew it has other bytes, and until then it doesn't tell what is here.
+    journal_->add(io::JournalRemoval{kSummaryName});
+    journal_->flush();
+    folder_.remove({kSummaryName});
+    std::erase_if(before_->files, [](const auto& known) { return known.name == kSummaryName; });
+  }
+  go_on_with_snapshots();
+  io::JournalReader reader(file);  // now without what was torn
+  replay(reader);
+  dig();
+}
+
+/// The journal's moves, as many at once as a run digs.
+void Run::replay(io::JournalReader& reader) {
+  const auto next_move = [&]() -> std::optional<io::JournalMove> {
+    while (std::optional<io::JournalRecord> record = reader.next()) {
+      if (auto* move = std::get_if<io::JournalMove>(&*record)) return std::move(*move);
+    }
+    return std::nullopt;
+  };
+  std::optional<io::JournalMove> ahead = next_move();
+  while (ahead) {
+    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
+    std::vector<io::JournalMove> moves;
+    auto count = static_cast<std::uint64_t>(summary_.updates.count());  // updates before `ahead`
+    const bool known = count < start_.updates;                          // to the snapshot
+    const auto take = [&] {
+      if (!ahead || known != (count < start_.updates)) return false;
+      if (!step_ || !is_move(*step_, *ahead))
+        throw differs(count, *ahead, "is not the one that the scenario has in this place");
+      count += ahead->ends_update;
+      moves.push_back(std::move(*ahead));
+      ahead = next_move();
+      return true;
+    };
+    take();
+    const std::vector<Step> batch = next_batch(take);
+    if (!known) dig_again(batch, moves);
+    for (const io::JournalMove& move : moves) book(move);
+    after(batch.back());
+  }
+}
+
+/// Digs what the journal has, which must cut what it cut then.
+void Run::dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before) {
+  std::vector<Motion> motions;
+  motions.reserve(batch.size());  // they stay where they are
+  std::vector<Move> moves;
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const Motion* motion = nullptr;
+    if (batch[i].motion)
+      motion = &motions.emplace_back(io::motion_of(before[i].rows, batch[i].motion->chain()));
+    moves.push_back({batch[i].machine, {}, motion, batch[i].begin_s, batch[i].end_s});
+  }
+  const std::vector<Update> results = move_on(batch, moves);
+  auto count = static_cast<std::uint64_t>(summary_.updates.count());
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    const io::JournalMove& move = before[i];
+    const bool same_cut = samples(results[i].cut_m3) == move.cut_samples;
+    if (same_cut && mass(results[i].bucket_m3) == move.bucket_samples &&
+        (mass(results[i].spilled_m3) != move.spilled || mass(results[i].slid_m3) != move.slid))
+      throw differs(count, move,
+                    "had soil come down otherwise; it was another version of soilvdb that dug it, "
+                    "or another machine");
+    if (!same_cut || mass(results[i].bucket_m3) != move.bucket_samples) {
+      throw differs(
+          count, move,
+          fmt::format("{} {} m³ and now {} {} m³; it was another version of soilvdb that dug it, "
+                      "or another machine",
+                      same_cut ? "left a load of" : "cut",
+                      same_cut ? loose_m3(move.bucket_samples) : volume_m3(move.cut_samples),
+                      same_cut ? "leaves" : "cuts",
+                      same_cut ? results[i].bucket_m3 : results[i].cut_m3));
+    }
+    count += move.ends_update;
+  }
+}
+
+/// @param count updates before the journal's move
+std::runtime_error Run::differs(std::uint64_t count, const io::JournalMove& move,
+                                const std::string& why) const {
+  return std::runtime_error(fmt::format("{}: update {}, at {} s, {}",
+                                        (folder_.path() / kJournalName).string(), count + 1,
+                                        time_text(move.end_s), why));
+}
+
+/// The next steps, up to one that a snapshot is due after, or before one that isn't taken.
+std::vector<Step> Run::next_batch(const std::function<bool()>& take) {
+  const std::size_t machines = scenario_.machines.size();
+  const std::size_t most = machines == 1 ? 1 : kBatch * machines;
+  std::vector<Step> batch;
+  do {
+    batch.push_back(*step_);
+    step_ = schedule_.next();
+    if (all_came_to(batch.back()) && snapshots_.would_be_due(batch.back().end_s)) break;
+  } while (step_ && batch.size() < most && take());
+  return batch;
+}
+
+/// The update loop.
+void Run::dig() {
+  while (step_ && !stopped_) {
+    const std::vector<Step> batch = next_batch([] { return true; });
+    std::vector<Move> moves;
+    for (const Step& step : batch)
+      moves.push_back({step.machine, {}, step.motion.get(), step.begin_s, step.end_s});
+    const std::vector<Update> results = move_on(batch, moves);
+    if (!journal_) begin_journal();
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const Step& step = batch[i];
+      const io::JournalMove move{
+          static_cast<std::uint32_t>(step.machine),
+          step.ends_update,
+          step.begin_s,
+          step.end_s,
+          samples(results[i].cut_m3),
+          mass(results[i].bucket_m3),
+          std::llround(kNsPerUs * results[i].us),
+          step.motion ? io::rows_between(*step.motion, step.begin_s, step.end_s) : io::MotionRows(),
+          mass(results[i].spilled_m3),
+          mass(results[i].slid_m3)};
+      journal_->add(move);
+      book(move);
+    }
+    after(batch.back());
+    stopped_ = stop_requested && step_ && batch.back().ends_update;
+  }
+  if (!step_) stopped_ = !schedule_.stops_at().empty();
+}
+
+/// From here on the folder is this run's.
+void Run::begin_journal() {
+  const std::filesystem::path file = folder_.path() / kJournalName;
+  const std::uint64_t size =
+      io::begin_journal(file, {to_bytes(config_, scenario_)}, folder_.replaced());
+  journal_.emplace(file, size, io::JournalExtent{0, schedule_.begin_s()}, scenario_.journal_sync_s);
+  folder_.remove(folder_.replaced());
+  folder_.remove({kSummaryName});  // without its journal
+}
+
+void Run::book(const io::JournalMove& move) {
+  time_s_ = move.end_s;
+  UnderWay& sum = under_way_[move.machine];
+  sum.ns += move.ns;
+  sum.cut_samples += move.cut_samples;
+  sum.spilled += move.spilled;
+  sum.slid += move.slid;
+  if (!move.ends_update) return;
+  const double us = static_cast<double>(sum.ns) / kNsPerUs;
+  summary_.updates.add(us);
+  std::optional<io::UpdatesCsv::Moved> moved;
+  if (scenario_.soil) {
+    most_load_[move.machine] = std::max(most_load_[move.machine], move.bucket_samples);
+    moved = {kg(move.bucket_samples), loose_m3(sum.spilled), loose_m3(sum.slid)};
+  }
+  csv_->add(move.end_s, name_of(move.machine), volume_m3(sum.cut_samples),
+            loose_m3(move.bucket_samples), us, moved);
+  sum = {};
+}
+
+/// Have all machines come to the end of this step: none has another update that ends with it?
+bool Run::all_came_to(const Step& now) const {
+  return now.ends_update && (!step_ || step_->end_s > now.end_s);
+}
+
+/// What is due between a step and the next.
+void Run::after(const Step& now) {
+  writer_.check();
+  progress_.update(summary_.updates.count());
+  if (all_came_to(now) && snapshots_.due(now.end_s))
+    write_periodic("soil_" + time_text(now.end_s) + ".vdb");
+}
+
+}  // namespace soilvdb::tools
