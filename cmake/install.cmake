@@ -5,13 +5,12 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/soilvdb)
 
-set(modules core io draw)
-if(TARGET soilvdb_run)
-  list(APPEND modules run)
-endif()
-foreach(module IN LISTS modules)
-  install(TARGETS soilvdb_${module} EXPORT soilvdb-${module}-targets)
-  install(EXPORT soilvdb-${module}-targets NAMESPACE soilvdb:: DESTINATION ${config_dir})
+foreach(module IN ITEMS core io draw run)
+  install(TARGETS soilvdb_${module} EXPORT soilvdb-${module}-static)
+  install(TARGETS soilvdb_${module}_shared EXPORT soilvdb-${module}-shared)
+  foreach(kind IN ITEMS static shared)
+    install(EXPORT soilvdb-${module}-${kind} NAMESPACE soilvdb:: DESTINATION ${config_dir})
+  endforeach()
 endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/core/include/ ${PROJECT_SOURCE_DIR}/io/include/
                   ${PROJECT_SOURCE_DIR}/tools/run/include/ ${PROJECT_BINARY_DIR}/include/
@@ -25,3 +24,10 @@ install(FILES ${PROJECT_BINARY_DIR}/soilvdb-config.cmake
               ${PROJECT_BINARY_DIR}/soilvdb-config-version.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindOpenVDB.cmake
         DESTINATION ${config_dir})
+
+if(SOILVDB_TOOLS)
+  install(TARGETS soilvdb)
+  install(FILES ${PROJECT_BINARY_DIR}/soilvdb.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+  install(FILES ${PROJECT_SOURCE_DIR}/tools/packaging/completion.bash
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME soilvdb)
+endif()

@@ -191,8 +191,8 @@ class CommandLine {
         ->required();
     sub->add_option("--region", export_.region, "only this part of the site, m")
         ->type_name("XMIN,YMIN,XMAX,YMAX");
-    sub->add_option("--view", export_.view, "of a .png picture: plan (default) or perspective")
-        ->type_name("VIEW")
+    sub->add_option("--view", export_.view, "of a .png picture; default: plan")
+        ->type_name("plan|perspective")
         ->check(CLI::Validator(
             [](std::string& text) {
               if (text == "plan" || text == "perspective") return std::string();
