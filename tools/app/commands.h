@@ -5,27 +5,15 @@
 // is written then), any other exception where something else went wrong.
 #pragma once
 
-#include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
 
+#include "tools/run/run_options.h"
+
 namespace soilvdb::tools {
 
-/// Set by SIGINT and SIGTERM: finish the update, save and stop.
-extern volatile std::sig_atomic_t stop_requested;
-
-struct RunOptions {
-  std::filesystem::path scenario;
-  std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>
-  std::optional<double> voxel_size_m;        ///< instead of the scenario's
-  int threads = 0;                           ///< 0: one per core
-  std::optional<std::int64_t> updates;       ///< of each machine; default: one per row
-  std::optional<std::int64_t> memory_mb;     ///< for the ground; default: what it takes
-  bool mesh = true;
-  bool snapshots = true;
-};
 void run(const RunOptions& options);
 
 struct ResumeOptions {

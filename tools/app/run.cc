@@ -24,8 +24,6 @@
 
 namespace soilvdb::tools {
 
-volatile std::sig_atomic_t stop_requested = 0;
-
 namespace {
 
 namespace fs = std::filesystem;

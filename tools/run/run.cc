@@ -16,6 +16,9 @@
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
+
+volatile std::sig_atomic_t stop_requested = 0;
+
 namespace {
 
 using Clock = Run::Clock;

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "soilvdb/io/scenario.h"
-#include "tools/app/commands.h"
+#include "tools/run/run_options.h"
 
 namespace soilvdb::tools {
 
