@@ -18,6 +18,7 @@ namespace {
 
 constexpr int kBlockMask = ~(kBlockSide - 1);
 constexpr std::size_t kMostPatches = 4096;  // kept by a look at many places: some 100 kB each
+constexpr std::size_t kFewPatches = 4;      // that a memory of cells makes quicker than threads
 constexpr std::size_t kFewHeights = 256;    // that one thread looks at
 
 int block_of(int voxel) { return voxel & kBlockMask; }
@@ -60,12 +61,14 @@ void SurfaceHeight::add(const Coord3& chunk) {
 }
 
 void SurfaceHeight::update(std::span<const Coord3> changed_chunks) {
+  // Who looks again and again at what changes meshes blocks that are mostly as they were.
+  if (!mesher_ && !changed_chunks.empty() && !patches_.empty()) mesher_.emplace(soil_);
   for (const Coord3& chunk : changed_chunks) add(chunk);
   for (const Coord3& block : blocks_touched(changed_chunks)) patches_.erase(block);
 }
 
-void SurfaceHeight::make(const Coord3& block, Patch& patch) const {
-  patch.mesh = mesh_block(soil_, block);
+void SurfaceHeight::make(const Coord3& block, Patch& patch, CachedMesher* mesher) const {
+  patch.mesh = mesher != nullptr ? mesher->block(block) : mesh_block(soil_, block);
   const auto h = static_cast<float>(soil_.voxel_size_m());
   const std::vector<std::array<std::uint32_t, 3>>& triangles = patch.mesh.triangles;
   std::vector<Eigen::AlignedBox2i> columns(triangles.size());
@@ -146,7 +149,7 @@ std::optional<double> SurfaceHeight::look(double x, double y) const {
 std::optional<double> SurfaceHeight::at(double x, double y) {
   each_block(x, y, [&](const Coord3& block) {
     const auto [patch, fresh] = patches_.try_emplace(block);
-    if (fresh) make(block, patch->second);
+    if (fresh) make(block, patch->second, mesher_ ? &*mesher_ : nullptr);
   });
   return look(x, y);
 }
@@ -167,8 +170,13 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
         if (fresh) missing.emplace_back(block, &patch->second);
       });
     }
-    tbb::parallel_for(std::size_t{0}, missing.size(),
-                      [&](std::size_t i) { make(missing[i].first, *missing[i].second); });
+    if (mesher_ && missing.size() <= kFewPatches) {
+      for (const auto& [block, patch] : missing) make(block, *patch, &*mesher_);
+    } else {
+      tbb::parallel_for(std::size_t{0}, missing.size(), [&](std::size_t i) {
+        make(missing[i].first, *missing[i].second, nullptr);
+      });
+    }
     tbb::parallel_for(
         tbb::blocked_range<std::size_t>(from, to, kFewHeights),
         [&](const tbb::blocked_range<std::size_t>& range) {

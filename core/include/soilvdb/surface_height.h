@@ -47,12 +47,13 @@ class SurfaceHeight {
     }
   };
   void add(const Coord3& chunk);
-  void make(const Coord3& block, Patch& patch) const;
+  void make(const Coord3& block, Patch& patch, CachedMesher* mesher) const;
   template <typename F>
   void each_block(double x, double y, const F& f) const;
   std::optional<double> look(double x, double y) const;
 
   const Soil& soil_;
+  std::optional<CachedMesher> mesher_;  ///< once the soil changes between looks
   std::unordered_map<Coord3, std::vector<int>, Hash> blocks_;  ///< z of those in a column; its z 0
   std::unordered_map<Coord3, Patch, Hash> patches_;
 };

@@ -1,0 +1,339 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""A site fed from Python is the program's, to the bit, and refuses what can't be."""
+
+import json
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+PROGRAM = Path(soilvdb.__file__).parents[2] / "soilvdb"
+PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+LOAM = soilvdb.Soil(repose_angle=0.61, swell=0.25)
+
+
+def bucket():
+    return soilvdb.Bucket(width=1.2, height=0.9, profile=PROFILE)
+
+
+def make_site(soil=None, voxel_size=0.1):
+    return soilvdb.Site(voxel_size, soilvdb.plane(0.0), [bucket()], soil=soil)
+
+
+def dig(steps=60):
+    """Positions (N, 3) and rotations (N, 4) of a drag that curls up."""
+    s = np.linspace(0, 1, steps)
+    pitch = 0.35 - 1.9 * np.clip((s - 0.7) / 0.3, 0, 1)
+    down = np.clip(s / 0.15, 0, 1)
+    positions = np.stack(
+        [-3 + 4 * s, 0 * s, 0.3 - 0.8 * down + 1.5 * np.clip((s - 0.8) / 0.2, 0, 1)], axis=1)
+    zero = 0 * s
+    return positions, np.stack([zero, np.sin(pitch / 2), zero, np.cos(pitch / 2)], axis=1)
+
+
+@pytest.fixture(params=[None, LOAM], ids=["rigid", "moving"])
+def soil(request):
+    return request.param
+
+
+def test_digs_a_box_of_known_volume():
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(width=1.0, height=0.5)])
+    for x in np.linspace(0, 2, 21):
+        update = site.update(0, position=(x, 0, -0.2))
+    assert update.bucket_m3 == pytest.approx(0.4, rel=2e-3)
+    assert site.change_m3() == pytest.approx(-0.4, rel=2e-3)
+    heights = site.heights([(1.0, 0.0), (1.0, 0.45), (1.0, 3.0)])
+    assert heights == pytest.approx([-0.2, -0.2, 0.0], abs=0.01)
+
+
+def test_all_forms_of_a_pose_and_of_a_path_give_the_same_bits(soil):
+    positions, rotations = dig()
+    sites = [make_site(soil) for _ in range(4)]
+    matrices = np.tile(np.eye(4), (len(positions), 1, 1))
+    for i, (p, (x, y, z, w)) in enumerate(zip(positions, rotations)):
+        matrices[i, :3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]]
+        matrices[i, :3, 3] = p
+    loads = [sites[0].update(0, position=tuple(p), rotation=list(q)).bucket_m3
+             for p, q in zip(positions, rotations)]
+    for p, q in zip(positions, rotations):
+        sites[1].update("machine 0", position=p, rotation=q)
+    given = sites[2].update_path(0, positions=positions, rotations=rotations)
+    sites[3].update_path(0, poses=matrices)
+    assert (given["bucket_m3"] == loads).all()
+    assert sites[0].save() == sites[1].save() == sites[2].save()
+    assert sites[3].change_m3() == pytest.approx(sites[0].change_m3(), rel=1e-3)
+    assert max(loads) > 0.5
+
+
+def test_is_the_programs_ground_to_the_bit(tmp_path):
+    positions, rotations = dig(40)
+    rows = ["time,x,y,z,qx,qy,qz,qw"]
+    rows += [",".join(repr(float(v)) for v in (i, *p, *q))
+             for i, (p, q) in enumerate(zip(positions, rotations))]
+    (tmp_path / "dig.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "s.yaml").write_text(
+        "soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 0}}\nmachines:\n- name: digger\n"
+        "  motion: dig.csv\n  bucket: {width: 1.2, height: 0.9, profile: %s}\n"
+        % json.dumps(PROFILE))
+    summary = soilvdb.run(tmp_path / "s.yaml", out=tmp_path / "out", mesh=False)
+    site = soilvdb.Site.open(str(tmp_path / "s.yaml"))
+    site.update_path("digger", positions=positions, rotations=rotations)
+    assert f"{site.ground_hash():016x}" == summary["state_hash"]
+    assert site.ledger()["cut_m3"] == pytest.approx(summary["volume_m3"]["cut"], abs=1e-12)
+    again = soilvdb.Site(0.1, soilvdb.snapshot(str(tmp_path / "out" / "soil_final.vdb")), [bucket()])
+    assert again.ground_hash() == site.ground_hash()
+    site.write(str(tmp_path / "now.vdb"))
+    diff = subprocess.run([PROGRAM, "diff", tmp_path / "now.vdb", tmp_path / "out/soil_final.vdb",
+                           "--json"], capture_output=True, check=True)
+    assert json.loads(diff.stdout)["cut_m3"] == 0
+
+
+def test_goes_on_from_bytes_pickles_and_clones(soil):
+    positions, rotations = dig()
+    whole, first = make_site(soil), make_site(soil)
+    whole.update_path(0, positions=positions, rotations=rotations)
+    first.update_path(0, positions=positions[:30], rotations=rotations[:30])
+    other = make_site(soil)
+    other.restore(first.save())
+    for site in (other, first.clone(), pickle.loads(pickle.dumps(first)), first):
+        site.update_path(0, positions=positions[30:], rotations=rotations[30:])
+        assert site.save() == whole.save()
+
+
+def test_pickles_of_all_kinds_of_sites(tmp_path):
+    site = soilvdb.Site(
+        0.1, soilvdb.plane(1.0, slope=(0.1, 0)),
+        [soilvdb.Machine(bucket(), "digger"), soilvdb.Bucket(1.0, 0.6, dump_angle=0.8)],
+        soil=soilvdb.Soil(0.6, 0.2, 1900, 5000, 0.5),
+        pours=[soilvdb.Pour((2, 2, 5), 1.0, (0, 10), "truck")],
+        hoppers=[soilvdb.Hopper((5, 5, 7, 7), 2.0), soilvdb.Hopper((9, 5, 11, 7), 2.0, (0, 5))])
+    site.pour(20)
+    same = pickle.loads(pickle.dumps(site))
+    assert same.save() == site.save()
+    assert same.machines == ["digger", "machine 1"]
+    assert same.change_m3() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_patches_hold_the_surface_and_are_pythons_own():
+    site = make_site()
+    positions, rotations = dig()
+    patches = {}
+    for i in range(0, 60, 20):
+        site.update_path(0, positions=positions[i:i + 20], rotations=rotations[i:i + 20])
+        patches.update({p.block: p for p in site.changed_patches()})
+    assert not site.changed_patches()
+    points, triangles = site.mesh()
+    assert points.dtype == np.float64 and triangles.dtype == np.uint32
+    assert sum(len(p.triangles) for p in patches.values()) == len(triangles)
+    before = points.copy()
+    site.update(0, position=(0, 1, -0.5))
+    site.close()
+    assert (points == before).all()
+    assert points.flags.owndata or points.base is None
+
+
+def test_many_sites_step_at_once_as_one_by_one():
+    positions, _ = dig(20)
+    start = make_site()
+    sites = [start.clone() for _ in range(6)]
+    offsets = np.arange(6)[:, None] * [0, 0, -0.02]
+    for p in positions:
+        soilvdb.update_many(sites, 0, positions=p + offsets)
+    for site, offset in zip(sites, offsets):
+        alone = start.clone()
+        alone.update_path(0, positions=positions + offset)
+        assert alone.save() == site.save()
+    with pytest.raises(ValueError, match="a site is there twice"):
+        soilvdb.update_many([start, start], 0, positions=np.zeros((2, 3)))
+
+
+BAD = [
+    (dict(position=(0, 0)), ValueError, r"position has 2 numbers; it must have 3"),
+    (dict(position=(0, 0, "a")), TypeError, r"position must be numbers, not str"),
+    (dict(position=np.zeros((3, 1))), ValueError, r"position has the shape \(3, 1\); it must be \(3,\)"),
+    (dict(position=np.zeros(3, complex)), TypeError, r"position must be numbers, not an array of complex128"),
+    (dict(position=(0, 0, float("nan"))), ValueError, r"machine 'machine 0': the pose is no place"),
+    (dict(position=(0, 0, 0), rotation=(1, 1, 1, 1)), ValueError, r"or no rotation"),
+    (dict(position=(0, 0, 0), rotation=(0, 0, 1)), ValueError, r"rotation has 3 numbers"),
+    (dict(pose=np.zeros((4, 4))), ValueError, r"pose is no rigid transform"),
+    (dict(pose=np.eye(3)), ValueError, r"pose has the shape \(3, 3\); it must be \(N, 4\)"),
+    (dict(pose=np.eye(4), position=(0, 0, 0)), TypeError, r"either pose or position"),
+    (dict(joints=[0.1]), ValueError, r"machine 'machine 0' has no joints; give it a pose"),
+    (dict(), TypeError, r"position, pose or joints are missing"),
+    (dict(position=(0, 0, 0), time=-1.0), ValueError, r"time goes back from 5 s to -1 s"),
+    (dict(position=(1e9, 0, 0)), ValueError, r"no place on this site"),
+]
+
+
+@pytest.mark.parametrize("arguments, error, message", BAD)
+def test_bad_states_raise_and_change_nothing(soil, arguments, error, message):
+    site = make_site(soil)
+    site.update(0, position=(0, 0, -0.2), time=5.0)
+    before = site.save()
+    with pytest.raises(error, match=message):
+        site.update(0, **arguments)
+    assert site.save() == before
+    for machine in (-1, 1, 2**62):
+        with pytest.raises(ValueError, match="there is no machine"):
+            site.update(machine, position=(0, 0, 0))
+    with pytest.raises(ValueError, match="there is no machine 'x'; there are: machine 0"):
+        site.update("x", position=(0, 0, 0))
+    assert site.save() == before
+
+
+def test_bad_sites_bytes_and_arrays_raise():
+    for voxel_size in (0, -1, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="voxel size"):
+            make_site(voxel_size=voxel_size)
+    with pytest.raises(ValueError):
+        soilvdb.Bucket(width=-1, height=1)
+    with pytest.raises(ValueError, match="angle of repose"):
+        soilvdb.Soil(2.0)
+    with pytest.raises(ValueError, match="/no.tif"):
+        soilvdb.Site(0.1, soilvdb.raster("/no.tif"), [bucket()])
+    site = make_site()
+    for state in (b"", b"x" * 100, site.save()[:-3]):
+        with pytest.raises(ValueError):
+            site.restore(state)
+    for xy in (np.zeros(3), np.zeros((2, 3)), "a", [["a", "b"]], None, np.zeros((2, 2), object)):
+        with pytest.raises((ValueError, TypeError)):
+            site.heights(xy)
+    assert np.isnan(site.heights(np.full((2, 2), np.nan))).all()
+    assert site.heights(np.empty((0, 2))).shape == (0,)
+
+
+def test_heights_take_any_layout():
+    site = make_site()
+    site.update_path(0, positions=dig()[0])
+    xy = np.random.default_rng(1).uniform(-4, 4, (300, 2))
+    wanted = site.heights(xy)
+    read_only = xy.copy()
+    read_only.setflags(write=False)
+    for same in (np.asfortranarray(xy), np.repeat(xy, 2, axis=0)[::2], read_only, xy.tolist(),
+                 xy.astype(">f8")):
+        assert (site.heights(same) == wanted).all()
+
+
+def test_the_end_of_a_raster_is_no_ground(tmp_path):
+    (tmp_path / "flat.asc").write_text(
+        "ncols 13\nnrows 13\nxllcenter -6\nyllcenter -6\ncellsize 1\n" + ("0 " * 13 + "\n") * 13)
+    site = soilvdb.Site(0.1, soilvdb.raster(str(tmp_path / "flat.asc")), [bucket()])
+    site.update(0, position=(4, 0, -0.2))
+    before = site.save()
+    with pytest.raises(soilvdb.NoGroundError, match="ground without a height"):
+        site.update(0, position=(9, 0, -0.2))
+    assert site.save() == before
+    assert np.isnan(site.heights([(20, 0)])).all()
+
+
+def test_a_closed_site_says_so():
+    with make_site() as site:
+        site.update(0, position=(0, 0, 0))
+    for use in (lambda: site.update(0, position=(0, 0, 0)), site.save, site.mesh,
+                lambda: site.heights([(0, 0)]), site.clone):
+        with pytest.raises(RuntimeError, match="the site is closed"):
+            use()
+    site.close()
+
+
+def test_threads_take_turns():
+    positions, rotations = dig(40)
+    site, errors = make_site(), []
+
+    def look():
+        try:
+            for _ in range(20):
+                site.heights([(0, 0), (1, 0)])
+                site.changed_patches()
+        except Exception as error:  # noqa: BLE001
+            errors.append(error)
+
+    threads = [threading.Thread(target=look) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    site.update_path(0, positions=positions, rotations=rotations)
+    for thread in threads:
+        thread.join()
+    alone = make_site()
+    alone.update_path(0, positions=positions, rotations=rotations)
+    assert not errors and site.save() == alone.save()
+
+
+def test_other_threads_run_meanwhile():
+    positions, rotations = dig(2000)
+    site, ticks, stop = make_site(LOAM, 0.05), [], threading.Event()
+
+    def tick():
+        while not stop.is_set():
+            ticks.append(time.monotonic())
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    begin = time.monotonic()
+    site.update_path(0, positions=positions, rotations=rotations)
+    took = time.monotonic() - begin
+    stop.set()
+    thread.join()
+    assert took > 0.05
+    assert len(ticks) > 5
+
+
+def _use_in_child(queue):
+    try:
+        make_site().update(0, position=(0, 0, 0))
+        queue.put("used")
+    except RuntimeError as error:
+        queue.put(str(error))
+
+
+def test_a_forked_process_is_told_to_spawn():
+    make_site().update(0, position=(0, 0, -1))
+    for method, wanted in (("fork", "forked"), ("spawn", "used")):
+        context = multiprocessing.get_context(method)
+        queue = context.Queue()
+        child = context.Process(target=_use_in_child, args=(queue,))
+        child.start()
+        assert wanted in queue.get(timeout=60)
+        child.join()
+
+
+def test_ctrl_c_ends_a_long_call():
+    code = (
+        "import numpy as np, soilvdb, sys\n"
+        "site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])\n"
+        "x = np.tile(np.linspace(0, 5, 50), 200000)\n"
+        "p = np.stack([x, 0 * x, -0.2 + 0 * x - np.arange(len(x)) * 1e-7], axis=1)\n"
+        "print('ready', flush=True)\n"
+        "try:\n    site.update_path(0, positions=p)\n"
+        "except KeyboardInterrupt:\n    print('stopped', site.ledger()['cut_m3'] > 0)\n")
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True,
+                             env=dict(os.environ))
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    begin = time.monotonic()
+    assert child.stdout.read() == "stopped True\n"
+    assert time.monotonic() - begin < 5
+    assert child.wait() == 0
+
+
+def test_run_says_what_the_program_says(tmp_path):
+    (tmp_path / "s.yaml").write_text("soilvdb: 1\nvoxel_siz: 0.1\n")
+    with pytest.raises(ValueError, match=r"s.yaml:2: unknown key 'voxel_siz' in scenario"):
+        soilvdb.run(tmp_path / "s.yaml", out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()

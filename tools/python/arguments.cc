@@ -1,0 +1,116 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/python/arguments.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace soilvdb::python {
+namespace {
+
+constexpr double kRigid = 1e-6;  // how far axes may be from unit and upright, as float32 has them
+
+std::string kind_of(const py::handle& given) {
+  return py::cast<std::string>(py::type::handle_of(given).attr("__name__"));
+}
+
+/// Doubles of any array or nested sequence of numbers.
+Array array_of(const py::handle& given, const char* name) {
+  py::array any;
+  try {
+    any = py::array::ensure(given);
+  } catch (const py::error_already_set&) {
+  }
+  if (!any || std::string("fiub").find(any.dtype().kind()) == std::string::npos) {
+    PyErr_Clear();
+    throw py::type_error(fmt::format(
+        "{} must be numbers, not {}", name,
+        any ? "an array of " + py::cast<std::string>(py::str(any.dtype())) : kind_of(given)));
+  }
+  return py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(any);
+}
+
+}  // namespace
+
+void numbers(const py::handle& given, const char* name, std::span<double> out) {
+  // Tuples and lists of floats are what a loop gives; an array of them costs more than an update.
+  if (PyTuple_Check(given.ptr()) || PyList_Check(given.ptr())) {
+    const auto size = static_cast<std::size_t>(PySequence_Fast_GET_SIZE(given.ptr()));
+    if (size != out.size())
+      throw py::value_error(
+          fmt::format("{} has {} numbers; it must have {}", name, size, out.size()));
+    PyObject** items = PySequence_Fast_ITEMS(given.ptr());
+    for (std::size_t i = 0; i < size; ++i) {
+      out[i] = PyFloat_AsDouble(items[i]);
+      if (out[i] != -1 || PyErr_Occurred() == nullptr) continue;
+      PyErr_Clear();
+      throw py::type_error(fmt::format("{} must be numbers, not {}", name, kind_of(items[i])));
+    }
+    return;
+  }
+  const Array array = array_of(given, name);
+  if (array.ndim() != 1 || static_cast<std::size_t>(array.size()) != out.size())
+    throw py::value_error(fmt::format("{} has the shape {}; it must be ({},)", name,
+                                      py::cast<std::string>(py::str(array.attr("shape"))),
+                                      out.size()));
+  std::copy_n(array.data(), out.size(), out.data());
+}
+
+std::vector<double> numbers(const py::handle& given, const char* name) {
+  const Array array = array_of(given, name);
+  if (array.ndim() != 1)
+    throw py::value_error(fmt::format("{} has the shape {}; it must be (N,)", name,
+                                      py::cast<std::string>(py::str(array.attr("shape")))));
+  return {array.data(), array.data() + array.size()};
+}
+
+Array rows(const py::handle& given, const char* name, py::ssize_t columns) {
+  const Array array = array_of(given, name);
+  if (array.ndim() != 2 || array.shape(1) != columns)
+    throw py::value_error(fmt::format("{} has the shape {}; it must be (N, {})", name,
+                                      py::cast<std::string>(py::str(array.attr("shape"))),
+                                      columns));
+  return array;
+}
+
+Vec3 vector3(const py::handle& given, const char* name) {
+  Vec3 v;
+  numbers(given, name, {v.data(), 3});
+  return v;
+}
+
+Eigen::Quaterniond quaternion(std::span<const double> xyzw) {
+  return {xyzw[3], xyzw[0], xyzw[1], xyzw[2]};
+}
+
+Pose pose_of(std::span<const double> matrix) {
+  Eigen::Matrix<double, 4, 4, Eigen::RowMajor> m(matrix.data());
+  const Eigen::Matrix3d axes = m.topLeftCorner<3, 3>();
+  const bool rigid = m.allFinite() && (axes * axes.transpose()).isIdentity(kRigid) &&
+                     axes.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1));
+  if (!rigid)
+    throw py::value_error(
+        "pose is no rigid transform; it must have a rotation and a position, and end in 0 0 0 1");
+  return {m.topRightCorner<3, 1>(), Eigen::Quaterniond(axes).normalized()};
+}
+
+Pose pose(const py::handle& position, const py::handle& rotation, const py::handle& matrix) {
+  if (!matrix.is_none()) {
+    if (!position.is_none() || !rotation.is_none())
+      throw py::type_error("give either pose or position and rotation");
+    const Array array = rows(matrix, "pose", 4);
+    if (array.shape(0) != 4) throw py::value_error("pose must be of 4 rows");
+    return pose_of({array.data(), 16});
+  }
+  if (position.is_none()) throw py::type_error("position, pose or joints are missing");
+  Pose made;
+  made.position = vector3(position, "position");
+  if (rotation.is_none()) return made;
+  double xyzw[4];
+  numbers(rotation, "rotation", xyzw);
+  made.rotation = quaternion(xyzw);
+  return made;
+}
+
+}  // namespace soilvdb::python

@@ -1,0 +1,59 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""A dig controller that closes its loop through soilvdb: it drags until the bucket holds what it was
+asked for, going deeper where it fills too slowly, then curls up and lifts.
+
+    python3 dig_controller.py [LOAD_M3]
+"""
+
+import sys
+
+import numpy as np
+
+import soilvdb
+
+RATE_HZ = 100.0
+SPEED_M_S = 0.8
+PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+
+
+def pitch(angle: float) -> tuple[float, float, float, float]:
+    """Quaternion (x, y, z, w) of a turn about the lip, rad; positive: the mouth looks down."""
+    return (0.0, float(np.sin(angle / 2)), 0.0, float(np.cos(angle / 2)))
+
+
+def dig(site: soilvdb.Site, wanted_m3: float, begin: tuple[float, float]) -> tuple[float, int]:
+    """Fills the bucket from a place on; returns its load once it is lifted, m3, and the updates."""
+    (x, y), lip, load, updates = begin, 0.1, 0.0, 0
+    while load < wanted_m3 and x < begin[0] + 6.0:
+        if updates % 10 == 0:  # it plans ten times a second
+            ground = float(site.heights([(x + 0.3, y)])[0])
+            # What is still missing should come within the next 1.5 m.
+            depth = np.clip((wanted_m3 - load) / (1.2 * 1.5), 0.1, 0.4)
+        x += SPEED_M_S / RATE_HZ
+        lip += np.clip(ground - depth - lip, -0.5 / RATE_HZ, 0.5 / RATE_HZ)
+        # It curls as it fills, so that it holds what it has.
+        update = site.update(0, position=(x, y, lip), rotation=pitch(0.3 - 1.4 * load / wanted_m3))
+        load, updates = update.bucket_m3, updates + 1
+    curled = 0.3 - 1.4 * load / wanted_m3
+    lifting = np.linspace(0, 1, int(1.5 * RATE_HZ))
+    for s in lifting:
+        update = site.update(0, position=(x, y, lip + 2.0 * s),
+                             rotation=pitch(curled + (-1.5 - curled) * min(2 * s, 1.0)))
+    return update.bucket_m3, updates + len(lifting)
+
+
+def main() -> None:
+    wanted_m3 = float(sys.argv[1]) if len(sys.argv) > 1 else 0.6
+    bucket = soilvdb.Bucket(width=1.2, height=0.9, profile=PROFILE)
+    loam = soilvdb.Soil(repose_angle=0.61, swell=0.25)
+    with soilvdb.Site(0.05, soilvdb.plane(0.0), [bucket], soil=loam) as site:
+        for stroke in range(3):
+            load_m3, updates = dig(site, wanted_m3, (0.0, 1.4 * stroke))
+            print(f"stroke {stroke + 1}: {load_m3:.3f} m3 of {wanted_m3:.3f} wanted, "
+                  f"{updates} updates")
+            site.update(0, position=(0.0, -4.0, 2.5), rotation=pitch(1.6))  # tips beside the trench
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,505 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb.Site: a session for Python. Each call of the engine lets other Python threads run, and
+// holds the site meanwhile, so that several may use one.
+#include <fmt/format.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <mutex>
+#include <set>
+
+#include "soilvdb/session.h"
+#include "tools/python/arguments.h"
+#include "tools/python/values.h"
+
+namespace soilvdb::python {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
+constexpr auto kSignalsEvery = std::chrono::milliseconds(50);
+
+py::handle no_ground_error;
+
+[[noreturn]] void refuse(Status status, const std::string& why) {
+  if (status == Status::kBadState) throw py::value_error(why);
+  PyErr_SetString(status == Status::kNoGround ? no_ground_error.ptr() : PyExc_RuntimeError,
+                  why.c_str());
+  throw py::error_already_set();
+}
+
+/// A child of fork() has none of the engine's threads.
+void require_own_process() {
+  static const pid_t process = getpid();
+  if (getpid() == process) return;
+  throw std::runtime_error(
+      "soilvdb can't be used in a process that was forked from one that used it; start that with "
+      "multiprocessing's method 'spawn'");
+}
+
+/// A session, and what it was made from, for pickle.
+class Site {
+ public:
+  Site(Session session, py::tuple made_from)
+      : session_(std::make_unique<Session>(std::move(session))), made_from_(std::move(made_from)) {}
+
+  /// Calls f(session) without the interpreter's lock, alone.
+  template <typename F>
+  auto with(const F& f) {
+    require_own_process();
+    const py::gil_scoped_release released;
+    const std::lock_guard lock(mutex_);
+    return f(open());
+  }
+  Session& open() {
+    if (!session_) throw std::runtime_error("the site is closed");
+    return *session_;
+  }
+  void close() {
+    require_own_process();
+    const py::gil_scoped_release released;
+    const std::lock_guard lock(mutex_);
+    session_.reset();
+  }
+  std::mutex& mutex() { return mutex_; }
+  const py::tuple& made_from() const { return made_from_; }
+
+ private:
+  std::mutex mutex_;
+  std::unique_ptr<Session> session_;
+  py::tuple made_from_;
+};
+
+template <typename Value>
+std::vector<Value> values(const py::object& given) {
+  std::vector<Value> all;
+  for (const py::handle& one : given) all.push_back(one.cast<Value>());
+  return all;
+}
+
+Session make_session(double voxel_size, const TerrainValue& terrain, const py::object& machines,
+                     const std::optional<SoilProperties>& soil, const py::object& pours,
+                     const py::object& hoppers, const py::object& near) {
+  SessionSite site{.voxel_size_m = voxel_size, .terrain = terrain.terrain};
+  for (const py::handle& one : machines) {
+    if (py::isinstance<Bucket>(one)) {
+      site.machines.push_back(
+          {fmt::format("machine {}", site.machines.size()), one.cast<Bucket>(), {}});
+    } else {
+      site.machines.push_back(one.cast<MachineValue>().machine);
+    }
+  }
+  site.earthmoving = {soil, values<Pour>(pours), values<Hopper>(hoppers)};
+  if (!near.is_none()) site.near_m = vector3(near, "near");
+  require_own_process();
+  const py::gil_scoped_release released;
+  return Session(std::move(site));
+}
+
+std::size_t machine_of(Session& session, const std::variant<std::ptrdiff_t, std::string>& given) {
+  if (const auto* name = std::get_if<std::string>(&given)) return session.machine(*name);
+  const std::ptrdiff_t number = std::get<std::ptrdiff_t>(given);
+  if (number < 0 || static_cast<std::size_t>(number) >= session.machines().size())
+    throw py::value_error(
+        fmt::format("there is no machine {}; there are {}", number, session.machines().size()));
+  return static_cast<std::size_t>(number);
+}
+
+using MachineName = std::variant<std::ptrdiff_t, std::string>;
+
+Update update(Site& site, const MachineName& machine, const py::object& position,
+              const py::object& rotation, const py::object& matrix, const py::object& joints,
+              std::optional<double> time) {
+  MachineState state;
+  std::vector<double> values;
+  state.time_s = time.value_or(kNoTime);
+  if (joints.is_none()) {
+    state.pose = pose(position, rotation, matrix);
+  } else {
+    if (!position.is_none() || !rotation.is_none() || !matrix.is_none())
+      throw py::type_error("give either joints or a pose");
+    values = numbers(joints, "joints");
+    if (values.empty()) throw py::value_error("joints has no numbers");
+    state.joints = values;
+  }
+  const StepResult step = site.with([&](Session& session) {
+    state.machine = machine_of(session, machine);
+    return session.update(state);
+  });
+  if (!step.ok()) refuse(step.status, step.why);
+  return step.update;
+}
+
+/// Many states of one machine; arrays of what each update gave.
+py::dict update_path(Site& site, const MachineName& machine, const py::object& positions,
+                     const py::object& rotations, const py::object& poses, const py::object& joints,
+                     const py::object& times) {
+  const bool by_pose = !poses.is_none(), by_joints = !joints.is_none();
+  if (by_pose + by_joints + !positions.is_none() != 1)
+    throw py::type_error("give one of positions (with rotations), poses or joints");
+  Array rows_of, turns, times_s;
+  if (by_pose) {
+    const Array given =
+        py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(poses);
+    if (!given || given.ndim() != 3 || given.shape(1) != 4 || given.shape(2) != 4) {
+      PyErr_Clear();
+      throw py::value_error("poses must have the shape (N, 4, 4)");
+    }
+    rows_of = given;
+  } else if (by_joints) {
+    const Array given =
+        py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(joints);
+    if (!given || given.ndim() != 2) {
+      PyErr_Clear();
+      throw py::value_error("joints must have the shape (N, joints)");
+    }
+    rows_of = given;
+  } else {
+    rows_of = rows(positions, "positions", 3);
+    if (!rotations.is_none()) turns = rows(rotations, "rotations", 4);
+  }
+  const py::ssize_t count = rows_of.shape(0);
+  if (!rotations.is_none() && turns.shape(0) != count)
+    throw py::value_error(
+        fmt::format("there are {} rotations for {} positions", turns.shape(0), count));
+  if (!times.is_none()) {
+    const std::vector<double> given = numbers(times, "times");
+    if (static_cast<py::ssize_t>(given.size()) != count)
+      throw py::value_error(fmt::format("there are {} times for {} states", given.size(), count));
+    times_s = Array(count, given.data());
+  }
+  const char* const names[] = {"cut_m3", "bucket_m3", "spilled_m3", "slid_m3", "us"};
+  std::vector<Array> columns;
+  std::vector<double*> out;
+  for (std::size_t i = 0; i < std::size(names); ++i) {
+    columns.emplace_back(count);
+    out.push_back(columns.back().mutable_data());
+  }
+  // The loop reads copies: another thread may write to the arrays meanwhile.
+  const std::vector<double> states(rows_of.data(), rows_of.data() + rows_of.size());
+  const std::vector<double> rotation(turns.data(), turns.data() + turns.size());
+  const std::vector<double> time(times_s.data(), times_s.data() + times_s.size());
+  const auto width = static_cast<std::size_t>(count > 0 ? rows_of.size() / count : 0);
+  std::size_t done = 0;
+  StepResult step;
+  site.with([&](Session& session) {
+    MachineState state;
+    state.machine = machine_of(session, machine);
+    for (Clock::time_point looked = Clock::now(); done < static_cast<std::size_t>(count); ++done) {
+      if (Clock::now() - looked > kSignalsEvery) {
+        const py::gil_scoped_acquire acquired;
+        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+        looked = Clock::now();
+      }
+      const std::span<const double> row = std::span(states).subspan(done * width, width);
+      if (by_pose) {
+        state.pose = pose_of(row);
+      } else if (by_joints) {
+        state.joints = row;
+      } else {
+        state.pose.position = Vec3(row.data());
+        if (!rotation.empty())
+          state.pose.rotation = quaternion(std::span(rotation).subspan(4 * done, 4));
+      }
+      state.time_s = time.empty() ? kNoTime : time[done];
+      step = session.update(state);
+      if (!step.ok()) return;
+      const Update& u = step.update;
+      const double given[] = {u.cut_m3, u.bucket_m3, u.spilled_m3, u.slid_m3, u.us};
+      for (std::size_t i = 0; i < std::size(given); ++i) out[i][done] = given[i];
+    }
+  });
+  if (!step.ok()) refuse(step.status, fmt::format("state {}: {}", done, step.why));
+  py::dict all;
+  for (std::size_t i = 0; i < std::size(names); ++i) all[names[i]] = columns[i];
+  return all;
+}
+
+Array heights(Site& site, const py::object& xy) {
+  const Array given = rows(xy, "xy", 2);
+  const auto count = static_cast<std::size_t>(given.shape(0));
+  std::vector<Vec2> places(count);
+  for (std::size_t i = 0; i < count; ++i) places[i] = Vec2(given.data() + 2 * i);
+  Array out(static_cast<py::ssize_t>(count));
+  const std::span<double> heights_m(out.mutable_data(), count);
+  site.with([&](Session& session) { session.heights(places, heights_m); });
+  return out;
+}
+
+/// Points in the world and triangles, memory of Python's own.
+py::tuple arrays_of(const Mesh& mesh, const Vec3& origin) {
+  py::array_t<double> points({static_cast<py::ssize_t>(mesh.points.size()), py::ssize_t{3}});
+  py::array_t<std::uint32_t> triangles(
+      {static_cast<py::ssize_t>(mesh.triangles.size()), py::ssize_t{3}});
+  double* p = points.mutable_data();
+  for (const Eigen::Vector3f& point : mesh.points)
+    for (int axis = 0; axis < 3; ++axis) *p++ = origin[axis] + static_cast<double>(point[axis]);
+  std::uint32_t* t = triangles.mutable_data();
+  for (const auto& triangle : mesh.triangles) t = std::copy(triangle.begin(), triangle.end(), t);
+  return py::make_tuple(points, triangles);
+}
+
+struct Patch {
+  py::tuple block;
+  py::object points, triangles;
+};
+
+std::vector<Patch> changed_patches(Site& site) {
+  Vec3 origin;
+  const std::vector<SurfacePatch> patches = site.with([&](Session& session) {
+    origin = session.origin();
+    return session.changed_patches();
+  });
+  std::vector<Patch> all;
+  for (const SurfacePatch& patch : patches) {
+    const py::tuple arrays = arrays_of(patch.mesh, origin);
+    all.push_back(
+        {py::make_tuple(patch.block.x(), patch.block.y(), patch.block.z()), arrays[0], arrays[1]});
+  }
+  return all;
+}
+
+py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
+  double kg = 0;
+  const Ledger ledger = site.with([&](Session& session) {
+    if (!machine) return session.total();
+    const std::size_t number = machine_of(session, *machine);
+    kg = session.bucket_kg(number);
+    return session.ledger(number);
+  });
+  py::dict all;
+  all["cut_m3"] = ledger.cut_m3();
+  all["captured_m3"] = ledger.captured_m3();
+  all["displaced_m3"] = ledger.displaced_m3();
+  all["bucket_m3"] = ledger.bucket_m3();
+  all["spilled_m3"] = ledger.spilled_m3();
+  all["dumped_m3"] = ledger.dumped_m3();
+  if (machine) all["bucket_kg"] = kg;
+  return all;
+}
+
+/// @param states of the sites, each (N, 3) or (N, 4)
+std::vector<Update> update_many(const py::object& given, const MachineName& machine,
+                                const py::object& positions, const py::object& rotations,
+                                std::optional<double> time) {
+  std::vector<Site*> sites;
+  for (const py::handle& one : given) sites.push_back(&one.cast<Site&>());
+  const Array places = rows(positions, "positions", 3);
+  const Array turns = rotations.is_none() ? Array() : rows(rotations, "rotations", 4);
+  if (static_cast<std::size_t>(places.shape(0)) != sites.size() ||
+      (!rotations.is_none() && turns.shape(0) != places.shape(0)))
+    throw py::value_error(
+        fmt::format("there are {} sites; there must be as many positions and "
+                    "rotations",
+                    sites.size()));
+  if (std::set<Site*>(sites.begin(), sites.end()).size() != sites.size())
+    throw py::value_error("a site is there twice");
+  require_own_process();
+  std::vector<MachineState> states(sites.size());
+  for (std::size_t i = 0; i < sites.size(); ++i) {
+    states[i].time_s = time.value_or(kNoTime);
+    states[i].pose.position = Vec3(places.data() + 3 * i);
+    if (!rotations.is_none()) states[i].pose.rotation = quaternion({turns.data() + 4 * i, 4});
+  }
+  std::vector<StepResult> results;
+  {
+    const py::gil_scoped_release released;
+    // In one order, so that calls that share sites wait for each other.
+    std::set<Site*> ordered(sites.begin(), sites.end());
+    std::vector<std::unique_lock<std::mutex>> locks;
+    for (Site* site : ordered) locks.emplace_back(site->mutex());
+    std::vector<Session*> sessions;
+    for (std::size_t i = 0; i < sites.size(); ++i) {
+      sessions.push_back(&sites[i]->open());
+      states[i].machine = machine_of(*sessions.back(), machine);
+    }
+    results = soilvdb::update_many(sessions, states);
+  }
+  std::vector<Update> updates;
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    if (!results[i].ok()) refuse(results[i].status, fmt::format("site {}: {}", i, results[i].why));
+    updates.push_back(results[i].update);
+  }
+  return updates;
+}
+
+void require_good(const StepResult& step) {
+  if (!step.ok()) refuse(step.status, step.why);
+}
+
+}  // namespace
+
+void bind_site(py::module_& m) {
+  static py::exception<NoGroundError> no_ground(m, "NoGroundError", PyExc_RuntimeError);
+  no_ground_error = no_ground;
+
+  py::class_<Update>(m, "Update", "What one update did.")
+      .def_readonly("cut_m3", &Update::cut_m3, "taken out of the ground in it, in place")
+      .def_readonly("bucket_m3", &Update::bucket_m3, "in the bucket after it, loose")
+      .def_readonly("spilled_m3", &Update::spilled_m3, "that left the bucket in it, loose")
+      .def_readonly("slid_m3", &Update::slid_m3, "of slopes that came down in it, loose")
+      .def_readonly("us", &Update::us, "microseconds that it took")
+      .def("__repr__", [](const Update& u) {
+        return fmt::format("soilvdb.Update(cut_m3={:.6g}, bucket_m3={:.6g})", u.cut_m3,
+                           u.bucket_m3);
+      });
+
+  py::class_<Patch>(m, "Patch",
+                    "A block's part of the surface; without points there is none any more.")
+      .def_readonly("block", &Patch::block, "(i, j, k), index of the block's first voxel")
+      .def_readonly("points", &Patch::points, "(n, 3) float64, m, world")
+      .def_readonly("triangles", &Patch::triangles,
+                    "(m, 3) uint32, counter-clockwise from the air");
+
+  const auto none = py::none();
+  py::class_<Site>(m, "Site", "A site: ground, and machines that dig it. World frame, m, rad, s.")
+      .def(py::init([](double voxel_size, const TerrainValue& terrain, const py::object& machines,
+                       const std::optional<SoilProperties>& soil, const py::object& pours,
+                       const py::object& hoppers, const py::object& near) {
+             const py::tuple from = py::make_tuple(voxel_size, terrain, py::list(machines), soil,
+                                                   py::list(pours), py::list(hoppers), near);
+             return std::make_unique<Site>(
+                 make_session(voxel_size, terrain, from[2], soil, from[4], from[5], near), from);
+           }),
+           py::arg("voxel_size"), py::arg("terrain"), py::arg("machines"), py::kw_only(),
+           py::arg("soil") = none, py::arg("pours") = py::tuple(), py::arg("hoppers") = py::tuple(),
+           py::arg("near") = none,
+           "voxel_size: m. machines: Bucket or Machine each. soil: how it moves; without, it is "
+           "rigid. near: (x, y, z) where work begins, on terrains wider than 2**16 voxels. Raises "
+           "ValueError for what can't be a site.")
+      .def_static(
+          "open",
+          [](const std::string& scenario) {
+            require_own_process();
+            const auto open = [&] {
+              const py::gil_scoped_release released;
+              return Session::open(scenario);
+            };
+            return std::make_unique<Site>(open(), py::make_tuple(scenario));
+          },
+          py::arg("scenario"), "The site, machines and soil of a scenario, before anything moved.")
+      .def("update", &update, py::arg("machine"), py::kw_only(), py::arg("position") = none,
+           py::arg("rotation") = none, py::arg("pose") = none, py::arg("joints") = none,
+           py::arg("time") = none,
+           "Moves a machine (its number or name) to a state, in a straight line; its first places "
+           "it. position: (x, y, z) of the lip's middle, m. rotation: quaternion (x, y, z, w), "
+           "default not turned. pose: 4x4 array instead, world from bucket. joints: values in the "
+           "chain's order instead, rad or m. time: s, never back. Raises ValueError for what is no "
+           "state, NoGroundError where the terrain has no height; nothing has moved then.")
+      .def("update_path", &update_path, py::arg("machine"), py::kw_only(),
+           py::arg("positions") = none, py::arg("rotations") = none, py::arg("poses") = none,
+           py::arg("joints") = none, py::arg("times") = none,
+           "update() for many states in one call: positions (N, 3) with rotations (N, 4), poses "
+           "(N, 4, 4) or joints (N, joints). Returns arrays (N,) by name: cut_m3, bucket_m3, "
+           "spilled_m3, slid_m3, us. Ends at the first bad state with the error of update(), which "
+           "says its number; those before it have moved.")
+      .def(
+          "pour",
+          [](Site& s, double until) {
+            require_good(s.with([&](Session& session) { return session.pour(until); }));
+          },
+          py::arg("until"), "Pours come down up to a time, s; update() with a time does it, too.")
+      .def(
+          "come_to_rest",
+          [](Site& s) {
+            require_good(s.with([](Session& session) { return session.come_to_rest(); }));
+          },
+          "Soil that stands or hangs too steep comes to rest, as at the end of a run.")
+      .def("heights", &heights, py::arg("xy"),
+           "Heights of the topmost soil at xy (N, 2), m; returns (N,) float64, NaN where there is "
+           "none.")
+      .def(
+          "mesh",
+          [](Site& s) {
+            Vec3 origin;
+            const Mesh mesh = s.with([&](Session& session) {
+              origin = session.origin();
+              return session.mesh();
+            });
+            return arrays_of(mesh, origin);
+          },
+          "The surface of all ground that was touched: points (n, 3) float64, m, world, and "
+          "triangles (m, 3) uint32.")
+      .def("changed_patches", &changed_patches,
+           "Patches of the surface that changed since the last call, at first all of them.")
+      .def("ledger", &ledger_of, py::arg("machine") = none,
+           "Volumes booked for a machine, or for all: cut, captured and displaced in place, the "
+           "bucket's load, what was spilled and dumped loose, m3; for one also bucket_kg.")
+      .def(
+          "change_m3",
+          [](Site& s) { return s.with([](Session& session) { return session.change_m3(); }); },
+          "Volume of the ground less that of the terrain, counted anew, m3.")
+      .def(
+          "ground_hash",
+          [](Site& s) { return s.with([](Session& session) { return session.ground_hash(); }); },
+          "Digest of the ground: `state_hash` of a run's summary.json, as a number.")
+      .def_property_readonly(
+          "voxel_size",
+          [](Site& s) { return s.with([](Session& session) { return session.voxel_size_m(); }); })
+      .def_property_readonly(
+          "machines",
+          [](Site& s) {
+            std::vector<std::string> names;
+            s.with([&](Session& session) {
+              for (const SessionMachine& machine : session.machines())
+                names.push_back(machine.name);
+            });
+            return names;
+          },
+          "The machines' names.")
+      .def(
+          "write",
+          [](Site& s, const std::string& file) {
+            s.with([&](Session& session) { session.write(file); });
+          },
+          py::arg("file"), "Writes a snapshot (.vdb) that soilvdb and other programs open.")
+      .def(
+          "save",
+          [](Site& s) {
+            return py::bytes(s.with([](Session& session) { return session.save(); }));
+          },
+          "All that the next update depends on, as bytes for restore().")
+      .def(
+          "restore",
+          [](Site& s, const py::bytes& state) {
+            char* data = nullptr;
+            py::ssize_t size = 0;
+            if (PyBytes_AsStringAndSize(state.ptr(), &data, &size) != 0)
+              throw py::error_already_set();
+            const std::string_view bytes(data, static_cast<std::size_t>(size));
+            s.with([&](Session& session) { session.restore(bytes); });
+          },
+          py::arg("state"),
+          "Takes back a state of the same site. Raises ValueError for any other bytes; nothing has "
+          "changed then.")
+      .def(
+          "clone",
+          [](Site& s) {
+            return std::make_unique<Site>(s.with([](Session& session) { return session.clone(); }),
+                                          s.made_from());
+          },
+          "Another site that goes on as this one would.")
+      .def("close", &Site::close, "Gives its memory back; all else then raises RuntimeError.")
+      .def("__enter__", [](py::object self) { return self; })
+      .def("__exit__", [](Site& s, const py::args&) { s.close(); })
+      .def("__reduce__", [](const py::object& self) {
+        auto& site = self.cast<Site&>();
+        const py::bytes state(site.with([](Session& session) { return session.save(); }));
+        return py::make_tuple(py::module_::import("soilvdb").attr("_unpickle"),
+                              py::make_tuple(site.made_from(), state));
+      });
+
+  m.def(
+      "update_many", &update_many, py::arg("sites"), py::arg("machine"), py::kw_only(),
+      py::arg("positions"), py::arg("rotations") = none, py::arg("time") = none,
+      "One update for each of many sites, on all cores: positions (N, 3), rotations (N, 4). Raises "
+      "the error of the first that is bad; the others have moved.");
+}
+
+}  // namespace soilvdb::python

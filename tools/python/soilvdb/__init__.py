@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks the shape of the ground and the soil in the bucket while machines dig, carry and dump.
+
+    import soilvdb
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(width=1.2, height=0.9)])
+    for position, rotation in poses:
+        load_m3 = site.update(0, position=position, rotation=rotation).bucket_m3
+
+World frame: right-handed, metres, radians, seconds, z up. What can't be is a ValueError of one
+line; a site is then as it was.
+"""
+
+from typing import Any as _Any
+
+from ._run import run
+from ._soilvdb import (
+    Bucket,
+    Hopper,
+    Machine,
+    NoGroundError,
+    Patch,
+    Pour,
+    Site,
+    Soil,
+    Terrain,
+    Update,
+    __version__,
+    plane,
+    raster,
+    snapshot,
+    update_many,
+)
+
+__all__ = [
+    "Bucket",
+    "Hopper",
+    "Machine",
+    "NoGroundError",
+    "Patch",
+    "Pour",
+    "Site",
+    "Soil",
+    "Terrain",
+    "Update",
+    "__version__",
+    "plane",
+    "raster",
+    "run",
+    "snapshot",
+    "update_many",
+]
+
+for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, plane, raster,
+               snapshot, update_many):
+    _thing.__module__ = "soilvdb"  # where users find it, and pickle
+
+
+def _unpickle(made_from: _Any, state: bytes) -> Site:
+    if len(made_from) == 1:
+        site = Site.open(*made_from)
+    else:
+        voxel_size, terrain, machines, soil, pours, hoppers, near = made_from
+        site = Site(voxel_size, terrain, machines, soil=soil, pours=pours, hoppers=hoppers,
+                    near=near)
+    site.restore(state)
+    return site

@@ -1,0 +1,254 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a site is made of, as Python has it: values that can be compared by eye and pickled.
+#include "tools/python/values.h"
+
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+
+#include <limits>
+
+#include "soilvdb/io/urdf.h"
+#include "tools/python/arguments.h"
+
+namespace soilvdb::python {
+namespace {
+
+std::vector<Vec2> outline(const py::object& given) {
+  std::vector<Vec2> points;
+  if (given.is_none()) return points;
+  const Array array = rows(given, "profile", 2);
+  for (py::ssize_t i = 0; i < array.shape(0); ++i)
+    points.emplace_back(array.at(i, 0), array.at(i, 1));
+  return points;
+}
+
+py::list outline(const std::vector<Vec2>& points) {
+  py::list list;
+  for (const Vec2& p : points) list.append(py::make_tuple(p.x(), p.y()));
+  return list;
+}
+
+std::pair<double, double> span_of(const py::object& time, const char* name) {
+  double both[2];
+  numbers(time, name, both);
+  return {both[0], both[1]};
+}
+
+Pose base_of(const py::object& base) {
+  return base.is_none() ? Pose{} : pose(py::none(), py::none(), base);
+}
+
+}  // namespace
+
+void bind_values(py::module_& m) {
+  py::class_<Bucket>(m, "Bucket",
+                     "A digging tool in its own frame: origin at the middle of the lip, "
+                     "y along the lip, z from the lip to the upper edge of the mouth, x "
+                     "out of the mouth. Metres.")
+      .def(py::init([](double width, double height, const py::object& profile,
+                       std::optional<double> dump_angle) {
+             Bucket bucket{width, height, outline(profile), dump_angle};
+             bucket.validate();
+             return bucket;
+           }),
+           py::arg("width"), py::arg("height"), py::arg("profile") = py::none(),
+           py::arg("dump_angle") = py::none(),
+           "profile: (N, 2) points (x, z) of the body's side from the lip (0, 0) to the upper edge "
+           "(0, height), x <= 0; without it the mouth alone digs. dump_angle: rad below the "
+           "horizontal at which all leaves the bucket at once.")
+      .def_readonly("width", &Bucket::width_m)
+      .def_readonly("height", &Bucket::height_m)
+      .def_property_readonly("profile", [](const Bucket& b) { return outline(b.profile); })
+      .def_readonly("dump_angle", &Bucket::dump_angle_rad)
+      .def("__repr__",
+           [](const Bucket& b) {
+             return fmt::format("soilvdb.Bucket(width={}, height={}{})", b.width_m, b.height_m,
+                                b.profile.empty() ? "" : ", profile=...");
+           })
+      .def(py::pickle(
+          [](const Bucket& b) {
+            return py::make_tuple(b.width_m, b.height_m, outline(b.profile), b.dump_angle_rad);
+          },
+          [](const py::tuple& t) {
+            const py::object profile = t[2];
+            return Bucket{t[0].cast<double>(), t[1].cast<double>(),
+                          py::len(profile) > 0 ? outline(profile) : std::vector<Vec2>{},
+                          t[3].cast<std::optional<double>>()};
+          }));
+
+  py::class_<MachineValue>(m, "Machine", "A bucket with a name and, with a URDF, joints.")
+      .def(
+          py::init([](const Bucket& bucket, std::string name,
+                      const std::optional<std::string>& urdf, const std::string& link,
+                      const py::object& base) {
+            return MachineValue(bucket, std::move(name), urdf, link, base_of(base));
+          }),
+          py::arg("bucket"), py::arg("name") = "machine", py::kw_only(),
+          py::arg("urdf") = py::none(), py::arg("link") = "bucket", py::arg("base") = py::none(),
+          "urdf: a file whose chain of joints ends with `link`, whose frame is the bucket's. base: "
+          "4x4 array, the URDF's root in the world.")
+      .def_property_readonly("name", [](const MachineValue& v) { return v.machine.name; })
+      .def_property_readonly("bucket", [](const MachineValue& v) { return v.machine.bucket; })
+      .def_property_readonly("joints",
+                             [](const MachineValue& v) {
+                               return v.machine.chain ? v.machine.chain->movable()
+                                                      : std::vector<std::string>{};
+                             })
+      .def("__repr__",
+           [](const MachineValue& v) {
+             return fmt::format("soilvdb.Machine('{}')", v.machine.name);
+           })
+      .def(py::pickle(
+          [](const MachineValue& v) {
+            const auto& q = v.base.rotation;
+            return py::make_tuple(
+                v.machine.bucket, v.machine.name, v.urdf, v.link,
+                std::vector<double>(v.base.position.begin(), v.base.position.end()),
+                std::vector<double>{q.x(), q.y(), q.z(), q.w()});
+          },
+          [](const py::tuple& t) {
+            const auto at = t[4].cast<std::vector<double>>();
+            const auto turn = t[5].cast<std::vector<double>>();
+            return MachineValue(t[0].cast<Bucket>(), t[1].cast<std::string>(),
+                                t[2].cast<std::optional<std::string>>(), t[3].cast<std::string>(),
+                                Pose{Vec3(at.data()), quaternion(turn)});
+          }));
+
+  py::class_<TerrainValue>(m, "Terrain",
+                           "Ground before anyone dug: soilvdb.plane(), raster() or "
+                           "snapshot().")
+      .def("__repr__", [](const TerrainValue& t) { return t.text; })
+      .def(py::pickle(
+          [](const TerrainValue& t) {
+            if (const auto* plane = std::get_if<io::PlaneTerrain>(&t.terrain))
+              return py::make_tuple(0, plane->height_m, plane->slope.x(), plane->slope.y());
+            if (const auto* raster = std::get_if<io::RasterTerrain>(&t.terrain))
+              return py::make_tuple(1, raster->file.string());
+            return py::make_tuple(2, std::get<io::LevelSetTerrain>(t.terrain).file.string());
+          },
+          [](const py::tuple& t) {
+            const int kind = t[0].cast<int>();
+            if (kind == 0)
+              return plane(t[1].cast<double>(), {t[2].cast<double>(), t[3].cast<double>()});
+            return kind == 1 ? raster(t[1].cast<std::string>())
+                             : snapshot(t[1].cast<std::string>());
+          }));
+  m.def(
+      "plane",
+      [](double z, const py::object& slope) {
+        Vec2 rise(0, 0);
+        if (!slope.is_none()) numbers(slope, "slope", {rise.data(), 2});
+        return plane(z, rise);
+      },
+      py::arg("z") = 0.0, py::arg("slope") = py::none(),
+      "A plane at height z (m) over x = y = 0 that rises by slope (dz/dx, dz/dy).");
+  m.def("raster", &raster, py::arg("file"),
+        "Heights from a file that GDAL reads: a GeoTIFF, .asc.");
+  m.def("snapshot", &snapshot, py::arg("file"),
+        "The ground of a snapshot (.vdb), or a closed level set.");
+
+  py::class_<SoilProperties>(m, "Soil", "How soil moves once it was dug.")
+      .def(
+          py::init([](double repose_angle, double swell, double density,
+                      std::optional<double> cohesion, std::optional<double> friction_angle) {
+            Earthmoving all;
+            all.soil = SoilProperties{repose_angle, swell, density, cohesion, friction_angle};
+            all.validate();
+            return *all.soil;
+          }),
+          py::arg("repose_angle"), py::arg("swell") = 0.0, py::arg("density") = 1800.0,
+          py::arg("cohesion") = py::none(), py::arg("friction_angle") = py::none(),
+          "repose_angle: rad, steepest that loose soil stands. swell: loose over bank volume, less "
+          "1. density: kg/m3 of bank soil. cohesion: Pa of bank soil; without it cuts stand as "
+          "made. "
+          "friction_angle: rad of bank soil; without it repose_angle.")
+      .def_readonly("repose_angle", &SoilProperties::repose_rad)
+      .def_readonly("swell", &SoilProperties::swell)
+      .def_readonly("density", &SoilProperties::density_kg_m3)
+      .def_readonly("cohesion", &SoilProperties::cohesion_pa)
+      .def_readonly("friction_angle", &SoilProperties::friction_rad)
+      .def(py::pickle(
+          [](const SoilProperties& s) {
+            return py::make_tuple(s.repose_rad, s.swell, s.density_kg_m3, s.cohesion_pa,
+                                  s.friction_rad);
+          },
+          [](const py::tuple& t) {
+            return SoilProperties{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>(),
+                                  t[3].cast<std::optional<double>>(),
+                                  t[4].cast<std::optional<double>>()};
+          }));
+
+  py::class_<Pour>(m, "Pour", "Soil brought from elsewhere: a truck that tips, a conveyor.")
+      .def(py::init(
+               [](const py::object& at, double volume, const py::object& time, std::string name) {
+                 const auto [begin, end] = span_of(time, "time");
+                 return Pour{std::move(name), vector3(at, "at"), begin, end, volume};
+               }),
+           py::arg("at"), py::arg("volume"), py::arg("time"), py::arg("name") = "pour",
+           "at: (x, y, z), m, where it falls from. volume: m3, loose, evenly over time (begin, "
+           "end), s.")
+      .def(py::pickle(
+          [](const Pour& p) {
+            return py::make_tuple(p.name, p.at_m.x(), p.at_m.y(), p.at_m.z(), p.begin_s, p.end_s,
+                                  p.volume_m3);
+          },
+          [](const py::tuple& t) {
+            return Pour{t[0].cast<std::string>(),
+                        {t[1].cast<double>(), t[2].cast<double>(), t[3].cast<double>()},
+                        t[4].cast<double>(),
+                        t[5].cast<double>(),
+                        t[6].cast<double>()};
+          }));
+
+  py::class_<Hopper>(m, "Hopper", "What falls into it leaves the site: a truck's bed, a crusher.")
+      .def(
+          py::init([](const py::object& box, double top, const py::object& time, std::string name) {
+            double sides[4];
+            numbers(box, "box", sides);
+            Hopper hopper{
+                std::move(name), {Vec2(sides[0], sides[1]), Vec2(sides[2], sides[3])}, top};
+            if (!time.is_none()) std::tie(hopper.begin_s, hopper.end_s) = span_of(time, "time");
+            return hopper;
+          }),
+          py::arg("box"), py::arg("top"), py::arg("time") = py::none(), py::arg("name") = "hopper",
+          "box: (xmin, ymin, xmax, ymax), m. top: height of its rim, m. time: it is there from, "
+          "to, "
+          "s; without it always.")
+      .def(py::pickle(
+          [](const Hopper& h) {
+            return py::make_tuple(h.name, h.box_m.min().x(), h.box_m.min().y(), h.box_m.max().x(),
+                                  h.box_m.max().y(), h.top_m, h.begin_s, h.end_s);
+          },
+          [](const py::tuple& t) {
+            return Hopper{t[0].cast<std::string>(),
+                          {Vec2(t[1].cast<double>(), t[2].cast<double>()),
+                           Vec2(t[3].cast<double>(), t[4].cast<double>())},
+                          t[5].cast<double>(),
+                          t[6].cast<double>(),
+                          t[7].cast<double>()};
+          }));
+}
+
+MachineValue::MachineValue(const Bucket& bucket, std::string name, std::optional<std::string> file,
+                           std::string link_name, const Pose& world_from_root)
+    : machine{std::move(name), bucket, {}},
+      urdf(std::move(file)),
+      link(std::move(link_name)),
+      base(world_from_root) {
+  if (!urdf) return;
+  machine.chain = io::read_chain(*urdf, link);
+  machine.chain->world_from_root = base;
+}
+
+TerrainValue plane(double z, const Vec2& slope) {
+  return {io::PlaneTerrain{z, slope}, fmt::format("soilvdb.plane({})", z)};
+}
+TerrainValue raster(const std::string& file) {
+  return {io::RasterTerrain{file}, fmt::format("soilvdb.raster('{}')", file)};
+}
+TerrainValue snapshot(const std::string& file) {
+  return {io::LevelSetTerrain{file, ""}, fmt::format("soilvdb.snapshot('{}')", file)};
+}
+
+}  // namespace soilvdb::python

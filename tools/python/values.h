@@ -1,0 +1,36 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a site is made of, as Python has it.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <optional>
+#include <string>
+
+#include "soilvdb/session.h"
+
+namespace soilvdb::python {
+
+struct TerrainValue {
+  io::Terrain terrain;
+  std::string text;  ///< its repr
+};
+TerrainValue plane(double z, const Vec2& slope);
+TerrainValue raster(const std::string& file);
+TerrainValue snapshot(const std::string& file);
+
+/// A machine, and what its chain was read from.
+struct MachineValue {
+  MachineValue(const Bucket& bucket, std::string name, std::optional<std::string> file,
+               std::string link_name, const Pose& world_from_root);
+  SessionMachine machine;
+  std::optional<std::string> urdf;
+  std::string link;
+  Pose base;
+};
+
+void bind_values(pybind11::module_& m);
+void bind_site(pybind11::module_& m);
+
+}  // namespace soilvdb::python
