@@ -168,9 +168,16 @@ class Work {
  public:
   Work(std::shared_ptr<const BaseSurface> base, std::uint64_t seed, double voxel_size_m = 0.1,
        std::optional<double> cohesion_pa = {})
-      : soil(voxel_size_m, Vec3::Zero(), std::move(base)),
+      : owned(std::make_unique<Soil>(voxel_size_m, Vec3::Zero(), std::move(base))),
         random(seed),
         tracker(soil, buckets(), site(cohesion_pa)) {}
+  /// To be gone on with apart from the other.
+  Work(const Work& other)
+      : owned(other.soil.clone()),
+        random(other.random),
+        tracker(soil, other.tracker),
+        at(other.at),
+        time_s(other.time_s) {}
 
   static std::vector<Bucket> buckets() {
     Bucket dumping = digger(), plate{1.0, 0.6, {}, 0.8}, spoon = digger();
@@ -211,7 +218,8 @@ class Work {
     }
   }
 
-  Soil soil;
+  std::unique_ptr<Soil> owned;
+  Soil& soil = *owned;
   std::mt19937_64 random;
   Tracker tracker;
   std::vector<Pose> at{4, Pose{{0, 0, 2}}};

@@ -19,12 +19,14 @@ struct Cut {
   Removed loose;  ///< what of it was loose
 };
 
-/// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated.
+/// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated; a
+/// copy begins without.
 ///
 /// One soil may be dug by several excavators at once where their strokes touch different chunks.
 class Excavator {
  public:
   explicit Excavator(const Bucket& bucket) : bucket_(bucket), facets_(facets(bucket)) {}
+  Excavator(const Excavator& other) : bucket_(other.bucket_), facets_(other.facets_) {}
 
   /// Removes every sample that a facet passes through between consecutive poses of `path`, in
   /// order.

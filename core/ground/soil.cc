@@ -36,6 +36,23 @@ Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSu
 
 Soil::~Soil() = default;
 
+/// Where memory isn't limited. By leaves: OpenVDB's own copy starts tasks for each node.
+Soil::State::State(const State& other)
+    : touched(other.touched), above(other.above), any_above(other.any_above.load()) {
+  Accessor leaves(tree);
+  for (auto leaf = other.tree.cbeginLeaf(); leaf; ++leaf) add(new SampleLeaf(*leaf), leaves);
+}
+
+std::unique_ptr<Soil> Soil::clone() const {
+  if (store_ != nullptr) {
+    throw std::logic_error(
+        "ground whose memory is limited can't be cloned: what is in its cold store has one owner");
+  }
+  auto same = std::make_unique<Soil>(h_, origin_, base_);
+  same->state_ = std::make_unique<State>(*state_);
+  return same;
+}
+
 const Chunk* Soil::find(const Coord3& origin) const {
   const SampleLeaf* leaf = state_->find(origin);
   return leaf != nullptr ? &leaf->chunk : nullptr;

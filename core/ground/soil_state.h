@@ -37,6 +37,9 @@ struct Soil::State {
   std::uint64_t idle_bytes = 0;  // of the samples of chunks that are not in use
   std::size_t hand = 0;          // of a clock: the leaf that was looked at last
 
+  State() = default;
+  State(const State& other);
+
   SampleLeaf* find(const Coord3& origin) { return tree.probeLeaf(to_coord(origin)); }
 
   void add(SampleLeaf* leaf, Accessor& accessor) {

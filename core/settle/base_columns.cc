@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "core/constants.h"
 #include "core/lattice/cell_counts.h"
@@ -96,12 +97,24 @@ BaseColumn column_of(const Soil& soil, int cx, int cy) {
 
 }  // namespace
 
+std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, int cy) {
+  {
+    const std::lock_guard lock(told_->mutex);
+    const auto known = told_->columns.find(key);
+    if (known != told_->columns.end()) return known->second;
+  }
+  auto column = std::make_shared<const BaseColumn>(column_of(soil_, cx, cy));
+  const std::lock_guard lock(told_->mutex);
+  if (told_->columns.size() >= kMostBaseColumns) told_->columns.clear();
+  return told_->columns.try_emplace(key, std::move(column)).first->second;
+}
+
 const BaseColumn& BaseColumns::at(int cx, int cy) {
   if (columns_.size() >= kMostBaseColumns) columns_.clear();
   const std::uint64_t key =
       std::uint64_t{static_cast<std::uint32_t>(cx)} << 32 | static_cast<std::uint32_t>(cy);
   auto& column = columns_[key];
-  if (!column) column = std::make_unique<const BaseColumn>(column_of(soil_, cx, cy));
+  if (!column) column = ask(key, cx, cy);
   return *column;
 }
 

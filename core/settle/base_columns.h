@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <unordered_map>
 
 #include "soilvdb/soil.h"
@@ -27,11 +28,14 @@ struct BaseColumn {
   std::array<double, kCells> heights;
 };
 
-/// Keeps what was asked for, up to kMostBaseColumns. Not for several threads.
+/// Keeps what was asked for, up to kMostBaseColumns. Not for several threads; but those of clones
+/// may be used at once, and tell each other.
 class BaseColumns {
  public:
   /// @param soil outlives it
-  explicit BaseColumns(const Soil& soil) : soil_(soil) {}
+  explicit BaseColumns(const Soil& soil) : soil_(soil), told_(std::make_shared<Told>()) {}
+  /// @param soil one with the base surface, voxel size and origin of the other's
+  BaseColumns(const Soil& soil, const BaseColumns& other) : soil_(soil), told_(other.told_) {}
 
   const Soil& soil() const { return soil_; }
   /// @param cx, cy the chunks' lowest cell; valid until the next call
@@ -40,8 +44,17 @@ class BaseColumns {
   double height(const Eigen::Vector2i& cell);
 
  private:
+  using Columns = std::unordered_map<std::uint64_t, std::shared_ptr<const BaseColumn>>;
+  /// What all clones asked for.
+  struct Told {
+    std::mutex mutex;
+    Columns columns;
+  };
+  std::shared_ptr<const BaseColumn> ask(std::uint64_t key, int cx, int cy);
+
   const Soil& soil_;
-  std::unordered_map<std::uint64_t, std::unique_ptr<const BaseColumn>> columns_;
+  Columns columns_;  // at hand without a lock
+  std::shared_ptr<Told> told_;
 };
 
 }  // namespace soilvdb::inline v0

@@ -100,6 +100,17 @@ Earthworks::Earthworks(Soil& soil, const SoilProperties& properties, std::vector
   ledge_strength_ = {cohesion, 2 * cohesion / (3 * (friction + std::hypot(1, friction)))};
 }
 
+Earthworks::Earthworks(Soil& soil, const Earthworks& other)
+    : soil_(soil),
+      properties_(other.properties_),
+      hoppers_(other.hoppers_),
+      units_(other.units_),
+      slope_(other.slope_),
+      strength_(other.strength_),
+      ledge_strength_(other.ledge_strength_),
+      books_(other.books_),
+      base_(soil, other.base_) {}
+
 bool Earthworks::settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
                         bool bank_fails) {
   if (around_m.isEmpty()) return true;

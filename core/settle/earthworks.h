@@ -47,6 +47,8 @@ class Earthworks {
 
   /// @param soil outlives it
   Earthworks(Soil& soil, const SoilProperties& properties, std::vector<Hopper> hoppers);
+  /// The same on a clone of the other's soil.
+  Earthworks(Soil& soil, const Earthworks& other);
 
   const SoilProperties& properties() const { return properties_; }
   const MassUnits& units() const { return units_; }

@@ -25,6 +25,8 @@ class Machine {
   /// @param works null where soil doesn't move; else it outlives the machine
   /// @throw std::invalid_argument for a bad bucket.
   Machine(Bucket bucket, const Soil& soil, Earthworks* works);
+  /// The same on another's clone. @param works those of the clone
+  Machine(const Machine& other, Earthworks* works) : Machine(other) { works_ = works; }
 
   const Bucket& bucket() const { return bucket_; }
   double radius_m() const { return radius_m_; }  ///< of the bucket about its frame's origin
@@ -67,6 +69,7 @@ class Machine {
   void load(std::string_view& in);
 
  private:
+  Machine(const Machine&) = default;
   bool plan(const Soil& soil, const Pose& to);
   bool plan(const Soil& soil, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Soil& soil, std::span<const Pose> path, double bend_m) const;

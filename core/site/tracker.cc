@@ -82,6 +82,17 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmovin
     machines_.push_back(std::make_unique<Machine>(std::move(bucket), soil, works_.get()));
 }
 
+Tracker::Tracker(Soil& clone, const Tracker& other)
+    : soil_(clone), earthmoving_(other.earthmoving_), poured_parts_(other.poured_parts_) {
+  const Soil& soil = other.soil_;
+  if (clone.shared_base() != soil.shared_base() || clone.origin() != soil.origin() ||
+      clone.voxel_size_m() != soil.voxel_size_m())
+    throw std::invalid_argument("the soil is no clone of the one that the other tracker is on");
+  if (other.works_ != nullptr) works_ = std::make_unique<Earthworks>(clone, *other.works_);
+  for (const auto& machine : other.machines_)
+    machines_.push_back(std::make_unique<Machine>(*machine, works_.get()));
+}
+
 Tracker::~Tracker() = default;
 
 Machine& Tracker::at(std::size_t machine) const {

@@ -58,6 +58,15 @@ Session::State::State(std::vector<SessionMachine> machines_, Earthmoving earthmo
   tracker = std::make_unique<Tracker>(*site.soil, std::move(buckets), earthmoving);
 }
 
+Session::State::State(const State& other)
+    : machines(other.machines),
+      earthmoving(other.earthmoving),
+      site{other.site.soil->clone(), other.site.reference, other.site.crs_wkt, other.site.bounds,
+           other.site.beneath},
+      tracker(std::make_unique<Tracker>(*site.soil, *other.tracker)),
+      times_s(other.times_s),
+      unmeshed(other.unmeshed) {}
+
 std::string Session::State::name(std::size_t machine) const {
   return fmt::format("machine '{}'", machines[machine].name);
 }

@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/ground/soil_writer.h"
 #include "core/lattice/bytes.h"
 #include "io/snapshot/snapshot_samples.h"
 #include "soilvdb/io/checksum.h"
@@ -119,12 +118,7 @@ void Session::restore(std::string_view bytes) {
 Session Session::clone() const {
   const State& s = *state_;
   if (!s.broken.empty()) throw std::runtime_error(s.broken);
-  auto copy = std::make_unique<State>(s.machines, s.earthmoving, io::undug_site(s.site));
-  SoilWriter writer(*copy->site.soil);
-  for (const Chunk* chunk : s.site.soil->chunks()) writer.copy_from(*s.site.soil, chunk->origin);
-  copy->tracker->restore(s.tracker->state());
-  copy->times_s = s.times_s;
-  return Session(std::move(copy));
+  return Session(std::make_unique<State>(s));
 }
 
 }  // namespace soilvdb::inline v0

@@ -19,6 +19,11 @@ struct Session::State {
 
   State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_, io::Site site_);
 
+  /// To go on apart from the other.
+  State(const State& other);
+  State(State&&) = default;
+  State& operator=(State&&) = default;
+
   void note_changes();
   std::string name(std::size_t machine) const;
   void require(std::size_t machine) const;

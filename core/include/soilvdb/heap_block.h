@@ -4,11 +4,12 @@
 // millions of them on a site that was worked on for long.
 #pragma once
 
+#include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <memory>
 #include <new>
 #include <string>
 #include <string_view>
@@ -17,46 +18,68 @@
 
 namespace soilvdb::inline v0 {
 
-/// A Head, which has a member `bytes() const` that says how many it and its tail use now. Or none.
+/// A Head and its tail, or none. Copies share them until one of them is to be changed: threads may
+/// each copy, change and drop blocks of their own, whoever shares them.
+///
+/// Head begins with `std::uint32_t owners`, ours to change: 1 in what is assigned. It has a member
+/// `bytes() const` that says how many bytes it and its tail use now.
 template <typename Head>
 class HeapBlock {
-  static_assert(std::is_trivially_copyable_v<Head>);
+  static_assert(std::is_trivially_copyable_v<Head> && std::is_standard_layout_v<Head>);
 
  public:
   HeapBlock() = default;
-  HeapBlock(HeapBlock&&) = default;
-  HeapBlock& operator=(HeapBlock&&) = default;
-  HeapBlock(const HeapBlock& other) {
-    if (other) assign(other.get(), other->bytes());
+  HeapBlock(HeapBlock&& other) noexcept : head_(std::exchange(other.head_, nullptr)) {}
+  HeapBlock(const HeapBlock& other) noexcept : head_(other.head_) {
+    if (head_ != nullptr) owners().fetch_add(1, std::memory_order_relaxed);
   }
-  HeapBlock& operator=(const HeapBlock& other) { return *this = HeapBlock(other); }
+  HeapBlock& operator=(HeapBlock other) noexcept {
+    std::swap(head_, other.head_);
+    return *this;
+  }
+  ~HeapBlock() { reset(); }
 
   explicit operator bool() const { return head_ != nullptr; }
-  Head* get() { return head_.get(); }
-  const Head* get() const { return head_.get(); }
-  Head* operator->() { return get(); }
-  const Head* operator->() const { return get(); }
-  void reset() { head_.reset(); }
+  const Head* get() const { return head_; }
+  const Head* operator->() const { return head_; }
 
-  /// Makes it of a size, and keeps the bytes that fit. @throw std::bad_alloc
-  void resize(std::size_t bytes) {
-    void* grown = std::realloc(head_.get(), bytes);
-    if (grown == nullptr) throw std::bad_alloc();
-    static_cast<void>(head_.release());
-    head_.reset(static_cast<Head*>(grown));
+  /// What there is, to be changed: shared with nobody from now on. @throw std::bad_alloc
+  Head* own() {
+    if (shared()) resize(head_->bytes());
+    return head_;
   }
-  /// Makes it a copy of `bytes` bytes, a Head and its tail.
-  void assign(const void* from, std::size_t bytes) {
-    head_.reset();
-    resize(bytes);
-    std::memcpy(static_cast<void*>(head_.get()), from, bytes);
+  /// Makes it of a size, shared with nobody, and keeps the bytes that fit. @throw std::bad_alloc
+  void resize(std::size_t bytes) {
+    const bool alone = head_ != nullptr && !shared();
+    void* const memory = alone ? std::realloc(head_, bytes) : std::malloc(bytes);
+    if (memory == nullptr) throw std::bad_alloc();
+    if (alone) {
+      head_ = static_cast<Head*>(memory);
+      return;
+    }
+    Head* const made = ::new (memory) Head{};
+    made->owners = 1;
+    if (head_ != nullptr) fill(made, behind_owners(head_), std::min(bytes, head_->bytes()));
+    reset();
+    head_ = made;
+  }
+  void reset() noexcept {
+    Head* const head = std::exchange(head_, nullptr);
+    if (head == nullptr) return;
+    std::atomic_ref<std::uint32_t> owners(head->owners);
+    // Most have one owner, who needn't lock a bus to find that out.
+    if (owners.load(std::memory_order_acquire) == 1 ||
+        owners.fetch_sub(1, std::memory_order_acq_rel) == 1)
+      std::free(head);
   }
 
   /// Appends its size and its bytes.
   void put(std::string& out) const {
-    const std::uint32_t size = head_ ? static_cast<std::uint32_t>(head_->bytes()) : 0;
+    const std::uint32_t size = head_ ? static_cast<std::uint32_t>(head_->bytes()) : 0, one = 1;
     out.append(reinterpret_cast<const char*>(&size), sizeof(size));
-    out.append(reinterpret_cast<const char*>(head_.get()), size);
+    if (size == 0) return;
+    out.append(reinterpret_cast<const char*>(&one), sizeof(one));
+    out.append(behind_owners(head_), size - sizeof(one));
   }
   /// Takes it off again. @return whether it was there
   bool take(std::string_view& in) {
@@ -67,16 +90,28 @@ class HeapBlock {
     reset();
     if (size == 0) return true;
     if (size < sizeof(Head) || in.size() < size) return false;
-    assign(in.data(), size);
+    resize(size);
+    fill(head_, in.data() + kOwners, size);
     in.remove_prefix(size);
     return head_->bytes() == size;
   }
 
  private:
-  struct Free {
-    void operator()(Head* head) const { std::free(head); }
-  };
-  std::unique_ptr<Head, Free> head_;
+  static constexpr std::size_t kOwners = sizeof(std::uint32_t);
+
+  std::atomic_ref<std::uint32_t> owners() const {
+    static_assert(offsetof(Head, owners) == 0);
+    return std::atomic_ref<std::uint32_t>(head_->owners);
+  }
+  /// Acquires what those did who shared it and don't any more: they read it.
+  bool shared() const { return owners().load(std::memory_order_acquire) != 1; }
+  /// All but the count, which others may be changing.
+  static char* behind_owners(Head* head) { return reinterpret_cast<char*>(head) + kOwners; }
+  static void fill(Head* head, const char* from, std::size_t bytes) {
+    std::memcpy(behind_owners(head), from, bytes - kOwners);
+  }
+
+  Head* head_ = nullptr;
 };
 
 /// What a piece takes from the heap besides its bytes.

@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0 {
 
 /// SampleWords with a word only for the cells that are neither all soil nor all air, and with
-/// nothing but a pointer where all is air.
+/// nothing but a pointer where all is air. Copies share their words until one of them changes.
 class Samples {
  public:
   void assign(const SampleWords& words) {
@@ -39,8 +39,8 @@ class Samples {
     if (head.empty()) return;
     head.reserve(head.size);
     block_.resize(head.bytes());
-    *block_.get() = head;
-    std::memcpy(tail(), mixed_words, head.size * sizeof(std::uint64_t));
+    *block_.own() = head;
+    std::memcpy(block_.own() + 1, mixed_words, head.size * sizeof(std::uint64_t));
   }
 
   void expand(SampleWords& words) const {
@@ -100,8 +100,8 @@ class Samples {
     const std::size_t at = block_->index(n);
     const bool was_mixed = block_->mixed[n >> 6] & bit, mixed = word != 0 && word != kAllSoil;
     if (mixed && !was_mixed && block_->size == block_->capacity) grow();
-    Head& h = *block_.get();
-    std::uint64_t* const here = tail() + at;
+    Head& h = *block_.own();
+    std::uint64_t* const here = reinterpret_cast<std::uint64_t*>(&h + 1) + at;
     const std::size_t behind = h.size - at;
     if (mixed && !was_mixed) {
       std::memmove(here + 1, here, behind * sizeof(word));
@@ -149,10 +149,10 @@ class Samples {
 
   /// The words of mixed cells follow, in the order of cells.
   struct Head {
-    std::uint64_t soil[kGroups], mixed[kGroups];
-    std::uint16_t before[kGroups];  ///< words of the groups before each
+    std::uint32_t owners;           ///< HeapBlock's
     std::uint16_t size, capacity;   ///< words
-    std::uint32_t unused;
+    std::uint16_t before[kGroups];  ///< words of the groups before each
+    std::uint64_t soil[kGroups], mixed[kGroups];
 
     std::size_t bytes() const { return sizeof(Head) + capacity * sizeof(std::uint64_t); }
     /// Sets the capacity to that of a piece with room for so many words.
@@ -171,19 +171,18 @@ class Samples {
       return before[n >> 6] + static_cast<std::size_t>(std::popcount(below));
     }
   };
-  static constexpr Head kAir{};
+  static constexpr Head kAir{1, 0, 0, {}, {}, {}};
 
   const Head& head() const { return block_ ? *block_.get() : kAir; }
   const std::uint64_t* tail() const {
     return reinterpret_cast<const std::uint64_t*>(block_.get() + 1);
   }
-  std::uint64_t* tail() { return reinterpret_cast<std::uint64_t*>(block_.get() + 1); }
   void grow() { resize(block_->size + block_->size / 8 + 1); }
   void resize(int words) {
-    Head resized = head();
+    Head resized = kAir;
     resized.reserve(words);
     block_.resize(resized.bytes());  // before it says so: it may fail
-    *block_.get() = resized;
+    block_.own()->capacity = resized.capacity;
   }
 
   HeapBlock<Head> block_;

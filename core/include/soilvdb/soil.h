@@ -45,13 +45,21 @@ struct Chunk {
 /// memory is limited, samples of chunks that haven't been used for long are in a cold store: const
 /// members read them there.
 ///
-/// Not copyable. Const members may run together with each other, and not while anyone changes the
-/// ground, but for is_air(). take_touched(), limit_memory() and page_out() run beside nothing.
+/// Const members may run together with each other, and not while anyone changes the ground, but for
+/// is_air(). take_touched(), limit_memory() and page_out() run beside nothing. A clone() is a soil
+/// of its own to all of this.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
   Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base);
   ~Soil();
+  /// The same ground, to be changed apart from this: neither sees what becomes of the other, and
+  /// either may go first. They share the base surface, and the samples of each chunk until one of
+  /// them changes it: it takes some tenths of a microsecond a chunk, and its memory what the leaves
+  /// do. What take_touched() would list it lists of both, so who follows this ground can go on with
+  /// either.
+  /// @throw std::logic_error where memory is limited: what is in a cold store has one owner
+  std::unique_ptr<Soil> clone() const;
   Soil(const Soil&) = delete;
   Soil& operator=(const Soil&) = delete;
 
@@ -105,7 +113,8 @@ class Soil {
   double change_m3() const;
   std::uint64_t active_voxels() const;  ///< cells of resident chunks that hold soil
   double resident_m2() const;           ///< footprint of the resident chunks
-  /// What the ground holds of memory: the tree and its chunks, and what the base surface has read.
+  /// What the ground holds of memory: the tree and its chunks, and what the base surface has read;
+  /// what it shares with clones as well.
   std::uint64_t memory_bytes() const;
   /// From now on page_out() keeps memory_bytes() to `bytes`, by sending chunks to `store`.
   void limit_memory(std::uint64_t bytes, std::shared_ptr<ColdStore> store);

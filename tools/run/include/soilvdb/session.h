@@ -151,7 +151,8 @@ class Session {
   /// @throw std::invalid_argument in one line if the bytes are no state of this site; nothing has
   ///        changed then
   void restore(std::string_view state);
-  /// Another session that goes on as this one would.
+  /// Another session that goes on as this one would, its changed_patches() too. Shares what neither
+  /// changes: some tenths of a microsecond for each chunk that was touched.
   Session clone() const;
 
  private:
