@@ -9,6 +9,7 @@
 
 #include "core/settle/column_samples.h"
 #include "core/settle/earthworks.h"
+#include "core/settle/obstacle.h"
 #include "tests/earthmoving_fixture.h"
 
 namespace soilvdb::testing {
@@ -137,6 +138,45 @@ TEST(SoilAtRest, ALooseRoofFallsWhetherItIsThickerOrThinnerThanTheGap) {
     EXPECT_EQ(roof.works.books().in_flight, 0);
     EXPECT_EQ(pockets(roof.soil), 0);
     EXPECT_GT(roof.at_height(0), 13 * 13 * 64 - 1);
+  }
+}
+
+TEST(SoilAtRest, ALooseRoofBesideWhatIsSettledFallsAsFarAsItIsLookedAt) {
+  Roof roof(2, 5);
+  const std::int64_t samples = loose_samples(roof.soil);
+  // So far beside the roof that no ledge is looked for there, but what slides is.
+  roof.works.settle({Vec3(1.15, -0.1, -0.5), Vec3(1.2, 0.1, 0.5)}, Obstacle{}, true);
+  EXPECT_EQ(loose_samples(roof.soil), samples);
+  EXPECT_EQ(roof.works.books().in_flight, 0);
+  const GroundWindow window(roof.soil, {4, -3}, 3, 7);
+  for (int x = 0; x < window.nx(); ++x)
+    for (int y = 0; y < window.ny(); ++y) EXPECT_EQ(window.at(x, y).hangs, 0);
+  EXPECT_GT(roof.at_height(0), 0);
+}
+
+/// Columns that a bucket with its mouth down takes, on ground that falls away to one of its sides.
+int blocked(double yaw) {
+  const Eigen::Vector2d fall = Eigen::Rotation2Dd(yaw) * Vec2(0, -0.9);
+  const Soil soil(kVoxel, Vec3::Zero(), make_plane(0, fall));
+  const Bucket box{1.6, 1.2, {{0, 0}, {-1, 0}, {-1, 1.2}, {0, 1.2}}, {}};
+  // Its back is up; soil comes in below the edge that is over the lower ground.
+  const Pose at{{0, 0, 0.05}, from_rpy(0, std::numbers::pi / 2, yaw)};
+  const Vec3 middle = at * Vec3(0, 0, 0.6);
+  const Pose centred{at.position - Vec3(middle.x(), middle.y(), 0), at.rotation};
+  const GroundWindow window(soil, {-16, -16}, 33, 33);
+  const BlockedColumns blocks(window, Obstacle(box, centred, soil));
+  int count = 0;
+  for (int x = 0; x < 33; ++x)
+    for (int y = 0; y < 33; ++y) count += blocks(x, y);
+  return count;
+}
+
+TEST(SoilAtRest, ABucketTakesAsManyColumnsWhicheverSideSoilComesFrom) {
+  constexpr int kRim = 2 * (17 + 13), kAll = 17 * 13;
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    const int count = blocked(quarter * std::numbers::pi / 2);
+    EXPECT_GT(count, kRim / 3) << quarter;
+    EXPECT_LT(count, 3 * kAll / 4) << quarter << ": what is open to the lower side isn't its";
   }
 }
 
