@@ -15,7 +15,8 @@ std::string kind_of(const py::handle& given) {
   return py::cast<std::string>(py::type::handle_of(given).attr("__name__"));
 }
 
-/// Doubles of any array or nested sequence of numbers.
+}  // namespace
+
 Array array_of(const py::handle& given, const char* name) {
   py::array any;
   try {
@@ -30,8 +31,6 @@ Array array_of(const py::handle& given, const char* name) {
   }
   return py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(any);
 }
-
-}  // namespace
 
 void numbers(const py::handle& given, const char* name, std::span<double> out) {
   // Tuples and lists of floats are what a loop gives; an array of them costs more than an update.

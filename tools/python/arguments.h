@@ -21,6 +21,9 @@ namespace py = pybind11;
 /// C-contiguous doubles, which may be the caller's own.
 using Array = py::array_t<double, py::array::c_style>;
 
+/// Doubles of any array or nested sequence of numbers. @throw py::type_error naming the argument
+Array array_of(const py::handle& given, const char* name);
+
 /// Numbers from any sequence or array of one dimension.
 /// @throw py::value_error, py::type_error naming the argument
 std::vector<double> numbers(const py::handle& given, const char* name);

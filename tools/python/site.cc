@@ -145,21 +145,12 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
     throw py::type_error("give one of positions (with rotations), poses or joints");
   Array rows_of, turns, times_s;
   if (by_pose) {
-    const Array given =
-        py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(poses);
-    if (!given || given.ndim() != 3 || given.shape(1) != 4 || given.shape(2) != 4) {
-      PyErr_Clear();
+    rows_of = array_of(poses, "poses");
+    if (rows_of.ndim() != 3 || rows_of.shape(1) != 4 || rows_of.shape(2) != 4)
       throw py::value_error("poses must have the shape (N, 4, 4)");
-    }
-    rows_of = given;
   } else if (by_joints) {
-    const Array given =
-        py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(joints);
-    if (!given || given.ndim() != 2) {
-      PyErr_Clear();
-      throw py::value_error("joints must have the shape (N, joints)");
-    }
-    rows_of = given;
+    rows_of = array_of(joints, "joints");
+    if (rows_of.ndim() != 2) throw py::value_error("joints must have the shape (N, joints)");
   } else {
     rows_of = rows(positions, "positions", 3);
     if (!rotations.is_none()) turns = rows(rotations, "rotations", 4);
