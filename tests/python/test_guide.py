@@ -64,3 +64,10 @@ def test_pages_are_all_in_the_index():
     index = (ROOT / "tools/guide/README.md").read_text()
     for page in PAGES:
         assert page.name == "README.md" or f"({page.name})" in index
+
+
+def test_the_reference_is_that_of_the_docstrings():
+    made = subprocess.run([sys.executable, ROOT / "tools/guide/make_reference.py"], text=True,
+                          capture_output=True, check=True).stdout
+    wanted = (ROOT / "tools/guide/python_reference.md").read_text()
+    assert made == wanted, "make it anew: the head of make_reference.py says how"

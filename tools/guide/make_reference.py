@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Makes python_reference.md of the module's docstrings and stubs, which a test compares.
+
+    PYTHONPATH=build/python python3 tools/guide/make_reference.py > tools/guide/python_reference.md
+"""
+
+import ast
+import inspect
+import textwrap
+from pathlib import Path
+
+import soilvdb
+
+
+def text_of(thing):
+    """A docstring without the signature that pybind11 puts before it."""
+    lines = (inspect.getdoc(thing) or "").splitlines()
+    if lines and "->" in lines[0] and "(" in lines[0]:
+        lines = lines[1:]
+    return textwrap.fill(" ".join(" ".join(lines).split()), 120)
+
+
+def signature(name, function):
+    """As the stub has it, without types."""
+    arguments = function.args
+    named = [a.arg for a in arguments.args if a.arg != "self"]
+    first_default = len(named) - len(arguments.defaults)
+    parts = [n if i < first_default else f"{n}=..." for i, n in enumerate(named)]
+    if arguments.kwonlyargs:
+        parts.append("*")
+        parts += [a.arg if d is None else f"{a.arg}=..."
+                  for a, d in zip(arguments.kwonlyargs, arguments.kw_defaults)]
+    return f"{name}({', '.join(parts)})"
+
+
+def is_property(node):
+    return any(isinstance(d, ast.Name) and d.id == "property" for d in node.decorator_list)
+
+
+def members(node, thing):
+    functions = [n for n in node.body if isinstance(n, ast.FunctionDef)]
+    properties = [n.name for n in functions if is_property(n)]
+    for name in properties:
+        text = text_of(getattr(thing, name))
+        yield f"- `{name}`" + (f": {text[0].lower() + text[1:]}" if text else "")
+    if properties:
+        yield ""
+    for function in functions:
+        if not function.name.startswith("__") and function.name not in properties:
+            yield section(signature(function.name, function), getattr(thing, function.name))
+
+
+def section(heading, thing):
+    return f"### `{heading}`\n\n{text_of(thing)}\n"
+
+
+def main():
+    stub = ast.parse((Path(soilvdb.__file__).parent / "_soilvdb.pyi").read_text())
+    print("# Reference of the Python module\n")
+    print("Made of its docstrings by `make_reference.py`; `help(soilvdb.Site)` says the same.\n")
+    last = (soilvdb.__doc__ or "").strip().split("\n\n")[-1]
+    print(textwrap.fill(" ".join(last.split()), 120) + "\n")
+    for node in stub.body:
+        if isinstance(node, ast.ClassDef):
+            thing = getattr(soilvdb, node.name)
+            print(f"## {node.name}\n")
+            init = [n for n in node.body if isinstance(n, ast.FunctionDef) and n.name == "__init__"]
+            if node.name == "NoGroundError":
+                print("The bucket would reach ground that the terrain has no height for; nothing has "
+                      "moved.\n")
+                continue
+            print(text_of(thing) + "\n")
+            if init:
+                print(section(signature(node.name, init[0]), thing.__init__))
+            for member in members(node, thing):
+                print(member)
+    print("## Functions\n")
+    for node in stub.body:
+        if isinstance(node, ast.FunctionDef):
+            print(section(signature(node.name, node), getattr(soilvdb, node.name)))
+    arguments = [("*, " if p.name == "voxel" else "") + p.name +
+                 ("=..." if p.default is not p.empty else "")
+                 for p in inspect.signature(soilvdb.run).parameters.values()]
+    print(section(f"run({', '.join(arguments)})", soilvdb.run).strip())
+
+
+if __name__ == "__main__":
+    main()
