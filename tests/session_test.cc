@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -31,7 +32,8 @@ SessionSite site_of(Earthmoving earthmoving = {}) {
 
 Earthmoving moving() {
   Earthmoving all = loam_with_pours({{"truck", {2, 2, 4}, 5, 40, 2}});
-  all.hoppers.push_back({"bin", {Vec2(-4, 3), Vec2(-2, 5)}, 0.5});
+  all.pours.push_back({"beside it", {2.6, 2, 4}, 6, 30, 1});
+  all.hoppers.push_back({"bin", {Vec2(-1, 2.5), Vec2(3, 5.5)}, 0.5, 0, 30});  // gone as it tips
   return all;
 }
 
@@ -71,13 +73,38 @@ INSTANTIATE_TEST_SUITE_P(Soil, Sessions, ::testing::Bool(), [](const auto& given
   return given.param ? "ThatMoves" : "ThatIsRigid";
 });
 
-TEST_P(Sessions, DoWhatATrackerDoes) {
+/// A machine's states as one motion.
+Motion motion_of(std::size_t machine) {
+  std::vector<double> times_s;
+  std::vector<Pose> poses;
+  for (const MachineState& state : states()) {
+    if (state.machine != machine) continue;
+    times_s.push_back(state.time_s);
+    poses.push_back(state.pose);
+  }
+  return {times_s, poses};
+}
+
+TEST_P(Sessions, DoWhatATrackerDoesAlongMotions) {
   Session session(site());
   Soil soil(0.1, session.origin(), make_plane(0.2, {0.05, 0}));
   Tracker tracker(soil, {digger(), Bucket{1.0, 0.6, {}, 0.8}}, site().earthmoving);
+  const Motion motions[] = {motion_of(0), motion_of(1)};
+  double last_s[] = {motions[0].begin_s(), motions[1].begin_s()};
+  // What of two pours comes down before a time, in the order of time.
+  double poured_s = 0;
+  const auto pour_before = [&](double time_s) {
+    for (; GetParam() && poured_s < time_s; poured_s += 1.0 / 64) {
+      tracker.pour(0, poured_s);
+      tracker.pour(1, poured_s);
+    }
+  };
   for (const MachineState& state : states()) {
-    if (GetParam()) tracker.pour(0, state.time_s);
-    const Update wanted = tracker.update(state.machine, state.pose);
+    pour_before(state.time_s);
+    double& from_s = last_s[state.machine];
+    const Update wanted =
+        tracker.update(state.machine, motions[state.machine], from_s, state.time_s);
+    from_s = state.time_s;
     const StepResult step = session.update(state);
     ASSERT_TRUE(step.ok()) << step.why;
     ASSERT_EQ(step.update.cut_m3, wanted.cut_m3);
@@ -88,6 +115,8 @@ TEST_P(Sessions, DoWhatATrackerDoes) {
   EXPECT_GT(session.total().cut_m3(), 0.5);
   if (!GetParam()) return;
   EXPECT_GT(session.books().poured, 0);
+  EXPECT_GT(session.books().hauled, 0);
+  EXPECT_LT(session.books().hauled, session.total().spilled) << "the bin had gone";
   EXPECT_TRUE(session.come_to_rest().ok());
   tracker.come_to_rest(states().back().time_s);
   EXPECT_EQ(session.ground_hash(), soil.state_hash());
@@ -358,6 +387,43 @@ TEST_F(Program, ASessionFedAsARunIsComesToTheSameGround) {
     EXPECT_EQ(fmt::format("{:016x}", session.ground_hash()), summary["state_hash"]);
     EXPECT_EQ(session.machine("digger"), 0u);
   }
+}
+
+TEST_F(Program, ASessionFedJointsComesToTheGroundOfARunOfThem) {
+  write_file(folder() / "arm.urdf", R"(<robot name="arm">
+<link name="base"/><link name="boom"/><link name="stick"/><link name="bucket"/>
+<joint name="swing" type="revolute"><parent link="base"/><child link="boom"/>
+  <origin xyz="0 0 1.2"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="0" velocity="1"/></joint>
+<joint name="lift" type="revolute"><parent link="boom"/><child link="stick"/>
+  <origin xyz="3 0 0.6"/><axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="0" velocity="1"/></joint>
+<joint name="curl" type="revolute"><parent link="stick"/><child link="bucket"/>
+  <origin xyz="1.8 0 -1.2" rpy="0 0 3.14159"/><axis xyz="0 1 0"/>
+  <limit lower="-2" upper="3" effort="0" velocity="1"/></joint></robot>)");
+  std::string csv = "time,swing,lift,curl\n";
+  std::vector<std::array<double, 3>> rows;
+  for (int i = 0; i <= 24; ++i) {
+    rows.push_back({0.02 * i, 0.25 + 0.03 * i, 0.4 - 0.05 * i});
+    csv += fmt::format("{},{},{},{}\n", 0.25 * i, rows.back()[0], rows.back()[1], rows.back()[2]);
+  }
+  write_file(folder() / "arm.csv", csv);
+  write_file(folder() / "arm.yaml",
+             "soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 0.04}}\n"
+             "soil: {repose_angle: 0.61, swell: 0.25}\nmachines:\n- name: arm\n  motion: arm.csv\n"
+             "  urdf: arm.urdf\n  lip: {link: bucket, xyz: [0.2, 0, -0.6]}\n"
+             "  bucket: {width: 0.8, height: 0.6}\n");
+  good("run arm.yaml --out out");
+  const nlohmann::json summary = read_json(folder() / "out/summary.json");
+  fs::remove_all(folder() / "out");
+  Session session = Session::open(folder() / "arm.yaml");
+  for (int i = 0; i <= 24; ++i) {
+    const StepResult step = session.update(
+        {.machine = 0, .time_s = 0.25 * i, .joints = rows[static_cast<std::size_t>(i)]});
+    ASSERT_TRUE(step.ok()) << step.why;
+    if (i == 12) session.restore(session.save());
+  }
+  session.come_to_rest();
+  EXPECT_GT(session.total().cut_m3(), 0.05);
+  EXPECT_EQ(fmt::format("{:016x}", session.ground_hash()), summary["state_hash"]);
 }
 
 }  // namespace

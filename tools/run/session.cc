@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +14,7 @@
 #include <utility>
 
 #include "soilvdb/io/scenario.h"
+#include "soilvdb/pour_parts.h"
 #include "tools/run/session_state.h"
 
 namespace soilvdb::inline v0 {
@@ -25,6 +27,11 @@ io::Site open_checked(const SessionSite& site) {
   if (site.near_m && !site.near_m->allFinite())
     throw std::invalid_argument("the place where work begins must be finite");
   return io::open_site(site.terrain, site.voxel_size_m, site.near_m);
+}
+
+/// Up to where pours come down before a machine moves at that time: it goes first.
+double before(double time_s) {
+  return std::nextafter(time_s, -std::numeric_limits<double>::infinity());
 }
 
 /// The reason in a result, or none if there is no memory for it.
@@ -46,7 +53,7 @@ Session::State::State(std::vector<SessionMachine> machines_, Earthmoving earthmo
     : machines(std::move(machines_)),
       earthmoving(std::move(earthmoving_)),
       site(std::move(site_)),
-      times_s(machines.size(), std::numeric_limits<double>::quiet_NaN()) {
+      fed(machines.size()) {
   std::set<std::string> names;
   std::vector<Bucket> buckets;
   for (const SessionMachine& machine : machines) {
@@ -64,7 +71,8 @@ Session::State::State(const State& other)
       site{other.site.soil->clone(), other.site.reference, other.site.crs_wkt, other.site.bounds,
            other.site.beneath},
       tracker(std::make_unique<Tracker>(*site.soil, *other.tracker)),
-      times_s(other.times_s),
+      fed(other.fed),
+      poured_s(other.poured_s),
       unmeshed(other.unmeshed) {}
 
 std::string Session::State::name(std::size_t machine) const {
@@ -135,24 +143,63 @@ Pose Session::pose(std::size_t machine, std::span<const double> joints) const {
   return chain->world_from_bucket(joints);
 }
 
-/// The move to a state. @param last_s of the machine's state before, then of this one
+/// The move to a state: along a motion of two rows, as a run's, where times are known.
+/// @param last fed to the machine before, then this
+/// @param motions keeps those that moves are along
 /// @throw std::invalid_argument
-Move Session::State::move(const Session& session, const MachineState& state, double& last_s) const {
+Move Session::State::move(const Session& session, const MachineState& state, Fed& last,
+                          std::deque<Motion>& motions) const {
   const double time_s = state.time_s;
   if (std::isinf(time_s))
     throw std::invalid_argument(fmt::format("{}: the time must be finite", name(state.machine)));
-  if (time_s < last_s)
-    throw std::invalid_argument(
-        fmt::format("{}: time goes back from {} s to {} s", name(state.machine), last_s, time_s));
+  if (time_s < last.time_s)
+    throw std::invalid_argument(fmt::format("{}: time goes back from {} s to {} s",
+                                            name(state.machine), last.time_s, time_s));
+  Fed now{time_s, state.pose, {state.joints.begin(), state.joints.end()}};
+  if (!now.joints.empty()) now.pose = session.pose(state.machine, state.joints);
+  if (!is_sane(now.pose))
+    throw std::invalid_argument(name(state.machine) +
+                                ": the pose is no place on this site, or no rotation");
   Move move;
   move.machine = state.machine;
-  move.to = state.joints.empty() ? state.pose : session.pose(state.machine, state.joints);
-  if (!std::isnan(time_s)) last_s = time_s;
+  move.to = now.pose;
+  if (time_s > last.time_s) {
+    const std::vector<double> times_s = {last.time_s, time_s};
+    if (!now.joints.empty() && !last.joints.empty()) {
+      std::vector<double> rows = last.joints;
+      rows.insert(rows.end(), now.joints.begin(), now.joints.end());
+      motions.emplace_back(times_s, std::move(rows), *machines[state.machine].chain);
+    } else {
+      motions.emplace_back(times_s, std::vector<Pose>{last.pose, now.pose});
+    }
+    move.motion = &motions.back();
+    move.begin_s = last.time_s;
+    move.end_s = time_s;
+  }
+  if (std::isnan(time_s)) now.time_s = last.time_s;
+  last = std::move(now);
   return move;
 }
 
+/// Pours come down in the order of their parts' times.
 void Session::State::pour(double until_s) {
-  for (std::size_t i = 0; i < earthmoving.pours.size(); ++i) tracker->pour(i, until_s);
+  std::vector<double> times_s;
+  for (const Pour& pour : earthmoving.pours) {
+    const PourParts parts(pour, site.soil->voxel_size_m());
+    for (std::int64_t part = 1; part <= parts.count(); ++part)
+      if (const double s = parts.falls_s(part); s > poured_s && s <= until_s) times_s.push_back(s);
+  }
+  std::sort(times_s.begin(), times_s.end());
+  times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
+  for (const double time_s : times_s)
+    for (std::size_t i = 0; i < earthmoving.pours.size(); ++i) tracker->pour(i, time_s);
+  poured_s = std::max(poured_s, until_s);
+}
+
+double Session::State::last_s() const {
+  double last_s = std::numeric_limits<double>::quiet_NaN();
+  for (const Fed& machine : fed) last_s = std::fmax(last_s, machine.time_s);
+  return last_s;
 }
 
 /// @throw std::invalid_argument if there is none of that number
@@ -191,11 +238,12 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
   std::size_t at = 0;
   BatchResult result = s.guarded<BatchResult>([&](bool& moving) {
     BatchResult made;
-    std::vector<double> times_s = s.times_s;
+    std::vector<State::Fed> fed = s.fed;
+    std::deque<Motion> motions;
     std::vector<Move> moves;
     for (; at < states.size(); ++at) {
       s.require(states[at].machine);
-      moves.push_back(s.move(*this, states[at], times_s[states[at].machine]));
+      moves.push_back(s.move(*this, states[at], fed[states[at].machine], motions));
     }
     if (const std::optional<BadMove> bad = s.tracker->find_bad(moves)) {
       at = bad->move;
@@ -208,11 +256,11 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       made.updates = s.tracker->update(moves);
     } else {
       for (std::size_t i = 0; i < moves.size(); ++i) {
-        if (!std::isnan(states[i].time_s)) s.pour(states[i].time_s);
-        made.updates.push_back(s.tracker->update(moves[i].machine, moves[i].to));
+        if (!std::isnan(states[i].time_s)) s.pour(before(states[i].time_s));
+        made.updates.push_back(s.tracker->update(std::span(moves).subspan(i, 1)).front());
       }
     }
-    s.times_s = std::move(times_s);
+    s.fed = std::move(fed);
     return made;
   });
   result.bad = result.ok() ? 0 : at;
@@ -223,8 +271,9 @@ StepResult Session::update(const MachineState& state) noexcept {
   State& s = *state_;
   return s.guarded<StepResult>([&](bool& moving) {
     s.require(state.machine);
-    double time_s = s.times_s[state.machine];
-    const Move move = s.move(*this, state, time_s);
+    State::Fed fed = s.fed[state.machine];
+    std::deque<Motion> motions;
+    const Move move = s.move(*this, state, fed, motions);
     StepResult made;
     // A stroke of rigid soil is refused before it digs; else what it does on the way is.
     const bool one_stroke = !s.earthmoving.soil && !s.machines[state.machine].bucket.dump_angle_rad;
@@ -235,10 +284,12 @@ StepResult Session::update(const MachineState& state) noexcept {
         return made;
       }
       moving = true;
-      if (!std::isnan(state.time_s)) s.pour(state.time_s);
+      if (!std::isnan(state.time_s)) s.pour(before(state.time_s));
     }
     try {
-      made.update = s.tracker->update(move.machine, move.to);
+      made.update = move.motion != nullptr
+                        ? s.tracker->update(move.machine, *move.motion, move.begin_s, move.end_s)
+                        : s.tracker->update(move.machine, move.to);
     } catch (const NoGroundError& e) {
       throw NoGroundError(s.name(state.machine) + ": " + e.what());
     } catch (const std::invalid_argument& e) {
@@ -247,7 +298,7 @@ StepResult Session::update(const MachineState& state) noexcept {
       moving = true;
       throw;
     }
-    s.times_s[state.machine] = time_s;
+    s.fed[state.machine] = std::move(fed);
     return made;
   });
 }
@@ -259,9 +310,9 @@ StepResult Session::update(std::size_t machine, const Motion& motion, double beg
     s.require(machine);
     StepResult made;
     const Move move{machine, {}, &motion, begin_s, end_s};
-    if (begin_s < s.times_s[machine])
+    if (begin_s < s.fed[machine].time_s)
       throw std::invalid_argument(fmt::format("{}: time goes back from {} s to {} s",
-                                              s.name(machine), s.times_s[machine], begin_s));
+                                              s.name(machine), s.fed[machine].time_s, begin_s));
     if (const std::optional<BadMove> bad = s.tracker->find_bad(std::span(&move, 1))) {
       made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
       made.why = s.name(machine) + ": " + bad->why;
@@ -269,7 +320,7 @@ StepResult Session::update(std::size_t machine, const Motion& motion, double beg
     }
     moving = true;
     made.update = s.tracker->update(machine, motion, begin_s, end_s);
-    s.times_s[machine] = end_s;
+    s.fed[machine] = {end_s, motion.pose(end_s), {}};
     return made;
   });
 }
@@ -279,8 +330,7 @@ StepResult Session::pour(double until_s) noexcept {
     if (std::isnan(until_s)) throw std::invalid_argument("the time must be a number");
     StepResult made;
     moving = true;
-    for (std::size_t i = 0; i < state_->earthmoving.pours.size(); ++i)
-      made.update.slid_m3 += state_->tracker->pour(i, until_s).slid_m3;
+    state_->pour(until_s);
     return made;
   });
 }
@@ -289,10 +339,7 @@ StepResult Session::come_to_rest() noexcept {
   return state_->guarded<StepResult>([&](bool& moving) {
     StepResult made;
     moving = true;
-    const auto& times_s = state_->times_s;
-    double last_s = std::numeric_limits<double>::quiet_NaN();
-    for (const double time_s : times_s) last_s = std::fmax(last_s, time_s);
-    made.update = state_->tracker->come_to_rest(last_s);
+    made.update = state_->tracker->come_to_rest(state_->last_s());
     return made;
   });
 }
@@ -351,8 +398,10 @@ std::vector<StepResult> update_many(std::span<Session* const> sessions,
       for (StepResult& result : results) result = refused<StepResult>(Status::kBadState, why);
       return results;
     }
-    tbb::parallel_for(std::size_t{0}, sessions.size(),
-                      [&](std::size_t i) { results[i] = sessions[i]->update(states[i]); });
+    tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
+      // Who waits for parts of one session's update begins with no other's.
+      tbb::this_task_arena::isolate([&] { results[i] = sessions[i]->update(states[i]); });
+    });
   } catch (const std::exception& e) {
     for (StepResult& result : results) result = refused<StepResult>(Status::kFailed, e.what());
   }

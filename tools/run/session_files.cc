@@ -52,7 +52,7 @@ void Session::write(const std::filesystem::path& file) const {
   const State& s = *state_;
   const Ledger total = s.tracker->total();
   io::SnapshotInfo info;
-  for (const double time_s : s.times_s) info.time_s = std::fmax(info.time_s, time_s);
+  if (const double last_s = s.last_s(); !std::isnan(last_s)) info.time_s = last_s;
   info.cut_m3 = total.cut_m3();
   info.captured_m3 = total.captured_m3();
   info.displaced_m3 = total.displaced_m3();
@@ -66,8 +66,13 @@ std::string Session::save() const {
   std::string rest;
   put_text(rest, identity(*s.site.soil, s.site.reference));
   put_text(rest, s.tracker->state());
-  put(rest, std::uint64_t{s.times_s.size()});
-  for (const double time_s : s.times_s) put(rest, time_s);
+  put(rest, std::uint64_t{s.fed.size()});
+  for (const State::Fed& fed : s.fed) {
+    put(rest, fed.time_s);
+    put(rest, fed.pose);
+    put(rest, std::uint64_t{fed.joints.size()});
+    for (const double value : fed.joints) put(rest, value);
+  }
   put_text(rest, io::samples_bytes(*s.site.soil, {}));
   std::string out(kMagic);
   put(out, kVersion);
@@ -98,8 +103,18 @@ void Session::restore(std::string_view bytes) {
   if (machines != s.machines.size())
     throw std::invalid_argument(
         fmt::format("the state is of {} machines; this site has {}", machines, s.machines.size()));
-  std::vector<double> times_s(machines);
-  for (double& time_s : times_s) take(bytes, time_s);
+  std::vector<State::Fed> fed(machines);
+  for (std::size_t i = 0; i < machines; ++i) {
+    take(bytes, fed[i].time_s);
+    take(bytes, fed[i].pose);
+    std::uint64_t joints = 0;
+    take(bytes, joints);
+    const std::optional<Chain>& chain = s.machines[i].chain;
+    if (joints != 0 && (!chain || joints != chain->movable().size()))
+      throw std::invalid_argument("the state is of a machine with other joints");
+    fed[i].joints.resize(joints);
+    for (double& value : fed[i].joints) take(bytes, value);
+  }
   State restored(s.machines, s.earthmoving, io::undug_site(s.site));
   try {
     io::restore_samples(take_text(bytes), *restored.site.soil);
@@ -111,7 +126,7 @@ void Session::restore(std::string_view bytes) {
   s.note_changes();
   for (const Chunk* chunk : s.site.soil->chunks()) restored.unmeshed.insert(chunk->origin);
   restored.unmeshed.merge(s.unmeshed);
-  restored.times_s = std::move(times_s);
+  restored.fed = std::move(fed);
   *state_ = std::move(restored);
 }
 

@@ -3,6 +3,8 @@
 // What a session holds. For its own files alone.
 #pragma once
 
+#include <deque>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <set>
@@ -19,6 +21,13 @@ struct Session::State {
 
   State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_, io::Site site_);
 
+  /// What a machine was fed last.
+  struct Fed {
+    double time_s = std::numeric_limits<double>::quiet_NaN();
+    Pose pose = {};
+    std::vector<double> joints = {};  ///< none: it was a pose
+  };
+
   /// To go on apart from the other.
   State(const State& other);
   State(State&&) = default;
@@ -27,7 +36,9 @@ struct Session::State {
   void note_changes();
   std::string name(std::size_t machine) const;
   void require(std::size_t machine) const;
-  Move move(const Session& session, const MachineState& state, double& last_s) const;
+  Move move(const Session& session, const MachineState& state, Fed& last,
+            std::deque<Motion>& motions) const;
+  double last_s() const;
   void pour(double until_s);
   template <typename Result, typename Work>
   Result guarded(const Work& work) noexcept;
@@ -36,8 +47,9 @@ struct Session::State {
   Earthmoving earthmoving;
   io::Site site;
   std::unique_ptr<Tracker> tracker;
-  std::vector<double> times_s;  ///< of the machines' last states; NaN: none had one
-  std::string broken = {};      ///< why nothing can be done any more
+  std::vector<Fed> fed;                                        ///< of each machine
+  double poured_s = -std::numeric_limits<double>::infinity();  ///< up to which pours came down
+  std::string broken = {};                                     ///< why nothing can be done any more
   // Of who looks; nothing that updates depend on.
   std::unique_ptr<SurfaceHeight> heights = {};
   Chunks unmeshed = {};  ///< that changed since changed_patches()

@@ -39,8 +39,8 @@ struct SessionSite {
   std::optional<Vec3> near_m = {};
 };
 
-/// Where a machine is at a time. Its bucket goes there in a straight line from where it was; its
-/// first state places it.
+/// Where a machine is at a time. Between two states its joints, or its position and rotation, go
+/// evenly, as between rows of a motion; its first state places it.
 struct MachineState {
   std::size_t machine = 0;
   /// s, in any frame of time that all share; NaN: none is known. A machine's must not go back.
@@ -120,7 +120,7 @@ class Session {
   /// Along a motion, from where the machine is at `begin_s` to `end_s`, as a run does.
   StepResult update(std::size_t machine, const Motion& motion, double begin_s,
                     double end_s) noexcept;
-  /// Pours come down up to a time; so they do before each state that has one.
+  /// Pours come down up to a time, that included; before each state that has one they do up to it.
   StepResult pour(double until_s) noexcept;
   /// Soil that stands or hangs too steep comes to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
