@@ -375,14 +375,20 @@ void bind_site(py::module_& m) {
             return std::make_unique<Site>(open(), py::make_tuple(scenario));
           },
           py::arg("scenario"), "The site, machines and soil of a scenario, before anything moved.")
-      .def("update", &update, py::arg("machine"), py::kw_only(), py::arg("position") = none,
-           py::arg("rotation") = none, py::arg("pose") = none, py::arg("joints") = none,
-           py::arg("time") = none,
-           "Moves a machine (its number or name) to a state, in a straight line; its first places "
-           "it. position: (x, y, z) of the lip's middle, m. rotation: quaternion (x, y, z, w), "
-           "default not turned. pose: 4x4 array instead, world from bucket. joints: values in the "
-           "chain's order instead, rad or m. time: s, never back. Raises ValueError for what is no "
-           "state, NoGroundError where the terrain has no height; nothing has moved then.")
+      .def(
+          "update", &update, py::arg("machine"), py::kw_only(), py::arg("position") = none,
+          py::arg("rotation") = none, py::arg("pose") = none, py::arg("joints") = none,
+          py::arg("time") = none,
+          "Moves a machine (its number or name) to a state; its first places it. position: (x, y, "
+          "z) "
+          "of the lip's middle, m. rotation: quaternion (x, y, z, w), default not turned. pose: "
+          "4x4 "
+          "array instead, world from bucket. joints: values in the chain's order instead, rad or "
+          "m. "
+          "time: s, never back; where states have it, joints go evenly from one to the next, pours "
+          "come down and hoppers come and go. Raises ValueError for what is no state, "
+          "NoGroundError "
+          "where the terrain has no height; nothing has moved then.")
       .def("update_path", &update_path, py::arg("machine"), py::kw_only(),
            py::arg("positions") = none, py::arg("rotations") = none, py::arg("poses") = none,
            py::arg("joints") = none, py::arg("times") = none,

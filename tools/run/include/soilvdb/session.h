@@ -39,8 +39,9 @@ struct SessionSite {
   std::optional<Vec3> near_m = {};
 };
 
-/// Where a machine is at a time. Between two states its joints, or its position and rotation, go
-/// evenly, as between rows of a motion; its first state places it.
+/// Where a machine is at a time; its first state places it. Between states with times its joints,
+/// or its position and rotation, go evenly, as between rows of a motion; else its bucket goes
+/// straight.
 struct MachineState {
   std::size_t machine = 0;
   /// s, in any frame of time that all share; NaN: none is known. A machine's must not go back.
