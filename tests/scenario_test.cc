@@ -9,6 +9,8 @@
 #include <fstream>
 #include <numbers>
 
+#include "soilvdb/io/site.h"
+#include "soilvdb/lattice.h"
 #include "tests/scenario_fixture.h"
 
 namespace soilvdb::io {
@@ -49,6 +51,27 @@ TEST_F(ScenarioFile, WhatIsOptionalMayBeLeftOut) {
   EXPECT_TRUE(s.machines[0].bucket.profile.empty());
   EXPECT_FALSE(s.machines[0].bucket.dump_angle_rad);
   EXPECT_FALSE(s.snapshot_every_s || s.mesh || s.raster_cell_m);
+}
+
+TEST_F(ScenarioFile, MachinesThatAreFedNeedNoMotion) {
+  const auto fed = [&](const std::string& content) {
+    return read_scenario(folder_.write("s.yaml", content), {}, Motions::kOptional);
+  };
+  const Scenario with_urdf = fed(with(
+      13,
+      "    urdf: m.urdf\n    base: {xyz: [512340, 5403640, 30]}\n    lip: {link: bucket_link}"));
+  ASSERT_EQ(with_urdf.machines.size(), 1u);
+  EXPECT_FALSE(with_urdf.machines[0].has_motion());
+  ASSERT_TRUE(with_urdf.machines[0].chain);
+  EXPECT_EQ(with_urdf.machines[0].chain->movable(), std::vector<std::string>{"boom"});
+  EXPECT_EQ(open_site(with_urdf).soil->origin(), lattice_origin(0.05, Vec3(512340, 5403640, 30)))
+      << "voxels are numbered from where it stands";
+  EXPECT_FALSE(fed(with(13, "")).machines[0].chain);
+  EXPECT_TRUE(fed(with(0, "")).machines[0].has_motion());
+  EXPECT_EQ(error(13, ""), "s.yaml:7: key 'motion' is missing in machine");
+  EXPECT_EQ(test::message_of(folder_, [&] { fed(with(13, "    angles: degrees")); }),
+            "s.yaml:13: 'angles' goes with a motion; without 'motion:' states are in radians, "
+            "and each is answered");
 }
 
 TEST_F(ScenarioFile, SaysHowOftenTheJournalIsSynced) {

@@ -414,7 +414,12 @@ TEST_F(Program, ASessionFedJointsComesToTheGroundOfARunOfThem) {
   good("run arm.yaml --out out");
   const nlohmann::json summary = read_json(folder() / "out/summary.json");
   fs::remove_all(folder() / "out");
-  Session session = Session::open(folder() / "arm.yaml");
+  std::string fed = read_file(folder() / "arm.yaml");
+  fed.erase(fed.find("  motion: arm.csv\n"), std::string("  motion: arm.csv\n").size());
+  write_file(folder() / "fed.yaml", fed);
+  EXPECT_NE(good("info fed.yaml").out.find("none of its own: fed joints or poses"), std::string::npos);
+  EXPECT_NE(run("run fed.yaml").err.find("'motion'"), std::string::npos);
+  Session session = Session::open(folder() / "fed.yaml");
   for (int i = 0; i <= 24; ++i) {
     const StepResult step = session.update(
         {.machine = 0, .time_s = 0.25 * i, .joints = rows[static_cast<std::size_t>(i)]});

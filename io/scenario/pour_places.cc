@@ -32,6 +32,7 @@ bool is_underground(const Vec3& p, const BaseSurface& ground, double h, double e
 /// May a bucket have been at that place before the pour begins?
 bool may_be_dug(const Pour& pour, const std::vector<MachineInput>& machines) {
   return std::any_of(machines.begin(), machines.end(), [&](const MachineInput& m) {
+    if (!m.has_motion()) return true;
     if (m.motion.begin_s() >= pour.begin_s) return false;
     const std::vector<Box3>& blocks = m.swept.blocks();
     return std::any_of(blocks.begin(), blocks.end(),

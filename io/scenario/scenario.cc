@@ -201,12 +201,13 @@ struct Section {
   std::string name;
   Bucket bucket;
   std::optional<Chain> chain;
-  std::filesystem::path motion;
+  std::optional<std::filesystem::path> motion;
   AngleUnit angles = AngleUnit::kRadians;
   OnBadRow on_bad_row = OnBadRow::kStop;
 };
 
-std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result, Names& names) {
+std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Scenario& result,
+                                   Names& names) {
   std::vector<Section> sections;
   if (!scenario.has("machines") && scenario.has("pours")) return sections;
   for (const YamlMap& machine :
@@ -215,9 +216,18 @@ std::vector<Section> read_machines(const YamlMap& scenario, Scenario& result, Na
     const std::string name = names.take(machine, "machine");
     const Bucket bucket = read_bucket(machine, result.soil.has_value());
     warn_if_never_dumps(machine, name, bucket, result);
-    sections.push_back({name, bucket, read_machine_chain(machine), read_path(machine, "motion"),
+    sections.push_back({name, bucket, read_machine_chain(machine), std::nullopt,
                         read_angle_unit(machine), read_on_bad_row(machine)});
-    result.inputs.push_back(sections.back().motion);
+    if (motions == Motions::kRequired || machine.has("motion")) {
+      sections.back().motion = read_path(machine, "motion");
+      result.inputs.push_back(*sections.back().motion);
+    } else {
+      for (const char* key : {"angles", "bad_rows"})
+        if (machine.has(key))
+          machine.fail(key, fmt::format("'{}' goes with a motion; without 'motion:' states are in "
+                                        "radians, and each is answered",
+                                        key));
+    }
     if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
   }
   return sections;
@@ -233,7 +243,11 @@ MachineInput::MachineInput(std::string n, Bucket b, Motion m)
 MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
     : name(std::move(n)), bucket(std::move(b)), motion(std::move(m)), swept(std::move(w)) {}
 
-Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress) {
+MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
+    : name(std::move(n)), bucket(std::move(b)), chain(std::move(c)) {}
+
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
+                       Motions motions) {
   const YamlMap map = YamlMap::load(file, "scenario",
                                     {"soilvdb", "name", "voxel_size", "terrain", "soil", "machines",
                                      "pours", "hoppers", "output"});
@@ -246,19 +260,24 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   read_output(map, scenario);
   read_soil(map, scenario);
   Names names;
-  const std::vector<Section> sections = read_machines(map, scenario, names);
+  const std::vector<Section> sections = read_machines(map, motions, scenario, names);
   read_pours(map, scenario, names);
   read_hoppers(map, scenario, names);
 
   std::int64_t done = 0, total = 0;
   const auto size = [](const Section& section) {
-    return static_cast<std::int64_t>(std::filesystem::file_size(section.motion));
+    return section.motion ? static_cast<std::int64_t>(std::filesystem::file_size(*section.motion))
+                          : 0;
   };
   for (const Section& section : sections) total += size(section);
   for (const Section& section : sections) {
+    if (!section.motion) {
+      scenario.machines.emplace_back(section.name, section.bucket, section.chain);
+      continue;
+    }
     SweptBoxes swept;
     MotionFile motion(
-        section.motion, section.chain, section.angles, section.on_bad_row,
+        *section.motion, section.chain, section.angles, section.on_bad_row,
         [&](const Motion& part, std::int64_t bytes) {
           swept.add(part, section.bucket);
           if (progress) progress(done + bytes, total);
@@ -267,6 +286,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     done += size(section);
     scenario.machines.emplace_back(section.name, section.bucket, std::move(motion),
                                    std::move(swept));
+    scenario.machines.back().chain = section.chain;
   }
   return scenario;
 }

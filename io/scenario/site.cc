@@ -79,10 +79,15 @@ Vec3 middle(const Base& base) {
   return {at.x(), at.y(), base.surface->height(at.x(), at.y()).value_or(0)};
 }
 
-/// The first lip, or where there are no machines the first pour.
-Vec3 first_place(const Scenario& scenario) {
-  if (scenario.machines.empty()) return scenario.pours.front().at_m;
-  return scenario.machines.front().motion.part(0)->row(0).position;
+/// The first lip, or where nothing moves the first pour, the first machine that stands somewhere;
+/// nothing where there is none of these.
+std::optional<Vec3> first_place(const Scenario& scenario) {
+  for (const MachineInput& machine : scenario.machines)
+    if (machine.has_motion()) return machine.motion.part(0)->row(0).position;
+  if (!scenario.pours.empty()) return scenario.pours.front().at_m;
+  for (const MachineInput& machine : scenario.machines)
+    if (machine.chain) return machine.chain->world_from_root.position;
+  return std::nullopt;
 }
 
 }  // namespace

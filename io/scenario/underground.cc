@@ -34,6 +34,7 @@ std::optional<double> depth_m(const MachineInput& machine, const BaseSurface& gr
 
 void warn_of_underground(Scenario& scenario, const BaseSurface& ground) {
   for (const MachineInput& machine : scenario.machines) {
+    if (!machine.has_motion()) continue;
     const std::optional<double> depth = depth_m(machine, ground);
     if (!depth) continue;
     scenario.warnings.push_back(fmt::format(

@@ -42,6 +42,9 @@ std::string range(const char* axis, double low, double high) {
 
 void check_overlap(const Scenario& scenario, const Site& site) {
   Box3 whole;
+  if (std::none_of(scenario.machines.begin(), scenario.machines.end(),
+                   [](const MachineInput& m) { return m.has_motion(); }))
+    return;
   const auto over = [&](const Box3& box) { return site.bounds.intersects(plan(box)); };
   for (const MachineInput& m : scenario.machines) {
     whole.extend(m.swept.whole());
@@ -59,6 +62,7 @@ void check_overlap(const Scenario& scenario, const Site& site) {
 }
 
 void check_distance(const Scenario& scenario, const Site& site, const MachineInput& m) {
+  if (!m.has_motion()) return;
   const double h = site.soil->voxel_size_m();
   const Box3 whole = m.swept.whole();
   const Vec3 far = (whole.min() - site.soil->origin())
@@ -195,7 +199,7 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
       }
     }
   };
-  mark(m.motion.part(0)->row(0));
+  if (m.has_motion()) mark(m.motion.part(0)->row(0));
   const auto in_soil = [&](const Box3& box) { return !surely_air(site, box); };
   find_step(m, in_soil, [&](const Motion& part, const StepBox& step) {
     if (!in_soil(step.box)) return false;
@@ -274,7 +278,7 @@ void check_raster(const Scenario& scenario, const Site& site) {
 }  // namespace
 
 void check_workspace(const Scenario& scenario, const Site& site) {
-  if (!scenario.machines.empty()) check_overlap(scenario, site);
+  check_overlap(scenario, site);
   for (const MachineInput& m : scenario.machines) check_distance(scenario, site, m);
   for (const MachineInput& m : scenario.machines) check_strokes(site, scenario, m);
   for (const MachineInput& m : scenario.machines) check_known(scenario, site, m);

@@ -192,7 +192,7 @@ void warn_of_ground(io::Scenario& scenario) {
 }
 
 void info_scenario(const fs::path& file) {
-  io::Scenario scenario = io::read_scenario(file);
+  io::Scenario scenario = io::read_scenario(file, {}, io::Motions::kOptional);
   warn_of_ground(scenario);
   fmt::print("{}: scenario\n", file.string());
   line("name", scenario.name);
@@ -209,6 +209,11 @@ void info_scenario(const fs::path& file) {
     if (const auto capacity = Capacity::of(bucket))
       line("  holds", fmt::format("{} m³ struck, {} m³ heaped at 1:1",
                                   number(capacity->struck_m3()), number(capacity->heaped_m3())));
+    if (!machine.has_motion()) {
+      line("  motion",
+           machine.chain ? "none of its own: fed joints or poses" : "none of its own: fed poses");
+      continue;
+    }
     Eigen::AlignedBox3d box;
     for (std::size_t i = 0; i < motion.parts(); ++i) {
       const auto part = motion.part(i);

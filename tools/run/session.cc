@@ -93,14 +93,10 @@ Session::Session(SessionSite site)
                                      open_checked(site))) {}
 
 Session Session::open(const std::filesystem::path& file) {
-  const io::Scenario scenario = io::read_scenario(file);
+  const io::Scenario scenario = io::read_scenario(file, {}, io::Motions::kOptional);
   std::vector<SessionMachine> machines;
-  for (const io::MachineInput& machine : scenario.machines) {
-    const std::shared_ptr<const Motion> motion = machine.motion.part(0);
-    std::optional<Chain> chain;
-    if (!motion->joint_values().empty()) chain = motion->chain();
-    machines.push_back({machine.name, machine.bucket, std::move(chain)});
-  }
+  for (const io::MachineInput& machine : scenario.machines)
+    machines.push_back({machine.name, machine.bucket, machine.chain});
   return Session(std::make_unique<State>(
       std::move(machines), Earthmoving{scenario.soil, scenario.pours, scenario.hoppers},
       io::open_site(scenario)));

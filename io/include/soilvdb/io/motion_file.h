@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -26,6 +27,9 @@ class MotionFile {
  public:
   /// Steps between rows in each part but the last: about a megabyte.
   static constexpr std::int64_t kPartSteps = 1 << 14;
+
+  /// None: a machine that is moved by whoever runs it.
+  MotionFile() = default;
 
   /// One part, in memory.
   MotionFile(Motion motion);
@@ -71,7 +75,7 @@ class MotionFile {
   std::vector<Part> parts_;
   std::shared_ptr<const Motion> only_;  // where there is one part
   std::int64_t rows_ = 0;
-  double begin_s_ = 0, end_s_ = 0;
+  double begin_s_ = std::numeric_limits<double>::infinity(), end_s_ = -begin_s_;
 };
 
 }  // namespace soilvdb::inline v0::io

@@ -39,11 +39,16 @@ struct MachineInput {
   /// A machine whose motion is in memory.
   MachineInput(std::string name, Bucket bucket, Motion motion);
   MachineInput(std::string name, Bucket bucket, MotionFile motion, SweptBoxes swept);
+  /// One without a motion, moved by whoever runs it: by poses or, with a chain, by its joints.
+  MachineInput(std::string name, Bucket bucket, std::optional<Chain> chain = std::nullopt);
 
   std::string name;
   Bucket bucket;
   MotionFile motion;
-  SweptBoxes swept;  ///< of the bucket
+  SweptBoxes swept;            ///< of the bucket
+  std::optional<Chain> chain;  ///< of a machine that moves by its joints
+
+  bool has_motion() const { return motion.rows() > 0; }
 };
 
 struct Scenario {
@@ -69,10 +74,14 @@ struct Scenario {
 /// Is told how many bytes of all the motions have been read, and how many there are.
 using ReadProgress = std::function<void(std::int64_t done, std::int64_t total)>;
 
+/// Do machines have to have a motion?
+enum class Motions { kRequired, kOptional };
+
 /// Reads a scenario with all its machines, and their motions from end to end; doesn't open the
 /// terrain.
 /// @throw InputError naming file, line, what is wrong and what would be right.
-Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress = {});
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress = {},
+                       Motions motions = Motions::kRequired);
 
 /// What a scenario's file says, by key ("machines[0].bucket.width"), whatever its comments, quotes
 /// and white space.

@@ -99,7 +99,8 @@ class Session {
  public:
   /// @throw io::InputError, std::invalid_argument in one line for what can't be a site
   explicit Session(SessionSite site);
-  /// The site, machines and soil of a scenario, before anything moved.
+  /// The site, machines and soil of a scenario, before anything moved; its machines need no
+  /// `motion`, and one that is there isn't gone along.
   /// @throw io::InputError as `soilvdb run` says it
   static Session open(const std::filesystem::path& scenario);
   ~Session();
