@@ -155,6 +155,53 @@ TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
     ASSERT_TRUE(same_bits(back.rows.values[i], numbers[i])) << i << ": " << numbers[i];
 }
 
+TEST_F(Journal, KeepsWhatASessionWasFedToTheLastBit) {
+  using Kind = JournalState::Kind;
+  std::mt19937_64 random(12);
+  const auto file = folder_ / "journal";
+  std::uint64_t size = begin_journal(file, {"configuration"});
+  std::vector<JournalState> fed;
+  for (int writers = 0; writers < 3; ++writers) {  // as when it is gone on with
+    JournalWriter writer(file, size, {}, 3600);
+    for (int i = 0; i < 500; ++i) {
+      JournalState state{.kind = static_cast<Kind>(random() % 4),
+                         .machine = static_cast<std::uint32_t>(random() % 3)};
+      state.time_s = random() % 9 == 0 ? std::bit_cast<double>(random()) : 0.01 * i;
+      const std::size_t count = state.kind == Kind::kPose     ? 7
+                                : state.kind == Kind::kJoints ? random() % 5
+                                                              : 0;
+      for (std::size_t k = 0; k < count; ++k)
+        state.values.push_back(random() % 9 == 0 ? std::bit_cast<double>(random())
+                                                 : std::round(static_cast<double>(i)) / 1000);
+      for (std::int64_t* value :
+           {&state.cut_samples, &state.bucket_samples, &state.ns, &state.spilled, &state.slid})
+        *value = static_cast<std::int64_t>(random()) >> (random() % 64);
+      writer.add(state);
+      fed.push_back(state);
+    }
+    writer.flush();
+    size = std::filesystem::file_size(file);
+  }
+  JournalReader reader(file);
+  reader.next();
+  for (const JournalState& state : fed) {
+    const auto back = std::get<JournalState>(reader.next().value());
+    ASSERT_EQ(back.kind, state.kind);
+    ASSERT_EQ(back.machine, state.machine);
+    ASSERT_TRUE(same_bits(back.time_s, state.time_s));
+    ASSERT_EQ(back.values.size(), state.values.size());
+    for (std::size_t k = 0; k < state.values.size(); ++k)
+      ASSERT_TRUE(same_bits(back.values[k], state.values[k]));
+    ASSERT_EQ(back.cut_samples, state.cut_samples);
+    ASSERT_EQ(back.bucket_samples, state.bucket_samples);
+    ASSERT_EQ(back.ns, state.ns);
+    ASSERT_EQ(back.spilled, state.spilled);
+    ASSERT_EQ(back.slid, state.slid);
+  }
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(read_journal(file).done.updates, fed.size());
+}
+
 /// It was three times as large once: 123 MB for a motion of 41 MB.
 TEST_F(Journal, IsAboutAsLargeAsTheMotionAsText) {
   constexpr int kRows = 5000;

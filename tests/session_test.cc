@@ -13,65 +13,15 @@
 
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/surface_height.h"
-#include "tests/earthmoving_fixture.h"
 #include "tests/program.h"
 #include "tests/raster_fixture.h"
+#include "tests/session_fixture.h"
 #include "tests/temp_folder.h"
 
 namespace soilvdb::testing {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-SessionSite site_of(Earthmoving earthmoving = {}) {
-  return {.voxel_size_m = 0.1,
-          .terrain = io::PlaneTerrain{0.2, {0.05, 0}},
-          .machines = {{"digger", digger()}, {"plate", Bucket{1.0, 0.6, {}, 0.8}}},
-          .earthmoving = std::move(earthmoving)};
-}
-
-Earthmoving moving() {
-  Earthmoving all = loam_with_pours({{"truck", {2, 2, 4}, 5, 40, 2}});
-  all.pours.push_back({"beside it", {2.6, 2, 4}, 6, 30, 1});
-  all.hoppers.push_back({"bin", {Vec2(-1, 2.5), Vec2(3, 5.5)}, 0.5, 0, 30});  // gone as it tips
-  return all;
-}
-
-/// Two machines' states in turn.
-std::vector<MachineState> states() {
-  std::vector<MachineState> all;
-  double time_s = 0;
-  for (const Pose& pose : cycle({-3, 0, 0}, 0.5, 40)) {
-    MachineState digs{.machine = 0, .time_s = time_s += 0.5, .pose = pose};
-    MachineState pushes{.machine = 1, .time_s = time_s, .pose = {pose.position, {1, 0, 0, 0}}};
-    pushes.pose.position += Vec3(0.7, -1.5, 0.1);
-    all.push_back(digs);
-    all.push_back(pushes);
-  }
-  return all;
-}
-
-std::vector<MachineState> part(const std::vector<MachineState>& all, double from, double to) {
-  const auto at = [&](double share) {
-    return all.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(all.size()));
-  };
-  return {at(from), at(to)};
-}
-
-void feed(Session& session, const std::vector<MachineState>& all) {
-  for (const MachineState& state : all) {
-    const StepResult step = session.update(state);
-    ASSERT_TRUE(step.ok()) << step.why;
-  }
-}
-
-class Sessions : public ::testing::TestWithParam<bool> {
- protected:
-  static SessionSite site() { return site_of(GetParam() ? moving() : Earthmoving{}); }
-};
-INSTANTIATE_TEST_SUITE_P(Soil, Sessions, ::testing::Bool(), [](const auto& given) {
-  return given.param ? "ThatMoves" : "ThatIsRigid";
-});
+INSTANTIATE_TEST_SUITE_P(Soil, Sessions, kSoils, name_of_soil);
 
 /// A machine's states as one motion.
 Motion motion_of(std::size_t machine) {
@@ -248,8 +198,8 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
     EXPECT_NE(refusal(other), "taken") << at;
   }
   std::string newer = state;
-  newer[13] = 2;
-  EXPECT_EQ(refusal(newer), "the state has version 2; this program has 1");
+  newer[13] = 3;
+  EXPECT_EQ(refusal(newer), "the state has version 3; this program has 2");
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
   EXPECT_EQ(refusal(Session(higher).save()),
@@ -363,24 +313,36 @@ TEST(Session, RefusesWhatCantBeASite) {
 using Program = ProgramTest;
 
 TEST_F(Program, ASessionFedAsARunIsComesToTheSameGround) {
-  write_file(folder() / "dig.csv",
-             "time,x,y,z,pitch\n0,-3,0,0.5,0.3\n2,-2.5,0,-0.3,0.3\n4,0,0.1,-0.35,0.2\n"
-             "6,1,0.1,0.6,-1.2\n8,1,4,1.5,-1.4\n9,1,4,1.5,1.0\n");
-  for (const char* soil : {"", "soil: {repose_angle: 0.61, swell: 0.25}\n"}) {
-    write_file(folder() / "s.yaml", std::string("soilvdb: 1\nvoxel_size: 0.1\n"
-                                                "terrain: {plane: {z: 0.04}}\n") +
+  const auto write_scenario = [&](const std::string& soil, const std::string& csv) {
+    write_file(folder() / "dig.csv", csv);
+    write_file(folder() / "s.yaml", "soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 0.04}}\n" +
                                         soil +
                                         "machines:\n- name: digger\n  motion: dig.csv\n"
                                         "  bucket: {width: 1.2, height: 0.9, profile: [[0, 0], "
                                         "[-0.45, -0.1], [-0.95, 0.55], [0, 0.9]]}\n");
-    good("run s.yaml --out out --updates 90");
+    return io::read_scenario(folder() / "s.yaml").machines[0].motion.part(0);
+  };
+  const auto rough =
+      write_scenario("",
+                     "time,x,y,z,pitch\n0,-3,0,0.5,0.3\n2,-2.5,0,-0.3,0.3\n4,0,0.1,-0.35,0.2\n"
+                     "6,1,0.1,0.6,-1.2\n8,1,4,1.5,-1.4\n9,1,4,1.5,1.0\n");
+  std::string csv = "time,x,y,z,qx,qy,qz,qw\n";
+  for (int i = 0; i <= 90; ++i) {
+    const Pose pose = rough->pose(0.1 * i);
+    const Vec3 p = pose.position;
+    const Eigen::Vector4d q = pose.rotation.coeffs();
+    csv +=
+        fmt::format("{},{},{},{},{},{},{},{}\n", 0.1 * i, p[0], p[1], p[2], q[0], q[1], q[2], q[3]);
+  }
+  for (const char* soil : {"", "soil: {repose_angle: 0.61, swell: 0.25}\n"}) {
+    const auto motion = write_scenario(soil, csv);
+    good("run s.yaml --out out");
     const nlohmann::json summary = read_json(folder() / "out/summary.json");
     fs::remove_all(folder() / "out");
     Session session = Session::open(folder() / "s.yaml");
-    const io::Scenario scenario = io::read_scenario(folder() / "s.yaml");
-    const std::shared_ptr<const Motion> motion = scenario.machines[0].motion.part(0);
-    for (int i = 0; i < 90; ++i) {
-      const StepResult step = session.update(0, *motion, 9.0 * i / 90, 9.0 * (i + 1) / 90);
+    for (std::size_t i = 0; i < motion->times_s().size(); ++i) {
+      const StepResult step =
+          session.update({.time_s = motion->times_s()[i], .pose = motion->row(i)});
       ASSERT_TRUE(step.ok()) << step.why;
     }
     session.come_to_rest();
@@ -417,7 +379,8 @@ TEST_F(Program, ASessionFedJointsComesToTheGroundOfARunOfThem) {
   std::string fed = read_file(folder() / "arm.yaml");
   fed.erase(fed.find("  motion: arm.csv\n"), std::string("  motion: arm.csv\n").size());
   write_file(folder() / "fed.yaml", fed);
-  EXPECT_NE(good("info fed.yaml").out.find("none of its own: fed joints or poses"), std::string::npos);
+  EXPECT_NE(good("info fed.yaml").out.find("none of its own: fed joints or poses"),
+            std::string::npos);
   EXPECT_NE(run("run fed.yaml").err.find("'motion'"), std::string::npos);
   Session session = Session::open(folder() / "fed.yaml");
   for (int i = 0; i <= 24; ++i) {

@@ -44,9 +44,11 @@ Soil::State::State(const State& other)
 }
 
 std::unique_ptr<Soil> Soil::clone() const {
+  const auto is_cold = [](const Chunk* chunk) { return chunk->cold_record != 0; };
   if (store_ != nullptr) {
-    throw std::logic_error(
-        "ground whose memory is limited can't be cloned: what is in its cold store has one owner");
+    const std::vector<const Chunk*> all = chunks();
+    if (std::any_of(all.begin(), all.end(), is_cold))
+      throw std::logic_error("ground that is in a cold store can't be cloned: it has one owner");
   }
   auto same = std::make_unique<Soil>(h_, origin_, base_);
   same->state_ = std::make_unique<State>(*state_);

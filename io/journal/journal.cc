@@ -14,6 +14,7 @@
 #include "io/file/atomic_file.h"
 #include "io/journal/journal_format.h"
 #include "io/journal/move_coding.h"
+#include "io/journal/state_coding.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -54,7 +55,12 @@ std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConf
 
 JournalWriter::JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done,
                              double sync_s)
-    : file_(std::move(file)), sync_s_(sync_s), end_(end), added_(done), acknowledged_(done) {
+    : file_(std::move(file)),
+      sync_s_(sync_s),
+      end_(end),
+      states_(std::make_unique<StateCoding>()),
+      added_(done),
+      acknowledged_(done) {
   descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
   if (descriptor_ < 0) fail(file_, errno);
   if (::ftruncate(descriptor_, static_cast<off_t>(end)) != 0 || ::fsync(descriptor_) != 0 ||
@@ -83,10 +89,15 @@ void JournalWriter::add(const JournalMove& move) {
   pending_ += kMoveTag;
   append_count(pending_, move.machine);
   append_move(pending_, move, before_[move.machine]);
-  if (move.ends_update) {
-    ++added_.updates;
-    added_.time_s = move.end_s;
-  }
+  added_.add(move);
+  added(lock);
+}
+
+void JournalWriter::add(const JournalState& state) {
+  std::unique_lock lock(mutex_);
+  pending_ += kStateTag;
+  states_->append(pending_, state);
+  added_.add(state);
   added(lock);
 }
 
@@ -129,6 +140,11 @@ void JournalWriter::flush() {
   hurry_ = true;
   wake_.notify_one();
   done_.wait(lock, [&] { return count_acknowledged_ >= count || !error_.empty(); });
+  if (!error_.empty()) throw std::runtime_error(error_);
+}
+
+void JournalWriter::check() const {
+  const std::lock_guard lock(mutex_);
   if (!error_.empty()) throw std::runtime_error(error_);
 }
 

@@ -18,8 +18,8 @@ static_assert(std::endian::native == std::endian::little);
 
 inline constexpr std::uint32_t kFrameMark = 0x324a5653;        // "SVJ2"
 inline constexpr std::uint32_t kFormerFrameMark = 0x314a5653;  // "SVJ1"
-inline constexpr char kConfigTag = 'C', kMoveTag = 'M', kFileTag = 'F', kGoneTag = 'G',
-                      kEndTag = 'E';
+inline constexpr char kConfigTag = 'C', kMoveTag = 'M', kStateTag = 'S', kFileTag = 'F',
+                      kGoneTag = 'G', kEndTag = 'E';
 
 template <typename T>
 void append_raw(std::string& bytes, const T& value) {

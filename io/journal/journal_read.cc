@@ -8,6 +8,7 @@
 #include "io/file/text.h"
 #include "io/journal/journal_format.h"
 #include "io/journal/move_coding.h"
+#include "io/journal/state_coding.h"
 #include "soilvdb/io/journal.h"
 
 namespace soilvdb::inline v0::io {
@@ -60,7 +61,8 @@ bool take_file(std::string_view& bytes, JournalFile& file) {
 
 }  // namespace
 
-JournalReader::JournalReader(const std::filesystem::path& file) : file_(file) {
+JournalReader::JournalReader(const std::filesystem::path& file)
+    : file_(file), states_(std::make_unique<StateCoding>()) {
   check_readable(file);
   in_.open(file, std::ios::binary);
   size_ = std::filesystem::file_size(file);
@@ -103,6 +105,7 @@ std::optional<JournalRecord> JournalReader::next() {
   };
   JournalConfig config;
   JournalMove move;
+  JournalState state;
   JournalFile file;
   JournalRemoval removed;
   switch (frame_[at_]) {
@@ -113,6 +116,10 @@ std::optional<JournalRecord> JournalReader::next() {
     case kMoveTag: {
       const bool good = take(rest, move);
       return taken(std::move(move), good);
+    }
+    case kStateTag: {
+      const bool good = states_->take(rest, state);
+      return taken(std::move(state), good);
     }
     case kFileTag: {
       const bool good = take_file(rest, file);
@@ -187,7 +194,9 @@ JournalContent read_journal(const std::filesystem::path& file) {
     if (const auto* config = std::get_if<JournalConfig>(&*record)) {
       content.config = *config;
     } else if (const auto* move = std::get_if<JournalMove>(&*record)) {
-      if (move->ends_update) content.done = {content.done.updates + 1, move->end_s};
+      content.done.add(*move);
+    } else if (const auto* state = std::get_if<JournalState>(&*record)) {
+      content.done.add(*state);
     } else if (const auto* written = std::get_if<JournalFile>(&*record)) {
       std::erase_if(content.files, [&](const auto& f) { return f.name == written->name; });
       std::erase(content.removed, written->name);

@@ -56,13 +56,6 @@ std::int64_t add_difference(std::int64_t before, std::uint64_t difference) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(before) + d);
 }
 
-bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
-  std::uint64_t d = 0;
-  if (!take_count(bytes, d)) return false;
-  value = add_difference(before, d);
-  return true;
-}
-
 /// The same for a number of samples: false if there can't be so many.
 bool take_samples(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
   return take_difference(bytes, before, value) && -kMostSamples <= value && value <= kMostSamples;
@@ -86,6 +79,17 @@ bool take_count(std::string_view& bytes, std::uint64_t& count) {
   return false;
 }
 
+void append_difference(std::string& bytes, std::int64_t before, std::int64_t value) {
+  append_count(bytes, difference(value, before));
+}
+
+bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
+  std::uint64_t d = 0;
+  if (!take_count(bytes, d)) return false;
+  value = add_difference(before, d);
+  return true;
+}
+
 void Series::append(std::string& bytes, double value) {
   std::int64_t scaled = 0;
   if (same_bits(value, last_)) {
@@ -105,7 +109,7 @@ void Series::append(std::string& bytes, double value) {
     scaled_ = scaled;
     append_count(bytes, kDecimals);
     append_count(bytes, static_cast<std::uint64_t>(decimals));
-    append_count(bytes, difference(scaled, 0));
+    append_difference(bytes, 0, scaled);
     return;
   }
   append_count(bytes, kRaw);
@@ -152,13 +156,13 @@ void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before
   }
   if (!begins_at_end) append_raw(bytes, move.begin_s);
   before.ends_s.append(bytes, move.end_s);
-  append_count(bytes, difference(move.cut_samples, 0));
-  append_count(bytes, difference(move.bucket_samples, before.bucket_samples));
+  append_difference(bytes, 0, move.cut_samples);
+  append_difference(bytes, before.bucket_samples, move.bucket_samples);
   if (flags & kMoved) {
-    append_count(bytes, difference(move.spilled, 0));
-    append_count(bytes, difference(move.slid, 0));
+    append_difference(bytes, 0, move.spilled);
+    append_difference(bytes, 0, move.slid);
   }
-  append_count(bytes, difference(move.ns, 0));
+  append_difference(bytes, 0, move.ns);
   append_count(bytes, rows.times_s.size() - fresh);
   for (std::size_t row = fresh; row < rows.times_s.size(); ++row) {
     before.times_s.append(bytes, rows.times_s[row]);

@@ -50,4 +50,8 @@ bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before);
 void append_count(std::string& bytes, std::uint64_t count);
 bool take_count(std::string_view& bytes, std::uint64_t& count);
 
+/// Whole numbers of either sign by their difference to one before.
+void append_difference(std::string& bytes, std::int64_t before, std::int64_t value);
+bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t& value);
+
 }  // namespace soilvdb::inline v0::io

@@ -337,3 +337,74 @@ def test_run_says_what_the_program_says(tmp_path):
     with pytest.raises(ValueError, match=r"s.yaml:2: unknown key 'voxel_siz' in scenario"):
         soilvdb.run(tmp_path / "s.yaml", out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_recorded_site_goes_on_where_it_was(soil, tmp_path):
+    positions, rotations = dig()
+    times = 0.1 * np.arange(len(positions))
+
+    def feed(site, begin, end):
+        site.update_path(0, positions=positions[begin:end], rotations=rotations[begin:end],
+                         times=times[begin:end])
+
+    never_stopped = make_site(soil)
+    feed(never_stopped, 0, 60)
+    with make_site(soil) as site:
+        assert site.record(tmp_path / "site", snapshot_every=2, incremental=True) == (0, 0.0)
+        feed(site, 0, 40)
+        site.flush()
+        assert site.acknowledged == (40, pytest.approx(3.9))
+        with pytest.raises(ValueError, match="recorded"):
+            site.restore(never_stopped.save())
+        with pytest.raises(ValueError, match="recorded already"):
+            site.record(tmp_path / "other")
+        with pytest.raises(ValueError, match="at work in this folder"):
+            make_site(soil).record(tmp_path / "site")
+    assert (tmp_path / "site" / "soil_2.vdb").exists()
+    with pytest.raises(ValueError, match="another site, voxel_size_m isn't the same"):
+        make_site(soil, voxel_size=0.2).record(tmp_path / "site")
+    site = make_site(soil)
+    assert site.record(str(tmp_path / "site"))[0] == 40
+    feed(site, 40, 60)
+    assert site.save() == never_stopped.save()
+    site.stop_recording()
+    site.restore(site.save())
+
+
+def test_ctrl_c_ends_going_on_with_a_recording(tmp_path):
+    code = (
+        "import numpy as np, soilvdb, sys\n"
+        "def make():\n"
+        "    return soilvdb.Site(0.03, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])\n"
+        "x = np.tile(np.linspace(0, 5, 50), 2000)\n"
+        "p = np.stack([x, 0 * x, -0.2 + 0 * x - np.arange(len(x)) * 1e-6], axis=1)\n"
+        "with make() as site:\n"
+        "    site.record('rec')\n"
+        "    site.update_path(0, positions=p)\n"
+        "print('ready', flush=True)\n"
+        "site = make()\n"
+        "try:\n    site.record('rec')\n"
+        "except KeyboardInterrupt:\n    print('stopped', site.ledger()['cut_m3'])\n")
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True,
+                             env=dict(os.environ), cwd=tmp_path)
+    assert child.stdout.readline() == "ready\n"
+    time.sleep(0.3)
+    child.send_signal(signal.SIGINT)
+    assert child.stdout.read() == "stopped 0.0\n", "as it was before"
+    assert child.wait() == 0
+
+
+def test_a_site_with_little_memory_gives_the_same_bits(soil, tmp_path):
+    positions, rotations = dig()
+    free, limited = make_site(soil, 0.05), make_site(soil, 0.05)
+    limited.limit_memory(0.3, tmp_path)
+    for site in (free, limited):
+        site.update_path(0, positions=positions, rotations=rotations)
+    assert free.save() == limited.save()
+    with pytest.raises(RuntimeError, match="limited"):
+        limited.clone()
+    for bad in (0, -1, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="more than 0"):
+            limited.limit_memory(bad, tmp_path)
+    with pytest.raises(RuntimeError):
+        make_site().limit_memory(1, tmp_path / "none")

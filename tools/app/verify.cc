@@ -108,6 +108,7 @@ io::JournalContent journal_of(const fs::path& folder) {
 
 void verify_run(const fs::path& folder) {
   const io::JournalContent journal = journal_of(folder);
+  const bool of_session = is_of_session(journal.config.text);
   std::vector<std::string> faults;
   const auto report = [&](const std::string& name, const std::string& fault,
                           const std::string& good) {
@@ -122,15 +123,18 @@ void verify_run(const fs::path& folder) {
              ? fmt::format("is damaged at byte {}: {} are good", journal.good_bytes, reached)
              : fault_of_end(folder, journal),
          fmt::format("good: {}{}{}", reached,
-                     journal.ended ? ", finished" : ", not finished: `soilvdb resume` goes on",
+                     of_session      ? ", recorded by a session"
+                     : journal.ended ? ", finished"
+                                     : ", not finished: `soilvdb resume` goes on",
                      journal.torn_bytes == 0 ? ""
                                              : fmt::format("; {} bytes after it never became whole",
                                                            journal.torn_bytes)));
   for (const RunFile& file : check_files(folder, journal))
     if (!file.outdated) report(file.known.name, file.fault, "good");
   list_unknown(folder, journal);
-  const std::string inputs = journal.ended ? "" : fault_of_inputs(folder, journal);
-  if (!journal.ended) report("inputs", inputs, "good");
+  const bool unfinished = !journal.ended && !of_session;
+  const std::string inputs = unfinished ? fault_of_inputs(folder, journal) : "";
+  if (unfinished) report("inputs", inputs, "good");
   if (faults.empty()) {
     fmt::print("\n{}: intact, good to {} s\n", folder.string(), time_text(journal.done.time_s));
     return;
@@ -138,10 +142,11 @@ void verify_run(const fs::path& folder) {
   throw std::runtime_error(fmt::format(
       "{}: {}; the journal is good to {} s{}", folder.string(), fmt::join(faults, "; "),
       time_text(journal.done.time_s),
-      inputs.empty() ? fmt::format(", from which `soilvdb resume {}` makes what is missing or "
-                                   "damaged anew",
-                                   folder.string())
-                     : ""));
+      of_session       ? ", from which it goes on"
+      : inputs.empty() ? fmt::format(", from which `soilvdb resume {}` makes what is missing or "
+                                     "damaged anew",
+                                     folder.string())
+                       : ""));
 }
 
 void verify_snapshot(const fs::path& file) {

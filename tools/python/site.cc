@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -65,7 +66,8 @@ class Site {
     require_own_process();
     const py::gil_scoped_release released;
     const std::lock_guard lock(mutex_);
-    session_.reset();
+    const std::unique_ptr<Session> session = std::move(session_);
+    if (session) session->stop_recording();
   }
   std::mutex& mutex() { return mutex_; }
   const py::tuple& made_from() const { return made_from_; }
@@ -320,6 +322,27 @@ std::vector<Update> update_many(const py::object& given, const MachineName& mach
   return updates;
 }
 
+py::tuple pair(const io::JournalExtent& extent) {
+  return py::make_tuple(extent.updates, extent.time_s);
+}
+
+py::tuple record(Site& site, const std::filesystem::path& folder, std::optional<double> sync,
+                 std::optional<double> snapshot_every, std::optional<bool> incremental,
+                 std::optional<std::size_t> keep) {
+  return pair(site.with([&](Session& session) {
+    Recording recording = session.recording();
+    recording.folder = folder;
+    if (sync) recording.sync_s = *sync;
+    if (snapshot_every) recording.snapshot_every_s = snapshot_every;
+    if (incremental) recording.incremental = *incremental;
+    if (keep) recording.keep = keep;
+    return session.record(recording, [](const io::JournalExtent&) {
+      const py::gil_scoped_acquire acquired;
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    });
+  }));
+}
+
 void require_good(const StepResult& step) {
   if (!step.ok()) refuse(step.status, step.why);
 }
@@ -366,7 +389,7 @@ void bind_site(py::module_& m) {
            "ValueError for what can't be a site.")
       .def_static(
           "open",
-          [](const std::string& scenario) {
+          [](const std::filesystem::path& scenario) {
             require_own_process();
             const auto open = [&] {
               const py::gil_scoped_release released;
@@ -452,7 +475,7 @@ void bind_site(py::module_& m) {
           "The machines' names.")
       .def(
           "write",
-          [](Site& s, const std::string& file) {
+          [](Site& s, const std::filesystem::path& file) {
             s.with([&](Session& session) { session.write(file); });
           },
           py::arg("file"), "Writes a snapshot (.vdb) that soilvdb and other programs open.")
@@ -482,7 +505,45 @@ void bind_site(py::module_& m) {
                                           s.made_from());
           },
           "Another site that goes on as this one would.")
-      .def("close", &Site::close, "Gives its memory back; all else then raises RuntimeError.")
+      .def(
+          "record", &record, py::arg("folder"), py::kw_only(), py::arg("sync") = none,
+          py::arg("snapshot_every") = none, py::arg("incremental") = none, py::arg("keep") = none,
+          "Keeps what is fed from here on in a folder, before the first state. A folder that holds "
+          "a recording of the same site is gone on with: the site is then where that was. sync: "
+          "s, at most so long until a state is on disk, 0: before it is answered. snapshot_every: "
+          "s between snapshots, which make going on quick. incremental: of what changed. keep: "
+          "how many stay. Defaults: what the scenario says, else sync 1 and no snapshots. Returns "
+          "(updates, time) that the folder held. Raises ValueError for a folder of another site.")
+      .def_property_readonly(
+          "acknowledged",
+          [](Site& s) {
+            return pair(s.with([](Session& session) { return session.acknowledged(); }));
+          },
+          "(updates, time) of what was recorded, as far as it is on disk for sure.")
+      .def(
+          "flush", [](Site& s) { s.with([](Session& session) { session.flush(); }); },
+          "Returns when all that was recorded is on disk.")
+      .def(
+          "stop_recording",
+          [](Site& s) { s.with([](Session& session) { session.stop_recording(); }); },
+          "flush(), and lets go of the folder.")
+      .def(
+          "limit_memory",
+          [](Site& s, double megabytes, const std::filesystem::path& folder) {
+            if (!(megabytes > 0 && megabytes < 1e12))
+              throw py::value_error(
+                  fmt::format("the memory is {} MB; it must be more than 0", megabytes));
+            s.with([&](Session& session) {
+              session.limit_memory(static_cast<std::uint64_t>(megabytes * 1e6), folder);
+            });
+          },
+          py::arg("megabytes"), py::arg("folder"),
+          "Keeps the ground's memory to a limit: what wasn't used for longest goes to a file "
+          "without "
+          "a name in the folder. Updates give the same bits. A limited site can't be cloned.")
+      .def("close", &Site::close,
+           "Flushes what is recorded, if anything, and gives its memory back; all else then raises "
+           "RuntimeError.")
       .def("__enter__", [](py::object self) { return self; })
       .def("__exit__", [](Site& s, const py::args&) { s.close(); })
       .def("__reduce__", [](const py::object& self) {

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 #include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
 
 #include <limits>
 
@@ -80,7 +81,7 @@ void bind_values(py::module_& m) {
   py::class_<MachineValue>(m, "Machine", "A bucket with a name and, with a URDF, joints.")
       .def(
           py::init([](const Bucket& bucket, std::string name,
-                      const std::optional<std::string>& urdf, const std::string& link,
+                      const std::optional<std::filesystem::path>& urdf, const std::string& link,
                       const py::object& base) {
             return MachineValue(bucket, std::move(name), urdf, link, base_of(base));
           }),
@@ -111,8 +112,8 @@ void bind_values(py::module_& m) {
             const auto at = t[4].cast<std::vector<double>>();
             const auto turn = t[5].cast<std::vector<double>>();
             return MachineValue(t[0].cast<Bucket>(), t[1].cast<std::string>(),
-                                t[2].cast<std::optional<std::string>>(), t[3].cast<std::string>(),
-                                Pose{Vec3(at.data()), quaternion(turn)});
+                                t[2].cast<std::optional<std::filesystem::path>>(),
+                                t[3].cast<std::string>(), Pose{Vec3(at.data()), quaternion(turn)});
           }));
 
   py::class_<TerrainValue>(m, "Terrain",
@@ -230,8 +231,9 @@ void bind_values(py::module_& m) {
           }));
 }
 
-MachineValue::MachineValue(const Bucket& bucket, std::string name, std::optional<std::string> file,
-                           std::string link_name, const Pose& world_from_root)
+MachineValue::MachineValue(const Bucket& bucket, std::string name,
+                           std::optional<std::filesystem::path> file, std::string link_name,
+                           const Pose& world_from_root)
     : machine{std::move(name), bucket, {}},
       urdf(std::move(file)),
       link(std::move(link_name)),
@@ -244,11 +246,11 @@ MachineValue::MachineValue(const Bucket& bucket, std::string name, std::optional
 TerrainValue plane(double z, const Vec2& slope) {
   return {io::PlaneTerrain{z, slope}, fmt::format("soilvdb.plane({})", z)};
 }
-TerrainValue raster(const std::string& file) {
-  return {io::RasterTerrain{file}, fmt::format("soilvdb.raster('{}')", file)};
+TerrainValue raster(const std::filesystem::path& file) {
+  return {io::RasterTerrain{file}, fmt::format("soilvdb.raster('{}')", file.string())};
 }
-TerrainValue snapshot(const std::string& file) {
-  return {io::LevelSetTerrain{file, ""}, fmt::format("soilvdb.snapshot('{}')", file)};
+TerrainValue snapshot(const std::filesystem::path& file) {
+  return {io::LevelSetTerrain{file, ""}, fmt::format("soilvdb.snapshot('{}')", file.string())};
 }
 
 }  // namespace soilvdb::python

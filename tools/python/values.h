@@ -17,15 +17,15 @@ struct TerrainValue {
   std::string text;  ///< its repr
 };
 TerrainValue plane(double z, const Vec2& slope);
-TerrainValue raster(const std::string& file);
-TerrainValue snapshot(const std::string& file);
+TerrainValue raster(const std::filesystem::path& file);
+TerrainValue snapshot(const std::filesystem::path& file);
 
 /// A machine, and what its chain was read from.
 struct MachineValue {
-  MachineValue(const Bucket& bucket, std::string name, std::optional<std::string> file,
+  MachineValue(const Bucket& bucket, std::string name, std::optional<std::filesystem::path> file,
                std::string link_name, const Pose& world_from_root);
   SessionMachine machine;
-  std::optional<std::string> urdf;
+  std::optional<std::filesystem::path> urdf;
   std::string link;
   Pose base;
 };

@@ -110,9 +110,17 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   return bytes;
 }
 
+bool is_of_session(const std::string& bytes) {
+  return Json::from_cbor(bytes, true, /*allow_exceptions=*/false).contains("session");
+}
+
 RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
   try {
     const Json json = Json::from_cbor(bytes);
+    if (is_of_session(bytes))
+      throw io::InputError(folder,
+                           "was recorded by a session, not by a run: it goes on where that is "
+                           "opened again, by Session::record or in Python Site.record");
     if (const int format = json.at("format"); format != kFormat)
       throw io::InputError(folder, fmt::format("is a run of format {}; this version goes on with "
                                                "format {}",

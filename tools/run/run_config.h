@@ -28,6 +28,9 @@ std::vector<std::filesystem::path> input_files(const io::Scenario& scenario);
 /// those may change after what was dug, see check_recorded_motion().
 std::string to_bytes(const RunConfig& config, const io::Scenario& scenario);
 
+/// Is it the configuration of a session's recording (Session::record)?
+bool is_of_session(const std::string& bytes);
+
 /// Takes it back, in the folder where it is now; the scenario's path is where it is now, too.
 /// @throw io::InputError naming the input that has changed or gone.
 RunConfig parse_run_config(const std::string& bytes, const std::filesystem::path& folder);

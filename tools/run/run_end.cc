@@ -66,7 +66,9 @@ void Run::write_periodic(const std::string& name) {
   const io::JournalFile* there = intact(name);
   if (count >= start_.updates && name != start_.snapshot) {
     const io::JournalFile file = there ? *there : io::JournalFile{name, count};
-    writer_.write(file, there != nullptr, tracker_, start_.site, snapshot_info(), *journal_);
+    const std::vector<Coord3> changed =
+        scenario_.incremental_snapshots ? tracker_.take_changed() : std::vector<Coord3>();
+    writer_.write(file, there != nullptr, changed, start_.site, snapshot_info(), *journal_);
   } else if (there) {
     folder_.done(name);
   }

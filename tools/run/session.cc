@@ -14,7 +14,6 @@
 #include <utility>
 
 #include "soilvdb/io/scenario.h"
-#include "soilvdb/pour_parts.h"
 #include "tools/run/session_state.h"
 
 namespace soilvdb::inline v0 {
@@ -28,6 +27,8 @@ io::Site open_checked(const SessionSite& site) {
     throw std::invalid_argument("the place where work begins must be finite");
   return io::open_site(site.terrain, site.voxel_size_m, site.near_m);
 }
+
+constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
 
 /// Up to where pours come down before a machine moves at that time: it goes first.
 double before(double time_s) {
@@ -48,44 +49,6 @@ Result refused(Status status, const std::string& why) noexcept {
 
 }  // namespace
 
-Session::State::State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_,
-                      io::Site site_)
-    : machines(std::move(machines_)),
-      earthmoving(std::move(earthmoving_)),
-      site(std::move(site_)),
-      fed(machines.size()) {
-  std::set<std::string> names;
-  std::vector<Bucket> buckets;
-  for (const SessionMachine& machine : machines) {
-    if (!names.insert(machine.name).second)
-      throw std::invalid_argument(
-          fmt::format("machine '{}' is there twice; names must differ", machine.name));
-    buckets.push_back(machine.bucket);
-  }
-  tracker = std::make_unique<Tracker>(*site.soil, std::move(buckets), earthmoving);
-}
-
-Session::State::State(const State& other)
-    : machines(other.machines),
-      earthmoving(other.earthmoving),
-      site{other.site.soil->clone(), other.site.reference, other.site.crs_wkt, other.site.bounds,
-           other.site.beneath},
-      tracker(std::make_unique<Tracker>(*site.soil, *other.tracker)),
-      fed(other.fed),
-      poured_s(other.poured_s),
-      unmeshed(other.unmeshed) {}
-
-std::string Session::State::name(std::size_t machine) const {
-  return fmt::format("machine '{}'", machines[machine].name);
-}
-
-/// Tells those who look what changed since they did.
-void Session::State::note_changes() {
-  const std::vector<Coord3> changed = site.soil->take_touched();
-  unmeshed.insert(changed.begin(), changed.end());
-  if (heights) heights->update(changed);
-}
-
 Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
 
 Session::Session(SessionSite site)
@@ -97,9 +60,15 @@ Session Session::open(const std::filesystem::path& file) {
   std::vector<SessionMachine> machines;
   for (const io::MachineInput& machine : scenario.machines)
     machines.push_back({machine.name, machine.bucket, machine.chain});
-  return Session(std::make_unique<State>(
-      std::move(machines), Earthmoving{scenario.soil, scenario.pours, scenario.hoppers},
-      io::open_site(scenario)));
+  auto state = std::make_unique<State>(std::move(machines),
+                                       Earthmoving{scenario.soil, scenario.pours, scenario.hoppers},
+                                       io::open_site(scenario));
+  state->recording = {.folder = {},
+                      .sync_s = scenario.journal_sync_s,
+                      .snapshot_every_s = scenario.snapshot_every_s,
+                      .incremental = scenario.incremental_snapshots,
+                      .keep = scenario.snapshots_kept};
+  return Session(std::move(state));
 }
 
 Session::~Session() = default;
@@ -139,72 +108,6 @@ Pose Session::pose(std::size_t machine, std::span<const double> joints) const {
   return chain->world_from_bucket(joints);
 }
 
-/// The move to a state: along a motion of two rows, as a run's, where times are known.
-/// @param last fed to the machine before, then this
-/// @param motions keeps those that moves are along
-/// @throw std::invalid_argument
-Move Session::State::move(const Session& session, const MachineState& state, Fed& last,
-                          std::deque<Motion>& motions) const {
-  const double time_s = state.time_s;
-  if (std::isinf(time_s))
-    throw std::invalid_argument(fmt::format("{}: the time must be finite", name(state.machine)));
-  if (time_s < last.time_s)
-    throw std::invalid_argument(fmt::format("{}: time goes back from {} s to {} s",
-                                            name(state.machine), last.time_s, time_s));
-  Fed now{time_s, state.pose, {state.joints.begin(), state.joints.end()}};
-  if (!now.joints.empty()) now.pose = session.pose(state.machine, state.joints);
-  if (!is_sane(now.pose))
-    throw std::invalid_argument(name(state.machine) +
-                                ": the pose is no place on this site, or no rotation");
-  Move move;
-  move.machine = state.machine;
-  move.to = now.pose;
-  if (time_s > last.time_s) {
-    const std::vector<double> times_s = {last.time_s, time_s};
-    if (!now.joints.empty() && !last.joints.empty()) {
-      std::vector<double> rows = last.joints;
-      rows.insert(rows.end(), now.joints.begin(), now.joints.end());
-      motions.emplace_back(times_s, std::move(rows), *machines[state.machine].chain);
-    } else {
-      motions.emplace_back(times_s, std::vector<Pose>{last.pose, now.pose});
-    }
-    move.motion = &motions.back();
-    move.begin_s = last.time_s;
-    move.end_s = time_s;
-  }
-  if (std::isnan(time_s)) now.time_s = last.time_s;
-  last = std::move(now);
-  return move;
-}
-
-/// Pours come down in the order of their parts' times.
-void Session::State::pour(double until_s) {
-  std::vector<double> times_s;
-  for (const Pour& pour : earthmoving.pours) {
-    const PourParts parts(pour, site.soil->voxel_size_m());
-    for (std::int64_t part = 1; part <= parts.count(); ++part)
-      if (const double s = parts.falls_s(part); s > poured_s && s <= until_s) times_s.push_back(s);
-  }
-  std::sort(times_s.begin(), times_s.end());
-  times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
-  for (const double time_s : times_s)
-    for (std::size_t i = 0; i < earthmoving.pours.size(); ++i) tracker->pour(i, time_s);
-  poured_s = std::max(poured_s, until_s);
-}
-
-double Session::State::last_s() const {
-  double last_s = std::numeric_limits<double>::quiet_NaN();
-  for (const Fed& machine : fed) last_s = std::fmax(last_s, machine.time_s);
-  return last_s;
-}
-
-/// @throw std::invalid_argument if there is none of that number
-void Session::State::require(std::size_t machine) const {
-  if (machine < machines.size()) return;
-  throw std::invalid_argument(
-      fmt::format("there is no machine {}; there are {}", machine, machines.size()));
-}
-
 /// Calls `work(moving)`, which sets `moving` before anything changes that it can't take back.
 template <typename Result, typename Work>
 Result Session::State::guarded(const Work& work) noexcept {
@@ -229,6 +132,42 @@ Result Session::State::guarded(const Work& work) noexcept {
   return refused<Result>(Status::kFailed, broken);
 }
 
+/// What was fed goes to the journal. Where that can't be known to be on disk although it must, the
+/// result says so.
+template <typename Result>
+void Session::State::record(const io::JournalState& state, Result& made) {
+  ++fed_count;
+  if (!recorder) return;
+  if (!recorder->add(state) && recording.sync_s == 0) {
+    made.status = Status::kFailed;
+    made.why = recorder->error();
+  }
+}
+
+template <typename Result>
+void Session::State::record(const MachineState& state, const Update& update, Result& made) {
+  using Kind = io::JournalState::Kind;
+  if (!recorder) {
+    ++fed_count;
+    return;
+  }
+  io::JournalState now{.kind = state.joints.empty() ? Kind::kPose : Kind::kJoints,
+                       .machine = static_cast<std::uint32_t>(state.machine),
+                       .time_s = state.time_s,
+                       .values = {state.joints.begin(), state.joints.end()},
+                       .cut_samples = samples(update.cut_m3),
+                       .bucket_samples = mass(update.bucket_m3),
+                       .ns = std::llround(1e3 * update.us),
+                       .spilled = mass(update.spilled_m3),
+                       .slid = mass(update.slid_m3)};
+  if (now.values.empty()) {
+    const Vec3& p = state.pose.position;
+    const auto& q = state.pose.rotation.coeffs();
+    now.values = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+  }
+  record(now, made);
+}
+
 BatchResult Session::update(std::span<const MachineState> states) noexcept {
   State& s = *state_;
   std::size_t at = 0;
@@ -247,6 +186,7 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       made.why = s.name(moves[at].machine) + ": " + bad->why;
       return made;
     }
+    s.require_room();
     moving = true;
     if (s.earthmoving.pours.empty()) {
       made.updates = s.tracker->update(moves);
@@ -257,6 +197,12 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       }
     }
     s.fed = std::move(fed);
+    double last_s = kNoTime;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      s.record(states[i], made.updates[i], made);
+      last_s = std::fmax(last_s, states[i].time_s);
+    }
+    s.write_due_snapshot(last_s);
     return made;
   });
   result.bad = result.ok() ? 0 : at;
@@ -270,6 +216,7 @@ StepResult Session::update(const MachineState& state) noexcept {
     State::Fed fed = s.fed[state.machine];
     std::deque<Motion> motions;
     const Move move = s.move(*this, state, fed, motions);
+    s.require_room();
     StepResult made;
     // A stroke of rigid soil is refused before it digs; else what it does on the way is.
     const bool one_stroke = !s.earthmoving.soil && !s.machines[state.machine].bucket.dump_angle_rad;
@@ -295,28 +242,8 @@ StepResult Session::update(const MachineState& state) noexcept {
       throw;
     }
     s.fed[state.machine] = std::move(fed);
-    return made;
-  });
-}
-
-StepResult Session::update(std::size_t machine, const Motion& motion, double begin_s,
-                           double end_s) noexcept {
-  State& s = *state_;
-  return s.guarded<StepResult>([&](bool& moving) {
-    s.require(machine);
-    StepResult made;
-    const Move move{machine, {}, &motion, begin_s, end_s};
-    if (begin_s < s.fed[machine].time_s)
-      throw std::invalid_argument(fmt::format("{}: time goes back from {} s to {} s",
-                                              s.name(machine), s.fed[machine].time_s, begin_s));
-    if (const std::optional<BadMove> bad = s.tracker->find_bad(std::span(&move, 1))) {
-      made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
-      made.why = s.name(machine) + ": " + bad->why;
-      return made;
-    }
-    moving = true;
-    made.update = s.tracker->update(machine, motion, begin_s, end_s);
-    s.fed[machine] = {end_s, motion.pose(end_s), {}};
+    s.record(state, made.update, made);
+    s.write_due_snapshot(state.time_s);
     return made;
   });
 }
@@ -324,18 +251,23 @@ StepResult Session::update(std::size_t machine, const Motion& motion, double beg
 StepResult Session::pour(double until_s) noexcept {
   return state_->guarded<StepResult>([&](bool& moving) {
     if (std::isnan(until_s)) throw std::invalid_argument("the time must be a number");
+    state_->require_room();
     StepResult made;
     moving = true;
     state_->pour(until_s);
+    state_->record({io::JournalState::Kind::kPours, 0, until_s}, made);
+    state_->write_due_snapshot(until_s);
     return made;
   });
 }
 
 StepResult Session::come_to_rest() noexcept {
   return state_->guarded<StepResult>([&](bool& moving) {
+    state_->require_room();
     StepResult made;
     moving = true;
     made.update = state_->tracker->come_to_rest(state_->last_s());
+    state_->record({io::JournalState::Kind::kRest, 0, state_->last_s()}, made);
     return made;
   });
 }

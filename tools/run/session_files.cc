@@ -17,7 +17,7 @@ namespace soilvdb::inline v0 {
 namespace {
 
 constexpr std::string_view kMagic = "soilvdb state";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 
 void put_text(std::string& out, std::string_view text) {
   put(out, std::uint64_t{text.size()});
@@ -48,16 +48,56 @@ std::string identity(const Soil& soil, const io::BaseReference& base) {
 
 }  // namespace
 
-void Session::write(const std::filesystem::path& file) const {
-  const State& s = *state_;
-  const Ledger total = s.tracker->total();
+/// Of now, but for what it takes to go on.
+io::SnapshotInfo Session::State::snapshot_info() const {
+  const Ledger total = tracker->total();
   io::SnapshotInfo info;
-  if (const double last_s = s.last_s(); !std::isnan(last_s)) info.time_s = last_s;
+  if (const double at_s = last_s(); !std::isnan(at_s)) info.time_s = at_s;
   info.cut_m3 = total.cut_m3();
   info.captured_m3 = total.captured_m3();
   info.displaced_m3 = total.displaced_m3();
   info.dumped_m3 = total.dumped_m3();
-  io::write_snapshot(file, s.site, info);
+  return info;
+}
+
+std::string Session::State::progress() const {
+  std::string out;
+  put_text(out, tracker->state());
+  put(out, std::uint64_t{fed.size()});
+  for (const Fed& machine : fed) {
+    put(out, machine.time_s);
+    put(out, machine.pose);
+    put(out, std::uint64_t{machine.joints.size()});
+    for (const double value : machine.joints) put(out, value);
+  }
+  return out;
+}
+
+void Session::State::set_progress(std::string_view bytes) {
+  const std::string_view tracker_state = take_text(bytes);
+  std::uint64_t count = 0;
+  take(bytes, count);
+  if (count != machines.size())
+    throw std::invalid_argument(
+        fmt::format("the state is of {} machines; this site has {}", count, machines.size()));
+  std::vector<Fed> all(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    take(bytes, all[i].time_s);
+    take(bytes, all[i].pose);
+    std::uint64_t joints = 0;
+    take(bytes, joints);
+    const std::optional<Chain>& chain = machines[i].chain;
+    if (joints != 0 && (!chain || joints != chain->movable().size()))
+      throw std::invalid_argument("the state is of a machine with other joints");
+    all[i].joints.resize(joints);
+    for (double& value : all[i].joints) take(bytes, value);
+  }
+  tracker->restore(tracker_state);
+  fed = std::move(all);
+}
+
+void Session::write(const std::filesystem::path& file) const {
+  io::write_snapshot(file, state_->site, state_->snapshot_info());
 }
 
 std::string Session::save() const {
@@ -65,14 +105,7 @@ std::string Session::save() const {
   if (!s.broken.empty()) throw std::runtime_error(s.broken);
   std::string rest;
   put_text(rest, identity(*s.site.soil, s.site.reference));
-  put_text(rest, s.tracker->state());
-  put(rest, std::uint64_t{s.fed.size()});
-  for (const State::Fed& fed : s.fed) {
-    put(rest, fed.time_s);
-    put(rest, fed.pose);
-    put(rest, std::uint64_t{fed.joints.size()});
-    for (const double value : fed.joints) put(rest, value);
-  }
+  put_text(rest, s.progress());
   put_text(rest, io::samples_bytes(*s.site.soil, {}));
   std::string out(kMagic);
   put(out, kVersion);
@@ -82,6 +115,8 @@ std::string Session::save() const {
 
 void Session::restore(std::string_view bytes) {
   State& s = *state_;
+  if (s.recorder)
+    throw std::invalid_argument("a session that is recorded isn't set back; clone it");
   if (bytes.substr(0, kMagic.size()) != kMagic)
     throw std::invalid_argument("these bytes are no state; one is what save() gives");
   bytes.remove_prefix(kMagic.size());
@@ -97,42 +132,31 @@ void Session::restore(std::string_view bytes) {
   if (take_text(bytes) != identity(*s.site.soil, s.site.reference))
     throw std::invalid_argument(
         "the state is of another site; voxels, origin and terrain must be the same");
-  const std::string_view tracker_state = take_text(bytes);
-  std::uint64_t machines = 0;
-  take(bytes, machines);
-  if (machines != s.machines.size())
-    throw std::invalid_argument(
-        fmt::format("the state is of {} machines; this site has {}", machines, s.machines.size()));
-  std::vector<State::Fed> fed(machines);
-  for (std::size_t i = 0; i < machines; ++i) {
-    take(bytes, fed[i].time_s);
-    take(bytes, fed[i].pose);
-    std::uint64_t joints = 0;
-    take(bytes, joints);
-    const std::optional<Chain>& chain = s.machines[i].chain;
-    if (joints != 0 && (!chain || joints != chain->movable().size()))
-      throw std::invalid_argument("the state is of a machine with other joints");
-    fed[i].joints.resize(joints);
-    for (double& value : fed[i].joints) take(bytes, value);
-  }
+  const std::string_view progress = take_text(bytes);
   State restored(s.machines, s.earthmoving, io::undug_site(s.site));
   try {
     io::restore_samples(take_text(bytes), *restored.site.soil);
   } catch (const std::runtime_error& e) {
     throw std::invalid_argument(e.what());
   }
-  restored.tracker->restore(tracker_state);
+  restored.set_progress(progress);
   // Who looks sees all change: what is here now, and what comes.
   s.note_changes();
   for (const Chunk* chunk : s.site.soil->chunks()) restored.unmeshed.insert(chunk->origin);
   restored.unmeshed.merge(s.unmeshed);
-  restored.fed = std::move(fed);
+  restored.fed_count = s.fed_count + 1;
+  restored.recording = s.recording;
+  restored.memory_bytes = s.memory_bytes;
+  restored.cold_folder = s.cold_folder;
+  restored.limit_memory();
   *state_ = std::move(restored);
 }
 
 Session Session::clone() const {
   const State& s = *state_;
   if (!s.broken.empty()) throw std::runtime_error(s.broken);
+  if (s.memory_bytes != 0)
+    throw std::runtime_error("a session whose memory is limited can't be cloned");
   return Session(std::make_unique<State>(s));
 }
 

@@ -13,6 +13,7 @@
 
 #include "soilvdb/session.h"
 #include "soilvdb/surface_height.h"
+#include "tools/run/recorder.h"
 
 namespace soilvdb::inline v0 {
 
@@ -40,6 +41,22 @@ struct Session::State {
             std::deque<Motion>& motions) const;
   double last_s() const;
   void pour(double until_s);
+  /// All that the next update depends on besides the ground, as bytes and back.
+  std::string progress() const;
+  /// @throw std::invalid_argument if it isn't of these machines
+  void set_progress(std::string_view bytes);
+  io::SnapshotInfo snapshot_info() const;
+  struct Found;
+  Found find_start(const std::filesystem::path& folder, const io::JournalContent& journal);
+  std::int64_t samples(double m3) const;
+  std::int64_t mass(double loose_m3) const;
+  void require_room();
+  template <typename Result>
+  void record(const io::JournalState& state, Result& made);
+  template <typename Result>
+  void record(const MachineState& state, const Update& update, Result& made);
+  void write_due_snapshot(double time_s);
+  void limit_memory();
   template <typename Result, typename Work>
   Result guarded(const Work& work) noexcept;
 
@@ -47,12 +64,19 @@ struct Session::State {
   Earthmoving earthmoving;
   io::Site site;
   std::unique_ptr<Tracker> tracker;
+  MassUnits units;
   std::vector<Fed> fed;                                        ///< of each machine
   double poured_s = -std::numeric_limits<double>::infinity();  ///< up to which pours came down
   std::string broken = {};                                     ///< why nothing can be done any more
+  std::uint64_t memory_bytes = 0;                              ///< at most; 0: as it comes
+  std::filesystem::path cold_folder = {};                      ///< where memory is limited
+  std::uint64_t fed_count = 0;                                 ///< since it was opened
+  Recording recording = {};                                    ///< of its scenario, or as it is
   // Of who looks; nothing that updates depend on.
   std::unique_ptr<SurfaceHeight> heights = {};
-  Chunks unmeshed = {};  ///< that changed since changed_patches()
+  Chunks unmeshed = {};                ///< that changed since changed_patches()
+  std::optional<Chunks> unsaved = {};  ///< since the last snapshot, if those are incremental
+  std::unique_ptr<tools::Recorder> recorder = {};  ///< goes first: it reads the site
 };
 
 }  // namespace soilvdb::inline v0

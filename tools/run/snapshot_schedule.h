@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// When snapshots are due: at every multiple of an interval since the motion began.
+// When snapshots are due: at every multiple of an interval since the beginning.
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <optional>
 
 namespace soilvdb::tools {
@@ -13,8 +14,12 @@ class SnapshotSchedule {
   SnapshotSchedule(std::optional<double> every_s, double begin_s, double end_s)
       : every_s_(every_s), begin_s_(begin_s), slack_s_(1e-9 * (end_s - begin_s)) {}
 
+  /// Begins with the first time that due() is asked for.
+  explicit SnapshotSchedule(std::optional<double> every_s) : every_s_(every_s) {}
+
   /// Has one come due since the last time this said so?
   bool due(double time_s) {
+    if (std::isnan(begin_s_)) begin_s_ = time_s;
     if (!would_be_due(time_s)) return false;
     count_ = count(time_s);
     return true;
@@ -27,7 +32,7 @@ class SnapshotSchedule {
   }
 
   std::optional<double> every_s_;
-  double begin_s_, slack_s_, count_ = 0;
+  double begin_s_ = std::numeric_limits<double>::quiet_NaN(), slack_s_ = 0, count_ = 0;
 };
 
 }  // namespace soilvdb::tools

@@ -51,12 +51,11 @@ void SnapshotWriter::go_on(std::vector<io::JournalFile> files,
   chunks_ = parent ? parent->chunks : 0;
 }
 
-void SnapshotWriter::write(io::JournalFile file, bool there, Tracker& tracker, const io::Site& site,
-                           io::SnapshotInfo info, io::JournalWriter& journal) {
+void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
+                           const io::Site& site, io::SnapshotInfo info,
+                           io::JournalWriter& journal) {
   finish();
   const Soil& soil = *site.soil;
-  std::vector<Coord3> changed;
-  if (options_.incremental) changed = tracker.take_changed();
   const bool whole = !options_.incremental || files_.empty() || depth_ == io::kMaxChainLength ||
                      chunks_ + changed.size() >= soil.chunk_count();
   depth_ = whole ? 0 : depth_ + 1;

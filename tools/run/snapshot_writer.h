@@ -13,7 +13,6 @@
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/tracker.h"
 #include "tools/run/run_folder.h"
 
 namespace soilvdb::tools {
@@ -42,17 +41,18 @@ class SnapshotWriter {
 
   /// Goes on with a run.
   /// @param files its snapshots up to where the ground is; if they are incremental the last is the
-  ///        one that it was read from, and the tracker's changes are those since
+  ///        one that it was read from, and what changed is since that
   /// @param parent what reading that one gave
   void go_on(std::vector<io::JournalFile> files, const std::optional<io::SnapshotParent>& parent);
 
   /// Takes a copy of the ground and writes that.
   /// @param file its name and updates; if it is `there` already, intact, then all of it
+  /// @param changed chunks since the one before; for incremental ones
   /// @param info all but `parent`
   /// @param journal gets a record once the file is safe; outlives the writer
   /// @throw std::runtime_error for the one before this, too.
-  void write(io::JournalFile file, bool there, Tracker& tracker, const io::Site& site,
-             io::SnapshotInfo info, io::JournalWriter& journal);
+  void write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
+             const io::Site& site, io::SnapshotInfo info, io::JournalWriter& journal);
 
   /// Deletes what need not stay.
   void delete_old(io::JournalWriter& journal);

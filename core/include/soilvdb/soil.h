@@ -58,7 +58,8 @@ class Soil {
   /// them changes it: it takes some tenths of a microsecond a chunk, and its memory what the leaves
   /// do. What take_touched() would list it lists of both, so who follows this ground can go on with
   /// either.
-  /// @throw std::logic_error where memory is limited: what is in a cold store has one owner
+  /// @throw std::logic_error where some of it is in a cold store, which has one owner. The other's
+  ///        memory isn't limited
   std::unique_ptr<Soil> clone() const;
   Soil(const Soil&) = delete;
   Soil& operator=(const Soil&) = delete;

@@ -9,10 +9,12 @@
 #pragma once
 
 #include <atomic>
+#include <cmath>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -41,6 +43,20 @@ struct JournalMove {
   MotionRows rows;
   std::int64_t spilled = 0, slid = 0;
 };
+/// What a session was fed, and what came of it.
+struct JournalState {
+  enum class Kind : std::uint8_t {
+    kPose,    ///< a machine's: x, y, z, qx, qy, qz, qw
+    kJoints,  ///< a machine's
+    kPours,   ///< come down up to the time
+    kRest     ///< for all that moves
+  };
+  Kind kind = Kind::kPose;
+  std::uint32_t machine = 0;
+  double time_s = 0;  ///< NaN: none was known
+  std::vector<double> values = {};
+  std::int64_t cut_samples = 0, bucket_samples = 0, ns = 0, spilled = 0, slid = 0;  ///< as a move's
+};
 /// A file that was finished, as of so many updates.
 struct JournalFile {
   std::string name;
@@ -54,15 +70,24 @@ struct JournalRemoval {
 /// The run came to its end.
 struct JournalEnd {};
 using JournalRecord =
-    std::variant<JournalConfig, JournalMove, JournalFile, JournalRemoval, JournalEnd>;
+    std::variant<JournalConfig, JournalMove, JournalFile, JournalRemoval, JournalEnd, JournalState>;
 
-/// How far a run has come.
+/// How far a run, or what a session was fed, has come.
 struct JournalExtent {
   std::uint64_t updates = 0;
-  double time_s = 0;
+  double time_s = 0;  ///< of the last that has one
+
+  void add(const JournalMove& move) {
+    if (move.ends_update) *this = {updates + 1, move.end_s};
+  }
+  void add(const JournalState& state) {
+    ++updates;
+    if (std::isfinite(state.time_s)) time_s = state.time_s;
+  }
 };
 
 struct MoveBefore;  // io/journal/move_coding.h
+class StateCoding;  // io/journal/state_coding.h
 
 /// Makes `file` a journal that holds a configuration and nothing else, atomically.
 /// @param removed files of a run before, which are about to be deleted
@@ -90,11 +115,14 @@ class JournalWriter {
 
   /// @throw std::invalid_argument if its rows have other columns than the machine's before
   void add(const JournalMove& move);
+  void add(const JournalState& state);
   void add(const JournalFile& file);
   void add(const JournalRemoval& removed);
   void add(const JournalEnd& end);
   /// Returns when all that was added before is acknowledged.
   void flush();
+  /// Throws if writing has failed; doesn't wait.
+  void check() const;
   JournalExtent acknowledged() const;
 
  private:
@@ -108,6 +136,7 @@ class JournalWriter {
   std::uint64_t end_ = 0, synced_ = 0;  // bytes
   std::string batch_;                   // records on their way into a frame
   std::vector<MoveBefore> before_;      // of each machine
+  std::unique_ptr<StateCoding> states_;
 
   mutable std::mutex mutex_;
   std::condition_variable wake_, done_;
@@ -152,6 +181,7 @@ class JournalReader {
   std::size_t at_ = 0;
   std::vector<MotionRows> rows_;    // of each machine, as its last move had them
   std::vector<MoveBefore> before_;  // of each machine
+  std::unique_ptr<StateCoding> states_;
 };
 
 /// Does this file begin as a journal does? False if there is none.

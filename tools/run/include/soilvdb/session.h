@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -15,10 +16,15 @@
 
 #include "soilvdb/bucket.h"
 #include "soilvdb/earthmoving.h"
+#include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/kinematics.h"
 #include "soilvdb/mesher.h"
 #include "soilvdb/tracker.h"
+
+namespace soilvdb::tools {
+class SnapshotSchedule;
+}
 
 namespace soilvdb::inline v0 {
 
@@ -39,6 +45,15 @@ struct SessionSite {
   std::optional<Vec3> near_m = {};
 };
 
+/// How a session is kept in a folder.
+struct Recording {
+  std::filesystem::path folder;
+  double sync_s = 1;  ///< at most so long until what was fed is on disk; 0: before it is answered
+  std::optional<double> snapshot_every_s = {};  ///< of the states' times; without: none on the way
+  bool incremental = false;                     ///< snapshots of what changed since the one before
+  std::optional<std::size_t> keep = {};         ///< that many of them stay; without: all
+};
+
 /// Where a machine is at a time; its first state places it. Between states with times its joints,
 /// or its position and rotation, go evenly, as between rows of a motion; else its bucket goes
 /// straight.
@@ -56,7 +71,7 @@ enum class Status {
   kOk,
   kBadState,  ///< no such machine, a pose or joints that are none, or time that goes back
   kNoGround,  ///< the bucket would reach ground that the terrain has no height for
-  kFailed,    ///< something else went wrong on the way: the ground is of no use until restored
+  kFailed,    ///< something else went wrong, on the way or with the recording: see `why`
 };
 
 /// What came of a state. Unless `status` is kOk nothing has changed, and `why` is one line.
@@ -82,7 +97,7 @@ struct SurfacePatch {
   Mesh mesh;     ///< points in metres from Session::origin(); empty: there is no surface any more
 };
 
-/// A site with machines, brought up to date state by state, without any file.
+/// A site with machines, brought up to date state by state, without any file unless recorded.
 ///
 /// Guarantees: updates don't throw, and one that isn't made leaves ground, loads and times as they
 /// were, to the bit; the same states give the same bits as `soilvdb run` gives for the same
@@ -119,9 +134,6 @@ class Session {
   StepResult update(const MachineState& state) noexcept;
   /// All of these, in their order, or none of them. Machines that are apart move in parallel.
   BatchResult update(std::span<const MachineState> states) noexcept;
-  /// Along a motion, from where the machine is at `begin_s` to `end_s`, as a run does.
-  StepResult update(std::size_t machine, const Motion& motion, double begin_s,
-                    double end_s) noexcept;
   /// Pours come down up to a time, that included; before each state that has one they do up to it.
   StepResult pour(double until_s) noexcept;
   /// Soil that stands or hangs too steep comes to rest, as at the end of a run.
@@ -153,13 +165,41 @@ class Session {
   /// @throw std::invalid_argument in one line if the bytes are no state of this site; nothing has
   ///        changed then
   void restore(std::string_view state);
-  /// Another session that goes on as this one would, its changed_patches() too. Shares what neither
-  /// changes: some tenths of a microsecond for each chunk that was touched.
+  /// Another session that goes on as this one would, its changed_patches() too; it isn't recorded.
+  /// Shares what neither changes: some tenths of a microsecond for each chunk that was touched.
+  /// @throw std::runtime_error where memory is limited
   Session clone() const;
+
+  /// How its scenario says that it is to be recorded, but for the folder.
+  const Recording& recording() const;
+  /// Keeps what is fed from here on in a folder, before the first state. A folder that holds a
+  /// recording of the same site is gone on with: the session is then where that was, to the bit.
+  /// While it is recorded an update that can't be is refused, and restore() is, too.
+  /// @param progress told how far it is while it goes on; what it throws ends that
+  /// @return what the folder held
+  /// @throw io::InputError in one line for a folder that can't be used: one of another site or of
+  ///        `soilvdb run`, a damaged one, one that somebody else records to; nothing has changed
+  ///        then. std::runtime_error if it can't be written, or comes out otherwise than it was
+  io::JournalExtent record(const Recording& recording,
+                           const std::function<void(const io::JournalExtent&)>& progress = {});
+  /// Of what was recorded, that which is on disk for sure.
+  io::JournalExtent acknowledged() const;
+  /// Returns when all of it is. @throw std::runtime_error if it can't be
+  void flush();
+  /// The same, and lets go of the folder, also where it throws.
+  void stop_recording();
+
+  /// Keeps memory_bytes() to a limit: ground that wasn't used for longest goes to a file without a
+  /// name. The same bits come of it. A limited session can't be cloned.
+  /// @param folder for that file
+  void limit_memory(std::uint64_t bytes, const std::filesystem::path& folder);
 
  private:
   struct State;
   explicit Session(std::unique_ptr<State> state);
+  void replay(const std::filesystem::path& journal, std::uint64_t from,
+              tools::SnapshotSchedule& schedule,
+              const std::function<void(const io::JournalExtent&)>& progress);
   std::unique_ptr<State> state_;
 };
 

@@ -1,0 +1,88 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/recorder.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+
+Recorder::Recorder(std::unique_ptr<RunFolder> folder, const Recording& recording,
+                   std::uint64_t journal_bytes, io::JournalExtent done, SnapshotSchedule schedule)
+    : folder_(std::move(folder)),
+      recording_(recording),
+      journal_(folder_->path() / kJournalName, journal_bytes, done, recording.sync_s),
+      schedule_(schedule),
+      updates_(done.updates),
+      snapshots_(*folder_, {recording.incremental, recording.keep, true}) {}
+
+void Recorder::go_on(std::vector<io::JournalFile> files,
+                     const std::optional<io::SnapshotParent>& parent,
+                     const std::vector<std::string>& removed) {
+  snapshots_.go_on(std::move(files), parent);
+  folder_->remove(removed);
+  snapshots_.delete_old(journal_);
+}
+
+void Recorder::failed(const char* why) noexcept {
+  try {
+    error_ = fmt::format("{}; {} is good to {} s; stop recording or mend that and open it again",
+                         why, folder_->path().string(), time_text(acknowledged().time_s));
+  } catch (...) {
+    error_ = "no memory";  // short enough to need none
+  }
+}
+
+void Recorder::check() {
+  if (error_.empty()) {
+    try {
+      journal_.check();
+      snapshots_.check();
+    } catch (const std::exception& e) {
+      failed(e.what());
+    }
+  }
+  if (!error_.empty()) throw std::runtime_error(error_);
+}
+
+bool Recorder::add(const io::JournalState& state) noexcept {
+  try {
+    journal_.add(state);
+    ++updates_;
+  } catch (const std::exception& e) {
+    failed(e.what());
+  }
+  return error_.empty();
+}
+
+bool Recorder::wants_snapshot(double time_s) {
+  return error_.empty() && std::isfinite(time_s) && schedule_.due(time_s);
+}
+
+void Recorder::write_snapshot(const std::vector<Coord3>& changed, const io::Site& site,
+                              io::SnapshotInfo info) noexcept {
+  try {
+    const io::JournalFile file{"soil_" + time_text(info.time_s) + ".vdb", updates_};
+    snapshots_.write(file, false, changed, site, std::move(info), journal_);
+  } catch (const std::exception& e) {
+    failed(e.what());
+  }
+}
+
+void Recorder::flush() {
+  check();
+  try {
+    snapshots_.finish();
+    journal_.flush();
+  } catch (const std::exception& e) {
+    failed(e.what());
+    throw std::runtime_error(error_);
+  }
+}
+
+}  // namespace soilvdb::tools
