@@ -108,6 +108,8 @@ TEST_P(Sessions, GoOnFromWhereTheyWereRecorded) {
       for (const auto& entry : fs::directory_iterator(temp / "site"))
         count += entry.path().extension() == ".vdb";
       EXPECT_EQ(count > 1, snapshots);
+      EXPECT_NE(refusal([&] { session.record(to(temp / "another")); }).find("before the first"),
+                std::string::npos);
       // Without any of its snapshots, or with the newest damaged, the journal says it all.
       for (const auto& entry : fs::directory_iterator(temp / "site"))
         if (entry.path().extension() == ".vdb" && (seed == 1 || entry.file_size() % 2 == 0))
@@ -115,6 +117,9 @@ TEST_P(Sessions, GoOnFromWhereTheyWereRecorded) {
       Session again(site());
       again.record(recording);
       EXPECT_EQ(again.save(), never_stopped.save());
+      again.stop_recording();
+      EXPECT_NE(refusal([&] { again.record(to(temp / "another")); }).find("before the first"),
+                std::string::npos);
     }
   }
 }

@@ -371,6 +371,19 @@ def test_a_recorded_site_goes_on_where_it_was(soil, tmp_path):
     site.restore(site.save())
 
 
+def test_a_forked_process_leaves_a_recording_alone(tmp_path):
+    site = make_site()
+    site.record(tmp_path / "site", sync=0)
+    site.update(0, position=(0, 0, -0.2), time=0)
+    child = os.fork()
+    if child == 0:
+        del site
+        os._exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+    site.update(0, position=(1, 0, -0.2), time=1)
+    assert site.acknowledged == (2, 1.0)
+
+
 def test_ctrl_c_ends_going_on_with_a_recording(tmp_path):
     code = (
         "import numpy as np, soilvdb, sys\n"

@@ -35,10 +35,14 @@ py::handle no_ground_error;
   throw py::error_already_set();
 }
 
-/// A child of fork() has none of the engine's threads.
-void require_own_process() {
+/// Was this process forked from one that used the module? It has none of the engine's threads.
+bool is_forked() {
   static const pid_t process = getpid();
-  if (getpid() == process) return;
+  return getpid() != process;
+}
+
+void require_own_process() {
+  if (!is_forked()) return;
   throw std::runtime_error(
       "soilvdb can't be used in a process that was forked from one that used it; start that with "
       "multiprocessing's method 'spawn'");
@@ -49,6 +53,9 @@ class Site {
  public:
   Site(Session session, py::tuple made_from)
       : session_(std::make_unique<Session>(std::move(session))), made_from_(std::move(made_from)) {}
+  ~Site() {
+    if (is_forked()) session_.release();  // its threads can't be waited for
+  }
 
   /// Calls f(session) without the interpreter's lock, alone.
   template <typename F>

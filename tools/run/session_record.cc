@@ -146,7 +146,6 @@ void Session::replay(const fs::path& journal, std::uint64_t from, tools::Snapsho
   io::JournalReader reader(journal);
   io::JournalExtent at;
   std::vector<io::JournalState> batch;
-  std::vector<Update> made;
   const auto feed = [&] {
     if (batch.empty()) return;
     const std::uint64_t before = at.updates - batch.size();
@@ -156,9 +155,12 @@ void Session::replay(const fs::path& journal, std::uint64_t from, tools::Snapsho
       state.machine = fed.machine;
       state.time_s = fed.time_s;
       const std::vector<double>& v = fed.values;
-      if (fed.kind == io::JournalState::Kind::kJoints)
+      const bool joints = fed.kind == io::JournalState::Kind::kJoints;
+      if (joints ? v.empty() : v.size() != 7)
+        throw io::InputError(journal, "holds a state that is neither a pose nor joints");
+      if (joints)
         state.joints = v;
-      else if (v.size() == 7)
+      else
         state.pose = {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
     }
     const BatchResult result = update(states);
@@ -208,6 +210,7 @@ const Recording& Session::recording() const { return state_->recording; }
 io::JournalExtent Session::record(const Recording& recording,
                                   const std::function<void(const io::JournalExtent&)>& progress) {
   State& s = *state_;
+  if (!s.broken.empty()) throw std::runtime_error(s.broken);
   if (s.recorder) throw std::invalid_argument("the session is recorded already");
   if (s.fed_count > 0)
     throw std::invalid_argument("a recording begins before the first state; this session has some");
@@ -258,6 +261,7 @@ io::JournalExtent Session::record(const Recording& recording,
     const State::Found start = n.find_start(recording.folder, content);
     if (recording.incremental) n.unsaved.emplace();
     next.replay(journal, start.updates, schedule, progress);
+    n.fed_count = content.done.updates;
     n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, content.good_bytes,
                                                    content.done, schedule);
     n.recorder->go_on(start.files, start.parent, content.removed);
