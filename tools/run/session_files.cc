@@ -3,7 +3,9 @@
 // A session as a snapshot, as bytes and as another session.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <new>
 #include <stdexcept>
 #include <utility>
 
@@ -114,11 +116,17 @@ void Session::restore(std::string_view bytes) {
       throw std::invalid_argument("the state is of a machine with other joints");
     fed[i].joints.resize(joints);
     for (double& value : fed[i].joints) take(bytes, value);
+    if (std::isinf(fed[i].time_s) || !is_sane(fed[i].pose) ||
+        !std::all_of(fed[i].joints.begin(), fed[i].joints.end(),
+                     [](double value) { return std::isfinite(value); }))
+      throw std::invalid_argument("the state has a machine that can't be");
   }
   State restored(s.machines, s.earthmoving, io::undug_site(s.site));
   try {
     io::restore_samples(take_text(bytes), *restored.site.soil);
-  } catch (const std::runtime_error& e) {
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& e) {  // OpenVDB's own among them
     throw std::invalid_argument(e.what());
   }
   restored.tracker->restore(tracker_state);
