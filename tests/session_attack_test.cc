@@ -169,6 +169,9 @@ TEST(SessionsThatCantBe, SitesOfNothingAndOfNonsense) {
   EXPECT_FALSE(empty.update(MachineState{}).ok());
   EXPECT_TRUE(empty.pour(60).ok());
   EXPECT_GT(empty.change_m3(), 2.9);
+  double heights[2];
+  empty.heights(std::vector<Vec2>{{0, -3e12}, {0, 5e9}}, heights);
+  for (const double height : heights) EXPECT_DOUBLE_EQ(height, 0.2) << "where nobody dug";
   const auto refusal = [](const auto& change) {
     SessionSite bad = site_of(true);
     change(bad);
@@ -189,6 +192,8 @@ TEST(SessionsThatCantBe, SitesOfNothingAndOfNonsense) {
               }),
               "the plane's height and slope must be finite");
   }
+  EXPECT_EQ(refusal([](auto& s) { s.earthmoving.pours[0].at_m.x() = 1e300; }),
+            "pour 'truck': its place is not on this site");
   EXPECT_EQ(refusal([](auto& s) { s.earthmoving.pours[0].volume_m3 = 1e300; }),
             "pour 'truck': its volume is more than can be counted");
   EXPECT_EQ(refusal([](auto& s) {
