@@ -17,7 +17,8 @@ void check(const SoilProperties& soil) {
   constexpr double kRightAngle = std::numbers::pi / 2;
   require(soil.repose_rad > 0 && soil.repose_rad < kRightAngle,
           "the angle of repose must be more than 0 and less than pi / 2 rad");
-  require(soil.swell >= 0 && std::isfinite(soil.swell), "swell must be 0 or more");
+  constexpr double kMostSwell = 100;  // beyond any soil, and what mass is counted in would overflow
+  require(soil.swell >= 0 && soil.swell <= kMostSwell, "swell must be 0 or more, and at most 100");
   require(soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
           "density must be more than 0");
   const double friction_rad = soil.friction_rad.value_or(soil.repose_rad);
@@ -31,8 +32,9 @@ void check(const Pour& pour) {
   const std::string name = "pour '" + pour.name + "': ";
   require(pour.at_m.allFinite(), name + "its place must be finite");
   require(pour.volume_m3 > 0 && std::isfinite(pour.volume_m3), name + "its volume must be above 0");
-  require(std::isfinite(pour.begin_s) && std::isfinite(pour.end_s) && pour.begin_s <= pour.end_s,
-          name + "it must not end before it begins");
+  require(pour.begin_s <= pour.end_s, name + "it must not end before it begins");
+  require(std::isfinite(pour.begin_s) && std::isfinite(pour.end_s - pour.begin_s),
+          name + "its time must be finite");
 }
 
 void check(const Hopper& hopper) {

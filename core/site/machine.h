@@ -66,7 +66,7 @@ class Machine {
   /// Appends all that the next move depends on besides the soil.
   void save(std::string& out) const;
   /// Takes it off again. @throw std::invalid_argument if the bytes are not what save() wrote
-  void load(std::string_view& in);
+  void load(std::string_view& in, const Soil& soil);
 
  private:
   Machine(const Machine&) = default;

@@ -1,12 +1,21 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // A machine as bytes and back.
+#include <cmath>
 #include <stdexcept>
 
+#include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/site/machine.h"
 
 namespace soilvdb::inline v0 {
+namespace {
+
+void require(bool good) {
+  if (!good) throw std::invalid_argument("the state has a machine that can't be");
+}
+
+}  // namespace
 
 void Machine::save(std::string& out) const {
   put(out, bucket_.width_m);
@@ -31,7 +40,11 @@ void Machine::save(std::string& out) const {
   }
 }
 
-void Machine::load(std::string_view& in) {
+void Machine::load(std::string_view& in, const Soil& soil) {
+  const double room_m = kMaxIndex * soil.voxel_size_m();
+  const auto near = [&](const Vec3& p) {
+    return (p - soil.origin()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= room_m;
+  };
   double width = 0, height = 0;
   std::uint64_t count = 0;
   take(in, width);
@@ -44,8 +57,9 @@ void Machine::load(std::string_view& in) {
   take_amount(in, ledger_.dumped);
   take(in, placed_);
   take(in, current_);
+  require(is_sane(current_) && (!placed_ || near(current_.position)));
   ledger_.load = ledger_.captured - ledger_.dumped;  // where soil doesn't move
-  if (works_ == nullptr) return;
+  if (works_ == nullptr) return require(ledger_.load >= 0);
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
   take(in, travel_m_);
@@ -53,9 +67,12 @@ void Machine::load(std::string_view& in) {
   take_amount(in, pushed_);
   take_amount(in, cut_before_);
   take(in, stations_);
+  require(is_sane(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
   for (Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
     for (double& v : box->min()) take(in, v);
     for (double& v : box->max()) take(in, v);
+    const bool none = box->min() == Eigen::AlignedBox3d().min() && box->max() == -box->min();
+    require(none || (near(box->min()) && near(box->max()) && !box->isEmpty()));
   }
 }
 

@@ -78,6 +78,15 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmovin
   earthmoving_.validate();
   if (earthmoving_.soil)
     works_ = std::make_unique<Earthworks>(soil, *earthmoving_.soil, earthmoving_.hoppers);
+  for (const Pour& pour : earthmoving_.pours) {
+    const double mass =
+        pour.volume_m3 / soil.sample_m3() * static_cast<double>(works_->units().loose);
+    if (!((pour.at_m - soil.origin()).cwiseAbs().maxCoeff() <= kMaxIndex * soil.voxel_size_m()))
+      throw std::invalid_argument("pour '" + pour.name + "': its place is not on this site");
+    if (!(mass < 0x1p62))
+      throw std::invalid_argument("pour '" + pour.name +
+                                  "': its volume is more than can be counted");
+  }
   for (Bucket& bucket : buckets)
     machines_.push_back(std::make_unique<Machine>(std::move(bucket), soil, works_.get()));
 }
@@ -183,7 +192,7 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
 std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves) const {
   std::vector<std::vector<std::size_t>> groups(machines_.size());
   // Soil that moves may come from one machine to another.
-  if (machines_.size() == 1 || works_ != nullptr) {
+  if (machines_.size() == 1 || (works_ != nullptr && !machines_.empty())) {
     groups.front().resize(moves.size());
     std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
     return groups;
@@ -316,7 +325,7 @@ void Tracker::restore(std::string_view state) {
   std::vector<std::unique_ptr<Machine>> machines;
   for (const auto& machine : machines_) {
     machines.push_back(std::make_unique<Machine>(machine->bucket(), soil_, works_.get()));
-    machines.back()->load(state);
+    machines.back()->load(state, soil_);
   }
   Earthworks::Books books;
   std::vector<std::int64_t> parts(poured_parts_.size());

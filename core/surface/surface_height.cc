@@ -13,6 +13,8 @@
 #include <numeric>
 #include <utility>
 
+#include "core/constants.h"
+
 namespace soilvdb::inline v0 {
 namespace {
 
@@ -26,7 +28,12 @@ int block_of(int voxel) { return voxel & kBlockMask; }
 /// The column of voxels whose corners' middles are around a place.
 Eigen::Vector2i column_of(const Soil& soil, double x, double y) {
   const Vec3 index = soil.index_from_world({x, y, soil.origin().z()});
-  return index.head<2>().array().floor().matrix().cast<int>();
+  // No chunk is as far as that, and no more would go into an int.
+  const auto column = [](double v) {
+    return static_cast<int>(
+        std::clamp(std::isnan(v) ? 0 : std::floor(v), -2 * kMaxIndex, 2 * kMaxIndex));
+  };
+  return {column(index.x()), column(index.y())};
 }
 
 /// Columns of one part, which are at the same border of a block or at none, have the same blocks.

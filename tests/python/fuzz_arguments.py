@@ -4,6 +4,8 @@
 that refused something is as it was.
 
     python3 fuzz_arguments.py [SECONDS] [SEED]
+
+Under sanitizers: tools/fuzz python SECONDS
 """
 
 import math

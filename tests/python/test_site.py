@@ -176,6 +176,8 @@ BAD = [
     (dict(), TypeError, r"position, pose or joints are missing"),
     (dict(position=(0, 0, 0), time=-1.0), ValueError, r"time goes back from 5 s to -1 s"),
     (dict(position=(1e9, 0, 0)), ValueError, r"no place on this site"),
+    (dict(position=(0, 0, 0), time=float("nan")), ValueError, r"time is nan"),
+    (dict(position=[0, 0, np.complex128(1j)]), TypeError, r"must be numbers, not complex128"),
 ]
 
 
@@ -193,6 +195,63 @@ def test_bad_states_raise_and_change_nothing(soil, arguments, error, message):
     with pytest.raises(ValueError, match="there is no machine 'x'; there are: machine 0"):
         site.update("x", position=(0, 0, 0))
     assert site.save() == before
+
+
+@pytest.mark.parametrize("arguments, error, message", [
+    (dict(joints=np.zeros((5, 0))), ValueError, r"joints must have the shape \(N, joints\)"),
+    (dict(positions=[(0, 0, 0)], times=[np.nan]), ValueError, "times has a nan"),
+    (dict(poses=np.diag([1, 1, -1, 1])[None]), ValueError, "state 0: pose is no rigid transform"),
+])
+def test_bad_paths_raise_and_change_nothing(soil, arguments, error, message):
+    site = make_site(soil)
+    site.update(0, position=(3, 0, -0.2))
+    before = site.save()
+    with pytest.raises(error, match=message):
+        site.update_path(0, **arguments)
+    assert site.save() == before
+
+
+def test_a_path_says_which_matrix_is_none():
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[2, 0, 0] = 5
+    with pytest.raises(ValueError, match="state 2: pose is no rigid transform"):
+        make_site().update_path(0, poses=poses)
+
+
+def test_sites_of_a_generator_live_as_long_as_they_are_stepped():
+    site = make_site()
+    updates = soilvdb.update_many((site.clone() for _ in range(4)), 0, positions=np.zeros((4, 3)))
+    assert len(updates) == 4
+    for sites in ([1], [None], [site, object()]):
+        with pytest.raises(TypeError, match="sites must be of soilvdb.Site"):
+            soilvdb.update_many(sites, 0, positions=np.zeros((len(sites), 3)))
+
+
+def test_a_list_that_changes_while_it_is_read_is_refused():
+    class Number:
+        def __float__(self):
+            given.clear()
+            return 1.0
+
+    given = [Number(), 0.0, 0.0]
+    with pytest.raises(ValueError, match="position changed while it was read"):
+        make_site().update(0, position=given)
+
+
+def test_a_site_keeps_no_array_or_list_of_the_callers():
+    near, machines = np.zeros(3), [bucket()]
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), machines, near=near)
+    near[:] = 1e6
+    machines.append(bucket())
+    assert pickle.loads(pickle.dumps(site)).save() == site.save()
+
+
+def test_states_that_no_pickle_made_are_refused():
+    machine = soilvdb.Machine(bucket(), "digger")
+    state = machine.__reduce_ex__(2)[2]
+    for at, turn in (([], []), ([1.0], [1.0]), (state[4], []), (None, None)):
+        with pytest.raises((RuntimeError, TypeError)):
+            soilvdb.Machine.__new__(soilvdb.Machine).__setstate__((*state[:4], at, turn))
 
 
 def test_bad_sites_bytes_and_arrays_raise():
@@ -223,8 +282,11 @@ def test_heights_take_any_layout():
     wanted = site.heights(xy)
     read_only = xy.copy()
     read_only.setflags(write=False)
+    unaligned = np.zeros(xy.nbytes + 1, np.uint8)[1:].view(float).reshape(xy.shape)
+    unaligned[:] = xy
+    assert not unaligned.flags.aligned
     for same in (np.asfortranarray(xy), np.repeat(xy, 2, axis=0)[::2], read_only, xy.tolist(),
-                 xy.astype(">f8")):
+                 xy.astype(">f8"), unaligned):
         assert (site.heights(same) == wanted).all()
 
 
@@ -312,14 +374,20 @@ def test_a_forked_process_is_told_to_spawn():
         child.join()
 
 
-def test_ctrl_c_ends_a_long_call():
-    code = (
-        "import numpy as np, soilvdb, sys\n"
-        "site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])\n"
-        "x = np.tile(np.linspace(0, 5, 50), 200000)\n"
-        "p = np.stack([x, 0 * x, -0.2 + 0 * x - np.arange(len(x)) * 1e-7], axis=1)\n"
+LONG_PATH = (
+    "import numpy as np, signal, soilvdb, threading, time\n"
+    "site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])\n"
+    "x = np.tile(np.linspace(0, 5, 50), 200000)\n"
+    "p = np.stack([x, 0 * x, -0.2 + 0 * x - np.arange(len(x)) * 1e-7], axis=1)\n")
+
+
+@pytest.mark.parametrize("call", ["update_path(0, positions=p)",
+                                  "heights(np.random.default_rng(1).uniform(0, 5, (20000000, 2)))"])
+def test_ctrl_c_ends_a_long_call(call):
+    code = LONG_PATH + (
+        "site.update_path(0, positions=p[:50])\n"
         "print('ready', flush=True)\n"
-        "try:\n    site.update_path(0, positions=p)\n"
+        f"try:\n    site.{call}\n"
         "except KeyboardInterrupt:\n    print('stopped', site.ledger()['cut_m3'] > 0)\n")
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True,
                              env=dict(os.environ))
@@ -330,6 +398,34 @@ def test_ctrl_c_ends_a_long_call():
     assert child.stdout.read() == "stopped True\n"
     assert time.monotonic() - begin < 5
     assert child.wait() == 0
+
+
+def test_a_handler_of_signals_is_refused_the_site_whose_call_it_interrupts():
+    code = LONG_PATH + (
+        "def handle(*_):\n    site.save()\n"
+        "signal.signal(signal.SIGALRM, handle)\n"
+        "signal.setitimer(signal.ITIMER_REAL, 0.2)\n"
+        "try:\n    site.update_path(0, positions=p)\n"
+        "except RuntimeError as error:\n    print(error)\n"
+        "print(site.ledger()['cut_m3'] > 0)\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
+                          check=True)
+    assert done.stdout == "the site is in the middle of a call of this thread\nTrue\n"
+
+
+def test_a_program_ends_beside_threads_that_go_on():
+    code = LONG_PATH + (
+        "def go_on(call):\n    while True:\n        call()\n"
+        "calls = [lambda: site.update(0, position=(0, 0, 0)), lambda: site.heights(p[:9, :2]),\n"
+        "         lambda: other.update_path(0, positions=p)]\n"
+        "other = site.clone()\n"
+        "for call in calls:\n"
+        "    threading.Thread(target=go_on, args=(call,), daemon=True).start()\n"
+        "time.sleep(0.1)\n")
+    for _ in range(5):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                              timeout=60, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_run_says_what_the_program_says(tmp_path):

@@ -29,7 +29,8 @@ Array array_of(const py::handle& given, const char* name) {
         "{} must be numbers, not {}", name,
         any ? "an array of " + py::cast<std::string>(py::str(any.dtype())) : kind_of(given)));
   }
-  return py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(any);
+  constexpr int kAligned = py::detail::npy_api::NPY_ARRAY_ALIGNED_;  // a view may begin anywhere
+  return py::array_t<double, py::array::c_style | py::array::forcecast | kAligned>::ensure(any);
 }
 
 void numbers(const py::handle& given, const char* name, std::span<double> out) {
@@ -39,12 +40,16 @@ void numbers(const py::handle& given, const char* name, std::span<double> out) {
     if (size != out.size())
       throw py::value_error(
           fmt::format("{} has {} numbers; it must have {}", name, size, out.size()));
-    PyObject** items = PySequence_Fast_ITEMS(given.ptr());
     for (std::size_t i = 0; i < size; ++i) {
-      out[i] = PyFloat_AsDouble(items[i]);
-      if (out[i] != -1 || PyErr_Occurred() == nullptr) continue;
+      // What is no float may run code of Python's, which may change the list.
+      if (static_cast<std::size_t>(PySequence_Fast_GET_SIZE(given.ptr())) != size)
+        throw py::value_error(fmt::format("{} changed while it was read", name));
+      const auto item = py::reinterpret_borrow<py::object>(
+          PySequence_Fast_GET_ITEM(given.ptr(), static_cast<py::ssize_t>(i)));
+      out[i] = PyComplex_Check(item.ptr()) ? -1 : PyFloat_AsDouble(item.ptr());
+      if (!PyComplex_Check(item.ptr()) && (out[i] != -1 || PyErr_Occurred() == nullptr)) continue;
       PyErr_Clear();
-      throw py::type_error(fmt::format("{} must be numbers, not {}", name, kind_of(items[i])));
+      throw py::type_error(fmt::format("{} must be numbers, not {}", name, kind_of(item)));
     }
     return;
   }

@@ -8,6 +8,7 @@
 #include <pybind11/stl/filesystem.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -16,6 +17,7 @@
 
 #include "soilvdb/session.h"
 #include "tools/python/arguments.h"
+#include "tools/python/interpreter.h"
 #include "tools/python/values.h"
 
 namespace soilvdb::python {
@@ -61,8 +63,8 @@ class Site {
   template <typename F>
   auto with(const F& f) {
     require_own_process();
-    const py::gil_scoped_release released;
-    const std::lock_guard lock(mutex_);
+    const Released released;
+    const std::lock_guard lock(turn_);
     return f(open());
   }
   Session& open() {
@@ -71,16 +73,16 @@ class Site {
   }
   void close() {
     require_own_process();
-    const py::gil_scoped_release released;
-    const std::lock_guard lock(mutex_);
+    const Released released;
+    const std::lock_guard lock(turn_);
     const std::unique_ptr<Session> session = std::move(session_);
     if (session) session->stop_recording();
   }
-  std::mutex& mutex() { return mutex_; }
+  Turn& turn() { return turn_; }
   const py::tuple& made_from() const { return made_from_; }
 
  private:
-  std::mutex mutex_;
+  Turn turn_;
   std::unique_ptr<Session> session_;
   py::tuple made_from_;
 };
@@ -107,7 +109,7 @@ Session make_session(double voxel_size, const TerrainValue& terrain, const py::o
   site.earthmoving = {soil, values<Pour>(pours), values<Hopper>(hoppers)};
   if (!near.is_none()) site.near_m = vector3(near, "near");
   require_own_process();
-  const py::gil_scoped_release released;
+  const Released released;
   return Session(std::move(site));
 }
 
@@ -122,12 +124,17 @@ std::size_t machine_of(Session& session, const std::variant<std::ptrdiff_t, std:
 
 using MachineName = std::variant<std::ptrdiff_t, std::string>;
 
+double time_of(std::optional<double> time) {
+  if (time && std::isnan(*time)) throw py::value_error("time is nan; it must be a number or None");
+  return time.value_or(kNoTime);
+}
+
 Update update(Site& site, const MachineName& machine, const py::object& position,
               const py::object& rotation, const py::object& matrix, const py::object& joints,
               std::optional<double> time) {
   MachineState state;
   std::vector<double> values;
-  state.time_s = time.value_or(kNoTime);
+  state.time_s = time_of(time);
   if (joints.is_none()) {
     state.pose = pose(position, rotation, matrix);
   } else {
@@ -159,7 +166,8 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
       throw py::value_error("poses must have the shape (N, 4, 4)");
   } else if (by_joints) {
     rows_of = array_of(joints, "joints");
-    if (rows_of.ndim() != 2) throw py::value_error("joints must have the shape (N, joints)");
+    if (rows_of.ndim() != 2 || rows_of.shape(1) == 0)
+      throw py::value_error("joints must have the shape (N, joints)");
   } else {
     rows_of = rows(positions, "positions", 3);
     if (!rotations.is_none()) turns = rows(rotations, "rotations", 4);
@@ -172,6 +180,8 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
     const std::vector<double> given = numbers(times, "times");
     if (static_cast<py::ssize_t>(given.size()) != count)
       throw py::value_error(fmt::format("there are {} times for {} states", given.size(), count));
+    if (std::any_of(given.begin(), given.end(), [](double t) { return std::isnan(t); }))
+      throw py::value_error("times has a nan; without times none are known");
     times_s = Array(count, given.data());
   }
   const char* const names[] = {"cut_m3", "bucket_m3", "spilled_m3", "slid_m3", "us"};
@@ -193,13 +203,17 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
     state.machine = machine_of(session, machine);
     for (Clock::time_point looked = Clock::now(); done < static_cast<std::size_t>(count); ++done) {
       if (Clock::now() - looked > kSignalsEvery) {
-        const py::gil_scoped_acquire acquired;
-        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+        handle_signals();
         looked = Clock::now();
       }
       const std::span<const double> row = std::span(states).subspan(done * width, width);
       if (by_pose) {
-        state.pose = pose_of(row);
+        try {
+          state.pose = pose_of(row);
+        } catch (const py::value_error& e) {
+          step = {Status::kBadState, e.what(), {}};
+          return;
+        }
       } else if (by_joints) {
         state.joints = row;
       } else {
@@ -228,7 +242,14 @@ Array heights(Site& site, const py::object& xy) {
   for (std::size_t i = 0; i < count; ++i) places[i] = Vec2(given.data() + 2 * i);
   Array out(static_cast<py::ssize_t>(count));
   const std::span<double> heights_m(out.mutable_data(), count);
-  site.with([&](Session& session) { session.heights(places, heights_m); });
+  site.with([&](Session& session) {
+    constexpr std::size_t kPiece = 1 << 18;  // some tens of milliseconds
+    for (std::size_t from = 0; from < count; from += kPiece) {
+      if (from > 0) handle_signals();
+      const std::size_t piece = std::min(kPiece, count - from);
+      session.heights(std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
+    }
+  });
   return out;
 }
 
@@ -288,8 +309,12 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
 std::vector<Update> update_many(const py::object& given, const MachineName& machine,
                                 const py::object& positions, const py::object& rotations,
                                 std::optional<double> time) {
+  const py::tuple kept(given);  // whatever becomes of those meanwhile
   std::vector<Site*> sites;
-  for (const py::handle& one : given) sites.push_back(&one.cast<Site&>());
+  for (const py::handle& one : kept) {
+    if (!py::isinstance<Site>(one)) throw py::type_error("sites must be of soilvdb.Site");
+    sites.push_back(&one.cast<Site&>());
+  }
   const Array places = rows(positions, "positions", 3);
   const Array turns = rotations.is_none() ? Array() : rows(rotations, "rotations", 4);
   if (static_cast<std::size_t>(places.shape(0)) != sites.size() ||
@@ -303,17 +328,17 @@ std::vector<Update> update_many(const py::object& given, const MachineName& mach
   require_own_process();
   std::vector<MachineState> states(sites.size());
   for (std::size_t i = 0; i < sites.size(); ++i) {
-    states[i].time_s = time.value_or(kNoTime);
+    states[i].time_s = time_of(time);
     states[i].pose.position = Vec3(places.data() + 3 * i);
     if (!rotations.is_none()) states[i].pose.rotation = quaternion({turns.data() + 4 * i, 4});
   }
   std::vector<StepResult> results;
   {
-    const py::gil_scoped_release released;
+    const Released released;
     // In one order, so that calls that share sites wait for each other.
     std::set<Site*> ordered(sites.begin(), sites.end());
-    std::vector<std::unique_lock<std::mutex>> locks;
-    for (Site* site : ordered) locks.emplace_back(site->mutex());
+    std::vector<std::unique_lock<Turn>> locks;
+    for (Site* site : ordered) locks.emplace_back(site->turn());
     std::vector<Session*> sessions;
     for (std::size_t i = 0; i < sites.size(); ++i) {
       sessions.push_back(&sites[i]->open());
@@ -343,10 +368,7 @@ py::tuple record(Site& site, const std::filesystem::path& folder, std::optional<
     if (snapshot_every) recording.snapshot_every_s = snapshot_every;
     if (incremental) recording.incremental = *incremental;
     if (keep) recording.keep = keep;
-    return session.record(recording, [](const io::JournalExtent&) {
-      const py::gil_scoped_acquire acquired;
-      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-    });
+    return session.record(recording, [](const io::JournalExtent&) { handle_signals(); });
   }));
 }
 
@@ -383,10 +405,15 @@ void bind_site(py::module_& m) {
       .def(py::init([](double voxel_size, const TerrainValue& terrain, const py::object& machines,
                        const std::optional<SoilProperties>& soil, const py::object& pours,
                        const py::object& hoppers, const py::object& near) {
-             const py::tuple from = py::make_tuple(voxel_size, terrain, py::list(machines), soil,
-                                                   py::list(pours), py::list(hoppers), near);
+             py::object place = near;  // nothing is the caller's, who may change it
+             if (!near.is_none()) {
+               const Vec3 at = vector3(near, "near");
+               place = py::make_tuple(at.x(), at.y(), at.z());
+             }
+             const py::tuple from = py::make_tuple(voxel_size, terrain, py::tuple(machines), soil,
+                                                   py::tuple(pours), py::tuple(hoppers), place);
              return std::make_unique<Site>(
-                 make_session(voxel_size, terrain, from[2], soil, from[4], from[5], near), from);
+                 make_session(voxel_size, terrain, from[2], soil, from[4], from[5], place), from);
            }),
            py::arg("voxel_size"), py::arg("terrain"), py::arg("machines"), py::kw_only(),
            py::arg("soil") = none, py::arg("pours") = py::tuple(), py::arg("hoppers") = py::tuple(),
@@ -399,7 +426,7 @@ void bind_site(py::module_& m) {
           [](const std::filesystem::path& scenario) {
             require_own_process();
             const auto open = [&] {
-              const py::gil_scoped_release released;
+              const Released released;
               return Session::open(scenario);
             };
             return std::make_unique<Site>(open(), py::make_tuple(scenario));

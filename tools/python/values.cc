@@ -7,6 +7,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <array>
 #include <limits>
 
 #include "soilvdb/io/urdf.h"
@@ -109,8 +110,8 @@ void bind_values(py::module_& m) {
                 std::vector<double>{q.x(), q.y(), q.z(), q.w()});
           },
           [](const py::tuple& t) {
-            const auto at = t[4].cast<std::vector<double>>();
-            const auto turn = t[5].cast<std::vector<double>>();
+            const auto at = t[4].cast<std::array<double, 3>>();
+            const auto turn = t[5].cast<std::array<double, 4>>();
             return MachineValue(t[0].cast<Bucket>(), t[1].cast<std::string>(),
                                 t[2].cast<std::optional<std::filesystem::path>>(),
                                 t[3].cast<std::string>(), Pose{Vec3(at.data()), quaternion(turn)});

@@ -25,6 +25,9 @@ io::Site open_checked(const SessionSite& site) {
         fmt::format("the voxel size is {} m; it must be more than 0", site.voxel_size_m));
   if (site.near_m && !site.near_m->allFinite())
     throw std::invalid_argument("the place where work begins must be finite");
+  const auto* plane = std::get_if<io::PlaneTerrain>(&site.terrain);
+  if (plane != nullptr && !(std::isfinite(plane->height_m) && plane->slope.allFinite()))
+    throw std::invalid_argument("the plane's height and slope must be finite");
   return io::open_site(site.terrain, site.voxel_size_m, site.near_m);
 }
 

@@ -3,7 +3,9 @@
 // A session as a snapshot, as bytes and as another session.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <new>
 #include <stdexcept>
 #include <utility>
 
@@ -91,6 +93,10 @@ void Session::State::set_progress(std::string_view bytes) {
       throw std::invalid_argument("the state is of a machine with other joints");
     all[i].joints.resize(joints);
     for (double& value : all[i].joints) take(bytes, value);
+    if (std::isinf(all[i].time_s) || !is_sane(all[i].pose) ||
+        !std::all_of(all[i].joints.begin(), all[i].joints.end(),
+                     [](double value) { return std::isfinite(value); }))
+      throw std::invalid_argument("the state has a machine that can't be");
   }
   tracker->restore(tracker_state);
   fed = std::move(all);
@@ -136,7 +142,9 @@ void Session::restore(std::string_view bytes) {
   State restored(s.machines, s.earthmoving, io::undug_site(s.site));
   try {
     io::restore_samples(take_text(bytes), *restored.site.soil);
-  } catch (const std::runtime_error& e) {
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& e) {  // OpenVDB's own among them
     throw std::invalid_argument(e.what());
   }
   restored.set_progress(progress);
