@@ -121,11 +121,11 @@ TEST_F(ScenarioFile, AnglesOfAMotionMayBeInDegrees) {
             "pitch and yaw, of the motion are in");
 }
 
-TEST_F(ScenarioFile, IsAsTheGuideSays) {
-  std::ifstream page(SOILVDB_SOURCE_DIR "/tools/guide/scenario.md");
+TEST_F(ScenarioFile, IsAsTheReadmeSays) {
+  std::ifstream readme(SOILVDB_SOURCE_DIR "/README.md");
   std::string content;
   bool inside = false;
-  for (std::string line; std::getline(page, line);) {
+  for (std::string line; std::getline(readme, line);) {
     if (line == "```") inside = false;
     const bool other_kind = line.starts_with("  plane:") || line.starts_with("  level_set:") ||
                             line.starts_with("  grid:");
