@@ -4,10 +4,17 @@
 #include "soilvdb/io/scenario.h"
 
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <map>
 #include <numbers>
+#include <set>
+#include <sstream>
+#include <string>
+#include <string_view>
 
 #include "soilvdb/io/site.h"
 #include "soilvdb/lattice.h"
@@ -121,26 +128,82 @@ TEST_F(ScenarioFile, AnglesOfAMotionMayBeInDegrees) {
             "pitch and yaw, of the motion are in");
 }
 
-TEST_F(ScenarioFile, IsAsTheReadmeSays) {
-  std::ifstream readme(SOILVDB_SOURCE_DIR "/README.md");
-  std::string content;
+/// The example in the guide, with one of its three kinds of terrain, or all.
+std::string guides_example(const std::string& terrain) {
+  std::ifstream page(SOILVDB_SOURCE_DIR "/tools/guide/scenario.md");
+  std::string content, section;
   bool inside = false;
-  for (std::string line; std::getline(readme, line);) {
+  for (std::string line; std::getline(page, line);) {
     if (line == "```") inside = false;
-    const bool other_kind = line.starts_with("  plane:") || line.starts_with("  level_set:") ||
-                            line.starts_with("  grid:");
+    if (!line.starts_with(" ")) section = line.substr(0, line.find(' '));
+    const bool other_kind = section == "terrain:" && line.starts_with(" ") && terrain != "all" &&
+                            !line.starts_with("  " + terrain + ": ");
     if (inside && !other_kind) content += line + "\n";
     if (line == "```yaml") inside = true;
   }
-  folder_.write("digger.csv", "time,boom\n0,0.5\n1,1.05\n");
-  folder_.write("digger.urdf", kUrdf);
-  folder_.write("site.tif", "");
-  const Scenario s = read(content);
+  return content;
+}
+
+/// The keys of each map in a document, by where it is; lists have one place for all.
+void collect(const YAML::Node& node, const std::string& path,
+             std::map<std::string, std::set<std::string>>& keys) {
+  if (node.IsSequence())
+    for (const auto& item : node) collect(item, path, keys);
+  if (!node.IsMap()) return;
+  for (const auto& entry : node) {
+    keys[path].insert(entry.first.Scalar());
+    collect(entry.second, path + "/" + entry.first.Scalar(), keys);
+  }
+}
+
+/// Puts a key that there is not into the map, or the first of the maps, at `path`.
+void spoil(YAML::Node node, std::string_view path) {
+  if (node.IsSequence()) return spoil(node[0], path);
+  if (path.empty()) {
+    node["zzz"] = 1;
+    return;
+  }
+  const std::size_t end = std::min(path.find('/', 1), path.size());
+  spoil(node[std::string(path.substr(1, end - 1))], path.substr(end));
+}
+
+class GuidesExample : public ScenarioFile {
+ protected:
+  void SetUp() override {
+    ScenarioFile::SetUp();
+    folder_.write("digger.csv", "time,boom\n0,0.5\n1,1.05\n");
+    folder_.write("digger.urdf", kUrdf);
+    folder_.write("site.tif", "");
+    folder_.write("soil_final.vdb", "");
+  }
+};
+
+TEST_F(GuidesExample, IsRead) {
+  const Scenario s = read(guides_example("raster"));
   EXPECT_EQ(s.name, "pit");
   EXPECT_EQ(s.machines.at(0).bucket.profile.size(), 3);
   EXPECT_EQ(s.snapshot_every_s, 60);
   EXPECT_EQ(s.snapshots_kept, 2);
   EXPECT_EQ(s.raster_cell_m, 0.1);
+}
+
+TEST_F(GuidesExample, HasEveryKeyThatThereIs) {
+  std::map<std::string, std::set<std::string>> documented;
+  collect(YAML::Load(guides_example("all")), "", documented);
+  EXPECT_EQ(documented.size(), 14) << "maps";
+  for (const auto& [path, keys] : documented) {
+    // What is below terrain is read of the kind alone that it has.
+    YAML::Node scenario =
+        YAML::Load(guides_example(path == "/terrain" ? "all" : std::string("plane")));
+    spoil(scenario, path);
+    const std::string said = error_of(YAML::Dump(scenario));
+    const std::string before = "Its keys are ";
+    ASSERT_NE(said.find(before), std::string::npos) << path << ": " << said;
+    std::set<std::string> known;
+    std::istringstream words(said.substr(said.find(before) + before.size()));
+    for (std::string word; std::getline(words >> std::ws, word, ',');) known.insert(word);
+    EXPECT_EQ(known, keys) << path;
+  }
 }
 
 TEST_F(ScenarioFile, FilesThatAreNoScenario) {

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every block of code in the guide runs, in the order in which it stands."""
+"""Every block of code in the guide and in README runs, in the order in which it stands."""
 
+import json
 import os
 import re
 import subprocess
@@ -13,16 +14,19 @@ import pytest
 import soilvdb
 
 ROOT = Path(__file__).parents[2]
+README = ROOT / "README.md"
 PAGES = sorted((ROOT / "tools/guide").glob("*.md"))
 BUILD = Path(soilvdb.__file__).absolute().parents[2]
+LANGUAGES = ("python", "sh", "yaml", "csv", "xml", "cpp", "cmake")
 
 RUNNER = """
 import json, subprocess, sys
 shared = {"__name__": "__main__"}
 for line, language, code in json.load(sys.stdin):
-    print(f"{sys.argv[1]}:{line}", file=sys.stderr)
+    print(f"{sys.argv[1]}:{line}", file=sys.stderr, flush=True)
     if language == "python":
         exec(compile(code, f"{sys.argv[1]}:{line}", "exec"), shared)
+        sys.stdout.flush()
     elif language == "sh":
         subprocess.run(["bash", "-euo", "pipefail", "-c", code], check=True)
     else:
@@ -31,33 +35,83 @@ for line, language, code in json.load(sys.stdin):
         open(name, "w").write(rest)
 """
 
+# What README leaves to the reader, around its C++.
+PROJECT = """# file: CMakeLists.txt
+cmake_minimum_required(VERSION 3.22)
+project(my_program LANGUAGES CXX)
+add_executable(my_program main.cc)
+"""
+BUILD_PROJECT = "cmake -S . -B built && cmake --build built && built/my_program\n"
+
 
 def blocks(page):
     text = page.read_text()
     found = []
     for match in re.finditer(r"^```(\w*)\n(.*?)^```$", text, flags=re.S | re.M):
-        line = text.count("\n", 0, match.start()) + 1
-        assert match.group(1) in ("python", "sh", "yaml", "csv", "xml"), f"{page}:{line}"
-        found.append((line, match.group(1), match.group(2)))
+        line, language, code = text.count("\n", 0, match.start()) + 1, match.group(1), match.group(2)
+        assert language in LANGUAGES, f"{page}:{line}"
+        if page == README and language == "cpp":
+            code = "// file: main.cc\n" + code
+        if page == README and language == "cmake":
+            code = PROJECT + code
+        found.append((line, language, code))
+    if page == README:
+        found.append((0, "sh", BUILD_PROJECT))
     return found
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_its_blocks_run(page, tmp_path):
-    import json
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory):
+    """Where the libraries are installed, for blocks in C++."""
+    to = tmp_path_factory.mktemp("prefix")
+    subprocess.run(["cmake", "--install", BUILD, "--prefix", to], check=True, capture_output=True)
+    return to
 
+
+def run_blocks(page, folder, **environment):
     environment = dict(os.environ, PATH=f"{BUILD}:{os.environ['PATH']}",
-                       PYTHONPATH=str(BUILD / "python"))
-    done = subprocess.run([sys.executable, "-c", RUNNER, page.name], cwd=tmp_path, text=True,
+                       PYTHONPATH=str(BUILD / "python"), **environment)
+    done = subprocess.run([sys.executable, "-c", RUNNER, page.name], cwd=folder, text=True,
                           input=json.dumps(blocks(page)), env=environment, capture_output=True,
                           check=False)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stderr + done.stdout
+    return done.stdout
 
 
-@pytest.mark.parametrize("page", PAGES + [ROOT / "README.md"], ids=lambda page: page.stem)
+# The others' blocks run in tests of their own, here, in test_outputs.py and in scenario_test.cc.
+ALONE = [page for page in PAGES if page.stem not in ("cpp", "outputs", "scenario")]
+
+
+@pytest.mark.parametrize("page", ALONE, ids=lambda page: page.stem)
+def test_its_blocks_run(page, tmp_path):
+    run_blocks(page, tmp_path)
+
+
+def test_its_programs_in_cpp_run(prefix, tmp_path):
+    out = run_blocks(ROOT / "tools/guide/cpp.md", tmp_path, CMAKE_PREFIX_PATH=str(prefix))
+    load = float(re.search(r"^load ([0-9.]+) m3 after", out, flags=re.M).group(1))
+    assert 0.1 <= load < 0.12, "stops at the load that it was given"
+    assert "load 0.480 m3, ground at -0.20 m" in out, "1.2 m x 0.2 m x 2 m"
+
+
+def test_readme_runs(prefix, tmp_path):
+    (tmp_path / "build").symlink_to(BUILD)
+    out = run_blocks(README, tmp_path, CMAKE_PREFIX_PATH=str(prefix))
+    in_python, in_cpp = re.findall(r"^([0-9.]+) m3 in the bucket", out, flags=re.M)
+    assert 0.3 < float(in_python) < 0.9
+    assert in_cpp == "0.48", "1.2 m x 0.2 m x 2 m"
+    for made in ("dug.vdb", "out/trench/summary.json", "out/trench/view.png"):
+        assert (tmp_path / made).stat().st_size > 1000
+
+
+@pytest.mark.parametrize("page", PAGES + [README], ids=lambda page: page.stem)
 def test_its_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
-        assert (page.parent / target).exists(), target
+    for target, place in re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", page.read_text()):
+        to = page.parent / target if target else page
+        assert to.exists(), target
+        if place:
+            heads = re.findall(r"^#+ (.*)$", to.read_text(), flags=re.M)
+            assert place in [re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in heads], place
 
 
 def test_pages_are_all_in_the_index():

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""The guide's page on outputs names every figure, column and option that there is, and no other."""
+
+import json
+import re
+import subprocess
+
+import pytest
+from test_guide import BUILD, ROOT, run_blocks
+
+PAGE = ROOT / "tools/guide/outputs.md"
+
+
+def names(section):
+    """What stands in the first columns of a section's tables, a set for each table."""
+    text = PAGE.read_text().split(f"\n## {section}\n")[1].split("\n## ")[0]
+    tables = re.findall(r"^\|(?: key| column)[^\n]*\n\|[-|]+\n((?:\|[^\n]*\n)+)", text, flags=re.M)
+    return [set(re.findall(r"`([^`]+)`", "".join(row.split("|")[1] for row in table.splitlines())))
+            for table in tables]
+
+
+def keys(value, path=""):
+    if isinstance(value, dict):
+        return set().union(*(keys(v, f"{path}.{k}" if path else k) for k, v in value.items()))
+    if isinstance(value, list):
+        return set().union(*(keys(v, path + "[]") for v in value))
+    return {path}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    where = tmp_path_factory.mktemp("outputs")
+    run_blocks(PAGE, where)
+    return where
+
+
+def test_keys_of_the_summary(folder):
+    rigid, moving = (keys(json.loads((folder / f"out/{name}/summary.json").read_text()))
+                     for name in ("rigid", "moving"))
+    assert [rigid, moving - rigid] == names("summary.json")
+    assert rigid < moving
+
+
+def test_columns_of_the_updates(folder):
+    rigid, moving = ((folder / f"out/{name}/updates.csv").read_text().split("\n")[0].split(",")
+                     for name in ("rigid", "moving"))
+    assert [set(rigid), set(moving) - set(rigid)] == names("updates.csv")
+
+
+def test_keys_of_a_comparison(folder):
+    assert [keys(json.loads((folder / "deeper.json").read_text()))] == names("Compare two snapshots")
+
+
+def test_files_of_a_run(folder):
+    table = PAGE.read_text().split("\n## ")[0]
+    for file in (folder / "out/rigid").iterdir():
+        named = re.sub("^soil_[0-9.]+[.]vdb$", "soil_20.vdb", file.name).replace(".glb", ".ply")
+        assert f"`{named}`" in table
+
+
+def test_commands_and_options():
+    text = PAGE.read_text()
+
+    def help_of(*command):
+        return subprocess.run([BUILD / "soilvdb", *command, "--help"], text=True, check=True,
+                              capture_output=True).stdout
+
+    commands = re.findall(r"^  (\w+)  ", help_of().split("Subcommands:")[1], flags=re.M)
+    assert len(commands) > 5
+    for command in commands:
+        assert f"| `soilvdb {command} " in text
+        for option in re.findall(r"^  (?:-\w,)?(--[\w-]+)", help_of(command), flags=re.M):
+            assert f"`{option}" in text, f"{command} {option}"
