@@ -422,10 +422,20 @@ def test_a_program_ends_beside_threads_that_go_on():
         "for call in calls:\n"
         "    threading.Thread(target=go_on, args=(call,), daemon=True).start()\n"
         "time.sleep(0.1)\n")
+    # One waits for a site that another will never give back.
+    code += "threading.Thread(target=go_on, args=(other.change_m3,), daemon=True).start()\n"
     for _ in range(5):
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
                               timeout=60, check=False)
         assert (done.returncode, done.stderr) == (0, "")
+    code = "import atexit\natexit.register(lambda: print(late()))\n" + code + (
+        "def late():\n"
+        "    try:\n        other.change_m3()\n"
+        "    except RuntimeError as error:\n        return error\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
+                          check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "the site is in a call of a thread that ended with the program\n"
 
 
 def test_run_says_what_the_program_says(tmp_path):

@@ -37,12 +37,6 @@ py::handle no_ground_error;
   throw py::error_already_set();
 }
 
-/// Was this process forked from one that used the module? It has none of the engine's threads.
-bool is_forked() {
-  static const pid_t process = getpid();
-  return getpid() != process;
-}
-
 void require_own_process() {
   if (!is_forked()) return;
   throw std::runtime_error(
@@ -65,6 +59,7 @@ class Site {
     require_own_process();
     const Released released;
     const std::lock_guard lock(turn_);
+    const Inside inside;
     return f(open());
   }
   Session& open() {
@@ -75,6 +70,7 @@ class Site {
     require_own_process();
     const Released released;
     const std::lock_guard lock(turn_);
+    const Inside inside;
     const std::unique_ptr<Session> session = std::move(session_);
     if (session) session->stop_recording();
   }
@@ -110,6 +106,7 @@ Session make_session(double voxel_size, const TerrainValue& terrain, const py::o
   if (!near.is_none()) site.near_m = vector3(near, "near");
   require_own_process();
   const Released released;
+  const Inside inside;
   return Session(std::move(site));
 }
 
@@ -339,6 +336,7 @@ std::vector<Update> update_many(const py::object& given, const MachineName& mach
     std::set<Site*> ordered(sites.begin(), sites.end());
     std::vector<std::unique_lock<Turn>> locks;
     for (Site* site : ordered) locks.emplace_back(site->turn());
+    const Inside inside;
     std::vector<Session*> sessions;
     for (std::size_t i = 0; i < sites.size(); ++i) {
       sessions.push_back(&sites[i]->open());
@@ -379,6 +377,11 @@ void require_good(const StepResult& step) {
 }  // namespace
 
 void bind_site(py::module_& m) {
+  is_forked();  // from now on
+  py::module_::import("atexit").attr("register")(py::cpp_function([] {
+    const py::gil_scoped_release released;
+    if (!is_forked()) Gate::get().close();
+  }));
   static py::exception<NoGroundError> no_ground(m, "NoGroundError", PyExc_RuntimeError);
   no_ground_error = no_ground;
 
@@ -427,6 +430,7 @@ void bind_site(py::module_& m) {
             require_own_process();
             const auto open = [&] {
               const Released released;
+              const Inside inside;
               return Session::open(scenario);
             };
             return std::make_unique<Site>(open(), py::make_tuple(scenario));
