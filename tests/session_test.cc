@@ -203,10 +203,18 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
   EXPECT_EQ(refusal(Session(higher).save()),
-            "the state is of another site; voxels, origin and terrain must be the same");
+            "the state is of another site, plane/0 isn't the same");
   SessionSite alone = site();
   alone.machines.pop_back();
-  EXPECT_EQ(refusal(Session(alone).save()), "the state is of 1 machines; this site has 2");
+  EXPECT_EQ(refusal(Session(alone).save()),
+            "the state is of another site, machines/1 isn't the same");
+  SessionSite swelling = site();
+  swelling.earthmoving.soil.emplace().repose_rad = 0.6;
+  EXPECT_NE(refusal(Session(swelling).save()).find("soil"), std::string::npos);
+  SessionSite sharper = site();
+  sharper.machines[1].bucket.dump_angle_rad = 0.7;
+  EXPECT_EQ(refusal(Session(sharper).save()),
+            "the state is of another site, machines/1/dump_angle_rad isn't the same");
   session.restore(state);
   EXPECT_EQ(session.save(), state);
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <new>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
 
@@ -33,19 +34,6 @@ std::string_view take_text(std::string_view& in) {
   const std::string_view text = in.substr(0, size);
   in.remove_prefix(size);
   return text;
-}
-
-/// What must be the same of the site that a state is of: else it would be another ground.
-std::string identity(const Soil& soil, const io::BaseReference& base) {
-  std::string out;
-  put(out, soil.voxel_size_m());
-  for (const double v : soil.origin()) put(out, v);
-  put_text(out, base.checksum);
-  if (const auto* plane = std::get_if<io::PlaneTerrain>(&base.terrain)) {
-    put(out, plane->height_m);
-    for (const double v : plane->slope) put(out, v);
-  }
-  return out;
 }
 
 }  // namespace
@@ -110,7 +98,9 @@ std::string Session::save() const {
   const State& s = *state_;
   if (!s.broken.empty()) throw std::runtime_error(s.broken);
   std::string rest;
-  put_text(rest, identity(*s.site.soil, s.site.reference));
+  std::string site;
+  nlohmann::json::to_cbor(s.description(/*ground=*/false), site);
+  put_text(rest, site);
   put_text(rest, s.progress());
   put_text(rest, io::samples_bytes(*s.site.soil, {}));
   std::string out(kMagic);
@@ -135,9 +125,10 @@ void Session::restore(std::string_view bytes) {
   take(bytes, checksum);
   if (checksum != io::crc64(bytes))
     throw std::invalid_argument("the state is damaged: it has another checksum");
-  if (take_text(bytes) != identity(*s.site.soil, s.site.reference))
+  const auto site = nlohmann::json::from_cbor(take_text(bytes), true, /*allow_exceptions=*/false);
+  if (const std::string what = difference(site, s.description(/*ground=*/false)); !what.empty())
     throw std::invalid_argument(
-        "the state is of another site; voxels, origin and terrain must be the same");
+        fmt::format("the state is of another site, {} isn't the same", what));
   const std::string_view progress = take_text(bytes);
   State restored(s.machines, s.earthmoving, io::undug_site(s.site));
   try {

@@ -28,56 +28,6 @@ constexpr int kFormat = 1;
 /// States that are dug at once while a recording is gone on with.
 constexpr std::size_t kBatch = 256;
 
-Json numbers(const auto& values) {
-  Json all = Json::array();
-  for (const double value : values) all.push_back(value);
-  return all;
-}
-
-/// What a chain is, by where it brings a bucket.
-Json places(const Chain& chain) {
-  const std::vector<std::string> names = chain.movable();
-  Json all = {{"joints", names}};
-  for (const double value : {0.0, 1.0}) {
-    const Pose pose = chain.world_from_bucket(std::vector<double>(names.size(), value));
-    all["at"].push_back({numbers(pose.position), numbers(pose.rotation.coeffs())});
-  }
-  return all;
-}
-
-/// All of a site that what comes of a state depends on.
-Json site_json(const io::Site& ground, const std::vector<SessionMachine>& machines,
-               const Earthmoving& earthmoving) {
-  const Soil& soil = *ground.soil;
-  const io::BaseReference& base = ground.reference;
-  Json site = {{"voxel_size_m", soil.voxel_size_m()}, {"origin_m", numbers(soil.origin())}};
-  if (const auto* plane = std::get_if<io::PlaneTerrain>(&base.terrain))
-    site["plane"] = {plane->height_m, numbers(plane->slope)};
-  else
-    site["terrain"] = base.checksum;
-  if (!soil.chunks().empty()) site["ground"] = fmt::format("{:016x}", soil.state_hash());
-  for (const SessionMachine& machine : machines) {
-    const Bucket& bucket = machine.bucket;
-    Json one = {{"name", machine.name},
-                {"bucket", {bucket.width_m, bucket.height_m}},
-                {"profile", Json::array()}};
-    for (const Vec2& point : bucket.profile) one["profile"].push_back(numbers(point));
-    if (bucket.dump_angle_rad) one["dump_angle_rad"] = *bucket.dump_angle_rad;
-    if (machine.chain) one["chain"] = places(*machine.chain);
-    site["machines"].push_back(std::move(one));
-  }
-  if (const auto& soil_moves = earthmoving.soil) {
-    site["soil"] = {soil_moves->repose_rad, soil_moves->swell, soil_moves->density_kg_m3,
-                    soil_moves->cohesion_pa.value_or(-1), soil_moves->friction_rad.value_or(-1)};
-    for (const Pour& pour : earthmoving.pours)
-      site["pours"].push_back({numbers(pour.at_m), pour.begin_s, pour.end_s, pour.volume_m3});
-    for (const Hopper& hopper : earthmoving.hoppers)
-      site["hoppers"].push_back({numbers(hopper.box_m.min()), numbers(hopper.box_m.max()),
-                                 hopper.top_m, fmt::format("{} {}", hopper.begin_s, hopper.end_s)});
-  }
-  return site;
-}
-
 /// @throw io::InputError unless a journal is of a session of this site
 void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
   if (!tools::is_of_session(config))
@@ -89,12 +39,11 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
     throw io::InputError(folder, fmt::format("is a recording of format {}; this version goes on "
                                              "with format {}",
                                              before["session"].dump(), kFormat));
-  const Json changes = Json::diff(before["site"], site);
-  if (!changes.empty())
+  if (const std::string what = difference(before["site"], site); !what.empty())
     throw io::InputError(
         folder, fmt::format("is a recording of another site, {} isn't the same; name another "
                             "folder",
-                            changes[0]["path"].get<std::string>().substr(1)));
+                            what));
 }
 
 [[noreturn]] void differs(const fs::path& journal, std::uint64_t update, double time_s,
@@ -223,7 +172,7 @@ io::JournalExtent Session::record(const Recording& recording,
   if (recording.keep && *recording.keep < 2)
     throw std::invalid_argument("two snapshots stay or more: the newest may be damaged");
   const fs::path journal = recording.folder / kJournalName;
-  const Json site = site_json(s.site, s.machines, s.earthmoving);
+  const Json site = s.description(/*ground=*/true);
   auto folder = std::make_unique<tools::RunFolder>(recording.folder);
   folder->make();
   try {

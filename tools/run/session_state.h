@@ -6,6 +6,7 @@
 #include <deque>
 #include <limits>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <set>
 #include <string>
@@ -46,6 +47,9 @@ struct Session::State {
   /// @throw std::invalid_argument if it isn't of these machines
   void set_progress(std::string_view bytes);
   io::SnapshotInfo snapshot_info() const;
+  /// All of a site that what comes of a state depends on.
+  /// @param ground also what had been dug when it was opened
+  nlohmann::json description(bool ground) const;
   struct Found;
   Found find_start(const std::filesystem::path& folder, const io::JournalContent& journal);
   std::int64_t samples(double m3) const;
@@ -78,5 +82,8 @@ struct Session::State {
   std::optional<Chunks> unsaved = {};  ///< since the last snapshot, if those are incremental
   std::unique_ptr<tools::Recorder> recorder = {};  ///< goes first: it reads the site
 };
+
+/// The first thing in which two sites' descriptions differ: "machines/0/bucket"; empty: nothing.
+std::string difference(const nlohmann::json& before, const nlohmann::json& now);
 
 }  // namespace soilvdb::inline v0

@@ -1,0 +1,72 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a session's site is, to tell whether a state or a recording is of the same.
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tools/run/session_state.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+using Json = nlohmann::json;
+
+Json numbers(const auto& values) {
+  Json all = Json::array();
+  for (const double value : values) all.push_back(value);
+  return all;
+}
+
+/// What a chain is, by where it brings a bucket.
+Json places(const Chain& chain) {
+  const std::vector<std::string> names = chain.movable();
+  Json all = {{"joints", names}};
+  for (const double value : {0.0, 1.0}) {
+    const Pose pose = chain.world_from_bucket(std::vector<double>(names.size(), value));
+    all["at"].push_back({numbers(pose.position), numbers(pose.rotation.coeffs())});
+  }
+  return all;
+}
+
+}  // namespace
+
+nlohmann::json Session::State::description(bool ground) const {
+  const Soil& soil = *site.soil;
+  const io::BaseReference& base = site.reference;
+  Json all = {{"voxel_size_m", soil.voxel_size_m()}, {"origin_m", numbers(soil.origin())}};
+  if (const auto* plane = std::get_if<io::PlaneTerrain>(&base.terrain))
+    all["plane"] = {plane->height_m, numbers(plane->slope)};
+  else
+    all["terrain"] = base.checksum;
+  if (ground && !soil.chunks().empty()) all["ground"] = fmt::format("{:016x}", soil.state_hash());
+  for (const SessionMachine& machine : machines) {
+    const Bucket& bucket = machine.bucket;
+    Json one = {{"name", machine.name},
+                {"bucket", {bucket.width_m, bucket.height_m}},
+                {"profile", Json::array()}};
+    for (const Vec2& point : bucket.profile) one["profile"].push_back(numbers(point));
+    if (bucket.dump_angle_rad) one["dump_angle_rad"] = *bucket.dump_angle_rad;
+    if (machine.chain) one["chain"] = places(*machine.chain);
+    all["machines"].push_back(std::move(one));
+  }
+  if (const auto& soil_moves = earthmoving.soil) {
+    all["soil"] = {soil_moves->repose_rad, soil_moves->swell, soil_moves->density_kg_m3,
+                   soil_moves->cohesion_pa.value_or(-1), soil_moves->friction_rad.value_or(-1)};
+    for (const Pour& pour : earthmoving.pours)
+      all["pours"].push_back({numbers(pour.at_m), pour.begin_s, pour.end_s, pour.volume_m3});
+    for (const Hopper& hopper : earthmoving.hoppers)
+      all["hoppers"].push_back({numbers(hopper.box_m.min()), numbers(hopper.box_m.max()),
+                                hopper.top_m, fmt::format("{} {}", hopper.begin_s, hopper.end_s)});
+  }
+  return all;
+}
+
+std::string difference(const Json& before, const Json& now) {
+  const Json changes = Json::diff(before, now);
+  if (changes.empty()) return "";
+  const std::string path = changes[0]["path"];
+  return path.empty() ? "all of it" : path.substr(1);
+}
+
+}  // namespace soilvdb::inline v0
