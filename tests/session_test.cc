@@ -207,7 +207,7 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
   SessionSite alone = site();
   alone.machines.pop_back();
   EXPECT_EQ(refusal(Session(alone).save()),
-            "the state is of another site, machines/1 isn't the same");
+            "the state is of another site, machines isn't the same");
   SessionSite swelling = site();
   swelling.earthmoving.soil.emplace().repose_rad = 0.6;
   EXPECT_NE(refusal(Session(swelling).save()).find("soil"), std::string::npos);

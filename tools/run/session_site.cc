@@ -65,7 +65,8 @@ nlohmann::json Session::State::description(bool ground) const {
 std::string difference(const Json& before, const Json& now) {
   const Json changes = Json::diff(before, now);
   if (changes.empty()) return "";
-  const std::string path = changes[0]["path"];
+  std::string path = changes[0]["path"];
+  if (path.ends_with("/-")) path.resize(path.size() - 2);  // one more of them
   return path.empty() ? "all of it" : path.substr(1);
 }
 
