@@ -32,6 +32,8 @@ def pybind11_dir():
 
 
 def build_module():
+    # It names tools of pip's environment, which is another each time.
+    (BUILD / "CMakeCache.txt").unlink(missing_ok=True)
     subprocess.run(
         ["cmake", "-G", "Ninja", "-S", ROOT, "-B", BUILD, "-DCMAKE_BUILD_TYPE=Release",
          f"-DPython3_EXECUTABLE={sys.executable}", "-DSOILVDB_TOOLS=OFF", "-DSOILVDB_TESTS=OFF",
