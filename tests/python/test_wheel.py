@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""A wheel has all that the module is made of, says its version, and is of use where it is unpacked."""
+
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from email.parser import HeaderParser
+
+import pytest
+from test_guide import BUILD, ROOT
+
+PYTHON = ROOT / "tools/python"
+DIG = """
+import numpy, soilvdb
+site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(width=1.0, height=0.5)])
+for x in numpy.linspace(0, 2, 21):
+    update = site.update(0, position=(x, 0.0, -0.2))
+print(soilvdb.__file__, soilvdb.__version__, round(update.bucket_m3, 3))
+"""
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """Made as pip makes it, but of what is built already."""
+    to = tmp_path_factory.mktemp("wheel")
+    make = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+    done = subprocess.run([sys.executable, "-c", make, to], cwd=PYTHON, check=False, text=True,
+                          env=dict(os.environ, SOILVDB_BUILD_DIR=str(BUILD)), capture_output=True)
+    assert done.returncode == 0, done.stderr
+    made = list(to.glob("*.whl"))
+    assert len(made) == 1
+    return made[0]
+
+
+def version():
+    return re.search(r"project\(soilvdb VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())[1]
+
+
+def test_it_has_all_files_and_no_other(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+        metadata, kind = (HeaderParser().parsestr(archive.read(
+            f"soilvdb-{version()}.dist-info/{name}").decode()) for name in ("METADATA", "WHEEL"))
+    sources = {f"soilvdb/{file.name}" for file in (PYTHON / "soilvdb").iterdir() if file.is_file()}
+    assert {"soilvdb/__init__.py", "soilvdb/_soilvdb.pyi", "soilvdb/py.typed"} <= sources
+    compiled = [name for name in names - sources if re.fullmatch(r"soilvdb/_soilvdb\..*\.so", name)]
+    assert names - sources == set(compiled) and sources <= names and len(compiled) == 1
+    assert metadata["Name"] == "soilvdb" and metadata["Version"] == version()
+    assert metadata.get_all("Requires-Dist") == ["numpy"]
+    tag = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    assert kind["Root-Is-Purelib"] == "false" and kind["Tag"].startswith(f"{tag}-{tag}-linux_")
+
+
+def test_it_digs_from_where_it_is(wheel, tmp_path):
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    out = subprocess.run([sys.executable, "-c", DIG], cwd="/", text=True, check=True,
+                         capture_output=True, env=dict(os.environ, PYTHONPATH=str(tmp_path))).stdout
+    assert out.split() == [str(tmp_path / "soilvdb/__init__.py"), version(), "0.4"]
+
+
+def test_the_sources_stay_as_they_were(wheel):
+    found = {path.name for folder in (PYTHON, ROOT) for path in folder.iterdir()}
+    assert wheel.exists() and not found & {"dist", "soilvdb.egg-info"}
+    assert not (PYTHON / "build").exists()
