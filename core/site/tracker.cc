@@ -81,7 +81,8 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmovin
   for (const Pour& pour : earthmoving_.pours) {
     const double mass =
         pour.volume_m3 / soil.sample_m3() * static_cast<double>(works_->units().loose);
-    if (!((pour.at_m - soil.origin()).cwiseAbs().maxCoeff() <= kMaxIndex * soil.voxel_size_m()))
+    constexpr double kMost = 1 << 29;  // voxels from the origin; an index is an int
+    if (!((pour.at_m - soil.origin()).cwiseAbs().maxCoeff() <= kMost * soil.voxel_size_m()))
       throw std::invalid_argument("pour '" + pour.name + "': its place is not on this site");
     if (!(mass < 0x1p62))
       throw std::invalid_argument("pour '" + pour.name +
