@@ -477,6 +477,15 @@ def test_a_recorded_site_goes_on_where_it_was(soil, tmp_path):
     site.restore(site.save())
 
 
+def test_a_forked_process_that_ends_as_any_other_does_end():
+    code = ("import os, soilvdb, sys\n"
+            "if os.fork() == 0:\n    print('out')\n    sys.exit(5)\n"
+            "print(os.waitstatus_to_exitcode(os.wait()[1]))\n")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
+                          check=True)
+    assert done.stdout == "out\n5\n"
+
+
 def test_a_forked_process_leaves_a_recording_alone(tmp_path):
     site = make_site()
     site.record(tmp_path / "site", sync=0)

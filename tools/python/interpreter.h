@@ -8,6 +8,8 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
@@ -30,6 +32,19 @@ auto coming_back(const F& f) noexcept {
 inline bool is_forked() {
   static const pid_t process = getpid();
   return getpid() != process;
+}
+
+/// What OpenVDB logs by has a thread from the module's import on, for which the end of a process
+/// that was forked since then would wait forever.
+inline void end_forked_processes_at_once() {
+  static const pid_t importer = getpid();
+  on_exit(
+      [](int status, void*) {
+        if (getpid() == importer) return;
+        std::fflush(nullptr);
+        _exit(status);
+      },
+      nullptr);
 }
 
 /// Who is in the engine when a program ends: what that is made of is destroyed then. From close()

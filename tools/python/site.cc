@@ -377,7 +377,7 @@ void require_good(const StepResult& step) {
 }  // namespace
 
 void bind_site(py::module_& m) {
-  is_forked();  // from now on
+  end_forked_processes_at_once();
   py::module_::import("atexit").attr("register")(py::cpp_function([] {
     const py::gil_scoped_release released;
     if (!is_forked()) Gate::get().close();
