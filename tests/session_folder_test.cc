@@ -85,5 +85,39 @@ TEST_P(Sessions, WhoseMemoryCouldntBeLimitedAreAsBefore) {
   EXPECT_EQ(session.clone().save(), session.save());
 }
 
+TEST(SessionFolder, KeepsSnapshotsApartWhateverTheirTimes) {
+  for (const bool incremental : {false, true}) {
+    const TempFolder temp;
+    Recording recording = to(temp / "site");
+    recording.snapshot_every_s = 1e-9;
+    recording.incremental = incremental;
+    recording.keep = 2;
+    const auto feed_all = [](Session& session) {
+      feed(session, part(states(), 0, 0.1));
+      for (const double until_s : {11.0, 13.0, 17.0}) ASSERT_TRUE(session.pour(until_s).ok());
+      MachineState state = states().front();
+      for (const double time_s : {20.0, 20 + 1e-8, 20 + 3e-8, 1e300}) {
+        state.time_s = time_s;
+        state.pose.position.x() += 0.05;
+        ASSERT_TRUE(session.update(state).ok());
+        session.flush();
+      }
+    };
+    Session session(site_of(moving())), unrecorded(site_of(moving()));
+    session.record(recording);
+    feed_all(session);
+    feed_all(unrecorded);
+    session.stop_recording();
+    const std::vector<std::string> names = names_in(temp / "site");
+    EXPECT_GE(names.size(), 3u) << "a journal and two snapshots";
+    EXPECT_EQ(std::count(names.begin(), names.end(), "soil_1e+300.vdb"), 1);
+    for (const io::JournalFile& file : io::read_journal(temp / "site/journal").files)
+      EXPECT_TRUE(fs::exists(temp / "site" / file.name) && file.name != file.parent) << file.name;
+    Session again(site_of(moving()));
+    again.record(recording);
+    EXPECT_EQ(again.save(), unrecorded.save());
+  }
+}
+
 }  // namespace
 }  // namespace soilvdb::testing
