@@ -119,5 +119,34 @@ TEST(SessionFolder, KeepsSnapshotsApartWhateverTheirTimes) {
   }
 }
 
+TEST(SessionFolder, AcknowledgesNothingInAFolderThatWasRemoved) {
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.sync_s = 0;
+  Session session(site_of());
+  session.record(recording);
+  feed(session, part(states(), 0, 0.2));
+  const std::uint64_t safe = session.acknowledged().updates;
+  fs::remove_all(temp / "site");
+  const StepResult step = session.update(part(states(), 0.2, 1).front());
+  EXPECT_EQ(step.status, Status::kFailed);
+  EXPECT_NE(step.why.find("can't be written: No such file"), std::string::npos) << step.why;
+  EXPECT_EQ(session.acknowledged().updates, safe);
+  EXPECT_THROW(session.stop_recording(), std::runtime_error);
+}
+
+TEST(SessionFolder, WaitsAsLongAsItIsToldToWithoutWork) {
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.sync_s = 1e300;
+  Session session(site_of());
+  session.record(recording);
+  feed(session, part(states(), 0, 0.1));
+  const std::clock_t begin = std::clock();
+  usleep(300'000);
+  EXPECT_LT(std::clock() - begin, CLOCKS_PER_SEC / 10);
+  EXPECT_EQ(session.acknowledged().updates, 0u);
+}
+
 }  // namespace
 }  // namespace soilvdb::testing
