@@ -4,8 +4,10 @@
 #include "soilvdb/io/journal.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -154,8 +156,9 @@ JournalExtent JournalWriter::acknowledged() const {
 }
 
 void JournalWriter::work() {
+  constexpr double kLongest_s = 1e6;  // the clock can't tell all that a double can
   const auto interval = std::chrono::duration_cast<Clock::duration>(
-      std::chrono::duration<double>(sync_s_ > 0 ? sync_s_ : 1.0));
+      std::chrono::duration<double>(sync_s_ > 0 ? std::min(sync_s_, kLongest_s) : 1.0));
   Clock::time_point next_sync = Clock::now() + interval;
   std::unique_lock lock(mutex_);
   for (bool last = false; !last;) {
@@ -194,6 +197,9 @@ void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
   }
   if (sync && synced_ < end_) {
     if (::fdatasync(descriptor_) != 0) fail(file_, errno);
+    // What has no name any more is gone with this process.
+    struct stat now {};
+    if (::fstat(descriptor_, &now) == 0 && now.st_nlink == 0) fail(file_, ENOENT);
     synced_ = end_;
   }
   lock.lock();

@@ -67,7 +67,13 @@ bool Recorder::wants_snapshot(double time_s) {
 void Recorder::write_snapshot(const std::vector<Coord3>& changed, const io::Site& site,
                               io::SnapshotInfo info) noexcept {
   try {
-    const io::JournalFile file{"soil_" + time_text(info.time_s) + ".vdb", updates_};
+    std::string time = time_text(info.time_s);
+    constexpr std::size_t kLongest = 32;  // names of files end somewhere, too
+    if (time.size() > kLongest) time = fmt::format("{}", info.time_s);
+    // Times that differ by less than such a name tells.
+    const std::string again = time == last_time_ ? fmt::format("_{}", updates_) : "";
+    const io::JournalFile file{"soil_" + time + again + ".vdb", updates_};
+    last_time_ = std::move(time);
     snapshots_.write(file, false, changed, site, std::move(info), journal_);
   } catch (const std::exception& e) {
     failed(e.what());

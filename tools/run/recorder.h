@@ -56,7 +56,8 @@ class Recorder {
   io::JournalWriter journal_;
   SnapshotSchedule schedule_;
   std::uint64_t updates_;
-  SnapshotWriter snapshots_;  // writes to the journal, too
+  SnapshotWriter snapshots_;    // writes to the journal, too
+  std::string last_time_ = {};  // in the last snapshot's name
   std::string error_;
 };
 

@@ -45,6 +45,7 @@ std::string fault_before(const fs::path& file, const io::JournalFile& known,
 std::string fault_of(const fs::path& file, const io::JournalFile& known) {
   std::error_code none;
   if (!fs::exists(file, none)) return "is missing";
+  if (!fs::is_regular_file(file, none)) return "can't be read";  // a pipe would never end
   try {
     if (io::file_digest(file) != io::FileDigest{known.size, known.crc})
       return "is damaged: its checksum is not the journal's";

@@ -156,9 +156,10 @@ void Session::replay(const fs::path& journal, std::uint64_t from, tools::Snapsho
 
 const Recording& Session::recording() const { return state_->recording; }
 
-io::JournalExtent Session::record(const Recording& recording,
+io::JournalExtent Session::record(const Recording& given,
                                   const std::function<void(const io::JournalExtent&)>& progress) {
   State& s = *state_;
+  Recording recording = given;
   if (!s.broken.empty()) throw std::runtime_error(s.broken);
   if (s.recorder) throw std::invalid_argument("the session is recorded already");
   if (s.fed_count > 0)
@@ -171,6 +172,8 @@ io::JournalExtent Session::record(const Recording& recording,
     throw std::invalid_argument("snapshots come so many seconds after each other, more than 0");
   if (recording.keep && *recording.keep < 2)
     throw std::invalid_argument("two snapshots stay or more: the newest may be damaged");
+  // Wherever the program goes meanwhile, it is this folder.
+  if (!recording.folder.empty()) recording.folder = fs::absolute(recording.folder);
   const fs::path journal = recording.folder / kJournalName;
   const Json site = s.description(/*ground=*/true);
   auto folder = std::make_unique<tools::RunFolder>(recording.folder);
@@ -238,9 +241,11 @@ void Session::stop_recording() {
 
 void Session::limit_memory(std::uint64_t bytes, const fs::path& folder) {
   if (bytes == 0) throw std::invalid_argument("the memory must be limited to more than 0 bytes");
+  // Others are made there by and by, wherever the program goes meanwhile.
+  const fs::path place = folder.empty() ? folder : fs::absolute(folder);
+  state_->site.soil->limit_memory(bytes, std::make_shared<io::ColdFile>(place));
   state_->memory_bytes = bytes;
-  state_->cold_folder = folder;
-  state_->limit_memory();
+  state_->cold_folder = place;
 }
 
 void Session::State::limit_memory() {

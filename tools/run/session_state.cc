@@ -152,6 +152,7 @@ void Session::State::write_due_snapshot(double time_s) {
   if (unsaved) changed.assign(unsaved->begin(), unsaved->end());
   if (unsaved) unsaved->clear();
   io::SnapshotInfo info = snapshot_info();
+  info.time_s = time_s;  // pours may have come further than any machine
   info.tracker_state = progress();
   recorder->write_snapshot(changed, site, std::move(info));
 }
