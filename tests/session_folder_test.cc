@@ -168,5 +168,31 @@ TEST(SessionFolder, PassesOverAPipeInASnapshotsPlace) {
   EXPECT_EQ(again.save(), session.save());
 }
 
+TEST(SessionFolder, OfAnotherChainIsRefusedThoughNothingWasDug) {
+  const TempFolder temp;
+  const auto site = [](const Vec3& first, const Vec3& second) {
+    SessionSite all = site_of();
+    Chain& chain = all.machines[0].chain.emplace();
+    for (const Vec3& axis : {first, second}) {
+      Joint& joint = chain.joints.emplace_back();
+      joint.name = chain.joints.size() == 1 ? "a" : "b";
+      joint.type = Joint::Type::kPrismatic;
+      joint.axis = axis;
+    }
+    return all;
+  };
+  const std::vector<double> joints = {1, 7};
+  Session session(site(Vec3::UnitX(), Vec3::UnitZ()));
+  session.record(to(temp / "site"));
+  ASSERT_TRUE(session.update({.time_s = 0, .joints = joints}).ok());
+  session.stop_recording();
+  // Both together bring the bucket to the same places.
+  Session swapped(site(Vec3::UnitZ(), Vec3::UnitX()));
+  EXPECT_NE(refusal([&] { swapped.record(to(temp / "site")); }).find("machines/0/chain"),
+            std::string::npos);
+  Session same(site(Vec3::UnitX(), Vec3::UnitZ()));
+  EXPECT_EQ(same.record(to(temp / "site")).updates, 1u);
+}
+
 }  // namespace
 }  // namespace soilvdb::testing

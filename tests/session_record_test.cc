@@ -356,9 +356,23 @@ TEST(SessionRecord, KilledAtAnyTimeLosesNothingThatWasAcknowledged) {
             "--gtest_also_run_disabled_tests", nullptr);
       _exit(127);
     }
-    usleep(static_cast<useconds_t>(150'000 + random() % 250'000));
-    kill(child, SIGKILL);
-    waitpid(child, nullptr, 0);
+    // However slow the machine is, some states further and then at any time.
+    const auto said = [&] {
+      std::error_code none;
+      const auto size = fs::file_size(temp / "acknowledged", none);
+      return none ? 0 : size;
+    };
+    const auto before = said();
+    bool ended = false;
+    while (said() == before && !ended) {
+      usleep(2000);
+      ended = waitpid(child, nullptr, WNOHANG) != 0;
+    }
+    usleep(static_cast<useconds_t>(random() % 100'000));
+    if (!ended) {
+      kill(child, SIGKILL);
+      waitpid(child, nullptr, 0);
+    }
     if (!fs::exists(temp / "site/journal")) continue;
     std::uint64_t acknowledged = 0;
     std::ifstream lines(temp / "acknowledged");

@@ -18,12 +18,14 @@ Json numbers(const auto& values) {
   return all;
 }
 
-/// What a chain is, by where it brings a bucket.
+/// What a chain is, by where it brings a bucket: each joint's axis shows where that moves alone.
 Json places(const Chain& chain) {
   const std::vector<std::string> names = chain.movable();
   Json all = {{"joints", names}};
-  for (const double value : {0.0, 1.0}) {
-    const Pose pose = chain.world_from_bucket(std::vector<double>(names.size(), value));
+  for (std::size_t moved = 0; moved <= names.size(); ++moved) {
+    std::vector<double> joints(names.size(), 0.0);
+    if (moved > 0) joints[moved - 1] = 1;
+    const Pose pose = chain.world_from_bucket(joints);
     all["at"].push_back({numbers(pose.position), numbers(pose.rotation.coeffs())});
   }
   return all;
