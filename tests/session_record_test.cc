@@ -8,14 +8,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <optional>
 #include <random>
+#include <set>
 
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/journal.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/program.h"
 #include "tests/session_fixture.h"
 #include "tests/temp_folder.h"
@@ -319,6 +324,175 @@ TEST_P(Sessions, RecordedOnAFullDiskRefuseWhatTheyCantKeep) {
     Session again(site());
     EXPECT_EQ(again.record(recording).updates, safe);
   }
+}
+
+std::set<std::string> snapshots_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder))
+    if (entry.path().extension() == ".vdb") names.insert(entry.path().filename());
+  return names;
+}
+
+TEST_P(Sessions, WriteToTheJournalWhatIsBooked) {
+  const TempFolder temp;
+  Session session(site());
+  session.record(to(temp / "site"));
+  std::vector<std::int64_t> loads;
+  std::vector<Update> updates;
+  for (const MachineState& state : states()) {
+    const StepResult step = session.update(state);
+    ASSERT_TRUE(step.ok()) << step.why;
+    updates.push_back(step.update);
+    loads.push_back(session.ledger(state.machine).load);
+  }
+  session.stop_recording();
+  const Ledger total = session.total();
+  io::JournalReader reader(temp / "site/journal");
+  reader.next();
+  std::int64_t cut = 0, spilled = 0, slid = 0;
+  double slid_m3 = 0;
+  for (std::size_t i = 0; i < updates.size(); ++i) {
+    const auto fed = std::get<io::JournalState>(*reader.next());
+    EXPECT_EQ(fed.bucket_samples, loads[i]) << i;
+    EXPECT_EQ(fed.ns, std::llround(1000 * updates[i].us)) << i;
+    cut += fed.cut_samples;
+    spilled += fed.spilled;
+    slid += fed.slid;
+    slid_m3 += updates[i].slid_m3;
+  }
+  EXPECT_EQ(cut, total.cut());
+  EXPECT_EQ(spilled, total.spilled);
+  EXPECT_NEAR(total.units.loose_samples(slid) * total.sample_m3, slid_m3, 1e-9);
+  EXPECT_EQ(slid > 0, GetParam());
+}
+
+TEST_P(Sessions, WriteSnapshotsWhenTheyAreDueHoweverOftenTheyAreStopped) {
+  for (const std::optional<std::size_t> keep : {std::optional<std::size_t>(), {2}}) {
+    const TempFolder temp;
+    for (const bool stopped : {false, true}) {
+      Recording recording = to(temp / (stopped ? "stopped" : "whole"));
+      recording.snapshot_every_s = 6;
+      recording.keep = keep;
+      double fed = 0;
+      for (const double until : stopped ? std::vector{0.33, 0.62, 1.0} : std::vector{1.0}) {
+        Session session(site());
+        session.record(recording);
+        feed(session, part(states(), fed, until));
+        fed = until;
+      }
+    }
+    // Every six seconds since the first state.
+    double due_s = states().front().time_s;
+    std::vector<std::string> due;
+    while ((due_s += 6) <= states().back().time_s) due.push_back(fmt::format("soil_{}.vdb", due_s));
+    if (keep) due.erase(due.begin(), due.end() - static_cast<std::ptrdiff_t>(*keep));
+    const std::set<std::string> wanted(due.begin(), due.end());
+    EXPECT_EQ(snapshots_in(temp / "whole"), wanted);
+    EXPECT_EQ(snapshots_in(temp / "stopped"), wanted);
+  }
+}
+
+TEST_P(Sessions, WriteADueSnapshotAfterABatchThatEndsWithoutATime) {
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.snapshot_every_s = 3;
+  Session session(site());
+  session.record(recording);
+  ASSERT_TRUE(session.update({.time_s = 0}).ok());
+  const MachineState no_time{.machine = 1, .pose = {{0, -4, 1}, {1, 0, 0, 0}}};
+  const MachineState batch[] = {{.time_s = 4}, no_time};
+  ASSERT_TRUE(session.update(batch).ok());
+  session.stop_recording();
+  EXPECT_EQ(snapshots_in(temp / "site"), std::set<std::string>{"soil_4.vdb"});
+}
+
+TEST_P(Sessions, KeepInASnapshotWhatChangedSinceTheLast) {
+  // The same dig at one place after the other: none holds the chunks of those before it.
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.snapshot_every_s = 10;
+  recording.incremental = true;
+  SessionSite level = site();
+  level.terrain = io::PlaneTerrain{0.04, {0, 0}};
+  level.earthmoving.pours.clear();
+  Session session(level);
+  session.record(recording);
+  double time_s = 0;
+  for (int place = 0; place < 8; ++place) {
+    for (int i = 0; i <= 10; ++i) {
+      const Pose pose{{-40 + 12.8 * place + 0.2 * i, 0, -0.3}, {1, 0, 0, 0}};
+      ASSERT_TRUE(session.update({.time_s = time_s, .pose = pose}).ok());
+      time_s += 10.0 / 11;
+    }
+    const Pose lifted{{-40 + 12.8 * place + 2, 0, 3}, {1, 0, 0, 0}};
+    ASSERT_TRUE(session.update({.pose = lifted}).ok());
+  }
+  session.stop_recording();
+  std::vector<std::size_t> chunks;
+  std::map<std::string, std::size_t> before;
+  for (const io::JournalFile& file : io::read_journal(temp / "site/journal").files) {
+    io::SnapshotInfo info;
+    io::read_snapshot(temp / "site" / file.name, &info);
+    before[file.name] = info.parent ? info.parent->chunks : 0;
+    if (info.parent) chunks.push_back(info.parent->chunks - before.at(info.parent->name));
+  }
+  ASSERT_GT(chunks.size(), 2u);
+  const auto [least, most] = std::minmax_element(chunks.begin(), chunks.end());
+  EXPECT_LT(*most, 2 * *least);
+}
+
+TEST_P(Sessions, AreRecordedFromTheirFirstStateOnly) {
+  const auto is_refused = [](Session& session) {
+    const TempFolder other;
+    const std::string why = refusal([&] { session.record(to(other / "other")); });
+    EXPECT_NE(why.find("before the first state"), std::string::npos) << why;
+    EXPECT_FALSE(fs::exists(other / "other"));
+  };
+  Session fed(site());
+  ASSERT_TRUE(fed.update(states().front()).ok());
+  is_refused(fed);
+  Session restored(site());
+  restored.restore(fed.save());
+  is_refused(restored);
+  Session clone = fed.clone();
+  is_refused(clone);
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.snapshot_every_s = 1;
+  {
+    Session session(site());
+    session.record(recording);
+    ASSERT_TRUE(session.update({.time_s = 0}).ok());
+    ASSERT_TRUE(session.update({.time_s = 2}).ok());
+    session.stop_recording();
+  }
+  EXPECT_TRUE(fs::exists(temp / "site/soil_2.vdb")) << "so that nothing is fed again";
+  Session from_snapshot(site());
+  EXPECT_EQ(from_snapshot.record(recording).updates, 2u);
+  from_snapshot.stop_recording();
+  is_refused(from_snapshot);
+}
+
+TEST(SessionRecord, SaysWhichUpdateDiffers) {
+  const TempFolder temp;
+  const fs::path journal = temp / "site/journal";
+  {
+    Session session(site_of());
+    session.record(to(temp / "site"));
+  }
+  const auto config = [&] {
+    io::JournalReader reader(journal);
+    return std::get<io::JournalConfig>(*reader.next());
+  }();
+  io::JournalWriter writer(journal, io::begin_journal(journal, config), {}, 1);
+  for (int i = 0; i < 3; ++i)
+    writer.add(io::JournalState{
+        .time_s = 1.0 + i, .values = {-3, 0, 3, 0, 0, 0, 1}, .cut_samples = i == 1 ? 17 : 0});
+  writer.flush();
+  EXPECT_NE(refusal([&] {
+              Session(site_of()).record(to(temp / "site"));
+            }).find("update 2, at 2 s, cuts something else"),
+            std::string::npos);
 }
 
 constexpr const char* kFolder = "SOILVDB_TEST_FOLDER";

@@ -295,6 +295,35 @@ TEST_P(Sessions, StepManyAtOnceAsOneByOne) {
   EXPECT_EQ(update_many(same, two)[0].why, "a session is there twice");
 }
 
+TEST_P(Sessions, PatchesTellWhatWentOverSeveralStatesAndClones) {
+  Session session(site());
+  const std::string undug = session.save();
+  feed(session, part(states(), 0, 0.5));
+  const auto blocks = [](Session& of) {
+    std::vector<Coord3> all;
+    for (const SurfacePatch& patch : of.changed_patches()) all.push_back(patch.block);
+    return all;
+  };
+  std::vector<double> none(1);
+  session.heights(std::vector<Vec2>{{0, 0}}, none);  // who looks at something else
+  Session clone = session.clone();
+  const std::vector<Coord3> dug = blocks(session);
+  EXPECT_FALSE(dug.empty());
+  EXPECT_EQ(blocks(clone), dug);
+  session.restore(undug);
+  session.restore(undug);  // what went the first time went all the same
+  EXPECT_EQ(blocks(session), dug);
+}
+
+TEST_P(Sessions, RememberTheTimeOverStatesWithoutOne) {
+  Session session(site());
+  const auto at = [](double time_s) { return MachineState{.machine = 0, .time_s = time_s}; };
+  ASSERT_TRUE(session.update(at(5)).ok());
+  ASSERT_TRUE(session.update(at(kNaN)).ok());
+  EXPECT_EQ(session.update(at(4)).why, "machine 'digger': time goes back from 5 s to 4 s");
+  EXPECT_TRUE(session.update(at(5)).ok());
+}
+
 TEST(Session, RefusesWhatCantBeASite) {
   const auto refusal = [](const auto& change) {
     SessionSite site = site_of(moving());
@@ -400,6 +429,23 @@ TEST_F(Program, ASessionFedJointsComesToTheGroundOfARunOfThem) {
   session.come_to_rest();
   EXPECT_GT(session.total().cut_m3(), 0.05);
   EXPECT_EQ(fmt::format("{:016x}", session.ground_hash()), summary["state_hash"]);
+  // A machine that has a motion, too, is fed joints all the same.
+  const Session with_motion = Session::open(folder() / "arm.yaml");
+  EXPECT_EQ(with_motion.pose(0, rows[3]).position, session.pose(0, rows[3]).position);
+}
+
+TEST_F(Program, ASessionIsRecordedAsItsScenarioSays) {
+  write_file(folder() / "s.yaml",
+             "soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 0}}\nmachines:\n- name: digger\n"
+             "  bucket: {width: 1.2, height: 0.9}\n"
+             "output:\n  snapshots: {every: 7, incremental: true, keep: 4}\n"
+             "  journal: {sync: 0.25}\n");
+  const Session session = Session::open(folder() / "s.yaml");
+  const Recording& recording = session.recording();
+  EXPECT_EQ(recording.sync_s, 0.25);
+  EXPECT_EQ(recording.snapshot_every_s, 7);
+  EXPECT_TRUE(recording.incremental);
+  EXPECT_EQ(recording.keep, 4u);
 }
 
 }  // namespace

@@ -536,3 +536,48 @@ def test_a_site_with_little_memory_gives_the_same_bits(soil, tmp_path):
             limited.limit_memory(bad, tmp_path)
     with pytest.raises(RuntimeError):
         make_site().limit_memory(1, tmp_path / "none")
+
+
+def test_a_recording_keeps_the_snapshots_it_is_told_to(tmp_path):
+    positions, rotations = dig()
+    sizes = {}
+    for incremental in (False, True):
+        for keep in (None, 2):
+            folder = tmp_path / f"{incremental} {keep}"
+            with make_site() as site:
+                site.record(folder, snapshot_every=0.5, incremental=incremental, keep=keep)
+                site.update_path(0, positions=positions, rotations=rotations,
+                                 times=0.1 * np.arange(60))
+            sizes[incremental, keep] = [f.stat().st_size for f in folder.glob("*.vdb")]
+    assert len(sizes[False, None]) == len(sizes[True, None]) == 11
+    assert len(sizes[False, 2]) == 2
+    assert sum(sizes[True, None]) < sum(sizes[False, None])
+
+
+def test_many_sites_turn_each_its_own_way_at_one_time():
+    start = make_site(LOAM)
+    start.update(0, position=(0, 0, 0.5), time=1)
+    sites = [start.clone() for _ in range(3)]
+    places = np.array([(0.5, 0, -0.1), (0.5, 0, -0.2), (0.6, 0, -0.2)])
+    turns = np.array([(0, np.sin(a), 0, np.cos(a)) for a in (0, 0.1, -0.2)])
+    soilvdb.update_many(sites, 0, positions=places, rotations=turns, time=2)
+    for site, place, turn in zip(sites, places, turns):
+        alone = start.clone()
+        alone.update(0, position=place, rotation=turn, time=2)
+        assert alone.save() == site.save()
+
+
+def test_books_of_a_path_are_those_of_its_updates(soil):
+    positions, rotations = dig()
+    site, single = make_site(soil), make_site(soil)
+    path = site.update_path(0, positions=positions, rotations=rotations)
+    updates = [single.update(0, position=p, rotation=q) for p, q in zip(positions, rotations)]
+    for name in ("cut_m3", "bucket_m3", "spilled_m3", "slid_m3"):
+        assert path[name].tolist() == [getattr(update, name) for update in updates]
+    books = site.ledger(0)
+    assert books["cut_m3"] == pytest.approx(path["cut_m3"].sum())
+    assert books["spilled_m3"] == pytest.approx(path["spilled_m3"].sum())
+    assert books["bucket_m3"] == path["bucket_m3"][-1]
+    assert books["cut_m3"] == pytest.approx(books["captured_m3"] + books["displaced_m3"])
+    if soil is None:  # what moves is loose where it is dug again
+        assert books["captured_m3"] == pytest.approx(books["bucket_m3"] + books["spilled_m3"])
