@@ -240,6 +240,18 @@ TEST(SessionRecord, IsNotMixedUpWithAnythingElse) {
   EXPECT_EQ(read_file(temp / "bad/soil_3.vdb"), "somebody's");
 }
 
+TEST(SessionRecord, CountsTheTimesOfABatchForItsSnapshots) {
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.snapshot_every_s = 3;
+  Session session(site_of());
+  session.record(recording);
+  const std::vector<MachineState> batch = {{.time_s = 0}, {.time_s = 4}};
+  ASSERT_TRUE(session.update(batch).ok());
+  session.stop_recording();
+  EXPECT_TRUE(fs::exists(temp / "site/soil_4.vdb"));
+}
+
 TEST(SessionRecord, ThatIsDamagedOrDugOtherwiseIsRefused) {
   const TempFolder temp;
   const fs::path journal = temp / "site/journal";

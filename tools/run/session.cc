@@ -200,12 +200,12 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       }
     }
     s.fed = std::move(fed);
-    double last_s = kNoTime;
+    double due_s = kNoTime;  // as one by one, but all of them are in it
     for (std::size_t i = 0; i < states.size(); ++i) {
       s.record(states[i], made.updates[i], made);
-      last_s = std::fmax(last_s, states[i].time_s);
+      if (s.is_snapshot_due(states[i].time_s)) due_s = std::fmax(due_s, states[i].time_s);
     }
-    s.write_due_snapshot(last_s);
+    if (!std::isnan(due_s)) s.write_snapshot(due_s);
     return made;
   });
   result.bad = result.ok() ? 0 : at;
@@ -246,7 +246,7 @@ StepResult Session::update(const MachineState& state) noexcept {
     }
     s.fed[state.machine] = std::move(fed);
     s.record(state, made.update, made);
-    s.write_due_snapshot(state.time_s);
+    if (s.is_snapshot_due(state.time_s)) s.write_snapshot(state.time_s);
     return made;
   });
 }
@@ -259,7 +259,7 @@ StepResult Session::pour(double until_s) noexcept {
     moving = true;
     state_->pour(until_s);
     state_->record({io::JournalState::Kind::kPours, 0, until_s}, made);
-    state_->write_due_snapshot(until_s);
+    if (state_->is_snapshot_due(until_s)) state_->write_snapshot(until_s);
     return made;
   });
 }

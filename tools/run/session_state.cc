@@ -144,9 +144,12 @@ void Session::State::require_room() {
   site.soil->page_out();
 }
 
+bool Session::State::is_snapshot_due(double time_s) {
+  return recorder && recorder->wants_snapshot(time_s);
+}
+
 /// After states up to this time.
-void Session::State::write_due_snapshot(double time_s) {
-  if (!recorder || !recorder->wants_snapshot(time_s)) return;
+void Session::State::write_snapshot(double time_s) {
   note_changes();
   std::vector<Coord3> changed;
   if (unsaved) changed.assign(unsaved->begin(), unsaved->end());

@@ -59,7 +59,8 @@ struct Session::State {
   void record(const io::JournalState& state, Result& made);
   template <typename Result>
   void record(const MachineState& state, const Update& update, Result& made);
-  void write_due_snapshot(double time_s);
+  bool is_snapshot_due(double time_s);
+  void write_snapshot(double time_s);
   void limit_memory();
   template <typename Result, typename Work>
   Result guarded(const Work& work) noexcept;
