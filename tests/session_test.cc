@@ -73,6 +73,24 @@ TEST_P(Sessions, DoWhatATrackerDoesAlongMotions) {
   EXPECT_NEAR(session.bucket_kg(0), session.ledger(0).bucket_m3() / 1.25 * 1800, 1e-6);
 }
 
+TEST(SessionPours, UpToATimeIncludeWhatFallsThenAndAMachineGoesBeforeIt) {
+  const auto poured = [](const auto& bring) {
+    Session session(site_of(moving()));
+    EXPECT_TRUE(bring(session).ok());
+    return session.books().poured;
+  };
+  const double end_s = 40;
+  const auto all = poured([](Session& session) { return session.pour(1e3); });
+  EXPECT_EQ(poured([&](Session& session) { return session.pour(end_s); }), all);
+  const auto before = poured([&](Session& session) { return session.pour(end_s - 1e-9); });
+  EXPECT_LT(before, all);
+  EXPECT_EQ(
+      poured([&](Session& session) {
+        return session.update({.machine = 0, .time_s = end_s, .pose = {{9, 9, 9}, {1, 0, 0, 0}}});
+      }),
+      before);
+}
+
 TEST_P(Sessions, MoveABatchAsOneByOneOnAnyThreads) {
   Session single(site());
   feed(single, states());
