@@ -8,11 +8,13 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "core/compare/box_difference.h"
 #include "core/compare/changed_area.h"
+#include "core/tool/polygon.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/column_gains.h"
 #include "soilvdb/lattice.h"
@@ -58,8 +60,48 @@ struct Stack {
   ChangedColumns columns;
 };
 
-Stack compare(const Pair& soils, const Coord3* first, const Coord3* last) {
+/// Which samples of a soil are inside a boundary.
+class Inside {
+ public:
+  /// @param boundary null: all are
+  Inside(const Soil& soil, const std::vector<Vec2>* boundary) {
+    if (boundary == nullptr) return;
+    for (const Vec2& corner : *boundary)
+      polygon_.push_back(soil.index_from_world({corner.x(), corner.y(), 0}).head<2>());
+  }
+
+  /// Of a column of chunks: all, none, or those that at() says.
+  enum class Part { kAll, kNone, kSome };
+  Part part(const Coord3& chunk) const {
+    if (polygon_.empty()) return Part::kAll;
+    const Vec2 low = chunk.head<2>().cast<double>() - Vec2::Constant(0.5);
+    const Eigen::AlignedBox2d box(low, low + Vec2::Constant(kChunkSide));
+    for (std::size_t i = 0, j = polygon_.size() - 1; i < polygon_.size(); j = i++)
+      if (Eigen::AlignedBox2d(polygon_[i].cwiseMin(polygon_[j]), polygon_[i].cwiseMax(polygon_[j]))
+              .intersects(box))
+        return Part::kSome;
+    return inside(polygon_, box.center()) ? Part::kAll : Part::kNone;
+  }
+
+  std::uint64_t at(const Coord3& voxel, std::uint64_t samples) const {
+    const CellPoints& points = sample_points(voxel);
+    std::uint64_t in = 0;
+    for (std::uint64_t rest = samples; rest != 0; rest &= rest - 1) {
+      const int i = std::countr_zero(rest);
+      const Vec2 p(voxel.x() - 0.5 + double{points.x[i]}, voxel.y() - 0.5 + double{points.y[i]});
+      if (inside(polygon_, p)) in |= std::uint64_t{1} << i;
+    }
+    return in;
+  }
+
+ private:
+  std::vector<Vec2> polygon_;  // in index space
+};
+
+Stack compare(const Pair& soils, const Inside& boundary, const Coord3* first, const Coord3* last) {
   Stack stack;
+  const Inside::Part part = boundary.part(*first);
+  if (part == Inside::Part::kNone) return stack;
   SampleWords a, b;
   std::array<int, 64> count{}, levels{}, most{};
   const auto mixed = [](std::uint64_t word) { return word != 0 && word != kAllSoil; };
@@ -67,6 +109,12 @@ Stack compare(const Pair& soils, const Coord3* first, const Coord3* last) {
     soils.read(*first, a, b);
     for (std::size_t n = 0; n < a.size(); ++n) {
       if (a[n] == b[n]) continue;
+      if (part == Inside::Part::kSome) {
+        const int i = static_cast<int>(n);
+        const std::uint64_t in =
+            boundary.at(*first + Coord3(i >> 6, i >> 3 & 7, i & 7), a[n] ^ b[n]);
+        b[n] = a[n] ^ in;
+      }
       const int cut = std::popcount(a[n] & ~b[n]), fill = std::popcount(b[n] & ~a[n]);
       stack.cut += cut;
       stack.fill += fill;
@@ -81,7 +129,8 @@ Stack compare(const Pair& soils, const Coord3* first, const Coord3* last) {
   return stack;
 }
 
-Difference by_samples(const Pair& soils) {
+Difference by_samples(const Pair& soils, const std::vector<Vec2>* boundary = nullptr) {
+  const Inside in(soils.first(), boundary);
   const std::vector<Coord3> origins = soils.chunks();
   std::vector<std::size_t> firsts;  // of each stack
   for (std::size_t i = 0; i < origins.size(); ++i)
@@ -89,7 +138,7 @@ Difference by_samples(const Pair& soils) {
   std::vector<Stack> stacks(firsts.size());
   firsts.push_back(origins.size());
   tbb::parallel_for(std::size_t{0}, stacks.size(), [&](std::size_t i) {
-    stacks[i] = compare(soils, &origins[firsts[i]], origins.data() + firsts[i + 1]);
+    stacks[i] = compare(soils, in, &origins[firsts[i]], origins.data() + firsts[i + 1]);
   });
   std::int64_t cut = 0, fill = 0, mixed = 0;
   const Soil& soil = soils.first();
@@ -128,6 +177,19 @@ Difference difference(const Soil& before, const Soil& after, bool same_base) {
       return by_samples(Pair(before, after, *shift));
   }
   return box_difference(before, after);
+}
+
+Difference difference(const Soil& before, const Soil& after, const std::vector<Vec2>& boundary) {
+  const auto shift = lattice_shift(before, after);
+  if (!shift) throw std::invalid_argument("soils of two lattices can't be compared in a boundary");
+  Difference d = by_samples(Pair(before, after, *shift), &boundary);
+  double twice_m2 = 0;
+  for (std::size_t i = 0, j = boundary.size() - 1; i < boundary.size(); j = i++) {
+    const Vec2 a = boundary[j] - boundary[0], b = boundary[i] - boundary[0];
+    twice_m2 += a.x() * b.y() - b.x() * a.y();
+  }
+  d.area_m2 = std::abs(twice_m2) / 2;
+  return d;
 }
 
 void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,

@@ -15,10 +15,15 @@ std::vector<std::string> Chain::movable() const {
   return names;
 }
 
-Pose Chain::world_from_bucket(std::span<const double> values) const {
-  Pose world_from_link = world_from_root;
+namespace {
+
+/// Calls `f(joint, world_from_joint)` for each joint; where it moves from, its own value apart.
+/// @return world_from_link of the last link
+template <typename F>
+Pose walk(const Chain& chain, std::span<const double> values, const F& f) {
+  Pose world_from_link = chain.world_from_root;
   std::size_t next = 0;
-  for (const Joint& joint : joints) {
+  for (const Joint& joint : chain.joints) {
     Pose joint_from_child;
     switch (joint.type) {
       case Joint::Type::kFixed:
@@ -33,12 +38,29 @@ Pose Chain::world_from_bucket(std::span<const double> values) const {
         joint_from_child.position = values[next++] * joint.axis;
         break;
     }
-    world_from_link = world_from_link * joint.parent_from_joint * joint_from_child;
+    world_from_link = world_from_link * joint.parent_from_joint;
+    f(joint, world_from_link);
+    world_from_link = world_from_link * joint_from_child;
   }
   assert(next == values.size());
+  return world_from_link;
+}
+
+}  // namespace
+
+Pose Chain::world_from_bucket(std::span<const double> values) const {
+  const Pose world_from_link = walk(*this, values, [](const Joint&, const Pose&) {});
   Pose world_from_bucket = world_from_link * link_from_bucket;
   world_from_bucket.rotation.normalize();  // rounding of long chains
   return world_from_bucket;
+}
+
+std::vector<Vec3> Chain::joint_places(std::span<const double> values) const {
+  std::vector<Vec3> places;
+  walk(*this, values, [&](const Joint& joint, const Pose& world_from_joint) {
+    if (joint.type != Joint::Type::kFixed) places.push_back(world_from_joint.position);
+  });
+  return places;
 }
 
 }  // namespace soilvdb::inline v0

@@ -46,4 +46,16 @@ struct DiffOptions {
 };
 void diff(const DiffOptions& options);
 
+struct ServeOptions {
+  std::filesystem::path scenario;            ///< or the folder of a run or a recording
+  std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>
+  std::string listen = "127.0.0.1";
+  std::int64_t port = 8470;  ///< 0: any that is free
+  std::string token;
+  std::optional<double> speed;  ///< plays the scenario's motions, so many times as fast
+  std::optional<std::filesystem::path> design;
+  bool feed_stdin = false;
+};
+void serve(const ServeOptions& options);
+
 }  // namespace soilvdb::tools

@@ -87,6 +87,7 @@ class CommandLine {
         "written; 1 anything else.");
     add_run();
     add_resume();
+    add_serve();
     add_verify();
     add_info();
     add_export();
@@ -168,6 +169,42 @@ class CommandLine {
     });
   }
 
+  void add_serve() {
+    CLI::App* sub = app_.add_subcommand("serve", "a live site: fed by streams, seen in a browser");
+    sub->add_option("SCENARIO|DIR", serve_.scenario,
+                    "scenario file (YAML), or the folder of a run or recording to look at")
+        ->required();
+    sub->add_option("--out", serve_.out,
+                    "folder that what is fed is recorded to, and gone on with; default: "
+                    "out/<scenario name>")
+        ->type_name("DIR");
+    sub->add_option("--port", serve_.port,
+                    "port to listen on, 0 for any that is free; default: 8470")
+        ->type_name("P")
+        ->transform(number_between(0, 65535, true, "a whole number from 0 to 65535"));
+    sub->add_option("--listen", serve_.listen,
+                    "address of this machine to listen on; default: 127.0.0.1, for this machine "
+                    "alone")
+        ->type_name("ADDR");
+    sub->add_option("--token", serve_.token, "what others have to know; needed with --listen")
+        ->type_name("T");
+    sub->add_option("--speed", serve_.speed,
+                    "play the scenario's own motions, so many times as fast as they are")
+        ->type_name("X")
+        ->check(number_between(1e-3, 1e4, false, "a number from 0.001 to 10000"));
+    sub->add_option("--design", serve_.design,
+                    "surface that is to be dug, to compare with (raster)")
+        ->type_name("FILE");
+    sub->add_flag("--stdin", serve_.feed_stdin,
+                  "feed lines from standard input, too; answers go to standard output");
+    sub->callback([this] {
+      command_ = [this] {
+        stop_on_signals();
+        serve(serve_);
+      };
+    });
+  }
+
   void add_verify() {
     CLI::App* sub = app_.add_subcommand("verify", "is everything of a run intact");
     sub->add_option("DIR|FILE", verify_.path, "folder of a run, or a snapshot or journal")
@@ -216,6 +253,7 @@ class CommandLine {
   RunOptions run_;
   bool no_mesh_ = false, no_snapshots_ = false;
   ResumeOptions resume_;
+  ServeOptions serve_;
   VerifyOptions verify_;
   InfoOptions info_;
   ExportOptions export_;

@@ -100,7 +100,7 @@ class Run {
   void write_mesh();
   void write_raster();
   void summarise();
-  void summarise_soil();
+  void warn_of_soil();
   std::string safe(const std::string& before_going_on = "");
 
   Clock::time_point begin_;

@@ -3,7 +3,6 @@
 // The files of a run: snapshots on the way, the rest at the end.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -14,21 +13,12 @@
 #include "soilvdb/io/picture.h"
 #include "soilvdb/io/snapshot.h"
 #include "soilvdb/mesher.h"
+#include "tools/run/books.h"
 #include "tools/run/outputs.h"
 #include "tools/run/run.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
-namespace {
-
-std::uint64_t peak_rss_bytes() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
-}
-
-}  // namespace
-
 /// A file of now that the journal before knows and that is good, or null.
 const io::JournalFile* Run::intact(const std::string& name) const {
   if (!before_) return nullptr;
@@ -129,26 +119,15 @@ void Run::finish() {
 }
 
 void Run::summarise() {
-  const Soil& soil = *start_.site.soil;
-  const Ledger total = tracker_.total();
-  summary_.cut_m3 = total.cut_m3();
-  summary_.captured_m3 = total.captured_m3();
-  summary_.displaced_m3 = total.displaced_m3();
-  summary_.dumped_m3 = total.dumped_m3();
-  summary_.ground_change_m3 = soil.change_m3() - config_.change_before_m3;
-  summary_.residual_m3 = summary_.ground_change_m3 + summary_.cut_m3;
+  Books books{*start_.site.soil,        scenario_.soil,     tracker_.total(), tracker_.site(), {},
+              config_.change_before_m3, config_.mass_before};
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
-    const Ledger& ledger = tracker_.ledger(i);
-    summary_.machines.push_back({scenario_.machines[i].name, ledger.bucket_m3(), ledger.cut_m3(),
-                                 scenario_.machines[i].motion.bad_rows().count});
+    const io::MachineInput& machine = scenario_.machines[i];
+    books.machines.push_back(
+        {machine.name, machine.bucket, tracker_.ledger(i), machine.motion.bad_rows().count});
   }
-  if (scenario_.soil) summarise_soil();
-  summary_.leaves = soil.chunks().size();
-  summary_.active_voxels = soil.active_voxels();
-  summary_.resident_m2 = soil.resident_m2();
-  summary_.soil_bytes = soil.memory_bytes();
-  summary_.state_hash = soil.state_hash();
-  summary_.peak_rss_bytes = peak_rss_bytes();
+  put(books, summary_);
+  if (scenario_.soil) warn_of_soil();
 }
 
 /// What is on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb

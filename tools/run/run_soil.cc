@@ -1,12 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a run does besides, where soil moves: pours, rest at the end, and the books of it.
+// What a run does besides, where soil moves: pours, and rest at the end.
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "io/file/text.h"
-#include "soilvdb/capacity.h"
 #include "tools/run/run.h"
 #include "tools/run/text.h"
 
@@ -80,34 +79,12 @@ double Run::kg(std::int64_t mass) const {
   return units_.kg(mass, start_.site.soil->sample_m3(), *scenario_.soil);
 }
 
-/// Of soil that moves; counts in samples and units of mass, which are exact.
-void Run::summarise_soil() {
-  const Ledger total = tracker_.total();
-  const SiteLedger site = tracker_.site();
-  const std::int64_t ground = site.ground - config_.mass_before;
-  const std::int64_t residual = ground + total.load + site.in_flight + site.hauled - site.poured;
-  const std::int64_t expected = site.fill_samples - site.gone_samples - total.cut();
-  summary_.residual_m3 = volume_m3(samples(summary_.ground_change_m3) - expected);
-  io::Summary::Moved& moved = summary_.moved.emplace(io::Summary::Moved{});
-  moved.spilled_m3 = loose_m3(total.spilled);
-  moved.poured_m3 = loose_m3(site.poured);
-  moved.hauled_m3 = loose_m3(site.hauled);
-  moved.slid_m3 = loose_m3(site.slid);
-  moved.fill_m3 = volume_m3(site.fill_samples);
-  moved.ground_change_kg = kg(ground);
-  moved.buckets_kg = kg(total.load);
-  moved.hauled_kg = kg(site.hauled);
-  moved.poured_kg = kg(site.poured);
-  moved.in_flight_kg = kg(site.in_flight);
-  moved.residual_kg = kg(residual);
-  if (site.astray > 0)
+void Run::warn_of_soil() {
+  if (const std::int64_t astray = tracker_.site().astray; astray > 0)
     say(fmt::format("warning: {} m³ fell where the terrain has no ground and are lost to the site",
-                    number(loose_m3(site.astray))));
+                    number(loose_m3(astray))));
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const Ledger& ledger = tracker_.ledger(i);
-    io::Summary::Machine& machine = summary_.machines[i];
-    machine.bucket_kg = kg(ledger.load);
-    machine.capacity = Capacity::of(scenario_.machines[i].bucket);
     // What stays in a bucket that was tipped is less. One that never dumps was warned of already.
     const Bucket& bucket = scenario_.machines[i].bucket;
     const bool dumps = !bucket.profile.empty() || bucket.dump_angle_rad;
@@ -115,7 +92,7 @@ void Run::summarise_soil() {
       say(fmt::format(
           "warning: {} carries its load to the end, {} m³; it was not tipped far enough "
           "to dump that",
-          io::printable(machine.name), number(machine.bucket_m3)));
+          io::printable(scenario_.machines[i].name), number(ledger.bucket_m3())));
   }
 }
 

@@ -71,6 +71,7 @@ Session Session::open(const std::filesystem::path& file) {
                       .snapshot_every_s = scenario.snapshot_every_s,
                       .incremental = scenario.incremental_snapshots,
                       .keep = scenario.snapshots_kept};
+  state->scenario = std::filesystem::absolute(file);
   return Session(std::move(state));
 }
 
@@ -81,6 +82,9 @@ Session& Session::operator=(Session&&) noexcept = default;
 double Session::voxel_size_m() const { return state_->site.soil->voxel_size_m(); }
 const Vec3& Session::origin() const { return state_->site.soil->origin(); }
 const std::vector<SessionMachine>& Session::machines() const { return state_->machines; }
+
+const Earthmoving& Session::earthmoving() const { return state_->earthmoving; }
+const io::Site& Session::site() const { return state_->site; }
 
 std::size_t Session::machine(std::string_view name) const {
   std::string all;
@@ -109,6 +113,13 @@ Pose Session::pose(std::size_t machine, std::span<const double> joints) const {
       throw std::invalid_argument(fmt::format("{}: joint '{}' is {}; it must be finite",
                                               state_->name(machine), names[i], joints[i]));
   return chain->world_from_bucket(joints);
+}
+
+std::optional<MachineState> Session::last(std::size_t machine) const {
+  state_->require(machine);
+  const State::Fed& fed = state_->fed[machine];
+  if (fed.pose.position.hasNaN()) return {};
+  return MachineState{machine, fed.time_s, fed.pose, fed.joints};
 }
 
 /// Calls `work(moving)`, which sets `moving` before anything changes that it can't take back.
@@ -302,17 +313,27 @@ void Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
 
 Mesh Session::mesh() const { return mesh_all(*state_->site.soil); }
 
+/// Origins of the blocks that changed.
+std::vector<Coord3> Session::State::unmeshed_blocks() {
+  note_changes();
+  return blocks_touched(std::vector<Coord3>(unmeshed.begin(), unmeshed.end()));
+}
+
 std::vector<SurfacePatch> Session::changed_patches() {
   State& s = *state_;
-  s.note_changes();
-  const std::vector<Coord3> chunks(s.unmeshed.begin(), s.unmeshed.end());
   std::vector<SurfacePatch> patches;
-  for (const Coord3& block : blocks_touched(chunks)) patches.push_back({block, {}});
+  for (const Coord3& block : s.unmeshed_blocks()) patches.push_back({block, {}});
   tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
     patches[i].mesh = mesh_block(*s.site.soil, patches[i].block);
   });
   s.unmeshed.clear();
   return patches;
+}
+
+std::vector<Coord3> Session::changed_blocks() {
+  std::vector<Coord3> blocks = state_->unmeshed_blocks();
+  state_->unmeshed.clear();
+  return blocks;
 }
 
 std::vector<StepResult> update_many(std::span<Session* const> sessions,

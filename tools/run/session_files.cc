@@ -81,7 +81,7 @@ void Session::State::set_progress(std::string_view bytes) {
       throw std::invalid_argument("the state is of a machine with other joints");
     all[i].joints.resize(joints);
     for (double& value : all[i].joints) take(bytes, value);
-    if (std::isinf(all[i].time_s) || !is_sane(all[i].pose) ||
+    if (std::isinf(all[i].time_s) || !(all[i].pose.position.hasNaN() || is_sane(all[i].pose)) ||
         !std::all_of(all[i].joints.begin(), all[i].joints.end(),
                      [](double value) { return std::isfinite(value); }))
       throw std::invalid_argument("the state has a machine that can't be");
@@ -145,6 +145,7 @@ void Session::restore(std::string_view bytes) {
   restored.unmeshed.merge(s.unmeshed);
   restored.fed_count = s.fed_count + 1;
   restored.recording = s.recording;
+  restored.scenario = s.scenario;
   restored.memory_bytes = s.memory_bytes;
   restored.cold_folder = s.cold_folder;
   restored.limit_memory();

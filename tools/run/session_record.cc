@@ -76,6 +76,7 @@ Session::State::Found Session::State::find_start(const fs::path& folder,
       State there(machines, earthmoving, io::read_snapshot(folder / good.back().name, &info));
       there.set_progress(info.tracker_state);
       there.recording = recording;
+      there.scenario = scenario;
       there.memory_bytes = memory_bytes;
       there.cold_folder = cold_folder;
       there.limit_memory();
@@ -89,8 +90,9 @@ Session::State::Found Session::State::find_start(const fs::path& folder,
   return found;
 }
 
-/// Feeds what a journal holds beyond a snapshot.
-void Session::replay(const fs::path& journal, std::uint64_t from, tools::SnapshotSchedule& schedule,
+/// Feeds what a journal holds beyond a snapshot, up to so many updates.
+void Session::replay(const fs::path& journal, std::uint64_t from, std::uint64_t to,
+                     tools::SnapshotSchedule& schedule,
                      const std::function<void(const io::JournalExtent&)>& progress) {
   io::JournalReader reader(journal);
   io::JournalExtent at;
@@ -129,6 +131,7 @@ void Session::replay(const fs::path& journal, std::uint64_t from, tools::Snapsho
   while (std::optional<io::JournalRecord> record = reader.next()) {
     auto* fed = std::get_if<io::JournalState>(&*record);
     if (fed == nullptr) continue;  // a file
+    if (at.updates == to) break;
     at.add(*fed);
     if (std::isfinite(fed->time_s)) schedule.due(fed->time_s);
     if (at.updates <= from) continue;
@@ -191,7 +194,9 @@ io::JournalExtent Session::record(const Recording& given,
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
       std::string config;
-      Json::to_cbor({{"session", kFormat}, {"version", SOILVDB_VERSION}, {"site", site}}, config);
+      Json all = {{"session", kFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
+      if (!s.scenario.empty()) all["scenario"] = s.scenario.string();
+      Json::to_cbor(all, config);
       const std::uint64_t size = io::begin_journal(journal, {config});
       if (recording.incremental) n.unsaved.emplace();
       n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, size,
@@ -212,7 +217,7 @@ io::JournalExtent Session::record(const Recording& given,
     folder->clear();
     const State::Found start = n.find_start(recording.folder, content);
     if (recording.incremental) n.unsaved.emplace();
-    next.replay(journal, start.updates, schedule, progress);
+    next.replay(journal, start.updates, content.done.updates, schedule, progress);
     n.fed_count = content.done.updates;
     n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, content.good_bytes,
                                                    content.done, schedule);
@@ -223,6 +228,30 @@ io::JournalExtent Session::record(const Recording& given,
     if (folder) folder->unmake();
     throw;
   }
+}
+
+Session Session::recorded(const fs::path& folder, double time_s) const {
+  const State& s = *state_;
+  if (s.fed_count > 0)
+    throw std::invalid_argument("a recording is gone along from before the first state");
+  const fs::path journal = folder / kJournalName;
+  io::JournalContent content = io::read_journal(journal);
+  require_same_site(content.config.text, s.description(/*ground=*/true), folder);
+  io::JournalExtent until;
+  io::JournalReader reader(journal);
+  while (std::optional<io::JournalRecord> record = reader.next()) {
+    const auto* fed = std::get_if<io::JournalState>(&*record);
+    if (fed == nullptr) continue;
+    if (fed->time_s > time_s) break;
+    until.add(*fed);
+  }
+  std::erase_if(content.files,
+                [&](const io::JournalFile& file) { return file.updates > until.updates; });
+  Session there(std::make_unique<State>(s));
+  const State::Found start = there.state_->find_start(folder, content);
+  tools::SnapshotSchedule none({});
+  there.replay(journal, start.updates, until.updates, none, {});
+  return there;
 }
 
 io::JournalExtent Session::acknowledged() const {

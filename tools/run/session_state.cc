@@ -49,6 +49,7 @@ Session::State::State(const State& other)
       poured_s(other.poured_s),
       fed_count(other.fed_count),
       recording(other.recording),
+      scenario(other.scenario),
       unmeshed(other.unmeshed) {}
 
 std::string Session::State::name(std::size_t machine) const {

@@ -23,10 +23,10 @@ struct Session::State {
 
   State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_, io::Site site_);
 
-  /// What a machine was fed last.
+  /// What a machine was fed last; its pose is NaN before that.
   struct Fed {
     double time_s = std::numeric_limits<double>::quiet_NaN();
-    Pose pose = {};
+    Pose pose = {Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), {1, 0, 0, 0}};
     std::vector<double> joints = {};  ///< none: it was a pose
   };
 
@@ -36,6 +36,7 @@ struct Session::State {
   State& operator=(State&&) = default;
 
   void note_changes();
+  std::vector<Coord3> unmeshed_blocks();
   std::string name(std::size_t machine) const;
   void require(std::size_t machine) const;
   Move move(const Session& session, const MachineState& state, Fed& last,
@@ -77,6 +78,7 @@ struct Session::State {
   std::filesystem::path cold_folder = {};                      ///< where memory is limited
   std::uint64_t fed_count = 0;                                 ///< since it was opened
   Recording recording = {};                                    ///< of its scenario, or as it is
+  std::filesystem::path scenario = {};                         ///< absolute; empty: there is none
   // Of who looks; nothing that updates depend on.
   std::unique_ptr<SurfaceHeight> heights = {};
   Chunks unmeshed = {};                ///< that changed since changed_patches()

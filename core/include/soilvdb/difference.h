@@ -3,6 +3,8 @@
 // What was cut and filled between two states of a site.
 #pragma once
 
+#include <vector>
+
 #include "soilvdb/column_gains.h"
 #include "soilvdb/soil.h"
 
@@ -32,6 +34,13 @@ struct Difference {
 /// @param same_base whether both have one base surface; else those must be surfaces of soils with
 ///        the same ground beneath
 Difference difference(const Soil& before, const Soil& after, bool same_base);
+
+/// The same of the soil inside a boundary, for two soils of one lattice and base surface. Each
+/// sample is inside one of two boundaries that share an edge, so parts of a site add up to the
+/// whole. The area is the boundary's.
+/// @param boundary corners in the world, m, closed from the last to the first; inside by even-odd
+/// @throw std::invalid_argument where soils are of two lattices
+Difference difference(const Soil& before, const Soil& after, const std::vector<Vec2>& boundary);
 
 /// Calls `f` with what columns of any width gained between the two, some of them several times.
 void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,

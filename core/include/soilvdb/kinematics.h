@@ -34,6 +34,9 @@ struct Chain {
   /// The bucket frame in the world.
   /// @param values rad or m, one per movable joint, not checked against the limits
   Pose world_from_bucket(std::span<const double> values) const;
+
+  /// Where the joints are, from the root to the lip, those that don't move left out; world, m.
+  std::vector<Vec3> joint_places(std::span<const double> values) const;
 };
 
 }  // namespace soilvdb::inline v0

@@ -125,11 +125,18 @@ class Session {
   double voxel_size_m() const;
   const Vec3& origin() const;
   const std::vector<SessionMachine>& machines() const;
+  const Earthmoving& earthmoving() const;
+  /// The ground and where it comes from, to be looked at between updates.
+  const io::Site& site() const;
   /// The machine of that name. @throw std::invalid_argument naming those that there are
   std::size_t machine(std::string_view name) const;
   /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
   /// chain, or another number of joints
   Pose pose(std::size_t machine, std::span<const double> joints) const;
+
+  /// What a machine was fed last, its pose known also where that were joints; nothing before. Its
+  /// joints hold until the next update.
+  std::optional<MachineState> last(std::size_t machine) const;
 
   StepResult update(const MachineState& state) noexcept;
   /// All of these, in their order, or none of them. Machines that are apart move in parallel.
@@ -156,6 +163,8 @@ class Session {
   Mesh mesh() const;
   /// The patches of it that changed since the last call, by block; at first all.
   std::vector<SurfacePatch> changed_patches();
+  /// Only which those are, for who meshes them by themselves; the same as a call of the other.
+  std::vector<Coord3> changed_blocks();
 
   /// Writes a snapshot (.vdb) that `soilvdb` goes on from.
   /// @throw std::runtime_error if it can't be written
@@ -184,6 +193,10 @@ class Session {
                            const std::function<void(const io::JournalExtent&)>& progress = {});
   /// Of what was recorded, that which is on disk for sure.
   io::JournalExtent acknowledged() const;
+  /// Another session of this site, with all that a recording was fed before the first state that
+  /// is later than a time. Whoever records there may go on with it meanwhile.
+  /// @throw as record()
+  Session recorded(const std::filesystem::path& folder, double time_s) const;
   /// Returns when all of it is. @throw std::runtime_error if it can't be
   void flush();
   /// The same, and lets go of the folder, also where it throws.
@@ -197,7 +210,7 @@ class Session {
  private:
   struct State;
   explicit Session(std::unique_ptr<State> state);
-  void replay(const std::filesystem::path& journal, std::uint64_t from,
+  void replay(const std::filesystem::path& journal, std::uint64_t from, std::uint64_t to,
               tools::SnapshotSchedule& schedule,
               const std::function<void(const io::JournalExtent&)>& progress);
   std::unique_ptr<State> state_;

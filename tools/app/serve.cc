@@ -1,0 +1,165 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb serve: a live site, or a folder to be looked at.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <limits>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "io/file/text.h"
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/scenario.h"
+#include "tools/app/commands.h"
+#include "tools/run/run.h"
+#include "tools/run/text.h"
+#include "tools/serve/player.h"
+#include "tools/serve/server.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Snapshots that a live site has where its scenario asks for none: what a restart goes on from.
+constexpr double kSnapshotEvery_s = 300;
+
+/// The page beside the program, or where packages put it.
+fs::path page_folder() {
+  std::error_code none;
+  const fs::path program = fs::read_symlink("/proc/self/exe", none).parent_path();
+  for (const fs::path& folder : {program / "view", program / "../share/soilvdb/view"})
+    if (fs::exists(folder / "index.html", none)) return folder;
+  return {};
+}
+
+std::shared_ptr<const BaseSurface> open_design(const std::optional<fs::path>& file) {
+  if (!file) return nullptr;
+  const io::RasterInput raster = io::open_raster(*file);
+  return make_height_field(raster.grid, raster.source);
+}
+
+/// Who may come from elsewhere must say a word.
+void check_reach(const ServeOptions& options) {
+  const bool loopback =
+      options.listen == "127.0.0.1" || options.listen == "::1" || options.listen == "localhost";
+  if (!loopback && options.token.empty())
+    throw io::InputError(
+        fmt::format("--listen {} lets other machines in; give a --token that they have to know",
+                    io::printable(options.listen)));
+  for (const char c : options.token)
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '-' && c != '_' && c != '.')
+      throw io::InputError("a --token is letters, digits, '-', '_' and '.'");
+}
+
+ServerOptions server_options(const ServeOptions& options) {
+  ServerOptions all;
+  all.listen = options.listen == "localhost" ? "127.0.0.1" : options.listen;
+  all.port = static_cast<std::uint16_t>(options.port);
+  all.token = options.token;
+  all.page = page_folder();
+  return all;
+}
+
+void say_where(const Server& server) {
+  fmt::print("{}\n", server.url());
+  std::fflush(stdout);
+}
+
+void look_at(const ServeOptions& options) {
+  Opened opened = open_folder(options.scenario);
+  LiveSite site(std::move(opened.session), opened.name);
+  ServerOptions all = server_options(options);
+  all.takes_feeds = false;
+  Server server(site, std::move(opened.history), open_design(options.design), all);
+  say_where(server);
+  server.run([] { return stop_requested != 0; });
+}
+
+/// Feeds what comes by standard input; answers go to standard output.
+void feed_from_input(Server& server) {
+  std::string line;
+  while (stop_requested == 0 && std::getline(std::cin, line)) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    const std::string answer = server.feed(line);
+    if (answer.empty()) return;
+    fmt::print("{}\n", answer);
+    std::fflush(stdout);
+  }
+}
+
+void serve_live(const ServeOptions& options) {
+  const io::Scenario scenario = io::read_scenario(options.scenario, {}, io::Motions::kOptional);
+  for (const std::string& warning : scenario.warnings) say("warning: " + warning);
+  LiveSite site(Session::open(options.scenario), scenario.name);
+  Recording recording = site.session().recording();
+  recording.folder = options.out.value_or(fs::path("out") / scenario.name);
+  if (!recording.snapshot_every_s) {
+    recording.snapshot_every_s = kSnapshotEvery_s;
+    recording.incremental = true;
+  }
+  Session start = site.session().clone();
+  site.record(recording, {});
+  if (site.fed() > 0)
+    say(fmt::format("{}: going on after {}, at {} s", recording.folder.string(),
+                    counted(static_cast<double>(site.fed()), "state"), time_text(site.time_s())));
+  std::optional<Player> player;
+  if (options.speed) {
+    player.emplace(site, scenario, *options.speed);
+    if (player->done() && site.fed() == 0)
+      throw io::InputError(options.scenario,
+                           "--speed plays the motions of machines, and there are none; feed them");
+  }
+  ServerOptions all = server_options(options);
+  all.raster_cell_m = scenario.raster_cell_m;
+  Server server(site, make_recorded_history(std::move(start), recording.folder),
+                open_design(options.design), all);
+  if (options.feed_stdin)
+    say("serving at " + server.url());
+  else
+    say_where(server);
+  std::thread input;
+  if (options.feed_stdin) input = std::thread([&server] { feed_from_input(server); });
+  std::function<void()> play;
+  bool at_end = false;
+  if (player)
+    play = [&] {
+      if (at_end) return;
+      player->go_on();
+      if ((at_end = player->done()))
+        say(fmt::format("{} has come to its end, at {} s; it can still be looked at", site.name(),
+                        time_text(site.time_s())));
+    };
+  server.run([] { return stop_requested != 0; }, play);
+  site.session().flush();
+  const io::JournalExtent done = site.session().acknowledged();
+  say(fmt::format("safe in {}: {}, to {} s; `soilvdb serve {}{}` goes on",
+                  recording.folder.string(), counted(static_cast<double>(done.updates), "state"),
+                  time_text(done.time_s), io::shell_quoted(options.scenario),
+                  options.out ? " --out " + io::shell_quoted(*options.out) : ""));
+  // One that waits for a line that doesn't come ends with the program.
+  if (input.joinable()) input.detach();
+}
+
+}  // namespace
+
+void serve(const ServeOptions& options) {
+  check_reach(options);
+  if (fs::is_directory(options.scenario) && (options.out || options.speed || options.feed_stdin))
+    throw io::InputError(options.scenario,
+                         "is a folder, which is only looked at; --out, --speed and --stdin are for "
+                         "a scenario");
+  with_threads(0, [&](int) {
+    if (fs::is_directory(options.scenario))
+      look_at(options);
+    else
+      serve_live(options);
+  });
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,129 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/serve/block_message.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <vector>
+
+#include "core/lattice/bytes.h"
+#include "io/draw/loose_soil.h"
+
+namespace soilvdb::tools {
+namespace {
+
+/// Parts of a voxel in which places are told, and the voxels by which a block's begin before it:
+/// vertices of neighbours that are the same point are then the same number but for whole blocks.
+constexpr double kPerVoxel = 1024;
+constexpr double kMargin = 8;
+constexpr std::uint16_t kNoHeight = 0x8000;
+
+/// Appends differences from element to element, all low bytes first.
+template <typename T>
+void put_array(std::string& out, const std::vector<T>& values) {
+  const std::size_t at = out.size(), n = values.size();
+  out.resize(at + n * sizeof(T));
+  T last = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto difference = static_cast<T>(values[i] - last);
+    last = values[i];
+    for (std::size_t byte = 0; byte < sizeof(T); ++byte)
+      out[at + byte * n + i] = static_cast<char>(difference >> (8 * byte) & 0xff);
+  }
+}
+
+/// Millimetres that a surface is above another, as far as 16 bits go.
+std::uint16_t millimetres(double above_m) {
+  if (std::isnan(above_m)) return kNoHeight;
+  const double mm = std::clamp(std::round(1000 * above_m), -32767.0, 32767.0);
+  return static_cast<std::uint16_t>(static_cast<std::int16_t>(mm));
+}
+
+std::vector<std::uint16_t> above(const std::vector<Vec3>& points, const Heights& heights) {
+  std::vector<Vec2> xy;
+  xy.reserve(points.size());
+  for (const Vec3& p : points) xy.emplace_back(p.head<2>());
+  std::vector<double> z(points.size());
+  heights(xy, z);
+  std::vector<std::uint16_t> mm;
+  mm.reserve(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) mm.push_back(millimetres(points[i].z() - z[i]));
+  return mm;
+}
+
+std::uint64_t resident_chunks_of(const Soil& soil, const Coord3& block) {
+  constexpr int kChunks = kBlockSide / kChunkSide;
+  std::uint64_t mask = 0;
+  for (int n = 0; n < kChunks * kChunks * kChunks; ++n) {
+    const Coord3 chunk(n / (kChunks * kChunks), n / kChunks % kChunks, n % kChunks);
+    if (soil.find(block + kChunkSide * chunk) != nullptr) mask |= std::uint64_t{1} << n;
+  }
+  return mask;
+}
+
+}  // namespace
+
+std::string deflated(std::string_view bytes) {
+  uLongf size = compressBound(bytes.size());
+  std::string out(size, '\0');
+  if (compress2(reinterpret_cast<Bytef*>(out.data()), &size,
+                reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(), 1) != Z_OK)
+    throw std::runtime_error("zlib can't compress");
+  out.resize(size);
+  return out;
+}
+
+std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mesh,
+                          std::uint32_t view, const Heights& before, const Heights& design,
+                          bool soil_moves) {
+  const std::size_t n = mesh.points.size();
+  std::string out;
+  for (const int first : {block.x(), block.y(), block.z()})
+    put(out, static_cast<std::int32_t>(first));
+  put(out, view);
+  put(out, resident_chunks_of(soil, block));
+  put(out, static_cast<std::uint32_t>(n));
+  put(out, static_cast<std::uint32_t>(mesh.triangles.size()));
+  put(out, std::uint32_t{design ? 1U : 0U});
+  if (n == 0) return deflated(out);
+
+  std::vector<Vec3> points;
+  points.reserve(n);
+  std::vector<std::uint16_t> values(n);
+  for (int axis = 0; axis < 3; ++axis) {
+    const double first = kPerVoxel * (block[axis] - kMargin);
+    for (std::size_t i = 0; i < n; ++i) {  // rounded before, so that neighbours do it alike
+      const double q = std::round(kPerVoxel * (double{mesh.points[i][axis]} / soil.voxel_size_m()));
+      values[i] = static_cast<std::uint16_t>(std::clamp(q - first, 0.0, 65535.0));
+    }
+    put_array(out, values);
+  }
+  for (const Eigen::Vector3f& p : mesh.points)
+    points.emplace_back(soil.origin() + p.cast<double>());
+  put_array(out, above(points, before));
+  if (design) put_array(out, above(points, design));
+  for (std::size_t i = 0; i < n; ++i)
+    values[i] =
+        soil_moves ? static_cast<std::uint16_t>(std::lround(65535 * io::looseness(soil, points[i])))
+                   : std::uint16_t{0};
+  put_array(out, values);
+  const auto put_indices = [&](auto type) {
+    std::vector<decltype(type)> indices;
+    indices.reserve(3 * mesh.triangles.size());
+    for (const auto& triangle : mesh.triangles)
+      for (const std::uint32_t corner : triangle)
+        indices.push_back(static_cast<decltype(type)>(corner));
+    put_array(out, indices);
+  };
+  if (n > std::numeric_limits<std::uint16_t>::max())
+    put_indices(std::uint32_t{});
+  else
+    put_indices(std::uint16_t{});
+  return deflated(out);
+}
+
+}  // namespace soilvdb::tools

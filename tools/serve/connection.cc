@@ -1,0 +1,227 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Connections: HTTP requests, and feeds.
+#include <boost/asio/ip/address.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "tools/serve/server_state.h"
+#include "tools/serve/viewer.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace net = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using net::ip::tcp;
+using Socket = Viewer::Socket;
+using Request = http::request<http::empty_body>;
+
+constexpr std::chrono::seconds kRequestTime{20}, kAnswerTime{120}, kSilence{60};
+constexpr std::uint32_t kMostHeader = 8 << 10;
+constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
+
+std::string text(boost::string_view view) { return {view.data(), view.size()}; }
+
+/// A host without its port: of "[::1]:80" "[::1]".
+std::string_view host_of(std::string_view authority) {
+  const std::size_t colon = authority.rfind(':');
+  if (colon == std::string_view::npos || authority.ends_with(']')) return authority;
+  return authority.substr(0, colon);
+}
+
+/// One feeds: lines are answered one after another, and read no faster than that.
+class Feeder : public std::enable_shared_from_this<Feeder> {
+ public:
+  Feeder(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {}
+
+  void start() {
+    ++state_.connections;
+    socket_.text(true);
+    read();
+  }
+
+ private:
+  void read() {
+    socket_.async_read(in_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error) return self->end();
+      self->take();
+    });
+  }
+
+  void take() {
+    const std::string lines = beast::buffers_to_string(in_.data());
+    in_.consume(in_.size());
+    out_.clear();
+    for (std::size_t at = 0; at < lines.size();) {
+      const std::size_t end = std::min(lines.find('\n', at), lines.size());
+      const std::string_view line = std::string_view(lines).substr(at, end - at);
+      at = end + 1;
+      if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
+      if (!out_.empty()) out_ += '\n';
+      out_ += state_.options.takes_feeds
+                  ? state_.site.feed(line)
+                  : R"({"error":"this site is only looked at; nothing can be fed"})";
+    }
+    if (out_.empty()) out_ = R"({"error":"an empty message; send a line of JSON"})";
+    socket_.async_write(net::buffer(out_),
+                        [self = shared_from_this()](beast::error_code error, std::size_t) {
+                          if (error) return self->end();
+                          self->read();
+                        });
+  }
+
+  void end() { --state_.connections; }
+
+  ServerState& state_;
+  Socket socket_;
+  beast::flat_buffer in_;
+  std::string out_;
+};
+
+/// Reads requests one after another until one asks for a feed or a view.
+class Connection : public std::enable_shared_from_this<Connection> {
+ public:
+  Connection(ServerState& state, tcp::socket socket) : state_(state), stream_(std::move(socket)) {
+    ++state_.connections;
+  }
+
+  void read() {
+    parser_.emplace();
+    parser_->header_limit(kMostHeader);
+    parser_->body_limit(0);
+    stream_.expires_after(kRequestTime);
+    http::async_read(
+        stream_, in_, *parser_,
+        [self = shared_from_this()](beast::error_code error, std::size_t) { self->take(error); });
+  }
+
+ private:
+  void take(beast::error_code error) {
+    if (error) {
+      const bool ours =
+          error.category() == http::make_error_code(http::error::bad_method).category();
+      if (!ours || error == http::error::end_of_stream) return end();
+      close_after_ = true;
+      return send(refusal(400, "this is no request that can be met: " + error.message()));
+    }
+    const Request& request = parser_->get();
+    close_after_ = !request.keep_alive();
+    head_ = request.method() == http::verb::head;
+    const std::string target = text(request.target());
+    if (const std::string why = foreign(request); !why.empty()) return send(refusal(403, why));
+    const bool upgrade = websocket::is_upgrade(request);
+    if (!upgrade && request.method() != http::verb::get && !head_)
+      return send(refusal(405, "only GET is answered"));
+    const std::string path = target.substr(0, target.find('?'));
+    if (const auto file = state_.page.find(path); file != state_.page.end() && !upgrade)
+      return send(file->second);
+    if (!state_.has_token(target, text(request[http::field::authorization])))
+      return send(refusal(401,
+                          "the token is missing or wrong; open the address that soilvdb serve "
+                          "printed"));
+    if (upgrade) {
+      if (path == "/feed" || path == "/view") return go_over(path == "/feed");
+      return send(refusal(404, "streams are /feed and /view"));
+    }
+    stream_.expires_never();
+    state_.answer(target,
+                  [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
+  }
+
+  /// Why a request isn't from a page of ours; empty: it is, or from no page at all. A page from
+  /// elsewhere could otherwise reach what listens on the loopback address.
+  std::string foreign(const Request& request) const {
+    const std::string host = text(request[http::field::host]);
+    const std::string_view name = host_of(host);
+    if (state_.options.token.empty() && name != "localhost" && name != "127.0.0.1" &&
+        name != "[::1]" && name != state_.options.listen)
+      return "the host isn't this machine";
+    const auto origin = request.find(http::field::origin);
+    if (origin == request.end()) return "";
+    const std::string from = text(origin->value());
+    if (from == "http://" + host || from == "https://" + host) return "";
+    return "pages from elsewhere may not ask";
+  }
+
+  void send(Reply reply) {
+    auto response = std::make_shared<http::response<http::string_body>>();
+    response->version(11);
+    response->result(reply.status);
+    response->set(http::field::server, "soilvdb");
+    response->set(http::field::content_type, reply.type);
+    response->set(http::field::cache_control, "no-store");
+    response->set("X-Content-Type-Options", "nosniff");
+    response->set("Referrer-Policy", "no-referrer");
+    response->set("Content-Security-Policy",
+                  "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' blob: "
+                  "data:; connect-src 'self' ws: wss:; frame-ancestors 'none'");
+    if (reply.deflate) response->set(http::field::content_encoding, "deflate");
+    if (!reply.file.empty())
+      response->set(http::field::content_disposition,
+                    "attachment; filename=\"" + reply.file + "\"");
+    if (reply.status == 401) response->set(http::field::www_authenticate, "Bearer");
+    response->keep_alive(!close_after_);
+    response->body() = std::move(reply.body);
+    response->prepare_payload();
+    if (head_) response->body().clear();
+    stream_.expires_after(kAnswerTime);
+    http::async_write(stream_, *response,
+                      [self = shared_from_this(), response](beast::error_code error, std::size_t) {
+                        if (error || self->close_after_) return self->end();
+                        self->read();
+                      });
+  }
+
+  void go_over(bool feeds) {
+    auto socket = std::make_shared<Socket>(std::move(stream_));
+    beast::get_lowest_layer(*socket).expires_never();
+    auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
+    timeout.idle_timeout = kSilence;
+    timeout.keep_alive_pings = true;
+    socket->set_option(timeout);
+    socket->read_message_max(feeds ? kMostFeed : kMostView);
+    socket->auto_fragment(false);
+    auto request = std::make_shared<Request>(parser_->release());
+    socket->async_accept(
+        *request, [self = shared_from_this(), socket, request, feeds](beast::error_code error) {
+          self->end_quietly();
+          if (error) return;
+          if (feeds)
+            std::make_shared<Feeder>(self->state_, std::move(*socket))->start();
+          else
+            std::make_shared<Viewer>(self->state_, std::move(*socket))->start();
+        });
+  }
+
+  void end() {
+    beast::error_code ignored;
+    stream_.socket().shutdown(tcp::socket::shutdown_both, ignored);
+    end_quietly();
+  }
+  void end_quietly() { --state_.connections; }
+
+  ServerState& state_;
+  beast::tcp_stream stream_;
+  beast::flat_buffer in_;
+  std::optional<http::request_parser<http::empty_body>> parser_;
+  bool head_ = false, close_after_ = false;
+};
+
+}  // namespace
+
+void accept_connection(ServerState& state, tcp::socket socket) {
+  beast::error_code ignored;
+  socket.set_option(tcp::no_delay(true), ignored);
+  std::make_shared<Connection>(state, std::move(socket))->read();
+}
+
+}  // namespace soilvdb::tools

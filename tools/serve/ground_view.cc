@@ -1,0 +1,133 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/serve/ground_view.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "core/tool/polygon.h"
+#include "soilvdb/difference.h"
+
+namespace soilvdb::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+/// Cells that a design is compared in, at most.
+constexpr double kDesignCells = 250'000;
+
+Json or_null(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+Json all_of(const Heights& heights, const std::vector<Vec2>& places) {
+  std::vector<double> z(places.size());
+  heights(places, z);
+  Json all = Json::array();
+  for (const double value : z) all.push_back(or_null(value));
+  return all;
+}
+
+}  // namespace
+
+Heights heights_of(const BaseSurface& surface) {
+  return [&surface](std::span<const Vec2> xy_m, std::span<double> heights_m) {
+    for (std::size_t i = 0; i < xy_m.size(); ++i)
+      heights_m[i] = surface.height(xy_m[i].x(), xy_m[i].y()).value_or(kNaN);
+  };
+}
+
+std::vector<Coord3> resident_blocks(const Soil& soil) {
+  std::vector<Coord3> origins;
+  for (const Chunk* chunk : soil.chunks()) {
+    const Coord3& c = chunk->origin;
+    constexpr int kBlock = ~(kBlockSide - 1);
+    const Coord3 block(c.x() & kBlock, c.y() & kBlock, c.z() & kBlock);
+    if (origins.empty() || origins.back() != block) origins.push_back(block);
+  }
+  std::sort(origins.begin(), origins.end(), before);
+  origins.erase(std::unique(origins.begin(), origins.end()), origins.end());
+  return origins;
+}
+
+GroundView::GroundView(std::shared_ptr<Session> now, std::shared_ptr<Session> before,
+                       std::shared_ptr<const BaseSurface> design)
+    : now_(std::move(now)), before_(std::move(before)), design_(std::move(design)) {}
+
+Heights GroundView::now_heights() {
+  return [this](std::span<const Vec2> xy_m, std::span<double> z) { now_->heights(xy_m, z); };
+}
+
+Heights GroundView::before_heights() {
+  if (!before_) return heights_of(now_->site().soil->undug());
+  return [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->heights(xy_m, z); };
+}
+
+Json GroundView::height(const Vec2& at) {
+  const std::vector<Vec2> places = {at};
+  Json json = {{"height_m", all_of(now_heights(), places)[0]},
+               {"before_m", all_of(before_heights(), places)[0]}};
+  if (design_) json["design_m"] = all_of(heights_of(*design_), places)[0];
+  return json;
+}
+
+Json GroundView::section(const Vec2& from, const Vec2& to, int points) {
+  std::vector<Vec2> places;
+  Json distances = Json::array();
+  for (int i = 0; i < points; ++i) {
+    const double share = double(i) / (points - 1);
+    places.emplace_back(from + share * (to - from));
+    distances.push_back(share * (to - from).norm());
+  }
+  Json json = {{"distance_m", distances},
+               {"before_m", all_of(before_heights(), places)},
+               {"now_m", all_of(now_heights(), places)}};
+  if (design_) json["design_m"] = all_of(heights_of(*design_), places);
+  return json;
+}
+
+Json GroundView::volume(const std::vector<Vec2>& boundary) {
+  const io::Site& site = now_->site();
+  const io::Site undug = io::undug_site(site);
+  const Soil& before = before_ ? *before_->site().soil : *undug.soil;
+  const Difference change = difference(before, *site.soil, boundary);
+  Json json = {{"area_m2", change.area_m2},
+               {"cut_m3", change.cut_m3},
+               {"fill_m3", change.fill_m3},
+               {"net_m3", change.net_m3},
+               {"error_m3", change.error_m3}};
+  if (!design_) return json;
+  Eigen::AlignedBox2d box;
+  for (const Vec2& corner : boundary) box.extend(corner);
+  const double cell_m = std::max(site.soil->voxel_size_m(), std::sqrt(box.volume() / kDesignCells));
+  std::vector<Vec2> places;
+  for (double y = box.min().y() + cell_m / 2; y < box.max().y(); y += cell_m)
+    for (double x = box.min().x() + cell_m / 2; x < box.max().x(); x += cell_m)
+      if (const Vec2 at(x, y); inside(boundary, at)) places.push_back(at);
+  std::vector<double> now(places.size()), wanted(places.size());
+  now_heights()(places, now);
+  heights_of (*design_)(places, wanted);
+  double cut = 0, fill = 0;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const double above = now[i] - wanted[i];
+    if (above > 0) cut += above;
+    if (above < 0) fill -= above;
+  }
+  json["to_cut_m3"] = cut * cell_m * cell_m;
+  json["to_fill_m3"] = fill * cell_m * cell_m;
+  return json;
+}
+
+std::string GroundView::block(const Coord3& block, std::uint32_t view) {
+  const Soil& soil = *now_->site().soil;
+  return block_message(soil, block, mesh_block(soil, block), view, before_heights(),
+                       design_ ? heights_of(*design_) : Heights(),
+                       now_->earthmoving().soil.has_value());
+}
+
+}  // namespace soilvdb::tools

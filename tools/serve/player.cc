@@ -1,0 +1,94 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/serve/player.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+Player::Player(LiveSite& site, const io::Scenario& scenario, double speed)
+    : site_(site), speed_(speed), begin_s_(kInfinity) {
+  for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
+    const io::MotionFile& motion = scenario.machines[i].motion;
+    Track& track = tracks_.emplace_back(Track{
+        &motion, 0, 0, nullptr, std::numeric_limits<double>::quiet_NaN(), motion.rows() == 0});
+    if (track.done) continue;
+    track.rows = motion.part(0);
+    const auto last = site.session().last(i);
+    if (last) track.fed_s = last->time_s;
+    while (!track.done && track.rows->times_s()[track.row] <= track.fed_s) next_row(track);
+    begin_s_ = std::min(begin_s_, motion.begin_s());
+  }
+  if (std::isfinite(site.time_s())) begin_s_ = std::max(begin_s_, site.time_s());
+}
+
+bool Player::done() const {
+  return std::all_of(tracks_.begin(), tracks_.end(), [](const Track& t) { return t.done; });
+}
+
+/// Parts begin with the last row of the one before.
+void Player::next_row(Track& track) {
+  if (++track.row < track.rows->times_s().size()) return;
+  if (++track.part == track.motion->parts()) {
+    track.done = true;
+    return;
+  }
+  track.rows = track.motion->part(track.part);
+  track.row = 1;
+}
+
+void Player::feed(std::size_t machine, double time_s) {
+  Track& track = tracks_[machine];
+  MachineState state{.machine = machine, .time_s = time_s};
+  const Motion& motion = *track.rows;
+  std::vector<double> joints;
+  if (motion.poses().empty()) {
+    const std::size_t n = motion.joint_values().size() / motion.times_s().size();
+    const std::size_t to = track.row, from = to > 0 ? to - 1 : 0;
+    const double begin_s = motion.times_s()[from], end_s = motion.times_s()[to];
+    const double share = end_s > begin_s ? (time_s - begin_s) / (end_s - begin_s) : 1;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double a = motion.joint_values()[from * n + i], b = motion.joint_values()[to * n + i];
+      joints.push_back(time_s == end_s ? b : a + share * (b - a));
+    }
+    state.joints = joints;
+  } else {
+    state.pose = motion.pose(time_s);
+  }
+  const StepResult step = site_.feed(state);
+  if (!step.ok()) throw std::runtime_error(step.why);
+  track.fed_s = time_s;
+}
+
+void Player::go_on() {
+  const Clock::time_point now = Clock::now();
+  if (!begun_) begun_ = now;
+  const double now_s = begin_s_ + speed_ * std::chrono::duration<double>(now - *begun_).count();
+  // Rows in the order of time, then those who are between two.
+  for (;;) {
+    std::size_t next = tracks_.size();
+    double next_s = now_s;
+    for (std::size_t i = 0; i < tracks_.size(); ++i) {
+      if (tracks_[i].done) continue;
+      const double row_s = tracks_[i].rows->times_s()[tracks_[i].row];
+      if (row_s > next_s || (next < tracks_.size() && row_s == next_s)) continue;
+      next = i;
+      next_s = row_s;
+    }
+    if (next == tracks_.size()) break;
+    feed(next, next_s);
+    next_row(tracks_[next]);
+  }
+  for (std::size_t i = 0; i < tracks_.size(); ++i)
+    if (!tracks_[i].done && now_s > tracks_[i].fed_s) feed(i, now_s);
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,349 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What is answered to which request.
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <boost/asio/post.hpp>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <initializer_list>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "io/file/text.h"
+#include "soilvdb/io/mesh_file.h"
+#include "soilvdb/io/picture.h"
+#include "tools/run/books.h"
+#include "tools/run/outputs.h"
+#include "tools/serve/server_state.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr double kFarthest_m = 1e9;
+constexpr int kMostPoints = 5000;
+constexpr std::size_t kMostCorners = 1000;
+constexpr std::size_t kMostPasts = 4;
+
+Reply json_reply(const Json& json) {
+  return {200,
+          "application/json",
+          json.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n',
+          {},
+          false};
+}
+
+/// The values of a request, each of which is asked for by its name.
+class Values {
+ public:
+  Values(const Target& target, std::initializer_list<const char*> known) : target_(target) {
+    for (const auto& [name, value] : target.values)
+      if (name != "token" &&
+          std::none_of(known.begin(), known.end(), [&](const char* k) { return name == k; }))
+        throw std::invalid_argument(
+            fmt::format("unknown '{}' for {}", io::printable(name), target.path));
+  }
+
+  std::vector<double> numbers(const std::string& name) const {
+    const auto found = target_.values.find(name);
+    if (found == target_.values.end())
+      throw std::invalid_argument(fmt::format("'{}' is missing", name));
+    std::vector<double> all;
+    const std::string_view text = found->second;
+    for (std::size_t at = 0; at <= text.size();) {
+      const std::size_t end = std::min(text.find(',', at), text.size());
+      const auto value = io::parse_number(text.substr(at, end - at));
+      if (!value || !(std::abs(*value) <= kFarthest_m))
+        throw std::invalid_argument(fmt::format("'{}' must be numbers; '{}' is none", name,
+                                                io::printable(text.substr(at, end - at))));
+      all.push_back(*value);
+      at = end + 1;
+    }
+    return all;
+  }
+  double number(const std::string& name) const {
+    const std::vector<double> all = numbers(name);
+    if (all.size() != 1) throw std::invalid_argument(fmt::format("'{}' must be one number", name));
+    return all[0];
+  }
+  std::optional<double> number_if(const std::string& name) const {
+    if (!target_.values.contains(name)) return {};
+    return number(name);
+  }
+  Vec2 place(const std::string& name) const {
+    const std::vector<double> all = numbers(name);
+    if (all.size() != 2) throw std::invalid_argument(fmt::format("'{}' must be x,y", name));
+    return {all[0], all[1]};
+  }
+
+ private:
+  const Target& target_;
+};
+
+/// A folder for one file, which is read back.
+class Passing {
+ public:
+  explicit Passing(const std::string& name) {
+    std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
+    if (mkdtemp(path.data()) == nullptr)
+      throw std::runtime_error("there is no room for the file in " +
+                               fs::temp_directory_path().string());
+    folder_ = path;
+    file_ = folder_ / name;
+  }
+  ~Passing() {
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+  }
+  Passing(const Passing&) = delete;
+  Passing& operator=(const Passing&) = delete;
+  const fs::path& file() const { return file_; }
+  std::string bytes() const {
+    std::ifstream in(file_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  }
+
+ private:
+  fs::path folder_, file_;
+};
+
+Reply file_reply(const char* name, const char* type,
+                 const std::function<void(const fs::path&)>& write) {
+  const Passing passing(name);
+  write(passing.file());
+  return {200, type, passing.bytes(), name, false};
+}
+
+void require_dug(const Session& session) {
+  if (session.site().soil->chunk_count() == 0)
+    throw std::invalid_argument("nobody has dug yet; there is nothing to make a file of");
+}
+
+int hex(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+std::optional<std::string> decoded(std::string_view text) {
+  std::string out;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '%') {
+      out += text[i] == '+' ? ' ' : text[i];
+      continue;
+    }
+    if (i + 2 >= text.size() || hex(text[i + 1]) < 0 || hex(text[i + 2]) < 0) return {};
+    out += static_cast<char>(hex(text[i + 1]) * 16 + hex(text[i + 2]));
+    i += 2;
+  }
+  return out;
+}
+
+/// Takes as long whether they are the same or where they differ.
+bool same(std::string_view a, std::string_view b) {
+  unsigned char differs = a.size() != b.size();
+  for (std::size_t i = 0; i < a.size(); ++i)
+    differs = static_cast<unsigned char>(differs | (a[i] ^ (b.empty() ? '\0' : b[i % b.size()])));
+  return differs == 0;
+}
+
+}  // namespace
+
+Reply refusal(unsigned status, const std::string& why) {
+  Reply reply = json_reply({{"error", why}});
+  reply.status = status;
+  return reply;
+}
+
+std::optional<Target> parse_target(const std::string& text) {
+  Target target;
+  const std::size_t mark = std::min(text.find('?'), text.size());
+  const auto path = decoded(std::string_view(text).substr(0, mark));
+  if (!path || path->empty() || path->front() != '/') return {};
+  target.path = *path;
+  for (std::size_t at = mark + 1; at < text.size();) {
+    const std::size_t end = std::min(text.find('&', at), text.size());
+    const std::string_view pair = std::string_view(text).substr(at, end - at);
+    const std::size_t equals = pair.find('=');
+    at = end + 1;
+    if (pair.empty()) continue;
+    if (equals == std::string_view::npos) return {};
+    const auto name = decoded(pair.substr(0, equals)), value = decoded(pair.substr(equals + 1));
+    if (!name || !value || !target.values.emplace(*name, *value).second) return {};
+  }
+  return target;
+}
+
+bool ServerState::has_token(const std::string& target, const std::string& authorization) const {
+  if (options.token.empty()) return true;
+  if (same(authorization, "Bearer " + options.token)) return true;
+  const std::optional<Target> parsed = parse_target(target);
+  if (!parsed) return false;
+  const auto found = parsed->values.find("token");
+  return found != parsed->values.end() && same(found->second, options.token);
+}
+
+std::shared_ptr<Session> ServerState::past(double time_s) {
+  if (!history) throw std::invalid_argument("nothing is recorded, so there is no other time");
+  const auto found = std::find_if(pasts.begin(), pasts.end(),
+                                  [&](const auto& past) { return past.first == time_s; });
+  if (found != pasts.end()) {
+    pasts.splice(pasts.begin(), pasts, found);
+  } else {
+    pasts.emplace_front(time_s, history->at(time_s));
+    if (pasts.size() > kMostPasts) pasts.pop_back();
+  }
+  return pasts.front().second;
+}
+
+void ServerState::with_ground(std::optional<double> time_s, std::optional<double> against_s,
+                              std::function<Reply(GroundView&)> use,
+                              std::function<void(Reply)> done) {
+  std::shared_ptr<Session> live;
+  if (!time_s) live = std::make_shared<Session>(site.session().clone());
+  const bool taken =
+      worker->post([this, time_s, against_s, live = std::move(live), use, done]() mutable {
+        Reply reply;
+        try {
+          // On one thread: the other is for what feeds do.
+          tbb::task_arena(1).execute([&] {
+            const std::shared_ptr<Session> now = time_s ? past(*time_s) : live;
+            GroundView ground(now, against_s ? past(*against_s) : nullptr, design);
+            reply = use(ground);
+          });
+        } catch (const std::invalid_argument& e) {
+          reply = refusal(400, e.what());
+        } catch (const std::exception& e) {
+          reply = refusal(500, e.what());
+        }
+        boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
+      });
+  if (!taken) done(refusal(429, "too much was asked at once; ask again later"));
+}
+
+void ServerState::answer(const std::string& text, std::function<void(Reply)> done) {
+  try {
+    const std::optional<Target> target = parse_target(text);
+    if (!target) return done(refusal(400, "the address can't be read"));
+    const std::string& path = target->path;
+    if (path == "/height") {
+      const Values values(*target, {"x", "y", "time", "against"});
+      const Vec2 at(values.number("x"), values.number("y"));
+      return with_ground(
+          values.number_if("time"), values.number_if("against"),
+          [at](GroundView& ground) { return json_reply(ground.height(at)); }, done);
+    }
+    if (path == "/section") {
+      const Values values(*target, {"from", "to", "points", "time", "against"});
+      const Vec2 from = values.place("from"), to = values.place("to");
+      const double points = values.number_if("points").value_or(500);
+      if (!(points >= 2 && points <= kMostPoints && points == std::floor(points)))
+        throw std::invalid_argument(fmt::format("'points' must be 2 to {}", kMostPoints));
+      return with_ground(
+          values.number_if("time"), values.number_if("against"),
+          [=](GroundView& ground) {
+            return json_reply(ground.section(from, to, static_cast<int>(points)));
+          },
+          done);
+    }
+    if (path == "/volume") {
+      const Values values(*target, {"boundary", "time", "against"});
+      const std::vector<double> numbers = values.numbers("boundary");
+      if (numbers.size() % 2 != 0 || numbers.size() < 6 || numbers.size() > 2 * kMostCorners)
+        throw std::invalid_argument(
+            fmt::format("'boundary' must be 3 to {} corners x,y", kMostCorners));
+      std::vector<Vec2> boundary;
+      for (std::size_t i = 0; i < numbers.size(); i += 2)
+        boundary.emplace_back(numbers[i], numbers[i + 1]);
+      return with_ground(
+          values.number_if("time"), values.number_if("against"),
+          [boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); }, done);
+    }
+    if (path == "/terrain") {
+      const Values values(*target, {"level", "tile"});
+      const Vec2 tile = values.place("tile");
+      const auto whole = [](double value) {
+        return value == std::floor(value) && std::abs(value) < 1e6 ? static_cast<int>(value) : -1;
+      };
+      const int level = whole(values.number("level")), i = whole(tile.x()), j = whole(tile.y());
+      const bool taken = worker->post([this, level, i, j, done]() mutable {
+        Reply reply = refusal(404, "there is no such tile");
+        if (const auto bytes = terrain.tile(level, i, j))
+          reply = {200, "application/octet-stream", deflated(*bytes), {}, true};
+        boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
+      });
+      if (!taken) done(refusal(429, "too much was asked at once; ask again later"));
+      return;
+    }
+    if (path == "/machines.csv") {
+      const Values values(*target, {});
+      return done({200, "text/csv; charset=utf-8", site.machines_csv(), "machines.csv", false});
+    }
+    if (path == "/summary.json") {
+      const Values values(*target, {"time"});
+      io::Summary summary = site.summary();
+      return with_ground(
+          values.number_if("time"), {},
+          [this, summary](GroundView& ground) {
+            io::Summary all = summary;
+            put(site.books(ground.now()), all);
+            return Reply{200, "application/json", io::to_json(all), {}, false};
+          },
+          done);
+    }
+    if (path == "/surface.tif") {
+      const Values values(*target, {"time"});
+      return with_ground(
+          values.number_if("time"), {},
+          [this](GroundView& ground) {
+            require_dug(ground.now());
+            const io::Site& of = ground.now().site();
+            const auto box = io::footprint(*of.soil, false);
+            const double cell_m =
+                options.raster_cell_m.value_or(affordable_cell_m(box, of.soil->voxel_size_m()));
+            return file_reply("surface.tif", "image/tiff", [&](const fs::path& file) {
+              write_surface_raster(file, *of.soil, box, cell_m, of.crs_wkt);
+            });
+          },
+          done);
+    }
+    if (path == "/soil.vdb") {
+      const Values values(*target, {"time"});
+      return with_ground(
+          values.number_if("time"), {},
+          [](GroundView& ground) {
+            return file_reply("soil.vdb", "application/octet-stream",
+                              [&](const fs::path& file) { ground.now().write(file); });
+          },
+          done);
+    }
+    if (path == "/mesh.glb") {
+      const Values values(*target, {"time"});
+      return with_ground(
+          values.number_if("time"), {},
+          [](GroundView& ground) {
+            require_dug(ground.now());
+            const io::Site& of = ground.now().site();
+            return file_reply("mesh.glb", "model/gltf-binary", [&](const fs::path& file) {
+              io::write_mesh(file, ground.now().mesh(), of.soil->origin(), of.crs_wkt);
+            });
+          },
+          done);
+    }
+    done(refusal(404, "there is no such page; the guide's page on live sites lists what there is"));
+  } catch (const std::invalid_argument& e) {
+    done(refusal(400, e.what()));
+  }
+}
+
+}  // namespace soilvdb::tools

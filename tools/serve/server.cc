@@ -1,0 +1,222 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/serve/server.h"
+
+#include <fmt/format.h>
+
+#include <boost/asio/ip/address.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/socket_base.hpp>
+#include <boost/system/system_error.hpp>
+#include <cmath>
+#include <fstream>
+#include <future>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "soilvdb/io/error.h"
+#include "tools/serve/server_state.h"
+#include "tools/serve/viewer.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace net = boost::asio;
+using net::ip::tcp;
+using Json = nlohmann::ordered_json;
+
+constexpr std::chrono::milliseconds kTick{100}, kPlay{20};
+constexpr std::chrono::seconds kTellAgain{1}, kAskTimes{2};
+constexpr std::size_t kMostJobs = 32;
+constexpr std::size_t kMostConnections = 512;
+constexpr std::size_t kMostCacheBytes = 64 << 20;
+/// Of each tick, what goes to meshes for viewers: feeds come first.
+constexpr std::chrono::milliseconds kMostMeshing{50};
+
+std::string read_file(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+constexpr const char* kNoPage =
+    "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><title>soilvdb</title>"
+    "<h1>soilvdb</h1><p>The view isn't part of this build: it is made with npm. "
+    "Feeds and queries work.</p></html>\n";
+
+std::map<std::string, Reply> read_page(const std::filesystem::path& folder) {
+  std::map<std::string, Reply> page;
+  const auto add = [&](const char* path, const char* file, const char* type) {
+    if (std::string text = read_file(folder / file); !text.empty())
+      page[path] = {200, type, std::move(text), {}, false};
+  };
+  if (!folder.empty()) {
+    add("/", "index.html", "text/html; charset=utf-8");
+    add("/view.js", "view.js", "text/javascript; charset=utf-8");
+    add("/view.css", "view.css", "text/css; charset=utf-8");
+  }
+  if (!page.contains("/")) page["/"] = {200, "text/html; charset=utf-8", kNoPage, {}, false};
+  return page;
+}
+
+}  // namespace
+
+ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
+                         std::shared_ptr<const BaseSurface> design_, const ServerOptions& options_)
+    : site(site_),
+      history(std::move(history_)),
+      design(std::move(design_)),
+      options(options_),
+      page(read_page(options.page)),
+      terrain(site.session().site(), work_area(site.session())),
+      mesher(*site.session().site().soil),
+      worker(std::make_unique<Worker>(kMostJobs)) {
+  try {
+    const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
+    acceptor.open(endpoint.protocol());
+    acceptor.set_option(net::socket_base::reuse_address(true));
+    acceptor.bind(endpoint);
+    acceptor.listen();
+  } catch (const boost::system::system_error& e) {
+    throw io::InputError(fmt::format("can't listen on {} port {}: {}", options.listen, options.port,
+                                     e.code().message()));
+  }
+}
+
+void ServerState::drop(std::map<Coord3, Cached, Before>::iterator cached) {
+  cache_bytes -= cached->second.message->size();
+  cache_order.erase(cached->second.place);
+  cache.erase(cached);
+}
+
+Bytes ServerState::block(const Coord3& block) {
+  if (const auto found = cache.find(block); found != cache.end()) {
+    cache_order.splice(cache_order.begin(), cache_order, found->second.place);
+    return found->second.message;
+  }
+  if (meshed > kMostMeshing) return nullptr;
+  const Clock::time_point begin = Clock::now();
+  const Session& session = site.session();
+  const Soil& soil = *session.site().soil;
+  auto message = std::make_shared<const std::string>(block_message(
+      soil, block, mesher.block(block), 0, heights_of(soil.undug()),
+      design ? heights_of(*design) : Heights(), session.earthmoving().soil.has_value()));
+  meshed += Clock::now() - begin;
+  cache_order.push_front(block);
+  cache[block] = {message, cache_order.begin()};
+  cache_bytes += message->size();
+  while (cache_bytes > kMostCacheBytes) drop(cache.find(cache_order.back()));
+  return message;
+}
+
+Json ServerState::times() {
+  if (!history || !std::isfinite(known_times.from_s)) return nullptr;
+  const double to_s = options.takes_feeds ? site.time_s() : known_times.to_s;
+  if (!std::isfinite(to_s)) return nullptr;
+  return {{"from", known_times.from_s}, {"to", to_s}, {"snapshots", known_times.snapshots_s}};
+}
+
+Bytes ServerState::description() {
+  Json json = site.description();
+  json["live"] = options.takes_feeds;
+  json["terrain"] = terrain.description();
+  json["crs"] = site.session().site().crs_wkt;
+  json["design"] = design != nullptr;
+  json["times"] = times();
+  return std::make_shared<const std::string>(
+      json.dump(-1, ' ', false, Json::error_handler_t::replace));
+}
+
+/// Tells viewers what changed, and of the machines.
+void ServerState::tick() {
+  if (stopped()) {
+    io.stop();
+    return;
+  }
+  const Clock::time_point now = Clock::now();
+  meshed = {};
+  if (!viewers.empty() || site.fed() != told_fed) {
+    for (const Coord3& block : site.session().changed_blocks()) {
+      if (const auto cached = cache.find(block); cached != cache.end()) drop(cached);
+      for (Viewer* viewer : viewers) viewer->changed(block);
+    }
+  }
+  if (!viewers.empty() && (site.fed() != told_fed || now - told >= kTellAgain)) {
+    told = now;
+    Json json = site.state();
+    json["times"] = times();
+    const auto state = std::make_shared<const std::string>(
+        json.dump(-1, ' ', false, Json::error_handler_t::replace));
+    for (Viewer* viewer : viewers) viewer->tell_state(state);
+  }
+  told_fed = site.fed();
+  for (Viewer* viewer : viewers)
+    net::post(io, [self = viewer->shared_from_this()] { self->go_on(); });
+  if (history && now - asked_times >= kAskTimes && !viewers.empty()) {
+    asked_times = now;
+    worker->post([this] {
+      try {
+        net::post(io, [this, found = history->times()] { known_times = found; });
+      } catch (const std::exception&) {  // a folder that can't be read now
+      }
+    });
+  }
+  timer.expires_after(kTick);
+  timer.async_wait([this](const boost::system::error_code& error) {
+    if (!error) tick();
+  });
+}
+
+Server::Server(LiveSite& site, std::unique_ptr<History> history,
+               std::shared_ptr<const BaseSurface> design, const ServerOptions& options)
+    : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {}
+
+Server::~Server() = default;
+
+std::string Server::url() const {
+  const tcp::endpoint at = state_->acceptor.local_endpoint();
+  const std::string host =
+      at.address().is_v6() ? '[' + at.address().to_string() + ']' : at.address().to_string();
+  const std::string& token = state_->options.token;
+  return fmt::format("http://{}:{}/{}", host, at.port(), token.empty() ? "" : "#token=" + token);
+}
+
+void Server::run(const std::function<bool()>& stopped, const std::function<void()>& play) {
+  ServerState& s = *state_;
+  s.stopped = stopped;
+  if (s.history) {
+    try {
+      s.known_times = s.history->times();
+    } catch (const std::exception&) {  // nothing is recorded yet
+    }
+  }
+  const std::function<void()> accept = [&] {
+    s.acceptor.async_accept([&](const boost::system::error_code& error, tcp::socket socket) {
+      if (!error && s.connections < kMostConnections) accept_connection(s, std::move(socket));
+      accept();
+    });
+  };
+  const std::function<void()> keep_playing = [&] {
+    play();
+    s.player.expires_after(kPlay);
+    s.player.async_wait([&](const boost::system::error_code& error) {
+      if (!error) keep_playing();
+    });
+  };
+  accept();
+  if (play) keep_playing();
+  s.tick();
+  s.io.run();
+  s.worker.reset();
+}
+
+std::string Server::feed(std::string line) {
+  std::promise<std::string> answer;
+  std::future<std::string> future = answer.get_future();
+  net::post(state_->io, [this, &answer, &line] { answer.set_value(state_->site.feed(line)); });
+  while (future.wait_for(kTick) != std::future_status::ready)
+    if (state_->io.stopped()) return "";
+  return future.get();
+}
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a server holds. For its own files alone.
+#pragma once
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <functional>
+#include <list>
+#include <map>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "soilvdb/chunk_range.h"
+#include "soilvdb/mesher.h"
+#include "tools/serve/ground_view.h"
+#include "tools/serve/server.h"
+#include "tools/serve/terrain_tiles.h"
+#include "tools/serve/worker.h"
+
+namespace soilvdb::tools {
+
+class Viewer;
+using Bytes = std::shared_ptr<const std::string>;
+
+/// What is answered to a request.
+struct Reply {
+  unsigned status = 200;
+  std::string type = "application/json";
+  std::string body = {};
+  std::string file = {};  ///< name that it is saved by; empty: it is shown
+  bool deflate = false;   ///< the body is a zlib stream
+};
+Reply refusal(unsigned status, const std::string& why);
+
+struct ServerState {
+  using Clock = std::chrono::steady_clock;
+
+  ServerState(LiveSite& site, std::unique_ptr<History> history,
+              std::shared_ptr<const BaseSurface> design, const ServerOptions& options);
+
+  /// Answers a GET by calling `done` once, at once or later, on the thread of `io`.
+  void answer(const std::string& target, std::function<void(Reply)> done);
+  /// May who sent this see more than the page?
+  bool has_token(const std::string& target, const std::string& authorization) const;
+
+  /// Calls `use` on the worker with the ground at times, and `done` here with what comes of it.
+  /// @param time_s nothing: live
+  /// @param against_s nothing: before digging
+  void with_ground(std::optional<double> time_s, std::optional<double> against_s,
+                   std::function<Reply(GroundView&)> use, std::function<void(Reply)> done);
+  /// On the worker. @throw std::invalid_argument if there is no such time
+  std::shared_ptr<Session> past(double time_s);
+
+  /// The newest of a block of the live ground; null: not now.
+  Bytes block(const Coord3& block);
+  void tick();
+  nlohmann::ordered_json times();
+  Bytes description();
+
+  LiveSite& site;
+  std::unique_ptr<History> history;  ///< on the worker, once that runs
+  std::shared_ptr<const BaseSurface> design;
+  const ServerOptions options;
+  std::map<std::string, Reply> page;  ///< by path
+  TerrainTiles terrain;
+
+  boost::asio::io_context io{1};
+  boost::asio::ip::tcp::acceptor acceptor{io};
+  boost::asio::steady_timer timer{io}, player{io};
+  std::size_t connections = 0;
+  std::set<Viewer*> viewers;
+  std::function<bool()> stopped;
+  std::function<void()> play;
+
+  /// Messages of blocks by how lately they were asked for, up to a number of bytes.
+  struct Cached {
+    Bytes message;
+    std::list<Coord3>::iterator place;
+  };
+  std::map<Coord3, Cached, Before> cache;
+  std::list<Coord3> cache_order;
+  std::size_t cache_bytes = 0;
+  void drop(std::map<Coord3, Cached, Before>::iterator cached);
+  CachedMesher mesher;
+  std::chrono::nanoseconds meshed{0};  ///< since the last tick
+
+  std::uint64_t told_fed = 0;
+  Clock::time_point told{}, asked_times{};
+  History::Times known_times;                                    ///< as the worker found them
+  std::list<std::pair<double, std::shared_ptr<Session>>> pasts;  ///< on the worker, newest first
+  std::unique_ptr<Worker> worker;                                ///< last, so that it ends first
+};
+
+/// Goes on with a connection that asked for /feed or /view.
+void accept_connection(ServerState& state, boost::asio::ip::tcp::socket socket);
+
+/// Parts of "/path?a=b&c=d", decoded; nothing if it isn't one.
+struct Target {
+  std::string path;
+  std::map<std::string, std::string> values;
+};
+std::optional<Target> parse_target(const std::string& text);
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The ground before digging by levels of detail, as tiles of heights.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "soilvdb/io/site.h"
+#include "soilvdb/session.h"
+
+namespace soilvdb::tools {
+
+/// Immutable; several threads may ask.
+class TerrainTiles {
+ public:
+  static constexpr int kSide = 256;  ///< steps between posts along a tile
+
+  /// @param work where machines, pours and hoppers are: what is shown of unbounded ground
+  TerrainTiles(const io::Site& site, const Eigen::AlignedBox2d& work);
+
+  /// Bounds and levels, the finest first.
+  nlohmann::ordered_json description() const;
+  /// float32 heights of a tile, row-major from low y and low x, NaN where there are none; nothing
+  /// if there is no such tile.
+  std::optional<std::string> tile(int level, int i, int j) const;
+
+ private:
+  struct Level {
+    double spacing_m = 0;
+    int nx = 0, ny = 0;
+  };
+  std::shared_ptr<const BaseSurface> base_;
+  const BaseSurface* undug_;
+  Eigen::AlignedBox2d bounds_;
+  std::vector<Level> levels_;
+};
+
+/// Where a session's machines, pours, hoppers and dug ground are.
+Eigen::AlignedBox2d work_area(const Session& session);
+
+}  // namespace soilvdb::tools

@@ -1,0 +1,208 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/serve/viewer.h"
+
+#include <boost/asio/post.hpp>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace soilvdb::tools {
+namespace {
+
+namespace net = boost::asio;
+namespace beast = boost::beast;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMostTexts = 16;
+
+/// A time of a request. @throw std::invalid_argument
+std::optional<double> time_of(const Json& json, const char* key) {
+  if (!json.contains(key) || json[key].is_null()) return {};
+  if (!json[key].is_number())
+    throw std::invalid_argument(std::string("'") + key + "' must be a number of seconds, or null");
+  return json[key].get<double>();
+}
+
+std::string message(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Viewer::Viewer(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {}
+
+void Viewer::start() {
+  state_.viewers.insert(this);
+  ++state_.connections;
+  socket_.binary(true);
+  texts_.push_back(state_.description());
+  texts_.push_back(std::make_shared<const std::string>([this] {
+    Json json = state_.site.state();
+    json["times"] = state_.times();
+    return message(json);
+  }()));
+  for (const Coord3& block : resident_blocks(*state_.site.session().site().soil))
+    due_.insert(block);
+  go_on();
+  read();
+}
+
+void Viewer::changed(const Coord3& block) {
+  if (view_ == 0) due_.insert(block);
+}
+
+void Viewer::read() {
+  socket_.async_read(in_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+    if (error) {
+      self->state_.viewers.erase(self.get());
+      --self->state_.connections;
+      return;
+    }
+    self->requested(beast::buffers_to_string(self->in_.data()));
+    self->in_.consume(self->in_.size());
+    self->go_on();
+    self->read();
+  });
+}
+
+void Viewer::say(const std::string& text) {
+  if (texts_.size() < kMostTexts) texts_.push_back(std::make_shared<const std::string>(text));
+}
+
+void Viewer::requested(const std::string& text) {
+  try {
+    const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+    if (json.is_discarded() || !json.is_object())
+      throw std::invalid_argument("a request is a JSON object with 'time' and 'against'");
+    for (const auto& [key, value] : json.items())
+      if (key != "time" && key != "against")
+        throw std::invalid_argument("a request has 'time' and 'against' only");
+    show(time_of(json, "time"), time_of(json, "against"));
+  } catch (const std::exception& e) {
+    say(message({{"type", "error"}, {"error", e.what()}}));
+  }
+}
+
+/// Goes over to another view. Live ground against another time is that of now.
+void Viewer::show(std::optional<double> time_s, std::optional<double> against_s) {
+  if (asking_) throw std::invalid_argument("the view asked for before isn't there yet");
+  if (!time_s && !against_s) {
+    view_ = 0;
+    ground_.reset();
+    due_.clear();
+    sent_ = 0;
+    whole_ = false;
+    for (const Coord3& block : resident_blocks(*state_.site.session().site().soil))
+      due_.insert(block);
+    say(message({{"type", "view"}, {"id", 0}, {"time_s", nullptr}, {"against_s", nullptr}}));
+    return;
+  }
+  if (against_s && time_s && *against_s > *time_s)
+    throw std::invalid_argument("compare with an earlier time");
+  asking_ = true;
+  auto ground = std::make_shared<std::shared_ptr<GroundView>>();
+  auto blocks = std::make_shared<std::vector<Coord3>>();
+  const auto self = shared_from_this();
+  state_.with_ground(
+      time_s, against_s,
+      [ground, blocks](GroundView& view) {
+        *ground = std::make_shared<GroundView>(view);
+        *blocks = resident_blocks(*view.now().site().soil);
+        return Reply();
+      },
+      [self, ground, blocks, time_s, against_s](const Reply& reply) {
+        self->asking_ = false;
+        if (reply.status != 200) {
+          Json json = Json::parse(reply.body);
+          json["type"] = "error";
+          self->say(message(json));
+        } else {
+          const auto or_null = [](std::optional<double> s) { return s ? Json(*s) : Json(); };
+          self->view_ = ++self->views_;
+          self->ground_ = *ground;
+          self->due_ = {blocks->begin(), blocks->end()};
+          self->sent_ = 0;
+          self->whole_ = false;
+          self->say(message({{"type", "view"},
+                             {"id", self->view_},
+                             {"time_s", or_null(time_s)},
+                             {"against_s", or_null(against_s)}}));
+        }
+        self->go_on();
+      });
+}
+
+/// In turn, wherever changes come from.
+std::optional<Coord3> Viewer::next_block() {
+  if (due_.empty()) return {};
+  auto next = due_.upper_bound(last_);
+  if (next == due_.end()) next = due_.begin();
+  return *next;
+}
+
+void Viewer::send(const Bytes& message, bool text) {
+  sending_ = true;
+  socket_.text(text);
+  socket_.async_write(net::buffer(*message),
+                      [self = shared_from_this(), message](beast::error_code error, std::size_t) {
+                        self->sending_ = false;
+                        if (error) {
+                          beast::get_lowest_layer(self->socket_).close();
+                          return;
+                        }
+                        // Others first: what comes may be the next block.
+                        net::post(self->state_.io, [self] { self->go_on(); });
+                      });
+}
+
+void Viewer::go_on() {
+  if (sending_) return;
+  if (!texts_.empty()) {
+    const Bytes text = texts_.front();
+    texts_.pop_front();
+    return send(text, true);
+  }
+  if (told_) return send(std::exchange(told_, nullptr), true);
+  const std::optional<Coord3> block = next_block();
+  if (!block) {
+    if (whole_) return;
+    whole_ = true;
+    return send(std::make_shared<const std::string>(
+                    message({{"type", "whole"}, {"id", view_}, {"blocks", sent_}})),
+                true);
+  }
+  const auto send_block = [this, block](const Bytes& bytes) {
+    due_.erase(*block);
+    last_ = *block;
+    ++sent_;
+    send(bytes, false);
+  };
+  if (!ground_) {
+    if (const Bytes bytes = state_.block(*block)) send_block(bytes);
+    return;  // else at the next tick
+  }
+  sending_ = true;
+  const bool taken = state_.worker->post(
+      [self = shared_from_this(), ground = ground_, view = view_, at = *block]() mutable {
+        Bytes bytes;
+        try {
+          bytes = std::make_shared<const std::string>(ground->block(at, view));
+        } catch (const std::exception&) {  // it is left out
+        }
+        // What is here goes there, so that it isn't this thread that lets go of it.
+        net::io_context& io = self->state_.io;
+        net::post(io, [self = std::move(self), ground = std::move(ground), view, at, bytes] {
+          self->sending_ = false;
+          if (self->view_ == view) {
+            self->due_.erase(at);
+            self->last_ = at;
+            if (bytes) ++self->sent_;
+          }
+          if (bytes && self->view_ == view) return self->send(bytes, false);
+          self->go_on();
+        });
+      });
+  if (!taken) sending_ = false;  // at the next tick
+}
+
+}  // namespace soilvdb::tools
