@@ -23,7 +23,7 @@ expect() {   # WORDS... = OFFERED...
   }
 }
 
-expect soilvdb '' = run resume verify info export diff
+expect soilvdb '' = run resume serve verify info export diff
 expect soilvdb re = resume
 expect soilvdb - = --help --version
 expect soilvdb run --no = --no-mesh --no-snapshots
@@ -34,7 +34,7 @@ expect soilvdb run '' =
 expect soilvdb nonsense -- =
 
 # Every option that is offered the program knows, and it offers as many as its help has.
-for command in run resume verify info export diff; do
+for command in run resume serve verify info export diff; do
   COMP_WORDS=(soilvdb "$command" --) COMP_CWORD=2
   _soilvdb "$program" -- "$command"
   [[ ${#COMPREPLY[@]} == $("$program" $command --help | grep -c '^  -') ]]

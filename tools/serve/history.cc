@@ -90,7 +90,9 @@ class RunHistory : public History {
         files_.emplace_back(*time_s, file.name);
     }
     std::sort(files_.begin(), files_.end());
-    for (const auto& [time_s, name] : files_) times_.snapshots_s.push_back(time_s);
+    for (const auto& [time_s, name] : files_)
+      if (times_.snapshots_s.empty() || times_.snapshots_s.back() != time_s)
+        times_.snapshots_s.push_back(time_s);
     times_.from_s = 0;
     for (const io::MachineInput& machine : scenario_.machines)
       if (machine.has_motion()) times_.from_s = std::min(times_.from_s, machine.motion.begin_s());

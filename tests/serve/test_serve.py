@@ -1,0 +1,353 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""A live site: what is fed, asked, seen and kept."""
+import asyncio
+import json
+import socket
+import subprocess
+import threading
+import time
+
+import numpy as np
+import pytest
+import soilvdb
+from live import PROGRAM, Server, passes, scenario, view, whole
+
+SOIL = "soil: {repose_angle: 0.6, swell: 0.2}\n"
+FAST = "output: {snapshots: {every: 0.25}}\n"
+
+
+def fed(path, until=float("inf")):
+    """A site of a scenario that was fed the states up to a time."""
+    site = soilvdb.Site.open(path)
+    for state in states():
+        if state["time"] > until:
+            break
+        site.update(state["machine"], time=state["time"], position=state["position"],
+                    rotation=state["rotation"])
+    return site
+
+
+def states():
+    return [*passes("digger", 0.0, 0.25, 60), *passes("plate", 4.0, 0.15, 60),
+            *passes("digger", 0.4, 0.35, 60, begin=1.0)]
+
+
+def test_a_feed_answers_as_a_site_of_the_same(tmp_path):
+    path = scenario(tmp_path)
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        answers = server.feed(states())
+        site = soilvdb.Site.open(path)
+        for state, answer in zip(states(), answers):
+            update = site.update(state["machine"], time=state["time"],
+                                 position=state["position"], rotation=state["rotation"])
+            assert answer["cut_m3"] == update.cut_m3
+            assert answer["bucket_m3"] == update.bucket_m3
+        summary = server.json("/summary.json")
+        assert summary["volume_m3"]["cut"] > 1
+        assert summary["volume_m3"]["residual"] == pytest.approx(0, abs=1e-9)
+        assert summary["updates"] == len(states())
+        places = np.random.default_rng(1).uniform([-1, -1], [5, 5], (50, 2))
+        wanted = site.heights(places)
+        for (x, y), height in zip(places, wanted):
+            answer = server.json(f"/height?x={x!r}&y={y!r}")
+            assert answer["height_m"] == pytest.approx(height, abs=1e-12)
+            assert answer["before_m"] == pytest.approx(0.02 * x, abs=1e-12)
+        line = server.json("/section?from=0.5,-1&to=3.5,3&points=200")
+        along = np.linspace([0.5, -1], [3.5, 3], 200)
+        assert np.allclose(line["now_m"], site.heights(along), atol=1e-9)
+        assert np.allclose(line["before_m"], 0.02 * along[:, 0], atol=1e-9)
+        assert line["distance_m"][-1] == pytest.approx(5)
+
+
+def test_bad_lines_are_refused_and_change_nothing(tmp_path):
+    good = json.dumps(next(passes("digger", 0.0, 0.3, 60)))
+    bad = [("{", "'{' is no JSON object"), ("[1]", "no JSON object"), ("7", "no JSON object"),
+           ('{"machine": "diger", "time": 1}', "there is no machine 'diger'; there are: digger, plate"),
+           ('{"time": 1}', "'machine' must name a machine"),
+           ('{"machine": "digger", "tme": 1}', "unknown key 'tme'; did you mean 'time'?"),
+           ('{"machine": "digger", "time": 1}', "either 'joints' or 'position' and 'rotation'"),
+           (good.replace("[0.0, 0.0, 0.0, 1.0]", "[0, 0, 0, 2]"), "its length is 2"),
+           (good.replace("[0.0, 0.0, 0.0, 1.0]", "[0, 0, 1]"), "an array of 4 numbers"),
+           (good.replace('"time": 0.0', '"time": "now"'), "'time' must be a number"),
+           (good.replace('"time": 0.0', '"time": -1'), "time goes back"),
+           (good.replace('"time": 0.0', '"time": 1e999'), "no JSON object"),
+           ('{"machine": "digger", "time": 1, "joints": {"boom": 1}}', "has no joints"),
+           ("[" * 20000, "no JSON object"), ("\x00", "no JSON object"), ("", "an empty message")]
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed([good, *list(passes("digger", 0.0, 0.3, 60))[1:30]])
+        before = server.json("/summary.json")["state_hash"]
+        for line, why in bad:
+            answer, = server.feed([line])
+            assert why in answer["error"], line
+        assert server.json("/summary.json")["state_hash"] == before
+        answers = server.feed([good.replace('"time": 0.0', '"time": 9')])
+        assert "error" not in answers[0]
+
+
+def test_what_cannot_be_asked_is_said(tmp_path):
+    asked = {"/height?x=1": (400, "'y' is missing"), "/height?x=1&y=nan": (400, "'nan' is none"),
+             "/height?x=1&y=1e300": (400, "is none"), "/height?x=1&x=2&y=3": (400, "can't be read"),
+             "/height?x=1&y=2&z=3": (400, "unknown 'z'"),
+             "/section?from=1,2&to=3": (400, "'to' must be x,y"),
+             "/section?from=1,2&to=3,4&points=1": (400, "2 to 5000"),
+             "/volume?boundary=1,2,3,4": (400, "3 to 1000 corners"),
+             "/volume?boundary=" + ",".join(["1"] * 2002): (400, "3 to 1000 corners"),
+             "/terrain?level=0&tile=99999,0": (404, "no such tile"),
+             "/terrain?level=-1&tile=0,0": (404, "no such tile"),
+             "/surface.tif": (400, "nobody has dug yet"), "/mesh.glb": (400, "nobody has dug yet"),
+             "/../../etc/passwd": (404, "no such page"), "/%2e%2e/etc/passwd": (404, "no such page"),
+             "//etc/passwd": (404, "no such page"), "/%zz": (400, "can't be read"),
+             "/view.js/../x": (404, "no such page"), "/index.html": (404, "no such page"),
+             "/feed": (404, "no such page")}
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        for path, (status, why) in asked.items():
+            got, body = server.get(path)
+            assert (got, why in json.loads(body)["error"]) == (status, True), (path, body)
+
+
+def test_viewers_see_the_surface_that_there_is(tmp_path):
+    path = scenario(tmp_path, SOIL)
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        half = len(states()) // 2
+        server.feed(states()[:half])
+        last_s = states()[-1]["time"]
+
+        def settled(texts, _):
+            """Told of the end, and again a second later."""
+            return sum(t.get("time_s") == last_s for t in texts) > 2
+
+        async def watch():
+            rest = asyncio.get_running_loop().run_in_executor(None, feed_slowly)
+            seen = await view(server, settled, seconds=60)
+            await rest
+            return seen
+
+        def feed_slowly():
+            for state in states()[half:]:
+                server.feed([state])
+                time.sleep(0.01)
+        texts, blocks = asyncio.run(watch())
+        fresh_texts, fresh = asyncio.run(view(server, whole()))
+        site = fed(path)
+    assert texts[0]["type"] == "site" and texts[0]["machines"][0]["name"] == "digger"
+    # One who looked all the time has what one has who came in the end.
+    for key, block in fresh.items():
+        assert np.array_equal(blocks[key].lattice, block.lattice)
+    points = np.concatenate([b.points for b in fresh.values()])
+    change = np.concatenate([b.change for b in fresh.values() if len(b.points)])
+    loose = np.concatenate([b.loose for b in fresh.values() if len(b.points)])
+    wanted, _ = site.mesh()
+    # The same surface, each vertex where the lattice is nearest to the mesh's.
+    step = 0.05 / 1024
+    origin = np.array(fresh_texts[0]["origin"])
+    lattice = {tuple(p) for b in fresh.values() for p in b.lattice}
+    off = {tuple(p) for p in np.round((wanted - origin) / step).astype(int)} - lattice
+    assert len(wanted) > 1000 and len(off) < 0.001 * len(wanted)  # halves, by rounding
+    assert np.allclose(change, points[:, 2] - 0.02 * points[:, 0], atol=0.0006)
+    assert loose.max() > 0.5 and loose.min() == 0
+    state = [t for t in fresh_texts if t["type"] == "state"][-1]
+    assert state["machines"][0]["position"] == states()[-1]["position"]
+    assert state["machines"][0]["state"] == "working"
+
+
+def test_borders_are_shared_to_the_bit(tmp_path):
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed(states())
+        _, blocks = asyncio.run(view(server, whole()))
+    edges = {}
+    for block in blocks.values():
+        if not len(block.lattice):
+            continue
+        for triangle in block.triangles:
+            corners = [tuple(block.lattice[i]) for i in triangle]
+            for a, b in zip(corners, corners[1:] + corners[:1]):
+                edges[a, b] = edges.get((a, b), 0) + 1
+    resident = {(b.block[0] // 8 + n // 16, b.block[1] // 8 + n // 4 % 4, b.block[2] // 8 + n % 4)
+                for b in blocks.values() for n in range(64) if b.resident >> n & 1}
+    open_edges = [a for a, b in edges if (b, a) not in edges and a != b]
+    # Only where the resident ground ends, at a chunk's side: half a voxel from a multiple of eight.
+    assert len(blocks) > 4 and resident
+    for place in open_edges:
+        assert max(abs((c + 512) % 8192 - 4096) for c in place) > 4096 - 1024, place
+
+
+def test_a_killed_server_goes_on_at_what_it_acknowledged(tmp_path):
+    path = scenario(tmp_path, SOIL + FAST)
+    known = 0
+    all_states = states()
+    rng = np.random.default_rng(3)
+    while known < len(all_states):
+        with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+            there = server.json("/summary.json")["updates"]
+            assert there >= known, "what was acknowledged is there"
+            server.feed(all_states[there:there + int(rng.integers(10, 60))])
+            time.sleep(rng.uniform(0, 1.5))
+            known = server.json("/summary.json")["acknowledged"]["updates"]
+            server.kill()
+    with Server(path, "--out", tmp_path / "once", cwd=tmp_path) as server:
+        server.feed(all_states)
+        once = server.json("/summary.json")
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        again = server.json("/summary.json")
+        for key in ("state_hash", "volume_m3", "mass_kg"):
+            assert again[key] == once[key]
+        text = server.stop()
+        assert "180 states, to 1.59 s" in text, text
+
+
+def test_volumes_inside_boundaries_are_those_of_diff(tmp_path):
+    with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        (tmp_path / "a.vdb").write_bytes(server.get("/soil.vdb")[1])
+        server.feed(states())
+        (tmp_path / "b.vdb").write_bytes(server.get("/soil.vdb")[1])
+        diff = json.loads(subprocess.run(
+            [PROGRAM, "diff", tmp_path / "a.vdb", tmp_path / "b.vdb", "--json"],
+            capture_output=True, check=True).stdout)
+        whole_site = server.json("/volume?boundary=-20,-20,20,-20,20,20,-20,20")
+        for key in ("cut_m3", "fill_m3", "net_m3"):
+            assert whole_site[key] == diff[key]
+        assert whole_site["area_m2"] == pytest.approx(1600)
+        # Parts that share an edge, which goes across cells, add up; either way round.
+        left = server.json("/volume?boundary=-20,-20,1.234,-20,2.71,20,-20,20")
+        right = server.json("/volume?boundary=20,20,2.71,20,1.234,-20,20,-20")
+        for key in ("cut_m3", "fill_m3"):
+            assert left[key] > 0 and right[key] > 0
+            assert left[key] + right[key] == pytest.approx(diff[key], abs=1e-12)
+        # Of a pass that is as wide as the mouth, away from where it begins and ends.
+        part = server.json("/volume?boundary=1,3.6,3,3.6,3,4.4,1,4.4")
+        assert part["net_m3"] == pytest.approx(-2 * 0.8 * 0.15, rel=0.01)
+
+
+def test_times_are_shown_as_they_were(tmp_path):
+    path = scenario(tmp_path, SOIL + FAST)
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed(states())
+        while server.json("/summary.json")["acknowledged"]["updates"] < len(states()):
+            time.sleep(0.1)
+
+        def at(time_s):
+            return fed(path, time_s)
+        for time_s in (0.3, 0.55, 1.2, 99.0):
+            summary = server.json(f"/summary.json?time={time_s}")
+            assert summary["state_hash"] == f"{at(time_s).ground_hash():016x}"
+        along = np.linspace([2, -1], [2, 3], 100)
+        line = server.json("/section?from=2,-1&to=2,3&points=100&time=1.2&against=0.3")
+        assert np.allclose(line["now_m"], at(1.2).heights(along), atol=1e-9)
+        assert np.allclose(line["before_m"], at(0.3).heights(along), atol=1e-9)
+        texts, blocks = asyncio.run(view(server, whole(1), [{"time": 1.2, "against": 0.3}]))
+        shown = [b for (id, _), b in blocks.items() if id == 1 and len(b.points)]
+        points = np.concatenate([b.points for b in shown])
+        before = at(0.3).heights(points[:, :2])
+        flat = np.isfinite(before)
+        change = np.concatenate([b.change for b in shown])
+        off = np.abs(change - (points[:, 2] - before))[flat]
+        assert np.mean(off < 0.0006) > 0.99  # else at walls, whose places are rounded
+        texts, _ = asyncio.run(view(
+            server, lambda texts, _: texts and texts[-1]["type"] == "error",
+            [{"time": 0.2, "against": 0.3}]))
+        assert texts[-1]["error"] == "compare with an earlier time"
+        server.stop()
+    with Server(tmp_path / "out", cwd=tmp_path) as server:
+        summary = server.json("/summary.json")
+        texts, _ = asyncio.run(view(server, whole()))
+        assert texts[0]["live"] is False
+        assert texts[0]["times"]["to"] == pytest.approx(states()[-1]["time"])
+        assert len(texts[0]["times"]["snapshots"]) >= 3
+        answer, = server.feed(["{}"])
+        assert "only looked at" in answer["error"]
+        assert server.json("/summary.json?time=1.2")["volume_m3"] != summary["volume_m3"]
+
+
+def test_a_finished_run_is_looked_at(tmp_path):
+    path = tmp_path / "run.yaml"
+    path.write_text("soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 0.0}}\nmachines:\n"
+                    "  - {name: m, bucket: {width: 1.0, height: 0.8}, motion: m.csv}\n"
+                    "output: {snapshots: {every: 1}}\n")
+    (tmp_path / "m.csv").write_text("time,x,y,z,qx,qy,qz,qw\n" + "".join(
+        f"{i / 10},{i / 10},0,-0.2,0,0,0,1\n" for i in range(41)))
+    subprocess.run([PROGRAM, "run", path, "--out", tmp_path / "out"], check=True,
+                   capture_output=True)
+    run = json.loads((tmp_path / "out/summary.json").read_text())
+    with Server(tmp_path / "out", cwd=tmp_path) as server:
+        assert server.json("/summary.json")["state_hash"] == run["state_hash"]
+        texts, _ = asyncio.run(view(server, whole()))
+        assert texts[0]["times"]["snapshots"] == [1, 2, 3, 4]
+        first = server.json("/volume?boundary=-9,-9,9,-9,9,9,-9,9&time=2")
+        assert first["net_m3"] == pytest.approx(-2 * 0.2, rel=0.01)
+    listed = subprocess.run([PROGRAM, "serve", tmp_path], capture_output=True, text=True)
+    assert listed.returncode == 2 and "neither a scenario nor the folder" in listed.stderr
+
+
+def test_standard_input_feeds_too(tmp_path):
+    with Server(scenario(tmp_path), "--out", tmp_path / "over", cwd=tmp_path) as server:
+        wanted = server.feed(states())
+    lines = "".join(json.dumps(state) + "\n" for state in states()) + "{}\n"
+    process = subprocess.Popen([PROGRAM, "serve", scenario(tmp_path), "--out", tmp_path / "in",
+                                "--port", "0", "--stdin"], cwd=tmp_path, text=True,
+                               stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE)
+    writer = threading.Thread(target=lambda: (process.stdin.write(lines), process.stdin.flush()))
+    writer.start()
+    answers = [json.loads(process.stdout.readline()) for _ in range(len(states()) + 1)]
+    writer.join()
+    process.terminate()
+    process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "error" in answers[-1]
+    for answer, other in zip(answers, wanted):
+        assert answer["cut_m3"] == other["cut_m3"]
+
+
+def test_only_who_knows_the_token_and_no_page_from_elsewhere(tmp_path):
+    path = scenario(tmp_path)
+    refused = subprocess.run([PROGRAM, "serve", path, "--listen", "0.0.0.0", "--port", "0"],
+                             capture_output=True, text=True)
+    assert refused.returncode == 2 and "give a --token" in refused.stderr
+    assert not (tmp_path / "out").exists()
+    with Server(path, "--out", tmp_path / "a", "--token", "s3cret", cwd=tmp_path) as server:
+        assert server.get("/")[0] == 200
+        for target in ("/height?x=0&y=0", "/summary.json", "/height?x=0&y=0&token=s3cre",
+                       "/height?x=0&y=0&token=s3cret2", "/nowhere"):
+            assert server.get(target)[0] == 401, target
+        assert server.get("/height?x=0&y=0&token=s3cret")[0] == 200
+        assert server.get("/height?x=0&y=0", {"Authorization": "Bearer s3cret"})[0] == 200
+        assert server.get("/height?x=0&y=0", {"Authorization": "Bearer "})[0] == 401
+        with pytest.raises(Exception, match="401"):
+            server.feed(["{}"])
+    with Server(path, "--out", tmp_path / "b", cwd=tmp_path) as server:
+        assert server.get("/height?x=0&y=0", {"Origin": "http://evil.example"})[0] == 403
+        assert server.get("/height?x=0&y=0", {"Host": "evil.example"})[0] == 403
+        assert server.get("/height?x=0&y=0", {"Origin": server.url.rstrip("/")})[0] == 200
+
+        async def from_elsewhere():
+            async with server.connect("/feed", origin="http://evil.example"):
+                pass
+        with pytest.raises(Exception, match="403"):
+            asyncio.run(from_elsewhere())
+
+
+def test_messages_that_are_too_large_or_malformed_end_only_their_connection(tmp_path):
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        host, port = server.url.split("/")[2].split(":")
+
+        async def large():
+            async with server.connect("/feed") as feed:
+                await feed.send("x" * 70_000)
+                await feed.recv()
+        with pytest.raises(Exception):
+            asyncio.run(large())
+        rng = np.random.default_rng(5)
+        for bytes_ in (b"\x00" * 100, b"GET / HTTP/1.1\r\n" + b"a: b\r\n" * 5000,
+                       b"GET " + b"/" * 20000, b"POST / HTTP/1.1\r\nHost: localhost\r\n"
+                       b"Content-Length: 1000000\r\n\r\n", *(rng.bytes(200) for _ in range(20))):
+            with socket.create_connection((host, int(port)), 5) as raw:
+                raw.settimeout(5)
+                try:
+                    raw.sendall(bytes_)
+                    raw.shutdown(socket.SHUT_WR)
+                    while raw.recv(4096):
+                        pass
+                except OSError:  # it may have gone already
+                    pass
+        assert "error" not in server.feed([next(passes("digger", 0.0, 0.3, 60))])[0]
