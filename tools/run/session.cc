@@ -313,16 +313,12 @@ void Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
 
 Mesh Session::mesh() const { return mesh_all(*state_->site.soil); }
 
-/// Origins of the blocks that changed.
-std::vector<Coord3> Session::State::unmeshed_blocks() {
-  note_changes();
-  return blocks_touched(std::vector<Coord3>(unmeshed.begin(), unmeshed.end()));
-}
-
 std::vector<SurfacePatch> Session::changed_patches() {
   State& s = *state_;
+  s.note_changes();
+  const std::vector<Coord3> chunks(s.unmeshed.begin(), s.unmeshed.end());
   std::vector<SurfacePatch> patches;
-  for (const Coord3& block : s.unmeshed_blocks()) patches.push_back({block, {}});
+  for (const Coord3& block : blocks_touched(chunks)) patches.push_back({block, {}});
   tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
     patches[i].mesh = mesh_block(*s.site.soil, patches[i].block);
   });
@@ -330,10 +326,12 @@ std::vector<SurfacePatch> Session::changed_patches() {
   return patches;
 }
 
-std::vector<Coord3> Session::changed_blocks() {
-  std::vector<Coord3> blocks = state_->unmeshed_blocks();
-  state_->unmeshed.clear();
-  return blocks;
+std::vector<Coord3> Session::changed_chunks() {
+  State& s = *state_;
+  s.note_changes();
+  std::vector<Coord3> chunks(s.unmeshed.begin(), s.unmeshed.end());
+  s.unmeshed.clear();
+  return chunks;
 }
 
 std::vector<StepResult> update_many(std::span<Session* const> sessions,

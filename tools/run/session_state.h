@@ -36,7 +36,6 @@ struct Session::State {
   State& operator=(State&&) = default;
 
   void note_changes();
-  std::vector<Coord3> unmeshed_blocks();
   std::string name(std::size_t machine) const;
   void require(std::size_t machine) const;
   Move move(const Session& session, const MachineState& state, Fed& last,

@@ -31,8 +31,7 @@ constexpr std::chrono::seconds kTellAgain{1}, kAskTimes{2};
 constexpr std::size_t kMostJobs = 32;
 constexpr std::size_t kMostConnections = 512;
 constexpr std::size_t kMostCacheBytes = 64 << 20;
-/// Of each tick, what goes to meshes for viewers: feeds come first.
-constexpr std::chrono::milliseconds kMostMeshing{50};
+constexpr std::size_t kBlocksAtOnce = 8;
 
 std::string read_file(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -69,8 +68,11 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
       options(options_),
       page(read_page(options.page)),
       terrain(site.session().site(), work_area(site.session())),
-      mesher(*site.session().site().soil),
-      worker(std::make_unique<Worker>(kMostJobs)) {
+      copy(std::make_unique<Soil>(site.session().voxel_size_m(), site.session().origin(),
+                                  site.session().site().soil->shared_base())),
+      mesher(std::make_unique<CachedMesher>(*copy)),
+      worker(std::make_unique<Worker>(kMostJobs)),
+      service(std::make_unique<GroundService>(*copy, GroundService::Options{.meshes = false})) {
   try {
     const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
     acceptor.open(endpoint.protocol());
@@ -89,24 +91,48 @@ void ServerState::drop(std::map<Coord3, Cached, Before>::iterator cached) {
   cache.erase(cached);
 }
 
+void ServerState::keep(const Coord3& block, Bytes message) {
+  if (const auto found = cache.find(block); found != cache.end()) drop(found);
+  cache_order.push_front(block);
+  cache_bytes += message->size();
+  cache[block] = {std::move(message), cache_order.begin()};
+  while (cache_bytes > kMostCacheBytes && cache.size() > 1) drop(cache.find(cache_order.back()));
+}
+
 Bytes ServerState::block(const Coord3& block) {
   if (const auto found = cache.find(block); found != cache.end()) {
     cache_order.splice(cache_order.begin(), cache_order, found->second.place);
     return found->second.message;
   }
-  if (meshed > kMostMeshing) return nullptr;
-  const Clock::time_point begin = Clock::now();
-  const Session& session = site.session();
-  const Soil& soil = *session.site().soil;
-  auto message = std::make_shared<const std::string>(block_message(
-      soil, block, mesher.block(block), 0, heights_of(soil.undug()),
-      design ? heights_of(*design) : Heights(), session.earthmoving().soil.has_value()));
-  meshed += Clock::now() - begin;
-  cache_order.push_front(block);
-  cache[block] = {message, cache_order.begin()};
-  cache_bytes += message->size();
-  while (cache_bytes > kMostCacheBytes) drop(cache.find(cache_order.back()));
-  return message;
+  wanted.insert(block);
+  return nullptr;
+}
+
+/// Some at a time, on the thread of the service: what is newest by then is what is made.
+void ServerState::make_blocks() {
+  if (making || wanted.empty()) return;
+  making = true;
+  std::vector<Coord3> blocks;
+  while (!wanted.empty() && blocks.size() < kBlocksAtOnce)
+    blocks.push_back(wanted.extract(wanted.begin()).value());
+  const bool soil_moves = site.session().earthmoving().soil.has_value();
+  service->run([this, blocks = std::move(blocks), soil_moves, tick = ticks] {
+    const Soil& soil = *copy;
+    std::vector<std::pair<Coord3, Bytes>> made;
+    for (const Coord3& block : blocks)
+      made.emplace_back(block, std::make_shared<const std::string>(block_message(
+                                   soil, block, mesher->block(block), 0, heights_of(soil.undug()),
+                                   design ? heights_of(*design) : Heights(), soil_moves)));
+    net::post(io, [this, made = std::move(made), tick] {
+      making = false;
+      for (const auto& [block, message] : made) {
+        const auto changed = changed_at.find(block);
+        if (changed == changed_at.end() || changed->second <= tick) keep(block, message);
+      }
+      for (Viewer* viewer : viewers) viewer->go_on();
+      make_blocks();
+    });
+  });
 }
 
 Json ServerState::times() {
@@ -127,6 +153,17 @@ Bytes ServerState::description() {
       json.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
+void ServerState::follow_ground() {
+  ++ticks;
+  const std::vector<Coord3> chunks = site.session().changed_chunks();
+  if (!chunks.empty()) service->post(*site.session().site().soil, chunks);
+  for (const Coord3& block : blocks_touched(chunks)) {
+    changed_at[block] = ticks;
+    if (const auto cached = cache.find(block); cached != cache.end()) drop(cached);
+    for (Viewer* viewer : viewers) viewer->changed(block);
+  }
+}
+
 /// Tells viewers what changed, and of the machines.
 void ServerState::tick() {
   if (stopped()) {
@@ -134,13 +171,7 @@ void ServerState::tick() {
     return;
   }
   const Clock::time_point now = Clock::now();
-  meshed = {};
-  if (!viewers.empty() || site.fed() != told_fed) {
-    for (const Coord3& block : site.session().changed_blocks()) {
-      if (const auto cached = cache.find(block); cached != cache.end()) drop(cached);
-      for (Viewer* viewer : viewers) viewer->changed(block);
-    }
-  }
+  if (!viewers.empty()) follow_ground();
   if (!viewers.empty() && (site.fed() != told_fed || now - told >= kTellAgain)) {
     told = now;
     Json json = site.state();
@@ -150,8 +181,7 @@ void ServerState::tick() {
     for (Viewer* viewer : viewers) viewer->tell_state(state);
   }
   told_fed = site.fed();
-  for (Viewer* viewer : viewers)
-    net::post(io, [self = viewer->shared_from_this()] { self->go_on(); });
+  for (Viewer* viewer : viewers) viewer->go_on();
   if (history && now - asked_times >= kAskTimes && !viewers.empty()) {
     asked_times = now;
     worker->post([this] {
@@ -208,6 +238,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   s.tick();
   s.io.run();
   s.worker.reset();
+  s.service.reset();
 }
 
 std::string Server::feed(std::string line) {

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "soilvdb/chunk_range.h"
+#include "soilvdb/ground_service.h"
 #include "soilvdb/mesher.h"
 #include "tools/serve/ground_view.h"
 #include "tools/serve/server.h"
@@ -58,7 +59,9 @@ struct ServerState {
   /// On the worker. @throw std::invalid_argument if there is no such time
   std::shared_ptr<Session> past(double time_s);
 
-  /// The newest of a block of the live ground; null: not now.
+  /// Takes up what changed of the live ground.
+  void follow_ground();
+  /// A block of it as it was taken up; null: make_blocks() makes it, then viewers go on.
   Bytes block(const Coord3& block);
   void tick();
   nlohmann::ordered_json times();
@@ -79,7 +82,7 @@ struct ServerState {
   std::function<bool()> stopped;
   std::function<void()> play;
 
-  /// Messages of blocks by how lately they were asked for, up to a number of bytes.
+  /// Messages of blocks of the live ground, by how lately they were asked for.
   struct Cached {
     Bytes message;
     std::list<Coord3>::iterator place;
@@ -88,14 +91,23 @@ struct ServerState {
   std::list<Coord3> cache_order;
   std::size_t cache_bytes = 0;
   void drop(std::map<Coord3, Cached, Before>::iterator cached);
-  CachedMesher mesher;
-  std::chrono::nanoseconds meshed{0};  ///< since the last tick
+  void keep(const Coord3& block, Bytes message);
+  /// Has those made that are asked for.
+  void make_blocks();
+  std::set<Coord3, Before> wanted;
+  bool making = false;
+  std::uint64_t ticks = 0;
+  std::map<Coord3, std::uint64_t, Before> changed_at;  ///< by tick
+  std::unique_ptr<Soil> copy;                          ///< of the ground, for the next
+  std::unique_ptr<CachedMesher> mesher;                ///< of `copy`, in jobs alone
 
   std::uint64_t told_fed = 0;
   Clock::time_point told{}, asked_times{};
   History::Times known_times;                                    ///< as the worker found them
   std::list<std::pair<double, std::shared_ptr<Session>>> pasts;  ///< on the worker, newest first
-  std::unique_ptr<Worker> worker;                                ///< last, so that it ends first
+  // Last, so that these end first.
+  std::unique_ptr<Worker> worker;
+  std::unique_ptr<GroundService> service;
 };
 
 /// Goes on with a connection that asked for /feed or /view.

@@ -32,6 +32,7 @@ std::string message(const Json& json) {
 Viewer::Viewer(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {}
 
 void Viewer::start() {
+  state_.follow_ground();
   state_.viewers.insert(this);
   ++state_.connections;
   socket_.binary(true);
@@ -132,12 +133,18 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
       });
 }
 
-/// In turn, wherever changes come from.
-std::optional<Coord3> Viewer::next_block() {
-  if (due_.empty()) return {};
+/// The first of those that are due that there is. In turn, wherever changes come from.
+std::optional<Coord3> Viewer::next_block(Bytes& message) {
+  constexpr int kAhead = 8;  // that are asked for before it is their turn
   auto next = due_.upper_bound(last_);
-  if (next == due_.end()) next = due_.begin();
-  return *next;
+  for (std::size_t i = 0; i < due_.size() && i < kAhead; ++i, ++next) {
+    if (next == due_.end()) next = due_.begin();
+    if (ground_) return *next;
+    message = state_.block(*next);
+    if (message) return *next;
+  }
+  state_.make_blocks();
+  return {};
 }
 
 void Viewer::send(const Bytes& message, bool text) {
@@ -163,23 +170,20 @@ void Viewer::go_on() {
     return send(text, true);
   }
   if (told_) return send(std::exchange(told_, nullptr), true);
-  const std::optional<Coord3> block = next_block();
+  Bytes message_of_block;
+  const std::optional<Coord3> block = next_block(message_of_block);
   if (!block) {
-    if (whole_) return;
+    if (whole_ || !due_.empty()) return;
     whole_ = true;
     return send(std::make_shared<const std::string>(
                     message({{"type", "whole"}, {"id", view_}, {"blocks", sent_}})),
                 true);
   }
-  const auto send_block = [this, block](const Bytes& bytes) {
+  if (!ground_) {
     due_.erase(*block);
     last_ = *block;
     ++sent_;
-    send(bytes, false);
-  };
-  if (!ground_) {
-    if (const Bytes bytes = state_.block(*block)) send_block(bytes);
-    return;  // else at the next tick
+    return send(message_of_block, false);
   }
   sending_ = true;
   const bool taken = state_.worker->post(

@@ -38,7 +38,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void shown(std::shared_ptr<GroundView> ground, std::vector<Coord3> blocks, const Bytes& text);
   void say(const std::string& text);
   void send(const Bytes& message, bool text);
-  std::optional<Coord3> next_block();
+  std::optional<Coord3> next_block(Bytes& message);
 
   ServerState& state_;
   Socket socket_;

@@ -163,8 +163,9 @@ class Session {
   Mesh mesh() const;
   /// The patches of it that changed since the last call, by block; at first all.
   std::vector<SurfacePatch> changed_patches();
-  /// Only which those are, for who meshes them by themselves; the same as a call of the other.
-  std::vector<Coord3> changed_blocks();
+  /// Origins of the chunks that changed since the last call of this or the other, for who meshes by
+  /// themselves (GroundService).
+  std::vector<Coord3> changed_chunks();
 
   /// Writes a snapshot (.vdb) that `soilvdb` goes on from.
   /// @throw std::runtime_error if it can't be written
