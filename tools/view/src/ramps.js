@@ -1,0 +1,44 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Colours of the ground. Cut and fill as in soilvdb's pictures: amber to dark red, light to dark
+// blue, which eyes that mix up red and green tell apart, also by how light they are.
+
+const rgb = (hex) => [parseInt(hex.slice(1, 3), 16), parseInt(hex.slice(3, 5), 16), parseInt(hex.slice(5, 7), 16)];
+
+/** From nothing to most. Depth is plasma without its ends, height is cividis. */
+export const kRamps = {
+  cut: ['#f9cc6b', '#f49a4c', '#d6583b', '#a61426', '#61001c'],
+  fill: ['#bfdeed', '#80badb', '#3b85bd', '#1c5499', '#05265c'],
+  depth: ['#fdc527', '#f89540', '#e56b5d', '#cc4778', '#a92395', '#7e03a8', '#4c02a1'],
+  height: ['#00224e', '#123570', '#3b496c', '#575d6d', '#707173', '#8a8678', '#a59c74', '#c3b369', '#e1cc55', '#fee838'],
+  loose: ['#d8c8a8', '#b89a6a', '#8a6a3f', '#5a3f22', '#33210f'],
+};
+
+/** Rows of the texture, in this order. */
+export const kRampRows = ['cut', 'fill', 'depth', 'height', 'loose'];
+export const kRampWidth = 256;
+
+/** @return {number[]} r, g, b from 0 to 255 */
+export function along(name, share) {
+  const colors = kRamps[name];
+  const at = Math.min(1, Math.max(0, share)) * (colors.length - 1);
+  const i = Math.min(colors.length - 2, Math.floor(at)), t = at - i;
+  const a = rgb(colors[i]), b = rgb(colors[i + 1]);
+  return a.map((v, c) => v + (b[c] - v) * t);
+}
+
+/** All ramps, a row each, RGBA. */
+export function rampTexels() {
+  const texels = new Uint8Array(4 * kRampWidth * kRampRows.length);
+  kRampRows.forEach((name, row) => {
+    for (let i = 0; i < kRampWidth; ++i) {
+      texels.set([...along(name, i / (kRampWidth - 1)).map(Math.round), 255], 4 * (row * kRampWidth + i));
+    }
+  });
+  return texels;
+}
+
+/** A CSS gradient of a ramp. */
+export function gradient(name, direction) {
+  return `linear-gradient(${direction}, ${kRamps[name].join(', ')})`;
+}
