@@ -30,6 +30,9 @@ export class Blocks {
   get count() {
     return this.#blocks.size;
   }
+  get unstitched() {
+    return this.#unstitched.size > 0;
+  }
   get vertices() {
     let sum = 0;
     for (const {mesh} of this.#blocks.values()) sum += mesh?.geometry.attributes.position.count ?? 0;

@@ -5,7 +5,7 @@
 
 const kColouring = /* glsl */ `
 uniform int mode;               // see ground_uniforms.js
-uniform sampler2D ramps;
+uniform sampler2D ramps, clod_light;
 uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure;
 uniform bool patterns;
 uniform vec3 sun;
@@ -24,41 +24,18 @@ float lines(float value, float step_size, float width_px) {
   return (1.0 - smoothstep(width_px - 0.5, width_px + 0.5, off)) * (1.0 - smoothstep(0.15, 0.4, w));
 }
 
-float noise(ivec3 c, uint which) {
-  uint h = uint(c.x) * 73856093u ^ uint(c.y) * 19349663u ^ uint(c.z) * 83492791u ^ which * 2654435761u;
-  h = (h ^ (h >> 15)) * 0x85ebca77u;
-  h = (h ^ (h >> 13)) * 0xc2b2ae3du;
-  return float((h ^ (h >> 16)) & 0xffffffu) / 16777216.0;
-}
-
-// Loose soil is clods, as in soilvdb's pictures: told from bank soil without colour.
-vec3 clods(vec3 color, vec3 point, float loose) {
-  float share = clamp(4.0 * (loose - 0.3) + 0.5, 0.0, 1.0);
-  vec3 at = point / clod_m;
-  share *= 1.0 - smoothstep(0.35, 0.9, length(fwidth(at)));
-  if (share <= 0.0) return color;
-  ivec3 here = ivec3(floor(at));
-  float nearest = 9.0, second = 9.0, tone = 0.0, up = 0.0;
-  for (int n = 0; n < 27; ++n) {
-    ivec3 c = here + ivec3(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1);
-    vec3 to = at - vec3(c) - vec3(noise(c, 0u), noise(c, 1u), noise(c, 2u));
-    float d = length(to);
-    if (d < nearest) {
-      second = nearest;
-      nearest = d;
-      tone = noise(c, 3u);
-      up = dot(to, vec3(-0.5, 0.5, 0.7));
-    } else {
-      second = min(second, d);
-    }
-  }
-  float gap = clamp((second - nearest) / 0.22, 0.0, 1.0);
-  return color * mix(1.0, 0.87 + 0.16 * tone + 0.13 * up - 0.22 * (1.0 - gap), share);
+// Loose soil is clods, as in soilvdb's pictures: told from bank soil without colour. They are a
+// texture, seen along the axis that the ground faces most.
+vec3 clods(vec3 color, vec3 point, vec3 normal, float loose) {
+  vec3 size = abs(normal), at = point / (16.0 * clod_m);
+  vec2 uv = size.z >= max(size.x, size.y) ? at.xy : size.x >= size.y ? at.yz : at.xz;
+  float light = 0.5 + texture2D(clod_light, uv).r;
+  return color * mix(1.0, light, clamp(4.0 * (loose - 0.3) + 0.5, 0.0, 1.0));
 }
 
 vec3 lit(vec3 color, vec3 normal) {
   vec3 light = vec3(0.58, 0.61, 0.68) * (0.6 + 0.4 * normal.z) + vec3(0.84, 0.80, 0.73) * max(0.0, dot(normal, sun));
-  return pow(pow(color, vec3(2.2)) * light * exposure, vec3(1.0 / 2.2));
+  return color * sqrt(light * exposure);   // as on linear colours, with a gamma of 2
 }
 
 // Diagonal stripes say "taken away", dots say "put there".
@@ -91,7 +68,7 @@ vec3 colored(vec3 at, float change_m, bool known, float loose, vec3 normal) {
     color *= 1.0 - 0.3 * lines(at.z, contour_m, 0.7);
   }
   if (mode == 3) color = mix(soil, ramp(4, loose), step(0.02, loose));
-  return lit(clods(color, at, loose), normal);
+  return lit(clods(color, at, normal, loose), normal);
 }
 `;
 
@@ -146,12 +123,24 @@ uniform ivec3 tile_voxel;      // the tile's corner; in whole numbers, for float
 uniform float reach;           // voxels by which the triangles may be off the ground
 varying vec3 scene_at, normal_at, voxel_at;
 varying float wall;
+const float kOverlap = 1.0;
+
+bool covered(ivec2 column, int bottom, int top) {
+  for (int z = bottom; z <= top; ++z) {
+    if (resident(ivec3(column, z))) return true;
+  }
+  return false;
+}
+
 void main() {
-  ivec2 column = (tile_voxel.xy + ivec2(floor(voxel_at.xy))) >> 3;
+  // Blocks' meshes may end a little short of their chunks: terrain goes on below them for a voxel.
+  ivec2 low = (tile_voxel.xy + ivec2(floor(voxel_at.xy - kOverlap))) >> 3;
+  ivec2 high = (tile_voxel.xy + ivec2(floor(voxel_at.xy + kOverlap))) >> 3;
   int bottom = (tile_voxel.z + int(floor(voxel_at.z - reach))) >> 3;
   int top = (tile_voxel.z + int(floor(voxel_at.z + reach))) >> 3;
-  for (int z = bottom; z <= top; ++z) {
-    if (resident(ivec3(column, z))) discard;
+  if (all(greaterThanEqual(low >> 2, low_block.xy)) && all(lessThanEqual(high >> 2, high_block.xy))) {
+    if (covered(low, bottom, top) && (low == high || (covered(high, bottom, top) &&
+        covered(ivec2(low.x, high.y), bottom, top) && covered(ivec2(high.x, low.y), bottom, top)))) discard;
   }
   vec3 normal = normalize(normal_at);
   if (wall > 0.5) {

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // What all materials of the ground share: how it is coloured, and which chunks are resident.
-import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, NearestFilter, RGBAFormat, RGBAIntegerFormat, ShaderMaterial, Vector3} from 'three';
+import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, LinearMipmapLinearFilter, NearestFilter, RedFormat, RepeatWrapping, RGBAFormat, RGBAIntegerFormat, ShaderMaterial, Vector3} from 'three';
 import {kBlockFragment, kBlockVertex, kTerrainFragment, kTerrainVertex} from './ground_shader.js';
-import {kRampRows, kRampWidth, rampTexels} from './ramps.js';
+import {clodTexels, kClodTexels, kRampRows, kRampWidth, rampTexels} from './ramps.js';
 
 /** How the ground may be coloured; the place in this list is `mode` in the shaders. */
 export const kModes = ['change', 'depth', 'height', 'loose', 'design'];
@@ -11,6 +11,17 @@ export const kModes = ['change', 'depth', 'height', 'loose', 'design'];
 function rampTexture() {
   const texture = new DataTexture(rampTexels(), kRampWidth, kRampRows.length, RGBAFormat);
   texture.minFilter = texture.magFilter = LinearFilter;
+  texture.needsUpdate = true;
+  return texture;
+}
+
+function clodTexture() {
+  const texture = new DataTexture(clodTexels(), kClodTexels, kClodTexels, RedFormat);
+  texture.wrapS = texture.wrapT = RepeatWrapping;
+  texture.magFilter = LinearFilter;
+  texture.minFilter = LinearMipmapLinearFilter;
+  texture.generateMipmaps = true;
+  texture.anisotropy = 4;
   texture.needsUpdate = true;
   return texture;
 }
@@ -26,7 +37,7 @@ function chunkTexture(table) {
 
 export class GroundUniforms {
   values = {
-    mode: {value: 0}, ramps: {value: rampTexture()}, patterns: {value: false},
+    mode: {value: 0}, ramps: {value: rampTexture()}, clod_light: {value: clodTexture()}, patterns: {value: false},
     most_m: {value: 1}, dead_m: {value: 0.02}, step_m: {value: 0.5},
     low_m: {value: 0}, high_m: {value: 1}, contour_m: {value: 1}, grid_m: {value: 10},
     clod_m: {value: 0.1}, exposure: {value: 1}, voxel_m: {value: 0.05},

@@ -98,19 +98,20 @@ export class Legend {
     const span = (ramp, direction, pattern) => h('span', {style: `background:${pattern ? `${pattern},` : ''}${gradient(ramp, direction)}`});
     const stripes = u.patterns.value ? 'repeating-linear-gradient(-45deg, rgb(20 0 0 / 30%) 0 1.5px, transparent 1.5px 6px)' : '';
     const dots = u.patterns.value ? 'radial-gradient(circle, rgb(255 255 255 / 38%) 1.4px, transparent 1.8px) 0 0 / 6px 6px' : '';
-    const ticks = [];
+    const ticks = [], cm = most < 0.5, unit = cm ? 'cm' : 'm';
+    const number = (m) => (m === 0 ? '0' : String(Number((Math.abs(m) * (cm ? 100 : 1)).toPrecision(3))));
     if (signed) {
       this.bar.replaceChildren(span('cut', 'to left', stripes), span('fill', 'to right', dots));
       const half = (50 * Math.min(1, dead / most));
       this.bar.append(h('i', {class: 'legend-band', style: `left:${50 - half}%;width:${2 * half}%`}));
-      for (const m of [-1, -0.5, 0, 0.5, 1]) ticks.push([(m + 1) / 2, m === 0 ? '0' : format.signedLength(m * most)]);
+      for (const m of [-1, -0.5, 0, 0.5, 1]) ticks.push([(m + 1) / 2, (m < 0 ? '\u2212' : m > 0 ? '+' : '') + number(m * most)]);
       const design = mode === 'design';
-      this.#name(design ? 'to cut' : 'cut', design ? 'to fill' : 'fill');
-      if (design) ticks.forEach((tick, i) => { tick[1] = i === 2 ? '0' : format.length(Math.abs(i - 2) * 0.5 * most); });
+      if (design) ticks.forEach((tick) => { tick[1] = tick[1].replace(/^[^0-9]/, ''); });
+      this.#name(design ? 'still to cut' : 'cut', design ? 'still to fill' : 'fill', unit);
     } else if (mode === 'depth') {
       this.bar.replaceChildren(span('depth', 'to right'));
-      for (const m of [0, 0.5, 1]) ticks.push([m, m === 0 ? '0' : format.length(m * most)]);
-      this.#name('below the ground before', '');
+      for (const m of [0, 0.5, 1]) ticks.push([m, number(m * most)]);
+      this.#name('below the ground before', '', unit);
     } else if (mode === 'height') {
       this.bar.replaceChildren(span('height', 'to right'));
       const low = u.low_m.value + (this.originZ ?? 0), high = u.high_m.value + (this.originZ ?? 0);
@@ -124,7 +125,7 @@ export class Legend {
     this.ticks.replaceChildren(...ticks.map(([at, text]) => h('span', {style: `left:${100 * at}%`}, text)));
   }
 
-  #name(left, right) {
-    this.names.replaceChildren(h('span', {}, left), h('span', {}, right));
+  #name(left, right, unit = '') {
+    this.names.replaceChildren(...[left, unit, right].map((text) => h('span', {}, text)));
   }
 }

@@ -45,7 +45,10 @@ class Page {
     this.uniforms = new GroundUniforms();
     this.uniforms.values.voxel_m.value = site.voxel_size_m;
     this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
-    this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, changed);
+    this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, () => {
+      this.terrain.update(this.stage.camera, this.stage.height);   // what comes next needn't wait for a picture
+      changed();
+    });
     this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.stage.scene}, changed);
     const pick = (name) => this.follow(this.machines.following === name ? null : name);
     this.machines = new Machines(site, this.origin, this.stage, $('tags'), pick);
@@ -72,6 +75,7 @@ class Page {
     $('stage').addEventListener('wheel', () => this.follow(null), {passive: true, capture: true});
     this.stage.controls.addEventListener('start', () => this.follow(null));
     this.stage.beforeFrame.push(() => this.beforeFrame());
+    this.stage.beforeRender.push(() => this.beforeRender());
     this.stage.afterFrame.push(() => this.afterFrame());
     this.setTimes(site.times);
     handle(this);
@@ -88,7 +92,7 @@ class Page {
   }
 
   beforeFrame() {
-    const changed = this.views.work();
+    const changed = this.views.takeChange();
     const moving = this.machines.animate();
     this.hands?.hover();
     if (changed) {
@@ -96,29 +100,24 @@ class Page {
       this.fitColours();
       if (!this.fitted && this.views.settled && this.terrain.settled) this.fitWork(true);
     }
-    return changed || moving || this.views.busy;
+    return changed || moving;
   }
 
-  afterFrame() {
+  /** The camera stands. */
+  beforeRender() {
     this.terrain.update(this.stage.camera, this.stage.height);
-    this.#loadedTiles();
-    this.machines.placeTags();
-    this.marks.draw();
-    this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.stage));
-    this.fitColours();
-  }
-
-  /** What terrain.update() chose is drawn with the next picture. */
-  #loadedTiles() {
-    const key = this.terrain.drawnKey;
-    if (key === this.drawnKey) return;
-    this.drawnKey = key;
     if (!this.lifted && Number.isFinite(this.terrain.low)) {   // now it is known how high the ground lies
       this.lifted = true;
       this.middle.z = (this.terrain.low + this.terrain.high) / 2;
       this.fitSite(true);
     }
-    this.stage.changed();
+  }
+
+  afterFrame() {
+    this.machines.placeTags();
+    this.marks.draw();
+    this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.stage));
+    this.fitColours();
   }
 
   fitColours() {

@@ -42,3 +42,35 @@ export function rampTexels() {
 export function gradient(name, direction) {
   return `linear-gradient(${direction}, ${kRamps[name].join(', ')})`;
 }
+
+export const kClodTexels = 256;
+
+/** How light clods of loose soil are, 128: as the ground; 16 x 16 of them, which tile. */
+export function clodTexels() {
+  const n = 16, size = kClodTexels, texels = new Uint8Array(size * size);
+  let seed = 1;
+  const random = () => (seed = (Math.imul(seed, 48271) >>> 0) % 2147483647) / 2147483647;
+  const middles = Array.from({length: n * n}, () => [random(), random(), random()]);
+  for (let v = 0; v < size; ++v) {
+    for (let u = 0; u < size; ++u) {
+      const x = (n * (u + 0.5)) / size, y = (n * (v + 0.5)) / size;
+      let nearest = 9, second = 9, tone = 0, lit = 0;
+      for (let k = 0; k < 9; ++k) {
+        const i = Math.floor(x) + (k % 3) - 1, j = Math.floor(y) + Math.floor(k / 3) - 1;
+        const middle = middles[((j + n) % n) * n + ((i + n) % n)];
+        const dx = x - i - middle[0], dy = y - j - middle[1], d = Math.hypot(dx, dy);
+        if (d < nearest) {
+          second = nearest;
+          nearest = d;
+          tone = middle[2];
+          lit = 0.7 * (dy - dx);
+        } else if (d < second) {
+          second = d;
+        }
+      }
+      const gap = Math.min(1, (second - nearest) / 0.22);
+      texels[v * size + u] = 128 + 256 * (-0.1 + 0.16 * tone + 0.2 * lit - 0.2 * (1 - gap));
+    }
+  }
+  return texels;
+}

@@ -6,6 +6,7 @@ import {AmbientLight, DirectionalLight, MOUSE, PerspectiveCamera, Raycaster, Sce
 import {MapControls} from 'three/addons/controls/MapControls.js';
 
 const kFlight_ms = 700;
+const kSlow_ms = 90, kStill_ms = 600;   // between pictures
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
 
 export class Stage {
@@ -13,6 +14,8 @@ export class Stage {
   camera = new PerspectiveCamera(42, 1, 0.1, 5000);
   /** Called before each picture with its time in ms; true: one more after this. */
   beforeFrame = [];
+  /** Called before a picture that will be drawn, the camera in its place. */
+  beforeRender = [];
   /** Called after each picture that was drawn. */
   afterFrame = [];
   frames = 0;
@@ -20,6 +23,10 @@ export class Stage {
   #flight = null;
   #keys = new Set();
   #lastTime = 0;
+  #drawnAt = 0;
+  #slow = 0;
+  #sharpness = 1;    // while something moves
+  #drawnSharp = 1;   // of the last picture
 
   /** @param {HTMLCanvasElement} canvas */
   constructor(canvas) {
@@ -51,7 +58,7 @@ export class Stage {
     const {clientWidth, clientHeight} = this.canvas.parentElement;
     this.width = Math.max(1, clientWidth);
     this.height = Math.max(1, clientHeight);
-    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
+    this.renderer.setPixelRatio(this.#drawnSharp * Math.min(2, devicePixelRatio));
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
@@ -66,6 +73,7 @@ export class Stage {
     let again = false;
     for (const work of this.beforeFrame) again = work(time) || again;
     if (again) this.#dirty = true;
+    this.#suitSpeed(time);
     if (!this.#dirty) return;
     this.#dirty = false;
     const distance = this.distance;
@@ -73,9 +81,33 @@ export class Stage {
     this.camera.far = 30 * distance + 3 * (this.size_m ?? 100);
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
+    for (const work of this.beforeRender) work();
     this.renderer.render(this.scene, this.camera);
     ++this.frames;
     for (const work of this.afterFrame) work();
+  }
+
+  /** Where pictures come slowly they are coarser as long as something moves, and fine when it stands. */
+  #suitSpeed(time) {
+    const gap = time - this.#drawnAt;
+    if (!this.#dirty) {
+      if (this.#drawnSharp < 1 && gap > kStill_ms) this.#sharpen(1);
+      return;
+    }
+    this.#drawnAt = time;
+    const moving = gap < kStill_ms;
+    this.#slow = moving && gap > kSlow_ms ? this.#slow + 1 : 0;
+    if (this.#slow > 3) {
+      this.#slow = 0;
+      this.#sharpness = Math.max(0.45, 0.7 * this.#sharpness);
+    }
+    if (moving && this.#drawnSharp !== this.#sharpness) this.#sharpen(this.#sharpness);
+  }
+
+  #sharpen(sharpness) {
+    this.#drawnSharp = sharpness;
+    this.renderer.setPixelRatio(sharpness * Math.min(2, devicePixelRatio));
+    this.#dirty = true;
   }
 
   get distance() {

@@ -42,10 +42,6 @@ export class Terrain {
   get settled() {
     return this.#loading === 0 && this.#wanted.length === 0 && this.#drawn.length > 0;
   }
-  /** Says which tiles are drawn. */
-  get drawnKey() {
-    return this.#drawn.map(({level, i, j}) => `${level}/${i}/${j}`).join();
-  }
   get drawnTiles() {
     return this.#drawn.length;
   }

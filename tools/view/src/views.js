@@ -6,7 +6,7 @@ import {blockKey, decodeBlock, inflate} from './decode.js';
 import {Blocks} from './blocks.js';
 import {ChunkTable} from './chunk_table.js';
 
-const kBudget_ms = 7;   // of decoding, in each frame
+const kBudget_ms = 7;   // of decoding at a time
 
 export class Views {
   /** Newest message for each block and view, in order of arrival. */
@@ -15,11 +15,13 @@ export class Views {
   #inflating = 0;
   #counter = 0;
   #whole = new Set();
+  #scheduled = false;
+  #changed = false;
   /** @type {?{id: number, blocks: Blocks}} */
   coming = null;
   rejected = 0;
 
-  /** @param {function(): Blocks} scene gives what new blocks need: {site, origin, uniforms, parent} */
+  /** @param {Object} scene what blocks need: site, origin, uniforms, parent @param {function()} changed */
   constructor(scene, changed) {
     this.scene = scene;
     this.changed = changed;
@@ -52,7 +54,7 @@ export class Views {
   /** All blocks of the view have been sent. */
   whole(id) {
     this.#whole.add(id);
-    this.changed();
+    this.#schedule();
   }
 
   /** A binary message. */
@@ -72,7 +74,7 @@ export class Views {
       this.#reject(error);
     } finally {
       --this.#inflating;
-      this.changed();
+      this.#schedule();
     }
   }
 
@@ -81,8 +83,27 @@ export class Views {
     this.lastError = error.message;
   }
 
+  /** @return {boolean} whether the picture has changed since this was asked */
+  takeChange() {
+    const changed = this.#changed;
+    this.#changed = false;
+    return changed;
+  }
+
+  /** Beside pictures, which may be slow: where the browser draws without a graphics card. */
+  #schedule() {
+    if (this.#scheduled) return;
+    this.#scheduled = true;
+    setTimeout(() => {
+      this.#scheduled = false;
+      if (this.#work()) this.#changed = true;
+      this.changed();
+      if (this.#queue.size > 0 || this.shown.blocks.unstitched) this.#schedule();
+    });
+  }
+
   /** Decodes what came, for some milliseconds. @return {boolean} whether the picture changed */
-  work() {
+  #work() {
     const end = performance.now() + kBudget_ms;
     let changed = false;
     for (const [key, bytes] of this.#queue) {
