@@ -45,7 +45,8 @@ export class MachineTable {
       row.gauge.hidden = fill === null;
       row.bar.style.width = `${Math.min(100, 100 * Math.max(0, fill ?? 0))}%`;
       row.gauge.setAttribute('aria-label', `${format.percent(fill)} full`);
-      setText(row.mass, [fill === null ? null : format.percent(fill), m.bucket_kg === null || m.bucket_kg === undefined ? null : format.mass(m.bucket_kg)].filter(Boolean).join(', '));
+      row.gauge.title = `${format.percent(fill)} full`;
+      setText(row.mass, m.bucket_kg === null || m.bucket_kg === undefined ? '' : format.mass(m.bucket_kg));
       setText(row.cut, format.volume(m.cut_m3));
       setText(row.cycles, String(m.cycles));
       setText(row.last, format.volume(m.last_load_m3));

@@ -6,7 +6,7 @@ import {AmbientLight, DirectionalLight, MOUSE, PerspectiveCamera, Raycaster, Sce
 import {MapControls} from 'three/addons/controls/MapControls.js';
 
 const kFlight_ms = 700;
-const kSlow_ms = 90, kStill_ms = 600;   // between pictures
+const kSlow_ms = 90, kStill_ms = 400;   // between pictures
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
 
 export class Stage {
@@ -23,7 +23,9 @@ export class Stage {
   #flight = null;
   #keys = new Set();
   #lastTime = 0;
+  #frameAt = 0;
   #drawnAt = 0;
+  #moving = false;
   #slow = 0;
   #sharpness = 1;    // while something moves
   #drawnSharp = 1;   // of the last picture
@@ -89,19 +91,21 @@ export class Stage {
 
   /** Where pictures come slowly they are coarser as long as something moves, and fine when it stands. */
   #suitSpeed(time) {
-    const gap = time - this.#drawnAt;
+    const gap = time - this.#frameAt, moving = this.#moving;
+    this.#frameAt = time;
+    this.#moving = this.#dirty;
     if (!this.#dirty) {
-      if (this.#drawnSharp < 1 && gap > kStill_ms) this.#sharpen(1);
+      if (this.#drawnSharp < 1 && time - this.#drawnAt > kStill_ms) this.#sharpen(1);
       return;
     }
     this.#drawnAt = time;
-    const moving = gap < kStill_ms;
-    this.#slow = moving && gap > kSlow_ms ? this.#slow + 1 : 0;
-    if (this.#slow > 3) {
+    if (!moving) return;
+    this.#slow = gap > kSlow_ms ? this.#slow + 1 : Math.max(0, this.#slow - 0.02);
+    if (this.#slow >= 2) {
       this.#slow = 0;
-      this.#sharpness = Math.max(0.45, 0.7 * this.#sharpness);
+      this.#sharpness = Math.max(0.4, 0.6 * this.#sharpness);
     }
-    if (moving && this.#drawnSharp !== this.#sharpness) this.#sharpen(this.#sharpness);
+    if (this.#drawnSharp !== this.#sharpness) this.#sharpen(this.#sharpness);
   }
 
   #sharpen(sharpness) {
