@@ -6,7 +6,7 @@
 const kColouring = /* glsl */ `
 uniform int mode;               // see ground_uniforms.js
 uniform sampler2D ramps, clod_light;
-uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure;
+uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure, pixel_ratio;
 uniform bool patterns;
 uniform vec3 sun;
 
@@ -40,7 +40,7 @@ vec3 lit(vec3 color, vec3 normal) {
 
 // Diagonal stripes say "taken away", dots say "put there".
 vec3 marked(vec3 color, bool cut) {
-  vec2 px = gl_FragCoord.xy / 7.0;
+  vec2 px = gl_FragCoord.xy / (7.0 * pixel_ratio);
   float mark = cut ? 1.0 - smoothstep(0.1, 0.25, abs(fract((px.x + px.y) * 0.7) - 0.5))
                    : 1.0 - smoothstep(0.18, 0.3, length(fract(px) - 0.5));
   return mix(color, cut ? vec3(0.1, 0.0, 0.0) : vec3(1.0), 0.25 * mark);

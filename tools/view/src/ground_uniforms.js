@@ -40,7 +40,7 @@ export class GroundUniforms {
     mode: {value: 0}, ramps: {value: rampTexture()}, clod_light: {value: clodTexture()}, patterns: {value: false},
     most_m: {value: 1}, dead_m: {value: 0.02}, step_m: {value: 0.5},
     low_m: {value: 0}, high_m: {value: 1}, contour_m: {value: 1}, grid_m: {value: 10},
-    clod_m: {value: 0.1}, exposure: {value: 1}, voxel_m: {value: 0.05},
+    clod_m: {value: 0.1}, exposure: {value: 1}, pixel_ratio: {value: 1}, voxel_m: {value: 0.05},
     sun: {value: new Vector3(-0.48, 0.31, 0.82).normalize()},
     chunks: {value: null}, slot_mask: {value: 0}, probes: {value: 0},
     low_block: {value: new Int32Array([1, 1, 1])}, high_block: {value: new Int32Array(3)},

@@ -19,9 +19,15 @@ const kKeys = [
   ['This help', ['?'], ''],
 ];
 
+/** The name in a coordinate system's WKT. */
+function crsName(crs) {
+  const name = /^\w+\["([^"]+)"/.exec(crs ?? '')?.[1] ?? crs;
+  return name ? `, ${name}` : '';
+}
+
 export function fillHelp(site) {
   const keys = h('dl', {}, ...kKeys.flatMap(([what, list, when]) => [
-    h('dt', {}, ...list.flatMap((k, i) => [i > 0 ? ' ' : null, h('kbd', {}, k)])), h('dd', {}, what, when ? h('span', {class: 'faint'}, ` ${when}`) : null)]));
+    h('dt', {}, ...list.flatMap((k, i) => [i > 0 ? ' ' : '', h('kbd', {}, k)])), h('dd', {}, what, when ? h('span', {class: 'faint'}, ` ${when}`) : null)]));
   $('help-body').replaceChildren(
     h('h3', {}, 'Moving'),
     h('p', {}, 'Drag to move, drag with the right button to turn and tilt, wheel to zoom. On a touch screen: one finger moves, two zoom, turn and tilt.'),
@@ -30,5 +36,5 @@ export function fillHelp(site) {
     h('h3', {}, 'Colours'),
     h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; what looks like clods is loose soil. Changes smaller than the band under Options are shown as ground.'),
     h('h3', {}, 'Keys'), keys,
-    site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates in metres${site.crs ? `, ${site.crs}` : ''}: E, N and height.`) : null);
+    site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates E, N and height in metres${crsName(site.crs)}.`) : '');
 }

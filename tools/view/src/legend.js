@@ -94,7 +94,7 @@ export class Legend {
     this.bandLabel.hidden = !signed && mode !== 'depth';
     this.patternLabel.hidden = !signed;
     this.options.hidden = mode === 'height' || mode === 'loose';
-    this.bandText.textContent = format.length(dead);
+    this.bandText.textContent = `${Number((100 * dead).toFixed(1))}\u2009cm`;
     const span = (ramp, direction, pattern) => h('span', {style: `background:${pattern ? `${pattern},` : ''}${gradient(ramp, direction)}`});
     const stripes = u.patterns.value ? 'repeating-linear-gradient(-45deg, rgb(20 0 0 / 30%) 0 1.5px, transparent 1.5px 6px)' : '';
     const dots = u.patterns.value ? 'radial-gradient(circle, rgb(255 255 255 / 38%) 1.4px, transparent 1.8px) 0 0 / 6px 6px' : '';
@@ -116,12 +116,14 @@ export class Legend {
       this.bar.replaceChildren(span('height', 'to right'));
       const low = u.low_m.value + (this.originZ ?? 0), high = u.high_m.value + (this.originZ ?? 0);
       for (const m of [0, 1]) ticks.push([m, format.coordinate(low + m * (high - low), 1) + '\u2009m']);
-      this.#name(`a line each ${format.length(u.contour_m.value)}`, '');
+      this.#name(`a line every ${Number(u.contour_m.value.toPrecision(2))}\u2009m`, '');
     } else {
       this.bar.replaceChildren(span('loose', 'to right'));
       for (const m of [0, 0.5, 1]) ticks.push([m, format.percent(m)]);
       this.#name('bank', 'loose, as clods');
     }
+    const wide = mode === 'height' ? ' wide-ticks' : '';
+    this.ticks.className = `ticks${wide}`;
     this.ticks.replaceChildren(...ticks.map(([at, text]) => h('span', {style: `left:${100 * at}%`}, text)));
   }
 

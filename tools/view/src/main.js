@@ -105,6 +105,7 @@ class Page {
 
   /** The camera stands. */
   beforeRender() {
+    this.uniforms.values.pixel_ratio.value = this.stage.renderer.getPixelRatio();
     this.terrain.update(this.stage.camera, this.stage.height);
     if (!this.lifted && Number.isFinite(this.terrain.low)) {   // now it is known how high the ground lies
       this.lifted = true;
@@ -189,7 +190,7 @@ class Page {
     const {time} = this.shownTimes();
     if (time !== null) showConnection('past', `At ${format.time(time)}`);
     else if (this.site.live) showConnection('live', `Live, ${format.time(this.time_s ?? null)}`);
-    else showConnection('past', `Recorded, ${format.time(this.time_s ?? null)}`);
+    else showConnection('past', `Recorded, ${format.time(this.timeline.times?.to ?? this.time_s ?? null)}`);
   }
 
   /** Another view is on its way. */

@@ -5,13 +5,13 @@
 
 const rgb = (hex) => [parseInt(hex.slice(1, 3), 16), parseInt(hex.slice(3, 5), 16), parseInt(hex.slice(5, 7), 16)];
 
-/** From nothing to most. Depth is plasma without its ends, height is cividis. */
+/** From nothing to most. Depth is plasma without its ends, height is cividis without its dark end. */
 export const kRamps = {
   cut: ['#f9cc6b', '#f49a4c', '#d6583b', '#a61426', '#61001c'],
   fill: ['#bfdeed', '#80badb', '#3b85bd', '#1c5499', '#05265c'],
   depth: ['#fdc527', '#f89540', '#e56b5d', '#cc4778', '#a92395', '#7e03a8', '#4c02a1'],
-  height: ['#00224e', '#123570', '#3b496c', '#575d6d', '#707173', '#8a8678', '#a59c74', '#c3b369', '#e1cc55', '#fee838'],
-  loose: ['#d8c8a8', '#b89a6a', '#8a6a3f', '#5a3f22', '#33210f'],
+  height: ['#3b496c', '#575d6d', '#707173', '#8a8678', '#a59c74', '#c3b369', '#e1cc55', '#fee838'],
+  loose: ['#d8c8a8', '#c7a877', '#b0854f', '#96662f', '#7a4a1a'],
 };
 
 /** Rows of the texture, in this order. */

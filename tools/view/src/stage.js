@@ -103,7 +103,7 @@ export class Stage {
     this.#slow = gap > kSlow_ms ? this.#slow + 1 : Math.max(0, this.#slow - 0.02);
     if (this.#slow >= 2) {
       this.#slow = 0;
-      this.#sharpness = Math.max(0.4, 0.6 * this.#sharpness);
+      this.#sharpness = Math.max(0.5, 0.7 * this.#sharpness);
     }
     if (this.#drawnSharp !== this.#sharpness) this.#sharpen(this.#sharpness);
   }
