@@ -1,0 +1,30 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The server's answers by HTTP: queries as JSON, tiles as bytes, addresses of downloads. A token is
+// taken from the page's own address, #token=...
+
+export const token = new URLSearchParams(location.hash.slice(1)).get('token');
+
+/** A path with its query and, if there is one, the token. */
+export function address(path, query = {}) {
+  const url = new URL(path, location.href);
+  url.hash = '';
+  for (const [key, value] of Object.entries(query)) {
+    if (value !== null && value !== undefined) url.searchParams.set(key, value);
+  }
+  if (token) url.searchParams.set('token', token);
+  return url;
+}
+
+async function get(path, query) {
+  const response = await fetch(address(path, query), {signal: AbortSignal.timeout(30000)});
+  if (response.ok) return response;
+  let reason = `${response.status} ${response.statusText}`;
+  try {
+    reason = (await response.json()).error ?? reason;
+  } catch { /* it said nothing more */ }
+  throw Object.assign(new Error(reason), {status: response.status});
+}
+
+export const getJson = async (path, query) => (await get(path, query)).json();
+export const getBytes = async (path, query) => (await get(path, query)).arrayBuffer();

@@ -1,0 +1,82 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// One block of surface as it comes from the server: a zlib stream of arrays coded as differences,
+// each array's low bytes before its high ones.
+
+/**
+ * @typedef {Object} Block
+ * @property {number} bx first voxel of the block, a multiple of 32; likewise by, bz
+ * @property {number} by
+ * @property {number} bz
+ * @property {number} view which view it belongs to; 0 is the live one
+ * @property {number} lo which of its 4 x 4 x 4 chunks are resident, bits 0..31
+ * @property {number} hi bits 32..63
+ * @property {Uint16Array} points 3 n: (q - 8192) / 1024 voxels from the block's first voxel
+ * @property {Int16Array} change n, mm above (+) or below (-) the reference; -32768: there is none
+ * @property {Int16Array|null} design n, mm above the design; -32768: there is none
+ * @property {Uint16Array} loose n, share of loose soil, of 65535
+ * @property {Uint16Array|Uint32Array} index 3 m, counter-clockwise seen from the air
+ */
+
+export const kNoValue = -32768;
+const kHeadBytes = 36;
+
+/** Inflates a message of the server. */
+export async function inflate(buffer) {
+  const stream = new Blob([buffer]).stream().pipeThrough(new DecompressionStream('deflate'));
+  return new Response(stream).arrayBuffer();
+}
+
+/** Sums differences that lie in `planes` byte planes from `at` on into `out`, every `stride`. */
+function accumulate(bytes, at, count, planes, out, first, stride) {
+  let value = 0;
+  if (planes === 2) {
+    for (let i = 0, o = first; i < count; ++i, o += stride) {
+      value = (value + (bytes[at + i] | (bytes[at + count + i] << 8))) & 0xffff;
+      out[o] = value;
+    }
+  } else {
+    for (let i = 0; i < count; ++i) {
+      value = (value + (bytes[at + i] | (bytes[at + count + i] << 8) |
+                        (bytes[at + 2 * count + i] << 16) | (bytes[at + 3 * count + i] << 24))) >>> 0;
+      out[i] = value;
+    }
+  }
+  return at + planes * count;
+}
+
+/**
+ * @param {ArrayBuffer} buffer what inflate() gives
+ * @return {Block}
+ * @throws {Error} if it is shorter or longer than it says, or has an index beyond its vertices
+ */
+export function decodeBlock(buffer) {
+  if (buffer.byteLength < kHeadBytes) throw new Error(`a block of ${buffer.byteLength} bytes has no head`);
+  const head = new DataView(buffer, 0, kHeadBytes);
+  const n = head.getUint32(24, true), m = head.getUint32(28, true), flags = head.getUint32(32, true);
+  const wide = n > 65535, designed = (flags & 1) !== 0;
+  const expected = kHeadBytes + 2 * n * (designed ? 6 : 5) + 3 * m * (wide ? 4 : 2);
+  if (buffer.byteLength !== expected) {
+    throw new Error(`a block of ${n} vertices and ${m} triangles has ${buffer.byteLength} bytes, not ${expected}`);
+  }
+  const bytes = new Uint8Array(buffer);
+  const points = new Uint16Array(3 * n), change = new Int16Array(n), loose = new Uint16Array(n);
+  const design = designed ? new Int16Array(n) : null;
+  const index = wide ? new Uint32Array(3 * m) : new Uint16Array(3 * m);
+  let at = kHeadBytes;
+  for (let axis = 0; axis < 3; ++axis) at = accumulate(bytes, at, n, 2, points, axis, 3);
+  at = accumulate(bytes, at, n, 2, change, 0, 1);
+  if (design) at = accumulate(bytes, at, n, 2, design, 0, 1);
+  at = accumulate(bytes, at, n, 2, loose, 0, 1);
+  accumulate(bytes, at, 3 * m, wide ? 4 : 2, index, 0, 1);
+  for (const i of index) {
+    if (i >= n) throw new Error(`a block of ${n} vertices has an index ${i}`);
+  }
+  return {
+    bx: head.getInt32(0, true), by: head.getInt32(4, true), bz: head.getInt32(8, true),
+    view: head.getUint32(12, true), lo: head.getUint32(16, true), hi: head.getUint32(20, true),
+    points, change, design, loose, index,
+  };
+}
+
+export const blockKey = (b) => `${b.bx},${b.by},${b.bz}`;

@@ -1,0 +1,38 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a pixel shows of the ground, and how high the ground is drawn somewhere.
+import {Raycaster, Vector3} from 'three';
+
+/** Places on the ground as the scene has it: on a ray, or straight below. */
+export class GroundPick {
+  /** @param {Stage} stage @param {import('./terrain.js').Terrain} terrain @param {import('./views.js').Views} views */
+  constructor(stage, terrain, views) {
+    Object.assign(this, {stage, terrain, views});
+  }
+
+  /** @return {?Vector3} in the scene */
+  atPixel(x, y) {
+    return this.#first(this.stage.rayAt(x, y));
+  }
+
+  /** The ground's height at a place in the scene, or null. */
+  heightAt(x, y) {
+    const from = new Vector3(x, y, 20000);
+    return this.#first(new Raycaster(from, new Vector3(0, 0, -1)), true)?.z ?? null;
+  }
+
+  #first(caster, below = false) {
+    const hits = caster.intersectObject(this.views.shown.blocks.group, true);
+    const block = hits.length > 0 ? hits[0].point : null;
+    let ground = null;
+    if (below) {
+      const {x, y} = caster.ray.origin, z = this.terrain.heightAt(x, y);
+      if (!Number.isNaN(z) && !this.views.covers(x, y, z)) ground = new Vector3(x, y, z);
+    } else {
+      ground = this.terrain.raycast(caster.ray, (x, y, z) => this.views.covers(x, y, z));
+    }
+    if (!block || !ground) return block ?? ground;
+    const from = caster.ray.origin;
+    return block.distanceTo(from) <= ground.distanceTo(from) ? block : ground;
+  }
+}

@@ -1,0 +1,178 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Shaders of the ground: terrain tiles, which are hidden where chunks are resident, and blocks. Both
+// are coloured by the same function, so that borders between them don't show.
+
+const kColouring = /* glsl */ `
+uniform int mode;               // see ground_uniforms.js
+uniform sampler2D ramps, clod_light;
+uniform float most_m, dead_m, step_m, low_m, high_m, contour_m, grid_m, clod_m, exposure, pixel_ratio;
+uniform bool patterns;
+uniform vec3 sun;
+
+const vec3 kSoil = vec3(0.79, 0.725, 0.63);
+const vec3 kSection = vec3(0.50, 0.40, 0.31), kSectionDark = vec3(0.43, 0.335, 0.26);
+
+vec3 ramp(int row, float share) {
+  return texture2D(ramps, vec2((clamp(share, 0.0, 1.0) * 255.0 + 0.5) / 256.0, (float(row) + 0.5) / 5.0)).rgb;
+}
+
+// How much of a line at each multiple of a step covers the pixel; none where lines would run together.
+float lines(float value, float step_size, float width_px) {
+  float u = value / step_size, w = fwidth(u);
+  float off = abs(fract(u - 0.5) - 0.5) / max(w, 1e-6);
+  return (1.0 - smoothstep(width_px - 0.5, width_px + 0.5, off)) * (1.0 - smoothstep(0.15, 0.4, w));
+}
+
+// Loose soil is clods, as in soilvdb's pictures: told from bank soil without colour. They are a
+// texture, seen along the axis that the ground faces most.
+vec3 clods(vec3 color, vec3 point, vec3 normal, float loose) {
+  vec3 size = abs(normal), at = point / (16.0 * clod_m);
+  vec2 uv = size.z >= max(size.x, size.y) ? at.xy : size.x >= size.y ? at.yz : at.xz;
+  float light = 0.5 + texture2D(clod_light, uv).r;
+  return color * mix(1.0, light, clamp(4.0 * (loose - 0.3) + 0.5, 0.0, 1.0));
+}
+
+vec3 lit(vec3 color, vec3 normal) {
+  vec3 light = vec3(0.58, 0.61, 0.68) * (0.6 + 0.4 * normal.z) + vec3(0.84, 0.80, 0.73) * max(0.0, dot(normal, sun));
+  return color * sqrt(light * exposure);   // as on linear colours, with a gamma of 2
+}
+
+// Diagonal stripes say "taken away", dots say "put there".
+vec3 marked(vec3 color, bool cut) {
+  vec2 px = gl_FragCoord.xy / (7.0 * pixel_ratio);
+  float mark = cut ? 1.0 - smoothstep(0.1, 0.25, abs(fract((px.x + px.y) * 0.7) - 0.5))
+                   : 1.0 - smoothstep(0.18, 0.3, length(fract(px) - 0.5));
+  return mix(color, cut ? vec3(0.1, 0.0, 0.0) : vec3(1.0), 0.25 * mark);
+}
+
+// @param change_m above (+) or below (-) what the colours compare with
+// @param known    whether there is something to compare with
+vec3 signed_color(vec3 soil, float change_m, bool known) {
+  if (!known) return mix(soil, vec3(0.5), 0.6);
+  float size = abs(change_m);
+  if (size < dead_m) return soil;
+  bool cut = mode == 4 ? change_m > 0.0 : change_m < 0.0;   // above the design is to be cut
+  vec3 color = mix(soil, ramp(cut ? 0 : 1, size / most_m), 0.75 + 0.25 * min(1.0, 4.0 * size / most_m));
+  color *= 1.0 - 0.22 * lines(change_m, step_m, 0.7);
+  return patterns ? marked(color, cut) : color;
+}
+
+vec3 colored(vec3 at, float change_m, bool known, float loose, vec3 normal) {
+  vec3 soil = kSoil * (1.0 - 0.07 * max(lines(at.x, grid_m, 0.6), lines(at.y, grid_m, 0.6)));
+  vec3 color = soil;
+  if (mode == 0 || mode == 4) color = signed_color(soil, change_m, known);
+  if (mode == 1 && -change_m >= max(dead_m, 1e-4)) color = ramp(2, -change_m / most_m);
+  if (mode == 2) {
+    color = ramp(3, (at.z - low_m) / (high_m - low_m));
+    color *= 1.0 - 0.3 * lines(at.z, contour_m, 0.7);
+  }
+  if (mode == 3) color = mix(soil, ramp(4, loose), step(0.02, loose));
+  return lit(clods(color, at, normal, loose), normal);
+}
+`;
+
+const kResident = /* glsl */ `
+uniform highp isampler2D chunks;
+uniform int slot_mask, probes;
+uniform ivec3 low_block, high_block;
+
+bool resident(ivec3 chunk) {
+  ivec3 block = chunk >> 2;
+  if (any(lessThan(block, low_block)) || any(greaterThan(block, high_block))) return false;
+  uint h = uint(block.x) * 73856093u ^ uint(block.y) * 19349663u ^ uint(block.z) * 83492791u;
+  h = (h ^ (h >> 15)) * 0x85ebca77u;
+  int slot = int((h ^ (h >> 13)) & uint(slot_mask));
+  for (int i = 0; i < probes; ++i) {
+    ivec2 at = ivec2((slot & 127) * 2, slot >> 7);
+    ivec4 key = texelFetch(chunks, at, 0);
+    if (key.w == 0) return false;
+    if (key.xyz == block) {
+      ivec4 mask = texelFetch(chunks, at + ivec2(1, 0), 0);
+      ivec3 in_block = chunk & 3;
+      int bit = (in_block.x * 4 + in_block.y) * 4 + in_block.z;
+      return (((bit < 32 ? mask.x : mask.y) >> (bit & 31)) & 1) == 1;
+    }
+    slot = (slot + 1) & slot_mask;
+  }
+  return false;
+}
+`;
+
+/** Tiles: a grid of posts, each with its height above the scene's datum. */
+export const kTerrainVertex = /* glsl */ `
+attribute vec2 grid;
+attribute float height;
+attribute vec4 facing;         // normal; w is 1 on the walls around the site
+uniform float spacing_m, voxel_m;
+uniform vec3 tile_fraction;    // of the tile's corner in its voxel
+varying vec3 scene_at, normal_at, voxel_at;
+varying float wall;
+void main() {
+  vec3 local = vec3(grid * spacing_m, height);
+  voxel_at = local / voxel_m + tile_fraction;
+  vec4 at = modelMatrix * vec4(local, 1.0);
+  scene_at = at.xyz;
+  normal_at = facing.xyz;
+  wall = facing.w;
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(local, 1.0);
+}`;
+
+export const kTerrainFragment = kColouring + kResident + /* glsl */ `
+uniform ivec3 tile_voxel;      // the tile's corner; in whole numbers, for floats have 24 bits
+uniform float reach;           // voxels by which the triangles may be off the ground
+varying vec3 scene_at, normal_at, voxel_at;
+varying float wall;
+const float kOverlap = 1.0;
+
+bool covered(ivec2 column, int bottom, int top) {
+  for (int z = bottom; z <= top; ++z) {
+    if (resident(ivec3(column, z))) return true;
+  }
+  return false;
+}
+
+void main() {
+  // Blocks' meshes may end a little short of their chunks: terrain goes on below them for a voxel.
+  ivec2 low = (tile_voxel.xy + ivec2(floor(voxel_at.xy - kOverlap))) >> 3;
+  ivec2 high = (tile_voxel.xy + ivec2(floor(voxel_at.xy + kOverlap))) >> 3;
+  int bottom = (tile_voxel.z + int(floor(voxel_at.z - reach))) >> 3;
+  int top = (tile_voxel.z + int(floor(voxel_at.z + reach))) >> 3;
+  if (all(greaterThanEqual(low >> 2, low_block.xy)) && all(lessThanEqual(high >> 2, high_block.xy))) {
+    if (covered(low, bottom, top) && (low == high || (covered(high, bottom, top) &&
+        covered(ivec2(low.x, high.y), bottom, top) && covered(ivec2(high.x, low.y), bottom, top)))) discard;
+  }
+  vec3 normal = normalize(normal_at);
+  if (wall > 0.5) {
+    float t = scene_at.z / max(0.5, 0.01 * grid_m * 10.0);
+    float layers = clamp(0.5 + 0.28 * sin(2.1 * t) + 0.22 * sin(5.3 * t + 1.1), 0.0, 1.0);
+    gl_FragColor = vec4(lit(mix(kSection, kSectionDark, layers), normal), 1.0);
+  } else {
+    gl_FragColor = vec4(colored(scene_at, 0.0, mode != 4, 0.0, normal), 1.0);
+  }
+}`;
+
+/** Blocks: positions are the 16 bits of the lattice, which the model's matrix makes metres. */
+export const kBlockVertex = /* glsl */ `
+attribute vec3 facing;
+attribute float change, design, loose;
+uniform int mode;
+varying vec3 scene_at, normal_at;
+varying float change_m, unknown, loose_at;
+void main() {
+  float value = mode == 4 ? design : change;
+  unknown = value < -32767.5 ? 1.0 : 0.0;
+  change_m = unknown > 0.5 ? 0.0 : 0.001 * value;
+  loose_at = loose;
+  normal_at = facing;
+  scene_at = (modelMatrix * vec4(position, 1.0)).xyz;
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+}`;
+
+export const kBlockFragment = kColouring + /* glsl */ `
+varying vec3 scene_at, normal_at;
+varying float change_m, unknown, loose_at;
+void main() {
+  vec3 normal = normalize(normal_at) * (gl_FrontFacing ? 1.0 : -1.0);
+  gl_FragColor = vec4(colored(scene_at, change_m, unknown < 0.5, loose_at, normal), 1.0);
+}`;

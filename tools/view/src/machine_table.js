@@ -1,0 +1,60 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The table of machines: what each holds, has cut, how often it was filled and whether it works.
+import {h, setText} from './dom.js';
+import * as format from './format.js';
+import {kMachineColors} from './machines.js';
+
+const kStates = {working: '● working', idle: '○ idle', unseen: '– not seen yet'};
+
+export class MachineTable {
+  #rows = new Map();
+
+  /** @param {HTMLTableElement} table @param {Object} site @param {function(string)} pick a machine was clicked */
+  constructor(table, site, pick) {
+    table.append(
+      h('thead', {}, h('tr', {}, h('th', {scope: 'col'}, 'Machine'), h('th', {scope: 'col'}, 'Load'),
+        h('th', {scope: 'col'}, 'Cut'), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last'))));
+    const body = h('tbody');
+    site.machines.forEach((machine, i) => {
+      const name = h('button', {
+        class: 'machine', type: 'button', 'aria-pressed': 'false', title: 'Go there and follow; again: stop following',
+        onclick: () => pick(machine.name),
+      }, h('span', {class: 'swatch', style: `background:${kMachineColors[i % kMachineColors.length]}`}), h('span', {}, machine.name));
+      const row = {
+        capacity_m3: machine.capacity_m3, name, state: h('small'), load: h('span'), mass: h('small'), bar: h('span', {class: 'gauge-bar'}),
+        cut: h('span'), cycles: h('span'), last: h('span'), lastShare: h('small'),
+      };
+      row.stateCell = h('td', {}, name, row.state);
+      row.gauge = h('span', {class: 'gauge', role: 'img'}, row.bar);
+      body.append(h('tr', {}, row.stateCell, h('td', {}, row.load, row.gauge, row.mass), h('td', {}, row.cut),
+        h('td', {}, row.cycles), h('td', {}, row.last, row.lastShare)));
+      this.#rows.set(machine.name, row);
+    });
+    table.append(body);
+  }
+
+  update(state) {
+    for (const m of state.machines) {
+      const row = this.#rows.get(m.name);
+      if (!row) continue;
+      const of = row.capacity_m3, fill = m.fill ?? (of ? m.bucket_m3 / of : null);
+      setText(row.state, kStates[m.state] ?? m.state);
+      row.stateCell.className = `state-${m.state}`;
+      setText(row.load, format.volume(m.bucket_m3));
+      row.gauge.hidden = fill === null;
+      row.bar.style.width = `${Math.min(100, 100 * Math.max(0, fill ?? 0))}%`;
+      row.gauge.setAttribute('aria-label', `${format.percent(fill)} full`);
+      row.gauge.title = `${format.percent(fill)} full`;
+      setText(row.mass, m.bucket_kg === null || m.bucket_kg === undefined ? '' : format.mass(m.bucket_kg));
+      setText(row.cut, format.volume(m.cut_m3));
+      setText(row.cycles, String(m.cycles));
+      setText(row.last, format.volume(m.last_load_m3));
+      setText(row.lastShare, of && m.last_load_m3 !== null ? format.percent(m.last_load_m3 / of) : '');
+    }
+  }
+
+  follow(name) {
+    for (const [key, row] of this.#rows) row.name.setAttribute('aria-pressed', String(key === name));
+  }
+}

@@ -1,0 +1,105 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The machines in the picture: poses between two states of the server are drawn as time goes by, and
+// a tag above each says its name and load.
+import {Group, Quaternion, Vector3} from 'three';
+import {h} from './dom.js';
+import * as format from './format.js';
+import {MachineModel} from './machine_model.js';
+
+/** Okabe and Ito's colours, which all eyes tell apart; the name in the tag says it as well. */
+export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
+const kSmooth_ms = 110;   // states come ten times a second
+
+export class Machines {
+  group = new Group();
+  #machines = [];
+  following = null;
+
+  /** @param {Object} site @param {number[]} origin @param {HTMLElement} tags @param {function(string)} pick */
+  constructor(site, origin, stage, tags, pick) {
+    this.stage = stage;
+    this.origin = origin;
+    site.machines.forEach((machine, i) => {
+      const color = kMachineColors[i % kMachineColors.length];
+      const model = new MachineModel(machine, color);
+      const bar = h('span', {class: 'gauge-bar'});
+      const text = h('span', {class: 'tag-load'});
+      const tag = h('button', {class: 'tag', type: 'button', hidden: true, onclick: () => pick(machine.name)},
+        h('span', {class: 'swatch', style: `background:${color}`}), h('span', {class: 'tag-name'}, machine.name),
+        h('span', {class: 'gauge', 'aria-hidden': 'true'}, bar), text);
+      tags.append(tag);
+      this.group.add(model.group);
+      this.#machines.push({name: machine.name, capacity_m3: machine.capacity_m3, model, tag, bar, text, from: null, to: null, at: null, start: 0});
+    });
+  }
+
+  #local(p) {
+    return new Vector3(p[0] - this.origin[0], p[1] - this.origin[1], p[2] - this.origin[2]);
+  }
+
+  /** @param {Object} state as the server says */
+  update(state) {
+    for (const said of state.machines) {
+      const m = this.#machines.find(({name}) => name === said.name);
+      if (!m || !said.position) continue;
+      const to = {
+        position: this.#local(said.position), rotation: new Quaternion(...said.rotation).normalize(),
+        links: (said.links ?? []).map((p) => this.#local(p)),
+      };
+      if (m.to && m.to.position.equals(to.position) && m.to.rotation.equals(to.rotation)) m.from ??= to;
+      else {
+        m.from = m.at ?? to;
+        m.start = performance.now();
+      }
+      m.to = to;
+      m.fill = said.fill ?? (m.capacity_m3 ? said.bucket_m3 / m.capacity_m3 : null);
+      m.bar.style.width = `${Math.min(100, 100 * Math.max(0, m.fill ?? 0))}%`;
+      m.bar.parentElement.hidden = m.fill === null;
+      m.text.textContent = format.volume(said.bucket_m3);
+      m.tag.setAttribute('aria-label', `${said.name}: holds ${format.volume(said.bucket_m3)}${m.fill === null ? '' : `, ${format.percent(m.fill)} full`}; go there`);
+      m.tag.hidden = false;
+      m.moving = true;
+    }
+    this.stage.changed();
+  }
+
+  /** @return {boolean} whether something still moves */
+  animate() {
+    const now = performance.now();
+    let moving = false;
+    for (const m of this.#machines) {
+      if (!m.moving || !m.to) continue;
+      const t = Math.min(1, (now - m.start) / kSmooth_ms);
+      m.moving = t < 1;
+      moving = true;
+      const same = m.from.links.length === m.to.links.length;
+      const before = m.at?.position;
+      m.at = {
+        position: m.from.position.clone().lerp(m.to.position, t),
+        rotation: m.from.rotation.clone().slerp(m.to.rotation, t),
+        links: m.to.links.map((p, i) => (same ? m.from.links[i].clone().lerp(p, t) : p)),
+      };
+      m.model.pose(m.at.position, m.at.rotation, m.at.links, m.fill);
+      if (this.following === m.name && before) this.stage.shift(m.at.position.clone().sub(before));
+    }
+    return moving;
+  }
+
+  /** Puts tags above the buckets. */
+  placeTags() {
+    for (const m of this.#machines) {
+      if (!m.at) continue;
+      const top = m.at.position.clone();
+      top.z += 1.3 * (m.model.machine.height_m ?? 1);
+      const px = this.stage.project(top);
+      const inside = px && px[0] > -40 && px[0] < this.stage.width + 40 && px[1] > -20 && px[1] < this.stage.height + 20;
+      m.tag.classList.toggle('away', !inside || !this.group.visible);
+      if (inside) m.tag.style.transform = `translate(${px[0].toFixed(1)}px, ${px[1].toFixed(1)}px) translate(-50%, -100%)`;
+    }
+  }
+
+  positionOf(name) {
+    return this.#machines.find((m) => m.name === name)?.to?.position ?? null;
+  }
+}

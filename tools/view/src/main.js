@@ -1,0 +1,255 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The page: puts its parts together when the server has said what site this is.
+import {Vector3} from 'three';
+import * as api from './api.js';
+import {$} from './dom.js';
+import * as format from './format.js';
+import {GroundPick} from './ground_pick.js';
+import {GroundUniforms} from './ground_uniforms.js';
+import {Hands, drawScale} from './hands.js';
+import {fillHelp} from './help.js';
+import {Legend} from './legend.js';
+import {Link} from './link.js';
+import {MachineTable} from './machine_table.js';
+import {Machines} from './machines.js';
+import {Marks} from './marks.js';
+import {MeasureCards} from './measure_cards.js';
+import {Measures} from './measures.js';
+import {Stage} from './stage.js';
+import {hint, notice, openPanel, showConnection, showTotals, startDownloads, startPanels} from './surroundings.js';
+import {Terrain} from './terrain.js';
+import {startTheme} from './theme.js';
+import {Timeline} from './timeline.js';
+import {Views} from './views.js';
+import {handle} from './test_handle.js';
+
+/** What makes a site another one, for which the page begins anew. */
+const identity = (site) => JSON.stringify([site.name, site.voxel_size_m, site.origin, site.terrain, site.machines]);
+
+class Page {
+  /** @param {Object} site as the server says @param {Link} link */
+  constructor(site, link) {
+    this.site = site;
+    this.link = link;
+    document.title = `${site.name} \u00b7 soilvdb`;
+    $('site-name').textContent = site.name;
+    const [xmin, ymin, xmax, ymax] = site.terrain.bounds, round = (v) => 1000 * Math.round(v / 1000);
+    // Near the site, so that floats are fine enough; round, so that lines of the grid have round coordinates.
+    this.origin = [round((xmin + xmax) / 2), round((ymin + ymax) / 2), 0];
+    this.middle = new Vector3((xmin + xmax) / 2 - this.origin[0], (ymin + ymax) / 2 - this.origin[1], 0);
+    this.size_m = Math.hypot(xmax - xmin, ymax - ymin);
+    this.stage = new Stage($('canvas'));
+    this.stage.size_m = this.size_m;
+    const changed = () => this.stage.changed();
+    this.uniforms = new GroundUniforms();
+    this.uniforms.values.voxel_m.value = site.voxel_size_m;
+    this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
+    this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, () => {
+      this.terrain.update(this.stage.camera, this.stage.height);   // what comes next needn't wait for a picture
+      changed();
+    });
+    this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.stage.scene}, changed);
+    const pick = (name) => this.follow(this.machines.following === name ? null : name);
+    this.machines = new Machines(site, this.origin, this.stage, $('tags'), pick);
+    this.stage.scene.add(this.terrain.group, this.machines.group);
+    this.table = new MachineTable($('machine-table'), site, pick);
+    this.legend = new Legend($('legend'), site, this.uniforms, changed);
+    this.timeline = new Timeline($('time'), site.live, (time, against) => this.link.send({time, against}));
+    this.pick = new GroundPick(this.stage, this.terrain, this.views);
+    this.measures = new Measures(() => this.shownTimes(), () => this.measuresChanged());
+    this.marks = new Marks($('marks'), this.stage, this.pick, this.measures, this.origin);
+    this.cards = new MeasureCards(this.measures, (m, d) => this.marks.pointAt(m, d), (m) => this.goToMeasure(m));
+    this.hands = new Hands({
+      stage: this.stage, pick: this.pick, marks: this.marks, measures: this.measures, origin: this.origin,
+      fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), done: () => openPanel('measures'),
+      keys: {
+        'c': () => this.legend.next(), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
+        '[': () => this.timeline.step(-1), ']': () => this.timeline.step(1), '?': () => $('help').showModal(),
+      },
+    });
+    this.fitSite(true);
+    startDownloads(() => this.shownTimes().time);
+    this.setTheme(document.documentElement.dataset.theme);
+    fillHelp(site);
+    $('stage').addEventListener('wheel', () => this.follow(null), {passive: true, capture: true});
+    this.stage.controls.addEventListener('start', () => this.follow(null));
+    this.stage.beforeFrame.push(() => this.beforeFrame());
+    this.stage.beforeRender.push(() => this.beforeRender());
+    this.stage.afterFrame.push(() => this.afterFrame());
+    this.setTimes(site.times);
+    handle(this);
+  }
+
+  setTheme(theme) {
+    this.uniforms.values.exposure.value = theme === 'dark' ? 0.8 : 1;
+    this.stage.changed();
+  }
+
+  /** Parameters of queries for what is shown. */
+  shownTimes() {
+    return {time: this.view?.time_s ?? null, against: this.view?.against_s ?? null};
+  }
+
+  beforeFrame() {
+    const changed = this.views.takeChange();
+    const moving = this.machines.animate();
+    this.hands?.hover();
+    if (changed) {
+      this.marks.drapeAgain();
+      this.fitColours();
+      if (!this.fitted && this.views.settled && this.terrain.settled) this.fitWork(true);
+    }
+    return changed || moving;
+  }
+
+  /** The camera stands. */
+  beforeRender() {
+    this.uniforms.values.pixel_ratio.value = this.stage.renderer.getPixelRatio();
+    this.terrain.update(this.stage.camera, this.stage.height);
+    if (!this.lifted && Number.isFinite(this.terrain.low)) {   // now it is known how high the ground lies
+      this.lifted = true;
+      this.middle.z = (this.terrain.low + this.terrain.high) / 2;
+      this.fitSite(true);
+    }
+  }
+
+  afterFrame() {
+    this.machines.placeTags();
+    this.marks.draw();
+    this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.stage));
+    this.fitColours();
+  }
+
+  fitColours() {
+    const {low, high} = this.terrain, {deepest_m, highest_m} = this.views.shown.blocks;
+    if (!Number.isFinite(low)) return;
+    this.legend.fit({deepest_m, highest_m, low_m: low - deepest_m, high_m: high + highest_m, originZ: this.origin[2]});
+  }
+
+  fitSite(now = false) {
+    this.follow(null);
+    const narrow = Math.min(1, this.stage.camera.aspect);
+    this.stage.lookAt(this.middle, (1.15 * this.size_m) / narrow, {azimuth: 0.4, elevation: 0.75, now});
+  }
+
+  /** To where the ground has changed, or where a machine is. */
+  fitWork(first = false) {
+    const extent = this.views.shown.blocks.extent();
+    if (!extent) {
+      if (!first) hint('Nothing has changed yet', 2);
+      return;
+    }
+    const middle = extent.low.clone().add(extent.high).multiplyScalar(0.5), size = extent.high.distanceTo(extent.low);
+    if (first) {
+      this.fitted = true;
+      if (size < 0.02 * this.size_m) return;   // a look at the whole site says more
+    }
+    this.follow(null);
+    this.stage.lookAt(middle, Math.max(6, 1.5 * size) / Math.min(1, this.stage.camera.aspect));
+  }
+
+  follow(name) {
+    if (name === this.machines.following) return;
+    this.machines.following = name;
+    this.table.follow(name);
+    const at = name && this.machines.positionOf(name);
+    if (at) this.stage.lookAt(at, Math.min(this.stage.distance, 22 / Math.min(1, this.stage.camera.aspect)));
+  }
+
+  goToMeasure({points}) {
+    const local = points.map((p) => this.marks.local(p)), middle = new Vector3();
+    for (const p of local) middle.addScaledVector(p, 1 / local.length);
+    const size = Math.max(...local.map((p) => p.distanceTo(middle)));
+    this.follow(null);
+    this.stage.lookAt(middle, Math.max(6, 3.5 * size));
+  }
+
+  measuresChanged() {
+    this.cards?.update();
+    this.stage.changed();
+  }
+
+  setTimes(times) {
+    if (times !== undefined) this.timeline.setTimes(times);
+  }
+
+  state(state) {
+    this.machines.update(state);
+    this.table.update(state);
+    showTotals(state);
+    this.setTimes(state.times);
+    this.time_s = state.time_s;
+    this.sayConnection();
+    const ground = JSON.stringify([state.cut_m3, state.change_m3, state.machines.map((m) => m.bucket_m3)]);
+    if (ground !== this.ground && this.ground !== undefined && this.shownTimes().time === null) this.measures.groundChanged();
+    this.ground = ground;
+  }
+
+  sayConnection() {
+    const {time} = this.shownTimes();
+    if (time !== null) showConnection('past', `At ${format.time(time)}`);
+    else if (this.site.live) showConnection('live', `Live, ${format.time(this.time_s ?? null)}`);
+    else showConnection('past', `Recorded, ${format.time(this.timeline.times?.to ?? this.time_s ?? null)}`);
+  }
+
+  /** Another view is on its way. */
+  viewComes(view) {
+    this.view = view;
+    this.views.expect(view.id);
+    this.machines.group.visible = view.time_s === null;   // it isn't said where they were
+    this.sayConnection();
+    this.measures.again();
+    this.timeline.answered();
+    this.stage.changed();
+  }
+
+  reconnected() {
+    if (this.views.shown.seen) this.views.expect(0);
+    this.view = null;
+    this.timeline.restore();
+  }
+}
+
+let page = null;
+
+function text(message) {
+  if (message.type === 'site') {
+    if (page && identity(message) !== identity(page.site)) location.reload();
+    if (page) page.reconnected();
+    else page = new Page(message, link);
+  } else if (message.type === 'error') {
+    hint(message.error, 6);
+    page?.timeline.answered();
+  } else if (page) {
+    if (message.type === 'state') page.state(message);
+    if (message.type === 'view') page.viewComes(message);
+    if (message.type === 'whole') page.views.whole(message.id);
+  }
+}
+
+/** Why there is no connection, if the server says so. */
+async function explain() {
+  try {
+    await api.getJson('/height', {x: 0, y: 0});
+  } catch (error) {
+    if (error.status === 401 || error.status === 403) {
+      notice('This site wants a token: open its address with #token=\u2026 at the end.');
+    }
+  }
+}
+
+const link = new Link({
+  text,
+  binary: (buffer) => page?.views.receive(buffer),
+  opened: () => notice(null),
+  lost: (seconds) => {
+    showConnection('lost', 'Not connected');
+    notice(`No connection to the site. Trying again in ${seconds} s.`, () => link.retry());
+    if (!page) explain();
+  },
+});
+startPanels();
+startTheme($('theme'), (theme) => page?.setTheme(theme));
+fillHelp(null);
+$('help-open').addEventListener('click', () => $('help').showModal());

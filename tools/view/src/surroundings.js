@@ -1,0 +1,83 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What surrounds the picture: connection, totals, downloads, notices and the panels of narrow screens.
+import {address} from './api.js';
+import {$, h, setText} from './dom.js';
+import * as format from './format.js';
+
+const kDownloads = [
+  ['machines.csv', 'Machines', 'CSV'], ['surface.tif', 'Surface', 'GeoTIFF'], ['soil.vdb', 'Ground', 'OpenVDB'],
+  ['mesh.glb', 'Mesh', 'GLB'], ['summary.json', 'Summary', 'JSON'],
+];
+
+/** @param {'wait'|'live'|'past'|'lost'} state @param {string} text */
+export function showConnection(state, text) {
+  $('connection').dataset.state = state;
+  setText($('connection-text'), text);
+}
+
+/** A line that stays until it is taken back with null. @param {?function()} retry */
+export function notice(text, retry = null) {
+  $('notice').hidden = text === null;
+  if (text === null) return;
+  setText($('notice-text'), text);
+  $('notice-do').hidden = retry === null;
+  $('notice-do').onclick = retry;
+}
+
+let hintTimer = null;
+
+/** A line of advice; null takes it away. @param {number} seconds 0: it stays */
+export function hint(text, seconds = 0) {
+  clearTimeout(hintTimer);
+  $('hint').hidden = !text;
+  if (text) setText($('hint'), text);
+  if (text && seconds > 0) hintTimer = setTimeout(() => { $('hint').hidden = true; }, 1000 * seconds);
+}
+
+/** @param {Object} state as the server says */
+export function showTotals(state) {
+  const sum = (of) => state.machines.reduce((a, m) => a + (of(m) ?? 0), 0);
+  const parts = [['Cut', format.volume(state.cut_m3), ''], ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less'],
+    ['Working', `${state.machines.filter((m) => m.state === 'working').length} of ${state.machines.length}`, 'less']];
+  const key = parts.flat().join();
+  if ($('totals').dataset.key === key) return;
+  $('totals').dataset.key = key;
+  $('totals').replaceChildren(...parts.map(([name, text, kind]) => h('div', {class: kind}, h('dt', {}, name), h('dd', {}, text))));
+}
+
+/** Addresses are made when the list is opened, for the time shown then. */
+export function startDownloads(timeShown) {
+  const menu = $('downloads');
+  menu.addEventListener('toggle', () => {
+    if (!menu.open) return;
+    const time = timeShown();
+    $('download-list').replaceChildren(...kDownloads.map(([file, name, kind]) =>
+      h('a', {href: address(`/${file}`, {time}), download: file}, name, h('small', {}, `${kind}, ${file}`))),
+      h('p', {}, time === null ? 'As of now.' : `As of ${format.time(time)}.`));
+  });
+  document.addEventListener('pointerdown', (event) => { if (!menu.contains(event.target)) menu.open = false; });
+  menu.addEventListener('keydown', (event) => {
+    if (event.key !== 'Escape' || !menu.open) return;
+    menu.open = false;
+    menu.querySelector('summary').focus();
+    event.stopPropagation();
+  });
+  $('download-list').addEventListener('click', () => { menu.open = false; });
+}
+
+/** On narrow screens panels are opened by tabs. */
+export function openPanel(name, toggle = false) {
+  const panel = $('panel'), closed = toggle && panel.dataset.open === name;
+  if (closed || name === null) delete panel.dataset.open;
+  else panel.dataset.open = name;
+  for (const tab of document.querySelectorAll('[data-tab]')) {
+    tab.setAttribute('aria-pressed', String(panel.dataset.open === tab.dataset.tab));
+  }
+}
+
+export function startPanels() {
+  for (const tab of document.querySelectorAll('[data-tab]')) {
+    tab.addEventListener('click', () => openPanel(tab.dataset.tab, true));
+  }
+}

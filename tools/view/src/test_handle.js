@@ -1,0 +1,26 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// window.soilvdb: what is drawn, for tests and for who is curious. Nothing can be changed by it.
+import {Vector3} from 'three';
+
+export function handle(page) {
+  window.soilvdb = Object.freeze({
+    site: () => structuredClone(page.site),
+    /** {id, blocks, vertices, settled, rejected}: the view shown. */
+    view: () => ({
+      id: page.views.shown.id, blocks: page.views.shown.blocks.count, vertices: page.views.shown.blocks.vertices,
+      settled: page.views.settled, rejected: page.views.rejected, error: page.views.lastError ?? null,
+    }),
+    terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles}),
+    frames: () => page.stage.frames,
+    memory: () => ({...page.stage.renderer.info.memory}),
+    /** Pixels of the window where a place in the world is drawn, or null. */
+    project: ([x, y, z]) => {
+      const at = page.stage.project(new Vector3(x - page.origin[0], y - page.origin[1], z - page.origin[2]));
+      const box = page.stage.canvas.getBoundingClientRect();
+      return at && [at[0] + box.left, at[1] + box.top];
+    },
+    /** Height of the ground as it is drawn. */
+    height: (x, y) => page.pick.heightAt(x - page.origin[0], y - page.origin[1]),
+  });
+}

@@ -1,0 +1,139 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Which time is shown: a slider over what is recorded, with a tick for each snapshot, and the time
+// that changes are against.
+import {h, setText, svg} from './dom.js';
+import * as format from './format.js';
+
+const kMost = 10000;       // positions of the slider
+const kWhileMoving_ms = 250;
+
+const icon = (d) => svg('svg', {viewBox: '0 0 20 20', 'aria-hidden': 'true'}, svg('path', {d}));
+
+export class Timeline {
+  times = null;
+  time = null;      // null: the newest
+  against = null;   // null: before digging
+  #asked = 'null;null';
+  #askedAt = 0;
+  #waiting = false;
+
+  /**
+   * @param {HTMLElement} element @param {boolean} live whether machines may go on
+   * @param {function(?number, ?number): boolean} ask for the ground at a time, against another;
+   *     whether there will be an answer
+   */
+  constructor(element, live, ask) {
+    Object.assign(this, {element, live, ask});
+    const button = (label, content, onclick, keys) => h('button', {
+      class: 'button', type: 'button', 'aria-label': label, title: label, 'aria-keyshortcuts': keys, onclick}, content);
+    this.input = h('input', {
+      type: 'range', min: 0, max: kMost, value: kMost, 'aria-label': 'Time shown',
+      oninput: () => this.#moved(false), onchange: () => this.#moved(true),
+    });
+    this.ticks = h('div', {class: 'slider-ticks', 'aria-hidden': 'true'});
+    this.before = button('Snapshot before', icon('M13 4 7 10l6 6M5 4v12'), () => this.step(-1), '[');
+    this.after = button('Next snapshot', icon('m7 4 6 6-6 6M15 4v12'), () => this.step(1), ']');
+    this.now = h('output', {id: 'time-now'});
+    this.liveButton = button(live ? 'Show the ground as it is now' : 'Show the end', live ? 'Live' : 'End', () => this.show(null), 'l');
+    this.compare = button('Changes from this time on', 'Compare', () => this.toggleAgainst(), 'a');
+    element.replaceChildren(this.before, h('div', {class: 'slider'}, this.input, this.ticks), this.after, this.now, this.compare, this.liveButton);
+  }
+
+  /** @param {?{from: number, to: number, snapshots: number[]}} times null: nothing is recorded */
+  setTimes(times) {
+    this.element.hidden = times === null;
+    if (times === null) return;
+    const same = this.times && times.from === this.times.from && times.to === this.times.to &&
+                 times.snapshots.length === this.times.snapshots.length;
+    this.times = times;
+    if (same) return;
+    if (document.activeElement !== this.input || this.time === null) this.#place();
+    this.#drawTicks();
+  }
+
+  #share(time) {
+    const {from, to} = this.times;
+    return to > from ? Math.min(1, Math.max(0, (time - from) / (to - from))) : 1;
+  }
+
+  #drawTicks() {
+    const {snapshots} = this.times, most = 200, every = Math.ceil(snapshots.length / most);
+    const ticks = snapshots.filter((_, i) => i % every === 0).map((t) => h('i', {style: `left:${100 * this.#share(t)}%`}));
+    if (this.against !== null) ticks.push(h('b', {style: `left:${100 * this.#share(this.against)}%`}));
+    this.ticks.replaceChildren(...ticks);
+  }
+
+  #place() {
+    if (!this.times) return;
+    this.input.value = String(Math.round(kMost * (this.time === null ? 1 : this.#share(this.time))));
+    this.#say();
+  }
+
+  #say() {
+    const shown = this.time ?? this.times.to;
+    setText(this.now, format.time(shown));
+    this.input.setAttribute('aria-valuetext', format.time(shown));
+    this.liveButton.setAttribute('aria-pressed', String(this.time === null));
+    this.compare.setAttribute('aria-pressed', String(this.against !== null));
+    setText(this.compare, this.against === null ? 'Compare' : `Since ${format.time(this.against)} ×`);
+    this.compare.title = this.against === null ? 'Changes from this time on' : 'Changes since before digging';
+    this.compare.setAttribute('aria-label', this.against === null ? 'Changes from this time on' : `Changes are since ${format.time(this.against)}; show all since before digging`);
+  }
+
+  #moved(done) {
+    const {from, to} = this.times, at = this.input.valueAsNumber / kMost;
+    let time = from + at * (to - from);
+    const near = this.times.snapshots.find((t) => Math.abs(this.#share(t) - at) < 0.004);   // snapshots are quick to show
+    if (near !== undefined) time = near;
+    this.time = at >= 1 ? null : Number(time.toFixed(3));
+    this.#say();
+    if (done || performance.now() - this.#askedAt > kWhileMoving_ms) this.#request();
+  }
+
+  #request() {
+    const asked = `${this.time};${this.against}`;
+    if (asked === this.#asked || this.#waiting) return;
+    this.#asked = asked;
+    this.#askedAt = performance.now();
+    this.#waiting = this.ask(this.time, this.against);
+  }
+
+  /** The server has answered the last request, one at a time: what was chosen since is asked for. */
+  answered() {
+    this.#waiting = false;
+    if (this.times) this.#request();
+  }
+
+  /** Shows the ground at a time; null: the newest. */
+  show(time) {
+    this.time = time;
+    this.#place();
+    this.#request();
+  }
+
+  /** To the snapshot before or after. */
+  step(direction) {
+    if (!this.times) return;
+    const shown = this.time ?? this.times.to, {snapshots, to} = this.times;
+    const found = direction < 0 ? snapshots.filter((t) => t < shown - 1e-6).pop() : snapshots.find((t) => t > shown + 1e-6);
+    if (found !== undefined) this.show(found >= to && direction > 0 ? null : found);
+    else if (direction > 0) this.show(null);
+  }
+
+  /** Changes are against the time shown now; again: against the ground before digging. */
+  toggleAgainst() {
+    if (!this.times) return;
+    this.against = this.against === null ? (this.time ?? this.times.to) : null;
+    this.#drawTicks();
+    this.#place();
+    this.#request();
+  }
+
+  /** After the connection was lost: asks again for what was shown, if that isn't what comes by itself. */
+  restore() {
+    this.#asked = 'null;null';
+    this.#waiting = false;
+    this.#request();
+  }
+}
