@@ -48,7 +48,7 @@ void diff(const DiffOptions& options);
 
 struct ServeOptions {
   std::filesystem::path scenario;            ///< or the folder of a run or a recording
-  std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>
+  std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>_live
   std::string listen = "127.0.0.1";
   std::int64_t port = 8470;  ///< 0: any that is free
   std::string token;

@@ -81,6 +81,24 @@ void look_at(const ServeOptions& options) {
   server.run([] { return stop_requested != 0; });
 }
 
+/// Where what is only played is recorded, gone at the end.
+struct Played {
+  Played() {
+    std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
+    if (mkdtemp(path.data()) == nullptr)
+      throw std::runtime_error("there is no room to record to in " +
+                               fs::temp_directory_path().string());
+    folder = path;
+  }
+  ~Played() {
+    std::error_code ignored;
+    fs::remove_all(folder, ignored);
+  }
+  Played(const Played&) = delete;
+  Played& operator=(const Played&) = delete;
+  fs::path folder;
+};
+
 /// Feeds what comes by standard input; answers go to standard output.
 void feed_from_input(Server& server) {
   std::string line;
@@ -98,7 +116,10 @@ void serve_live(const ServeOptions& options) {
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
   LiveSite site(Session::open(options.scenario), scenario.name);
   Recording recording = site.session().recording();
-  recording.folder = options.out.value_or(fs::path("out") / scenario.name);
+  const std::optional<Played> played =
+      options.speed && !options.out ? std::optional<Played>(std::in_place) : std::nullopt;
+  recording.folder =
+      options.out.value_or(played ? played->folder : fs::path("out") / (scenario.name + "_live"));
   if (!recording.snapshot_every_s) {
     recording.snapshot_every_s = kSnapshotEvery_s;
     recording.incremental = true;
@@ -138,10 +159,11 @@ void serve_live(const ServeOptions& options) {
   server.run([] { return stop_requested != 0; }, play);
   site.session().flush();
   const io::JournalExtent done = site.session().acknowledged();
-  say(fmt::format("safe in {}: {}, to {} s; `soilvdb serve {}{}` goes on",
-                  recording.folder.string(), counted(static_cast<double>(done.updates), "state"),
-                  time_text(done.time_s), io::shell_quoted(options.scenario),
-                  options.out ? " --out " + io::shell_quoted(*options.out) : ""));
+  if (!played)
+    say(fmt::format("safe in {}: {}, to {} s; `soilvdb serve {}{}` goes on",
+                    recording.folder.string(), counted(static_cast<double>(done.updates), "state"),
+                    time_text(done.time_s), io::shell_quoted(options.scenario),
+                    options.out ? " --out " + io::shell_quoted(*options.out) : ""));
   // One that waits for a line that doesn't come ends with the program.
   if (input.joinable()) input.detach();
 }

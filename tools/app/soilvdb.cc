@@ -176,7 +176,7 @@ class CommandLine {
         ->required();
     sub->add_option("--out", serve_.out,
                     "folder that what is fed is recorded to, and gone on with; default: "
-                    "out/<scenario name>")
+                    "out/<scenario name>_live, with --speed one that goes at the end")
         ->type_name("DIR");
     sub->add_option("--port", serve_.port,
                     "port to listen on, 0 for any that is free; default: 8470")
