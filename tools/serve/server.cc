@@ -26,7 +26,7 @@ namespace net = boost::asio;
 using net::ip::tcp;
 using Json = nlohmann::ordered_json;
 
-constexpr std::chrono::milliseconds kTick{100}, kPlay{20};
+constexpr std::chrono::milliseconds kTick{50}, kPlay{20}, kTellSoon{100};
 constexpr std::chrono::seconds kTellAgain{1}, kAskTimes{2};
 constexpr std::size_t kMostJobs = 32;
 constexpr std::size_t kMostConnections = 512;
@@ -172,15 +172,17 @@ void ServerState::tick() {
   }
   const Clock::time_point now = Clock::now();
   if (!viewers.empty()) follow_ground();
-  if (!viewers.empty() && (site.fed() != told_fed || now - told >= kTellAgain)) {
+  const auto since = now - told;
+  if (!viewers.empty() &&
+      (since >= kTellAgain || (site.fed() != told_fed && since >= kTellSoon - kTick / 2))) {
     told = now;
+    told_fed = site.fed();
     Json json = site.state();
     json["times"] = times();
     const auto state = std::make_shared<const std::string>(
         json.dump(-1, ' ', false, Json::error_handler_t::replace));
     for (Viewer* viewer : viewers) viewer->tell_state(state);
   }
-  told_fed = site.fed();
   for (Viewer* viewer : viewers) viewer->go_on();
   if (history && now - asked_times >= kAskTimes && !viewers.empty()) {
     asked_times = now;

@@ -22,6 +22,7 @@
 #include "soilvdb/mesher.h"
 #include "tools/serve/ground_view.h"
 #include "tools/serve/server.h"
+#include "tools/serve/target.h"
 #include "tools/serve/terrain_tiles.h"
 #include "tools/serve/worker.h"
 
@@ -112,12 +113,5 @@ struct ServerState {
 
 /// Goes on with a connection that asked for /feed or /view.
 void accept_connection(ServerState& state, boost::asio::ip::tcp::socket socket);
-
-/// Parts of "/path?a=b&c=d", decoded; nothing if it isn't one.
-struct Target {
-  std::string path;
-  std::map<std::string, std::string> values;
-};
-std::optional<Target> parse_target(const std::string& text);
 
 }  // namespace soilvdb::tools
