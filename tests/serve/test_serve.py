@@ -71,6 +71,8 @@ def test_bad_lines_are_refused_and_change_nothing(tmp_path):
            (good.replace("[0.0, 0.0, 0.0, 1.0]", "[0, 0, 1]"), "an array of 4 numbers"),
            (good.replace('"time": 0.0', '"time": "now"'), "'time' must be a number"),
            (good.replace('"time": 0.0', '"time": -1'), "time goes back"),
+           (good.replace('"time": 0.0', '"time": 9').replace("[0.0, 0.0, -0.3]", "[500.0, 0, 0]"),
+            "are these metres?"),
            (good.replace('"time": 0.0', '"time": 1e999'), "no JSON object"),
            ('{"machine": "digger", "time": 1, "joints": {"boom": 1}}', "has no joints"),
            ("[" * 20000, "no JSON object"), ("\x00", "no JSON object"), ("", "an empty message")]

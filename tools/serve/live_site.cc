@@ -23,6 +23,8 @@ using Json = nlohmann::ordered_json;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A machine that hasn't moved for so long is idle.
 constexpr std::chrono::seconds kIdleAfter{10};
+/// Farthest from one state to the next.
+constexpr double kFarthest_m = 100;
 /// Rotations in JSON are often rounded; those that are off by more aren't taken.
 constexpr double kUnitTolerance = 1e-3;
 
@@ -174,6 +176,19 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
   return state;
 }
 
+/// What is dug on a way that nobody went can't be put back.
+void LiveSite::require_near(const MachineState& state) const {
+  const std::optional<MachineState> last = session_.last(state.machine);
+  if (!last) return;
+  const Pose pose = state.joints.empty() ? state.pose : session_.pose(state.machine, state.joints);
+  const double way_m = (pose.position - last->pose.position).norm();
+  if (way_m > kFarthest_m)
+    throw std::invalid_argument(fmt::format(
+        "machine '{}' would go {:.6g} m straight on in one state; are these metres? States on its "
+        "way are at most {} m apart",
+        session_.machines()[state.machine].name, way_m, kFarthest_m));
+}
+
 StepResult LiveSite::feed(const MachineState& state) {
   StepResult step = session_.update(state);
   if (!step.ok()) return step;
@@ -194,6 +209,7 @@ std::string LiveSite::feed(std::string_view line) {
   try {
     std::vector<double> joints;
     const MachineState state = parse(line, joints);
+    require_near(state);
     const StepResult step = feed(state);
     if (!step.ok()) return line_of({{"error", step.why}});
     Json answer = {{"cut_m3", step.update.cut_m3}, {"bucket_m3", step.update.bucket_m3}};

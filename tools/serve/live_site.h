@@ -81,6 +81,7 @@ class LiveSite {
     Clock::time_point fed = {}, moved = {};
   };
   MachineState parse(std::string_view line, std::vector<double>& joints) const;
+  void require_near(const MachineState& state) const;
   nlohmann::ordered_json machine_state(std::size_t machine) const;
 
   Session session_;
