@@ -44,7 +44,10 @@ const recorded = () => [done];
 looking('a boundary drawn around a dig has the volumes of soilvdb diff, before digging and since another time', recorded, async (page) => {
   await page.click('#work');
   await page.waitForTimeout(300);
-  await page.keyboard.press('t');   // from above all corners are in the picture
+  await page.keyboard.press('n');
+  await page.keyboard.press('t');
+  await page.mouse.move(450, 450);
+  await page.mouse.wheel(0, 400);   // all corners are in the picture, and none below a button
   await page.keyboard.press('b');
   for (const corner of kCorners) await site.clickAt(page, corner);
   const all = await site.answerTo(page, '/volume', () => site.clickAt(page, kCorners[0]));
@@ -53,24 +56,24 @@ looking('a boundary drawn around a dig has the volumes of soilvdb diff, before d
   kCorners.flat().forEach((v, i) => assert.ok(Math.abs(v - drawn[i]) < 0.05, `${drawn[i]} was clicked at ${v}`));
   const summary = JSON.parse(fs.readFileSync(path.join(done, 'summary.json'), 'utf8'));
   assert.ok(Math.abs(all.json.net_m3 - (all.json.fill_m3 - all.json.cut_m3)) < 1e-9);
-  assert.ok(Math.abs(all.json.net_m3 + summary.volume_m3.ground_change) < 1e-6, 'the ledger says as much left the ground');
+  assert.ok(Math.abs(all.json.net_m3 - summary.volume_m3.ground_change) < 1e-9, 'the ledger says as much');
   await page.waitForSelector('.card[data-kind=boundary] .cut dd');
   const shown = await page.locator('.card[data-kind=boundary] .cut dd').textContent();
   assert.equal(Number(shown.split('\u2009')[0]), Number(all.json.cut_m3.toPrecision(3)));
 
   await page.click('#canvas', {position: {x: 400, y: 300}});
   for (let n = 0; n < 6; ++n) await step(page, '[');
-  const {query, json} = await site.answerTo(page, '/volume', async () => {
-    await page.keyboard.press('a');
-    await page.keyboard.press('l');
-    await page.waitForFunction(() => window.soilvdb.view().settled && document.querySelector('.card:not(.old)'));
-  });
-  const diff = (a, b) => JSON.parse(site.run('diff', path.join(done, a), path.join(done, b), '--json'));
-  const answers = [json];
-  if (query.has('time')) answers[0] = (await site.answerTo(page, '/volume', () => page.waitForTimeout(10))).json;
-  const truth = diff(`soil_${query.get('against')}.vdb`, 'soil_final.vdb');
-  assert.ok(Math.abs(answers[0].cut_m3 - truth.cut_m3) < 1e-9 && Math.abs(answers[0].fill_m3 - truth.fill_m3) < 1e-9,
-    `${JSON.stringify(answers[0])} is not ${JSON.stringify(truth)}`);
+  const answers = [];
+  page.on('response', (r) => { if (new URL(r.url()).pathname === '/volume') answers.push(r); });
+  await page.keyboard.press('a');
+  await page.keyboard.press('l');
+  const since = () => answers.findLast((r) => !new URL(r.url()).searchParams.has('time') && new URL(r.url()).searchParams.has('against'));
+  while (!since()) await page.waitForTimeout(50);
+  const later = await since().json(), from = new URL(since().url()).searchParams.get('against');
+  const truth = JSON.parse(site.run('diff', path.join(done, `soil_${from}.vdb`), path.join(done, 'soil_final.vdb'), '--json'));
+  for (const key of ['cut_m3', 'fill_m3', 'net_m3']) {
+    assert.ok(Math.abs(later[key] - truth[key]) < 1e-9, `since ${from} s ${JSON.stringify(later)} is not ${JSON.stringify(truth)}`);
+  }
 }, {viewport: {width: 1300, height: 900}});
 
 /** Presses a key that shows another time, and waits until it is there. */
@@ -212,11 +215,12 @@ test('what machines dig arrives as it is dug, also after the server was killed',
     assert.match(await page.locator('#machine-table tbody tr').textContent(), /digger.*working/s);
     assert.deepEqual(said, []);
     const {blocks} = await page.evaluate(() => window.soilvdb.view());
-    await page.waitForFunction(async () => (await (await fetch('/summary.json?token=sesame')).json()).acknowledged.time_s === 22);
+    const acknowledged = async () => (await (await fetch(`http://127.0.0.1:${port}/summary.json?token=sesame`)).json()).acknowledged.time_s;
+    while (await acknowledged() < 22) await page.waitForTimeout(100);
     await server.stop('SIGKILL');
     await page.waitForSelector('#notice:not([hidden])');
     server = await site.serve(...args, '--port', port);
-    await page.click('#notice-do').catch(() => {});   // it may have tried by itself just now
+    await page.evaluate(() => document.getElementById('notice-do').click());
     await page.waitForSelector('#notice', {state: 'hidden'});
     await site.settled(page);
     assert.equal((await page.evaluate(() => window.soilvdb.view())).blocks, blocks);
