@@ -27,6 +27,8 @@ install(FILES ${PROJECT_BINARY_DIR}/soilvdb-config.cmake
 
 if(SOILVDB_TOOLS)
   install(TARGETS soilvdb)
+  # Made by tools/view/build, where npm was to be had.
+  install(DIRECTORY ${PROJECT_BINARY_DIR}/view DESTINATION ${CMAKE_INSTALL_DATADIR}/soilvdb OPTIONAL)
   install(FILES ${PROJECT_BINARY_DIR}/soilvdb.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
   install(FILES ${PROJECT_SOURCE_DIR}/tools/packaging/completion.bash
           DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME soilvdb)

@@ -15,7 +15,7 @@ export class Blocks {
   #unstitched = new Set();
   deepest_m = 0;
   highest_m = 0;
-  hasLoose = false;
+  fromDesign_m = 0;
 
   /**
    * @param {Object} site @param {number[]} origin of the scene in the world
@@ -56,7 +56,9 @@ export class Blocks {
         if (-c > 1000 * this.deepest_m) this.deepest_m = -c / 1000;
         if (c > 1000 * this.highest_m) this.highest_m = c / 1000;
       }
-      this.hasLoose ||= block.loose.some((share) => share > 3000);
+      for (const d of block.design ?? []) {
+        if (d !== -32768) this.fromDesign_m = Math.max(this.fromDesign_m, Math.abs(d) / 1000);
+      }
     }
     for (let dx = -1; dx <= 1; ++dx) {
       for (let dy = -1; dy <= 1; ++dy) {

@@ -17,8 +17,8 @@ export class GroundPick {
 
   /** The ground's height at a place in the scene, or null. */
   heightAt(x, y) {
-    const from = new Vector3(x, y, 20000);
-    return this.#first(new Raycaster(from, new Vector3(0, 0, -1)), true)?.z ?? null;
+    const down = (dx, dy) => this.#first(new Raycaster(new Vector3(x + dx, y + dy, 20000), new Vector3(0, 0, -1)), true);
+    return (down(0, 0) ?? down(1e-4, 1.7e-4))?.z ?? null;   // exactly on an edge neither triangle may be hit
   }
 
   #first(caster, below = false) {

@@ -44,10 +44,11 @@ export class Legend {
     this.bar = h('div', {class: 'legend-bar'});
     this.ticks = h('div', {class: 'ticks'});
     this.names = h('div', {class: 'legend-names'});
+    this.unknown = h('p', {class: 'faint'}, 'Grey: not known, nothing was dug there');
     this.bandLabel = h('label', {title: 'Changes smaller than this are shown as ground'}, 'Ignore below', this.band, this.bandText);
     this.patternLabel = h('label', {}, patterns, 'Stripes on cut, dots on fill');
     this.options = h('details', {}, h('summary', {}, 'Options'), this.bandLabel, this.patternLabel);
-    element.append(this.select, this.bar, this.ticks, this.names, this.options);
+    element.append(this.select, this.bar, this.ticks, this.names, this.unknown, this.options);
     this.#show();
   }
 
@@ -66,8 +67,9 @@ export class Legend {
   }
 
   /** Fits the scales to what is shown. */
-  fit({deepest_m, highest_m, low_m, high_m, originZ}) {
-    const u = this.uniforms, depths = Math.max(deepest_m, highest_m, 2 * u.dead_m.value, 0.1);
+  fit({deepest_m, highest_m, fromDesign_m, low_m, high_m, originZ}) {
+    const u = this.uniforms, shown_m = this.mode === 'design' ? fromDesign_m : Math.max(deepest_m, highest_m);
+    const depths = Math.max(shown_m, 2 * u.dead_m.value, 0.1);
     const step = format.roundDown125(depths / 1.8);
     const most = step * Math.ceil((depths / step) * (1 - 1e-6));
     const contour = format.roundUp125(Math.max(0.1, (high_m - low_m) / 25));
@@ -129,5 +131,6 @@ export class Legend {
 
   #name(left, right, unit = '') {
     this.names.replaceChildren(...[left, unit, right].map((text) => h('span', {}, text)));
+    this.unknown.hidden = this.mode !== 'design';
   }
 }

@@ -122,15 +122,15 @@ class Page {
   }
 
   fitColours() {
-    const {low, high} = this.terrain, {deepest_m, highest_m} = this.views.shown.blocks;
+    const {low, high} = this.terrain, {deepest_m, highest_m, fromDesign_m} = this.views.shown.blocks;
     if (!Number.isFinite(low)) return;
-    this.legend.fit({deepest_m, highest_m, low_m: low - deepest_m, high_m: high + highest_m, originZ: this.origin[2]});
+    this.legend.fit({deepest_m, highest_m, fromDesign_m, low_m: low - deepest_m, high_m: high + highest_m, originZ: this.origin[2]});
   }
 
   fitSite(now = false) {
     this.follow(null);
     const narrow = Math.min(1, this.stage.camera.aspect);
-    this.stage.lookAt(this.middle, (1.15 * this.size_m) / narrow, {azimuth: 0.4, elevation: 0.75, now});
+    this.stage.lookAt(this.middle, (1.3 * this.size_m) / narrow, {azimuth: 0.4, elevation: 0.75, now});
   }
 
   /** To where the ground has changed, or where a machine is. */

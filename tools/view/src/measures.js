@@ -70,10 +70,10 @@ export class Measures {
     this.changed();
   }
 
-  /** The ground shown is another. */
-  again() {
+  /** The ground is another. @param {boolean} fade whether figures are of ground that isn't shown any more */
+  again(fade = true) {
     for (const measure of this.list) {
-      measure.old = true;
+      measure.old ||= fade;
       this.#ask(measure);
     }
     this.#queried = performance.now();
@@ -86,9 +86,9 @@ export class Measures {
     this.#stale = true;
     const wait = this.#queried + kAgain_ms - performance.now();
     if (wait > 0) {
-      if (!this.timer) this.timer = setTimeout(() => { this.timer = null; if (this.#stale) this.again(); }, wait);
+      if (!this.timer) this.timer = setTimeout(() => { this.timer = null; if (this.#stale) this.again(false); }, wait);
     } else if (this.list.length > 0) {
-      this.again();
+      this.again(false);
     }
   }
 

@@ -20,25 +20,41 @@ function rimOf(nx, ny) {
 /** Vertices: posts row by row, then for each post of the rim its top and its foot, each side of the rim twice. */
 function topology(nx, ny, isGround) {
   const rim = rimOf(nx, ny), n = nx * ny, sides = rim.length;
-  const grid = new Uint16Array(2 * (n + 4 * sides)), index = [];
-  for (let j = 0; j < ny; ++j) for (let i = 0; i < nx; ++i) grid.set([i, j], 2 * (j * nx + i));
+  const grid = new Uint16Array(2 * (n + 4 * sides));
+  for (let j = 0, k = 0; j < ny; ++j) {
+    for (let i = 0; i < nx; ++i) {
+      grid[k++] = i;
+      grid[k++] = j;
+    }
+  }
+  const index = new Uint32Array(6 * ((nx - 1) * (ny - 1) + sides));
+  let used = 0;
+  const triangle = (a, b, c) => {
+    if (!isGround(a) || !isGround(b) || !isGround(c)) return;
+    index[used++] = a;
+    index[used++] = b;
+    index[used++] = c;
+  };
   for (let j = 0; j + 1 < ny; ++j) {
     for (let i = 0; i + 1 < nx; ++i) {
       const a = j * nx + i, b = a + 1, c = a + nx, d = c + 1;
-      const ground = [a, b, c, d].map(isGround), count = ground.filter(Boolean).length;
-      if (count === 4) {
-        index.push(a, b, d, a, d, c);
-      } else if (count === 3) {
-        index.push(...[a, b, d, c].filter((v) => v !== [a, b, c, d][ground.indexOf(false)]));
+      if (isGround(a) && isGround(d)) {
+        triangle(a, b, d);
+        triangle(a, d, c);
+      } else {
+        triangle(a, b, c);
+        triangle(b, d, c);
       }
     }
   }
   rim.forEach(([i, j], k) => {
     const [u, v] = rim[(k + 1) % sides], at = n + 4 * k;
     for (const [o, x, y] of [[0, i, j], [1, i, j], [2, u, v], [3, u, v]]) grid.set([x, y], 2 * (at + o));
-    if (isGround(j * nx + i) && isGround(v * nx + u)) index.push(at, at + 1, at + 3, at, at + 3, at + 2);
+    if (!isGround(j * nx + i) || !isGround(v * nx + u)) return;
+    index.set([at, at + 1, at + 3, at, at + 3, at + 2], used);
+    used += 6;
   });
-  return {rim, grid: new BufferAttribute(grid, 2), index: new BufferAttribute(new Uint32Array(index), 1)};
+  return {rim, grid: new BufferAttribute(grid, 2), index: new BufferAttribute(index.slice(0, used), 1)};
 }
 
 export class TerrainTile {

@@ -1,0 +1,274 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The page in a browser, looking at a finished run and at a live site.
+import assert from 'node:assert/strict';
+import fs from 'node:fs';
+import path from 'node:path';
+import test, {after, before} from 'node:test';
+import * as site from './site.mjs';
+
+if (site.missing) console.log(`view_browser skipped: ${site.missing}`);
+const options = {skip: site.missing ?? false, timeout: 240000};
+const kHalfVoxel_m = 0.025;   // what is drawn is a mesh of 5 cm voxels
+const kCorners = [[512341, 5403633], [512351, 5403633], [512351, 5403643], [512341, 5403643]];   // around all that is dug
+
+let browser, work, done;
+before(async () => {
+  if (site.missing) return;
+  work = site.folder();
+  done = path.join(work, 'done');
+  site.run('run', path.join(site.root, 'data/excavator.yaml'), '--out', done, '--no-mesh');
+  browser = await site.browser();
+});
+after(async () => {
+  await browser?.close();
+  if (work) fs.rmSync(work, {recursive: true});
+});
+
+/** Tests with a server and a page of it; nothing may be written to the console. */
+function looking(name, args, body, view = {}) {
+  test(name, options, async () => {
+    const server = await site.serve(...args(), '--port', '0');
+    try {
+      const {page, said, close} = await site.open(browser, server.url, view);
+      await body(page, server);
+      assert.deepEqual(said, []);
+      await close();
+    } finally {
+      await server.stop();
+    }
+  });
+}
+const recorded = () => [done];
+
+looking('a boundary drawn around a dig has the volumes of soilvdb diff, before digging and since another time', recorded, async (page) => {
+  await page.click('#work');
+  await page.waitForTimeout(300);
+  await page.keyboard.press('n');
+  await page.keyboard.press('t');
+  await page.mouse.move(450, 450);
+  await page.mouse.wheel(0, 400);   // all corners are in the picture, and none below a button
+  await page.keyboard.press('b');
+  for (const corner of kCorners) await site.clickAt(page, corner);
+  const all = await site.answerTo(page, '/volume', () => site.clickAt(page, kCorners[0]));
+  const drawn = all.query.get('boundary').split(',').map(Number);
+  assert.equal(drawn.length, 8);
+  kCorners.flat().forEach((v, i) => assert.ok(Math.abs(v - drawn[i]) < 0.05, `${drawn[i]} was clicked at ${v}`));
+  const summary = JSON.parse(fs.readFileSync(path.join(done, 'summary.json'), 'utf8'));
+  assert.ok(Math.abs(all.json.net_m3 - (all.json.fill_m3 - all.json.cut_m3)) < 1e-9);
+  assert.ok(Math.abs(all.json.net_m3 - summary.volume_m3.ground_change) < 1e-9, 'the ledger says as much');
+  await page.waitForSelector('.card[data-kind=boundary] .cut dd');
+  const shown = await page.locator('.card[data-kind=boundary] .cut dd').textContent();
+  assert.equal(Number(shown.split('\u2009')[0]), Number(all.json.cut_m3.toPrecision(3)));
+
+  await page.click('#canvas', {position: {x: 400, y: 300}});
+  for (let n = 0; n < 6; ++n) await step(page, '[');
+  const answers = [];
+  page.on('response', (r) => { if (new URL(r.url()).pathname === '/volume') answers.push(r); });
+  await page.keyboard.press('a');
+  await page.keyboard.press('l');
+  const since = () => answers.findLast((r) => !new URL(r.url()).searchParams.has('time') && new URL(r.url()).searchParams.has('against'));
+  while (!since()) await page.waitForTimeout(50);
+  const later = await since().json(), from = new URL(since().url()).searchParams.get('against');
+  const truth = JSON.parse(site.run('diff', path.join(done, `soil_${from}.vdb`), path.join(done, 'soil_final.vdb'), '--json'));
+  for (const key of ['cut_m3', 'fill_m3', 'net_m3']) {
+    assert.ok(Math.abs(later[key] - truth[key]) < 1e-9, `since ${from} s ${JSON.stringify(later)} is not ${JSON.stringify(truth)}`);
+  }
+}, {viewport: {width: 1300, height: 900}});
+
+/** Presses a key that shows another time, and waits until it is there. */
+async function step(page, key) {
+  const id = await page.evaluate(() => window.soilvdb.view().id);
+  await page.keyboard.press(key);
+  await page.waitForFunction((before) => window.soilvdb.view().id !== before && window.soilvdb.view().settled, id);
+}
+
+looking('a section is the heights along it, as the server and as Python have them', recorded, async (page, server) => {
+  await page.click('#work');
+  await page.waitForTimeout(300);
+  await page.keyboard.press('s');
+  await site.clickAt(page, [512346, 5403634]);
+  const {query, json} = await site.answerTo(page, '/section', () => site.clickAt(page, [512347, 5403642]));
+  const [from, to] = ['from', 'to'].map((k) => query.get(k).split(',').map(Number));
+  const n = json.distance_m.length, at = (i) => [0, 1].map((axis) => from[axis] + ((to[axis] - from[axis]) * i) / (n - 1));
+  assert.ok(Math.abs(json.distance_m[n - 1] - Math.hypot(to[0] - from[0], to[1] - from[1])) < 1e-9);
+  const heights = site.python(`import json, soilvdb
+site = soilvdb.Site(0.05, soilvdb.snapshot(${JSON.stringify(path.join(done, 'soil_final.vdb'))}), [])
+print(json.dumps(list(site.heights(${JSON.stringify(Array.from({length: n}, (_, i) => at(i)))}))))`);
+  for (let i = 0; i < n; i += 50) {
+    const [x, y] = at(i), one = await (await fetch(`${server.url}height?x=${x}&y=${y}`)).json();
+    assert.ok(Math.abs(one.height_m - json.now_m[i]) < 1e-6);
+    assert.ok(Math.abs(one.before_m - json.before_m[i]) < 1e-6);
+  }
+  if (heights) heights.forEach((z, i) => assert.ok(Math.abs(z - json.now_m[i]) < 1e-6, `${z} is not ${json.now_m[i]} at ${at(i)}`));
+  assert.ok(json.now_m.some((z, i) => z < json.before_m[i] - 0.3), 'it goes through the trench');
+  await page.waitForSelector('.card[data-kind=section] svg.chart');
+});
+
+looking('the slider shows what a snapshot holds', recorded, async (page, server) => {
+  const places = [];
+  for (let x = 512343.013; x <= 512350; x += 0.7) for (let y = 5403635.017; y <= 5403641; y += 0.55) places.push([x, y]);
+  const seen = new Set();
+  for (let n = 0; n < 3; ++n) {
+    await step(page, '[');
+    const text = await page.locator('#time-now').textContent();
+    const time = text.includes(':') ? 60 * Number(text.split(':')[0]) + Number(text.split(':')[1]) : Number(text.split('\u2009')[0]);
+    assert.ok(fs.existsSync(path.join(done, `soil_${time}.vdb`)), `${text} is a snapshot's`);
+    seen.add(time);
+    const drawn = await page.evaluate((all) => all.map(([x, y]) => window.soilvdb.height(x, y)), places);
+    let near = 0, steep = 0;
+    for (const [i, [x, y]] of places.entries()) {
+      const at = async (u, v) => (await (await fetch(`${server.url}height?x=${u}&y=${v}&time=${time}`)).json()).height_m;
+      const z = await at(x, y);
+      if (Math.abs(drawn[i] - z) < kHalfVoxel_m) ++near;
+      else if (Math.abs((await at(x + 0.05, y)) - z) + Math.abs((await at(x, y + 0.05)) - z) +
+               Math.abs((await at(x - 0.05, y)) - z) + Math.abs((await at(x, y - 0.05)) - z) > kHalfVoxel_m) ++steep;
+      else assert.fail(`at ${x}, ${y}, ${time} s the ground is drawn at ${drawn[i]}, and is at ${z}`);
+    }
+    assert.ok(near > 0.9 * places.length && steep < 0.1 * places.length, `${near} of ${places.length} agree`);
+  }
+  assert.equal(seen.size, 3);
+});
+
+looking('on a phone nothing is wider than the screen, and all panels can be opened', recorded, async (page) => {
+  const fits = async () => assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= 360 && document.body.scrollWidth <= 360));
+  await fits();
+  for (const panel of ['machines', 'measures']) {
+    await page.tap(`[data-tab=${panel}]`);
+    assert.ok(await page.locator(`#${panel}`).isVisible());
+    await fits();
+  }
+  await page.tap('#downloads summary');
+  await page.locator('#download-list a').nth(4).waitFor();
+  const list = await page.locator('#download-list').boundingBox();
+  assert.ok(list.x >= 0 && list.x + list.width <= 360);
+}, {viewport: {width: 360, height: 740}, hasTouch: true});
+
+looking('everything can be reached and used by keys', recorded, async (page) => {
+  const reached = new Set();
+  for (let n = 0; n < 60; ++n) {
+    await page.keyboard.press('Tab');
+    reached.add(await page.evaluate(() => document.activeElement.id || document.activeElement.getAttribute('aria-label') ||
+      document.activeElement.dataset.tool || document.activeElement.className));
+    const seen = await page.evaluate(() => document.activeElement === document.body ||
+      getComputedStyle(document.activeElement).outlineStyle !== 'none');
+    assert.ok(seen, 'what has the focus shows it');
+  }
+  for (const what of ['canvas', 'look', 'boundary', 'section', 'height', 'distance', 'north', 'above', 'whole', 'work', 'Colour by', 'Time shown',
+                      'Snapshot before', 'Downloads', 'theme', 'help-open', 'machine']) {
+    assert.ok([...reached].some((r) => r === what || (what === 'theme' && /colours$/.test(r)) || r.startsWith(what)), `${what} of ${[...reached]}`);
+  }
+  await page.click('#work');
+  await page.focus('#canvas');
+  await page.keyboard.press('h');
+  const {json} = await site.answerTo(page, '/height', () => page.keyboard.press('Space'));
+  assert.ok(json.height_m > 400);
+  await page.keyboard.press('?');
+  assert.ok(await page.locator('dialog#help').isVisible());
+  await page.keyboard.press('Escape');
+  assert.ok(!(await page.locator('dialog#help').isVisible()));
+});
+
+const live = () => {
+  fs.writeFileSync(path.join(work, 'pit.yaml'), `soilvdb: 1
+name: pit
+voxel_size: 0.05
+terrain: {plane: {z: 2.0}}
+soil: {repose_angle: 0.61}
+machines:
+  - {name: digger, bucket: {width: 0.8, height: 0.6, profile: [[0, 0], [-0.3, -0.05], [-0.6, 0.4], [0, 0.6]]}}
+`);
+  return [path.join(work, 'pit.yaml'), '--out', path.join(work, `live${++runs}`), '--token', 'sesame'];
+};
+let runs = 0;
+
+/** Feeds a scoop from x to x + 1 m at a depth; from the page, as a machine would. */
+const scoop = (page, begin_s, x, y, depth_m) => page.evaluate(([t, x0, y0, d]) => new Promise((resolve, reject) => {
+  const feed = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}feed?token=sesame`), states = [];
+  for (let i = 0; i <= 20; ++i) {
+    const z = 2 + (i < 4 ? 0.2 - (i / 4) * (0.2 + d) : i > 16 ? -d + ((i - 16) / 4) * (d + 0.3) : -d);
+    states.push({machine: 'digger', time: t + i / 10, position: [x0 + i / 20, y0, z], rotation: [0, Math.sin(-0.15), 0, Math.cos(-0.15)]});
+  }
+  let answers = 0;
+  feed.onopen = () => states.forEach((s) => feed.send(JSON.stringify(s)));
+  feed.onmessage = ({data}) => {
+    if (JSON.parse(data).error) reject(new Error(data));
+    if (++answers === states.length) {
+      feed.close();
+      resolve(JSON.parse(data));
+    }
+  };
+}), [begin_s, x, y, depth_m]);
+
+test('what machines dig arrives as it is dug, also after the server was killed', options, async () => {
+  let args = live(), server = await site.serve(...args, '--port', '0');
+  const port = new URL(server.url).port;
+  try {
+    const {page, said} = await site.open(browser, `http://127.0.0.1:${port}/#token=sesame`);
+    assert.equal((await page.evaluate(() => window.soilvdb.view())).blocks, 0);
+    for (const [t, y, depth] of [[0, 0, 0.2], [10, 2, 0.3], [20, 0, 0.4]]) {
+      await scoop(page, t, 0, y, depth);
+      const truth = (await (await page.evaluate(async ([v]) => (await fetch(`/height?x=0.6&y=${v}&token=sesame`)).json(), [y])));
+      assert.ok(truth.height_m < 2 - 0.1);
+      await page.waitForFunction(([v, z, most]) => Math.abs(window.soilvdb.height(0.6, v) - z) < most, [y, truth.height_m, kHalfVoxel_m]);
+    }
+    assert.match(await page.locator('#machine-table tbody tr').textContent(), /digger.*working/s);
+    assert.deepEqual(said, []);
+    const {blocks} = await page.evaluate(() => window.soilvdb.view());
+    const acknowledged = async () => (await (await fetch(`http://127.0.0.1:${port}/summary.json?token=sesame`)).json()).acknowledged.time_s;
+    while (await acknowledged() < 22) await page.waitForTimeout(100);
+    await server.stop('SIGKILL');
+    await page.waitForSelector('#notice:not([hidden])');
+    server = await site.serve(...args, '--port', port);
+    await page.evaluate(() => document.getElementById('notice-do').click());
+    await page.waitForSelector('#notice', {state: 'hidden'});
+    await site.settled(page);
+    assert.equal((await page.evaluate(() => window.soilvdb.view())).blocks, blocks);
+  } finally {
+    await server.stop();
+  }
+});
+
+test('without the token the page says that it wants one', options, async () => {
+  const server = await site.serve(...live(), '--port', '0');
+  const context = await browser.newContext();
+  try {
+    const page = await context.newPage();
+    await page.goto(new URL('/', server.url).href);
+    await page.waitForFunction(() => /token/.test(document.getElementById('notice-text').textContent));
+  } finally {
+    await context.close();
+    await server.stop();
+  }
+});
+
+test('a site of a square kilometre with a post each metre is soon there', options, async () => {
+  // Not for the figures, which need a graphics card: that coarse ground comes first, and all of it.
+  const rows = Array.from({length: 1000}, (_, j) => Array.from({length: 1000}, (_, i) => (400 + 9 * Math.sin(i / 90) + 7 * Math.cos(j / 70)).toFixed(2)).join(' '));
+  fs.writeFileSync(path.join(work, 'wide.asc'), `ncols 1000\nnrows 1000\nxllcorner 500000\nyllcorner 5400000\ncellsize 1\n${rows.join('\n')}\n`);
+  fs.writeFileSync(path.join(work, 'wide.yaml'), `soilvdb: 1
+voxel_size: 0.05
+terrain: {raster: wide.asc}
+machines:
+  - {name: digger, bucket: {width: 0.8, height: 0.6}}
+`);
+  const server = await site.serve(path.join(work, 'wide.yaml'), '--out', path.join(work, 'wide'), '--port', '0');
+  try {
+    const {page, said, close} = await site.open(browser, server.url);
+    const far = await page.evaluate(() => window.soilvdb.terrain().tiles);
+    for (let n = 0; n < 30; ++n) await page.mouse.wheel(0, -200);
+    await site.settled(page);
+    const {bounds} = (await page.evaluate(() => window.soilvdb.site())).terrain;
+    for (const share of [0.1, 0.5, 0.77]) {
+      const x = bounds[0] + share * (bounds[2] - bounds[0]), y = bounds[1] + (1 - share) * (bounds[3] - bounds[1]);
+      const {height_m} = await (await fetch(`${server.url}height?x=${x}&y=${y}`)).json();
+      const drawn = await page.evaluate(([u, v]) => window.soilvdb.height(u, v), [x, y]);
+      assert.ok(Math.abs(drawn - height_m) < 0.2, `${drawn} is drawn at ${height_m}`);   // at most 4 m posts: 16 / 8 x the curvature
+    }
+    assert.ok(far >= 1);
+    assert.deepEqual(said, []);
+    await close();
+  } finally {
+    await server.stop();
+  }
+});

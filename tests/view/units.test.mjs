@@ -1,0 +1,161 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What the page makes of numbers, without a browser.
+import assert from 'node:assert/strict';
+import test from 'node:test';
+import zlib from 'node:zlib';
+import {ChunkTable} from '../../tools/view/src/chunk_table.js';
+import {decodeBlock, inflate} from '../../tools/view/src/decode.js';
+import * as format from '../../tools/view/src/format.js';
+import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
+import {sectionAreas} from '../../tools/view/src/section_chart.js';
+
+/** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
+function planes(values, bytes) {
+  const of = Array.from({length: bytes}, () => []);
+  let before = 0n;
+  const modulus = 1n << BigInt(8 * bytes);
+  for (const v of values.map(BigInt)) {
+    const difference = (((v - before) % modulus) + modulus) % modulus;
+    for (let b = 0; b < bytes; ++b) of[b].push(Number((difference >> BigInt(8 * b)) & 255n));
+    before = v;
+  }
+  return Buffer.from(of.flat());
+}
+
+function message({first = [32, -64, 1e6 * 32], view = 7, lo = 0x80000001, hi = 5, points, change, design, loose, index}) {
+  const n = points.length, head = Buffer.alloc(36);
+  first.forEach((v, i) => head.writeInt32LE(v, 4 * i));
+  [view, lo, hi, n, index.length / 3, design ? 1 : 0].forEach((v, i) => head.writeUInt32LE(v, 12 + 4 * i));
+  const u16 = (v) => v.map((x) => x & 0xffff);
+  return Buffer.concat([head, ...[0, 1, 2].map((axis) => planes(points.map((p) => p[axis]), 2)), planes(u16(change), 2),
+    ...(design ? [planes(u16(design), 2)] : []), planes(loose, 2), planes(index, n > 65535 ? 4 : 2)]);
+}
+
+const exact = (buffer) => buffer.buffer.slice(buffer.byteOffset, buffer.byteOffset + buffer.length);
+const triangle = {
+  points: [[0, 65535, 8192], [65535, 0, 8193], [8192, 40960, 300]], change: [-32768, 32767, -1], design: [0, -32768, 12],
+  loose: [65535, 0, 1], index: [2, 0, 1],
+};
+
+test('a block is read back as it was written, whatever its differences wrap around', async () => {
+  for (const design of [triangle.design, undefined]) {
+    const block = decodeBlock(await inflate(zlib.deflateSync(message({...triangle, design}))));
+    assert.deepEqual([block.bx, block.by, block.bz, block.view, block.lo, block.hi], [32, -64, 32e6, 7, 0x80000001, 5]);
+    assert.deepEqual([...block.points], triangle.points.flat());
+    assert.deepEqual([...block.change], triangle.change);
+    assert.deepEqual(block.design && [...block.design], design ?? null);
+    assert.deepEqual([...block.loose], triangle.loose);
+    assert.deepEqual([...block.index], triangle.index);
+  }
+});
+
+test('a block of more than 65535 vertices has indices of 32 bits', () => {
+  const n = 70000, points = Array.from({length: n}, (_, i) => [i & 0xffff, 0, 0]), zeros = new Array(n).fill(0);
+  const block = decodeBlock(exact(message({points, change: zeros, loose: zeros, index: [n - 1, 0, 65536]})));
+  assert.deepEqual([...block.index], [n - 1, 0, 65536]);
+});
+
+test('a block without a surface has no vertices', () => {
+  const block = decodeBlock(exact(message({points: [], change: [], loose: [], index: []})));
+  assert.equal(block.points.length, 0);
+});
+
+test('what is no block is refused: too short, too long, an index beyond the vertices', () => {
+  const good = exact(message(triangle));
+  assert.throws(() => decodeBlock(good.slice(0, 20)), /no head/);
+  for (let cut = 36; cut < good.byteLength; ++cut) assert.throws(() => decodeBlock(good.slice(0, cut)), /bytes, not/);
+  assert.throws(() => decodeBlock(exact(Buffer.concat([Buffer.from(good), Buffer.alloc(1)]))), /bytes, not/);
+  assert.throws(() => decodeBlock(exact(message({...triangle, index: [0, 1, 3]}))), /an index 3/);
+});
+
+/** As the shader looks chunks up, in the table's bare numbers. */
+function lookUp(table, [x, y, z]) {
+  const block = [x >> 2, y >> 2, z >> 2];
+  let h = Math.imul(block[0], 73856093) ^ Math.imul(block[1], 19349663) ^ Math.imul(block[2], 83492791);
+  h = Math.imul(h ^ (h >>> 15), 0x85ebca77);
+  let slot = ((h ^ (h >>> 13)) >>> 0) & (table.slots - 1);
+  for (let i = 0; i < table.probes; ++i, slot = (slot + 1) & (table.slots - 1)) {
+    const key = table.data.subarray(8 * slot, 8 * slot + 8);
+    if (key[3] === 0) return false;
+    if (block.some((v, axis) => v !== key[axis])) continue;
+    const bit = ((x & 3) * 4 + (y & 3)) * 4 + (z & 3);
+    return ((key[4 + (bit >> 5)] >> (bit & 31)) & 1) === 1;
+  }
+  return false;
+}
+
+test('the table of chunks says of each chunk what was last said, by its map and by the numbers for the shader', () => {
+  let seed = 12345;
+  const random = (n) => (seed = (Math.imul(seed, 1103515245) + 12345) >>> 0) % n;
+  const table = new ChunkTable(), truth = new Map();
+  for (let n = 0; n < 3000; ++n) {
+    const block = [random(20) - 10, random(20) + 90000, random(5) - 2];
+    const empty = random(4) === 0, lo = empty ? 0 : random(2 ** 32) >>> 0, hi = empty ? 0 : random(2 ** 32) >>> 0;
+    table.set(...block, lo, hi);
+    truth.set(block.join(), [lo, hi]);
+  }
+  table.build();
+  for (let n = 0; n < 20000; ++n) {
+    const chunk = [random(84) - 42, random(84) + 360000 - 2, random(24) - 10];
+    const [lo, hi] = truth.get(chunk.map((v) => v >> 2).join()) ?? [0, 0];
+    const bit = ((chunk[0] & 3) * 4 + (chunk[1] & 3)) * 4 + (chunk[2] & 3);
+    const resident = (((bit < 32 ? lo : hi) >>> (bit & 31)) & 1) === 1;
+    assert.equal(table.has(...chunk), resident);
+    assert.equal(lookUp(table, chunk), resident);
+  }
+});
+
+test('neighbours have the same normal at vertices they share: the whole surface’s', () => {
+  // A bumpy surface over two blocks, cut at x = 32 voxels.
+  const z = (i, j) => Math.round(8192 + 16384 + 3000 * Math.sin(i / 3) + 2000 * Math.cos(j / 5));
+  const part = (from, to) => {
+    const points = [], index = [], width = to - from + 1;
+    for (let j = 0; j <= 32; ++j) for (let i = from; i <= to; ++i) points.push(8192 + 1024 * (i - from), 8192 + 1024 * j, z(i, j));
+    for (let j = 0; j < 32; ++j) {
+      for (let i = 0; i + 1 < width; ++i) {
+        const a = j * width + i;
+        index.push(a, a + 1, a + width + 1, a, a + width + 1, a + width);
+      }
+    }
+    return {points: new Uint16Array(points), index: new Uint16Array(index)};
+  };
+  const [left, right] = [part(0, 32), part(32, 64)].map((p) => ({...p, ...vertexNormals(p.points, p.index)}));
+  const normals = (own, neighbour) => {
+    const out = new Int8Array((4 * own.points.length) / 3);
+    writeNormals(own, own.points, neighbour, out);
+    return out;
+  };
+  const a = normals(left, (dx, dy, dz) => (dx === 1 && dy === 0 && dz === 0 ? right : null));
+  const b = normals(right, (dx, dy, dz) => (dx === -1 && dy === 0 && dz === 0 ? left : null));
+  const alone = normals(left, () => null);
+  let differ = 0;
+  for (let j = 1; j < 32; ++j) {
+    const i = 4 * (j * 33 + 32), k = 4 * (j * 33);
+    assert.deepEqual([...a.slice(i, i + 3)], [...b.slice(k, k + 3)]);
+    if (String(a.slice(i, i + 3)) !== String(alone.slice(i, i + 3))) ++differ;
+  }
+  assert.ok(differ > 0, 'or the neighbour adds nothing');
+});
+
+test('areas of a section are those of its triangles and trapezoids, also where it crosses the ground before', () => {
+  assert.deepEqual(sectionAreas({distance_m: [0, 1, 2], before_m: [0, 0, 0], now_m: [0, 1, 0]}), {cut_m2: 0, fill_m2: 1});
+  assert.deepEqual(sectionAreas({distance_m: [0, 4], before_m: [5, 5], now_m: [4, 8]}), {cut_m2: 0.5, fill_m2: 4.5});
+  assert.deepEqual(sectionAreas({distance_m: [0, 1, 2], before_m: [0, 0, null], now_m: [-1, -1, -1]}), {cut_m2: 1, fill_m2: 0});
+});
+
+test('numbers have three digits, units and a minus sign', () => {
+  const plain = (text) => text.replaceAll('\u2009', ' ');
+  assert.equal(plain(format.volume(12.034)), '12.0 m³');
+  assert.equal(plain(format.volume(0.00012345)), '0.000123 m³');
+  assert.equal(plain(format.volume(0)), '0 m³');
+  assert.equal(plain(format.volume(9.9996)), '10.0 m³');
+  assert.equal(plain(format.volume(123456)), '123 000 m³');
+  assert.equal(plain(format.signedVolume(-4.655)), '\u22124.66 m³');
+  assert.equal(plain(format.length(-0.465)), '\u221246.5 cm');
+  assert.equal(plain(format.mass(12345)), '12.3 t');
+  assert.equal(plain(format.coordinate(5403639.256)), '5 403 639.26');
+  assert.equal(format.volume(null), '–');
+  assert.equal(plain(format.time(130.6)), '2:10.6');
+  assert.equal(plain(format.time(59.96)), '1:00.0');
+});
