@@ -7,6 +7,7 @@
 
 #include <random>
 
+#include "core/settle/front.h"
 #include "tests/pour_fixture.h"
 
 namespace soilvdb::testing {
@@ -243,6 +244,25 @@ TEST(PourLaws, RigidColumnsStayAsTheyAre) {
     if (ground.rigid[i] != 0) {
       ASSERT_EQ(ground.height_m[i], 0);
     }
+}
+
+TEST(PourLaws, LevelsHoldTheVolumeAlsoWhereTheyAreThatOfAColumn) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> height(430, 431);
+  for (int trial = 0; trial < 20'000; ++trial) {
+    Front front;
+    for (int i = 0, n = 2 + trial % 30; i < n; ++i) {
+      front.parts.push_back({i, 0, 0, height(random)});
+      front.keys += front.parts.back().key;
+    }
+    // The level is a column's, to rounding: does that one hold nothing, or isn't it there?
+    const double key = front.parts.front().key;
+    double volume = 0;
+    for (const Front::Part& part : front.parts) volume += std::max(0.0, key - part.key);
+    if (volume == 0) continue;
+    const double level = front.level_of(volume);
+    ASSERT_NEAR(level, key, 1e-10);
+  }
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ double Front::level_of(double volume) const {
       sum += part.key;
       ++below;
     }
-    if (below == 0 || below == count) return at;
+    if (below == 0 || below >= count) return at;  // more: by rounding, where a key is the level
     count = below;
     at = (volume + sum) / count;
   }
