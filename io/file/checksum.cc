@@ -15,6 +15,10 @@ std::uint64_t crc64(std::string_view bytes, std::uint64_t before) {
   return lzma_crc64(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before);
 }
 
+std::uint32_t crc32(std::string_view bytes, std::uint32_t before) {
+  return lzma_crc32(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), before);
+}
+
 std::string file_fingerprint(const std::filesystem::path& file, bool whole) {
   constexpr std::uint64_t kBlock = 64 * 1024, kBlocks = 64;
   check_readable(file);

@@ -22,7 +22,8 @@ std::string_view trim(std::string_view s) {
 
 }  // namespace
 
-CsvLines::CsvLines(const std::filesystem::path& file) : file_(file), buffer_(kLongestLine) {
+CsvLines::CsvLines(const std::filesystem::path& file)
+    : RowPlace(file, "line"), buffer_(kLongestLine) {
   check_readable(file);
   in_.open(file, std::ios::binary);
 }
@@ -30,7 +31,7 @@ CsvLines::CsvLines(const std::filesystem::path& file) : file_(file), buffer_(kLo
 bool CsvLines::next(std::string_view& line) {
   in_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
   auto length = static_cast<std::size_t>(in_.gcount());
-  if (in_.bad()) throw InputError(file_, "can't be read to its end");
+  if (in_.bad()) throw InputError(file(), "can't be read to its end");
   if (in_.eof() && length == 0) return false;
   ++number_;
   bytes_ += static_cast<std::int64_t>(length);
@@ -49,14 +50,12 @@ bool CsvLines::next(std::string_view& line) {
   return true;
 }
 
-void CsvLines::go_to(const Mark& mark) {
+void CsvLines::go_to(const RowMark& mark) {
   in_.clear();
   in_.seekg(mark.bytes);
   bytes_ = mark.bytes;
   number_ = mark.lines;
 }
-
-void CsvLines::fail(const std::string& message) const { throw LineError(file_, number_, message); }
 
 bool is_blank(std::string_view line) { return trim(line).empty(); }
 

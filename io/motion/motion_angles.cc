@@ -82,16 +82,17 @@ void Angles::check(const std::filesystem::path& file) const {
                   joints_ ? "" : "; of what turns round and round keep it within a turn"));
 }
 
-void Angles::warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const {
+void Angles::warn(const RowPlace& place, std::vector<std::string>& warnings) const {
+  const std::string file = place.file().string();
   if (joints_ || beyond_.rows == 0) return;
-  const std::string rows = fmt::format("{} row{}, first at line {}", beyond_.rows,
-                                       beyond_.rows == 1 ? "" : "s", beyond_.first);
+  const std::string rows = fmt::format("{} row{}, first at {} {}", beyond_.rows,
+                                       beyond_.rows == 1 ? "" : "s", place.noun(), beyond_.first);
   warnings.push_back(
       unit_ == AngleUnit::kDegrees
-          ? fmt::format("{}: roll, pitch or yaw is beyond 360 degrees in {}", file.string(), rows)
+          ? fmt::format("{}: roll, pitch or yaw is beyond 360 degrees in {}", file, rows)
           : fmt::format("{}: roll, pitch or yaw is beyond a turn in {}; they must be in radians, "
                         "not degrees, unless 'angles: degrees' is beside the machine's 'motion:'",
-                        file.string(), rows));
+                        file, rows));
 }
 
 }  // namespace soilvdb::inline v0::io

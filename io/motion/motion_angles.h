@@ -39,7 +39,7 @@ class Angles {
   /// @throw InputError if half the rows or more have an angle beyond a turn where none goes there.
   void check(const std::filesystem::path& file) const;
   /// Warns of roll, pitch and yaw beyond a turn, whichever.
-  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const;
+  void warn(const RowPlace& place, std::vector<std::string>& warnings) const;
 
  private:
   struct Count {

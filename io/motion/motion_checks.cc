@@ -42,7 +42,7 @@ bool wraps(double travel, double after_s) {
 }
 
 /// Refuses what moves faster than machines do.
-void check_speed(const CsvLines& lines, const std::string& what, double moved, double after_s,
+void check_speed(const RowPlace& lines, const std::string& what, double moved, double after_s,
                  bool turn) {
   const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
   if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return;
@@ -54,7 +54,7 @@ void check_speed(const CsvLines& lines, const std::string& what, double moved, d
 }
 
 /// Refuses what is faster than the joint of this machine.
-void check_joint_speed(const CsvLines& lines, const Joint& joint, double moved, double after_s) {
+void check_joint_speed(const RowPlace& lines, const Joint& joint, double moved, double after_s) {
   if (joint.fastest == 0) return;
   if (moved <= kBeyondFastest * joint.fastest * after_s + kJointJitter) return;
   const bool turns = joint.type != Joint::Type::kPrismatic;
@@ -65,28 +65,38 @@ void check_joint_speed(const CsvLines& lines, const Joint& joint, double moved, 
       joint.name, turns ? "turns" : "moves", moved, unit, after_s, joint.fastest, unit));
 }
 
+/// @param text of it, for messages
+void check_range(const RowPlace& lines, const std::string& name, double value,
+                 std::string_view text) {
+  const double limit = name == "time" ? kMaxTimeS : kMaxNumber;
+  if (!(std::abs(value) <= limit)) {
+    lines.fail(fmt::format("{} is {}; it must be a number within {:g}{}", name, printable(text),
+                           limit, name == "time" ? " (seconds)" : ""));
+  }
+  if (std::fpclassify(value) == FP_SUBNORMAL) {
+    lines.fail(
+        fmt::format("{} is {}, less than any sensor tells from 0; it must be 0 or a number "
+                    "beyond 1e-300",
+                    name, printable(text)));
+  }
+}
+
 }  // namespace
 
-double row_number(const CsvLines& lines, const std::string& name, std::string_view field) {
+double row_number(const RowPlace& lines, const std::string& name, std::string_view field) {
   const auto value = parse_number(field);
   if (!value) {
     lines.fail(fmt::format("{} is '{}'; it must be a number", name, printable(field)));
   }
-  const double limit = name == "time" ? kMaxTimeS : kMaxNumber;
-  if (!(std::abs(*value) <= limit)) {
-    lines.fail(fmt::format("{} is {}; it must be a number within {:g}{}", name, printable(field),
-                           limit, name == "time" ? " (seconds)" : ""));
-  }
-  if (std::fpclassify(*value) == FP_SUBNORMAL) {
-    lines.fail(
-        fmt::format("{} is {}, less than any sensor tells from 0; it must be 0 or a number "
-                    "beyond 1e-300",
-                    name, printable(field)));
-  }
+  check_range(lines, name, *value, field);
   return *value;
 }
 
-Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion) {
+void check_number(const RowPlace& lines, const std::string& name, double value) {
+  check_range(lines, name, value, fmt::format("{}", value));
+}
+
+Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaternion) {
   Pose pose;
   pose.position = {v[1], v[2], v[3]};
   if (!quaternion) {
@@ -102,7 +112,7 @@ Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaterni
   return pose;
 }
 
-void check_limits(const CsvLines& lines, const Chain& chain, const std::vector<double>& row,
+void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<double>& row,
                   AngleUnit unit) {
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
@@ -128,12 +138,12 @@ void check_limits(const CsvLines& lines, const Chain& chain, const std::vector<d
   }
 }
 
-void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, double after_s) {
+void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s) {
   check_speed(lines, "the bucket", (pose.position - before.position).norm(), after_s, false);
   check_speed(lines, "the bucket", pose.rotation.angularDistance(before.rotation), after_s, true);
 }
 
-void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
+void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row, AngleUnit unit) {
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
@@ -183,20 +193,21 @@ void JointLimits::row(const std::vector<double>& v, long line) {
   }
 }
 
-void JointLimits::warn(const std::filesystem::path& file,
-                       std::vector<std::string>& warnings) const {
+void JointLimits::warn(const RowPlace& place, std::vector<std::string>& warnings) const {
   for (const auto& [joint, rows, first, before, turns, first_turn] : joints_) {
     if (turns > 0) {
       warnings.push_back(fmt::format(
-          "{}: joint {} turns more than half a turn at once in {} row{}, first at line {}; if it "
+          "{}: joint {} turns more than half a turn at once in {} row{}, first at {} {}; if it "
           "wraps there, it must go on past a whole turn",
-          file.string(), joint.name, turns, turns == 1 ? "" : "s", first_turn));
+          place.file().string(), joint.name, turns, turns == 1 ? "" : "s", place.noun(),
+          first_turn));
     }
     if (rows == 0) continue;
     warnings.push_back(fmt::format(
-        "{}: joint {} exceeds its limits ({:.2f} to {:.2f} {}) in {} row{}, first at line {}",
-        file.string(), joint.name, joint.lower, joint.upper,
-        joint.type == Joint::Type::kPrismatic ? "m" : "rad", rows, rows == 1 ? "" : "s", first));
+        "{}: joint {} exceeds its limits ({:.2f} to {:.2f} {}) in {} row{}, first at {} {}",
+        place.file().string(), joint.name, joint.lower, joint.upper,
+        joint.type == Joint::Type::kPrismatic ? "m" : "rad", rows, rows == 1 ? "" : "s",
+        place.noun(), first));
   }
 }
 

@@ -19,20 +19,22 @@ namespace soilvdb::inline v0::io {
 // there leaving rows out would be wrong.
 
 /// The number in a field of column `name`, one that a sensor could have sent.
-double row_number(const CsvLines& lines, const std::string& name, std::string_view field);
+double row_number(const RowPlace& lines, const std::string& name, std::string_view field);
+/// The same of a number that is no text.
+void check_number(const RowPlace& lines, const std::string& name, double value);
 
 /// @param v time, x, y, z and roll, pitch, yaw or qx, qy, qz, qw
-Pose row_pose(const CsvLines& lines, const std::vector<double>& v, bool quaternion);
+Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaternion);
 
 /// Refuses a joint's value clearly beyond where it stops. @param row the time, then the joints
 /// @param unit of the file; values are in radians
-void check_limits(const CsvLines& lines, const Chain& chain, const std::vector<double>& row,
+void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<double>& row,
                   AngleUnit unit);
 
 /// Refuses a pose that no bucket reaches in that time, or a joint's value that no joint does.
-void check_poses(const CsvLines& lines, const Pose& before, const Pose& pose, double after_s);
+void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s);
 /// @param before the time, then the joints; so is `row` @param unit of the file
-void check_joints(const CsvLines& lines, const Chain& chain, const std::vector<double>& before,
+void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row, AngleUnit unit);
 
 /// Rows in which each movable joint is beyond its limits, or turns so far that it may have wrapped.
@@ -41,7 +43,7 @@ class JointLimits {
   explicit JointLimits(const Chain& chain);
   /// @param v the time, then the joints
   void row(const std::vector<double>& v, long line);
-  void warn(const std::filesystem::path& file, std::vector<std::string>& warnings) const;
+  void warn(const RowPlace& place, std::vector<std::string>& warnings) const;
 
  private:
   struct Count {

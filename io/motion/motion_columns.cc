@@ -16,7 +16,7 @@ const std::vector<std::string> kQuaternion = {"qx", "qy", "qz", "qw"};
 
 class Header {
  public:
-  Header(const CsvLines& lines, const std::vector<std::string_view>& fields)
+  Header(const RowPlace& lines, const std::vector<std::string_view>& fields)
       : lines_(lines), names_(fields.begin(), fields.end()) {
     if (parse_number(names_[0])) {
       lines_.fail(
@@ -112,7 +112,7 @@ class Header {
                             hint));
   }
 
-  const CsvLines& lines_;
+  const RowPlace& lines_;
   std::vector<std::string> names_;
 };
 
@@ -137,7 +137,7 @@ std::string other_case(const std::vector<std::string>& wanted,
   return hint.empty() ? hint : hint + "?";
 }
 
-Columns read_columns(const CsvLines& lines, const std::vector<std::string_view>& header,
+Columns read_columns(const RowPlace& lines, const std::vector<std::string_view>& header,
                      const std::optional<Chain>& chain) {
   return Header(lines, header).columns(chain);
 }

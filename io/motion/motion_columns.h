@@ -25,7 +25,7 @@ struct Columns {
 
 /// @param lines at the header @param chain of the machine, if it is given by joints
 /// @throw InputError if columns are missing, twice there or contradict each other.
-Columns read_columns(const CsvLines& lines, const std::vector<std::string_view>& header,
+Columns read_columns(const RowPlace& lines, const std::vector<std::string_view>& header,
                      const std::optional<Chain>& chain);
 
 /// "; did you mean 'pitch' by 'Pitch'?" where names that are wanted are there but for their case.

@@ -1,20 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reads a motion line by line; only the columns in use are turned into numbers.
+// Reads a motion row by row, and takes the good ones.
 #include "soilvdb/io/motion_csv.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <functional>
 #include <limits>
-#include <string_view>
 #include <utility>
 
 #include "io/file/text.h"
 #include "io/motion/motion_angles.h"
 #include "io/motion/motion_checks.h"
-#include "io/motion/motion_columns.h"
+#include "io/motion/row_source.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -24,13 +22,14 @@ constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
 }  // namespace
 
 struct MotionReader::State {
-  State(const std::filesystem::path& f, const std::optional<Chain>& c, AngleUnit u)
-      : file(f), chain(c), unit(u), lines(f), limits(c.value_or(Chain{})) {
-    std::string_view line;
-    if (!lines.next(line)) throw InputError(file, "is empty; it must be a motion as CSV");
-    split_fields(line, fields);
-    columns = read_columns(lines, fields, chain);
-    angles = Angles(columns.names, chain, unit);
+  State(const MotionSource& source, const std::optional<Chain>& c, AngleUnit u)
+      : file(source.file),
+        chain(c),
+        unit(u),
+        rows(source.is_mcap ? mcap_rows(source, chain) : csv_rows(source.file, chain)),
+        columns(rows->columns()),
+        limits(c.value_or(Chain{})),
+        angles(columns.names, chain, unit) {
     row.resize(columns.names.size(), 0.0);
     fresh = row;
   }
@@ -38,17 +37,17 @@ struct MotionReader::State {
   /// Goes on to the next good row. @return false at the end of the file
   bool advance() {
     while (true) {
-      const CsvLines::Mark mark = lines.mark();
+      const RowMark mark = rows->mark();
       try {
-        std::string_view line;
         compared = false;
-        if (!lines.next(line)) return false;
-        if (is_blank(line)) {
+        const RowSource::Got got = rows->next();
+        if (got == RowSource::Got::kEnd) return false;
+        if (got == RowSource::Got::kBlank) {
           if (blanks++ == 0) blank = mark;
           continue;
         }
         if (blanks > 0) refuse_blanks();
-        take(line);
+        take();
         at = mark;
         at_odds = 0;
         ++good;
@@ -60,11 +59,11 @@ struct MotionReader::State {
           ++bad.at_odds;
           if (++at_odds > most_at_odds) {
             most_at_odds = at_odds;
-            bad.at_odds_with = at.lines + 1;
+            bad.at_odds_with = at.line();
           }
           if (at_odds > std::max(good, bad.outnumbering)) {
             bad.outnumbering = at_odds;
-            bad.outnumbered = at.lines + 1;
+            bad.outnumbered = at.line();
           }
         }
       } catch (const InputError&) {  // of a joint that wraps, as degrees seem to
@@ -74,43 +73,35 @@ struct MotionReader::State {
     }
   }
 
-  /// Makes a line the row it is at. @throw LineError; then it stays where it is
-  void take(std::string_view line) {
-    split_fields(line, fields);
-    if (fields.size() != columns.count) {
-      lines.fail(fmt::format("has {} field{}; the header has {} columns", fields.size(),
-                             fields.size() == 1 ? "" : "s", columns.count));
-    }
-    for (std::size_t i = 0; i < fresh.size(); ++i) {
-      if (columns.fields[i] == Columns::kNone) continue;
-      fresh[i] = row_number(lines, columns.names[i], fields[columns.fields[i]]);
-    }
-    angles.row(fresh, lines.number());
-    if (chain) check_limits(lines, *chain, fresh, unit);
-    const auto time = fields[columns.fields[0]];
+  /// Makes a row that was read the one it is at. @throw LineError; then it stays where it is
+  void take() {
+    const RowPlace& place = rows->place();
+    rows->values(fresh);
+    angles.row(fresh, place.number());
+    if (chain) check_limits(place, *chain, fresh, unit);
     compared = !first;
     if (!first && !(fresh[0] > row[0])) {
-      lines.fail(
+      place.fail(
           fmt::format("time {} doesn't come after {} in the row before; times must strictly "
                       "increase",
-                      printable(time), printable(time_text)));
+                      printable(rows->time_text()), printable(time_text)));
     }
     if (chain) {
-      if (!first) check_joints(lines, *chain, row, fresh, unit);
-      limits.row(fresh, lines.number());
+      if (!first) check_joints(place, *chain, row, fresh, unit);
+      limits.row(fresh, place.number());
     } else {
-      const Pose to = row_pose(lines, fresh, columns.quaternion);
-      if (!first) check_poses(lines, pose, to, fresh[0] - row[0]);
+      const Pose to = row_pose(place, fresh, columns.quaternion);
+      if (!first) check_poses(place, pose, to, fresh[0] - row[0]);
       pose = to;
     }
     std::swap(row, fresh);
-    time_text = time;
-    hash = std::hash<std::string_view>()(line);
+    time_text = rows->time_text();
+    hash = rows->hash();
     first = false;
   }
 
   void refuse_blanks() {
-    refuse(InputError(file, blank.lines + 1, "is a blank line between rows; leave it out"));
+    refuse(InputError(file, blank.line(), "is a blank line between rows; leave it out"));
     bad.count += std::exchange(blanks, 0) - 1;
   }
 
@@ -123,19 +114,18 @@ struct MotionReader::State {
   std::filesystem::path file;
   std::optional<Chain> chain;
   AngleUnit unit;
-  CsvLines lines;
-  Columns columns;
+  std::unique_ptr<RowSource> rows;
+  const Columns& columns;
   JointLimits limits;
   Angles angles;
-  std::vector<std::string_view> fields;
   std::vector<double> row, fresh;  // the row it is at, and scratch
   Pose pose;                       // of the row, where there is no chain
   std::string time_text;           // of the row
-  CsvLines::Mark at;               // of the row
+  RowMark at;                      // of the row
   std::size_t hash = 0;            // of the row
   std::size_t digest = 0;          // of the rows of the last part
   bool first = true;               // it is at no row yet
-  CsvLines::Mark blank;            // the first of the blank lines since the row
+  RowMark blank;                   // the first of the blank lines since the row
   std::int64_t blanks = 0;         // so many
   bool compared = false;           // the line it looks at with the row
   std::int64_t at_odds = 0;        // rows since the row that can't come after it,
@@ -144,25 +134,26 @@ struct MotionReader::State {
   BadRows bad;
 };
 
-MotionReader::MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain,
+MotionReader::MotionReader(const MotionSource& source, const std::optional<Chain>& chain,
                            AngleUnit angles)
-    : state_(std::make_unique<State>(file, chain, angles)) {
+    : state_(std::make_unique<State>(source, chain, angles)) {
   if (state_->advance()) return;
   check_angles();
   if (state_->bad.count > 0) throw InputError(state_->bad.first);
-  throw InputError(file, state_->lines.number(), "has a header but no rows; it needs at least one");
+  throw InputError(source.file, state_->rows->place().number(),
+                   "has a header but no rows; it needs at least one");
 }
 MotionReader::~MotionReader() = default;
 
-CsvLines::Mark MotionReader::mark() const { return state_->at; }
+RowMark MotionReader::mark() const { return state_->at; }
 
-std::int64_t MotionReader::bytes_read() const { return state_->lines.mark().bytes; }
+std::int64_t MotionReader::bytes_read() const { return state_->rows->bytes_read(); }
 
-void MotionReader::go_to(const CsvLines::Mark& mark) {
-  state_->lines.go_to(mark);
+void MotionReader::go_to(const RowMark& mark) {
+  state_->rows->go_to(mark);
   state_->first = true;
   state_->blanks = 0;
-  if (!state_->advance()) throw InputError(state_->file, mark.lines + 1, "is not there any more");
+  if (!state_->advance()) throw InputError(state_->file, mark.line(), "is not there any more");
 }
 
 Motion MotionReader::next(std::int64_t most_steps) {
@@ -185,6 +176,8 @@ Motion MotionReader::next(std::int64_t most_steps) {
   return {std::move(times_s), std::move(poses)};
 }
 
+MotionSource MotionReader::source() const { return state_->rows->source(); }
+
 const BadRows& MotionReader::bad_rows() const { return state_->bad; }
 
 void MotionReader::check_angles() const { state_->angles.check(state_->file); }
@@ -193,29 +186,15 @@ std::size_t MotionReader::digest() const { return state_->digest; }
 
 std::vector<std::string> MotionReader::warnings() const {
   std::vector<std::string> warnings;
-  const Columns& columns = state_->columns;
-  std::vector<std::string> zero;
-  for (std::size_t i = 0; i < columns.names.size(); ++i) {
-    if (columns.fields[i] == Columns::kNone) zero.push_back(columns.names[i]);
-  }
-  if (const auto& unused = columns.unused; !unused.empty()) {
-    std::string warning = fmt::format("{}: ignored column{} {}", state_->file.string(),
-                                      unused.size() == 1 ? "" : "s", quoted_list(unused));
-    if (!zero.empty()) {
-      warning += fmt::format("; {} {} there, taken as 0", quoted_list(zero),
-                             zero.size() == 1 ? "isn't" : "aren't") +
-                 other_case(zero, unused);
-    }
-    warnings.push_back(std::move(warning));
-  }
-  state_->limits.warn(state_->file, warnings);
-  state_->angles.warn(state_->file, warnings);
+  state_->rows->warn(warnings);
+  state_->limits.warn(state_->rows->place(), warnings);
+  state_->angles.warn(state_->rows->place(), warnings);
   return warnings;
 }
 
-MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain,
+MotionInput read_motion(const MotionSource& source, const std::optional<Chain>& chain,
                         AngleUnit angles) {
-  MotionReader reader(file, chain, angles);
+  MotionReader reader(source, chain, angles);
   Motion motion = reader.next(std::numeric_limits<std::int64_t>::max());
   reader.check_angles();
   if (reader.bad_rows().count > 0) throw InputError(reader.bad_rows().first);

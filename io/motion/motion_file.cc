@@ -24,15 +24,15 @@ MotionFile::MotionFile(Motion motion)
       begin_s_(only_->begin_s()),
       end_s_(only_->end_s()) {}
 
-MotionFile::MotionFile(const std::filesystem::path& file, const std::optional<Chain>& chain,
+MotionFile::MotionFile(const MotionSource& source, const std::optional<Chain>& chain,
                        AngleUnit angles, OnBadRow on_bad_row,
                        const std::function<void(const Motion&, std::int64_t)>& look,
                        std::vector<std::string>& warnings)
-    : file_(file), chain_(chain), angles_(angles), stop_(on_bad_row == OnBadRow::kStop) {
-  MotionReader reader(file, chain, angles);
+    : source_(source), chain_(chain), angles_(angles), stop_(on_bad_row == OnBadRow::kStop) {
+  MotionReader reader(source, chain, angles);
   const bool begins_bad = reader.bad_rows().count > 0;
   for (bool more = true; more;) {
-    const CsvLines::Mark mark = reader.mark();
+    const RowMark mark = reader.mark();
     Motion part = reader.next(kPartSteps);
     const auto steps = static_cast<std::int64_t>(part.times_s().size()) - 1;
     more = steps == kPartSteps;
@@ -45,6 +45,7 @@ MotionFile::MotionFile(const std::filesystem::path& file, const std::optional<Ch
     only_ = parts_.size() == 1 ? std::make_shared<Motion>(std::move(part)) : nullptr;
   }
   reader.check_angles();
+  source_ = reader.source();
   const std::vector<std::string> said = reader.warnings();
   warnings.insert(warnings.end(), said.begin(), said.end());
   bad_rows_ = reader.bad_rows();
@@ -58,7 +59,7 @@ void MotionFile::check_odds() const {
   const std::int64_t all = rows_ + bad_rows_.count;
   if (bad_rows_.at_odds > 0 && 2 * bad_rows_.at_odds >= all) {
     throw InputError(
-        file_, bad_rows_.at_odds_with,
+        file(), bad_rows_.at_odds_with,
         fmt::format("{} of the {} rows contradict the good ones before them, this one above all "
                     "(first: {}); mend or delete what is wrong{}",
                     bad_rows_.at_odds, all, bad_rows_.first,
@@ -66,7 +67,7 @@ void MotionFile::check_odds() const {
   }
   if (stop_ && bad_rows_.outnumbering > 0) {
     throw InputError(
-        file_, bad_rows_.outnumbered,
+        file(), bad_rows_.outnumbered,
         fmt::format("the {} rows after this one contradict it, and fewer good ones come up to it "
                     "(first: {}); mend or delete what is wrong",
                     bad_rows_.outnumbering, bad_rows_.first));
@@ -85,7 +86,7 @@ std::shared_ptr<const Motion> MotionFile::part(std::size_t i) const {
   } catch (const InputError&) {
     // It was good before.
   }
-  throw std::runtime_error(file_.string() + ": changed while it was being read");
+  throw std::runtime_error(file().string() + ": changed while it was being read");
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -196,12 +196,25 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
 }
 
+/// A CSV file, or what of an MCAP file.
+MotionSource read_motion_source(const YamlMap& machine) {
+  if (!machine.is_map("motion")) return read_path(machine, "motion");
+  const YamlMap map = machine.map("motion", {"mcap", "topic", "frame", "parent"});
+  McapTopic topic{map.text("topic"), map.has("frame") ? map.text("frame") : "",
+                  map.has("parent") ? map.text("parent") : ""};
+  if (map.has("parent") && !map.has("frame"))
+    map.fail("parent",
+             "'parent' goes with 'frame', the bucket's, which is seen from there; add "
+             "that, or remove 'parent'");
+  return {read_path(map, "mcap"), std::move(topic)};
+}
+
 /// A machine's section of a scenario, all but the rows of its motion.
 struct Section {
   std::string name;
   Bucket bucket;
   std::optional<Chain> chain;
-  std::optional<std::filesystem::path> motion;
+  std::optional<MotionSource> motion;
   AngleUnit angles = AngleUnit::kRadians;
   OnBadRow on_bad_row = OnBadRow::kStop;
 };
@@ -219,8 +232,10 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
     sections.push_back({name, bucket, read_machine_chain(machine), std::nullopt,
                         read_angle_unit(machine), read_on_bad_row(machine)});
     if (motions == Motions::kRequired || machine.has("motion")) {
-      sections.back().motion = read_path(machine, "motion");
-      result.inputs.push_back(*sections.back().motion);
+      sections.back().motion = read_motion_source(machine);
+      const std::filesystem::path& file = sections.back().motion->file;
+      if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
+        result.inputs.push_back(file);  // several machines may be in one
     } else {
       for (const char* key : {"angles", "bad_rows"})
         if (machine.has(key))
@@ -266,8 +281,9 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
 
   std::int64_t done = 0, total = 0;
   const auto size = [](const Section& section) {
-    return section.motion ? static_cast<std::int64_t>(std::filesystem::file_size(*section.motion))
-                          : 0;
+    return section.motion
+               ? static_cast<std::int64_t>(std::filesystem::file_size(section.motion->file))
+               : 0;
   };
   for (const Section& section : sections) total += size(section);
   for (const Section& section : sections) {

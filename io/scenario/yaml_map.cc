@@ -73,6 +73,7 @@ YamlMap YamlMap::load(const std::filesystem::path& file, std::string what,
 }
 
 bool YamlMap::has(const std::string& key) const { return node_[key].IsDefined(); }
+bool YamlMap::is_map(const std::string& key) const { return has(key) && node_[key].IsMap(); }
 
 YAML::Node YamlMap::at(const std::string& key) const {
   YAML::Node node = node_[key];

@@ -28,6 +28,7 @@ class YamlMap {
                       std::vector<std::string> known);
 
   bool has(const std::string& key) const;
+  bool is_map(const std::string& key) const;
   /// The map or list under `key`, which must be there.
   YamlMap map(const std::string& key, std::vector<std::string> known) const;
   std::vector<YamlMap> maps(const std::string& key, const std::string& what,

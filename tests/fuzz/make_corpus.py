@@ -123,6 +123,26 @@ def rasters(work):
     write('raster', f'{driver.lower()}_{number}', content + out.read_bytes())
 
 
+def mcaps(work):
+  """Motions by joints, poses and transforms in one file, packed in each way."""
+  pose = 'time,x,y,z,qx,qy,qz,qw\n'
+  motions = {'j': 'time,wheel,boom,stick\n0.5,7,0.1,1\n1,7,0.25,1.5\n2.5,7,-0.5,0.5\n',
+             'p': pose + '0.5,1,2,3,0,0,0,1\n1.25,2,2,3,0,0.6,0,0.8\n2,3,2,3,0,0,0,1\n',
+             'b': pose + '0,0,0,0,0,0,0,1\n1.5,1,0,0,0,0,0,1\n3,2,0,0,0,0,0,1\n',
+             's': pose + '0,0,0,1,0,0,0.6,0.8\n'}
+  for name, text in motions.items():
+    (work / f'{name}.csv').write_text(text)
+  topics = ['joints:/j:j.csv', 'pose:/p:p.csv', 'tf:/tf:map:base:b.csv', 'tf:/tf_static:base:stick:s.csv',
+            'tf:/tf:stick:lip:p.csv']
+  for name, how in [('plain', []), ('big_endian', ['--big-endian', '--idl', '--no-crc', '--no-summary']),
+                    ('chunks', ['--chunk', '4', '--no-crc']),
+                    ('zstd', ['--chunk', '20', '--compression', 'zstd', '--no-crc']),
+                    ('lz4', ['--chunk', '20', '--compression', 'lz4'])]:
+    subprocess.run([sys.executable, HERE.parent / 'mcap/make_mcap.py', 'm.mcap', *how, *topics], cwd=work,
+                   check=True)
+    write('mcap', name, (work / 'm.mcap').read_bytes())
+
+
 def with_directives(text):
   """Names and numbers as directives of printf: text of a file must never be a format."""
   return re.sub(r'\b(grey|boom|turn|pit|digger|0\.5|1\.5)\b', '%s%n%1$s', text)
@@ -142,6 +162,7 @@ def main():
   with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
     rasters(work)
+    mcaps(work)
     # The bucket that snapshot_fuzz.cc has, digging and in the air.
     rigid = re.sub(', profile: .*]]', '', SCENARIO)
     moving = re.sub(', dump_angle: [^}]*', '', SCENARIO) + MOVING

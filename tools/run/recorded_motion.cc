@@ -133,7 +133,7 @@ class DugRows {
   [[noreturn]] void refuse(double time_s, const std::string& what) const {
     io::MotionReader reader = machine_.motion.reader();
     while (true) {
-      const long line = reader.mark().lines + 1;
+      const long line = reader.mark().line();
       const Motion two = reader.next(1);
       if (two.begin_s() >= time_s || two.times_s().size() == 1)
         throw io::InputError(machine_.motion.file(), line, what);

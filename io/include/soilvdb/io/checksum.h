@@ -14,6 +14,9 @@ namespace soilvdb::inline v0::io {
 /// @param before that of what comes before `bytes`
 std::uint64_t crc64(std::string_view bytes, std::uint64_t before = 0);
 
+/// CRC-32 (ISO 3309, as zlib's), which other programs' files have.
+std::uint32_t crc32(std::string_view bytes, std::uint32_t before = 0);
+
 /// Tells files apart in milliseconds whatever their size: 16 hex digits of the file's size and of
 /// 64 blocks of 64 KiB spread evenly over it (all of it, up to 4 MiB).
 /// @param whole all of it, whatever its size: for what a damaged byte would crash

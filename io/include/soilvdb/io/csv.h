@@ -3,11 +3,13 @@
 // Lines and fields of a CSV file, one line in memory at a time.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "soilvdb/io/error.h"
@@ -19,8 +21,41 @@ struct LineError : InputError {
   using InputError::InputError;
 };
 
+/// Where rows of a motion begin: bytes and lines before them. In an MCAP file they are messages
+/// instead of lines, of a chunk of them maybe.
+struct RowMark {
+  std::int64_t bytes = 0;
+  long lines = 0;
+  std::int64_t within = 0;                                  ///< the chunk's content
+  long after = 0;                                           ///< so many lines say nothing new
+  long line() const { return std::max(lines, after) + 1; }  ///< the number of the next one
+};
+
+/// The line, or message, of a file that is being looked at.
+class RowPlace {
+ public:
+  /// @param noun what it is called
+  RowPlace(std::filesystem::path file, const char* noun) : file_(std::move(file)), noun_(noun) {}
+
+  const std::filesystem::path& file() const { return file_; }
+  long number() const { return number_; }
+  const char* noun() const { return noun_; }
+
+  /// @throw LineError at the current line.
+  [[noreturn]] void fail(const std::string& message) const {
+    throw LineError(file_, number_, message);
+  }
+
+ protected:
+  long number_ = 0;
+
+ private:
+  std::filesystem::path file_;
+  const char* noun_;
+};
+
 /// The lines of a text file, with their numbers. A byte order mark is skipped.
-class CsvLines {
+class CsvLines : public RowPlace {
  public:
   /// @throw InputError unless the file is there and can be read.
   explicit CsvLines(const std::filesystem::path& file);
@@ -30,27 +65,14 @@ class CsvLines {
   /// @throw LineError if the line is too long or not text; InputError if the file can't be read
   bool next(std::string_view& line);
 
-  /// Where a line begins: bytes before it, lines before it.
-  struct Mark {
-    std::int64_t bytes = 0;
-    long lines = 0;
-  };
-  Mark mark() const { return {bytes_, number_}; }  ///< of the line that comes next
+  RowMark mark() const { return {bytes_, number_}; }  ///< of the line that comes next
   /// Goes on from a mark of the same file.
-  void go_to(const Mark& mark);
-
-  const std::filesystem::path& file() const { return file_; }
-  long number() const { return number_; }
-
-  /// @throw LineError at the current line.
-  [[noreturn]] void fail(const std::string& message) const;
+  void go_to(const RowMark& mark);
 
  private:
-  std::filesystem::path file_;
   std::ifstream in_;
   std::vector<char> buffer_;
   std::int64_t bytes_ = 0;
-  long number_ = 0;
 };
 
 /// Nothing but spaces, tabs and carriage returns?

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Motions of buckets as CSV: a header, then one row per time, by poses or by joints.
+// Motions of buckets, by poses or by joints: one row per time, of a CSV file or an MCAP file.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "soilvdb/io/csv.h"
+#include "soilvdb/io/motion_source.h"
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0::io {
@@ -45,8 +46,10 @@ struct BadRows {
 ///
 /// UTF-8 with or without a byte order mark, LF or CR LF line ends, spaces around commas, quoted
 /// fields, blank lines at the end. Columns it has no use for are skipped unread, with one warning.
+/// A row of an MCAP file is a message, its time that of the header's stamp, seconds since 1970; by
+/// transforms, a message that moves the frame. Those of other machines are passed over.
 /// @throw InputError naming file, line, what is wrong and what would be right; so does a bad row.
-MotionInput read_motion(const std::filesystem::path& file, const std::optional<Chain>& chain,
+MotionInput read_motion(const MotionSource& source, const std::optional<Chain>& chain,
                         AngleUnit angles = AngleUnit::kRadians);
 
 /// Reads the same part by part, in memory for one part. Parts join: each begins with the last row
@@ -54,7 +57,7 @@ MotionInput read_motion(const std::filesystem::path& file, const std::optional<C
 class MotionReader {
  public:
   /// @throw InputError as read_motion() does; so does next().
-  MotionReader(const std::filesystem::path& file, const std::optional<Chain>& chain,
+  MotionReader(const MotionSource& source, const std::optional<Chain>& chain,
                AngleUnit angles = AngleUnit::kRadians);
   ~MotionReader();
   MotionReader(const MotionReader&) = delete;
@@ -65,9 +68,12 @@ class MotionReader {
   /// Of the text of the rows that next() returned last; differs from one process to the next.
   std::size_t digest() const;
 
-  CsvLines::Mark mark() const;  ///< of the row it is at
-  void go_to(const CsvLines::Mark& mark);
+  RowMark mark() const;  ///< of the row it is at
+  void go_to(const RowMark& mark);
   std::int64_t bytes_read() const;
+
+  /// What it reads, with what it has learnt of the file.
+  MotionSource source() const;
 
   const BadRows& bad_rows() const;  ///< of all rows read so far
   /// @throw InputError if so many angles of all rows read so far are beyond a turn that they must

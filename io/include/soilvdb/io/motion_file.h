@@ -40,7 +40,7 @@ class MotionFile {
   /// @throw InputError as read_motion() does; for a bad row only where there is no good one, none
   ///        to dig before it, or as many contradict good ones as not, so that those may be what is
   ///        wrong; where it would stop, also where those before a bad one are outnumbered.
-  MotionFile(const std::filesystem::path& file, const std::optional<Chain>& chain, AngleUnit angles,
+  MotionFile(const MotionSource& source, const std::optional<Chain>& chain, AngleUnit angles,
              OnBadRow on_bad_row,
              const std::function<void(const Motion& part, std::int64_t bytes)>& look,
              std::vector<std::string>& warnings);
@@ -48,9 +48,9 @@ class MotionFile {
   std::int64_t rows() const { return rows_; }
   double begin_s() const { return begin_s_; }
   double end_s() const { return end_s_; }
-  const std::filesystem::path& file() const { return file_; }  ///< empty: it has none
+  const std::filesystem::path& file() const { return source_.file; }  ///< empty: it has none
   /// Of its file, at the first row.
-  MotionReader reader() const { return {file_, chain_, angles_}; }
+  MotionReader reader() const { return {source_, chain_, angles_}; }
   const BadRows& bad_rows() const { return bad_rows_; }
   /// Is it to be dug up to bad_rows().good_s only?
   bool stops() const { return stop_ && bad_rows_.count > 0; }
@@ -62,12 +62,12 @@ class MotionFile {
 
  private:
   struct Part {
-    CsvLines::Mark mark;
+    RowMark mark;
     std::size_t digest = 0;
   };
   void check_odds() const;
 
-  std::filesystem::path file_;
+  MotionSource source_;
   std::optional<Chain> chain_;
   AngleUnit angles_ = AngleUnit::kRadians;
   bool stop_ = false;
