@@ -138,14 +138,15 @@ void serve_live(const ServeOptions& options) {
   }
   ServerOptions all = server_options(options);
   all.raster_cell_m = scenario.raster_cell_m;
-  Server server(site, make_recorded_history(std::move(start), recording.folder),
-                open_design(options.design), all);
+  const auto server =
+      std::make_shared<Server>(site, make_recorded_history(std::move(start), recording.folder),
+                               open_design(options.design), all);
   if (options.feed_stdin)
-    say("serving at " + server.url());
+    say("serving at " + server->url());
   else
-    say_where(server);
-  std::thread input;
-  if (options.feed_stdin) input = std::thread([&server] { feed_from_input(server); });
+    say_where(*server);
+  // It may wait for a line that doesn't come, and ends with the program then.
+  if (options.feed_stdin) std::thread([server] { feed_from_input(*server); }).detach();
   std::function<void()> play;
   bool at_end = false;
   if (player)
@@ -156,7 +157,7 @@ void serve_live(const ServeOptions& options) {
         say(fmt::format("{} has come to its end, at {} s; it can still be looked at", site.name(),
                         time_text(site.time_s())));
     };
-  server.run([] { return stop_requested != 0; }, play);
+  server->run([] { return stop_requested != 0; }, play);
   site.session().flush();
   const io::JournalExtent done = site.session().acknowledged();
   if (!played)
@@ -164,8 +165,6 @@ void serve_live(const ServeOptions& options) {
                     recording.folder.string(), counted(static_cast<double>(done.updates), "state"),
                     time_text(done.time_s), io::shell_quoted(options.scenario),
                     options.out ? " --out " + io::shell_quoted(*options.out) : ""));
-  // One that waits for a line that doesn't come ends with the program.
-  if (input.joinable()) input.detach();
 }
 
 }  // namespace

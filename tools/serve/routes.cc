@@ -47,8 +47,7 @@ class Values {
  public:
   Values(const Target& target, std::initializer_list<const char*> known) : target_(target) {
     for (const auto& [name, value] : target.values)
-      if (name != "token" &&
-          std::none_of(known.begin(), known.end(), [&](const char* k) { return name == k; }))
+      if (name != "token" && std::find(known.begin(), known.end(), name) == known.end())
         throw std::invalid_argument(
             fmt::format("unknown '{}' for {}", io::printable(name), target.path));
   }
@@ -303,6 +302,8 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
     done(refusal(404, "there is no such page; the guide's page on live sites lists what there is"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
+  } catch (const std::exception& e) {
+    done(refusal(500, e.what()));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <boost/asio/ip/address.hpp>
+#include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/socket_base.hpp>
 #include <boost/system/system_error.hpp>
@@ -207,8 +208,9 @@ Server::~Server() = default;
 
 std::string Server::url() const {
   const tcp::endpoint at = state_->acceptor.local_endpoint();
-  const std::string host =
+  std::string host =
       at.address().is_v6() ? '[' + at.address().to_string() + ']' : at.address().to_string();
+  if (at.address().is_unspecified()) host = net::ip::host_name();  // all of this machine's
   const std::string& token = state_->options.token;
   return fmt::format("http://{}:{}/{}", host, at.port(), token.empty() ? "" : "#token=" + token);
 }
@@ -222,10 +224,17 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
     } catch (const std::exception&) {  // nothing is recorded yet
     }
   }
+  net::steady_timer rest(s.io);
   const std::function<void()> accept = [&] {
     s.acceptor.async_accept([&](const boost::system::error_code& error, tcp::socket socket) {
-      if (!error && s.connections < kMostConnections) accept_connection(s, std::move(socket));
-      accept();
+      if (!error) {
+        if (s.connections < kMostConnections) accept_connection(s, std::move(socket));
+        return accept();
+      }
+      rest.expires_after(kTick);  // no more files may be opened, say
+      rest.async_wait([&](const boost::system::error_code& stopped_waiting) {
+        if (!stopped_waiting) accept();
+      });
     });
   };
   const std::function<void()> keep_playing = [&] {
