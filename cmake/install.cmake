@@ -16,12 +16,13 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/core/include/ ${PROJECT_SOURCE_DIR}/io/i
                   ${PROJECT_SOURCE_DIR}/tools/run/include/ ${PROJECT_BINARY_DIR}/include/
         DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 
+# Where find_package() doesn't look, whose prefixes come from PATH: it serves once it is installed.
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/soilvdb-config.cmake.in
-  ${PROJECT_BINARY_DIR}/soilvdb-config.cmake INSTALL_DESTINATION ${config_dir})
-write_basic_package_version_file(${PROJECT_BINARY_DIR}/soilvdb-config-version.cmake
+  ${PROJECT_BINARY_DIR}/installed/soilvdb-config.cmake INSTALL_DESTINATION ${config_dir})
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/installed/soilvdb-config-version.cmake
   COMPATIBILITY SameMinorVersion)
-install(FILES ${PROJECT_BINARY_DIR}/soilvdb-config.cmake
-              ${PROJECT_BINARY_DIR}/soilvdb-config-version.cmake
+install(FILES ${PROJECT_BINARY_DIR}/installed/soilvdb-config.cmake
+              ${PROJECT_BINARY_DIR}/installed/soilvdb-config-version.cmake
               ${CMAKE_CURRENT_LIST_DIR}/FindOpenVDB.cmake
         DESTINATION ${config_dir})
 

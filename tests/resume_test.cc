@@ -158,8 +158,8 @@ TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
   run_part(0.6);
   write_file(out() / ".soil_4.vdb.4711-3.tmp", "half");
   const std::string way_out =
-      "; `soilvdb resume out/dig` goes on with it; to begin anew remove the folder or give "
-      "another --out\n";
+      "; `soilvdb resume out/dig` goes on with it; to begin anew remove the folder or name "
+      "another\n";
   expect_refused("run dig.yaml", "out/dig: holds a run that isn't finished, good to 3.");
   expect_refused("run dig.yaml", way_out);
   expect_goes_on_to_the_same();
@@ -167,7 +167,7 @@ TEST_F(Resume, RunDoesNotReplaceARunThatCanBeGoneOnWith) {
   expect_same_as_whole();
   std::string whole_journal = read_file(out() / "journal");
   damage("journal", 60);
-  expect_refused("run dig.yaml", "damaged at its start; remove the folder or give another --out");
+  expect_refused("run dig.yaml", "damaged at its start; remove the folder or name another");
   write_file(out() / "journal", "dear diary\n");
   expect_refused("run dig.yaml", "journal: is not a journal");
   write_file(out() / "journal", whole_journal.replace(whole_journal.size() / 2, 1, "?"));
@@ -221,8 +221,8 @@ TEST_F(Resume, KeepsOutOfAFolderWhereARunIsAtWork) {
   run_part(0.6);
   const int descriptor = open(out().c_str(), O_RDONLY | O_DIRECTORY);
   ASSERT_EQ(flock(descriptor, LOCK_EX | LOCK_NB), 0);
-  expect_refused("resume out/dig", "another run is at work");
-  expect_refused("run dig.yaml", "another run is at work");
+  expect_refused("resume out/dig", "another run or recording is at work");
+  expect_refused("run dig.yaml", "another run or recording is at work");
   close(descriptor);
   EXPECT_EQ(run("resume out/dig").status, 0);
 }

@@ -202,7 +202,7 @@ TEST(SessionsThatCantBe, SitesOfNothingAndOfNonsense) {
             }),
             "pour 'truck': its time must be finite");
   EXPECT_EQ(refusal([](auto& s) { s.earthmoving.soil->swell = 1e300; }),
-            "swell must be 0 or more, and at most 100");
+            "swell is 1e+300; it must be loose over bank volume less 1, a share from 0 to 3");
 }
 
 TEST_P(SessionAttack, WildStatesAreRefusedOrCanBeGoneOnFrom) {

@@ -69,12 +69,25 @@ TEST_P(Sessions, StayInTheirFoldersWhereverTheProgramGoes) {
     session.record(recording);
   }
   const WorkingFolder there(temp / "there");
-  feed(session, part(states(), 0, 0.3));
+  feed(session, part(states(), 0, 0.2));
+  session.flush();  // else the next that comes due may have to wait
+  feed(session, part(states(), 0.2, 0.3));
   session.stop_recording();
   session.restore(session.save());
   EXPECT_EQ(read_file(temp / "there/site/soil_3.vdb"), "somebody's");
   EXPECT_EQ(names_in(temp / "there/site").size(), 1u);
   EXPECT_EQ(names_in(temp / "here/site").size(), 3u);
+}
+
+TEST_P(Sessions, WriteNothingButSnapshots) {
+  const TempFolder temp;
+  const Session session(site());
+  for (const char* name : {"y.tif", "y", "y.vdb.tif"}) {
+    EXPECT_EQ(
+        refusal([&] { session.write(temp / name); }),
+        (temp / name).string() + ": a session writes a snapshot; its name must end with .vdb");
+    EXPECT_FALSE(fs::exists(temp / name));
+  }
 }
 
 TEST_P(Sessions, WhoseMemoryCouldntBeLimitedAreAsBefore) {

@@ -120,14 +120,24 @@ TEST_P(Sessions, RefuseWhatCantBeWithoutATrace) {
     return state;
   };
   const std::vector<std::pair<MachineState, std::string>> bad = {
-      {with([](auto& s) { s.machine = 7; }), "there is no machine 7; there are 2"},
+      {with([](auto& s) { s.machine = 7; }), "there is no machine 7; there are 2, numbered from 0"},
       {with([](auto& s) { s.time_s = 1; }), "machine 'plate': time goes back from"},
       {with([](auto& s) { s.time_s = std::numeric_limits<double>::infinity(); }),
        "machine 'plate': the time must be finite"},
-      {with([](auto& s) { s.pose.position.x() = kNaN; }),
-       "machine 'plate': the pose is no place on this site, or no rotation"},
-      {with([](auto& s) { s.pose.rotation.coeffs() *= 2; }), "machine 'plate': the pose is"},
-      {with([](auto& s) { s.pose.position.y() = 1e8; }), "machine 'plate': the pose is"},
+      {with([](auto& s) {
+         s.pose.position = {kNaN, 2, 3};
+       }),
+       "machine 'plate': the position is (nan, 2, 3) m; it must be finite"},
+      {with([](auto& s) { s.pose.rotation.coeffs() *= 2; }),
+       "machine 'plate': the rotation is a quaternion of length 2; it must be of length 1"},
+      {with([](auto& s) {
+         s.pose.position = {0, 1e10, 0};
+       }),
+       "machine 'plate': the position is (0, 1e+10, 0) m; it must be within 1e+09 m of (0, 0, 0)"},
+      {with([](auto& s) {
+         s.pose.position = {0, 1e8, 0};
+       }),
+       "machine 'plate': the position is (0, 1e+08, 0) m; it must be within 8388"},
       {with([&](auto& s) { s.joints = joints; }), "machine 'plate' has no joints; give it a pose"}};
   for (const auto& [state, why] : bad) {
     const StepResult step = session.update(state);

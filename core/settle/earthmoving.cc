@@ -2,9 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/earthmoving.h"
 
+#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -13,17 +15,35 @@ void require(bool good, const std::string& what) {
   if (!good) throw std::invalid_argument(what);
 }
 
-void check(const SoilProperties& soil) {
+std::string text(double value, int digits) {
+  char buffer[32];
+  return {buffer,
+          std::to_chars(buffer, buffer + sizeof(buffer), value, std::chars_format::general, digits)
+              .ptr};
+}
+
+/// An angle, from 0 on or more than 0.
+void check_angle(const std::string& name, double angle_rad, bool zero_is_good) {
   constexpr double kRightAngle = std::numbers::pi / 2;
-  require(soil.repose_rad > 0 && soil.repose_rad < kRightAngle,
-          "the angle of repose must be more than 0 and less than pi / 2 rad");
-  constexpr double kMostSwell = 100;  // beyond any soil, and what mass is counted in would overflow
-  require(soil.swell >= 0 && soil.swell <= kMostSwell, "swell must be 0 or more, and at most 100");
+  if ((angle_rad > 0 || (zero_is_good && angle_rad == 0)) && angle_rad < kRightAngle) return;
+  const bool degrees = angle_rad > kRightAngle && angle_rad < 90;
+  require(false, name + " is " + text(angle_rad, 6) + "; it must be in radians, " +
+                     (zero_is_good ? "at least" : "more than") + " 0 and less than 1.5708" +
+                     (degrees ? ": " + text(angle_rad, 6) + " degrees are " +
+                                    text(angle_rad * kRightAngle / 90, 3)
+                              : ""));
+}
+
+void check(const SoilProperties& soil) {
+  check_angle("the angle of repose", soil.repose_rad, /*zero_is_good=*/false);
+  if (soil.friction_rad)
+    check_angle("the angle of friction", *soil.friction_rad, /*zero_is_good=*/true);
+  constexpr double kMostSwell = 3;  // twice what any rock has
+  require(soil.swell >= 0 && soil.swell <= kMostSwell,
+          "swell is " + text(soil.swell, 6) +
+              "; it must be loose over bank volume less 1, a share from 0 to 3");
   require(soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
-          "density must be more than 0");
-  const double friction_rad = soil.friction_rad.value_or(soil.repose_rad);
-  require(friction_rad >= 0 && friction_rad < kRightAngle,
-          "the angle of friction must be 0 or more and less than pi / 2 rad");
+          "density is " + text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
   const double cohesion_pa = soil.cohesion_pa.value_or(0);
   require(cohesion_pa >= 0 && std::isfinite(cohesion_pa), "cohesion must be 0 or more");
 }

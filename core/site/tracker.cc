@@ -10,6 +10,7 @@
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
@@ -37,8 +38,9 @@ Update timed(F f) {
 /// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
 void check(const Soil& soil, const Machine& machine, const Pose& pose) {
   const double room_m = kMaxIndex * soil.voxel_size_m() - machine.radius_m();
-  if (!is_sane(pose) || (pose.position - soil.origin()).cwiseAbs().maxCoeff() > room_m)
-    throw std::invalid_argument("the pose is no place on this site, or no rotation");
+  std::string what = fault(pose);
+  if (what.empty()) what = fault(pose.position, soil.origin(), std::floor(room_m));
+  if (!what.empty()) throw std::invalid_argument(what);
 }
 
 /// The same for all of a path that its rows say.

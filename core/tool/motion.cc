@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -14,6 +15,24 @@ namespace {
 constexpr int kMaxBisections = 40;
 constexpr double kFarthest = 1e9;          // m or rad: beyond any site, and any machine
 constexpr std::size_t kMostPieces = 1000;  // of one row: what is surely a slip takes forever
+
+/// The shortest text that reads back as `value`.
+std::string text(double value) {
+  char buffer[32];
+  return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
+}
+std::string text(const Vec3& p) {
+  return "(" + text(p.x()) + ", " + text(p.y()) + ", " + text(p.z()) + ")";
+}
+
+bool is_within(const Vec3& position_m, const Vec3& middle_m, double farthest_m) {
+  return (position_m - middle_m).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= farthest_m;
+}
+
+bool is_unit(const Eigen::Quaterniond& rotation) {
+  constexpr double kUnit = 1e-3;  // rotations are made unit elsewhere
+  return std::abs(rotation.squaredNorm() - 1) <= kUnit;
+}
 
 [[noreturn]] void refuse_row(std::size_t i, const char* what) {
   throw std::invalid_argument("row " + std::to_string(i) + " of a motion has " + what);
@@ -95,9 +114,21 @@ void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
 }  // namespace
 
 bool is_sane(const Pose& pose) {
-  constexpr double kUnit = 1e-3;  // rotations are made unit elsewhere
-  return pose.position.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kFarthest &&
-         std::abs(pose.rotation.squaredNorm() - 1) <= kUnit;
+  return is_within(pose.position, Vec3::Zero(), kFarthest) && is_unit(pose.rotation);
+}
+
+std::string fault(const Vec3& position_m, const Vec3& middle_m, double farthest_m) {
+  if (is_within(position_m, middle_m, farthest_m)) return {};
+  const std::string is = "the position is " + text(position_m) + " m; it must be ";
+  if (!position_m.allFinite()) return is + "finite";
+  return is + "within " + text(farthest_m) + " m of " + text(middle_m);
+}
+
+std::string fault(const Pose& pose) {
+  std::string position = fault(pose.position, Vec3::Zero(), kFarthest);
+  if (!position.empty() || is_unit(pose.rotation)) return position;
+  return "the rotation is a quaternion of length " + text(pose.rotation.norm()) +
+         "; it must be of length 1";
 }
 
 Motion::Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket)

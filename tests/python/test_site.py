@@ -166,8 +166,8 @@ BAD = [
     (dict(position=(0, 0, "a")), TypeError, r"position must be numbers, not str"),
     (dict(position=np.zeros((3, 1))), ValueError, r"position has the shape \(3, 1\); it must be \(3,\)"),
     (dict(position=np.zeros(3, complex)), TypeError, r"position must be numbers, not an array of complex128"),
-    (dict(position=(0, 0, float("nan"))), ValueError, r"machine 'machine 0': the pose is no place"),
-    (dict(position=(0, 0, 0), rotation=(1, 1, 1, 1)), ValueError, r"or no rotation"),
+    (dict(position=(0, 0, float("nan"))), ValueError, r"machine 'machine 0': the position is \(0, 0, nan\) m; it must be finite"),
+    (dict(position=(0, 0, 0), rotation=(1, 1, 1, 1)), ValueError, r"quaternion of length 2; it must be of length 1"),
     (dict(position=(0, 0, 0), rotation=(0, 0, 1)), ValueError, r"rotation has 3 numbers"),
     (dict(pose=np.zeros((4, 4))), ValueError, r"pose is no rigid transform"),
     (dict(pose=np.eye(3)), ValueError, r"pose has the shape \(3, 3\); it must be \(N, 4\)"),
@@ -175,7 +175,7 @@ BAD = [
     (dict(joints=[0.1]), ValueError, r"machine 'machine 0' has no joints; give it a pose"),
     (dict(), TypeError, r"position, pose or joints are missing"),
     (dict(position=(0, 0, 0), time=-1.0), ValueError, r"time goes back from 5 s to -1 s"),
-    (dict(position=(1e9, 0, 0)), ValueError, r"no place on this site"),
+    (dict(position=(1e9, 0, 0)), ValueError, r"must be within 838859 m of \(0, 0, 0\)"),
     (dict(position=(0, 0, 0), time=float("nan")), ValueError, r"time is nan"),
     (dict(position=[0, 0, np.complex128(1j)]), TypeError, r"must be numbers, not complex128"),
 ]
@@ -223,7 +223,7 @@ def test_sites_of_a_generator_live_as_long_as_they_are_stepped():
     updates = soilvdb.update_many((site.clone() for _ in range(4)), 0, positions=np.zeros((4, 3)))
     assert len(updates) == 4
     for sites in ([1], [None], [site, object()]):
-        with pytest.raises(TypeError, match="sites must be of soilvdb.Site"):
+        with pytest.raises(TypeError, match="sites must be of soilvdb.Site each, not"):
             soilvdb.update_many(sites, 0, positions=np.zeros((len(sites), 3)))
 
 
@@ -246,6 +246,46 @@ def test_a_site_keeps_no_array_or_list_of_the_callers():
     assert pickle.loads(pickle.dumps(site)).save() == site.save()
 
 
+def test_a_bucket_says_what_it_holds():
+    assert soilvdb.Bucket(1.0, 0.5).capacity is None
+    struck, heaped = soilvdb.Bucket(2.0, 1.0, [(0, 0), (-1, 0), (-1, 1), (0, 1)]).capacity
+    assert struck == pytest.approx(2.0), "a box of 2 m x 1 m x 1 m"
+    assert heaped == pytest.approx(2.0 + 1 / 4 + 1 / 6), "a hipped roof of 2 m x 1 m at 1:1"
+
+
+PLANE = soilvdb.plane(0.0)
+
+
+@pytest.mark.parametrize("call, message", [
+    (lambda s: s.update(0, postion=(0, 0, 0)),
+     "update() has no argument 'postion'; it has machine, position, rotation, pose, joints, time"),
+    (lambda s: s.update(0, (0, 0, 0)), "update() takes 'position' by name"),
+    (lambda s: s.update(1.5, position=(0, 0, 0)), "machine must be int or str, not float"),
+    (lambda s: s.update(0, position=(0, 0, 0), time="a"), "time must be float or None, not str"),
+    (lambda s: s.heights(), "heights() misses 'xy'; it takes (xy)"),
+    (lambda s: s.record(5), "folder must be path, not int"),
+    (lambda s: s.record("x", sync="1"), "sync must be float or None, not str"),
+    (lambda s: s.restore("x"), "state must be bytes, not str"),
+    (lambda s: soilvdb.Site(0.1, 0.0, []), "terrain must be Terrain, not float"),
+    (lambda s: soilvdb.Site("a", PLANE, []), "voxel_size must be float, not str"),
+    (lambda s: soilvdb.Site(0.1, PLANE, bucket()),
+     "machines must be a list, of soilvdb.Bucket or soilvdb.Machine each, not Bucket"),
+    (lambda s: soilvdb.Site(0.1, PLANE, [3]),
+     "machines must be of soilvdb.Bucket or soilvdb.Machine each, not int"),
+    (lambda s: soilvdb.Site(0.1, PLANE, [], pours=[3]), "pours must be of soilvdb.Pour each, not int"),
+    (lambda s: soilvdb.update_many(s, 0, positions=[]),
+     "sites must be a list, of soilvdb.Site each, not Site"),
+    (lambda s: soilvdb.update_many([s], 0),
+     "update_many() misses 'positions'; it takes (sites, machine, positions, rotations, time)"),
+    (lambda s: soilvdb.Site.update(3, 0), "self must be Site, not int"),
+    (lambda s: s.mesh(1), "mesh() takes no more arguments than ()"),
+])
+def test_wrong_calls_are_told_in_one_line(call, message):
+    with pytest.raises(TypeError) as told:
+        call(make_site())
+    assert str(told.value) == message
+
+
 def test_states_that_no_pickle_made_are_refused():
     machine = soilvdb.Machine(bucket(), "digger")
     state = machine.__reduce_ex__(2)[2]
@@ -262,6 +302,10 @@ def test_bad_sites_bytes_and_arrays_raise():
         soilvdb.Bucket(width=-1, height=1)
     with pytest.raises(ValueError, match="angle of repose"):
         soilvdb.Soil(2.0)
+    with pytest.raises(ValueError, match="35 degrees are 0.611"):
+        soilvdb.Soil(35)
+    with pytest.raises(ValueError, match="swell is 25; it must be .* from 0 to 3"):
+        soilvdb.Soil(0.6, swell=25)
     with pytest.raises(ValueError, match="/no.tif"):
         soilvdb.Site(0.1, soilvdb.raster("/no.tif"), [bucket()])
     site = make_site()
@@ -272,7 +316,9 @@ def test_bad_sites_bytes_and_arrays_raise():
         with pytest.raises((ValueError, TypeError)):
             site.heights(xy)
     assert np.isnan(site.heights(np.full((2, 2), np.nan))).all()
-    assert site.heights(np.empty((0, 2))).shape == (0,)
+    assert site.heights(np.empty((0, 2))).shape == site.heights([]).shape == (0,)
+    with pytest.raises(ValueError, match="y.tif: a session writes a snapshot; its name must end with .vdb"):
+        site.write("y.tif")
 
 
 def test_heights_take_any_layout():
@@ -546,8 +592,9 @@ def test_a_recording_keeps_the_snapshots_it_is_told_to(tmp_path):
             folder = tmp_path / f"{incremental} {keep}"
             with make_site() as site:
                 site.record(folder, snapshot_every=0.5, incremental=incremental, keep=keep)
-                site.update_path(0, positions=positions, rotations=rotations,
-                                 times=0.1 * np.arange(60))
+                for i, (position, rotation) in enumerate(zip(positions, rotations)):
+                    site.update(0, position=position, rotation=rotation, time=0.1 * i)
+                    site.flush()  # else a snapshot that comes due may have to wait for the last
             sizes[incremental, keep] = [f.stat().st_size for f in folder.glob("*.vdb")]
     assert len(sizes[False, None]) == len(sizes[True, None]) == 11
     assert len(sizes[False, 2]) == 2

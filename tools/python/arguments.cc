@@ -17,6 +17,20 @@ std::string kind_of(const py::handle& given) {
 
 }  // namespace
 
+py::tuple several(const py::object& given, const char* name, const char* kind) {
+  const py::object iterator = py::reinterpret_steal<py::object>(PyObject_GetIter(given.ptr()));
+  if (!iterator) {
+    PyErr_Clear();
+    throw py::type_error(
+        fmt::format("{} must be a list, of {} each, not {}", name, kind, kind_of(given)));
+  }
+  return py::tuple(iterator);
+}
+
+void not_of_kind(const py::handle& given, const char* name, const char* kind) {
+  throw py::type_error(fmt::format("{} must be of {} each, not {}", name, kind, kind_of(given)));
+}
+
 Array array_of(const py::handle& given, const char* name) {
   py::array any;
   try {
@@ -71,6 +85,8 @@ std::vector<double> numbers(const py::handle& given, const char* name) {
 
 Array rows(const py::handle& given, const char* name, py::ssize_t columns) {
   const Array array = array_of(given, name);
+  if (array.ndim() == 1 && array.size() == 0)
+    return Array(std::vector<py::ssize_t>{0, columns});  // []
   if (array.ndim() != 2 || array.shape(1) != columns)
     throw py::value_error(fmt::format("{} has the shape {}; it must be (N, {})", name,
                                       py::cast<std::string>(py::str(array.attr("shape"))),

@@ -21,6 +21,11 @@ namespace py = pybind11;
 /// C-contiguous doubles, which may be the caller's own.
 using Array = py::array_t<double, py::array::c_style>;
 
+/// What an iterable gives. @throw py::type_error naming the argument and what it must be of
+py::tuple several(const py::object& given, const char* name, const char* kind);
+/// @throw py::type_error that one of them isn't
+[[noreturn]] void not_of_kind(const py::handle& given, const char* name, const char* kind);
+
 /// Doubles of any array or nested sequence of numbers. @throw py::type_error naming the argument
 Array array_of(const py::handle& given, const char* name);
 

@@ -84,25 +84,34 @@ class Site {
 };
 
 template <typename Value>
-std::vector<Value> values(const py::object& given) {
+std::vector<Value> values(const py::tuple& given, const char* name, const char* kind) {
   std::vector<Value> all;
-  for (const py::handle& one : given) all.push_back(one.cast<Value>());
+  for (const py::handle& one : given) {
+    if (!py::isinstance<Value>(one)) not_of_kind(one, name, kind);
+    all.push_back(one.cast<Value>());
+  }
   return all;
 }
 
-Session make_session(double voxel_size, const TerrainValue& terrain, const py::object& machines,
-                     const std::optional<SoilProperties>& soil, const py::object& pours,
-                     const py::object& hoppers, const py::object& near) {
+constexpr const char* kMachines = "soilvdb.Bucket or soilvdb.Machine";
+constexpr const char* kPours = "soilvdb.Pour";
+constexpr const char* kHoppers = "soilvdb.Hopper";
+
+Session make_session(double voxel_size, const TerrainValue& terrain, const py::tuple& machines,
+                     const std::optional<SoilProperties>& soil, const py::tuple& pours,
+                     const py::tuple& hoppers, const py::object& near) {
   SessionSite site{.voxel_size_m = voxel_size, .terrain = terrain.terrain};
   for (const py::handle& one : machines) {
     if (py::isinstance<Bucket>(one)) {
       site.machines.push_back(
           {fmt::format("machine {}", site.machines.size()), one.cast<Bucket>(), {}});
     } else {
+      if (!py::isinstance<MachineValue>(one)) not_of_kind(one, "machines", kMachines);
       site.machines.push_back(one.cast<MachineValue>().machine);
     }
   }
-  site.earthmoving = {soil, values<Pour>(pours), values<Hopper>(hoppers)};
+  site.earthmoving = {soil, values<Pour>(pours, "pours", kPours),
+                      values<Hopper>(hoppers, "hoppers", kHoppers)};
   if (!near.is_none()) site.near_m = vector3(near, "near");
   require_own_process();
   const Released released;
@@ -114,8 +123,8 @@ std::size_t machine_of(Session& session, const std::variant<std::ptrdiff_t, std:
   if (const auto* name = std::get_if<std::string>(&given)) return session.machine(*name);
   const std::ptrdiff_t number = std::get<std::ptrdiff_t>(given);
   if (number < 0 || static_cast<std::size_t>(number) >= session.machines().size())
-    throw py::value_error(
-        fmt::format("there is no machine {}; there are {}", number, session.machines().size()));
+    throw py::value_error(fmt::format("there is no machine {}; there are {}, numbered from 0",
+                                      number, session.machines().size()));
   return static_cast<std::size_t>(number);
 }
 
@@ -306,10 +315,10 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
 std::vector<Update> update_many(const py::object& given, const MachineName& machine,
                                 const py::object& positions, const py::object& rotations,
                                 std::optional<double> time) {
-  const py::tuple kept(given);  // whatever becomes of those meanwhile
+  const py::tuple kept = several(given, "sites", "soilvdb.Site");  // whatever becomes of those
   std::vector<Site*> sites;
   for (const py::handle& one : kept) {
-    if (!py::isinstance<Site>(one)) throw py::type_error("sites must be of soilvdb.Site");
+    if (!py::isinstance<Site>(one)) not_of_kind(one, "sites", "soilvdb.Site");
     sites.push_back(&one.cast<Site&>());
   }
   const Array places = rows(positions, "positions", 3);
@@ -413,8 +422,9 @@ void bind_site(py::module_& m) {
                const Vec3 at = vector3(near, "near");
                place = py::make_tuple(at.x(), at.y(), at.z());
              }
-             const py::tuple from = py::make_tuple(voxel_size, terrain, py::tuple(machines), soil,
-                                                   py::tuple(pours), py::tuple(hoppers), place);
+             const py::tuple from = py::make_tuple(
+                 voxel_size, terrain, several(machines, "machines", kMachines), soil,
+                 several(pours, "pours", kPours), several(hoppers, "hoppers", kHoppers), place);
              return std::make_unique<Site>(
                  make_session(voxel_size, terrain, from[2], soil, from[4], from[5], place), from);
            }),
@@ -516,7 +526,10 @@ void bind_site(py::module_& m) {
           [](Site& s, const std::filesystem::path& file) {
             s.with([&](Session& session) { session.write(file); });
           },
-          py::arg("file"), "Writes a snapshot (.vdb) that soilvdb and other programs open.")
+          py::arg("file"),
+          "Writes a snapshot that soilvdb and other programs open; its name ends with .vdb. "
+          "`soilvdb "
+          "export` makes rasters and meshes of it.")
       .def(
           "save",
           [](Site& s) {
@@ -534,8 +547,9 @@ void bind_site(py::module_& m) {
             s.with([&](Session& session) { session.restore(bytes); });
           },
           py::arg("state"),
-          "Takes back a state of the same site. Raises ValueError for any other bytes; nothing has "
-          "changed then.")
+          "Takes back a state of the same site. Raises ValueError for any other bytes, and while "
+          "the "
+          "site is recorded: clone() it, or stop_recording() first. Nothing has changed then.")
       .def(
           "clone",
           [](Site& s) {
@@ -549,8 +563,11 @@ void bind_site(py::module_& m) {
           "Keeps what is fed from here on in a folder, before the first state. A folder that holds "
           "a recording of the same site is gone on with: the site is then where that was. sync: "
           "s, at most so long until a state is on disk, 0: before it is answered. snapshot_every: "
-          "s between snapshots, which make going on quick. incremental: of what changed. keep: "
-          "how many stay. Defaults: what the scenario says, else sync 1 and no snapshots. Returns "
+          "s between snapshots, which make going on quick; they are written beside updates, and "
+          "one "
+          "that comes due before the last is on disk waits for that. incremental: of what changed. "
+          "keep: how many stay. Defaults: what the scenario says, else sync 1 and no snapshots. "
+          "Returns "
           "(updates, time) that the folder held. Raises ValueError for a folder of another site.")
       .def_property_readonly(
           "acknowledged",

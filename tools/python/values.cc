@@ -10,6 +10,7 @@
 #include <array>
 #include <limits>
 
+#include "soilvdb/capacity.h"
 #include "soilvdb/io/urdf.h"
 #include "tools/python/arguments.h"
 
@@ -63,6 +64,17 @@ void bind_values(py::module_& m) {
       .def_readonly("height", &Bucket::height_m)
       .def_property_readonly("profile", [](const Bucket& b) { return outline(b.profile); })
       .def_readonly("dump_angle", &Bucket::dump_angle_rad)
+      .def_property_readonly(
+          "capacity",
+          [](const Bucket& b) -> py::object {
+            const std::optional<Capacity> capacity = Capacity::of(b);
+            if (!capacity) return py::none();
+            return py::make_tuple(capacity->struck_m3(), capacity->heaped_m3());
+          },
+          "(struck, heaped), m3: what it holds with its mouth level, up to the mouth and heaped at "
+          "1:1 above it. Only soil that moves is held to what the bucket's attitude and "
+          "repose_angle "
+          "allow, which may be more or less. None without a profile: it holds any amount.")
       .def("__repr__",
            [](const Bucket& b) {
              return fmt::format("soilvdb.Bucket(width={}, height={}{})", b.width_m, b.height_m,
@@ -80,16 +92,17 @@ void bind_values(py::module_& m) {
           }));
 
   py::class_<MachineValue>(m, "Machine", "A bucket with a name and, with a URDF, joints.")
-      .def(
-          py::init([](const Bucket& bucket, std::string name,
-                      const std::optional<std::filesystem::path>& urdf, const std::string& link,
-                      const py::object& base) {
-            return MachineValue(bucket, std::move(name), urdf, link, base_of(base));
-          }),
-          py::arg("bucket"), py::arg("name") = "machine", py::kw_only(),
-          py::arg("urdf") = py::none(), py::arg("link") = "bucket", py::arg("base") = py::none(),
-          "urdf: a file whose chain of joints ends with `link`, whose frame is the bucket's. base: "
-          "4x4 array, the URDF's root in the world.")
+      .def(py::init([](const Bucket& bucket, std::string name,
+                       const std::optional<std::filesystem::path>& urdf, const std::string& link,
+                       const py::object& base) {
+             return MachineValue(bucket, std::move(name), urdf, link, base_of(base));
+           }),
+           py::arg("bucket"), py::arg("name") = "machine", py::kw_only(),
+           py::arg("urdf") = py::none(), py::arg("link") = "bucket", py::arg("base") = py::none(),
+           "urdf: a file whose chain of joints ends with `link`, whose frame is the bucket's; "
+           "without "
+           "link it is the one named bucket. base: 4x4 array, the URDF's root in the world. Raises "
+           "ValueError where the file has no such link.")
       .def_property_readonly("name", [](const MachineValue& v) { return v.machine.name; })
       .def_property_readonly("bucket", [](const MachineValue& v) { return v.machine.bucket; })
       .def_property_readonly("joints",
@@ -151,20 +164,21 @@ void bind_values(py::module_& m) {
         "The ground of a snapshot (.vdb), or a closed level set.");
 
   py::class_<SoilProperties>(m, "Soil", "How soil moves once it was dug.")
-      .def(
-          py::init([](double repose_angle, double swell, double density,
-                      std::optional<double> cohesion, std::optional<double> friction_angle) {
-            Earthmoving all;
-            all.soil = SoilProperties{repose_angle, swell, density, cohesion, friction_angle};
-            all.validate();
-            return *all.soil;
-          }),
-          py::arg("repose_angle"), py::arg("swell") = 0.0, py::arg("density") = 1800.0,
-          py::arg("cohesion") = py::none(), py::arg("friction_angle") = py::none(),
-          "repose_angle: rad, steepest that loose soil stands. swell: loose over bank volume, less "
-          "1. density: kg/m3 of bank soil. cohesion: Pa of bank soil; without it cuts stand as "
-          "made. "
-          "friction_angle: rad of bank soil; without it repose_angle.")
+      .def(py::init([](double repose_angle, double swell, double density,
+                       std::optional<double> cohesion, std::optional<double> friction_angle) {
+             Earthmoving all;
+             all.soil = SoilProperties{repose_angle, swell, density, cohesion, friction_angle};
+             all.validate();
+             return *all.soil;
+           }),
+           py::arg("repose_angle"), py::arg("swell") = 0.0, py::arg("density") = 1800.0,
+           py::arg("cohesion") = py::none(), py::arg("friction_angle") = py::none(),
+           "repose_angle: rad, steepest that loose soil stands; most is from 0.44 to 0.79. swell: "
+           "loose over bank volume, less 1; most is from 0.1 to 0.7, more than 3 is refused. "
+           "density: "
+           "kg/m3 of bank soil, more than 0; most is from 1200 to 2700. cohesion: Pa of bank soil; "
+           "without it cuts stand as made. friction_angle: rad of bank soil; without it "
+           "repose_angle.")
       .def_readonly("repose_angle", &SoilProperties::repose_rad)
       .def_readonly("swell", &SoilProperties::swell)
       .def_readonly("density", &SoilProperties::density_kg_m3)

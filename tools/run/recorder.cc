@@ -61,7 +61,9 @@ bool Recorder::add(const io::JournalState& state) noexcept {
 }
 
 bool Recorder::wants_snapshot(double time_s) {
-  return error_.empty() && std::isfinite(time_s) && schedule_.due(time_s);
+  if (!error_.empty() || !std::isfinite(time_s)) return false;
+  if (schedule_.would_be_due(time_s) && snapshots_.is_busy()) return false;  // a later one takes it
+  return schedule_.due(time_s);
 }
 
 void Recorder::write_snapshot(const std::vector<Coord3>& changed, const io::Site& site,

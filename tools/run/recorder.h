@@ -38,7 +38,7 @@ class Recorder {
   void check();
   /// @return is it recorded, as far as is known? error() says why not.
   bool add(const io::JournalState& state) noexcept;
-  /// Is one due after a state at this time?
+  /// Is one due after a state at this time? Not before the last is safe: nothing waits for that.
   bool wants_snapshot(double time_s);
   /// @param changed chunks since the last one, where they are incremental
   void write_snapshot(const std::vector<Coord3>& changed, const io::Site& site,

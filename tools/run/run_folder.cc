@@ -29,9 +29,8 @@ RunFolder::RunFolder(fs::path path) : path_(std::move(path)) {
   fs::path there = fs::absolute(path_, error).lexically_normal();
   while (!fs::exists(there, error) && there.has_relative_path()) there = there.parent_path();
   if (!fs::is_directory(there, error))
-    throw io::InputError(path_, fmt::format("can't be made, '{}' is not a folder; give another "
-                                            "--out",
-                                            there.string()));
+    throw io::InputError(
+        path_, fmt::format("can't be made, '{}' is not a folder; name another", there.string()));
   if (access(there.c_str(), W_OK | X_OK) != 0)
     throw io::InputError(
         path_,
@@ -52,7 +51,9 @@ void RunFolder::lock() {
   for (int tries = 50; descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) != 0; --tries) {
     if (errno != EWOULDBLOCK) break;
     if (tries == 0)
-      throw io::InputError(path_, "another run is at work in this folder; wait for its end");
+      throw io::InputError(
+          path_,
+          "another run or recording is at work in this folder; end that, or name another folder");
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
 }
@@ -74,7 +75,7 @@ void RunFolder::spare(const fs::path& input) const {
   if (ours && fs::equivalent(file.parent_path(), path_, error))
     throw io::InputError(input,
                          "is an input in the folder that the run writes to, and would be "
-                         "written over; give another --out");
+                         "written over; name another folder");
 }
 
 void RunFolder::make() {
@@ -89,7 +90,7 @@ void RunFolder::make() {
     if (error) {
       unmake();
       throw io::InputError(
-          path_, fmt::format("can't be made a folder: {}; give another --out", error.message()));
+          path_, fmt::format("can't be made a folder: {}; name another folder", error.message()));
     }
     made_.push_back(*folder);
   }
@@ -119,7 +120,7 @@ void RunFolder::replace(const std::function<bool(const std::string&)>& writes) {
   std::sort(strange.begin(), strange.end());
   throw io::InputError(
       path_, fmt::format("holds {}, which no journal there knows and the run would write over; "
-                         "move that away or give another --out",
+                         "move that away or name another folder",
                          fmt::join(strange, ", ")));
 }
 
@@ -132,7 +133,7 @@ bool RunFolder::replace_run() {
   try {
     journal = io::read_journal(file);
   } catch (const io::InputError& e) {
-    throw io::InputError(fmt::format("{}; remove the folder or give another --out", e.what()));
+    throw io::InputError(fmt::format("{}; remove the folder or name another", e.what()));
   }
   if (journal.damaged)
     throw io::InputError(
@@ -143,7 +144,7 @@ bool RunFolder::replace_run() {
   if (!journal.ended && journal.done.updates > 0)
     throw io::InputError(
         path_, fmt::format("holds a run that isn't finished, good to {} s; `soilvdb resume {}` "
-                           "goes on with it; to begin anew remove the folder or give another --out",
+                           "goes on with it; to begin anew remove the folder or name another",
                            time_text(journal.done.time_s), path_.string()));
   replaced_ = std::move(journal.removed);
   for (const io::JournalFile& known : journal.files) replaced_.push_back(known.name);

@@ -97,9 +97,7 @@ std::size_t Session::machine(std::string_view name) const {
 }
 
 Pose Session::pose(std::size_t machine, std::span<const double> joints) const {
-  if (machine >= state_->machines.size())
-    throw std::invalid_argument(
-        fmt::format("there is no machine {}; there are {}", machine, state_->machines.size()));
+  state_->require(machine);
   const std::optional<Chain>& chain = state_->machines[machine].chain;
   if (!chain)
     throw std::invalid_argument(

@@ -91,6 +91,9 @@ void Session::State::set_progress(std::string_view bytes) {
 }
 
 void Session::write(const std::filesystem::path& file) const {
+  if (file.extension() != ".vdb")
+    throw std::invalid_argument(
+        fmt::format("{}: a session writes a snapshot; its name must end with .vdb", file.string()));
   io::write_snapshot(file, state_->site, state_->snapshot_info());
 }
 

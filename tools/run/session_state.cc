@@ -78,9 +78,8 @@ Move Session::State::move(const Session& session, const MachineState& state, Fed
                                             name(state.machine), last.time_s, time_s));
   Fed now{time_s, state.pose, {state.joints.begin(), state.joints.end()}};
   if (!now.joints.empty()) now.pose = session.pose(state.machine, state.joints);
-  if (!is_sane(now.pose))
-    throw std::invalid_argument(name(state.machine) +
-                                ": the pose is no place on this site, or no rotation");
+  if (const std::string what = fault(now.pose); !what.empty())
+    throw std::invalid_argument(name(state.machine) + ": " + what);
   Move move;
   move.machine = state.machine;
   move.to = now.pose;
@@ -126,8 +125,8 @@ double Session::State::last_s() const {
 /// @throw std::invalid_argument if there is none of that number
 void Session::State::require(std::size_t machine) const {
   if (machine < machines.size()) return;
-  throw std::invalid_argument(
-      fmt::format("there is no machine {}; there are {}", machine, machines.size()));
+  throw std::invalid_argument(fmt::format("there is no machine {}; there are {}, numbered from 0",
+                                          machine, machines.size()));
 }
 
 std::int64_t Session::State::samples(double m3) const {

@@ -57,6 +57,8 @@ class SnapshotWriter {
   /// Deletes what need not stay.
   void delete_old(io::JournalWriter& journal);
 
+  /// Would write() wait for the one before?
+  bool is_busy() const { return background_ && !background_->done(); }
   /// Throws if writing has failed; doesn't wait.
   void check();
   /// Waits until the last one is safe.

@@ -167,8 +167,9 @@ class Session {
   /// themselves (GroundService).
   std::vector<Coord3> changed_chunks();
 
-  /// Writes a snapshot (.vdb) that `soilvdb` goes on from.
-  /// @throw std::runtime_error if it can't be written
+  /// Writes a snapshot that `soilvdb` goes on from and makes other files of.
+  /// @throw std::invalid_argument unless its name ends with .vdb; std::runtime_error if it can't be
+  ///        written
   void write(const std::filesystem::path& file) const;
   /// All that the next update depends on, as bytes, for restore() of a session of the same site.
   std::string save() const;
