@@ -85,8 +85,8 @@ class Crash : public ProgramTest {
                    "pours:\n  - {{name: truck, at: [0.5, 0.2, 1], time: [{}, 3.5], volume: 0.01}}\n"
                    "  - {{name: tip, at: [2, 0, 1], time: [4.5, 4.5], volume: 0.01}}\n"
                    "hoppers:\n  - {{name: bed, box: [1.5, -1, 3, 1], top: 0.5}}\n"
-                   "output: {{snapshots: {{{}}}, mesh: ply, journal: {{sync: {}}}}}\n",
-                   pour_s, snapshots, sync));
+                   "output: {{snapshots: {{{}}}, mesh: ply, journal: {{sync: {}}}{}}}\n",
+                   pour_s, snapshots, sync, more_output_));
   }
 
   /// Runs `soilvdb COMMAND` on a folder under the shim; safe to call from several threads.
@@ -186,6 +186,7 @@ class Crash : public ProgramTest {
   static std::size_t step() { return faults(19, kEvery, 1); }
 
   /// One operation after the other, always in the same order.
+  std::string more_output_;  // of all scenarios
   std::string run_ = "run dig.yaml --threads 1";
   std::map<std::string, std::string> reference_;
   std::vector<std::string> operations_;

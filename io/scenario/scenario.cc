@@ -167,7 +167,7 @@ AngleUnit read_angle_unit(const YamlMap& machine) {
 
 void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
-  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "journal"});
+  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "mcap", "journal"});
   if (output.has("snapshots")) {
     const YamlMap snapshots = output.map("snapshots", {"every", "incremental", "keep"});
     result.snapshot_every_s = snapshots.number("every", kMinEveryS, kMaxEveryS, "s");
@@ -184,6 +184,7 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   if (output.has("raster")) {
     result.raster_cell_m = output.map("raster", {"cell"}).number("cell", kMinCellM, kMaxCellM, "m");
   }
+  if (output.has("mcap")) result.mcap = output.flag("mcap");
   if (output.has("journal")) {
     const YamlMap journal = output.map("journal", {"sync"});
     const std::string sync = journal.text("sync");

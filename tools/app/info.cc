@@ -25,6 +25,7 @@
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
 #include "tools/run/outputs.h"
+#include "tools/run/run_folder.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -238,6 +239,7 @@ void info_scenario(const fs::path& file) {
                                                                         *scenario.snapshots_kept)
                                                           : ""));
   if (scenario.mesh) line("mesh", *scenario.mesh);
+  if (scenario.mcap) line("recording", kMcapName);
   if (scenario.raster_cell_m)
     line("raster", fmt::format("cells of {} m", length_text(*scenario.raster_cell_m)));
   for (const std::string& warning : scenario.warnings) line("warning", warning);

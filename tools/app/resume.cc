@@ -61,6 +61,11 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     if (scenario.soil) start.at_rest = take_at_rest(start.tracker_state);
     return start;
   };
+  const std::int64_t updates = Schedule(scenario, config.options.updates, config.ends_s, 0).total();
+  if (!recording_is_whole(scenario, journal, updates)) {
+    fmt::print("going on from the beginning, for {} to have all\n", kMcapName);
+    return {io::open_site(scenario), 0, ""};
+  }
   for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
     // Nothing goes on from the last one of a run that was stopped.
     const bool usable =
@@ -69,9 +74,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     try {
       Start start = start_from(*file);
       // A motion may go on by now where the run came to its end: not from ground at rest.
-      if (start.at_rest && Schedule(scenario, config.options.updates, config.ends_s, 0).total() !=
-                               static_cast<std::int64_t>(start.updates))
-        continue;
+      if (start.at_rest && updates != static_cast<std::int64_t>(start.updates)) continue;
       fmt::print("going on from {}\n", file->name);
       return start;
     } catch (const io::InputError& e) {

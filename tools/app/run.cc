@@ -79,6 +79,7 @@ fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
 bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name) {
   if (name == kSummaryName || name == kUpdatesName) return true;
   if (options.mesh && scenario.mesh && name == "soil_final." + *scenario.mesh) return true;
+  if (scenario.mcap && name == kMcapName) return true;
   if (scenario.raster_cell_m && name == "soil_final.tif") return true;
   if (!options.snapshots) return false;
   static const std::regex on_the_way(R"(soil_-?[0-9.]+\.vdb)");

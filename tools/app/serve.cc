@@ -138,6 +138,7 @@ void serve_live(const ServeOptions& options) {
   }
   ServerOptions all = server_options(options);
   all.raster_cell_m = scenario.raster_cell_m;
+  if (scenario.mcap) all.mcap_folder = recording.folder;
   const auto server =
       std::make_shared<Server>(site, make_recorded_history(std::move(start), recording.folder),
                                open_design(options.design), all);

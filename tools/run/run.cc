@@ -88,6 +88,7 @@ void Run::resume(const io::JournalContent& before) {
 void Run::guarded(void (Run::*work)()) {
   try {
     csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value());
+    begin_recording();
     (this->*work)();
     progress_.clear();
     come_to_rest();
@@ -95,12 +96,14 @@ void Run::guarded(void (Run::*work)()) {
   } catch (const NoGroundError& e) {
     progress_.clear();
     csv_.reset();
+    mcap_.reset();
     if (!journal_) throw io::InputError(scenario_.file, e.what());
     throw std::runtime_error(
         fmt::format("{}: {}; {}", scenario_.file.string(), e.what(), safe(kMended)));
   } catch (const std::exception& e) {
     progress_.clear();
     csv_.reset();
+    mcap_.reset();
     throw std::runtime_error(fmt::format("{}; {}", e.what(), safe(stop_requested ? "" : kMended)));
   }
   print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
@@ -201,7 +204,7 @@ std::runtime_error Run::differs(std::uint64_t count, const io::JournalMove& move
                                         time_text(move.end_s), why));
 }
 
-/// The next steps, up to one that a snapshot is due after, or before one that isn't taken.
+/// The next steps, up to one that ground is written down after, or before one that isn't taken.
 std::vector<Step> Run::next_batch(const std::function<bool()>& take) {
   const std::size_t machines = scenario_.machines.size();
   const std::size_t most = machines == 1 ? 1 : kBatch * machines;
@@ -209,7 +212,7 @@ std::vector<Step> Run::next_batch(const std::function<bool()>& take) {
   do {
     batch.push_back(*step_);
     step_ = schedule_.next();
-    if (all_came_to(batch.back()) && snapshots_.would_be_due(batch.back().end_s)) break;
+    if (all_came_to(batch.back()) && ground_would_be_due(batch.back().end_s)) break;
   } while (step_ && batch.size() < most && take());
   return batch;
 }
@@ -270,6 +273,7 @@ void Run::book(const io::JournalMove& move) {
     most_load_[move.machine] = std::max(most_load_[move.machine], move.bucket_samples);
     moved = {kg(move.bucket_samples), loose_m3(sum.spilled), loose_m3(sum.slid)};
   }
+  record_load(move, sum);
   csv_->add(move.end_s, name_of(move.machine), volume_m3(sum.cut_samples),
             loose_m3(move.bucket_samples), us, moved);
   sum = {};
@@ -284,6 +288,8 @@ bool Run::all_came_to(const Step& now) const {
 void Run::after(const Step& now) {
   writer_.check();
   progress_.update(summary_.updates.count());
+  if (mcap_ && all_came_to(now) && mcap_->due(now.end_s))
+    mcap_->ground(now.end_s, take_changed(for_mcap_));
   if (all_came_to(now) && snapshots_.due(now.end_s))
     write_periodic("soil_" + time_text(now.end_s) + ".vdb");
 }

@@ -26,6 +26,7 @@
 #include "tools/run/progress.h"
 #include "tools/run/run_config.h"
 #include "tools/run/run_folder.h"
+#include "tools/run/run_mcap.h"
 #include "tools/run/schedule.h"
 #include "tools/run/snapshot_schedule.h"
 #include "tools/run/snapshot_writer.h"
@@ -70,6 +71,11 @@ class Run {
   void resume(const io::JournalContent& before);
 
  private:
+  /// Sums of the steps of a machine's update.
+  struct UnderWay {
+    std::int64_t ns = 0, cut_samples = 0, spilled = 0, slid = 0;
+  };
+
   void guarded(void (Run::*work)());
   void replay_and_dig();
   void replay(io::JournalReader& reader);
@@ -90,6 +96,10 @@ class Run {
   double kg(std::int64_t mass) const;
   bool all_came_to(const Step& now) const;
   void after(const Step& now);
+  void begin_recording();
+  void record_load(const io::JournalMove& move, const UnderWay& sum);
+  bool ground_would_be_due(double time_s) const;
+  std::vector<Coord3> take_changed(std::vector<Coord3>& taken);
   void go_on_with_snapshots();
   void write_periodic(const std::string& name);
   io::SnapshotInfo snapshot_info();
@@ -116,18 +126,22 @@ class Run {
   std::optional<io::JournalWriter> journal_;  ///< from the first update on
   SnapshotWriter writer_;
   std::optional<io::UpdatesCsv> csv_;
+  std::optional<RunMcap> mcap_;
+  std::vector<Coord3> for_snapshot_, for_mcap_;  ///< chunks that changed since the last
+  std::vector<std::int64_t> cut_samples_;        ///< of each machine so far, for that
   io::Summary summary_;
   Progress progress_;
-  /// Sums of the steps of a machine's update.
-  struct UnderWay {
-    std::int64_t ns = 0, cut_samples = 0, spilled = 0, slid = 0;
-  };
   std::vector<UnderWay> under_way_;      // of each machine and pour
   std::vector<std::int64_t> most_load_;  // that each has held
   MassUnits units_;
   double time_s_ = 0;  ///< how far the motion has come
   bool stopped_ = false, at_rest_ = false;
 };
+
+/// Has the run whose journal this is left all of its recording, as far as so many updates, or none
+/// to leave?
+bool recording_is_whole(const io::Scenario& scenario, const io::JournalContent& journal,
+                        std::int64_t updates);
 
 /// The scenario a run is to dig, read and checked.
 /// @throw io::InputError

@@ -44,7 +44,7 @@ void Run::go_on_with_snapshots() {
     const bool seen = file.updates < start_.updates || file.name == start_.snapshot;
     if (seen && is_periodic(file.name)) files.push_back(file);
   }
-  if (start_.updates > 0) tracker_.take_changed();
+  if (start_.updates > 0) tracker_.take_changed();  // no recording, then
   writer_.go_on(std::move(files), start_.parent);
   folder_.remove(before_->removed);
   writer_.delete_old(*journal_);
@@ -57,7 +57,7 @@ void Run::write_periodic(const std::string& name) {
   if (count >= start_.updates && name != start_.snapshot) {
     const io::JournalFile file = there ? *there : io::JournalFile{name, count};
     const std::vector<Coord3> changed =
-        scenario_.incremental_snapshots ? tracker_.take_changed() : std::vector<Coord3>();
+        scenario_.incremental_snapshots ? take_changed(for_snapshot_) : std::vector<Coord3>();
     writer_.write(file, there != nullptr, changed, start_.site, snapshot_info(), *journal_);
   } else if (there) {
     folder_.done(name);
@@ -84,6 +84,11 @@ void Run::finish() {
   const Soil& soil = *start_.site.soil;
   write_final(kUpdatesName, [&](const auto&) { csv_->close(); });
   csv_.reset();
+  if (mcap_)
+    write_final(kMcapName, [&](const auto&) { mcap_->close(time_s_, take_changed(for_mcap_)); });
+  else if (scenario_.mcap)
+    folder_.done(kMcapName);
+  mcap_.reset();
   if (config_.options.snapshots)
     write_final(kFinalName,
                 [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });

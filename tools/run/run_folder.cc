@@ -60,7 +60,7 @@ void RunFolder::lock() {
 
 void RunFolder::clear() const {
   const std::regex half_done(
-      R"(\.(soil_.*|summary\.json|journal)\.[0-9]+-[0-9]+\.tmp|updates\.csv\.part)");
+      R"(\.(soil_.*|summary\.json|journal)\.[0-9]+-[0-9]+\.tmp|(updates\.csv|soil\.mcap)\.part)");
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(path_, error))
     if (std::regex_match(entry.path().filename().string(), half_done))
@@ -173,7 +173,8 @@ bool is_periodic(const std::string& name) {
 
 bool is_output(const std::string& name) {
   if (name.find('/') != name.npos) return false;
-  return name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName;
+  return name.starts_with("soil_") || name == kSummaryName || name == kUpdatesName ||
+         name == kMcapName;
 }
 
 }  // namespace soilvdb::tools

@@ -71,6 +71,7 @@ inline constexpr const char* kFinalName = "soil_final.vdb";
 inline constexpr const char* kSummaryName = "summary.json";
 inline constexpr const char* kJournalName = "journal";
 inline constexpr const char* kUpdatesName = "updates.csv";
+inline constexpr const char* kMcapName = "soil.mcap";
 
 /// Is it the name of a snapshot on the way?
 bool is_periodic(const std::string& name);

@@ -73,7 +73,10 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
                                   site.session().site().soil->shared_base())),
       mesher(std::make_unique<CachedMesher>(*copy)),
       worker(std::make_unique<Worker>(kMostJobs)),
-      service(std::make_unique<GroundService>(*copy, GroundService::Options{.meshes = false})) {
+      service(std::make_unique<GroundService>(*copy, GroundService::Options{.meshes = false})),
+      recording(options.mcap_folder.empty()
+                    ? nullptr
+                    : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)) {
   try {
     const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
     acceptor.open(endpoint.protocol());
@@ -163,6 +166,7 @@ void ServerState::follow_ground() {
     if (const auto cached = cache.find(block); cached != cache.end()) drop(cached);
     for (Viewer* viewer : viewers) viewer->changed(block);
   }
+  if (recording) recording->tick(chunks, *service);
 }
 
 /// Tells viewers what changed, and of the machines.
@@ -172,7 +176,7 @@ void ServerState::tick() {
     return;
   }
   const Clock::time_point now = Clock::now();
-  if (!viewers.empty()) follow_ground();
+  if (!viewers.empty() || recording) follow_ground();
   const auto since = now - told;
   if (!viewers.empty() &&
       (since >= kTellAgain || (site.fed() != told_fed && since >= kTellSoon - kTick / 2))) {
@@ -249,6 +253,10 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   s.tick();
   s.io.run();
   s.worker.reset();
+  if (s.recording) {
+    s.follow_ground();
+    s.recording->finish(*s.service);
+  }
   s.service.reset();
 }
 

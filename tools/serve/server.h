@@ -25,6 +25,7 @@ struct ServerOptions {
   bool takes_feeds = true;                   ///< else it is only looked at
   std::filesystem::path page = {};           ///< folder of index.html, view.js and view.css
   std::optional<double> raster_cell_m = {};  ///< of surface.tif; without: voxels
+  std::filesystem::path mcap_folder = {};    ///< empty: nothing is recorded as MCAP
 };
 
 /// Serves on the thread that calls run(), which the site is then for; what takes long is done on

@@ -21,6 +21,7 @@
 #include "soilvdb/ground_service.h"
 #include "soilvdb/mesher.h"
 #include "tools/serve/ground_view.h"
+#include "tools/serve/live_mcap.h"
 #include "tools/serve/server.h"
 #include "tools/serve/target.h"
 #include "tools/serve/terrain_tiles.h"
@@ -109,6 +110,7 @@ struct ServerState {
   // Last, so that these end first.
   std::unique_ptr<Worker> worker;
   std::unique_ptr<GroundService> service;
+  std::unique_ptr<LiveMcap> recording;  ///< null: there is none
 };
 
 /// Goes on with a connection that asked for /feed or /view.

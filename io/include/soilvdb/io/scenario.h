@@ -65,6 +65,7 @@ struct Scenario {
   std::optional<std::size_t> snapshots_kept;  ///< newest of them, 2 or more; else all
   std::optional<std::string> mesh;            ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
+  bool mcap = false;                          ///< ground and loads are recorded as they change
   double journal_sync_s = 1;                  ///< how often the journal is synced; 0: always
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
   /// Unused columns, joints beyond limits, bad rows left out, doubtful soil and buckets.

@@ -1,0 +1,183 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Reads a run's soil.mcap by @mcap/core, its messages by the definitions in the file, and compares them
+// with what the run's summary.json says.
+//   node check.mjs RUN ORIGIN_X ORIGIN_Y      a run on the plane z = 0, or a folder `live` of a live site
+//   node check.mjs RUN.part                   one that was killed: what there is must be readable
+import {strict as assert} from "node:assert";
+import {open, readFile} from "node:fs/promises";
+import {McapIndexedReader, McapStreamReader} from "@mcap/core";
+import {loadDecompressHandlers} from "@mcap/support";
+import {parse} from "@foxglove/rosmsg";
+import {MessageReader} from "@foxglove/rosmsg2-serialization";
+
+const decompressHandlers = await loadDecompressHandlers();
+const text = new TextDecoder();
+
+class Decoder {
+  readers = new Map();
+  decode(schema, channel, message) {
+    if (channel.messageEncoding === "json") return JSON.parse(text.decode(message.data));
+    assert.equal(channel.messageEncoding, "cdr");
+    assert.equal(schema.encoding, "ros2msg");
+    if (!this.readers.has(schema.id)) {
+      const definitions = parse(text.decode(schema.data), {ros2: true});
+      this.readers.set(schema.id, new MessageReader(definitions));
+    }
+    return this.readers.get(schema.id).readMessage(message.data);
+  }
+}
+
+/// Everything, by topic, as a reader has it that doesn't need the index.
+async function stream(file) {
+  const reader = new McapStreamReader({validateCrcs: true, decompressHandlers});
+  reader.append(await readFile(file));
+  const schemas = new Map(), channels = new Map(), topics = new Map(), decoder = new Decoder();
+  for (let record; (record = reader.nextRecord());) {
+    if (record.type === "Schema") schemas.set(record.id, record);
+    if (record.type === "Channel") channels.set(record.id, record);
+    if (record.type !== "Message") continue;
+    const channel = channels.get(record.channelId), schema = schemas.get(channel.schemaId);
+    if (!topics.has(channel.topic)) topics.set(channel.topic, {schema, messages: []});
+    const {messages} = topics.get(channel.topic);
+    if (messages.length) assert(messages.at(-1).logTime <= record.logTime, "times don't go back");
+    messages.push({logTime: record.logTime, data: decoder.decode(schema, channel, record)});
+  }
+  return {topics, done: reader.done()};
+}
+
+/// The same by the index at the file's end.
+async function indexed(file) {
+  const handle = await open(file);
+  try {
+    const readable = {
+      size: async () => BigInt((await handle.stat()).size),
+      read: async (offset, length) => {
+        const bytes = new Uint8Array(Number(length));
+        const {bytesRead} = await handle.read(bytes, 0, bytes.length, Number(offset));
+        assert.equal(bytesRead, bytes.length);
+        return bytes;
+      },
+    };
+    const reader = await McapIndexedReader.Initialize({readable, decompressHandlers});
+    const counts = new Map(), metadata = [];
+    for await (const message of reader.readMessages()) {
+      const {topic} = reader.channelsById.get(message.channelId);
+      counts.set(topic, (counts.get(topic) ?? 0) + 1);
+    }
+    for await (const record of reader.readMetadata()) metadata.push(record);
+    return {counts, metadata, statistics: reader.statistics, chunks: reader.chunkIndexes.length};
+  } finally {
+    await handle.close();
+  }
+}
+
+/// What the entities are after all updates.
+function entities(messages) {
+  const all = new Map();
+  for (const {data} of messages) {
+    for (const {type, id} of data.deletions) {
+      assert.equal(type, 0);
+      assert(all.delete(id), `${id} was there`);
+    }
+    for (const entity of data.entities) all.set(entity.id, entity);
+  }
+  return all;
+}
+
+/// Volume between triangles and z = 0.
+function volume({points, indices}) {
+  let sum = 0;
+  for (let i = 0; i < indices.length; i += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => points[indices[i + k]]);
+    const twiceArea = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
+    sum += (twiceArea / 2) * ((a.z + b.z + c.z) / 3);
+  }
+  return sum;
+}
+
+const [run, originX, originY] = process.argv.slice(2);
+if (run.endsWith(".part")) {
+  const {topics, done} = await stream(run);
+  assert(!done);
+  assert(topics.get("/ground").messages.length > 0);
+  process.exit(0);
+}
+
+const file = `${run}/soil.mcap`;
+const summary = JSON.parse(await readFile(`${run}/summary.json`));
+if (!run.endsWith("live")) assert(summary.files.includes("soil.mcap"));
+const {topics, done} = await stream(file);
+assert(done);
+const {counts, metadata, statistics, chunks} = await indexed(file);
+assert.equal(chunks, statistics.chunkCount);
+for (const [topic, {messages}] of topics) assert.equal(counts.get(topic), messages.length, topic);
+assert.equal(Number(statistics.messageCount), [...counts.values()].reduce((a, b) => a + b));
+
+const names = new Map([...topics].map(([topic, {schema}]) => [topic, schema.name]));
+assert.equal(names.get("/ground"), "foxglove_msgs/msg/SceneUpdate");
+assert.equal(names.get("/elevation"), "grid_map_msgs/msg/GridMap");
+assert.equal(names.get("/tf_static"), "tf2_msgs/msg/TFMessage");
+
+const [{transforms: [site]}] = topics.get("/tf_static").messages.map((m) => m.data);
+assert.equal(site.header.frame_id, "world");
+assert.equal(site.child_frame_id, "site");
+const origin = site.transform.translation;
+assert(Math.hypot(origin.x - originX, origin.y - originY) < 5000, "the site's origin is near");
+assert.equal(metadata[0].name, "soilvdb");
+assert.equal(metadata[0].metadata.get("origin"), `${origin.x} ${origin.y} ${origin.z}`);
+
+for (const machine of summary.machines) {
+  const {schema, messages} = topics.get(`/load/${machine.name}`);
+  assert.equal(schema.encoding, "jsonschema");
+  const last = messages.at(-1).data;
+  assert.equal(last.machine, machine.name);
+  assert.equal(last.bucket_m3, machine.bucket_m3);
+  assert.equal(last.cut_m3, machine.cut_m3);
+  const tenths = messages.slice(0, -1).map((m) => Math.floor(m.data.time_s * 10 + 1e-6));
+  assert.equal(new Set(tenths).size, tenths.length, "ten a second at most");
+  for (const {logTime, data} of messages) assert(Math.abs(Number(logTime) - data.time_s * 1e9) < 1e3);
+}
+
+// The ledger counts samples, the mesh is true to a thousandth of what was cut.
+const shown = entities(topics.get("/ground").messages);
+assert(shown.size > 0);
+let meshed = 0;
+for (const {frame_id, triangles} of shown.values()) {
+  assert.equal(frame_id, "site");
+  assert.equal(triangles.length, 1);
+  const [{points, indices}] = triangles;
+  assert(indices.length % 3 === 0 && indices.every((i) => i < points.length));
+  meshed += volume({points: points.map((p) => ({...p, z: p.z + origin.z})), indices});
+}
+const change = summary.volume_m3.ground_change;
+assert(Math.abs(meshed - change) < 0.005 * summary.volume_m3.cut, `${meshed} for ${change}`);
+
+const map = topics.get("/elevation").messages.at(-1).data;
+assert.deepEqual(map.layers, ["elevation"]);
+assert.equal(map.header.frame_id, "site");
+const [{layout, data}] = map.data;
+const [columns, rows] = layout.dim;
+assert.equal(columns.label, "column_index");
+assert.equal(rows.label, "row_index");
+assert.equal(data.length, columns.size * rows.size);
+assert(Math.abs(map.info.length_x - rows.size * map.info.resolution) < 1e-9);
+assert(Math.abs(map.info.length_y - columns.size * map.info.resolution) < 1e-9);
+let below = 0, lowest = {z: 0};
+data.forEach((z, i) => {
+  const height = z + origin.z, area = map.info.resolution ** 2;
+  if (Math.abs(height) > 1e-6) below += height * area;
+  const row = i % rows.size, column = Math.floor(i / rows.size);
+  const x = map.info.pose.position.x + map.info.length_x / 2 - (row + 0.5) * map.info.resolution;
+  const y = map.info.pose.position.y + map.info.length_y / 2 - (column + 0.5) * map.info.resolution;
+  if (height < lowest.z) lowest = {x, y, z: height};
+});
+// Heights at the middles of cells, which walls cut.
+assert(Math.abs(below - change) < 0.1 * summary.volume_m3.cut, `${below} for ${change}`);
+// The deepest cell is where the mesh is deepest: x and y aren't swapped or turned round.
+let nearest = Infinity;
+for (const {triangles: [{points}]} of shown.values())
+  for (const p of points)
+    if (p.z + origin.z < 0.9 * lowest.z) nearest = Math.min(nearest, Math.hypot(p.x - lowest.x, p.y - lowest.y));
+assert(nearest < 2 * map.info.resolution, "the map lies where the ground is");
+console.log(`${file}: ${[...counts].map(([topic, n]) => `${topic} ${n}`).join(", ")}`);

@@ -1,0 +1,65 @@
+#!/bin/sh
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+# Digs in a world of large coordinates and has what was recorded read by other people's readers.
+#   run.sh PROGRAM WORK     exit status 77 where those can't be had
+set -eu
+program=$1
+work=$2
+here=$(cd "$(dirname "$0")" && pwd)
+mkdir -p "$work"
+skip() {
+  echo "skipped: $1"
+  exit 77
+}
+command -v node >/dev/null || skip "there is no node to run the readers"
+command -v npm >/dev/null || skip "there is no npm to fetch the readers"
+if ! cmp -s "$here/package-lock.json" "$work/installed-lock.json"; then
+  cp "$here/package.json" "$here/package-lock.json" "$work"
+  (cd "$work" && npm ci --no-audit --no-fund --ignore-scripts >npm.log 2>&1) ||
+    skip "npm can't fetch the readers: $(grep -m 1 -i 'err' "$work/npm.log")"
+  cp "$here/package-lock.json" "$work/installed-lock.json"
+fi
+cp "$here/check.mjs" "$work"
+cd "$work"
+rm -rf runs
+mkdir runs
+
+# A bucket that goes down, along, and up again, 20 s, at a corner of a UTM zone and 1.7e9 s.
+awk 'BEGIN { print "time,x,y,z,yaw"
+  for (i = 0; i <= 400; ++i) { s = i / 400
+    printf "%.2f,%.6f,%.6f,%.6f,0.4\n", 1700000000 + i / 20, 500000 + 3 * s, 5400000 + 1.27 * s,
+           0.1 - 0.5 * sin(3.14159265358979 * s) } }' >runs/dig.csv
+cat >runs/dig.yaml <<'END'
+soilvdb: 1
+voxel_size: 0.05
+terrain: {plane: {z: 0}}
+machines:
+  - {name: digger, bucket: {width: 1, height: 0.8}, motion: dig.csv}
+output: {mcap: true}
+END
+"$program" run runs/dig.yaml --out runs/dig >/dev/null
+node check.mjs runs/dig 500000 5400000
+
+# Cut off anywhere: what a kill leaves.
+size=$(wc -c <runs/dig/soil.mcap)
+head -c $((size * 9 / 10)) runs/dig/soil.mcap >runs/torn.part
+node check.mjs runs/torn.part
+
+# A live site that plays the same, stopped while it runs on, and gone on with.
+"$program" serve runs/dig.yaml --speed 20 --out runs/live --port 0 >runs/url 2>runs/said &
+server=$!
+trap 'kill $server 2>/dev/null || true' EXIT
+n=0
+until grep -q "come to its end" runs/said; do
+  n=$((n + 1))
+  [ $n -lt 600 ] && kill -0 $server || { cat runs/said; exit 1; }
+  sleep 0.1
+done
+url=$(cat runs/url)
+node -e 'fetch(process.argv[1]).then((r) => r.text()).then(console.log)' "${url}summary.json" \
+  >runs/live_summary.json
+kill -INT $server
+wait $server
+cp runs/live_summary.json runs/live/summary.json
+node check.mjs runs/live 500000 5400000
