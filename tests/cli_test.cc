@@ -116,8 +116,8 @@ TEST_F(CommandLine, RefusesABrokenScenarioByFileAndLine) {
 
 TEST_F(CommandLine, RefusesAnOutFolderThatCannotBe) {
   write_file(folder() / "file", "x");
-  expect_refused("run dig.yaml --out file", "--out");
-  expect_refused("run dig.yaml --out file/below", "--out");
+  expect_refused("run dig.yaml --out file", "is not a folder; name another");
+  expect_refused("run dig.yaml --out file/below", "is not a folder; name another");
 }
 
 TEST_F(CommandLine, KeepsItsErrorOnOneLine) {

@@ -37,7 +37,7 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
             "z, slope");
   EXPECT_EQ(error(15, "  snapshot: {every: 2}"),
             "s.yaml:15: unknown key 'snapshot' in output; did you mean 'snapshots'? Its keys are "
-            "snapshots, mesh, raster, journal");
+            "snapshots, mesh, raster, mcap, journal");
   EXPECT_EQ(error(2, "<<: {name: dig}"),
             "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'? Its keys are "
             "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");

@@ -25,6 +25,8 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::chrono::seconds kIdleAfter{10};
 /// Farthest from one state to the next.
 constexpr double kFarthest_m = 100;
+/// Latest time, beyond any calendar's: after a slip no state of that machine would be taken.
+constexpr double kMostTime_s = 1e10;
 /// Rotations in JSON are often rounded; those that are off by more aren't taken.
 constexpr double kUnitTolerance = 1e-3;
 
@@ -146,6 +148,10 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
   state.machine = session_.machine(json["machine"].get<std::string>());
   if (json.contains("time") && !json["time"].is_null())
     state.time_s = number(json["time"], "'time'");
+  if (std::abs(state.time_s) > kMostTime_s)
+    throw std::invalid_argument(
+        fmt::format("'time' is {:.6g} s; it must be within {:g} s of 0; are these milliseconds?",
+                    state.time_s, kMostTime_s));
   const bool has_pose = json.contains("position") || json.contains("rotation");
   if (has_pose == json.contains("joints"))
     throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");
