@@ -133,7 +133,7 @@ class Block:
         assert not n or at == len(data)
 
 
-async def view(server, until, requests=(), seconds=20):
+async def view(server, until, requests=(), seconds=120):
     """What a viewer gets until `until(texts, blocks)`: texts, and the newest of each block by view."""
     texts, blocks = [], {}
     async with server.connect("/view") as socket:

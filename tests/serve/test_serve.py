@@ -127,7 +127,7 @@ def test_viewers_see_the_surface_that_there_is(tmp_path):
 
         async def watch():
             rest = asyncio.get_running_loop().run_in_executor(None, feed_slowly)
-            seen = await view(server, settled, seconds=60)
+            seen = await view(server, settled, seconds=300)
             await rest
             return seen
 

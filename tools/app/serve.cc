@@ -78,7 +78,7 @@ void look_at(const ServeOptions& options) {
   all.takes_feeds = false;
   Server server(site, std::move(opened.history), open_design(options.design), all);
   say_where(server);
-  server.run([] { return stop_requested != 0; });
+  server.run([] { return stop_requested.load(); });
 }
 
 /// Where what is only played is recorded, gone at the end.
@@ -102,7 +102,7 @@ struct Played {
 /// Feeds what comes by standard input; answers go to standard output.
 void feed_from_input(Server& server) {
   std::string line;
-  while (stop_requested == 0 && std::getline(std::cin, line)) {
+  while (!stop_requested && std::getline(std::cin, line)) {
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     const std::string answer = server.feed(line);
     if (answer.empty()) return;
@@ -158,7 +158,7 @@ void serve_live(const ServeOptions& options) {
         say(fmt::format("{} has come to its end, at {} s; it can still be looked at", site.name(),
                         time_text(site.time_s())));
     };
-  server->run([] { return stop_requested != 0; }, play);
+  server->run([] { return stop_requested.load(); }, play);
   site.session().flush();
   const io::JournalExtent done = site.session().acknowledged();
   if (!played)

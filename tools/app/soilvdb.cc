@@ -59,7 +59,7 @@ void on_stop(int signal) {
   const auto now_s = static_cast<std::sig_atomic_t>(now.tv_sec);
   if (!stop_requested) {
     asked_s = now_s;
-    stop_requested = 1;
+    stop_requested = true;
   } else if (now_s > asked_s + 1) {
     std::signal(signal, SIG_DFL);
     std::raise(signal);

@@ -17,7 +17,8 @@
 
 namespace soilvdb::tools {
 
-volatile std::sig_atomic_t stop_requested = 0;
+std::atomic<bool> stop_requested = false;
+static_assert(std::atomic<bool>::is_always_lock_free, "it is set by signal handlers");
 
 namespace {
 

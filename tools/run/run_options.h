@@ -3,7 +3,7 @@
 // What a run is asked for, and that it is to stop.
 #pragma once
 
-#include <csignal>
+#include <atomic>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -11,7 +11,7 @@
 namespace soilvdb::tools {
 
 /// Set by SIGINT and SIGTERM: finish the update, save and stop.
-extern volatile std::sig_atomic_t stop_requested;
+extern std::atomic<bool> stop_requested;
 
 struct RunOptions {
   std::filesystem::path scenario;
