@@ -290,15 +290,21 @@ Update Tracker::come_to_rest(double time_s) {
 }
 
 SiteLedger Tracker::site() const {
-  SiteLedger site;
+  SiteLedger site = booked();
   if (works_ == nullptr) return site;
-  const Earthworks::Books& books = works_->books();
-  site.units = works_->units();
   for (const Chunk* chunk : soil_.chunks()) {
     site.ground += (std::int64_t{chunk->soil_count} - chunk->loose_count - chunk->base_count) *
                        site.units.bank +
                    chunk->loose_count * site.units.loose;
   }
+  return site;
+}
+
+SiteLedger Tracker::booked() const {
+  SiteLedger site;
+  if (works_ == nullptr) return site;
+  const Earthworks::Books& books = works_->books();
+  site.units = works_->units();
   site.astray = books.astray;
   site.in_flight = books.in_flight + books.astray;
   for (const auto& machine : machines_) site.in_flight += machine->pushed();

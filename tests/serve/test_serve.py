@@ -7,6 +7,7 @@ import socket
 import subprocess
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,6 +99,8 @@ def test_what_cannot_be_asked_is_said(tmp_path):
              "/volume?boundary=" + ",".join(["1"] * 2002): (400, "3 to 1000 corners"),
              "/terrain?level=0&tile=99999,0": (404, "no such tile"),
              "/terrain?level=-1&tile=0,0": (404, "no such tile"),
+             "/terrain?level=0&tile=0,0&surface=design": (400, "there is no design"),
+             "/terrain?level=0&tile=0,0&surface=now": (400, "one of before, design"),
              "/surface.tif": (400, "nobody has dug yet"), "/mesh.glb": (400, "nobody has dug yet"),
              "/../../etc/passwd": (404, "no such page"), "/%2e%2e/etc/passwd": (404, "no such page"),
              "//etc/passwd": (404, "no such page"), "/%zz": (400, "can't be read"),
@@ -227,6 +230,23 @@ def test_volumes_inside_boundaries_are_those_of_diff(tmp_path):
         assert part["net_m3"] == pytest.approx(-2 * 0.8 * 0.15, rel=0.01)
 
 
+def told_of(state):
+    """What a state says that a site can say, too."""
+    return (state["time_s"], state["cut_m3"],
+            [(m["position"], m["bucket_m3"], m["cut_m3"]) for m in state["machines"]])
+
+
+def told_by(path, until):
+    """The same, of a site that was fed up to a time."""
+    site, there = fed(path, until), [s for s in states() if s["time"] <= until]
+    machines = []
+    for name in site.machines:
+        last = [s["position"] for s in there if s["machine"] == name][-1:]
+        ledger = site.ledger(name)
+        machines.append((*(last or [None]), ledger["bucket_m3"], ledger["cut_m3"]))
+    return max(s["time"] for s in there), site.ledger()["cut_m3"], machines
+
+
 def test_times_are_shown_as_they_were(tmp_path):
     path = scenario(tmp_path, SOIL + FAST)
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
@@ -245,6 +265,11 @@ def test_times_are_shown_as_they_were(tmp_path):
         assert np.allclose(line["before_m"], at(0.3).heights(along), atol=1e-9)
         texts, blocks = asyncio.run(view(server, whole(1), [{"time": 1.2, "against": 0.3}]))
         shown = [b for (id, _), b in blocks.items() if id == 1 and len(b.points)]
+        # So are its machines, their loads and what they did.
+        told, = [t["state"] for t in texts if t["type"] == "view"]
+        assert told_of(told) == told_by(path, 1.2)
+        rows = server.get("/machines.csv?time=1.2")[1].decode().splitlines()
+        assert float(rows[1].split(",")[7]) == fed(path, 1.2).ledger("digger")["cut_m3"]
         points = np.concatenate([b.points for b in shown])
         before = at(0.3).heights(points[:, :2])
         flat = np.isfinite(before)
@@ -258,7 +283,9 @@ def test_times_are_shown_as_they_were(tmp_path):
         server.stop()
     with Server(tmp_path / "out", cwd=tmp_path) as server:
         summary = server.json("/summary.json")
+        assert summary["volume_m3"]["residual"] == pytest.approx(0, abs=1e-9)
         texts, _ = asyncio.run(view(server, whole()))
+        assert told_of(texts[1]) == told_by(path, 99.0)
         assert texts[0]["live"] is False
         assert texts[0]["times"]["to"] == pytest.approx(states()[-1]["time"])
         assert texts[0]["times"]["snapshots"]  # as many as could be written meanwhile
@@ -278,13 +305,88 @@ def test_a_finished_run_is_looked_at(tmp_path):
                    capture_output=True)
     run = json.loads((tmp_path / "out/summary.json").read_text())
     with Server(tmp_path / "out", cwd=tmp_path) as server:
-        assert server.json("/summary.json")["state_hash"] == run["state_hash"]
+        summary = server.json("/summary.json")
+        for key in ("state_hash", "volume_m3"):
+            assert summary[key] == run[key]
         texts, _ = asyncio.run(view(server, whole()))
         assert texts[0]["times"]["snapshots"] == [1, 2, 3, 4]
-        first = server.json("/volume?boundary=-9,-9,9,-9,9,9,-9,9&time=2")
-        assert first["net_m3"] == pytest.approx(-2 * 0.2, rel=0.01)
+        assert texts[1]["machines"][0]["position"] == [4.0, 0, -0.2]
+        assert texts[1]["machines"][0]["cut_m3"] == run["volume_m3"]["cut"]
+        # Also between snapshots it is the newest that isn't later: the row of 2.3 s.
+        first = server.json("/volume?boundary=-9,-9,9,-9,9,9,-9,9&time=2.35")
+        assert first["net_m3"] == pytest.approx(-2.3 * 0.2, rel=0.01)
+        texts, _ = asyncio.run(view(server, whole(1), [{"time": 2.35}]))
+        told, = [t["state"] for t in texts if t["type"] == "view"]
+        assert (told["time_s"], told["machines"][0]["position"]) == (2.3, [2.3, 0, -0.2])
+        assert told["cut_m3"] == pytest.approx(-first["net_m3"], abs=1e-12)
+        assert told["change_m3"] == pytest.approx(first["net_m3"], abs=1e-12)
+        past = server.json("/summary.json?time=2.35")
+        assert past["volume_m3"]["cut"] == told["cut_m3"]
     listed = subprocess.run([PROGRAM, "serve", tmp_path], capture_output=True, text=True)
     assert listed.returncode == 2 and "neither a scenario nor the folder" in listed.stderr
+
+
+def test_a_run_of_moving_soil_and_joints_is_looked_at_at_any_time(tmp_path):
+    """The excavator of the demonstrations, which digs, dumps and slides soil."""
+    path = Path(__file__).parents[2] / "data/excavator.yaml"
+    folders = []
+    for more in ([], ["--updates", "300"]):
+        folders.append(tmp_path / f"out{len(folders)}")
+        subprocess.run([PROGRAM, "run", path, "--out", folders[-1], "--no-mesh", *more],
+                       check=True, capture_output=True)
+    for folder in folders:
+        run = json.loads((folder / "summary.json").read_text())
+        updates = [line.split(",") for line in (folder / "updates.csv").read_text().split()[1:]]
+        with Server(folder, cwd=tmp_path) as server:
+            summary = server.json("/summary.json")
+            for key in ("state_hash", "volume_m3", "mass_kg"):
+                assert summary[key] == run[key]
+            texts, _ = asyncio.run(view(server, whole()))
+            times = texts[0]["times"]
+            for share in (0.3, 0.77):
+                time_s = times["from"] + share * (times["to"] - times["from"])
+                texts, _ = asyncio.run(view(
+                    server, lambda texts, _: texts and texts[-1]["type"] == "view",
+                    [{"time": time_s}]))
+                told = texts[-1]["state"]
+                before = [u for u in updates if float(u[0]) <= time_s]
+                assert told["time_s"] == pytest.approx(float(before[-1][0]), abs=1e-6)
+                assert told["cut_m3"] == pytest.approx(sum(float(u[2]) for u in before), rel=1e-6)
+                assert told["machines"][0]["links"] and told["machines"][0]["cycles"] > 0
+                past = server.json(f"/summary.json?time={time_s}")
+                assert past["mass_kg"]["residual"] == 0
+                assert 0 < told["fill_m3"] < past["volume_m3"]["fill"], "less what slid away"
+                assert past["volume_m3"]["ground_change"] == pytest.approx(told["change_m3"],
+                                                                           abs=1e-9)
+
+
+def test_a_design_is_told_on_the_posts_of_the_terrain(tmp_path):
+    posts = 41
+    row = " ".join(f"{-0.5 + 0.01 * i:.2f}" for i in range(posts))
+    (tmp_path / "plan.asc").write_text(
+        f"ncols {posts}\nnrows {posts}\nxllcenter -10\nyllcenter -10\ncellsize 0.5\n"
+        + f"{row}\n" * posts)
+    with Server(scenario(tmp_path), "--design", tmp_path / "plan.asc", "--out", tmp_path / "out",
+                cwd=tmp_path) as server:
+        texts, _ = asyncio.run(view(server, whole()))
+        terrain = texts[0]["terrain"]
+        level, low = terrain["levels"][-1], np.array(terrain["bounds"][:2])
+        last = len(terrain["levels"]) - 1
+        design, ground = (np.frombuffer(server.get(
+            f"/terrain?level={last}&tile=0,0{more}")[1], "<f4").reshape(level["ny"], level["nx"])
+            for more in ("&surface=design", ""))
+        known = 0
+        for j in range(0, level["ny"], 7):
+            for i in range(0, level["nx"], 7):
+                x, y = low + level["spacing_m"] * np.array([i, j])
+                asked = server.json(f"/height?x={x}&y={y}")
+                assert ground[j, i] == pytest.approx(asked["height_m"], abs=1e-5)
+                inside = max(abs(x), abs(y)) <= 10
+                assert np.isnan(design[j, i]) == (asked["design_m"] is None) == (not inside)
+                if inside:
+                    assert design[j, i] == pytest.approx(-0.5 + 0.01 * (x + 10) / 0.5, abs=1e-5)
+                    known += 1
+        assert known > 10
 
 
 def test_standard_input_feeds_too(tmp_path):

@@ -88,6 +88,22 @@ export async function clickAt(page, [x, y]) {
   await page.mouse.click(pixel[0], pixel[1]);
 }
 
+/** Mean colour of some pixels where the ground is drawn at a place of the world: red, green, blue. */
+export async function colorAt(page, [x, y]) {
+  const [px, py] = await page.evaluate(([u, v]) => window.soilvdb.project([u, v, window.soilvdb.height(u, v)]), [x, y]);
+  const picture = await page.screenshot({clip: {x: px - 4, y: py - 4, width: 9, height: 9}});
+  return page.evaluate(async (png) => {
+    const image = new Image(), canvas = document.createElement('canvas');
+    image.src = `data:image/png;base64,${png}`;
+    await image.decode();
+    const draw = canvas.getContext('2d');
+    draw.drawImage(image, 0, 0);
+    const {data} = draw.getImageData(0, 0, 9, 9), sum = [0, 0, 0];
+    data.forEach((v, i) => { if (i % 4 < 3) sum[i % 4] += v / 81; });
+    return sum;
+  }, picture.toString('base64'));
+}
+
 /** The answer to the next query of a path that the page makes while something is done. */
 export async function answerTo(page, what, action) {
   const [response] = await Promise.all([page.waitForResponse((r) => new URL(r.url()).pathname === what), action()]);

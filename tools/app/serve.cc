@@ -73,7 +73,7 @@ void say_where(const Server& server) {
 
 void look_at(const ServeOptions& options) {
   Opened opened = open_folder(options.scenario);
-  LiveSite site(std::move(opened.session), opened.name);
+  LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   ServerOptions all = server_options(options);
   all.takes_feeds = false;
   Server server(site, std::move(opened.history), open_design(options.design), all);

@@ -289,6 +289,7 @@ const Ledger& Session::ledger(std::size_t machine) const {
 }
 Ledger Session::total() const { return state_->tracker->total(); }
 SiteLedger Session::books() const { return state_->tracker->site(); }
+SiteLedger Session::booked() const { return state_->tracker->booked(); }
 
 double Session::bucket_kg(std::size_t machine) const {
   const Ledger& of = ledger(machine);

@@ -55,9 +55,14 @@ std::vector<Coord3> resident_blocks(const Soil& soil) {
   return origins;
 }
 
-GroundView::GroundView(std::shared_ptr<Session> now, std::shared_ptr<Session> before,
+GroundView::GroundView(Past now, std::shared_ptr<Session> before,
                        std::shared_ptr<const BaseSurface> design)
-    : now_(std::move(now)), before_(std::move(before)), design_(std::move(design)) {}
+    : now_(std::move(now.site)),
+      before_(std::move(before)),
+      log_(std::move(now.log)),
+      design_(std::move(design)) {}
+
+Json GroundView::state() const { return log_ ? site_state(*now_, *log_) : Json(); }
 
 Heights GroundView::now_heights() {
   return [this](std::span<const Vec2> xy_m, std::span<double> z) { now_->heights(xy_m, z); };

@@ -12,6 +12,7 @@
 #include "soilvdb/base_surface.h"
 #include "soilvdb/session.h"
 #include "tools/serve/block_message.h"
+#include "tools/serve/history.h"
 
 namespace soilvdb::tools {
 
@@ -24,10 +25,10 @@ std::vector<Coord3> resident_blocks(const Soil& soil);
 /// For one thread at a time. Members throw std::invalid_argument in one line for what can't be.
 class GroundView {
  public:
+  /// @param now its log is null where it is the live site
   /// @param before null: the ground before digging
   /// @param design null: there is none
-  GroundView(std::shared_ptr<Session> now, std::shared_ptr<Session> before,
-             std::shared_ptr<const BaseSurface> design);
+  GroundView(Past now, std::shared_ptr<Session> before, std::shared_ptr<const BaseSurface> design);
 
   nlohmann::ordered_json height(const Vec2& at);
   /// Heights at so many points, even along a line.
@@ -37,10 +38,13 @@ class GroundView {
 
   std::string block(const Coord3& block, std::uint32_t view);
   const Session& now() const { return *now_; }
+  /// What site_state() says of it.
+  nlohmann::ordered_json state() const;
 
  private:
   Heights now_heights(), before_heights();
   std::shared_ptr<Session> now_, before_;
+  std::shared_ptr<const WorkLog> log_;
   std::shared_ptr<const BaseSurface> design_;
 };
 

@@ -13,9 +13,9 @@
 
 #include "io/file/text.h"
 #include "soilvdb/io/journal.h"
-#include "soilvdb/io/scenario.h"
 #include "tools/run/run_config.h"
 #include "tools/run/run_folder.h"
+#include "tools/run/run_past.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -50,8 +50,22 @@ class RecordedHistory : public History {
     return times_;
   }
 
-  std::shared_ptr<Session> at(double time_s) override {
-    return std::make_shared<Session>(start_.recorded(folder_, time_s));
+  Past at(double time_s) override {
+    return {std::make_shared<Session>(start_.recorded(folder_, time_s)),
+            std::make_shared<const WorkLog>(log(time_s))};
+  }
+
+  /// What machines had done before the first state that is later.
+  WorkLog log(double time_s) const {
+    WorkLog log(start_);
+    io::JournalReader reader(folder_ / kJournalName);
+    while (std::optional<io::JournalRecord> record = reader.next()) {
+      const auto* fed = std::get_if<io::JournalState>(&*record);
+      if (fed == nullptr) continue;
+      if (fed->time_s > time_s) break;
+      log.add(*fed);
+    }
+    return log;
   }
 
  private:
@@ -71,53 +85,41 @@ class RecordedHistory : public History {
   Times times_ = {kNaN, kNaN, {}};
 };
 
-std::vector<SessionMachine> machines_of(const io::Scenario& scenario) {
-  std::vector<SessionMachine> machines;
-  for (const io::MachineInput& machine : scenario.machines)
-    machines.push_back({machine.name, machine.bucket, machine.chain});
-  return machines;
-}
-
-/// A run's snapshots.
 class RunHistory : public History {
  public:
-  RunHistory(fs::path folder, io::Scenario scenario, const io::JournalContent& journal)
-      : folder_(std::move(folder)), scenario_(std::move(scenario)) {
-    times_.to_s = journal.done.time_s;
-    for (const io::JournalFile& file : journal.files) {
+  explicit RunHistory(const fs::path& folder) : run_(folder) {
+    times_ = {run_.begin_s(), run_.journal().done.time_s, {}};
+    for (const io::JournalFile& file : run_.journal().files) {
       const auto time_s = file.name == kFinalName ? times_.to_s : time_of(file.name);
       if (time_s && (is_periodic(file.name) || file.name == kFinalName))
-        files_.emplace_back(*time_s, file.name);
+        times_.snapshots_s.push_back(*time_s);
     }
-    std::sort(files_.begin(), files_.end());
-    for (const auto& [time_s, name] : files_)
-      if (times_.snapshots_s.empty() || times_.snapshots_s.back() != time_s)
-        times_.snapshots_s.push_back(time_s);
-    times_.from_s = 0;
-    for (const io::MachineInput& machine : scenario_.machines)
-      if (machine.has_motion()) times_.from_s = std::min(times_.from_s, machine.motion.begin_s());
+    std::vector<double>& all = times_.snapshots_s;
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
   }
 
   Times times() override { return times_; }
 
-  std::shared_ptr<Session> at(double time_s) override {
-    const std::pair<double, std::string>* newest = nullptr;
-    for (const auto& file : files_)
-      if (file.first <= time_s) newest = &file;
-    if (newest == nullptr) return std::make_shared<Session>(Session::open(scenario_.file));
-    return std::make_shared<Session>(
-        SessionSite{.voxel_size_m = scenario_.voxel_size_m,
-                    .terrain = io::LevelSetTerrain{folder_ / newest->second},
-                    .machines = machines_of(scenario_),
-                    .earthmoving = {scenario_.soil, {}, {}}});
+  Past at(double time_s) override {
+    auto site = std::make_shared<Session>(run_.at(time_s));
+    auto log = std::make_shared<WorkLog>(*site);
+    run_.moves(time_s, [&](const io::JournalMove& move) { log->add(move); });
+    return {std::move(site), std::move(log)};
   }
 
+  const RunPast& run() const { return run_; }
+
  private:
-  fs::path folder_;
-  io::Scenario scenario_;
+  RunPast run_;
   Times times_;
-  std::vector<std::pair<double, std::string>> files_;
 };
+
+Opened opened(const std::string& name, const ChangeBefore& before,
+              std::unique_ptr<History> history) {
+  const Past end = history->at(std::numeric_limits<double>::infinity());
+  return {std::move(*end.site), *end.log, before, name, std::move(history)};
+}
 
 }  // namespace
 
@@ -141,16 +143,14 @@ Opened open_folder(const fs::path& folder) {
                            "it, this can't");
     const fs::path path = scenario->get<std::string>();
     Session start = Session::open(path);
-    Session end = start.recorded(folder, std::numeric_limits<double>::infinity());
-    return {std::move(end), path.stem().string(), make_recorded_history(std::move(start), folder)};
+    const ChangeBefore before = {start.change_m3(), start.books().ground};
+    return opened(path.stem().string(), before, make_recorded_history(std::move(start), folder));
   }
-  const RunConfig config = parse_run_config(journal.config.text, folder);
-  io::Scenario scenario = io::read_scenario(config.options.scenario, {}, io::Motions::kOptional);
-  if (config.options.voxel_size_m) scenario.voxel_size_m = *config.options.voxel_size_m;
-  const std::string name = scenario.name;
-  auto history = std::make_unique<RunHistory>(folder, std::move(scenario), journal);
-  const std::shared_ptr<Session> end = history->at(std::numeric_limits<double>::infinity());
-  return {std::move(*end), name, std::move(history)};
+  auto history = std::make_unique<RunHistory>(folder);
+  const RunPast& run = history->run();
+  const std::string name = run.scenario().name;
+  const ChangeBefore before = {run.config().change_before_m3, run.config().mass_before};
+  return opened(name, before, std::move(history));
 }
 
 }  // namespace soilvdb::tools

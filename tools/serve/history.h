@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a site was like before: from a recording, or from the snapshots of a run.
+// What a site was like before: from a recording, or from a run's folder.
 #pragma once
 
 #include <filesystem>
@@ -10,8 +10,15 @@
 #include <vector>
 
 #include "soilvdb/session.h"
+#include "tools/serve/live_site.h"
+#include "tools/serve/work_log.h"
 
 namespace soilvdb::tools {
+
+struct Past {
+  std::shared_ptr<Session> site;
+  std::shared_ptr<const WorkLog> log;
+};
 
 /// For one thread at a time.
 class History {
@@ -24,9 +31,9 @@ class History {
 
   virtual ~History() = default;
   virtual Times times() = 0;
-  /// The ground as it was at a time, the newest that isn't later.
-  /// @throw std::exception in one line if it can't be had
-  virtual std::shared_ptr<Session> at(double time_s) = 0;
+  /// Ground and machines as they were at a time, the newest that isn't later.
+  /// @throw std::exception in one line if they can't be had
+  virtual Past at(double time_s) = 0;
 };
 
 /// @param start the session before its first state
@@ -35,6 +42,8 @@ std::unique_ptr<History> make_recorded_history(Session start, std::filesystem::p
 /// A folder that can be looked at: a run's or a recording's.
 struct Opened {
   Session session;  ///< as it was in the end
+  WorkLog log;      ///< of that
+  ChangeBefore before;
   std::string name;
   std::unique_ptr<History> history;
 };

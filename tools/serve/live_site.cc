@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "io/file/text.h"
-#include "soilvdb/capacity.h"
 #include "tools/run/run_folder.h"
 
 namespace soilvdb::tools {
@@ -20,9 +19,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-/// A machine that hasn't moved for so long is idle.
-constexpr std::chrono::seconds kIdleAfter{10};
 /// Farthest from one state to the next.
 constexpr double kFarthest_m = 100;
 /// Latest time, beyond any calendar's: after a slip no state of that machine would be taken.
@@ -35,8 +31,6 @@ Json numbers(const auto& values) {
   for (const double value : values) all.push_back(value);
   return all;
 }
-
-Json or_null(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 std::string line_of(const Json& json) {
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
@@ -68,44 +62,22 @@ Pose pose_of(const Json& position, const Json& rotation) {
   return pose;
 }
 
-double struck_m3(const Bucket& bucket) {
-  const auto capacity = Capacity::of(bucket);
-  return capacity ? capacity->struck_m3() : 0;
-}
-
 }  // namespace
-
-void CycleCounter::add(double load_m3) {
-  if (emptying_) {
-    trough_m3_ = std::min(trough_m3_, load_m3);
-    if (load_m3 < trough_m3_ + std::max(least_m3_, *last_m3_ / 4)) return;
-    emptying_ = false;
-    peak_m3_ = load_m3;
-  }
-  peak_m3_ = std::max(peak_m3_, load_m3);
-  if (!(peak_m3_ > least_m3_) || load_m3 > peak_m3_ / 2) return;
-  ++cycles_;
-  last_m3_ = peak_m3_;
-  trough_m3_ = load_m3;
-  emptying_ = true;
-}
 
 LiveSite::LiveSite(Session session, std::string name)
     : session_(std::move(session)),
       name_(std::move(name)),
-      time_s_(kNaN),
-      change_before_m3_(session_.change_m3()),
-      mass_before_(session_.books().ground) {
-  for (const SessionMachine& machine : session_.machines()) {
-    Work& work = work_.emplace_back();
-    if (machine.chain) work.joints = machine.chain->movable();
-    work.capacity_m3 = struck_m3(machine.bucket);
-    const double about_m3 =
-        work.capacity_m3 > 0
-            ? work.capacity_m3
-            : machine.bucket.width_m * machine.bucket.height_m * machine.bucket.height_m;
-    work.cycles = CycleCounter(about_m3 / 10);
-  }
+      log_(session_),
+      moved_(session_.machines().size()),
+      before_{session_.change_m3(), session_.books().ground} {
+  for (const SessionMachine& machine : session_.machines())
+    joints_.push_back(machine.chain ? machine.chain->movable() : std::vector<std::string>());
+}
+
+LiveSite::LiveSite(Session session, std::string name, WorkLog log, const ChangeBefore& before)
+    : LiveSite(std::move(session), std::move(name)) {
+  log_ = std::move(log);
+  before_ = before;
 }
 
 void LiveSite::record(const Recording& recording,
@@ -113,21 +85,15 @@ void LiveSite::record(const Recording& recording,
   session_.record(recording, progress);
   recorded_ = true;
   // What the journal knows of loads, cycles are counted by again.
-  const double loose_m3 = session_.site().soil->sample_m3() /
-                          static_cast<double>(session_.earthmoving().soil
-                                                  ? MassUnits(*session_.earthmoving().soil).loose
-                                                  : 1);
   io::JournalReader reader(recording.folder / kJournalName);
   while (std::optional<io::JournalRecord> record = reader.next()) {
     const auto* fed = std::get_if<io::JournalState>(&*record);
     if (fed == nullptr) continue;
     ++fed_;
-    if (std::isfinite(fed->time_s)) time_s_ = std::fmax(time_s_, fed->time_s);
+    log_.add(*fed);
     using Kind = io::JournalState::Kind;
-    if (fed->kind != Kind::kPose && fed->kind != Kind::kJoints) continue;
-    durations_.add(static_cast<double>(fed->ns) * 1e-3);
-    if (fed->machine < work_.size())
-      work_[fed->machine].cycles.add(static_cast<double>(fed->bucket_samples) * loose_m3);
+    if (fed->kind == Kind::kPose || fed->kind == Kind::kJoints)
+      durations_.add(static_cast<double>(fed->ns) * 1e-3);
   }
 }
 
@@ -163,7 +129,7 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
   }
   const Json& values = json["joints"];
   if (!values.is_object()) throw std::invalid_argument("'joints' must be an object of numbers");
-  const std::vector<std::string>& names = work_[state.machine].joints;
+  const std::vector<std::string>& names = joints_[state.machine];
   if (names.empty())
     throw std::invalid_argument(
         fmt::format("machine '{}' has no joints; give it 'position' and "
@@ -199,15 +165,15 @@ StepResult LiveSite::feed(const MachineState& state) {
   StepResult step = session_.update(state);
   if (!step.ok()) return step;
   ++fed_;
-  if (std::isfinite(state.time_s)) time_s_ = std::fmax(time_s_, state.time_s);
   durations_.add(step.update.us);
-  Work& work = work_[state.machine];
-  work.cycles.add(step.update.bucket_m3);
-  work.fed = Clock::now();
-  const Pose pose = session_.last(state.machine)->pose;
-  if (pose.position != work.last.position || pose.rotation.coeffs() != work.last.rotation.coeffs())
-    work.moved = work.fed;
-  work.last = pose;
+  std::vector<double> at(state.joints.begin(), state.joints.end());
+  if (at.empty()) {
+    const Vec3& p = state.pose.position;
+    const auto& q = state.pose.rotation.coeffs();
+    at = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+  }
+  if (log_.add(state.machine, state.time_s, std::move(at), step.update.bucket_m3))
+    moved_[state.machine] = Clock::now();
   return step;
 }
 
@@ -232,54 +198,29 @@ std::string LiveSite::feed(std::string_view line) {
   }
 }
 
-Json LiveSite::machine_state(std::size_t i) const {
-  const SessionMachine& machine = session_.machines()[i];
-  const Work& work = work_[i];
-  const Ledger& ledger = session_.ledger(i);
-  const bool soil_moves = session_.earthmoving().soil.has_value();
-  Json json = {
-      {"name", machine.name},
-      {"position", nullptr},
-      {"rotation", nullptr},
-      {"links", Json::array()},
-      {"bucket_m3", ledger.bucket_m3()},
-      {"bucket_kg", soil_moves ? Json(session_.bucket_kg(i)) : Json()},
-      {"fill", work.capacity_m3 > 0 ? Json(ledger.bucket_m3() / work.capacity_m3) : Json()},
-      {"cut_m3", ledger.cut_m3()},
-      {"cycles", work.cycles.cycles()},
-      {"last_load_m3", work.cycles.last_load_m3() ? Json(*work.cycles.last_load_m3()) : Json()},
-      {"state", "unseen"}};
-  const std::optional<MachineState> last = session_.last(i);
-  if (!last) return json;
-  json["position"] = numbers(last->pose.position);
-  json["rotation"] = numbers(last->pose.rotation.coeffs());
-  if (!last->joints.empty())
-    for (const Vec3& place : machine.chain->joint_places(last->joints))
-      json["links"].push_back(numbers(place));
-  json["state"] = Clock::now() - work.moved < kIdleAfter ? "working" : "idle";
-  return json;
-}
-
+/// Machines of one that is fed work if they moved just now; else if they did in the end.
 Json LiveSite::state() const {
-  Json machines = Json::array();
-  for (std::size_t i = 0; i < work_.size(); ++i) machines.push_back(machine_state(i));
+  std::vector<bool> works;
+  const bool fed = recorded_ || fed_ > 0;
+  for (std::size_t i = 0; i < moved_.size(); ++i)
+    works.push_back(fed ? Clock::now() - moved_[i] < std::chrono::duration<double>(kIdleAfter_s)
+                        : log_.works(i));
+  Json json = site_state(session_, log_, works);
   const io::JournalExtent done = session_.acknowledged();
-  return {{"type", "state"},
-          {"time_s", or_null(time_s_)},
-          {"machines", machines},
-          {"cut_m3", session_.total().cut_m3()},
-          {"acknowledged_s", done.updates > 0 ? Json(done.time_s) : Json()}};
+  json["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
+  return json;
 }
 
 Json LiveSite::description() const {
   const Soil& soil = *session_.site().soil;
   Json machines = Json::array();
-  for (std::size_t i = 0; i < work_.size(); ++i) {
+  for (std::size_t i = 0; i < moved_.size(); ++i) {
     const SessionMachine& machine = session_.machines()[i];
+    const double capacity_m3 = log_.machines()[i].capacity_m3;
     Json one = {{"name", machine.name},
                 {"width_m", machine.bucket.width_m},
                 {"height_m", machine.bucket.height_m},
-                {"capacity_m3", work_[i].capacity_m3 > 0 ? Json(work_[i].capacity_m3) : Json()}};
+                {"capacity_m3", capacity_m3 > 0 ? Json(capacity_m3) : Json()}};
     for (const Vec2& point : machine.bucket.profile) one["profile"].push_back(numbers(point));
     machines.push_back(std::move(one));
   }
@@ -295,29 +236,6 @@ Json LiveSite::description() const {
                    {"swell", moves->swell},
                    {"density", moves->density_kg_m3}};
   return all;
-}
-
-std::string LiveSite::machines_csv() const {
-  std::string csv = "machine,state,x_m,y_m,z_m,bucket_m3,bucket_kg,cut_m3,cycles,last_load_m3\n";
-  for (std::size_t i = 0; i < work_.size(); ++i) {
-    const Json json = machine_state(i);
-    std::string name = json["name"];
-    if (name.find_first_of(",\"\n\r") != std::string::npos) {
-      std::string quoted;
-      for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-      name = '"' + quoted + '"';
-    }
-    const auto cell = [](const Json& value) {
-      return value.is_null() ? std::string() : value.dump();
-    };
-    const Json& at = json["position"];
-    csv += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", name, json["state"].get<std::string>(),
-                       at.is_null() ? "" : at[0].dump(), at.is_null() ? "" : at[1].dump(),
-                       at.is_null() ? "" : at[2].dump(), cell(json["bucket_m3"]),
-                       cell(json["bucket_kg"]), cell(json["cut_m3"]), cell(json["cycles"]),
-                       cell(json["last_load_m3"]));
-  }
-  return csv;
 }
 
 io::Summary LiveSite::summary() const {
@@ -337,8 +255,8 @@ Books LiveSite::books(const Session& ground) const {
               ground.total(),
               ground.books(),
               {},
-              change_before_m3_,
-              mass_before_};
+              before_.change_m3,
+              before_.mass};
   for (std::size_t i = 0; i < ground.machines().size(); ++i)
     books.machines.push_back(
         {ground.machines()[i].name, ground.machines()[i].bucket, ground.ledger(i)});

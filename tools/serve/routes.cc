@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is answered to which request.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -78,6 +79,14 @@ class Values {
     if (!target_.values.contains(name)) return {};
     return number(name);
   }
+  /// One of these words; the first where nothing is said.
+  std::string word(const std::string& name, const std::vector<std::string>& words) const {
+    const auto found = target_.values.find(name);
+    if (found == target_.values.end()) return words.front();
+    if (std::find(words.begin(), words.end(), found->second) == words.end())
+      throw std::invalid_argument(fmt::format("'{}' is one of {}", name, fmt::join(words, ", ")));
+    return found->second;
+  }
   Vec2 place(const std::string& name) const {
     const std::vector<double> all = numbers(name);
     if (all.size() != 2) throw std::invalid_argument(fmt::format("'{}' must be x,y", name));
@@ -152,7 +161,7 @@ bool ServerState::has_token(const std::string& target, const std::string& author
   return found != parsed->values.end() && same(found->second, options.token);
 }
 
-std::shared_ptr<Session> ServerState::past(double time_s) {
+Past ServerState::past(double time_s) {
   if (!history) throw std::invalid_argument("nothing is recorded, so there is no other time");
   const auto found = std::find_if(pasts.begin(), pasts.end(),
                                   [&](const auto& past) { return past.first == time_s; });
@@ -176,8 +185,8 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
         try {
           // On one thread: the other is for what feeds do.
           tbb::task_arena(1).execute([&] {
-            const std::shared_ptr<Session> now = time_s ? past(*time_s) : live;
-            GroundView ground(now, against_s ? past(*against_s) : nullptr, design);
+            const Past now = time_s ? past(*time_s) : Past{live, nullptr};
+            GroundView ground(now, against_s ? past(*against_s).site : nullptr, design);
             reply = use(ground);
           });
         } catch (const std::invalid_argument& e) {
@@ -229,15 +238,18 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
           [boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); }, done);
     }
     if (path == "/terrain") {
-      const Values values(*target, {"level", "tile"});
+      const Values values(*target, {"level", "tile", "surface"});
+      const bool designed = values.word("surface", {"before", "design"}) == "design";
+      if (designed && !design)
+        throw std::invalid_argument("there is no design; soilvdb serve takes one by --design");
       const Vec2 tile = values.place("tile");
       const auto whole = [](double value) {
         return value == std::floor(value) && std::abs(value) < 1e6 ? static_cast<int>(value) : -1;
       };
       const int level = whole(values.number("level")), i = whole(tile.x()), j = whole(tile.y());
-      const bool taken = worker->post([this, level, i, j, done]() mutable {
+      const bool taken = worker->post([this, level, i, j, designed, done]() mutable {
         Reply reply = refusal(404, "there is no such tile");
-        if (const auto bytes = terrain.tile(level, i, j))
+        if (const auto bytes = terrain.tile(level, i, j, designed ? design.get() : nullptr))
           reply = {200, "application/octet-stream", deflated(*bytes), {}, true};
         boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
       });
@@ -245,8 +257,14 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
       return;
     }
     if (path == "/machines.csv") {
-      const Values values(*target, {});
-      return done({200, "text/csv; charset=utf-8", site.machines_csv(), "machines.csv", false});
+      const Values values(*target, {"time"});
+      const auto csv = [](const Json& state) {
+        return Reply{200, "text/csv; charset=utf-8", machines_csv(state), "machines.csv", false};
+      };
+      const auto time_s = values.number_if("time");
+      if (!time_s) return done(csv(site.state()));
+      return with_ground(
+          time_s, {}, [csv](GroundView& ground) { return csv(ground.state()); }, done);
     }
     if (path == "/summary.json") {
       const Values values(*target, {"time"});

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "io/terrain/crs.h"
 #include "soilvdb/io/error.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
@@ -150,7 +151,7 @@ Bytes ServerState::description() {
   Json json = site.description();
   json["live"] = options.takes_feeds;
   json["terrain"] = terrain.description();
-  json["crs"] = site.session().site().crs_wkt;
+  json["crs"] = io::crs_label(site.session().site().crs_wkt);
   json["design"] = design != nullptr;
   json["times"] = times();
   return std::make_shared<const std::string>(

@@ -59,7 +59,7 @@ struct ServerState {
   void with_ground(std::optional<double> time_s, std::optional<double> against_s,
                    std::function<Reply(GroundView&)> use, std::function<void(Reply)> done);
   /// On the worker. @throw std::invalid_argument if there is no such time
-  std::shared_ptr<Session> past(double time_s);
+  Past past(double time_s);
 
   /// Takes up what changed of the live ground.
   void follow_ground();
@@ -105,8 +105,8 @@ struct ServerState {
 
   std::uint64_t told_fed = 0;
   Clock::time_point told{}, asked_times{};
-  History::Times known_times;                                    ///< as the worker found them
-  std::list<std::pair<double, std::shared_ptr<Session>>> pasts;  ///< on the worker, newest first
+  History::Times known_times;                ///< as the worker found them
+  std::list<std::pair<double, Past>> pasts;  ///< on the worker, newest first
   // Last, so that these end first.
   std::unique_ptr<Worker> worker;
   std::unique_ptr<GroundService> service;

@@ -68,10 +68,12 @@ nlohmann::ordered_json TerrainTiles::description() const {
   return json;
 }
 
-std::optional<std::string> TerrainTiles::tile(int level, int i, int j) const {
+std::optional<std::string> TerrainTiles::tile(int level, int i, int j,
+                                              const BaseSurface* other) const {
   if (level < 0 || level >= static_cast<int>(levels_.size())) return {};
   const Level& of = levels_[static_cast<std::size_t>(level)];
   if (i < 0 || j < 0 || i > (of.nx - 2) / kSide || j > (of.ny - 2) / kSide) return {};
+  const BaseSurface& surface = other != nullptr ? *other : *undug_;
   std::string bytes;
   for (int y = j * kSide; y <= std::min((j + 1) * kSide, of.ny - 1); ++y) {
     for (int x = i * kSide; x <= std::min((i + 1) * kSide, of.nx - 1); ++x) {
@@ -79,7 +81,7 @@ std::optional<std::string> TerrainTiles::tile(int level, int i, int j) const {
       const Vec2 at = (bounds_.min() + of.spacing_m * Vec2(x, y)).cwiseMin(bounds_.max());
       put(bytes,
           static_cast<float>(
-              undug_->height(at.x(), at.y()).value_or(std::numeric_limits<double>::quiet_NaN())));
+              surface.height(at.x(), at.y()).value_or(std::numeric_limits<double>::quiet_NaN())));
     }
   }
   return bytes;

@@ -25,7 +25,9 @@ class TerrainTiles {
   nlohmann::ordered_json description() const;
   /// float32 heights of a tile, row-major from low y and low x, NaN where there are none; nothing
   /// if there is no such tile.
-  std::optional<std::string> tile(int level, int i, int j) const;
+  /// @param other a surface whose heights at the same posts are asked for; null: the terrain's
+  std::optional<std::string> tile(int level, int i, int j,
+                                  const BaseSurface* other = nullptr) const;
 
  private:
   struct Level {

@@ -95,7 +95,11 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
     whole_ = false;
     for (const Coord3& block : resident_blocks(*state_.site.session().site().soil))
       due_.insert(block);
-    say(message({{"type", "view"}, {"id", 0}, {"time_s", nullptr}, {"against_s", nullptr}}));
+    say(message({{"type", "view"},
+                 {"id", 0},
+                 {"time_s", nullptr},
+                 {"against_s", nullptr},
+                 {"state", nullptr}}));
     return;
   }
   if (against_s && time_s && *against_s > *time_s)
@@ -103,15 +107,17 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
   asking_ = true;
   auto ground = std::make_shared<std::shared_ptr<GroundView>>();
   auto blocks = std::make_shared<std::vector<Coord3>>();
+  auto state = std::make_shared<Json>();
   const auto self = shared_from_this();
   state_.with_ground(
       time_s, against_s,
-      [ground, blocks](GroundView& view) {
+      [ground, blocks, state](GroundView& view) {
+        *state = view.state();
         *ground = std::make_shared<GroundView>(view);
         *blocks = resident_blocks(*view.now().site().soil);
         return Reply();
       },
-      [self, ground, blocks, time_s, against_s](const Reply& reply) {
+      [self, ground, blocks, state, time_s, against_s](const Reply& reply) {
         self->asking_ = false;
         if (reply.status != 200) {
           Json json = Json::parse(reply.body);
@@ -127,7 +133,8 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
           self->say(message({{"type", "view"},
                              {"id", self->view_},
                              {"time_s", or_null(time_s)},
-                             {"against_s", or_null(against_s)}}));
+                             {"against_s", or_null(against_s)},
+                             {"state", *state}}));
         }
         self->go_on();
       });

@@ -133,6 +133,8 @@ class Tracker {
   const Ledger& ledger(std::size_t machine) const;
   /// Where soil is besides the ground and the buckets; zeros where it doesn't move.
   SiteLedger site() const;
+  /// The same but for `ground`, whose chunks are counted: in microseconds, however many they are.
+  SiteLedger booked() const;
   Ledger total() const;
   /// Origins of the chunks that came, went or may have changed since the last call,
   /// sorted.

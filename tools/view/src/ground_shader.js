@@ -104,11 +104,14 @@ export const kTerrainVertex = /* glsl */ `
 attribute vec2 grid;
 attribute float height;
 attribute vec4 facing;         // normal; w is 1 on the walls around the site
+attribute float above;         // the design; -1e9: not known
 uniform float spacing_m, voxel_m;
 uniform vec3 tile_fraction;    // of the tile's corner in its voxel
 varying vec3 scene_at, normal_at, voxel_at;
-varying float wall;
+varying float wall, above_m, unknown;
 void main() {
+  unknown = above < -1e8 ? 1.0 : 0.0;
+  above_m = unknown > 0.5 ? 0.0 : above;
   vec3 local = vec3(grid * spacing_m, height);
   voxel_at = local / voxel_m + tile_fraction;
   vec4 at = modelMatrix * vec4(local, 1.0);
@@ -122,7 +125,7 @@ export const kTerrainFragment = kColouring + kResident + /* glsl */ `
 uniform ivec3 tile_voxel;      // the tile's corner; in whole numbers, for floats have 24 bits
 uniform float reach;           // voxels by which the triangles may be off the ground
 varying vec3 scene_at, normal_at, voxel_at;
-varying float wall;
+varying float wall, above_m, unknown;
 const float kOverlap = 1.0;
 
 bool covered(ivec2 column, int bottom, int top) {
@@ -148,7 +151,8 @@ void main() {
     float layers = clamp(0.5 + 0.28 * sin(2.1 * t) + 0.22 * sin(5.3 * t + 1.1), 0.0, 1.0);
     gl_FragColor = vec4(lit(mix(kSection, kSectionDark, layers), normal), 1.0);
   } else {
-    gl_FragColor = vec4(colored(scene_at, 0.0, mode != 4, 0.0, normal), 1.0);
+    // Known where all corners of the triangle are.
+    gl_FragColor = vec4(colored(scene_at, mode == 4 ? above_m : 0.0, mode != 4 || unknown < 1e-3, 0.0, normal), 1.0);
   }
 }`;
 

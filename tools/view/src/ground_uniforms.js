@@ -5,6 +5,9 @@ import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, LinearMipmapL
 import {kBlockFragment, kBlockVertex, kTerrainFragment, kTerrainVertex} from './ground_shader.js';
 import {clodTexels, kClodTexels, kRampRows, kRampWidth, rampTexels} from './ramps.js';
 
+/** What tiles have as their height above the design where there is none. */
+export const kNotKnown = -1e9;
+
 /** How the ground may be coloured; the place in this list is `mode` in the shaders. */
 export const kModes = ['change', 'depth', 'height', 'loose', 'design'];
 
@@ -53,9 +56,11 @@ export class GroundUniforms {
 
   /** One for each tile; they share one program. */
   terrainMaterial(own) {
-    return new ShaderMaterial({
+    const material = new ShaderMaterial({
       uniforms: {...this.values, ...own}, vertexShader: kTerrainVertex, fragmentShader: kTerrainFragment, side: FrontSide,
     });
+    material.defaultAttributeValues = {above: [kNotKnown]};   // until a tile has its design
+    return material;
   }
 
   /** @param {import('./chunk_table.js').ChunkTable} table just built */

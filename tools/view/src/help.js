@@ -19,12 +19,6 @@ const kKeys = [
   ['This help', ['?'], ''],
 ];
 
-/** The name in a coordinate system's WKT. */
-function crsName(crs) {
-  const name = /^\w+\["([^"]+)"/.exec(crs ?? '')?.[1] ?? crs;
-  return name ? `, ${name}` : '';
-}
-
 export function fillHelp(site) {
   const keys = h('dl', {}, ...kKeys.flatMap(([what, list, when]) => [
     h('dt', {}, ...list.flatMap((k, i) => [i > 0 ? ' ' : '', h('kbd', {}, k)])), h('dd', {}, what, when ? h('span', {class: 'faint'}, ` ${when}`) : null)]));
@@ -36,5 +30,5 @@ export function fillHelp(site) {
     h('h3', {}, 'Colours'),
     h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; what looks like clods is loose soil. Changes smaller than the band under Options are shown as ground.'),
     h('h3', {}, 'Keys'), keys,
-    site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates E, N and height in metres${crsName(site.crs)}.`) : '');
+    site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates E, N and height in metres${site.crs ? `, ${site.crs}` : ''}.`) : '');
 }

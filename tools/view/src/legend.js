@@ -44,7 +44,7 @@ export class Legend {
     this.bar = h('div', {class: 'legend-bar'});
     this.ticks = h('div', {class: 'ticks'});
     this.names = h('div', {class: 'legend-names'});
-    this.unknown = h('p', {class: 'faint'}, 'Grey: not known, nothing was dug there');
+    this.unknown = h('p', {class: 'faint'}, 'Grey: there is no design');
     this.bandLabel = h('label', {title: 'Changes smaller than this are shown as ground'}, 'Ignore below', this.band, this.bandText);
     this.patternLabel = h('label', {}, patterns, 'Stripes on cut, dots on fill');
     this.options = h('details', {}, h('summary', {}, 'Options'), this.bandLabel, this.patternLabel);

@@ -2,13 +2,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The machines in the picture: poses between two states of the server are drawn as time goes by, and
 // a tag above each says its name and load.
-import {Group, Quaternion, Vector3} from 'three';
+import {Box3, Group, Quaternion, Vector3} from 'three';
 import {h} from './dom.js';
 import * as format from './format.js';
 import {MachineModel} from './machine_model.js';
 
 /** Okabe and Ito's colours, which all eyes tell apart; the name in the tag says it as well. */
 export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
+const kOver = ['tools', 'camera', 'legend'];   // elements over the picture that tags aren't to lie under
 const kSmooth_ms = 110;   // states come ten times a second
 
 export class Machines {
@@ -38,11 +39,17 @@ export class Machines {
     return new Vector3(p[0] - this.origin[0], p[1] - this.origin[1], p[2] - this.origin[2]);
   }
 
-  /** @param {Object} state as the server says */
-  update(state) {
+  /** @param {Object} state as the server says @param {boolean} jump it is of another time: nobody drove there */
+  update(state, jump = false) {
     for (const said of state.machines) {
       const m = this.#machines.find(({name}) => name === said.name);
-      if (!m || !said.position) continue;
+      if (!m) continue;
+      if (!said.position) {
+        m.at = m.to = null;
+        m.model.group.visible = false;
+        m.tag.hidden = true;
+        continue;
+      }
       const to = {
         position: this.#local(said.position), rotation: new Quaternion(...said.rotation).normalize(),
         links: (said.links ?? []).map((p) => this.#local(p)),
@@ -53,6 +60,7 @@ export class Machines {
         m.start = performance.now();
       }
       m.to = to;
+      if (jump) m.start = -Infinity;
       m.fill = said.fill ?? (m.capacity_m3 ? said.bucket_m3 / m.capacity_m3 : null);
       m.bar.style.width = `${Math.min(100, 100 * Math.max(0, m.fill ?? 0))}%`;
       m.bar.parentElement.hidden = m.fill === null;
@@ -86,8 +94,19 @@ export class Machines {
     return moving;
   }
 
-  /** Puts tags above the buckets. */
+  /** How far machines reach around a place of the scene, as a box; null: none is near. @param {number} near_m */
+  extentNear(place, near_m) {
+    const box = new Box3();
+    for (const {to} of this.#machines) {
+      if (to && to.position.distanceTo(place) < near_m) [to.position, ...to.links].forEach((p) => box.expandByPoint(p));
+    }
+    return box.isEmpty() ? null : box;
+  }
+
+  /** Puts tags above the buckets, and beside what lies over the picture. */
   placeTags() {
+    const over = kOver.map((id) => document.getElementById(id)).map((e) => ({
+      left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
     for (const m of this.#machines) {
       if (!m.at) continue;
       const top = m.at.position.clone();
@@ -95,8 +114,21 @@ export class Machines {
       const px = this.stage.project(top);
       const inside = px && px[0] > -40 && px[0] < this.stage.width + 40 && px[1] > -20 && px[1] < this.stage.height + 20;
       m.tag.classList.toggle('away', !inside || !this.group.visible);
-      if (inside) m.tag.style.transform = `translate(${px[0].toFixed(1)}px, ${px[1].toFixed(1)}px) translate(-50%, -100%)`;
+      if (!inside) continue;
+      const half = m.tag.offsetWidth / 2, high = m.tag.offsetHeight;
+      let [x, y] = px;
+      for (const box of over) {
+        if (x + half < box.left || x - half > box.right || y < box.top || y - high > box.bottom) continue;
+        if (box.right < this.stage.width / 2 && box.bottom - box.top > box.right - box.left) x = box.right + 4 + half;
+        else if (box.left > this.stage.width / 2) x = box.left - 4 - half;
+        else y = box.top - 4;
+      }
+      m.tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -100%)`;
     }
+  }
+
+  get places() {
+    return this.#machines.map(({name, to}) => ({name, position: to?.position ?? null}));
   }
 
   positionOf(name) {

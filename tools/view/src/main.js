@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The page: puts its parts together when the server has said what site this is.
-import {Vector3} from 'three';
+import {Box3, Vector3} from 'three';
 import * as api from './api.js';
 import {$} from './dom.js';
 import * as format from './format.js';
@@ -81,6 +81,11 @@ class Page {
     handle(this);
   }
 
+  /** A place of the scene in the world. */
+  world(p) {
+    return [p.x + this.origin[0], p.y + this.origin[1], p.z + this.origin[2]];
+  }
+
   setTheme(theme) {
     this.uniforms.values.exposure.value = theme === 'dark' ? 0.8 : 1;
     this.stage.changed();
@@ -98,14 +103,15 @@ class Page {
     if (changed) {
       this.marks.drapeAgain();
       this.fitColours();
-      if (!this.fitted && this.views.settled && this.terrain.settled) this.fitWork(true);
     }
+    if (!this.fitted && this.lifted && this.live && this.views.settled && this.terrain.settled) this.fitWork(true);
     return changed || moving;
   }
 
   /** The camera stands. */
   beforeRender() {
     this.uniforms.values.pixel_ratio.value = this.stage.renderer.getPixelRatio();
+    this.terrain.showsDesign = this.legend.mode === 'design';
     this.terrain.update(this.stage.camera, this.stage.height);
     if (!this.lifted && Number.isFinite(this.terrain.low)) {   // now it is known how high the ground lies
       this.lifted = true;
@@ -124,7 +130,7 @@ class Page {
   fitColours() {
     const {low, high} = this.terrain, {deepest_m, highest_m, fromDesign_m} = this.views.shown.blocks;
     if (!Number.isFinite(low)) return;
-    this.legend.fit({deepest_m, highest_m, fromDesign_m, low_m: low - deepest_m, high_m: high + highest_m, originZ: this.origin[2]});
+    this.legend.fit({deepest_m, highest_m, fromDesign_m: Math.max(fromDesign_m, this.terrain.fromDesign_m), low_m: low - deepest_m, high_m: high + highest_m, originZ: this.origin[2]});
   }
 
   fitSite(now = false) {
@@ -135,16 +141,17 @@ class Page {
 
   /** To where the ground has changed, or where a machine is. */
   fitWork(first = false) {
+    if (first) this.fitted = true;
     const extent = this.views.shown.blocks.extent();
     if (!extent) {
       if (!first) hint('Nothing has changed yet', 2);
       return;
     }
-    const middle = extent.low.clone().add(extent.high).multiplyScalar(0.5), size = extent.high.distanceTo(extent.low);
-    if (first) {
-      this.fitted = true;
-      if (size < 0.02 * this.size_m) return;   // a look at the whole site says more
-    }
+    const box = new Box3(extent.low, extent.high);
+    const machines = this.machines.extentNear(box.getCenter(new Vector3()), 30 + box.getSize(new Vector3()).length());
+    if (machines) box.union(machines);
+    const middle = box.getCenter(new Vector3()), size = box.getSize(new Vector3()).length();
+    if (first && size < 0.02 * this.size_m) return;   // a look at the whole site says more
     this.follow(null);
     this.stage.lookAt(middle, Math.max(6, 1.5 * size) / Math.min(1, this.stage.camera.aspect));
   }
@@ -175,29 +182,34 @@ class Page {
   }
 
   state(state) {
-    this.machines.update(state);
-    this.table.update(state);
-    showTotals(state);
+    this.live = state;
     this.setTimes(state.times);
-    this.time_s = state.time_s;
     this.sayConnection();
+    if (this.shownTimes().time === null) this.showState(state, false);
     const ground = JSON.stringify([state.cut_m3, state.change_m3, state.machines.map((m) => m.bucket_m3)]);
     if (ground !== this.ground && this.ground !== undefined && this.shownTimes().time === null) this.measures.groundChanged();
     this.ground = ground;
   }
 
+  /** Machines and totals of the time shown. */
+  showState(state, jump) {
+    this.machines.update(state, jump);
+    this.table.update(state);
+    showTotals(state);
+  }
+
   sayConnection() {
     const {time} = this.shownTimes();
-    if (time !== null) showConnection('past', `At ${format.time(time)}`);
-    else if (this.site.live) showConnection('live', `Live, ${format.time(this.time_s ?? null)}`);
-    else showConnection('past', `Recorded, ${format.time(this.timeline.times?.to ?? this.time_s ?? null)}`);
+    if (time !== null) showConnection('past', 'Past', format.time(time));
+    else if (this.site.live) showConnection('live', 'Live', format.time(this.live?.time_s ?? null));
+    else showConnection('past', 'Recorded', format.time(this.timeline.times?.to ?? this.live?.time_s ?? null));
   }
 
   /** Another view is on its way. */
   viewComes(view) {
     this.view = view;
     this.views.expect(view.id);
-    this.machines.group.visible = view.time_s === null;   // it isn't said where they were
+    if (view.state ?? this.live) this.showState(view.state ?? this.live, true);
     this.sayConnection();
     this.measures.again();
     this.timeline.answered();

@@ -10,10 +10,11 @@ const kDownloads = [
   ['mesh.glb', 'Mesh', 'GLB'], ['summary.json', 'Summary', 'JSON'],
 ];
 
-/** @param {'wait'|'live'|'past'|'lost'} state @param {string} text */
-export function showConnection(state, text) {
+/** @param {'wait'|'live'|'past'|'lost'} state @param {string} text @param {string} time of what is shown */
+export function showConnection(state, text, time = '') {
   $('connection').dataset.state = state;
   setText($('connection-text'), text);
+  setText($('connection-time'), time);
 }
 
 /** A line that stays until it is taken back with null. @param {?function()} retry */
@@ -38,7 +39,8 @@ export function hint(text, seconds = 0) {
 /** @param {Object} state as the server says */
 export function showTotals(state) {
   const sum = (of) => state.machines.reduce((a, m) => a + (of(m) ?? 0), 0);
-  const parts = [['Cut', format.volume(state.cut_m3), ''], ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less'],
+  const parts = [['Cut', format.volume(state.cut_m3), ''], ['Fill', format.volume(state.fill_m3), ''],
+    ['Net', format.signedVolume(state.change_m3), ''], ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less'],
     ['Working', `${state.machines.filter((m) => m.state === 'working').length} of ${state.machines.length}`, 'less']];
   const key = parts.flat().join();
   if ($('totals').dataset.key === key) return;

@@ -21,6 +21,8 @@ export class Terrain {
   #frame = 0;
   low = Infinity;
   high = -Infinity;
+  showsDesign = false;   // are tiles to know how far they are above it?
+  fromDesign_m = 0;
 
   /**
    * @param {Object} site as the server says
@@ -60,6 +62,11 @@ export class Terrain {
       for (let i = 0; i < this.counts[top][0]; ++i) this.#visit(top, i, j, view);
     }
     for (const tile of this.#drawn) tile.mesh.visible = true;
+    if (this.showsDesign) {
+      for (const tile of this.#drawn) {
+        if (!tile.designed) this.#wanted.push({key: tile.key, place: tile, level: -1, distance: 0});
+      }
+    }
     this.#wanted.sort((a, b) => b.level - a.level || a.distance - b.distance);
     this.#request();
     this.#forget();
@@ -132,26 +139,40 @@ export class Terrain {
 
   #request() {
     while (this.#loading < kRequests && this.#wanted.length > 0) {
-      const {key, place} = this.#wanted.shift();
-      if (this.#tiles.has(key)) continue;
-      this.#tiles.set(key, 'loading');
+      const {key, place} = this.#wanted.shift(), design = place instanceof TerrainTile;
+      if (design ? place.designed : this.#tiles.has(key)) continue;
+      if (design) place.designed = true;
+      else this.#tiles.set(key, 'loading');
       ++this.#loading;
-      this.#load(key, place).finally(() => {
+      (design ? this.#loadDesign(place) : this.#load(key, place)).finally(() => {
         --this.#loading;
         this.changed();
       });
     }
   }
 
+  async #heights(place, more = '') {
+    const bytes = await this.fetchBytes(`/terrain?level=${place.level}&tile=${place.i},${place.j}${more}`);
+    const heights = new Float32Array(bytes);
+    if (heights.length !== place.nx * place.ny) {
+      throw new Error(`a terrain tile has ${heights.length} heights, not ${place.nx} x ${place.ny}`);
+    }
+    if (this.origin[2] !== 0) heights.forEach((z, k) => { heights[k] = z - this.origin[2]; });
+    return heights;
+  }
+
+  async #loadDesign(tile) {
+    try {
+      tile.setDesign(await this.#heights(tile, '&surface=design'));
+      this.fromDesign_m = Math.max(this.fromDesign_m, tile.fromDesign_m);
+    } catch {   // asked for again after a while
+      setTimeout(() => { tile.designed = false; this.changed(); }, kRetry_ms);
+    }
+  }
+
   async #load(key, place) {
     try {
-      const bytes = await this.fetchBytes(`/terrain?level=${place.level}&tile=${place.i},${place.j}`);
-      const heights = new Float32Array(bytes);
-      if (heights.length !== place.nx * place.ny) {
-        throw new Error(`a terrain tile has ${heights.length} heights, not ${place.nx} x ${place.ny}`);
-      }
-      if (this.origin[2] !== 0) heights.forEach((z, k) => { heights[k] = z - this.origin[2]; });
-      this.#add(key, place, heights);
+      this.#add(key, place, await this.#heights(place));
     } catch (error) {   // asked for again when it is wanted again, after a while
       if (error.status === 404) this.#tiles.set(key, 'none');
       else setTimeout(() => { this.#tiles.delete(key); this.changed(); }, kRetry_ms);
@@ -173,6 +194,7 @@ export class Terrain {
       reach: {value: Math.min(64, Math.max(2, place.level === 0 ? 0 : (0.35 * place.spacing_m) / voxel_m))},
     });
     const tile = new TerrainTile(place, heights, material, this.footZ);
+    tile.key = key;
     this.#tiles.set(key, tile);
     this.low = Math.min(this.low, tile.low);
     this.high = Math.max(this.high, tile.high);

@@ -3,6 +3,7 @@
 // One tile of terrain: its posts' heights as a mesh with a skirt, which hides the gaps to coarser
 // neighbours; around the site it is a wall.
 import {BufferAttribute, BufferGeometry, Float32BufferAttribute, Mesh, Sphere, Vector3} from 'three';
+import {kNotKnown} from './ground_uniforms.js';
 
 /** Grids and triangles of all tiles of the same size that have ground everywhere. */
 const shared = new Map();
@@ -137,6 +138,23 @@ export class TerrainTile {
       }
     });
     this.facing.needsUpdate = true;
+  }
+
+  /** @param {Float32Array} heights of the design at the posts, above the scene's datum, NaN: none */
+  setDesign(heights) {
+    const {nx, ny} = this, {rim, grid} = this.form, above = new Float32Array(grid.count);
+    this.fromDesign_m = 0;
+    for (let k = 0; k < nx * ny; ++k) {
+      const d = this.heights[k] - heights[k];
+      above[k] = Number.isNaN(d) ? kNotKnown : d;
+      if (Math.abs(d) > this.fromDesign_m) this.fromDesign_m = Math.abs(d);
+    }
+    rim.forEach(([i, j], k) => {
+      const [u, v] = rim[(k + 1) % rim.length], a = above[j * nx + i], b = above[v * nx + u];
+      above.set([a, a, b, b], nx * ny + 4 * k);
+    });
+    this.mesh.geometry.setAttribute('above', new Float32BufferAttribute(above, 1));
+    this.designed = true;
   }
 
   /** Height at a place in the scene, bilinear; NaN where there is no ground. */

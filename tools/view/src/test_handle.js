@@ -11,7 +11,11 @@ export function handle(page) {
       id: page.views.shown.id, blocks: page.views.shown.blocks.count, vertices: page.views.shown.blocks.vertices,
       settled: page.views.settled, rejected: page.views.rejected, error: page.views.lastError ?? null,
     }),
-    terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles}),
+    terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles, fromDesign_m: page.terrain.fromDesign_m}),
+    /** The time shown, s. */
+    time: () => page.shownTimes().time ?? page.live?.time_s ?? null,
+    /** Name and position of each machine as it is drawn. */
+    machines: () => page.machines.places.map(({name, position}) => ({name, position: position && page.world(position)})),
     frames: () => page.stage.frames,
     memory: () => ({...page.stage.renderer.info.memory}),
     /** Pixels of the window where a place in the world is drawn, or null. */

@@ -23,8 +23,9 @@
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::tools {
+class RunPast;
 class SnapshotSchedule;
-}
+}  // namespace soilvdb::tools
 
 namespace soilvdb::inline v0 {
 
@@ -150,6 +151,8 @@ class Session {
   const Ledger& ledger(std::size_t machine) const;
   Ledger total() const;
   SiteLedger books() const;
+  /// The same but for `ground`, without counting chunks.
+  SiteLedger booked() const;
   /// Mass that a bucket holds; 0 where soil is rigid, for no density is known.
   double bucket_kg(std::size_t machine) const;
   double change_m3() const;  ///< volume of the ground less that of the terrain, counted anew
@@ -210,6 +213,7 @@ class Session {
   void limit_memory(std::uint64_t bytes, const std::filesystem::path& folder);
 
  private:
+  friend class tools::RunPast;
   struct State;
   explicit Session(std::unique_ptr<State> state);
   void replay(const std::filesystem::path& journal, std::uint64_t from, std::uint64_t to,

@@ -1,0 +1,171 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/serve/work_log.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "soilvdb/capacity.h"
+
+namespace soilvdb::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double struck_m3(const Bucket& bucket) {
+  const auto capacity = Capacity::of(bucket);
+  return capacity ? capacity->struck_m3() : 0;
+}
+
+Json numbers(const auto& values) {
+  Json all = Json::array();
+  for (const double value : values) all.push_back(value);
+  return all;
+}
+
+Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& work, bool works) {
+  const SessionMachine& machine = site.machines()[i];
+  const Ledger& ledger = site.ledger(i);
+  const std::optional<double> last_m3 = work.cycles.last_load_m3();
+  Json json = {
+      {"name", machine.name},
+      {"position", nullptr},
+      {"rotation", nullptr},
+      {"links", Json::array()},
+      {"bucket_m3", ledger.bucket_m3()},
+      {"bucket_kg", site.earthmoving().soil ? Json(site.bucket_kg(i)) : Json()},
+      {"fill", work.capacity_m3 > 0 ? Json(ledger.bucket_m3() / work.capacity_m3) : Json()},
+      {"cut_m3", ledger.cut_m3()},
+      {"cycles", work.cycles.cycles()},
+      {"last_load_m3", last_m3 ? Json(*last_m3) : Json()},
+      {"state", "unseen"}};
+  const std::optional<MachineState> last = site.last(i);
+  if (!last) return json;
+  json["position"] = numbers(last->pose.position);
+  json["rotation"] = numbers(last->pose.rotation.coeffs());
+  if (!last->joints.empty())
+    for (const Vec3& place : machine.chain->joint_places(last->joints))
+      json["links"].push_back(numbers(place));
+  json["state"] = works ? "working" : "idle";
+  return json;
+}
+
+}  // namespace
+
+void CycleCounter::add(double load_m3) {
+  if (emptying_) {
+    trough_m3_ = std::min(trough_m3_, load_m3);
+    if (load_m3 < trough_m3_ + std::max(least_m3_, *last_m3_ / 4)) return;
+    emptying_ = false;
+    peak_m3_ = load_m3;
+  }
+  peak_m3_ = std::max(peak_m3_, load_m3);
+  if (!(peak_m3_ > least_m3_) || load_m3 > peak_m3_ / 2) return;
+  ++cycles_;
+  last_m3_ = peak_m3_;
+  trough_m3_ = load_m3;
+  emptying_ = true;
+}
+
+WorkLog::WorkLog(const Session& site)
+    : loose_m3_(site.site().soil->sample_m3() /
+                static_cast<double>(
+                    site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)) {
+  for (const SessionMachine& machine : site.machines()) {
+    const Bucket& bucket = machine.bucket;
+    Machine& work = machines_.emplace_back();
+    work.capacity_m3 = struck_m3(bucket);
+    const double about_m3 = work.capacity_m3 > 0
+                                ? work.capacity_m3
+                                : bucket.width_m * bucket.height_m * bucket.height_m;
+    work.cycles = CycleCounter(about_m3 / 10);
+  }
+}
+
+bool WorkLog::add(std::size_t machine, double time_s, std::vector<double> at, double load_m3) {
+  if (std::isfinite(time_s)) time_s_ = std::fmax(time_s_, time_s);
+  Machine& work = machines_[machine];
+  work.cycles.add(load_m3);
+  const bool moved = at != work.at;
+  work.at = std::move(at);
+  if (moved && !std::isnan(time_s_)) work.moved_s = time_s_;
+  return moved;
+}
+
+void WorkLog::add(const io::JournalState& state) {
+  using Kind = io::JournalState::Kind;
+  if (std::isfinite(state.time_s)) time_s_ = std::fmax(time_s_, state.time_s);
+  if (state.kind != Kind::kPose && state.kind != Kind::kJoints) return;
+  if (state.machine >= machines_.size()) return;
+  add(state.machine, state.time_s, state.values,
+      static_cast<double>(state.bucket_samples) * loose_m3_);
+}
+
+/// Where its rows don't change, it stands.
+void WorkLog::add(const io::JournalMove& move) {
+  time_s_ = std::fmax(time_s_, move.end_s);
+  const io::MotionRows& rows = move.rows;
+  if (move.machine >= machines_.size() || rows.values.size() < rows.columns) return;
+  Machine& work = machines_[move.machine];
+  for (std::size_t i = 0; i < rows.values.size(); i += rows.columns) {
+    const auto row = rows.values.begin() + static_cast<std::ptrdiff_t>(i);
+    std::vector<double> at(row, row + static_cast<std::ptrdiff_t>(rows.columns));
+    if (at != work.at) work.moved_s = move.end_s;
+    work.at = std::move(at);
+  }
+  work.cycles.add(static_cast<double>(move.bucket_samples) * loose_m3_);
+}
+
+bool WorkLog::works(std::size_t machine) const {
+  return time_s_ - machines_[machine].moved_s < kIdleAfter_s;
+}
+
+Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>& works) {
+  Json machines = Json::array();
+  for (std::size_t i = 0; i < works.size(); ++i)
+    machines.push_back(machine_state(site, i, log.machines()[i], works[i]));
+  const Ledger total = site.total();
+  const SiteLedger booked = site.booked();
+  const double sample_m3 = site.site().soil->sample_m3();
+  const std::int64_t fill = booked.fill_samples - booked.gone_samples;
+  return {{"type", "state"},
+          {"time_s", std::isfinite(log.time_s()) ? Json(log.time_s()) : Json()},
+          {"machines", machines},
+          {"cut_m3", total.cut_m3()},
+          {"fill_m3", static_cast<double>(fill) * sample_m3},
+          {"change_m3", static_cast<double>(fill - total.cut()) * sample_m3}};
+}
+
+Json site_state(const Session& site, const WorkLog& log) {
+  std::vector<bool> works;
+  for (std::size_t i = 0; i < log.machines().size(); ++i) works.push_back(log.works(i));
+  return site_state(site, log, works);
+}
+
+std::string machines_csv(const Json& state) {
+  std::string csv = "machine,state,x_m,y_m,z_m,bucket_m3,bucket_kg,cut_m3,cycles,last_load_m3\n";
+  for (const Json& json : state["machines"]) {
+    std::string name = json["name"];
+    if (name.find_first_of(",\"\n\r") != std::string::npos) {
+      std::string quoted;
+      for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+      name = '"' + quoted + '"';
+    }
+    const auto cell = [](const Json& value) {
+      return value.is_null() ? std::string() : value.dump();
+    };
+    const Json& at = json["position"];
+    csv += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", name, json["state"].get<std::string>(),
+                       at.is_null() ? "" : at[0].dump(), at.is_null() ? "" : at[1].dump(),
+                       at.is_null() ? "" : at[2].dump(), cell(json["bucket_m3"]),
+                       cell(json["bucket_kg"]), cell(json["cut_m3"]), cell(json["cycles"]),
+                       cell(json["last_load_m3"]));
+  }
+  return csv;
+}
+
+}  // namespace soilvdb::tools
