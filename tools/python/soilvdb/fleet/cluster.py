@@ -49,13 +49,14 @@ class Outcome(Generic[R]):
     error: BaseException | None
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """--workers and --scheduler, for open_cluster."""
+def add_options(parser: argparse.ArgumentParser) -> Any:
+    """--workers and --scheduler, for open_cluster. @return what excludes them"""
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=_count, metavar="N",
                        help="processes on this machine; default: one per core")
     where.add_argument("--scheduler", metavar="ADDRESS",
                        help="of a Dask cluster that exists, such as tcp://host:8786")
+    return where
 
 
 def _count(text: str) -> int:
