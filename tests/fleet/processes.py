@@ -14,6 +14,8 @@ import sys
 import threading
 import time
 
+import distributed
+
 FLEET = [sys.executable, "-m", "soilvdb.fleet"]
 
 SCENARIO = """soilvdb: 1
@@ -93,6 +95,10 @@ class Processes:
                   "--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory",
                   str(folder / "dask")], cwd=folder,
                  env={**os.environ, **(environments or {}).get(host, {})}) for host in hosts]
+
+    def wait_for_workers(self, count):
+        with distributed.Client(self.address, timeout=60, set_as_default=False) as client:
+            client.wait_for_workers(count, timeout=120)
 
     def __enter__(self):
         return self

@@ -23,7 +23,7 @@ from soilvdb._run import _program
 from soilvdb.fleet.jobs import run_job
 from soilvdb.fleet.manifest import read_manifest
 
-LONG = 400_000  # updates, some seconds
+LONG = 100_000  # updates, about a second
 
 
 def rows(table):
@@ -145,7 +145,7 @@ def test_a_killed_program_is_gone_on_with_at_once(tmp_path):
 
 
 def test_no_program_outlives_its_worker(tmp_path):
-    manifest = write_jobs(tmp_path, [{"job": "a", "updates": 100 * LONG}])
+    manifest = write_jobs(tmp_path, [{"job": "a", "updates": 1000 * LONG}])
     process = in_process(job_of(manifest, tmp_path / "out"))
     wait_until(lambda: (tmp_path / "out/a/updates.csv.part").exists())
     assert len(programs(tmp_path / "out/a")) == 1
@@ -207,6 +207,7 @@ def test_a_full_disk_on_one_host_is_another_host_s_work(tmp_path):
     full = {"LD_PRELOAD": os.environ["SOILVDB_IO_SHIM"], "SHIM_FOLDER": str(out),
             "SHIM_LOG": str(tmp_path / "shim.log"), "SHIM_FAULT": f"short 20 {errno.ENOSPC}"}
     with Processes(tmp_path, hosts=(1, 2), environments={2: full}) as cluster:
+        cluster.wait_for_workers(2)
         done = fleet_run(manifest, out, "--scheduler", cluster.address)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "shim.log").stat().st_size > 0
@@ -233,9 +234,9 @@ def test_jobs_that_fail_are_listed_and_the_others_done(tmp_path):
     assert done.returncode == 1
     assert done.stderr == f"soilvdb: 1 of 3 jobs have no result, see {out}/failed.csv\n"
     assert [row["job"] for row in rows(out / "results.csv")] == ["good", "other"]
-    assert rows(out / "failed.csv") == [{
-        "job": "bad", "exit_status": "2", "message": f"{tmp_path}/bad.yaml:2: unknown key "
-        "'voxl_size'; did you mean 'voxel_size'?"}]
+    failed, = rows(out / "failed.csv")
+    assert (failed["job"], failed["exit_status"]) == ("bad", "2")
+    assert failed["message"].startswith(f"{tmp_path}/bad.yaml:2: unknown key 'voxl_size'")
     (tmp_path / "bad.yaml").write_text(SCENARIO)
     assert fleet_run(manifest, out, "--workers", 1).returncode == 0, "once it is mended"
     (tmp_path / "bad.yaml").write_text(SCENARIO.replace("0.05", "0.025"))

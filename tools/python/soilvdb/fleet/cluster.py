@@ -23,18 +23,18 @@ import importlib
 import logging
 import os
 import queue
+import re
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Generic, TypeVar
 
-from . import InputError
-
 T = TypeVar("T")
 R = TypeVar("R")
 
 ATTEMPTS = 3  # at a task that raises, each on another host where there is one
+PAUSE_S = 3.0  # before each but the first: another host may come, and a disk be cleared
 DEATHS = 10  # of Dask's own three workers each, before a task is what kills them
 PATIENCE_S = 600.0  # for a scheduler that is gone
 QUIET_S = 30.0  # without workers before that is said
@@ -54,7 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> Any:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=_count, metavar="N",
                        help="processes on this machine; default: one per core")
-    where.add_argument("--scheduler", metavar="ADDRESS",
+    where.add_argument("--scheduler", type=_address, metavar="ADDRESS",
                        help="of a Dask cluster that exists, such as tcp://host:8786")
     return where
 
@@ -63,6 +63,12 @@ def _count(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 1024:
         raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 1 to 1024")
     return int(text)
+
+
+def _address(text: str) -> str:
+    if not re.fullmatch(r"((tcp|tls|ucx|wss?)://)?[^\s/]+:[0-9]+", text):
+        raise argparse.ArgumentTypeError(f"'{text}' is no address; tcp://host:8786 is one")
+    return text
 
 
 def _dask() -> Any:
@@ -89,9 +95,6 @@ class Cluster:
             try:
                 self.client = _dask().Client(self._address, timeout=10, set_as_default=False)
                 return
-            except ValueError as error:
-                raise InputError(f"--scheduler {self._address}: is no address; "
-                                 "tcp://host:8786 is one") from error
             except OSError as error:
                 if time.monotonic() >= end:
                     raise RuntimeError(f"{self._address}: no Dask scheduler answers") from error
@@ -145,7 +148,9 @@ def _host(address: str) -> str:
 class _Task:
     attempts: int = 0
     deaths: int = 0
+    due_s: float = 0.0  # not before
     failed_on: set[str] = dataclasses.field(default_factory=set)
+    tied_to: list[str] = dataclasses.field(default_factory=list)  # workers, where not any will do
 
 
 class _Tasks(Generic[T, R]):
@@ -184,27 +189,40 @@ class _Tasks(Generic[T, R]):
         finally:
             self._futures.clear()
 
-    def _submit(self) -> None:
-        if not self._waiting:
-            return
-        client = self._cluster.client
-        now = time.monotonic()
-        if now > self._asked_s + 1:
-            self._threads, self._asked_s = client.nthreads(), now
+    def _look(self, now_s: float) -> None:
+        """Which workers are there, and who waits for those that are not?"""
+        self._threads, self._asked_s = self._cluster.client.nthreads(), now_s
         if self._threads:
-            self._busy_s = now
-        elif now > self._busy_s + QUIET_S:
+            self._busy_s = now_s
+        elif now_s > self._busy_s + QUIET_S:
             print("soilvdb: warning: the scheduler has no workers; waiting for some",
                   file=sys.stderr)
             self._busy_s = float("inf")
+        for index in list(self._futures):
+            tied_to = self._tasks[index].tied_to
+            if tied_to and not any(worker in self._threads for worker in tied_to):
+                del self._futures[index]
+                self._waiting.append(index)
+
+    def _submit(self) -> None:
+        client = self._cluster.client
+        now = time.monotonic()
+        if now > self._asked_s + 1:
+            self._look(now)
         room = 2 * sum(self._threads.values()) - len(self._futures)
-        for _ in range(min(room, len(self._waiting))):
+        for _ in range(len(self._waiting)):
+            if room <= 0:
+                return
             index = self._waiting.popleft()
+            if now < self._tasks[index].due_s:
+                self._waiting.append(index)
+                continue
+            room -= 1
             failed_on = self._tasks[index].failed_on
             others = [worker for worker in self._threads if _host(worker) not in failed_on]
-            elsewhere = {"workers": others, "allow_other_workers": True}
+            self._tasks[index].tied_to = others if failed_on else []
             future = client.submit(_call, self._function, self._inputs[index], pure=False,
-                                   **(elsewhere if failed_on and others else {}))
+                                   workers=self._tasks[index].tied_to or None)
             self._futures[index] = future
             future.add_done_callback(lambda done, at=index: self._events.put((at, done)))
 
@@ -236,6 +254,7 @@ class _Tasks(Generic[T, R]):
         del self._futures[index]
         if not again:
             return Outcome(index, None, error)
+        task.due_s = time.monotonic() + PAUSE_S
         self._waiting.append(index)
         return None
 
@@ -251,7 +270,7 @@ def run_tasks(cluster: Cluster, function: Callable[[T], R],
     """Calls function(task) for each of the tasks on the cluster's workers, which have to be able
     to import it, and yields what became of them as it comes: one outcome for each, in any order.
 
-    A task that raises is tried three times, on other hosts where there are some. Raises
+    A task that raises is tried three times, on other hosts where there are some and after a pause. Raises
     RuntimeError when the scheduler stays away for ten minutes.
     """
     return _Tasks(cluster, function, tasks).outcomes()
