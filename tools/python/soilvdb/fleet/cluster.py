@@ -115,9 +115,7 @@ def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster
     """
     dask = _dask()
     # Each loss is gone on with; a thousand lines about it would hide what is wrong.
-    for name in list(logging.root.manager.loggerDict):
-        if name.startswith(("distributed", "tornado")):
-            logging.getLogger(name).setLevel(logging.CRITICAL)
+    logging.disable(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         if scheduler is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="soilvdb-"))
