@@ -199,6 +199,25 @@ def test_workers_that_die_and_schedulers_that_are_restarted_change_no_bit(tmp_pa
         assert verified.returncode == 0
 
 
+def test_schedulers_may_be_restarted_more_often_than_jobs_may_fail(tmp_path):
+    manifest = write_jobs(tmp_path, [{"job": "a", "updates": 10 * LONG}])
+    out = tmp_path / "out"
+    with Processes(tmp_path, hosts=(1,)) as cluster:
+        process = subprocess.Popen(
+            [*FLEET, "run", manifest, "--out", out, "--scheduler", cluster.address],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        try:
+            for _ in range(4):
+                wait_until(lambda: programs(out / "a"))
+                cluster.scheduler.kill()
+                wait_until(lambda: not programs(out / "a"))
+            said = process.communicate(timeout=300)
+        finally:
+            process.kill()
+    assert (process.returncode, said[1]) == (0, "")
+    assert rows(out / "results.csv")[0]["updates"] == str(10 * LONG)
+
+
 @pytest.mark.skipif("SOILVDB_IO_SHIM" not in os.environ, reason="that fills disks; ctest builds it")
 def test_a_full_disk_on_one_host_is_another_host_s_work(tmp_path):
     jobs = [{"job": f"j{i}", "updates": 400} for i in range(12)]

@@ -28,6 +28,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent import futures
 from typing import Any, Generic, TypeVar
 
 T = TypeVar("T")
@@ -229,7 +230,7 @@ class _Tasks(Generic[T, R]):
         task = self._tasks[index]
         try:
             host, value, error = future.result(timeout=60)
-        except (asyncio.CancelledError, asyncio.TimeoutError, OSError):
+        except (asyncio.CancelledError, futures.CancelledError, asyncio.TimeoutError, OSError):
             # Not this one alone: clients cancel all they have when the scheduler is gone.
             self._lose_all()
             return None
