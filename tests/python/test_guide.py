@@ -69,7 +69,8 @@ def prefix(tmp_path_factory):
 
 
 def run_blocks(page, folder, **environment):
-    environment = dict(os.environ, PATH=f"{BUILD}:{os.environ['PATH']}",
+    python = Path(sys.executable).parent  # python3 is this one
+    environment = dict(os.environ, PATH=f"{BUILD}:{python}:{os.environ['PATH']}",
                        PYTHONPATH=str(BUILD / "python"), **environment)
     done = subprocess.run([sys.executable, "-c", RUNNER, page.name], cwd=folder, text=True,
                           input=json.dumps(blocks(page)), env=environment, capture_output=True,

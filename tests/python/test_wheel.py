@@ -44,12 +44,13 @@ def test_it_has_all_files_and_no_other(wheel):
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         metadata, kind = (HeaderParser().parsestr(archive.read(
             f"soilvdb-{version()}.dist-info/{name}").decode()) for name in ("METADATA", "WHEEL"))
-    sources = {f"soilvdb/{file.name}" for file in (PYTHON / "soilvdb").iterdir() if file.is_file()}
-    assert {"soilvdb/__init__.py", "soilvdb/_soilvdb.pyi", "soilvdb/py.typed"} <= sources
+    sources = {str(file.relative_to(PYTHON)) for file in (PYTHON / "soilvdb").rglob("*.*")
+               if file.suffix != ".pyc"}
+    assert {"soilvdb/__init__.py", "soilvdb/fleet/__main__.py", "soilvdb/_soilvdb.pyi", "soilvdb/py.typed"} <= sources
     compiled = [name for name in names - sources if re.fullmatch(r"soilvdb/_soilvdb\..*\.so", name)]
     assert names - sources == set(compiled) and sources <= names and len(compiled) == 1
     assert metadata["Name"] == "soilvdb" and metadata["Version"] == version()
-    assert metadata.get_all("Requires-Dist") == ["numpy"]
+    assert metadata.get_all("Requires-Dist") == ["numpy", "distributed ; extra == 'fleet'"]
     tag = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert kind["Root-Is-Purelib"] == "false" and kind["Tag"].startswith(f"{tag}-{tag}-linux_")
 

@@ -1,0 +1,275 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tasks on a Dask cluster, of this machine's cores or one that exists.
+
+    with open_cluster(arguments.workers, arguments.scheduler) as cluster:
+        for outcome in run_tasks(cluster, function, tasks):
+            if outcome.error is None:
+                results[outcome.index] = outcome.value
+
+What a worker does when it dies is done again by another, and all of it when the scheduler was
+restarted: `function` may be called more than once for a task, even at the same time, and
+each task has one outcome.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import collections
+import contextlib
+import dataclasses
+import importlib
+import logging
+import os
+import queue
+import re
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent import futures
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+ATTEMPTS = 3  # at a task that raises, each on another host where there is one
+PAUSE_S = 3.0  # before each but the first: another host may come, and a disk be cleared
+DEATHS = 10  # of Dask's own three workers each, before a task is what kills them
+PATIENCE_S = 600.0  # for a scheduler that is gone
+QUIET_S = 30.0  # without workers before that is said
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome(Generic[R]):
+    """What became of a task: its value, or the exception of the last attempt."""
+
+    index: int
+    value: R | None
+    error: BaseException | None
+
+
+def add_options(parser: argparse.ArgumentParser) -> Any:
+    """--workers and --scheduler, for open_cluster. @return what excludes them"""
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=_count, metavar="N",
+                       help="processes on this machine; default: one per core")
+    where.add_argument("--scheduler", type=_address, metavar="ADDRESS",
+                       help="of a Dask cluster that exists, such as tcp://host:8786")
+    return where
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= 1024:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 1 to 1024")
+    return int(text)
+
+
+def _address(text: str) -> str:
+    if not re.fullmatch(r"((tcp|tls|ucx|wss?)://)?[^\s/]+:[0-9]+", text):
+        raise argparse.ArgumentTypeError(f"'{text}' is no address; tcp://host:8786 is one")
+    return text
+
+
+def _dask() -> Any:
+    try:
+        return importlib.import_module("distributed")
+    except ImportError as error:
+        raise RuntimeError("Dask is missing: apt install python3-distributed, or "
+                           "pip install distributed") from error
+
+
+class Cluster:
+    """A client of a scheduler, and another one once that was restarted. Of one thread."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self.client: Any = None
+        self.connect(patience_s=0.0)
+
+    def connect(self, patience_s: float = PATIENCE_S) -> None:
+        """Anew. Raises RuntimeError where no scheduler answers for so long."""
+        self.close()
+        end = time.monotonic() + patience_s
+        while True:
+            try:
+                self.client = _dask().Client(self._address, timeout=10, set_as_default=False)
+                return
+            except OSError as error:
+                if time.monotonic() >= end:
+                    raise RuntimeError(f"{self._address}: no Dask scheduler answers") from error
+            time.sleep(0.2)
+
+    def close(self) -> None:
+        if self.client is not None:
+            with contextlib.suppress(Exception):
+                self.client.close(timeout=2)
+        self.client = None
+
+
+@contextlib.contextmanager
+def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster]:
+    """The cluster of a scheduler, or one of so many processes of this machine, which end with it.
+
+    workers: default one per core. Raises RuntimeError where there is no Dask or no scheduler.
+    """
+    dask = _dask()
+    # Each loss is gone on with; a thousand lines about it would hide what is wrong.
+    logging.disable(logging.CRITICAL)
+    with contextlib.ExitStack() as stack:
+        if scheduler is None:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="soilvdb-"))
+            local = stack.enter_context(dask.LocalCluster(
+                n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
+                dashboard_address=None, memory_limit=0, local_directory=folder,
+                silence_logs=logging.CRITICAL))
+            scheduler = str(local.scheduler_address)
+        cluster = Cluster(scheduler)
+        stack.callback(cluster.close)
+        yield cluster
+
+
+def _call(function: Callable[[T], R], task: T) -> tuple[str, R | None, BaseException | None]:
+    """On a worker: the host's address, and what became of it."""
+    host = _host(_dask().get_worker().address)
+    try:
+        return host, function(task), None
+    except Exception as error:  # pylint: disable=broad-except  # all of it is the task's outcome
+        return host, None, error
+
+
+def _host(address: str) -> str:
+    return address.rpartition("/")[2].rpartition(":")[0]
+
+
+@dataclasses.dataclass
+class _Task:
+    attempts: int = 0
+    deaths: int = 0
+    due_s: float = 0.0  # not before
+    failed_on: set[str] = dataclasses.field(default_factory=set)
+    tied_to: list[str] = dataclasses.field(default_factory=list)  # workers, where not any will do
+
+
+class _Tasks(Generic[T, R]):
+    """Tasks that are waiting, on their way and done. Only twice as many are on their way as there
+    are threads: so workers that join late have a share, and a scheduler that is restarted is
+    soon told all."""
+
+    def __init__(self, cluster: Cluster, function: Callable[[T], R], tasks: Sequence[T]) -> None:
+        self._cluster, self._function, self._inputs = cluster, function, tasks
+        self._tasks = [_Task() for _ in tasks]
+        self._waiting = collections.deque(range(len(tasks)))
+        self._futures: dict[int, Any] = {}
+        self._events: queue.SimpleQueue[tuple[int, Any]] = queue.SimpleQueue()
+        self._threads: dict[str, int] = {}  # of each worker
+        self._asked_s = -1e9
+        self._busy_s = time.monotonic()
+
+    def outcomes(self) -> Iterator[Outcome[R]]:
+        try:
+            while self._waiting or self._futures:
+                try:
+                    self._submit()
+                    index, future = self._events.get(timeout=1)
+                except queue.Empty:
+                    if self._cluster.client.status != "running":
+                        self._lose_all()
+                    continue
+                except (asyncio.TimeoutError, OSError):  # of the scheduler
+                    self._lose_all()
+                    continue
+                if self._futures.get(index) is not future:
+                    continue  # of before the scheduler was restarted
+                outcome = self._take(index, future)
+                if outcome:
+                    yield outcome
+        finally:
+            self._futures.clear()
+
+    def _look(self, now_s: float) -> None:
+        """Which workers are there, and who waits for those that are not?"""
+        self._threads, self._asked_s = self._cluster.client.nthreads(), now_s
+        if self._threads:
+            self._busy_s = now_s
+        elif now_s > self._busy_s + QUIET_S:
+            print("soilvdb: warning: the scheduler has no workers; waiting for some",
+                  file=sys.stderr)
+            self._busy_s = float("inf")
+        for index in list(self._futures):
+            tied_to = self._tasks[index].tied_to
+            if tied_to and not any(worker in self._threads for worker in tied_to):
+                del self._futures[index]
+                self._waiting.append(index)
+
+    def _submit(self) -> None:
+        client = self._cluster.client
+        now = time.monotonic()
+        if now > self._asked_s + 1:
+            self._look(now)
+        room = 2 * sum(self._threads.values()) - len(self._futures)
+        for _ in range(len(self._waiting)):
+            if room <= 0:
+                return
+            index = self._waiting.popleft()
+            if now < self._tasks[index].due_s:
+                self._waiting.append(index)
+                continue
+            room -= 1
+            failed_on = self._tasks[index].failed_on
+            others = [worker for worker in self._threads if _host(worker) not in failed_on]
+            self._tasks[index].tied_to = others if failed_on else []
+            future = client.submit(_call, self._function, self._inputs[index], pure=False,
+                                   workers=self._tasks[index].tied_to or None)
+            self._futures[index] = future
+            future.add_done_callback(lambda done, at=index: self._events.put((at, done)))
+
+    def _take(self, index: int, future: Any) -> Outcome[R] | None:
+        """What became of a task, unless it is tried again."""
+        task = self._tasks[index]
+        try:
+            host, value, error = future.result(timeout=60)
+        except (asyncio.CancelledError, futures.CancelledError, asyncio.TimeoutError, OSError):
+            # Not this one alone: clients cancel all they have when the scheduler is gone.
+            self._lose_all()
+            return None
+        except _dask().KilledWorker:
+            task.deaths += 1
+            host, value = "", None
+            error = RuntimeError("the worker at it died, again and again")
+            again = task.deaths < DEATHS
+        except Exception as failure:  # pylint: disable=broad-except  # a worker without the module
+            host, value, error = "", None, failure
+            task.attempts += 1
+            again = task.attempts < ATTEMPTS
+        else:
+            if error is None:
+                del self._futures[index]
+                return Outcome(index, value, None)
+            task.attempts += 1
+            task.failed_on.add(host)
+            again = task.attempts < ATTEMPTS
+        del self._futures[index]
+        if not again:
+            return Outcome(index, None, error)
+        task.due_s = time.monotonic() + PAUSE_S
+        self._waiting.append(index)
+        return None
+
+    def _lose_all(self) -> None:
+        self._waiting.extendleft(sorted(self._futures, reverse=True))
+        self._futures.clear()
+        self._asked_s = -1e9
+        self._cluster.connect()
+
+
+def run_tasks(cluster: Cluster, function: Callable[[T], R],
+              tasks: Sequence[T]) -> Iterator[Outcome[R]]:
+    """Calls function(task) for each of the tasks on the cluster's workers, which have to be able
+    to import it, and yields what became of them as it comes: one outcome for each, in any order.
+
+    A task that raises is tried three times, on other hosts where there are some and after a pause. Raises
+    RuntimeError when the scheduler stays away for ten minutes.
+    """
+    return _Tasks(cluster, function, tasks).outcomes()
