@@ -50,7 +50,8 @@ def test_it_has_all_files_and_no_other(wheel):
     compiled = [name for name in names - sources if re.fullmatch(r"soilvdb/_soilvdb\..*\.so", name)]
     assert names - sources == set(compiled) and sources <= names and len(compiled) == 1
     assert metadata["Name"] == "soilvdb" and metadata["Version"] == version()
-    assert metadata.get_all("Requires-Dist") == ["numpy", "distributed ; extra == 'fleet'"]
+    assert metadata.get_all("Requires-Dist") == [
+        "numpy", *(f"{name} ; extra == 'fleet'" for name in ("distributed", "matplotlib", "pyyaml"))]
     tag = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert kind["Root-Is-Purelib"] == "false" and kind["Tag"].startswith(f"{tag}-{tag}-linux_")
 

@@ -14,8 +14,9 @@ import soilvdb
 
 
 def text_of(thing):
-    """A docstring without the signature that pybind11 puts before it."""
-    lines = (inspect.getdoc(thing) or "").splitlines()
+    """A docstring without the signature that pybind11 puts before it, and without examples."""
+    paragraphs = (inspect.getdoc(thing) or "").split("\n\n")
+    lines = "\n".join(p for p in paragraphs if not p.startswith("    ")).splitlines()
     if lines and "->" in lines[0] and "(" in lines[0]:
         lines = lines[1:]
     return textwrap.fill(" ".join(" ".join(lines).split()), 120)
@@ -55,6 +56,18 @@ def section(heading, thing):
     return f"### `{heading}`\n\n{text_of(thing)}\n"
 
 
+def arguments_of(function):
+    """Of one that is written in Python, without types."""
+    parts, named = [], False
+    for p in inspect.signature(function).parameters.values():
+        if p.kind is p.KEYWORD_ONLY and not named:
+            parts.append("*")
+            named = True
+        if p.name != "self":
+            parts.append(p.name + ("" if p.default is p.empty else "=..."))
+    return ", ".join(parts)
+
+
 def main():
     stub = ast.parse((Path(soilvdb.__file__).parent / "_soilvdb.pyi").read_text())
     print("# Reference of the Python module\n")
@@ -75,14 +88,19 @@ def main():
                 print(section(signature(node.name, init[0]), thing.__init__))
             for member in members(node, thing):
                 print(member)
+    for thing in (soilvdb.Ensemble, soilvdb.Spread):
+        print(f"## {thing.__name__}\n\n{text_of(thing)}\n")
+        if thing is soilvdb.Spread:
+            continue
+        for name in ("__init__", "update", "load", "cut"):
+            function = getattr(thing, name)
+            heading = f"{thing.__name__ if name == '__init__' else name}({arguments_of(function)})"
+            print(section(heading, function) if name != "__init__" else f"### `{heading}`\n")
     print("## Functions\n")
     for node in stub.body:
         if isinstance(node, ast.FunctionDef):
             print(section(signature(node.name, node), getattr(soilvdb, node.name)))
-    arguments = [("*, " if p.name == "voxel" else "") + p.name +
-                 ("=..." if p.default is not p.empty else "")
-                 for p in inspect.signature(soilvdb.run).parameters.values()]
-    print(section(f"run({', '.join(arguments)})", soilvdb.run).strip())
+    print(section(f"run({arguments_of(soilvdb.run)})", soilvdb.run).strip())
 
 
 if __name__ == "__main__":

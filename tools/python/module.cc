@@ -21,5 +21,6 @@ PYBIND11_MODULE(_soilvdb, m) {
   m.attr("__version__") = SOILVDB_VERSION;
   soilvdb::python::bind_values(m);
   soilvdb::python::bind_site(m);
+  soilvdb::python::bind_files(m);
   soilvdb::python::explain_wrong_calls(m);
 }

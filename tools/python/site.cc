@@ -241,6 +241,29 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
   return all;
 }
 
+/// Where joints bring a bucket, of one row of them or many.
+py::tuple pose_by_joints(Site& site, const MachineName& machine, const py::object& joints) {
+  const Array given = array_of(joints, "joints");
+  if (given.ndim() < 1 || given.ndim() > 2 || given.shape(given.ndim() - 1) == 0)
+    throw py::value_error("joints must have the shape (joints,) or (N, joints)");
+  const py::ssize_t count = given.ndim() == 2 ? given.shape(0) : 1;
+  const auto width = static_cast<std::size_t>(given.shape(given.ndim() - 1));
+  const std::vector<double> values(given.data(), given.data() + given.size());
+  Array positions({count, py::ssize_t{3}}), turns({count, py::ssize_t{4}});
+  double *position = positions.mutable_data(), *turn = turns.mutable_data();
+  site.with([&](Session& session) {
+    const std::size_t number = machine_of(session, machine);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+      const Pose pose = session.pose(number, std::span(values).subspan(i * width, width));
+      position = std::copy(pose.position.begin(), pose.position.end(), position);
+      const Eigen::Vector4d xyzw = pose.rotation.coeffs();
+      turn = std::copy(xyzw.begin(), xyzw.end(), turn);
+    }
+  });
+  if (given.ndim() == 2) return py::make_tuple(positions, turns);
+  return py::make_tuple(positions.reshape({3}), turns.reshape({4}));
+}
+
 Array heights(Site& site, const py::object& xy) {
   const Array given = rows(xy, "xy", 2);
   const auto count = static_cast<std::size_t>(given.shape(0));
@@ -293,8 +316,11 @@ std::vector<Patch> changed_patches(Site& site) {
 }
 
 py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
-  double kg = 0;
+  double kg = 0, sample_m3 = 0;
+  SiteLedger books;
   const Ledger ledger = site.with([&](Session& session) {
+    books = session.booked();
+    sample_m3 = session.site().soil->sample_m3();
     if (!machine) return session.total();
     const std::size_t number = machine_of(session, *machine);
     kg = session.bucket_kg(number);
@@ -307,7 +333,17 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
   all["bucket_m3"] = ledger.bucket_m3();
   all["spilled_m3"] = ledger.spilled_m3();
   all["dumped_m3"] = ledger.dumped_m3();
-  if (machine) all["bucket_kg"] = kg;
+  if (machine) {
+    all["bucket_kg"] = kg;
+    return all;
+  }
+  const auto loose_m3 = [&](std::int64_t mass) {
+    return books.units.loose_samples(mass) * sample_m3;
+  };
+  all["poured_m3"] = loose_m3(books.poured);
+  all["hauled_m3"] = loose_m3(books.hauled);
+  all["slid_m3"] = loose_m3(books.slid);
+  all["fill_m3"] = static_cast<double>(books.fill_samples) * sample_m3;
   return all;
 }
 
@@ -468,6 +504,36 @@ void bind_site(py::module_& m) {
            "spilled_m3, slid_m3, us. Ends at the first bad state with the error of update(), which "
            "says its number; those before it have moved.")
       .def(
+          "joints",
+          [](Site& s, const MachineName& machine) {
+            return s.with([&](Session& session) {
+              const auto& chain = session.machines()[machine_of(session, machine)].chain;
+              return chain ? chain->movable() : std::vector<std::string>();
+            });
+          },
+          py::arg("machine"), "Names of a machine's joints, in their order; empty: it has none.")
+      .def(
+          "base",
+          [](Site& s, const MachineName& machine) {
+            const Pose base = s.with([&](Session& session) {
+              const SessionMachine& one = session.machines()[machine_of(session, machine)];
+              if (!one.chain)
+                throw std::invalid_argument("machine '" + one.name + "' has no joints");
+              return one.chain->world_from_root;
+            });
+            const Eigen::Vector4d xyzw = base.rotation.coeffs();
+            return py::make_tuple(Array(py::ssize_t{3}, base.position.data()),
+                                  Array(py::ssize_t{4}, xyzw.data()));
+          },
+          py::arg("machine"),
+          "Where the root of a machine's joints is: (position, rotation), (3,) and x, y, z, w, "
+          "(4,), world. Raises ValueError for a machine without joints.")
+      .def("pose", &pose_by_joints, py::arg("machine"), py::arg("joints"),
+           "Where joints bring a bucket, without moving it. joints: (joints,), rad or m, or (N, "
+           "joints). Returns (position, rotation), (3,) and x, y, z, w, (4,), or (N, 3) and (N, "
+           "4), world. Raises ValueError for a machine without joints, or with another number of "
+           "them.")
+      .def(
           "pour",
           [](Site& s, double until) {
             require_good(s.with([&](Session& session) { return session.pour(until); }));
@@ -498,7 +564,10 @@ void bind_site(py::module_& m) {
            "Patches of the surface that changed since the last call, at first all of them.")
       .def("ledger", &ledger_of, py::arg("machine") = none,
            "Volumes booked for a machine, or for all: cut, captured and displaced in place, the "
-           "bucket's load, what was spilled and dumped loose, m3; for one also bucket_kg.")
+           "bucket's load, what was spilled and dumped loose, m3. For one also bucket_kg; for all "
+           "what "
+           "was added to the ground by soil that moves, fill_m3, and loose what pours brought, "
+           "hoppers took and slopes lost: poured_m3, hauled_m3, slid_m3.")
       .def(
           "change_m3",
           [](Site& s) { return s.with([](Session& session) { return session.change_m3(); }); },

@@ -32,6 +32,7 @@ struct MachineValue {
 
 void bind_values(pybind11::module_& m);
 void bind_site(pybind11::module_& m);
+void bind_files(pybind11::module_& m);
 /// Has all functions of the module say in one line what was wrong with a call's arguments, of which
 /// pybind11 prints all that it knows. @pre everything is bound
 void explain_wrong_calls(pybind11::module_& m);

@@ -26,14 +26,19 @@ from ._soilvdb import (
     Terrain,
     Update,
     __version__,
+    motions,
     plane,
     raster,
+    read_raster,
     snapshot,
     update_many,
+    write_raster,
 )
+from .ensemble import Ensemble, Spread
 
 __all__ = [
     "Bucket",
+    "Ensemble",
     "Hopper",
     "Machine",
     "NoGroundError",
@@ -41,18 +46,22 @@ __all__ = [
     "Pour",
     "Site",
     "Soil",
+    "Spread",
     "Terrain",
     "Update",
     "__version__",
+    "motions",
     "plane",
     "raster",
+    "read_raster",
     "run",
     "snapshot",
     "update_many",
+    "write_raster",
 ]
 
-for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, plane, raster,
-               snapshot, update_many):
+for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, motions, plane,
+               raster, read_raster, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 

@@ -1,0 +1,266 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""python3 -m soilvdb.fleet uncertainty: against closed forms, digs that are known, and itself."""
+
+import csv
+import json
+import math
+import subprocess
+import time
+
+import numpy as np
+import pytest
+from closed_forms import (DEPTH, LENGTH, WIDTH, correlated_terrain, covered, drifting_height,
+                          flat_pass, repeated_passes, scene, systematic_terrain,
+                          uncorrelated_terrain, white_height, wide_bucket, write_pass)
+from processes import FLEET, Processes
+
+import soilvdb
+from soilvdb import noise as noises
+from soilvdb.fleet import InputError
+from soilvdb.fleet.cycles import Cycle, cycles_of, nearest_cycles
+from soilvdb.fleet.uncertainty import first_order, spread
+
+NOISE = "position: {bias: [0, 0, 0.01], white: 0.001}\nbucket: {width: 0.02}\n"
+
+
+def uncertainty(scenario, noise, out, *options):
+    return subprocess.run([*FLEET, "uncertainty", str(scenario), "--noise", str(noise), "--out",
+                           str(out), *map(str, options)], capture_output=True, text=True,
+                          check=False, timeout=500)
+
+
+@pytest.mark.parametrize("case, sigma, draws, within", [
+    (flat_pass, 0.01, 300, 0.05), (systematic_terrain, 0.01, 100, 0.05),
+    (uncorrelated_terrain, 0.02, 100, 0.1), (correlated_terrain, 0.02, 100, 0.1),
+    (drifting_height, 0.01, 300, 0.1), (white_height, 0.005, 300, 0.1),
+    (wide_bucket, 0.01, 200, 0.05)])
+def test_sigmas_are_those_of_closed_forms(tmp_path, case, sigma, draws, within):
+    found = case(tmp_path, sigma, draws)
+    assert found.within(within), found
+
+
+def test_a_constant_error_cancels_but_for_the_first_pass(tmp_path):
+    of_passes = repeated_passes(tmp_path, 0.01, 60)
+    assert 0.7 < of_passes[0] < 1.3
+    assert max(of_passes[1:]) < 0.02
+
+
+def test_true_loads_lie_within_the_band(tmp_path):
+    assert 0.7 <= covered(tmp_path, 24, 60) <= 1.0  # 90 % of them would; see tools/bench fleet
+
+
+def test_what_is_written(tmp_path):
+    scenario = write_pass(tmp_path)
+    (tmp_path / "noise.yaml").write_text(NOISE)
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 60)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((tmp_path / "out/uncertainty.json").read_text())
+    assert report["draws"] == 60 and report["sources"] == ["position.bias", "position.white",
+                                                           "bucket.width"]
+    machine = report["machines"][0]
+    assert machine["name"] == "digger"
+    with open(tmp_path / "out/draws.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["draw"] for row in rows] == [str(i) for i in range(60)]
+    for key in ("bucket_m3", "cut_m3"):
+        values = np.array([float(row[key]) for row in rows])
+        figure = machine[key]
+        assert figure["mean"] == pytest.approx(values.mean(), rel=1e-12)
+        assert figure["sigma"] == pytest.approx(values.std(ddof=1), rel=1e-9)
+        assert [figure["p05"], figure["p95"]] == pytest.approx(np.percentile(values, (5, 95)))
+        assert figure["recorded"] == pytest.approx(WIDTH * LENGTH * DEPTH, rel=1e-3)
+    right = math.hypot(WIDTH * LENGTH * 0.01, 0.02 * LENGTH * DEPTH)
+    assert machine["cut_m3"]["sigma"] == pytest.approx(right, rel=0.05 + 3 / math.sqrt(120))
+    assert report["cut_m3"]["sigma"] == machine["cut_m3"]["sigma"]
+    heights, first, spacing, _ = soilvdb.read_raster(tmp_path / "out/height_sigma.tif")
+
+    def sigma_at(x, y):
+        return heights[round((y - first[1]) / spacing[1]), round((x - first[0]) / spacing[0])]
+
+    assert sigma_at(1.2, 0.0) == pytest.approx(0.01, rel=0.3)
+    assert sigma_at(1.2, 0.9) == 0 and sigma_at(-0.3, 0.0) == 0
+    assert (tmp_path / "out/load.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path):
+    scenario = write_pass(tmp_path, rows=200)
+    (tmp_path / "noise.yaml").write_text(NOISE + "terrain: {white: 0.01, cell: 0.5}\n")
+    options = ("--draws", 40, "--seed", 7)
+    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "one", *options, "--workers", 1)
+    with Processes(tmp_path, hosts=(1, 1)) as cluster:
+        process = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise",
+                                    tmp_path / "noise.yaml", "--out", tmp_path / "two",
+                                    *map(str, options), "--scheduler", cluster.address],
+                                   stdout=subprocess.DEVNULL)
+        while process.poll() is None:
+            time.sleep(1.5)
+            cluster.workers[0].kill()
+    assert process.returncode == 0
+    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "other", "--draws", 40, "--seed", 8)
+    for name in ("uncertainty.json", "draws.csv", "height_sigma.tif", "load.png"):
+        one, two, other = ((tmp_path / out / name).read_bytes() for out in ("one", "two", "other"))
+        assert one == two, name
+        assert one != other, name
+
+
+def test_sobol_indices_are_the_shares_of_variances(tmp_path):
+    """Of the cut of a flat pass: of its height's variance and its width's."""
+    height, width = 0.01, 0.03
+    scenario = write_pass(tmp_path)
+    (tmp_path / "noise.yaml").write_text(
+        f"position: {{bias: [0, 0, {height}]}}\nbucket: {{width: {width}}}\n")
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 500)
+    assert done.returncode == 0
+    variances = {"position.bias": (WIDTH * LENGTH * height)**2,
+                 "bucket.width": (width * LENGTH * DEPTH)**2}
+    report = json.loads((tmp_path / "out/uncertainty.json").read_text())
+    found = report["machines"][0]["cut_m3"]["sobol"]
+    assert set(found) == set(variances)
+    for source, variance in variances.items():
+        share = variance / sum(variances.values())
+        assert found[source]["first_order"] == pytest.approx(share, abs=0.12), source
+        assert 0 < found[source]["error"] < 0.06
+    assert list(found) == ["position.bias", "bucket.width"]
+
+
+def test_first_order_of_a_function_that_is_known():
+    """The g-function's first terms: x1 + 0.5 x2 + 2 x1 x2, by its variances."""
+    random = np.random.default_rng(5)
+    x, y, z = random.standard_normal((3, 40_000))
+
+    def value(a, b):
+        return a + 0.5 * b + 2 * a * b
+
+    index, error = first_order(value(x, y), value(x, z))
+    assert index == pytest.approx(1 / 5.25, abs=4 * error)
+    assert 0 < error < 0.02
+
+
+def test_an_error_of_the_base_is_the_base_being_elsewhere(tmp_path):
+    """A machine with joints dug from a base that errs, and from one that the scenario has there."""
+    urdf = """<robot name="r"><link name="root"/><link name="arm"/><link name="bucket"/>
+<joint name="crowd" type="prismatic"><parent link="root"/><child link="arm"/>
+<origin xyz="0 0 -0.2"/><axis xyz="1 0 0"/><limit lower="0" upper="5" effort="0" velocity="2"/></joint>
+<joint name="tip" type="revolute"><parent link="arm"/><child link="bucket"/>
+<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="0" velocity="2"/></joint></robot>"""
+    (tmp_path / "arm.urdf").write_text(urdf)
+    (tmp_path / "arm.csv").write_text("time,crowd,tip\n" + "".join(
+        f"{t / 10},{1 + 2 * t / 50},{0.2 - 0.2 * t / 50}\n" for t in range(51)))
+
+    def scenario(name, base):
+        (tmp_path / f"{name}.yaml").write_text(
+            "soilvdb: 1\nvoxel_size: 0.05\nterrain: {plane: {z: 0.0}}\nmachines:\n"
+            "  - {name: digger, bucket: {width: 1.0, height: 0.6}, motion: arm.csv, urdf: arm.urdf, "
+            f"base: {base}, lip: {{link: bucket, xyz: [0, 0, 0], rpy: [0, 0, 0]}}}}\n")
+        return tmp_path / f"{name}.yaml"
+
+    sigma = {"position": {"bias": [0.05, 0.05, 0.05]}, "rotation": {"bias": [0, 0, 0.1]},
+             "joints": {"crowd": {"bias": 0.05}}}
+    noisy = scene(scenario("noisy", "{xyz: [10, 20, 0], rpy: [0, 0, 0.7]}"), sigma)
+    draw = noisy.study.noise.draw(3, 0)
+    times = noisy.motions["digger"]["times"]
+    position, rotation = (error[0] for error in draw.base("digger", times))
+    crowd = draw.joints("digger", times, ["crowd", "tip"])
+    assert np.ptp(crowd, axis=0).max() == 0 and crowd[0, 0] != 0 and crowd[0, 1] == 0
+    moved = soilvdb.Site.open(scenario("moved", "{xyz: [%r, %r, %r], rpy: [0, 0, %r]}" % (
+        *(np.array([10, 20, 0]) + position).tolist(), 0.7 + float(rotation[2]))))
+    right = moved.update_path("digger", times=times, joints=noisy.motions["digger"]["joints"] + crowd)
+    found = noisy.dig(draw)
+    assert right["bucket_m3"][-1] > 0.2
+    assert found.load_m3["digger"] == pytest.approx(right["bucket_m3"], abs=1e-5)
+    assert abs(found.load_m3["digger"][-1] - noisy.dig(None).load_m3["digger"][-1]) > 1e-3
+
+
+def test_machines_dig_in_the_order_of_a_run(tmp_path):
+    """Two that work in one place, in soil that moves, brought to rest: the run's figures."""
+    for name, y in (("a", 0.0), ("b", 0.5)):
+        (tmp_path / f"{name}.csv").write_text("time,x,y,z,pitch\n" + "".join(
+            f"{t / 7 if name == 'a' else 0.3 + t / 5},{2 * t / 30},{y},{-0.2},0\n"
+            for t in range(31)) + f"20,2,{y},1.5,1.2\n")
+    bucket = ("{width: 0.8, height: 0.6, dump_angle: 0.9, "
+              "profile: [[0, 0], [-0.5, 0.1], [-0.5, 0.6], [0, 0.6]]}")
+    (tmp_path / "two.yaml").write_text(
+        "soilvdb: 1\nvoxel_size: 0.05\nterrain: {plane: {z: 0.0}}\n"
+        "soil: {repose_angle: 0.6, swell: 0.2}\npours:\n"
+        "  - {name: truck, at: [4, 0, 2], time: [1, 3], volume: 0.3}\nmachines:\n"
+        + "".join(f"  - {{name: {name}, bucket: {bucket}, motion: {name}.csv}}\n" for name in "ab"))
+    summary = soilvdb.run(tmp_path / "two.yaml", tmp_path / "out")
+    dug = scene(tmp_path / "two.yaml", {"position": {"bias": 0.01}}).dig(None)
+    assert f"{dug.site.ground_hash():016x}" == summary["state_hash"]
+    assert dug.fill_m3 == pytest.approx(summary["volume_m3"]["fill"], abs=1e-9)
+    for machine in summary["machines"]:
+        assert dug.cut_m3[machine["name"]][-1] == pytest.approx(machine["cut_m3"], abs=1e-9)
+    noisy = scene(tmp_path / "two.yaml", {"soil": {"repose": 0.05, "swell": 0.05}})
+    fills = {noisy.dig(noisy.study.noise.draw(1, i)).fill_m3 for i in range(4)}
+    assert len(fills) == 4
+
+
+def test_cycles_end_where_a_bucket_loses_most_of_its_load():
+    load = np.array([0, .2, .8, .8, .7, .3, 0, 0, .05, .5, .9, 0, .4])
+    cut = np.cumsum([0, .2, .6, 0, 0, 0, 0, 0, .05, .45, .4, 0, .4])
+    cycles = cycles_of(load, cut, np.arange(13.0))
+    assert [(c.begin_s, c.end_s, c.load_m3) for c in cycles] == [(0, 5, .8), (5, 11, .9)]
+    assert [c.cut_m3 for c in cycles] == pytest.approx([.8, .9])
+    assert not cycles_of(np.zeros(3), np.zeros(3), np.arange(3.0))
+    late = [Cycle(0, 6, .7, .7), Cycle(6, 30, .2, .2)]
+    assert nearest_cycles(cycles, late)[0] == (.7, .7)
+    assert nearest_cycles(cycles, late)[1] == (.2, .2)
+    missing = nearest_cycles(cycles, [Cycle(0, 10.5, 1.0, 1.0)])
+    assert math.isnan(missing[0][0]) and missing[1] == (1.0, 1.0)
+    both = nearest_cycles(cycles[1:], [Cycle(0, 5, .8, .8), Cycle(5, 11.2, .9, .9)])
+    assert both == [(.9, .9)]
+
+
+def test_spread_leaves_out_what_is_not_there():
+    assert spread([1.0, math.nan, 3.0]) == pytest.approx(
+        {"mean": 2.0, "sigma": math.sqrt(2), "p05": 1.1, "p95": 2.9})
+    assert math.isnan(spread([1.0])["sigma"])
+
+
+@pytest.mark.parametrize("text, why", [
+    ("postion: {bias: 1}", "noise.yaml:1: postion isn't known; did you mean 'position'?"),
+    ("position:\n  bias: -1", "noise.yaml:2: position.bias is -1; a number from 0 to 10 is right"),
+    ("position: {drift: {sigma: 1}}", "noise.yaml:1: position.drift has no tau; sigma and tau are"),
+    ("position: {bias: [1, 2]}", "noise.yaml:1: position.bias has 2 numbers; one, or one for each"),
+    ("rotation: 3", "noise.yaml:1: rotation is 3; a mapping of bias, drift, white is right"),
+    ("joints: {bias: 0.01}", "noise.yaml: joints: no machine has any; leave them out"),
+    ("joints: {boom: {bias: 0.01}}", "noise.yaml: joints.boom: no machine has that joint"),
+    ("bucket: {width: 0.5}", "noise.yaml: bucket.width is 0.5, which is more than a fifth"),
+    ("soil: {repose: 0.1}", "noise.yaml: soil: doesn't move in the scenario; leave it out"),
+    ("terrain: {white: 0.1}", "noise.yaml: terrain.white: is of each height, and a plane has none"),
+    ("position: {bias: 0}", "noise.yaml: nothing errs; one sigma of more than 0 is needed"),
+    ("position: {bias: .nan}", "noise.yaml:1: position.bias is nan; a number from 0 to 10"),
+    ("position: [", "noise.yaml:1: is no YAML:"),
+    ("", "noise.yaml: nothing errs"),
+    ("a: 1\na: 2", "noise.yaml:2: 'a' is there twice; once is right"),
+])
+def test_wrong_noise_is_told_in_one_line(tmp_path, text, why, capsys):
+    from soilvdb.fleet.__main__ import main
+
+    scenario = write_pass(tmp_path)
+    (tmp_path / "noise.yaml").write_text(text)
+    assert main(["uncertainty", str(scenario), "--noise", str(tmp_path / "noise.yaml"), "--draws",
+                 "10", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"soilvdb: {tmp_path}/{why}") and said.count("\n") == 1, said
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_command_lines_and_scenarios(tmp_path, capsys):
+    from soilvdb.fleet.__main__ import main
+
+    scenario = write_pass(tmp_path)
+    (tmp_path / "noise.yaml").write_text(NOISE)
+    right = ["uncertainty", str(scenario), "--noise", str(tmp_path / "noise.yaml"), "--draws", "10",
+             "--out", str(tmp_path / "out")]
+    for at, wrong, why in ((1, "none.yaml", "none.yaml"), (3, "none.yaml", "none.yaml: No such"),
+                           (5, "9", "'9' is no whole number from 10"), (5, "x", "'x' is no whole")):
+        command = [wrong if i == at else each for i, each in enumerate(right)]
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert why in said and said.count("\n") == 1, said
+    with pytest.raises(InputError):
+        scene(tmp_path / "pass.yaml", {"joints": {"x": {"bias": 0.1}}})
+    with pytest.raises(noises.NoiseError, match="position.white is 'x'"):
+        noises.of({"position": {"white": "x"}})

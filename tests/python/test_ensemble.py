@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""soilvdb.Ensemble: how well a load is known, live."""
+
+import math
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+WIDTH, LENGTH, DEPTH = 1.2, 2.5, 0.25
+TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+def flat_pass(site_or_ensemble, rows=26, duration=5.0):
+    for k in range(rows):
+        s = k / (rows - 1)
+        update = site_or_ensemble.update(0, position=(LENGTH * s, 0, -DEPTH), rotation=TURN,
+                                         time=duration * s)
+    return update
+
+
+def new_site():
+    return soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(width=WIDTH, height=0.9)])
+
+
+def test_the_site_is_what_it_is_without_clones():
+    alone, watched = new_site(), new_site()
+    flat_pass(alone)
+    flat_pass(soilvdb.Ensemble(watched, {"position": {"bias": 0.01, "white": 0.01}}))
+    assert alone.ground_hash() == watched.ground_hash()
+    assert alone.ledger(0) == watched.ledger(0)
+
+
+@pytest.mark.parametrize("noise, right", [
+    ({"bias": [0, 0, 0.01]}, 0.01),
+    ({"drift": {"sigma": [0, 0, 0.01], "tau": 4.0}},
+     0.01 * math.sqrt(2 * (1.25 - 1 + math.exp(-1.25))) / 1.25),
+    ({"white": [0, 0, 0.01]}, 0.01 * math.sqrt(25 - 0.5) / 25)])
+def test_sigma_of_a_flat_pass_is_the_closed_form(noise, right):
+    clones = 200
+    ensemble = soilvdb.Ensemble(new_site(), {"position": noise}, clones=clones)
+    flat_pass(ensemble)
+    load = ensemble.load(0)
+    assert load.recorded == pytest.approx(WIDTH * LENGTH * DEPTH, rel=1e-3)
+    assert load.sigma == pytest.approx(WIDTH * LENGTH * right,
+                                       rel=0.05 + 3 / math.sqrt(2 * clones))
+    assert load.p05 < load.mean - load.sigma and load.mean + load.sigma < load.p95
+    assert ensemble.cut(0).sigma == pytest.approx(load.sigma)
+    assert ensemble.cut().sigma == pytest.approx(load.sigma)
+
+
+def test_the_same_seed_gives_the_same_errors():
+    def load(seed):
+        ensemble = soilvdb.Ensemble(new_site(), {"position": {"bias": 0.01, "white": 0.002},
+                                                 "rotation": {"bias": 0.01}}, seed=seed)
+        flat_pass(ensemble)
+        return ensemble.load(0)
+
+    assert load(1) == load(1) != load(2)
+
+
+def test_rotation_errs_about_the_base_where_joints_move_a_machine(tmp_path):
+    """A mast that turns: an error of its base's heading swings the bucket by that times the arm."""
+    (tmp_path / "mast.urdf").write_text(
+        '<robot name="r"><link name="root"/><link name="bucket"/><joint name="reach" '
+        'type="prismatic"><parent link="root"/><child link="bucket"/><origin xyz="0 0 -0.25"/>'
+        '<axis xyz="1 0 0"/><limit lower="0" upper="9" effort="0" velocity="9"/></joint></robot>')
+    machine = soilvdb.Machine(soilvdb.Bucket(WIDTH, 0.9), "digger", urdf=tmp_path / "mast.urdf",
+                              base=[[0, -1, 0, 5], [1, 0, 0, 7], [0, 0, 1, 0], [0, 0, 0, 1]])
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [machine])
+    assert site.joints("digger") == ["reach"]
+    position, rotation = site.base("digger")
+    assert position == pytest.approx([5, 7, 0])
+    assert rotation == pytest.approx([0, 0, math.sqrt(0.5), math.sqrt(0.5)])
+    one = site.pose("digger", [2.0])
+    many = site.pose("digger", [[2.0], [3.0]])
+    assert one[0] == pytest.approx([5, 9, -0.25]) and one[1] == pytest.approx(rotation)
+    assert many[0] == pytest.approx(np.array([[5, 9, -0.25], [5, 10, -0.25]]))
+
+    # Pitch of the base lifts what is at x by x * pitch: of the cut, the mean over the pass.
+    ensemble = soilvdb.Ensemble(site, {"rotation": {"bias": [0, 0.004, 0]}}, clones=200)
+    for k in range(26):
+        ensemble.update("digger", joints=[2.0 + LENGTH * k / 25], time=k / 5)
+    right = WIDTH * LENGTH * 0.004 * (2.0 + LENGTH / 2)
+    assert ensemble.load("digger").sigma == pytest.approx(right, rel=0.05 + 3 / 20)
+    crowd = soilvdb.Ensemble(site.clone(), {"joints": {"reach": {"bias": 0.01}}}, clones=8)
+    crowd.update("digger", joints=[4.6], time=6.0)
+    assert crowd.cut("digger").sigma > 0
+
+
+def test_a_clone_that_cannot_follow_waits(tmp_path):
+    soilvdb.write_raster(tmp_path / "g.tif", np.zeros((9, 9)), (0, 0), (0.5, 0.5))
+    site = soilvdb.Site(0.05, soilvdb.raster(tmp_path / "g.tif"),
+                        [soilvdb.Bucket(width=0.5, height=0.4)])
+    ensemble = soilvdb.Ensemble(site, {"position": {"bias": [0.3, 0, 0]}}, clones=16)
+    for x in (2.0, 3.0, 3.75, 3.0):
+        ensemble.update(0, position=(x, 2, -0.1), rotation=TURN)
+    assert ensemble.load(0).sigma > 0
+    with pytest.raises(soilvdb.NoGroundError):
+        ensemble.update(0, position=(5, 2, -0.1), rotation=TURN)
+
+
+@pytest.mark.parametrize("noise, clones, why", [
+    ({"terrain": {"bias": 0.1}}, 16, "terrain.bias: clones share bucket, terrain and soil"),
+    ({"position": {"bias": 0}}, 16, "noise: nothing errs"),
+    ({"joints": {"boom": {"bias": 0.1}}}, 16, "joints.boom: no machine has that joint"),
+    ({"position": {"bias": 0.1}}, 1, "clones is 1; 2 to 1000 is right"),
+    ({"positions": {"bias": 0.1}}, 16, "positions isn't known; did you mean 'position'?")])
+def test_wrong_noise_is_told(noise, clones, why):
+    with pytest.raises(ValueError) as error:
+        soilvdb.Ensemble(new_site(), noise, clones=clones)
+    assert str(error.value).startswith(why)

@@ -1,0 +1,164 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Files that a site is fed from or compared with, as arrays: motions of a scenario, rasters.
+#include <fmt/format.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "soilvdb/io/raster.h"
+#include "soilvdb/io/scenario.h"
+#include "tools/python/arguments.h"
+#include "tools/python/interpreter.h"
+#include "tools/python/values.h"
+
+namespace soilvdb::python {
+namespace {
+
+/// Rows of a machine's motion that a run goes along.
+struct Rows {
+  std::vector<double> times_s, values, turns;
+  std::size_t columns = 3;  // of `values`
+  bool by_joints = false;
+};
+
+/// @param until_s where all machines stop
+Rows rows_of(const io::MotionFile& file, double until_s) {
+  Rows rows;
+  for (std::size_t part = 0; part < file.parts(); ++part) {
+    const std::shared_ptr<const Motion> motion = file.part(part);
+    const std::size_t joints = motion->chain().movable().size();
+    rows.by_joints = motion->poses().empty();
+    if (rows.by_joints) rows.columns = joints;
+    for (std::size_t i = part == 0 ? 0 : 1; i < motion->times_s().size(); ++i) {  // parts join
+      if (motion->times_s()[i] > until_s) return rows;
+      rows.times_s.push_back(motion->times_s()[i]);
+      if (rows.by_joints) {
+        const auto from = motion->joint_values().begin() + static_cast<std::ptrdiff_t>(i * joints);
+        rows.values.insert(rows.values.end(), from, from + static_cast<std::ptrdiff_t>(joints));
+      } else {
+        const Pose& pose = motion->poses()[i];
+        rows.values.insert(rows.values.end(), pose.position.begin(), pose.position.end());
+        const Eigen::Vector4d turn = pose.rotation.coeffs();
+        rows.turns.insert(rows.turns.end(), turn.begin(), turn.end());
+      }
+    }
+  }
+  return rows;
+}
+
+Array array(const std::vector<double>& values, std::size_t columns) {
+  const auto rows = static_cast<py::ssize_t>(values.size() / columns);
+  return Array({rows, static_cast<py::ssize_t>(columns)}, values.data());
+}
+
+py::dict motions(const std::filesystem::path& scenario) {
+  std::vector<std::pair<std::string, Rows>> all;
+  {
+    const Released released;
+    const Inside inside;
+    const io::Scenario read = io::read_scenario(scenario, {}, io::Motions::kOptional);
+    double until_s = std::numeric_limits<double>::infinity();
+    for (const io::MachineInput& machine : read.machines)
+      if (machine.motion.stops()) until_s = std::min(until_s, *machine.motion.bad_rows().good_s);
+    for (const io::MachineInput& machine : read.machines)
+      if (machine.has_motion()) all.emplace_back(machine.name, rows_of(machine.motion, until_s));
+  }
+  py::dict by_name;
+  for (const auto& [name, rows] : all) {
+    py::dict one;
+    one["times"] = Array(static_cast<py::ssize_t>(rows.times_s.size()), rows.times_s.data());
+    one[rows.by_joints ? "joints" : "positions"] = array(rows.values, rows.columns);
+    if (!rows.by_joints) one["rotations"] = array(rows.turns, 4);
+    by_name[py::str(name)] = one;
+  }
+  return by_name;
+}
+
+/// Posts first to last along an axis that are within [low, high], and one more on either side.
+std::pair<int, int> posts(double first, double spacing, int count, double low, double high) {
+  const double most = count - 1;
+  const double from = std::clamp(std::floor((low - first) / spacing), 0.0, most);
+  const double to = std::clamp(std::ceil((high - first) / spacing), 0.0, most);
+  return {static_cast<int>(from), static_cast<int>(to)};
+}
+
+py::tuple read_raster(const std::filesystem::path& file, const py::object& box) {
+  double sides[4] = {
+      -std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+      std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+  if (!box.is_none()) {
+    numbers(box, "box", sides);
+    if (!(sides[0] <= sides[2] && sides[1] <= sides[3]))
+      throw py::value_error("box must be (xmin, ymin, xmax, ymax)");
+  }
+  io::RasterInput raster;
+  std::vector<float> heights;
+  int nx = 0, ny = 0;
+  Vec2 first;
+  {
+    const Released released;
+    const Inside inside;
+    raster = io::open_raster(file);
+    const HeightGrid& grid = raster.grid;
+    const auto [x0, x1] = posts(grid.first.x(), grid.spacing.x(), grid.nx, sides[0], sides[2]);
+    const auto [y0, y1] = posts(grid.first.y(), grid.spacing.y(), grid.ny, sides[1], sides[3]);
+    nx = x1 - x0 + 1;
+    ny = y1 - y0 + 1;
+    if (static_cast<double>(nx) * ny > io::kMostRasterCells)
+      throw std::runtime_error(
+          fmt::format("{}: has {} x {} heights there; a box with at most {:.0e} would do",
+                      file.string(), nx, ny, io::kMostRasterCells));
+    heights.resize(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny));
+    raster.source->read(x0, y0, nx, ny, heights.data());
+    first = grid.first + grid.spacing.cwiseProduct(Vec2(x0, y0));
+  }
+  return py::make_tuple(
+      py::array_t<float>({static_cast<py::ssize_t>(ny), static_cast<py::ssize_t>(nx)},
+                         heights.data()),
+      py::make_tuple(first.x(), first.y()),
+      py::make_tuple(raster.grid.spacing.x(), raster.grid.spacing.y()), raster.crs_wkt);
+}
+
+void write_raster(const std::filesystem::path& file, const py::object& heights,
+                  const py::object& first, const py::object& spacing, const std::string& crs,
+                  const std::string& band) {
+  const Array given = array_of(heights, "heights");
+  if (given.ndim() != 2 || given.shape(0) < 2 || given.shape(1) < 2 ||
+      static_cast<double>(given.size()) > io::kMostRasterCells)
+    throw py::value_error("heights must have the shape (ny, nx), each 2 or more, 1e8 in all");
+  HeightGrid grid{static_cast<int>(given.shape(1)), static_cast<int>(given.shape(0))};
+  numbers(first, "first", {grid.first.data(), 2});
+  numbers(spacing, "spacing", {grid.spacing.data(), 2});
+  if (!grid.first.allFinite() || !(grid.spacing.minCoeff() > 0) || !grid.spacing.allFinite())
+    throw py::value_error("first must be finite, and spacing more than 0");
+  std::vector<io::RasterBand> bands{{band, {given.data(), given.data() + given.size()}}};
+  const Released released;
+  const Inside inside;
+  io::write_geotiff(file, grid, bands, crs);
+}
+
+}  // namespace
+
+void bind_files(py::module_& m) {
+  m.def("motions", &motions, py::arg("scenario"),
+        "The rows that `soilvdb run` goes along, of each machine that has a motion, by its name: a "
+        "dict of times (N,), s, and either joints (N, k), rad or m, or positions (N, 3), m, and "
+        "rotations (N, 4) x, y, z, w. They are what Site.update_path() takes: "
+        "site.update_path(name, **motions[name]). Raises ValueError as the program says it.");
+  m.def("read_raster", &read_raster, py::arg("file"), py::arg("box") = py::none(),
+        "Heights of a file that soilvdb.raster() takes: (heights, first, spacing, crs), heights "
+        "(ny, nx) float32, m, NaN where there is none, row 0 the one with the lowest y; first (x, "
+        "y) where heights[0, 0] is, spacing (dx, dy), m; crs as WKT, empty where it isn't known. "
+        "box: (xmin, ymin, xmax, ymax) of what is to be read. Raises ValueError where it is no "
+        "raster of heights.");
+  m.def("write_raster", &write_raster, py::arg("file"), py::arg("heights"), py::arg("first"),
+        py::arg("spacing"), py::arg("crs") = "", py::arg("band") = "surface",
+        "Writes a GeoTIFF of 32-bit floats, whole or not at all. Arguments as read_raster() gives "
+        "them; band: its name. Raises RuntimeError where it can't be written.");
+}
+
+}  // namespace soilvdb::python

@@ -1,0 +1,168 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""How well a load is known while a machine digs: clones of a site, each fed what may be true."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._soilvdb import NoGroundError, Site, Update, update_many
+from .noise import Floats, Noise, Signal, of, turned, turned_about
+
+_Numbers = Sequence[float] | npt.NDArray[np.floating[Any]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Spread:
+    """What a site has of something, and what its clones have, m3."""
+
+    recorded: float
+    mean: float
+    sigma: float
+    p05: float
+    p95: float
+
+
+class _Errors:
+    """Errors of one machine's signal in each clone, as time goes on."""
+
+    def __init__(self, random: np.random.Generator, signal: Signal, clones: int) -> None:
+        self._random, self._shape = random, (clones, len(signal.bias))
+        self._signal = signal
+        self._bias = random.standard_normal(self._shape) * signal.bias
+        self._white = any(signal.white)
+        self._drift = random.standard_normal(self._shape) * signal.drift if any(signal.drift) else None
+
+    def at(self, elapsed_s: float) -> Floats:
+        """(clones, axes), so long after the last ones."""
+        error = self._bias
+        if self._drift is not None:
+            kept = math.exp(-elapsed_s / self._signal.tau)
+            step = self._random.standard_normal(self._shape) * self._signal.drift
+            self._drift = kept * self._drift + math.sqrt(1 - kept**2) * step
+            error = error + self._drift
+        if self._white:
+            error = error + self._random.standard_normal(self._shape) * self._signal.white
+        return error
+
+
+class _Machine:
+    def __init__(self, site: Site, machine: str, noise: Noise, clones: int,
+                 random: np.random.Generator) -> None:
+        def errors(signal: Signal | None) -> _Errors | None:
+            return _Errors(random, signal, clones) if signal and signal.parts() else None
+
+        self.position, self.rotation = errors(noise.position), errors(noise.rotation)
+        self.joints = [errors(noise.joints.get(joint, noise.all_joints))
+                       for joint in site.joints(machine)]
+        self.base = site.base(machine) if self.joints else None
+        self.clones = clones
+        self.time = math.nan
+
+    def elapsed_s(self, time: float | None) -> float:
+        """Since the last state whose time is known."""
+        if time is None:
+            return 0.0
+        before, self.time = self.time, time
+        return time - before if time > before else 0.0
+
+    def erring_joints(self, joints: Floats, elapsed_s: float) -> Floats:
+        """(clones, joints)"""
+        values = np.tile(joints, (self.clones, 1))
+        for i, errors in enumerate(self.joints):
+            if errors:
+                values[:, i] += errors.at(elapsed_s)[:, 0]
+        return values
+
+
+class Ensemble:
+    """A site beside clones of it that are fed the same states with errors: how far their loads are
+    apart is how well its load is known.
+
+        ensemble = soilvdb.Ensemble(site, {"position": {"bias": 0.01, "white": 0.002}})
+        update = ensemble.update("digger", position=position, rotation=rotation, time=t)
+        update.bucket_m3, ensemble.load("digger").sigma
+
+    noise: soilvdb.noise.Noise, or a dict with a noise file's keys position, rotation and joints.
+    Position errs along the world's axes, rotation about the bucket's; where joints move a machine
+    both are its base's. Terrain, bucket and soil are what clones share; `python3 -m soilvdb.fleet
+    uncertainty` draws those, too. The same seed gives the same errors. An update costs that of the
+    site and its clones', these on both cores. For one thread.
+    """
+
+    def __init__(self, site: Site, noise: Noise | Mapping[str, Any], *, clones: int = 16,
+                 seed: int = 0) -> None:
+        if not isinstance(noise, Noise):
+            noise = of(noise)
+        if not 2 <= clones <= 1000:
+            raise ValueError(f"clones is {clones}; 2 to 1000 is right")
+        for source in noise.sources():
+            if source.startswith(("bucket.", "terrain.", "soil.")):
+                raise ValueError(f"{source}: clones share bucket, terrain and soil; position, "
+                                 "rotation and joints may err")
+        if not noise.sources():
+            raise ValueError("noise: nothing errs; one sigma of more than 0 is needed")
+        self._site, self._noise, self._seed = site, noise, seed
+        names = site.machines
+        for joint in noise.joints:
+            if not any(joint in site.joints(name) for name in names):
+                raise ValueError(f"joints.{joint}: no machine has that joint")
+        self._clones = [site.clone() for _ in range(clones)]
+        self._machines = {
+            name: _Machine(site, name, noise, clones, np.random.default_rng(
+                np.random.SeedSequence(seed, spawn_key=(number,))))
+            for number, name in enumerate(names)}
+
+    def _name(self, machine: int | str) -> str:
+        return machine if isinstance(machine, str) else self._site.machines[machine]
+
+    def update(self, machine: int | str, *, position: _Numbers | None = None,
+               rotation: _Numbers | None = None, joints: _Numbers | None = None,
+               time: float | None = None) -> Update:
+        """Site.update() of the site, and of each clone with its errors. Without time, what drifts
+        stays as it is. A clone that can't go there, where terrain ends, waits for the next state.
+
+        Raises as Site.update(); then no clone has moved either.
+        """
+        update = self._site.update(machine, position=position, rotation=rotation, joints=joints,
+                                   time=time)
+        own = self._machines[self._name(machine)]
+        elapsed_s = own.elapsed_s(time)
+        if own.base is not None and joints is not None:
+            values = own.erring_joints(np.asarray(joints, dtype=float), elapsed_s)
+            positions, rotations = self._site.pose(machine, values)
+            if own.rotation:
+                positions, rotations = turned_about(own.base, own.rotation.at(elapsed_s), positions,
+                                                    rotations)
+        else:
+            turn = np.array((0.0, 0.0, 0.0, 1.0) if rotation is None else rotation, dtype=float)
+            positions = np.tile(np.asarray(position, dtype=float), (own.clones, 1))
+            rotations = (turned(turn, own.rotation.at(elapsed_s)) if own.rotation else
+                         np.tile(turn, (own.clones, 1)))
+        if own.position:
+            positions = positions + own.position.at(elapsed_s)
+        try:
+            update_many(self._clones, machine, positions=positions, rotations=rotations, time=time)
+        except NoGroundError:
+            pass
+        return update
+
+    def load(self, machine: int | str) -> Spread:
+        """What its bucket holds, loose, m3."""
+        return self._spread(machine, "bucket_m3")
+
+    def cut(self, machine: int | str | None = None) -> Spread:
+        """What it has cut, in place, m3; without a machine all of them."""
+        return self._spread(machine, "cut_m3")
+
+    def _spread(self, machine: int | str | None, key: str) -> Spread:
+        values = np.array([clone.ledger(machine)[key] for clone in self._clones])
+        p05, p95 = np.percentile(values, (5, 95))
+        return Spread(self._site.ledger(machine)[key], float(values.mean()),
+                      float(values.std(ddof=1)), float(p05), float(p95))

@@ -1,0 +1,332 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""A scenario dug as it may have been: draws of its noise, each on a site of its own."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import dataclasses
+import importlib
+import math
+import os
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+import soilvdb
+from soilvdb.noise import Draw, Floats, Noise, turned
+
+from . import InputError, nearest
+
+BASE = tuple(f"soilvdb_base_{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw"))
+MARGIN_M = 10.0  # of ground with an error of its own around where machines come
+MOST_POSTS = 4e6
+NAMED_ROWS = 200  # of a motion, that say where a site is
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """What is drawn from, to be sent to workers. Draws depend on this alone."""
+
+    scenario: str
+    noise: Noise
+    seed: int
+    noise_file: str = "noise"  # in messages
+
+
+@dataclasses.dataclass
+class Dug:
+    """What became of one draw: of each machine, by its name."""
+
+    load_m3: dict[str, Floats]  # after each of its rows
+    cut_m3: dict[str, Floats]  # by then, in place
+    fill_m3: float  # added to the ground
+    site: soilvdb.Site
+
+
+class Scene:
+    """A scenario, read once, and sites of it."""
+
+    def __init__(self, study: Study) -> None:
+        yaml = importlib.import_module("yaml")
+        self.study, self._file = study, Path(study.scenario)
+        try:
+            self.motions = soilvdb.motions(self._file)
+            self.nominal = soilvdb.Site.open(self._file)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        self._values: dict[str, Any] = yaml.safe_load(self._file.read_text(encoding="utf-8"))
+        self._machines: list[dict[str, Any]] = self._values.get("machines") or []
+        self.names = [name for name in self.nominal.machines if name in self.motions]
+        self._joints = {name: self.nominal.joints(name) for name in self.names}
+        self._dump = yaml.safe_dump
+        self._check()
+        self._folder = tempfile.TemporaryDirectory(prefix="soilvdb-")
+        self._order = list(self._rows_in_order())
+        sources = study.noise.sources()
+        self._floats = study.noise.moves_base() and any(self._joints.values())
+        self._each_opened = any(s.startswith(("bucket.", "terrain.", "soil.")) for s in sources)
+        self._undug = self._open(None) if self._floats else self.nominal.clone()
+        self.end_s = max([m["times"][-1] for m in self.motions.values()]
+                         + [pour["time"][1] for pour in self._values.get("pours") or []])
+
+    def _check(self) -> None:
+        """Is the noise one of what the scenario has?"""
+        noise, file = self.study.noise, self._file
+        if not self.names:
+            raise InputError(f"{file}: no machine has a motion; one whose noise is drawn is needed")
+        joints = sorted({joint for names in self._joints.values() for joint in names})
+        for joint in noise.joints:
+            if joint not in joints:
+                self._refuse(f"joints.{joint}: no machine has that joint; "
+                             + (nearest(joint, joints) if joints else "none has any"))
+        if noise.all_joints and not joints:
+            self._refuse("joints: no machine has any; leave them out")
+        soil = self._values.get("soil")
+        if noise.soil and soil is None:
+            self._refuse("soil: doesn't move in the scenario; leave it out")
+        if noise.soil.get("swell") and not (soil or {}).get("swell"):
+            self._refuse("soil.swell: soil doesn't swell in the scenario; leave it out")
+        for machine in self._machines:
+            for key, sigma in noise.bucket.items():
+                if sigma > machine["bucket"][key] / 5:
+                    self._refuse(f"bucket.{key} is {sigma:g}, which is more than a fifth of that of "
+                                 f"'{machine['name']}', {machine['bucket'][key]:g} m")
+        if noise.terrain.parts() and "level_set" in self._values["terrain"]:
+            self._refuse("terrain: is of heights, a plane's or a raster's; the scenario has a level "
+                         "set")
+        if noise.terrain.white and noise.terrain.cell is None and "plane" in self._values["terrain"]:
+            self._refuse("terrain.white: is of each height, and a plane has none of its own; say "
+                         "how far apart they are, cell: 0.5")
+
+    def _refuse(self, why: str) -> NoReturn:
+        raise InputError(f"{self.study.noise_file}: {why}")
+
+    def _rows_in_order(self) -> Iterator[tuple[str, int, int]]:
+        """Which machine goes along which of its rows when, as a run has it: (name, begin, end)."""
+        times = np.concatenate([self.motions[name]["times"] for name in self.names])
+        machine = np.repeat(range(len(self.names)),
+                            [len(self.motions[name]["times"]) for name in self.names])
+        machine = machine[np.lexsort((machine, times))]
+        done = [0] * len(self.names)
+        ends = np.append(np.flatnonzero(np.diff(machine)), len(machine) - 1)
+        at = 0
+        for end in ends:
+            who, count = int(machine[at]), int(end) + 1 - at
+            yield self.names[who], done[who], done[who] + count
+            done[who] += count
+            at = int(end) + 1
+
+    def _perturbed(self, draw: Draw | None) -> dict[str, dict[str, Floats]]:
+        """Rows of each machine as update_path() takes them."""
+        rows = {}
+        for name in self.names:
+            given = dict(self.motions[name])
+            times = given["times"]
+            position, rotation = (draw.base(name, times) if draw else
+                                  (np.zeros((len(times), 3)), np.zeros((len(times), 3))))
+            if "joints" in given:
+                joints = given["joints"]
+                if draw:
+                    joints = joints + draw.joints(name, times, self._joints[name])
+                if self._floats:
+                    joints = np.hstack([position @ self._world_from_base(name), rotation, joints])
+                given["joints"] = joints
+            elif draw:
+                given["positions"] = given["positions"] + position
+                given["rotations"] = turned(given["rotations"], rotation)
+            rows[name] = given
+        return rows
+
+    def _world_from_base(self, name: str) -> Floats:
+        """Rotation (3, 3) of a machine's base, about fixed x, y, z as in URDF."""
+        machine = next(m for m in self._machines if m["name"] == name)
+        roll, pitch, yaw = (machine.get("base") or {}).get("rpy", (0.0, 0.0, 0.0))
+        (a, b), (c, d), (e, f) = ((math.cos(t), math.sin(t)) for t in (roll, pitch, yaw))
+        return np.array([[e * c, e * d * b - f * a, e * d * a + f * b],
+                         [f * c, f * d * b + e * a, f * d * a - e * b], [-d, c * b, c * a]])
+
+    def _open(self, draw: Draw | None) -> soilvdb.Site:
+        """A site of the scenario with the buckets, the terrain and the soil of a draw."""
+        values = copy.deepcopy(self._values)
+        values.pop("output", None)
+        folder = Path(self._folder.name)
+        beside = self._file.resolve().parent
+        terrain = values["terrain"]
+        for key in ("raster", "level_set"):
+            if key in terrain:
+                terrain[key] = str(beside / terrain[key])
+        for machine in values["machines"]:
+            machine.pop("motion", None)
+            machine.pop("angles", None)
+            if "urdf" in machine:
+                machine["urdf"] = str(self._floating(beside / machine["urdf"], machine["name"])
+                                      if self._floats else beside / machine["urdf"])
+            for key, sigma in self.study.noise.bucket.items():
+                half = machine["bucket"][key] / 2
+                if draw:
+                    self._resize(machine["bucket"], key, draw.scalar(f"bucket.{key}", sigma, -half,
+                                                                     half, machine["name"]))
+        if draw:
+            for key, name, low, high in (("repose", "repose_angle", 0.02, 1.5),
+                                         ("swell", "swell", 0.0, 3.0)):
+                if spread := self.study.noise.soil.get(key):
+                    was = values["soil"][name]
+                    values["soil"][name] = was + draw.scalar(f"soil.{key}", spread, low - was,
+                                                             high - was)
+            if self.study.noise.terrain.parts():
+                self._write_terrain(draw, values, folder / "terrain.tif")
+        first = next(m for m in values["machines"] if m["name"] == self.names[0])
+        first["motion"], first["bad_rows"] = "where.csv", "skip"
+        self._write_where(self.names[0], folder / "where.csv")
+        scenario = folder / "draw.yaml"
+        scenario.write_text(self._dump(values), encoding="utf-8")
+        return soilvdb.Site.open(scenario)
+
+    @staticmethod
+    def _resize(bucket: dict[str, Any], key: str, error: float) -> None:
+        """Its profile goes along: from lip to upper edge as before."""
+        scale = 1 + error / bucket[key]
+        bucket[key] += error
+        if key == "height" and "profile" in bucket:
+            bucket["profile"] = [[x, z * scale] for x, z in bucket["profile"]]
+            bucket["profile"][-1][1] = bucket["height"]
+
+    def _floating(self, urdf: Path, name: str) -> Path:
+        """The URDF with six joints between its root and where that is: how far its base is off."""
+        tree = ElementTree.parse(urdf)
+        robot = tree.getroot()
+        children = {joint.find("child").get("link")  # type: ignore[union-attr]
+                    for joint in robot.findall("joint")}
+        root = next(link.get("name", "") for link in robot.findall("link")
+                    if link.get("name") not in children)
+        for link in BASE:
+            ElementTree.SubElement(robot, "link", name=f"{link}_link")
+        axes = ("1 0 0", "0 1 0", "0 0 1")
+        ends = [*(f"{link}_link" for link in BASE), root]
+        for i, joint in enumerate(BASE):
+            element = ElementTree.SubElement(robot, "joint", name=joint,
+                                             type="prismatic" if i < 3 else "continuous")
+            ElementTree.SubElement(element, "parent", link=ends[i])
+            ElementTree.SubElement(element, "child", link=ends[i + 1])
+            ElementTree.SubElement(element, "axis", xyz=axes[i % 3])
+            if i < 3:
+                ElementTree.SubElement(element, "limit", lower="-1e3", upper="1e3", effort="0",
+                                       velocity="1e3")
+        file = Path(self._folder.name) / f"{self.names.index(name)}.urdf"
+        tree.write(file)
+        return file
+
+    def _write_where(self, name: str, file: Path) -> None:
+        """Some rows of a motion, by which the site's place is found."""
+        rows = self._perturbed(None)[name]
+        columns = [rows["times"][:, None]]
+        if "joints" in rows:
+            columns.append(rows["joints"])
+            header = ["time", *(BASE if self._floats else ()), *self._joints[name]]
+        else:
+            columns += [rows["positions"], rows["rotations"]]
+            header = ["time", "x", "y", "z", "qx", "qy", "qz", "qw"]
+        table = np.hstack(columns)
+        with open(file, "w", newline="", encoding="utf-8") as text:
+            writer = csv.writer(text)
+            writer.writerow(header)
+            writer.writerows(table[::-(-len(table) // NAMED_ROWS)].tolist())
+
+    def crs(self) -> str:
+        """Of the terrain, WKT; empty: not known."""
+        raster = self._values["terrain"].get("raster")
+        if raster is None:
+            return ""
+        at = self.places()[0]
+        return soilvdb.read_raster(self._file.resolve().parent / raster, (*at, *at))[3]
+
+    def places(self) -> Floats:
+        """(N, 2) of all bucket frames of the recorded motions, m."""
+        places = []
+        for name in self.names:
+            rows = self.motions[name]
+            at = (self.nominal.pose(name, rows["joints"])[0] if "joints" in rows
+                  else rows["positions"])
+            places.append(at[:, :2])
+        return np.concatenate(places)
+
+    def box(self) -> tuple[float, float, float, float]:
+        """(xmin, ymin, xmax, ymax) of the ground that may matter, m."""
+        at = self.places()
+        boxes = [[*at.min(axis=0), *at.max(axis=0)]]
+        boxes += [[*pour["at"][:2], *pour["at"][:2]] for pour in self._values.get("pours") or []]
+        boxes += [hopper["box"] for hopper in self._values.get("hoppers") or []]
+        all_of_them = np.array(boxes, dtype=float)
+        reach = max(2.0 * machine["bucket"]["width"] + 2.0 * machine["bucket"]["height"]
+                    for machine in self._machines)
+        low, high = all_of_them[:, :2].min(axis=0), all_of_them[:, 2:].max(axis=0)
+        low, high = low - reach - MARGIN_M, high + reach + MARGIN_M
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def _write_terrain(self, draw: Draw, values: dict[str, Any], file: Path) -> None:
+        """Heights with a draw's errors, where machines come, in place of the scenario's terrain."""
+        noise, box = self.study.noise.terrain, self.box()
+        crs = ""
+        if "raster" in values["terrain"]:
+            heights, first, spacing, crs = soilvdb.read_raster(values["terrain"]["raster"], box)
+            posts = np.asarray(heights, dtype=float)
+        else:
+            cell = noise.cell or (noise.length / 4 if noise.length else
+                                  max(box[2] - box[0], box[3] - box[1]))
+            count = [max(2, math.ceil((box[i + 2] - box[i]) / cell) + 1) for i in (0, 1)]
+            if count[0] * count[1] > MOST_POSTS:
+                raise InputError(f"{self._file}: the terrain's noise takes {count[0]} x {count[1]} "
+                                 "heights; a larger length or cell would do")
+            first, spacing = (box[0], box[1]), (cell, cell)
+            plane = values["terrain"]["plane"]
+            slope = plane.get("slope", (0.0, 0.0))
+            x = box[0] + cell * np.arange(count[0])
+            y = box[1] + cell * np.arange(count[1])
+            posts = plane.get("z", 0.0) + slope[0] * x[None, :] + slope[1] * y[:, None]
+        errors = draw.terrain((posts.shape[0], posts.shape[1]), spacing)
+        soilvdb.write_raster(file, posts + errors, first, spacing, crs)
+        values["terrain"] = {"raster": str(file)}
+
+    def dig(self, draw: Draw | None) -> Dug:
+        """Digs the whole scenario as a draw has it; without one as it was recorded.
+
+        Raises RuntimeError where a machine comes where it can't.
+        """
+        opened = draw is not None and self._each_opened
+        site = self._open(draw) if opened else self._undug.clone()
+        rows = self._perturbed(draw)
+        load = {name: np.empty(len(rows[name]["times"])) for name in self.names}
+        cut = {name: np.empty(len(rows[name]["times"])) for name in self.names}
+        for name, begin, end in self._order:
+            part = {key: values[begin:end] for key, values in rows[name].items()}
+            try:
+                updates = site.update_path(name, **part)
+            except (ValueError, soilvdb.NoGroundError) as error:
+                raise RuntimeError(f"{self._file}: machine '{name}', drawn from {end - begin} rows "
+                                   f"on from {part['times'][0]:g} s: {error}") from error
+            load[name][begin:end] = updates["bucket_m3"]
+            cut[name][begin:end] = updates["cut_m3"]
+        site.pour(self.end_s)
+        site.come_to_rest()
+        return Dug(load, {name: np.cumsum(c) for name, c in cut.items()},
+                   site.ledger()["fill_m3"], site)
+
+
+
+
+def scene_of(study: Study) -> Scene:
+    """The scene of a study, kept for the next call in this process."""
+    key = (study.scenario, os.stat(study.scenario).st_mtime_ns, study.seed, repr(study.noise))
+    if _LAST.get("key") != key:
+        _LAST.update(key=key, scene=Scene(study))
+    scene: Scene = _LAST["scene"]
+    return scene
+
+
+_LAST: dict[str, Any] = {}

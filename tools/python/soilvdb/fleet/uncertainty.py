@@ -1,0 +1,391 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""fleet uncertainty: how well loads and ground are known, by digging a scenario as it may have been."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import soilvdb
+from soilvdb import noise as noises
+from soilvdb.noise import Draw, Floats
+
+from . import InputError, cluster
+from .cycles import Cycle, cycles_of, nearest_cycles
+from .plots import plot_loads
+from .progress import Progress
+from .study import Dug, Scene, Study, scene_of
+
+LEAST_DRAWS, MOST_DRAWS = 10, 100_000
+TASK_DRAWS = 8  # of one task
+MOST_CELLS = 250_000  # of the raster of heights
+INSTANTS = 400  # of the band over time
+GRAINS_M = 2.0**-20  # heights are summed in whole numbers of it, so no order matters
+FILES = ("uncertainty.json", "draws.csv", "load.png", "height_sigma.tif")
+
+Ints = npt.NDArray[np.int64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """Posts of a raster of heights: first (x, y), spacing, and how many (nx, ny)."""
+
+    first: tuple[float, float]
+    spacing_m: float
+    shape: tuple[int, int]
+
+    def places(self) -> Floats:
+        """(ny * nx, 2), row by row."""
+        x, y = (self.first[axis] + self.spacing_m * np.arange(self.shape[axis]) for axis in (0, 1))
+        return np.asarray(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+
+
+@dataclasses.dataclass(frozen=True)
+class Task:
+    """Some draws of a study."""
+
+    study: Study
+    draws: tuple[tuple[tuple[str, int], ...], ...]  # of each: number of the realisation by source
+    grid: Grid | None
+
+
+@dataclasses.dataclass
+class Figures:
+    """What is kept of a draw, by machine."""
+
+    load_m3: dict[str, float]
+    cut_m3: dict[str, float]
+    fill_m3: float
+    loads_m3: dict[str, Floats]  # at the instants
+    cycles: dict[str, list[tuple[float, float]]]  # load and cut of each of the recorded ones; NaN
+
+
+@dataclasses.dataclass
+class Drawn:
+    """What some draws gave. Heights as they differ from the recorded ones, in whole grains."""
+
+    figures: list[Figures]
+    count: Ints
+    sum: Ints
+    squares: Ints
+
+
+@dataclasses.dataclass
+class Recorded:
+    """The scenario as it was recorded, which draws are compared with."""
+
+    figures: Figures
+    cycles: dict[str, list[Cycle]]
+    heights: Floats
+
+
+def add_parser(subparsers: Any) -> None:
+    parser = subparsers.add_parser(
+        "uncertainty", help="how well a scenario's loads and ground are known", allow_abbrev=False,
+        description="Digs a scenario many times as it may have been, by the noise of what was "
+                    "recorded, and writes to DIR what comes of it: uncertainty.json, draws.csv, "
+                    "load.png, height_sigma.tif.")
+    parser.add_argument("scenario", metavar="SCENARIO", type=Path)
+    parser.add_argument("--noise", metavar="NOISE.yaml", type=Path, required=True)
+    parser.add_argument("--draws", metavar="N", type=_draws, required=True,
+                        help=f"{LEAST_DRAWS} or more; sigmas are known to 1 / sqrt(2 N)")
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True)
+    parser.add_argument("--seed", metavar="S", type=_seed, default=0,
+                        help="the same seed gives the same bits, whoever draws; default 0")
+    cluster.add_options(parser)
+    parser.set_defaults(main=main)
+
+
+def _draws(text: str) -> int:
+    if not text.isdecimal() or not LEAST_DRAWS <= int(text) <= MOST_DRAWS:
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no whole number from {LEAST_DRAWS} to {MOST_DRAWS}")
+    return int(text)
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal() or len(text) > 18:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at most 18 digits")
+    return int(text)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    try:
+        noise = noises.read(arguments.noise)
+    except noises.NoiseError as error:
+        raise InputError(str(error)) from error
+    except OSError as error:
+        raise InputError(f"{arguments.noise}: {error.strerror}; name a noise file") from error
+    if not noise.sources():
+        raise InputError(f"{arguments.noise}: nothing errs; one sigma of more than 0 is needed")
+    if not arguments.scenario.is_file():
+        raise InputError(f"{arguments.scenario}: there is no such scenario")
+    study = Study(os.path.abspath(arguments.scenario), noise, arguments.seed,
+                  str(arguments.noise))
+    scene = scene_of(study)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    dug = scene.dig(None)
+    grid = _grid(scene, dug)
+    recorded = _recorded(scene, dug, grid)
+    first, second = designs(study, arguments.draws)
+    drawn = _all(study, first, second, grid, arguments)
+    report = {"scenario": str(arguments.scenario), "draws": arguments.draws,
+              "seed": arguments.seed, "sources": noise.sources(),
+              **_report(scene, recorded, drawn.figures, arguments.draws, first, second)}
+    _write(arguments.out, scene, recorded, drawn, report, grid)
+    _print(report, arguments.out)
+    return 0
+
+
+def designs(study: Study, count: int) -> tuple[list[Draw], list[Draw]]:
+    """The draws that figures are made of, and as many more of the same realisations, those of each
+    source in another order, which is what first-order indices take (McKay's replicated design);
+    none of these where there is one source."""
+    sources = study.noise.sources()
+    first = [study.noise.draw(study.seed, number) for number in range(count)]
+    if len(sources) < 2:
+        return first, []
+    random = np.random.default_rng(np.random.SeedSequence(study.seed, spawn_key=(count,)))
+    orders = {source: random.permutation(count) for source in sources}
+    return first, [study.noise.draw(study.seed, {s: int(orders[s][i]) for s in sources})
+                   for i in range(count)]
+
+
+def _all(study: Study, first: Sequence[Draw], second: Sequence[Draw], grid: Grid | None,
+         arguments: argparse.Namespace) -> Drawn:
+    """Digs both designs; heights are of the first."""
+    tasks = [Task(study, tuple(tuple(draw.numbers.items()) for draw in design[i:i + TASK_DRAWS]),
+                  on_grid)
+             for design, on_grid in ((first, grid), (second, None))
+             for i in range(0, len(design), TASK_DRAWS)]
+    parts: dict[int, Drawn] = {}
+    done = 0
+    with (cluster.open_cluster(arguments.workers, arguments.scheduler) as workers,
+          Progress("uncertainty", len(first) + len(second), "draws") as progress):
+        for outcome in cluster.run_tasks(workers, draw_task, tasks):
+            if outcome.value is None:
+                raise RuntimeError(str(outcome.error)) from outcome.error
+            parts[outcome.index] = outcome.value
+            done += len(tasks[outcome.index].draws)
+            progress.update(done)
+    with_heights = [parts[i] for i, task in enumerate(tasks) if task.grid]
+    sums = [np.sum([getattr(part, name) for part in with_heights], axis=0, dtype=np.int64)
+            for name in ("count", "sum", "squares")]
+    return Drawn([figures for i in range(len(tasks)) for figures in parts[i].figures], *sums)
+
+
+def draw_task(task: Task) -> Drawn:
+    """Digs some draws. On a worker."""
+    scene = scene_of(task.study)
+    recorded = recorded_of(scene, task.grid)
+    cells = len(recorded.heights)
+    drawn = Drawn([], *(np.zeros(cells, dtype=np.int64) for _ in range(3)))
+    for numbers in task.draws:
+        dug = scene.dig(Draw(task.study.noise, task.study.seed, dict(numbers)))
+        drawn.figures.append(_figures(scene, dug, recorded.cycles))
+        if task.grid is None:
+            continue
+        rise = dug.site.heights(task.grid.places()) - recorded.heights
+        known = np.isfinite(rise)
+        grains = np.where(known, np.rint(np.where(known, rise, 0.0) / GRAINS_M), 0).astype(np.int64)
+        drawn.count += known
+        drawn.sum += grains
+        drawn.squares += grains**2
+    return drawn
+
+
+_LAST: dict[str, Any] = {}
+
+
+def recorded_of(scene: Scene, grid: Grid | None) -> Recorded:
+    """The same, kept for the next call in this process."""
+    if _LAST.get("scene") is not scene or _LAST.get("grid") != grid:
+        _LAST.update(scene=scene, grid=grid, recorded=_recorded(scene, scene.dig(None), grid))
+    recorded: Recorded = _LAST["recorded"]
+    return recorded
+
+
+def _recorded(scene: Scene, dug: Dug, grid: Grid | None) -> Recorded:
+    cycles = {name: cycles_of(dug.load_m3[name], dug.cut_m3[name], scene.motions[name]["times"])
+              for name in scene.names}
+    heights = dug.site.heights(grid.places()) if grid else np.empty(0)
+    return Recorded(_figures(scene, dug, cycles), cycles, heights)
+
+
+def instants(scene: Scene) -> Floats:
+    """Times of the band, s."""
+    begin = min(float(scene.motions[name]["times"][0]) for name in scene.names)
+    return np.asarray(np.linspace(begin, scene.end_s, INSTANTS))
+
+
+def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
+    at = instants(scene)
+    loads, of_cycles = {}, {}
+    for name in scene.names:
+        times = scene.motions[name]["times"]
+        row = np.searchsorted(times, at, "right") - 1
+        loads[name] = np.where(row < 0, 0.0, dug.load_m3[name][np.maximum(row, 0)])
+        own = cycles_of(dug.load_m3[name], dug.cut_m3[name], times)
+        of_cycles[name] = nearest_cycles(cycles[name], own)
+    return Figures({name: float(load[-1]) for name, load in dug.load_m3.items()},
+                   {name: float(cut[-1]) for name, cut in dug.cut_m3.items()},
+                   dug.fill_m3, loads, of_cycles)
+
+
+def _grid(scene: Scene, dug: Dug) -> Grid | None:
+    """Where the ground changed, and a bit more; in voxels, or larger cells on large sites."""
+    box = scene.box()
+    coarse = _grid_of(box, scene.nominal.voxel_size)
+    places = coarse.places()
+    before, after = (site.heights(places) for site in (scene.nominal, dug.site))
+    changed = places[np.abs(after - before) > 1e-9]
+    if not len(changed):
+        return None
+    margin = 2 * coarse.spacing_m + 0.5
+    low, high = changed.min(axis=0) - margin, changed.max(axis=0) + margin
+    return _grid_of((float(low[0]), float(low[1]), float(high[0]), float(high[1])),
+                    scene.nominal.voxel_size)
+
+
+def _grid_of(box: tuple[float, float, float, float], least_m: float) -> Grid:
+    size = box[2] - box[0], box[3] - box[1]
+    cell = max(least_m, float(np.sqrt(size[0] * size[1] / MOST_CELLS)))
+    first = [cell * (np.floor(box[axis] / cell) + 0.5) for axis in (0, 1)]
+    shape = [max(2, int(np.ceil(size[axis] / cell)) + 1) for axis in (0, 1)]
+    return Grid((float(first[0]), float(first[1])), cell, (shape[0], shape[1]))
+
+
+def spread(values: Sequence[float] | Floats) -> dict[str, float]:
+    """mean, sigma, and the percentiles 5 and 95 of what is finite of it."""
+    finite = np.array(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if len(finite) < 2:
+        return {"mean": float("nan"), "sigma": float("nan"), "p05": float("nan"),
+                "p95": float("nan")}
+    p05, p95 = np.percentile(finite, (5, 95))
+    return {"mean": float(finite.mean()), "sigma": float(finite.std(ddof=1)), "p05": float(p05),
+            "p95": float(p95)}
+
+
+def first_order(first: Floats, second: Floats) -> tuple[float, float]:
+    """A first-order Sobol index of pairs that have one source in common, and its standard error
+    (Janon et al. 2014). 0 where nothing varies."""
+    both = np.concatenate([first, second])
+    variance = float(both.var())
+    if not variance > 0:
+        return 0.0, 0.0
+    middle = float(both.mean())
+    products = (first - middle) * (second - middle) / variance
+    squares = ((first - middle)**2 + (second - middle)**2) / (2 * variance)
+    index = float(products.mean())
+    return index, float(np.std(products - index * squares) / np.sqrt(len(first)))
+
+
+def _indices(first: Sequence[Draw], second: Sequence[Draw], values: Floats) -> dict[str, Any]:
+    """Of each source. values: of the draws of both designs, one after the other."""
+    count = len(first)
+    indices = {}
+    for source in first[0].numbers:
+        if not second:
+            indices[source] = (1.0, 0.0)
+            continue
+        where = [draw.numbers[source] for draw in second]
+        indices[source] = first_order(values[:count][where], values[count:])
+    ordered = sorted(indices, key=lambda source: -indices[source][0])
+    return {source: {"first_order": indices[source][0], "error": indices[source][1]}
+            for source in ordered}
+
+
+def _report(scene: Scene, recorded: Recorded, drawn: Sequence[Figures], count: int,
+            first: Sequence[Draw], second: Sequence[Draw]) -> dict[str, Any]:
+    own = recorded.figures
+    machines = []
+    for name in scene.names:
+        one: dict[str, Any] = {"name": name}
+        for key in ("bucket_m3", "cut_m3"):
+            of_all = np.array([(f.load_m3 if key == "bucket_m3" else f.cut_m3)[name]
+                               for f in drawn])
+            recorded_value = (own.load_m3 if key == "bucket_m3" else own.cut_m3)[name]
+            one[key] = {"recorded": recorded_value, **spread(of_all[:count]),
+                        "sobol": _indices(first, second, of_all)}
+        one["cycles"] = [
+            {"begin_s": cycle.begin_s, "end_s": cycle.end_s,
+             "draws": int(np.isfinite([f.cycles[name][i][0] for f in drawn[:count]]).sum()),
+             "load_m3": {"recorded": cycle.load_m3,
+                         **spread([f.cycles[name][i][0] for f in drawn[:count]])},
+             "cut_m3": {"recorded": cycle.cut_m3,
+                        **spread([f.cycles[name][i][1] for f in drawn[:count]])}}
+            for i, cycle in enumerate(recorded.cycles[name])]
+        machines.append(one)
+    cuts = np.array([sum(f.cut_m3.values()) for f in drawn])
+    fills = np.array([f.fill_m3 for f in drawn])
+    return {"machines": machines,
+            "cut_m3": {"recorded": sum(own.cut_m3.values()), **spread(cuts[:count]),
+                       "sobol": _indices(first, second, cuts)},
+            "fill_m3": {"recorded": own.fill_m3, **spread(fills[:count]),
+                        "sobol": _indices(first, second, fills)}}
+
+
+def _write(out: Path, scene: Scene, recorded: Recorded, drawn: Drawn, report: dict[str, Any],
+           grid: Grid | None) -> None:
+    count = report["draws"]
+    if grid is not None:
+        known = np.maximum(drawn.count, 2)
+        mean = drawn.sum / known
+        variance = np.maximum(0.0, drawn.squares / known - mean**2) * known / (known - 1)
+        sigma = np.where(2 * drawn.count > count, GRAINS_M * np.sqrt(variance), np.nan)
+        soilvdb.write_raster(out / "height_sigma.tif",
+                             sigma.reshape(grid.shape[1], grid.shape[0]), grid.first,
+                             (grid.spacing_m, grid.spacing_m), scene.crs(), "height_sigma")
+    else:
+        (out / "height_sigma.tif").unlink(missing_ok=True)
+    plot_loads(out / "load.png", instants(scene),
+               {name: np.array([f.loads_m3[name] for f in drawn.figures[:count]])
+                for name in scene.names},
+               {name: recorded.figures.loads_m3[name] for name in scene.names})
+    with open(out / ".draws.tmp", "w", encoding="utf-8") as table:
+        table.write("draw,machine,bucket_m3,cut_m3\n")
+        for number, figures in enumerate(drawn.figures[:count]):
+            for name in scene.names:
+                table.write(f"{number},{name},{figures.load_m3[name]!r},{figures.cut_m3[name]!r}\n")
+    os.replace(out / ".draws.tmp", out / "draws.csv")
+    (out / ".uncertainty.tmp").write_text(json.dumps(_without_nan(report), indent=2) + "\n",
+                                          encoding="utf-8")
+    os.replace(out / ".uncertainty.tmp", out / "uncertainty.json")
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _print(report: dict[str, Any], out: Path) -> None:
+    print(f"{report['scenario']}: {report['draws']} draws, seed {report['seed']}")
+    for machine in report["machines"]:
+        for key, title in (("bucket_m3", "load"), ("cut_m3", "cut")):
+            _print_figure(f"{machine['name']}: {title}", machine[key])
+    if report["fill_m3"]["sigma"] > 0:
+        _print_figure("fill", report["fill_m3"])
+    print(f"in {out}: {', '.join(name for name in FILES if (out / name).exists())}")
+
+
+def _print_figure(title: str, figure: dict[str, Any]) -> None:
+    mean, sigma = figure["mean"], figure["sigma"]
+    of_mean = f" ({100 * sigma / abs(mean):.1f} %)" if mean else ""
+    most = [f"{name} {max(0.0, 100 * index['first_order']):.0f} %"
+            for name, index in list(figure["sobol"].items())[:3]
+            if index["first_order"] > max(0.01, 2 * index["error"])]
+    print(f"  {title:24} {mean:.4g} +- {sigma:.2g} m3{of_mean}, 5..95 %: {figure['p05']:.4g} .. "
+          f"{figure['p95']:.4g}" + (f"; of {', '.join(most)}" if most and sigma > 0 else ""))

@@ -1,0 +1,396 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""How far machines, ground and soil may be from what is recorded of them, and draws of that.
+
+    noise = soilvdb.noise.read("noise.yaml")
+    draw = noise.draw(seed=1, number=0)
+    errors = draw.path("digger", times, joints=["boom", "arm"])
+
+A signal has a constant part (calibration), one that drifts (GNSS: a Gauss-Markov process) and one that
+is new in each row; all are zero on average, and what is given of each is its standard deviation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import importlib
+import math
+import os
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+PARTS = ("bias", "drift", "white")
+AXES = ("x", "y", "z")
+KEYS: dict[str, tuple[str, ...]] = {
+    "position": PARTS, "rotation": PARTS, "bucket": ("width", "height"),
+    "terrain": ("bias", "correlated", "white", "cell"), "soil": ("repose", "swell")}
+MOST = {"position": 10.0, "rotation": 0.5, "joint": 0.5, "bucket": 1.0, "terrain": 10.0, "soil": 1.0}
+
+
+class NoiseError(ValueError):
+    """What is wrong with a noise file, in one line: where, what, what would be right."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Signal:
+    """Standard deviations of one signal's parts: of each of three axes, or of one joint."""
+
+    bias: tuple[float, ...]
+    drift: tuple[float, ...]
+    tau: float  # s, in which what drifts is forgotten to 1/e
+    white: tuple[float, ...]
+
+    def parts(self) -> list[str]:
+        return [part for part in PARTS if any(getattr(self, part))]
+
+
+@dataclasses.dataclass(frozen=True)
+class TerrainNoise:
+    """Standard deviations of the heights that a terrain is made of, m."""
+
+    bias: float = 0.0
+    correlated: float = 0.0
+    length: float = 0.0  # m, at which the spherical variogram of that has its sill
+    white: float = 0.0
+    cell: float | None = None  # m, distance of the heights; None: a raster's own
+
+    def parts(self) -> list[str]:
+        return [part for part in ("bias", "correlated", "white") if getattr(self, part)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """What isn't known, as standard deviations. Nothing given: it is known."""
+
+    position: Signal | None = None  # m, of the bucket's frame, or of the base of a machine with joints
+    rotation: Signal | None = None  # rad, about the axes of that
+    joints: Mapping[str, Signal] = dataclasses.field(default_factory=dict)
+    all_joints: Signal | None = None  # of those that `joints` doesn't have; rad, or m
+    bucket: Mapping[str, float] = dataclasses.field(default_factory=dict)  # width, height, m
+    terrain: TerrainNoise = TerrainNoise()
+    soil: Mapping[str, float] = dataclasses.field(default_factory=dict)  # repose, rad; swell
+
+    def sources(self) -> list[str]:
+        """Names of all that may err, such as position.bias, joints.boom.white, bucket.width."""
+        names = [f"{name}.{part}" for name in ("position", "rotation")
+                 for part in (getattr(self, name).parts() if getattr(self, name) else [])]
+        if self.all_joints:
+            names += [f"joints.{part}" for part in self.all_joints.parts()]
+        names += [f"joints.{joint}.{part}" for joint, signal in self.joints.items()
+                  for part in signal.parts()]
+        names += [f"bucket.{name}" for name, sigma in self.bucket.items() if sigma]
+        names += [f"terrain.{part}" for part in self.terrain.parts()]
+        return names + [f"soil.{name}" for name, sigma in self.soil.items() if sigma]
+
+    def moves_base(self) -> bool:
+        return any(name.startswith(("position.", "rotation.")) for name in self.sources())
+
+    def draw(self, seed: int, number: int | Mapping[str, int] = 0) -> Draw:
+        """One of the ways it may have been, the same each time. number: of the draw, or one for each
+        of the sources that err in it; others don't."""
+        if isinstance(number, int):
+            number = dict.fromkeys(self.sources(), number)
+        return Draw(self, seed, dict(number))
+
+
+@dataclasses.dataclass(frozen=True)
+class Draw:
+    """One way it may have been: errors to be added to what is recorded."""
+
+    noise: Noise
+    seed: int
+    numbers: Mapping[str, int]  # of the realisation of each source that errs
+
+    def _random(self, source: str, of: str = "") -> np.random.Generator | None:
+        if source not in self.numbers:
+            return None
+        key = (zlib.crc32(source.encode()), zlib.crc32(of.encode()), self.numbers[source])
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+    def _signal(self, name: str, of: str, signal: Signal | None, times: Floats) -> Floats:
+        """Errors (N, axes) at these times."""
+        axes = len(signal.bias) if signal else 0
+        error = np.zeros((len(times), axes))
+        if signal is None:
+            return error
+        if random := self._random(f"{name}.bias", of):
+            error += random.standard_normal(axes) * signal.bias
+        if random := self._random(f"{name}.drift", of):
+            error += gauss_markov(random, times, signal.tau, axes) * signal.drift
+        if random := self._random(f"{name}.white", of):
+            error += random.standard_normal((len(times), axes)) * signal.white
+        return error
+
+    def base(self, machine: str, times: Floats) -> tuple[Floats, Floats]:
+        """Errors of position, m, world, and of rotation, rad, (N, 3) each, at times (N,), s."""
+        errors = [self._signal(name, machine, signal, times)
+                  for name, signal in (("position", self.noise.position),
+                                       ("rotation", self.noise.rotation))]
+        whole = [error if error.shape[1] else np.zeros((len(times), 3)) for error in errors]
+        return whole[0], whole[1]
+
+    def joints(self, machine: str, times: Floats, joints: Sequence[str]) -> Floats:
+        """Errors (N, joints) of these joints, rad or m, at times (N,), s."""
+        columns = []
+        for joint in joints:
+            own = self.noise.joints.get(joint)
+            columns.append(self._signal(f"joints.{joint}", machine, own, times) if own else
+                           self._signal("joints", f"{machine}/{joint}", self.noise.all_joints,
+                                        times))
+        return np.hstack([c if c.shape[1] else np.zeros((len(times), 1)) for c in columns])
+
+    def scalar(self, source: str, sigma: float, low: float, high: float, of: str = "") -> float:
+        """An error of that standard deviation within [low, high]; 0 where the source doesn't err."""
+        random = self._random(source, of)
+        if random is None:
+            return 0.0
+        while not low <= (error := sigma * float(random.standard_normal())) <= high:
+            pass
+        return error
+
+    def terrain(self, shape: tuple[int, int], spacing: tuple[float, float]) -> Floats:
+        """Errors (ny, nx) of heights so far apart (dx, dy), m."""
+        terrain = self.noise.terrain
+        error = np.zeros(shape)
+        if random := self._random("terrain.bias"):
+            error += terrain.bias * float(random.standard_normal())
+        if random := self._random("terrain.correlated"):
+            error += terrain.correlated * correlated_field(random, shape, spacing, terrain.length)
+        if random := self._random("terrain.white"):
+            error += terrain.white * random.standard_normal(shape)
+        return error
+
+
+def gauss_markov(random: np.random.Generator, times: Floats, tau: float, axes: int = 1) -> Floats:
+    """A stationary Gauss-Markov process of variance 1, exp(-|dt| / tau) its correlation, at times
+    (N,) that don't decrease: (N, axes)."""
+    normal = random.standard_normal((len(times), axes))
+    value = np.empty_like(normal)
+    at = 0
+    while at < len(times):
+        # x(t) exp(t / tau) is a sum of independent steps; in pieces, which the exponential bears.
+        end = max(at + 1, int(np.searchsorted(times, times[at] + 20 * tau, "right")))
+        grown = np.exp((times[at:end] - times[at]) / tau)
+        steps = np.sqrt(np.maximum(0.0, np.diff(grown**2, prepend=1.0)))[:, None] * normal[at:end]
+        if at == 0:
+            steps[0] = normal[0]
+        else:
+            kept = math.exp(-(times[at] - times[at - 1]) / tau)
+            steps[0] = kept * value[at - 1] + math.sqrt(1 - kept**2) * normal[at]
+        value[at:end] = np.cumsum(steps, axis=0) / grown[:, None]
+        at = end
+    return value
+
+
+def correlated_field(random: np.random.Generator, shape: tuple[int, int],
+                     spacing: tuple[float, float], length: float) -> Floats:
+    """A Gaussian field (ny, nx) of variance 1 and a spherical variogram of that range, m: on a torus
+    so large that its ends don't know of each other (circulant embedding)."""
+    torus = [n + math.ceil(length / d) for n, d in zip(shape, (spacing[1], spacing[0]))]
+    lag = [np.minimum(np.arange(n), n - np.arange(n)) * d
+           for n, d in zip(torus, (spacing[1], spacing[0]))]
+    h = np.minimum(1.0, np.hypot(lag[0][:, None], lag[1][None, :]) / length)
+    power = np.maximum(0.0, np.fft.fft2(1 - 1.5 * h + 0.5 * h**3).real)
+    field = np.fft.ifft2(np.sqrt(power) * np.fft.fft2(random.standard_normal(torus))).real
+    return np.asarray(field[:shape[0], :shape[1]])
+
+
+def product(a: Floats, b: Floats) -> Floats:
+    """Of quaternions x, y, z, w, (N, 4) or (4,): first b, then a."""
+    x, y, z, w = a.T
+    left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
+    return np.asarray(b @ left.T if a.ndim == 1 else np.einsum("ijn,nj->ni", left, b))
+
+
+def rotation_of(vectors: Floats) -> Floats:
+    """Quaternions (N, 4) x, y, z, w of rotation vectors (N, 3), rad."""
+    half = 0.5 * np.sqrt((vectors * vectors).sum(axis=1))
+    q = np.empty((len(vectors), 4))
+    q[:, :3] = vectors * (0.5 * np.sinc(half / np.pi))[:, None]
+    q[:, 3] = np.cos(half)
+    return q
+
+
+def turned(rotations: Floats, errors: Floats) -> Floats:
+    """Unit quaternions (N, 4), or one for all, turned about their own axes by rotation vectors (N,
+    3), rad."""
+    q = product(np.asarray(rotations, dtype=float), rotation_of(errors))
+    return np.asarray(q / np.sqrt((q * q).sum(axis=1))[:, None])
+
+
+def turned_about(base: tuple[Floats, Floats], errors: Floats, positions: Floats,
+                 rotations: Floats) -> tuple[Floats, Floats]:
+    """Poses (N, 3), (N, 4) as they are when a base, (3,), (4,), errs by rotation vectors (N, 3)."""
+    conjugate = np.array([-1.0, -1.0, -1.0, 1.0])
+    one = np.tile(base[1] * conjugate, (len(errors), 1))
+    turn = product(product(base[1], rotation_of(errors)), one)
+    arm = np.concatenate([positions - base[0], np.zeros((len(positions), 1))], axis=1)
+    moved = product(product(turn, arm), turn * conjugate)[:, :3]
+    q = product(turn, rotations)
+    return base[0] + moved, np.asarray(q / np.sqrt((q * q).sum(axis=1))[:, None])
+
+
+def read(file: str | os.PathLike[str]) -> Noise:
+    """The noise that a YAML file says. Raises NoiseError with FILE:LINE, OSError."""
+    yaml = importlib.import_module("yaml")
+
+    path = Path(file)
+    try:
+        root = yaml.compose(path.read_text(encoding="utf-8"), yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise NoiseError(f"{path}:{line}: is no YAML: {error.problem}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise NoiseError(f"{path}: is no YAML text") from error
+    return _noise(_plain(root, str(path)) if root else _Map(str(path), 1), str(path))
+
+
+def of(given: Mapping[str, Any]) -> Noise:
+    """The noise that a dict says which has a noise file's keys. Raises NoiseError."""
+    return _noise(given, "noise")
+
+
+class _Map(dict[str, Any]):
+    """A mapping that knows where it and its keys are in a file."""
+
+    def __init__(self, file: str, line: int) -> None:
+        super().__init__()
+        self.file, self.line = file, line
+        self.lines: dict[str, int] = {}
+
+
+def _plain(node: Any, file: str) -> Any:
+    """What a YAML node holds."""
+    yaml = importlib.import_module("yaml")
+
+    if isinstance(node, yaml.MappingNode):
+        mapping = _Map(file, node.start_mark.line + 1)
+        for key, value in node.value:
+            name, line = str(key.value), key.start_mark.line + 1
+            if name in mapping:
+                raise NoiseError(f"{file}:{line}: '{name}' is there twice; once is right")
+            mapping[name], mapping.lines[name] = _plain(value, file), line
+        return mapping
+    if isinstance(node, yaml.SequenceNode):
+        return [_plain(each, file) for each in node.value]
+    return yaml.SafeLoader("").construct_object(node, deep=True)
+
+
+def _at(of_keys: Mapping[str, Any], key: str, where: str) -> str:
+    """FILE:LINE: a.b, of a key of a mapping that is `where`."""
+    name = f"{where}.{key}" if where else key
+    if isinstance(of_keys, _Map):
+        return f"{of_keys.file}:{of_keys.lines.get(key, of_keys.line)}: {name}"
+    return name
+
+
+def _mapping(given: Mapping[str, Any], key: str, where: str, known: Iterable[str]) -> Any:
+    """The mapping at a key, whose keys are all known."""
+    value = given[key]
+    name = f"{where}.{key}" if where else key
+    words = ", ".join(known)
+    if not isinstance(value, Mapping):
+        raise NoiseError(f"{_at(given, key, where)} is {value!r}; a mapping of {words} is right")
+    _check_keys(value, name, known)
+    return value
+
+
+def _check_keys(given: Mapping[str, Any], where: str, known: Iterable[str]) -> None:
+    words = sorted(known)
+    for key in given:
+        if key not in words:
+            near = difflib.get_close_matches(str(key), words, n=1)
+            raise NoiseError(f"{_at(given, str(key), where)} isn't known; "
+                             + (f"did you mean '{near[0]}'?" if near else
+                                "known are " + ", ".join(words)))
+
+
+def _number(given: Mapping[str, Any], key: str, where: str, most: float,
+            least: float = 0.0) -> float:
+    value = given[key]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
+        raise NoiseError(f"{_at(given, key, where)} is {value!r}; a number from {least:g} to "
+                         f"{most:g} is right")
+    return float(value)
+
+
+def _numbers(given: Mapping[str, Any], key: str, where: str, most: float,
+             axes: int) -> tuple[float, ...]:
+    """A number for each axis, or the same for all."""
+    value = given[key]
+    if axes > 1 and isinstance(value, Sequence) and not isinstance(value, str):
+        if len(value) != axes:
+            raise NoiseError(f"{_at(given, key, where)} has {len(value)} numbers; one, or one for "
+                             f"each of {', '.join(AXES)} is right")
+        return tuple(_number({key: each}, key, where, most) for each in value)
+    return (_number(given, key, where, most),) * axes
+
+
+def _signal(given: Mapping[str, Any], where: str, most: float, axes: int) -> Signal:
+    zero = (0.0,) * axes
+    drift, tau = zero, 1.0
+    if "drift" in given:
+        of_drift = _mapping(given, "drift", where, ("sigma", "tau"))
+        for key in ("sigma", "tau"):
+            if key not in of_drift:
+                raise NoiseError(f"{_at(given, 'drift', where)} has no {key}; sigma and tau are "
+                                 "needed")
+        drift = _numbers(of_drift, "sigma", f"{where}.drift", most, axes)
+        tau = _number(of_drift, "tau", f"{where}.drift", 1e9, 1e-3)
+    return Signal(_numbers(given, "bias", where, most, axes) if "bias" in given else zero, drift,
+                  tau, _numbers(given, "white", where, most, axes) if "white" in given else zero)
+
+
+def _joints(given: Mapping[str, Any]) -> tuple[Signal | None, dict[str, Signal]]:
+    """Of all joints, and of those that are named."""
+    if not isinstance(given["joints"], Mapping):
+        raise NoiseError(f"{_at(given, 'joints', '')} is {given['joints']!r}; a mapping of "
+                         f"{', '.join(PARTS)}, or of joints to such ones, is right")
+    joints = given["joints"]
+    named = {}
+    for name in joints:
+        if name not in PARTS:
+            one = _mapping(joints, name, "joints", PARTS)
+            named[name] = _signal(one, f"joints.{name}", MOST["joint"], 1)
+    everyone = any(part in joints for part in PARTS)
+    return _signal(joints, "joints", MOST["joint"], 1) if everyone else None, named
+
+
+def _terrain(given: Mapping[str, Any]) -> TerrainNoise:
+    terrain = _mapping(given, "terrain", "", KEYS["terrain"])
+    numbers = {key: _number(terrain, key, "terrain", MOST["terrain"])
+               for key in ("bias", "white") if key in terrain}
+    cell = _number(terrain, "cell", "terrain", 1e3, 1e-3) if "cell" in terrain else None
+    if "correlated" in terrain:
+        correlated = _mapping(terrain, "correlated", "terrain", ("sigma", "length"))
+        for key in ("sigma", "length"):
+            if key not in correlated:
+                raise NoiseError(f"{_at(terrain, 'correlated', 'terrain')} has no {key}; sigma and "
+                                 "length are needed")
+        numbers["correlated"] = _number(correlated, "sigma", "terrain.correlated", MOST["terrain"])
+        numbers["length"] = _number(correlated, "length", "terrain.correlated", 1e5, 1e-3)
+    return TerrainNoise(**numbers, cell=cell)
+
+
+def _noise(given: Any, where: str) -> Noise:
+    if not isinstance(given, Mapping):
+        raise NoiseError(f"{where}: is no mapping; keys are {', '.join((*KEYS, 'joints'))}")
+    _check_keys(given, "", (*KEYS, "joints"))
+    position, rotation = (
+        _signal(_mapping(given, key, "", PARTS), key, MOST[key], 3) if key in given else None
+        for key in ("position", "rotation"))
+    bucket, soil = (
+        {name: _number(value, name, key, MOST[key]) for name in value} for key, value in
+        ((key, _mapping(given, key, "", KEYS[key]) if key in given else {})
+         for key in ("bucket", "soil")))
+    everyone, named = _joints(given) if "joints" in given else (None, {})
+    terrain = _terrain(given) if "terrain" in given else TerrainNoise()
+    return Noise(position, rotation, named, everyone, bucket, terrain, soil)
