@@ -76,6 +76,7 @@ def test_bad_lines_are_refused_and_change_nothing(tmp_path):
            (good.replace('"time": 0.0', '"time": 9').replace("[0.0, 0.0, -0.3]", "[500.0, 0, 0]"),
             "are these metres?"),
            (good.replace('"time": 0.0', '"time": 1e999'), "no JSON object"),
+           (good.replace('"time": 0.0', '"time": NaN'), "JSON has no NaN"),
            ('{"machine": "digger", "time": 1, "joints": {"boom": 1}}', "has no joints"),
            ("[" * 20000, "no JSON object"), ("\x00", "no JSON object"), ("", "an empty message")]
     with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:

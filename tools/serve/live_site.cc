@@ -101,7 +101,12 @@ void LiveSite::record(const Recording& recording,
 MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints) const {
   const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
   if (json.is_discarded() || !json.is_object())
-    throw std::invalid_argument(fmt::format("'{}' is no JSON object", io::printable(line)));
+    throw std::invalid_argument(
+        fmt::format("'{}' is no JSON object{}", io::printable(line),
+                    json.is_discarded() && (line.find("NaN") != std::string_view::npos ||
+                                            line.find("Infinity") != std::string_view::npos)
+                        ? "; JSON has no NaN and no Infinity: leave such a state out"
+                        : ""));
   static const std::vector<std::string> kKeys = {"machine", "time", "joints", "position",
                                                  "rotation"};
   for (const auto& [key, value] : json.items())

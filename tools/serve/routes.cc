@@ -63,7 +63,7 @@ class Values {
       const std::size_t end = std::min(text.find(',', at), text.size());
       const auto value = io::parse_number(text.substr(at, end - at));
       if (!value || !(std::abs(*value) <= kFarthest_m))
-        throw std::invalid_argument(fmt::format("'{}' must be numbers; '{}' is none", name,
+        throw std::invalid_argument(fmt::format("'{}' is made of numbers; '{}' is none", name,
                                                 io::printable(text.substr(at, end - at))));
       all.push_back(*value);
       at = end + 1;

@@ -42,8 +42,8 @@ std::string read_file(const std::filesystem::path& file) {
 
 constexpr const char* kNoPage =
     "<!DOCTYPE html><html lang=\"en\"><meta charset=\"utf-8\"><title>soilvdb</title>"
-    "<h1>soilvdb</h1><p>The view isn't part of this build: it is made with npm. "
-    "Feeds and queries work.</p></html>\n";
+    "<h1>soilvdb</h1><p>The page isn't built: tools/view/build makes it, with node and npm; "
+    "then start soilvdb serve again. Feeds and queries work.</p></html>\n";
 
 std::map<std::string, Reply> read_page(const std::filesystem::path& folder) {
   std::map<std::string, Reply> page;
@@ -85,8 +85,11 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
     acceptor.bind(endpoint);
     acceptor.listen();
   } catch (const boost::system::system_error& e) {
-    throw io::InputError(fmt::format("can't listen on {} port {}: {}", options.listen, options.port,
-                                     e.code().message()));
+    throw io::InputError(fmt::format(
+        "can't listen on {} port {}: {}{}", options.listen, options.port, e.code().message(),
+        e.code() == boost::system::errc::address_in_use
+            ? "; end the program that listens there, or name another --port (0: any that is free)"
+            : ""));
   }
 }
 
