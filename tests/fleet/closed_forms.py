@@ -133,11 +133,12 @@ NOISE = {"position": {"bias": 0.01, "drift": {"sigma": 0.01, "tau": 30}, "white"
          "terrain": {"bias": 0.005, "correlated": {"sigma": 0.01, "length": 1.0}}}
 
 
-def covered(folder, scenarios, draws):
+def covered(folder, scenarios, draws, first=0):
     """Of digs that are known, recorded with errors: @return how many of the true loads, 0 to 1, are
     between the percentiles 5 and 95 of what is drawn from the record."""
+    folder.mkdir(parents=True, exist_ok=True)
     hits = 0
-    for i in range(scenarios):
+    for i in range(first, first + scenarios):
         chance = np.random.default_rng((20, i))
         true = write_true(folder / f"true{i}", chance)
         truth = soilvdb.Site.open(true)
