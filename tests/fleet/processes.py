@@ -97,8 +97,15 @@ class Processes:
                  env={**os.environ, **(environments or {}).get(host, {})}) for host in hosts]
 
     def wait_for_workers(self, count):
-        with distributed.Client(self.address, timeout=60, set_as_default=False) as client:
-            client.wait_for_workers(count, timeout=120)
+        end = time.monotonic() + 120
+        while True:
+            try:
+                with distributed.Client(self.address, timeout=10, set_as_default=False) as client:
+                    client.wait_for_workers(count, timeout=120)
+                return
+            except OSError:  # of a scheduler that was just killed
+                assert time.monotonic() < end
+                time.sleep(0.2)
 
     def __enter__(self):
         return self
