@@ -13,7 +13,7 @@ import pytest
 from closed_forms import (DEPTH, LENGTH, WIDTH, correlated_terrain, covered, drifting_height,
                           flat_pass, repeated_passes, scene, systematic_terrain,
                           uncorrelated_terrain, white_height, wide_bucket, write_pass)
-from processes import FLEET, Processes
+from processes import FLEET, Processes, wait_until
 
 import soilvdb
 from soilvdb import noise as noises
@@ -102,6 +102,29 @@ def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path):
         one, two, other = ((tmp_path / out / name).read_bytes() for out in ("one", "two", "other"))
         assert one == two, name
         assert one != other, name
+
+
+def test_a_study_that_was_killed_goes_on(tmp_path):
+    scenario = write_pass(tmp_path, rows=2000)
+    (tmp_path / "noise.yaml").write_text("position: {bias: 0.01, white: 0.001}\n")
+    options = ("--draws", 100, "--workers", 1)
+    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "whole", *options)
+    parts = tmp_path / "out/draws.part"
+    process = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml",
+                                "--out", tmp_path / "out", *map(str, options)])
+    wait_until(lambda: parts.is_dir() and len(list(parts.iterdir())) > 3)
+    process.kill()
+    process.wait()
+    assert not (tmp_path / "out/uncertainty.json").exists()
+    before = {part: part.stat().st_mtime_ns for part in parts.iterdir() if part.name != "next"}
+    again = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml",
+                              "--out", tmp_path / "out", *map(str, options)])
+    wait_until(lambda: len(list(parts.iterdir())) > len(before) + 2)
+    assert before == {part: part.stat().st_mtime_ns for part in before}
+    assert again.wait() == 0
+    for name in ("uncertainty.json", "draws.csv", "height_sigma.tif"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert not parts.exists()
 
 
 def test_sobol_indices_are_the_shares_of_variances(tmp_path):

@@ -4,7 +4,7 @@
 
     noise = soilvdb.noise.read("noise.yaml")
     draw = noise.draw(seed=1, number=0)
-    errors = draw.path("digger", times, joints=["boom", "arm"])
+    position_m, rotation_rad = draw.base("digger", times)
 
 A signal has a constant part (calibration), one that drifts (GNSS: a Gauss-Markov process) and one that
 is new in each row; all are zero on average, and what is given of each is its standard deviation.

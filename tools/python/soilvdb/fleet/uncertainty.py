@@ -6,8 +6,11 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import hashlib
 import json
 import os
+import pickle
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -137,11 +140,12 @@ def main(arguments: argparse.Namespace) -> int:
     grid = _grid(scene, dug)
     recorded = _recorded(scene, dug, grid)
     first, second = designs(study, arguments.draws)
-    drawn = _all(study, first, second, grid, arguments)
+    drawn = _all(study, recorded, first, second, grid, arguments)
     report = {"scenario": str(arguments.scenario), "draws": arguments.draws,
               "seed": arguments.seed, "sources": noise.sources(),
               **_report(scene, recorded, drawn.figures, arguments.draws, first, second)}
     _write(arguments.out, scene, recorded, drawn, report, grid)
+    shutil.rmtree(arguments.out / "draws.part")
     _print(report, arguments.out)
     return 0
 
@@ -160,22 +164,49 @@ def designs(study: Study, count: int) -> tuple[list[Draw], list[Draw]]:
                    for i in range(count)]
 
 
-def _all(study: Study, first: Sequence[Draw], second: Sequence[Draw], grid: Grid | None,
-         arguments: argparse.Namespace) -> Drawn:
+class _Kept:
+    """Draws that were dug, in a folder, for the same command to go on with."""
+
+    def __init__(self, out: Path, made_of: object) -> None:
+        digest = hashlib.sha256(pickle.dumps((soilvdb.__version__, made_of))).hexdigest()
+        self.folder = out / "draws.part"
+        self._name = digest[:16]
+        self.folder.mkdir(exist_ok=True)
+
+    def _file(self, index: int) -> Path:
+        return self.folder / f"{self._name}.{index}"
+
+    def parts(self, count: int) -> dict[int, Drawn]:
+        """Of the tasks, those that are there."""
+        return {index: pickle.loads(self._file(index).read_bytes()) for index in range(count)
+                if self._file(index).exists()}
+
+    def add(self, index: int, drawn: Drawn) -> None:
+        beside = self.folder / "next"
+        beside.write_bytes(pickle.dumps(drawn))
+        os.replace(beside, self._file(index))
+
+
+def _all(study: Study, recorded: Recorded, first: Sequence[Draw], second: Sequence[Draw],
+         grid: Grid | None, arguments: argparse.Namespace) -> Drawn:
     """Digs both designs; heights are of the first."""
     tasks = [Task(study, tuple(tuple(draw.numbers.items()) for draw in design[i:i + TASK_DRAWS]),
                   on_grid)
              for design, on_grid in ((first, grid), (second, None))
              for i in range(0, len(design), TASK_DRAWS)]
-    parts: dict[int, Drawn] = {}
-    done = 0
+    kept = _Kept(arguments.out, (study, recorded.figures, tasks))
+    parts = kept.parts(len(tasks))
+    left = [i for i in range(len(tasks)) if i not in parts]
+    done = sum(len(tasks[i].draws) for i in parts)
     with (cluster.open_cluster(arguments.workers, arguments.scheduler) as workers,
           Progress("uncertainty", len(first) + len(second), "draws") as progress):
-        for outcome in cluster.run_tasks(workers, draw_task, tasks):
+        for outcome in cluster.run_tasks(workers, draw_task, [tasks[i] for i in left]):
             if outcome.value is None:
                 raise RuntimeError(str(outcome.error)) from outcome.error
-            parts[outcome.index] = outcome.value
-            done += len(tasks[outcome.index].draws)
+            index = left[outcome.index]
+            parts[index] = outcome.value
+            kept.add(index, outcome.value)
+            done += len(tasks[index].draws)
             progress.update(done)
     with_heights = [parts[i] for i, task in enumerate(tasks) if task.grid]
     sums = [np.sum([getattr(part, name) for part in with_heights], axis=0, dtype=np.int64)
