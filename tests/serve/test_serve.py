@@ -277,6 +277,11 @@ def test_times_are_shown_as_they_were(tmp_path):
         change = np.concatenate([b.change for b in shown])
         off = np.abs(change - (points[:, 2] - before))[flat]
         assert np.mean(off < 0.0006) > 0.99  # else at walls, whose places are rounded
+        # Against itself nothing has changed, steep walls neither.
+        for time_s in (0.3, 1.2):
+            _, blocks = asyncio.run(view(server, whole(1), [{"time": time_s, "against": time_s}]))
+            shown = [b for (id, _), b in blocks.items() if id == 1 and len(b.points)]
+            assert shown and all((b.change == 0).all() for b in shown)
         texts, _ = asyncio.run(view(
             server, lambda texts, _: texts and texts[-1]["type"] == "error",
             [{"time": 0.2, "against": 0.3}]))

@@ -5,13 +5,16 @@
 #include <zlib.h>
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <stdexcept>
 #include <vector>
 
 #include "core/lattice/bytes.h"
 #include "io/draw/loose_soil.h"
+#include "soilvdb/chunk_range.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -55,6 +58,50 @@ std::vector<std::uint16_t> above(const std::vector<Vec3>& points, const Heights&
   return mm;
 }
 
+/// Which parts of a ground are as they were, to the last sample.
+class Unchanged {
+ public:
+  Unchanged(const Soil& now, const Soil& before) : now_(now), before_(before) {}
+
+  /// Is the surface at a vertex? @param index of the place, in voxels
+  bool at(const Vec3& index) {
+    const Coord3 low(index.array().floor().cast<int>());
+    // What it is made of: the eight voxels around, each by its neighbours.
+    for (int x = low.x() - 1; x <= low.x() + 2; ++x)
+      for (int y = low.y() - 1; y <= low.y() + 2; ++y)
+        for (int z = low.z() - 1; z <= low.z() + 2; ++z)
+          if (changed({x, y, z})) return false;
+    return true;
+  }
+
+ private:
+  using Cells = std::bitset<kChunkVoxels>;
+
+  bool changed(const Coord3& cell) {
+    constexpr int kChunk = ~(kChunkSide - 1), kInside = kChunkSide - 1;
+    const Coord3 chunk(cell.x() & kChunk, cell.y() & kChunk, cell.z() & kChunk);
+    const auto [found, first] = chunks_.try_emplace(chunk);
+    if (first) found->second = changes_of(chunk);
+    const int n = ((cell.x() & kInside) * kChunkSide + (cell.y() & kInside)) * kChunkSide +
+                  (cell.z() & kInside);
+    return found->second[static_cast<std::size_t>(n)];
+  }
+
+  Cells changes_of(const Coord3& chunk) const {
+    Cells cells;
+    if (now_.find(chunk) == nullptr && before_.find(chunk) == nullptr) return cells;
+    SampleWords here, there;
+    now_.read_samples(chunk, here);
+    before_.read_samples(chunk, there);
+    for (std::size_t n = 0; n < here.size(); ++n) cells[n] = here[n] != there[n];
+    return cells;
+  }
+
+  const Soil& now_;
+  const Soil& before_;
+  std::map<Coord3, Cells, Before> chunks_;
+};
+
 std::uint64_t resident_chunks_of(const Soil& soil, const Coord3& block) {
   constexpr int kChunks = kBlockSide / kChunkSide;
   std::uint64_t mask = 0;
@@ -79,7 +126,7 @@ std::string deflated(std::string_view bytes) {
 
 std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mesh,
                           std::uint32_t view, const Heights& before, const Heights& design,
-                          bool soil_moves) {
+                          bool soil_moves, const Soil* ground_before) {
   const std::size_t n = mesh.points.size();
   std::string out;
   for (const int first : {block.x(), block.y(), block.z()})
@@ -104,7 +151,16 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
   }
   for (const Eigen::Vector3f& p : mesh.points)
     points.emplace_back(soil.origin() + p.cast<double>());
-  put_array(out, above(points, before));
+  std::vector<std::uint16_t> changes = above(points, before);
+  if (ground_before != nullptr) {
+    // A vertex of a steep wall isn't where its column's top is, whether anything changed or not.
+    Unchanged unchanged(soil, *ground_before);
+    for (std::size_t i = 0; i < n; ++i)
+      if (changes[i] != kNoHeight &&
+          unchanged.at(mesh.points[i].cast<double>() / soil.voxel_size_m()))
+        changes[i] = 0;
+  }
+  put_array(out, changes);
   if (design) put_array(out, above(points, design));
   for (std::size_t i = 0; i < n; ++i)
     values[i] =

@@ -132,7 +132,8 @@ std::string GroundView::block(const Coord3& block, std::uint32_t view) {
   const Soil& soil = *now_->site().soil;
   return block_message(soil, block, mesh_block(soil, block), view, before_heights(),
                        design_ ? heights_of(*design_) : Heights(),
-                       now_->earthmoving().soil.has_value());
+                       now_->earthmoving().soil.has_value(),
+                       before_ ? before_->site().soil.get() : nullptr);
 }
 
 }  // namespace soilvdb::tools
