@@ -13,11 +13,7 @@ constexpr std::size_t kMostPatches = 32;  // in memory at once
 
 GroundMcap::GroundMcap(const std::filesystem::path& file, const SoilMcap::Site& site,
                        const Soil& soil, double time_s)
-    : mcap_(file, site, time_s), mesher_(soil), elevation_(soil) {
-  std::vector<Coord3> all;
-  for (const Chunk* chunk : soil.chunks()) all.push_back(chunk->origin);
-  blocks(time_s, all);
-}
+    : mcap_(file, site, time_s), mesher_(soil), elevation_(soil) {}
 
 void GroundMcap::blocks(double time_s, std::span<const Coord3> changed) {
   std::vector<GroundService::Patch> patches;

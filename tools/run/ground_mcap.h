@@ -17,8 +17,8 @@ namespace soilvdb::tools {
 /// the cause. For one thread.
 class GroundMcap {
  public:
-  /// Begins the file anew with the ground that there is.
-  /// @param soil outlives it
+  /// Begins the file anew.
+  /// @param soil outlives it; what of it was touched by now is to be written by blocks()
   GroundMcap(const std::filesystem::path& file, const SoilMcap::Site& site, const Soil& soil,
              double time_s);
 

@@ -34,7 +34,11 @@ RunMcap::RunMcap(std::filesystem::path file, const io::Scenario& scenario, const
       part_(part_of(file_)),
       schedule_(kBlocksEvery_s, begin_s, end_s),
       elevation_schedule_(kElevationEvery_s, begin_s, end_s),
-      mcap_(part_, site_of(scenario, site), *site.soil, begin_s) {}
+      mcap_(part_, site_of(scenario, site), *site.soil, begin_s) {
+  std::vector<Coord3> all;
+  for (const Chunk* chunk : site.soil->chunks()) all.push_back(chunk->origin);
+  mcap_.blocks(begin_s, all);
+}
 
 RunMcap::~RunMcap() {
   if (!closed_) std::remove(part_.c_str());

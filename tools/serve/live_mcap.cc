@@ -20,7 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kEvery{500};
-constexpr std::uint64_t kMapEvery = 2;  // of those
+constexpr std::chrono::seconds kMapEvery{1};
+/// Chunks whose blocks are written at once: the rest, and loads that come meanwhile, don't wait.
+constexpr std::size_t kMostChunks = 32;
 
 fs::path free_name(const fs::path& folder) {
   const fs::path first = folder / kMcapName;
@@ -45,8 +47,12 @@ struct LiveMcap::Writer {
     try {
       if (!mcap) mcap.emplace(free_name(folder), site, copy, time_s);
       for (const LoadAt& at : loads) mcap->load(at.time_s, at.machine, at.load);
+      if (!loads.empty()) mcap->flush();  // before what may take its time
       mcap->blocks(time_s, changed);
-      if (last || ++writes % kMapEvery == 0) mcap->elevation(time_s);
+      if (last || Clock::now() - mapped >= kMapEvery) {
+        mcap->elevation(time_s);
+        mapped = Clock::now();
+      }
       if (last)
         mcap->close();
       else
@@ -62,7 +68,7 @@ struct LiveMcap::Writer {
   const Soil& copy;
   std::atomic<bool> busy = false;
   std::optional<GroundMcap> mcap = {};
-  std::uint64_t writes = 0;
+  Clock::time_point mapped{};
   bool failed = false;
 };
 
@@ -99,22 +105,38 @@ void LiveMcap::note_loads() {
   }
 }
 
+/// Some of the chunks that changed, in turn.
+std::vector<Coord3> LiveMcap::take_changed(std::size_t most) {
+  std::vector<Coord3> some;
+  auto next = changed_.upper_bound(last_taken_);
+  while (some.size() < most && !changed_.empty()) {
+    if (next == changed_.end()) next = changed_.begin();
+    some.push_back(*next);
+    next = changed_.erase(next);
+  }
+  if (!some.empty()) last_taken_ = some.back();
+  return some;
+}
+
 void LiveMcap::write(GroundService& service, bool last) {
+  if (written_ == Clock::time_point())  // what there is of an earlier recording
+    for (const Chunk* chunk : site_.session().site().soil->chunks()) changed_.insert(chunk->origin);
   written_ = Clock::now();
   writer_->busy = true;
   service.run([writer = writer_, time_s = now_s(), last, loads = std::exchange(loads_, {}),
-               changed = std::vector<Coord3>(changed_.begin(), changed_.end())] {
+               changed = take_changed(last ? changed_.size() : kMostChunks)] {
     writer->write(time_s, changed, loads, last);
     writer->busy = false;
   });
-  changed_.clear();
 }
 
 void LiveMcap::tick(std::span<const Coord3> changed, GroundService& service) {
   changed_.insert(changed.begin(), changed.end());
   if (site_.fed() == 0) return;
   note_loads();
-  if (writer_->busy || Clock::now() - written_ < kEvery) return;
+  if (writer_->busy) return;
+  const bool behind = changed_.size() > kMostChunks;
+  if (!behind && Clock::now() - written_ < kEvery) return;
   if (!changed_.empty() || !loads_.empty()) write(service, /*last=*/false);
 }
 

@@ -18,7 +18,8 @@
 namespace soilvdb::tools {
 
 /// Gathers what changed on the thread that feeds the site, and writes it twice a second on that of
-/// a GroundService, which reads the copy of the ground there. What can't be written ends the
+/// a GroundService, which reads the copy of the ground there; more often, some at a time, where
+/// much has changed. What can't be written ends the
 /// recording with a warning; the site goes on.
 class LiveMcap {
  public:
@@ -46,12 +47,14 @@ class LiveMcap {
 
   double now_s() const;
   void note_loads();
+  std::vector<Coord3> take_changed(std::size_t most);
   void write(GroundService& service, bool last);
 
   const LiveSite& site_;
   const Clock::time_point begin_ = Clock::now();
   Clock::time_point written_{};
   std::set<Coord3, Before> changed_;
+  Coord3 last_taken_ = Coord3::Zero();
   std::vector<LoadAt> loads_;  // that aren't written
   std::vector<LoadAt> noted_;  // the last of each machine
   std::shared_ptr<Writer> writer_;
