@@ -7,9 +7,11 @@ import json
 import math
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from closed_forms import (DEPTH, LENGTH, WIDTH, correlated_terrain, covered, drifting_height,
                           flat_pass, repeated_passes, scene, systematic_terrain,
                           uncorrelated_terrain, white_height, wide_bucket, write_pass)
@@ -287,3 +289,50 @@ def test_wrong_command_lines_and_scenarios(tmp_path, capsys):
         scene(tmp_path / "pass.yaml", {"joints": {"x": {"bias": 0.1}}})
     with pytest.raises(noises.NoiseError, match="position.white is 'x'"):
         noises.of({"position": {"white": "x"}})
+
+
+def test_buckets_and_planes_of_draws(tmp_path):
+    """What a draw's scenario says: profiles go along with heights, slopes stay."""
+    (tmp_path / "m.csv").write_text("time,x,y,z\n" + "".join(
+        f"{t},{t},0,{0.1 * t - 0.3}\n" for t in range(4)))
+    (tmp_path / "s.yaml").write_text(
+        "soilvdb: 1\nvoxel_size: 0.1\nterrain: {plane: {z: 2.0, slope: [0.1, -0.2]}}\nmachines:\n"
+        "  - name: digger\n    bucket: {width: 1.0, height: 0.8, profile: [[0, 0], [-0.5, 0.1], "
+        "[-0.4, 0.7], [0, 0.8]]}\n    motion: m.csv\n")
+    one = scene(tmp_path / "s.yaml", {"bucket": {"height": 0.1}, "terrain": {"bias": 0.5}})
+    draw = one.study.noise.draw(2, 0)
+    error = draw.scalar("bucket.height", 0.1, -1, 1, "digger")
+    rise = draw.terrain((2, 2), (1, 1))[0, 0]
+    assert abs(error) > 0.01 and abs(rise) > 0.01
+    site = one._open(draw)
+    values = yaml.safe_load((Path(one._folder.name) / "draw.yaml").read_text())
+    bucket = values["machines"][0]["bucket"]
+    scale = 1 + error / 0.8
+    assert bucket["height"] == pytest.approx(0.8 + error)
+    assert np.array(bucket["profile"]) == pytest.approx(np.array(
+        [[0, 0], [-0.5, 0.1 * scale], [-0.4, 0.7 * scale], [0, 0.8 * scale]]))
+    xy = np.array([[0.0, 0.0], [3.0, -2.0], [-1.0, 4.0]])
+    assert site.heights(xy) == pytest.approx(2 + rise + xy @ [0.1, -0.2], abs=1e-5)
+
+
+def test_loads_at_instants_and_sigma_of_heights(tmp_path):
+    """Against draws that are dug here, one by one."""
+    from soilvdb.fleet.uncertainty import GRAINS_M, Task, _grid, draw_task, instants, recorded_of
+
+    scenario = write_pass(tmp_path, rows=11)
+    one = scene(scenario, {"position": {"bias": 0.02}}, seed=9)
+    grid = _grid(one, one.dig(None))
+    recorded = recorded_of(one, grid)
+    drawn = draw_task(Task(one.study, tuple((("position.bias", i),) for i in range(6)), grid))
+    at = instants(one)
+    rises = []
+    for i in range(6):
+        dug = one.dig(one.study.noise.draw(9, i))
+        load = [dug.load_m3["digger"][np.flatnonzero(one.motions["digger"]["times"] <= t)[-1]]
+                for t in at]
+        assert drawn.figures[i].loads_m3["digger"] == pytest.approx(load)
+        rises.append(dug.site.heights(grid.places()) - recorded.heights)
+    rises = np.array(rises)
+    assert (drawn.count == 6).all()
+    assert drawn.sum * GRAINS_M == pytest.approx(rises.sum(axis=0), abs=1e-5)
+    assert drawn.squares * GRAINS_M**2 == pytest.approx((rises**2).sum(axis=0), abs=1e-6)

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is drawn of a noise: moments and correlations, rotations, and who shares what with whom."""
+
+import math
+
+import numpy as np
+import pytest
+
+from soilvdb import noise as noises
+from soilvdb.noise import (correlated_field, gauss_markov, of, product, rotation_of, turned,
+                           turned_about)
+
+
+def rng(*seed):
+    return np.random.default_rng(seed)
+
+
+def test_gauss_markov_forgets_to_1_over_e_in_tau():
+    """Also over gaps, and where it is made in pieces: every 20 tau."""
+    tau, count = 3.0, 4000
+    times = np.concatenate([np.arange(0, 200, 0.5), [300, 300.9, 303.9], [1000]])
+    draws = np.hstack([gauss_markov(rng(7, i), times, tau, 4) for i in range(count // 4)])
+    error = 4 / math.sqrt(count)
+    assert np.abs(draws.mean(axis=1)).max() < error * 1.2
+    assert np.abs(draws.var(axis=1) - 1).max() < error * math.sqrt(2) * 1.2
+    lags = [(i, i + 1) for i in range(len(times) - 1)] + [(0, 6), (110, 130), (115, 121)]
+    for a, b in lags:
+        right = math.exp(-(times[b] - times[a]) / tau)
+        assert abs(np.mean(draws[a] * draws[b]) - right) < error * 1.3, (times[a], times[b])
+
+
+def test_gauss_markov_at_one_time_twice_is_the_same():
+    value = gauss_markov(rng(1), np.array([0.0, 1.0, 1.0, 2.0]), 5.0, 2)
+    assert (value[1] == value[2]).all() and (value[0] != value[1]).all()
+
+
+def test_correlated_field_has_a_spherical_variogram():
+    shape, spacing, length, count = (24, 40), (0.5, 0.25), 3.0, 3000
+    fields = np.stack([correlated_field(rng(3, i), shape, spacing, length) for i in range(count)])
+    assert fields.shape == (count, *shape)
+    error = 4.5 / math.sqrt(count)
+    assert abs(fields.var(axis=0) - 1).max() < error * math.sqrt(2)
+    middle = fields[:, 0, 0]
+    for j, i in ((0, 1), (0, 4), (1, 0), (4, 0), (8, 3), (0, 6), (12, 0), (0, 39), (23, 0), (23, 39)):
+        h = min(1.0, math.hypot(j * spacing[1], i * spacing[0]) / length)
+        right = 1 - 1.5 * h + 0.5 * h**3
+        assert abs(np.mean(middle * fields[:, j, i]) - right) < error, (j, i)
+
+
+def matrix(q):
+    x, y, z, w = q
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+
+
+def exponential(v):
+    """Of a rotation vector, by the series of the matrix."""
+    k = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    total, term = np.eye(3), np.eye(3)
+    for i in range(1, 30):
+        term = term @ k / i
+        total = total + term
+    return total
+
+
+def test_rotations_are_those_of_matrices():
+    random = rng(2)
+    q = random.normal(size=(6, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    v = random.normal(size=(6, 3)) * np.array([[1e-9], [0.01], [0.5], [1], [2], [0]])
+    base = (random.normal(size=3), q[5])
+    p = random.normal(size=(6, 3))
+    places, rotations = turned_about(base, v, p, q)
+    for i in range(6):
+        assert matrix(rotation_of(v[i:i + 1])[0]) == pytest.approx(exponential(v[i]), abs=1e-12)
+        assert matrix(product(q[:1], q[i:i + 1])[0]) == pytest.approx(matrix(q[0]) @ matrix(q[i]))
+        assert matrix(turned(q, v)[i]) == pytest.approx(matrix(q[i]) @ exponential(v[i]))
+        assert matrix(turned(q[1], v)[i]) == pytest.approx(matrix(q[1]) @ exponential(v[i]))
+        b = matrix(base[1])
+        error = b @ exponential(v[i]) @ b.T
+        assert places[i] == pytest.approx(base[0] + error @ (p[i] - base[0]))
+        assert matrix(rotations[i]) == pytest.approx(error @ matrix(q[i]))
+
+
+def test_who_shares_errors_with_whom():
+    noise = of({"position": {"bias": 1, "white": 1}, "joints": {"bias": 0.1, "a": {"bias": 0.2}},
+                "bucket": {"width": 0.1}})
+    assert noise.sources() == ["position.bias", "position.white", "joints.bias", "joints.a.bias",
+                               "bucket.width"]
+    times = np.arange(5.0)
+    draw = noise.draw(4, 0)
+    one, other = draw.base("one", times)[0], draw.base("other", times)[0]
+    assert not np.any(one == other) and not np.any(one[:, 0] == one[:, 1])
+    joints = draw.joints("one", times, ["a", "b", "c"])
+    assert np.ptp(joints, axis=0).max() == 0
+    assert len({*joints[0], *draw.joints("other", times, ["a", "b", "c"])[0]}) == 6
+    assert (draw.base("one", times)[0] == noise.draw(4, 0).base("one", times)[0]).all()
+    for elsewhere in (noise.draw(4, 1), noise.draw(5, 0)):
+        assert not np.any(elsewhere.base("one", times)[0] == one)
+    # A draw of some realisations has theirs, and of what isn't named nothing.
+    mixed = noise.draw(4, {"position.bias": 0, "position.white": 1})
+    alone = noise.draw(4, {"position.bias": 0}).base("one", times)[0]
+    assert np.ptp(alone, axis=0).max() == 0
+    white = noise.draw(4, {"position.white": 1}).base("one", times)[0]
+    assert mixed.base("one", times)[0] == pytest.approx(alone + white, abs=1e-15)
+    assert (mixed.joints("one", times, ["a", "b"]) == 0).all()
+    assert mixed.scalar("bucket.width", 0.1, -1, 1) == 0
+
+
+def test_a_joint_of_its_own_errs_by_that_alone():
+    noise = of({"joints": {"bias": 0.1, "a": {"bias": 0.2}, "b": {"white": 0.01}}})
+    draws = np.array([noise.draw(1, i).joints("m", np.arange(2.0), ["a", "b", "c"])
+                      for i in range(2000)])
+    assert draws[:, 0].std(axis=0) == pytest.approx([0.2, 0.01, 0.1], rel=0.08)
+    assert (draws[:, 0] == draws[:, 1]).all(axis=0).tolist() == [True, False, True]
+
+
+def test_scalars_stay_within_what_can_be():
+    noise = of({"soil": {"repose": 0.3}})
+    draws = [noise.draw(1, i).scalar("soil.repose", 0.3, -0.1, 0.2) for i in range(500)]
+    assert -0.1 <= min(draws) < -0.05 and 0.15 < max(draws) <= 0.2
+
+
+def test_a_file_says_what_a_dict_does(tmp_path):
+    (tmp_path / "n.yaml").write_text(
+        "position: {bias: [1, 2, 3], drift: {sigma: 0.5, tau: 30}}\n"
+        "joints: {white: 0.1, boom: {bias: 0.2}}\nterrain: {correlated: {sigma: 1, length: 2}}\n")
+    given = {"position": {"bias": [1, 2, 3], "drift": {"sigma": 0.5, "tau": 30}},
+             "joints": {"white": 0.1, "boom": {"bias": 0.2}},
+             "terrain": {"correlated": {"sigma": 1, "length": 2}}}
+    assert noises.read(tmp_path / "n.yaml") == of(given)
+    assert of(given).position.bias == (1, 2, 3) and of(given).position.drift == (0.5, 0.5, 0.5)
+    assert of({}).sources() == [] and not of({"joints": {"bias": 0.1}}).moves_base()
