@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import soilvdb
+from soilvdb.ensemble import _Errors
+from soilvdb.noise import of
 
 WIDTH, LENGTH, DEPTH = 1.2, 2.5, 0.25
 TURN = (0.0, 0.0, 0.0, 1.0)
@@ -49,6 +51,26 @@ def test_sigma_of_a_flat_pass_is_the_closed_form(noise, right):
     assert load.p05 < load.mean - load.sigma and load.mean + load.sigma < load.p95
     assert ensemble.cut(0).sigma == pytest.approx(load.sigma)
     assert ensemble.cut().sigma == pytest.approx(load.sigma)
+
+
+def test_what_drifts_keeps_its_sigma_and_is_forgotten():
+    signal = of({"position": {"drift": {"sigma": [0.5, 1, 2], "tau": 3.0}}}).position
+    errors = _Errors(np.random.default_rng(1), signal, 5000)
+    first = errors.at(0)
+    assert (errors.at(0) == first).all()
+    steps = [errors.at(1.5) for _ in range(40)]
+    assert steps[-1].std(axis=0) == pytest.approx([0.5, 1, 2], rel=0.05)
+    kept = (steps[-1] * steps[-2]).mean(axis=0) / (0.25, 1, 4)
+    assert kept == pytest.approx(math.exp(-0.5), abs=0.06)
+
+
+def test_spreads_are_those_of_the_clones():
+    ensemble = soilvdb.Ensemble(new_site(), {"position": {"bias": 0.02}}, clones=5)
+    flat_pass(ensemble)
+    loads = [clone.ledger(0)["bucket_m3"] for clone in ensemble._clones]
+    load = ensemble.load(0)
+    assert (load.mean, load.sigma) == pytest.approx((np.mean(loads), np.std(loads, ddof=1)))
+    assert [load.p05, load.p95] == pytest.approx(np.percentile(loads, [5, 95]))
 
 
 def test_the_same_seed_gives_the_same_errors():

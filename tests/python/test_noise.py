@@ -42,6 +42,10 @@ def test_correlated_field_has_a_spherical_variogram():
     error = 4.5 / math.sqrt(count)
     assert abs(fields.var(axis=0) - 1).max() < error * math.sqrt(2)
     middle = fields[:, 0, 0]
+    for j, i in ((0, 1), (0, 3), (2, 0), (6, 0), (4, 2)):  # of all pairs so far apart
+        h = math.hypot(j * spacing[1], i * spacing[0]) / length
+        found = np.mean(fields[:, j:, i:] * fields[:, :24 - j, :40 - i])
+        assert found == pytest.approx(1 - 1.5 * h + 0.5 * h**3, abs=0.02), (j, i)
     for j, i in ((0, 1), (0, 4), (1, 0), (4, 0), (8, 3), (0, 6), (12, 0), (0, 39), (23, 0), (23, 39)):
         h = min(1.0, math.hypot(j * spacing[1], i * spacing[0]) / length)
         right = 1 - 1.5 * h + 0.5 * h**3

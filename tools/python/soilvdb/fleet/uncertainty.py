@@ -307,6 +307,14 @@ def spread(values: Sequence[float] | Floats) -> dict[str, float]:
             "p95": float(p95)}
 
 
+def sigma_of(drawn: Drawn, draws: int) -> Floats:
+    """Of heights, m; NaN where fewer than half of the draws have one."""
+    known = np.maximum(drawn.count, 2)
+    mean = drawn.sum / known
+    variance = np.maximum(0.0, drawn.squares / known - mean**2) * known / (known - 1)
+    return np.where(2 * drawn.count > draws, GRAINS_M * np.sqrt(variance), np.nan)
+
+
 def first_order(first: Floats, second: Floats) -> tuple[float, float]:
     """A first-order Sobol index of pairs that have one source in common, and its standard error
     (Janon et al. 2014). 0 where nothing varies."""
@@ -370,12 +378,8 @@ def _write(out: Path, scene: Scene, recorded: Recorded, drawn: Drawn, report: di
            grid: Grid | None) -> None:
     count = report["draws"]
     if grid is not None:
-        known = np.maximum(drawn.count, 2)
-        mean = drawn.sum / known
-        variance = np.maximum(0.0, drawn.squares / known - mean**2) * known / (known - 1)
-        sigma = np.where(2 * drawn.count > count, GRAINS_M * np.sqrt(variance), np.nan)
         soilvdb.write_raster(out / "height_sigma.tif",
-                             sigma.reshape(grid.shape[1], grid.shape[0]), grid.first,
+                             sigma_of(drawn, count).reshape(grid.shape[1], grid.shape[0]), grid.first,
                              (grid.spacing_m, grid.spacing_m), scene.crs(), "height_sigma")
     else:
         (out / "height_sigma.tif").unlink(missing_ok=True)
