@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "io/file/text.h"
+#include "io/motion/motion_checks.h"
 #include "tools/run/run_folder.h"
 
 namespace soilvdb::tools {
@@ -153,9 +154,16 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
   return state;
 }
 
-/// What is dug on a way that nobody went can't be put back.
-void LiveSite::require_near(const MachineState& state) const {
+/// What is dug by joints, or on a way, that no machine has can't be put back: states are held to
+/// what rows of a motion are.
+void LiveSite::require_likely(const MachineState& state) const {
   const std::optional<MachineState> last = session_.last(state.machine);
+  const SessionMachine& machine = session_.machines()[state.machine];
+  const auto require = [&](const std::string& fault) {
+    if (!fault.empty())
+      throw std::invalid_argument(fmt::format("machine '{}': {}", machine.name, fault));
+  };
+  if (!state.joints.empty()) require(io::state_fault(*machine.chain, state.joints));
   if (!last) return;
   const Pose pose = state.joints.empty() ? state.pose : session_.pose(state.machine, state.joints);
   const double way_m = (pose.position - last->pose.position).norm();
@@ -163,7 +171,13 @@ void LiveSite::require_near(const MachineState& state) const {
     throw std::invalid_argument(fmt::format(
         "machine '{}' would go {:.6g} m straight on in one state; are these metres? States on its "
         "way are at most {} m apart",
-        session_.machines()[state.machine].name, way_m, kFarthest_m));
+        machine.name, way_m, kFarthest_m));
+  const double after_s = state.time_s - last->time_s;
+  if (!(after_s >= 0)) return;  // no time is known, or it goes back, which the session says
+  if (!state.joints.empty() && !last->joints.empty())
+    require(io::state_fault(*machine.chain, last->joints, state.joints, after_s));
+  else
+    require(io::state_fault(last->pose, pose, after_s));
 }
 
 StepResult LiveSite::feed(const MachineState& state) {
@@ -186,7 +200,7 @@ std::string LiveSite::feed(std::string_view line) {
   try {
     std::vector<double> joints;
     const MachineState state = parse(line, joints);
-    require_near(state);
+    require_likely(state);
     const StepResult step = feed(state);
     if (!step.ok()) return line_of({{"error", step.why}});
     Json answer = {{"cut_m3", step.update.cut_m3}, {"bucket_m3", step.update.bucket_m3}};

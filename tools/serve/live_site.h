@@ -63,7 +63,7 @@ class LiveSite {
  private:
   using Clock = std::chrono::steady_clock;
   MachineState parse(std::string_view line, std::vector<double>& joints) const;
-  void require_near(const MachineState& state) const;
+  void require_likely(const MachineState& state) const;
 
   Session session_;
   std::string name_;
