@@ -78,3 +78,28 @@ def test_poses_that_no_bucket_reaches_are_refused(tmp_path):
         for i, state in enumerate((far, {**far, "rotation": [0, 0, 1, 0]})):
             answer, = server.feed([{**state, "time": 1.0 + i}])
             assert "error" not in answer
+
+
+def test_a_time_far_ahead_locks_no_machine_out(tmp_path):
+    states = list(passes("digger", 0.0, 0.25, 60))
+
+    def at(time_s, machine="digger"):
+        return {**states[20], "time": time_s, "machine": machine}
+    path = scenario(tmp_path)
+    ahead = "machine 'digger': 'time' is 1000000.2 s, more than an hour ahead of the site's latest"
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        # A slip, twice: what comes after is taken. Another machine's slip doesn't agree with it.
+        answers = server.feed([*states[:21], at(1e6 + 0.2), at(0.3), at(1e6 + 0.2), at(0.4)])
+        assert ahead in answers[21]["error"] and ahead in answers[23]["error"]
+        assert not [a for i, a in enumerate(answers) if i not in (21, 23) and "error" in a]
+        both = server.feed([at(1e6 + 0.2), at(1e6 + 0.3, "plate")])
+        assert all("more than an hour ahead" in a["error"] for a in both)
+        answers = server.feed([at(0.5), at(3600.4), at(7200.4)])
+        assert not [a for a in answers if "error" in a], "an hour is no slip"
+        server.stop()
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        # A site that stood overnight goes on: its second state, or the first again, agrees.
+        answers = server.feed([at(60_000), at(60_000), at(60_000.1), at(80_000, "plate")])
+        assert ["error" in a for a in answers] == [True, False, False, True]
+        answers = server.feed([at(80_001, "plate"), at(80_001.5)])
+        assert not [a for a in answers if "error" in a]
