@@ -48,7 +48,7 @@ std::string state(int machine, double time_s, double deeper_m) {
   if (in_s > 5) {
     const double share = (in_s - 5) / 3;
     x = 4 * (1 - share);
-    z = 1.2;
+    z += (1.2 - z) * std::min({1.0, 16 * share, 16 * (1 - share)});
     pitch = std::numbers::pi * std::sin(std::numbers::pi * share);
   }
   return fmt::format(

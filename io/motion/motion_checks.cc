@@ -41,28 +41,96 @@ bool wraps(double travel, double after_s) {
          rest <= std::min(kFastestTurn_rad_s * after_s + kWrapJitter_rad, kTurn / 4);
 }
 
-/// Refuses what moves faster than machines do.
-void check_speed(const RowPlace& lines, const std::string& what, double moved, double after_s,
-                 bool turn) {
+/// What moves faster than machines do; empty if it doesn't. @param noun what came before
+std::string speed_fault(const std::string& what, double moved, double after_s, bool turn,
+                        const char* noun) {
   const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
-  if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return;
+  if (moved <= fastest * after_s + (turn ? kJitter_rad : kJitter_m)) return {};
   const char* unit = turn ? "rad" : "m";
-  lines.fail(
-      fmt::format("{} {} {:.3g} {} in {:.3g} s since the row before; no machine does more "
-                  "than {} {}/s",
-                  what, turn ? "turns" : "moves", moved, unit, after_s, fastest, unit));
+  return fmt::format(
+      "{} {} {:.3g} {} in {:.3g} s since the {} before; no machine does more "
+      "than {} {}/s",
+      what, turn ? "turns" : "moves", moved, unit, after_s, noun, fastest, unit);
 }
 
-/// Refuses what is faster than the joint of this machine.
-void check_joint_speed(const RowPlace& lines, const Joint& joint, double moved, double after_s) {
-  if (joint.fastest == 0) return;
-  if (moved <= kBeyondFastest * joint.fastest * after_s + kJointJitter) return;
+/// What is faster than the joint of this machine.
+std::string joint_speed_fault(const Joint& joint, double moved, double after_s, const char* noun) {
+  if (joint.fastest == 0) return {};
+  if (moved <= kBeyondFastest * joint.fastest * after_s + kJointJitter) return {};
   const bool turns = joint.type != Joint::Type::kPrismatic;
   const char* unit = turns ? "rad" : "m";
-  lines.fail(fmt::format(
-      "joint {} {} {:.3g} {} in {:.3g} s since the row before; its velocity limit in "
+  return fmt::format(
+      "joint {} {} {:.3g} {} in {:.3g} s since the {} before; its velocity limit in "
       "the urdf is {:g} {}/s, and none goes beyond twice that",
-      joint.name, turns ? "turns" : "moves", moved, unit, after_s, joint.fastest, unit));
+      joint.name, turns ? "turns" : "moves", moved, unit, after_s, noun, joint.fastest, unit);
+}
+
+std::string wrap_fault(const Joint& joint, double before, double value, double after_s,
+                       AngleUnit unit) {
+  if (!may_wrap(joint) || !wraps(value - before, after_s)) return {};
+  const double on = before + std::remainder(value - before, kTurn);
+  return fmt::format("joint {} wraps from {} to {} {}; it must go on past a whole turn, to {}",
+                     joint.name, angle_text(before, unit), angle_text(value, unit), unit_name(unit),
+                     angle_text(on, unit));
+}
+
+/// What one joint does in however long it takes.
+std::string far_fault(const Joint& joint, double way, const char* noun) {
+  const bool turns = joint.type != Joint::Type::kPrismatic;
+  const double most = turns ? kMostTurn_rad : kMostShift_m;
+  if (std::abs(way) <= most) return {};
+  const char* unit = turns ? "rad" : "m";
+  return fmt::format("joint {} {} {:g} {} since the {} before; at most {} {} in one {}", joint.name,
+                     turns ? "turns" : "moves", way, unit, noun, most, unit, noun);
+}
+
+/// @param advice where an angle may be in degrees
+std::string limit_fault(const Joint& joint, double value, AngleUnit unit, const char* advice) {
+  if (joint.lower == joint.upper || may_wrap(joint)) return {};
+  const bool turns = joint.type != Joint::Type::kPrismatic;
+  const double beyond = std::max(joint.lower - value, value - joint.upper);
+  const double most = turns ? kBeyondLimit_rad : kBeyondLimit_m;
+  if (beyond <= most) return {};
+  const auto text = [&](double angle) {
+    return angle_text(angle, turns ? unit : AngleUnit::kRadians);
+  };
+  const bool degrees = turns && unit == AngleUnit::kRadians && std::abs(value) > kTurn;
+  return fmt::format(
+      "joint {} is at {} {}; the urdf limits it to {} to {}, and no more than {} "
+      "beyond is taken{}",
+      joint.name, text(value), turns ? unit_name(unit) : "m", text(joint.lower), text(joint.upper),
+      text(most), degrees ? advice : "");
+}
+
+/// Calls `look` with each joint that moves and its number until that says what is wrong.
+std::string first_fault(const Chain& chain, const auto& look) {
+  std::size_t i = 0;
+  for (const Joint& joint : chain.joints) {
+    if (joint.type == Joint::Type::kFixed) continue;
+    if (std::string why = look(joint, i++); !why.empty()) return why;
+  }
+  return {};
+}
+
+std::string poses_fault(const Pose& before, const Pose& pose, double after_s, const char* noun) {
+  std::string why =
+      speed_fault("the bucket", (pose.position - before.position).norm(), after_s, false, noun);
+  if (!why.empty()) return why;
+  return speed_fault("the bucket", pose.rotation.angularDistance(before.rotation), after_s, true,
+                     noun);
+}
+
+std::string joint_fault(const Joint& joint, double before, double value, double after_s,
+                        const char* noun) {
+  const double moved = std::abs(value - before);
+  std::string why = joint_speed_fault(joint, moved, after_s, noun);
+  if (!why.empty()) return why;
+  return speed_fault("joint " + joint.name, moved, after_s, joint.type != Joint::Type::kPrismatic,
+                     noun);
+}
+
+void fail_if(const RowPlace& lines, const std::string& why) {
+  if (!why.empty()) lines.fail(why);
 }
 
 /// @param text of it, for messages
@@ -114,63 +182,47 @@ Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaterni
 
 void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<double>& row,
                   AngleUnit unit) {
-  std::size_t i = 0;
-  for (const Joint& joint : chain.joints) {
-    if (joint.type == Joint::Type::kFixed) continue;
-    ++i;
-    if (joint.lower == joint.upper || may_wrap(joint)) continue;
-    const bool turns = joint.type != Joint::Type::kPrismatic;
-    const double beyond = std::max(joint.lower - row[i], row[i] - joint.upper);
-    const double most = turns ? kBeyondLimit_rad : kBeyondLimit_m;
-    if (beyond <= most) continue;
-    const auto text = [&](double value) {
-      return angle_text(value, turns ? unit : AngleUnit::kRadians);
-    };
-    const bool degrees = turns && unit == AngleUnit::kRadians && std::abs(row[i]) > kTurn;
-    lines.fail(
-        fmt::format("joint {} is at {} {}; the urdf limits it to {} to {}, and no more than {} "
-                    "beyond is taken{}",
-                    joint.name, text(row[i]), turns ? unit_name(unit) : "m", text(joint.lower),
-                    text(joint.upper), text(most),
-                    degrees ? "; if these are degrees, say 'angles: degrees' beside the "
-                              "machine's 'motion:'"
-                            : ""));
-  }
+  fail_if(lines, first_fault(chain, [&](const Joint& joint, std::size_t i) {
+            return limit_fault(joint, row[i + 1], unit,
+                               "; if these are degrees, say 'angles: degrees' beside the "
+                               "machine's 'motion:'");
+          }));
 }
 
 void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s) {
-  check_speed(lines, "the bucket", (pose.position - before.position).norm(), after_s, false);
-  check_speed(lines, "the bucket", pose.rotation.angularDistance(before.rotation), after_s, true);
+  fail_if(lines, poses_fault(before, pose, after_s, "row"));
 }
 
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row, AngleUnit unit) {
-  std::size_t i = 0;
-  for (const Joint& joint : chain.joints) {
-    if (joint.type == Joint::Type::kFixed) continue;
-    ++i;
-    const bool turns = joint.type != Joint::Type::kPrismatic;
-    const double moved = std::abs(row[i] - before[i]);
-    const double most = turns ? kMostTurn_rad : kMostShift_m;
-    if (moved > most) {
-      const char* length = turns ? "rad" : "m";
-      lines.fail(fmt::format("joint {} {} {:g} {} since the row before; at most {} {} in one row",
-                             joint.name, turns ? "turns" : "moves", row[i] - before[i], length,
-                             most, length));
-    }
-    const double after_s = row[0] - before[0];
-    if (may_wrap(joint) && wraps(row[i] - before[i], after_s)) {
-      const double on = before[i] + std::remainder(row[i] - before[i], kTurn);
-      throw InputError(
-          lines.file(), lines.number(),
-          fmt::format("joint {} wraps from {} to {} {}; it must go on past a whole "
-                      "turn, to {}",
-                      joint.name, angle_text(before[i], unit), angle_text(row[i], unit),
-                      unit_name(unit), angle_text(on, unit)));
-    }
-    check_joint_speed(lines, joint, moved, after_s);
-    check_speed(lines, "joint " + joint.name, moved, after_s, turns);
-  }
+  const double after_s = row[0] - before[0];
+  fail_if(lines, first_fault(chain, [&](const Joint& joint, std::size_t i) {
+            const double from = before[i + 1], to = row[i + 1];
+            std::string why = far_fault(joint, to - from, "row");
+            if (!why.empty()) return why;
+            if (std::string wrap = wrap_fault(joint, from, to, after_s, unit); !wrap.empty())
+              throw InputError(lines.file(), lines.number(), wrap);
+            return joint_fault(joint, from, to, after_s, "row");
+          }));
+}
+
+std::string state_fault(const Chain& chain, std::span<const double> joints) {
+  return first_fault(chain, [&](const Joint& joint, std::size_t i) {
+    return limit_fault(joint, joints[i], AngleUnit::kRadians, "; are these degrees?");
+  });
+}
+
+std::string state_fault(const Chain& chain, std::span<const double> before,
+                        std::span<const double> joints, double after_s) {
+  return first_fault(chain, [&](const Joint& joint, std::size_t i) {
+    std::string why = far_fault(joint, joints[i] - before[i], "state");
+    if (why.empty()) why = wrap_fault(joint, before[i], joints[i], after_s, AngleUnit::kRadians);
+    return why.empty() ? joint_fault(joint, before[i], joints[i], after_s, "state") : why;
+  });
+}
+
+std::string state_fault(const Pose& before, const Pose& pose, double after_s) {
+  return poses_fault(before, pose, after_s, "state");
 }
 
 JointLimits::JointLimits(const Chain& chain) {

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <limits>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,14 @@ void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, do
 /// @param before the time, then the joints; so is `row` @param unit of the file
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row, AngleUnit unit);
+
+/// The same of states of a machine as they come: what can't be and what would be right, in radians;
+/// empty if it can. @param joints rad or m, one for each movable joint
+std::string state_fault(const Chain& chain, std::span<const double> joints);
+/// @param before its joints that many seconds ago
+std::string state_fault(const Chain& chain, std::span<const double> before,
+                        std::span<const double> joints, double after_s);
+std::string state_fault(const Pose& before, const Pose& pose, double after_s);
 
 /// Rows in which each movable joint is beyond its limits, or turns so far that it may have wrapped.
 class JointLimits {

@@ -63,13 +63,15 @@ class LiveSite {
  private:
   using Clock = std::chrono::steady_clock;
   MachineState parse(std::string_view line, std::vector<double>& joints) const;
-  void require_near(const MachineState& state) const;
+  void require_likely(const MachineState& state) const;
+  void require_soon(const MachineState& state);
 
   Session session_;
   std::string name_;
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   WorkLog log_;
   std::vector<Clock::time_point> moved_;  ///< each machine
+  std::vector<double> doubted_s_;         ///< each machine's time that was too far ahead; else NaN
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
   std::uint64_t fed_ = 0;

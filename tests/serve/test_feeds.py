@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a feed takes, and what it refuses as no machine does it."""
+from pathlib import Path
+
+from live import Server, passes, scenario
+
+DATA = Path(__file__).parents[2] / "data"
+
+# Where the machine of the demonstrations begins, rad.
+START = {"swing_joint": 0.0, "boom_joint": 0.41, "arm_joint": -0.92, "bucket_joint": -0.54}
+
+
+def excavator(folder):
+    """The machine of the demonstrations, to be fed."""
+    text = (DATA / "excavator.yaml").read_text().replace("    motion: excavator.csv\n", "")
+    for name in ("hills.tif", "excavator.urdf"):
+        text = text.replace(name, str(DATA / name))
+    path = folder / "excavator.yaml"
+    path.write_text(text)
+    return path
+
+
+def joints(time_s, **changed):
+    state = {"machine": "excavator", "joints": {**START, **changed}}
+    return state if time_s is None else {**state, "time": time_s}
+
+
+def test_joints_and_jumps_of_no_machine_are_refused_and_change_nothing(tmp_path):
+    bad = [(joints(0.1, arm_joint=-52), "machine 'excavator': joint arm_joint is at -52 rad; the "
+            "urdf limits it to -2.75 to -0.55, and no more than 0.1 beyond is taken; are these "
+            "degrees?"),
+           (joints(0.1, arm_joint=0.3), "joint arm_joint is at 0.3 rad; the urdf limits it to"),
+           (joints(None, boom_joint=1.24), "joint boom_joint is at 1.24 rad"),
+           (joints(0.1, boom_joint=-0.79), "joint boom_joint turns 1.2 rad in 0.1 s since the "
+            "state before; its velocity limit in the urdf is 0.6 rad/s"),
+           (joints(0.1, swing_joint=2.2), "joint swing_joint turns 2.2 rad in 0.1 s"),
+           (joints(0.1, swing_joint=6.3), "joint swing_joint wraps from 0 to 6.3 rad; it must go "
+            "on past a whole turn, to 0.01"),
+           (joints(0.1, swing_joint=1e6), "machine 'excavator': joint swing_joint turns 1e+06 rad "
+            "since the state before; at most 100 rad in one state")]
+    with Server(excavator(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        first, = server.feed([joints(0.0)])
+        assert "error" not in first
+        before = server.json("/summary.json")["state_hash"]
+        for state, why in bad:
+            answer, = server.feed([state])
+            assert why in answer["error"], state
+        assert server.json("/summary.json")["state_hash"] == before
+        # Limits hold for a first state, too; rounding and what sensors add is taken.
+        for state in (joints(0.1, boom_joint=0.57), joints(0.1, boom_joint=0.61),
+                      joints(2.0, arm_joint=-0.46), joints(3600.0, boom_joint=-0.79)):
+            answer, = server.feed([state])
+            assert "error" not in answer, state
+
+
+def test_the_motion_of_the_demonstrations_is_taken_state_by_state(tmp_path):
+    rows = [line.split(",") for line in (DATA / "excavator.csv").read_text().split()]
+    with Server(excavator(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        for answer in server.feed({"machine": "excavator", "time": float(row[0]),
+                                   "joints": dict(zip(rows[0][1:], map(float, row[1:])))}
+                                  for row in rows[1:301]):
+            assert "error" not in answer
+
+
+def test_poses_that_no_bucket_reaches_are_refused(tmp_path):
+    good = list(passes("digger", 0.0, 0.25, 60))
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed(good[:10])
+        far = {**good[10], "position": [good[9]["position"][0] + 5, 0, -0.2]}
+        turned = {**good[10], "rotation": [0, 0, 1, 0]}
+        for state, why in ((far, "machine 'digger': the bucket moves 5 m in 0.01 s since the state "
+                            "before; no machine does more than 50 m/s"),
+                           (turned, "machine 'digger': the bucket turns 3.14 rad in 0.01 s")):
+            answer, = server.feed([state])
+            assert why in answer["error"]
+        # A second later they may be.
+        for i, state in enumerate((far, {**far, "rotation": [0, 0, 1, 0]})):
+            answer, = server.feed([{**state, "time": 1.0 + i}])
+            assert "error" not in answer
+
+
+def test_a_time_far_ahead_locks_no_machine_out(tmp_path):
+    states = list(passes("digger", 0.0, 0.25, 60))
+
+    def at(time_s, machine="digger"):
+        return {**states[20], "time": time_s, "machine": machine}
+    path = scenario(tmp_path)
+    ahead = "machine 'digger': 'time' is 1000000.2 s, more than an hour ahead of the site's latest"
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        # A slip, twice: what comes after is taken. Another machine's slip doesn't agree with it.
+        answers = server.feed([*states[:21], at(1e6 + 0.2), at(0.3), at(1e6 + 0.2), at(0.4)])
+        assert ahead in answers[21]["error"] and ahead in answers[23]["error"]
+        assert not [a for i, a in enumerate(answers) if i not in (21, 23) and "error" in a]
+        both = server.feed([at(1e6 + 0.2), at(1e6 + 0.3, "plate")])
+        assert all("more than an hour ahead" in a["error"] for a in both)
+        answers = server.feed([at(0.5), at(3600.4), at(7200.4)])
+        assert not [a for a in answers if "error" in a], "an hour is no slip"
+        server.stop()
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        # A site that stood overnight goes on: its second state, or the first again, agrees.
+        answers = server.feed([at(60_000), at(60_000), at(60_000.1), at(80_000, "plate")])
+        assert ["error" in a for a in answers] == [True, False, False, True]
+        answers = server.feed([at(80_001, "plate"), at(80_001.5)])
+        assert not [a for a in answers if "error" in a]

@@ -1,0 +1,157 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a line that a live site is fed says, and whether it can be.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "io/file/text.h"
+#include "io/motion/motion_checks.h"
+#include "tools/serve/live_site.h"
+
+namespace soilvdb::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Farthest from one state to the next.
+constexpr double kFarthest_m = 100;
+/// Latest time, beyond any calendar's: after a slip no state of that machine would be taken.
+constexpr double kMostTime_s = 1e10;
+/// Ahead of all that was fed, at once.
+constexpr double kFarthestAhead_s = 3600;
+/// Rotations in JSON are often rounded; those that are off by more aren't taken.
+constexpr double kUnitTolerance = 1e-3;
+
+double number(const Json& json, const std::string& what) {
+  if (!json.is_number()) throw std::invalid_argument(what + " must be a number");
+  return json.get<double>();
+}
+
+template <std::size_t N>
+std::array<double, N> array_of(const Json& json, const std::string& what) {
+  std::array<double, N> all{};
+  if (!json.is_array() || json.size() != N)
+    throw std::invalid_argument(fmt::format("'{}' must be an array of {} numbers", what, N));
+  for (std::size_t i = 0; i < N; ++i) all[i] = number(json[i], fmt::format("'{}' [{}]", what, i));
+  return all;
+}
+
+Pose pose_of(const Json& position, const Json& rotation) {
+  const auto p = array_of<3>(position, "position");
+  const auto q = array_of<4>(rotation, "rotation");
+  Pose pose{{p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2])};
+  const double norm = pose.rotation.norm();
+  if (!(std::abs(norm - 1) <= kUnitTolerance))
+    throw std::invalid_argument(
+        fmt::format("'rotation' must be a unit quaternion x, y, z, w; its length is {:.6g}", norm));
+  pose.rotation.normalize();
+  return pose;
+}
+
+}  // namespace
+
+/// @param joints hold those of the state
+MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints) const {
+  const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+  if (json.is_discarded() || !json.is_object())
+    throw std::invalid_argument(
+        fmt::format("'{}' is no JSON object{}", io::printable(line),
+                    json.is_discarded() && (line.find("NaN") != std::string_view::npos ||
+                                            line.find("Infinity") != std::string_view::npos)
+                        ? "; JSON has no NaN and no Infinity: leave such a state out"
+                        : ""));
+  static const std::vector<std::string> kKeys = {"machine", "time", "joints", "position",
+                                                 "rotation"};
+  for (const auto& [key, value] : json.items())
+    if (std::find(kKeys.begin(), kKeys.end(), key) == kKeys.end())
+      throw std::invalid_argument(fmt::format("unknown key '{}'; did you mean '{}'?",
+                                              io::printable(key), io::nearest(key, kKeys)));
+  if (!json.contains("machine") || !json["machine"].is_string())
+    throw std::invalid_argument("'machine' must name a machine");
+  MachineState state;
+  state.machine = session_.machine(json["machine"].get<std::string>());
+  if (json.contains("time") && !json["time"].is_null())
+    state.time_s = number(json["time"], "'time'");
+  if (std::abs(state.time_s) > kMostTime_s)
+    throw std::invalid_argument(
+        fmt::format("'time' is {:.6g} s; it must be within {:g} s of 0; are these milliseconds?",
+                    state.time_s, kMostTime_s));
+  const bool has_pose = json.contains("position") || json.contains("rotation");
+  if (has_pose == json.contains("joints"))
+    throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");
+  if (has_pose) {
+    if (!json.contains("position") || !json.contains("rotation"))
+      throw std::invalid_argument("'position' and 'rotation' come together");
+    state.pose = pose_of(json["position"], json["rotation"]);
+    return state;
+  }
+  const Json& values = json["joints"];
+  if (!values.is_object()) throw std::invalid_argument("'joints' must be an object of numbers");
+  const std::vector<std::string>& names = joints_[state.machine];
+  if (names.empty())
+    throw std::invalid_argument(
+        fmt::format("machine '{}' has no joints; give it 'position' and "
+                    "'rotation'",
+                    session_.machines()[state.machine].name));
+  for (const auto& [key, value] : values.items())
+    if (std::find(names.begin(), names.end(), key) == names.end())
+      throw std::invalid_argument(fmt::format("unknown joint '{}'; did you mean '{}'?",
+                                              io::printable(key), io::nearest(key, names)));
+  for (const std::string& name : names) {
+    if (!values.contains(name))
+      throw std::invalid_argument(fmt::format("joint '{}' is missing", name));
+    joints.push_back(number(values[name], fmt::format("joint '{}'", name)));
+  }
+  state.joints = joints;
+  return state;
+}
+
+/// What is dug by joints, or on a way, that no machine has can't be put back: states are held to
+/// what rows of a motion are.
+void LiveSite::require_likely(const MachineState& state) const {
+  const std::optional<MachineState> last = session_.last(state.machine);
+  const SessionMachine& machine = session_.machines()[state.machine];
+  const auto require = [&](const std::string& fault) {
+    if (!fault.empty())
+      throw std::invalid_argument(fmt::format("machine '{}': {}", machine.name, fault));
+  };
+  if (!state.joints.empty()) require(io::state_fault(*machine.chain, state.joints));
+  if (!last) return;
+  const Pose pose = state.joints.empty() ? state.pose : session_.pose(state.machine, state.joints);
+  const double way_m = (pose.position - last->pose.position).norm();
+  if (way_m > kFarthest_m)
+    throw std::invalid_argument(fmt::format(
+        "machine '{}' would go {:.6g} m straight on in one state; are these metres? States on its "
+        "way are at most {} m apart",
+        machine.name, way_m, kFarthest_m));
+  const double after_s = state.time_s - last->time_s;
+  if (!(after_s >= 0)) return;  // no time is known, or it goes back, which the session says
+  if (!state.joints.empty() && !last->joints.empty())
+    require(io::state_fault(*machine.chain, last->joints, state.joints, after_s));
+  else
+    require(io::state_fault(last->pose, pose, after_s));
+}
+
+/// After a slip of a clock no state of its machine would be taken, so it needs another that agrees.
+void LiveSite::require_soon(const MachineState& state) {
+  const double latest_s = log_.time_s(), time_s = state.time_s;
+  if (std::isnan(time_s)) return;
+  const double doubted_s =
+      std::exchange(doubted_s_[state.machine], std::numeric_limits<double>::quiet_NaN());
+  if (!(time_s - latest_s > kFarthestAhead_s)) return;
+  if (time_s >= doubted_s && time_s - doubted_s <= kFarthestAhead_s) return;
+  doubted_s_[state.machine] = time_s;
+  throw std::invalid_argument(fmt::format(
+      "machine '{}': 'time' is {} s, more than an hour ahead of the site's latest, {} s; "
+      "if that is right send it again: its next state up to an hour later is taken",
+      session_.machines()[state.machine].name, time_s, latest_s));
+}
+
+}  // namespace soilvdb::tools
