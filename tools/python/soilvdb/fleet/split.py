@@ -113,10 +113,9 @@ def _dig(where: cluster.Cluster, out: Path, windows: Sequence[dict[str, Any]],
     for w, window in enumerate(windows):
         if not (out / PARTS / f"window_{w + 1}.vdb").exists():
             # The largest first, so that none is left over at the end.
-            order = sorted(range(len(window["parts"])),
-                           key=lambda p, parts=window["parts"]: -int(parts[p]["updates"]))
+            order = sorted((-int(part["updates"]), p) for p, part in enumerate(window["parts"]))
             tasks = [Task(("part", "dig", str(out), "--window", str(w), "--part", str(p),
-                           "--threads", "1"), out / PARTS / f"{w}_{p}") for p in order]
+                           "--threads", "1"), out / PARTS / f"{w}_{p}") for _, p in order]
             _perform_all(where, tasks, progress, done)
             _perform_all(where, [Task(("part", "merge", str(out), "--window", str(w)),
                                       out / PARTS)])
