@@ -262,8 +262,11 @@ MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
 MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
     : name(std::move(n)), bucket(std::move(b)), chain(std::move(c)) {}
 
-Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
-                       Motions motions) {
+namespace {
+
+/// @param moving names of the machines whose motions are read; without: all
+Scenario read(const std::filesystem::path& file, const ReadProgress& progress, Motions motions,
+              const std::vector<std::string>* moving) {
   const YamlMap map = YamlMap::load(file, "scenario",
                                     {"soilvdb", "name", "voxel_size", "terrain", "soil", "machines",
                                      "pours", "hoppers", "output"});
@@ -276,7 +279,10 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   read_output(map, scenario);
   read_soil(map, scenario);
   Names names;
-  const std::vector<Section> sections = read_machines(map, motions, scenario, names);
+  std::vector<Section> sections = read_machines(map, motions, scenario, names);
+  for (Section& section : sections)
+    if (moving && std::find(moving->begin(), moving->end(), section.name) == moving->end())
+      section.motion.reset();
   read_pours(map, scenario, names);
   read_hoppers(map, scenario, names);
 
@@ -306,6 +312,18 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     scenario.machines.back().chain = section.chain;
   }
   return scenario;
+}
+
+}  // namespace
+
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
+                       Motions motions) {
+  return read(file, progress, motions, nullptr);
+}
+
+Scenario read_scenario_of(const std::vector<std::string>& names, const std::filesystem::path& file,
+                          const ReadProgress& progress) {
+  return read(file, progress, Motions::kRequired, &names);
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -13,6 +13,7 @@
 
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
+#include "tools/run/part.h"
 #include "tools/run/recorded_motion.h"
 #include "tools/run/run.h"
 #include "tools/run/run_files.h"
@@ -82,7 +83,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     }
   }
   fmt::print("going on from the beginning\n");
-  return {io::open_site(scenario), 0, ""};
+  return begin_of(config.options, scenario);
 }
 
 void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const Start& start) {

@@ -15,10 +15,12 @@
 #include <utility>
 #include <vector>
 
+#include "io/scenario/some_motions.h"
 #include "io/scenario/underground.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
+#include "tools/run/part.h"
 #include "tools/run/progress.h"
 #include "tools/run/text.h"
 
@@ -59,12 +61,6 @@ void check_voxels(io::Scenario& scenario) {
   }
 }
 
-/// The ground as it is when the run begins.
-std::shared_ptr<const BaseSurface> ground_of(const Soil& soil) {
-  if (soil.chunks().empty()) return soil.shared_base();
-  return make_soil_surface({std::shared_ptr<void>(), &soil});
-}
-
 fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
   if (options.out) return *options.out;
   const std::string& name = scenario.name;
@@ -90,16 +86,28 @@ bool writes(const io::Scenario& scenario, const RunOptions& options, const std::
 
 io::Scenario read_to_dig(const RunOptions& options) {
   std::optional<Progress> progress;
-  io::Scenario scenario =
-      io::read_scenario(options.scenario, [&](std::int64_t done, std::int64_t total) {
-        if (!progress) progress.emplace("reading motions", total, "B");
-        progress->update(done);
-      });
+  const auto tell = [&](std::int64_t done, std::int64_t total) {
+    if (!progress) progress.emplace("reading motions", total, "B");
+    progress->update(done);
+  };
+  io::Scenario scenario = options.part
+                              ? io::read_scenario_of(options.part->machines, options.scenario, tell)
+                              : io::read_scenario(options.scenario, tell);
   progress.reset();
   if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
+  if (options.part || options.in_parts) {
+    scenario.snapshot_every_s.reset();
+    scenario.incremental_snapshots = false;
+  }
+  if (options.part) scenario.raster_cell_m.reset();
   check_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;
+}
+
+void warn_of_underground(io::Scenario& scenario, const Soil& soil) {
+  if (soil.chunks().empty()) return io::warn_of_underground(scenario, soil.base());
+  io::warn_of_underground(scenario, *make_soil_surface({std::shared_ptr<void>(), &soil}));
 }
 
 void run(const RunOptions& options) {
@@ -107,18 +115,20 @@ void run(const RunOptions& options) {
   io::Scenario scenario = read_to_dig(options);
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
-    Start start{io::open_site(scenario), 0, ""};
-    io::warn_of_underground(scenario, *ground_of(*start.site.soil));
+    Start start = begin_of(options, scenario);
+    if (!options.part) warn_of_underground(scenario, *start.site.soil);
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
-    RunConfig config{options, start.site.soil->change_m3(), ends_of(scenario.machines), 0};
+    RunConfig config{options, start.site.soil->change_m3() + start.cut_before_m3,
+                     options.part ? options.part->ends_s : ends_of(scenario.machines), 0};
     config.options.out = folder.path();
     folder.make();
     try {
       folder.lock();
       folder.replace([&](const std::string& name) { return writes(scenario, options, name); });
       folder.clear();
-      const std::vector<std::string> warnings = scenario.warnings;
-      const std::string ground = beneath_text(*start.site.soil);
+      // Of a part the whole has said all that.
+      const auto warnings = options.part ? std::vector<std::string>() : scenario.warnings;
+      const std::string ground = options.part ? "" : beneath_text(*start.site.soil);
       Run run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
       if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);

@@ -53,7 +53,8 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       start_(std::move(start)),
       tracker_(*start_.site.soil, buckets(scenario_),
                Earthmoving{scenario_.soil, scenario_.pours, scenario_.hoppers}),
-      schedule_(scenario_, config_.options.updates, config_.ends_s, tracker_.tolerance_m()),
+      schedule_(scenario_, config_.options.updates, config_.ends_s, tracker_.tolerance_m(),
+                config_.options.part),
       step_(schedule_.next()),
       snapshots_(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
                  schedule_.begin_s(), schedule_.end_s()),
@@ -61,7 +62,7 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       progress_(scenario_.name, schedule_.total(), " updates"),
       time_s_(schedule_.begin_s()) {
   if (!step_) throw io::InputError(schedule_.stops_at());
-  if (start_.updates > 0) tracker_.restore(start_.tracker_state);
+  if (start_.updates > 0 || !start_.tracker_state.empty()) tracker_.restore(start_.tracker_state);
   if (const auto mb = config_.options.memory_mb)
     start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
                                    std::make_shared<io::ColdFile>(folder_.path()));

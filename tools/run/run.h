@@ -40,7 +40,8 @@ struct Start {
   std::string tracker_state;  ///< after those; empty at the beginning
   std::string snapshot = {};  ///< name of the one that it was read from, and what that goes on from
   std::optional<io::SnapshotParent> parent = {};
-  bool at_rest = false;  ///< where soil moves: all has come to rest at the run's end
+  bool at_rest = false;      ///< where soil moves: all has come to rest at the run's end
+  double cut_before_m3 = 0;  ///< of a part: by all machines before it
 };
 
 /// Where soil moves a snapshot's tracker state ends with a byte that says Start::at_rest.
@@ -146,6 +147,9 @@ bool recording_is_whole(const io::Scenario& scenario, const io::JournalContent& 
 /// The scenario a run is to dig, read and checked.
 /// @throw io::InputError
 io::Scenario read_to_dig(const RunOptions& options);
+
+/// Adds to its warnings where machines begin below the ground as it is then.
+void warn_of_underground(io::Scenario& scenario, const Soil& soil);
 
 /// Calls `f(threads)` where it has so many threads to run on; 0: one per core.
 template <typename F>

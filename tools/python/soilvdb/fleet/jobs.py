@@ -19,7 +19,7 @@ import os
 import signal
 import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ def run_job(job: Job) -> Result:
     """
     try:
         job.folder.mkdir(parents=True, exist_ok=True)
-        with _locked(job.folder) as lock:
+        with locked(job.folder) as lock:
             done = result_of(job)
             if done:
                 return done
@@ -145,7 +145,7 @@ def _made_of(job: Job) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[int]:
+def locked(folder: Path) -> Iterator[int]:
     """The lock is the file's: the program inherits it, and may outlive us by a moment."""
     file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
@@ -157,10 +157,17 @@ def _locked(folder: Path) -> Iterator[int]:
 
 
 def _dig(job: Job, lock: int) -> None:
-    """Runs the program to its end, once more where it was killed. Raises JobError."""
+    run_program(lambda: _command(job), lock)
+
+
+def run_program(command: Callable[[], list[str]], lock: int) -> None:
+    """Runs the program to its end, once more where it was killed. Raises JobError.
+
+    command: asked for before each time. lock: of locked(), which the program keeps.
+    """
     for last in (False, True):
         # setpriv: not even a worker that is killed leaves a program behind.
-        with subprocess.Popen(["setpriv", "--pdeathsig", "KILL", *_command(job)],
+        with subprocess.Popen(["setpriv", "--pdeathsig", "KILL", *command()],
                               stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                               stderr=subprocess.PIPE, pass_fds=(lock,)) as process:
             said = process.communicate()[1].decode(errors="replace").strip().splitlines()

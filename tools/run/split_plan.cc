@@ -1,0 +1,125 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/split_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "io/file/atomic_file.h"
+
+namespace soilvdb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr int kFormat = 1;
+
+fs::path plain(const fs::path& path) { return fs::absolute(path / "").lexically_normal(); }
+
+Json to_json(const SplitPlan::Window& window) {
+  Json parts = Json::array();
+  for (const SplitPlan::Group& part : window.parts)
+    parts.push_back({{"machines", part.machines}, {"updates", part.updates}});
+  return {{"begin_s", window.begin_s}, {"end_s", window.end_s}, {"parts", parts}};
+}
+
+SplitPlan::Window to_window(const Json& json) {
+  SplitPlan::Window window{json.at("begin_s"), json.at("end_s"), {}};
+  for (const Json& part : json.at("parts"))
+    window.parts.push_back(
+        {part.at("machines").get<std::vector<std::string>>(), part.at("updates")});
+  return window;
+}
+
+}  // namespace
+
+std::int64_t SplitPlan::updates() const {
+  std::int64_t sum = 0;
+  for (const Window& window : windows)
+    for (const Group& part : window.parts) sum += part.updates;
+  return sum;
+}
+
+std::int64_t SplitPlan::longest() const {
+  std::int64_t sum = 0;
+  for (const Window& window : windows) {
+    std::int64_t most = 0;
+    for (const Group& part : window.parts) most = std::max(most, part.updates);
+    sum += most;
+  }
+  return sum;
+}
+
+void write_plan(const fs::path& folder, const SplitPlan& plan) {
+  const RunOptions& options = plan.options;
+  Json json = {{"format", kFormat},
+               {"scenario", fs::absolute(options.scenario)
+                                .lexically_normal()
+                                .lexically_proximate(plain(folder))
+                                .string()},
+               {"values", plan.values},
+               {"parts", plan.parts},
+               {"ends_s", plan.ends_s},
+               {"windows", Json::array()}};
+  if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
+  if (options.updates) json["updates"] = *options.updates;
+  if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
+  for (const SplitPlan::Window& window : plan.windows) json["windows"].push_back(to_json(window));
+  io::write_atomically(folder / kPlanName,
+                       json.dump(1, ' ', false, Json::error_handler_t::replace) + '\n');
+}
+
+SplitPlan read_plan(const fs::path& folder) {
+  const fs::path file = folder / kPlanName;
+  std::ifstream in(file);
+  if (!in) throw io::InputError(folder, "holds no plan of parts; name a folder that has one");
+  try {
+    const Json json = Json::parse(in);
+    if (json.at("format") != kFormat)
+      throw io::InputError(file, "is of another version of soilvdb; remove the folder");
+    SplitPlan plan;
+    const std::string scenario = json.at("scenario");
+    plan.options.scenario = (folder / scenario).lexically_normal();
+    if (json.contains("voxel_size_m"))
+      plan.options.voxel_size_m = json["voxel_size_m"].get<double>();
+    if (json.contains("updates")) plan.options.updates = json["updates"].get<std::int64_t>();
+    if (json.contains("memory_mb")) plan.options.memory_mb = json["memory_mb"].get<std::int64_t>();
+    plan.parts = json.at("parts");
+    json.at("values").get_to(plan.values);
+    json.at("ends_s").get_to(plan.ends_s);
+    for (const Json& window : json.at("windows")) plan.windows.push_back(to_window(window));
+    return plan;
+  } catch (const Json::exception&) {
+    throw io::InputError(file, "is damaged; remove the folder");
+  }
+}
+
+RunOptions whole_options(const fs::path& folder, const SplitPlan& plan) {
+  RunOptions options = plan.options;
+  options.out = folder;
+  options.in_parts = true;
+  return options;
+}
+
+RunOptions part_options(const fs::path& folder, const SplitPlan& plan, std::size_t window,
+                        std::size_t part) {
+  if (window >= plan.windows.size() || part >= plan.windows[window].parts.size())
+    throw io::InputError(folder, fmt::format("its plan has no part {} of window {}", part, window));
+  const SplitPlan::Window& when = plan.windows[window];
+  RunOptions options = plan.options;
+  options.out = folder / kPartsName / fmt::format("{}_{}", window, part);
+  options.mesh = false;
+  options.part = Part{window_start(folder, window), when.parts[part].machines, when.begin_s,
+                      when.end_s, plan.ends_s};
+  return options;
+}
+
+fs::path window_start(const fs::path& folder, std::size_t window) {
+  return folder / kPartsName / fmt::format("window_{}.vdb", window);
+}
+
+}  // namespace soilvdb::tools
