@@ -231,7 +231,7 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
   EXPECT_EQ(refusal(Session(higher).save()),
-            "the state is of another site, plane/0 isn't the same");
+            "the state is of another site, plane isn't the same");
   SessionSite alone = site();
   alone.machines.pop_back();
   EXPECT_EQ(refusal(Session(alone).save()),
@@ -242,7 +242,7 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
   SessionSite sharper = site();
   sharper.machines[1].bucket.dump_angle_rad = 0.7;
   EXPECT_EQ(refusal(Session(sharper).save()),
-            "the state is of another site, machines/1/dump_angle_rad isn't the same");
+            "the state is of another site, machine 2: dump_angle_rad isn't the same");
   session.restore(state);
   EXPECT_EQ(session.save(), state);
 }

@@ -66,7 +66,7 @@ def test_bad_lines_are_refused_and_change_nothing(tmp_path):
     bad = [("{", "'{' is no JSON object"), ("[1]", "no JSON object"), ("7", "no JSON object"),
            ('{"machine": "diger", "time": 1}', "there is no machine 'diger'; there are: digger, plate"),
            ('{"time": 1}', "'machine' must name a machine"),
-           ('{"machine": "digger", "tme": 1}', "unknown key 'tme'; did you mean 'time'?"),
+           ('{"machine": "digger", "tme": 1}', "unknown key 'tme'; there are 'machine', 'time', 'joints',"),
            ('{"machine": "digger", "time": 1}', "either 'joints' or 'position' and 'rotation'"),
            (good.replace("[0.0, 0.0, 0.0, 1.0]", "[0, 0, 0, 2]"), "its length is 2"),
            (good.replace("[0.0, 0.0, 0.0, 1.0]", "[0, 0, 1]"), "an array of 4 numbers"),
@@ -393,6 +393,75 @@ def test_a_design_is_told_on_the_posts_of_the_terrain(tmp_path):
                     assert design[j, i] == pytest.approx(-0.5 + 0.01 * (x + 10) / 0.5, abs=1e-5)
                     known += 1
         assert known > 10
+
+
+def write_flat(path, first, crs=""):
+    """A raster of 20 m x 20 m from x = y = `first` on."""
+    path.write_text(f"ncols 21\nnrows 21\nxllcenter {first}\nyllcenter {first}\ncellsize 1\n"
+                    + ("0 " * 21 + "\n") * 21)
+    return path
+
+
+def test_a_design_that_lies_elsewhere_is_warned_of(tmp_path):
+    write_flat(tmp_path / "hills.asc", 100)
+    path = scenario(tmp_path)
+    path.write_text(path.read_text().replace("{plane: {z: 0.0, slope: [0.02, 0.0]}}",
+                                             "{raster: hills.asc}"))
+    for first, warns in ((115, False), (1000, True)):
+        plan = write_flat(tmp_path / f"{first}.asc", first)
+        with Server(path, "--design", plan, "--out", tmp_path / "out", cwd=tmp_path) as server:
+            said = server.stop()
+        assert (f"the design {plan} is elsewhere: it goes from 1000, 1000 to 1020, 1020, and the "
+                "terrain from 100, 100 to 120, 120" in " ".join(said.split())) == warns, said
+
+
+def test_a_start_that_fails_leaves_nothing(tmp_path):
+    path = scenario(tmp_path)
+    with Server(path, "--out", tmp_path / "other", cwd=tmp_path) as server:
+        port = server.url.rstrip("/").rpartition(":")[2]
+        for more, why in ((["--port", port], "can't listen on 127.0.0.1 port " + port),
+                          (["--design", "nothere.tif"], "nothere.tif"), (["--speed", "1"], "--speed")):
+            refused = subprocess.run([PROGRAM, "serve", path, "--out", "out", *more], cwd=tmp_path,
+                                     capture_output=True, text=True, timeout=60)
+            assert refused.returncode == 2 and why in refused.stderr, refused
+            assert not (tmp_path / "out").exists()
+
+
+def test_what_is_recorded_beside_is_known(tmp_path):
+    path = scenario(tmp_path, "output: {mcap: true}\n")
+    for part in range(2):
+        with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+            server.feed(list(passes("digger", 2.0 * part, 0.2, 20, begin=10.0 * part)))
+            said = server.stop()
+        assert (f"{tmp_path}/out: begins here" in said) == (part == 0)
+    done = subprocess.run([PROGRAM, "verify", tmp_path / "out"], capture_output=True, text=True,
+                          timeout=60)
+    assert done.returncode == 0
+    for name in ("soil.mcap", "soil_1.mcap"):
+        assert f"{name:<20} is beside the recording\n" in done.stdout
+
+
+def test_cycles_are_those_of_loads(tmp_path):
+    """A load is at least a quarter of what the bucket holds, and ends when most of it is gone."""
+    def load_and_tip(y, depth, begin, tips):
+        way = list(passes("digger", y, depth, 60, begin))
+        x = way[-1]["position"][0]
+        up = [{"machine": "digger", "time": begin + 1 + 0.1 * i, "position": [x, y, 0.1 * i],
+               "rotation": [0.0, 0.0, 0.0, 1.0]} for i in range(20)]
+        tipped = [{"machine": "digger", "time": begin + 4 + 0.1 * i, "position": [x, y, 1.9],
+                   "rotation": [0.0, float(np.sin(i / 40)), 0.0, float(np.cos(i / 40))]}
+                  for i in range(tips)]
+        return [*way, *up, *tipped]
+
+    with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        for n, (depth, tips, cycles) in enumerate(((0.25, 60, 1), (0.01, 60, 1), (0.25, 60, 2))):
+            answers = server.feed(load_and_tip(3.0 * n, depth, 20.0 * n, tips))
+            loads = [answer["bucket_m3"] for answer in answers]
+            _, body = server.get("/machines.csv")
+            row = dict(zip(*(line.split(",") for line in body.decode().splitlines()[:2])))
+            assert int(row["cycles"]) == cycles, row
+            if max(loads) > 0.15:
+                assert float(row["last_load_m3"]) == max(loads)
 
 
 def test_standard_input_feeds_too(tmp_path):

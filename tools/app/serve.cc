@@ -3,6 +3,7 @@
 // soilvdb serve: a live site, or a folder to be looked at.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <iostream>
@@ -38,9 +39,21 @@ fs::path page_folder() {
   return {};
 }
 
-std::shared_ptr<const BaseSurface> open_design(const std::optional<fs::path>& file) {
+/// @param site what it is the design of
+std::shared_ptr<const BaseSurface> open_design(const std::optional<fs::path>& file,
+                                               const io::Site& site) {
   if (!file) return nullptr;
   const io::RasterInput raster = io::open_raster(*file);
+  const Eigen::AlignedBox2d around(
+      raster.grid.first, raster.grid.first + raster.grid.spacing.cwiseProduct(
+                                                 Vec2(raster.grid.nx - 1, raster.grid.ny - 1)));
+  if (!site.bounds.isEmpty() && !site.bounds.intersects(around))
+    say(
+        fmt::format("warning: the design {} is elsewhere: it goes from {:.0f}, {:.0f} to {:.0f}, "
+                    "{:.0f}, and the terrain from {:.0f}, {:.0f} to {:.0f}, {:.0f}",
+                    file->string(), around.min().x(), around.min().y(), around.max().x(),
+                    around.max().y(), site.bounds.min().x(), site.bounds.min().y(),
+                    site.bounds.max().x(), site.bounds.max().y()));
   return make_height_field(raster.grid, raster.source);
 }
 
@@ -63,6 +76,9 @@ ServerOptions server_options(const ServeOptions& options) {
   all.port = static_cast<std::uint16_t>(options.port);
   all.token = options.token;
   all.page = page_folder();
+  if (all.page.empty())
+    say("warning: the page isn't built: tools/view/build makes it, with node and npm; feeds and "
+        "queries work");
   return all;
 }
 
@@ -76,7 +92,8 @@ void look_at(const ServeOptions& options) {
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   ServerOptions all = server_options(options);
   all.takes_feeds = false;
-  Server server(site, std::move(opened.history), open_design(options.design), all);
+  Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
+                all);
   say_where(server);
   server.run([] { return stop_requested.load(); });
 }
@@ -114,6 +131,10 @@ void feed_from_input(Server& server) {
 void serve_live(const ServeOptions& options) {
   const io::Scenario scenario = io::read_scenario(options.scenario, {}, io::Motions::kOptional);
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
+  const auto has_motion = [](const io::MachineInput& machine) { return machine.motion.rows() > 0; };
+  if (options.speed && std::none_of(scenario.machines.begin(), scenario.machines.end(), has_motion))
+    throw io::InputError(options.scenario,
+                         "--speed plays the motions of machines, and there are none; feed them");
   LiveSite site(Session::open(options.scenario), scenario.name);
   Recording recording = site.session().recording();
   const std::optional<Played> played =
@@ -124,24 +145,21 @@ void serve_live(const ServeOptions& options) {
     recording.snapshot_every_s = kSnapshotEvery_s;
     recording.incremental = true;
   }
-  Session start = site.session().clone();
+  ServerOptions all = server_options(options);
+  all.raster_cell_m = scenario.raster_cell_m;
+  if (scenario.mcap) all.mcap_folder = recording.folder;
+  // What may be wrong with the command is known before there is a recording.
+  const auto server = std::make_shared<Server>(
+      site, make_recorded_history(site.session().clone(), recording.folder),
+      open_design(options.design, site.session().site()), all);
   site.record(recording, {});
   if (site.fed() > 0)
     say(fmt::format("{}: going on after {}, at {} s", recording.folder.string(),
                     counted(static_cast<double>(site.fed()), "state"), time_text(site.time_s())));
+  else if (!played)
+    say(recording.folder.string() + ": begins here");
   std::optional<Player> player;
-  if (options.speed) {
-    player.emplace(site, scenario, *options.speed);
-    if (player->done() && site.fed() == 0)
-      throw io::InputError(options.scenario,
-                           "--speed plays the motions of machines, and there are none; feed them");
-  }
-  ServerOptions all = server_options(options);
-  all.raster_cell_m = scenario.raster_cell_m;
-  if (scenario.mcap) all.mcap_folder = recording.folder;
-  const auto server =
-      std::make_shared<Server>(site, make_recorded_history(std::move(start), recording.folder),
-                               open_design(options.design), all);
+  if (options.speed) player.emplace(site, scenario, *options.speed);
   if (options.feed_stdin)
     say("serving at " + server->url());
   else

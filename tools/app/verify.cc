@@ -69,6 +69,7 @@ std::string fault_of_end(const fs::path& folder, const io::JournalContent& journ
 /// Prints which files of a run's there are that its journal doesn't know. What a crash leaves can
 /// be one, and what somebody put there: that is no fault.
 void list_unknown(const fs::path& folder, const io::JournalContent& journal) {
+  const bool of_session = is_of_session(journal.config.text);
   std::vector<std::string> names;
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder, none)) {
@@ -77,7 +78,8 @@ void list_unknown(const fs::path& folder, const io::JournalContent& journal) {
     const bool is_run_s =
         is_output(name) &&
         (name.ends_with(".vdb") || !name.starts_with("soil_") || name.starts_with("soil_final."));
-    if (is_run_s && entry.is_regular_file(none) && !goes(journal, name) &&
+    const bool is_beside = of_session && name.starts_with("soil") && name.ends_with(".mcap");
+    if ((is_run_s || is_beside) && entry.is_regular_file(none) && !goes(journal, name) &&
         std::none_of(journal.files.begin(), journal.files.end(), is_it))
       names.push_back(name);
   }
@@ -93,7 +95,10 @@ void list_unknown(const fs::path& folder, const io::JournalContent& journal) {
         itself = fmt::format("; {}", e.what());
       }
     }
-    fmt::print("{:<20} is there, but the journal doesn't know it{}\n", name, itself);
+    fmt::print("{:<20} {}{}\n", name,
+               of_session && name.ends_with(".mcap") ? "is beside the recording"
+                                                     : "is there, but the journal doesn't know it",
+               itself);
   }
 }
 

@@ -3,7 +3,11 @@
 // What a session's site is, to tell whether a state or a recording is of the same.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "tools/run/session_state.h"
 
@@ -67,9 +71,24 @@ nlohmann::json Session::State::description(bool ground) const {
 std::string difference(const Json& before, const Json& now) {
   const Json changes = Json::diff(before, now);
   if (changes.empty()) return "";
-  std::string path = changes[0]["path"];
-  if (path.ends_with("/-")) path.resize(path.size() - 2);  // one more of them
-  return path.empty() ? "all of it" : path.substr(1);
+  const Json::json_pointer path(changes[0]["path"].get<std::string>());
+  std::vector<std::string> words;
+  for (Json::json_pointer at = path; !at.empty(); at = at.parent_pointer())
+    words.insert(words.begin(), at.back());
+  if (words.empty()) return "all of it";
+  const auto is_number = [](const std::string& word) {
+    return !word.empty() && std::all_of(word.begin(), word.end(),
+                                        [](unsigned char c) { return std::isdigit(c) != 0; });
+  };
+  std::string said = words[0];
+  if (words.size() == 1 || words[1] == "-" || said == "plane")
+    return said;              // "-": one more of them
+  if (is_number(words[1])) {  // of machines, pours or hoppers, counted from 1
+    said.pop_back();
+    said += fmt::format(" {}", std::stoul(words[1]) + 1);
+    words.erase(words.begin());
+  }
+  return words.size() == 1 || is_number(words[1]) ? said : fmt::format("{}: {}", said, words[1]);
 }
 
 }  // namespace soilvdb::inline v0

@@ -71,8 +71,8 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
                                                  "rotation"};
   for (const auto& [key, value] : json.items())
     if (std::find(kKeys.begin(), kKeys.end(), key) == kKeys.end())
-      throw std::invalid_argument(fmt::format("unknown key '{}'; did you mean '{}'?",
-                                              io::printable(key), io::nearest(key, kKeys)));
+      throw std::invalid_argument(fmt::format("unknown key '{}'; there are {}", io::printable(key),
+                                              io::quoted_list(kKeys)));
   if (!json.contains("machine") || !json["machine"].is_string())
     throw std::invalid_argument("'machine' must name a machine");
   MachineState state;

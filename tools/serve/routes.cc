@@ -22,6 +22,7 @@
 #include "soilvdb/io/picture.h"
 #include "tools/run/books.h"
 #include "tools/run/outputs.h"
+#include "tools/run/text.h"
 #include "tools/serve/server_state.h"
 
 namespace soilvdb::tools {
@@ -177,6 +178,12 @@ Past ServerState::past(double time_s) {
 void ServerState::with_ground(std::optional<double> time_s, std::optional<double> against_s,
                               std::function<Reply(GroundView&)> use,
                               std::function<void(Reply)> done) {
+  const double latest_s = options.takes_feeds ? site.time_s() : known_times.to_s;
+  for (const auto& asked_s : {time_s, against_s})
+    if (asked_s && *asked_s > latest_s)
+      throw std::invalid_argument(
+          fmt::format("{} s is later than what is recorded, which goes up to {} s", *asked_s,
+                      time_text(latest_s)));
   std::shared_ptr<Session> live;
   if (!time_s) live = std::make_shared<Session>(site.session().clone());
   const bool taken =
@@ -249,7 +256,7 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
       const int level = whole(values.number("level")), i = whole(tile.x()), j = whole(tile.y());
       const bool taken = worker->post([this, level, i, j, designed, done]() mutable {
         Reply reply = refusal(404, "there is no such tile");
-        if (const auto bytes = terrain.tile(level, i, j, designed ? design.get() : nullptr))
+        if (const auto bytes = terrain->tile(level, i, j, designed ? design.get() : nullptr))
           reply = {200, "application/octet-stream", deflated(*bytes), {}, true};
         boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
       });
@@ -317,7 +324,9 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
           },
           done);
     }
-    done(refusal(404, "there is no such page; the guide's page on live sites lists what there is"));
+    done(refusal(404,
+                 "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
+                 "/mesh.glb, /machines.csv, /height, /section, /volume and /terrain"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

@@ -69,7 +69,6 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
       design(std::move(design_)),
       options(options_),
       page(read_page(options.page)),
-      terrain(site.session().site(), work_area(site.session())),
       copy(std::make_unique<Soil>(site.session().voxel_size_m(), site.session().origin(),
                                   site.session().site().soil->shared_base())),
       mesher(std::make_unique<CachedMesher>(*copy)),
@@ -153,7 +152,7 @@ Json ServerState::times() {
 Bytes ServerState::description() {
   Json json = site.description();
   json["live"] = options.takes_feeds;
-  json["terrain"] = terrain.description();
+  json["terrain"] = terrain->description();
   json["crs"] = io::crs_label(site.session().site().crs_wkt);
   json["design"] = design != nullptr;
   json["times"] = times();
@@ -226,6 +225,7 @@ std::string Server::url() const {
 void Server::run(const std::function<bool()>& stopped, const std::function<void()>& play) {
   ServerState& s = *state_;
   s.stopped = stopped;
+  s.terrain.emplace(s.site.session().site(), work_area(s.site.session()));
   if (s.history) {
     try {
       s.known_times = s.history->times();

@@ -73,8 +73,8 @@ struct ServerState {
   std::unique_ptr<History> history;  ///< on the worker, once that runs
   std::shared_ptr<const BaseSurface> design;
   const ServerOptions options;
-  std::map<std::string, Reply> page;  ///< by path
-  TerrainTiles terrain;
+  std::map<std::string, Reply> page;    ///< by path
+  std::optional<TerrainTiles> terrain;  ///< while it runs: what was recorded says where work was
 
   boost::asio::io_context io{1};
   boost::asio::ip::tcp::acceptor acceptor{io};

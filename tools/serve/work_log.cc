@@ -64,7 +64,7 @@ void CycleCounter::add(double load_m3) {
     peak_m3_ = load_m3;
   }
   peak_m3_ = std::max(peak_m3_, load_m3);
-  if (!(peak_m3_ > least_m3_) || load_m3 > peak_m3_ / 2) return;
+  if (!(peak_m3_ > least_m3_) || load_m3 > peak_m3_ / 4) return;
   ++cycles_;
   last_m3_ = peak_m3_;
   trough_m3_ = load_m3;
@@ -82,7 +82,7 @@ WorkLog::WorkLog(const Session& site)
     const double about_m3 = work.capacity_m3 > 0
                                 ? work.capacity_m3
                                 : bucket.width_m * bucket.height_m * bucket.height_m;
-    work.cycles = CycleCounter(about_m3 / 10);
+    work.cycles = CycleCounter(about_m3 / 4);  // a blade always pushes some
   }
 }
 
