@@ -201,7 +201,7 @@ TEST(SessionFolder, OfAnotherChainIsRefusedThoughNothingWasDug) {
   session.stop_recording();
   // Both together bring the bucket to the same places.
   Session swapped(site(Vec3::UnitZ(), Vec3::UnitX()));
-  EXPECT_NE(refusal([&] { swapped.record(to(temp / "site")); }).find("machines/0/chain"),
+  EXPECT_NE(refusal([&] { swapped.record(to(temp / "site")); }).find("machine 1: chain"),
             std::string::npos);
   Session same(site(Vec3::UnitX(), Vec3::UnitZ()));
   EXPECT_EQ(same.record(to(temp / "site")).updates, 1u);

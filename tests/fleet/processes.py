@@ -154,8 +154,10 @@ def write_shift(folder, machines=10, hours=0.02, voxel=0.1, rate_hz=10):
                 time_s = row / rate_hz + 0.19 * m
                 cycle, s = divmod(row / rate_hz, 24.0)
                 s /= 24.0
-                x = 100.0 * (m % 5) + 2.5 * min(1.0, s / 0.5) + 1.3 * (cycle % 29)
-                y = 100.0 * (m // 5) + 1.1 * (cycle // 29)
+                row_of_cuts, place = divmod(cycle, 29)
+                place = place if row_of_cuts % 2 == 0 else 28 - place  # there and back
+                x = 100.0 * (m % 5) + 2.5 * min(1.0, s / 0.5) + 1.3 * place
+                y = 100.0 * (m // 5) + 1.1 * row_of_cuts
                 z = 0.3 - 0.8 * math.sin(math.pi * s / 0.5) if s < 0.5 else 0.3 + 2.0 * (s - 0.5)
                 pitch = 1.3 if 0.7 < s < 0.8 else 0.1
                 file.write(f"{time_s:.3f},{x:.4f},{y:.4f},{z + 0.01 * x + 0.02 * y:.4f},{pitch}\n")

@@ -86,6 +86,9 @@ void plan(const PartOptions& options) {
   folder.make();
   folder.lock();
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
+  if (scenario.snapshot_every_s)
+    say("warning: 'output: snapshots: every' is left out: of what is dug in parts only the end is "
+        "there as a snapshot");
   fs::create_directories(out / kPartsName);
   io::write_snapshot(window_start(out, 0), site, {scenario.name, made.windows.front().begin_s});
   write_plan(out, made);

@@ -3,8 +3,6 @@
 // What a session's site is, to tell whether a state or a recording is of the same.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cctype>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -76,19 +74,12 @@ std::string difference(const Json& before, const Json& now) {
   for (Json::json_pointer at = path; !at.empty(); at = at.parent_pointer())
     words.insert(words.begin(), at.back());
   if (words.empty()) return "all of it";
-  const auto is_number = [](const std::string& word) {
-    return !word.empty() && std::all_of(word.begin(), word.end(),
-                                        [](unsigned char c) { return std::isdigit(c) != 0; });
-  };
   std::string said = words[0];
-  if (words.size() == 1 || words[1] == "-" || said == "plane")
-    return said;              // "-": one more of them
-  if (is_number(words[1])) {  // of machines, pours or hoppers, counted from 1
-    said.pop_back();
-    said += fmt::format(" {}", std::stoul(words[1]) + 1);
-    words.erase(words.begin());
-  }
-  return words.size() == 1 || is_number(words[1]) ? said : fmt::format("{}: {}", said, words[1]);
+  const bool counted = said == "machines" || said == "pours" || said == "hoppers";
+  if (!counted || words.size() == 1 || words[1] == "-") return said;  // "-": one more of them
+  said = fmt::format("{} {}", said.substr(0, said.size() - 1), std::stoul(words[1]) + 1);
+  const bool named = words.size() > 2 && words[0] == "machines";  // others are but numbers
+  return named ? fmt::format("{}: {}", said, words[2]) : said;
 }
 
 }  // namespace soilvdb::inline v0
