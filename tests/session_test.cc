@@ -230,8 +230,7 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
   EXPECT_EQ(refusal(newer), "the state has version 3; this program has 2");
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
-  EXPECT_EQ(refusal(Session(higher).save()),
-            "the state is of another site, plane isn't the same");
+  EXPECT_EQ(refusal(Session(higher).save()), "the state is of another site, plane isn't the same");
   SessionSite alone = site();
   alone.machines.pop_back();
   EXPECT_EQ(refusal(Session(alone).save()),

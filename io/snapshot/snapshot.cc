@@ -91,9 +91,9 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   MetaMap meta;
   put_all(meta, file, site, info);
   std::vector<Coord3> chunks;
-  if (info.parent) {
+  if (info.surface && info.parent) {
     for (const Chunk* chunk : site.soil->chunks()) chunks.push_back(chunk->origin);
-  } else {
+  } else if (info.surface) {
     chunks = chunks_with_surface(*site.soil);
   }
   const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.soil, chunks);

@@ -33,6 +33,7 @@ io::SnapshotInfo Run::snapshot_info() {
   io::SnapshotInfo info{
       scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
       total.displaced_m3(), total.dumped_m3(), tracker_.state()};
+  info.surface = !config_.options.part;
   if (scenario_.soil) put_at_rest(info.tracker_state, at_rest_);
   return info;
 }

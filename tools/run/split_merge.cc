@@ -89,11 +89,17 @@ class Whole {
     tracker_.restore(info.tracker_state, machines);
   }
 
-  void write(const fs::path& file, const std::string& scenario, double time_s) const {
+  void write(const fs::path& file, const std::string& scenario, double time_s, bool surface) const {
     const Ledger total = tracker_.total();
-    io::write_snapshot(file, site_,
-                       {scenario, time_s, total.cut_m3(), total.captured_m3(), total.displaced_m3(),
-                        total.dumped_m3(), tracker_.state()});
+    io::SnapshotInfo info{scenario,
+                          time_s,
+                          total.cut_m3(),
+                          total.captured_m3(),
+                          total.displaced_m3(),
+                          total.dumped_m3(),
+                          tracker_.state()};
+    info.surface = surface;
+    io::write_snapshot(file, site_, info);
   }
 
  private:
@@ -224,7 +230,7 @@ void merge_window(const fs::path& folder, const SplitPlan& plan, std::size_t win
   }
   const bool last = window + 1 == plan.windows.size();
   whole.write(last ? folder / kFinalName : window_start(folder, window + 1), scenario.name,
-              when.end_s);
+              when.end_s, last);
   if (last) write_journal(folder, plan, scenario);
 }
 
