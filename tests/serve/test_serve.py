@@ -257,9 +257,15 @@ def test_times_are_shown_as_they_were(tmp_path):
 
         def at(time_s):
             return fed(path, time_s)
-        for time_s in (0.3, 0.55, 1.2, 99.0):
+        for time_s in (0.3, 0.55, 1.2, 1.59):
             summary = server.json(f"/summary.json?time={time_s}")
             assert summary["state_hash"] == f"{at(time_s).ground_hash():016x}"
+        for later in ("time=99", "time=1&against=1.6"):
+            status, body = server.get(f"/height?x=0&y=0&{later}")
+            assert status == 400 and "s is later than what is recorded, which goes up to 1.59 s" in (
+                json.loads(body)["error"])
+        texts, _ = asyncio.run(view(server, whole(1), [{"time": 99}, {"time": 0.3}]))
+        assert "is later than" in next(t["error"] for t in texts if t["type"] == "error")
         along = np.linspace([2, -1], [2, 3], 100)
         line = server.json("/section?from=2,-1&to=2,3&points=100&time=1.2&against=0.3")
         assert np.allclose(line["now_m"], at(1.2).heights(along), atol=1e-9)

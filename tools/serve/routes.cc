@@ -180,10 +180,10 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
                               std::function<void(Reply)> done) {
   const double latest_s = options.takes_feeds ? site.time_s() : known_times.to_s;
   for (const auto& asked_s : {time_s, against_s})
-    if (asked_s && *asked_s > latest_s)
-      throw std::invalid_argument(
-          fmt::format("{} s is later than what is recorded, which goes up to {} s", *asked_s,
-                      time_text(latest_s)));
+    if (asked_s && *asked_s > latest_s + 1e-3)  // times are told rounded
+      return done(
+          refusal(400, fmt::format("{} s is later than what is recorded, which goes up to {} s",
+                                   *asked_s, time_text(latest_s))));
   std::shared_ptr<Session> live;
   if (!time_s) live = std::make_shared<Session>(site.session().clone());
   const bool taken =
