@@ -124,3 +124,10 @@ def test_wrong_command_lines_are_told(tmp_path):
     assert fleet_split(scenario, tmp_path / "out", 2, "--workers", 1).returncode == 0
     refused = fleet_split(scenario, tmp_path / "out", 2, "--updates", 7)
     assert refused.returncode == 2 and "--updates was another" in refused.stderr
+
+
+def test_without_a_folder_it_is_named_as_the_scenario(tmp_path):
+    write_shift(tmp_path, machines=2, hours=0.01)
+    subprocess.run([*FLEET, "split", "shift.yaml", "--parts", "2", "--workers", "1"], check=True,
+                   capture_output=True, cwd=tmp_path, timeout=100)
+    assert lasting(tmp_path / "out/shift") == one_process(tmp_path / "shift.yaml", tmp_path / "whole")

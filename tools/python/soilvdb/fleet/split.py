@@ -34,8 +34,8 @@ def add_parser(subparsers: Any) -> None:
                     "time, and merges them to the run folder DIR, as one process would have left "
                     "it to the last bit. The same command goes on with what was left.")
     parser.add_argument("scenario", metavar="SCENARIO", type=Path)
-    parser.add_argument("--out", metavar="DIR", type=Path, required=True,
-                        help="on a disk that all workers share")
+    parser.add_argument("--out", metavar="DIR", type=Path,
+                        help="on a disk that all workers share; default: out/<scenario file's name>")
     parser.add_argument("--parts", metavar="N", type=_parts, required=True,
                         help="most of them side by side; as many as there are workers")
     for name, kind, meaning in (
@@ -73,6 +73,8 @@ def perform(task: Task) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     begin_s = time.monotonic()
+    if arguments.out is None:
+        arguments.out = Path("out") / arguments.scenario.stem
     _plan(arguments)
     out = arguments.out.absolute()
     windows = json.loads((out / PLAN).read_bytes())["windows"]
