@@ -324,6 +324,18 @@ TEST_F(Part, AnotherMemoryIsThatOfPartsToCome) {
   EXPECT_EQ(plan(2)["memory_mb"], 32);
 }
 
+TEST_F(Part, ARecordingIsThatOfOneProcess) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write("output: {mesh: ply, raster: {cell: 0.2}, mcap: true, journal: {sync: always}}\n");
+  const Result planned = run("part plan site.yaml --out split --parts 2");
+  EXPECT_NE(planned.err.find("'output: mcap'"), std::string::npos) << planned.err;
+  split(read_json(folder() / "split/plan.json"));
+  EXPECT_FALSE(fs::exists(folder() / "split/parts/0_0/soil.mcap"));
+  expect_same_as_one_process();
+  EXPECT_TRUE(read_file(folder() / "split/soil.mcap") == read_file(folder() / "whole/soil.mcap"));
+}
+
 TEST_F(Part, TwoPartsThatChangedOneChunkAreRefused) {
   add("a", cycles(std::vector<Place>(2, Place{0, 0})));
   add("b", cycles(std::vector<Place>(2, Place{12, 0})));

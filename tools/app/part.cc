@@ -140,6 +140,11 @@ void plan(const PartOptions& options) {
   if (scenario.snapshot_every_s)
     say("warning: 'output: snapshots: every' is left out: of what is dug in parts only the end is "
         "there as a snapshot");
+  if (scenario.mcap)
+    say(
+        fmt::format("warning: for 'output: mcap' one process digs all once more at the end: parts "
+                    "leave no {}",
+                    kMcapName));
   fs::create_directories(out / kPartsName);
   io::write_snapshot(window_start(out, 0), site, {scenario.name, made.windows.front().begin_s});
   write_plan(out, made);

