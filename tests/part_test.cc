@@ -226,6 +226,24 @@ TEST_F(Part, APartThatWasKilledGoesOn) {
   expect_same_as_one_process();
 }
 
+TEST_F(Part, MotionsMayGrowMeanwhile) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  plan(2);
+  dig(0, 0);
+  const fs::path part = folder() / "split/parts/0_0";
+  cut_journal(part / "journal", 0.5);
+  for (const char* name : {"summary.json", "soil_final.vdb", "updates.csv"})
+    fs::remove(part / name);
+  write_file(folder() / "m1.csv", cycles(std::vector<Place>(4, {12.0, 0})));
+  dig(0, 0);
+  dig(0, 1);
+  good("part merge split --window 0");
+  good("resume split");
+  expect_same_as_one_process();
+}
+
 TEST_F(Part, WhatIsDamagedIsNotMerged) {
   for (int m = 0; m < 2; ++m)
     add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
