@@ -400,6 +400,8 @@ TEST_F(Part, AFolderOfSomethingElseIsLeftAlone) {
   expect_refused("part plan site.yaml --out whole --parts 2", "holds a run");
   write_file(folder() / "mine/soil_final.vdb", "of another program");
   expect_refused("part plan site.yaml --out mine --parts 2", "mine: holds soil_final.vdb");
+  write_file(folder() / "spare/parts/list.txt", "of an excavator");
+  expect_refused("part plan site.yaml --out spare --parts 2", "spare/parts/list.txt: is in the");
   expect_refused("part dig whole", "holds no plan");
   write();
   expect_refused("part dig split --window 1", "no part 0 of window 1");

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <regex>
 #include <string>
 #include <utility>
 
@@ -83,8 +84,11 @@ bool go_on(const PartOptions& options) {
   return true;
 }
 
-/// What is left of another split would be taken for parts and windows of this one.
+/// What is left of another split would be taken for parts and windows of this one, and what is no
+/// split's would go with the parts once they are merged.
 void refuse_parts(const fs::path& folder) {
+  static const std::regex ours(
+      R"(job\.lock|[0-9]+_[0-9]+|window_0\.vdb|\.window_0\.vdb\.[0-9]+-[0-9]+\.tmp)");
   std::error_code none;
   for (const auto& entry : fs::directory_iterator(folder / kPartsName, none)) {
     const std::string name = entry.path().filename().string();
@@ -94,6 +98,10 @@ void refuse_parts(const fs::path& folder) {
       throw io::InputError(entry.path(),
                            "is of a split whose plan is gone; remove the folder that it is in, or "
                            "name another --out");
+    if (!std::regex_match(name, ours))
+      throw io::InputError(entry.path(),
+                           "is in the folder of the parts, which goes once they are merged; move "
+                           "it away or name another --out");
   }
 }
 
