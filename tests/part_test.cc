@@ -12,6 +12,16 @@
 namespace soilvdb::testing {
 namespace {
 
+constexpr const char* kArm = R"(<robot name="arm">
+  <link name="base"/> <link name="boom"/> <link name="lip"/>
+  <joint name="lift" type="revolute"><parent link="base"/><child link="boom"/>
+    <origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="0" velocity="1"/></joint>
+  <joint name="lip_frame" type="fixed"><parent link="boom"/><child link="lip"/>
+    <origin xyz="2 0 0" rpy="0 0 3.14159"/></joint>
+</robot>
+)";
+
 struct Place {
   double x_m = 0, y_m = 0;
 };
@@ -216,6 +226,24 @@ TEST_F(Part, APartThatWasKilledGoesOn) {
   expect_same_as_one_process();
 }
 
+TEST_F(Part, MotionsMayGrowMeanwhile) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  plan(2);
+  dig(0, 0);
+  const fs::path part = folder() / "split/parts/0_0";
+  cut_journal(part / "journal", 0.5);
+  for (const char* name : {"summary.json", "soil_final.vdb", "updates.csv"})
+    fs::remove(part / name);
+  write_file(folder() / "m1.csv", cycles(std::vector<Place>(4, {12.0, 0})));
+  dig(0, 0);
+  dig(0, 1);
+  good("part merge split --window 0");
+  good("resume split");
+  expect_same_as_one_process();
+}
+
 TEST_F(Part, WhatIsDamagedIsNotMerged) {
   for (int m = 0; m < 2; ++m)
     add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
@@ -239,6 +267,91 @@ TEST_F(Part, WhatIsDamagedIsNotMerged) {
   good("part merge split --window 0");
   good("resume split");
   expect_same_as_one_process();
+}
+
+TEST_F(Part, WhatChangesBetweenPlanAndMergeIsRefused) {
+  write_file(folder() / "arm.urdf", kArm);
+  write_file(folder() / "arm.csv", "time,lift\n0,0\n9,0.9\n");
+  write_file(folder() / "arm.yaml", "");
+  add("a", cycles(std::vector<Place>(2, Place{0, 0})));
+  machines_ +=
+      "  - {name: arm, bucket: {width: 0.8, height: 0.6}, motion: arm.csv, urdf: arm.urdf, "
+      "lip: {link: lip}, base: {xyz: [40, 0, 0.2]}}\n";
+  write_file(
+      folder() / "site.asc", "ncols 60\nnrows 20\nxllcorner -5\nyllcorner -10\ncellsize 1\n" + [] {
+        std::string rows;
+        for (int i = 0; i < 20; ++i) {
+          for (int k = 0; k < 60; ++k) rows += k ? " 0.1" : "0.1";
+          rows += "\n";
+        }
+        return rows;
+      }());
+  write("output: {mesh: ply, raster: {cell: 0.2}}\n", "{raster: site.asc}");
+  plan(2);
+  dig(0, 0);
+  const auto changed = [&](const char* name, const std::string& from, const std::string& to) {
+    const std::string before = read_file(folder() / name);
+    std::string text = before;
+    ASSERT_NE(text.find(from), std::string::npos) << name;
+    write_file(folder() / name, text.replace(text.find(from), from.size(), to));
+    for (const char* work : {"dig split --window 0 --part 1", "merge split --window 0"}) {
+      expect_refused(fmt::format("part {}", work), name);
+      expect_refused(fmt::format("part {}", work), "has changed since it was split");
+    }
+    expect_refused("part plan site.yaml --out split --parts 2", "split");
+    write_file(folder() / name, before);
+  };
+  changed("site.yaml", "dump_angle: 1.0", "dump_angle: 0.5");
+  changed("site.asc", "0.1", "0.2");
+  changed("arm.urdf", "0 0 0.4", "0 0 0.5");
+  dig(0, 1);
+  good("part merge split --window 0");
+  good("resume split");
+  expect_same_as_one_process();
+}
+
+TEST_F(Part, WhatAnotherSplitLeftIsNotTakenForThisOne) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  const auto made = plan(2);
+  dig(0, 0);
+  const fs::path split = folder() / "split";
+  fs::rename(split / "plan.json", folder() / "before.json");
+  expect_refused("part plan site.yaml --out split --parts 2 --voxel 0.2",
+                 "split/parts/0_0: is of a split whose plan is gone");
+  fs::rename(folder() / "before.json", split / "plan.json");
+  good("part plan site.yaml --out other --parts 2 --voxel 0.2");
+  good("part dig other --window 0 --part 1");
+  fs::rename(folder() / "other/parts/0_1", split / "parts/0_1");
+  for (const char* work : {"dig split --part 1", "merge split"})
+    expect_refused(fmt::format("part {}", work), "0_1: holds a run of something else");
+  fs::remove_all(split / "parts/0_1");
+  dig(0, 1);
+  good("part merge split --window 0");
+  good("resume split");
+  expect_same_as_one_process();
+}
+
+TEST_F(Part, AnotherMemoryIsThatOfPartsToCome) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  plan(2, "--memory 64");
+  EXPECT_EQ(plan(2, "--memory 32")["memory_mb"], 32);
+  EXPECT_EQ(plan(2)["memory_mb"], 32);
+}
+
+TEST_F(Part, ARecordingIsThatOfOneProcess) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write("output: {mesh: ply, raster: {cell: 0.2}, mcap: true, journal: {sync: always}}\n");
+  const Result planned = run("part plan site.yaml --out split --parts 2");
+  EXPECT_NE(planned.err.find("'output: mcap'"), std::string::npos) << planned.err;
+  split(read_json(folder() / "split/plan.json"));
+  EXPECT_FALSE(fs::exists(folder() / "split/parts/0_0/soil.mcap"));
+  expect_same_as_one_process();
+  EXPECT_TRUE(read_file(folder() / "split/soil.mcap") == read_file(folder() / "whole/soil.mcap"));
 }
 
 TEST_F(Part, TwoPartsThatChangedOneChunkAreRefused) {
@@ -285,8 +398,33 @@ TEST_F(Part, AFolderOfSomethingElseIsLeftAlone) {
   expect_refused("part plan site.yaml --out split --parts 2", "output.mesh");
   good("run site.yaml --out whole");
   expect_refused("part plan site.yaml --out whole --parts 2", "holds a run");
+  write_file(folder() / "mine/soil_final.vdb", "of another program");
+  expect_refused("part plan site.yaml --out mine --parts 2", "mine: holds soil_final.vdb");
+  write_file(folder() / "spare/parts/list.txt", "of an excavator");
+  expect_refused("part plan site.yaml --out spare --parts 2", "spare/parts/list.txt: is in the");
   expect_refused("part dig whole", "holds no plan");
+  write();
   expect_refused("part dig split --window 1", "no part 0 of window 1");
+}
+
+TEST_F(Part, AWrongCommandLineIsRefused) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  for (const char* voxel : {"nan", "inf", "0", "-0.1", "5cm"})
+    expect_refused(fmt::format("part plan site.yaml --out split --parts 2 --voxel={}", voxel),
+                   "--voxel: Value");
+  for (const char* parts : {"0", "1", "-3"})
+    expect_refused(fmt::format("part plan site.yaml --out split --parts={}", parts),
+                   "--parts N, of 2 or more");
+}
+
+TEST_F(Part, APathThatIsNoTextIsRefused) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  fs::rename(folder() / "site.yaml", folder() / "site\xff.yaml");
+  expect_refused("part plan 'site\xff.yaml' --out split --parts 2", "no UTF-8 text");
 }
 
 }  // namespace

@@ -280,9 +280,17 @@ Scenario read(const std::filesystem::path& file, const ReadProgress& progress, M
   read_soil(map, scenario);
   Names names;
   std::vector<Section> sections = read_machines(map, motions, scenario, names);
-  for (Section& section : sections)
-    if (moving && std::find(moving->begin(), moving->end(), section.name) == moving->end())
-      section.motion.reset();
+  for (Section& section : sections) {
+    if (!moving || std::find(moving->begin(), moving->end(), section.name) != moving->end())
+      continue;
+    std::erase(scenario.inputs, section.motion->file);
+    section.motion.reset();
+  }
+  for (const Section& section : sections) {  // several may be in one file
+    if (section.motion && std::find(scenario.inputs.begin(), scenario.inputs.end(),
+                                    section.motion->file) == scenario.inputs.end())
+      scenario.inputs.push_back(section.motion->file);
+  }
   read_pours(map, scenario, names);
   read_hoppers(map, scenario, names);
 

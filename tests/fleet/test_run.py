@@ -3,6 +3,7 @@
 """Many jobs: what a cluster of processes digs, killed into or not, is what one after another is."""
 
 import ast
+import contextlib
 import csv
 import errno
 import json
@@ -10,6 +11,7 @@ import multiprocessing
 import os
 import random
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -283,6 +285,11 @@ def test_jobs_that_fail_are_listed_and_the_others_done(tmp_path):
     ("job,scenario,threads\na,dig.yaml,0\n", 2, "'0' is no threads"),
     ("job,scenario,memory\na,dig.yaml,8\n", 2, "'8' is no memory; a whole number of MB from 16"),
     ('job,scenario\n"a,dig.yaml\n', 2, "a CSV file is right"),
+    ('job,scenario\n"a\nb",dig.yaml\n', 3, r"the job 'a\nb' can't be the name of a folder"),
+    ('job,scenario,"a\nb"\n', 2, r"unknown column 'a\nb'"),
+    ('job,scenario\na,"\x1b[2Jb.yaml"\n', 2, r"there is no scenario '\x1b[2Jb.yaml'"),
+    (f"job,scenario\na,{'x' * 300}\n", 2, "there is no scenario 'xxx"),
+    ("job,scenario\n.results.csv.tmp,dig.yaml\n", 2, "'.results.csv.tmp' is what"),
 ])
 def test_a_wrong_manifest_is_told_in_one_line(tmp_path, text, line, what):
     manifest = write_jobs(tmp_path, [{"job": "a"}])
@@ -300,6 +307,8 @@ def test_a_wrong_manifest_is_told_in_one_line(tmp_path, text, line, what):
     (["run", "jobs.csv", "--out", "o", "--workers", "0"], "'0' is no whole number from 1"),
     (["run", "jobs.csv", "--out", "o", "--job", "1"], "there are jobs 0 to 0"),
     (["run", "jobs.csv", "--out", "o", "--scheduler", "nowhere://x"], "is no address"),
+    (["run", "jobs.csv", "--out", "o", "--scheduler", "tcp://localhost:99999"], "is no address"),
+    (["run", "jobs.csv", "--out", "o", "--scheduler", "tls://localhost:1"], "needs certificates"),
     (["runs"], "invalid choice"),
 ])
 def test_a_wrong_command_line_is_told_in_one_line(tmp_path, options, what):
@@ -308,13 +317,37 @@ def test_a_wrong_command_line_is_told_in_one_line(tmp_path, options, what):
                           check=False)
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert done.stderr.startswith("soilvdb: ") and what in done.stderr
+    assert not (tmp_path / "o").exists(), "nothing is written"
+
+
+def test_paths_that_are_no_text_are_told_all_the_same(tmp_path):
+    manifest = write_jobs(tmp_path, [{"job": "a"}])
+    out = os.fsdecode(os.fsencode(tmp_path / "out") + b"\xff")
+    done = fleet_run(manifest, out, "--workers", 1)
+    assert (done.returncode, done.stderr) == (0, "") and r"\udcff/results.csv" in done.stdout
+    manifest.write_text("job,scenario\na,dig.yaml\nbad,bad.yaml\n")
+    (tmp_path / "bad.yaml").write_text("soilvdb: 1\n")
+    Path(out, "bad").write_text("in the way")
+    done = fleet_run(manifest, out, "--workers", 1)
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+    assert "out\\udcff/bad" in rows(Path(out, "failed.csv"))[0]["message"]
+
+
+def test_two_at_once_on_one_host_are_not_at_odds(tmp_path):
+    manifest = write_jobs(tmp_path, [{"job": "a", "updates": 40}])
+    with socket.socket() as taken:  # the port of Dask's dashboard, which another may have
+        with contextlib.suppress(OSError):
+            taken.bind(("127.0.0.1", 8787))
+            taken.listen()
+        done = fleet_run(manifest, tmp_path / "out", "--workers", 1)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_an_array_script_digs_each_job_once_and_gathers(tmp_path):
     """By a stand-in for sbatch, which runs arrays at once."""
     manifest = write_jobs(tmp_path / "a b", [{"job": f"it's {i}", "updates": 30 + i, "threads": 2}
                                              for i in range(3)])
-    out = tmp_path / "o u t"
+    out = tmp_path / "o u t %A"
     done = fleet_run(manifest, out, "--slurm")
     assert done.returncode == 0 and done_count(out) == 0
     sbatch = tmp_path / "bin/sbatch"
@@ -335,6 +368,7 @@ for i in range(int(first), int(last) + 1):
     subprocess.run(["sh", out / "slurm.sh", "--time=60"], check=True, env=environment,
                    capture_output=True, cwd="/")
     array, tables = map(ast.literal_eval, (tmp_path / "calls").read_text().splitlines())
+    assert f"--output={tmp_path}/o u t %%A/slurm/%A_%a.log" in array
     assert {"--array=0-2", "--cpus-per-task=2", "--time=60"} <= set(array)
     assert "--dependency=afterany:7" in tables
     assert [row["updates"] for row in rows(out / "results.csv")] == ["30", "31", "32"]

@@ -121,6 +121,14 @@ def test_wrong_command_lines_are_told(tmp_path):
     scenario = write_shift(tmp_path / "site", machines=2, hours=0.01)
     refused = fleet_split(scenario, tmp_path / "out", 1)
     assert refused.returncode == 2 and "'1' is no whole number from 2 to 1024" in refused.stderr
+    refused = fleet_split(scenario, tmp_path / "out", 2, "--voxel", "nan", timeout=60)
+    assert refused.returncode == 2 and "--voxel" in refused.stderr
+    assert refused.stderr.count("\n") == 1 and not (tmp_path / "out").exists()
+    dashed = scenario.rename(scenario.with_name("-s.yaml"))
+    done = subprocess.run([*FLEET, "split", "--out=-o", "--parts=2", "--workers=1", "--", "-s.yaml"],
+                          cwd=dashed.parent, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "") and (dashed.parent / "-o/summary.json").exists()
+    dashed.rename(scenario)
     assert fleet_split(scenario, tmp_path / "out", 2, "--workers", 1).returncode == 0
     refused = fleet_split(scenario, tmp_path / "out", 2, "--updates", 7)
     assert refused.returncode == 2 and "--updates was another" in refused.stderr

@@ -5,12 +5,17 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <regex>
 #include <string>
 #include <utility>
 
 #include "io/file/text.h"
+#include "soilvdb/io/checksum.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
 #include "tools/run/run.h"
@@ -63,32 +68,91 @@ void print(const SplitPlan& plan) {
              updates / static_cast<double>(plan.longest()));
 }
 
+/// The folder's plan, if it has one, is gone on with.
+bool go_on(const PartOptions& options) {
+  const fs::path& out = *options.run.out;
+  std::error_code none;
+  if (!fs::exists(out / kPlanName, none)) return false;
+  SplitPlan before = read_plan(out);
+  check_same(before, options);
+  check_unchanged(before);
+  if (const auto& mb = options.run.memory_mb; mb && mb != before.options.memory_mb) {
+    before.options.memory_mb = mb;
+    write_plan(out, before);
+  }
+  print(before);
+  return true;
+}
+
+/// What is left of another split would be taken for parts and windows of this one, and what is no
+/// split's would go with the parts once they are merged.
+void refuse_parts(const fs::path& folder) {
+  static const std::regex ours(
+      R"(job\.lock|[0-9]+_[0-9]+|window_0\.vdb|\.window_0\.vdb\.[0-9]+-[0-9]+\.tmp)");
+  std::error_code none;
+  for (const auto& entry : fs::directory_iterator(folder / kPartsName, none)) {
+    const std::string name = entry.path().filename().string();
+    const bool merged = name.starts_with("window_") && name.ends_with(".vdb") &&
+                        entry.path() != window_start(folder, 0);
+    if (merged || fs::exists(entry.path() / kJournalName, none))
+      throw io::InputError(entry.path(),
+                           "is of a split whose plan is gone; remove the folder that it is in, or "
+                           "name another --out");
+    if (!std::regex_match(name, ours))
+      throw io::InputError(entry.path(),
+                           "is in the folder of the parts, which goes once they are merged; move "
+                           "it away or name another --out");
+  }
+}
+
+std::map<std::string, std::string> fingerprints(const io::Scenario& scenario) {
+  std::map<std::string, std::string> all;
+  for (const fs::path& file : input_files(scenario)) {
+    const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
+    if (file != scenario.file &&
+        std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
+      all[file.string()] = io::file_fingerprint(file);
+  }
+  return all;
+}
+
 void plan(const PartOptions& options) {
   if (!options.run.out || options.parts < 2)
     throw io::InputError("soilvdb part plan needs --out DIR and --parts N, of 2 or more");
+  if (go_on(options)) return;
   const fs::path& out = *options.run.out;
-  std::error_code none;
-  if (fs::exists(out / kPlanName, none)) {
-    const SplitPlan before = read_plan(out);
-    check_same(before, options);
-    return print(before);
-  }
   RunOptions run = options.run;
   run.scenario = options.path;
   io::Scenario scenario = read_to_dig(run);
-  const SplitPlan made = make_plan(run, scenario, options.parts);
+  SplitPlan made = make_plan(run, scenario, options.parts);
+  made.inputs = fingerprints(scenario);
+  plan_text(out, made);  // before there is anything to take back
   const io::Site site = io::open_site(scenario);
   warn_of_underground(scenario, *site.soil);
   RunFolder folder(out);
   for (const fs::path& input : input_files(scenario)) folder.spare(input);
-  if (fs::exists(out / kJournalName, none))
-    throw io::InputError(out, "holds a run; remove it or name another --out");
   folder.make();
-  folder.lock();
+  try {
+    folder.lock();
+    if (go_on(options)) return;  // another's, made meanwhile
+    std::error_code none;
+    if (fs::exists(out / kJournalName, none))
+      throw io::InputError(out, "holds a run; remove it or name another --out");
+    folder.replace([&](const std::string& name) { return writes(scenario, run, name); });
+    refuse_parts(out);
+  } catch (...) {
+    folder.unmake();
+    throw;
+  }
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
   if (scenario.snapshot_every_s)
     say("warning: 'output: snapshots: every' is left out: of what is dug in parts only the end is "
         "there as a snapshot");
+  if (scenario.mcap)
+    say(
+        fmt::format("warning: for 'output: mcap' one process digs all once more at the end: parts "
+                    "leave no {}",
+                    kMcapName));
   fs::create_directories(out / kPartsName);
   io::write_snapshot(window_start(out, 0), site, {scenario.name, made.windows.front().begin_s});
   write_plan(out, made);
@@ -98,13 +162,13 @@ void plan(const PartOptions& options) {
 void dig(const PartOptions& options) {
   const fs::path& folder = options.path;
   const SplitPlan plan = read_plan(folder);
+  check_unchanged(plan);
   RunOptions run = part_options(folder, plan, options.window, options.part);
   run.threads = options.run.threads;
   std::error_code none;
-  if (fs::exists(*run.out / kJournalName, none))
-    resume({*run.out, run.memory_mb});
-  else
-    soilvdb::tools::run(run);
+  if (!fs::exists(*run.out / kJournalName, none)) return soilvdb::tools::run(run);
+  check_is_part(io::read_journal(*run.out / kJournalName), run);
+  resume({*run.out, run.memory_mb});
 }
 
 void merge(const PartOptions& options) {
@@ -116,6 +180,7 @@ void merge(const PartOptions& options) {
   RunFolder folder(path);
   folder.lock();
   if (is_merged(path, plan, window)) return;
+  check_unchanged(plan);
   merge_window(path, plan, window, read_to_dig(whole_options(path, plan)));
 }
 
@@ -140,6 +205,9 @@ int part_main(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     throw io::InputError(fmt::format("soilvdb part: {}", io::printable(e.what())));
   }
+  // CLI::Range lets it pass.
+  if (options.run.voxel_size_m && std::isnan(*options.run.voxel_size_m))
+    throw io::InputError("soilvdb part: --voxel: Value nan is no number of metres");
   if (options.work == "plan") plan(options);
   if (options.work == "dig") dig(options);
   if (options.work == "merge") merge(options);

@@ -71,7 +71,8 @@ fs::path folder_of(const RunOptions& options, const io::Scenario& scenario) {
   return fs::path("out") / name;
 }
 
-/// Is it the name of a file that a run writes beside its journal?
+}  // namespace
+
 bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name) {
   if (name == kSummaryName || name == kUpdatesName) return true;
   if (options.mesh && scenario.mesh && name == "soil_final." + *scenario.mesh) return true;
@@ -81,8 +82,6 @@ bool writes(const io::Scenario& scenario, const RunOptions& options, const std::
   static const std::regex on_the_way(R"(soil_-?[0-9.]+\.vdb)");
   return name == kFinalName || (scenario.snapshot_every_s && std::regex_match(name, on_the_way));
 }
-
-}  // namespace
 
 io::Scenario read_to_dig(const RunOptions& options) {
   std::optional<Progress> progress;
@@ -99,7 +98,10 @@ io::Scenario read_to_dig(const RunOptions& options) {
     scenario.snapshot_every_s.reset();
     scenario.incremental_snapshots = false;
   }
-  if (options.part) scenario.raster_cell_m.reset();
+  if (options.part) {
+    scenario.raster_cell_m.reset();
+    scenario.mcap = false;
+  }
   check_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;

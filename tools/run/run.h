@@ -148,6 +148,9 @@ bool recording_is_whole(const io::Scenario& scenario, const io::JournalContent& 
 /// @throw io::InputError
 io::Scenario read_to_dig(const RunOptions& options);
 
+/// Is it the name of a file that such a run writes beside its journal?
+bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name);
+
 /// Adds to its warnings where machines begin below the ground as it is then.
 void warn_of_underground(io::Scenario& scenario, const Soil& soil);
 

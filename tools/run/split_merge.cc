@@ -52,8 +52,10 @@ std::vector<std::size_t> numbers_of(const std::vector<std::string>& names,
 }
 
 /// A part must be finished and its ground intact.
-void check_part(const fs::path& part, std::int64_t updates) {
+void check_part(const RunOptions& options, std::int64_t updates) {
+  const fs::path& part = *options.out;
   const io::JournalContent journal = io::read_journal(part / kJournalName);
+  check_is_part(journal, options);
   std::string fault = "isn't finished";
   if (journal.ended && !journal.damaged &&
       journal.done.updates == static_cast<std::uint64_t>(updates)) {
@@ -200,7 +202,10 @@ void write_journal(const fs::path& folder, const SplitPlan& plan, const io::Scen
   const fs::path file = folder / kPartsName / kJournalName;
   const std::uint64_t size = io::begin_journal(file, {to_bytes(config, scenario)});
   {
-    io::JournalWriter journal(file, size, {}, scenario.journal_sync_s);
+    // Each record by itself, as the scenario may ask for, would take as long as digging did: until
+    // all is there nobody goes on with it.
+    constexpr double kSync_s = 1;
+    io::JournalWriter journal(file, size, {}, kSync_s);
     const std::uint64_t updates = join_journals(folder, plan, scenario, journal);
     const io::FileDigest digest = io::file_digest(folder / kFinalName);
     journal.add(io::JournalFile{kFinalName, updates, digest.size, digest.crc});
@@ -224,9 +229,9 @@ void merge_window(const fs::path& folder, const SplitPlan& plan, std::size_t win
   const SplitPlan::Window& when = plan.windows.at(window);
   Whole whole(window_start(folder, window), scenario);
   for (std::size_t p = 0; p < when.parts.size(); ++p) {
-    const fs::path part = *part_options(folder, plan, window, p).out;
+    const RunOptions part = part_options(folder, plan, window, p);
     check_part(part, when.parts[p].updates);
-    whole.put(part, numbers_of(when.parts[p].machines, scenario));
+    whole.put(*part.out, numbers_of(when.parts[p].machines, scenario));
   }
   const bool last = window + 1 == plan.windows.size();
   whole.write(last ? folder / kFinalName : window_start(folder, window + 1), scenario.name,

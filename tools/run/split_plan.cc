@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file/atomic_file.h"
+#include "soilvdb/io/checksum.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -16,9 +17,14 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kFormat = 1;
+constexpr int kFormat = 2;  // 1 knew no inputs but the scenario
 
 fs::path plain(const fs::path& path) { return fs::absolute(path / "").lexically_normal(); }
+
+/// As it is seen from a folder: both may move together.
+std::string seen_from(const fs::path& folder, const fs::path& file) {
+  return fs::absolute(file).lexically_normal().lexically_proximate(plain(folder)).string();
+}
 
 Json to_json(const SplitPlan::Window& window) {
   Json parts = Json::array();
@@ -54,23 +60,29 @@ std::int64_t SplitPlan::longest() const {
   return sum;
 }
 
-void write_plan(const fs::path& folder, const SplitPlan& plan) {
+std::string plan_text(const fs::path& folder, const SplitPlan& plan) {
   const RunOptions& options = plan.options;
-  Json json = {{"format", kFormat},
-               {"scenario", fs::absolute(options.scenario)
-                                .lexically_normal()
-                                .lexically_proximate(plain(folder))
-                                .string()},
-               {"values", plan.values},
-               {"parts", plan.parts},
-               {"ends_s", plan.ends_s},
+  Json json = {{"format", kFormat},       {"scenario", seen_from(folder, options.scenario)},
+               {"values", plan.values},   {"inputs", Json::object()},
+               {"parts", plan.parts},     {"ends_s", plan.ends_s},
                {"windows", Json::array()}};
+  for (const auto& [file, checksum] : plan.inputs)
+    json["inputs"][seen_from(folder, file)] = checksum;
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
   for (const SplitPlan::Window& window : plan.windows) json["windows"].push_back(to_json(window));
-  io::write_atomically(folder / kPlanName,
-                       json.dump(1, ' ', false, Json::error_handler_t::replace) + '\n');
+  try {
+    return json.dump(1) + '\n';
+  } catch (const Json::exception&) {
+    throw io::InputError(options.scenario,
+                         "can't be split: the path of it or of an input is no UTF-8 text; rename "
+                         "what isn't");
+  }
+}
+
+void write_plan(const fs::path& folder, const SplitPlan& plan) {
+  io::write_atomically(folder / kPlanName, plan_text(folder, plan));
 }
 
 SplitPlan read_plan(const fs::path& folder) {
@@ -90,12 +102,42 @@ SplitPlan read_plan(const fs::path& folder) {
     if (json.contains("memory_mb")) plan.options.memory_mb = json["memory_mb"].get<std::int64_t>();
     plan.parts = json.at("parts");
     json.at("values").get_to(plan.values);
+    for (const auto& [input, checksum] : json.at("inputs").items())
+      plan.inputs[(folder / input).lexically_normal().string()] = checksum.get<std::string>();
     json.at("ends_s").get_to(plan.ends_s);
     for (const Json& window : json.at("windows")) plan.windows.push_back(to_window(window));
     return plan;
   } catch (const Json::exception&) {
     throw io::InputError(file, "is damaged; remove the folder");
   }
+}
+
+void check_unchanged(const SplitPlan& plan) {
+  const auto refuse = [](const fs::path& file, const std::string& what) {
+    throw io::InputError(file,
+                         fmt::format("has changed since it was split{}; put back what it was, "
+                                     "or split it anew to another folder",
+                                     what));
+  };
+  const fs::path& scenario = plan.options.scenario;
+  const std::string what = io::difference(plan.values, io::scenario_values(scenario));
+  if (!what.empty()) refuse(scenario, " (" + what + ")");
+  for (const auto& [file, checksum] : plan.inputs)
+    if (io::file_fingerprint(file) != checksum) refuse(file, "");
+}
+
+void check_is_part(const io::JournalContent& journal, const RunOptions& part) {
+  const Json is = Json::from_cbor(journal.config.text, true, /*allow_exceptions=*/false);
+  const auto as = [](const auto& value) { return value ? Json(*value) : Json(); };
+  const auto at = [&](const char* key) { return is.is_object() ? is.value(key, Json()) : Json(); };
+  const Json window = at("part");
+  const bool same =
+      window.is_object() && window.value("machines", Json()) == Json(part.part->machines) &&
+      window.value("begin_s", Json()) == Json(part.part->begin_s) &&
+      window.value("end_s", Json()) == Json(part.part->end_s) &&
+      at("ends_s") == Json(part.part->ends_s) && at("voxel_size_m") == as(part.voxel_size_m) &&
+      at("updates") == as(part.updates);
+  if (!same) throw io::InputError(*part.out, "holds a run of something else; remove it");
 }
 
 RunOptions whole_options(const fs::path& folder, const SplitPlan& plan) {

@@ -6,9 +6,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
+#include "soilvdb/io/journal.h"
 #include "soilvdb/io/scenario.h"
 #include "tools/run/run_options.h"
 
@@ -29,6 +31,8 @@ struct SplitPlan {
   RunOptions options;      ///< scenario, voxel size, updates, memory
   std::int64_t parts = 0;  ///< most at once, as was asked for
   io::ScenarioValues values;
+  /// Fingerprints of the scenario's other inputs. Not of motions: those are compared by their rows.
+  std::map<std::string, std::string> inputs;
   std::vector<double> ends_s;  ///< of the motions
   std::vector<Window> windows;
 
@@ -43,10 +47,18 @@ struct SplitPlan {
 ///        always meet
 SplitPlan make_plan(const RunOptions& options, const io::Scenario& scenario, std::int64_t parts);
 
-/// @throw std::runtime_error naming the file and the cause.
+/// @throw io::InputError if a path can't be written down
+std::string plan_text(const std::filesystem::path& folder, const SplitPlan& plan);
+/// @throw std::runtime_error naming the file and the cause; as plan_text().
 void write_plan(const std::filesystem::path& folder, const SplitPlan& plan);
 /// Has the folder one? @throw io::InputError if that can't be read
 SplitPlan read_plan(const std::filesystem::path& folder);
+
+/// Parts that are dug from another scenario, terrain or URDF than their neighbours don't make one
+/// site. @throw io::InputError naming what has changed since the plan was made
+void check_unchanged(const SplitPlan& plan);
+/// @throw io::InputError if the run in a part's folder is no run of that part
+void check_is_part(const io::JournalContent& journal, const RunOptions& part);
 
 /// One part as a run, and how the whole goes on with what they came to.
 RunOptions part_options(const std::filesystem::path& folder, const SplitPlan& plan,

@@ -7,6 +7,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.util
+import io
 import sys
 from typing import NoReturn
 
@@ -34,20 +35,27 @@ def command_line() -> Parser:
     return parser
 
 
+def _printable(text: str) -> str:
+    """On one line, whatever a cell of a table or a path has in it."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def main(arguments: list[str]) -> int:
     try:
         chosen = command_line().parse_args(arguments)
         status: int = chosen.main(chosen)
         return status
     except InputError as error:
-        print(f"soilvdb: {error}", file=sys.stderr)
+        print(f"soilvdb: {_printable(str(error))}", file=sys.stderr)
         return 2
     except (OSError, RuntimeError) as error:
-        print(f"soilvdb: {error}", file=sys.stderr)
+        print(f"soilvdb: {_printable(str(error))}", file=sys.stderr)
     except KeyboardInterrupt:
         print("soilvdb: stopped; the same command goes on", file=sys.stderr)
     return 1
 
 
 if __name__ == "__main__":  # workers import this module by another name
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # paths may be no text
     sys.exit(main(sys.argv[1:]))

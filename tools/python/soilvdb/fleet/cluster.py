@@ -67,8 +67,14 @@ def _count(text: str) -> int:
 
 
 def _address(text: str) -> str:
-    if not re.fullmatch(r"((tcp|tls|ucx|wss?)://)?[^\s/]+:[0-9]+", text):
+    match = re.fullmatch(r"((tcp|tls|wss?)://)?[^\s/]+:([0-9]{1,5})", text)
+    if not match or not 1 <= int(match[3]) <= 65535:
         raise argparse.ArgumentTypeError(f"'{text}' is no address; tcp://host:8786 is one")
+    if match[2] in ("tls", "wss"):
+        # Without certificates Dask's client says so in a traceback, and hangs for a while.
+        if _dask().Security().get_connection_args("client")["ssl_context"] is None:
+            raise argparse.ArgumentTypeError(f"'{text}' needs certificates, which Dask's "
+                                             "configuration has under distributed.comm.tls")
     return text
 
 
@@ -122,7 +128,9 @@ def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="soilvdb-"))
             local = stack.enter_context(dask.LocalCluster(
                 n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
-                dashboard_address=None, memory_limit=0, local_directory=folder,
+                # Another port than the one that two of these on one host would be at odds about.
+                dashboard_address=None, scheduler_kwargs={"dashboard_address": ":0"},
+                memory_limit=0, local_directory=folder,
                 silence_logs=logging.CRITICAL))
             scheduler = str(local.scheduler_address)
         cluster = Cluster(scheduler)

@@ -12,8 +12,10 @@ from typing import Any
 
 from . import InputError, nearest
 from .jobs import Job
+from .tables import FAILED, RESULTS, beside
 
-TABLES = ("results.csv", "failed.csv", "slurm.sh", "slurm")  # in the folder that jobs' are in
+# In the folder that jobs' are in.
+TABLES = (RESULTS, FAILED, beside(RESULTS), beside(FAILED), "slurm.sh", "slurm")
 NAME_BYTES = 255  # most that a file's name may have
 
 # As the program's options.
@@ -89,11 +91,18 @@ def _job(cells: list[str], header: list[str], file: Path, out: Path, at: str) ->
         raise InputError(f"{at}: '{name}' is what the table beside the jobs is called; "
                          "give the job another name")
     scenario = Path(os.path.abspath(file.parent / row["scenario"]))
-    if not scenario.is_file():
+    if not _is_file(scenario):
         raise InputError(f"{at}: there is no scenario '{row['scenario']}' in {file.parent}; "
                          "its path from there is right")
     numbers: dict[str, Any] = {key: _number(key, row.get(key, ""), at) for key in RANGES}
     return Job(name, row["scenario"], scenario, Path(os.path.abspath(out)) / name, **numbers)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # too long a name, or a folder that may not be read
+        return False
 
 
 def _number(key: str, text: str, at: str) -> float | None:

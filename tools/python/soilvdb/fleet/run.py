@@ -42,6 +42,8 @@ def add_parser(subparsers: Any) -> None:
 def main(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     jobs = read_manifest(arguments.manifest, out)
+    if arguments.job is not None and not 0 <= arguments.job < len(jobs):
+        raise InputError(f"--job {arguments.job}: there are jobs 0 to {len(jobs) - 1}")
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -50,7 +52,7 @@ def main(arguments: argparse.Namespace) -> int:
         print(f"submit with: sh {write_script(out, arguments.manifest, jobs)} [OPTION OF SBATCH...]")
         return 0
     if arguments.job is not None:
-        return _run_one(jobs, arguments.job)
+        return _run_one(jobs[arguments.job])
     begin_s = time.monotonic()
     results: dict[str, Result] = {}
     failures: dict[str, JobError] = {}
@@ -83,10 +85,7 @@ def _run(jobs: Sequence[Job], arguments: argparse.Namespace, results: dict[str, 
             progress.update(len(results) + len(failures))
 
 
-def _run_one(jobs: Sequence[Job], index: int) -> int:
-    if not 0 <= index < len(jobs):
-        raise InputError(f"--job {index}: there are jobs 0 to {len(jobs) - 1}")
-    job = jobs[index]
+def _run_one(job: Job) -> int:
     try:
         run_job(job)
         return 0

@@ -23,7 +23,8 @@ def write_script(out: Path, manifest: Path, jobs: Sequence[Job]) -> Path:
                           "--out", str(folder)])
     array = shlex.join(["sbatch", "--parsable", "--job-name=soilvdb", "--requeue",
                         f"--cpus-per-task={max(job.threads or 1 for job in jobs)}"])
-    log = shlex.quote(f"--output={folder}/slurm/%A_%a.log")
+    logs = str(folder / "slurm").replace("%", "%%")  # of which sbatch makes numbers and names
+    log = shlex.quote(f"--output={logs}/%A_%a.log")
     lines = ["#!/bin/sh",
              f"# Submits {len(jobs)} jobs, and what writes their tables once all have ended.",
              "# Arguments go to sbatch for each job: --time=2:00:00 --mem=4G --partition=NAME",
@@ -36,7 +37,7 @@ def write_script(out: Path, manifest: Path, jobs: Sequence[Job]) -> Path:
         lines.append(f'id{first}=$({array} {log} --array=0-{last} "$@" --wrap {shlex.quote(wrap)})')
     after = ":".join(f"${{{name}%%;*}}" for name in ids)  # of a federation it is ID;CLUSTER
     gather = shlex.join(["sbatch", "--job-name=soilvdb-tables",
-                         f"--output={folder}/slurm/tables.log"])
+                         f"--output={logs}/tables.log"])
     lines.append(f'{gather} --dependency="afterany:{after}" '
                  f"--wrap {shlex.quote(f'exec {command} --gather')}")
     script = folder / "slurm.sh"

@@ -93,11 +93,11 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _plan(arguments: argparse.Namespace) -> None:
     """Says what it comes to. Raises InputError with the program's words."""
-    command = [_program(), "part", "plan", str(arguments.scenario), "--out", str(arguments.out),
-               "--parts", str(arguments.parts)]
+    command = [_program(), "part", "plan", f"--out={arguments.out}", f"--parts={arguments.parts}"]
     for name in ("voxel", "updates", "memory"):
         if getattr(arguments, name) is not None:
-            command += [f"--{name}", repr(getattr(arguments, name))]
+            command.append(f"--{name}={getattr(arguments, name)!r}")
+    command += ["--", str(arguments.scenario)]  # its name may begin with a dash
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = done.stderr.strip().splitlines() or [f"soilvdb ended with {done.returncode}"]
     last = lines[-1].removeprefix("soilvdb: ")

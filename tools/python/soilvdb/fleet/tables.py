@@ -14,6 +14,7 @@ from .jobs import Job, JobError, Result
 
 # What is not the same each time comes last, so that the columns before it can be compared.
 VARYING = ("update_us.", "wall_s.", "memory_bytes.")
+RESULTS, FAILED = "results.csv", "failed.csv"
 NO_FIGURES = ("soilvdb", "scenario", "files")  # the manifest's scenario is in the table
 
 
@@ -48,18 +49,24 @@ def write_tables(out: Path, jobs: Sequence[Job], results: Mapping[str, Result],
     varying = [name for name in columns if name.startswith(VARYING)]
     header = ["job", "scenario", *(name for name in columns if name not in varying), *varying,
               "host"]
-    _write(out / "results.csv", header, rows)
-    _write(out / "failed.csv", ["job", "exit_status", "message"],
+    _write(out / RESULTS, header, rows)
+    _write(out / FAILED, ["job", "exit_status", "message"],
            [{"job": job.name, "exit_status": failures[job.name].status,
              "message": failures[job.name].message} for job in jobs if job.name in failures])
 
 
+def beside(name: str) -> str:
+    """What a table is called until it is whole."""
+    return f".{name}.tmp"
+
+
 def _write(file: Path, header: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
-    beside = file.with_name(f".{file.name}.tmp")
-    with open(beside, "w", encoding="utf-8", newline="") as text:
+    half_done = file.with_name(beside(file.name))
+    # Messages may name paths that are no text.
+    with open(half_done, "w", encoding="utf-8", errors="backslashreplace", newline="") as text:
         table = csv.DictWriter(text, header, restval="", lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
         text.flush()
         os.fsync(text.fileno())
-    os.replace(beside, file)
+    os.replace(half_done, file)
