@@ -266,6 +266,13 @@ def test_spread_leaves_out_what_is_not_there():
     ("position: [", "noise.yaml:1: is no YAML:"),
     ("", "noise.yaml: nothing errs"),
     ("a: 1\na: 2", "noise.yaml:2: 'a' is there twice; once is right"),
+    ("position:\n  bias: [0, 0, -1e-2]", "noise.yaml:2: position.bias is -0.01; a number from 0"),
+    ("position: {bias: 2020-13-45}", "noise.yaml:1: position.bias is '2020-13-45'; a number from"),
+    ("position: {bias: '0.1'}", "noise.yaml:1: position.bias is '0.1'; a number from 0 to 10"),
+    ("position: &p\n  bias: *p", "noise.yaml: has values within values without end"),
+    ("? [a]\n: 1", "noise.yaml:1: a key is no word; keys are position, bias"),
+    ("joints: {bais: 0.1}", "noise.yaml:1: joints.bais isn't known; did you mean 'bias'?"),
+    ("joints: {drif: {sigma: 1, tau: 2}}", "noise.yaml:1: joints.drif isn't known; did you mean 'dr"),
 ])
 def test_wrong_noise_is_told_in_one_line(tmp_path, text, why, capsys):
     from soilvdb.fleet.__main__ import main

@@ -136,4 +136,8 @@ def test_a_file_says_what_a_dict_does(tmp_path):
              "terrain": {"correlated": {"sigma": 1, "length": 2}}}
     assert noises.read(tmp_path / "n.yaml") == of(given)
     assert of(given).position.bias == (1, 2, 3) and of(given).position.drift == (0.5, 0.5, 0.5)
+    (tmp_path / "n.yaml").write_text("position: {bias: 1e-2, white: [+.5, 2., 1E0]}\n"
+                                     "joints: {on: {bias: 5e-1}}\n")
+    assert noises.read(tmp_path / "n.yaml") == of({"position": {"bias": 0.01, "white": [0.5, 2, 1]},
+                                                   "joints": {"on": {"bias": 0.5}}})
     assert of({}).sources() == [] and not of({"joints": {"bias": 0.1}}).moves_base()

@@ -17,6 +17,7 @@ import difflib
 import importlib
 import math
 import os
+import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -245,12 +246,16 @@ def read(file: str | os.PathLike[str]) -> Noise:
     path = Path(file)
     try:
         root = yaml.compose(path.read_text(encoding="utf-8"), yaml.SafeLoader)
+        given = _plain(root, str(path)) if root else _Map(str(path), 1)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise NoiseError(f"{path}:{line}: is no YAML: {error.problem}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise NoiseError(f"{path}: is no YAML text") from error
-    return _noise(_plain(root, str(path)) if root else _Map(str(path), 1), str(path))
+    except RecursionError as error:
+        raise NoiseError(f"{path}: has values within values without end; a noise file has four "
+                         "levels") from error
+    return _noise(given, str(path))
 
 
 def of(given: Mapping[str, Any]) -> Noise:
@@ -267,6 +272,22 @@ class _Map(dict[str, Any]):
         self.lines: dict[str, int] = {}
 
 
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+
+
+def scalar_of(node: Any) -> Any:
+    """What a YAML scalar says, numbers as the program reads them: 1e-3 is one, which for YAML 1.1 is
+    a word, as are on and 2024-01-01, which for that are none."""
+    text = str(node.value)
+    if node.style is not None:  # in quotes
+        return text
+    if _NUMBER.fullmatch(text):
+        return int(text) if text.lstrip("+-").isdecimal() and len(text) < 300 else float(text)
+    if text.lower().lstrip("+-") in (".nan", ".inf"):
+        return float(text.replace(".", ""))
+    return None if text in ("", "~", "null") else text
+
+
 def _plain(node: Any, file: str) -> Any:
     """What a YAML node holds."""
     yaml = importlib.import_module("yaml")
@@ -274,14 +295,18 @@ def _plain(node: Any, file: str) -> Any:
     if isinstance(node, yaml.MappingNode):
         mapping = _Map(file, node.start_mark.line + 1)
         for key, value in node.value:
-            name, line = str(key.value), key.start_mark.line + 1
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise NoiseError(f"{file}:{line}: a key is no word; keys are position, bias and "
+                                 "the like")
+            name = str(key.value)
             if name in mapping:
                 raise NoiseError(f"{file}:{line}: '{name}' is there twice; once is right")
             mapping[name], mapping.lines[name] = _plain(value, file), line
         return mapping
     if isinstance(node, yaml.SequenceNode):
         return [_plain(each, file) for each in node.value]
-    return yaml.SafeLoader("").construct_object(node, deep=True)
+    return scalar_of(node)
 
 
 def _at(of_keys: Mapping[str, Any], key: str, where: str) -> str:
@@ -314,8 +339,9 @@ def _check_keys(given: Mapping[str, Any], where: str, known: Iterable[str]) -> N
 
 
 def _number(given: Mapping[str, Any], key: str, where: str, most: float,
-            least: float = 0.0) -> float:
-    value = given[key]
+            least: float = 0.0, item: int | None = None) -> float:
+    """item: of a list"""
+    value = given[key] if item is None else given[key][item]
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
         raise NoiseError(f"{_at(given, key, where)} is {value!r}; a number from {least:g} to "
                          f"{most:g} is right")
@@ -330,7 +356,7 @@ def _numbers(given: Mapping[str, Any], key: str, where: str, most: float,
         if len(value) != axes:
             raise NoiseError(f"{_at(given, key, where)} has {len(value)} numbers; one, or one for "
                              f"each of {', '.join(AXES)} is right")
-        return tuple(_number({key: each}, key, where, most) for each in value)
+        return tuple(_number(given, key, where, most, item=i) for i in range(axes))
     return (_number(given, key, where, most),) * axes
 
 
@@ -358,6 +384,10 @@ def _joints(given: Mapping[str, Any]) -> tuple[Signal | None, dict[str, Signal]]
     named = {}
     for name in joints:
         if name not in PARTS:
+            near = difflib.get_close_matches(str(name), PARTS, n=1)
+            if near and (not isinstance(joints[name], Mapping) or "sigma" in joints[name]):
+                raise NoiseError(f"{_at(joints, name, 'joints')} isn't known; did you mean "
+                                 f"'{near[0]}'?")
             one = _mapping(joints, name, "joints", PARTS)
             named[name] = _signal(one, f"joints.{name}", MOST["joint"], 1)
     everyone = any(part in joints for part in PARTS)
