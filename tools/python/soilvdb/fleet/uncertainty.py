@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import csv
 import dataclasses
 import hashlib
 import json
@@ -178,8 +180,12 @@ class _Kept:
 
     def parts(self, count: int) -> dict[int, Drawn]:
         """Of the tasks, those that are there."""
-        return {index: pickle.loads(self._file(index).read_bytes()) for index in range(count)
-                if self._file(index).exists()}
+        parts = {}
+        for index in range(count):
+            # What a power cut left is dug again.
+            with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
+                parts[index] = pickle.loads(self._file(index).read_bytes())
+        return parts
 
     def add(self, index: int, drawn: Drawn) -> None:
         beside = self.folder / "next"
@@ -188,7 +194,7 @@ class _Kept:
 
 
 def _all(study: Study, recorded: Recorded, first: Sequence[Draw], second: Sequence[Draw],
-         grid: Grid | None, arguments: argparse.Namespace) -> Drawn:
+         grid: Grid, arguments: argparse.Namespace) -> Drawn:
     """Digs both designs; heights are of the first."""
     tasks = [Task(study, tuple(tuple(draw.numbers.items()) for draw in design[i:i + TASK_DRAWS]),
                   on_grid)
@@ -272,16 +278,17 @@ def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
                    dug.fill_m3, loads, of_cycles)
 
 
-def _grid(scene: Scene, dug: Dug) -> Grid | None:
-    """Where the ground changed, and a bit more; in voxels, or larger cells on large sites."""
+def _grid(scene: Scene, dug: Dug) -> Grid:
+    """Where the ground changed, and a bit more; all of it where none did, as draws may dig there. In
+    voxels, or larger cells on large sites."""
     box = scene.box()
     coarse = _grid_of(box, scene.nominal.voxel_size)
     places = coarse.places()
     before, after = (site.heights(places) for site in (scene.nominal, dug.site))
     changed = places[np.abs(after - before) > 1e-9]
     if not len(changed):
-        return None
-    margin = 2 * coarse.spacing_m + 0.5
+        return coarse
+    margin = 2 * coarse.spacing_m + 0.5 + scene.spare_m()
     low, high = changed.min(axis=0) - margin, changed.max(axis=0) + margin
     return _grid_of((float(low[0]), float(low[1]), float(high[0]), float(high[1])),
                     scene.nominal.voxel_size)
@@ -302,6 +309,9 @@ def spread(values: Sequence[float] | Floats) -> dict[str, float]:
     if len(finite) < 2:
         return {"mean": float("nan"), "sigma": float("nan"), "p05": float("nan"),
                 "p95": float("nan")}
+    if np.ptp(finite) == 0:  # whose mean may be off by a bit, and then so is sigma
+        same = float(finite[0])
+        return {"mean": same, "sigma": 0.0, "p05": same, "p95": same}
     p05, p95 = np.percentile(finite, (5, 95))
     return {"mean": float(finite.mean()), "sigma": float(finite.std(ddof=1)), "p05": float(p05),
             "p95": float(p95)}
@@ -319,9 +329,9 @@ def first_order(first: Floats, second: Floats) -> tuple[float, float]:
     """A first-order Sobol index of pairs that have one source in common, and its standard error
     (Janon et al. 2014). 0 where nothing varies."""
     both = np.concatenate([first, second])
-    variance = float(both.var())
-    if not variance > 0:
+    if not np.ptp(both) > 0:
         return 0.0, 0.0
+    variance = float(both.var())
     middle = float(both.mean())
     products = (first - middle) * (second - middle) / variance
     squares = ((first - middle)**2 + (second - middle)**2) / (2 * variance)
@@ -375,23 +385,21 @@ def _report(scene: Scene, recorded: Recorded, drawn: Sequence[Figures], count: i
 
 
 def _write(out: Path, scene: Scene, recorded: Recorded, drawn: Drawn, report: dict[str, Any],
-           grid: Grid | None) -> None:
+           grid: Grid) -> None:
     count = report["draws"]
-    if grid is not None:
-        soilvdb.write_raster(out / "height_sigma.tif",
-                             sigma_of(drawn, count).reshape(grid.shape[1], grid.shape[0]), grid.first,
-                             (grid.spacing_m, grid.spacing_m), scene.crs(), "height_sigma")
-    else:
-        (out / "height_sigma.tif").unlink(missing_ok=True)
+    soilvdb.write_raster(out / "height_sigma.tif",
+                         sigma_of(drawn, count).reshape(grid.shape[1], grid.shape[0]), grid.first,
+                         (grid.spacing_m, grid.spacing_m), scene.crs(), "height_sigma")
     plot_loads(out / "load.png", instants(scene),
                {name: np.array([f.loads_m3[name] for f in drawn.figures[:count]])
                 for name in scene.names},
                {name: recorded.figures.loads_m3[name] for name in scene.names})
-    with open(out / ".draws.tmp", "w", encoding="utf-8") as table:
-        table.write("draw,machine,bucket_m3,cut_m3\n")
+    with open(out / ".draws.tmp", "w", newline="", encoding="utf-8") as text:
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(["draw", "machine", "bucket_m3", "cut_m3"])
         for number, figures in enumerate(drawn.figures[:count]):
             for name in scene.names:
-                table.write(f"{number},{name},{figures.load_m3[name]!r},{figures.cut_m3[name]!r}\n")
+                table.writerow([number, name, figures.load_m3[name], figures.cut_m3[name]])
     os.replace(out / ".draws.tmp", out / "draws.csv")
     (out / ".uncertainty.tmp").write_text(json.dumps(_without_nan(report), indent=2) + "\n",
                                           encoding="utf-8")
