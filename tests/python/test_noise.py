@@ -52,6 +52,23 @@ def test_correlated_field_has_a_spherical_variogram():
         assert abs(np.mean(middle * fields[:, j, i]) - right) < error, (j, i)
 
 
+def test_correlated_field_of_a_range_longer_than_the_field():
+    random = rng(3)
+    fields = np.stack([correlated_field(random, (2, 2), (1, 1), 20.0) for _ in range(12_000)])
+    assert fields.var(axis=0) == pytest.approx(np.ones((2, 2)), abs=0.025)
+    rises = (fields[:, 0, 0] - fields[:, 0, 1])**2 / 2
+    assert rises.mean() == pytest.approx(1.5 / 20, rel=0.05)
+
+
+def test_correlated_field_of_a_long_range_costs_little():
+    field = correlated_field(rng(3), (31, 43), (1.0, 2.0), 1e4)  # 20 m, or 10, are straight
+    assert field.shape == (31, 43) and np.ptp(field) > 0
+    for line in (field[:11, 0], field[20:, 42], field[7, :21], field[30, 20:41], field[25, 40:]):
+        assert np.diff(line, 2) == pytest.approx(np.zeros(len(line) - 2), abs=1e-12)
+    whole = correlated_field(rng(3), (4, 4), (20.0, 20.0), 1e4)
+    assert field[::10, ::20] == pytest.approx(whole[:, :3], abs=1e-12)
+
+
 def matrix(q):
     x, y, z, w = q
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

@@ -33,6 +33,7 @@ AXES = ("x", "y", "z")
 KEYS: dict[str, tuple[str, ...]] = {
     "position": PARTS, "rotation": PARTS, "bucket": ("width", "height"),
     "terrain": ("bias", "correlated", "white", "cell"), "soil": ("repose", "swell")}
+FINEST = 1 / 500  # of the range of what is correlated
 MOST = {"position": 10.0, "rotation": 0.5, "joint": 0.5, "bucket": 1.0, "terrain": 10.0, "soil": 1.0}
 
 
@@ -194,14 +195,30 @@ def gauss_markov(random: np.random.Generator, times: Floats, tau: float, axes: i
 def correlated_field(random: np.random.Generator, shape: tuple[int, int],
                      spacing: tuple[float, float], length: float) -> Floats:
     """A Gaussian field (ny, nx) of variance 1 and a spherical variogram of that range, m: on a torus
-    so large that its ends don't know of each other (circulant embedding)."""
-    torus = [n + math.ceil(length / d) for n, d in zip(shape, (spacing[1], spacing[0]))]
-    lag = [np.minimum(np.arange(n), n - np.arange(n)) * d
-           for n, d in zip(torus, (spacing[1], spacing[0]))]
+    so large that its ends don't know of each other, nor the ends of a range (circulant embedding).
+    What is nearer than FINEST of the range is straight between others, so that a long one costs no
+    more."""
+    apart = (spacing[1], spacing[0])
+    steps = [max(1, int(FINEST * length / d)) for d in apart]
+    coarse = [-(-(n - 1) // step) + 1 for n, step in zip(shape, steps)]
+    reach = [math.ceil(length / (d * step)) for d, step in zip(apart, steps)]
+    torus = [max(n, r) + r for n, r in zip(coarse, reach)]
+    lag = [np.minimum(np.arange(n), n - np.arange(n)) * d * step
+           for n, d, step in zip(torus, apart, steps)]
     h = np.minimum(1.0, np.hypot(lag[0][:, None], lag[1][None, :]) / length)
     power = np.maximum(0.0, np.fft.fft2(1 - 1.5 * h + 0.5 * h**3).real)
     field = np.fft.ifft2(np.sqrt(power) * np.fft.fft2(random.standard_normal(torus))).real
-    return np.asarray(field[:shape[0], :shape[1]])
+    return _between(_between(field[:coarse[0], :coarse[1]], steps[0], shape[0]).T, steps[1],
+                    shape[1]).T
+
+
+def _between(values: Floats, step: int, count: int) -> Floats:
+    """`count` rows, of which each `step`-th is given, and the others are straight between."""
+    if step == 1:
+        return values
+    row, part = np.divmod(np.arange(count), step)
+    share = (part / step)[:, None]
+    return np.asarray((1 - share) * values[row] + share * values[np.minimum(row + 1, len(values) - 1)])
 
 
 def product(a: Floats, b: Floats) -> Floats:
