@@ -123,7 +123,9 @@ def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster
             local = stack.enter_context(dask.LocalCluster(
                 n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
                 dashboard_address=None, memory_limit=0, local_directory=folder,
-                silence_logs=logging.CRITICAL))
+                silence_logs=logging.CRITICAL,
+                # Without one its HTTP takes 8787, and warns where another study has it.
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"}))
             scheduler = str(local.scheduler_address)
         cluster = Cluster(scheduler)
         stack.callback(cluster.close)
