@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """python3 -m soilvdb.fleet uncertainty: against closed forms, digs that are known, and itself."""
 
+import contextlib
 import csv
 import dataclasses
 import json
 import math
+import socket
 import subprocess
 import time
 from pathlib import Path
@@ -297,7 +299,8 @@ def test_wrong_command_lines_and_scenarios(tmp_path, capsys):
     right = ["uncertainty", str(scenario), "--noise", str(tmp_path / "noise.yaml"), "--draws", "10",
              "--out", str(tmp_path / "out")]
     for at, wrong, why in ((1, "none.yaml", "none.yaml"), (3, "none.yaml", "none.yaml: No such"),
-                           (5, "9", "'9' is no whole number from 10"), (5, "x", "'x' is no whole")):
+                           (5, "1", "'1' is no whole number from 2 to"), (5, "x", "'x' is no whole"),
+                           (7, str(tmp_path / "noise.yaml"), "can't be made a folder: Not a dir")):
         command = [wrong if i == at else each for i, each in enumerate(right)]
         assert main(command) == 2
         said = capsys.readouterr().err
@@ -384,6 +387,32 @@ def test_heights_have_a_sigma_where_only_draws_dig(tmp_path):
     heights, first, spacing, _ = soilvdb.read_raster(tmp_path / "out/height_sigma.tif")
     assert np.nanmax(heights) > 0.005
     assert np.nanmax(heights[0]) == np.nanmax(heights[-1]) == 0  # all of it is there
+
+
+def test_a_draw_waits_where_terrain_ends(tmp_path):
+    """As a clone of an ensemble; the others go on."""
+    soilvdb.write_raster(tmp_path / "g.tif", np.zeros((21, 16)), (-2.0, -5.0), (0.4, 0.5))
+    scenario = write_pass(tmp_path, terrain="{raster: g.tif}", length=3.9)
+    (tmp_path / "noise.yaml").write_text("position: {bias: [0.1, 0, 0]}\n")
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 20)
+    assert done.returncode == 0
+    warning = "draws come to ground without a height, and wait there; a terrain that has heights"
+    assert done.stderr.startswith("soilvdb: warning: ") and warning in done.stderr
+    assert done.stderr.count("\n") == 1
+    cut = json.loads((tmp_path / "out/uncertainty.json").read_text())["machines"][0]["cut_m3"]
+    assert 0 < cut["recorded"] - cut["p05"] < 0.3 and cut["sigma"] > 0.01
+
+
+def test_two_draws_have_a_sigma_while_others_use_dask(tmp_path):
+    (tmp_path / "noise.yaml").write_text(NOISE)
+    with socket.socket() as taken:
+        with contextlib.suppress(OSError):  # then it is taken already
+            taken.bind(("127.0.0.1", 8787))
+            taken.listen()
+        done = uncertainty(write_pass(tmp_path), tmp_path / "noise.yaml", tmp_path / "out", "--draws",
+                           2)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads((tmp_path / "out/uncertainty.json").read_text())["cut_m3"]["sigma"] > 0
 
 
 def test_repose_angles_near_their_ends(tmp_path):

@@ -12,7 +12,7 @@ import math
 import os
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -49,6 +49,7 @@ class Dug:
     cut_m3: dict[str, Floats]  # by then, in place
     fill_m3: float  # added to the ground
     site: soilvdb.Site
+    waited: int  # rows that were left out, at ground without a height
 
 
 class Scene:
@@ -319,20 +320,38 @@ class Scene:
         values["terrain"] = {"raster": str(file)}
 
     def dig(self, draw: Draw | None) -> Dug:
-        """Digs the whole scenario as a draw has it; without one as it was recorded.
+        """Digs the whole scenario as a draw has it; without one as it was recorded. Where a draw
+        comes to ground without a height, it waits for the next row.
 
         Raises RuntimeError where a machine comes where it can't.
         """
+        try:
+            return self._dig(draw, self._order)
+        except soilvdb.NoGroundError as error:
+            if draw is None:
+                raise RuntimeError(f"{self._file}: {error}") from error
+        return self._dig(draw, [(name, row, row + 1) for name, begin, end in self._order
+                                for row in range(begin, end)], waits=True)
+
+    def _dig(self, draw: Draw | None, order: Iterable[tuple[str, int, int]],
+             waits: bool = False) -> Dug:
         opened = draw is not None and self._each_opened
         site = self._open(draw) if opened else self._undug.clone()
         rows = self._perturbed(draw)
-        load = {name: np.empty(len(rows[name]["times"])) for name in self.names}
-        cut = {name: np.empty(len(rows[name]["times"])) for name in self.names}
-        for name, begin, end in self._order:
+        load = {name: np.zeros(len(rows[name]["times"])) for name in self.names}
+        cut = {name: np.zeros(len(rows[name]["times"])) for name in self.names}
+        waited = 0
+        for name, begin, end in order:
             part = {key: values[begin:end] for key, values in rows[name].items()}
             try:
                 updates = site.update_path(name, **part)
-            except (ValueError, soilvdb.NoGroundError) as error:
+            except soilvdb.NoGroundError:
+                if not waits:
+                    raise
+                waited += 1
+                load[name][begin] = load[name][begin - 1] if begin else 0.0
+                continue
+            except ValueError as error:
                 raise RuntimeError(f"{self._file}: machine '{name}', drawn from {end - begin} rows "
                                    f"on from {part['times'][0]:g} s: {error}") from error
             load[name][begin:end] = updates["bucket_m3"]
@@ -340,7 +359,7 @@ class Scene:
         site.pour(self.end_s)
         site.come_to_rest()
         return Dug(load, {name: np.cumsum(c) for name, c in cut.items()},
-                   site.ledger()["fill_m3"], site)
+                   site.ledger()["fill_m3"], site, waited)
 
     def inputs_are(self) -> list[tuple[str, int, int]]:
         """The files that it is made of, as they are now: name, time, size."""

@@ -13,6 +13,7 @@ import json
 import os
 import pickle
 import shutil
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -30,12 +31,13 @@ from .plots import plot_loads
 from .progress import Progress
 from .study import Dug, Scene, Study, scene_of
 
-LEAST_DRAWS, MOST_DRAWS = 10, 100_000
+LEAST_DRAWS, MOST_DRAWS = 2, 100_000
 TASK_DRAWS = 8  # of one task
 MOST_CELLS = 250_000  # of the raster of heights
 INSTANTS = 400  # of the band over time
 GRAINS_M = 2.0**-20  # heights are summed in whole numbers of it, so no order matters
 FILES = ("uncertainty.json", "draws.csv", "load.png", "height_sigma.tif")
+PARTS = "draws.part"  # folder of what was drawn by now
 
 Ints = npt.NDArray[np.int64]
 
@@ -72,6 +74,7 @@ class Figures:
     fill_m3: float
     loads_m3: dict[str, Floats]  # at the instants
     cycles: dict[str, list[tuple[float, float]]]  # load and cut of each of the recorded ones; NaN
+    waited: int = 0  # rows at ground without a height
 
 
 @dataclasses.dataclass
@@ -137,7 +140,11 @@ def main(arguments: argparse.Namespace) -> int:
     study = Study(os.path.abspath(arguments.scenario), noise, arguments.seed,
                   str(arguments.noise))
     scene = scene_of(study)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    try:
+        (arguments.out / PARTS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{arguments.out}: can't be made a folder: {error.strerror}; name "
+                         "another") from error
     dug = scene.dig(None)
     grid = _grid(scene, dug)
     recorded = _recorded(scene, dug, grid)
@@ -147,8 +154,11 @@ def main(arguments: argparse.Namespace) -> int:
               "seed": arguments.seed, "sources": noise.sources(),
               **_report(scene, recorded, drawn.figures, arguments.draws, first, second)}
     _write(arguments.out, scene, recorded, drawn, report, grid)
-    shutil.rmtree(arguments.out / "draws.part")
+    shutil.rmtree(arguments.out / PARTS)
     _print(report, arguments.out)
+    if waited := sum(figures.waited > 0 for figures in drawn.figures[:arguments.draws]):
+        print(f"soilvdb: warning: {waited} of {arguments.draws} draws come to ground without a "
+              "height, and wait there; a terrain that has heights there would do", file=sys.stderr)
     return 0
 
 
@@ -171,9 +181,8 @@ class _Kept:
 
     def __init__(self, out: Path, made_of: object) -> None:
         digest = hashlib.sha256(pickle.dumps((soilvdb.__version__, made_of))).hexdigest()
-        self.folder = out / "draws.part"
+        self.folder = out / PARTS
         self._name = digest[:16]
-        self.folder.mkdir(exist_ok=True)
 
     def _file(self, index: int) -> Path:
         return self.folder / f"{self._name}.{index}"
@@ -275,7 +284,7 @@ def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
         of_cycles[name] = nearest_cycles(cycles[name], own)
     return Figures({name: float(load[-1]) for name, load in dug.load_m3.items()},
                    {name: float(cut[-1]) for name, cut in dug.cut_m3.items()},
-                   dug.fill_m3, loads, of_cycles)
+                   dug.fill_m3, loads, of_cycles, dug.waited)
 
 
 def _grid(scene: Scene, dug: Dug) -> Grid:
