@@ -359,7 +359,8 @@ def _number(given: Mapping[str, Any], key: str, where: str, most: float,
             least: float = 0.0, item: int | None = None) -> float:
     """item: of a list"""
     value = given[key] if item is None else given[key][item]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
+    if (isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating))
+            or not least <= value <= most):
         raise NoiseError(f"{_at(given, key, where)} is {value!r}; a number from {least:g} to "
                          f"{most:g} is right")
     return float(value)
@@ -369,7 +370,7 @@ def _numbers(given: Mapping[str, Any], key: str, where: str, most: float,
              axes: int) -> tuple[float, ...]:
     """A number for each axis, or the same for all."""
     value = given[key]
-    if axes > 1 and isinstance(value, Sequence) and not isinstance(value, str):
+    if axes > 1 and isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
         if len(value) != axes:
             raise NoiseError(f"{_at(given, key, where)} has {len(value)} numbers; one, or one for "
                              f"each of {', '.join(AXES)} is right")

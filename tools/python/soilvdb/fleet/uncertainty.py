@@ -354,7 +354,7 @@ def _indices(first: Sequence[Draw], second: Sequence[Draw], values: Floats) -> d
     indices = {}
     for source in first[0].numbers:
         if not second:
-            indices[source] = (1.0, 0.0)
+            indices[source] = (1.0 if np.ptp(values) > 0 else 0.0, 0.0)
             continue
         where = [draw.numbers[source] for draw in second]
         indices[source] = first_order(values[:count][where], values[count:])
