@@ -403,6 +403,17 @@ def test_a_draw_waits_where_terrain_ends(tmp_path):
     assert 0 < cut["recorded"] - cut["p05"] < 0.3 and cut["sigma"] > 0.01
 
 
+def test_a_motion_that_stops_is_told(tmp_path):
+    scenario = write_pass(tmp_path)
+    with open(tmp_path / "pass.csv", "a", encoding="utf-8") as motion:
+        motion.write("7,nan,0,-0.1,0\n8,2,0,-0.1,0\n")
+    (tmp_path / "noise.yaml").write_text(NOISE)
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 2)
+    assert done.returncode == 0 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"soilvdb: warning: {tmp_path}/pass.csv:28: x is nan; ")
+    assert done.stderr.endswith("; what is drawn ends before this row, as a run does\n")
+
+
 def test_two_draws_have_a_sigma_while_others_use_dask(tmp_path):
     (tmp_path / "noise.yaml").write_text(NOISE)
     with socket.socket() as taken:

@@ -9,6 +9,7 @@ import contextlib
 import csv
 import dataclasses
 import hashlib
+import importlib
 import json
 import os
 import pickle
@@ -140,6 +141,10 @@ def main(arguments: argparse.Namespace) -> int:
     study = Study(os.path.abspath(arguments.scenario), noise, arguments.seed,
                   str(arguments.noise))
     scene = scene_of(study)
+    compiled: Any = importlib.import_module("soilvdb._soilvdb")
+    for why in compiled._bad_rows(arguments.scenario):  # pylint: disable=protected-access
+        print(f"soilvdb: warning: {why}; what is drawn ends before this row, as a run does",
+              file=sys.stderr)
     try:
         (arguments.out / PARTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
