@@ -189,6 +189,10 @@ def test_an_error_of_the_base_is_the_base_being_elsewhere(tmp_path):
 
     sigma = {"position": {"bias": [0.05, 0.05, 0.05]}, "rotation": {"bias": [0, 0, 0.1]},
              "joints": {"crowd": {"bias": 0.05}}}
+    (tmp_path / "arm.urdf").write_text(urdf.replace("</robot>", "<gazebo:camera/></robot>"))
+    with pytest.raises(InputError, match="arm.urdf: isn't well-formed XML: unbound prefix"):
+        scene(scenario("noisy", "{xyz: [0, 0, 0]}"), sigma)
+    (tmp_path / "arm.urdf").write_text(urdf)
     noisy = scene(scenario("noisy", "{xyz: [10, 20, 0], rpy: [0, 0, 0.7]}"), sigma)
     draw = noisy.study.noise.draw(3, 0)
     times = noisy.motions["digger"]["times"]
@@ -265,6 +269,7 @@ def test_spread_leaves_out_what_is_not_there():
     ("soil: {repose: 0.1}", "noise.yaml: soil: doesn't move in the scenario; leave it out"),
     ("terrain: {white: 0.1, cell: 0.001}", "noise.yaml: terrain.cell: takes 30"),
     ("terrain: {correlated: {sigma: 0.1, length: 0.01}}", "noise.yaml: terrain.correlated.length: ta"),
+    ("terrain: {cell: 2, correlated: {sigma: 0.1, length: 1}}", "noise.yaml: terrain.cell is 2: heig"),
     ("terrain: {white: 0.1}", "noise.yaml: terrain.white: is of each height, and a plane has none"),
     ("position: {bias: 0}", "noise.yaml: nothing errs; one sigma of more than 0 is needed"),
     ("position: {bias: .nan}", "noise.yaml:1: position.bias is nan; a number from 0 to 10"),
@@ -429,8 +434,9 @@ def test_two_draws_have_a_sigma_while_others_use_dask(tmp_path):
 def test_repose_angles_near_their_ends(tmp_path):
     scenario = write_pass(tmp_path, dump=True)
     for angle in (0.001, 1.57):
-        text = scenario.read_text().replace("machines:", f"soil: {{repose_angle: {angle}}}\nmachines:")
-        scenario.write_text(text.replace("height: 0.9", "height: 0.9, profile: [[0, 0], [-0.5, 0.4], [0, 0.9]]"))
+        body = "height: 0.9, profile: [[0, 0], [-0.5, 0.4], [0, 0.9]]"
+        scenario.write_text(f"soil: {{repose_angle: {angle}}}\n"
+                            + scenario.read_text().replace("height: 0.9", body))
         drawn = noises.of({"soil": {"repose": 1e-5}}).draw(1, 0)
         one = Scene(Study(str(scenario), drawn.noise, 1))
         one._open(drawn)

@@ -109,6 +109,10 @@ class Scene:
             self._refuse("terrain.white: is of each height, and a plane has none of its own; say "
                          "how far apart they are, cell: 0.5")
         if noise.terrain.parts() and "plane" in self._values["terrain"]:
+            if noise.terrain.correlated and (noise.terrain.cell or 0.0) > noise.terrain.length:
+                self._refuse(f"terrain.cell is {noise.terrain.cell:g}: heights so far apart have "
+                             f"nothing in common over {noise.terrain.length:g} m, correlated.length; "
+                             "at most that is right")
             self._posts_of_plane(self.box())
 
     def _refuse(self, why: str) -> NoReturn:
@@ -193,7 +197,10 @@ class Scene:
         self._write_where(self.names[0], folder / "where.csv")
         scenario = folder / "draw.yaml"
         scenario.write_text(self._dump(values), encoding="utf-8")
-        return soilvdb.Site.open(scenario)
+        try:
+            return soilvdb.Site.open(scenario)
+        except ValueError as error:
+            raise RuntimeError(f"{self._file}: as it was drawn: {error}") from error
 
     @staticmethod
     def _resize(bucket: dict[str, Any], key: str, error: float) -> None:
@@ -206,7 +213,11 @@ class Scene:
 
     def _floating(self, urdf: Path, name: str) -> Path:
         """The URDF with six joints between its root and where that is: how far its base is off."""
-        tree = ElementTree.parse(urdf)
+        try:
+            tree = ElementTree.parse(urdf)
+        except ElementTree.ParseError as error:  # of namespaces, which the program doesn't look at
+            raise InputError(f"{urdf}: isn't well-formed XML: {error}; an error of the base is put "
+                             "into the URDF, which takes one that is") from error
         robot = tree.getroot()
         children = {joint.find("child").get("link")  # type: ignore[union-attr]
                     for joint in robot.findall("joint")}
@@ -296,8 +307,8 @@ class Scene:
         count = [max(2, math.ceil(size[i] / cell) + 1) for i in (0, 1)]
         if count[0] * count[1] > MOST_POSTS:
             key = "cell" if noise.cell else "correlated.length"
-            self._refuse(f"terrain.{key}: takes {count[0]} x {count[1]} heights of the {size[0]:.0f} x "
-                         f"{size[1]:.0f} m where machines come; a larger one would do")
+            self._refuse(f"terrain.{key}: takes {count[0]} x {count[1]} heights of the "
+                         f"{size[0]:.0f} x {size[1]:.0f} m where machines come; a larger one would do")
         return cell, count
 
     def _write_terrain(self, draw: Draw, values: dict[str, Any], file: Path) -> None:
