@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """python3 -m soilvdb.fleet uncertainty: against closed forms, digs that are known, and itself."""
 
+import contextlib
 import csv
 import dataclasses
 import json
 import math
+import socket
 import subprocess
 import time
 from pathlib import Path
@@ -22,6 +24,7 @@ import soilvdb
 from soilvdb import noise as noises
 from soilvdb.fleet import InputError
 from soilvdb.fleet.cycles import Cycle, cycles_of, nearest_cycles
+from soilvdb.fleet.study import Scene, Study, scene_of
 from soilvdb.fleet.uncertainty import first_order, spread
 
 NOISE = "position: {bias: [0, 0, 0.01], white: 0.001}\nbucket: {width: 0.02}\n"
@@ -186,6 +189,10 @@ def test_an_error_of_the_base_is_the_base_being_elsewhere(tmp_path):
 
     sigma = {"position": {"bias": [0.05, 0.05, 0.05]}, "rotation": {"bias": [0, 0, 0.1]},
              "joints": {"crowd": {"bias": 0.05}}}
+    (tmp_path / "arm.urdf").write_text(urdf.replace("</robot>", "<gazebo:camera/></robot>"))
+    with pytest.raises(InputError, match="arm.urdf: isn't well-formed XML: unbound prefix"):
+        scene(scenario("noisy", "{xyz: [0, 0, 0]}"), sigma)
+    (tmp_path / "arm.urdf").write_text(urdf)
     noisy = scene(scenario("noisy", "{xyz: [10, 20, 0], rpy: [0, 0, 0.7]}"), sigma)
     draw = noisy.study.noise.draw(3, 0)
     times = noisy.motions["digger"]["times"]
@@ -260,12 +267,22 @@ def test_spread_leaves_out_what_is_not_there():
     ("joints: {boom: {bias: 0.01}}", "noise.yaml: joints.boom: no machine has that joint"),
     ("bucket: {width: 0.5}", "noise.yaml: bucket.width is 0.5, which is more than a fifth"),
     ("soil: {repose: 0.1}", "noise.yaml: soil: doesn't move in the scenario; leave it out"),
+    ("terrain: {white: 0.1, cell: 0.001}", "noise.yaml: terrain.cell: takes 30"),
+    ("terrain: {correlated: {sigma: 0.1, length: 0.01}}", "noise.yaml: terrain.correlated.length: ta"),
+    ("terrain: {cell: 2, correlated: {sigma: 0.1, length: 1}}", "noise.yaml: terrain.cell is 2: heig"),
     ("terrain: {white: 0.1}", "noise.yaml: terrain.white: is of each height, and a plane has none"),
     ("position: {bias: 0}", "noise.yaml: nothing errs; one sigma of more than 0 is needed"),
     ("position: {bias: .nan}", "noise.yaml:1: position.bias is nan; a number from 0 to 10"),
     ("position: [", "noise.yaml:1: is no YAML:"),
     ("", "noise.yaml: nothing errs"),
     ("a: 1\na: 2", "noise.yaml:2: 'a' is there twice; once is right"),
+    ("position:\n  bias: [0, 0, -1e-2]", "noise.yaml:2: position.bias is -0.01; a number from 0"),
+    ("position: {bias: 2020-13-45}", "noise.yaml:1: position.bias is '2020-13-45'; a number from"),
+    ("position: {bias: '0.1'}", "noise.yaml:1: position.bias is '0.1'; a number from 0 to 10"),
+    ("position: &p\n  bias: *p", "noise.yaml: has values within values without end"),
+    ("? [a]\n: 1", "noise.yaml:1: a key is no word; keys are position, bias"),
+    ("joints: {bais: 0.1}", "noise.yaml:1: joints.bais isn't known; did you mean 'bias'?"),
+    ("joints: {drif: {sigma: 1, tau: 2}}", "noise.yaml:1: joints.drif isn't known; did you mean 'dr"),
 ])
 def test_wrong_noise_is_told_in_one_line(tmp_path, text, why, capsys):
     from soilvdb.fleet.__main__ import main
@@ -287,7 +304,8 @@ def test_wrong_command_lines_and_scenarios(tmp_path, capsys):
     right = ["uncertainty", str(scenario), "--noise", str(tmp_path / "noise.yaml"), "--draws", "10",
              "--out", str(tmp_path / "out")]
     for at, wrong, why in ((1, "none.yaml", "none.yaml"), (3, "none.yaml", "none.yaml: No such"),
-                           (5, "9", "'9' is no whole number from 10"), (5, "x", "'x' is no whole")):
+                           (5, "1", "'1' is no whole number from 2 to"), (5, "x", "'x' is no whole"),
+                           (7, str(tmp_path / "noise.yaml"), "can't be made a folder: Not a dir")):
         command = [wrong if i == at else each for i, each in enumerate(right)]
         assert main(command) == 2
         said = capsys.readouterr().err
@@ -320,6 +338,109 @@ def test_buckets_and_planes_of_draws(tmp_path):
         [[0, 0], [-0.5, 0.1 * scale], [-0.4, 0.7 * scale], [0, 0.8 * scale]]))
     xy = np.array([[0.0, 0.0], [3.0, -2.0], [-1.0, 4.0]])
     assert site.heights(xy) == pytest.approx(2 + rise + xy @ [0.1, -0.2], abs=1e-5)
+
+
+def test_scenarios_are_read_as_the_program_reads_them(tmp_path):
+    """Numbers and names that YAML 1.1 takes for something else, a bucket that two machines share by an
+    alias, names that a table and a plot have to quote, rows to be skipped, one without a motion."""
+    pass_of = write_pass(tmp_path)
+    urdf = ('<robot name="r"><link name="root"/><link name="bucket"/><joint name="x" type="prismatic">'
+            '<parent link="root"/><child link="bucket"/><axis xyz="1 0 0"/><limit lower="0" upper="9" '
+            'effort="0" velocity="9"/></joint></robot>')
+    (tmp_path / "r.urdf").write_text(urdf)
+    (tmp_path / "r.csv").write_text("time,x\n0,0\n5,2.5\n")
+    rest = "urdf: r.urdf, lip: {link: bucket}"
+    pass_of.write_text(
+        "soilvdb: 1\nvoxel_size: 5e-2\nterrain: {plane: {z: 0e0}}\nmachines:\n"
+        f"  - {{name: idle, bucket: &b {{width: 12e-1, height: 0.9}}, {rest}}}\n"
+        "  - {name: 007, bucket: *b, motion: pass.csv}\n"
+        "  - {name: 'on, $x$ $', bucket: *b, motion: pass.csv, bad_rows: skip}\n"
+        f"  - {{name: on, bucket: *b, motion: r.csv, base: {{xyz: [0, 9, -0.25]}}, {rest}}}\n")
+    (tmp_path / "noise.yaml").write_text("position: {bias: 1e-3}\nbucket: {width: 2e-2}\n")
+    done = uncertainty(pass_of, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 60)
+    assert (done.returncode, done.stderr) == (0, "")
+    report = json.loads((tmp_path / "out/uncertainty.json").read_text())
+    names = ["007", "on, $x$ $", "on"]
+    assert [machine["name"] for machine in report["machines"]] == names
+    right = math.hypot(0.02 * LENGTH * DEPTH, 0.001 * WIDTH * LENGTH)
+    for number in (0, 2):
+        assert report["machines"][number]["cut_m3"]["sigma"] == pytest.approx(right, rel=0.35), number
+    with open(tmp_path / "out/draws.csv", newline="", encoding="utf-8") as file:
+        assert [row["machine"] for row in csv.DictReader(file)] == 60 * names
+
+
+def test_what_is_the_same_in_all_draws_has_no_sigma():
+    assert spread([0.1, 0.1, 0.1]) == {"mean": 0.1, "sigma": 0, "p05": 0.1, "p95": 0.1}
+    assert first_order(np.full(3, 0.1), np.full(3, 0.1)) == (0, 0)
+
+
+def test_a_worker_sees_that_a_motion_changed(tmp_path):
+    scenario = write_pass(tmp_path)
+    study = Study(str(scenario), noises.of({"position": {"bias": 0.01}}), 1)
+    one = scene_of(study)
+    assert scene_of(study) is one
+    (tmp_path / "pass.csv").write_text("time,x,y,z\n0,0,0,-0.1\n5,2,0,-0.1\n")
+    assert len(scene_of(study).motions["digger"]["times"]) == 2
+
+
+def test_heights_have_a_sigma_where_only_draws_dig(tmp_path):
+    """A lip that is recorded as just above the ground, and a place that is known to a metre."""
+    (tmp_path / "noise.yaml").write_text("position: {bias: [0, 1, 0.02]}\n")
+    done = uncertainty(write_pass(tmp_path, depths=[-0.001]), tmp_path / "noise.yaml",
+                       tmp_path / "out", "--draws", 40)
+    assert (done.returncode, done.stderr) == (0, "")
+    heights, first, spacing, _ = soilvdb.read_raster(tmp_path / "out/height_sigma.tif")
+    assert np.nanmax(heights) > 0.005
+    assert np.nanmax(heights[0]) == np.nanmax(heights[-1]) == 0  # all of it is there
+
+
+def test_a_draw_waits_where_terrain_ends(tmp_path):
+    """As a clone of an ensemble; the others go on."""
+    soilvdb.write_raster(tmp_path / "g.tif", np.zeros((21, 16)), (-2.0, -5.0), (0.4, 0.5))
+    scenario = write_pass(tmp_path, terrain="{raster: g.tif}", length=3.9)
+    (tmp_path / "noise.yaml").write_text("position: {bias: [0.1, 0, 0]}\n")
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 20)
+    assert done.returncode == 0
+    warning = "draws come to ground without a height, and wait there; a terrain that has heights"
+    assert done.stderr.startswith("soilvdb: warning: ") and warning in done.stderr
+    assert done.stderr.count("\n") == 1
+    cut = json.loads((tmp_path / "out/uncertainty.json").read_text())["machines"][0]["cut_m3"]
+    assert 0 < cut["recorded"] - cut["p05"] < 0.3 and cut["sigma"] > 0.01
+
+
+def test_a_motion_that_stops_is_told(tmp_path):
+    scenario = write_pass(tmp_path)
+    with open(tmp_path / "pass.csv", "a", encoding="utf-8") as motion:
+        motion.write("7,nan,0,-0.1,0\n8,2,0,-0.1,0\n")
+    (tmp_path / "noise.yaml").write_text(NOISE)
+    done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 2)
+    assert done.returncode == 0 and done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"soilvdb: warning: {tmp_path}/pass.csv:28: x is nan; ")
+    assert done.stderr.endswith("; what is drawn ends before this row, as a run does\n")
+
+
+def test_two_draws_have_a_sigma_while_others_use_dask(tmp_path):
+    (tmp_path / "noise.yaml").write_text(NOISE)
+    with socket.socket() as taken:
+        with contextlib.suppress(OSError):  # then it is taken already
+            taken.bind(("127.0.0.1", 8787))
+            taken.listen()
+        done = uncertainty(write_pass(tmp_path), tmp_path / "noise.yaml", tmp_path / "out", "--draws",
+                           2)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads((tmp_path / "out/uncertainty.json").read_text())["cut_m3"]["sigma"] > 0
+
+
+def test_repose_angles_near_their_ends(tmp_path):
+    scenario = write_pass(tmp_path, dump=True)
+    for angle in (0.001, 1.57):
+        body = "height: 0.9, profile: [[0, 0], [-0.5, 0.4], [0, 0.9]]"
+        scenario.write_text(f"soil: {{repose_angle: {angle}}}\n"
+                            + scenario.read_text().replace("height: 0.9", body))
+        drawn = noises.of({"soil": {"repose": 1e-5}}).draw(1, 0)
+        one = Scene(Study(str(scenario), drawn.noise, 1))
+        one._open(drawn)
+        scenario = write_pass(tmp_path, dump=True)
 
 
 def test_loads_at_instants_and_sigma_of_heights(tmp_path):

@@ -52,6 +52,23 @@ def test_correlated_field_has_a_spherical_variogram():
         assert abs(np.mean(middle * fields[:, j, i]) - right) < error, (j, i)
 
 
+def test_correlated_field_of_a_range_longer_than_the_field():
+    random = rng(3)
+    fields = np.stack([correlated_field(random, (2, 2), (1, 1), 20.0) for _ in range(12_000)])
+    assert fields.var(axis=0) == pytest.approx(np.ones((2, 2)), abs=0.025)
+    rises = (fields[:, 0, 0] - fields[:, 0, 1])**2 / 2
+    assert rises.mean() == pytest.approx(1.5 / 20, rel=0.05)
+
+
+def test_correlated_field_of_a_long_range_costs_little():
+    field = correlated_field(rng(3), (31, 43), (1.0, 2.0), 1e4)  # 20 m, or 10, are straight
+    assert field.shape == (31, 43) and np.ptp(field) > 0
+    for line in (field[:11, 0], field[20:, 42], field[7, :21], field[30, 20:41], field[25, 40:]):
+        assert np.diff(line, 2) == pytest.approx(np.zeros(len(line) - 2), abs=1e-12)
+    whole = correlated_field(rng(3), (4, 4), (20.0, 20.0), 1e4)
+    assert field[::10, ::20] == pytest.approx(whole[:, :3], abs=1e-12)
+
+
 def matrix(q):
     x, y, z, w = q
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -136,4 +153,10 @@ def test_a_file_says_what_a_dict_does(tmp_path):
              "terrain": {"correlated": {"sigma": 1, "length": 2}}}
     assert noises.read(tmp_path / "n.yaml") == of(given)
     assert of(given).position.bias == (1, 2, 3) and of(given).position.drift == (0.5, 0.5, 0.5)
+    (tmp_path / "n.yaml").write_text("position: {bias: 1e-2, white: [+.5, 2., 1E0]}\n"
+                                     "joints: {on: {bias: 5e-1}}\n")
+    assert noises.read(tmp_path / "n.yaml") == of({"position": {"bias": 0.01, "white": [0.5, 2, 1]},
+                                                   "joints": {"on": {"bias": 0.5}}})
+    assert of({"position": {"bias": np.array([1, 2, 3]), "white": np.float32(0.5)}}) == of(
+        {"position": {"bias": [1, 2, 3], "white": 0.5}})
     assert of({}).sources() == [] and not of({"joints": {"bias": 0.1}}).moves_base()

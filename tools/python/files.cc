@@ -78,6 +78,17 @@ py::dict motions(const std::filesystem::path& scenario) {
   return by_name;
 }
 
+/// Why motions end before their last rows, in the program's words.
+std::vector<std::string> bad_rows(const std::filesystem::path& scenario) {
+  const Released released;
+  const Inside inside;
+  const io::Scenario read = io::read_scenario(scenario, {}, io::Motions::kOptional);
+  std::vector<std::string> why;
+  for (const io::MachineInput& machine : read.machines)
+    if (machine.motion.stops()) why.push_back(machine.motion.bad_rows().first);
+  return why;
+}
+
 /// Posts first to last along an axis that are within [low, high], and one more on either side.
 std::pair<int, int> posts(double first, double spacing, int count, double low, double high) {
   const double most = count - 1;
@@ -144,6 +155,7 @@ void write_raster(const std::filesystem::path& file, const py::object& heights,
 }  // namespace
 
 void bind_files(py::module_& m) {
+  m.def("_bad_rows", &bad_rows, py::arg("scenario"));
   m.def("motions", &motions, py::arg("scenario"),
         "The rows that `soilvdb run` goes along, of each machine that has a motion, by its name: a "
         "dict of times (N,), s, and either joints (N, k), rad or m, or positions (N, 3), m, and "

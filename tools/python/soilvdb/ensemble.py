@@ -109,10 +109,14 @@ class Ensemble:
         if not noise.sources():
             raise ValueError("noise: nothing errs; one sigma of more than 0 is needed")
         self._site, self._noise, self._seed = site, noise, seed
+        if seed < 0:
+            raise ValueError(f"seed is {seed}; 0 or more is right")
         names = site.machines
         for joint in noise.joints:
             if not any(joint in site.joints(name) for name in names):
                 raise ValueError(f"joints.{joint}: no machine has that joint")
+        if noise.all_joints and not any(site.joints(name) for name in names):
+            raise ValueError("joints: no machine has any; leave them out")
         self._clones = [site.clone() for _ in range(clones)]
         self._machines = {
             name: _Machine(site, name, noise, clones, np.random.default_rng(

@@ -17,6 +17,7 @@ import difflib
 import importlib
 import math
 import os
+import re
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -32,6 +33,7 @@ AXES = ("x", "y", "z")
 KEYS: dict[str, tuple[str, ...]] = {
     "position": PARTS, "rotation": PARTS, "bucket": ("width", "height"),
     "terrain": ("bias", "correlated", "white", "cell"), "soil": ("repose", "swell")}
+FINEST = 1 / 500  # of the range of what is correlated
 MOST = {"position": 10.0, "rotation": 0.5, "joint": 0.5, "bucket": 1.0, "terrain": 10.0, "soil": 1.0}
 
 
@@ -193,14 +195,30 @@ def gauss_markov(random: np.random.Generator, times: Floats, tau: float, axes: i
 def correlated_field(random: np.random.Generator, shape: tuple[int, int],
                      spacing: tuple[float, float], length: float) -> Floats:
     """A Gaussian field (ny, nx) of variance 1 and a spherical variogram of that range, m: on a torus
-    so large that its ends don't know of each other (circulant embedding)."""
-    torus = [n + math.ceil(length / d) for n, d in zip(shape, (spacing[1], spacing[0]))]
-    lag = [np.minimum(np.arange(n), n - np.arange(n)) * d
-           for n, d in zip(torus, (spacing[1], spacing[0]))]
+    so large that its ends don't know of each other, nor the ends of a range (circulant embedding).
+    What is nearer than FINEST of the range is straight between others, so that a long one costs no
+    more."""
+    apart = (spacing[1], spacing[0])
+    steps = [max(1, int(FINEST * length / d)) for d in apart]
+    coarse = [-(-(n - 1) // step) + 1 for n, step in zip(shape, steps)]
+    reach = [math.ceil(length / (d * step)) for d, step in zip(apart, steps)]
+    torus = [max(n, r) + r for n, r in zip(coarse, reach)]
+    lag = [np.minimum(np.arange(n), n - np.arange(n)) * d * step
+           for n, d, step in zip(torus, apart, steps)]
     h = np.minimum(1.0, np.hypot(lag[0][:, None], lag[1][None, :]) / length)
     power = np.maximum(0.0, np.fft.fft2(1 - 1.5 * h + 0.5 * h**3).real)
     field = np.fft.ifft2(np.sqrt(power) * np.fft.fft2(random.standard_normal(torus))).real
-    return np.asarray(field[:shape[0], :shape[1]])
+    return _between(_between(field[:coarse[0], :coarse[1]], steps[0], shape[0]).T, steps[1],
+                    shape[1]).T
+
+
+def _between(values: Floats, step: int, count: int) -> Floats:
+    """`count` rows, of which each `step`-th is given, and the others are straight between."""
+    if step == 1:
+        return values
+    row, part = np.divmod(np.arange(count), step)
+    share = (part / step)[:, None]
+    return np.asarray((1 - share) * values[row] + share * values[np.minimum(row + 1, len(values) - 1)])
 
 
 def product(a: Floats, b: Floats) -> Floats:
@@ -245,12 +263,16 @@ def read(file: str | os.PathLike[str]) -> Noise:
     path = Path(file)
     try:
         root = yaml.compose(path.read_text(encoding="utf-8"), yaml.SafeLoader)
+        given = _plain(root, str(path)) if root else _Map(str(path), 1)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise NoiseError(f"{path}:{line}: is no YAML: {error.problem}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise NoiseError(f"{path}: is no YAML text") from error
-    return _noise(_plain(root, str(path)) if root else _Map(str(path), 1), str(path))
+    except RecursionError as error:
+        raise NoiseError(f"{path}: has values within values without end; a noise file has four "
+                         "levels") from error
+    return _noise(given, str(path))
 
 
 def of(given: Mapping[str, Any]) -> Noise:
@@ -267,6 +289,22 @@ class _Map(dict[str, Any]):
         self.lines: dict[str, int] = {}
 
 
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+
+
+def scalar_of(node: Any) -> Any:
+    """What a YAML scalar says, numbers as the program reads them: 1e-3 is one, which for YAML 1.1 is
+    a word, as are on and 2024-01-01, which for that are none."""
+    text = str(node.value)
+    if node.style is not None:  # in quotes
+        return text
+    if _NUMBER.fullmatch(text):
+        return int(text) if text.lstrip("+-").isdecimal() and len(text) < 300 else float(text)
+    if text.lower().lstrip("+-") in (".nan", ".inf"):
+        return float(text.replace(".", ""))
+    return None if text in ("", "~", "null") else text
+
+
 def _plain(node: Any, file: str) -> Any:
     """What a YAML node holds."""
     yaml = importlib.import_module("yaml")
@@ -274,14 +312,18 @@ def _plain(node: Any, file: str) -> Any:
     if isinstance(node, yaml.MappingNode):
         mapping = _Map(file, node.start_mark.line + 1)
         for key, value in node.value:
-            name, line = str(key.value), key.start_mark.line + 1
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise NoiseError(f"{file}:{line}: a key is no word; keys are position, bias and "
+                                 "the like")
+            name = str(key.value)
             if name in mapping:
                 raise NoiseError(f"{file}:{line}: '{name}' is there twice; once is right")
             mapping[name], mapping.lines[name] = _plain(value, file), line
         return mapping
     if isinstance(node, yaml.SequenceNode):
         return [_plain(each, file) for each in node.value]
-    return yaml.SafeLoader("").construct_object(node, deep=True)
+    return scalar_of(node)
 
 
 def _at(of_keys: Mapping[str, Any], key: str, where: str) -> str:
@@ -314,9 +356,11 @@ def _check_keys(given: Mapping[str, Any], where: str, known: Iterable[str]) -> N
 
 
 def _number(given: Mapping[str, Any], key: str, where: str, most: float,
-            least: float = 0.0) -> float:
-    value = given[key]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not least <= value <= most:
+            least: float = 0.0, item: int | None = None) -> float:
+    """item: of a list"""
+    value = given[key] if item is None else given[key][item]
+    if (isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating))
+            or not least <= value <= most):
         raise NoiseError(f"{_at(given, key, where)} is {value!r}; a number from {least:g} to "
                          f"{most:g} is right")
     return float(value)
@@ -326,11 +370,11 @@ def _numbers(given: Mapping[str, Any], key: str, where: str, most: float,
              axes: int) -> tuple[float, ...]:
     """A number for each axis, or the same for all."""
     value = given[key]
-    if axes > 1 and isinstance(value, Sequence) and not isinstance(value, str):
+    if axes > 1 and isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
         if len(value) != axes:
             raise NoiseError(f"{_at(given, key, where)} has {len(value)} numbers; one, or one for "
                              f"each of {', '.join(AXES)} is right")
-        return tuple(_number({key: each}, key, where, most) for each in value)
+        return tuple(_number(given, key, where, most, item=i) for i in range(axes))
     return (_number(given, key, where, most),) * axes
 
 
@@ -358,6 +402,10 @@ def _joints(given: Mapping[str, Any]) -> tuple[Signal | None, dict[str, Signal]]
     named = {}
     for name in joints:
         if name not in PARTS:
+            near = difflib.get_close_matches(str(name), PARTS, n=1)
+            if near and (not isinstance(joints[name], Mapping) or "sigma" in joints[name]):
+                raise NoiseError(f"{_at(joints, name, 'joints')} isn't known; did you mean "
+                                 f"'{near[0]}'?")
             one = _mapping(joints, name, "joints", PARTS)
             named[name] = _signal(one, f"joints.{name}", MOST["joint"], 1)
     everyone = any(part in joints for part in PARTS)

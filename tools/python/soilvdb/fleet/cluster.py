@@ -128,9 +128,9 @@ def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="soilvdb-"))
             local = stack.enter_context(dask.LocalCluster(
                 n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
-                # Another port than the one that two of these on one host would be at odds about.
-                dashboard_address=None, scheduler_kwargs={"dashboard_address": ":0"},
-                memory_limit=0, local_directory=folder,
+                # Without addresses their HTTP is for all hosts, and at odds with others' on this one.
+                dashboard_address=None, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+                worker_dashboard_address="127.0.0.1:0", memory_limit=0, local_directory=folder,
                 silence_logs=logging.CRITICAL))
             scheduler = str(local.scheduler_address)
         cluster = Cluster(scheduler)

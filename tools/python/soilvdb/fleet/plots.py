@@ -33,7 +33,7 @@ def plot_loads(file: Path, times_s: Floats, drawn_m3: Mapping[str, Floats],
         panel.plot(times_s, recorded_m3[name], color="#c2410c", linewidth=1.0, linestyle="--",
                    label="as recorded")
         panel.set_ylabel("load, m³")
-        panel.set_title(name, loc="left", fontsize=10)
+        panel.set_title(name.replace("$", r"\$"), loc="left", fontsize=10)  # no mathematics
         panel.set_ylim(bottom=0)
         panel.grid(alpha=0.3)
     panels[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=3, fontsize=8, frameon=False)

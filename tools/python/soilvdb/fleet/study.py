@@ -12,14 +12,14 @@ import math
 import os
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 
 import soilvdb
-from soilvdb.noise import Draw, Floats, Noise, turned
+from soilvdb.noise import Draw, Floats, Noise, scalar_of, turned
 
 from . import InputError, nearest
 
@@ -27,6 +27,8 @@ BASE = tuple(f"soilvdb_base_{name}" for name in ("x", "y", "z", "roll", "pitch",
 MARGIN_M = 10.0  # of ground with an error of its own around where machines come
 MOST_POSTS = 4e6
 NAMED_ROWS = 200  # of a motion, that say where a site is
+TEXTS = ("name", "raster", "level_set", "grid", "motion", "mcap", "topic", "frame", "parent",
+         "angles", "bad_rows", "urdf", "link")  # keys whose values are no numbers, though they look it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +49,7 @@ class Dug:
     cut_m3: dict[str, Floats]  # by then, in place
     fill_m3: float  # added to the ground
     site: soilvdb.Site
+    waited: int  # rows that were left out, at ground without a height
 
 
 class Scene:
@@ -60,12 +63,14 @@ class Scene:
             self.nominal = soilvdb.Site.open(self._file)
         except ValueError as error:
             raise InputError(str(error)) from error
-        self._values: dict[str, Any] = yaml.safe_load(self._file.read_text(encoding="utf-8"))
+        self._values: dict[str, Any] = values_of(
+            yaml.compose(self._file.read_text(encoding="utf-8"), yaml.SafeLoader))
         self._machines: list[dict[str, Any]] = self._values.get("machines") or []
         self.names = [name for name in self.nominal.machines if name in self.motions]
         self._joints = {name: self.nominal.joints(name) for name in self.names}
         self._dump = yaml.safe_dump
         self._check()
+        self.inputs_were = self.inputs_are()
         self._folder = tempfile.TemporaryDirectory(prefix="soilvdb-")
         self._order = list(self._rows_in_order())
         sources = study.noise.sources()
@@ -103,6 +108,12 @@ class Scene:
         if noise.terrain.white and noise.terrain.cell is None and "plane" in self._values["terrain"]:
             self._refuse("terrain.white: is of each height, and a plane has none of its own; say "
                          "how far apart they are, cell: 0.5")
+        if noise.terrain.parts() and "plane" in self._values["terrain"]:
+            if noise.terrain.correlated and (noise.terrain.cell or 0.0) > noise.terrain.length:
+                self._refuse(f"terrain.cell is {noise.terrain.cell:g}: heights so far apart have "
+                             f"nothing in common over {noise.terrain.length:g} m, correlated.length; "
+                             "at most that is right")
+            self._posts_of_plane(self.box())
 
     def _refuse(self, why: str) -> NoReturn:
         raise InputError(f"{self.study.noise_file}: {why}")
@@ -162,8 +173,8 @@ class Scene:
             if key in terrain:
                 terrain[key] = str(beside / terrain[key])
         for machine in values["machines"]:
-            machine.pop("motion", None)
-            machine.pop("angles", None)
+            for key in ("motion", "angles", "bad_rows"):
+                machine.pop(key, None)
             if "urdf" in machine:
                 machine["urdf"] = str(self._floating(beside / machine["urdf"], machine["name"])
                                       if self._floats else beside / machine["urdf"])
@@ -177,8 +188,8 @@ class Scene:
                                          ("swell", "swell", 0.0, 3.0)):
                 if spread := self.study.noise.soil.get(key):
                     was = values["soil"][name]
-                    values["soil"][name] = was + draw.scalar(f"soil.{key}", spread, low - was,
-                                                             high - was)
+                    values["soil"][name] = was + draw.scalar(
+                        f"soil.{key}", spread, min(low - was, 0.0), max(high - was, 0.0))
             if self.study.noise.terrain.parts():
                 self._write_terrain(draw, values, folder / "terrain.tif")
         first = next(m for m in values["machines"] if m["name"] == self.names[0])
@@ -186,7 +197,10 @@ class Scene:
         self._write_where(self.names[0], folder / "where.csv")
         scenario = folder / "draw.yaml"
         scenario.write_text(self._dump(values), encoding="utf-8")
-        return soilvdb.Site.open(scenario)
+        try:
+            return soilvdb.Site.open(scenario)
+        except ValueError as error:
+            raise RuntimeError(f"{self._file}: as it was drawn: {error}") from error
 
     @staticmethod
     def _resize(bucket: dict[str, Any], key: str, error: float) -> None:
@@ -199,7 +213,11 @@ class Scene:
 
     def _floating(self, urdf: Path, name: str) -> Path:
         """The URDF with six joints between its root and where that is: how far its base is off."""
-        tree = ElementTree.parse(urdf)
+        try:
+            tree = ElementTree.parse(urdf)
+        except ElementTree.ParseError as error:  # of namespaces, which the program doesn't look at
+            raise InputError(f"{urdf}: isn't well-formed XML: {error}; an error of the base is put "
+                             "into the URDF, which takes one that is") from error
         robot = tree.getroot()
         children = {joint.find("child").get("link")  # type: ignore[union-attr]
                     for joint in robot.findall("joint")}
@@ -218,7 +236,7 @@ class Scene:
             if i < 3:
                 ElementTree.SubElement(element, "limit", lower="-1e3", upper="1e3", effort="0",
                                        velocity="1e3")
-        file = Path(self._folder.name) / f"{self.names.index(name)}.urdf"
+        file = Path(self._folder.name) / f"{self.nominal.machines.index(name)}.urdf"
         tree.write(file)
         return file
 
@@ -256,6 +274,11 @@ class Scene:
             places.append(at[:, :2])
         return np.concatenate(places)
 
+    def spare_m(self) -> float:
+        """As far as a draw's positions will be from the recorded ones."""
+        errs = self.study.noise.position
+        return 6 * math.hypot(*errs.bias, *errs.drift, *errs.white) if errs else 0.0
+
     def box(self) -> tuple[float, float, float, float]:
         """(xmin, ymin, xmax, ymax) of the ground that may matter, m."""
         at = self.places()
@@ -264,10 +287,29 @@ class Scene:
         boxes += [hopper["box"] for hopper in self._values.get("hoppers") or []]
         all_of_them = np.array(boxes, dtype=float)
         reach = max(2.0 * machine["bucket"]["width"] + 2.0 * machine["bucket"]["height"]
-                    for machine in self._machines)
+                    for machine in self._machines) + self.spare_m()
         low, high = all_of_them[:, :2].min(axis=0), all_of_them[:, 2:].max(axis=0)
         low, high = low - reach - MARGIN_M, high + reach + MARGIN_M
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def _posts_of_plane(self, box: tuple[float, float, float, float]) -> tuple[float, list[int]]:
+        """How far apart its heights are, and how many (nx, ny).
+
+        Straight between heights, less of what is correlated is left to small loads: 5 % of sigma
+        where they are a quarter of its length apart, 1 % at a tenth.
+        """
+        noise, size = self.study.noise.terrain, (box[2] - box[0], box[3] - box[1])
+        if noise.cell or not noise.length:
+            cell = noise.cell or max(size)
+        else:
+            affordable = math.sqrt(2 * size[0] * size[1] / MOST_POSTS)
+            cell = min(noise.length / 4, max(noise.length / 10, affordable))
+        count = [max(2, math.ceil(size[i] / cell) + 1) for i in (0, 1)]
+        if count[0] * count[1] > MOST_POSTS:
+            key = "cell" if noise.cell else "correlated.length"
+            self._refuse(f"terrain.{key}: takes {count[0]} x {count[1]} heights of the "
+                         f"{size[0]:.0f} x {size[1]:.0f} m where machines come; a larger one would do")
+        return cell, count
 
     def _write_terrain(self, draw: Draw, values: dict[str, Any], file: Path) -> None:
         """Heights with a draw's errors, where machines come, in place of the scenario's terrain."""
@@ -277,12 +319,7 @@ class Scene:
             heights, first, spacing, crs = soilvdb.read_raster(values["terrain"]["raster"], box)
             posts = np.asarray(heights, dtype=float)
         else:
-            cell = noise.cell or (noise.length / 4 if noise.length else
-                                  max(box[2] - box[0], box[3] - box[1]))
-            count = [max(2, math.ceil((box[i + 2] - box[i]) / cell) + 1) for i in (0, 1)]
-            if count[0] * count[1] > MOST_POSTS:
-                raise InputError(f"{self._file}: the terrain's noise takes {count[0]} x {count[1]} "
-                                 "heights; a larger length or cell would do")
+            cell, count = self._posts_of_plane(box)
             first, spacing = (box[0], box[1]), (cell, cell)
             plane = values["terrain"]["plane"]
             slope = plane.get("slope", (0.0, 0.0))
@@ -294,20 +331,38 @@ class Scene:
         values["terrain"] = {"raster": str(file)}
 
     def dig(self, draw: Draw | None) -> Dug:
-        """Digs the whole scenario as a draw has it; without one as it was recorded.
+        """Digs the whole scenario as a draw has it; without one as it was recorded. Where a draw
+        comes to ground without a height, it waits for the next row.
 
         Raises RuntimeError where a machine comes where it can't.
         """
+        try:
+            return self._dig(draw, self._order)
+        except soilvdb.NoGroundError as error:
+            if draw is None:
+                raise RuntimeError(f"{self._file}: {error}") from error
+        return self._dig(draw, [(name, row, row + 1) for name, begin, end in self._order
+                                for row in range(begin, end)], waits=True)
+
+    def _dig(self, draw: Draw | None, order: Iterable[tuple[str, int, int]],
+             waits: bool = False) -> Dug:
         opened = draw is not None and self._each_opened
         site = self._open(draw) if opened else self._undug.clone()
         rows = self._perturbed(draw)
-        load = {name: np.empty(len(rows[name]["times"])) for name in self.names}
-        cut = {name: np.empty(len(rows[name]["times"])) for name in self.names}
-        for name, begin, end in self._order:
+        load = {name: np.zeros(len(rows[name]["times"])) for name in self.names}
+        cut = {name: np.zeros(len(rows[name]["times"])) for name in self.names}
+        waited = 0
+        for name, begin, end in order:
             part = {key: values[begin:end] for key, values in rows[name].items()}
             try:
                 updates = site.update_path(name, **part)
-            except (ValueError, soilvdb.NoGroundError) as error:
+            except soilvdb.NoGroundError:
+                if not waits:
+                    raise
+                waited += 1
+                load[name][begin] = load[name][begin - 1] if begin else 0.0
+                continue
+            except ValueError as error:
                 raise RuntimeError(f"{self._file}: machine '{name}', drawn from {end - begin} rows "
                                    f"on from {part['times'][0]:g} s: {error}") from error
             load[name][begin:end] = updates["bucket_m3"]
@@ -315,18 +370,38 @@ class Scene:
         site.pour(self.end_s)
         site.come_to_rest()
         return Dug(load, {name: np.cumsum(c) for name, c in cut.items()},
-                   site.ledger()["fill_m3"], site)
+                   site.ledger()["fill_m3"], site, waited)
+
+    def inputs_are(self) -> list[tuple[str, int, int]]:
+        """The files that it is made of, as they are now: name, time, size."""
+        terrain = self._values["terrain"]
+        names = [terrain[key] for key in ("raster", "level_set") if key in terrain]
+        for machine in self._machines:
+            motion = machine.get("motion")
+            names += [motion["mcap"] if isinstance(motion, dict) else motion, machine.get("urdf")]
+        beside = self._file.resolve().parent
+        files = [str(self._file), *(str(beside / name) for name in names if name)]
+        return [(file, stat.st_mtime_ns, stat.st_size)
+                for file, stat in ((file, os.stat(file)) for file in files)]
 
 
+def values_of(node: Any, key: str = "") -> Any:
+    """What a scenario's YAML node holds, as the program reads it; aliases each by itself."""
+    yaml = importlib.import_module("yaml")
+
+    if isinstance(node, yaml.MappingNode):
+        return {name.value: values_of(value, name.value) for name, value in node.value}
+    if isinstance(node, yaml.SequenceNode):
+        return [values_of(each) for each in node.value]
+    return node.value if key in TEXTS else scalar_of(node)
 
 
 def scene_of(study: Study) -> Scene:
-    """The scene of a study, kept for the next call in this process."""
-    key = (study.scenario, os.stat(study.scenario).st_mtime_ns, study.seed, repr(study.noise))
-    if _LAST.get("key") != key:
-        _LAST.update(key=key, scene=Scene(study))
-    scene: Scene = _LAST["scene"]
+    """The scene of a study, kept for the next call in this process while its files are the same."""
+    scene: Scene | None = _LAST.get("scene")
+    if scene is None or scene.study != study or scene.inputs_are() != scene.inputs_were:
+        scene = _LAST["scene"] = Scene(study)
     return scene
 
 
-_LAST: dict[str, Any] = {}
+_LAST: dict[str, Scene] = {}

@@ -5,12 +5,16 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import csv
 import dataclasses
 import hashlib
+import importlib
 import json
 import os
 import pickle
 import shutil
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,12 +32,13 @@ from .plots import plot_loads
 from .progress import Progress
 from .study import Dug, Scene, Study, scene_of
 
-LEAST_DRAWS, MOST_DRAWS = 10, 100_000
+LEAST_DRAWS, MOST_DRAWS = 2, 100_000
 TASK_DRAWS = 8  # of one task
 MOST_CELLS = 250_000  # of the raster of heights
 INSTANTS = 400  # of the band over time
 GRAINS_M = 2.0**-20  # heights are summed in whole numbers of it, so no order matters
 FILES = ("uncertainty.json", "draws.csv", "load.png", "height_sigma.tif")
+PARTS = "draws.part"  # folder of what was drawn by now
 
 Ints = npt.NDArray[np.int64]
 
@@ -70,6 +75,7 @@ class Figures:
     fill_m3: float
     loads_m3: dict[str, Floats]  # at the instants
     cycles: dict[str, list[tuple[float, float]]]  # load and cut of each of the recorded ones; NaN
+    waited: int = 0  # rows at ground without a height
 
 
 @dataclasses.dataclass
@@ -135,7 +141,15 @@ def main(arguments: argparse.Namespace) -> int:
     study = Study(os.path.abspath(arguments.scenario), noise, arguments.seed,
                   str(arguments.noise))
     scene = scene_of(study)
-    arguments.out.mkdir(parents=True, exist_ok=True)
+    compiled: Any = importlib.import_module("soilvdb._soilvdb")
+    for why in compiled._bad_rows(arguments.scenario):  # pylint: disable=protected-access
+        print(f"soilvdb: warning: {why}; what is drawn ends before this row, as a run does",
+              file=sys.stderr)
+    try:
+        (arguments.out / PARTS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{arguments.out}: can't be made a folder: {error.strerror}; name "
+                         "another") from error
     dug = scene.dig(None)
     grid = _grid(scene, dug)
     recorded = _recorded(scene, dug, grid)
@@ -145,8 +159,11 @@ def main(arguments: argparse.Namespace) -> int:
               "seed": arguments.seed, "sources": noise.sources(),
               **_report(scene, recorded, drawn.figures, arguments.draws, first, second)}
     _write(arguments.out, scene, recorded, drawn, report, grid)
-    shutil.rmtree(arguments.out / "draws.part")
+    shutil.rmtree(arguments.out / PARTS)
     _print(report, arguments.out)
+    if waited := sum(figures.waited > 0 for figures in drawn.figures[:arguments.draws]):
+        print(f"soilvdb: warning: {waited} of {arguments.draws} draws come to ground without a "
+              "height, and wait there; a terrain that has heights there would do", file=sys.stderr)
     return 0
 
 
@@ -169,17 +186,20 @@ class _Kept:
 
     def __init__(self, out: Path, made_of: object) -> None:
         digest = hashlib.sha256(pickle.dumps((soilvdb.__version__, made_of))).hexdigest()
-        self.folder = out / "draws.part"
+        self.folder = out / PARTS
         self._name = digest[:16]
-        self.folder.mkdir(exist_ok=True)
 
     def _file(self, index: int) -> Path:
         return self.folder / f"{self._name}.{index}"
 
     def parts(self, count: int) -> dict[int, Drawn]:
         """Of the tasks, those that are there."""
-        return {index: pickle.loads(self._file(index).read_bytes()) for index in range(count)
-                if self._file(index).exists()}
+        parts = {}
+        for index in range(count):
+            # What a power cut left is dug again.
+            with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
+                parts[index] = pickle.loads(self._file(index).read_bytes())
+        return parts
 
     def add(self, index: int, drawn: Drawn) -> None:
         beside = self.folder / "next"
@@ -188,7 +208,7 @@ class _Kept:
 
 
 def _all(study: Study, recorded: Recorded, first: Sequence[Draw], second: Sequence[Draw],
-         grid: Grid | None, arguments: argparse.Namespace) -> Drawn:
+         grid: Grid, arguments: argparse.Namespace) -> Drawn:
     """Digs both designs; heights are of the first."""
     tasks = [Task(study, tuple(tuple(draw.numbers.items()) for draw in design[i:i + TASK_DRAWS]),
                   on_grid)
@@ -269,19 +289,20 @@ def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
         of_cycles[name] = nearest_cycles(cycles[name], own)
     return Figures({name: float(load[-1]) for name, load in dug.load_m3.items()},
                    {name: float(cut[-1]) for name, cut in dug.cut_m3.items()},
-                   dug.fill_m3, loads, of_cycles)
+                   dug.fill_m3, loads, of_cycles, dug.waited)
 
 
-def _grid(scene: Scene, dug: Dug) -> Grid | None:
-    """Where the ground changed, and a bit more; in voxels, or larger cells on large sites."""
+def _grid(scene: Scene, dug: Dug) -> Grid:
+    """Where the ground changed, and a bit more; all of it where none did, as draws may dig there. In
+    voxels, or larger cells on large sites."""
     box = scene.box()
     coarse = _grid_of(box, scene.nominal.voxel_size)
     places = coarse.places()
     before, after = (site.heights(places) for site in (scene.nominal, dug.site))
     changed = places[np.abs(after - before) > 1e-9]
     if not len(changed):
-        return None
-    margin = 2 * coarse.spacing_m + 0.5
+        return coarse
+    margin = 2 * coarse.spacing_m + 0.5 + scene.spare_m()
     low, high = changed.min(axis=0) - margin, changed.max(axis=0) + margin
     return _grid_of((float(low[0]), float(low[1]), float(high[0]), float(high[1])),
                     scene.nominal.voxel_size)
@@ -302,6 +323,9 @@ def spread(values: Sequence[float] | Floats) -> dict[str, float]:
     if len(finite) < 2:
         return {"mean": float("nan"), "sigma": float("nan"), "p05": float("nan"),
                 "p95": float("nan")}
+    if np.ptp(finite) == 0:  # whose mean may be off by a bit, and then so is sigma
+        same = float(finite[0])
+        return {"mean": same, "sigma": 0.0, "p05": same, "p95": same}
     p05, p95 = np.percentile(finite, (5, 95))
     return {"mean": float(finite.mean()), "sigma": float(finite.std(ddof=1)), "p05": float(p05),
             "p95": float(p95)}
@@ -319,9 +343,9 @@ def first_order(first: Floats, second: Floats) -> tuple[float, float]:
     """A first-order Sobol index of pairs that have one source in common, and its standard error
     (Janon et al. 2014). 0 where nothing varies."""
     both = np.concatenate([first, second])
-    variance = float(both.var())
-    if not variance > 0:
+    if not np.ptp(both) > 0:
         return 0.0, 0.0
+    variance = float(both.var())
     middle = float(both.mean())
     products = (first - middle) * (second - middle) / variance
     squares = ((first - middle)**2 + (second - middle)**2) / (2 * variance)
@@ -335,7 +359,7 @@ def _indices(first: Sequence[Draw], second: Sequence[Draw], values: Floats) -> d
     indices = {}
     for source in first[0].numbers:
         if not second:
-            indices[source] = (1.0, 0.0)
+            indices[source] = (1.0 if np.ptp(values) > 0 else 0.0, 0.0)
             continue
         where = [draw.numbers[source] for draw in second]
         indices[source] = first_order(values[:count][where], values[count:])
@@ -375,23 +399,21 @@ def _report(scene: Scene, recorded: Recorded, drawn: Sequence[Figures], count: i
 
 
 def _write(out: Path, scene: Scene, recorded: Recorded, drawn: Drawn, report: dict[str, Any],
-           grid: Grid | None) -> None:
+           grid: Grid) -> None:
     count = report["draws"]
-    if grid is not None:
-        soilvdb.write_raster(out / "height_sigma.tif",
-                             sigma_of(drawn, count).reshape(grid.shape[1], grid.shape[0]), grid.first,
-                             (grid.spacing_m, grid.spacing_m), scene.crs(), "height_sigma")
-    else:
-        (out / "height_sigma.tif").unlink(missing_ok=True)
+    soilvdb.write_raster(out / "height_sigma.tif",
+                         sigma_of(drawn, count).reshape(grid.shape[1], grid.shape[0]), grid.first,
+                         (grid.spacing_m, grid.spacing_m), scene.crs(), "height_sigma")
     plot_loads(out / "load.png", instants(scene),
                {name: np.array([f.loads_m3[name] for f in drawn.figures[:count]])
                 for name in scene.names},
                {name: recorded.figures.loads_m3[name] for name in scene.names})
-    with open(out / ".draws.tmp", "w", encoding="utf-8") as table:
-        table.write("draw,machine,bucket_m3,cut_m3\n")
+    with open(out / ".draws.tmp", "w", newline="", encoding="utf-8") as text:
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(["draw", "machine", "bucket_m3", "cut_m3"])
         for number, figures in enumerate(drawn.figures[:count]):
             for name in scene.names:
-                table.write(f"{number},{name},{figures.load_m3[name]!r},{figures.cut_m3[name]!r}\n")
+                table.writerow([number, name, figures.load_m3[name], figures.cut_m3[name]])
     os.replace(out / ".draws.tmp", out / "draws.csv")
     (out / ".uncertainty.tmp").write_text(json.dumps(_without_nan(report), indent=2) + "\n",
                                           encoding="utf-8")
