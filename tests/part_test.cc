@@ -142,6 +142,40 @@ TEST_F(Part, ThreePartsOfSevenShareTheMachines) {
   expect_same_as_one_process("--updates 33");
 }
 
+TEST_F(Part, TheLongestMotionIsAPartByItself) {
+  for (int m = 0; m < 5; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(m == 4 ? 4 : 1, {12.0 * m, 0})));
+  write();
+  const std::string said = good("part plan site.yaml --out split --parts 2").out;
+  EXPECT_NE(said.find("in 2 parts in 1 window; at best 2 times as fast"), said.npos) << said;
+}
+
+TEST_F(Part, MachinesThatDigInOneChunkAreOnePart) {
+  // Chunks are 0.8 m, the ways 1.65 m apart, and what is cut of them 0.75 m.
+  for (const double y_m : {-0.49, -0.47, -0.45}) {
+    machines_.clear();
+    add("a", cycles(std::vector<Place>(2, Place{0, y_m})));
+    add("b", cycles(std::vector<Place>(2, Place{0, y_m + 1.65})));
+    for (auto at = machines_.find("width: 0.8, height: 0.6"); at != machines_.npos;
+         at = machines_.find("width: 0.8, height: 0.6"))
+      machines_.replace(at, 23, "width: 0.3, height: 0.2");
+    write();
+    expect_refused("part plan site.yaml --out split --parts 2", "a and b from 0 to ");
+  }
+}
+
+TEST_F(Part, PlanAndScenarioMayBeMovedTogether) {
+  for (int m = 0; m < 2; ++m)
+    add(fmt::format("m{}", m), cycles(std::vector<Place>(2, {12.0 * m, 0})));
+  write();
+  plan(2);
+  fs::create_directory(folder() / "moved");
+  for (const char* name : {"site.yaml", "m0.csv", "m1.csv", "split"})
+    fs::rename(folder() / name, folder() / "moved" / name);
+  for (int p = 0; p < 2; ++p) good(fmt::format("part dig moved/split --window 0 --part {}", p));
+  good("part merge moved/split --window 0");
+}
+
 TEST_F(Part, MachinesThatCrossAtOtherTimesAreApartInWindows) {
   for (const char* options : {"", "--updates 100", "--voxel 0.07"}) {
     SCOPED_TRACE(options);
@@ -405,6 +439,7 @@ TEST_F(Part, AFolderOfSomethingElseIsLeftAlone) {
   expect_refused("part dig whole", "holds no plan");
   write();
   expect_refused("part dig split --window 1", "no part 0 of window 1");
+  expect_refused("part merge split --window 1", "its plan has no window 1");
 }
 
 TEST_F(Part, AWrongCommandLineIsRefused) {

@@ -80,6 +80,19 @@ def test_poses_that_no_bucket_reaches_are_refused(tmp_path):
             assert "error" not in answer
 
 
+def test_rotations_may_be_rounded(tmp_path):
+    states = list(passes("digger", 0.0, 0.25, 30))
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        wanted = server.feed(states)
+    rounded = [{**state, "rotation": [0, 0, 0, 1.0009 if i % 2 else 0.9991]}
+               for i, state in enumerate(states)]
+    with Server(scenario(tmp_path), "--out", tmp_path / "rounded", cwd=tmp_path) as server:
+        for answer, other in zip(server.feed(rounded), wanted):
+            assert (answer["cut_m3"], answer["bucket_m3"]) == (other["cut_m3"], other["bucket_m3"])
+        answer, = server.feed([{**states[-1], "time": 9, "rotation": [0, 0, 0, 1.002]}])
+        assert "its length is 1.002" in answer["error"]
+
+
 def test_a_time_far_ahead_locks_no_machine_out(tmp_path):
     states = list(passes("digger", 0.0, 0.25, 60))
 
@@ -92,6 +105,9 @@ def test_a_time_far_ahead_locks_no_machine_out(tmp_path):
         answers = server.feed([*states[:21], at(1e6 + 0.2), at(0.3), at(1e6 + 0.2), at(0.4)])
         assert ahead in answers[21]["error"] and ahead in answers[23]["error"]
         assert not [a for i, a in enumerate(answers) if i not in (21, 23) and "error" in a]
+        # Nor does a slip to another hour.
+        apart = server.feed([at(1e6 + 0.2), at(1e6 + 4000.0), at(0.45)])
+        assert ["error" in a for a in apart] == [True, True, False]
         both = server.feed([at(1e6 + 0.2), at(1e6 + 0.3, "plate")])
         assert all("more than an hour ahead" in a["error"] for a in both)
         answers = server.feed([at(0.5), at(3600.4), at(7200.4)])

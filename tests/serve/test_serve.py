@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A live site: what is fed, asked, seen and kept."""
 import asyncio
+import csv
 import json
 import socket
 import subprocess
@@ -97,6 +98,7 @@ def test_what_cannot_be_asked_is_said(tmp_path):
              "/section?from=1,2&to=3": (400, "'to' must be x,y"),
              "/section?from=1,2&to=3,4&points=1": (400, "2 to 5000"),
              "/volume?boundary=1,2,3,4": (400, "3 to 1000 corners"),
+             "/volume?boundary=0,0,1,0,1,1,0": (400, "3 to 1000 corners"),
              "/volume?boundary=" + ",".join(["1"] * 2002): (400, "3 to 1000 corners"),
              "/terrain?level=0&tile=99999,0": (404, "no such tile"),
              "/terrain?level=-1&tile=0,0": (404, "no such tile"),
@@ -111,6 +113,13 @@ def test_what_cannot_be_asked_is_said(tmp_path):
         for path, (status, why) in asked.items():
             got, body = server.get(path)
             assert (got, why in json.loads(body)["error"]) == (status, True), (path, body)
+
+
+def test_addresses_may_be_written_in_percent(tmp_path):
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        plain = server.json("/height?x=-1.5&y=2")
+        for target in ("/height?x=%2d1%2e5&y=2", "/height?%78=%2D1%2E5&y=2", "/%68eigh%74?x=-1.5&y=2"):
+            assert server.json(target) == plain, target
 
 
 def test_viewers_see_the_surface_that_there_is(tmp_path):
@@ -272,6 +281,7 @@ def test_times_are_shown_as_they_were(tmp_path):
         assert np.allclose(line["before_m"], at(0.3).heights(along), atol=1e-9)
         texts, blocks = asyncio.run(view(server, whole(1), [{"time": 1.2, "against": 0.3}]))
         shown = [b for (id, _), b in blocks.items() if id == 1 and len(b.points)]
+        assert texts[-1]["blocks"] == sum(id == 1 for id, _ in blocks)
         # So are its machines, their loads and what they did.
         told, = [t["state"] for t in texts if t["type"] == "view"]
         assert told_of(told) == told_by(path, 1.2)
@@ -324,6 +334,9 @@ def test_a_finished_run_is_looked_at(tmp_path):
         assert texts[0]["times"]["snapshots"] == [1, 2, 3, 4]
         assert texts[1]["machines"][0]["position"] == [4.0, 0, -0.2]
         assert texts[1]["machines"][0]["cut_m3"] == run["volume_m3"]["cut"]
+        row, = csv.DictReader(server.get("/machines.csv")[1].decode().splitlines())
+        assert [float(row[key]) for key in ("x_m", "y_m", "z_m")] == [4, 0, -0.2]
+        assert float(row["bucket_m3"]) == texts[1]["machines"][0]["bucket_m3"]
         # Also between snapshots it is the newest that isn't later: the row of 2.3 s.
         first = server.json("/volume?boundary=-9,-9,9,-9,9,9,-9,9&time=2.35")
         assert first["net_m3"] == pytest.approx(-2.3 * 0.2, rel=0.01)
@@ -370,6 +383,114 @@ def test_a_run_of_moving_soil_and_joints_is_looked_at_at_any_time(tmp_path):
                 assert 0 < told["fill_m3"] < past["volume_m3"]["fill"], "less what slid away"
                 assert past["volume_m3"]["ground_change"] == pytest.approx(told["change_m3"],
                                                                            abs=1e-9)
+
+
+def test_who_stands_for_ten_seconds_is_idle_in_the_past_too(tmp_path):
+    def way(y, until):
+        return [(t, [min(t, until), y, 1.0]) for t in range(31)]
+    path = scenario(tmp_path)
+    with Server(path, "--out", tmp_path / "fed", cwd=tmp_path) as server:
+        answers = server.feed({"machine": machine, "time": t, "position": at,
+                               "rotation": [0.0, 0.0, 0.0, 1.0]}
+                              for both in zip(way(0.0, 4), way(4.0, 12))
+                              for machine, (t, at) in zip(("digger", "plate"), both))
+        assert not [a for a in answers if "error" in a]
+        server.stop()
+    text = path.read_text()
+    for name, y, until in (("digger", 0.0, 4), ("plate", 4.0, 12)):
+        (tmp_path / f"{name}.csv").write_text("time,x,y,z\n" + "".join(
+            f"{t},{x},{y},{z}\n" for t, (x, y, z) in way(y, until)))
+        text = text.replace(f"- name: {name}\n", f"- name: {name}\n    motion: {name}.csv\n")
+    path.write_text(text)
+    subprocess.run([PROGRAM, "run", path, "--out", tmp_path / "run"], check=True,
+                   capture_output=True)
+    for folder in ("fed", "run"):
+        with Server(tmp_path / folder, cwd=tmp_path) as server:
+            for time_s, wanted in ((3, ["working", "working"]), (13, ["working", "working"]),
+                                   (15, ["idle", "working"]), (30, ["idle", "idle"])):
+                rows = server.get(f"/machines.csv?time={time_s}")[1].decode().splitlines()
+                assert [row["state"] for row in csv.DictReader(rows)] == wanted, (folder, time_s)
+
+
+def test_a_machine_that_lags_takes_no_time_back(tmp_path):
+    path = scenario(tmp_path)
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed([*passes("digger", 0.0, 0.25, 60), *passes("plate", 4.0, 0.15, 20)])
+        live, _ = asyncio.run(view(server, whole()))
+        server.stop()
+    with Server(tmp_path / "out", cwd=tmp_path) as server:
+        past, _ = asyncio.run(view(server, whole()))
+        assert past[0]["times"]["to"] == 0.59
+    for texts in (live, past):
+        assert [t["time_s"] for t in texts if t["type"] == "state"][-1] == 0.59
+
+
+def test_ground_that_was_dug_before_is_none_of_what_a_site_digs(tmp_path):
+    with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "before", cwd=tmp_path) as server:
+        server.feed(states())
+        (tmp_path / "before.vdb").write_bytes(server.get("/soil.vdb")[1])
+    path = scenario(tmp_path, SOIL)
+    path.write_text(path.read_text().replace("{plane: {z: 0.0, slope: [0.02, 0.0]}}",
+                                             "{level_set: before.vdb}"))
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed(passes("digger", 2.0, 0.2, 60))
+        summary = server.json("/summary.json")
+        assert summary["volume_m3"]["cut"] > 0.1
+        assert summary["volume_m3"]["residual"] == pytest.approx(0, abs=1e-9)
+        assert summary["mass_kg"]["residual"] == 0
+
+
+def test_what_remains_to_a_design_is_told(tmp_path):
+    """A design that is 0.3 m below the ground, and a trench that goes 0.2 m below the design."""
+    row = " ".join(f"{-0.5 + 0.01 * i:.2f}" for i in range(41))
+    (tmp_path / "plan.asc").write_text(
+        "ncols 41\nnrows 41\nxllcenter -10\nyllcenter -10\ncellsize 0.5\n" + f"{row}\n" * 41)
+    with Server(scenario(tmp_path), "--design", tmp_path / "plan.asc", "--out", tmp_path / "out",
+                cwd=tmp_path) as server:
+        server.feed(passes("digger", 0.0, 0.5, 60))
+        away = server.json("/volume?boundary=1,2,3,2,3,4,1,4")
+        assert away["to_cut_m3"] == pytest.approx(2 * 2 * 0.3, rel=0.03)
+        assert (away["to_fill_m3"], away["net_m3"]) == (0, 0)
+        within = server.json("/volume?boundary=1,-0.4,3,-0.4,3,0.4,1,0.4")
+        assert within["to_fill_m3"] == pytest.approx(2 * 0.8 * 0.2, rel=0.03)
+        assert within["to_cut_m3"] == 0
+        _, blocks = asyncio.run(view(server, whole()))
+        seen = [b for b in blocks.values() if len(b.points)]
+        points = np.concatenate([b.points for b in seen])
+        above = np.concatenate([b.design for b in seen])
+        assert np.allclose(above, points[:, 2] - (-0.3 + 0.02 * points[:, 0]), atol=0.0006)
+        assert above.min() < -0.19
+
+
+def test_motions_are_played_where_they_are_between_rows_and_went_before(tmp_path):
+    """A machine turns slowly: each state shown is as far round as its time says."""
+    data = Path(__file__).parents[2] / "data"
+    text = (data / "excavator.yaml").read_text().replace("excavator.csv", "turn.csv")
+    for name in ("hills.tif", "excavator.urdf"):
+        text = text.replace(name, str(data / name))
+    path = tmp_path / "turn.yaml"
+    path.write_text(text)
+    pose = {"boom_joint": 0.3, "arm_joint": -0.92, "bucket_joint": -0.54}
+    (tmp_path / "turn.csv").write_text(
+        "time,swing_joint," + ",".join(pose) + "\n" + "".join(
+            f"{t},{swing}," + ",".join(map(str, pose.values())) + "\n"
+            for t, swing in ((0, 0), (3600, 1.8))))
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        answer, = server.feed([{"machine": "excavator", "time": 3000,
+                                "joints": {"swing_joint": 1.5, **pose}}])
+        assert "error" not in answer
+        server.stop()
+    with Server(path, "--speed", "20", "--out", tmp_path / "out", cwd=tmp_path) as server:
+        def far(texts, _):
+            return texts and (texts[-1].get("time_s") or 0) >= 3060
+        texts, _ = asyncio.run(view(server, far, seconds=30))
+    shown = [(t["time_s"], np.array(t["machines"][0]["rotation"])) for t in texts
+             if t["type"] == "state"]
+    (begin, first), *rest = shown
+    assert len({t for t, _ in rest}) > 5 and begin >= 3000
+    for time_s, q in rest:
+        half = np.linalg.norm(first[3] * q[:3] - q[3] * first[:3] - np.cross(first[:3], q[:3]))
+        assert 2 * np.arcsin(half) == pytest.approx(1.8 * (time_s - begin) / 3600, abs=1e-7)
 
 
 def test_a_design_is_told_on_the_posts_of_the_terrain(tmp_path):
