@@ -110,6 +110,19 @@ def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path):
         assert one != other, name
 
 
+def test_sigmas_of_nothing_leave_what_was_recorded(tmp_path):
+    scenario = write_pass(tmp_path, dump=True)
+    (tmp_path / "noise.yaml").write_text("position: {bias: 0, white: 0}\nbucket: {width: 0}\n")
+    said = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 3,
+                       "--workers", 1)
+    report = json.loads((tmp_path / "out/uncertainty.json").read_text())
+    machine = report["machines"][0]
+    for figure in (machine["cut_m3"], report["cut_m3"], machine["cycles"][0]["load_m3"]):
+        assert figure["mean"] == figure["p05"] == figure["p95"] == figure["recorded"] > 0
+        assert figure["sigma"] == 0
+    assert f"digger: load 1           {machine['cycles'][0]['load_m3']['mean']:.4g} +- 0 m3" in said.stdout
+
+
 def test_a_study_that_was_killed_goes_on(tmp_path):
     scenario = write_pass(tmp_path, rows=2000)
     (tmp_path / "noise.yaml").write_text("position: {bias: 0.01, white: 0.001}\n")
@@ -271,10 +284,9 @@ def test_spread_leaves_out_what_is_not_there():
     ("terrain: {correlated: {sigma: 0.1, length: 0.01}}", "noise.yaml: terrain.correlated.length: ta"),
     ("terrain: {cell: 2, correlated: {sigma: 0.1, length: 1}}", "noise.yaml: terrain.cell is 2: heig"),
     ("terrain: {white: 0.1}", "noise.yaml: terrain.white: is of each height, and a plane has none"),
-    ("position: {bias: 0}", "noise.yaml: nothing errs; one sigma of more than 0 is needed"),
     ("position: {bias: .nan}", "noise.yaml:1: position.bias is nan; a number from 0 to 10"),
     ("position: [", "noise.yaml:1: is no YAML:"),
-    ("", "noise.yaml: nothing errs"),
+    ("", "noise.yaml: says nothing; position: {bias: 0.01} is right, say"),
     ("a: 1\na: 2", "noise.yaml:2: 'a' is there twice; once is right"),
     ("position:\n  bias: [0, 0, -1e-2]", "noise.yaml:2: position.bias is -0.01; a number from 0"),
     ("position: {bias: 2020-13-45}", "noise.yaml:1: position.bias is '2020-13-45'; a number from"),
@@ -457,8 +469,12 @@ def test_loads_at_instants_and_sigma_of_heights(tmp_path):
     rises = []
     for i in range(6):
         dug = one.dig(one.study.noise.draw(9, i))
-        load = [dug.load_m3["digger"][np.flatnonzero(one.motions["digger"]["times"] <= t)[-1]]
-                for t in at]
+        times, loads = one.motions["digger"]["times"], dug.load_m3["digger"]
+        load = []
+        for t in at:  # straight between rows
+            row = min(np.flatnonzero(times <= t)[-1], len(times) - 2)
+            share = (t - times[row]) / (times[row + 1] - times[row])
+            load.append(loads[row] + share * (loads[row + 1] - loads[row]))
         assert drawn.figures[i].loads_m3["digger"] == pytest.approx(load)
         rises.append(dug.site.heights(grid.places()) - recorded.heights)
     rises = np.array(rises)

@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads a run's soil.mcap by @mcap/core, its messages by the definitions in the file, and compares them
 // with what the run's summary.json says.
-//   node check.mjs RUN ORIGIN_X ORIGIN_Y      a run on the plane z = 0, or a folder `live` of a live site
+//   node check.mjs RUN ORIGIN_X ORIGIN_Y [FILE]  a run on the plane z = 0 that cut away whole blocks, or a
+//                                                folder `live` of a live site; soil.mcap or another of it
 //   node check.mjs RUN.part                   one that was killed: what there is must be readable
 import {strict as assert} from "node:assert";
 import {open, readFile} from "node:fs/promises";
@@ -96,7 +97,7 @@ function volume({points, indices}) {
   return sum;
 }
 
-const [run, originX, originY] = process.argv.slice(2);
+const [run, originX, originY, name = "soil.mcap"] = process.argv.slice(2);
 if (run.endsWith(".part")) {
   const {topics, done} = await stream(run);
   assert(!done);
@@ -104,7 +105,7 @@ if (run.endsWith(".part")) {
   process.exit(0);
 }
 
-const file = `${run}/soil.mcap`;
+const file = `${run}/${name}`;
 const summary = JSON.parse(await readFile(`${run}/summary.json`));
 if (!run.endsWith("live")) assert(summary.files.includes("soil.mcap"));
 const {topics, done} = await stream(file);
@@ -113,6 +114,14 @@ const {counts, metadata, statistics, chunks} = await indexed(file);
 assert.equal(chunks, statistics.chunkCount);
 for (const [topic, {messages}] of topics) assert.equal(counts.get(topic), messages.length, topic);
 assert.equal(Number(statistics.messageCount), [...counts.values()].reduce((a, b) => a + b));
+
+const times = [...topics.values()].flatMap(({messages}) => messages.map((m) => m.logTime)).sort(
+  (a, b) => (a < b ? -1 : 1));
+assert.equal(statistics.messageStartTime, times[0]);
+assert.equal(statistics.messageEndTime, times.at(-1));
+const ns = ({sec, nanosec}) => BigInt(sec) * 1_000_000_000n + BigInt(nanosec);
+for (const {logTime, data} of topics.get("/ground").messages)
+  for (const {timestamp} of [...data.deletions, ...data.entities]) assert.equal(ns(timestamp), logTime);
 
 const names = new Map([...topics].map(([topic, {schema}]) => [topic, schema.name]));
 assert.equal(names.get("/ground"), "foxglove_msgs/msg/SceneUpdate");
@@ -180,4 +189,16 @@ for (const {triangles: [{points}]} of shown.values())
   for (const p of points)
     if (p.z + origin.z < 0.9 * lowest.z) nearest = Math.min(nearest, Math.hypot(p.x - lowest.x, p.y - lowest.y));
 assert(nearest < 2 * map.info.resolution, "the map lies where the ground is");
+// What was above it is gone.
+const over = ({points, indices}) => {
+  let count = 0;
+  for (let i = 0; i < indices.length; i += 3) {
+    const [a, b, c] = [0, 1, 2].map((k) => points[indices[i + k]]);
+    const side = (p, q) => (q.x - p.x) * (lowest.y - p.y) - (q.y - p.y) * (lowest.x - p.x);
+    const sides = [side(a, b), side(b, c), side(c, a)];
+    if (sides.every((v) => v > 0) || sides.every((v) => v < 0)) ++count;
+  }
+  return count;
+};
+assert([...shown.values()].reduce((n, {triangles: [t]}) => n + over(t), 0) <= 1);
 console.log(`${file}: ${[...counts].map(([topic, n]) => `${topic} ${n}`).join(", ")}`);

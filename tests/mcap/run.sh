@@ -35,7 +35,7 @@ soilvdb: 1
 voxel_size: 0.05
 terrain: {plane: {z: 0}}
 machines:
-  - {name: digger, bucket: {width: 1, height: 0.8}, motion: dig.csv}
+  - {name: digger, bucket: {width: 5, height: 0.8}, motion: dig.csv}
 output: {mcap: true}
 END
 "$program" run runs/dig.yaml --out runs/dig >/dev/null
@@ -47,15 +47,19 @@ head -c $((size * 9 / 10)) runs/dig/soil.mcap >runs/torn.part
 node check.mjs runs/torn.part
 
 # A live site that plays the same, stopped while it runs on, and gone on with.
-"$program" serve runs/dig.yaml --speed 20 --out runs/live --port 0 >runs/url 2>runs/said &
-server=$!
+serve() {
+  rm -f runs/url runs/said
+  "$program" serve runs/dig.yaml --speed 20 --out runs/live --port 0 >runs/url 2>runs/said &
+  server=$!
+  n=0
+  until grep -qs "$1" "$2"; do
+    n=$((n + 1))
+    [ $n -lt 600 ] && kill -0 $server || { cat runs/said; exit 1; }
+    sleep 0.1
+  done
+}
 trap 'kill $server 2>/dev/null || true' EXIT
-n=0
-until grep -q "come to its end" runs/said; do
-  n=$((n + 1))
-  [ $n -lt 600 ] && kill -0 $server || { cat runs/said; exit 1; }
-  sleep 0.1
-done
+serve "come to its end" runs/said
 url=$(cat runs/url)
 node -e 'fetch(process.argv[1]).then((r) => r.text()).then(console.log)' "${url}summary.json" \
   >runs/live_summary.json
@@ -63,3 +67,8 @@ kill -INT $server
 wait $server
 cp runs/live_summary.json runs/live/summary.json
 node check.mjs runs/live 500000 5400000
+serve http runs/url
+kill -INT $server
+wait $server
+cp runs/live_summary.json runs/live/summary.json
+node check.mjs runs/live 500000 5400000 soil_1.mcap

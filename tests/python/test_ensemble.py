@@ -126,7 +126,7 @@ def test_a_clone_that_cannot_follow_waits(tmp_path):
 
 @pytest.mark.parametrize("noise, clones, why", [
     ({"terrain": {"bias": 0.1}}, 16, "terrain.bias: clones share bucket, terrain and soil"),
-    ({"position": {"bias": 0}}, 16, "noise: nothing errs"),
+    ({}, 16, "noise: says nothing"),
     ({"joints": {"boom": {"bias": 0.1}}}, 16, "joints.boom: no machine has that joint"),
     ({"joints": {"bias": 0.1}}, 16, "joints: no machine has any; leave them out"),
     ({"position": {"bias": 0.1}}, 1, "clones is 1; 2 to 1000 is right"),

@@ -209,6 +209,10 @@ def test_a_killed_server_goes_on_at_what_it_acknowledged(tmp_path):
     with Server(path, "--out", tmp_path / "once", cwd=tmp_path) as server:
         server.feed(all_states)
         once = server.json("/summary.json")
+        server.stop()
+    with Server(path, "--out", tmp_path / "once", cwd=tmp_path) as server:
+        durations = server.json("/summary.json")["update_us"]
+        assert durations == pytest.approx(once["update_us"], rel=0.02)
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         again = server.json("/summary.json")
         for key in ("state_hash", "volume_m3", "mass_kg"):

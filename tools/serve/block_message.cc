@@ -164,8 +164,9 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
   if (design) put_array(out, above(points, design));
   for (std::size_t i = 0; i < n; ++i)
     values[i] =
-        soil_moves ? static_cast<std::uint16_t>(std::lround(65535 * io::looseness(soil, points[i])))
-                   : std::uint16_t{0};
+        soil_moves
+            ? static_cast<std::uint16_t>(257 * std::lround(255 * io::looseness(soil, points[i])))
+            : std::uint16_t{0};
   put_array(out, values);
   const auto put_indices = [&](auto type) {
     std::vector<decltype(type)> indices;

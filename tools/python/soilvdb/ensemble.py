@@ -106,8 +106,6 @@ class Ensemble:
             if source.startswith(("bucket.", "terrain.", "soil.")):
                 raise ValueError(f"{source}: clones share bucket, terrain and soil; position, "
                                  "rotation and joints may err")
-        if not noise.sources():
-            raise ValueError("noise: nothing errs; one sigma of more than 0 is needed")
         self._site, self._noise, self._seed = site, noise, seed
         if seed < 0:
             raise ValueError(f"seed is {seed}; 0 or more is right")

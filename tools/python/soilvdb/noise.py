@@ -431,6 +431,8 @@ def _terrain(given: Mapping[str, Any]) -> TerrainNoise:
 def _noise(given: Any, where: str) -> Noise:
     if not isinstance(given, Mapping):
         raise NoiseError(f"{where}: is no mapping; keys are {', '.join((*KEYS, 'joints'))}")
+    if not given:
+        raise NoiseError(f"{where}: says nothing; position: {{bias: 0.01}} is right, say")
     _check_keys(given, "", (*KEYS, "joints"))
     position, rotation = (
         _signal(_mapping(given, key, "", PARTS), key, MOST[key], 3) if key in given else None

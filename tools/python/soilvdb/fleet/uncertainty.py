@@ -36,6 +36,7 @@ LEAST_DRAWS, MOST_DRAWS = 2, 100_000
 TASK_DRAWS = 8  # of one task
 MOST_CELLS = 250_000  # of the raster of heights
 INSTANTS = 400  # of the band over time
+MOST_CYCLES = 12  # that are printed
 GRAINS_M = 2.0**-20  # heights are summed in whole numbers of it, so no order matters
 FILES = ("uncertainty.json", "draws.csv", "load.png", "height_sigma.tif")
 PARTS = "draws.part"  # folder of what was drawn by now
@@ -134,8 +135,6 @@ def main(arguments: argparse.Namespace) -> int:
         raise InputError(str(error)) from error
     except OSError as error:
         raise InputError(f"{arguments.noise}: {error.strerror}; name a noise file") from error
-    if not noise.sources():
-        raise InputError(f"{arguments.noise}: nothing errs; one sigma of more than 0 is needed")
     if not arguments.scenario.is_file():
         raise InputError(f"{arguments.scenario}: there is no such scenario")
     study = Study(os.path.abspath(arguments.scenario), noise, arguments.seed,
@@ -283,8 +282,7 @@ def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
     loads, of_cycles = {}, {}
     for name in scene.names:
         times = scene.motions[name]["times"]
-        row = np.searchsorted(times, at, "right") - 1
-        loads[name] = np.where(row < 0, 0.0, dug.load_m3[name][np.maximum(row, 0)])
+        loads[name] = np.interp(at, times, dug.load_m3[name], left=0.0)
         own = cycles_of(dug.load_m3[name], dug.cut_m3[name], times)
         of_cycles[name] = nearest_cycles(cycles[name], own)
     return Figures({name: float(load[-1]) for name, load in dug.load_m3.items()},
@@ -431,7 +429,11 @@ def _without_nan(value: Any) -> Any:
 def _print(report: dict[str, Any], out: Path) -> None:
     print(f"{report['scenario']}: {report['draws']} draws, seed {report['seed']}")
     for machine in report["machines"]:
-        for key, title in (("bucket_m3", "load"), ("cut_m3", "cut")):
+        for number, cycle in enumerate(machine["cycles"][:MOST_CYCLES], 1):
+            _print_figure(f"{machine['name']}: load {number}", cycle["load_m3"])
+        if more := len(machine["cycles"][MOST_CYCLES:]):
+            print(f"  and {more} more")
+        for key, title in (("bucket_m3", "load at the end"), ("cut_m3", "cut")):
             _print_figure(f"{machine['name']}: {title}", machine[key])
     if report["fill_m3"]["sigma"] > 0:
         _print_figure("fill", report["fill_m3"])
@@ -442,7 +444,7 @@ def _print_figure(title: str, figure: dict[str, Any]) -> None:
     mean, sigma = figure["mean"], figure["sigma"]
     of_mean = f" ({100 * sigma / abs(mean):.1f} %)" if mean else ""
     most = [f"{name} {max(0.0, 100 * index['first_order']):.0f} %"
-            for name, index in list(figure["sobol"].items())[:3]
+            for name, index in list(figure.get("sobol", {}).items())[:3]
             if index["first_order"] > max(0.01, 2 * index["error"])]
     print(f"  {title:24} {mean:.4g} +- {sigma:.2g} m3{of_mean}, 5..95 %: {figure['p05']:.4g} .. "
           f"{figure['p95']:.4g}" + (f"; of {', '.join(most)}" if most and sigma > 0 else ""))
