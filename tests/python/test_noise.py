@@ -159,4 +159,4 @@ def test_a_file_says_what_a_dict_does(tmp_path):
                                                    "joints": {"on": {"bias": 0.5}}})
     assert of({"position": {"bias": np.array([1, 2, 3]), "white": np.float32(0.5)}}) == of(
         {"position": {"bias": [1, 2, 3], "white": 0.5}})
-    assert of({}).sources() == [] and not of({"joints": {"bias": 0.1}}).moves_base()
+    assert of({"position": {"bias": 0}}).sources() == [] and not of({"joints": {"bias": 0.1}}).moves_base()
