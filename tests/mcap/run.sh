@@ -28,14 +28,14 @@ mkdir runs
 # A bucket that goes down, along, and up again, 20 s, at a corner of a UTM zone and 1.7e9 s.
 awk 'BEGIN { print "time,x,y,z,yaw"
   for (i = 0; i <= 400; ++i) { s = i / 400
-    printf "%.2f,%.6f,%.6f,%.6f,0.4\n", 1700000000 + i / 20, 500000 + 3 * s, 5400000 + 1.27 * s,
-           0.1 - 0.5 * sin(3.14159265358979 * s) } }' >runs/dig.csv
+    printf "%.2f,%.6f,%.6f,%.6f,0.4\n", 1700000000 + i / 20, 500000 + 6 * s, 5400000 + 2.54 * s,
+           0.1 - 2.5 * sin(3.14159265358979 * s) } }' >runs/dig.csv
 cat >runs/dig.yaml <<'END'
 soilvdb: 1
 voxel_size: 0.05
 terrain: {plane: {z: 0}}
 machines:
-  - {name: digger, bucket: {width: 5, height: 0.8}, motion: dig.csv}
+  - {name: digger, bucket: {width: 5, height: 2.8}, motion: dig.csv}
 output: {mcap: true}
 END
 "$program" run runs/dig.yaml --out runs/dig >/dev/null
