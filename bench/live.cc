@@ -215,6 +215,8 @@ void measure_kills(const Options& options, Goals& goals) {
         acknowledged =
             static_cast<std::uint64_t>(std::llround(answer["acknowledged_s"].get<double>() * 100)) +
             1;
+      // Flat out, most of the time would go on digging again what was fed since a snapshot.
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
     server.kill();
   }
