@@ -16,14 +16,12 @@
 #include "soilvdb/io/journal.h"
 #include "tests/faults.h"
 #include "tests/program.h"
-#include "tests/sanitized.h"
 
 namespace soilvdb::testing {
 
 #ifdef SOILVDB_IO_SHIM
 
 inline constexpr int kKilled = 128 + SIGKILL;
-inline constexpr std::size_t kEvery = test::kSanitized ? 7 : 3;
 
 /// A row of updates.csv without its fifth field, the time it took.
 inline std::string without_time(const std::string& line) {
@@ -183,7 +181,7 @@ class Crash : public ProgramTest {
   }
 
   /// Whatever is done at each operation is done at every so many-th; `tools/bench faults` does all.
-  static std::size_t step() { return faults(19, kEvery, 1); }
+  static std::size_t step() { return faults(19, 3, 1); }
 
   /// One operation after the other, always in the same order.
   std::string more_output_;  // of all scenarios

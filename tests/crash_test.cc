@@ -16,7 +16,7 @@ namespace {
 #ifdef SOILVDB_IO_SHIM
 
 /// At random; there are more at operations in turn.
-std::size_t crashes() { return faults(30, 500 / kEvery, 10'000); }
+std::size_t crashes() { return faults(30, 170, 10'000); }
 
 TEST_F(Crash, KilledAtRandomOperationsItEndsInTheSameFiles) {
   std::atomic<std::size_t> kills = 0, ends = 0;

@@ -11,14 +11,16 @@
 #include <string>
 #include <string_view>
 
+#include "tests/sanitized.h"
+
 namespace soilvdb::testing {
 
 /// SOILVDB_FAULTS in the environment chooses `quick` or `many` (long); both are for `tools/bench
-/// faults`.
+/// faults`. Sanitizers see what the program does at a fault from few of them.
 inline std::size_t faults(std::size_t quick, std::size_t usual, std::size_t many) {
   const char* text = std::getenv("SOILVDB_FAULTS");
   const std::string_view form = text ? text : "";
-  return form == "long" ? many : form == "quick" ? quick : usual;
+  return form == "long" ? many : form == "quick" || test::kSanitized ? quick : usual;
 }
 
 /// Says, at a test's end, what it did how often and what came of it.
