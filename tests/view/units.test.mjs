@@ -9,6 +9,7 @@ import {decodeBlock, inflate} from '../../tools/view/src/decode.js';
 import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
 import {sectionAreas} from '../../tools/view/src/section_chart.js';
+import {placeTag} from '../../tools/view/src/tag_place.js';
 
 /** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
 function planes(values, bytes) {
@@ -158,4 +159,25 @@ test('numbers have three digits, units and a minus sign', () => {
   assert.equal(format.volume(null), '–');
   assert.equal(plain(format.time(130.6)), '2:10.6');
   assert.equal(plain(format.time(59.96)), '1:00.0');
+});
+
+test('a tag is in the picture, beside what lies over it, and no farther from its machine than that takes', () => {
+  const picture = {width: 360, height: 400}, size = {width: 120, height: 24};
+  const over = [{left: 10, top: 10, right: 74, bottom: 260}, {left: 300, top: 10, right: 350, bottom: 200}, {left: 10, top: 330, right: 272, bottom: 390}];
+  const fits = (x, y) => x >= 60 && x <= 300 && y >= 24 && y <= 400 &&
+    over.every((box) => x + 60 <= box.left || x - 60 >= box.right || y <= box.top || y - 24 >= box.bottom);
+  let moved = 0;
+  for (let x = -40; x <= 400; x += 23) {
+    for (let y = -20; y <= 420; y += 19) {
+      const [u, v] = placeTag([x, y], size, picture, over);
+      assert.ok(fits(u, v), `${x}, ${y} is put at ${u}, ${v}`);
+      if (fits(x, y)) assert.deepEqual([u, v], [x, y]);
+      else ++moved;
+      let least = Infinity;   // of places a pixel apart; the tag keeps 4 pixels away from what is over the picture
+      for (let i = 60; i <= 300; ++i) for (let j = 24; j <= 400; ++j) if (fits(i, j)) least = Math.min(least, Math.hypot(i - x, j - y));
+      assert.ok(Math.hypot(u - x, v - y) <= least + 6, `${x}, ${y} is put at ${u}, ${v}, ${least} would do`);
+    }
+  }
+  assert.ok(moved > 150);
+  assert.deepEqual(placeTag([500, 500], size, picture, [{left: 0, top: 0, right: 360, bottom: 400}]), [300, 400], 'no room beside it: in the picture');
 });

@@ -6,6 +6,7 @@ import {Box3, Group, Quaternion, Vector3} from 'three';
 import {h} from './dom.js';
 import * as format from './format.js';
 import {MachineModel} from './machine_model.js';
+import {placeTag} from './tag_place.js';
 
 /** Okabe and Ito's colours, which all eyes tell apart; the name in the tag says it as well. */
 export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
@@ -103,7 +104,7 @@ export class Machines {
     return box.isEmpty() ? null : box;
   }
 
-  /** Puts tags above the buckets, and beside what lies over the picture. */
+  /** Puts tags above the buckets. */
   placeTags() {
     const over = kOver.map((id) => document.getElementById(id)).map((e) => ({
       left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
@@ -115,14 +116,7 @@ export class Machines {
       const inside = px && px[0] > -40 && px[0] < this.stage.width + 40 && px[1] > -20 && px[1] < this.stage.height + 20;
       m.tag.classList.toggle('away', !inside || !this.group.visible);
       if (!inside) continue;
-      const half = m.tag.offsetWidth / 2, high = m.tag.offsetHeight;
-      let [x, y] = px;
-      for (const box of over) {
-        if (x + half < box.left || x - half > box.right || y < box.top || y - high > box.bottom) continue;
-        if (box.right < this.stage.width / 2 && box.bottom - box.top > box.right - box.left) x = box.right + 4 + half;
-        else if (box.left > this.stage.width / 2) x = box.left - 4 - half;
-        else y = box.top - 4;
-      }
+      const [x, y] = placeTag(px, {width: m.tag.offsetWidth, height: m.tag.offsetHeight}, this.stage, over);
       m.tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -100%)`;
     }
   }
