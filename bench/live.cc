@@ -22,7 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kApart_m = 8;
+/// From one machine to the next, which dig neither at one place nor in step.
+constexpr double kApart_m = 8, kApart_s = 0.8;
 
 fs::path scenario(const fs::path& folder, int machines, bool soil, const std::string& terrain) {
   const fs::path file = folder / "site.yaml";
@@ -74,12 +75,14 @@ Fed feed(unsigned short port, int machines, double hz, double seconds) {
       for (int i = 0; i < count; ++i) {
         // Machines don't beat in time.
         const double due_s = (i + static_cast<double>(m) / machines) / hz;
-        std::this_thread::sleep_until(begin + std::chrono::duration_cast<Clock::duration>(
-                                                  std::chrono::duration<double>(due_s)));
-        const std::string line = state(m, i / hz, 0.02);
-        const Stopwatch watch;
-        const std::string answer = connection.ask(line);
-        mine.ms.push_back(watch.us() / 1e3);
+        const Clock::time_point due = begin + std::chrono::duration_cast<Clock::duration>(
+                                                  std::chrono::duration<double>(due_s));
+        // A state that is late since the one before it wasn't answered has waited since it was due.
+        const bool late = Clock::now() > due;
+        std::this_thread::sleep_until(due);
+        const Clock::time_point sent = late ? due : Clock::now();
+        const std::string answer = connection.ask(state(m, i / hz + kApart_s * m, 0.02));
+        mine.ms.push_back(std::chrono::duration<double, std::milli>(Clock::now() - sent).count());
         if (answer.find("cut_m3") == std::string::npos) ++mine.lost;
       }
     });

@@ -235,6 +235,9 @@ inline constexpr float kFilm = 0.05f;
 /// beginning does.
 inline constexpr double kRestTolerance = 0.0087;
 inline constexpr int kMostSteps = 500, kMostTries = 3;
+/// Steps times columns that soil is brought along at once while the bucket is on its way, and steps
+/// at least. More: updates take longer. Less: slopes behind a bucket stand too steep for longer.
+inline constexpr int kBriefSteps = 120'000, kLeastBriefSteps = 20;
 /// How far drops and fluxes may still be from each other at rest, as share of repose. More: soil
 /// may have gone farther than it would.
 inline constexpr float kFluxTolerance = 0.04f;
@@ -252,7 +255,8 @@ inline constexpr double kOwed = 1e-13;
 inline constexpr int kMostRounds = 100;
 /// Change of height at a grid's edge that counts, sides.
 inline constexpr double kNoticed = 0.1;
-/// Rows that a thread works on at least. Less: threads wait for each other.
-inline constexpr int kBandRows = 24;
+/// Rows and columns that a thread works on at least. Less: threads wait for each other, and where
+/// something else has the other core, for that.
+inline constexpr int kLeastBandRows = 24, kLeastBandColumns = 3000;
 
 }  // namespace soilvdb::inline v0

@@ -152,9 +152,13 @@ FluxRow FluxGrid::row(int y) {
   return r;
 }
 
+int FluxGrid::count_bands() const {
+  return std::max(1, std::min(ny_ / kLeastBandRows, nx_ * ny_ / kLeastBandColumns));
+}
+
 template <class F>
 void FluxGrid::in_bands(const F& band) const {
-  const int bands = std::max(1, ny_ / kBandRows);
+  const int bands = count_bands();
   if (bands == 1) return band(0, ny_);
   tbb::parallel_for(std::size_t{0}, static_cast<std::size_t>(bands), [&](std::size_t i) {
     const int b = static_cast<int>(i);
@@ -210,7 +214,7 @@ double FluxGrid::step(float momentum) {
       if (y - 1 > first) settle(row(y - 1), false);
     }
   });
-  const int bands = std::max(1, ny_ / kBandRows);
+  const int bands = count_bands();
   for (int b = 0; b < bands; ++b) {
     const int first = b * ny_ / bands, last = (b + 1) * ny_ / bands - 1;
     settle(row(first), false);

@@ -70,6 +70,7 @@ class FluxGrid {
   using Array = std::vector<float>;
   float brink(std::size_t i, std::ptrdiff_t to) const;
   FluxRow row(int y);
+  int count_bands() const;
   template <class F>
   void in_bands(const F& band) const;
   void settle_by(const Array* fluxes, bool all);

@@ -3,10 +3,10 @@
 #include "core/settle/ledges.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <deque>
-
-#include "core/lattice/cell_counts.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -23,11 +23,80 @@ struct Run {
   int root = kNone;  ///< the column with ground below that it hangs on
 };
 
-/// A box of soil as runs of its columns, from below.
+/// Which cells of a chunk's columns hold soil, from below: eight bits each.
+using Rows = std::array<std::uint8_t, kChunkVoxels / kChunkSide>;
+
+Rows rows_with_soil(const Soil& soil, const Coord3& origin) {
+  Rows rows{};
+  const Chunk* chunk = soil.find(origin);
+  if (chunk != nullptr && chunk->cold_record == 0) {
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      rows[i] =
+          static_cast<std::uint8_t>(chunk->samples.any_of_row(kChunkSide * static_cast<int>(i)));
+    return rows;
+  }
+  SampleWords words;
+  soil.read_samples(origin, words);
+  for (std::size_t n = 0; n < words.size(); ++n)
+    rows[n / kChunkSide] |= static_cast<std::uint8_t>((words[n] != 0) << n % kChunkSide);
+  return rows;
+}
+
+/// Columns of a box, by x then y.
+class ColumnSet {
+ public:
+  explicit ColumnSet(const Eigen::AlignedBox3i& box)
+      : nx_(box.sizes().x() + 1),
+        ny_(box.sizes().y() + 1),
+        has_(static_cast<std::size_t>(nx_ * ny_)) {}
+
+  bool has(int x, int y) const { return has_[static_cast<std::size_t>(x * ny_ + y)]; }
+  bool empty() const { return empty_; }
+  /// With its neighbours.
+  void add(int x, int y) {
+    empty_ = false;
+    for (const auto& [dx, dy] : {std::pair(0, 0), {-1, 0}, {1, 0}, {0, -1}, {0, 1}})
+      if (x + dx >= 0 && y + dy >= 0 && x + dx < nx_ && y + dy < ny_)
+        has_[static_cast<std::size_t>((x + dx) * ny_ + y + dy)] = true;
+  }
+
+ private:
+  int nx_, ny_;
+  bool empty_ = true;
+  std::vector<bool> has_;
+};
+
+/// Columns with soil above air, which are few, and those beside them, which that may hang on.
+ColumnSet hanging_columns(const Soil& soil, const Eigen::AlignedBox3i& box) {
+  ColumnSet hanging(box);
+  const Coord3 first = box.min().unaryExpr(&chunk_floor);
+  for (int x = first.x(); x <= box.max().x(); x += kChunkSide) {
+    for (int y = first.y(); y <= box.max().y(); y += kChunkSide) {
+      std::array<bool, std::tuple_size_v<Rows>> air{};  // of columns, somewhere below
+      for (int z = first.z(); z <= box.max().z(); z += kChunkSide) {
+        const Rows rows = rows_with_soil(soil, {x, y, z});
+        const int low = std::max(box.min().z() - z, 0);
+        const unsigned all = 0xffu >> (low + std::max(z + kChunkSide - 1 - box.max().z(), 0));
+        for (std::size_t c = 0; c < rows.size(); ++c) {
+          const Coord3 at(x + static_cast<int>(c) / kChunkSide,
+                          y + static_cast<int>(c) % kChunkSide, z + low);
+          const unsigned cells = (unsigned{rows[c]} >> low) & all;
+          if (cells != 0 && (air[c] || (cells & (cells + 1)) != 0) && box.contains(at))
+            hanging.add(at.x() - box.min().x(), at.y() - box.min().y());
+          air[c] = air[c] || cells != all;
+        }
+      }
+    }
+  }
+  return hanging;
+}
+
+/// Columns of a box of soil as runs, from below.
 class Runs {
  public:
-  Runs(const Soil& soil, const Eigen::AlignedBox3i& cells)
+  Runs(const Soil& soil, const Eigen::AlignedBox3i& cells, const ColumnSet& wanted)
       : box_(cells),
+        wanted_(wanted),
         nx_(cells.sizes().x() + 1),
         ny_(cells.sizes().y() + 1),
         columns_(static_cast<std::size_t>(nx_ * ny_)) {
@@ -40,7 +109,6 @@ class Runs {
   int columns() const { return nx_ * ny_; }
   Coord2 cell(int c) const { return box_.min().head<2>() + Coord2(c / ny_, c % ny_); }
   const std::vector<Run>& of(int c) const { return columns_[static_cast<std::size_t>(c)]; }
-  bool any_hang() const { return any_hang_; }
 
   /// Whatever bank hangs on a column that has ground below gets it as its root.
   void hold_from_ground() {
@@ -63,30 +131,37 @@ class Runs {
 
  private:
   void read(const Soil& soil, const Coord3& origin) {
+    std::vector<std::size_t> rows;
+    const Coord3 corner = origin - box_.min();
+    for (int i = 0; i < kChunkSide; ++i) {
+      for (int j = 0; j < kChunkSide; ++j) {
+        const int x = corner.x() + i, y = corner.y() + j;
+        if (x >= 0 && y >= 0 && x < nx_ && y < ny_ && wanted_.has(x, y))
+          rows.push_back(static_cast<std::size_t>(kChunkSide * i + j));
+      }
+    }
+    if (rows.empty()) return;
     SampleWords words, loose;
-    CellCounts counts, loose_counts;
     soil.read_samples(origin, words);
     soil.read_loose(origin, loose);
-    count_cells(words, counts);
-    count_cells(loose, loose_counts);
-    for (int n = 0; n < kChunkVoxels; ++n) {
-      const Coord3 at = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
-      const int all = counts[static_cast<std::size_t>(n)];
-      const int bank = all - loose_counts[static_cast<std::size_t>(n)];
-      if (all == 0 || !box_.contains(at)) continue;
+    for (const std::size_t row : rows) {
       std::vector<Run>& runs = columns_[static_cast<std::size_t>(
-          column(at.x() - box_.min().x(), at.y() - box_.min().y()))];
-      if (runs.empty() || runs.back().high < at.z() - 1) {
-        runs.push_back({at.z(), at.z()});
-        any_hang_ = any_hang_ || at.z() > box_.min().z();
+          column(corner.x() + static_cast<int>(row) / kChunkSide,
+                 corner.y() + static_cast<int>(row) % kChunkSide))];
+      for (int k = 0; k < kChunkSide; ++k) {
+        const std::size_t n = kChunkSide * row + static_cast<std::size_t>(k);
+        const int z = origin.z() + k;
+        if (words[n] == 0 || z < box_.min().z() || z > box_.max().z()) continue;
+        if (runs.empty() || runs.back().high < z - 1) runs.push_back({z, z});
+        Run& run = runs.back();
+        run.high = z;
+        run.loose += std::popcount(loose[n]);
+        const int bank = std::popcount(words[n] & ~loose[n]);
+        if (bank == 0) continue;
+        if (run.bank == 0) run.bank_low = z;
+        run.bank_high = z;
+        run.bank += bank;
       }
-      Run& run = runs.back();
-      run.high = at.z();
-      run.loose += all - bank;
-      if (bank == 0) continue;
-      if (run.bank == 0) run.bank_low = at.z();
-      run.bank_high = at.z();
-      run.bank += bank;
     }
   }
 
@@ -116,8 +191,8 @@ class Runs {
   }
 
   Eigen::AlignedBox3i box_;
+  const ColumnSet& wanted_;
   int nx_, ny_;
-  bool any_hang_ = false;
   std::vector<std::vector<Run>> columns_;
   std::deque<std::pair<int, std::size_t>> next_;
 };
@@ -139,8 +214,9 @@ struct Ledge {
 std::vector<Loosened> find_ledges(const Soil& soil, const Eigen::AlignedBox3i& cells,
                                   const LedgeStrength* strength, BeyondBox& beyond) {
   std::vector<Loosened> found;
-  Runs runs(soil, cells);
-  if (!runs.any_hang()) return found;
+  const ColumnSet hanging = hanging_columns(soil, cells);
+  if (hanging.empty()) return found;
+  Runs runs(soil, cells, hanging);
   runs.hold_from_ground();
   beyond.holds = runs.hold_from_sides();
   std::vector<Ledge> ledges(static_cast<std::size_t>(runs.columns()));

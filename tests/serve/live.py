@@ -10,6 +10,7 @@ import subprocess
 import urllib.error
 import urllib.request
 import zlib
+from pathlib import Path
 
 import numpy as np
 import websockets
@@ -70,6 +71,10 @@ class Server:
     def kill(self):
         self.process.kill()
         self.process.wait()
+
+    def rss_kb(self):
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
 
     def get(self, path, headers=None):
         """Status and body."""

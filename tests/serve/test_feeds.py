@@ -1,7 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
 """What a feed takes, and what it refuses as no machine does it."""
+import asyncio
+import json
+import socket
+import threading
+import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from live import Server, passes, scenario
 
@@ -119,3 +125,53 @@ def test_a_time_far_ahead_locks_no_machine_out(tmp_path):
         assert ["error" in a for a in answers] == [True, False, False, True]
         answers = server.feed([at(80_001, "plate"), at(80_001.5)])
         assert not [a for a in answers if "error" in a]
+
+
+def test_a_hundred_clients_half_of_them_stalled_hold_up_no_update(tmp_path):
+    with Server(scenario(tmp_path, "soil: {repose_angle: 0.6}\n"), cwd=tmp_path) as server:
+        def median_ms(begin):
+            async def work():
+                times = []
+                async with server.connect("/feed") as feed:
+                    for state in passes("digger", 0.0, 0.25, 300, begin):
+                        sent = time.perf_counter()
+                        await feed.send(json.dumps(state))
+                        assert "error" not in json.loads(await feed.recv())
+                        times.append(1e3 * (time.perf_counter() - sent))
+                return sorted(times)[len(times) // 2]
+            return asyncio.run(work())
+
+        def stalled(request):
+            client = socket.socket()
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            client.connect((address.hostname, address.port))
+            client.sendall(request)
+            return client
+
+        def watch():
+            async def work():
+                async with server.connect("/view") as viewer:
+                    while not done.is_set():
+                        await viewer.recv()  # there is a state a second at least
+            asyncio.run(work())
+
+        address, done = urlsplit(server.url), threading.Event()
+        alone = median_ms(0.0)
+        view = (f"GET /view HTTP/1.1\r\nHost: {address.netloc}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+                "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n")
+        large = f"GET /soil.vdb HTTP/1.1\r\nHost: {address.netloc}\r\n\r\n"
+        clients = [stalled((view if i < 30 else large if i < 40 else view[:60]).encode()) for i in range(50)]
+        viewers = [threading.Thread(target=watch) for _ in range(50)]
+        for thread in viewers:
+            thread.start()
+        before = server.rss_kb()
+        beside = [median_ms(10.0 * (i + 1)) for i in range(3)]
+        done.set()
+        for thread in viewers:
+            thread.join()
+        assert server.rss_kb() < before + 100_000
+        for client in clients:
+            client.close()
+        # Threads of this test take a core from the server; what waits for the stalled ones takes seconds.
+        assert min(beside) < 10 * alone + 5
+        assert server.json("/summary.json")["updates"] == 1200
