@@ -61,7 +61,7 @@ class Earthworks {
   /// Soil in and around a box comes to rest: ledges break off, cuts that are too high for the
   /// bank's cohesion fail, and loose soil that stands too steep slides.
   /// @param bank_fails false: cuts stay as they are for now, however high
-  /// @param pace kBrief: as far as it comes in about a millisecond, which is a number of steps
+  /// @param pace kBrief: as far as it comes in a millisecond or two, which is a number of steps
   /// @return around what isn't at rest yet, which may be beyond; empty: all is
   enum class Pace { kBrief, kWhole };
   Eigen::AlignedBox3d settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
