@@ -119,13 +119,15 @@ class Block:
         self.block, self.resident, self.size = tuple(block), low | high << 32, len(message)
         at = 36
 
-        def array(count, dtype):
+        def numbers(count, dtype):
             nonlocal at
             width = np.dtype(dtype).itemsize
             planes = np.frombuffer(data, np.uint8, count * width, at).reshape(width, count)
             at += count * width
-            steps = np.ascontiguousarray(planes.T).view(dtype).reshape(count)
-            return np.cumsum(steps, dtype=dtype)
+            return np.ascontiguousarray(planes.T).view(dtype).reshape(count)
+
+        def array(count, dtype):
+            return np.cumsum(numbers(count, dtype), dtype=dtype)
         self.lattice = np.stack([array(n, "<u2") for _ in range(3)], axis=1) if n else np.zeros((0, 3))
         self.lattice = self.lattice.astype(np.int64) - 8192 + 1024 * np.array(block)
         self.points = np.array(origin) + voxel * self.lattice / 1024
@@ -134,7 +136,10 @@ class Block:
             if flags & 1:
                 self.design = array(n, "<u2").view("<i2") / 1000
             self.loose = array(n, "<u2") / 65535
-            self.triangles = array(3 * m, "<u4" if n > 65535 else "<u2").reshape(m, 3)
+            back = numbers(3 * m, "<u4" if n > 65535 else "<u2").astype(np.int64)
+            new = back == 0
+            self.triangles = (np.cumsum(new) - new - back).reshape(m, 3)
+            assert self.triangles.min() >= 0 and new.sum() == n
         assert not n or at == len(data)
 
 

@@ -13,30 +13,33 @@ import {placeTag} from '../../tools/view/src/tag_place.js';
 
 /** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
 function planes(values, bytes) {
-  const of = Array.from({length: bytes}, () => []);
-  let before = 0n;
-  const modulus = 1n << BigInt(8 * bytes);
-  for (const v of values.map(BigInt)) {
-    const difference = (((v - before) % modulus) + modulus) % modulus;
-    for (let b = 0; b < bytes; ++b) of[b].push(Number((difference >> BigInt(8 * b)) & 255n));
-    before = v;
-  }
-  return Buffer.from(of.flat());
+  const modulus = 2 ** (8 * bytes);
+  return plain(values.map((v, i) => (v - (i > 0 ? values[i - 1] : 0) + modulus) % modulus), bytes);
 }
 
-function message({first = [32, -64, 1e6 * 32], view = 7, lo = 0x80000001, hi = 5, points, change, design, loose, index}) {
+function plain(values, bytes) {
+  return Buffer.from(Array.from({length: bytes}, (_, b) => values.map((v) => Math.floor(v / 256 ** b) % 256)).flat());
+}
+
+/** Corners as the text has them: 0 for the next vertex, else how far back it is. */
+function counted(index) {
+  let next = 0;
+  return index.map((v) => (v === next ? 0 * next++ : next - v));
+}
+
+function message({first = [32, -64, 1e6 * 32], view = 7, lo = 0x80000001, hi = 5, points, change, design, loose, index, corners = counted(index)}) {
   const n = points.length, head = Buffer.alloc(36);
   first.forEach((v, i) => head.writeInt32LE(v, 4 * i));
-  [view, lo, hi, n, index.length / 3, design ? 1 : 0].forEach((v, i) => head.writeUInt32LE(v, 12 + 4 * i));
+  [view, lo, hi, n, corners.length / 3, design ? 1 : 0].forEach((v, i) => head.writeUInt32LE(v, 12 + 4 * i));
   const u16 = (v) => v.map((x) => x & 0xffff);
   return Buffer.concat([head, ...[0, 1, 2].map((axis) => planes(points.map((p) => p[axis]), 2)), planes(u16(change), 2),
-    ...(design ? [planes(u16(design), 2)] : []), planes(loose, 2), planes(index, n > 65535 ? 4 : 2)]);
+    ...(design ? [planes(u16(design), 2)] : []), planes(loose, 2), plain(corners, n > 65535 ? 4 : 2)]);
 }
 
 const exact = (buffer) => buffer.buffer.slice(buffer.byteOffset, buffer.byteOffset + buffer.length);
 const triangle = {
   points: [[0, 65535, 8192], [65535, 0, 8193], [8192, 40960, 300]], change: [-32768, 32767, -1], design: [0, -32768, 12],
-  loose: [65535, 0, 1], index: [2, 0, 1],
+  loose: [65535, 0, 1], index: [0, 1, 2, 1, 0, 2],
 };
 
 test('a block is read back as it was written, whatever its differences wrap around', async () => {
@@ -53,8 +56,9 @@ test('a block is read back as it was written, whatever its differences wrap arou
 
 test('a block of more than 65535 vertices has indices of 32 bits', () => {
   const n = 70000, points = Array.from({length: n}, (_, i) => [i & 0xffff, 0, 0]), zeros = new Array(n).fill(0);
-  const block = decodeBlock(exact(message({points, change: zeros, loose: zeros, index: [n - 1, 0, 65536]})));
-  assert.deepEqual([...block.index], [n - 1, 0, 65536]);
+  const index = [...Array.from(zeros, (_, i) => i), 0, 65536];
+  const block = decodeBlock(exact(message({points, change: zeros, loose: zeros, index})));
+  assert.deepEqual([...block.index], index);
 });
 
 test('a block without a surface has no vertices', () => {
@@ -62,12 +66,13 @@ test('a block without a surface has no vertices', () => {
   assert.equal(block.points.length, 0);
 });
 
-test('what is no block is refused: too short, too long, an index beyond the vertices', () => {
+test('what is no block is refused: too short, too long, a corner beyond the vertices', () => {
   const good = exact(message(triangle));
   assert.throws(() => decodeBlock(good.slice(0, 20)), /no head/);
   for (let cut = 36; cut < good.byteLength; ++cut) assert.throws(() => decodeBlock(good.slice(0, cut)), /bytes, not/);
   assert.throws(() => decodeBlock(exact(Buffer.concat([Buffer.from(good), Buffer.alloc(1)]))), /bytes, not/);
-  assert.throws(() => decodeBlock(exact(message({...triangle, index: [0, 1, 3]}))), /an index 3/);
+  assert.throws(() => decodeBlock(exact(message({...triangle, corners: [0, 0, 3]}))), /a corner 3 before vertex 2/);
+  assert.throws(() => decodeBlock(exact(message({...triangle, corners: [0, 0, 0, 0, 1, 1]}))), /a corner 0 before vertex 3/);
 });
 
 /** As the shader looks chunks up, in the table's bare numbers. */

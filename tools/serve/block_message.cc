@@ -10,6 +10,7 @@
 #include <limits>
 #include <map>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "core/lattice/bytes.h"
@@ -23,21 +24,52 @@ namespace {
 /// vertices of neighbours that are the same point are then the same number but for whole blocks.
 constexpr double kPerVoxel = 1024;
 constexpr double kMargin = 8;
+/// Of those parts, to what places are rounded: 0.2 mm where voxels have 5 cm. Less: blocks of rough
+/// ground take more bytes. More: gentle slopes look like stairs.
+constexpr double kStep = 4;
 constexpr std::uint16_t kNoHeight = 0x8000;
 
-/// Appends differences from element to element, all low bytes first.
+/// Appends numbers of so many bytes, all low bytes first.
 template <typename T>
-void put_array(std::string& out, const std::vector<T>& values) {
+void put_numbers(std::string& out, const std::vector<T>& values, std::size_t bytes = sizeof(T)) {
   const std::size_t at = out.size(), n = values.size();
-  out.resize(at + n * sizeof(T));
-  T last = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto difference = static_cast<T>(values[i] - last);
-    last = values[i];
-    for (std::size_t byte = 0; byte < sizeof(T); ++byte)
-      out[at + byte * n + i] = static_cast<char>(difference >> (8 * byte) & 0xff);
-  }
+  out.resize(at + n * bytes);
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t byte = 0; byte < bytes; ++byte)
+      out[at + byte * n + i] = static_cast<char>(values[i] >> (8 * byte) & 0xff);
 }
+
+/// Appends differences from element to element.
+void put_array(std::string& out, std::vector<std::uint16_t> values) {
+  std::uint16_t last = 0;
+  for (std::uint16_t& value : values) {
+    const auto difference = static_cast<std::uint16_t>(value - last);
+    last = std::exchange(value, difference);
+  }
+  put_numbers(out, values);
+}
+
+/// A mesh's vertices in the order in which its triangles come to them, and for each corner of those
+/// 0 if its vertex is the next, else how many before the next it is: most are few.
+struct OrderedMesh {
+  std::vector<Eigen::Vector3f> points;
+  std::vector<std::uint32_t> corners;
+
+  explicit OrderedMesh(const Mesh& mesh) {
+    constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+    std::vector<std::uint32_t> place(mesh.points.size(), kNone);
+    const auto next = [&] { return static_cast<std::uint32_t>(points.size()); };
+    for (const auto& triangle : mesh.triangles) {
+      for (const std::uint32_t corner : triangle) {
+        const bool seen = place[corner] != kNone;
+        corners.push_back(seen ? next() - place[corner] : 0);
+        if (seen) continue;
+        place[corner] = next();
+        points.push_back(mesh.points[corner]);
+      }
+    }
+  }
+};
 
 /// Millimetres that a surface is above another, as far as 16 bits go.
 std::uint16_t millimetres(double above_m) {
@@ -118,7 +150,8 @@ std::string deflated(std::string_view bytes) {
   uLongf size = compressBound(bytes.size());
   std::string out(size, '\0');
   if (compress2(reinterpret_cast<Bytef*>(out.data()), &size,
-                reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(), 1) != Z_OK)
+                reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(),
+                Z_DEFAULT_COMPRESSION) != Z_OK)
     throw std::runtime_error("zlib can't compress");
   out.resize(size);
   return out;
@@ -127,7 +160,8 @@ std::string deflated(std::string_view bytes) {
 std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mesh,
                           std::uint32_t view, const Heights& before, const Heights& design,
                           bool soil_moves, const Soil* ground_before) {
-  const std::size_t n = mesh.points.size();
+  const OrderedMesh ordered(mesh);
+  const std::size_t n = ordered.points.size();
   std::string out;
   for (const int first : {block.x(), block.y(), block.z()})
     put(out, static_cast<std::int32_t>(first));
@@ -144,12 +178,13 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
   for (int axis = 0; axis < 3; ++axis) {
     const double first = kPerVoxel * (block[axis] - kMargin);
     for (std::size_t i = 0; i < n; ++i) {  // rounded before, so that neighbours do it alike
-      const double q = std::round(kPerVoxel * (double{mesh.points[i][axis]} / soil.voxel_size_m()));
+      const double voxels = double{ordered.points[i][axis]} / soil.voxel_size_m();
+      const double q = kStep * std::round(kPerVoxel / kStep * voxels);
       values[i] = static_cast<std::uint16_t>(std::clamp(q - first, 0.0, 65535.0));
     }
     put_array(out, values);
   }
-  for (const Eigen::Vector3f& p : mesh.points)
+  for (const Eigen::Vector3f& p : ordered.points)
     points.emplace_back(soil.origin() + p.cast<double>());
   std::vector<std::uint16_t> changes = above(points, before);
   if (ground_before != nullptr) {
@@ -157,7 +192,7 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
     Unchanged unchanged(soil, *ground_before);
     for (std::size_t i = 0; i < n; ++i)
       if (changes[i] != kNoHeight &&
-          unchanged.at(mesh.points[i].cast<double>() / soil.voxel_size_m()))
+          unchanged.at(ordered.points[i].cast<double>() / soil.voxel_size_m()))
         changes[i] = 0;
   }
   put_array(out, changes);
@@ -168,18 +203,7 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
             ? static_cast<std::uint16_t>(257 * std::lround(255 * io::looseness(soil, points[i])))
             : std::uint16_t{0};
   put_array(out, values);
-  const auto put_indices = [&](auto type) {
-    std::vector<decltype(type)> indices;
-    indices.reserve(3 * mesh.triangles.size());
-    for (const auto& triangle : mesh.triangles)
-      for (const std::uint32_t corner : triangle)
-        indices.push_back(static_cast<decltype(type)>(corner));
-    put_array(out, indices);
-  };
-  if (n > std::numeric_limits<std::uint16_t>::max())
-    put_indices(std::uint32_t{});
-  else
-    put_indices(std::uint16_t{});
+  put_numbers(out, ordered.corners, n > std::numeric_limits<std::uint16_t>::max() ? 4 : 2);
   return deflated(out);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// One block of surface as it comes from the server: a zlib stream of arrays coded as differences,
+// One block of surface as it comes from the server: a zlib stream of arrays, most of differences,
 // each array's low bytes before its high ones.
 
 /**
@@ -27,28 +27,32 @@ export async function inflate(buffer) {
   return new Response(stream).arrayBuffer();
 }
 
-/** Sums differences that lie in `planes` byte planes from `at` on into `out`, every `stride`. */
-function accumulate(bytes, at, count, planes, out, first, stride) {
-  let value = 0;
-  if (planes === 2) {
-    for (let i = 0, o = first; i < count; ++i, o += stride) {
-      value = (value + (bytes[at + i] | (bytes[at + count + i] << 8))) & 0xffff;
-      out[o] = value;
-    }
-  } else {
-    for (let i = 0; i < count; ++i) {
-      value = (value + (bytes[at + i] | (bytes[at + count + i] << 8) |
-                        (bytes[at + 2 * count + i] << 16) | (bytes[at + 3 * count + i] << 24))) >>> 0;
-      out[i] = value;
-    }
+/** Sums differences of 16 bits, low bytes from `at` on, into `out`, every `stride`. */
+function accumulate(bytes, at, count, out, first, stride) {
+  for (let i = 0, o = first, value = 0; i < count; ++i, o += stride) {
+    value = (value + (bytes[at + i] | (bytes[at + count + i] << 8))) & 0xffff;
+    out[o] = value;
   }
-  return at + planes * count;
+  return at + 2 * count;
+}
+
+/** Corners of triangles: 0 is the next vertex, other numbers count back from it. */
+function readCorners(bytes, at, planes, index, n) {
+  const count = index.length;
+  let next = 0;
+  for (let i = 0; i < count; ++i) {
+    let back = bytes[at + i] | (bytes[at + count + i] << 8);
+    if (planes === 4) back = (back | (bytes[at + 2 * count + i] << 16) | (bytes[at + 3 * count + i] << 24)) >>> 0;
+    index[i] = next - back;
+    if (back > next || (back === 0 && next >= n)) throw new Error(`a block of ${n} vertices has a corner ${back} before vertex ${next}`);
+    if (back === 0) ++next;
+  }
 }
 
 /**
  * @param {ArrayBuffer} buffer what inflate() gives
  * @return {Block}
- * @throws {Error} if it is shorter or longer than it says, or has an index beyond its vertices
+ * @throws {Error} if it is shorter or longer than it says, or has a corner beyond its vertices
  */
 export function decodeBlock(buffer) {
   if (buffer.byteLength < kHeadBytes) throw new Error(`a block of ${buffer.byteLength} bytes has no head`);
@@ -64,14 +68,11 @@ export function decodeBlock(buffer) {
   const design = designed ? new Int16Array(n) : null;
   const index = wide ? new Uint32Array(3 * m) : new Uint16Array(3 * m);
   let at = kHeadBytes;
-  for (let axis = 0; axis < 3; ++axis) at = accumulate(bytes, at, n, 2, points, axis, 3);
-  at = accumulate(bytes, at, n, 2, change, 0, 1);
-  if (design) at = accumulate(bytes, at, n, 2, design, 0, 1);
-  at = accumulate(bytes, at, n, 2, loose, 0, 1);
-  accumulate(bytes, at, 3 * m, wide ? 4 : 2, index, 0, 1);
-  for (const i of index) {
-    if (i >= n) throw new Error(`a block of ${n} vertices has an index ${i}`);
-  }
+  for (let axis = 0; axis < 3; ++axis) at = accumulate(bytes, at, n, points, axis, 3);
+  at = accumulate(bytes, at, n, change, 0, 1);
+  if (design) at = accumulate(bytes, at, n, design, 0, 1);
+  at = accumulate(bytes, at, n, loose, 0, 1);
+  readCorners(bytes, at, wide ? 4 : 2, index, n);
   return {
     bx: head.getInt32(0, true), by: head.getInt32(4, true), bz: head.getInt32(8, true),
     view: head.getUint32(12, true), lo: head.getUint32(16, true), hi: head.getUint32(20, true),
