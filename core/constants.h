@@ -235,9 +235,6 @@ inline constexpr float kFilm = 0.05f;
 /// beginning does.
 inline constexpr double kRestTolerance = 0.0087;
 inline constexpr int kMostSteps = 500, kMostTries = 3;
-/// Steps times columns that soil is brought along at once while the bucket is on its way, and steps
-/// at least. More: updates take longer. Less: slopes behind a bucket stand too steep for longer.
-inline constexpr int kBriefSteps = 240'000, kLeastBriefSteps = 20;
 /// How far drops and fluxes may still be from each other at rest, as share of repose. More: soil
 /// may have gone farther than it would.
 inline constexpr float kFluxTolerance = 0.04f;

@@ -109,49 +109,6 @@ TEST(CollapseLaws, WhatCollapsedIsAtRest) {
   }
 }
 
-/// Loose volume of what is above the base, m3.
-double soil_m3(const SoilColumns& ground) {
-  double soil = 0;
-  for (std::size_t c = 0; c < ground.top_m.size(); ++c) {
-    if (!ground.missing.empty() && ground.missing[c]) continue;
-    soil += ground.top_m[c] - ground.bank_m[c] +
-            kRepose.swell * (ground.bank_m[c] - std::min(ground.base_m[c], ground.bank_m[c]));
-  }
-  return soil * kSide * kSide;
-}
-
-TEST(CollapseLaws, BrokenOffAgainAndAgainSoilComesToTheSameRest) {
-  // What comes down first lies under what comes down next: soil may end up a little elsewhere.
-  constexpr int kSteps = 20, kMostGoes = 400;
-  constexpr double kRms = 0.15, kP99_deg = 1.5;
-  for (const SoilColumns& ground : grounds()) {
-    const double soil = soil_m3(ground);
-    SoilColumns now = ground;
-    int goes = 0;
-    for (bool rests = false; !rests; ++goes) {
-      ASSERT_LT(goes, kMostGoes);
-      const Collapse some = collapse(now, kRepose, kSteps);
-      EXPECT_LE(some.iterations, kSteps);
-      rests = some.rests;
-      now = after(now, some);
-      EXPECT_NEAR(soil_m3(now), soil, 1e-9 * soil);
-    }
-    EXPECT_GT(goes, 2);
-    EXPECT_EQ(collapse(now, kRepose, kSteps).iterations, 0) << "what rests does so at any pace";
-    const std::vector<double> steep = steepness(now, kRepose.slope, kDeep);
-    EXPECT_LE(steep[steep.size() * 99 / 100], kP99_deg);
-    const Collapse whole = collapse(ground, kRepose);
-    EXPECT_TRUE(whole.rests);
-    std::vector<double> off;
-    for (std::size_t c = 0; c < now.top_m.size(); ++c)
-      if (ground.missing.empty() || !ground.missing[c])
-        off.push_back((now.top_m[c] - whole.top_m[c]) / kSide);
-    const Error e = error_of(off);
-    RecordProperty("in_goes" + std::to_string(goes) + "_rms", std::to_string(e.rms));
-    EXPECT_LE(e.rms, kRms);
-  }
-}
-
 TEST(CollapseLaws, NothingMovesWhereNothingIsTooSteep) {
   SoilColumns ground = sampled(40, 30, [](double x, double y) {
     const double z = 0.45 * x + 0.5 * y + 0.03 * std::sin(x);

@@ -128,57 +128,6 @@ struct Roof {
   }
 };
 
-/// A wall of loose soil, 1.7 x 2.5 m, 3 m high.
-struct Wall {
-  Soil soil{kVoxel, Vec3::Zero(), make_plane(-kVoxel / 2, {0, 0})};
-  Earthworks works{soil, *loam().soil, {}};
-  const Eigen::AlignedBox3d box{Vec3(-0.8, -1.2, 0), Vec3(0.8, 1.2, 3)};
-
-  Wall() {
-    std::vector<ColumnChange> wall;
-    for (int x = -8; x <= 8; ++x)
-      for (int y = -12; y <= 12; ++y) wall.push_back({{x, y}, 0, 29, 64 * 30, false, 0, 0});
-    add_loose(soil, wall, kSlope);
-  }
-  double height(int x, int y) const { return GroundWindow(soil, {x, y}, 1, 1).at(0, 0).top; }
-};
-
-TEST(SoilAtRest, AWallComesToRestInManySmallGoesAsInOne) {
-  Wall once, often;
-  EXPECT_TRUE(once.works.settle(once.box, Obstacle{}, true).isEmpty());
-  const std::int64_t samples = loose_samples(often.soil);
-  const auto& books = often.works.books();
-  Eigen::AlignedBox3d left = often.box;
-  int goes = 0;
-  for (; !left.isEmpty(); ++goes) {
-    const std::int64_t moved = books.moved();
-    ASSERT_LT(goes, 100);
-    left = often.works.settle(left, Obstacle{}, true, Earthworks::Pace::kBrief);
-    if (!left.isEmpty()) EXPECT_GT(books.moved(), moved) << "each goes on";
-    EXPECT_EQ(loose_samples(often.soil) + books.in_flight / often.works.units().loose, samples);
-  }
-  EXPECT_GT(goes, 3);
-  const std::int64_t moved = books.moved();
-  EXPECT_TRUE(often.works.settle(often.box, Obstacle{}, true).isEmpty());
-  constexpr double kNoise = 0.02;  // of it moves again, as after one go: heights are counted
-  EXPECT_LT(static_cast<double>(books.moved() - moved), kNoise * static_cast<double>(moved))
-      << "it was at rest, also beyond the box that was asked for";
-  EXPECT_LT(over_repose(all_of(often.soil)).back(), 3 * kDegree);
-  constexpr double kRms = 0.5, kMost = 1.5;  // voxels, as from the truth of a collapsed wall
-  double most = 0, squares = 0;
-  int columns = 0;
-  for (int x = -40; x <= 40; ++x) {
-    for (int y = -40; y <= 40; ++y) {
-      const double a = once.height(x, y), off = often.height(x, y) - a;
-      most = std::max(most, std::abs(off));
-      squares += off * off;
-      columns += a > 0;
-    }
-  }
-  EXPECT_LT(std::sqrt(squares / columns), kRms);
-  EXPECT_LT(most, kMost);
-}
-
 TEST(SoilAtRest, ALooseRoofFallsWhetherItIsThickerOrThinnerThanTheGap) {
   for (const auto& [gap, thickness] : {std::pair(2, 5), {5, 2}, {1, 7}, {3, 3}}) {
     Roof roof(gap, thickness);

@@ -128,12 +128,11 @@ std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::
 
 struct Flowed {
   int steps = 0;            ///< on the columns themselves; 0: nothing was too steep
-  bool rests = true;        ///< false: it was for long enough
   double steepest_rad = 0;  ///< by how much soil is still steeper than repose
 };
 
 /// Lets soil flow until it is at rest, or for long enough. @param columns then hold what came of it
-Flowed flow(SoilColumns& columns, const Repose& repose, int most_steps) {
+Flowed flow(SoilColumns& columns, const Repose& repose) {
   const Ground ground(columns, repose.swell);
   FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
                 static_cast<float>(repose.swell));
@@ -146,18 +145,15 @@ Flowed flow(SoilColumns& columns, const Repose& repose, int most_steps) {
   grid.find_brinks();
   const auto beyond = [&](double rad) { return slope_beyond(repose.slope, rad); };
   const float steep = grid.unrest().steep;
-  if (steep <= beyond(repose.start_rad)) return {0, true, angle_beyond(repose.slope, steep)};
+  if (steep <= beyond(repose.start_rad)) return {0, angle_beyond(repose.slope, steep)};
 
-  // Fluxes of coarser columns take some steps to fit these: of few there are better none.
-  std::deque<FluxGrid> coarse;
-  if (most_steps >= kMostSteps) coarse = coarser_grids(grid);
+  std::deque<FluxGrid> coarse = coarser_grids(grid);
   for (std::size_t k = coarse.size(); k-- > 0;) {
     const auto sides = static_cast<float>(2 << k);  // of ours in one of theirs
     coarse[k].relax(kMostCoarseSteps, sides * beyond(kCoarseTolerance));
     (k > 0 ? coarse[k - 1] : grid).start_from(coarse[k]);
   }
-  const int most = std::min(kMostSteps, most_steps);
-  const int steps = grid.relax(most, beyond(kRestTolerance));
+  const int steps = grid.relax(kMostSteps, beyond(kRestTolerance));
 
   const std::vector<double> soil = soil_after(ground, grid, columns.top_m.size());
   ground.each(grid, [&](std::size_t c, std::size_t i) {
@@ -168,20 +164,19 @@ Flowed flow(SoilColumns& columns, const Repose& repose, int most_steps) {
     columns.bank_m[c] = std::min(columns.bank_m[c], columns.top_m[c]);
   });
   grid.forget_flux();
-  return {steps, steps < most, angle_beyond(repose.slope, grid.unrest().steep)};
+  return {steps, angle_beyond(repose.slope, grid.unrest().steep)};
 }
 
 }  // namespace
 
-Collapse collapse(const SoilColumns& columns, const Repose& repose, int most_steps) {
+Collapse collapse(const SoilColumns& columns, const Repose& repose) {
   SoilColumns now = columns;
   Collapse result;
-  for (int tries = 0; tries < kMostTries && result.iterations < most_steps; ++tries) {
-    const Flowed flowed = flow(now, repose, most_steps - result.iterations);
+  for (int tries = 0; tries < kMostTries; ++tries) {
+    const Flowed flowed = flow(now, repose);
     result.iterations += flowed.steps;
     result.steepest_rad = flowed.steepest_rad;
-    result.rests = flowed.rests;
-    if (flowed.rests) break;
+    if (flowed.steps < kMostSteps) break;
   }
   result.top_m = std::move(now.top_m);
   result.bank_m = std::move(now.bank_m);

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 namespace soilvdb::inline v0 {
@@ -28,9 +27,6 @@ struct Repose {
   double start_rad = 0.0175;
 };
 
-/// Steps of a collapse that goes on until soil is at rest.
-inline constexpr int kNoLimit = std::numeric_limits<int>::max();
-
 struct Collapse {
   std::vector<double> top_m;   ///< of each column; to the bit as it was where nothing moved
   std::vector<double> bank_m;  ///< what is above, and wasn't before, is loose
@@ -39,7 +35,6 @@ struct Collapse {
   double bank_m3 = 0, loose_m3 = 0, fill_m3 = 0;
   double steepest_rad = 0;  ///< by how much soil is still steeper than repose anywhere
   int iterations = 0;       ///< on the columns themselves; 0: nothing was too steep
-  bool rests = true;        ///< false: it was broken off, the rest is to come down later
   bool at_edge = false;     ///< soil came to or left the grid's outermost columns: it was too small
 };
 
@@ -63,12 +58,7 @@ struct Collapse {
 /// and is 0.2 to 0.8 side root mean square from the truth on the slope that ends there: columns
 /// that a brink cuts are only means. kMostTries may end it before: steepest_rad tells.
 ///
-/// Broken off after `most_steps`, soil is on its way: what came down is booked as if it stayed, and
-/// the next call goes on from there. The same mass, and in the end the same rest but for what
-/// several goes differ by.
-///
 /// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, 60 where it takes all tries.
-/// @param most_steps on the columns themselves
-Collapse collapse(const SoilColumns& columns, const Repose& repose, int most_steps = kNoLimit);
+Collapse collapse(const SoilColumns& columns, const Repose& repose);
 
 }  // namespace soilvdb::inline v0

@@ -46,7 +46,6 @@ struct Slope {
     }
     columns.bank_m = columns.base_m;
   }
-  int count() const { return size.x() * size.y(); }
   std::size_t at(int x, int y) const { return static_cast<std::size_t>(y * size.x() + x); }
   bool there(int x, int y) const {
     return x >= 0 && y >= 0 && x < size.x() && y < size.y() && columns.missing[at(x, y)] == 0;
@@ -112,33 +111,26 @@ Earthworks::Earthworks(Soil& soil, const Earthworks& other)
       books_(other.books_),
       base_(soil, other.base_) {}
 
-Eigen::AlignedBox3d Earthworks::settle(const Eigen::AlignedBox3d& around_m,
-                                       const Obstacle& obstacle, bool bank_fails, Pace pace) {
-  if (around_m.isEmpty()) return {};
+bool Earthworks::settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
+                        bool bank_fails) {
+  if (around_m.isEmpty()) return true;
   const Eigen::AlignedBox3i around(soil_.index_from_world(around_m.min()).unaryExpr(&cell_of),
                                    soil_.index_from_world(around_m.max()).unaryExpr(&cell_of));
   break_ledges(around, obstacle);
-  Settling settling{obstacle, bank_fails, pace, {}};
-  settle_columns({Coord2(around.min().head<2>()), Coord2(around.max().head<2>())}, settling);
-  if (settling.left.isEmpty()) return {};
-  Eigen::AlignedBox3d left_m = around_m;
-  const auto place_m = [&](const Coord2& cell) {
-    return Vec2(soil_.origin().head<2>() + soil_.voxel_size_m() * cell.cast<double>());
-  };
-  left_m.min().head<2>() = place_m(settling.left.min());
-  left_m.max().head<2>() = place_m(settling.left.max());
-  return left_m;
+  return settle_columns({Coord2(around.min().head<2>()), Coord2(around.max().head<2>())}, obstacle,
+                        bank_fails);
 }
 
-/// Lets soil come to rest in and around columns of cells.
-void Earthworks::settle_columns(Eigen::AlignedBox2i changed, Settling& settling) {
+/// Lets soil come to rest in and around columns of cells. @return whether all of it did
+bool Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle,
+                                bool bank_fails) {
   int axis;
   if (changed.sizes().maxCoeff(&axis) > kMostWindow / 2) {
     Eigen::AlignedBox2i low = changed, high = changed;
     low.max()[axis] = changed.center()[axis];
     high.min()[axis] = low.max()[axis] + 1;
-    settle_columns(low, settling);
-    return settle_columns(high, settling);
+    const bool low_rests = settle_columns(low, obstacle, bank_fails);
+    return settle_columns(high, obstacle, bank_fails) && low_rests;
   }
   int margin = kWindowMargin;
   for (int failures = 0, windows = 0; failures < kMostFailures && windows < kMostSlideWindows;) {
@@ -149,20 +141,15 @@ void Earthworks::settle_columns(Eigen::AlignedBox2i changed, Settling& settling)
     const Coord2 size = end - first;
     const bool last = size.maxCoeff() >= kMostWindow;
     std::optional<GroundWindow> window(std::in_place, base_, first, size.x(), size.y());
-    const auto failed = strength_ && settling.bank_fails
-                            ? fail(*window, changed, settling.obstacle, last)
-                            : std::optional(false);
+    const auto failed =
+        strength_ && bank_fails ? fail(*window, changed, obstacle, last) : std::optional(false);
     if (failed.value_or(false)) window.emplace(base_, first, size.x(), size.y());
     Eigen::AlignedBox2i beyond;
-    if (failed && slide(*window, settling, last, beyond)) {
-      if (!settling.left.isEmpty()) {
-        if (failed.value_or(false)) settling.left.extend(changed);
-        return;
-      }
+    if (failed && slide(*window, obstacle, last, beyond)) {
       if (failed.value_or(false)) {
         ++failures;  // what is left may fail, too
       } else if (beyond.isEmpty()) {
-        return;
+        return true;
       } else {  // it slides on
         changed = beyond;
         margin = kWindowMargin;
@@ -172,42 +159,32 @@ void Earthworks::settle_columns(Eigen::AlignedBox2i changed, Settling& settling)
       margin *= 2;
     }
   }
-  settling.left.extend(changed);
+  return false;
 }
 
 /// Lets what is too steep in a window slide. @param last whatever comes to its border
 /// @param beyond columns at its border that got soil
-/// @return false if the window is too small, and nothing was done; at brief pace it is never
-bool Earthworks::slide(const GroundWindow& window, Settling& settling, bool last,
+/// @return false if the window is too small, and nothing was done
+bool Earthworks::slide(const GroundWindow& window, const Obstacle& obstacle, bool last,
                        Eigen::AlignedBox2i& beyond) {
   if (!window.has_loose()) return true;
   const Coord2 size(window.nx(), window.ny());
-  if (window.has_hanging() && fall(window, settling.obstacle))
-    return slide({base_, window.first(), size.x(), size.y()}, settling, last, beyond);
-  const BlockedColumns blocked(window, settling.obstacle);
+  if (window.has_hanging() && fall(window, obstacle))
+    return slide({base_, window.first(), size.x(), size.y()}, obstacle, last, beyond);
+  const BlockedColumns blocked(window, obstacle);
   const Eigen::AlignedBox2i steep = steep_part(window, blocked, slope_);
   if (steep.isEmpty()) return true;
   const Eigen::AlignedBox2i whole(Coord2(0, 0), size - Coord2::Ones());
-  const bool brief = settling.pace == Pace::kBrief;
   for (int margin = kWindowMargin;; margin *= 2) {
     const Coord2 wide = Coord2::Constant(margin);
     const Eigen::AlignedBox2i around(steep.min() - wide, steep.max() + wide);
     const Eigen::AlignedBox2i part = whole.intersection(around);
     const Slope before(window, part, blocked);
-    const int steps = brief ? std::max(kLeastBriefSteps, kBriefSteps / before.count()) : kNoLimit;
-    const Collapse after =
-        collapse(before.columns, {slope_ + kNoiseSlope, 1 + properties_.swell}, steps);
+    const Collapse after = collapse(before.columns, {slope_ + kNoiseSlope, 1 + properties_.swell});
     if (after.iterations == 0) return true;
-    if (after.at_edge && !brief) {
-      if (!whole.contains(around) && !last) return false;
-      if (part.sizes() != whole.sizes()) continue;
-    }
-    const Moved moved = move(window, before.first, before.columns, after);
-    beyond = moved.at_border;
-    if (brief && !(after.rests && !after.at_edge)) {
-      settling.left.extend(moved.all);
-      settling.left.extend({window.first() + steep.min(), window.first() + steep.max()});
-    }
+    if (after.at_edge && !whole.contains(around) && !last) return false;
+    if (after.at_edge && part.sizes() != whole.sizes()) continue;
+    beyond = move(window, before.first, before.columns, after);
     return true;
   }
 }
@@ -236,9 +213,9 @@ bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
   return true;
 }
 
-/// Makes what collapsed samples.
-Earthworks::Moved Earthworks::move(const GroundWindow& window, const Coord2& corner,
-                                   const SoilColumns& before, const Collapse& after) {
+/// Makes what collapsed samples. @return columns at the window's border that got some
+Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& corner,
+                                     const SoilColumns& before, const Collapse& after) {
   const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * before.nx + x); };
   std::vector<ColumnChange> lowered, raised;
   double rises = 0;
@@ -273,9 +250,8 @@ Earthworks::Moved Earthworks::move(const GroundWindow& window, const Coord2& cor
   books_.in_flight += mass;
   books_.slid += mass;
   books_.gone_samples += taken.loose + taken.bank;
-  Moved moved;
-  for (const ColumnChange& c : lowered) moved.all.extend(c.cell);
-  if (raised.empty()) return moved;
+  Eigen::AlignedBox2i at_border;
+  if (raised.empty()) return at_border;
   WholeSamples share(static_cast<double>(books_.in_flight / units_.loose) / rises);
   for (ColumnChange& c : raised) {
     const Coord2 in_part = c.cell - window.first() - corner;
@@ -285,13 +261,12 @@ Earthworks::Moved Earthworks::move(const GroundWindow& window, const Coord2& cor
     const Coord2 to_border =
         (c.cell - window.first())
             .cwiseMin(window.first() + Coord2(window.nx(), window.ny()) - Coord2::Ones() - c.cell);
-    if (to_border.minCoeff() == 0 && rise > kFilm) moved.at_border.extend(c.cell);
-    moved.all.extend(c.cell);
+    if (to_border.minCoeff() == 0 && rise > kFilm) at_border.extend(c.cell);
   }
   const std::int64_t added = add_loose(soil_, raised, slope_);
   books_.in_flight -= added * units_.loose;
   books_.fill_samples += added;
-  return moved;
+  return at_border;
 }
 
 void Earthworks::save(std::string& out) const {

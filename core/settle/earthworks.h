@@ -61,11 +61,8 @@ class Earthworks {
   /// Soil in and around a box comes to rest: ledges break off, cuts that are too high for the
   /// bank's cohesion fail, and loose soil that stands too steep slides.
   /// @param bank_fails false: cuts stay as they are for now, however high
-  /// @param pace kBrief: as far as it comes in a millisecond or two, which is a number of steps
-  /// @return around what isn't at rest yet, which may be beyond; empty: all is
-  enum class Pace { kBrief, kWhole };
-  Eigen::AlignedBox3d settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle,
-                             bool bank_fails, Pace pace = Pace::kWhole);
+  /// @return false if some of it isn't at rest yet: it is to be called again
+  bool settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle, bool bank_fails);
 
   void save(std::string& out) const;
   void restore(const Books& books) { books_ = books; }
@@ -87,22 +84,11 @@ class Earthworks {
   std::optional<bool> fail(const GroundWindow& window, Eigen::AlignedBox2i& feet,
                            const Obstacle& obstacle, bool last);
   void loosen(Loosening& loosening);
-  /// What is done at one go, and what is left of it.
-  struct Settling {
-    const Obstacle& obstacle;
-    bool bank_fails;
-    Pace pace;
-    Eigen::AlignedBox2i left;  ///< columns that aren't at rest
-  };
-  void settle_columns(Eigen::AlignedBox2i changed, Settling& settling);
-  bool slide(const GroundWindow& window, Settling& settling, bool last,
+  bool settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle, bool bank_fails);
+  bool slide(const GroundWindow& window, const Obstacle& obstacle, bool last,
              Eigen::AlignedBox2i& beyond);
-  struct Moved {
-    Eigen::AlignedBox2i all;        ///< columns that soil left or came to
-    Eigen::AlignedBox2i at_border;  ///< those at the window's border that some came to
-  };
-  Moved move(const GroundWindow& window, const Coord2& corner, const SoilColumns& before,
-             const Collapse& after);
+  Eigen::AlignedBox2i move(const GroundWindow& window, const Coord2& corner,
+                           const SoilColumns& before, const Collapse& after);
 
   Soil& soil_;
   SoilProperties properties_;

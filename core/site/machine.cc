@@ -42,10 +42,10 @@ Update Machine::move(Soil& soil, const Pose& to) {
   const std::int64_t slid_before = slid();
   constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
   if (works_ != nullptr && placed_) {
-    if (travel_m(current_, to) == 0) stop(soil, kNever, Rest::kAll);
+    if (travel_m(current_, to) == 0) stop(soil, kNever, true);
     for (const Pose& station : stations(soil, to)) {
       follow(soil, plan(soil, station), kNever);
-      stop(soil, kNever, rest_at_station());
+      stop(soil, kNever, ++stations_ >= kRestStations);
     }
   }
   follow(soil, plan(soil, to), kNever);
@@ -61,7 +61,7 @@ Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double en
     for (const auto& [time_s, still] : stops(soil, motion, begin_s, end_s)) {
       pass_rows(motion, from_s, time_s);
       follow(soil, plan(soil, motion, from_s, time_s), time_s);
-      stop(soil, time_s, still ? Rest::kAll : rest_at_station());
+      stop(soil, time_s, still || ++stations_ >= kRestStations);
       from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);

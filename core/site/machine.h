@@ -8,7 +8,6 @@
 #include <string_view>
 #include <vector>
 
-#include "core/constants.h"
 #include "core/cut/excavator.h"
 #include "core/settle/earthworks.h"
 #include "soilvdb/bucket.h"
@@ -57,7 +56,7 @@ class Machine {
   /// What the bucket pushes, holds too much of or leaves behind comes to rest.
   /// Cuts fail once the bucket is out of the ground: while it works in them it props them, and they
   /// are seen whole; here they do in any case.
-  void come_to_rest(Soil& soil, double time_s) { stop(soil, time_s, Rest::kAll, true); }
+  void come_to_rest(Soil& soil, double time_s) { stop(soil, time_s, true, true); }
   /// Pushed by the body and not yet come down, units of mass.
   std::int64_t pushed() const { return pushed_; }
 
@@ -81,10 +80,7 @@ class Machine {
   void book(const Cut& cut);
   void dump(const Soil& soil, const Pose& at, double time_s);
   Update since(const Ledger& before, std::int64_t slid_before) const;
-  /// On its way soil comes down a little at each stop, so that none takes long.
-  enum class Rest { kLater, kBriefly, kAll };
-  Rest rest_at_station() { return ++stations_ >= kRestStations ? Rest::kBriefly : Rest::kLater; }
-  void stop(Soil& soil, double time_s, Rest rest, bool ends = false);
+  void stop(Soil& soil, double time_s, bool rests, bool ends = false);
   std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
   struct Stop {

@@ -63,9 +63,9 @@ void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
   }
 }
 
-/// What the bucket pushes and holds too much of falls. @param rest of what it left: in the air it
-/// begins to come to rest in any case @param ends cuts fail though it is in the ground
-void Machine::stop(Soil& soil, double time_s, Rest rest, bool ends) {
+/// What the bucket pushes and holds too much of falls. @param rests what it left comes to rest, as
+/// it does when the bucket leaves the ground @param ends cuts fail though it is in the ground
+void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
   if (!placed_) return;
   const Pose& at = current_;
   const Pose here[] = {at};
@@ -92,11 +92,11 @@ void Machine::stop(Soil& soil, double time_s, Rest rest, bool ends) {
       ledger_.spilled += spill;
       works_->drop(at * hold.spill, spill, time_s, obstacle);
     }
-    if (rest != Rest::kLater || in_air) {
-      if (bank_fails) unsettled_m_ = std::exchange(propped_m_, Eigen::AlignedBox3d());
-      using Pace = Earthworks::Pace;
-      unsettled_m_ = works_->settle(unsettled_m_, obstacle, bank_fails,
-                                    rest == Rest::kAll ? Pace::kWhole : Pace::kBrief);
+    if (rests || in_air) {
+      const bool done =
+          works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
+      if (done) unsettled_m_.setEmpty();
+      if (done && bank_fails) propped_m_.setEmpty();
       stations_ = 0;
     }
     note_leaning(soil, at);

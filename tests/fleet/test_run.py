@@ -255,7 +255,9 @@ def test_jobs_that_fail_are_listed_and_the_others_done(tmp_path):
     out = tmp_path / "out"
     done = fleet_run(manifest, out, "--workers", 2)
     assert done.returncode == 1
-    assert done.stderr == f"soilvdb: 1 of 3 jobs have no result, see {out}/failed.csv\n"
+    assert done.stderr.startswith(f"soilvdb: without a result: 1 of 3 jobs, see {out}/failed.csv; "
+                                  f"'bad': {tmp_path}/bad.yaml:2: unknown key 'voxl_size'")
+    assert done.stderr.count("\n") == 1
     assert [row["job"] for row in rows(out / "results.csv")] == ["good", "other"]
     failed, = rows(out / "failed.csv")
     assert (failed["job"], failed["exit_status"]) == ("bad", "2")

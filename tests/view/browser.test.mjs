@@ -177,7 +177,7 @@ looking('on a phone nothing is wider than the screen or under what is over the p
       assert.ok(tag.x >= box.x + box.width || tag.x + tag.width <= box.x || tag.y >= box.y + box.height || tag.y + tag.height <= box.y,
         `${JSON.stringify(tag)} lies under ${JSON.stringify(box)}`);
     }
-    assert.ok(tag.x >= 0 && tag.x + tag.width <= 360);
+    assert.ok(tag.x >= 0 && tag.x + tag.width <= 360, `${JSON.stringify(tag)} is out of the picture`);
   };
   await clear();
   for (let n = 0; n < 12; ++n) {   // the machine goes over the picture, below all that is there

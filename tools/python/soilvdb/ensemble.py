@@ -144,9 +144,9 @@ class Ensemble:
                                                     rotations)
         else:
             turn = np.array((0.0, 0.0, 0.0, 1.0) if rotation is None else rotation, dtype=float)
-            positions = np.tile(np.asarray(position, dtype=float), (own.clones, 1))
+            positions = np.broadcast_to(np.asarray(position, dtype=float), (own.clones, 3))
             rotations = (turned(turn, own.rotation.at(elapsed_s)) if own.rotation else
-                         np.tile(turn, (own.clones, 1)))
+                         np.broadcast_to(turn, (own.clones, 4)))
         if own.position:
             positions = positions + own.position.at(elapsed_s)
         try:

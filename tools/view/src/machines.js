@@ -116,7 +116,8 @@ export class Machines {
       const inside = px && px[0] > -40 && px[0] < this.stage.width + 40 && px[1] > -20 && px[1] < this.stage.height + 20;
       m.tag.classList.toggle('away', !inside || !this.group.visible);
       if (!inside) continue;
-      const [x, y] = placeTag(px, {width: m.tag.offsetWidth, height: m.tag.offsetHeight}, this.stage, over);
+      // Its sides may lie between pixels, which these don't say.
+      const [x, y] = placeTag(px, {width: m.tag.offsetWidth + 1, height: m.tag.offsetHeight + 1}, this.stage, over);
       m.tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -100%)`;
     }
   }

@@ -93,7 +93,7 @@ def _job(cells: list[str], header: list[str], file: Path, out: Path, at: str) ->
     scenario = Path(os.path.abspath(file.parent / row["scenario"]))
     if not _is_file(scenario):
         raise InputError(f"{at}: there is no scenario '{row['scenario']}' in {file.parent}; "
-                         "its path from there is right")
+                         "give its path as seen from there")
     numbers: dict[str, Any] = {key: _number(key, row.get(key, ""), at) for key in RANGES}
     return Job(name, row["scenario"], scenario, Path(os.path.abspath(out)) / name, **numbers)
 

@@ -65,8 +65,9 @@ def main(arguments: argparse.Namespace) -> int:
           f"{out / 'results.csv'}")
     if not failures:
         return 0
-    print(f"soilvdb: {len(failures)} of {len(jobs)} jobs have no result, see {out / 'failed.csv'}",
-          file=sys.stderr)
+    name, error = next(iter(failures.items()))
+    print(f"soilvdb: without a result: {len(failures)} of {len(jobs)} jobs, see {out / 'failed.csv'}; "
+          f"'{name}': {error.message}", file=sys.stderr)
     return 1
 
 
