@@ -10,7 +10,9 @@
 #include "core/settle/column_samples.h"
 #include "core/settle/earthworks.h"
 #include "core/settle/obstacle.h"
+#include "io/snapshot/cold_file.h"
 #include "tests/earthmoving_fixture.h"
+#include "tests/temp_folder.h"
 
 namespace soilvdb::testing {
 namespace {
@@ -207,6 +209,79 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
     for (int x = 0; x < 11; ++x)
       for (int y = 0; y < 11; ++y) EXPECT_LT(window.at(x, y).top, most) << depth;
     EXPECT_GT(loose_samples(soil), 11 * 11 * 4 * 64);
+  }
+}
+
+TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
+  for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> cut;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -4; x <= 4; ++x) {
+      for (int y = -4; y <= 4; ++y) {
+        const bool slot = std::max(std::abs(x), std::abs(y)) == 4;
+        // On one side there is no slot, and the ground is as it was.
+        if (x * dx + y * dy == 4) continue;
+        cut.push_back({{x, y}, -8, slot ? 0 : -5, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, cut, kSlope, true);
+    const std::uint64_t before = soil.state_hash();
+    works.settle({Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)}, Obstacle{}, true);
+    EXPECT_EQ(works.books().gone_samples, 0) << dx << ' ' << dy;
+    EXPECT_EQ(soil.state_hash(), before) << dx << ' ' << dy;
+  }
+}
+
+TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
+  const test::TempFolder folder;
+  std::vector<std::uint64_t> hashes;
+  for (const bool cold : {false, true}) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> cut;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -6; x <= 6; ++x) {
+      for (int y = -6; y <= 6; ++y) {
+        const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
+        cut.push_back({{x, y}, -7, slot ? 0 : -4, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, cut, kSlope, true);
+    if (cold) {
+      soil.limit_memory(1, std::make_shared<io::ColdFile>(folder.path()));
+      EXPECT_THROW(soil.page_out(), std::runtime_error);
+      for (const Chunk* chunk : soil.chunks()) ASSERT_NE(chunk->cold_record, 0);
+    }
+    works.settle({Vec3(-0.6, -0.6, -0.7), Vec3(0.6, 0.6, 0)}, Obstacle{}, true);
+    EXPECT_GT(works.books().gone_samples, 0);
+    hashes.push_back(soil.state_hash());
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+}
+
+TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
+  for (int z = -9; z <= -1; ++z) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> above, below;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -6; x <= 6; ++x) {
+      for (int y = -6; y <= 6; ++y) {
+        const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
+        if (!slot) above.push_back({{x, y}, z + 1, 0, kAll, false, 0, 0});
+        below.push_back({{x, y}, -30, slot ? 0 : z - 1, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, below, kSlope, true);
+    remove_top(soil, above, kSlope, true);
+    const double low_m = kVoxel * z;
+    works.settle({Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)}, Obstacle{}, true);
+    EXPECT_GE(works.books().gone_samples, 11 * 11 * 64) << z;
+    const GroundWindow window(soil, {-5, -5}, 11, 11);
+    for (int x = 0; x < 11; ++x)
+      for (int y = 0; y < 11; ++y) EXPECT_LT(window.at(x, y).top, -28) << z;
   }
 }
 

@@ -297,6 +297,11 @@ def test_times_are_shown_as_they_were(tmp_path):
         change = np.concatenate([b.change for b in shown])
         off = np.abs(change - (points[:, 2] - before))[flat]
         assert np.mean(off < 0.0006) > 0.99  # else at walls, whose places are rounded
+        # Where it was as in the beginning and no more is, each vertex has changed, to the last.
+        level = 0.02 * points[:, 0]
+        dug = flat & (np.abs(before - level) < 0.001) & (np.abs(points[:, 2] - level) > 0.01)
+        dug &= points[:, 1] > 0.65
+        assert dug.sum() > 1000 and (change[dug] != 0).all()
         # Against itself nothing has changed, steep walls neither.
         for time_s in (0.3, 1.2):
             _, blocks = asyncio.run(view(server, whole(1), [{"time": time_s, "against": time_s}]))

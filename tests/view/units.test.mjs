@@ -75,6 +75,14 @@ test('what is no block is refused: too short, too long, a corner beyond the vert
   assert.throws(() => decodeBlock(exact(message({...triangle, corners: [0, 0, 0, 0, 1, 1]}))), /a corner 0 before vertex 3/);
 });
 
+test('a corner of 32 bits counts with all of them', () => {
+  const n = 65536, points = Array.from({length: n}, (_, i) => [i, 0, 0]), zeros = new Array(n).fill(0);
+  for (const far of [2 ** 24 + 1, 2 ** 31 + 1]) {
+    const corners = [...zeros, far, 1];
+    assert.throws(() => decodeBlock(exact(message({points, change: zeros, loose: zeros, corners}))), new RegExp(`a corner ${far} before vertex ${n}`));
+  }
+});
+
 /** As the shader looks chunks up, in the table's bare numbers. */
 function lookUp(table, [x, y, z]) {
   const block = [x >> 2, y >> 2, z >> 2];
@@ -184,5 +192,11 @@ test('a tag is in the picture, beside what lies over it, and no farther from its
     }
   }
   assert.ok(moved > 150);
+  const beside = (x, y, left, top, right, bottom) => placeTag([x, y], size, picture, [{left, top, right, bottom}]);
+  assert.deepEqual(beside(180, 60, 0, 0, 360, 100), [180, 128], 'below');
+  assert.deepEqual(beside(180, 350, 0, 300, 360, 400), [180, 296], 'above');
+  assert.deepEqual(beside(80, 200, 0, 0, 100, 400), [164, 200], 'right of');
+  assert.deepEqual(beside(280, 200, 260, 0, 360, 400), [196, 200], 'left of');
+  assert.deepEqual(beside(180, 300, 0, 300, 360, 400), [180, 300], 'it may touch what is below it');
   assert.deepEqual(placeTag([500, 500], size, picture, [{left: 0, top: 0, right: 360, bottom: 400}]), [300, 400], 'no room beside it: in the picture');
 });
