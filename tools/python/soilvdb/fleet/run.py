@@ -65,9 +65,9 @@ def main(arguments: argparse.Namespace) -> int:
           f"{out / 'results.csv'}")
     if not failures:
         return 0
-    name, error = next(iter(failures.items()))
+    name, first = next(iter(failures.items()))
     print(f"soilvdb: without a result: {len(failures)} of {len(jobs)} jobs, see {out / 'failed.csv'}; "
-          f"'{name}': {error.message}", file=sys.stderr)
+          f"'{name}': {first.message}", file=sys.stderr)
     return 1
 
 
