@@ -28,7 +28,7 @@ struct Plan {
 };
 
 Plan plan(bool quick) {
-  const auto& all = testing::families();
+  const auto& all = test::families();
   if (quick) {
     return {{all.begin(), all.begin() + 3}, {1}, {0.2, 0.1, 0.05, 0.025}, {20, 100}, 2, 24};
   }
@@ -70,7 +70,7 @@ class Accuracy {
       for (const std::size_t placement : placements(*peer)) {
         for (const std::string& family : plan_.families) {
           progress.step(fmt::format("{} {}", peer->name, family));
-          const testing::Dig dig = testing::make_dig(family, testing::placements()[placement]);
+          const test::Dig dig = test::make_dig(family, test::placements()[placement]);
           measure(*peer, dig, placement);
         }
       }
@@ -119,7 +119,7 @@ class Accuracy {
   }
 
   /// Dear runs last: where the time runs out, it is those that are missing.
-  void measure(const Peer& peer, const testing::Dig& dig, std::size_t placement) {
+  void measure(const Peer& peer, const test::Dig& dig, std::size_t placement) {
     const Stopwatch spent;
     const double cap_s = plan_.engine_cap_s / static_cast<double>(plan_.families.size());
     std::map<double, double> s_per_update;  // by voxel size

@@ -6,7 +6,7 @@
 
 namespace soilvdb::bench {
 
-Task task_of(const testing::Dig& dig, double voxel_m) {
+Task task_of(const test::Dig& dig, double voxel_m) {
   Task task;
   task.voxel_m = voxel_m;
   task.origin = dig.origin;
@@ -22,8 +22,7 @@ Task task_of(const testing::Dig& dig, double voxel_m) {
   return task;
 }
 
-Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int updates,
-        double cap_s) {
+Run run(const MakeEngine& make, const test::Dig& dig, double voxel_m, int updates, double cap_s) {
   Run result;
   const Stopwatch setup;
   const Task task = task_of(dig, voxel_m);
@@ -50,7 +49,7 @@ Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int upd
 }
 
 double check(const Peer& peer) {
-  const testing::Dig dig = testing::make_dig("drag", testing::placements()[1]);
+  const test::Dig dig = test::make_dig("drag", test::placements()[1]);
   return run(peer.make, dig, 0.025, 20, 60).error;
 }
 

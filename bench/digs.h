@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bench/engine.h"
-#include "tests/scenarios.h"
+#include "tests/support/scenarios.h"
 
 namespace soilvdb::bench {
 
@@ -20,11 +20,11 @@ struct Run {
   bool complete = false;  ///< false: given up at the time cap
 };
 
-Task task_of(const testing::Dig& dig, double voxel_m);
+Task task_of(const test::Dig& dig, double voxel_m);
 
 /// @param cap_s time after which the run is given up
 /// @throw EngineFailed and whatever the engine throws
-Run run(const MakeEngine& make, const testing::Dig& dig, double voxel_m, int updates, double cap_s);
+Run run(const MakeEngine& make, const test::Dig& dig, double voxel_m, int updates, double cap_s);
 
 /// Does the engine get a dig right that asks nothing of it but to be correct? A drag in twenty
 /// thick strokes at 2.5 cm voxels, off the grid. @return the error

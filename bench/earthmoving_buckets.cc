@@ -7,14 +7,14 @@
 
 #include "bench/earthmoving.h"
 #include "soilvdb/capacity.h"
-#include "tests/capacity_fixture.h"
-#include "tests/filled_columns.h"
+#include "tests/support/capacity_fixture.h"
+#include "tests/support/filled_columns.h"
 
 namespace soilvdb::bench {
 namespace {
 
 void capacities(const Options& options, Goals& goals) {
-  testing::Random random(1);
+  test::Random random(1);
   const int cases = options.quick ? 50 : 200;
   double worst = 0;
   for (int i = 0; i < cases; ++i) {
@@ -25,7 +25,7 @@ void capacities(const Options& options, Goals& goals) {
     const double held_m3 = capacity.at(attitude, slope).volume_m3;
     // Of what is held, or of a twentieth of the bucket where that is less.
     const double unit_m3 = std::max(held_m3, capacity.struck_m3() / 20);
-    const auto sum = testing::FilledColumns(bucket, attitude, slope).sum(3e-7 * unit_m3);
+    const auto sum = test::FilledColumns(bucket, attitude, slope).sum(3e-7 * unit_m3);
     worst = std::max(worst, std::abs(held_m3 - sum.volume_m3) / unit_m3);
   }
   goals.add({fmt::format("capacity, {} random profiles and attitudes, worst", cases), 100 * worst,

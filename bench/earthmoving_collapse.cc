@@ -12,14 +12,14 @@
 #include "bench/earthmoving.h"
 #include "bench/peers/neighbour_rules.h"
 #include "core/settle/earthworks.h"
-#include "tests/collapse_scenes.h"
-#include "tests/collapse_truths.h"
-#include "tests/convex_heights.h"
+#include "tests/support/collapse_scenes.h"
+#include "tests/support/collapse_truths.h"
+#include "tests/support/convex_heights.h"
 
 namespace soilvdb::bench {
 namespace {
 
-using testing::Layers;
+using test::Layers;
 
 constexpr double kVoxel = 0.05;
 constexpr int kSides = 96;
@@ -35,9 +35,9 @@ struct Failure {
 
 std::vector<Failure> failures(double swell) {
   constexpr double kWall = 20, kPit = 24, kPitDepth = 16, kTower = 8, kTowerHeight = 32;
-  const double wall = testing::wall_beta(kWall, swell);
-  const double pit = testing::pit_beta(kPit, kPitDepth, kSlope, swell);
-  const double tower = testing::tower_apex(kTower, kTowerHeight, kSlope, swell);
+  const double wall = test::wall_beta(kWall, swell);
+  const double pit = test::pit_beta(kPit, kPitDepth, kSlope, swell);
+  const double tower = test::tower_apex(kTower, kTowerHeight, kSlope, swell);
   return {
       {"wall", [=](double x, double) { return x < 0 ? kWall : 0; },
        [=](double x, double) { return std::clamp(wall - kSlope * x, 0.0, kWall); }},
@@ -53,11 +53,11 @@ std::vector<Failure> failures(double swell) {
 void columns(Goals& goals) {
   constexpr double kSwell = 1.25;
   for (const Failure& f : failures(kSwell)) {
-    const SoilColumns ground = testing::sampled(kSides, kSides, [&](double x, double y) {
+    const SoilColumns ground = test::sampled(kSides, kSides, [&](double x, double y) {
       return Layers{0, f.height(x, y), f.height(x, y)};
     });
-    const testing::Error e =
-        testing::off(ground, collapse(ground, {.slope = kSlope, .swell = kSwell}), f.truth);
+    const test::Error e =
+        test::off(ground, collapse(ground, {.slope = kSlope, .swell = kSwell}), f.truth);
     add(goals, "collapsed " + f.name + " of bank soil, swell 25 %", {e.rms, e.p99}, kRms, kP99);
   }
 }
@@ -124,7 +124,7 @@ void time(const Options& options, Goals& goals) {
 void error_over_time(const Options& options) {
   constexpr double kHigh = 20, kStrip = 10;
   const double c = std::cos(30 * kDegree), s = std::sin(30 * kDegree);
-  const SoilColumns ground = testing::sampled(kSides, kSides, [&](double x, double y) {
+  const SoilColumns ground = test::sampled(kSides, kSides, [&](double x, double y) {
     const double z = c * x + s * y < 0 ? kHigh : 0;
     return Layers{0, z, z};
   });
@@ -137,7 +137,7 @@ void error_over_time(const Options& options) {
   const auto row = [&](const std::string& who, double ms, const std::vector<double>& top_m) {
     Collapse result;
     result.top_m = top_m;
-    csv.row(fmt::format("{},{:.4g},{:.4g}", who, ms, testing::off(ground, result, truth).rms));
+    csv.row(fmt::format("{},{:.4g},{:.4g}", who, ms, test::off(ground, result, truth).rms));
   };
   tbb::task_arena(1).execute([&] {
     const Repose repose{.slope = kSlope, .swell = 1};
@@ -152,7 +152,7 @@ void error_over_time(const Options& options) {
     Heights start{0, 0, kSides, kSides, {}};
     for (int x = 0; x < kSides; ++x)
       for (int y = 0; y < kSides; ++y)
-        start.z.push_back(ground.top_m[static_cast<std::size_t>(y * kSides + x)] / testing::kSide);
+        start.z.push_back(ground.top_m[static_cast<std::size_t>(y * kSides + x)] / test::kSide);
     NeighbourRule rule(start, neighbours, kSlope);
     double us = 0, next = 0;
     for (bool moved = true; moved;) {
@@ -163,7 +163,7 @@ void error_over_time(const Options& options) {
       next = 1.2 * us;
       std::vector<double> top_m;
       for (int y = 0; y < kSides; ++y)
-        for (int x = 0; x < kSides; ++x) top_m.push_back(rule.ground().cell(x, y) * testing::kSide);
+        for (int x = 0; x < kSides; ++x) top_m.push_back(rule.ground().cell(x, y) * test::kSide);
       row(neighbours == 4 ? "four" : "eight", us / 1e3, top_m);
     }
   }
@@ -180,11 +180,11 @@ void solver(const Options& options, Goals& goals) {
     for (int n = 0; n < grounds; ++n) {
       const auto seed = static_cast<unsigned>(200 + 10 * n);
       const double slope = 0.9 + 0.1 * n;
-      const SoilColumns ground = testing::rough(seed, sides, sides, 0.2, slope);
+      const SoilColumns ground = test::rough(seed, sides, sides, 0.2, slope);
       const Repose repose{.slope = kSlope, .swell = 1.25};
       const Collapse ours = collapse(ground, repose);
       const std::vector<double> exact =
-          testing::ConvexHeights(testing::rough(seed, sides, sides, 0.2, slope, fine), repose)
+          test::ConvexHeights(test::rough(seed, sides, sides, 0.2, slope, fine), repose)
               .solve(fine * kRounds, kNear);
       std::vector<double> differences;
       for (int y = 0; y < sides; ++y) {
@@ -195,8 +195,8 @@ void solver(const Options& options, Goals& goals) {
                                                     fine * x + k % fine)];
           ought /= fine * fine * fine;
           const auto i = static_cast<std::size_t>(y * sides + x);
-          const double is = ours.top_m[i] / testing::kSide;
-          if (std::abs(is - ground.top_m[i] / testing::kSide) > kMoved)
+          const double is = ours.top_m[i] / test::kSide;
+          if (std::abs(is - ground.top_m[i] / test::kSide) > kMoved)
             differences.push_back(is - ought);
         }
       }

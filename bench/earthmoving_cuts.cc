@@ -9,7 +9,7 @@
 
 #include "bench/earthmoving.h"
 #include "core/settle/ground_window.h"
-#include "tests/collapse_truths.h"
+#include "tests/support/collapse_truths.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -76,7 +76,7 @@ void measure_cuts(const Options& options, Goals& goals) {
   for (const CohesiveSoil& s : std::span(kSoils).first(soils)) {
     const double friction = s.friction_deg * kDegree;
     const double critical_m =
-        testing::critical_height_m(s.cohesion_pa, friction, s.density_kg_m3 * kGravity);
+        test::critical_height_m(s.cohesion_pa, friction, s.density_kg_m3 * kGravity);
     const auto failed = cut(s, critical_m + kMore);
     const std::string name =
         fmt::format("vertical cut, {} kPa, {} degrees", s.cohesion_pa / 1e3, s.friction_deg);
@@ -87,7 +87,7 @@ void measure_cuts(const Options& options, Goals& goals) {
         failed ? std::max({0.0, failed->stood_m - critical_m, critical_m - failed->failed_m})
                : kMore;
     const double plane_m =
-        failed ? failed->failed_m / std::tan(testing::failure_plane_rad(friction)) : 0;
+        failed ? failed->failed_m / std::tan(test::failure_plane_rad(friction)) : 0;
     csv.row(fmt::format("{},{},{},{:.4f},{:.4f},{:.4f},{:.4f},{:.4f}", s.cohesion_pa,
                         s.friction_deg, s.density_kg_m3, critical_m,
                         failed ? failed->stood_m : critical_m + kMore,

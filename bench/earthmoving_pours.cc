@@ -8,12 +8,12 @@
 #include <utility>
 
 #include "bench/earthmoving.h"
-#include "tests/pour_scenes.h"
+#include "tests/support/pour_scenes.h"
 
 namespace soilvdb::bench {
 namespace {
 
-using testing::Scene;
+using test::Scene;
 
 constexpr double kFall = 20;     // m, from which soil comes: above all scenes
 constexpr double kMoved = 0.01;  // cells that count as raised
@@ -41,7 +41,7 @@ Heights poured(const Scene& scene, int parts) {
 /// How far columns are from others that were raised, or should have been.
 std::pair<Off, Off> compare(const Scene& scene) {
   const Heights once = poured(scene, 1), parts = poured(scene, 50);
-  const Columns truth = testing::truth_of(scene);
+  const Columns truth = test::truth_of(scene);
   std::vector<double> from_truth, from_parts;
   for (int i = 0; i < truth.nx * truth.ny; ++i) {
     const auto n = static_cast<std::size_t>(i);
@@ -110,15 +110,15 @@ void times(const Options& options, Goals& goals) {
 
 void measure_pours(const Options& options, Goals& goals) {
   std::vector<std::pair<std::string, Scene>> scenes;
-  scenes.emplace_back("flat", testing::flat_scene(24, testing::kSide_m, {0.31, 0.17}));
-  scenes.emplace_back("incline of 0.3 of repose", testing::incline_scene(0.3));
-  scenes.emplace_back("incline of 0.8 of repose", testing::incline_scene(0.8));
-  scenes.emplace_back("beside a wall", testing::wall_scene(0.5));
-  scenes.emplace_back("beside a ridge", testing::beside_scene(true, 1.5));
-  scenes.emplace_back("0.5 m from a step of 1 m, 3 m3", testing::drop_scene(100, 3));
+  scenes.emplace_back("flat", test::flat_scene(24, test::kSide_m, {0.31, 0.17}));
+  scenes.emplace_back("incline of 0.3 of repose", test::incline_scene(0.3));
+  scenes.emplace_back("incline of 0.8 of repose", test::incline_scene(0.8));
+  scenes.emplace_back("beside a wall", test::wall_scene(0.5));
+  scenes.emplace_back("beside a ridge", test::beside_scene(true, 1.5));
+  scenes.emplace_back("0.5 m from a step of 1 m, 3 m3", test::drop_scene(100, 3));
   for (const double m3 : {0.2, 1.0, 1.5, 3.0})
     scenes.emplace_back(fmt::format("0.5 m from a trench of 1 m x 1.5 m, {} m3", m3),
-                        testing::drop_scene(1.5, m3));
+                        test::drop_scene(1.5, m3));
   Csv csv(options.out / "pours.csv", "scene,rms_voxels,p99_voxels,fifty_rms_voxels");
   const auto measure = [&](const std::string& name, const Scene& scene) {
     const auto both = compare(scene);
@@ -138,9 +138,8 @@ void measure_pours(const Options& options, Goals& goals) {
   Off worst;
   double worst_split = 0;
   for (int seed = 0; seed < grounds; ++seed) {
-    const auto [error, split] =
-        measure(fmt::format("gentle ground {}", seed),
-                testing::gentle_scene(static_cast<std::uint64_t>(seed), 0.7));
+    const auto [error, split] = measure(fmt::format("gentle ground {}", seed),
+                                        test::gentle_scene(static_cast<std::uint64_t>(seed), 0.7));
     worst = {std::max(worst.rms, error.rms), std::max(worst.p99, error.p99)};
     worst_split = std::max(worst_split, split.rms);
   }

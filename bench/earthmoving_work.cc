@@ -7,8 +7,8 @@
 #include <random>
 
 #include "bench/earthmoving.h"
-#include "tests/collapse_scenes.h"
-#include "tests/earthmoving_fixture.h"
+#include "tests/support/collapse_scenes.h"
+#include "tests/support/earthmoving_fixture.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -50,13 +50,13 @@ void steepness(const Options& options, Goals& goals) {
   const int steps = options.quick ? 450 : 4000;
   constexpr double kMost_deg = 3;
   constexpr double kVoxel = 0.1;
-  const testing::Waves waves(4, 0.35, 0.8, 6);
-  testing::Work work(posts(waves, {Vec2(-7, -6), Vec2(7, 6)}, 0.25), 21, kVoxel);
+  const test::Waves waves(4, 0.35, 0.8, 6);
+  test::Work work(posts(waves, {Vec2(-7, -6), Vec2(7, 6)}, 0.25), 21, kVoxel);
   for (int i = 0; i < steps; ++i) work.step();
   for (std::size_t m = 0; m < work.at.size(); ++m)  // out of the way
     work.tracker.update(m, {{0, 0, 9}, work.at[m].rotation});
   work.tracker.come_to_rest();
-  std::vector<double> over = testing::over_repose(testing::all_of(work.soil));
+  std::vector<double> over = test::over_repose(test::all_of(work.soil));
   const auto steep = static_cast<double>(
       over.end() - std::upper_bound(over.begin(), over.end(), kMost_deg * kDegree));
   const std::string name =
@@ -74,8 +74,8 @@ void steepness(const Options& options, Goals& goals) {
              kMost_deg,
              {},
              fmt::format("{} columns over {} degrees", steep, kMost_deg)});
-  goals.add({"the same, mass residual",
-             static_cast<double>(std::abs(testing::residual(work.tracker))), "units", 0.0});
+  goals.add({"the same, mass residual", static_cast<double>(std::abs(test::residual(work.tracker))),
+             "units", 0.0});
 }
 
 }  // namespace

@@ -15,7 +15,7 @@
 #include "bench/live_clients.h"
 #include "bench/report.h"
 #include "soilvdb/io/raster.h"
-#include "tests/temp_folder.h"
+#include "tests/support/temp_folder.h"
 
 namespace soilvdb::bench {
 namespace {

@@ -26,7 +26,7 @@ Score score(const MakeEngine& make, const std::vector<std::string>& families, do
   double n = 0;
   for (const std::string& family : families) {
     for (std::size_t p = 0; p < placements; ++p) {
-      const testing::Dig dig = testing::make_dig(family, testing::placements()[p]);
+      const test::Dig dig = test::make_dig(family, test::placements()[p]);
       std::array<Run, 3> runs;
       for (Run& r : runs) {
         r = run(make, dig, voxel_m, updates, 60);
@@ -73,7 +73,7 @@ class Peers {
                double goal) {
     constexpr double kVoxel_m = 0.05;
     constexpr int kOfWhole = 100;
-    const testing::Dig dig = testing::make_dig("drag", {});
+    const test::Dig dig = test::make_dig("drag", {});
     Task task = task_of(dig, kVoxel_m);
     const Vec3 half(side_m / 2, side_m / 2, 1);
     task.site = Eigen::AlignedBox3d(task.reach.center() - half, task.reach.center() + half);

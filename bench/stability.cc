@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Numerical stability: strokes in number and of kinds that a site never sees; figures, not verdicts
-// alone. tests/stability_test.cc asserts the same on short forms.
+// alone. tests/cut/stability_test.cc asserts the same on short forms.
 #include <fmt/core.h>
 
 #include <algorithm>

@@ -17,13 +17,13 @@
 #include "bench/stages.h"
 #include "core/surface/surface.h"
 #include "soilvdb/io/site.h"
-#include "tests/dig_runner.h"
-#include "tests/solids.h"
+#include "tests/support/dig_runner.h"
+#include "tests/support/solids.h"
 
 namespace soilvdb::bench {
 namespace {
 
-using testing::Solid;
+using test::Solid;
 
 struct Ground {
   std::shared_ptr<Soil> soil;
@@ -32,7 +32,7 @@ struct Ground {
 };
 
 Ground ground(Solid solid, double h) {
-  std::shared_ptr<Soil> soil = testing::sampled(solid, h);
+  std::shared_ptr<Soil> soil = test::sampled(solid, h);
   return {std::move(soil), std::move(solid)};
 }
 
@@ -62,20 +62,19 @@ std::vector<Ground> excavator(double h) {
 
 std::vector<Ground> digs(double h) {
   std::vector<Ground> all;
-  const auto add = [&](const testing::Dig& dig) {
-    const auto dug = std::make_shared<testing::Dug>(dig, h, 50);
+  const auto add = [&](const test::Dig& dig) {
+    const auto dug = std::make_shared<test::Dug>(dig, h, 50);
     all.push_back({{dug, &dug->soil}, {}});
   };
-  for (const std::string& family : testing::families())
-    add(make_dig(family, testing::placements()[1]));
-  for (std::uint64_t seed = 1; seed <= 10; ++seed) add(testing::random_dig(seed));
+  for (const std::string& family : test::families()) add(make_dig(family, test::placements()[1]));
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) add(test::random_dig(seed));
   return all;
 }
 
 std::vector<Ground> trenches(double h) {
   std::vector<Ground> all;
   for (const double yaw : {0.0, 33.0, 61.0})
-    all.push_back(ground(testing::half_sine_trench(yaw * std::numbers::pi / 180), h));
+    all.push_back(ground(test::half_sine_trench(yaw * std::numbers::pi / 180), h));
   return all;
 }
 
@@ -84,17 +83,17 @@ const Pose kYawed{Vec3(0.013, 0.008, 0.009), from_rpy(0, 0, 0.3)};
 const Pose kBelow{Vec3(0.5, 0.1, -0.2), from_rpy(0, 0, 0.3)};
 
 std::vector<Ground> box(double h) {
-  return {ground(testing::ground_less("box", {0.2, 0.1}, {{kTurned, {0.5, 0.3, 0.3}}}), h)};
+  return {ground(test::ground_less("box", {0.2, 0.1}, {{kTurned, {0.5, 0.3, 0.3}}}), h)};
 }
 std::vector<Ground> undercut(double h) {
-  return {ground(testing::ground_less("undercut", {0, 0},
-                                      {{kYawed, {0.4, 0.3, 0.3}}, {kBelow, {0.4, 0.2, 0.1}}}),
-                 h)};
+  return {ground(
+      test::ground_less("undercut", {0, 0}, {{kYawed, {0.4, 0.3, 0.3}}, {kBelow, {0.4, 0.2, 0.1}}}),
+      h)};
 }
 std::vector<Ground> walls(double h) {
   std::vector<Ground> all;
   for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}})
-    all.push_back(ground(testing::thin_wall(h, roll, yaw, 0.0077), h));
+    all.push_back(ground(test::thin_wall(h, roll, yaw, 0.0077), h));
   return all;
 }
 /// Walls, or slots, so many voxels thick, in twenty attitudes.
@@ -102,8 +101,7 @@ std::vector<Ground> turned(bool wall, double h, double voxels) {
   std::vector<Ground> all;
   for (int k = 0; k < 20; ++k) {
     const double thick = voxels * h, roll = 0.022 * k, yaw = 0.074 * k;
-    all.push_back(
-        ground((wall ? testing::thin_wall : testing::thin_slot)(thick, roll, yaw, 0.0077), h));
+    all.push_back(ground((wall ? test::thin_wall : test::thin_slot)(thick, roll, yaw, 0.0077), h));
   }
   return all;
 }
@@ -118,13 +116,13 @@ std::vector<Ground> rubble(double h) {
   const auto between = [&](double low, double high) {
     return low + (high - low) * static_cast<double>(random()) * 0x1p-32;
   };
-  std::vector<testing::Box> boxes(100);
-  for (testing::Box& box : boxes) {
+  std::vector<test::Box> boxes(100);
+  for (test::Box& box : boxes) {
     box.half = h * Vec3(between(0.5, 1.5), between(0.5, 1.5), between(0.5, 1.5));
     box.world_from_box.position = h * Vec3(between(-10, 10), between(-10, 10), between(-6, 1));
     box.world_from_box.rotation = from_rpy(between(-3, 3), between(-1.5, 1.5), between(-3, 3));
   }
-  return {{testing::sampled(testing::ground_less("rubble", {0, 0}, boxes), h), {}}};
+  return {{test::sampled(test::ground_less("rubble", {0, 0}, boxes), h), {}}};
 }
 
 /// Volume between a mesh and the base surface.
@@ -159,8 +157,8 @@ void add_errors(const Mesh& mesh, const Solid& solid, double h, std::vector<doub
   for (const Eigen::Vector3f& point : mesh.points) {
     const Vec3 p = point.cast<double>();
     const bool untouched =
-        testing::features_near(solid, p, 1.5 * h) == 1 && std::abs(solid.features[0](p)) < 1.5 * h;
-    if (!untouched) errors.push_back(testing::distance_m(solid, p, 0.02 * h) / h);
+        test::features_near(solid, p, 1.5 * h) == 1 && std::abs(solid.features[0](p)) < 1.5 * h;
+    if (!untouched) errors.push_back(test::distance_m(solid, p, 0.02 * h) / h);
   }
 }
 
@@ -171,7 +169,7 @@ void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, do
                  const MeshBlock& mesh_block) {
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   std::vector<std::pair<const Soil*, Coord3>> blocks;
-  testing::Faults faults;
+  test::Faults faults;
   double worst = 0, topology = 0;
   std::vector<double> errors, us;
   for (const Ground& g : grounds) {
@@ -185,7 +183,7 @@ void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, do
       blocks.push_back({g.soil.get(), block});
     }
     const Mesh mesh = weld(patches);
-    const testing::Faults found = testing::faults(mesh, *g.soil);
+    const test::Faults found = test::faults(mesh, *g.soil);
     faults.without_area += found.without_area;
     faults.crowded += found.crowded;
     faults.torn += found.torn;

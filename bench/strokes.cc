@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "core/surface/surface.h"
-#include "tests/oracle.h"
+#include "tests/support/oracle.h"
 
 namespace soilvdb::bench {
 
@@ -92,14 +92,14 @@ Pose RandomStrokes::next(double sunk_m) {
 Count count_swept(const Bucket& bucket, const std::vector<Pose>& path, const BaseSurface& ground,
                   double box_m) {
   struct Stroke {
-    testing::Sweep sweep;
+    test::Sweep sweep;
     Eigen::AlignedBox3d box;
   };
   std::vector<Stroke> strokes;
   Eigen::AlignedBox3d all;
   for (std::size_t i = 1; i < path.size(); ++i) {
     const auto pose = [a = path[i - 1], b = path[i]](double t) { return interpolate(a, b, t); };
-    Stroke stroke{{{testing::mouth(bucket)}, pose, {}}, {}};
+    Stroke stroke{{{test::mouth(bucket)}, pose, {}}, {}};
     constexpr int kPoses = 32;
     for (int k = 0; k <= kPoses; ++k) {
       for (const Vec3& corner : mouth_corners(bucket)) {
@@ -115,7 +115,7 @@ Count count_swept(const Bucket& bucket, const std::vector<Pose>& path, const Bas
     const auto z = ground.height(p.x(), p.y());
     if (!z || p.z() >= *z) return false;
     return std::any_of(strokes.begin(), strokes.end(), [&p](const Stroke& s) {
-      return s.box.contains(p) && testing::passes_through(s.sweep, p);
+      return s.box.contains(p) && test::passes_through(s.sweep, p);
     });
   };
   const Coord3 sides = (all.sizes() / box_m).array().ceil().matrix().cast<int>();

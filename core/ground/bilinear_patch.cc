@@ -18,7 +18,7 @@ constexpr float kTwisted = 0.02f;
 
 /// A patch seen from the foot of the points, of which only small differences are left: float will
 /// do. (u, v) are fractions of the patch's sides from the foot.
-struct Seen {
+struct PatchSeen {
   float dx, dy;            // sides
   float rx, ry, rz, step;  // from the first point to the foot; step to the next point
   float su, sv, twist;     // dz/du, dz/dv at the foot, d2z/dudv
@@ -30,14 +30,14 @@ struct Seen {
 
 /// May the patch be nearer than `best`? At a horizontal distance r the field is at least
 /// gap - slope r above or below a point.
-SOILVDB_INLINE bool may_be_nearer(const Seen& s, Lanes best2) {
+SOILVDB_INLINE bool may_be_nearer(const PatchSeen& s, Lanes best2) {
   const Lanes gap = abs(s.gap + kLaneNumbers * s.step);
   const Lanes r = max(gap * (s.slope / (1 + s.slope * s.slope)), all_lanes(s.aside));
   const Lanes dz = max(gap - s.slope * r, all_lanes(0));
   return bits(r * r + dz * dz < best2) != 0;
 }
 
-SOILVDB_FOR_CPUS void nearest(const Seen& s, float* best) {
+SOILVDB_FOR_CPUS void nearest(const PatchSeen& s, float* best) {
   Lanes least;
   for (int k = 0; k < kChunkSide; ++k) least[k] = best[k] * best[k];
   if (s.aside > 0 && !may_be_nearer(s, least)) return;
@@ -91,7 +91,7 @@ void nearest_on_patch(const BilinearPatch& patch, double x0, double y0, const Po
   const double u = std::clamp(x / patch.dx, 0.0, 1.0), v = std::clamp(y / patch.dy, 0.0, 1.0);
   const double zu = patch.z10 - patch.z00, zv = patch.z01 - patch.z00;
   const double twist = patch.z00 - patch.z10 - patch.z01 + patch.z11;
-  Seen s;
+  PatchSeen s;
   s.dx = static_cast<float>(patch.dx);
   s.dy = static_cast<float>(patch.dy);
   s.rx = static_cast<float>(u * patch.dx - x);

@@ -31,9 +31,9 @@ double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(
 double dot(const Vec3& a, const Vec3& b) { return a.x() * b.x() + a.y() * b.y() + a.z() * b.z(); }
 
 /// An angle of repose.
-struct Repose {
+struct ReposeLine {
   double sine, cosine;
-  explicit Repose(double slope) : cosine(1 / std::sqrt(1 + slope * slope)) {
+  explicit ReposeLine(double slope) : cosine(1 / std::sqrt(1 + slope * slope)) {
     sine = slope * cosine;
   }
 };
@@ -194,13 +194,13 @@ class Fan {
 };
 
 /// Is the mouth flatter than repose, whether it looks up or down?
-bool is_flat(const Vec3& up, const Repose& repose) {
+bool is_flat(const Vec3& up, const ReposeLine& repose) {
   return up.y() * up.y() + up.z() * up.z() < repose.sine * repose.sine;
 }
 
 /// Volume of the roof with the slope of repose on all sides of an opening that is flatter and looks
 /// up: p and q are what the inverse slopes of opposite sides, seen in the opening, add up to.
-double roof_m3(double width_m, double height_m, const Vec3& up, const Repose& repose) {
+double roof_m3(double width_m, double height_m, const Vec3& up, const ReposeLine& repose) {
   const double y2 = up.y() * up.y(), z2 = up.z() * up.z(), sine2 = repose.sine * repose.sine;
   const double c = 2 * repose.cosine * up.x() / (sine2 - (y2 + z2));  // as in is_flat(): not 0
   const double p = c * std::sqrt(sine2 - y2) / height_m, q = c * std::sqrt(sine2 - z2) / width_m;
@@ -210,7 +210,7 @@ double roof_m3(double width_m, double height_m, const Vec3& up, const Repose& re
 /// Of an edge: where height + slope * horizontal distance from `to` is least.
 /// @param along unit
 Vec3 least_point(const Vec3& from, const Vec3& along, double length_m, const Vec3& to,
-                 const Vec3& up, const Repose& repose) {
+                 const Vec3& up, const ReposeLine& repose) {
   const double rise = dot(up, along);
   if (rise != 0 && std::abs(rise) >= repose.sine) return rise > 0 ? from : from + length_m * along;
   const Vec3 way = to - from;
@@ -246,7 +246,7 @@ Capacity::Capacity(const Bucket& bucket) : width_m_(bucket.width_m), height_m_(b
 }
 
 double Capacity::hold_m3(const Vec3& up, double repose_slope) const {
-  const Repose repose(repose_slope);
+  const ReposeLine repose(repose_slope);
   if (up.x() > 0 && is_flat(up, repose))
     return struck_m3() + roof_m3(width_m_, height_m_, up, repose);
   const Fan fan(width_m_, {up.x(), std::abs(up.y()), std::abs(up.z())}, repose.sine);
@@ -260,7 +260,7 @@ double Capacity::hold_m3(const Vec3& up, double repose_slope) const {
 }
 
 Vec3 Capacity::spill(const Vec3& up, double repose_slope) const {
-  const Repose repose(repose_slope);
+  const ReposeLine repose(repose_slope);
   const double half_m = width_m_ / 2;
   if (up.x() < 0 && is_flat(up, repose)) {  // Soil may fall straight through the mouth.
     const Vec3 below = middle_ - middle_.x() / up.x() * up;

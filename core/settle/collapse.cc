@@ -35,9 +35,9 @@ double angle_beyond(double slope, float more) {
 }
 
 /// What a column holds above what stands, in its sides: depths, and soil as loose volume.
-class Stack {
+class SoilStack {
  public:
-  Stack(double base, double bank, double top, double swell)
+  SoilStack(double base, double bank, double top, double swell)
       : base_(base), bank_(bank - base), loose_(top - bank), swell_(swell) {}
 
   double base() const { return base_; }
@@ -71,7 +71,7 @@ class Ground {
   }
 
   bool missing(std::size_t c) const { return !columns_.missing.empty() && columns_.missing[c]; }
-  const Stack& operator[](std::size_t c) const { return stacks_[c]; }
+  const SoilStack& operator[](std::size_t c) const { return stacks_[c]; }
   double top_m(std::size_t c, double soil) const {
     return zero_m_ + columns_.side_m * (stacks_[c].base() + stacks_[c].depth(soil));
   }
@@ -89,7 +89,7 @@ class Ground {
  private:
   const SoilColumns& columns_;
   double zero_m_;
-  std::vector<Stack> stacks_;
+  std::vector<SoilStack> stacks_;
 };
 
 /// Grids with columns twice as wide each, until they are few.
@@ -137,7 +137,7 @@ Flowed flow(SoilColumns& columns, const Repose& repose) {
   FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
                 static_cast<float>(repose.swell));
   const auto set = [&](std::size_t c, std::size_t i, double soil) {
-    const Stack& s = ground[c];
+    const SoilStack& s = ground[c];
     grid.set_column(i, static_cast<float>(s.base()), static_cast<float>(s.bank_soil()),
                     static_cast<float>(soil));
   };

@@ -27,9 +27,9 @@ int cell_number(const ColumnChange& c, int z) {
 
 /// The chunks over and under each other in which some columns change, and what does. Chunks are
 /// read when a column first comes to them.
-class Stack {
+class SampleStack {
  public:
-  Stack(const Soil& soil, std::span<const ColumnChange> changes, bool adds, bool bank)
+  SampleStack(const Soil& soil, std::span<const ColumnChange> changes, bool adds, bool bank)
       : soil_(&soil), changes_(changes), adds_(adds), bank_(bank) {
     int low = changes_.front().low, high = changes_.front().high;
     for (const ColumnChange& c : changes_) {
@@ -149,7 +149,7 @@ class Stacks {
     } else {
       for (std::size_t i = 0; i < stacks_.size(); ++i) run(i);
     }
-    for (const Stack& stack : stacks_)
+    for (const SampleStack& stack : stacks_)
       for (std::size_t i = 0; i < stack.chunks(); ++i)
         if (const SampleWords* words = stack.chosen(i)) chosen_.push_back({stack.origin(i), words});
   }
@@ -163,7 +163,7 @@ class Stacks {
 
  private:
   std::vector<ColumnChange> sorted_;
-  std::vector<Stack> stacks_;
+  std::vector<SampleStack> stacks_;
   std::vector<Chosen> chosen_;
 };
 

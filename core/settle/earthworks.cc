@@ -12,13 +12,12 @@
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
+#include "core/lattice/chunk_math.h"
 #include "core/settle/collapse.h"
 #include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 double minmod(double a, double b) {
   if (a * b <= 0) return 0;

@@ -8,13 +8,12 @@
 #include <optional>
 
 #include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/settle/earthworks.h"
 #include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 /// Cells along a cone's radius.
 int cone_radius(double samples, double slope) {

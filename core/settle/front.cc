@@ -11,7 +11,6 @@ namespace soilvdb::inline v0 {
 namespace {
 
 constexpr double kHair = 1e-9;  // columns: rays this near to a corner pass through it
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Vec2 middle(int x, int y) { return {x + 0.5, y + 0.5}; }
 

@@ -12,6 +12,8 @@
 
 namespace soilvdb::inline v0 {
 
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 /// Where soil arrives: a point, and the column that it lies on (columns share their sides).
 struct Source {
   Vec2 at;

@@ -7,14 +7,13 @@
 #include <cmath>
 
 #include "core/lattice/affine.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/sample_tree.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
 constexpr int kSlopeCells = 2;  // below its middle in which ground may have air
-
-int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 /// What one column has come to on the way down.
 struct Walk {

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <deque>
 
+#include "core/lattice/chunk_math.h"
+
 namespace soilvdb::inline v0 {
 namespace {
-
-int chunk_floor(int cell) { return cell & ~(kChunkSide - 1); }
 
 constexpr int kNone = -1, kBeyond = -2;
 

@@ -11,11 +11,7 @@
 #include "core/settle/front.h"
 
 namespace soilvdb::inline v0 {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
+namespace {}  // namespace
 
 namespace {
 

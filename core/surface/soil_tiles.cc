@@ -11,7 +11,6 @@ namespace soilvdb::inline v0 {
 namespace {
 
 constexpr int kChunks = kBlockSide / kChunkSide;
-constexpr int kBlockMask = ~(kBlockSide - 1);
 
 std::size_t number(const Coord3& chunk) {
   return static_cast<std::size_t>(((chunk.x() / kChunkSide & (kChunks - 1)) * kChunks +

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/lattice/affine.h"
+#include "core/lattice/chunk_math.h"
 #include "core/lattice/lanes.h"
 
 namespace soilvdb::inline v0 {
@@ -65,7 +66,7 @@ void SoilWindow::read(SoilTiles::Reader& tiles, const Eigen::AlignedBox3d& box) 
   size_ = floor(box.max() + Vec3::Constant(kRounding)) - first_ + Coord3::Constant(2);
   distances_.resize(static_cast<std::size_t>(size_.prod()));
   flags_.resize(distances_.size());
-  const Coord3 low = first_.unaryExpr([](int v) { return v & ~(kChunkSide - 1); });
+  const Coord3 low = first_.unaryExpr(&chunk_floor);
   const Coord3 end = first_ + size_;
   for (int x = low.x(); x < end.x(); x += kChunkSide)
     for (int y = low.y(); y < end.y(); y += kChunkSide)

@@ -14,11 +14,11 @@
 #include <utility>
 
 #include "core/constants.h"
+#include "core/surface/surface.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr int kBlockMask = ~(kBlockSide - 1);
 constexpr std::size_t kMostPatches = 4096;  // kept by a look at many places: some 100 kB each
 constexpr std::size_t kFewPatches = 4;      // that a memory of cells makes quicker than threads
 constexpr std::size_t kFewHeights = 256;    // that one thread looks at

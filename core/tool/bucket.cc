@@ -4,10 +4,11 @@
 // field.
 #include "soilvdb/bucket.h"
 
-#include <charconv>
 #include <numbers>
 #include <stdexcept>
 #include <string>
+
+#include "core/lattice/text.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -19,12 +20,7 @@ constexpr double kSamePointM = 1e-9;  // rounding of decimal input
 
 [[noreturn]] void refuse(const std::string& message) { throw std::invalid_argument(message); }
 
-/// The shortest text that reads back as `value`.
-std::string text(double value) {
-  char buffer[32];
-  return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
-}
-std::string text(const Vec2& p) { return "[" + text(p.x()) + ", " + text(p.y()) + "]"; }
+std::string point_text(const Vec2& p) { return "[" + text(p.x()) + ", " + text(p.y()) + "]"; }
 
 void check_side(const std::string& name, double side_m) {
   if (side_m >= kMinSideM && side_m <= kMaxSideM) return;
@@ -55,8 +51,8 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
   const Vec2 lip(0, 0), upper_edge(0, height_m);
   if (n < 3) {
     refuse("profile has " + std::to_string(n) + (n == 1 ? " point" : " points") +
-           "; it needs at least 3, from the lip " + text(lip) + " to the upper edge " +
-           text(upper_edge));
+           "; it needs at least 3, from the lip " + point_text(lip) + " to the upper edge " +
+           point_text(upper_edge));
   }
   if (n > kMaxProfilePoints) {
     refuse("profile has " + std::to_string(n) + " points; it may have at most " +
@@ -64,30 +60,31 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
   }
   for (const Vec2& p : profile) {
     if (!(p.cwiseAbs().maxCoeff() <= kMaxSideM)) {
-      refuse("profile has the point " + text(p) + "; coordinates must be within " +
+      refuse("profile has the point " + point_text(p) + "; coordinates must be within " +
              text(kMaxSideM) + " m");
     }
     if (p.x() > 0) {
-      refuse("profile has the point " + text(p) + " in front of the mouth; x must be 0 or less");
+      refuse("profile has the point " + point_text(p) +
+             " in front of the mouth; x must be 0 or less");
     }
   }
   if ((profile.front() - lip).norm() > kSamePointM) {
-    refuse("profile starts at " + text(profile.front()) + "; it must start at the lip, " +
-           text(lip));
+    refuse("profile starts at " + point_text(profile.front()) + "; it must start at the lip, " +
+           point_text(lip));
   }
   if ((profile.back() - upper_edge).norm() > kSamePointM) {
-    refuse("profile ends at " + text(profile.back()) + "; it must end at the upper edge, " +
-           text(upper_edge));
+    refuse("profile ends at " + point_text(profile.back()) + "; it must end at the upper edge, " +
+           point_text(upper_edge));
   }
   // Edge i runs from point i to point i + 1; edge n - 1 is the mouth.
   const auto point = [&](std::size_t i) -> const Vec2& { return profile[i % n]; };
   for (std::size_t i = 0; i < n; ++i) {
     const Vec2 &a = point(i), &b = point(i + 1), &c = point(i + 2);
     if ((b - a).norm() <= kSamePointM) {
-      refuse("profile has the point " + text(a) + " twice in a row; leave one out");
+      refuse("profile has the point " + point_text(a) + " twice in a row; leave one out");
     }
     if (cross(b - a, c - b) == 0 && (b - a).dot(c - b) < 0) {
-      refuse("profile turns back on itself at " + text(b) +
+      refuse("profile turns back on itself at " + point_text(b) +
              "; it must enclose an area with the mouth");
     }
   }
@@ -95,8 +92,8 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
     for (std::size_t j = i + 2; j < n; ++j) {
       if (i == 0 && j == n - 1) continue;  // neighbours across the lip
       if (meet(point(i), point(i + 1), point(j), point(j + 1))) {
-        refuse("profile crosses itself between the edges that start at " + text(point(i)) +
-               " and " + text(point(j)) + "; it and the mouth must be a simple polygon");
+        refuse("profile crosses itself between the edges that start at " + point_text(point(i)) +
+               " and " + point_text(point(j)) + "; it and the mouth must be a simple polygon");
       }
     }
   }

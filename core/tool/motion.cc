@@ -4,10 +4,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+
+#include "core/lattice/text.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -16,12 +17,7 @@ constexpr int kMaxBisections = 40;
 constexpr double kFarthest = 1e9;          // m or rad: beyond any site, and any machine
 constexpr std::size_t kMostPieces = 1000;  // of one row: what is surely a slip takes forever
 
-/// The shortest text that reads back as `value`.
-std::string text(double value) {
-  char buffer[32];
-  return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
-}
-std::string text(const Vec3& p) {
+std::string point_text(const Vec3& p) {
   return "(" + text(p.x()) + ", " + text(p.y()) + ", " + text(p.z()) + ")";
 }
 
@@ -119,9 +115,9 @@ bool is_sane(const Pose& pose) {
 
 std::string fault(const Vec3& position_m, const Vec3& middle_m, double farthest_m) {
   if (is_within(position_m, middle_m, farthest_m)) return {};
-  const std::string is = "the position is " + text(position_m) + " m; it must be ";
+  const std::string is = "the position is " + point_text(position_m) + " m; it must be ";
   if (!position_m.allFinite()) return is + "finite";
-  return is + "within " + text(farthest_m) + " m of " + text(middle_m);
+  return is + "within " + text(farthest_m) + " m of " + point_text(middle_m);
 }
 
 std::string fault(const Pose& pose) {

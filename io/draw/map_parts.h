@@ -11,6 +11,8 @@
 
 namespace soilvdb::inline v0::io {
 
+inline constexpr double kEdge = 36;  ///< margin of a picture, pixels
+
 /// The largest of 1, 2, 5 times a power of ten that is not above `about` (> 0).
 double round_down_125(double about);
 

@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr double kPictureWidth = 1600, kTop = 102, kSideColumn = 218, kEdge = 36;
+constexpr double kPictureWidth = 1600, kTop = 102, kSideColumn = 218;
 constexpr double kMaxMapHeight = 1060, kWideAspect = 1.9;
 
 /// Round coordinates along one side of the frame.

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kRound = 0.25;  // voxels: how deep a level set between its voxels rounds off a rim
 constexpr int kWidth = 1600;
-constexpr double kEdge = 36, kSide = 90, kTop = 104, kRulerRoom = 64, kFoot = 104;
+constexpr double kSide = 90, kViewTop = 104, kRulerRoom = 64, kFoot = 104;
 constexpr double kMaxBlockHeight = 900;
 constexpr double kElevation = 46 * std::numbers::pi / 180;
 constexpr double kSunHeight = 55 * std::numbers::pi / 180;
@@ -230,8 +230,9 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
       camera = candidate;
     }
   }
-  const double block_h = frame(camera, points, {kSide, kTop, kWidth - 2 * kSide, kMaxBlockHeight});
-  const double foot = kTop + block_h + kRulerRoom;
+  const double block_h =
+      frame(camera, points, {kSide, kViewTop, kWidth - 2 * kSide, kMaxBlockHeight});
+  const double foot = kViewTop + block_h + kRulerRoom;
   Canvas canvas(kWidth, static_cast<int>(std::ceil(foot + kFoot)));
   // Sun from over the camera's left shoulder.
   scene.to_sun = (-0.62 * camera.right - 0.18 * camera.forward + 0.2 * camera.up).normalized();

@@ -11,13 +11,10 @@
 #include <cstring>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 
 namespace soilvdb::inline v0::io {
 namespace {
-
-[[noreturn]] void fail(const std::filesystem::path& file, int error) {
-  throw std::runtime_error(file.string() + ": can't be written: " + std::strerror(error));
-}
 
 /// A descriptor that is closed, and a temporary that is removed, on every way out.
 class Temporary {
@@ -30,7 +27,7 @@ class Temporary {
                              "-" + std::to_string(counter++) + ".tmp");
       descriptor_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     } while (descriptor_ < 0 && errno == EEXIST);
-    if (descriptor_ < 0) fail(target, errno);
+    if (descriptor_ < 0) fail_to_write(target, errno);
   }
   Temporary(const Temporary&) = delete;
   Temporary& operator=(const Temporary&) = delete;
@@ -44,7 +41,7 @@ class Temporary {
     while (!bytes.empty()) {
       const ssize_t n = ::write(descriptor_, bytes.data(), std::min(bytes.size(), kMost));
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) fail(target_, errno);
+      if (n < 0) fail_to_write(target_, errno);
       bytes.remove_prefix(static_cast<std::size_t>(n));
     }
   }
@@ -56,7 +53,7 @@ class Temporary {
     for (off_t at = 0;;) {
       const ssize_t n = ::pread(descriptor_, block.data(), block.size(), at);
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) fail(target_, errno);
+      if (n < 0) fail_to_write(target_, errno);
       const auto size = static_cast<std::size_t>(n);
       if (size > bytes.size() || bytes.substr(0, size) != std::string_view(block).substr(0, size) ||
           (size == 0 && !bytes.empty()))
@@ -69,14 +66,14 @@ class Temporary {
   }
 
   void sync() {
-    if (::fsync(descriptor_) != 0) fail(target_, errno);
+    if (::fsync(descriptor_) != 0) fail_to_write(target_, errno);
   }
 
   void rename_to_target() {
     const int closed = ::close(descriptor_);
     descriptor_ = -1;
-    if (closed != 0) fail(target_, errno);
-    if (::rename(path_.c_str(), target_.c_str()) != 0) fail(target_, errno);
+    if (closed != 0) fail_to_write(target_, errno);
+    if (::rename(path_.c_str(), target_.c_str()) != 0) fail_to_write(target_, errno);
     renamed_ = true;
   }
 
@@ -89,17 +86,22 @@ class Temporary {
 
 }  // namespace
 
+void fail_to_write(const std::filesystem::path& file, int error) {
+  throw std::runtime_error(file.string() +
+                           ": can't be written: " + std::generic_category().message(error));
+}
+
 void sync_folder(const std::filesystem::path& file) {
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
   const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (descriptor < 0) {
     if (errno == EACCES) return;  // a folder we may write to but not read can't be synced
-    fail(file, errno);
+    fail_to_write(file, errno);
   }
   const int synced = ::fsync(descriptor), error = errno;
   ::close(descriptor);
   // Some network and FUSE file systems can't sync a folder; the file itself is safe.
-  if (synced != 0 && error != EINVAL && error != ENOTSUP) fail(file, error);
+  if (synced != 0 && error != EINVAL && error != ENOTSUP) fail_to_write(file, error);
 }
 
 void write_atomically(const std::filesystem::path& file, std::string_view bytes) {
@@ -111,7 +113,7 @@ void write_atomically(const std::filesystem::path& file, std::string_view bytes)
     if (!none) target = named;
   }
   const auto status = std::filesystem::status(target, none);
-  if (std::filesystem::is_directory(status)) fail(file, EISDIR);
+  if (std::filesystem::is_directory(status)) fail_to_write(file, EISDIR);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
     throw std::runtime_error(file.string() + ": can't be written: is not a regular file");
   }

@@ -8,6 +8,9 @@
 
 namespace soilvdb::inline v0::io {
 
+/// @throw std::runtime_error always: `file` can't be written, for an `error` as errno has it.
+[[noreturn]] void fail_to_write(const std::filesystem::path& file, int error);
+
 /// Puts `bytes` into `file`: a temporary file in the same folder, every write checked, fsync,
 /// read back and compared, rename over `file`, fsync of the folder. Whatever happens on the way,
 /// `file` holds either what it held before or all of `bytes`; a temporary that couldn't be finished

@@ -26,10 +26,6 @@ using Clock = std::chrono::steady_clock;
 constexpr std::size_t kBatch = std::size_t{256} << 10;  // bytes that are written without waiting
 constexpr std::size_t kMostPending = std::size_t{64} << 20;  // where add() waits for a slow disk
 
-[[noreturn]] void fail(const std::filesystem::path& file, int error) {
-  throw std::runtime_error(file.string() + ": can't be written: " + std::strerror(error));
-}
-
 void append_text(std::string& bytes, std::string_view text) {
   append_raw(bytes, static_cast<std::uint32_t>(text.size()));
   bytes += text;
@@ -64,12 +60,12 @@ JournalWriter::JournalWriter(std::filesystem::path file, std::uint64_t end, Jour
       added_(done),
       acknowledged_(done) {
   descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
-  if (descriptor_ < 0) fail(file_, errno);
+  if (descriptor_ < 0) fail_to_write(file_, errno);
   if (::ftruncate(descriptor_, static_cast<off_t>(end)) != 0 || ::fsync(descriptor_) != 0 ||
       ::lseek(descriptor_, static_cast<off_t>(end), SEEK_SET) < 0) {
     const int error = errno;
     ::close(descriptor_);
-    fail(file_, error);
+    fail_to_write(file_, error);
   }
   synced_ = end;
   worker_ = std::thread([this] { work(); });
@@ -190,16 +186,16 @@ void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
     for (std::string_view rest = bytes; !rest.empty();) {
       const ssize_t n = ::write(descriptor_, rest.data(), rest.size());
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) fail(file_, errno);
+      if (n < 0) fail_to_write(file_, errno);
       rest.remove_prefix(static_cast<std::size_t>(n));
     }
     end_ += bytes.size();
   }
   if (sync && synced_ < end_) {
-    if (::fdatasync(descriptor_) != 0) fail(file_, errno);
+    if (::fdatasync(descriptor_) != 0) fail_to_write(file_, errno);
     // What has no name any more is gone with this process.
     struct stat now {};
-    if (::fstat(descriptor_, &now) == 0 && now.st_nlink == 0) fail(file_, ENOENT);
+    if (::fstat(descriptor_, &now) == 0 && now.st_nlink == 0) fail_to_write(file_, ENOENT);
     synced_ = end_;
   }
   lock.lock();

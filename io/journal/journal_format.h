@@ -21,6 +21,8 @@ inline constexpr std::uint32_t kFormerFrameMark = 0x314a5653;  // "SVJ1"
 inline constexpr char kConfigTag = 'C', kMoveTag = 'M', kStateTag = 'S', kFileTag = 'F',
                       kGoneTag = 'G', kEndTag = 'E';
 
+inline constexpr std::uint32_t kMostMachines = 100'000;
+
 template <typename T>
 void append_raw(std::string& bytes, const T& value) {
   static_assert(std::is_arithmetic_v<T>);

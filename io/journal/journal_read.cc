@@ -14,8 +14,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::uint32_t kMostMachines = 100'000;
-
 bool take_text(std::string_view& bytes, std::string& text) {
   std::uint32_t size = 0;
   if (!take_raw(bytes, size) || bytes.size() < size) return false;

@@ -13,20 +13,16 @@
 #include <system_error>
 
 #include "io/file/atomic_file.h"
+#include "io/file/json.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
 namespace fs = std::filesystem;
 
-[[noreturn]] void fail(const fs::path& file, int error) {
-  throw std::runtime_error(fmt::format("{}: can't be written: {}", file.string(),
-                                       std::generic_category().message(error)));
-}
-
 std::FILE* open_for_writing(const fs::path& file) {
   std::FILE* stream = std::fopen(file.c_str(), "wbe");
-  if (!stream) fail(file, errno);
+  if (!stream) fail_to_write(file, errno);
   return stream;
 }
 
@@ -120,7 +116,7 @@ std::string to_json(const Summary& s) {
   };
   if (s.moved) json["mass_kg"] = masses;
   // Names come from the user's files and need not be UTF-8.
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+  return to_text(json, 2) + '\n';
 }
 
 UpdatesCsv::UpdatesCsv(fs::path file, bool soil_moves) : file_(std::move(file)), part_(file_) {
@@ -129,7 +125,7 @@ UpdatesCsv::UpdatesCsv(fs::path file, bool soil_moves) : file_(std::move(file)),
   const char* head = soil_moves
                          ? "time,machine,cut_m3,bucket_m3,update_us,bucket_kg,spilled_m3,slid_m3\n"
                          : "time,machine,cut_m3,bucket_m3,update_us\n";
-  if (std::fputs(head, stream_.get()) < 0) fail(file_, errno);
+  if (std::fputs(head, stream_.get()) < 0) fail_to_write(file_, errno);
 }
 
 UpdatesCsv::~UpdatesCsv() {
@@ -144,15 +140,17 @@ void UpdatesCsv::add(double time_s, std::string_view machine, double cut_m3, dou
       fmt::format("{},{},{},{},{:.3f}", time_s, csv_field(machine), cut_m3, bucket_m3, update_us);
   if (moved) row += fmt::format(",{},{},{}", moved->bucket_kg, moved->spilled_m3, moved->slid_m3);
   row += '\n';
-  if (std::fwrite(row.data(), 1, row.size(), stream_.get()) != row.size()) fail(file_, errno);
+  if (std::fwrite(row.data(), 1, row.size(), stream_.get()) != row.size())
+    fail_to_write(file_, errno);
 }
 
 void UpdatesCsv::close() {
-  if (std::fflush(stream_.get()) != 0 || fsync(fileno(stream_.get())) != 0) fail(file_, errno);
+  if (std::fflush(stream_.get()) != 0 || fsync(fileno(stream_.get())) != 0)
+    fail_to_write(file_, errno);
   if (std::fclose(stream_.release()) != 0 || std::rename(part_.c_str(), file_.c_str()) != 0) {
     const int error = errno;
     std::remove(part_.c_str());
-    fail(file_, error);
+    fail_to_write(file_, error);
   }
   sync_folder(file_);
 }

@@ -7,14 +7,14 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::uint64_t kMostMachines = 100'000, kMostValues = 1000;
+constexpr std::uint64_t kMostValues = 1000;
 constexpr std::uint8_t kKinds = 4;
-constexpr std::uint8_t kFirst = 64;  // beside the kind
+constexpr std::uint8_t kFirstState = 64;  // beside the kind
 
 }  // namespace
 
 void StateCoding::append(std::string& bytes, const JournalState& state) {
-  bytes += static_cast<char>(static_cast<std::uint8_t>(state.kind) | (first_ ? kFirst : 0));
+  bytes += static_cast<char>(static_cast<std::uint8_t>(state.kind) | (first_ ? kFirstState : 0));
   first_ = false;
   append_count(bytes, state.machine);
   append_count(bytes, state.values.size());
@@ -32,11 +32,11 @@ void StateCoding::append(std::string& bytes, const JournalState& state) {
 bool StateCoding::take(std::string_view& bytes, JournalState& state) {
   std::uint8_t head = 0;
   std::uint64_t machine = 0, values = 0;
-  if (!take_raw(bytes, head) || (head & ~kFirst) >= kKinds || !take_count(bytes, machine) ||
+  if (!take_raw(bytes, head) || (head & ~kFirstState) >= kKinds || !take_count(bytes, machine) ||
       machine >= kMostMachines || !take_count(bytes, values) || values > kMostValues)
     return false;
-  if (head & kFirst) before_.clear();
-  state.kind = static_cast<JournalState::Kind>(head & ~kFirst);
+  if (head & kFirstState) before_.clear();
+  state.kind = static_cast<JournalState::Kind>(head & ~kFirstState);
   state.machine = static_cast<std::uint32_t>(machine);
   Before& before = before_[{state.machine, state.kind}];
   if (!before.time_s.take(bytes, state.time_s)) return false;

@@ -16,6 +16,7 @@
 #include <string_view>
 
 #include "io/file/atomic_file.h"
+#include "io/file/json.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -117,12 +118,12 @@ std::string annotated_glb(std::string_view bytes, const Vec3& origin, const std:
   constexpr std::size_t kJson = 20;
   std::uint32_t length = 0;
   std::memcpy(&length, bytes.data() + 12, sizeof length);
-  nlohmann::json json = nlohmann::json::parse(bytes.substr(kJson, length));
+  nlohmann::json json = parse_json(bytes.substr(kJson, length));
   json["asset"]["extras"]["origin"] = {origin.x(), origin.y(), origin.z()};
   if (!crs_wkt.empty()) json["asset"]["extras"]["crs"] = crs_wkt;
   json["asset"]["generator"] = "soilvdb with " + json["asset"]["generator"].get<std::string>();
   json.erase("extensionsUsed");
-  std::string text = json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  std::string text = to_text(json);
   text.resize((text.size() + 3) / 4 * 4, ' ');
   std::string out(bytes.substr(0, kJson));
   out += text;

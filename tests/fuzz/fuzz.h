@@ -14,7 +14,7 @@
 #include <string_view>
 
 #include "soilvdb/io/error.h"
-#include "tests/temp_folder.h"
+#include "tests/support/temp_folder.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "tests/directives.h"
 #include "tests/fuzz/fuzz.h"
+#include "tests/support/directives.h"
 
 namespace {
 

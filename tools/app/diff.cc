@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "io/draw/change_plan.h"
+#include "io/file/json.h"
 #include "io/file/text.h"
 #include "soilvdb/difference.h"
 #include "soilvdb/io/picture.h"
@@ -116,7 +117,7 @@ void diff(const DiffOptions& options) {
     const nlohmann::ordered_json json = {{"cut_m3", change.cut_m3},     {"fill_m3", change.fill_m3},
                                          {"net_m3", change.net_m3},     {"area_m2", change.area_m2},
                                          {"error_m3", change.error_m3}, {"exact", change.exact}};
-    fmt::print("{}\n", json.dump(2));
+    fmt::print("{}\n", io::to_text(json, 2));
     return;
   }
   fmt::print("before  {} at {} s\n", a.file.string(), time_text(a.info.time_s));

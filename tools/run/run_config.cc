@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "io/file/json.h"
 #include "soilvdb/io/checksum.h"
 #include "soilvdb/version.h"
 
@@ -112,18 +113,16 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
                     {"end_s", part->end_s}};
   }
   // Not as text: paths may hold any bytes.
-  std::string bytes;
-  Json::to_cbor(json, bytes);
-  return bytes;
+  return io::to_cbor(json);
 }
 
 bool is_of_session(const std::string& bytes) {
-  return Json::from_cbor(bytes, true, /*allow_exceptions=*/false).contains("session");
+  return io::from_cbor(bytes).contains("session");
 }
 
 RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
   try {
-    const Json json = Json::from_cbor(bytes);
+    const Json json = io::from_cbor(bytes);
     if (is_of_session(bytes))
       throw io::InputError(folder,
                            "was recorded by a session, not by a run: it goes on where that is "

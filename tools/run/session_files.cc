@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/lattice/bytes.h"
+#include "io/file/json.h"
 #include "io/snapshot/snapshot_samples.h"
 #include "soilvdb/io/checksum.h"
 #include "soilvdb/io/snapshot.h"
@@ -101,9 +102,7 @@ std::string Session::save() const {
   const State& s = *state_;
   if (!s.broken.empty()) throw std::runtime_error(s.broken);
   std::string rest;
-  std::string site;
-  nlohmann::json::to_cbor(s.description(/*ground=*/false), site);
-  put_text(rest, site);
+  put_text(rest, io::to_cbor(s.description(/*ground=*/false)));
   put_text(rest, s.progress());
   put_text(rest, io::samples_bytes(*s.site.soil, {}));
   std::string out(kMagic);
@@ -128,7 +127,7 @@ void Session::restore(std::string_view bytes) {
   take(bytes, checksum);
   if (checksum != io::crc64(bytes))
     throw std::invalid_argument("the state is damaged: it has another checksum");
-  const auto site = nlohmann::json::from_cbor(take_text(bytes), true, /*allow_exceptions=*/false);
+  const auto site = io::from_cbor(take_text(bytes));
   if (const std::string what = difference(site, s.description(/*ground=*/false)); !what.empty())
     throw std::invalid_argument(
         fmt::format("the state is of another site, {} isn't the same", what));

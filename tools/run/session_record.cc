@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "io/snapshot/cold_file.h"
+#include "io/file/json.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/version.h"
 #include "tools/run/run_config.h"
@@ -34,11 +35,11 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
     throw io::InputError(folder,
                          "holds a run of `soilvdb run`, which `soilvdb resume` goes on with; name "
                          "another folder");
-  const Json before = Json::from_cbor(config);
+  const Json before = io::from_cbor(config);
   if (before["session"] != kFormat)
     throw io::InputError(folder, fmt::format("is a recording of format {}; this version goes on "
                                              "with format {}",
-                                             before["session"].dump(), kFormat));
+                                             io::to_text(before["session"]), kFormat));
   if (const std::string what = difference(before["site"], site); !what.empty())
     throw io::InputError(
         folder, fmt::format("is a recording of another site, {} isn't the same; name another "
@@ -193,11 +194,9 @@ io::JournalExtent Session::record(const Recording& given,
     tools::SnapshotSchedule schedule(recording.snapshot_every_s);
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
-      std::string config;
       Json all = {{"session", kFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
       if (!s.scenario.empty()) all["scenario"] = s.scenario.string();
-      Json::to_cbor(all, config);
-      const std::uint64_t size = io::begin_journal(journal, {config});
+      const std::uint64_t size = io::begin_journal(journal, {io::to_cbor(all)});
       if (recording.incremental) n.unsaved.emplace();
       n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, size,
                                                      io::JournalExtent{}, schedule);

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "io/file/json.h"
 #include "io/mcap/cdr.h"
 #include "tools/run/mcap_schemas.h"
 
@@ -74,10 +75,10 @@ SoilMcap::SoilMcap(const std::filesystem::path& file, const Site& site, double t
   for (const std::string& name : site.machines) {
     // Names come from the user's files and need not be UTF-8.
     const std::string json =
-        nlohmann::json(name).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+        io::to_text(nlohmann::json(name));
     loads_.push_back({});
     loads_.back().id = writer_.add_channel(
-        "/load/" + nlohmann::json::parse(json).get<std::string>(), load_schema(), "json");
+        "/load/" + io::parse_json(json).get<std::string>(), load_schema(), "json");
     loads_.back().name = json;
   }
   const Vec3& o = site.origin;

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/file/atomic_file.h"
+#include "io/file/json.h"
 #include "soilvdb/io/checksum.h"
 
 namespace soilvdb::tools {
@@ -73,7 +74,7 @@ std::string plan_text(const fs::path& folder, const SplitPlan& plan) {
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
   for (const SplitPlan::Window& window : plan.windows) json["windows"].push_back(to_json(window));
   try {
-    return json.dump(1) + '\n';
+    return io::to_text(json, 1) + '\n';
   } catch (const Json::exception&) {
     throw io::InputError(options.scenario,
                          "can't be split: the path of it or of an input is no UTF-8 text; rename "
@@ -127,7 +128,7 @@ void check_unchanged(const SplitPlan& plan) {
 }
 
 void check_is_part(const io::JournalContent& journal, const RunOptions& part) {
-  const Json is = Json::from_cbor(journal.config.text, true, /*allow_exceptions=*/false);
+  const Json is = io::from_cbor(journal.config.text);
   const auto as = [](const auto& value) { return value ? Json(*value) : Json(); };
   const auto at = [&](const char* key) { return is.is_object() ? is.value(key, Json()) : Json(); };
   const Json window = at("part");

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "io/file/json.h"
 #include "io/file/text.h"
 #include "soilvdb/io/journal.h"
 #include "tools/run/run_config.h"
@@ -22,7 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// The time in a snapshot's name: soil_12.5.vdb, or of several at one time soil_12.5_99.vdb.
 std::optional<double> time_of(const std::string& name) {
@@ -82,7 +82,7 @@ class RecordedHistory : public History {
 
   Session start_;
   fs::path folder_;
-  Times times_ = {kNaN, kNaN, {}};
+  Times times_ = {std::nan(""), std::nan(""), {}};
 };
 
 class RunHistory : public History {
@@ -135,7 +135,7 @@ Opened open_folder(const fs::path& folder) {
                          "no journal in it");
   const io::JournalContent journal = io::read_journal(file);
   if (is_of_session(journal.config.text)) {
-    const auto config = nlohmann::json::from_cbor(journal.config.text);
+    const auto config = io::from_cbor(journal.config.text);
     const auto scenario = config.find("scenario");
     if (scenario == config.end() || !scenario->is_string())
       throw io::InputError(folder,

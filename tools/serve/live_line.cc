@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "io/file/json.h"
 #include "io/file/text.h"
 #include "io/motion/motion_checks.h"
 #include "tools/serve/live_site.h"
@@ -18,10 +19,10 @@
 namespace soilvdb::tools {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Line = nlohmann::json;
 
 /// Farthest from one state to the next.
-constexpr double kFarthest_m = 100;
+constexpr double kFarthestMove_m = 100;
 /// Latest time, beyond any calendar's: after a slip no state of that machine would be taken.
 constexpr double kMostTime_s = 1e10;
 /// Ahead of all that was fed, at once.
@@ -29,13 +30,13 @@ constexpr double kFarthestAhead_s = 3600;
 /// Rotations in JSON are often rounded; those that are off by more aren't taken.
 constexpr double kUnitTolerance = 1e-3;
 
-double number(const Json& json, const std::string& what) {
+double number(const Line& json, const std::string& what) {
   if (!json.is_number()) throw std::invalid_argument(what + " must be a number");
   return json.get<double>();
 }
 
 template <std::size_t N>
-std::array<double, N> array_of(const Json& json, const std::string& what) {
+std::array<double, N> array_of(const Line& json, const std::string& what) {
   std::array<double, N> all{};
   if (!json.is_array() || json.size() != N)
     throw std::invalid_argument(fmt::format("'{}' must be an array of {} numbers", what, N));
@@ -43,7 +44,7 @@ std::array<double, N> array_of(const Json& json, const std::string& what) {
   return all;
 }
 
-Pose pose_of(const Json& position, const Json& rotation) {
+Pose pose_of(const Line& position, const Line& rotation) {
   const auto p = array_of<3>(position, "position");
   const auto q = array_of<4>(rotation, "rotation");
   Pose pose{{p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2])};
@@ -59,7 +60,7 @@ Pose pose_of(const Json& position, const Json& rotation) {
 
 /// @param joints hold those of the state
 MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints) const {
-  const Json json = Json::parse(line, nullptr, /*allow_exceptions=*/false);
+  const Line json = io::parse_json(line);
   if (json.is_discarded() || !json.is_object())
     throw std::invalid_argument(
         fmt::format("'{}' is no JSON object{}", io::printable(line),
@@ -92,7 +93,7 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
     state.pose = pose_of(json["position"], json["rotation"]);
     return state;
   }
-  const Json& values = json["joints"];
+  const Line& values = json["joints"];
   if (!values.is_object()) throw std::invalid_argument("'joints' must be an object of numbers");
   const std::vector<std::string>& names = joints_[state.machine];
   if (names.empty())
@@ -126,11 +127,11 @@ void LiveSite::require_likely(const MachineState& state) const {
   if (!last) return;
   const Pose pose = state.joints.empty() ? state.pose : session_.pose(state.machine, state.joints);
   const double way_m = (pose.position - last->pose.position).norm();
-  if (way_m > kFarthest_m)
+  if (way_m > kFarthestMove_m)
     throw std::invalid_argument(fmt::format(
         "machine '{}' would go {:.6g} m straight on in one state; are these metres? States on its "
         "way are at most {} m apart",
-        machine.name, way_m, kFarthest_m));
+        machine.name, way_m, kFarthestMove_m));
   const double after_s = state.time_s - last->time_s;
   if (!(after_s >= 0)) return;  // no time is known, or it goes back, which the session says
   if (!state.joints.empty() && !last->joints.empty())

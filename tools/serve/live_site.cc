@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "io/file/json.h"
 #include "tools/run/run_folder.h"
 
 namespace soilvdb::tools {
@@ -23,7 +24,7 @@ Json numbers(const auto& values) {
 }
 
 std::string line_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return io::to_text(json);
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "io/file/text.h"
+#include "io/file/json.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/picture.h"
 #include "tools/run/books.h"
@@ -39,7 +40,7 @@ constexpr std::size_t kMostPasts = 4;
 Reply json_reply(const Json& json) {
   return {200,
           "application/json",
-          json.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n',
+          io::to_text(json) + '\n',
           {},
           false};
 }

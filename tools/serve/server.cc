@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "io/file/json.h"
 #include "io/terrain/crs.h"
 #include "soilvdb/io/error.h"
 #include "tools/serve/server_state.h"
@@ -157,7 +158,7 @@ Bytes ServerState::description() {
   json["design"] = design != nullptr;
   json["times"] = times();
   return std::make_shared<const std::string>(
-      json.dump(-1, ' ', false, Json::error_handler_t::replace));
+      io::to_text(json));
 }
 
 void ServerState::follow_ground() {
@@ -188,7 +189,7 @@ void ServerState::tick() {
     Json json = site.state();
     json["times"] = times();
     const auto state = std::make_shared<const std::string>(
-        json.dump(-1, ' ', false, Json::error_handler_t::replace));
+        io::to_text(json));
     for (Viewer* viewer : viewers) viewer->tell_state(state);
   }
   for (Viewer* viewer : viewers) viewer->go_on();

@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "io/file/json.h"
+
 namespace soilvdb::tools {
 namespace {
 
@@ -24,7 +26,7 @@ std::optional<double> time_of(const Json& json, const char* key) {
 }
 
 std::string message(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return io::to_text(json);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "io/file/json.h"
 #include "soilvdb/capacity.h"
 
 namespace soilvdb::tools {
@@ -156,12 +157,12 @@ std::string machines_csv(const Json& state) {
       name = '"' + quoted + '"';
     }
     const auto cell = [](const Json& value) {
-      return value.is_null() ? std::string() : value.dump();
+      return value.is_null() ? std::string() : io::to_text(value);
     };
     const Json& at = json["position"];
     csv += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", name, json["state"].get<std::string>(),
-                       at.is_null() ? "" : at[0].dump(), at.is_null() ? "" : at[1].dump(),
-                       at.is_null() ? "" : at[2].dump(), cell(json["bucket_m3"]),
+                       at.is_null() ? "" : io::to_text(at[0]), at.is_null() ? "" : io::to_text(at[1]),
+                       at.is_null() ? "" : io::to_text(at[2]), cell(json["bucket_m3"]),
                        cell(json["bucket_kg"]), cell(json["cut_m3"]), cell(json["cycles"]),
                        cell(json["last_load_m3"]));
   }

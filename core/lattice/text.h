@@ -1,0 +1,17 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Numbers as text, for messages.
+#pragma once
+
+#include <charconv>
+#include <string>
+
+namespace soilvdb::inline v0 {
+
+/// The shortest text that reads back as `value`.
+inline std::string text(double value) {
+  char buffer[32];
+  return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
+}
+
+}  // namespace soilvdb::inline v0

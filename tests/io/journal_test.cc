@@ -1,0 +1,300 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/io/journal.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <utility>
+
+#include "soilvdb/io/motion_rows.h"
+#include "tests/io/journal_fixture.h"
+#include "tests/support/temp_folder.h"
+
+namespace soilvdb::io {
+namespace journal_test {
+
+using ::testing::HasSubstr;
+
+TEST_F(Journal, GivesBackEveryRecordToTheLastBit) {
+  write(20, 3);
+  const Motion way = motion(20);
+  JournalReader reader(folder_ / "journal");
+  EXPECT_EQ(as_text(reader.next().value()), "0 configuration");
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_EQ(as_text(reader.next().value()), as_text(move(way, i))) << i;
+    if (i != 10) continue;
+    EXPECT_EQ(std::get<JournalFile>(reader.next().value()).crc, 0x1234567890abcdef);
+  }
+  EXPECT_TRUE(std::holds_alternative<JournalEnd>(reader.next().value()));
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(reader.torn_bytes(), 0u);
+  EXPECT_FALSE(reader.damaged());
+}
+
+TEST_F(Journal, PoursHaveNoRowsAndSoilThatCameDownIsThere) {
+  const Motion way = motion(6);
+  const auto file = folder_ / "journal";
+  std::vector<std::string> written;
+  {
+    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+    for (int i = 0; i < 6; ++i) {
+      JournalMove next = move(way, 2 * i);
+      if (i % 2 == 1) next = {7, true, 0.1 * i, 0.1 * (i + 1), 0, 0, 12, MotionRows()};
+      next.slid = i * std::int64_t{1'000'000'007};
+      next.spilled = i == 4 ? 0 : i;
+      writer.add(next);
+      written.push_back(as_text(next));
+    }
+  }
+  Reading read = reading(file);
+  ASSERT_EQ(read.records.size(), written.size() + 1);
+  for (std::size_t i = 1; i < written.size(); i += 2) EXPECT_EQ(read.records[i + 1], written[i]);
+  JournalReader reader(file);
+  reader.next();
+  for (int i = 0; i < 6; ++i) {
+    const JournalMove back = std::get<JournalMove>(*reader.next());
+    EXPECT_EQ(back.slid, i * std::int64_t{1'000'000'007});
+    EXPECT_EQ(back.spilled, i == 4 ? 0 : i);
+  }
+}
+
+TEST_F(Journal, RowsGiveTheSamePosesToTheLastBitAtAnyTime) {
+  const Motion whole = motion(30);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> time(-0.05, whole.end_s() + 0.05);
+  for (int i = 0; i < 2000; ++i) {
+    double begin_s = std::max(0.0, time(random)), end_s = time(random);
+    if (i % 3 == 0) begin_s = whole.times_s()[random() % 30];
+    if (i % 4 == 0) end_s = whole.times_s()[random() % 30];
+    if (end_s < begin_s) std::swap(begin_s, end_s);
+    const MotionRows rows = rows_between(whole, begin_s, end_s);
+    const Motion part = motion_of(rows, {});
+    for (int k = 0; k <= 4; ++k) {
+      const double t = k == 4 ? end_s : begin_s + (end_s - begin_s) * k / 4;
+      const Pose a = whole.pose(t), b = part.pose(t);
+      ASSERT_EQ(a.position, b.position) << begin_s << ' ' << end_s << ' ' << t;
+      ASSERT_EQ(a.rotation.coeffs(), b.rotation.coeffs()) << begin_s << ' ' << end_s << ' ' << t;
+    }
+    ASSERT_LE(rows.times_s.size(), 3 + (end_s - begin_s) / kEvery_s);
+  }
+}
+
+TEST_F(Journal, ARowIsWrittenOnce) {
+  const Motion way = motion(1000);
+  const auto file = folder_ / "journal";
+  JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+  for (int i = 0; i < 1000; ++i) writer.add(move(way, 2 * i));
+  writer.flush();
+  EXPECT_LT(std::filesystem::file_size(file), 1000 * (8 * sizeof(double) + 20));
+}
+
+TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
+  std::mt19937_64 random(3);
+  std::vector<double> numbers = {0.0,
+                                 -0.0,
+                                 0.1,
+                                 -0.1,
+                                 0.30000000000000004,
+                                 1e-9,
+                                 1e-10,
+                                 1e300,
+                                 -1e300,
+                                 5e-324,
+                                 0x1p53,
+                                 0x1p62,
+                                 -0x1p63,
+                                 0x1p64,
+                                 0x1.fffffffffffffp52,
+                                 -0.0,
+                                 9007.199254740993,
+                                 -9007199.254740993,
+                                 std::numeric_limits<double>::infinity(),
+                                 -std::numeric_limits<double>::infinity()};
+  for (int i = 0; i < 20'000; ++i) {
+    const auto digits = static_cast<int>(random() % 12);
+    switch (random() % 4) {
+      case 0:  // as a file gives it
+        numbers.push_back(std::stod(
+            fmt::format("{:.{}f}", std::uniform_real_distribution(-1e3, 1e3)(random), digits)));
+        break;
+      case 1:
+        numbers.push_back(std::bit_cast<double>(random()));  // anything
+        break;
+      case 2:
+        numbers.push_back(numbers.back());
+        break;
+      default:
+        numbers.push_back(std::ldexp(1, static_cast<int>(random() % 128) - 64));
+    }
+  }
+  JournalMove move;
+  move.rows.columns = 1;
+  move.rows.values = numbers;
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    move.rows.times_s.push_back(static_cast<double>(i) / 100);
+  move.end_s = 12345;
+  move.ends_update = false;
+  const auto file = folder_ / "journal";
+  JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+  writer.add(move);
+  writer.flush();
+  JournalReader reader(file);
+  reader.next();
+  const auto back = std::get<JournalMove>(reader.next().value());
+  EXPECT_FALSE(back.ends_update);
+  EXPECT_EQ(back.end_s, 12345);
+  ASSERT_EQ(back.rows.times_s, move.rows.times_s);
+  ASSERT_EQ(back.rows.values.size(), numbers.size());
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    ASSERT_TRUE(same_bits(back.rows.values[i], numbers[i])) << i << ": " << numbers[i];
+}
+
+TEST_F(Journal, KeepsWhatASessionWasFedToTheLastBit) {
+  using Kind = JournalState::Kind;
+  std::mt19937_64 random(12);
+  const auto file = folder_ / "journal";
+  std::uint64_t size = begin_journal(file, {"configuration"});
+  std::vector<JournalState> fed;
+  for (int writers = 0; writers < 3; ++writers) {  // as when it is gone on with
+    JournalWriter writer(file, size, {}, 3600);
+    for (int i = 0; i < 500; ++i) {
+      JournalState state{.kind = static_cast<Kind>(random() % 4),
+                         .machine = static_cast<std::uint32_t>(random() % 3)};
+      state.time_s = random() % 9 == 0 ? std::bit_cast<double>(random()) : 0.01 * i;
+      const std::size_t count = state.kind == Kind::kPose     ? 7
+                                : state.kind == Kind::kJoints ? random() % 5
+                                                              : 0;
+      for (std::size_t k = 0; k < count; ++k)
+        state.values.push_back(random() % 9 == 0 ? std::bit_cast<double>(random())
+                                                 : std::round(static_cast<double>(i)) / 1000);
+      for (std::int64_t* value :
+           {&state.cut_samples, &state.bucket_samples, &state.ns, &state.spilled, &state.slid})
+        *value = static_cast<std::int64_t>(random()) >> (random() % 64);
+      writer.add(state);
+      fed.push_back(state);
+    }
+    writer.flush();
+    size = std::filesystem::file_size(file);
+  }
+  JournalReader reader(file);
+  reader.next();
+  for (const JournalState& state : fed) {
+    const auto back = std::get<JournalState>(reader.next().value());
+    ASSERT_EQ(back.kind, state.kind);
+    ASSERT_EQ(back.machine, state.machine);
+    ASSERT_TRUE(same_bits(back.time_s, state.time_s));
+    ASSERT_EQ(back.values.size(), state.values.size());
+    for (std::size_t k = 0; k < state.values.size(); ++k)
+      ASSERT_TRUE(same_bits(back.values[k], state.values[k]));
+    ASSERT_EQ(back.cut_samples, state.cut_samples);
+    ASSERT_EQ(back.bucket_samples, state.bucket_samples);
+    ASSERT_EQ(back.ns, state.ns);
+    ASSERT_EQ(back.spilled, state.spilled);
+    ASSERT_EQ(back.slid, state.slid);
+  }
+  EXPECT_FALSE(reader.next());
+  EXPECT_EQ(read_journal(file).done.updates, fed.size());
+}
+
+/// It was three times as large once: 123 MB for a motion of 41 MB.
+TEST_F(Journal, IsAboutAsLargeAsTheMotionAsText) {
+  constexpr int kRows = 5000;
+  std::vector<double> times_s, angles;
+  std::vector<Pose> poses;
+  std::size_t poses_text = 0, joints_text = 0;
+  const auto decimal = [](double value, int decimals, std::string& line) {
+    const std::string text = fmt::format("{:.{}f}", value, decimals);
+    line += text + ',';
+    return std::stod(text);
+  };
+  for (int i = 0; i < kRows; ++i) {
+    std::string line, joints;
+    times_s.push_back(decimal(i / 100.0, 2, line));
+    joints = line;
+    const double x = decimal(512340 + 0.013 * i, 3, line), y = decimal(5403640, 3, line),
+                 z = decimal(std::sin(0.01 * i), 3, line),
+                 pitch = decimal(0.4 * std::sin(0.02 * i), 4, line);
+    poses.push_back({{x, y, z}, from_rpy(0, pitch, 0)});
+    for (int joint = 1; joint <= 4; ++joint)
+      angles.push_back(decimal(std::sin(0.001 * i * joint), 4, joints));
+    poses_text += line.size();
+    joints_text += joints.size();
+  }
+  Chain chain;
+  for (const char* name : {"swing", "boom", "stick", "bucket"}) {
+    Joint joint;
+    joint.name = name;
+    joint.type = Joint::Type::kContinuous;
+    chain.joints.push_back(joint);
+  }
+  const auto size_of = [&](const Motion& motion) {
+    const auto file = folder_ / "journal";
+    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+    std::int64_t bucket = 0;
+    for (int i = 1; i < kRows; ++i) {
+      const std::int64_t cut = 20'000 + i % 1000;
+      const double begin_s = motion.times_s()[static_cast<std::size_t>(i - 1)],
+                   end_s = motion.times_s()[static_cast<std::size_t>(i)];
+      writer.add(JournalMove{0, true, begin_s, end_s, cut, bucket += cut, 50'000 + i,
+                             rows_between(motion, begin_s, end_s)});
+    }
+    writer.flush();
+    return static_cast<double>(std::filesystem::file_size(file));
+  };
+  EXPECT_LT(size_of(Motion(times_s, angles, chain)), static_cast<double>(joints_text));
+  // Rotations are no decimals: two of four numbers, eight bytes more each than the angle as text.
+  EXPECT_LT(size_of(Motion(times_s, poses)), 1.2 * static_cast<double>(poses_text));
+}
+
+TEST_F(Journal, GoesOnAfterWhatIsGood) {
+  const std::string bytes = write(20, 3, false);
+  const auto file = folder_.write("journal", bytes + "a frame that never became wh");
+  const JournalContent before = read_journal(file);
+  EXPECT_EQ(before.torn_bytes, 28u);
+  EXPECT_EQ(before.done.updates, 20u);
+  EXPECT_FALSE(before.damaged);
+  {
+    const Motion way = motion(30);
+    JournalWriter writer(file, before.good_bytes, before.done, 3600);
+    for (int i = 20; i < 30; ++i) writer.add(move(way, i));
+    writer.flush();
+    EXPECT_EQ(writer.acknowledged().updates, 30u);
+  }
+  const Reading both = reading(file);
+  write(30, 30, false);
+  Reading whole = reading(folder_ / "journal");
+  const auto is_file = [](const std::string& text) { return text.starts_with("2 "); };
+  std::vector<std::string> moves = both.records;
+  std::erase_if(moves, is_file);
+  std::erase_if(whole.records, is_file);
+  EXPECT_EQ(moves, whole.records);
+}
+
+TEST_F(Journal, SomethingElseIsRefused) {
+  for (const char* text :
+       {"", "time,x,y,z\n", "SVJ2", "SVJ2aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"})
+    EXPECT_THAT(test::message_of(folder_, [&] { JournalReader reader(folder_.write("no", text)); }),
+                HasSubstr("no: is not a journal"));
+  EXPECT_THAT(
+      test::message_of(folder_, [&] { JournalReader reader(folder_.write("old", "SVJ1")); }),
+      HasSubstr("old: is a journal of an older format, which isn't read any more"));
+  EXPECT_THAT(test::message_of(folder_, [&] { JournalReader reader(folder_ / "none"); }),
+              HasSubstr("none: no such file"));
+}
+
+TEST_F(Journal, WhatCannotBeWrittenIsSaidAndStaysSaid) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP();
+  write(4, 1, false);
+  std::filesystem::create_symlink("/dev/full", folder_ / "full");
+  EXPECT_THAT(test::message_of(folder_, [&] { JournalWriter writer(folder_ / "full", 0, {}, 1); }),
+              HasSubstr("full: can't be written"));
+}
+
+}  // namespace journal_test
+}  // namespace soilvdb::io

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A site of two machines, rigid or with soil that moves, and the states they are fed.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "soilvdb/session.h"
+#include "tests/support/earthmoving_fixture.h"
+
+namespace soilvdb::test {
+
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+inline SessionSite site_of(Earthmoving earthmoving = {}) {
+  return {.voxel_size_m = 0.1,
+          .terrain = io::PlaneTerrain{0.2, {0.05, 0}},
+          .machines = {{"digger", digger()}, {"plate", Bucket{1.0, 0.6, {}, 0.8}}},
+          .earthmoving = std::move(earthmoving)};
+}
+
+inline Earthmoving moving() {
+  Earthmoving all = loam_with_pours({{"truck", {2, 2, 4}, 5, 40, 2}});
+  all.pours.push_back({"beside it", {2.6, 2, 4}, 6, 30, 1});
+  all.hoppers.push_back({"bin", {Vec2(-1, 2.5), Vec2(3, 5.5)}, 0.5, 0, 30});  // gone as it tips
+  return all;
+}
+
+/// Two machines' states in turn.
+inline std::vector<MachineState> states() {
+  std::vector<MachineState> all;
+  double time_s = 0;
+  for (const Pose& pose : cycle({-3, 0, 0}, 0.5, 40)) {
+    MachineState digs{.machine = 0, .time_s = time_s += 0.5, .pose = pose};
+    MachineState pushes{.machine = 1, .time_s = time_s, .pose = {pose.position, {1, 0, 0, 0}}};
+    pushes.pose.position += Vec3(0.7, -1.5, 0.1);
+    all.push_back(digs);
+    all.push_back(pushes);
+  }
+  return all;
+}
+
+inline std::vector<MachineState> part(const std::vector<MachineState>& all, double from,
+                                      double to) {
+  const auto at = [&](double share) {
+    return all.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(all.size()));
+  };
+  return {at(from), at(to)};
+}
+
+inline void feed(Session& session, const std::vector<MachineState>& all) {
+  for (const MachineState& state : all) {
+    const StepResult step = session.update(state);
+    ASSERT_TRUE(step.ok()) << step.why;
+  }
+}
+
+class Sessions : public ::testing::TestWithParam<bool> {
+ protected:
+  static SessionSite site() { return site_of(GetParam() ? moving() : Earthmoving{}); }
+};
+
+inline const auto kSoils = ::testing::Bool();
+inline std::string name_of_soil(const ::testing::TestParamInfo<bool>& given) {
+  return given.param ? "ThatMoves" : "ThatIsRigid";
+}
+
+}  // namespace soilvdb::test

@@ -1,0 +1,307 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Where soil comes to rest with a bucket, a hollow or the terrain's end beside it.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "core/settle/column_samples.h"
+#include "core/settle/earthworks.h"
+#include "core/settle/obstacle.h"
+#include "io/snapshot/cold_file.h"
+#include "tests/support/earthmoving_fixture.h"
+#include "tests/support/temp_folder.h"
+
+namespace soilvdb::test {
+namespace soil_at_rest_test {
+
+constexpr double kVoxel = 0.1;
+constexpr double kDegree = std::numbers::pi / 180;
+
+struct Site {
+  Soil soil;
+  Tracker tracker;
+  Site(std::shared_ptr<const BaseSurface> base, std::vector<Bucket> buckets, Earthmoving all)
+      : soil(kVoxel, Vec3::Zero(), std::move(base)),
+        tracker(soil, std::move(buckets), std::move(all)) {}
+
+  double highest_m() const {
+    const GroundWindow window = all_of(soil);
+    double most = -std::numeric_limits<double>::infinity();
+    for (int x = 0; x < window.nx(); ++x)
+      for (int y = 0; y < window.ny(); ++y) most = std::max(most, window.at(x, y).top);
+    return kVoxel * most;
+  }
+  double steepest() const {
+    const std::vector<double> over = over_repose(all_of(soil));
+    return over.empty() ? 0 : over.back();
+  }
+};
+
+/// A full bucket, its lip so high above level ground 6 m beside its trench, level.
+void fill_and_carry(Tracker& tracker, double lip_m) {
+  for (const Pose& pose : drag({-3, 0, 0}, 4, 0.5, 60)) tracker.update(0, pose);
+  for (const Vec3& to : {Vec3(1, 6, 2), Vec3(1, 6, lip_m)})
+    tracker.update(0, {to, from_rpy(0, -1.55, 0)});
+  ASSERT_GT(tracker.ledger(0).bucket_m3(), 0.5);
+}
+
+TEST(SoilAtRest, ALoadTippedRightAboveTheGroundLiesAroundTheBucket) {
+  for (const double lip_m : {0.0, 0.2, 0.5, 0.9}) {
+    SCOPED_TRACE(lip_m);
+    Site site(make_plane(0, {0, 0}), {digger()}, loam());
+    fill_and_carry(site.tracker, lip_m);
+    for (int i = 1; i <= 20; ++i) {
+      site.tracker.update(0, {{1, 6, lip_m}, from_rpy(0, -1.55 + 3.0 * i / 20, 0)});
+      // Whatever leaves a bucket falls, so nothing comes to lie above where that has been.
+      ASSERT_LT(site.highest_m(), lip_m + 1.2);
+      ASSERT_EQ(residual(site.tracker), 0);
+    }
+    ASSERT_LT(site.tracker.ledger(0).bucket_m3(), 0.1);
+    for (int i = 1; i <= 10; ++i)  // and away: what leant on the bucket comes down by itself
+      site.tracker.update(0, {{1, 6, lip_m + 0.5 * i}, from_rpy(0, 1.45, 0)});
+    EXPECT_LT(site.steepest(), 3 * kDegree);
+    EXPECT_LT(site.highest_m(), 0.9);
+    EXPECT_EQ(residual(site.tracker), 0);
+  }
+}
+
+TEST(SoilAtRest, ADumpedLoadThatLeansOnTheBucketComesDownOnceThatHasGone) {
+  Bucket bucket = digger();
+  bucket.dump_angle_rad = 0.3;
+  Site site(make_plane(0, {0, 0}), {bucket}, loam());
+  fill_and_carry(site.tracker, 0.4);
+  site.tracker.update(0, {{1, 6, 0.4}, from_rpy(0, 0.5, 0)});
+  ASSERT_GT(site.tracker.total().dumped_m3(), 0.5);
+  for (int i = 1; i <= 10; ++i)
+    site.tracker.update(0, {{1, 6, 0.4 + 0.5 * i}, from_rpy(0, 0.5, 0)});
+  EXPECT_LT(site.steepest(), 3 * kDegree);
+  EXPECT_EQ(residual(site.tracker), 0);
+}
+
+TEST(SoilAtRest, StandstillsDontDependOnUpdates) {
+  // It digs, stands still in the ground, and goes on; it never turns.
+  const Eigen::Quaterniond level = from_rpy(0, 0.35, 0);
+  const Motion motion({0, 1, 2, 3, 4, 5, 6}, {{{-3, 0, 0.4}, level},
+                                              {{-2, 0, -0.5}, level},
+                                              {{-1, 0, -0.5}, level},
+                                              {{-1, 0, -0.5}, level},
+                                              {{-1, 0, -0.5}, level},
+                                              {{1, 0, -0.5}, level},
+                                              {{1.5, 0, 1.5}, level}});
+  const auto dig = [&](int updates) {
+    Site site(make_plane(0, {0, 0}), {digger()}, loam());
+    for (int i = 0; i < updates; ++i)
+      site.tracker.update(0, motion, 6.0 * i / updates, 6.0 * (i + 1) / updates);
+    EXPECT_GT(site.tracker.site().slid, 0);
+    return std::pair(site.soil.state_hash(), site.tracker.ledger(0).load);
+  };
+  const auto once = dig(1);
+  for (const int updates : {2, 3, 4, 6, 7, 12, 100}) EXPECT_EQ(dig(updates), once) << updates;
+}
+
+/// Loose soil over a gap, in columns of level ground.
+struct Roof {
+  Soil soil{kVoxel, Vec3::Zero(), make_plane(-kVoxel / 2, {0, 0})};
+  Earthworks works{soil, *loam().soil, {}};
+
+  Roof(int gap, int thickness) {
+    std::vector<ColumnChange> heap, below;
+    for (int x = -6; x <= 6; ++x) {
+      for (int y = -6; y <= 6; ++y) {
+        heap.push_back({{x, y}, 0, gap + thickness - 1, 64 * (gap + thickness), false, 0, 0});
+        below.push_back({{x, y}, 0, gap - 1, 64 * gap, false, 0, 0});
+      }
+    }
+    add_loose(soil, heap, kSlope);
+    remove_top(soil, below, kSlope, false);
+  }
+  std::int64_t at_height(int z) const {
+    std::int64_t samples = 0;
+    for (const Chunk* chunk : soil.chunks()) {
+      SampleWords loose;
+      soil.read_loose(chunk->origin, loose);
+      for (std::size_t n = 0; n < loose.size(); ++n)
+        if (chunk->origin.z() + static_cast<int>(n & 7) == z) samples += std::popcount(loose[n]);
+    }
+    return samples;
+  }
+};
+
+TEST(SoilAtRest, ALooseRoofFallsWhetherItIsThickerOrThinnerThanTheGap) {
+  for (const auto& [gap, thickness] : {std::pair(2, 5), {5, 2}, {1, 7}, {3, 3}}) {
+    Roof roof(gap, thickness);
+    const std::int64_t samples = loose_samples(roof.soil);
+    ASSERT_EQ(roof.at_height(0), 0);
+    roof.works.settle({Vec3(-1, -1, -0.5), Vec3(1, 1, 1.5)}, Obstacle{}, true);
+    EXPECT_EQ(loose_samples(roof.soil), samples) << gap << ' ' << thickness;
+    EXPECT_EQ(roof.works.books().in_flight, 0);
+    EXPECT_EQ(pockets(roof.soil), 0);
+    EXPECT_GT(roof.at_height(0), 13 * 13 * 64 - 1);
+  }
+}
+
+TEST(SoilAtRest, ALooseRoofBesideWhatIsSettledFallsAsFarAsItIsLookedAt) {
+  Roof roof(2, 5);
+  const std::int64_t samples = loose_samples(roof.soil);
+  // So far beside the roof that no ledge is looked for there, but what slides is.
+  roof.works.settle({Vec3(1.15, -0.1, -0.5), Vec3(1.2, 0.1, 0.5)}, Obstacle{}, true);
+  EXPECT_EQ(loose_samples(roof.soil), samples);
+  EXPECT_EQ(roof.works.books().in_flight, 0);
+  const GroundWindow window(roof.soil, {4, -3}, 3, 7);
+  for (int x = 0; x < window.nx(); ++x)
+    for (int y = 0; y < window.ny(); ++y) EXPECT_EQ(window.at(x, y).hangs, 0);
+  EXPECT_GT(roof.at_height(0), 0);
+}
+
+/// Columns that a bucket with its mouth down takes, on ground that falls away to one of its sides.
+int blocked(double yaw) {
+  const Eigen::Vector2d fall = Eigen::Rotation2Dd(yaw) * Vec2(0, -0.9);
+  const Soil soil(kVoxel, Vec3::Zero(), make_plane(0, fall));
+  const Bucket box{1.6, 1.2, {{0, 0}, {-1, 0}, {-1, 1.2}, {0, 1.2}}, {}};
+  // Its back is up; soil comes in below the edge that is over the lower ground.
+  const Pose at{{0, 0, 0.05}, from_rpy(0, std::numbers::pi / 2, yaw)};
+  const Vec3 middle = at * Vec3(0, 0, 0.6);
+  const Pose centred{at.position - Vec3(middle.x(), middle.y(), 0), at.rotation};
+  const GroundWindow window(soil, {-16, -16}, 33, 33);
+  const BlockedColumns blocks(window, Obstacle(box, centred, soil));
+  int count = 0;
+  for (int x = 0; x < 33; ++x)
+    for (int y = 0; y < 33; ++y) count += blocks(x, y);
+  return count;
+}
+
+TEST(SoilAtRest, ABucketTakesAsManyColumnsWhicheverSideSoilComesFrom) {
+  constexpr int kRim = 2 * (17 + 13), kAll = 17 * 13;
+  for (int quarter = 0; quarter < 4; ++quarter) {
+    const int count = blocked(quarter * std::numbers::pi / 2);
+    EXPECT_GT(count, kRim / 3) << quarter;
+    EXPECT_LT(count, 3 * kAll / 4) << quarter << ": what is open to the lower side isn't its";
+  }
+}
+
+TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
+  for (const int depth : {3, 20, 150}) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> hollow, slot;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -6; x <= 6; ++x) {
+      for (int y = -6; y <= 6; ++y) {
+        hollow.push_back({{x, y}, -4 - depth, -5, kAll, false, 0, 0});
+        if (std::max(std::abs(x), std::abs(y)) == 6)
+          slot.push_back({{x, y}, -4, 0, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, hollow, kSlope, true);
+    const auto box = [](double low) {
+      return Eigen::AlignedBox3d(Vec3(-0.7, -0.7, low), Vec3(0.7, 0.7, 0));
+    };
+    works.settle(box(-0.4 - kVoxel * depth), Obstacle{}, true);
+    EXPECT_EQ(works.books().gone_samples, 0) << "it hangs on the ground around";
+    remove_top(soil, slot, kSlope, true);
+    works.settle(box(-0.4), Obstacle{}, true);
+    const GroundWindow window(soil, {-5, -5}, 11, 11);
+    // It lies on the hollow's floor, swollen, or slid into the slot.
+    const double most = -4.5 - depth + 5 * 1.25 + 0.1;
+    for (int x = 0; x < 11; ++x)
+      for (int y = 0; y < 11; ++y) EXPECT_LT(window.at(x, y).top, most) << depth;
+    EXPECT_GT(loose_samples(soil), 11 * 11 * 4 * 64);
+  }
+}
+
+TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
+  for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> cut;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -4; x <= 4; ++x) {
+      for (int y = -4; y <= 4; ++y) {
+        const bool slot = std::max(std::abs(x), std::abs(y)) == 4;
+        // On one side there is no slot, and the ground is as it was.
+        if (x * dx + y * dy == 4) continue;
+        cut.push_back({{x, y}, -8, slot ? 0 : -5, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, cut, kSlope, true);
+    const std::uint64_t before = soil.state_hash();
+    works.settle({Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)}, Obstacle{}, true);
+    EXPECT_EQ(works.books().gone_samples, 0) << dx << ' ' << dy;
+    EXPECT_EQ(soil.state_hash(), before) << dx << ' ' << dy;
+  }
+}
+
+TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
+  const test::TempFolder folder;
+  std::vector<std::uint64_t> hashes;
+  for (const bool cold : {false, true}) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> cut;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -6; x <= 6; ++x) {
+      for (int y = -6; y <= 6; ++y) {
+        const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
+        cut.push_back({{x, y}, -7, slot ? 0 : -4, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, cut, kSlope, true);
+    if (cold) {
+      soil.limit_memory(1, std::make_shared<io::ColdFile>(folder.path()));
+      EXPECT_THROW(soil.page_out(), std::runtime_error);
+      for (const Chunk* chunk : soil.chunks()) ASSERT_NE(chunk->cold_record, 0);
+    }
+    works.settle({Vec3(-0.6, -0.6, -0.7), Vec3(0.6, 0.6, 0)}, Obstacle{}, true);
+    EXPECT_GT(works.books().gone_samples, 0);
+    hashes.push_back(soil.state_hash());
+  }
+  EXPECT_EQ(hashes[0], hashes[1]);
+}
+
+TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
+  for (int z = -9; z <= -1; ++z) {
+    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Earthworks works(soil, *loam().soil, {});
+    std::vector<ColumnChange> above, below;
+    constexpr std::int64_t kAll = 64 * 1000;
+    for (int x = -6; x <= 6; ++x) {
+      for (int y = -6; y <= 6; ++y) {
+        const bool slot = std::max(std::abs(x), std::abs(y)) == 6;
+        if (!slot) above.push_back({{x, y}, z + 1, 0, kAll, false, 0, 0});
+        below.push_back({{x, y}, -30, slot ? 0 : z - 1, kAll, false, 0, 0});
+      }
+    }
+    remove_top(soil, below, kSlope, true);
+    remove_top(soil, above, kSlope, true);
+    const double low_m = kVoxel * z;
+    works.settle({Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)}, Obstacle{}, true);
+    EXPECT_GE(works.books().gone_samples, 11 * 11 * 64) << z;
+    const GroundWindow window(soil, {-5, -5}, 11, 11);
+    for (int x = 0; x < 11; ++x)
+      for (int y = 0; y < 11; ++y) EXPECT_LT(window.at(x, y).top, -28) << z;
+  }
+}
+
+TEST(SoilAtRest, WhatFallsBeyondTheTerrainDoesntComeDownElsewhere) {
+  Site site(raster({9, 9, {-4, -4}, {1, 1}}, [](double, double) { return 0.0; }), {},
+            loam_with_pours({{"beyond", {80, 0, 2}, 0, 0, 1}, {"on it", {0, 0, 2}, 0, 0, 1}}));
+  site.tracker.pour(0, 0);
+  EXPECT_EQ(residual(site.tracker), 0);
+  EXPECT_EQ(loose_samples(site.soil), 0);
+  EXPECT_EQ(site.tracker.site().astray, site.tracker.site().poured);
+  const std::string state = site.tracker.state();
+  site.tracker.pour(1, 0);
+  EXPECT_EQ(residual(site.tracker), 0);
+  EXPECT_NEAR(static_cast<double>(loose_samples(site.soil)), 1 / site.soil.sample_m3(), 1);
+  Soil other(kVoxel, Vec3::Zero(), site.soil.shared_base());
+  Tracker restored(
+      other, {}, loam_with_pours({{"beyond", {80, 0, 2}, 0, 0, 1}, {"on it", {0, 0, 2}, 0, 0, 1}}));
+  restored.restore(state);
+  EXPECT_EQ(restored.site().astray, restored.site().poured);
+}
+
+}  // namespace soil_at_rest_test
+}  // namespace soilvdb::test

@@ -1,0 +1,48 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Runs a dig through a tracker, its motion split evenly into updates.
+#pragma once
+
+#include "soilvdb/tracker.h"
+#include "tests/support/scenarios.h"
+
+namespace soilvdb::test {
+
+/// One machine digs `dig.motion` in `updates` updates.
+inline void run(Tracker& tracker, const Dig& dig, int updates, std::size_t machine = 0) {
+  const double begin = dig.motion.begin_s(), span = dig.motion.end_s() - begin;
+  for (int i = 0; i < updates; ++i) {
+    const double from = begin + span * i / updates, to = begin + span * (i + 1) / updates;
+    tracker.update(machine, dig.motion, from, to);
+  }
+}
+
+/// A soil in which a dig was dug.
+struct Dug {
+  Soil soil;
+  Tracker tracker;
+  Dug(const Dig& dig, double voxel_size_m, int updates)
+      : soil(voxel_size_m, dig.origin, dig.ground), tracker(soil, {dig.bucket}) {
+    run(tracker, dig, updates);
+  }
+  double cut_m3() const { return tracker.total().cut_m3(); }
+};
+
+/// Cells that lost some of their 64 samples but not all: those that the cut's border runs through.
+inline std::int64_t border_cells(const Soil& soil) {
+  const Soil before(soil.voxel_size_m(), soil.origin(),
+                    {std::shared_ptr<const BaseSurface>(), &soil.base()});
+  std::int64_t cells = 0;
+  SampleWords then, now;
+  for (const Chunk* chunk : soil.chunks()) {
+    before.read_samples(chunk->origin, then);
+    soil.read_samples(chunk->origin, now);
+    for (std::size_t n = 0; n < then.size(); ++n) {
+      const std::uint64_t lost = then[n] & ~now[n];
+      cells += lost != 0 && lost != ~std::uint64_t{0};
+    }
+  }
+  return cells;
+}
+
+}  // namespace soilvdb::test

@@ -1,0 +1,20 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Under sanitizers code takes ten times as long, so tests whose finest scenes run the code of
+// coarser ones leave those out. Long forms of tests are for releases.
+#pragma once
+
+#include <cstdlib>
+
+namespace soilvdb::test {
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kSanitized = true;
+#else
+inline constexpr bool kSanitized = false;
+#endif
+
+/// `tools/test --long` sets it.
+inline const bool kLong = std::getenv("SOILVDB_LONG") != nullptr;
+
+}  // namespace soilvdb::test

@@ -1,0 +1,156 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Distances and heights made from samples, against ground of known shape.
+#include "core/surface/surface_distance.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "core/ground/soil_writer.h"
+#include "core/surface/surface.h"
+#include "soilvdb/surface_height.h"
+#include "tests/support/dig_runner.h"
+#include "tests/support/solids.h"
+
+namespace soilvdb::test {
+namespace surface_distance_test {
+
+TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
+  const Dug dug(make_dig("raster", placements()[1]), 0.05, 50);
+  const Soil before(0.05, dug.soil.origin(),
+                    {std::shared_ptr<const BaseSurface>(), &dug.soil.base()});
+  std::int64_t same = 0;
+  for (const Chunk* chunk : dug.soil.chunks()) {
+    float phi[kChunkVoxels], base[kChunkVoxels];
+    surface_distance(dug.soil, chunk->origin, phi);
+    dug.soil.base().distance(dug.soil.world_from_index(chunk->origin.cast<double>()), 0.05,
+                             dug.soil.band_m(), base);
+    // A chunk of which, and of whose neighbours, no sample was changed.
+    bool untouched = true;
+    for (int k = 0; k < 27; ++k) {
+      const Coord3 c = chunk->origin + kChunkSide * Coord3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+      SampleWords now, then;
+      dug.soil.read_samples(c, now);
+      before.read_samples(c, then);
+      untouched &= now == then;
+    }
+    for (int n = 0; n < kChunkVoxels; ++n) {
+      if (untouched) {
+        ASSERT_EQ(phi[n], base[n]);
+      }
+      same += phi[n] == base[n] && std::abs(phi[n]) < dug.soil.band_m();
+    }
+  }
+  EXPECT_GT(same, 100);
+}
+
+TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
+  // The mesh's own error near creases, and what a ball of steps of 0.02 and 300 directions misses.
+  constexpr double kError = kVertexError + 0.05;
+  for (const Solid& solid : known_solids()) {
+    constexpr double h = 0.05;
+    const auto soil = sampled(solid, h);
+    std::vector<Coord3> chunks;
+    for (const Chunk* chunk : soil->chunks()) chunks.push_back(chunk->origin);
+    std::vector<std::array<float, kChunkVoxels>> all(chunks.size());
+    surface_distances(*soil, chunks, [&](std::size_t i, const float* phi) {
+      std::copy_n(phi, kChunkVoxels, all[i].begin());
+    });
+    int looked = 0, bad = 0;
+    std::mt19937 random(1);
+    for (std::size_t i = 0; i < chunks.size(); ++i) {
+      if (i % 5 == 0) {
+        float phi[kChunkVoxels];
+        surface_distance(*soil, chunks[i], phi);
+        for (std::size_t n = 0; n < kChunkVoxels; ++n) ASSERT_EQ(phi[n], all[i][n]);
+      }
+      for (int n = 0; n < kChunkVoxels; ++n) {
+        const double phi = all[i][static_cast<std::size_t>(n)];
+        if (random() % 16 != 0 || std::abs(phi) > 2.5 * h) continue;
+        const Vec3 p = h * (chunks[i] + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
+        const double truth = distance_m(solid, p, 0.02 * h);
+        bad += std::abs(std::abs(phi) - truth) > kError * h;
+        bad += (phi < 0) != (solid.f(p) < 0) && truth > kVertexError * h;
+        ++looked;
+      }
+    }
+    EXPECT_GT(looked, 100);
+    EXPECT_LE(bad, looked / 50) << solid.name << " of " << looked;
+  }
+}
+
+TEST(SurfaceHeight, IsThatOfTheHighestTriangleWhereBlocksMeetToo) {
+  for (const double yaw : {0.0, 0.3, 0.9}) {
+    const Solid trench = half_sine_trench(yaw);
+    for (const double h : {0.05, 0.03}) {
+      const auto soil = sampled(trench, h);
+      const Mesh mesh = mesh_all(*soil);
+      SurfaceHeight heights(*soil);
+      std::mt19937 random(1);
+      std::uniform_real_distribution<double> place(-0.55, 0.55), near(-1, 1);
+      for (int k = 0; k < 1500; ++k) {
+        Vec2 p(place(random), place(random));
+        // Within a voxel of where blocks meet.
+        p[k % 2] = h * (kBlockSide * std::round(p[k % 2] / (h * kBlockSide)) + near(random));
+        double top = -1e9;
+        for (const auto& t : mesh.triangles) {
+          Vec3 v[3];
+          for (std::size_t c = 0; c < 3; ++c) v[c] = mesh.points[t[c]].cast<double>();
+          Eigen::Matrix2d sides;
+          sides << (v[1] - v[0]).head<2>(), (v[2] - v[0]).head<2>();
+          if (std::abs(sides.determinant()) < 1e-12) continue;
+          const Vec2 w = sides.inverse() * (p - v[0].head<2>());
+          if (w.minCoeff() < 0 || w.sum() > 1) continue;
+          top = std::max(top, v[0].z() + w.x() * (v[1] - v[0]).z() + w.y() * (v[2] - v[0]).z());
+        }
+        if (top > -1e8) {
+          ASSERT_NEAR(*heights.at(p.x(), p.y()), top, 1e-6) << p.transpose() / h;
+        }
+      }
+    }
+  }
+}
+
+TEST(SurfaceDistance, IsTheTrueOneOnAllSidesOfAChunkThatWasDug) {
+  Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  SampleWords all;
+  all.fill(kAllSoil);
+  SoilWriter(soil).remove(Coord3::Zero(), all);
+  for (int n = 0; n < 27; ++n) {
+    const Coord3 chunk = kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    float phi[kChunkVoxels];
+    surface_distance(soil, chunk, phi);
+    for (int k = 0; k < kChunkVoxels; ++k) {
+      const Vec3 p = (chunk + Coord3(k >> 6, k >> 3 & 7, k & 7)).cast<double>();
+      const Vec3 beyond = (p.array() - 3.5).abs() - 4;
+      const double most = beyond.maxCoeff(), truth = most < 0 ? -most : -beyond.cwiseMax(0).norm();
+      EXPECT_NEAR(phi[k], std::clamp(truth, -soil.band_m(), soil.band_m()), kVertexError)
+          << p.transpose();
+    }
+  }
+}
+
+TEST(SurfaceHeight, IsTheBaseSurfacesOutsideAndTheFloorsInside) {
+  const Solid box = ground_less("box", {0, 0}, {{Pose{}, Vec3(0.5, 0.4, 0.312)}});
+  const auto soil = sampled(box, 0.05);
+  EXPECT_EQ(*surface_height(*soil, 5, 5), box.height_m);
+  EXPECT_NEAR(*surface_height(*soil, 0.7, 0.1), box.height_m, 1e-6);
+  EXPECT_NEAR(*surface_height(*soil, 0.1, 0.1), -0.312, kSmoothError * 0.05 * 3);
+}
+
+TEST(SurfaceHeight, IsThatOfTheFloorAcrossTheBordersOfBlocks) {
+  const Solid box =
+      ground_less("box", {0, 0}, {{{Vec3::Zero(), from_rpy(0, 0, 0.5)}, Vec3(0.8, 0.8, 0.312)}});
+  const auto soil = sampled(box, 0.05);
+  SurfaceHeight heights(*soil);
+  // The floor is flat, also where patches of the mesh meet: every 1.6 m, and a voxel before.
+  for (int i = -20; i <= 20; ++i) {
+    for (const Vec2& p : {Vec2(0.005 * i, 0.33), Vec2(0.33, 0.005 * i)})
+      EXPECT_NEAR(*heights.at(p.x(), p.y()), -0.312, kVertexError * 0.05) << p.transpose();
+  }
+}
+
+}  // namespace surface_distance_test
+}  // namespace soilvdb::test
