@@ -85,7 +85,7 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
 }
 
 /// How the wrong samples push: soil outwards, air inwards; and tilt.
-SOILVDB_INLINE void push(const Residual& r, const Tangents& t, float* b) {
+SOILVDB_INLINE void push_tangents(const Residual& r, const Tangents& t, float* b) {
   b[0] = b[1] = b[2] = 0;
   for (int k = 0; k < r.size; ++k) {
     const Residual::Cell& c = r.cells[k];
@@ -112,7 +112,7 @@ SOILVDB_INLINE void push(const Residual& r, const Tangents& t, float* b) {
 
 SOILVDB_INLINE void improve(const Residual& r, const Tangents& t, CellPlane& plane) {
   float b[3];
-  push(r, t, b);
+  push_tangents(r, t, b);
   displace(plane, t, r.a, b, kMaxStep);
 }
 

@@ -20,7 +20,7 @@ constexpr float kSoft = 0.05f;
 
 /// Below one plane: the cut-off corner's pyramid less those beyond the cell (Scardovelli and
 /// Zaleski 2000), two by two so that a normal along an axis does no harm.
-CellVolume below(const CellPlane& p) {
+CellVolume below_plane(const CellPlane& p) {
   constexpr double kLeast = 1e-4;
   double a = std::max(std::abs(double{p.nx}), kLeast), b = std::max(std::abs(double{p.ny}), kLeast),
          c = std::max(std::abs(double{p.nz}), kLeast);
@@ -84,7 +84,7 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
 }  // namespace
 
 CellVolume cell_volume(const CellModel& model, const Coord3& voxel) {
-  return model.join == Join::kOne ? below(model.plane[0]) : weighed(model, voxel);
+  return model.join == Join::kOne ? below_plane(model.plane[0]) : weighed(model, voxel);
 }
 
 }  // namespace soilvdb::inline v0

@@ -11,11 +11,11 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-void require(bool good, const std::string& what) {
+void require_given(bool good, const std::string& what) {
   if (!good) throw std::invalid_argument(what);
 }
 
-std::string text(double value, int digits) {
+std::string digits_text(double value, int digits) {
   char buffer[32];
   return {buffer,
           std::to_chars(buffer, buffer + sizeof(buffer), value, std::chars_format::general, digits)
@@ -27,52 +27,54 @@ void check_angle(const std::string& name, double angle_rad, bool zero_is_good) {
   constexpr double kRightAngle = std::numbers::pi / 2;
   if ((angle_rad > 0 || (zero_is_good && angle_rad == 0)) && angle_rad < kRightAngle) return;
   const bool degrees = angle_rad > kRightAngle && angle_rad < 90;
-  require(false, name + " is " + text(angle_rad, 6) + "; it must be in radians, " +
-                     (zero_is_good ? "at least" : "more than") + " 0 and less than 1.5708" +
-                     (degrees ? ": " + text(angle_rad, 6) + " degrees are " +
-                                    text(angle_rad * kRightAngle / 90, 3)
-                              : ""));
+  require_given(false, name + " is " + digits_text(angle_rad, 6) + "; it must be in radians, " +
+                           (zero_is_good ? "at least" : "more than") + " 0 and less than 1.5708" +
+                           (degrees ? ": " + digits_text(angle_rad, 6) + " degrees are " +
+                                          digits_text(angle_rad * kRightAngle / 90, 3)
+                                    : ""));
 }
 
-void check(const SoilProperties& soil) {
+void check_given(const SoilProperties& soil) {
   check_angle("the angle of repose", soil.repose_rad, /*zero_is_good=*/false);
   if (soil.friction_rad)
     check_angle("the angle of friction", *soil.friction_rad, /*zero_is_good=*/true);
   constexpr double kMostSwell = 3;  // twice what any rock has
-  require(soil.swell >= 0 && soil.swell <= kMostSwell,
-          "swell is " + text(soil.swell, 6) +
-              "; it must be loose over bank volume less 1, a share from 0 to 3");
-  require(soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
-          "density is " + text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
+  require_given(soil.swell >= 0 && soil.swell <= kMostSwell,
+                "swell is " + digits_text(soil.swell, 6) +
+                    "; it must be loose over bank volume less 1, a share from 0 to 3");
+  require_given(
+      soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
+      "density is " + digits_text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
   const double cohesion_pa = soil.cohesion_pa.value_or(0);
-  require(cohesion_pa >= 0 && std::isfinite(cohesion_pa), "cohesion must be 0 or more");
+  require_given(cohesion_pa >= 0 && std::isfinite(cohesion_pa), "cohesion must be 0 or more");
 }
 
-void check(const Pour& pour) {
+void check_given(const Pour& pour) {
   const std::string name = "pour '" + pour.name + "': ";
-  require(pour.at_m.allFinite(), name + "its place must be finite");
-  require(pour.volume_m3 > 0 && std::isfinite(pour.volume_m3), name + "its volume must be above 0");
-  require(pour.begin_s <= pour.end_s, name + "it must not end before it begins");
-  require(std::isfinite(pour.begin_s) && std::isfinite(pour.end_s - pour.begin_s),
-          name + "its time must be finite");
+  require_given(pour.at_m.allFinite(), name + "its place must be finite");
+  require_given(pour.volume_m3 > 0 && std::isfinite(pour.volume_m3),
+                name + "its volume must be above 0");
+  require_given(pour.begin_s <= pour.end_s, name + "it must not end before it begins");
+  require_given(std::isfinite(pour.begin_s) && std::isfinite(pour.end_s - pour.begin_s),
+                name + "its time must be finite");
 }
 
-void check(const Hopper& hopper) {
+void check_given(const Hopper& hopper) {
   const std::string name = "hopper '" + hopper.name + "': ";
-  require(hopper.box_m.min().allFinite() && hopper.box_m.max().allFinite() &&
-              (hopper.box_m.sizes().array() > 0).all() && std::isfinite(hopper.top_m),
-          name + "its box must be xmin, ymin, xmax, ymax, minima less than maxima");
-  require(hopper.begin_s < hopper.end_s, name + "it must be gone later than it comes");
+  require_given(hopper.box_m.min().allFinite() && hopper.box_m.max().allFinite() &&
+                    (hopper.box_m.sizes().array() > 0).all() && std::isfinite(hopper.top_m),
+                name + "its box must be xmin, ymin, xmax, ymax, minima less than maxima");
+  require_given(hopper.begin_s < hopper.end_s, name + "it must be gone later than it comes");
 }
 
 }  // namespace
 
 void Earthmoving::validate() const {
-  require(soil || (pours.empty() && hoppers.empty()),
-          "pours and hoppers are for soil that moves; say how it does");
-  if (soil) check(*soil);
-  for (const Pour& pour : pours) check(pour);
-  for (const Hopper& hopper : hoppers) check(hopper);
+  require_given(soil || (pours.empty() && hoppers.empty()),
+                "pours and hoppers are for soil that moves; say how it does");
+  if (soil) check_given(*soil);
+  for (const Pour& pour : pours) check_given(pour);
+  for (const Hopper& hopper : hoppers) check_given(hopper);
 }
 
 }  // namespace soilvdb::inline v0

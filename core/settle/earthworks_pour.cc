@@ -66,7 +66,7 @@ struct PourGround {
 };
 
 /// Does a pile come to the border of the window, so that it may go on beyond?
-bool at_border(const Deposit& deposit, const Columns& columns) {
+bool deposit_at_border(const Deposit& deposit, const Columns& columns) {
   for (const Cone& cone : deposit.cones) {
     for (const RaisedColumn& c : cone.columns) {
       const int x = c.column / columns.ny, y = c.column % columns.ny;
@@ -134,7 +134,7 @@ bool Earthworks::pour(Vec2& at, int half, bool may_run_on, const Obstacle& obsta
   const Deposit deposit =
       pourer_.pour(ground.columns, *source, static_cast<double>(samples) / 64, slope_, may_run_on);
   const bool runs_on = deposit.exit_m.has_value();
-  if (!last && at_border(deposit, ground.columns)) return false;
+  if (!last && deposit_at_border(deposit, ground.columns)) return false;
   if (!last && !runs_on && deposit.left_m3 > 0) return false;
   const std::int64_t added = raise(deposit, window, ground.zero, samples);
   books_.in_flight -= added * units_.loose;

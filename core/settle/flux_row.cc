@@ -80,8 +80,8 @@ SOILVDB_INLINE bool at_rest(const FluxRow& r, const Drops& d, int x) {
 
 /// Steps quadrant `t` of eight columns. @return whether anything flows in it
 template <int t>
-SOILVDB_INLINE bool push(const FluxRow& r, const Drops& d, int x, float momentum, Lanes& uphill,
-                         Lanes* out) {
+SOILVDB_INLINE bool push_lanes(const FluxRow& r, const Drops& d, int x, float momentum,
+                               Lanes& uphill, Lanes* out) {
   constexpr int kAlong[2] = {t & 1, 2 + (t >> 1)};
   float* const flux[2] = {r.flux[2 * t] + x, r.flux[2 * t + 1] + x};
   float* const ahead[2] = {r.ahead[2 * t] + x, r.ahead[2 * t + 1] + x};
@@ -119,10 +119,10 @@ SOILVDB_FOR_CPUS void push(const FluxRow& r, float momentum, float uphill_by[kCh
       continue;
     }
     Lanes out[4] = {};
-    bool any_flows = push<0>(r, d, x, momentum, uphill, out);
-    any_flows |= push<1>(r, d, x, momentum, uphill, out);
-    any_flows |= push<2>(r, d, x, momentum, uphill, out);
-    any_flows |= push<3>(r, d, x, momentum, uphill, out);
+    bool any_flows = push_lanes<0>(r, d, x, momentum, uphill, out);
+    any_flows |= push_lanes<1>(r, d, x, momentum, uphill, out);
+    any_flows |= push_lanes<2>(r, d, x, momentum, uphill, out);
+    any_flows |= push_lanes<3>(r, d, x, momentum, uphill, out);
     for (int n = 0; n < 4; ++n) store(r.out[n] + x, out[n]);
     flows = any_flows ? 2 : 1;
   }

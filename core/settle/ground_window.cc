@@ -15,18 +15,6 @@ namespace {
 
 constexpr int kSlopeCells = 2;  // below its middle in which ground may have air
 
-/// What one column has come to on the way down.
-struct Walk {
-  bool open = false;    // it is in the window, and its bank isn't found
-  bool some = false;    // it came to soil
-  bool filled = false;  // all cells are full from `full` down to here
-  int full = 0;
-  int piece_high = 0;             // topmost cell of the piece of soil it is in
-  int piece = 0, piece_bank = 0;  // samples of that, from there down
-  double above = 0;               // samples of cells that aren't full, above the topmost full one
-  double bank_above = 0;          // the same of bank soil, above the topmost cell full of that
-};
-
 }  // namespace
 
 /// Goes down columns of chunks until all their columns of cells have come to bank soil.
@@ -66,6 +54,18 @@ class GroundWindow::Descent {
   }
 
  private:
+  /// What one column has come to on the way down.
+  struct Walk {
+    bool open = false;    // it is in the window, and its bank isn't found
+    bool some = false;    // it came to soil
+    bool filled = false;  // all cells are full from `full` down to here
+    int full = 0;
+    int piece_high = 0;             // topmost cell of the piece of soil it is in
+    int piece = 0, piece_bank = 0;  // samples of that, from there down
+    double above = 0;               // samples of cells that aren't full, above the topmost full one
+    double bank_above = 0;          // the same of bank soil, above the topmost cell full of that
+  };
+
   static constexpr int kCells = BaseColumn::kCells;
 
   void begin() {

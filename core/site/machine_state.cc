@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-void require(bool good) {
+void require_sane(bool good) {
   if (!good) throw std::invalid_argument("the state has a machine that can't be");
 }
 
@@ -57,9 +57,9 @@ void Machine::load(std::string_view& in, const Soil& soil) {
   take_amount(in, ledger_.dumped);
   take(in, placed_);
   take(in, current_);
-  require(is_sane(current_) && (!placed_ || near(current_.position)));
+  require_sane(is_sane(current_) && (!placed_ || near(current_.position)));
   ledger_.load = ledger_.captured - ledger_.dumped;  // where soil doesn't move
-  if (works_ == nullptr) return require(ledger_.load >= 0);
+  if (works_ == nullptr) return require_sane(ledger_.load >= 0);
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
   take(in, travel_m_);
@@ -67,12 +67,12 @@ void Machine::load(std::string_view& in, const Soil& soil) {
   take_amount(in, pushed_);
   take_amount(in, cut_before_);
   take(in, stations_);
-  require(is_sane(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
+  require_sane(is_sane(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
   for (Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
     for (double& v : box->min()) take(in, v);
     for (double& v : box->max()) take(in, v);
     const bool none = box->min() == Eigen::AlignedBox3d().min() && box->max() == -box->min();
-    require(none || (near(box->min()) && near(box->max()) && !box->isEmpty()));
+    require_sane(none || (near(box->min()) && near(box->max()) && !box->isEmpty()));
   }
 }
 

@@ -36,7 +36,7 @@ Update timed(F f) {
 }
 
 /// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
-void check(const Soil& soil, const Machine& machine, const Pose& pose) {
+void check_move(const Soil& soil, const Machine& machine, const Pose& pose) {
   const double room_m = kMaxIndex * soil.voxel_size_m() - machine.radius_m();
   std::string what = fault(pose);
   if (what.empty()) what = fault(pose.position, soil.origin(), std::floor(room_m));
@@ -44,16 +44,17 @@ void check(const Soil& soil, const Machine& machine, const Pose& pose) {
 }
 
 /// The same for all of a path that its rows say.
-void check(const Soil& soil, const Machine& machine, const Motion& motion, double begin_s,
-           double end_s) {
+void check_move(const Soil& soil, const Machine& machine, const Motion& motion, double begin_s,
+                double end_s) {
   if (!std::isfinite(begin_s) || !std::isfinite(end_s) || begin_s > end_s)
     throw std::invalid_argument("the times of an update must be finite and in order");
   const std::vector<double>& times = motion.times_s();
   auto row = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), begin_s) -
                                       times.begin());
-  check(soil, machine, motion.pose(begin_s));
-  for (; row < times.size() && times[row] < end_s; ++row) check(soil, machine, motion.row(row));
-  check(soil, machine, motion.pose(end_s));
+  check_move(soil, machine, motion.pose(begin_s));
+  for (; row < times.size() && times[row] < end_s; ++row)
+    check_move(soil, machine, motion.row(row));
+  check_move(soil, machine, motion.pose(end_s));
 }
 
 /// Numbers groups of boxes that are connected by common points. Empty boxes are alone.
@@ -142,7 +143,7 @@ void Tracker::check(const Move& move) const {
 std::optional<BadMove> Tracker::find_bad(std::span<const Move> moves) {
   for (std::size_t i = 0; i < moves.size(); ++i) {
     try {
-      check(moves[i]);
+      check_move(moves[i]);
     } catch (const std::invalid_argument& e) {
       return BadMove{i, false, e.what()};
     }
@@ -170,7 +171,7 @@ std::optional<BadMove> Tracker::find_bad(std::span<const Move> moves) {
 
 std::vector<Update> Tracker::update(std::span<const Move> moves) {
   const Clock::time_point begin = Clock::now();
-  for (const Move& move : moves) check(move);
+  for (const Move& move : moves) check_move(move);
   soil_.page_out();
   const std::vector<std::vector<std::size_t>> groups = apart(moves);
   const double planning_us =

@@ -30,7 +30,7 @@ struct PointHash {
   }
 };
 
-Mesh mesh_block(const Soil& soil, const Coord3& block, CellMemo* memo) {
+Mesh mesh_block_with(const Soil& soil, const Coord3& block, CellMemo* memo) {
   Mesh mesh;
   const std::vector<Coord3> chunks = resident_chunks(soil, block);
   if (chunks.empty()) return mesh;
@@ -50,13 +50,17 @@ Mesh mesh_block(const Soil& soil, const Coord3& block, CellMemo* memo) {
 
 }  // namespace
 
-Mesh mesh_block(const Soil& soil, const Coord3& block) { return mesh_block(soil, block, nullptr); }
+Mesh mesh_block(const Soil& soil, const Coord3& block) {
+  return mesh_block_with(soil, block, nullptr);
+}
 
 CachedMesher::CachedMesher(const Soil& soil) : soil_(&soil), memo_(std::make_unique<CellMemo>()) {}
 CachedMesher::~CachedMesher() = default;
 CachedMesher::CachedMesher(CachedMesher&&) noexcept = default;
 
-Mesh CachedMesher::block(const Coord3& block) { return mesh_block(*soil_, block, memo_.get()); }
+Mesh CachedMesher::block(const Coord3& block) {
+  return mesh_block_with(*soil_, block, memo_.get());
+}
 
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
   // A chunk's samples are looked at from as far as a chunk.

@@ -21,7 +21,7 @@ constexpr float kSliver = 1e-4f;        // voxels^2: twice the area of what has 
 
 using Float3 = Eigen::Vector3f;
 
-void put(float* to, const Float3& v) { std::copy_n(v.data(), 3, to); }
+void put_vector(float* to, const Float3& v) { std::copy_n(v.data(), 3, to); }
 
 Triangle triangle(const Coord3& cell, const ContourVertex* const* vertices) {
   Triangle t{};
@@ -31,21 +31,21 @@ Triangle triangle(const Coord3& cell, const ContourVertex* const* vertices) {
   for (int k = 0; k < 3; ++k) {
     const ContourVertex& v = *vertices[k];
     corner[k] = (v.cell - cell).cast<float>() + Float3(v.in[0], v.in[1], v.in[2]);
-    put(t.corner[k], corner[k]);
+    put_vector(t.corner[k], corner[k]);
     middle += corner[k] / 3;
     t.base &= v.base;
   }
-  put(t.middle, middle);
+  put_vector(t.middle, middle);
   const Float3 across = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
   const float twice_area = across.norm();
   const Float3 normal = twice_area > kSliver ? Float3(across / twice_area) : Float3(Float3::Zero());
   // A sliver's distance is that to its edges.
   t.beside = twice_area > kSliver ? 0.0f : 2 * kBand;
-  put(t.normal, normal);
+  put_vector(t.normal, normal);
   for (int k = 0; k < 3; ++k) {
     const Float3 edge = corner[(k + 1) % 3] - corner[k];
-    put(t.edge[k], edge);
-    put(t.inwards[k], normal.cross(edge));
+    put_vector(t.edge[k], edge);
+    put_vector(t.inwards[k], normal.cross(edge));
     t.inverse_square[k] = 1 / std::max(edge.squaredNorm(), 1e-12f);
     t.radius = std::max(t.radius, (corner[k] - middle).norm() + 1e-3f);
   }

@@ -26,7 +26,7 @@ constexpr std::size_t kFewHeights = 256;    // that one thread looks at
 int block_of(int voxel) { return voxel & kBlockMask; }
 
 /// The column of voxels whose corners' middles are around a place.
-Eigen::Vector2i column_of(const Soil& soil, double x, double y) {
+Eigen::Vector2i column_at(const Soil& soil, double x, double y) {
   const Vec3 index = soil.index_from_world({x, y, soil.origin().z()});
   // No chunk is as far as that, and no more would go into an int.
   const auto column = [](double v) {
@@ -109,7 +109,7 @@ void SurfaceHeight::make(const Coord3& block, Patch& patch, CachedMesher* mesher
 /// block of its edge's lower end, which may be a voxel beyond.
 template <typename F>
 void SurfaceHeight::each_block(double x, double y, const F& f) const {
-  const Eigen::Vector2i column = column_of(soil_, x, y);
+  const Eigen::Vector2i column = column_at(soil_, x, y);
   const Eigen::Vector2i low = (column - Eigen::Vector2i::Ones()).unaryExpr(&block_of);
   const Eigen::Vector2i high = (column + Eigen::Vector2i::Ones()).unaryExpr(&block_of);
   for (int bx = low.x(); bx <= high.x(); bx += kBlockSide) {
@@ -123,7 +123,7 @@ void SurfaceHeight::each_block(double x, double y, const F& f) const {
 
 /// Where all patches are there.
 std::optional<double> SurfaceHeight::look(double x, double y) const {
-  const Eigen::Vector2i column = column_of(soil_, x, y);
+  const Eigen::Vector2i column = column_at(soil_, x, y);
   const Vec2 at = Vec2(x, y) - soil_.origin().head<2>();
   std::optional<double> top;
   each_block(x, y, [&](const Coord3& block) {
@@ -169,7 +169,7 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
     missing.clear();
     Eigen::Vector2i known(-1, -1);  // part whose blocks are there; none is that one
     for (; to < count && missing.size() < kMostPatches; ++to) {
-      const Eigen::Vector2i part = part_of(column_of(soil_, xy_m[to].x(), xy_m[to].y()));
+      const Eigen::Vector2i part = part_of(column_at(soil_, xy_m[to].x(), xy_m[to].y()));
       if (part == known) continue;
       known = part;
       each_block(xy_m[to].x(), xy_m[to].y(), [&](const Coord3& block) {

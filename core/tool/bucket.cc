@@ -20,7 +20,7 @@ constexpr double kSamePointM = 1e-9;  // rounding of decimal input
 
 [[noreturn]] void refuse(const std::string& message) { throw std::invalid_argument(message); }
 
-std::string point_text(const Vec2& p) { return "[" + text(p.x()) + ", " + text(p.y()) + "]"; }
+std::string plane_point_text(const Vec2& p) { return "[" + text(p.x()) + ", " + text(p.y()) + "]"; }
 
 void check_side(const std::string& name, double side_m) {
   if (side_m >= kMinSideM && side_m <= kMaxSideM) return;
@@ -28,7 +28,7 @@ void check_side(const std::string& name, double side_m) {
          text(kMaxSideM) + " m");
 }
 
-double cross(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
+double turn(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 bool on_segment(const Vec2& p, const Vec2& a, const Vec2& b) {
   return (p - a).dot(p - b) <= 0;  // p is known to be on the line
@@ -36,8 +36,8 @@ bool on_segment(const Vec2& p, const Vec2& a, const Vec2& b) {
 
 /// Do the closed segments ab and cd have a point in common?
 bool meet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
-  const double abc = cross(b - a, c - a), abd = cross(b - a, d - a);
-  const double cda = cross(d - c, a - c), cdb = cross(d - c, b - c);
+  const double abc = turn(b - a, c - a), abd = turn(b - a, d - a);
+  const double cda = turn(d - c, a - c), cdb = turn(d - c, b - c);
   if (((abc > 0 && abd < 0) || (abc < 0 && abd > 0)) &&
       ((cda > 0 && cdb < 0) || (cda < 0 && cdb > 0))) {
     return true;
@@ -51,8 +51,8 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
   const Vec2 lip(0, 0), upper_edge(0, height_m);
   if (n < 3) {
     refuse("profile has " + std::to_string(n) + (n == 1 ? " point" : " points") +
-           "; it needs at least 3, from the lip " + point_text(lip) + " to the upper edge " +
-           point_text(upper_edge));
+           "; it needs at least 3, from the lip " + plane_point_text(lip) + " to the upper edge " +
+           plane_point_text(upper_edge));
   }
   if (n > kMaxProfilePoints) {
     refuse("profile has " + std::to_string(n) + " points; it may have at most " +
@@ -60,31 +60,31 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
   }
   for (const Vec2& p : profile) {
     if (!(p.cwiseAbs().maxCoeff() <= kMaxSideM)) {
-      refuse("profile has the point " + point_text(p) + "; coordinates must be within " +
+      refuse("profile has the point " + plane_point_text(p) + "; coordinates must be within " +
              text(kMaxSideM) + " m");
     }
     if (p.x() > 0) {
-      refuse("profile has the point " + point_text(p) +
+      refuse("profile has the point " + plane_point_text(p) +
              " in front of the mouth; x must be 0 or less");
     }
   }
   if ((profile.front() - lip).norm() > kSamePointM) {
-    refuse("profile starts at " + point_text(profile.front()) + "; it must start at the lip, " +
-           point_text(lip));
+    refuse("profile starts at " + plane_point_text(profile.front()) +
+           "; it must start at the lip, " + plane_point_text(lip));
   }
   if ((profile.back() - upper_edge).norm() > kSamePointM) {
-    refuse("profile ends at " + point_text(profile.back()) + "; it must end at the upper edge, " +
-           point_text(upper_edge));
+    refuse("profile ends at " + plane_point_text(profile.back()) +
+           "; it must end at the upper edge, " + plane_point_text(upper_edge));
   }
   // Edge i runs from point i to point i + 1; edge n - 1 is the mouth.
   const auto point = [&](std::size_t i) -> const Vec2& { return profile[i % n]; };
   for (std::size_t i = 0; i < n; ++i) {
     const Vec2 &a = point(i), &b = point(i + 1), &c = point(i + 2);
     if ((b - a).norm() <= kSamePointM) {
-      refuse("profile has the point " + point_text(a) + " twice in a row; leave one out");
+      refuse("profile has the point " + plane_point_text(a) + " twice in a row; leave one out");
     }
-    if (cross(b - a, c - b) == 0 && (b - a).dot(c - b) < 0) {
-      refuse("profile turns back on itself at " + point_text(b) +
+    if (turn(b - a, c - b) == 0 && (b - a).dot(c - b) < 0) {
+      refuse("profile turns back on itself at " + plane_point_text(b) +
              "; it must enclose an area with the mouth");
     }
   }
@@ -92,8 +92,9 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
     for (std::size_t j = i + 2; j < n; ++j) {
       if (i == 0 && j == n - 1) continue;  // neighbours across the lip
       if (meet(point(i), point(i + 1), point(j), point(j + 1))) {
-        refuse("profile crosses itself between the edges that start at " + point_text(point(i)) +
-               " and " + point_text(point(j)) + "; it and the mouth must be a simple polygon");
+        refuse("profile crosses itself between the edges that start at " +
+               plane_point_text(point(i)) + " and " + plane_point_text(point(j)) +
+               "; it and the mouth must be a simple polygon");
       }
     }
   }

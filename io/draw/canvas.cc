@@ -32,7 +32,7 @@ std::size_t utf8_length(const std::string& s, std::size_t at) {
 }
 
 /// Cairo refuses to draw anything more after one invalid byte.
-std::string printable(const std::string& s) {
+std::string printable_glyphs(const std::string& s) {
   std::string out;
   for (std::size_t i = 0; i < s.size();) {
     const std::size_t n = utf8_length(s, i);
@@ -116,7 +116,7 @@ void Canvas::blit(int x, int y, int w, int h, const std::uint32_t* pixels) {
 }
 
 void Canvas::text(double x, double y, const std::string& utf8, const TextStyle& style) {
-  const std::string shown = printable(utf8);
+  const std::string shown = printable_glyphs(utf8);
   select(cr(), style);
   const double digit_height = 0.73 * style.size;
   cairo_save(cr());
@@ -141,11 +141,11 @@ void Canvas::text(double x, double y, const std::string& utf8, const TextStyle& 
 
 double Canvas::text_width(const std::string& utf8, const TextStyle& style) {
   select(cr(), style);
-  return advance(cr(), printable(utf8));
+  return advance(cr(), printable_glyphs(utf8));
 }
 
 std::string Canvas::fitted(const std::string& utf8, const TextStyle& style, double width) {
-  std::string s = printable(utf8);
+  std::string s = printable_glyphs(utf8);
   if (text_width(s, style) <= width) return s;
   while (!s.empty()) {
     do {

@@ -46,7 +46,7 @@ bool is_decimal(double value, int decimals, std::int64_t& scaled) {
 }
 
 /// Small differences of either sign are small numbers.
-std::uint64_t difference(std::int64_t value, std::int64_t before) {
+std::uint64_t distance_coded(std::int64_t value, std::int64_t before) {
   const std::uint64_t d = static_cast<std::uint64_t>(value) - static_cast<std::uint64_t>(before);
   return (d << 1) ^ (d >> 63 ? ~std::uint64_t{0} : 0);
 }
@@ -80,7 +80,7 @@ bool take_count(std::string_view& bytes, std::uint64_t& count) {
 }
 
 void append_difference(std::string& bytes, std::int64_t before, std::int64_t value) {
-  append_count(bytes, difference(value, before));
+  append_count(bytes, distance_coded(value, before));
 }
 
 bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
@@ -98,7 +98,7 @@ void Series::append(std::string& bytes, double value) {
   }
   last_ = value;
   if (is_decimal(value, decimals_, scaled)) {
-    const std::uint64_t d = difference(scaled, scaled_);
+    const std::uint64_t d = distance_coded(scaled, scaled_);
     scaled_ = scaled;
     append_count(bytes, d + kNear);
     return;

@@ -29,19 +29,19 @@ class SeekableArchive : public openvdb::io::Archive {
   }
 };
 
-void put(MetaMap& meta, const char* name, const std::string& value) {
+void put_meta(MetaMap& meta, const char* name, const std::string& value) {
   if (!value.empty()) meta.insertMeta(name, openvdb::StringMetadata(value));
 }
-void put(MetaMap& meta, const char* name, double value) {
+void put_meta(MetaMap& meta, const char* name, double value) {
   meta.insertMeta(name, openvdb::DoubleMetadata(value));
 }
 
 void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseReference& base) {
   if (const auto* plane = std::get_if<PlaneTerrain>(&base.terrain)) {
-    put(meta, "soilvdb_base", "plane");
-    put(meta, "soilvdb_base_height_m", plane->height_m);
-    put(meta, "soilvdb_base_slope_x", plane->slope.x());
-    put(meta, "soilvdb_base_slope_y", plane->slope.y());
+    put_meta(meta, "soilvdb_base", "plane");
+    put_meta(meta, "soilvdb_base_height_m", plane->height_m);
+    put_meta(meta, "soilvdb_base_slope_x", plane->slope.x());
+    put_meta(meta, "soilvdb_base_slope_y", plane->slope.y());
     return;
   }
   const auto* raster = std::get_if<RasterTerrain>(&base.terrain);
@@ -52,12 +52,15 @@ void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseRe
       absolute(raster != nullptr ? raster->file : std::get<LevelSetTerrain>(base.terrain).file);
   const std::string grid = raster != nullptr ? "" : std::get<LevelSetTerrain>(base.terrain).grid;
   // Of another kind, so that who doesn't know of grids doesn't take the first one.
-  put(meta, "soilvdb_base", raster != nullptr ? "raster" : grid.empty() ? "level_set" : kBaseGrid);
-  put(meta, "soilvdb_base_grid", grid);
-  put(meta, "soilvdb_base_file",
-      file.lexically_proximate(absolute(snapshot).parent_path()).string());
-  put(meta, "soilvdb_base_file_absolute", file.string());
-  put(meta, "soilvdb_base_checksum", base.checksum);
+  put_meta(meta, "soilvdb_base",
+           raster != nullptr ? "raster"
+           : grid.empty()    ? "level_set"
+                             : kBaseGrid);
+  put_meta(meta, "soilvdb_base_grid", grid);
+  put_meta(meta, "soilvdb_base_file",
+           file.lexically_proximate(absolute(snapshot).parent_path()).string());
+  put_meta(meta, "soilvdb_base_file_absolute", file.string());
+  put_meta(meta, "soilvdb_base_checksum", base.checksum);
 }
 
 void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
@@ -65,20 +68,20 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
   const Soil& soil = *site.soil;
   const Vec3& origin = soil.origin();
   meta.insertMeta("soilvdb_format", openvdb::Int32Metadata(kFormat));
-  put(meta, "soilvdb_version", SOILVDB_VERSION);
-  put(meta, "soilvdb_voxel_size_m", soil.voxel_size_m());
+  put_meta(meta, "soilvdb_version", SOILVDB_VERSION);
+  put_meta(meta, "soilvdb_voxel_size_m", soil.voxel_size_m());
   meta.insertMeta(kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
-  put(meta, kCrsKey, site.crs_wkt);
-  put(meta, "soilvdb_scenario", info.scenario);
-  put(meta, "soilvdb_time_s", info.time_s);
-  put(meta, "soilvdb_cut_m3", info.cut_m3);
-  put(meta, "soilvdb_captured_m3", info.captured_m3);
-  put(meta, "soilvdb_displaced_m3", info.displaced_m3);
-  put(meta, "soilvdb_dumped_m3", info.dumped_m3);
-  put(meta, "soilvdb_state_hash", fmt::format("{:016x}", soil.state_hash()));
+  put_meta(meta, kCrsKey, site.crs_wkt);
+  put_meta(meta, "soilvdb_scenario", info.scenario);
+  put_meta(meta, "soilvdb_time_s", info.time_s);
+  put_meta(meta, "soilvdb_cut_m3", info.cut_m3);
+  put_meta(meta, "soilvdb_captured_m3", info.captured_m3);
+  put_meta(meta, "soilvdb_displaced_m3", info.displaced_m3);
+  put_meta(meta, "soilvdb_dumped_m3", info.dumped_m3);
+  put_meta(meta, "soilvdb_state_hash", fmt::format("{:016x}", soil.state_hash()));
   if (info.parent) {
-    put(meta, kParentKey, info.parent->name);
-    put(meta, kParentChecksumKey, to_text(info.parent->digest));
+    put_meta(meta, kParentKey, info.parent->name);
+    put_meta(meta, kParentChecksumKey, to_text(info.parent->digest));
   }
   put_base(meta, file, site.reference);
 }

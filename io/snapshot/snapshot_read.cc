@@ -70,7 +70,8 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
 }
 
 /// The ground that one file holds, and what it says was dropped.
-std::unique_ptr<Soil> read_soil(ChainFile& member, const Base& base, std::vector<Coord3>& dropped) {
+std::unique_ptr<Soil> read_chain_soil(ChainFile& member, const Base& base,
+                                      std::vector<Coord3>& dropped) {
   const MetaReader meta(member.file, *member.meta);
   const openvdb::Vec3d origin = meta.vector(kOriginKey);
   auto soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
@@ -93,7 +94,7 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
   for (auto member = chain.rbegin(); member != chain.rend(); ++member) {
     reading(file, member->file, [&] {
       std::vector<Coord3> dropped;
-      std::unique_ptr<Soil> soil = read_soil(*member, base, dropped);
+      std::unique_ptr<Soil> soil = read_chain_soil(*member, base, dropped);
       if (!member->parent) {
         site.soil = std::move(soil);
         return;

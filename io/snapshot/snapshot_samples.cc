@@ -37,7 +37,7 @@ struct PartHead {
 };
 
 template <typename T>
-void put(std::string& out, const T& value) {
+void put_bytes(std::string& out, const T& value) {
   out.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 
@@ -108,14 +108,14 @@ std::string part_bytes(const Soil& soil, const Chunk* const* chunks, std::size_t
   SampleWords words;
   for (std::size_t i = 0; i < count; ++i) {
     const Chunk& chunk = *chunks[i];
-    put(origins, Origin{chunk.origin.x(), chunk.origin.y(), chunk.origin.z()});
-    put(bases, std::uint32_t{chunk.base_count} + (chunk.above ? kAbove : 0) +
-                   (chunk.loose_count > 0 ? kLoose : 0));
+    put_bytes(origins, Origin{chunk.origin.x(), chunk.origin.y(), chunk.origin.z()});
+    put_bytes(bases, std::uint32_t{chunk.base_count} + (chunk.above ? kAbove : 0) +
+                         (chunk.loose_count > 0 ? kLoose : 0));
     soil.read_samples(chunk.origin, words);
-    put(masks, masks_of(words, mixed_words));
+    put_bytes(masks, masks_of(words, mixed_words));
     if (chunk.loose_count == 0) continue;
     soil.read_loose(chunk.origin, words);
-    put(loose_masks, masks_of(words, loose_words));
+    put_bytes(loose_masks, masks_of(words, loose_words));
   }
   mixed_words.insert(mixed_words.end(), loose_words.begin(), loose_words.end());
   return origins + bases + masks + loose_masks + planes(mixed_words);
@@ -204,13 +204,13 @@ std::string samples_bytes(const Soil& soil, const std::vector<Coord3>& dropped) 
     const std::size_t count = std::min(kPartChunks, chunks.size() - first);
     const std::string plain = part_bytes(soil, &chunks[first], count);
     const std::string small = compressed(plain);
-    put(bytes[i], PartHead{count, plain.size(), small.size()});
+    put_bytes(bytes[i], PartHead{count, plain.size(), small.size()});
     bytes[i] += small;
   });
   std::string all;
-  put(all, std::uint64_t{dropped.size()});
-  for (const Coord3& c : dropped) put(all, Origin{c.x(), c.y(), c.z()});
-  put(all, std::uint64_t{parts});
+  put_bytes(all, std::uint64_t{dropped.size()});
+  for (const Coord3& c : dropped) put_bytes(all, Origin{c.x(), c.y(), c.z()});
+  put_bytes(all, std::uint64_t{parts});
   for (const std::string& part : bytes) all += part;
   return all;
 }

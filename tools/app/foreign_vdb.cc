@@ -13,7 +13,7 @@
 namespace soilvdb::tools {
 namespace {
 
-std::string line(const char* label, const std::string& text) {
+std::string info_line(const char* label, const std::string& text) {
   return fmt::format("  {:<12}{}\n", label, text);
 }
 
@@ -46,20 +46,21 @@ std::string background_text(const openvdb::GridBase& grid) {
 std::string grid_text(const openvdb::GridBase& grid) {
   std::string text = fmt::format("grid '{}'\n", io::printable(grid.getName()));
   const auto kind = grid.getGridClass();
-  text += line("class", kind == openvdb::GRID_UNKNOWN ? "none named"
-                                                      : openvdb::GridBase::gridClassToString(kind));
-  text += line("values", grid.valueType());
-  text += line("transform", transform_text(grid.transform()));
+  text += info_line("class", kind == openvdb::GRID_UNKNOWN
+                                 ? "none named"
+                                 : openvdb::GridBase::gridClassToString(kind));
+  text += info_line("values", grid.valueType());
+  text += info_line("transform", transform_text(grid.transform()));
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   if (box.empty()) {
-    text += line("active", "nothing");
+    text += info_line("active", "nothing");
   } else {
     const openvdb::BBoxd world = grid.transform().indexToWorld(box);
-    text += line("active", fmt::format("{} voxels, from {} to {}", grid.activeVoxelCount(),
-                                       text_of(world.min()), text_of(world.max())));
+    text += info_line("active", fmt::format("{} voxels, from {} to {}", grid.activeVoxelCount(),
+                                            text_of(world.min()), text_of(world.max())));
   }
   if (const std::string background = background_text(grid); !background.empty())
-    text += line("background", background);
+    text += info_line("background", background);
   return text;
 }
 

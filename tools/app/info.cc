@@ -151,21 +151,21 @@ void info_raster(const fs::path& file) {
   }
 }
 
-std::string angle_text(double rad) {
+std::string degrees_text(double rad) {
   return fmt::format("{:g} rad ({:.1f}°)", rad, rad * 180 / std::numbers::pi);
 }
 
 /// Soil that moves, and what brings it or takes it away.
 void print_earthmoving(const io::Scenario& scenario) {
   if (const auto& soil = scenario.soil) {
-    line("soil", fmt::format("repose {}, swell {:g}, {:g} kg/m³", angle_text(soil->repose_rad),
+    line("soil", fmt::format("repose {}, swell {:g}, {:g} kg/m³", degrees_text(soil->repose_rad),
                              soil->swell, soil->density_kg_m3));
     if (soil->cohesion_pa || soil->friction_rad)
       line("  bank",
            fmt::format("{}, friction {}",
                        soil->cohesion_pa ? fmt::format("cohesion {:g} Pa", *soil->cohesion_pa)
                                          : std::string("stands as it is cut"),
-                       angle_text(soil->friction_rad.value_or(soil->repose_rad))));
+                       degrees_text(soil->friction_rad.value_or(soil->repose_rad))));
   }
   for (const Pour& pour : scenario.pours) {
     line("pour", fmt::format("{}: {:g} m³, {} s to {} s, at x {:.2f}, y {:.2f}, z {:.2f} m",

@@ -348,9 +348,9 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
 }
 
 /// @param states of the sites, each (N, 3) or (N, 4)
-std::vector<Update> update_many(const py::object& given, const MachineName& machine,
-                                const py::object& positions, const py::object& rotations,
-                                std::optional<double> time) {
+std::vector<Update> update_sites(const py::object& given, const MachineName& machine,
+                                 const py::object& positions, const py::object& rotations,
+                                 std::optional<double> time) {
   const py::tuple kept = several(given, "sites", "soilvdb.Site");  // whatever becomes of those
   std::vector<Site*> sites;
   for (const py::handle& one : kept) {
@@ -678,7 +678,7 @@ void bind_site(py::module_& m) {
       });
 
   m.def(
-      "update_many", &update_many, py::arg("sites"), py::arg("machine"), py::kw_only(),
+      "update_many", &update_sites, py::arg("sites"), py::arg("machine"), py::kw_only(),
       py::arg("positions"), py::arg("rotations") = none, py::arg("time") = none,
       "One update for each of many sites, on all cores: positions (N, 3), rotations (N, 4). Raises "
       "the error of the first that is bad; the others have moved.");

@@ -10,7 +10,7 @@ namespace py = pybind11;
 
 PyCFunctionWithKeywords dispatch = nullptr;  // pybind11's, the same for all functions
 
-void explain(PyObject* arguments, PyObject* named) {
+void explain_call(PyObject* arguments, PyObject* named) {
   py::error_already_set error;  // takes it off
   const std::string text = py::cast<std::string>(py::str(error.value()));
   if (text.find("(): incompatible ") == std::string::npos) return error.restore();
@@ -24,7 +24,7 @@ PyObject* call(PyObject* function, PyObject* arguments, PyObject* named) {
   PyObject* const result = dispatch(function, arguments, named);
   if (result != nullptr || PyErr_ExceptionMatches(PyExc_TypeError) == 0) return result;
   try {
-    explain(arguments, named);
+    explain_call(arguments, named);
   } catch (py::error_already_set& e) {
     e.restore();
   } catch (const std::exception& e) {

@@ -116,9 +116,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   return io::to_cbor(json);
 }
 
-bool is_of_session(const std::string& bytes) {
-  return io::from_cbor(bytes).contains("session");
-}
+bool is_of_session(const std::string& bytes) { return io::from_cbor(bytes).contains("session"); }
 
 RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
   try {

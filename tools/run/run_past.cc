@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 /// Moves that are dug at once, as far as machines are apart.
 constexpr std::size_t kBatch = 256;
 
-io::Scenario read_scenario_of(const RunConfig& config) {
+io::Scenario read_past_scenario(const RunConfig& config) {
   io::Scenario scenario = io::read_scenario(config.options.scenario, {}, io::Motions::kOptional);
   if (config.options.voxel_size_m) scenario.voxel_size_m = *config.options.voxel_size_m;
   return scenario;
@@ -57,7 +57,7 @@ RunPast::RunPast(fs::path folder)
     : folder_(std::move(folder)),
       journal_(io::read_journal(folder_ / kJournalName)),
       config_(parse_run_config(journal_.config.text, folder_)),
-      scenario_(read_scenario_of(config_)) {}
+      scenario_(read_past_scenario(config_)) {}
 
 double RunPast::begin_s() const {
   double begin_s = std::numeric_limits<double>::infinity();

@@ -34,7 +34,7 @@ io::Site open_checked(const SessionSite& site) {
 constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
 
 /// Up to where pours come down before a machine moves at that time: it goes first.
-double before(double time_s) {
+double just_before(double time_s) {
   return std::nextafter(time_s, -std::numeric_limits<double>::infinity());
 }
 
@@ -204,7 +204,7 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       made.updates = s.tracker->update(moves);
     } else {
       for (std::size_t i = 0; i < moves.size(); ++i) {
-        if (!std::isnan(states[i].time_s)) s.pour(before(states[i].time_s));
+        if (!std::isnan(states[i].time_s)) s.pour(just_before(states[i].time_s));
         made.updates.push_back(s.tracker->update(std::span(moves).subspan(i, 1)).front());
       }
     }
@@ -239,7 +239,7 @@ StepResult Session::update(const MachineState& state) noexcept {
         return made;
       }
       moving = true;
-      if (!std::isnan(state.time_s)) s.pour(before(state.time_s));
+      if (!std::isnan(state.time_s)) s.pour(just_before(state.time_s));
     }
     try {
       made.update = move.motion != nullptr

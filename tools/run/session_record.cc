@@ -9,8 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "io/snapshot/cold_file.h"
 #include "io/file/json.h"
+#include "io/snapshot/cold_file.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/version.h"
 #include "tools/run/run_config.h"

@@ -74,11 +74,10 @@ SoilMcap::SoilMcap(const std::filesystem::path& file, const Site& site, double t
   const std::uint16_t transforms = writer_.add_channel("/tf_static", transforms_schema(), "cdr");
   for (const std::string& name : site.machines) {
     // Names come from the user's files and need not be UTF-8.
-    const std::string json =
-        io::to_text(nlohmann::json(name));
+    const std::string json = io::to_text(nlohmann::json(name));
     loads_.push_back({});
-    loads_.back().id = writer_.add_channel(
-        "/load/" + io::parse_json(json).get<std::string>(), load_schema(), "json");
+    loads_.back().id = writer_.add_channel("/load/" + io::parse_json(json).get<std::string>(),
+                                           load_schema(), "json");
     loads_.back().name = json;
   }
   const Vec3& o = site.origin;

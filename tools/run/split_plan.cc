@@ -27,7 +27,7 @@ std::string seen_from(const fs::path& folder, const fs::path& file) {
   return fs::absolute(file).lexically_normal().lexically_proximate(plain(folder)).string();
 }
 
-Json to_json(const SplitPlan::Window& window) {
+Json window_json(const SplitPlan::Window& window) {
   Json parts = Json::array();
   for (const SplitPlan::Group& part : window.parts)
     parts.push_back({{"machines", part.machines}, {"updates", part.updates}});
@@ -72,7 +72,8 @@ std::string plan_text(const fs::path& folder, const SplitPlan& plan) {
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
-  for (const SplitPlan::Window& window : plan.windows) json["windows"].push_back(to_json(window));
+  for (const SplitPlan::Window& window : plan.windows)
+    json["windows"].push_back(window_json(window));
   try {
     return io::to_text(json, 1) + '\n';
   } catch (const Json::exception&) {

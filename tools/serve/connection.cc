@@ -29,7 +29,7 @@ constexpr std::chrono::seconds kRequestTime{20}, kAnswerTime{120}, kSilence{60};
 constexpr std::uint32_t kMostHeader = 8 << 10;
 constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
 
-std::string text(boost::string_view view) { return {view.data(), view.size()}; }
+std::string text_of(boost::string_view view) { return {view.data(), view.size()}; }
 
 /// A host without its port: of "[::1]:80" "[::1]".
 std::string_view host_of(std::string_view authority) {
@@ -116,7 +116,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const Request& request = parser_->get();
     close_after_ = !request.keep_alive();
     head_ = request.method() == http::verb::head;
-    const std::string target = text(request.target());
+    const std::string target = text_of(request.target());
     if (const std::string why = foreign(request); !why.empty()) return send(refusal(403, why));
     const bool upgrade = websocket::is_upgrade(request);
     if (!upgrade && request.method() != http::verb::get && !head_)
@@ -124,7 +124,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const std::string path = target.substr(0, target.find('?'));
     if (const auto file = state_.page.find(path); file != state_.page.end() && !upgrade)
       return send(file->second);
-    if (!state_.has_token(target, text(request[http::field::authorization])))
+    if (!state_.has_token(target, text_of(request[http::field::authorization])))
       return send(refusal(401,
                           "the token is missing or wrong; open the address that soilvdb serve "
                           "printed"));
@@ -140,14 +140,14 @@ class Connection : public std::enable_shared_from_this<Connection> {
   /// Why a request isn't from a page of ours; empty: it is, or from no page at all. A page from
   /// elsewhere could otherwise reach what listens on the loopback address.
   std::string foreign(const Request& request) const {
-    const std::string host = text(request[http::field::host]);
+    const std::string host = text_of(request[http::field::host]);
     const std::string_view name = host_of(host);
     if (state_.options.token.empty() && name != "localhost" && name != "127.0.0.1" &&
         name != "[::1]" && name != state_.options.listen)
       return "the host isn't this machine";
     const auto origin = request.find(http::field::origin);
     if (origin == request.end()) return "";
-    const std::string from = text(origin->value());
+    const std::string from = text_of(origin->value());
     if (from == "http://" + host || from == "https://" + host) return "";
     return "pages from elsewhere may not ask";
   }

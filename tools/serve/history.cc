@@ -23,9 +23,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-
 /// The time in a snapshot's name: soil_12.5.vdb, or of several at one time soil_12.5_99.vdb.
-std::optional<double> time_of(const std::string& name) {
+std::optional<double> snapshot_time(const std::string& name) {
   const std::size_t begin = name.find('_') + 1, end = name.find_first_of('_', begin);
   const std::size_t dot = name.rfind('.');
   if (begin == 0 || dot == std::string::npos || dot <= begin) return {};
@@ -44,7 +43,7 @@ class RecordedHistory : public History {
     for (const fs::directory_entry& file : fs::directory_iterator(folder_, ignored)) {
       const std::string name = file.path().filename().string();
       if (!is_periodic(name)) continue;
-      if (const auto time_s = time_of(name)) times_.snapshots_s.push_back(*time_s);
+      if (const auto time_s = snapshot_time(name)) times_.snapshots_s.push_back(*time_s);
     }
     std::sort(times_.snapshots_s.begin(), times_.snapshots_s.end());
     return times_;
@@ -90,7 +89,7 @@ class RunHistory : public History {
   explicit RunHistory(const fs::path& folder) : run_(folder) {
     times_ = {run_.begin_s(), run_.journal().done.time_s, {}};
     for (const io::JournalFile& file : run_.journal().files) {
-      const auto time_s = file.name == kFinalName ? times_.to_s : time_of(file.name);
+      const auto time_s = file.name == kFinalName ? times_.to_s : snapshot_time(file.name);
       if (time_s && (is_periodic(file.name) || file.name == kFinalName))
         times_.snapshots_s.push_back(*time_s);
     }

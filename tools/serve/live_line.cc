@@ -30,7 +30,7 @@ constexpr double kFarthestAhead_s = 3600;
 /// Rotations in JSON are often rounded; those that are off by more aren't taken.
 constexpr double kUnitTolerance = 1e-3;
 
-double number(const Line& json, const std::string& what) {
+double number_of(const Line& json, const std::string& what) {
   if (!json.is_number()) throw std::invalid_argument(what + " must be a number");
   return json.get<double>();
 }
@@ -40,7 +40,8 @@ std::array<double, N> array_of(const Line& json, const std::string& what) {
   std::array<double, N> all{};
   if (!json.is_array() || json.size() != N)
     throw std::invalid_argument(fmt::format("'{}' must be an array of {} numbers", what, N));
-  for (std::size_t i = 0; i < N; ++i) all[i] = number(json[i], fmt::format("'{}' [{}]", what, i));
+  for (std::size_t i = 0; i < N; ++i)
+    all[i] = number_of(json[i], fmt::format("'{}' [{}]", what, i));
   return all;
 }
 
@@ -79,7 +80,7 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
   MachineState state;
   state.machine = session_.machine(json["machine"].get<std::string>());
   if (json.contains("time") && !json["time"].is_null())
-    state.time_s = number(json["time"], "'time'");
+    state.time_s = number_of(json["time"], "'time'");
   if (std::abs(state.time_s) > kMostTime_s)
     throw std::invalid_argument(
         fmt::format("'time' is {:.6g} s; it must be within {:g} s of 0; are these milliseconds?",
@@ -108,7 +109,7 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
   for (const std::string& name : names) {
     if (!values.contains(name))
       throw std::invalid_argument(fmt::format("joint '{}' is missing", name));
-    joints.push_back(number(values[name], fmt::format("joint '{}'", name)));
+    joints.push_back(number_of(values[name], fmt::format("joint '{}'", name)));
   }
   state.joints = joints;
   return state;

@@ -17,15 +17,13 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json numbers(const auto& values) {
+Json numbers_json(const auto& values) {
   Json all = Json::array();
   for (const double value : values) all.push_back(value);
   return all;
 }
 
-std::string line_of(const Json& json) {
-  return io::to_text(json);
-}
+std::string line_of(const Json& json) { return io::to_text(json); }
 
 }  // namespace
 
@@ -124,13 +122,13 @@ Json LiveSite::description() const {
                 {"width_m", machine.bucket.width_m},
                 {"height_m", machine.bucket.height_m},
                 {"capacity_m3", capacity_m3 > 0 ? Json(capacity_m3) : Json()}};
-    for (const Vec2& point : machine.bucket.profile) one["profile"].push_back(numbers(point));
+    for (const Vec2& point : machine.bucket.profile) one["profile"].push_back(numbers_json(point));
     machines.push_back(std::move(one));
   }
   Json all = {{"type", "site"},
               {"name", name_},
               {"voxel_size_m", soil.voxel_size_m()},
-              {"origin", numbers(soil.origin())},
+              {"origin", numbers_json(soil.origin())},
               {"block_side", kBlockSide},
               {"machines", machines},
               {"soil", nullptr}};

@@ -17,8 +17,8 @@
 #include <string_view>
 #include <utility>
 
-#include "io/file/text.h"
 #include "io/file/json.h"
+#include "io/file/text.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/picture.h"
 #include "tools/run/books.h"
@@ -38,11 +38,7 @@ constexpr std::size_t kMostCorners = 1000;
 constexpr std::size_t kMostPasts = 4;
 
 Reply json_reply(const Json& json) {
-  return {200,
-          "application/json",
-          io::to_text(json) + '\n',
-          {},
-          false};
+  return {200, "application/json", io::to_text(json) + '\n', {}, false};
 }
 
 /// The values of a request, each of which is asked for by its name.

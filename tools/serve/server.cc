@@ -157,8 +157,7 @@ Bytes ServerState::description() {
   json["crs"] = io::crs_label(site.session().site().crs_wkt);
   json["design"] = design != nullptr;
   json["times"] = times();
-  return std::make_shared<const std::string>(
-      io::to_text(json));
+  return std::make_shared<const std::string>(io::to_text(json));
 }
 
 void ServerState::follow_ground() {
@@ -188,8 +187,7 @@ void ServerState::tick() {
     told_fed = site.fed();
     Json json = site.state();
     json["times"] = times();
-    const auto state = std::make_shared<const std::string>(
-        io::to_text(json));
+    const auto state = std::make_shared<const std::string>(io::to_text(json));
     for (Viewer* viewer : viewers) viewer->tell_state(state);
   }
   for (Viewer* viewer : viewers) viewer->go_on();

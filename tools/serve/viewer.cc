@@ -25,9 +25,7 @@ std::optional<double> time_of(const Json& json, const char* key) {
   return json[key].get<double>();
 }
 
-std::string message(const Json& json) {
-  return io::to_text(json);
-}
+std::string message(const Json& json) { return io::to_text(json); }
 
 }  // namespace
 

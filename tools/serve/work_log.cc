@@ -160,11 +160,11 @@ std::string machines_csv(const Json& state) {
       return value.is_null() ? std::string() : io::to_text(value);
     };
     const Json& at = json["position"];
-    csv += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", name, json["state"].get<std::string>(),
-                       at.is_null() ? "" : io::to_text(at[0]), at.is_null() ? "" : io::to_text(at[1]),
-                       at.is_null() ? "" : io::to_text(at[2]), cell(json["bucket_m3"]),
-                       cell(json["bucket_kg"]), cell(json["cut_m3"]), cell(json["cycles"]),
-                       cell(json["last_load_m3"]));
+    csv += fmt::format(
+        "{},{},{},{},{},{},{},{},{},{}\n", name, json["state"].get<std::string>(),
+        at.is_null() ? "" : io::to_text(at[0]), at.is_null() ? "" : io::to_text(at[1]),
+        at.is_null() ? "" : io::to_text(at[2]), cell(json["bucket_m3"]), cell(json["bucket_kg"]),
+        cell(json["cut_m3"]), cell(json["cycles"]), cell(json["last_load_m3"]));
   }
   return csv;
 }

@@ -1,0 +1,53 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ten sources are compiled as one, so a function in an unnamed namespace is seen by its neighbours.
+
+One of the same name elsewhere in the library, or in a header, would be overloaded with it: a call
+might reach another function than its author meant, without a word of the compiler.
+"""
+
+import re
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+# A library sees the headers of those before it.
+LIBRARIES = ["core", "io", "io/draw", "tools/run", "tools/serve", "tools/app", "tools/python"]
+UNNAMED = re.compile(r"^namespace \{\n(.*?)^\}  // namespace$", re.M | re.S)
+FUNCTION = re.compile(r"^(?!using|return|static_assert|namespace|#)[\w:][\w:<>,&*\s\[\]]*?[\s&*](\w+)\(", re.M)
+
+
+def functions(text: str) -> set[str]:
+    return set(FUNCTION.findall(re.sub(r'//.*|"(?:\\.|[^"\\\n])*"', "", text)))
+
+
+def library_of(name: str) -> int:
+    return max(i for i, each in enumerate(LIBRARIES) if name.startswith(each + "/"))
+
+
+def main() -> int:
+    places: dict[tuple[int, str], list[str]] = defaultdict(list)
+    headers: dict[str, list[str]] = defaultdict(list)
+    for path in sorted(each for top in ("core", "io", "tools") for each in (ROOT / top).rglob("*.[ch]*")):
+        name = str(path.relative_to(ROOT))
+        if path.suffix == ".h":
+            for each in functions(path.read_text()):
+                headers[each].append(name)
+        elif path.suffix == ".cc":
+            bodies = UNNAMED.findall(path.read_text())
+            for each in set().union(*map(functions, bodies)):
+                places[library_of(name), each].append(name)
+    faults = 0
+    for (library, function), files in sorted(places.items()):
+        files += [each for each in headers[function] if library_of(each) <= library]
+        if len(files) > 1:
+            print(f"{function}() is in {' and '.join(files)}: give one of them another name")
+            faults += 1
+    if not places:
+        print("no function in an unnamed namespace was found")
+    return 1 if faults or not places else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
