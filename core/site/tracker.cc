@@ -116,7 +116,7 @@ Machine& Tracker::at(std::size_t machine) const {
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
   return timed([&] {
     Machine& m = at(machine);
-    soilvdb::check(soil_, m, world_from_bucket);
+    check_move(soil_, m, world_from_bucket);
     soil_.page_out();
     return m.move(soil_, world_from_bucket);
   });
@@ -125,7 +125,7 @@ Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
 Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
   return timed([&] {
     Machine& m = at(machine);
-    soilvdb::check(soil_, m, motion, begin_s, end_s);
+    check_move(soil_, m, motion, begin_s, end_s);
     soil_.page_out();
     return m.move(soil_, motion, begin_s, end_s);
   });
@@ -134,16 +134,16 @@ Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s
 void Tracker::check(const Move& move) const {
   const Machine& machine = at(move.machine);
   if (move.motion != nullptr) {
-    soilvdb::check(soil_, machine, *move.motion, move.begin_s, move.end_s);
+    check_move(soil_, machine, *move.motion, move.begin_s, move.end_s);
   } else {
-    soilvdb::check(soil_, machine, move.to);
+    check_move(soil_, machine, move.to);
   }
 }
 
 std::optional<BadMove> Tracker::find_bad(std::span<const Move> moves) {
   for (std::size_t i = 0; i < moves.size(); ++i) {
     try {
-      check_move(moves[i]);
+      check(moves[i]);
     } catch (const std::invalid_argument& e) {
       return BadMove{i, false, e.what()};
     }
@@ -171,7 +171,7 @@ std::optional<BadMove> Tracker::find_bad(std::span<const Move> moves) {
 
 std::vector<Update> Tracker::update(std::span<const Move> moves) {
   const Clock::time_point begin = Clock::now();
-  for (const Move& move : moves) check_move(move);
+  for (const Move& move : moves) check(move);
   soil_.page_out();
   const std::vector<std::vector<std::size_t>> groups = apart(moves);
   const double planning_us =

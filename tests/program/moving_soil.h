@@ -25,9 +25,9 @@ inline constexpr const char* kHopper = "hoppers:\n  - {name: bed, box: [4.4, -2,
 /// @param curls else the bucket never turns, and is pulled up and let down again
 inline std::string dig_csv(bool curls = true) {
   std::string text = "time,x,y,z,pitch\n";
-  constexpr int kRows = 81;
-  for (int i = 0; i < kRows; ++i) {
-    const double t = 8.0 * i / (kRows - 1), s = std::min(1.0, t / 4);
+  constexpr int kDigRows = 81;
+  for (int i = 0; i < kDigRows; ++i) {
+    const double t = 8.0 * i / (kDigRows - 1), s = std::min(1.0, t / 4);
     const double curl = std::max(0.0, (s - 0.7) / 0.3), down = std::min(1.0, s / 0.15);
     const double carried = std::clamp((t - 4) / 2, 0.0, 1.0);
     const double tip = std::clamp(t - 6, 0.0, 1.0);

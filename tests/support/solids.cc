@@ -179,23 +179,23 @@ double below_ground_m3(const Mesh& mesh, const Solid& solid) {
 
 double distance_m(const Solid& solid, const Vec3& p, double step_m) {
   constexpr int kDirections = 300;
-  constexpr double kGolden = 2.399963229728653;
+  constexpr double kGoldenAngle = 2.399963229728653;
   static const std::vector<Vec3> directions = [] {
     std::vector<Vec3> all;
     for (int i = 0; i < kDirections; ++i) {
       const double z = 1 - 2 * (i + 0.5) / kDirections, r = std::sqrt(1 - z * z);
-      all.emplace_back(r * std::cos(i * kGolden), r * std::sin(i * kGolden), z);
+      all.emplace_back(r * std::cos(i * kGoldenAngle), r * std::sin(i * kGoldenAngle), z);
     }
     return all;
   }();
   const bool soil = solid.f(p) < 0;
-  constexpr int kSteps = 1000;
-  for (int k = 1; k < kSteps; ++k) {
+  constexpr int kParts = 1000;
+  for (int k = 1; k < kParts; ++k) {
     for (const Vec3& d : directions) {
       if ((solid.f(p + k * step_m * d) < 0) != soil) return (k - 0.5) * step_m;
     }
   }
-  return kSteps * step_m;
+  return kParts * step_m;
 }
 
 int features_near(const Solid& solid, const Vec3& p, double distance_m) {
