@@ -142,6 +142,12 @@ inline constexpr double kStationShare = 0.1, kStationVoxels = 2;
 /// Stations from one at which what a bucket left comes to rest to the next, while it digs. More:
 /// soil stands too steep behind it for longer. Less: more of it slides that is moved again at once.
 inline constexpr int kRestStations = 5;
+/// Turn between two rows of a motion after which a bucket loses what it holds too much of, rad.
+/// More: what it tips on the way depends on where updates end. Less: an update costs more.
+inline constexpr double kSpillTurn = 0.05;
+/// Share of a bucket's struck capacity that leaves it in a turn and comes down before the next
+/// station. More: what is tipped at once hangs in the air. Less: dense rows make many small piles.
+inline constexpr double kLeastSpill = 0.02;
 /// A pour comes down in parts, evenly over its time: of so many cells, but no fewer and no more
 /// parts than that. More: each looks at the pile anew. Fewer: a truck tips all its soil at the end.
 inline constexpr double kPourCells = 400;

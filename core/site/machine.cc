@@ -40,6 +40,7 @@ double Machine::tolerance_m(const Soil& soil) { return kPathTolerance * soil.vox
 Update Machine::move(Soil& soil, const Pose& to) {
   const Ledger before = ledger_;
   const std::int64_t slid_before = slid();
+  const bool turns = placed_ && to.rotation.coeffs() != current_.rotation.coeffs();
   constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
   if (works_ != nullptr && placed_) {
     if (travel_m(current_, to) == 0) stop(soil, kNever, true);
@@ -49,7 +50,13 @@ Update Machine::move(Soil& soil, const Pose& to) {
     }
   }
   follow(soil, plan(soil, to), kNever);
-  if (works_ != nullptr) way_m_.extend(box_around(std::span(&to, 1)));
+  if (works_ != nullptr) {
+    way_m_.extend(box_around(std::span(&to, 1)));
+    if (turns)
+      pass_turn(soil, kNever);
+    else
+      let_go();
+  }
   return since(before, slid_before);
 }
 
@@ -58,15 +65,19 @@ Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double en
   const std::int64_t slid_before = slid();
   double from_s = begin_s;
   if (works_ != nullptr) {
-    for (const auto& [time_s, still] : stops(soil, motion, begin_s, end_s)) {
+    for (const auto& [time_s, kind] : stops(soil, motion, begin_s, end_s)) {
       pass_rows(motion, from_s, time_s);
       follow(soil, plan(soil, motion, from_s, time_s), time_s);
-      stop(soil, time_s, still || ++stations_ >= kRestStations);
+      if (kind == Stop::Kind::kTurn)
+        pass_turn(soil, time_s);
+      else
+        stop(soil, time_s, kind == Stop::Kind::kStandstill || ++stations_ >= kRestStations);
       from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);
   }
   follow(soil, plan(soil, motion, from_s, end_s), end_s);
+  let_go();
   return since(before, slid_before);
 }
 

@@ -57,8 +57,8 @@ class Machine {
   /// Cuts fail once the bucket is out of the ground: while it works in them it props them, and they
   /// are seen whole; here they do in any case.
   void come_to_rest(Soil& soil, double time_s) { stop(soil, time_s, true, true); }
-  /// Pushed by the body and not yet come down, units of mass.
-  std::int64_t pushed() const { return pushed_; }
+  /// Pushed by the body or let go, and not yet come down, units of mass.
+  std::int64_t in_flight() const { return pushed_ + falling_; }
 
   /// A box of index space beyond which moving on past these poses changes nothing.
   Eigen::AlignedBox3d workspace(const Soil& soil, std::span<const Pose> path) const;
@@ -81,11 +81,14 @@ class Machine {
   void dump(const Soil& soil, const Pose& at, double time_s);
   Update since(const Ledger& before, std::int64_t slid_before) const;
   void stop(Soil& soil, double time_s, bool rests, bool ends = false);
+  void let_go();
+  void pass_turn(Soil& soil, double time_s);
+  void drop_falling(double time_s, const Obstacle& obstacle);
   std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
   struct Stop {
     double time_s;
-    bool still;  ///< a standstill, not a station
+    enum class Kind { kStation, kStandstill, kTurn } kind;
   };
   std::vector<Stop> stops(const Soil& soil, const Motion& motion, double begin_s, double end_s);
   void note_leaning(const Soil& soil, const Pose& at);
@@ -113,6 +116,7 @@ class Machine {
   std::int64_t cut_before_ = 0;      // samples, up to the last station
   std::int32_t stations_ = 0;        // since soil came to rest
   std::int64_t pushed_ = 0;          // by the body since then, units of mass
+  std::int64_t falling_ = 0;         // let go and not yet come down, units of mass
   Eigen::AlignedBox3d unsettled_m_;  // where soil may stand too steep
   Eigen::AlignedBox3d propped_m_;    // where bank may, once the bucket has left it
 };

@@ -3,11 +3,21 @@
 // What a machine leaves to come to rest, and when.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <utility>
 
 #include "core/constants.h"
 #include "core/site/machine.h"
 
 namespace soilvdb::inline v0 {
+namespace {
+
+/// Sine of half the angle.
+double half_turn(const Pose& from, const Pose& to) {
+  return (from.rotation.conjugate() * to.rotation).vec().norm();
+}
+
+}  // namespace
 
 double Machine::station_travel_m(const Soil& soil) const {
   return std::max(kStationVoxels * soil.voxel_size_m(), kStationShare * radius_m_);
@@ -15,8 +25,7 @@ double Machine::station_travel_m(const Soil& soil) const {
 
 /// About how far the fastest point of the bucket goes.
 double Machine::travel_m(const Pose& from, const Pose& to) const {
-  const double half_turn = (from.rotation.conjugate() * to.rotation).vec().norm();
-  return (to.position - from.position).norm() + 2 * half_turn * radius_m_;
+  return (to.position - from.position).norm() + 2 * half_turn(from, to) * radius_m_;
 }
 
 /// The stations on the straight way on to a pose.
@@ -29,8 +38,8 @@ std::vector<Pose> Machine::stations(const Soil& soil, const Pose& to) {
   return found;
 }
 
-/// Stations in (begin, end], and where the bucket comes to a standstill in [begin, end). They are
-/// counted from row to row: other updates have the same.
+/// Stations and ends of turns in (begin, end], and where the bucket comes to a standstill in
+/// [begin, end). They are counted from row to row: other updates have the same.
 std::vector<Machine::Stop> Machine::stops(const Soil& soil, const Motion& motion, double begin_s,
                                           double end_s) {
   const double every_m = station_travel_m(soil);
@@ -42,14 +51,24 @@ std::vector<Machine::Stop> Machine::stops(const Soil& soil, const Motion& motion
     const auto row = static_cast<std::size_t>(next - rows_s.begin());
     const double from_s = rows_s[row - 1], to_s = rows_s[row];
     const double way_m = travel_m(motion.row(row - 1), motion.row(row));
-    if (way_m == 0 && from_s >= begin_s) found.push_back({from_s, true});
+    if (way_m == 0 && from_s >= begin_s) found.push_back({from_s, Stop::Kind::kStandstill});
     double at_m = every_m - travel_m_;
     for (; at_m <= way_m; at_m += every_m) {
       const double at_s = std::min(to_s, from_s + (to_s - from_s) * (at_m / way_m));
-      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, false});
+      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Stop::Kind::kStation});
     }
     if (to_s <= end_s) travel_m_ = std::max(0.0, every_m - (at_m - way_m));
+    if (!capacity_) continue;
+    const double turn_rad =  // or a bit more
+        std::numbers::pi * half_turn(motion.row(row - 1), motion.row(row));
+    const int turns = static_cast<int>(std::ceil(turn_rad / kSpillTurn));
+    for (int i = 1; i <= turns; ++i) {
+      const double at_s = i == turns ? to_s : from_s + (to_s - from_s) * i / turns;
+      if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Stop::Kind::kTurn});
+    }
   }
+  std::stable_sort(found.begin(), found.end(),
+                   [](const Stop& a, const Stop& b) { return a.time_s < b.time_s; });
   return found;
 }
 
@@ -75,23 +94,12 @@ void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
   }
   const bool in_air = stays_in_air(soil, here, 0), bank_fails = ends || in_air;
   propped_m_.extend(unsettled_m_);
-  std::int64_t spill = 0;
-  Hold hold;
-  if (capacity_ && ledger_.load > 0) {
-    hold = capacity_->at(at.rotation, works_->slope());
-    const double most =
-        hold.volume_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
-    spill = std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
-  }
-  if (spill > 0 || pushed_ > 0 || !unsettled_m_.isEmpty() ||
+  let_go();
+  if (falling_ > 0 || pushed_ > 0 || !unsettled_m_.isEmpty() ||
       (bank_fails && !propped_m_.isEmpty())) {
     const Obstacle obstacle(bucket_, at, soil);
     if (pushed_ > 0) works_->drop(push_point(at), std::exchange(pushed_, 0), time_s, obstacle);
-    if (spill > 0) {
-      ledger_.load -= spill;
-      ledger_.spilled += spill;
-      works_->drop(at * hold.spill, spill, time_s, obstacle);
-    }
+    drop_falling(time_s, obstacle);
     if (rests || in_air) {
       const bool done =
           works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
@@ -104,6 +112,34 @@ void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
   station_ = at;
   way_m_ = box_around(here);
   cut_before_ = ledger_.cut();
+}
+
+/// What the bucket holds too much of at its attitude leaves it, and is in the air from then on.
+void Machine::let_go() {
+  if (!capacity_ || ledger_.load == 0) return;
+  const double hold_m3 = capacity_->at(current_.rotation, works_->slope()).volume_m3;
+  const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
+  const std::int64_t spill =
+      std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
+  ledger_.load -= spill;
+  ledger_.spilled += spill;
+  falling_ += spill;
+}
+
+/// What left the bucket in a turn comes down if it is much, else at the next station: dense rows
+/// make no more piles than sparse ones.
+void Machine::pass_turn(Soil& soil, double time_s) {
+  let_go();
+  if (!capacity_ || ledger_.units.loose_samples(falling_) * ledger_.sample_m3 <
+                        kLeastSpill * capacity_->struck_m3())
+    return;
+  drop_falling(time_s, Obstacle(bucket_, current_, soil));
+  note_leaning(soil, current_);
+}
+
+void Machine::drop_falling(double time_s, const Obstacle& obstacle) {
+  if (falling_ > 0)
+    works_->drop(current_ * spill_point(current_), std::exchange(falling_, 0), time_s, obstacle);
 }
 
 /// Soil that leans on the bucket does so until that has gone.

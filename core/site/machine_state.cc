@@ -32,6 +32,7 @@ void Machine::save(std::string& out) const {
   put(out, travel_m_);
   put(out, station_);
   put(out, pushed_);
+  put(out, falling_);
   put(out, cut_before_);
   put(out, stations_);
   for (const Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
@@ -65,6 +66,7 @@ void Machine::load(std::string_view& in, const Soil& soil) {
   take(in, travel_m_);
   take(in, station_);
   take_amount(in, pushed_);
+  take_amount(in, falling_);
   take_amount(in, cut_before_);
   take(in, stations_);
   require_sane(is_sane(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);

@@ -308,7 +308,7 @@ SiteLedger Tracker::booked() const {
   site.units = works_->units();
   site.astray = books.astray;
   site.in_flight = books.in_flight + books.astray;
-  for (const auto& machine : machines_) site.in_flight += machine->pushed();
+  for (const auto& machine : machines_) site.in_flight += machine->in_flight();
   for (std::size_t i = 0; i < poured_parts_.size(); ++i)
     site.poured += poured(earthmoving_.pours[i], poured_parts_[i]);
   site.hauled = books.hauled;

@@ -5,7 +5,10 @@
 Also for bench/fleet.py.
 """
 
+import contextlib
 import csv
+import dataclasses
+import io
 import math
 import os
 import signal
@@ -17,6 +20,9 @@ import time
 
 import distributed
 
+from soilvdb.fleet.__main__ import main
+
+LONG = "SOILVDB_LONG" in os.environ  # tools/test --long
 FLEET = [sys.executable, "-m", "soilvdb.fleet"]
 
 SCENARIO = """soilvdb: 1
@@ -120,6 +126,23 @@ def fleet_run(manifest, out, *options, **more):
     """@return the finished process"""
     return subprocess.run([*FLEET, "run", str(manifest), "--out", str(out), *map(str, options)],
                           capture_output=True, text=True, check=False, timeout=500, **more)
+
+
+@dataclasses.dataclass
+class Done:
+    """What a command ended with, as subprocess has it."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def call(*words):
+    """python3 -m soilvdb.fleet, in this process. @return Done"""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        status = main([*map(str, words)])
+    return Done(status, out.getvalue(), err.getvalue())
 
 
 def lasting(table):

@@ -9,7 +9,7 @@ import subprocess
 
 import pytest
 import soilvdb
-from processes import FLEET, Processes, fleet_split, wait_until, write_shift
+from processes import FLEET, LONG, Processes, call, fleet_split, wait_until, write_shift
 
 
 def one_process(scenario, out):
@@ -32,7 +32,7 @@ def finished_parts(out):
 @pytest.fixture(name="crossing")
 def _crossing(tmp_path):
     """Four machines, of which two change places half-way."""
-    scenario = write_shift(tmp_path / "site", machines=4, hours=0.1)
+    scenario = write_shift(tmp_path / "site", machines=4, hours=0.1 if LONG else 0.04)
     first, second = (tmp_path / "site" / f"m{m}.csv" for m in (0, 1))
     a, b = first.read_text().splitlines(), second.read_text().splitlines()
     half = len(a) // 2 // 240 * 240 + 1  # between two cycles
@@ -46,7 +46,7 @@ def _crossing(tmp_path):
     return scenario
 
 
-def test_a_shift_of_ten_in_eight_is_that_of_one_process(tmp_path):
+def test_a_shift_of_ten_in_eight_is_that_of_one_process(tmp_path, fleet):
     scenario, out = write_shift(tmp_path / "site"), tmp_path / "out"
     done = fleet_split(scenario, out, 8, "--workers", 2)
     assert (done.returncode, done.stderr) == (0, "")
@@ -54,7 +54,7 @@ def test_a_shift_of_ten_in_eight_is_that_of_one_process(tmp_path):
     assert lasting(out) == one_process(scenario, tmp_path / "whole")
     assert not (out / "parts").exists()
     before = (out / "summary.json").read_bytes()
-    again = fleet_split(scenario, out, 8, "--workers", 1)
+    again = fleet("split", scenario, "--out", out, "--parts", 8)
     assert again.returncode == 0 and (out / "summary.json").read_bytes() == before
 
 
@@ -64,7 +64,7 @@ def test_workers_and_the_scheduler_may_die(tmp_path, crossing):
         process = subprocess.Popen(
             [*FLEET, "split", crossing, "--out", out, "--parts", "4", "--scheduler",
              cluster.address], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        for step in range(4):
+        for step in range(4) if LONG else (1, 2):
             wait_until(lambda want=2 * step: finished_parts(out) >= want
                        or process.poll() is not None)
             chance.choice(cluster.workers).kill()
@@ -76,9 +76,9 @@ def test_workers_and_the_scheduler_may_die(tmp_path, crossing):
     assert lasting(out) == one_process(crossing, tmp_path / "whole")
 
 
-def test_the_same_command_goes_on(tmp_path, crossing):
+def test_the_same_command_goes_on(tmp_path, crossing, fleet, shared):
     out = tmp_path / "out"
-    command = [*FLEET, "split", crossing, "--out", out, "--parts", "4", "--workers", "1"]
+    command = [*FLEET, "split", crossing, "--out", out, "--parts", "4", "--scheduler", shared]
     for parts in (1, 4):
         with subprocess.Popen(command, stdout=subprocess.DEVNULL,
                               stderr=subprocess.DEVNULL) as process:
@@ -86,21 +86,21 @@ def test_the_same_command_goes_on(tmp_path, crossing):
                        or process.poll() is not None)
             process.send_signal(signal.SIGKILL)
     assert not (out / "summary.json").exists()
-    done = fleet_split(crossing, out, 4, "--workers", 2)
+    done = fleet("split", crossing, "--out", out, "--parts", 4)
     assert done.returncode == 0, done.stderr
     assert lasting(out) == one_process(crossing, tmp_path / "whole")
 
 
-def test_a_part_that_fails_is_told_and_dug_once_that_is_mended(tmp_path):
+def test_a_part_that_fails_is_told_and_dug_once_that_is_mended(tmp_path, fleet):
     scenario, out = write_shift(tmp_path / "site", machines=3), tmp_path / "out"
     (out / "parts").mkdir(parents=True)
     (out / "parts/0_1").write_text("in the way")
-    done = fleet_split(scenario, out, 3, "--workers", 2)
+    done = fleet("split", scenario, "--out", out, "--parts", 3)
     assert done.returncode == 1 and done.stderr.count("\n") == 1, done.stderr
     assert "parts/0_1" in done.stderr and "the same command goes on" in done.stderr
     assert finished_parts(out) == 2
     (out / "parts/0_1").unlink()
-    assert fleet_split(scenario, out, 3, "--workers", 2).returncode == 0
+    assert fleet("split", scenario, "--out", out, "--parts", 3).returncode == 0
     assert lasting(out) == one_process(scenario, tmp_path / "whole")
 
 
@@ -111,31 +111,32 @@ def test_a_part_that_fails_is_told_and_dug_once_that_is_mended(tmp_path):
 def test_what_cant_be_split_is_refused(tmp_path, machines, soil, why):
     scenario = write_shift(tmp_path / "site", machines=machines, hours=0.01)
     scenario.write_text(scenario.read_text() + soil)
-    refused = fleet_split(scenario, tmp_path / "out", 2)
+    refused = call("split", scenario, "--out", tmp_path / "out", "--parts", 2)
     assert refused.returncode == 2 and not (tmp_path / "out").exists()
     assert refused.stderr.startswith(f"soilvdb: {scenario}: can't be split: ")
     assert why in refused.stderr and refused.stderr.count("\n") == 1
 
 
-def test_wrong_command_lines_are_told(tmp_path):
+def test_wrong_command_lines_are_told(tmp_path, fleet, shared, monkeypatch):
     scenario = write_shift(tmp_path / "site", machines=2, hours=0.01)
-    refused = fleet_split(scenario, tmp_path / "out", 1)
+    out = tmp_path / "out"
+    refused = call("split", scenario, "--out", out, "--parts", 1)
     assert refused.returncode == 2 and "'1' is no whole number from 2 to 1024" in refused.stderr
-    refused = fleet_split(scenario, tmp_path / "out", 2, "--voxel", "nan", timeout=60)
+    refused = call("split", scenario, "--out", out, "--parts", 2, "--voxel", "nan")
     assert refused.returncode == 2 and "--voxel" in refused.stderr
-    assert refused.stderr.count("\n") == 1 and not (tmp_path / "out").exists()
+    assert refused.stderr.count("\n") == 1 and not out.exists()
     dashed = scenario.rename(scenario.with_name("-s.yaml"))
-    done = subprocess.run([*FLEET, "split", "--out=-o", "--parts=2", "--workers=1", "--", "-s.yaml"],
-                          cwd=dashed.parent, capture_output=True, text=True, check=False)
+    monkeypatch.chdir(dashed.parent)
+    done = call("split", "--out=-o", "--parts=2", f"--scheduler={shared}", "--", "-s.yaml")
     assert (done.returncode, done.stderr) == (0, "") and (dashed.parent / "-o/summary.json").exists()
     dashed.rename(scenario)
-    assert fleet_split(scenario, tmp_path / "out", 2, "--workers", 1).returncode == 0
-    refused = fleet_split(scenario, tmp_path / "out", 2, "--updates", 7)
+    assert fleet("split", scenario, "--out", out, "--parts", 2).returncode == 0
+    refused = call("split", scenario, "--out", out, "--parts", 2, "--updates", 7)
     assert refused.returncode == 2 and "--updates was another" in refused.stderr
 
 
-def test_without_a_folder_it_is_named_as_the_scenario(tmp_path):
+def test_without_a_folder_it_is_named_as_the_scenario(tmp_path, fleet, monkeypatch):
     write_shift(tmp_path, machines=2, hours=0.01)
-    subprocess.run([*FLEET, "split", "shift.yaml", "--parts", "2", "--workers", "1"], check=True,
-                   capture_output=True, cwd=tmp_path, timeout=100)
+    monkeypatch.chdir(tmp_path)
+    assert fleet("split", "shift.yaml", "--parts", 2).returncode == 0
     assert lasting(tmp_path / "out/shift") == one_process(tmp_path / "shift.yaml", tmp_path / "whole")

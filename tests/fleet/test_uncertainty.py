@@ -18,7 +18,7 @@ import yaml
 from closed_forms import (DEPTH, LENGTH, WIDTH, correlated_terrain, covered, drifting_height,
                           flat_pass, repeated_passes, scene, systematic_terrain,
                           uncorrelated_terrain, white_height, wide_bucket, write_pass)
-from processes import FLEET, Processes, wait_until
+from processes import FLEET, LONG, Processes, call, wait_until
 
 import soilvdb
 from soilvdb import noise as noises
@@ -30,10 +30,10 @@ from soilvdb.fleet.uncertainty import first_order, spread
 NOISE = "position: {bias: [0, 0, 0.01], white: 0.001}\nbucket: {width: 0.02}\n"
 
 
-def uncertainty(scenario, noise, out, *options):
-    return subprocess.run([*FLEET, "uncertainty", str(scenario), "--noise", str(noise), "--out",
-                           str(out), *map(str, options)], capture_output=True, text=True,
-                          check=False, timeout=500)
+@pytest.fixture(name="uncertainty")
+def _uncertainty(fleet):
+    return lambda scenario, noise, out, *options: fleet("uncertainty", scenario, "--noise", noise,
+                                                        "--out", out, *options)
 
 
 @pytest.mark.parametrize("case, sigma, draws, within", [
@@ -42,21 +42,21 @@ def uncertainty(scenario, noise, out, *options):
     (drifting_height, 0.01, 300, 0.1), (white_height, 0.005, 300, 0.1),
     (wide_bucket, 0.01, 200, 0.05)])
 def test_sigmas_are_those_of_closed_forms(tmp_path, case, sigma, draws, within):
-    found = case(tmp_path, sigma, draws)
+    found = case(tmp_path, sigma, draws if LONG else draws // 4)
     assert found.within(within), found
 
 
 def test_a_constant_error_cancels_but_for_the_first_pass(tmp_path):
-    of_passes = repeated_passes(tmp_path, 0.01, 60)
+    of_passes = repeated_passes(tmp_path, 0.01, 60 if LONG else 30)
     assert 0.7 < of_passes[0] < 1.3
     assert max(of_passes[1:]) < 0.02
 
 
 def test_true_loads_lie_within_the_band(tmp_path):
-    assert 0.7 <= covered(tmp_path, 24, 60) <= 1.0  # 90 % of them would; see tools/bench fleet
+    assert 0.7 <= covered(tmp_path, 24 if LONG else 6, 60) <= 1.0  # 90 % of them would; see tools/bench fleet
 
 
-def test_what_is_written(tmp_path):
+def test_what_is_written(tmp_path, uncertainty):
     scenario = write_pass(tmp_path)
     (tmp_path / "noise.yaml").write_text(NOISE)
     done = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 60)
@@ -89,20 +89,22 @@ def test_what_is_written(tmp_path):
     assert (tmp_path / "out/load.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path):
+def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path, uncertainty):
     scenario = write_pass(tmp_path, rows=200)
     (tmp_path / "noise.yaml").write_text(NOISE + "terrain: {white: 0.01, cell: 0.5}\n")
     options = ("--draws", 40, "--seed", 7)
-    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "one", *options, "--workers", 1)
+    uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "one", *options)
     with Processes(tmp_path, hosts=(1, 1)) as cluster:
         process = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise",
                                     tmp_path / "noise.yaml", "--out", tmp_path / "two",
                                     *map(str, options), "--scheduler", cluster.address],
                                    stdout=subprocess.DEVNULL)
-        while process.poll() is None:
-            time.sleep(1.5)
+        parts = tmp_path / "two/draws.part"
+        for done in range(1, 9 if LONG else 3):
+            wait_until(lambda want=done: process.poll() is not None
+                       or parts.is_dir() and len(list(parts.iterdir())) > want)
             cluster.workers[0].kill()
-    assert process.returncode == 0
+        assert process.wait(timeout=300) == 0
     uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "other", "--draws", 40, "--seed", 8)
     for name in ("uncertainty.json", "draws.csv", "height_sigma.tif", "load.png"):
         one, two, other = ((tmp_path / out / name).read_bytes() for out in ("one", "two", "other"))
@@ -110,11 +112,10 @@ def test_the_same_seed_gives_the_same_bytes_whoever_draws(tmp_path):
         assert one != other, name
 
 
-def test_sigmas_of_nothing_leave_what_was_recorded(tmp_path):
+def test_sigmas_of_nothing_leave_what_was_recorded(tmp_path, uncertainty):
     scenario = write_pass(tmp_path, dump=True)
     (tmp_path / "noise.yaml").write_text("position: {bias: 0, white: 0}\nbucket: {width: 0}\n")
-    said = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 3,
-                       "--workers", 1)
+    said = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 3)
     report = json.loads((tmp_path / "out/uncertainty.json").read_text())
     machine = report["machines"][0]
     for figure in (machine["cut_m3"], report["cut_m3"], machine["cycles"][0]["load_m3"]):
@@ -123,21 +124,21 @@ def test_sigmas_of_nothing_leave_what_was_recorded(tmp_path):
     assert f"digger: load 1           {machine['cycles'][0]['load_m3']['mean']:.4g} +- 0 m3" in said.stdout
 
 
-def test_a_study_that_was_killed_goes_on(tmp_path):
+def test_a_study_that_was_killed_goes_on(tmp_path, uncertainty, shared):
     scenario = write_pass(tmp_path, rows=2000)
     (tmp_path / "noise.yaml").write_text("position: {bias: 0.01, white: 0.001}\n")
-    options = ("--draws", 100, "--workers", 1)
+    options = ("--draws", 100)
     uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "whole", *options)
     parts = tmp_path / "out/draws.part"
-    process = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml",
-                                "--out", tmp_path / "out", *map(str, options)])
+    command = [*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml", "--out",
+               tmp_path / "out", *map(str, options), "--scheduler", shared]
+    process = subprocess.Popen(command)
     wait_until(lambda: parts.is_dir() and len(list(parts.iterdir())) > 3)
     process.kill()
     process.wait()
     assert not (tmp_path / "out/uncertainty.json").exists()
     before = {part: part.stat().st_mtime_ns for part in parts.iterdir() if part.name != "next"}
-    again = subprocess.Popen([*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml",
-                              "--out", tmp_path / "out", *map(str, options)])
+    again = subprocess.Popen(command)
     wait_until(lambda: len(list(parts.iterdir())) > len(before) + 2)
     assert before == {part: part.stat().st_mtime_ns for part in before}
     assert again.wait() == 0
@@ -146,7 +147,7 @@ def test_a_study_that_was_killed_goes_on(tmp_path):
     assert not parts.exists()
 
 
-def test_sobol_indices_are_the_shares_of_variances(tmp_path):
+def test_sobol_indices_are_the_shares_of_variances(tmp_path, uncertainty):
     """Of the cut of a flat pass: of its height's variance and its width's."""
     height, width = 0.01, 0.03
     scenario = write_pass(tmp_path)
@@ -352,7 +353,7 @@ def test_buckets_and_planes_of_draws(tmp_path):
     assert site.heights(xy) == pytest.approx(2 + rise + xy @ [0.1, -0.2], abs=1e-5)
 
 
-def test_scenarios_are_read_as_the_program_reads_them(tmp_path):
+def test_scenarios_are_read_as_the_program_reads_them(tmp_path, uncertainty):
     """Numbers and names that YAML 1.1 takes for something else, a bucket that two machines share by an
     alias, names that a table and a plot have to quote, rows to be skipped, one without a motion."""
     pass_of = write_pass(tmp_path)
@@ -395,7 +396,7 @@ def test_a_worker_sees_that_a_motion_changed(tmp_path):
     assert len(scene_of(study).motions["digger"]["times"]) == 2
 
 
-def test_heights_have_a_sigma_where_only_draws_dig(tmp_path):
+def test_heights_have_a_sigma_where_only_draws_dig(tmp_path, uncertainty):
     """A lip that is recorded as just above the ground, and a place that is known to a metre."""
     (tmp_path / "noise.yaml").write_text("position: {bias: [0, 1, 0.02]}\n")
     done = uncertainty(write_pass(tmp_path, depths=[-0.001]), tmp_path / "noise.yaml",
@@ -406,7 +407,7 @@ def test_heights_have_a_sigma_where_only_draws_dig(tmp_path):
     assert np.nanmax(heights[0]) == np.nanmax(heights[-1]) == 0  # all of it is there
 
 
-def test_a_draw_waits_where_terrain_ends(tmp_path):
+def test_a_draw_waits_where_terrain_ends(tmp_path, uncertainty):
     """As a clone of an ensemble; the others go on."""
     soilvdb.write_raster(tmp_path / "g.tif", np.zeros((21, 16)), (-2.0, -5.0), (0.4, 0.5))
     scenario = write_pass(tmp_path, terrain="{raster: g.tif}", length=3.9)
@@ -420,7 +421,7 @@ def test_a_draw_waits_where_terrain_ends(tmp_path):
     assert 0 < cut["recorded"] - cut["p05"] < 0.3 and cut["sigma"] > 0.01
 
 
-def test_a_motion_that_stops_is_told(tmp_path):
+def test_a_motion_that_stops_is_told(tmp_path, uncertainty):
     scenario = write_pass(tmp_path)
     with open(tmp_path / "pass.csv", "a", encoding="utf-8") as motion:
         motion.write("7,nan,0,-0.1,0\n8,2,0,-0.1,0\n")
@@ -437,8 +438,9 @@ def test_two_draws_have_a_sigma_while_others_use_dask(tmp_path):
         with contextlib.suppress(OSError):  # then it is taken already
             taken.bind(("127.0.0.1", 8787))
             taken.listen()
-        done = uncertainty(write_pass(tmp_path), tmp_path / "noise.yaml", tmp_path / "out", "--draws",
-                           2)
+        done = subprocess.run([*FLEET, "uncertainty", write_pass(tmp_path), "--noise",
+                               tmp_path / "noise.yaml", "--out", tmp_path / "out", "--draws", "2"],
+                              capture_output=True, text=True, check=False, timeout=500)
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads((tmp_path / "out/uncertainty.json").read_text())["cut_m3"]["sigma"] > 0
 

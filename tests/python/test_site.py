@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A site fed from Python is the program's, to the bit, and refuses what can't be."""
 
+import copy
 import json
 import multiprocessing
 import os
@@ -126,6 +127,42 @@ def test_pickles_of_all_kinds_of_sites(tmp_path):
     assert same.save() == site.save()
     assert same.machines == ["digger", "machine 1"]
     assert same.change_m3() == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("sent", [lambda thing: pickle.loads(pickle.dumps(thing)), copy.copy,
+                                  copy.deepcopy], ids=["pickle", "copy", "deepcopy"])
+def test_what_a_site_gives_and_takes_can_be_sent_to_another_process(sent):
+    site = make_site(soilvdb.Soil(0.6))
+    positions, rotations = dig()
+    site.update_path(0, positions=positions, rotations=rotations)
+    patches = site.changed_patches()
+    assert len(patches) > 1
+    for patch, same in zip(patches, sent(patches), strict=True):
+        assert same.block == patch.block and type(same.block) is tuple
+        for a, b in ((same.points, patch.points), (same.triangles, patch.triangles)):
+            assert a.dtype == b.dtype and a.shape == b.shape and (a == b).all()
+    update = site.update(0, position=positions[0])
+    same = sent(update)
+    for name in ("cut_m3", "bucket_m3", "spilled_m3", "slid_m3", "us"):
+        assert getattr(same, name) == getattr(update, name)
+    assert update.spilled_m3 > 0 and repr(same) == repr(update)
+    assert sent(site.ledger()) == site.ledger()
+    assert sent(site).save() == site.save()
+    assert sent(soilvdb.Machine(bucket(), "digger")).name == "digger"
+    for thing in (bucket(), soilvdb.plane(1.0, (0.1, 0)), soilvdb.Soil(0.6),
+                  soilvdb.raster("site.tif"), soilvdb.snapshot("a.vdb"),
+                  soilvdb.Pour((0, 0, 5), 1.0, (0, 10)), soilvdb.Hopper((5, 5, 7, 7), 2.0)):
+        assert sent(thing).__reduce_ex__(2)[2] == thing.__reduce_ex__(2)[2]
+    with pytest.raises(soilvdb.NoGroundError, match="no ground"):
+        raise sent(soilvdb.NoGroundError("no ground"))
+
+
+def test_a_copy_of_a_site_goes_on_by_itself():
+    site = make_site()
+    other = copy.copy(site)
+    other.update(0, position=(0, 0, -0.3))
+    assert other.update(0, position=(1, 0, -0.3)).cut_m3 > 0
+    assert site.ledger()["cut_m3"] == 0
 
 
 def test_patches_hold_the_surface_and_are_pythons_own():
@@ -292,6 +329,10 @@ def test_states_that_no_pickle_made_are_refused():
     for at, turn in (([], []), ([1.0], [1.0]), (state[4], []), (None, None)):
         with pytest.raises((RuntimeError, TypeError)):
             soilvdb.Machine.__new__(soilvdb.Machine).__setstate__((*state[:4], at, turn))
+    for kind, wrong in ((soilvdb.Update, (1.0,)), (soilvdb.Update, ("a",) * 5), (soilvdb.Patch, ()),
+                        (soilvdb.Patch, ((0, 0, 0), "points", "triangles"))):
+        with pytest.raises((RuntimeError, TypeError, ValueError)):
+            kind.__new__(kind).__setstate__(wrong)
 
 
 def test_bad_sites_bytes_and_arrays_raise():

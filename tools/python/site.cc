@@ -14,6 +14,7 @@
 #include <limits>
 #include <mutex>
 #include <set>
+#include <tuple>
 
 #include "soilvdb/session.h"
 #include "tools/python/arguments.h"
@@ -436,17 +437,31 @@ void bind_site(py::module_& m) {
       .def_readonly("spilled_m3", &Update::spilled_m3, "that left the bucket in it, loose")
       .def_readonly("slid_m3", &Update::slid_m3, "of slopes that came down in it, loose")
       .def_readonly("us", &Update::us, "microseconds that it took")
-      .def("__repr__", [](const Update& u) {
-        return fmt::format("soilvdb.Update(cut_m3={:.6g}, bucket_m3={:.6g})", u.cut_m3,
-                           u.bucket_m3);
-      });
+      .def("__repr__",
+           [](const Update& u) {
+             return fmt::format("soilvdb.Update(cut_m3={:.6g}, bucket_m3={:.6g})", u.cut_m3,
+                                u.bucket_m3);
+           })
+      .def(py::pickle(
+          [](const Update& u) {
+            return std::tuple(u.cut_m3, u.bucket_m3, u.spilled_m3, u.slid_m3, u.us);
+          },
+          [](const std::tuple<double, double, double, double, double>& t) {
+            const auto& [cut, bucket, spilled, slid, us] = t;
+            return Update{cut, bucket, spilled, slid, us};
+          }));
 
   py::class_<Patch>(m, "Patch",
                     "A block's part of the surface; without points there is none any more.")
       .def_readonly("block", &Patch::block, "(i, j, k), index of the block's first voxel")
       .def_readonly("points", &Patch::points, "(n, 3) float64, m, world")
-      .def_readonly("triangles", &Patch::triangles,
-                    "(m, 3) uint32, counter-clockwise from the air");
+      .def_readonly("triangles", &Patch::triangles, "(m, 3) uint32, counter-clockwise from the air")
+      .def(py::pickle([](const Patch& p) { return std::tuple(p.block, p.points, p.triangles); },
+                      [](const std::tuple<py::tuple, py::object, py::object>& t) {
+                        const auto& [block, points, triangles] = t;
+                        return Patch{block, points.cast<py::array_t<double>>(),
+                                     triangles.cast<py::array_t<std::uint32_t>>()};
+                      }));
 
   const auto none = py::none();
   py::class_<Site>(m, "Site", "A site: ground, and machines that dig it. World frame, m, rad, s.")

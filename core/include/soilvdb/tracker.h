@@ -42,7 +42,7 @@ struct Ledger {
 /// What is booked for a site whose soil moves, besides its machines. Masses in units.
 struct SiteLedger {
   std::int64_t ground = 0;  ///< change of the ground's mass, counted anew
-  /// Less than a sample each, pushed and not yet come down, or astray.
+  /// Pushed, or out of a bucket, and not yet come down; or astray. At rest less than a sample each.
   std::int64_t in_flight = 0;
   std::int64_t astray = 0;  ///< the part of it that fell where the terrain has no ground
   std::int64_t poured = 0;  ///< brought by pours

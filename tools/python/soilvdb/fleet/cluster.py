@@ -26,6 +26,7 @@ import queue
 import re
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
@@ -39,6 +40,7 @@ PAUSE_S = 3.0  # before each but the first: another host may come, and a disk be
 DEATHS = 10  # of Dask's own three workers each, before a task is what kills them
 PATIENCE_S = 600.0  # for a scheduler that is gone
 QUIET_S = 30.0  # without workers before that is said
+CLOSE_S = 30.0  # for a client to end; on a busy host its own coroutines take seconds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,12 +88,37 @@ def _dask() -> Any:
                            "pip install distributed") from error
 
 
+class _Loop:
+    """An event loop on a thread of its own, for one client. A client that is closed while it looks for
+    its scheduler may leave coroutines behind; Python would say so of each. They end with the loop."""
+
+    def __init__(self) -> None:
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._main()), daemon=True)
+        self._thread.start()
+        self._started.wait()
+
+    async def _main(self) -> None:
+        self.tornado = importlib.import_module("tornado.ioloop").IOLoop.current()
+        self._asyncio = asyncio.get_running_loop()
+        self._ended = asyncio.Event()
+        self._started.set()
+        await self._ended.wait()
+
+    def end(self) -> None:
+        """Cancels all that runs on it, and waits for that."""
+        with contextlib.suppress(RuntimeError):  # it has ended
+            self._asyncio.call_soon_threadsafe(self._ended.set)
+        self._thread.join(CLOSE_S)
+
+
 class Cluster:
     """A client of a scheduler, and another one once that was restarted. Of one thread."""
 
     def __init__(self, address: str) -> None:
         self._address = address
         self.client: Any = None
+        self._loop: _Loop | None = None
         self.connect(patience_s=0.0)
 
     def connect(self, patience_s: float = PATIENCE_S) -> None:
@@ -100,9 +127,12 @@ class Cluster:
         end = time.monotonic() + patience_s
         while True:
             try:
-                self.client = _dask().Client(self._address, timeout=10, set_as_default=False)
+                self._loop = _Loop()
+                self.client = _dask().Client(self._address, timeout=10, set_as_default=False,
+                                             loop=self._loop.tornado)
                 return
             except OSError as error:
+                self.close()
                 if time.monotonic() >= end:
                     raise RuntimeError(f"{self._address}: no Dask scheduler answers") from error
             time.sleep(0.2)
@@ -110,8 +140,12 @@ class Cluster:
     def close(self) -> None:
         if self.client is not None:
             with contextlib.suppress(Exception):
-                self.client.close(timeout=2)
+                self.client.close(timeout=CLOSE_S)
+            self.client.status = "closed"  # or it tries once more when Python drops it
         self.client = None
+        if self._loop is not None:
+            self._loop.end()
+        self._loop = None
 
 
 @contextlib.contextmanager
