@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
+#include <map>
 
 #include "io/file/text.h"
 #include "io/journal/journal_format.h"
@@ -212,6 +214,38 @@ JournalContent read_journal(const std::filesystem::path& file) {
   content.torn_bytes = reader.torn_bytes();
   content.damaged = reader.damaged();
   return content;
+}
+
+std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
+  const auto each_state = [&](const auto& use) {
+    JournalReader reader(file);
+    std::uint64_t updates = 0;
+    while (const std::optional<JournalRecord> record = reader.next())
+      if (const auto* state = std::get_if<JournalState>(&*record)) use(*state, updates++);
+    return updates;
+  };
+  constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
+  std::uint64_t later = kNone;                 // updates before the first that is
+  std::map<std::uint32_t, std::uint64_t> set;  // and before clocks of machines were, the last time
+  const std::uint64_t all = each_state([&](const JournalState& state, std::uint64_t before) {
+    if (state.kind == JournalState::Kind::kClock) set[state.machine] = before;
+    if (state.time_s > time_s) later = std::min(later, before);
+  });
+  if (!set.empty() && later != kNone) {
+    later = kNone;
+    bool perhaps_ahead = false;  // the clock that said so, by what comes after
+    each_state([&](const JournalState& state, std::uint64_t before) {
+      if (state.time_s > time_s && later == kNone) {
+        later = before;
+        const auto found = set.find(state.machine);
+        perhaps_ahead = found != set.end() && before < found->second;
+      } else if (state.time_s <= time_s && perhaps_ahead) {
+        later = kNone;
+        perhaps_ahead = false;
+      }
+    });
+  }
+  return std::min(later, all);
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -8,7 +8,7 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::uint64_t kMostValues = 1000;
-constexpr std::uint8_t kKinds = 4;
+constexpr std::uint8_t kKinds = 5;
 constexpr std::uint8_t kFirstState = 64;  // beside the kind
 
 }  // namespace

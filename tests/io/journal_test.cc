@@ -155,6 +155,44 @@ TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
     ASSERT_TRUE(same_bits(back.rows.values[i], numbers[i])) << i << ": " << numbers[i];
 }
 
+TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
+  constexpr double kSet = -1;  // a clock is
+  struct Fed {
+    std::uint32_t machine;
+    double time_s;
+  };
+  const auto until = [&](const std::vector<Fed>& all, double time_s) {
+    const auto file = folder_ / "journal";
+    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+    for (const Fed& fed : all)
+      writer.add(fed.time_s == kSet ? JournalState{JournalState::Kind::kClock, fed.machine,
+                                                   std::numeric_limits<double>::quiet_NaN()}
+                                    : JournalState{.machine = fed.machine, .time_s = fed.time_s});
+    writer.flush();
+    return updates_until(file, time_s);
+  };
+  // Clocks that differ a little: up to the first state that is later.
+  const std::vector<Fed> sound = {{0, 1}, {1, 0.9}, {0, 2}, {1, 1.9}, {0, 3}, {1, 2.9}};
+  EXPECT_EQ(until(sound, 0.5), 0u);
+  EXPECT_EQ(until(sound, 1), 2u);
+  EXPECT_EQ(until(sound, 1.95), 2u);
+  EXPECT_EQ(until(sound, 2), 4u);
+  EXPECT_EQ(until(sound, 9), 6u);
+  // Machine 0 is an hour ahead from 2 s on, machine 1 isn't; then it is set.
+  const std::vector<Fed> ahead = {{0, 1}, {1, 1},    {0, 3602}, {1, 2}, {0, 3603},
+                                  {1, 3}, {0, kSet}, {0, 4},    {1, 4}, {0, 5}};
+  EXPECT_EQ(until(ahead, 1.5), 2u);
+  EXPECT_EQ(until(ahead, 2.5), 4u) << "what is before a state that isn't later isn't, either";
+  EXPECT_EQ(until(ahead, 3), 7u);
+  EXPECT_EQ(until(ahead, 4), 9u);
+  EXPECT_EQ(until(ahead, 9), 10u);
+  // The very first was.
+  const std::vector<Fed> first = {{0, 3600}, {0, kSet}, {0, 1}, {0, 2}};
+  EXPECT_EQ(until(first, 0.5), 0u);
+  EXPECT_EQ(until(first, 1), 3u);
+  EXPECT_EQ(until(first, 2), 4u);
+}
+
 TEST_F(Journal, KeepsWhatASessionWasFedToTheLastBit) {
   using Kind = JournalState::Kind;
   std::mt19937_64 random(12);
@@ -164,7 +202,7 @@ TEST_F(Journal, KeepsWhatASessionWasFedToTheLastBit) {
   for (int writers = 0; writers < 3; ++writers) {  // as when it is gone on with
     JournalWriter writer(file, size, {}, 3600);
     for (int i = 0; i < 500; ++i) {
-      JournalState state{.kind = static_cast<Kind>(random() % 4),
+      JournalState state{.kind = static_cast<Kind>(random() % 5),
                          .machine = static_cast<std::uint32_t>(random() % 3)};
       state.time_s = random() % 9 == 0 ? std::bit_cast<double>(random()) : 0.01 * i;
       const std::size_t count = state.kind == Kind::kPose     ? 7

@@ -218,6 +218,20 @@ BAD = [
 ]
 
 
+def test_a_clock_that_was_ahead_is_set(soil):
+    site, other = make_site(soil), make_site(soil)
+    for each, time in ((site, 5.0), (other, 0.5)):
+        each.update(0, position=(0, 0, -0.2), time=time)
+    site.reset_clock(0)
+    for each in (site, other):
+        each.update(0, position=(0.5, 0, -0.2), time=1.0)
+    assert site.ground_hash() == other.ground_hash()
+    with pytest.raises(ValueError, match="time goes back from 1 s to 0.5 s"):
+        site.update(0, position=(0, 0, -0.2), time=0.5)
+    with pytest.raises((ValueError, IndexError)):
+        site.reset_clock(7)
+
+
 @pytest.mark.parametrize("arguments, error, message", BAD)
 def test_bad_states_raise_and_change_nothing(soil, arguments, error, message):
     site = make_site(soil)

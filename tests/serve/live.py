@@ -43,7 +43,48 @@ def passes(machine, y, depth, states, begin=0.0):
                "position": [x, y, 0.02 * x - depth], "rotation": [0.0, 0.0, 0.0, 1.0]}
 
 
-class Server:
+class Client:
+    """Of what is at an address."""
+
+    def __init__(self, url):
+        self.url = url
+
+    def get(self, path, headers=None, method="GET"):
+        """Status and body."""
+        request = urllib.request.Request(self.url.rstrip("/") + path, headers=headers or {},
+                                         method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=60) as response:
+                body = response.read()
+                if response.headers.get("Content-Encoding") == "deflate":
+                    body = zlib.decompress(body)
+                return response.status, body
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code, error.read()
+
+    def json(self, path):
+        status, body = self.get(path)
+        assert status == 200, body
+        return json.loads(body)
+
+    def connect(self, path, **options):
+        return websockets.connect(self.url.replace("http", "ws").rstrip("/") + path,
+                                  max_size=None, **options)
+
+    def feed(self, states, path="/feed"):
+        """Feeds states one after another; the answers."""
+        async def work():
+            answers = []
+            async with self.connect(path) as feed:
+                for state in states:
+                    await feed.send(state if isinstance(state, str) else json.dumps(state))
+                    answers.append(json.loads(await feed.recv()))
+            return answers
+        return asyncio.run(work())
+
+
+class Server(Client):
     def __init__(self, *arguments, cwd, stdin=None):
         self.process = subprocess.Popen(
             [PROGRAM, "serve", *map(str, arguments), "--port", "0"], cwd=cwd, text=True,
@@ -51,7 +92,7 @@ class Server:
         line = self.process.stdout.readline()
         if not line:
             raise AssertionError(self.process.stderr.read())
-        self.url = line.strip().split("#")[0]
+        super().__init__(line.strip().split("#")[0])
 
     def __enter__(self):
         return self
@@ -75,39 +116,6 @@ class Server:
     def rss_kb(self):
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1])
-
-    def get(self, path, headers=None):
-        """Status and body."""
-        request = urllib.request.Request(self.url.rstrip("/") + path, headers=headers or {})
-        try:
-            with urllib.request.urlopen(request, timeout=60) as response:
-                body = response.read()
-                if response.headers.get("Content-Encoding") == "deflate":
-                    body = zlib.decompress(body)
-                return response.status, body
-        except urllib.error.HTTPError as error:
-            with error:
-                return error.code, error.read()
-
-    def json(self, path):
-        status, body = self.get(path)
-        assert status == 200, body
-        return json.loads(body)
-
-    def connect(self, path, **options):
-        return websockets.connect(self.url.replace("http", "ws").rstrip("/") + path,
-                                  max_size=None, **options)
-
-    def feed(self, states):
-        """Feeds states one after another; the answers."""
-        async def work():
-            answers = []
-            async with self.connect("/feed") as feed:
-                for state in states:
-                    await feed.send(state if isinstance(state, str) else json.dumps(state))
-                    answers.append(json.loads(await feed.recv()))
-            return answers
-        return asyncio.run(work())
 
 
 class Block:
@@ -143,10 +151,10 @@ class Block:
         assert not n or at == len(data)
 
 
-async def view(server, until, requests=(), seconds=120):
+async def view(server, until, requests=(), seconds=120, path="/view", **options):
     """What a viewer gets until `until(texts, blocks)`: texts, and the newest of each block by view."""
     texts, blocks = [], {}
-    async with server.connect("/view") as socket:
+    async with server.connect(path, **options) as socket:
         for request in requests:
             await socket.send(json.dumps(request))
         async def work():

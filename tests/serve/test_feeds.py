@@ -3,13 +3,14 @@
 """What a feed takes, and what it refuses as no machine does it."""
 import asyncio
 import json
+import shlex
 import socket
 import threading
 import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from live import Server, passes, scenario
+from live import Server, passes, scenario, view, whole
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -175,3 +176,111 @@ def test_a_hundred_clients_half_of_them_stalled_hold_up_no_update(tmp_path):
         # Threads of this test take a core from the server; what waits for the stalled ones takes seconds.
         assert min(beside) < 10 * alone + 5
         assert server.json("/summary.json")["updates"] == 1200
+
+
+def run_curl(server, error):
+    """Does what the command in a message says."""
+    *options, url = shlex.split(error[error.index("curl "):])
+    assert options[:3] == ["curl", "-X", "POST"] and url.startswith(server.url)
+    headers = dict(line.replace("TOKEN", "s3cret").split(": ") for line in options[4:])
+    return server.get("/" + url[len(server.url):], headers, "POST")
+
+
+def test_a_machine_whose_clock_was_ahead_goes_on_and_other_times_stay_right(tmp_path):
+    path = scenario(tmp_path, "soil: {repose_angle: 0.6, swell: 0.2}\n"
+                    "output: {snapshots: {every: 0.1}, journal: {sync: always}}\n")
+    begin = 1_700_000_000.0
+    digs = list(passes("digger", 0.0, 0.25, 90, begin))
+    pushes = list(passes("plate", 4.0, 0.15, 60, begin + 0.3))
+    ahead = [{**state, "time": state["time"] + 1800} for state in digs[30:60]]
+    known = {}
+
+    def note(server, time_s):
+        known[time_s] = server.json("/summary.json")["state_hash"]
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        answers = server.feed([*digs[:30]])
+        note(server, digs[29]["time"])
+        answers += server.feed(state for both in zip(ahead, pushes) for state in both)
+        note(server, pushes[29]["time"])
+        assert not [a for a in answers if "error" in a]
+        # Put right, it is refused, and told the way on.
+        for state in digs[60:62]:
+            answer, = server.feed([state])
+            assert "machine 'digger': time goes back from 1700001800.59 s to 17000000" in answer["error"]
+        assert server.json("/summary.json")["state_hash"] == known[pushes[29]["time"]]
+        status, body = run_curl(server, answer["error"])
+        assert (status, json.loads(body)) == (200, {"machine": "digger", "clock": "reset"})
+        answers = server.feed(state for both in zip(digs[60:], pushes[30:]) for state in both)
+        assert not [a for a in answers if "error" in a]
+        note(server, digs[-1]["time"])
+        answer, = server.feed([digs[60]])
+        assert "time goes back from 1700000000.89 s" in answer["error"], "once"
+        for time_s, hash_ in known.items():
+            assert server.json(f"/summary.json?time={time_s}")["state_hash"] == hash_
+        assert server.get("/height?x=0&y=0&time=1700001800")[0] == 400
+        live, _ = asyncio.run(view(server, whole()))
+        server.stop()
+    with Server(tmp_path / "out", cwd=tmp_path) as server:
+        past, _ = asyncio.run(view(server, whole()))
+        for time_s, hash_ in known.items():
+            assert server.json(f"/summary.json?time={time_s}")["state_hash"] == hash_
+            texts, _ = asyncio.run(view(server, lambda texts, _: texts and texts[-1]["type"] == "view",
+                                        [{"time": time_s}]))
+            assert texts[-1]["state"]["time_s"] == time_s
+        assert server.get("/clock?machine=digger", method="POST")[0] == 403
+    for texts in (live, past):
+        times = texts[0]["times"]
+        assert (times["from"], times["to"]) == (begin, digs[-1]["time"])
+        assert all(begin <= time_s <= times["to"] for time_s in times["snapshots"])
+    # Opened again it is the same, and goes on.
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        assert server.json("/summary.json")["state_hash"] == known[digs[-1]["time"]]
+        texts, _ = asyncio.run(view(server, whole()))
+        assert texts[0]["times"]["to"] == digs[-1]["time"]
+        answers = server.feed([{**digs[60], "time": begin + 2}, digs[61]])
+        assert ["error" in a for a in answers] == [False, True]
+
+
+def test_a_clock_set_without_a_state_since_survives_a_crash(tmp_path):
+    path = scenario(tmp_path, "output: {journal: {sync: always}}\n")
+    states = list(passes("digger", 0.0, 0.25, 60))
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        late, answer, unknown, other = server.feed([
+            {**states[0], "time": 1000}, {"machine": "digger", "clock": "reset"},
+            {"machine": "diger", "clock": "reset"}, {"machine": "digger", "clock": "set"}])
+        assert "error" not in late and answer == {"machine": "digger", "clock": "reset"}
+        assert "there is no machine 'diger'" in unknown["error"]
+        assert "'clock' can only be \"reset\"" in other["error"]
+        server.kill()
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        answers = server.feed(states)
+        assert not [a for a in answers if "error" in a]
+        texts, _ = asyncio.run(view(server, whole()))
+        assert (texts[0]["times"]["from"], texts[0]["times"]["to"]) == (0, states[-1]["time"])
+
+
+def test_a_first_time_beyond_the_clock_of_the_computer_is_refused(tmp_path):
+    state = next(passes("digger", 0.0, 0.25, 60))
+    path = scenario(tmp_path)
+    path.write_text(path.read_text().replace("name: plate", 'name: "Bagger 2 & ü"'))
+    for name in ("digger", "Bagger 2 & ü"):
+        with Server(path, "--out", tmp_path / name[:3], "--token", "s3cret", cwd=tmp_path) as server:
+            def feed(time_s, name=name):
+                return server.feed([{**state, "machine": name, "time": time_s}], "/feed?token=s3cret")[0]
+            for more in (0.0, 0.0, 0.1):  # however often
+                error = feed(time.time() + 2 * 3600 + more)["error"]
+                assert "2.0 hours ahead of this computer's clock; set the clock that is wrong" in error
+            assert server.get("/clock?machine=digger", method="POST")[0] == 401
+            assert server.get("/clock?machine=nobody&token=s3cret", method="POST")[0] == 400
+            assert server.get("/clock?machine=digger&token=s3cret")[0] == 404
+            assert server.get("/height?x=0&y=0&token=s3cret", method="POST")[0] == 405
+            # The computer's may be the one that is wrong.
+            assert run_curl(server, error)[0] == 200
+            assert "error" not in feed(time.time() + 2 * 3600)
+            assert "error" not in feed(time.time() + 2 * 3600 + 1), "it agrees with the site's"
+    with Server(path, "--out", tmp_path / "c", cwd=tmp_path) as server:
+        answers = server.feed([{**state, "time": time.time() + 1800}, {**state, "time": time.time() + 1801}])
+        assert not [a for a in answers if "error" in a]
+    for time_s in (9e8, 0.0):  # counted from whenever
+        with Server(path, "--out", tmp_path / str(time_s), cwd=tmp_path) as server:
+            assert "error" not in server.feed([{**state, "time": time_s}])[0]

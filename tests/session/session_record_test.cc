@@ -129,6 +129,71 @@ TEST_P(Sessions, GoOnFromWhereTheyWereRecorded) {
   }
 }
 
+/// All states from one up to another. In the second quarter of all the digger's clock is 7 s ahead,
+/// so that later snapshots are of the same times; then it is set.
+void feed_ahead(Session& session, std::size_t begin, std::size_t end) {
+  const std::vector<MachineState> all = states();
+  for (std::size_t i = begin; i < end; ++i) {
+    MachineState state = all[i];
+    if (i >= all.size() / 4 && i < all.size() / 2 && state.machine == 0) state.time_s += 7;
+    if (i == all.size() / 2) {
+      ASSERT_TRUE(session.reset_clock(0).ok());
+    }
+    feed(session, {state});
+    session.flush();  // else a snapshot that comes due may have to wait for the last
+  }
+}
+
+TEST_P(Sessions, GoOnWhereAClockWasAheadAndIsSet) {
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.snapshot_every_s = 1;
+  recording.incremental = true;
+  const std::vector<MachineState> all = states();  // two at a time
+  std::map<std::size_t, std::uint64_t> grounds;    // by the states there were
+  std::string last;
+  {
+    Session session(site());
+    session.record(recording);
+    std::size_t fed = 0;
+    for (const double share : {0.1, 0.4, 0.8}) {
+      const std::size_t until =
+          2 * static_cast<std::size_t>(share / 2 * static_cast<double>(all.size()));
+      feed_ahead(session, fed, until);
+      grounds[fed = until] = session.ground_hash();
+    }
+    feed_ahead(session, fed, all.size());
+    for (const std::size_t machine : {0, 1})
+      EXPECT_NE(session.update(all[machine]).why.find("time goes back"), std::string::npos);
+    EXPECT_FALSE(session.reset_clock(2).ok());
+    last = session.save();
+  }
+  Session again(site());
+  EXPECT_EQ(again.record(recording).updates, all.size() + 1);
+  EXPECT_EQ(again.save(), last);
+  again.stop_recording();
+  // Other times are what was fed by then, whatever the clock said that was ahead.
+  for (const auto& [fed, ground] : grounds) {
+    const Session there = Session(site()).recorded(recording.folder, all[fed - 1].time_s);
+    EXPECT_EQ(there.ground_hash(), ground) << fed;
+  }
+  // Snapshots go on to come, and none takes the place of another.
+  io::JournalReader reader(recording.folder / "journal");
+  std::set<std::string> names;
+  std::size_t files = 0, later = 0, of_a_time_again = 0;
+  while (const auto record = reader.next()) {
+    const auto* file = std::get_if<io::JournalFile>(&*record);
+    if (file == nullptr) continue;
+    ++files;
+    later += file->updates > all.size() / 2 + 1;
+    of_a_time_again += std::count(file->name.begin(), file->name.end(), '_') == 2;
+    names.insert(file->name);
+  }
+  EXPECT_EQ(names.size(), files);
+  EXPECT_GE(later, 15u) << "in 20 s";
+  EXPECT_GE(of_a_time_again, 5u);
+}
+
 TEST_P(Sessions, AreTheSameWithLittleMemory) {
   const TempFolder temp;
   Session free(site()), limited(site());

@@ -3,6 +3,7 @@
 // The page in a browser, looking at a finished run and at a live site.
 import assert from 'node:assert/strict';
 import fs from 'node:fs';
+import http from 'node:http';
 import path from 'node:path';
 import test, {after, before} from 'node:test';
 import * as site from './site.mjs';
@@ -291,6 +292,51 @@ test('without the token the page says that it wants one', options, async () => {
     await page.waitForFunction(() => /token/.test(document.getElementById('notice-text').textContent));
   } finally {
     await context.close();
+    await server.stop();
+  }
+});
+
+test('below a path the page, its streams, queries and downloads are there', options, async () => {
+  const server = await site.serve(...live(), '--port', '0', '--base-path', '/dig');
+  try {
+    assert.equal(new URL(server.url).pathname, '/dig/');
+    const {page, said, close} = await site.open(browser, server.url.replace('/dig/', '/dig'));   // is sent on
+    await scoop(page, 0, 0, 0, 0.3);
+    const heightAt = async (x, y) => (await fetch(new URL(`height?x=${x}&y=${y}&token=sesame`, server.url))).json();
+    const truth = await heightAt(0.6, 0);
+    assert.ok(truth.height_m < 2 - 0.1);
+    await page.waitForFunction(([z, most]) => Math.abs(window.soilvdb.height(0.6, 0) - z) < most, [truth.height_m, kHalfVoxel_m]);
+    await page.keyboard.press('h');
+    const {query, json} = await site.answerTo(page, '/dig/height', () => site.clickAt(page, [0.6, 0]));
+    assert.deepEqual(json, await heightAt(query.get('x'), query.get('y')));
+    for (const link of await page.locator('#download-list a').evaluateAll((all) => all.map((a) => a.href))) {
+      assert.match(link, /\/dig\/[a-z]+\.[a-z]+\?token=sesame$/);
+    }
+    assert.deepEqual(said, []);
+    await close();
+  } finally {
+    await server.stop();
+  }
+});
+
+test('behind a proxy that keeps the host to itself the page says what to set', options, async () => {
+  const [scenario, ...rest] = live(), server = await site.serve(scenario, ...rest.slice(0, 2), '--port', '0');
+  const {host, port} = new URL(server.url);
+  const proxy = http.createServer(({url, method, headers}, answer) => {
+    http.request({port, path: url, method, headers: {...headers, host}}, (told) => {
+      answer.writeHead(told.statusCode, told.headers);
+      told.pipe(answer);
+    }).end();
+  }).on('upgrade', (_, socket) => socket.destroy());
+  await new Promise((resolve) => proxy.listen(0, '127.0.0.1', resolve));
+  const context = await browser.newContext();
+  try {
+    const page = await context.newPage();
+    await page.goto(`http://127.0.0.1:${proxy.address().port}/`);
+    await page.waitForFunction(() => /pass the Host header on.*give --token/.test(document.getElementById('notice-text').textContent));
+  } finally {
+    await context.close();
+    proxy.close();
     await server.stop();
   }
 });

@@ -52,6 +52,7 @@ struct ServeOptions {
   std::string listen = "127.0.0.1";
   std::int64_t port = 8470;  ///< 0: any that is free
   std::string token;
+  std::string base_path;        ///< "/dig" or empty
   std::optional<double> speed;  ///< plays the scenario's motions, so many times as fast
   std::optional<std::filesystem::path> design;
   bool feed_stdin = false;

@@ -70,11 +70,27 @@ void check_reach(const ServeOptions& options) {
       throw io::InputError("a --token is letters, digits, '-', '_' and '.'");
 }
 
+/// "/dig", also of "dig" and "/dig/"; empty: the root. @throw io::InputError
+std::string base_path_of(std::string path) {
+  while (path.ends_with('/')) path.pop_back();
+  if (path.empty()) return path;
+  if (!path.starts_with('/')) path.insert(0, 1, '/');
+  const auto fits = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.' || c == '/';
+  };
+  if (!std::all_of(path.begin(), path.end(), fits) || (path + '/').find("//") != std::string::npos)
+    throw io::InputError(
+        fmt::format("--base-path {} is no path as /dig, of letters, digits, '-', '_', '.' and '/'",
+                    io::printable(path)));
+  return path;
+}
+
 ServerOptions server_options(const ServeOptions& options) {
   ServerOptions all;
   all.listen = options.listen == "localhost" ? "127.0.0.1" : options.listen;
   all.port = static_cast<std::uint16_t>(options.port);
   all.token = options.token;
+  all.base_path = base_path_of(options.base_path);
   all.page = page_folder();
   if (all.page.empty())
     say("warning: the page isn't built: tools/view/build makes it, with node and npm; feeds and "

@@ -189,6 +189,9 @@ class CommandLine {
         ->type_name("ADDR");
     sub->add_option("--token", serve_.token, "what others have to know; needed with --listen")
         ->type_name("T");
+    sub->add_option("--base-path", serve_.base_path,
+                    "path that a proxy has it below, as /dig; default: the root")
+        ->type_name("PATH");
     sub->add_option("--speed", serve_.speed,
                     "play the scenario's own motions, so many times as fast as they are")
         ->type_name("X")

@@ -555,6 +555,16 @@ void bind_site(py::module_& m) {
           },
           py::arg("until"), "Pours come down up to a time, s; update() with a time does it, too.")
       .def(
+          "reset_clock",
+          [](Site& s, const std::variant<std::ptrdiff_t, std::string>& machine) {
+            require_good(s.with([&](Session& session) {
+              return session.reset_clock(machine_of(session, machine));
+            }));
+          },
+          py::arg("machine"),
+          "The clock of a machine was wrong and is set: the time of its next state may be earlier "
+          "than the last.")
+      .def(
           "come_to_rest",
           [](Site& s) {
             require_good(s.with([](Session& session) { return session.come_to_rest(); }));

@@ -24,6 +24,7 @@ Recorder::Recorder(std::unique_ptr<RunFolder> folder, const Recording& recording
 void Recorder::go_on(std::vector<io::JournalFile> files,
                      const std::optional<io::SnapshotParent>& parent,
                      const std::vector<std::string>& removed) {
+  for (const io::JournalFile& file : files) names_.insert(file.name);
   snapshots_.go_on(std::move(files), parent);
   folder_->remove(removed);
   snapshots_.delete_old(journal_);
@@ -72,10 +73,9 @@ void Recorder::write_snapshot(const std::vector<Coord3>& changed, const io::Site
     std::string time = time_text(info.time_s);
     constexpr std::size_t kLongest = 32;  // names of files end somewhere, too
     if (time.size() > kLongest) time = fmt::format("{}", info.time_s);
-    // Times that differ by less than such a name tells.
-    const std::string again = time == last_time_ ? fmt::format("_{}", updates_) : "";
-    const io::JournalFile file{"soil_" + time + again + ".vdb", updates_};
-    last_time_ = std::move(time);
+    // Times may differ by less than such a name tells, or come again when a clock was set.
+    io::JournalFile file{fmt::format("soil_{}.vdb", time), updates_};
+    if (!names_.insert(file.name).second) file.name = fmt::format("soil_{}_{}.vdb", time, updates_);
     snapshots_.write(file, false, changed, site, std::move(info), journal_);
   } catch (const std::exception& e) {
     failed(e.what());

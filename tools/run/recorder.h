@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,8 @@ class Recorder {
   void check();
   /// @return is it recorded, as far as is known? error() says why not.
   bool add(const io::JournalState& state) noexcept;
+  /// A machine's clock was set: snapshots come due by what it says from then on.
+  void begin_schedule_again() { schedule_.begin_again(); }
   /// Is one due after a state at this time? Not before the last is safe: nothing waits for that.
   bool wants_snapshot(double time_s);
   /// @param changed chunks since the last one, where they are incremental
@@ -56,8 +59,8 @@ class Recorder {
   io::JournalWriter journal_;
   SnapshotSchedule schedule_;
   std::uint64_t updates_;
-  SnapshotWriter snapshots_;    // writes to the journal, too
-  std::string last_time_ = {};  // in the last snapshot's name
+  SnapshotWriter snapshots_;          // writes to the journal, too
+  std::set<std::string> names_ = {};  // of snapshots: none takes the place of another
   std::string error_;
 };
 

@@ -273,6 +273,19 @@ StepResult Session::pour(double until_s) noexcept {
   });
 }
 
+StepResult Session::reset_clock(std::size_t machine) noexcept {
+  State& s = *state_;
+  return s.guarded<StepResult>([&](bool&) {
+    s.require(machine);
+    s.require_room();
+    StepResult made;
+    s.fed[machine].time_s = kNoTime;
+    s.record({io::JournalState::Kind::kClock, static_cast<std::uint32_t>(machine), kNoTime}, made);
+    if (s.recorder) s.recorder->begin_schedule_again();
+    return made;
+  });
+}
+
 StepResult Session::come_to_rest() noexcept {
   return state_->guarded<StepResult>([&](bool& moving) {
     state_->require_room();

@@ -134,6 +134,7 @@ void Session::replay(const fs::path& journal, std::uint64_t from, std::uint64_t 
     if (fed == nullptr) continue;  // a file
     if (at.updates == to) break;
     at.add(*fed);
+    if (fed->kind == io::JournalState::Kind::kClock) schedule.begin_again();
     if (std::isfinite(fed->time_s)) schedule.due(fed->time_s);
     if (at.updates <= from) continue;
     const double time_s = fed->time_s;
@@ -144,12 +145,15 @@ void Session::replay(const fs::path& journal, std::uint64_t from, std::uint64_t 
         if (batch.size() == kBatch) feed();
         break;
       case io::JournalState::Kind::kPours:
-      case io::JournalState::Kind::kRest: {
+      case io::JournalState::Kind::kRest:
+      case io::JournalState::Kind::kClock: {
         --at.updates;
         feed();
         ++at.updates;
-        const bool pours = fed->kind == io::JournalState::Kind::kPours;
-        const StepResult result = pours ? pour(time_s) : come_to_rest();
+        const StepResult result = fed->kind == io::JournalState::Kind::kPours ? pour(time_s)
+                                  : fed->kind == io::JournalState::Kind::kRest
+                                      ? come_to_rest()
+                                      : reset_clock(fed->machine);
         if (!result.ok()) differs(journal, at.updates, time_s, "can't be made: " + result.why);
         break;
       }
@@ -236,20 +240,12 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
   const fs::path journal = folder / kJournalName;
   io::JournalContent content = io::read_journal(journal);
   require_same_site(content.config.text, s.description(/*ground=*/true), folder);
-  io::JournalExtent until;
-  io::JournalReader reader(journal);
-  while (std::optional<io::JournalRecord> record = reader.next()) {
-    const auto* fed = std::get_if<io::JournalState>(&*record);
-    if (fed == nullptr) continue;
-    if (fed->time_s > time_s) break;
-    until.add(*fed);
-  }
-  std::erase_if(content.files,
-                [&](const io::JournalFile& file) { return file.updates > until.updates; });
+  const std::uint64_t until = io::updates_until(journal, time_s);
+  std::erase_if(content.files, [&](const io::JournalFile& file) { return file.updates > until; });
   Session there(std::make_unique<State>(s));
   const State::Found start = there.state_->find_start(folder, content);
   tools::SnapshotSchedule none({});
-  there.replay(journal, start.updates, until.updates, none, {});
+  there.replay(journal, start.updates, until, none, {});
   return there;
 }
 

@@ -24,6 +24,8 @@ class SnapshotSchedule {
     count_ = count(time_s);
     return true;
   }
+  /// From the next time on: times before it were of a clock that was wrong.
+  void begin_again() { *this = SnapshotSchedule(every_s_); }
   bool would_be_due(double time_s) const { return every_s_ && count(time_s) > count_; }
 
  private:

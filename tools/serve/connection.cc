@@ -1,16 +1,21 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Connections: HTTP requests, and feeds.
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
+#include <cctype>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include "io/file/text.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
 
@@ -31,11 +36,33 @@ constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
 
 std::string text_of(boost::string_view view) { return {view.data(), view.size()}; }
 
-/// A host without its port: of "[::1]:80" "[::1]".
-std::string_view host_of(std::string_view authority) {
-  const std::size_t colon = authority.rfind(':');
-  if (colon == std::string_view::npos || authority.ends_with(']')) return authority;
-  return authority.substr(0, colon);
+/// "Host" or "[::1]:80" in its parts, the host in small letters.
+struct Authority {
+  explicit Authority(std::string_view text) {
+    const std::size_t colon = text.rfind(':');
+    const bool has_port = colon != std::string_view::npos && !text.ends_with(']');
+    if (has_port) port = text.substr(colon + 1);
+    host = text.substr(0, has_port ? colon : text.size());
+    std::transform(host.begin(), host.end(), host.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  }
+  std::string host, port;  ///< empty: the scheme's own
+};
+
+/// Is a page of `origin` from the host of a request? Who asked for that by https or http isn't
+/// known behind a proxy, so a port that isn't said is the own one of either.
+bool is_from(std::string_view origin, const Authority& host) {
+  for (const auto& [scheme, own_port] :
+       {std::pair("http://", "80"), std::pair("https://", "443")}) {
+    if (!origin.starts_with(scheme)) continue;
+    origin.remove_prefix(std::string_view(scheme).size());
+    const Authority page(origin);
+    const auto port_of = [own = own_port](const Authority& of) {
+      return of.port.empty() ? own : of.port;
+    };
+    return page.host == host.host && port_of(page) == port_of(host);
+  }
+  return false;
 }
 
 /// One feeds: lines are answered one after another, and read no faster than that.
@@ -67,9 +94,8 @@ class Feeder : public std::enable_shared_from_this<Feeder> {
       at = end + 1;
       if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
       if (!out_.empty()) out_ += '\n';
-      out_ += state_.options.takes_feeds
-                  ? state_.site.feed(line)
-                  : R"({"error":"this site is only looked at; nothing can be fed"})";
+      out_ += state_.options.takes_feeds ? state_.site.feed(line)
+                                         : fmt::format(R"({{"error":"{}"}})", kOnlyLookedAt);
     }
     if (out_.empty()) out_ = R"({"error":"an empty message; send a line of JSON"})";
     socket_.async_write(net::buffer(out_),
@@ -116,14 +142,21 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const Request& request = parser_->get();
     close_after_ = !request.keep_alive();
     head_ = request.method() == http::verb::head;
-    const std::string target = text_of(request.target());
-    if (const std::string why = foreign(request); !why.empty()) return send(refusal(403, why));
+    std::string target = text(request.target());
+    const std::string& base = state_.options.base_path;
+    if (!base.empty() && target.starts_with(base + '/')) target.erase(0, base.size());
     const bool upgrade = websocket::is_upgrade(request);
-    if (!upgrade && request.method() != http::verb::get && !head_)
-      return send(refusal(405, "only GET is answered"));
+    const bool post = request.method() == http::verb::post;
     const std::string path = target.substr(0, target.find('?'));
-    if (const auto file = state_.page.find(path); file != state_.page.end() && !upgrade)
-      return send(file->second);
+    const auto file = state_.page.find(path);
+    const bool is_page = file != state_.page.end() && !upgrade && !post;
+    if (const std::string why = foreign(request, is_page); !why.empty())
+      return send(refusal(403, why));
+    if (!upgrade && request.method() != http::verb::get && !head_ && !post)
+      return send(refusal(405, "only GET and POST are answered"));
+    if (!base.empty() && path == base)
+      return send({301, "text/plain", "", {}, false, base + '/' + target.substr(path.size())});
+    if (is_page) return send(file->second);
     if (!state_.has_token(target, text_of(request[http::field::authorization])))
       return send(refusal(401,
                           "the token is missing or wrong; open the address that soilvdb serve "
@@ -132,6 +165,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       if (path == "/feed" || path == "/view") return go_over(path == "/feed");
       return send(refusal(404, "streams are /feed and /view"));
     }
+    if (post) return send(state_.post(target));
     stream_.expires_never();
     state_.answer(target,
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
@@ -139,17 +173,27 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
   /// Why a request isn't from a page of ours; empty: it is, or from no page at all. A page from
   /// elsewhere could otherwise reach what listens on the loopback address.
-  std::string foreign(const Request& request) const {
-    const std::string host = text_of(request[http::field::host]);
-    const std::string_view name = host_of(host);
-    if (state_.options.token.empty() && name != "localhost" && name != "127.0.0.1" &&
-        name != "[::1]" && name != state_.options.listen)
-      return "the host isn't this machine";
+  /// @param is_page what is asked for is the page itself, which may tell why the rest is refused
+  std::string foreign(const Request& request, bool is_page) const {
+    const std::string said = text_of(request[http::field::host]);
+    const Authority host(said);
+    const bool open = state_.options.token.empty();
     const auto origin = request.find(http::field::origin);
-    if (origin == request.end()) return "";
-    const std::string from = text_of(origin->value());
-    if (from == "http://" + host || from == "https://" + host) return "";
-    return "pages from elsewhere may not ask";
+    const std::string from = origin == request.end() ? "" : text_of(origin->value());
+    if (origin != request.end() && !is_page && !is_from(from, host))
+      return fmt::format(
+          "pages from elsewhere may not ask: the page is from {}, and the request's Host is {}. If "
+          "that is a proxy's doing, have the proxy pass the Host header on: proxy_set_header Host "
+          "$http_host{}",
+          io::printable(from), io::printable(said),
+          open ? "; and give --token to soilvdb serve" : "");
+    if (open && host.host != "localhost" && host.host != "127.0.0.1" && host.host != "[::1]" &&
+        host.host != state_.options.listen)
+      return fmt::format(
+          "the host isn't this machine: the request's Host is {}. If that is a proxy's name, give "
+          "--token to soilvdb serve",
+          io::printable(said));
+    return "";
   }
 
   void send(Reply reply) {
@@ -168,6 +212,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     if (!reply.file.empty())
       response->set(http::field::content_disposition,
                     "attachment; filename=\"" + reply.file + "\"");
+    if (!reply.location.empty()) response->set(http::field::location, reply.location);
     if (reply.status == 401) response->set(http::field::www_authenticate, "Bearer");
     response->keep_alive(!close_after_);
     response->body() = std::move(reply.body);

@@ -23,6 +23,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 /// The time in a snapshot's name: soil_12.5.vdb, or of several at one time soil_12.5_99.vdb.
 std::optional<double> snapshot_time(const std::string& name) {
   const std::size_t begin = name.find('_') + 1, end = name.find_first_of('_', begin);
@@ -37,7 +39,11 @@ class RecordedHistory : public History {
       : start_(std::move(start)), folder_(std::move(folder)) {}
 
   Times times() override {
-    if (!std::isfinite(times_.from_s)) begin();
+    if (!std::isfinite(times_.from_s)) {
+      const WorkLog all = log(kInfinity);
+      times_.from_s = all.from_s();
+      times_.to_s = all.time_s();
+    }
     times_.snapshots_s.clear();
     std::error_code ignored;
     for (const fs::directory_entry& file : fs::directory_iterator(folder_, ignored)) {
@@ -54,31 +60,25 @@ class RecordedHistory : public History {
             std::make_shared<const WorkLog>(log(time_s))};
   }
 
-  /// What machines had done before the first state that is later.
+  /// What machines had done by a time.
   WorkLog log(double time_s) const {
     WorkLog log(start_);
-    io::JournalReader reader(folder_ / kJournalName);
-    while (std::optional<io::JournalRecord> record = reader.next()) {
-      const auto* fed = std::get_if<io::JournalState>(&*record);
+    const fs::path journal = folder_ / kJournalName;
+    std::uint64_t left = io::updates_until(journal, time_s);
+    io::JournalReader reader(journal);
+    while (left > 0) {
+      std::optional<io::JournalRecord> record = reader.next();
+      if (!record) break;
+      auto* fed = std::get_if<io::JournalState>(&*record);
       if (fed == nullptr) continue;
-      if (fed->time_s > time_s) break;
+      if (fed->time_s > time_s) fed->time_s = std::nan("");  // of a clock that was ahead
       log.add(*fed);
+      --left;
     }
     return log;
   }
 
  private:
-  /// Looks for the first time, and the last that there is by now.
-  void begin() {
-    io::JournalReader reader(folder_ / kJournalName);
-    while (std::optional<io::JournalRecord> record = reader.next()) {
-      const auto* fed = std::get_if<io::JournalState>(&*record);
-      if (fed == nullptr || !std::isfinite(fed->time_s)) continue;
-      if (!std::isfinite(times_.from_s)) times_.from_s = fed->time_s;
-      times_.to_s = std::fmax(times_.to_s, fed->time_s);
-    }
-  }
-
   Session start_;
   fs::path folder_;
   Times times_ = {std::nan(""), std::nan(""), {}};
@@ -116,7 +116,7 @@ class RunHistory : public History {
 
 Opened opened(const std::string& name, const ChangeBefore& before,
               std::unique_ptr<History> history) {
-  const Past end = history->at(std::numeric_limits<double>::infinity());
+  const Past end = history->at(kInfinity);
   return {std::move(*end.site), *end.log, before, name, std::move(history)};
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -15,6 +16,7 @@
 #include "io/file/text.h"
 #include "io/motion/motion_checks.h"
 #include "tools/serve/live_site.h"
+#include "tools/serve/target.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -27,6 +29,8 @@ constexpr double kFarthestMove_m = 100;
 constexpr double kMostTime_s = 1e10;
 /// Ahead of all that was fed, at once.
 constexpr double kFarthestAhead_s = 3600;
+/// Times that are more count from 1970, as a computer's clock does; others from any beginning.
+constexpr double kLeastEpoch_s = 1e9;
 /// Rotations in JSON are often rounded; those that are off by more aren't taken.
 constexpr double kUnitTolerance = 1e-3;
 
@@ -57,11 +61,28 @@ Pose pose_of(const Line& position, const Line& rotation) {
   return pose;
 }
 
+void require_keys(const Line& json, const std::vector<std::string>& known) {
+  for (const auto& [key, value] : json.items())
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      throw std::invalid_argument(fmt::format("unknown key '{}'; there are {}", io::printable(key),
+                                              io::quoted_list(known)));
+}
+
+const Line& machine_in(const Line& json) {
+  if (!json.contains("machine") || !json["machine"].is_string())
+    throw std::invalid_argument("'machine' must name a machine");
+  return json["machine"];
+}
+
+double host_time_s() {
+  using Seconds = std::chrono::duration<double>;
+  return Seconds(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
 }  // namespace
 
-/// @param joints hold those of the state
-MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints) const {
-  const Line json = io::parse_json(line);
+Line object_of(std::string_view line) {
+  Line json = io::parse_json(line);
   if (json.is_discarded() || !json.is_object())
     throw std::invalid_argument(
         fmt::format("'{}' is no JSON object{}", io::printable(line),
@@ -69,16 +90,14 @@ MachineState LiveSite::parse(std::string_view line, std::vector<double>& joints)
                                             line.find("Infinity") != std::string_view::npos)
                         ? "; JSON has no NaN and no Infinity: leave such a state out"
                         : ""));
-  static const std::vector<std::string> kKeys = {"machine", "time", "joints", "position",
-                                                 "rotation"};
-  for (const auto& [key, value] : json.items())
-    if (std::find(kKeys.begin(), kKeys.end(), key) == kKeys.end())
-      throw std::invalid_argument(fmt::format("unknown key '{}'; there are {}", io::printable(key),
-                                              io::quoted_list(kKeys)));
-  if (!json.contains("machine") || !json["machine"].is_string())
-    throw std::invalid_argument("'machine' must name a machine");
+  return json;
+}
+
+/// @param joints hold those of the state
+MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
+  require_keys(json, {"machine", "time", "joints", "position", "rotation"});
   MachineState state;
-  state.machine = session_.machine(json["machine"].get<std::string>());
+  state.machine = session_.machine(machine_in(json).get<std::string>());
   if (json.contains("time") && !json["time"].is_null())
     state.time_s = number_of(json["time"], "'time'");
   if (std::abs(state.time_s) > kMostTime_s)
@@ -141,13 +160,37 @@ void LiveSite::require_likely(const MachineState& state) const {
     require(io::state_fault(last->pose, pose, after_s));
 }
 
+void LiveSite::reset_clock(const Line& json) {
+  require_keys(json, {"machine", "clock"});
+  if (json["clock"] != "reset") throw std::invalid_argument("'clock' can only be \"reset\"");
+  const std::size_t machine = session_.machine(machine_in(json).get<std::string>());
+  const StepResult step = session_.reset_clock(machine);
+  if (!step.ok()) throw std::runtime_error(step.why);
+  ++fed_;
+  ++clocks_set_;
+  log_.set_clock(machine);
+}
+
+std::string LiveSite::how_to_set_clock(std::size_t machine) const {
+  return fmt::format("say so: {} '{}clock?machine={}'", curl_, address_,
+                     in_address(session_.machines()[machine].name));
+}
+
 /// After a slip of a clock no state of its machine would be taken, so it needs another that agrees.
 void LiveSite::require_soon(const MachineState& state) {
   const double latest_s = log_.time_s(), time_s = state.time_s;
-  if (std::isnan(time_s)) return;
+  if (std::isnan(time_s) || log_.machines()[state.machine].clock_is_set) return;
   const double doubted_s =
       std::exchange(doubted_s_[state.machine], std::numeric_limits<double>::quiet_NaN());
-  if (!(time_s - latest_s > kFarthestAhead_s)) return;
+  if (time_s - latest_s <= kFarthestAhead_s) return;
+  const double ahead_s = time_s - host_time_s();
+  if (time_s > kLeastEpoch_s && ahead_s > kFarthestAhead_s)
+    throw std::invalid_argument(fmt::format(
+        "machine '{}': 'time' is {} s, {:.1f} hours ahead of this computer's clock; set the clock "
+        "that is wrong. If the machine's is right, {}",
+        session_.machines()[state.machine].name, time_s, ahead_s / 3600,
+        how_to_set_clock(state.machine)));
+  if (std::isnan(latest_s)) return;
   if (time_s >= doubted_s && time_s - doubted_s <= kFarthestAhead_s) return;
   doubted_s_[state.machine] = time_s;
   throw std::invalid_argument(fmt::format(

@@ -65,6 +65,7 @@ StepResult LiveSite::feed(const MachineState& state) {
   StepResult step = session_.update(state);
   if (!step.ok()) return step;
   ++fed_;
+  clocks_set_ += log_.machines()[state.machine].clock_is_set && std::isfinite(state.time_s);
   durations_.add(step.update.us);
   std::vector<double> at(state.joints.begin(), state.joints.end());
   if (at.empty()) {
@@ -79,11 +80,20 @@ StepResult LiveSite::feed(const MachineState& state) {
 
 std::string LiveSite::feed(std::string_view line) {
   try {
+    const nlohmann::json json = object_of(line);
+    if (json.contains("clock")) {
+      reset_clock(json);
+      return line_of({{"machine", json["machine"].get<std::string>()}, {"clock", "reset"}});
+    }
     std::vector<double> joints;
-    const MachineState state = parse(line, joints);
+    const MachineState state = parse(json, joints);
     require_likely(state);
     require_soon(state);
+    const auto last = session_.last(state.machine);
     const StepResult step = feed(state);
+    if (last && state.time_s < last->time_s && !step.ok())
+      return line_of({{"error", step.why + "; if its clock was ahead and is right now, " +
+                                    how_to_set_clock(state.machine)}});
     if (!step.ok()) return line_of({{"error", step.why}});
     Json answer = {{"cut_m3", step.update.cut_m3}, {"bucket_m3", step.update.bucket_m3}};
     if (session_.earthmoving().soil) {

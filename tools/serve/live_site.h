@@ -24,6 +24,9 @@ struct ChangeBefore {
   std::int64_t mass = 0;  ///< in MassUnits
 };
 
+/// What a line says. @throw std::invalid_argument unless that is a JSON object
+nlohmann::json object_of(std::string_view line);
+
 /// For one thread.
 class LiveSite {
  public:
@@ -38,6 +41,8 @@ class LiveSite {
 
   /// Feeds a line, `{"machine": "digger", "time": 12.3, "joints": {"boom": 0.3, ..}}` or with
   /// `"position": [x, y, z], "rotation": [x, y, z, w]`.
+  /// A line `{"machine": "digger", "clock": "reset"}` says that the clock of a machine is right
+  /// from here on: it may go back to times before the last, and what it said before is forgotten.
   /// @return a line: the update, or `{"error": ..}` and the site is as it was
   std::string feed(std::string_view line);
   StepResult feed(const MachineState& state);
@@ -47,8 +52,17 @@ class LiveSite {
   const std::string& name() const { return name_; }
   /// Counts what was fed.
   std::uint64_t fed() const { return fed_; }
-  /// Latest time fed; NaN: none was.
+  /// First and latest time fed; NaN: none was.
+  double from_s() const { return log_.from_s(); }
   double time_s() const { return log_.time_s(); }
+  /// Counts how often earlier states got other times, as a clock was wrong.
+  std::uint64_t clocks_set() const { return clocks_set_; }
+  /// What messages tell to run. @param curl "curl -X POST" and its options
+  /// @param address where it is served, "http://127.0.0.1:8470/"
+  void set_address(std::string curl, std::string address) {
+    curl_ = std::move(curl);
+    address_ = std::move(address);
+  }
   bool recorded() const { return recorded_; }
 
   /// What viewers are told of the machines, again and again.
@@ -62,19 +76,22 @@ class LiveSite {
 
  private:
   using Clock = std::chrono::steady_clock;
-  MachineState parse(std::string_view line, std::vector<double>& joints) const;
+  MachineState parse(const nlohmann::json& json, std::vector<double>& joints) const;
+  void reset_clock(const nlohmann::json& json);
+  std::string how_to_set_clock(std::size_t machine) const;
   void require_likely(const MachineState& state) const;
   void require_soon(const MachineState& state);
 
   Session session_;
   std::string name_;
+  std::string curl_ = "curl -X POST", address_ = "/";
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   WorkLog log_;
   std::vector<Clock::time_point> moved_;  ///< each machine
   std::vector<double> doubted_s_;         ///< each machine's time that was too far ahead; else NaN
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
-  std::uint64_t fed_ = 0;
+  std::uint64_t fed_ = 0, clocks_set_ = 0;
   ChangeBefore before_;
   bool recorded_ = false;
 };

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is answered to which request.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -10,7 +9,6 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
-#include <initializer_list>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -18,7 +16,6 @@
 #include <utility>
 
 #include "io/file/json.h"
-#include "io/file/text.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/picture.h"
 #include "tools/run/books.h"
@@ -32,7 +29,6 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr double kFarthest_m = 1e9;
 constexpr int kMostPoints = 5000;
 constexpr std::size_t kMostCorners = 1000;
 constexpr std::size_t kMostPasts = 4;
@@ -40,60 +36,6 @@ constexpr std::size_t kMostPasts = 4;
 Reply json_reply(const Json& json) {
   return {200, "application/json", io::to_text(json) + '\n', {}, false};
 }
-
-/// The values of a request, each of which is asked for by its name.
-class Values {
- public:
-  Values(const Target& target, std::initializer_list<const char*> known) : target_(target) {
-    for (const auto& [name, value] : target.values)
-      if (name != "token" && std::find(known.begin(), known.end(), name) == known.end())
-        throw std::invalid_argument(
-            fmt::format("unknown '{}' for {}", io::printable(name), target.path));
-  }
-
-  std::vector<double> numbers(const std::string& name) const {
-    const auto found = target_.values.find(name);
-    if (found == target_.values.end())
-      throw std::invalid_argument(fmt::format("'{}' is missing", name));
-    std::vector<double> all;
-    const std::string_view text = found->second;
-    for (std::size_t at = 0; at <= text.size();) {
-      const std::size_t end = std::min(text.find(',', at), text.size());
-      const auto value = io::parse_number(text.substr(at, end - at));
-      if (!value || !(std::abs(*value) <= kFarthest_m))
-        throw std::invalid_argument(fmt::format("'{}' is made of numbers; '{}' is none", name,
-                                                io::printable(text.substr(at, end - at))));
-      all.push_back(*value);
-      at = end + 1;
-    }
-    return all;
-  }
-  double number(const std::string& name) const {
-    const std::vector<double> all = numbers(name);
-    if (all.size() != 1) throw std::invalid_argument(fmt::format("'{}' must be one number", name));
-    return all[0];
-  }
-  std::optional<double> number_if(const std::string& name) const {
-    if (!target_.values.contains(name)) return {};
-    return number(name);
-  }
-  /// One of these words; the first where nothing is said.
-  std::string word(const std::string& name, const std::vector<std::string>& words) const {
-    const auto found = target_.values.find(name);
-    if (found == target_.values.end()) return words.front();
-    if (std::find(words.begin(), words.end(), found->second) == words.end())
-      throw std::invalid_argument(fmt::format("'{}' is one of {}", name, fmt::join(words, ", ")));
-    return found->second;
-  }
-  Vec2 place(const std::string& name) const {
-    const std::vector<double> all = numbers(name);
-    if (all.size() != 2) throw std::invalid_argument(fmt::format("'{}' must be x,y", name));
-    return {all[0], all[1]};
-  }
-
- private:
-  const Target& target_;
-};
 
 /// A folder for one file, which is read back.
 class Passing {
@@ -159,8 +101,9 @@ bool ServerState::has_token(const std::string& target, const std::string& author
   return found != parsed->values.end() && same(found->second, options.token);
 }
 
-Past ServerState::past(double time_s) {
+Past ServerState::past(double time_s, std::uint64_t clocks_set) {
   if (!history) throw std::invalid_argument("nothing is recorded, so there is no other time");
+  if (std::exchange(pasts_clocks_set, clocks_set) != clocks_set) pasts.clear();
   const auto found = std::find_if(pasts.begin(), pasts.end(),
                                   [&](const auto& past) { return past.first == time_s; });
   if (found != pasts.end()) {
@@ -183,24 +126,40 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
                                    *asked_s, time_text(latest_s))));
   std::shared_ptr<Session> live;
   if (!time_s) live = std::make_shared<Session>(site.session().clone());
-  const bool taken =
-      worker->post([this, time_s, against_s, live = std::move(live), use, done]() mutable {
-        Reply reply;
-        try {
-          // On one thread: the other is for what feeds do.
-          tbb::task_arena(1).execute([&] {
-            const Past now = time_s ? past(*time_s) : Past{live, nullptr};
-            GroundView ground(now, against_s ? past(*against_s).site : nullptr, design);
-            reply = use(ground);
-          });
-        } catch (const std::invalid_argument& e) {
-          reply = refusal(400, e.what());
-        } catch (const std::exception& e) {
-          reply = refusal(500, e.what());
-        }
-        boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
+  const bool taken = worker->post([this, time_s, against_s, clocks = site.clocks_set(),
+                                   live = std::move(live), use, done]() mutable {
+    Reply reply;
+    try {
+      // On one thread: the other is for what feeds do.
+      tbb::task_arena(1).execute([&] {
+        const Past now = time_s ? past(*time_s, clocks) : Past{live, nullptr};
+        GroundView ground(now, against_s ? past(*against_s, clocks).site : nullptr, design);
+        reply = use(ground);
       });
+    } catch (const std::invalid_argument& e) {
+      reply = refusal(400, e.what());
+    } catch (const std::exception& e) {
+      reply = refusal(500, e.what());
+    }
+    boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
+  });
   if (!taken) done(refusal(429, "too much was asked at once; ask again later"));
+}
+
+Reply ServerState::post(const std::string& text) {
+  try {
+    const std::optional<Target> target = parse_target(text);
+    if (!target || target->path != "/clock")
+      return refusal(405, "only GET is answered, and POST of /clock");
+    if (!options.takes_feeds) return refusal(403, kOnlyLookedAt);
+    const Values values(*target, {"machine"});
+    const std::string answer =
+        site.feed(io::to_text(Json{{"machine", values.text("machine")}, {"clock", "reset"}}));
+    const bool bad = io::parse_json(answer).contains("error");
+    return {bad ? 400u : 200u, "application/json", answer + '\n', {}, false};
+  } catch (const std::exception& e) {
+    return refusal(400, e.what());
+  }
 }
 
 void ServerState::answer(const std::string& text, std::function<void(Reply)> done) {

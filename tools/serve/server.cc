@@ -144,10 +144,13 @@ void ServerState::make_blocks() {
 }
 
 Json ServerState::times() {
-  if (!history || !std::isfinite(known_times.from_s)) return nullptr;
+  if (!history) return nullptr;
+  const double from_s = options.takes_feeds ? site.from_s() : known_times.from_s;
   const double to_s = options.takes_feeds ? site.time_s() : known_times.to_s;
-  if (!std::isfinite(to_s)) return nullptr;
-  return {{"from", known_times.from_s}, {"to", to_s}, {"snapshots", known_times.snapshots_s}};
+  if (!std::isfinite(from_s) || !std::isfinite(to_s)) return nullptr;
+  std::vector<double> snapshots_s = known_times.snapshots_s;
+  std::erase_if(snapshots_s, [&](double s) { return s > to_s; });  // of a clock that was ahead
+  return {{"from", from_s}, {"to", to_s}, {"snapshots", snapshots_s}};
 }
 
 Bytes ServerState::description() {
@@ -208,7 +211,12 @@ void ServerState::tick() {
 
 Server::Server(LiveSite& site, std::unique_ptr<History> history,
                std::shared_ptr<const BaseSurface> design, const ServerOptions& options)
-    : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {}
+    : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {
+  const std::string all = url();
+  site.set_address(
+      options.token.empty() ? "curl -X POST" : "curl -X POST -H 'Authorization: Bearer TOKEN'",
+      all.substr(0, all.find('#')));
+}
 
 Server::~Server() = default;
 
@@ -218,7 +226,8 @@ std::string Server::url() const {
       at.address().is_v6() ? '[' + at.address().to_string() + ']' : at.address().to_string();
   if (at.address().is_unspecified()) host = net::ip::host_name();  // all of this machine's
   const std::string& token = state_->options.token;
-  return fmt::format("http://{}:{}/{}", host, at.port(), token.empty() ? "" : "#token=" + token);
+  return fmt::format("http://{}:{}{}/{}", host, at.port(), state_->options.base_path,
+                     token.empty() ? "" : "#token=" + token);
 }
 
 void Server::run(const std::function<bool()>& stopped, const std::function<void()>& play) {

@@ -22,6 +22,7 @@ struct ServerOptions {
   std::string listen = "127.0.0.1";          ///< an address of this machine
   std::uint16_t port = 0;                    ///< 0: any that is free
   std::string token = {};                    ///< empty: everybody on this machine may
+  std::string base_path = {};                ///< "/dig": it is found below that, too
   bool takes_feeds = true;                   ///< else it is only looked at
   std::filesystem::path page = {};           ///< folder of index.html, view.js and view.css
   std::optional<double> raster_cell_m = {};  ///< of surface.tif; without: voxels

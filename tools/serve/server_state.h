@@ -37,10 +37,12 @@ struct Reply {
   unsigned status = 200;
   std::string type = "application/json";
   std::string body = {};
-  std::string file = {};  ///< name that it is saved by; empty: it is shown
-  bool deflate = false;   ///< the body is a zlib stream
+  std::string file = {};      ///< name that it is saved by; empty: it is shown
+  bool deflate = false;       ///< the body is a zlib stream
+  std::string location = {};  ///< with status 301: where it is
 };
 Reply refusal(unsigned status, const std::string& why);
+inline constexpr const char* kOnlyLookedAt = "this site is only looked at; nothing can be fed";
 
 struct ServerState {
   using Clock = std::chrono::steady_clock;
@@ -50,6 +52,8 @@ struct ServerState {
 
   /// Answers a GET by calling `done` once, at once or later, on the thread of `io`.
   void answer(const std::string& target, std::function<void(Reply)> done);
+  /// Answers a POST.
+  Reply post(const std::string& target);
   /// May who sent this see more than the page?
   bool has_token(const std::string& target, const std::string& authorization) const;
 
@@ -58,8 +62,9 @@ struct ServerState {
   /// @param against_s nothing: before digging
   void with_ground(std::optional<double> time_s, std::optional<double> against_s,
                    std::function<Reply(GroundView&)> use, std::function<void(Reply)> done);
-  /// On the worker. @throw std::invalid_argument if there is no such time
-  Past past(double time_s);
+  /// On the worker. @param clocks_set the site's, of when it was asked
+  /// @throw std::invalid_argument if there is no such time
+  Past past(double time_s, std::uint64_t clocks_set);
 
   /// Takes up what changed of the live ground.
   void follow_ground();
@@ -107,6 +112,7 @@ struct ServerState {
   Clock::time_point told{}, asked_times{};
   History::Times known_times;                ///< as the worker found them
   std::list<std::pair<double, Past>> pasts;  ///< on the worker, newest first
+  std::uint64_t pasts_clocks_set = 0;        ///< that those are by
   // Last, so that these end first.
   std::unique_ptr<Worker> worker;
   std::unique_ptr<GroundService> service;

@@ -2,8 +2,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/target.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
-#include <string_view>
+#include <cctype>
+#include <cmath>
+#include <stdexcept>
+
+#include "io/file/text.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -48,6 +55,70 @@ std::optional<Target> parse_target(const std::string& text) {
     if (!name || !value || !target.values.emplace(*name, *value).second) return {};
   }
   return target;
+}
+
+Values::Values(const Target& target, std::initializer_list<const char*> known) : target_(target) {
+  for (const auto& [name, value] : target.values)
+    if (name != "token" && std::find(known.begin(), known.end(), name) == known.end())
+      throw std::invalid_argument(
+          fmt::format("unknown '{}' for {}", io::printable(name), target.path));
+}
+
+const std::string& Values::text(const std::string& name) const {
+  const auto found = target_.values.find(name);
+  if (found == target_.values.end())
+    throw std::invalid_argument(fmt::format("'{}' is missing", name));
+  return found->second;
+}
+
+std::vector<double> Values::numbers(const std::string& name, double most) const {
+  std::vector<double> all;
+  const std::string_view whole = text(name);
+  for (std::size_t at = 0; at <= whole.size();) {
+    const std::size_t end = std::min(whole.find(',', at), whole.size());
+    const auto value = io::parse_number(whole.substr(at, end - at));
+    if (!value || !(std::abs(*value) <= most))
+      throw std::invalid_argument(fmt::format("'{}' is made of numbers; '{}' is none", name,
+                                              io::printable(whole.substr(at, end - at))));
+    all.push_back(*value);
+    at = end + 1;
+  }
+  return all;
+}
+
+double Values::number(const std::string& name, double most) const {
+  const std::vector<double> all = numbers(name, most);
+  if (all.size() != 1) throw std::invalid_argument(fmt::format("'{}' must be one number", name));
+  return all[0];
+}
+
+std::optional<double> Values::number_if(const std::string& name) const {
+  if (!target_.values.contains(name)) return {};
+  return number(name, kMostTime_s);
+}
+
+std::string Values::word(const std::string& name, const std::vector<std::string>& words) const {
+  const auto found = target_.values.find(name);
+  if (found == target_.values.end()) return words.front();
+  if (std::find(words.begin(), words.end(), found->second) == words.end())
+    throw std::invalid_argument(fmt::format("'{}' is one of {}", name, fmt::join(words, ", ")));
+  return found->second;
+}
+
+Vec2 Values::place(const std::string& name) const {
+  const std::vector<double> all = numbers(name);
+  if (all.size() != 2) throw std::invalid_argument(fmt::format("'{}' must be x,y", name));
+  return {all[0], all[1]};
+}
+
+std::string in_address(std::string_view value) {
+  std::string out;
+  for (const char c : value) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool plain = byte < 0x80 && (std::isalnum(byte) != 0 || c == '-' || c == '_' || c == '.');
+    out += plain ? std::string(1, c) : fmt::format("%{:02X}", byte);
+  }
+  return out;
 }
 
 }  // namespace soilvdb::tools

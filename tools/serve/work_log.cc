@@ -17,6 +17,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNever = -std::numeric_limits<double>::infinity();
+
 double struck_m3(const Bucket& bucket) {
   const auto capacity = Capacity::of(bucket);
   return capacity ? capacity->struck_m3() : 0;
@@ -87,9 +90,19 @@ WorkLog::WorkLog(const Session& site)
   }
 }
 
+void WorkLog::note_time(double time_s) {
+  if (std::isnan(from_s_)) from_s_ = time_s;
+  time_s_ = std::fmax(time_s_, time_s);
+}
+
 bool WorkLog::add(std::size_t machine, double time_s, std::vector<double> at, double load_m3) {
-  if (std::isfinite(time_s)) time_s_ = std::fmax(time_s_, time_s);
   Machine& work = machines_[machine];
+  if (std::isfinite(time_s)) {
+    if (work.clock_is_set) from_s_ = std::fmin(from_s_, time_s);
+    note_time(time_s);
+    work.time_s = time_s;
+    work.clock_is_set = false;
+  }
   work.cycles.add(load_m3);
   const bool moved = at != work.at;
   work.at = std::move(at);
@@ -97,9 +110,20 @@ bool WorkLog::add(std::size_t machine, double time_s, std::vector<double> at, do
   return moved;
 }
 
+void WorkLog::set_clock(std::size_t machine) {
+  machines_[machine].time_s = kNaN;
+  machines_[machine].clock_is_set = true;
+  time_s_ = kNaN;
+  for (const Machine& other : machines_) time_s_ = std::fmax(time_s_, other.time_s);
+  // Who moved by the time that it said, did before all that comes.
+  for (Machine& other : machines_)
+    if (!(other.moved_s <= time_s_)) other.moved_s = std::isnan(time_s_) ? kNever : time_s_;
+}
+
 void WorkLog::add(const io::JournalState& state) {
   using Kind = io::JournalState::Kind;
-  if (std::isfinite(state.time_s)) time_s_ = std::fmax(time_s_, state.time_s);
+  if (state.kind == Kind::kClock && state.machine < machines_.size()) set_clock(state.machine);
+  if (std::isfinite(state.time_s)) note_time(state.time_s);
   if (state.kind != Kind::kPose && state.kind != Kind::kJoints) return;
   if (state.machine >= machines_.size()) return;
   add(state.machine, state.time_s, state.values,
@@ -108,7 +132,7 @@ void WorkLog::add(const io::JournalState& state) {
 
 /// Where its rows don't change, it stands.
 void WorkLog::add(const io::JournalMove& move) {
-  time_s_ = std::fmax(time_s_, move.end_s);
+  note_time(move.end_s);
   const io::MotionRows& rows = move.rows;
   if (move.machine >= machines_.size() || rows.values.size() < rows.columns) return;
   Machine& work = machines_[move.machine];

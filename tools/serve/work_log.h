@@ -45,6 +45,8 @@ class WorkLog {
     CycleCounter cycles;
     std::vector<double> at = {};                                ///< its last state's numbers
     double moved_s = -std::numeric_limits<double>::infinity();  ///< of the site's times
+    double time_s = std::numeric_limits<double>::quiet_NaN();   ///< its latest
+    bool clock_is_set = false;                                  ///< and it has told no time since
   };
 
   explicit WorkLog(const Session& site);
@@ -56,14 +58,20 @@ class WorkLog {
   void add(const io::JournalMove& move);
 
   const std::vector<Machine>& machines() const { return machines_; }
-  /// Latest time; NaN: none was.
+  /// The clock of a machine was wrong and is set: what it said before is forgotten.
+  void set_clock(std::size_t machine);
+  /// First and latest time; NaN: none was.
+  double from_s() const { return from_s_; }
   double time_s() const { return time_s_; }
   /// Did a machine move in the seconds before the last that is known?
   bool works(std::size_t machine) const;
 
  private:
+  void note_time(double time_s);
+
   double loose_m3_;  ///< of a unit of mass
   std::vector<Machine> machines_;
+  double from_s_ = std::numeric_limits<double>::quiet_NaN();
   double time_s_ = std::numeric_limits<double>::quiet_NaN();
 };
 

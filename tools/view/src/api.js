@@ -5,9 +5,12 @@
 
 export const token = new URLSearchParams(location.hash.slice(1)).get('token');
 
-/** A path with its query and, if there is one, the token. */
+/**
+ * A path with its query and, if there is one, the token; below where the page is, which a proxy may
+ * have anywhere.
+ */
 export function address(path, query = {}) {
-  const url = new URL(path, location.href);
+  const url = new URL(`.${path}`, location.href);
   url.hash = '';
   for (const [key, value] of Object.entries(query)) {
     if (value !== null && value !== undefined) url.searchParams.set(key, value);
@@ -16,14 +19,31 @@ export function address(path, query = {}) {
   return url;
 }
 
-async function get(path, query) {
-  const response = await fetch(address(path, query), {signal: AbortSignal.timeout(30000)});
-  if (response.ok) return response;
+async function reasonOf(response) {
   let reason = `${response.status} ${response.statusText}`;
   try {
     reason = (await response.json()).error ?? reason;
   } catch { /* it said nothing more */ }
-  throw Object.assign(new Error(reason), {status: response.status});
+  return reason;
+}
+
+async function get(path, query) {
+  const response = await fetch(address(path, query), {signal: AbortSignal.timeout(30000)});
+  if (response.ok) return response;
+  throw Object.assign(new Error(await reasonOf(response)), {status: response.status});
+}
+
+/**
+ * How the view is refused. A page isn't told why its WebSocket was; a POST is held to the same, as it
+ * has an Origin, too.
+ */
+export async function refusal() {
+  try {
+    const response = await fetch(address('/view'), {method: 'POST'});
+    return {status: response.status, error: await reasonOf(response)};
+  } catch {
+    return {status: null, error: null};   // there is no server
+  }
 }
 
 export const getJson = async (path, query) => (await get(path, query)).json();

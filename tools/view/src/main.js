@@ -242,13 +242,9 @@ function text(message) {
 
 /** Why there is no connection, if the server says so. */
 async function explain() {
-  try {
-    await api.getJson('/height', {x: 0, y: 0});
-  } catch (error) {
-    if (error.status === 401 || error.status === 403) {
-      notice('This site wants a token: open its address with #token=\u2026 at the end.');
-    }
-  }
+  const {status, error} = await api.refusal();
+  if (status === 401) notice('This site wants a token: open its address with #token=\u2026 at the end.');
+  if (status === 403) notice(error);
 }
 
 const link = new Link({

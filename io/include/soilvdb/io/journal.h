@@ -49,7 +49,8 @@ struct JournalState {
     kPose,    ///< a machine's: x, y, z, qx, qy, qz, qw
     kJoints,  ///< a machine's
     kPours,   ///< come down up to the time
-    kRest     ///< for all that moves
+    kRest,    ///< for all that moves
+    kClock    ///< a machine's was set: its next time may be earlier than its last
   };
   Kind kind = Kind::kPose;
   std::uint32_t machine = 0;
@@ -199,5 +200,11 @@ struct JournalContent {
 };
 /// @throw InputError as JournalReader does.
 JournalContent read_journal(const std::filesystem::path& file);
+
+/// How many updates a session was fed before the first state that is later than a time. A state
+/// from before its machine's clock was set isn't later if one that was fed after it is not: its
+/// clock was ahead.
+/// @throw InputError as JournalReader does.
+std::uint64_t updates_until(const std::filesystem::path& file, double time_s);
 
 }  // namespace soilvdb::inline v0::io

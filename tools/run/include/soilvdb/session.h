@@ -60,7 +60,8 @@ struct Recording {
 /// straight.
 struct MachineState {
   std::size_t machine = 0;
-  /// s, in any frame of time that all share; NaN: none is known. A machine's must not go back.
+  /// s, in any frame of time that all share; NaN: none is known. A machine's must not go back,
+  /// but after Session::reset_clock().
   double time_s = std::numeric_limits<double>::quiet_NaN();
   /// world_from_bucket, unless there are `joints`.
   Pose pose = {};
@@ -144,6 +145,9 @@ class Session {
   BatchResult update(std::span<const MachineState> states) noexcept;
   /// Pours come down up to a time, that included; before each state that has one they do up to it.
   StepResult pour(double until_s) noexcept;
+  /// The clock of a machine was wrong and is set: the time of its next state may be earlier than
+  /// the last. Its bucket goes straight there, as where no time is known.
+  StepResult reset_clock(std::size_t machine) noexcept;
   /// Soil that stands or hangs too steep comes to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
 
