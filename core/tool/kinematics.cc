@@ -10,12 +10,23 @@ namespace soilvdb::inline v0 {
 std::vector<std::string> Chain::movable() const {
   std::vector<std::string> names;
   for (const Joint& joint : joints) {
-    if (joint.type != Joint::Type::kFixed) names.push_back(joint.name);
+    if (joint.moves_itself()) names.push_back(joint.name);
   }
   return names;
 }
 
 namespace {
+
+/// The value of the joint that another follows.
+double followed(const Chain& chain, const Joint& joint, std::span<const double> values) {
+  std::size_t next = 0;
+  for (const Joint& other : chain.joints) {
+    if (!other.moves_itself()) continue;
+    if (other.name == joint.mimics) return values[next];
+    ++next;
+  }
+  return 0;
+}
 
 /// Calls `f(joint, world_from_joint)` for each joint; where it moves from, its own value apart.
 /// @return world_from_link of the last link
@@ -25,17 +36,23 @@ Pose walk(const Chain& chain, std::span<const double> values, const F& f) {
   std::size_t next = 0;
   for (const Joint& joint : chain.joints) {
     Pose joint_from_child;
+    double value = 0;
+    if (joint.moves_itself()) {
+      assert(next < values.size());
+      value = values[next++];
+    } else if (!joint.mimics.empty()) {
+      value = joint.multiplier * followed(chain, joint, values) + joint.offset;
+    }
+    if (joint.beside) continue;
     switch (joint.type) {
       case Joint::Type::kFixed:
         break;
       case Joint::Type::kRevolute:
       case Joint::Type::kContinuous:
-        assert(next < values.size());
-        joint_from_child.rotation = Eigen::AngleAxisd(values[next++], joint.axis);
+        joint_from_child.rotation = Eigen::AngleAxisd(value, joint.axis);
         break;
       case Joint::Type::kPrismatic:
-        assert(next < values.size());
-        joint_from_child.position = values[next++] * joint.axis;
+        joint_from_child.position = value * joint.axis;
         break;
     }
     world_from_link = world_from_link * joint.parent_from_joint;

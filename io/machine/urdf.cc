@@ -94,7 +94,7 @@ class Robot {
     return printable(nearest(link, names));
   }
 
-  /// The joints from the link without a parent to `link`.
+  /// The joints from the link without a parent to `link`, then others that those follow.
   std::vector<Joint> chain(const std::string& link) const {
     std::vector<Joint> chain;
     for (std::string child = link; by_child_.contains(child);) {
@@ -113,6 +113,15 @@ class Robot {
       child = linked(joint, "parent");
     }
     std::reverse(chain.begin(), chain.end());
+    for (std::size_t i = 0; i < chain.size(); ++i) {
+      const std::string& name = chain[i].mimics;
+      if (name.empty() ||
+          std::any_of(chain.begin(), chain.end(), [&](const Joint& j) { return j.name == name; }))
+        continue;
+      Joint beside = read(*joints_.at(name));
+      beside.beside = true;
+      chain.push_back(std::move(beside));
+    }
     return chain;
   }
 
@@ -214,6 +223,31 @@ class Robot {
                             printable(type)));
   }
 
+  /// Reads which joint it follows, through all that follow others themselves.
+  void follow(const XMLElement& in, Joint& joint) const {
+    std::size_t followed = 0;
+    for (const auto* mimic = in.FirstChildElement("mimic"); mimic != nullptr;) {
+      joint.mimics = attribute(*mimic, "joint");
+      const auto at = joints_.find(joint.mimics);
+      if (at == joints_.end()) {
+        std::vector<std::string> names;
+        for (const auto& [name, xml] : joints_) names.push_back(name);
+        fail(*mimic, fmt::format("mimics joint '{}', which is not there; did you mean '{}'?",
+                                 printable(joint.mimics), printable(nearest(joint.mimics, names))));
+      }
+      if (type(*at->second) == Joint::Type::kFixed)
+        fail(*mimic, fmt::format("mimics joint '{}', which is fixed", printable(joint.mimics)));
+      if (followed++ > joints_.size()) fail(in, "mimics itself, through other joints");
+      const auto value = [&](const char* name, double otherwise) {
+        const char* text = mimic->Attribute(name);
+        return text == nullptr ? otherwise : number(*mimic, text);
+      };
+      joint.offset += joint.multiplier * value("offset", 0);
+      joint.multiplier *= value("multiplier", 1);
+      mimic = at->second->FirstChildElement("mimic");
+    }
+  }
+
   Joint read(const XMLElement& in) const {
     Joint joint;
     joint.name = attribute(in, "name");
@@ -221,16 +255,12 @@ class Robot {
       fail(in, fmt::format("hangs on link '{}', which is not there; did you mean '{}'?",
                            printable(parent), nearest_link(parent)));
     }
-    if (const XMLElement* mimic = in.FirstChildElement("mimic")) {
-      fail(in, fmt::format("mimics joint '{}', which is not supported; make it a joint of its own "
-                           "with its own column in the motion",
-                           printable(attribute(*mimic, "joint"))));
-    }
     joint.type = type(in);
     joint.parent_from_joint.position = numbers(in, "origin", "xyz", Vec3::Zero());
     const Vec3 rpy = numbers(in, "origin", "rpy", Vec3::Zero());
     joint.parent_from_joint.rotation = from_rpy(rpy.x(), rpy.y(), rpy.z());
     if (joint.type == Joint::Type::kFixed) return joint;
+    follow(in, joint);
     const Vec3 axis = numbers(in, "axis", "xyz", Vec3::UnitX());
     if (axis.norm() < 1e-9) {
       fail(in, fmt::format("has the axis {} {} {}; it must have a direction", axis.x(), axis.y(),
@@ -259,6 +289,25 @@ class Robot {
 
 }  // namespace
 
+std::string limits_in_degrees(const Chain& chain) {
+  // Little more than a turn either way is what hoses and cables allow.
+  constexpr double kMostLimit_rad = 6.3;
+  std::vector<std::string> names;
+  std::string first;
+  for (const Joint& joint : chain.joints) {
+    if (joint.type != Joint::Type::kRevolute ||
+        std::max(std::abs(joint.lower), std::abs(joint.upper)) <= kMostLimit_rad)
+      continue;
+    if (names.empty()) first = fmt::format("{:g} to {:g}", joint.lower, joint.upper);
+    names.push_back(printable(joint.name));
+  }
+  if (names.empty()) return {};
+  return fmt::format(
+      "limits of joint{} {} are beyond a turn (first: {}): they look like degrees, "
+      "and a urdf has radians",
+      names.size() == 1 ? "" : "s", quoted_list(names), first);
+}
+
 Chain read_chain(const std::filesystem::path& file, const std::string& link) {
   const std::string text = read_text(file, kMaxBytes);
   check_encoding(file, text);
@@ -271,7 +320,7 @@ Chain read_chain(const std::filesystem::path& file, const std::string& link) {
   Chain chain;
   chain.joints = robot.chain(link);
   for (const Joint& joint : chain.joints) {
-    if (joint.type != Joint::Type::kFixed && joint.name == "time") {
+    if (joint.moves_itself() && joint.name == "time") {
       throw InputError(file, "joint 'time' has the name of the motion's first column; rename it");
     }
   }

@@ -150,8 +150,11 @@ bool McapReader::take(McapOp op, std::string_view content, Message& message) {
     const auto channel = channels_.find(id);
     if (channel == channels_.end())
       damaged(fmt::format("a message is of channel {}, which isn't there", id));
-    fields.take(20);  // its number and two times
-    message = {&channel->second, fields.rest()};
+    fields.take(4);  // its number
+    const auto log_ns = std::min<std::uint64_t>(fields.number<std::uint64_t>(), kLastLog_ns);
+    fields.take(8);  // when it was sent
+    message = {&channel->second, fields.rest(), static_cast<std::int64_t>(log_ns), record_at_,
+               !chunk_.empty()};
     return true;
   }
   return false;

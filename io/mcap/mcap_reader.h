@@ -16,6 +16,9 @@
 
 namespace soilvdb::inline v0::io {
 
+/// Later ones, in the year 2096, are taken for this one: differences of any two times fit 64 bits.
+inline constexpr std::int64_t kLastLog_ns = 4'000'000'000'000'000'000;
+
 struct McapChannel {
   std::string topic, encoding;          ///< of its messages, "cdr" for one
   std::string schema, schema_encoding;  ///< "sensor_msgs/msg/JointState" and "ros2msg", for one
@@ -35,7 +38,10 @@ class McapReader {
 
   struct Message {
     const McapChannel* channel = nullptr;
-    std::string_view data;  ///< good until the next call
+    std::string_view data;    ///< good until the next call
+    std::int64_t log_ns = 0;  ///< when it was recorded, at most kLastLog_ns
+    std::int64_t record = 0;  ///< where in the file its record begins, or its chunk's
+    bool in_chunk = false;
   };
   /// @return false at the end
   /// @throw InputError if the file is damaged, or needs what isn't read

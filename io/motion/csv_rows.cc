@@ -8,6 +8,7 @@
 
 #include "io/file/text.h"
 #include "io/mcap/mcap_format.h"
+#include "io/motion/mcap_files.h"
 #include "io/motion/motion_checks.h"
 #include "io/motion/row_source.h"
 
@@ -23,6 +24,7 @@ class CsvRows : public RowSource {
       throw InputError(file,
                        "is an MCAP file; say which topic of it: 'motion: {mcap: FILE, "
                        "topic: /joint_states}'");
+    refuse_sqlite(file);
     if (!lines_.next(line_)) throw InputError(file, "is empty; it must be a motion as CSV");
     split_fields(line_, fields_);
     columns_ = read_columns(lines_, fields_, chain);
@@ -30,12 +32,13 @@ class CsvRows : public RowSource {
 
   const RowPlace& place() const override { return lines_; }
   const Columns& columns() const override { return columns_; }
-  RowMark mark() const override { return lines_.mark(); }
+  RowMark mark() const override { return mark_; }
   void go_to(const RowMark& mark) override { lines_.go_to(mark); }
   std::int64_t bytes_read() const override { return lines_.mark().bytes; }
   MotionSource source() const override { return lines_.file(); }
 
   Got next() override {
+    mark_ = lines_.mark();
     if (!lines_.next(line_)) return Got::kEnd;
     return is_blank(line_) ? Got::kBlank : Got::kRow;
   }
@@ -72,6 +75,7 @@ class CsvRows : public RowSource {
 
  private:
   CsvLines lines_;
+  RowMark mark_;
   Columns columns_;
   std::string_view line_;
   std::vector<std::string_view> fields_;

@@ -4,56 +4,92 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::int64_t kNsPerS = 1'000'000'000;
+constexpr std::size_t kPoseNumbers = 7;
 
-RosTime read_time(CdrReader& cdr) {
-  RosTime time;
-  time.sec = cdr.number<std::int32_t>();
-  time.nanosec = cdr.number<std::uint32_t>();
-  return time;
+std::int64_t read_stamp(CdrReader& cdr) {
+  const std::int64_t s = cdr.number<std::int32_t>();
+  return s * kNsPerS + cdr.number<std::uint32_t>();
+}
+
+void read_pose(CdrReader& cdr, McapItem& item) {
+  item.values.resize(kPoseNumbers);
+  for (double& value : item.values) value = cdr.number<double>();
+}
+
+void read_joints(CdrReader& cdr, McapItem& item) {
+  item.stamp_ns = read_stamp(cdr);
+  cdr.text();  // frame
+  std::vector<std::string_view> names(cdr.count(sizeof(std::uint32_t)));
+  for (std::string_view& name : names) name = cdr.text();
+  std::vector<double> positions(cdr.count(sizeof(double)));
+  for (double& position : positions) position = cdr.number<double>();
+  const std::size_t n = std::min(names.size(), positions.size());
+  item.names.clear();
+  for (std::size_t i = 0; i < n; ++i) item.names.append(names[i]).push_back('\0');
+  item.values.assign(positions.begin(), positions.begin() + static_cast<std::ptrdiff_t>(n));
+}
+
+void read_transform(CdrReader& cdr, McapItem& item) {
+  item.stamp_ns = read_stamp(cdr);
+  const std::string_view parent = cdr.text(), child = cdr.text();
+  item.names.assign(child).push_back('\0');
+  item.names.append(parent).push_back('\0');
+  read_pose(cdr, item);
 }
 
 }  // namespace
 
-std::string RosTime::text() const {
-  const std::int64_t all = ns(), size = all < 0 ? -all : all;
-  return fmt::format("{}{}.{:09}", all < 0 ? "-" : "", size / kNsPerS, size % kNsPerS);
-}
-
-double RosTime::seconds() const { return *parse_number(text()); }
-
-void read_message(std::string_view bytes, JointStateMessage& message) {
-  CdrReader cdr(bytes);
-  message.stamp = read_time(cdr);
-  cdr.text();  // frame
-  message.names.resize(cdr.count(sizeof(std::uint32_t)));
-  for (std::string_view& name : message.names) name = cdr.text();
-  message.positions.resize(cdr.count(sizeof(double)));
-  for (double& position : message.positions) position = cdr.number<double>();
-}
-
-void read_message(std::string_view bytes, PoseMessage& message) {
-  CdrReader cdr(bytes);
-  message.stamp = read_time(cdr);
-  cdr.text();
-  for (double& value : message.values) value = cdr.number<double>();
-}
-
-void read_message(std::string_view bytes, std::vector<TransformMessage>& transforms) {
-  constexpr std::size_t kLeastBytes = 8 + 2 * sizeof(std::uint32_t) + 7 * sizeof(double);
-  CdrReader cdr(bytes);
-  transforms.resize(cdr.count(kLeastBytes));
-  for (TransformMessage& transform : transforms) {
-    transform.stamp = read_time(cdr);
-    transform.parent = cdr.text();
-    transform.child = cdr.text();
-    for (double& value : transform.values) value = cdr.number<double>();
+const char* type_name(McapType type) {
+  switch (type) {
+    case McapType::kJointState:
+      return "sensor_msgs/JointState";
+    case McapType::kPoseStamped:
+      return "geometry_msgs/PoseStamped";
+    case McapType::kOdometry:
+      return "nav_msgs/Odometry";
+    default:
+      return "tf2_msgs/TFMessage";
   }
 }
+
+void read_items(McapType type, std::string_view bytes, std::vector<McapItem>& items) {
+  constexpr std::size_t kLeastBytes = 8 + 2 * sizeof(std::uint32_t) + kPoseNumbers * sizeof(double);
+  CdrReader cdr(bytes);
+  items.resize(type == McapType::kTransforms ? cdr.count(kLeastBytes) : 1);
+  for (McapItem& item : items) {
+    if (type == McapType::kJointState) {
+      read_joints(cdr, item);
+    } else if (type == McapType::kTransforms) {
+      read_transform(cdr, item);
+    } else {
+      item.stamp_ns = read_stamp(cdr);
+      item.names = cdr.text();
+      if (type == McapType::kOdometry) cdr.text();  // whose pose it is
+      read_pose(cdr, item);
+    }
+  }
+}
+
+std::vector<std::string> split_names(std::string_view names) {
+  std::vector<std::string> all;
+  for (std::size_t end = 0; (end = names.find('\0')) != names.npos; names.remove_prefix(end + 1))
+    all.emplace_back(names.substr(0, end));
+  return all;
+}
+
+std::string stamp_text(std::int64_t ns) {
+  const std::int64_t size = ns < 0 ? -ns : ns;
+  return fmt::format("{}{}.{:09}", ns < 0 ? "-" : "", size / kNsPerS, size % kNsPerS);
+}
+
+double stamp_s(std::int64_t ns) { return *parse_number(stamp_text(ns)); }
 
 }  // namespace soilvdb::inline v0::io

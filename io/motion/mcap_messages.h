@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The ROS messages that motions come in, out of their CDR. All throw CdrError.
+// The ROS messages that motions come in, out of their CDR.
 #pragma once
 
 #include <cstdint>
@@ -9,43 +9,33 @@
 #include <vector>
 
 #include "io/mcap/cdr.h"
-#include "soilvdb/types.h"
 
 namespace soilvdb::inline v0::io {
 
-/// A time stamp as the message has it.
-struct RosTime {
-  std::int32_t sec = 0;
-  std::uint32_t nanosec = 0;
+enum class McapType { kJointState, kPoseStamped, kOdometry, kTransforms };
 
-  std::int64_t ns() const { return std::int64_t{sec} * 1'000'000'000 + nanosec; }
-  /// Decimals of a second, as a CSV file would have them.
-  std::string text() const;
-  /// Those as a number: what reading them from a CSV file would give, to the last bit.
-  double seconds() const;
+/// As ROS has it, "sensor_msgs/JointState".
+const char* type_name(McapType type);
+
+/// What a message says of one thing at one time.
+struct McapItem {
+  std::int64_t stamp_ns = 0;
+  /// Of joints their names, each with a zero behind it; of a transform the names of child and
+  /// parent in the same way; of a pose that of the frame it is in.
+  std::string names;
+  std::vector<double> values;  ///< positions of the joints; or x, y, z, qx, qy, qz, qw
 };
 
-/// sensor_msgs/JointState, as far as it is of use.
-struct JointStateMessage {
-  RosTime stamp;
-  std::vector<std::string_view> names;  ///< good as long as the message
-  std::vector<double> positions;
-};
-void read_message(std::string_view cdr, JointStateMessage& message);
+/// The items of a message: one, but for transforms. Joints without a position are left out.
+/// @throw CdrError
+void read_items(McapType type, std::string_view cdr, std::vector<McapItem>& items);
 
-/// geometry_msgs/PoseStamped: x, y, z, qx, qy, qz, qw.
-struct PoseMessage {
-  RosTime stamp;
-  double values[7] = {};
-};
-void read_message(std::string_view cdr, PoseMessage& message);
+/// The parts of McapItem::names that have a zero behind them.
+std::vector<std::string> split_names(std::string_view names);
 
-/// One of the transforms of a tf2_msgs/TFMessage; numbers as above.
-struct TransformMessage {
-  RosTime stamp;
-  std::string_view parent, child;  ///< good as long as the message
-  double values[7] = {};
-};
-void read_message(std::string_view cdr, std::vector<TransformMessage>& transforms);
+/// Decimals of a second, all nine, as a CSV file would have them.
+std::string stamp_text(std::int64_t stamp_ns);
+/// Those as a number: what reading them from a CSV file would give, to the last bit.
+double stamp_s(std::int64_t stamp_ns);
 
 }  // namespace soilvdb::inline v0::io

@@ -1,91 +1,132 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a motion out of the messages of an MCAP file's topic: what joints, poses and transforms
-// share.
+// Rows of a motion out of the messages of MCAP files: what joints, poses and transforms share.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
-#include <string_view>
 #include <vector>
 
-#include "io/mcap/mcap_reader.h"
-#include "io/motion/mcap_messages.h"
+#include "io/motion/mcap_merge.h"
 #include "io/motion/row_source.h"
 
 namespace soilvdb::inline v0::io {
 
-/// What is known of a file once it was read.
-struct McapFacts {
-  /// A frame and the one it hangs on.
-  struct Link {
-    std::string child, parent;
-    std::optional<Pose> fixed;  ///< where it is there, if it never moves
-  };
-  McapChannels channels;
-  std::vector<Link> links;  ///< of transforms: from the bucket's frame up
-};
-
-enum class McapType { kJointState, kPoseStamped, kTransforms };
-
-/// The type of a topic's messages. Those topics are looked at that are motions of some machine.
-/// @throw InputError if that is none of a motion, or isn't encoded as one
-McapType type_of(const std::filesystem::path& file, const McapChannel& channel);
-
-/// The messages of one topic, with their numbers from 1 on.
+/// Rows in the order of their stamps, each with the number of its message in the file.
 class McapRows : public RowSource {
  public:
-  explicit McapRows(const MotionSource& source);
+  /// @param wanted streams that it is made of
+  McapRows(const MotionSource& source, std::shared_ptr<const McapFacts> facts,
+           const std::vector<std::uint32_t>& wanted);
 
   const RowPlace& place() const override { return place_; }
   const Columns& columns() const override { return columns_; }
-  std::int64_t bytes_read() const override { return reader_.bytes_read(); }
+  std::int64_t bytes_read() const override { return merge_.bytes_read(); }
   void warn(std::vector<std::string>& warnings) const override;
   MotionSource source() const override;
 
   RowMark mark() const override;
-  void go_to(const RowMark& mark) override;
-  std::string time_text() const override { return stamp_.text(); }
+  std::string time_text() const override { return stamp_text(row_.time_ns); }
+  std::size_t hash() const override { return hash_; }
 
  protected:
   class Place : public RowPlace {
    public:
     explicit Place(const std::filesystem::path& file) : RowPlace(file, "message") {}
-    void set_number(long number) { number_ = number; }
+    void set(const std::filesystem::path& file, long number) {
+      file_ = file;
+      number_ = number;
+    }
   };
 
-  /// The next message of a topic that `wanted` says yes to, by channel. @return false at the end
-  template <typename F>
-  bool next_message(F wanted, McapReader::Message& message) {
-    while (reader_.next(message))
-      if (wanted(*message.channel)) return true;
-    return false;
-  }
-  /// The next of the topic, counted.
-  bool next_of_topic(std::string_view& data);
-
-  /// Calls `f` for what comes of a message. @throw LineError instead of CdrError
-  template <typename F>
-  void decoded(F f) const {
-    try {
-      f();
-    } catch (const CdrError& e) {
-      place_.fail(std::string("is no ") + type_name() + " in CDR: it " + e.what());
-    }
-  }
-  virtual const char* type_name() const = 0;
+  /// Makes that message the one that is being looked at.
+  void look_at(const McapPlace& place);
+  static McapPlace place_of(const RowMark& mark);
+  /// The numbers of a row are whole.
+  void seal(const std::vector<double>& v);
 
   MotionSource source_;
-  McapReader reader_;
+  std::shared_ptr<const McapFacts> facts_;
+  std::vector<std::uint32_t> wanted_;
+  McapMerge merge_;
   Place place_;
   Columns columns_;
-  RosTime stamp_;  // of the row
-  std::shared_ptr<const McapFacts> facts_;
+  McapPlace row_;
+  std::size_t hash_ = 0;  // of the row
 };
 
-/// Rows of transforms.
-std::unique_ptr<RowSource> mcap_tf_rows(const MotionSource& source);
+/// Rows of things that are told one by one, joints or frames: each is known at the times it was
+/// told, and between them unless they are too far apart.
+class TrackRows : public McapRows {
+ public:
+  using McapRows::McapRows;
+
+  Got next() override;
+  void go_to(const RowMark& mark) override;
+
+ protected:
+  using Values = std::array<double, 7>;
+  struct Sample {
+    std::int64_t time_ns = 0;
+    Values values = {};
+  };
+  struct Track {
+    std::string what;         ///< "frame 'base'"
+    bool makes_rows = false;  ///< at each of its times
+    bool tells_gaps = false;  ///< where it makes none for too long
+    McapTimes times;
+    std::int64_t usual_ns = kLatest_ns;  ///< time from one of its samples to the next
+    std::vector<std::uint32_t> streams;
+    std::deque<Sample> samples;  ///< from the last one up to the row on
+
+    std::int64_t most_ns() const;      ///< between two samples
+    std::int64_t most_end_ns() const;  ///< between a row and its first sample after, or last before
+  };
+
+  void add_track(std::string what, bool makes_rows);
+  /// Adds a stream to a track. @param i of tracks_
+  void add_stream(std::size_t i, std::uint32_t stream);
+  /// Puts an entry's values into tracks. @throw LineError if it can't be
+  virtual void take(const McapEntry& entry) = 0;
+  /// Says what a thing does from one sample to the next. @param s 0 to 1
+  virtual Values between(const Track& track, const Values& a, const Values& b, double s) const = 0;
+
+  /// Is something else said of it at that time? @throw LineError then
+  void check_same(const Track& track, std::int64_t time_ns, const double* values,
+                  std::size_t n) const;
+  /// Adds a sample, and a row if it makes one.
+  void put(Track& track, const McapPlace& place, const double* values, std::size_t n);
+  /// @throw LineError if it isn't known at the row's time
+  Values at_row(Track& track) const;
+
+  std::vector<Track> tracks_;
+
+ private:
+  struct Fault {
+    std::int64_t time_ns = 0;
+    LineError why;
+  };
+  bool ready() const;
+  bool read_more();
+  void add_fault(std::int64_t time_ns, const std::string& why);
+  void find_early_end();
+  McapTimes row_times() const;
+
+  std::deque<McapPlace> waiting_;  // rows
+  std::deque<Fault> faults_;       // what is wrong before them
+  std::int64_t newest_ns_ = -kLatest_ns;
+  std::optional<McapPlace> from_;  // rows before it are passed over
+  bool ended_ = false, looked_at_end_ = false;
+};
+
+std::unique_ptr<RowSource> mcap_joint_rows(const MotionSource& source,
+                                           const std::shared_ptr<const McapFacts>& facts,
+                                           const Chain& chain);
+std::unique_ptr<RowSource> mcap_tf_rows(const MotionSource& source,
+                                        const std::shared_ptr<const McapFacts>& facts);
 
 }  // namespace soilvdb::inline v0::io

@@ -44,7 +44,7 @@ Angles::Angles(const std::vector<std::string>& names, const std::optional<Chain>
   }
   std::size_t at = 0;
   for (const Joint& joint : chain->joints) {
-    if (joint.type == Joint::Type::kFixed) continue;
+    if (!joint.moves_itself()) continue;
     ++at;
     if (joint.type != Joint::Type::kPrismatic)
       angles_.push_back({at, joint.name, !has_stops(joint)});

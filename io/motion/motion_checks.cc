@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kMaxTimeS = 1e11;             // seconds since 1970 are fine, milliseconds are not
 constexpr double kQuaternionTolerance = 0.01;  // two decimals; more is no rotation
-constexpr double kLimitTolerance = 1e-6;       // rounding of decimal input, rad or m
+constexpr double kDecimalTolerance = 1e-6;     // rounding of decimal input, rad or m
 // No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
 // clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
 constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
@@ -65,13 +65,13 @@ std::string joint_speed_fault(const Joint& joint, double moved, double after_s, 
       joint.name, turns ? "turns" : "moves", moved, unit, after_s, noun, joint.fastest, unit);
 }
 
-std::string wrap_fault(const Joint& joint, double before, double value, double after_s,
-                       AngleUnit unit) {
+std::string wrap_fault(const Joint& joint, double before, double value, double after_s) {
   if (!may_wrap(joint) || !wraps(value - before, after_s)) return {};
   const double on = before + std::remainder(value - before, kTurn);
-  return fmt::format("joint {} wraps from {} to {} {}; it must go on past a whole turn, to {}",
-                     joint.name, angle_text(before, unit), angle_text(value, unit), unit_name(unit),
-                     angle_text(on, unit));
+  return fmt::format(
+      "joint {} wraps from {:.4g} to {:.4g} rad; it must go on past a whole turn, "
+      "to {:.4g}",
+      joint.name, before, value, on);
 }
 
 /// What one joint does in however long it takes.
@@ -106,7 +106,7 @@ std::string limit_fault(const Joint& joint, double value, AngleUnit unit, const 
 std::string first_fault(const Chain& chain, const auto& look) {
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
-    if (joint.type == Joint::Type::kFixed) continue;
+    if (!joint.moves_itself()) continue;
     if (std::string why = look(joint, i++); !why.empty()) return why;
   }
   return {};
@@ -194,16 +194,36 @@ void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, do
 }
 
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
-                  const std::vector<double>& row, AngleUnit unit) {
+                  const std::vector<double>& row) {
   const double after_s = row[0] - before[0];
   fail_if(lines, first_fault(chain, [&](const Joint& joint, std::size_t i) {
             const double from = before[i + 1], to = row[i + 1];
             std::string why = far_fault(joint, to - from, "row");
-            if (!why.empty()) return why;
-            if (std::string wrap = wrap_fault(joint, from, to, after_s, unit); !wrap.empty())
-              throw InputError(lines.file(), lines.number(), wrap);
-            return joint_fault(joint, from, to, after_s, "row");
+            return why.empty() ? joint_fault(joint, from, to, after_s, "row") : why;
           }));
+}
+
+bool same_values(std::span<const double> a, std::span<const double> b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](double x, double y) { return std::abs(x - y) <= kDecimalTolerance; });
+}
+
+void go_on_past_turns(const Chain& chain, const std::vector<double>& before,
+                      std::vector<double>& row, std::vector<int>& turns) {
+  const double after_s = row[0] - before[0];
+  std::size_t i = 0;
+  for (const Joint& joint : chain.joints) {
+    if (!joint.moves_itself()) continue;
+    ++i;
+    if (!may_wrap(joint)) continue;
+    turns.resize(row.size() - 1);
+    int& made = turns[i - 1];
+    const double as_read = row[i];
+    row[i] = as_read + made * kTurn;
+    if (!wraps(row[i] - before[i], after_s)) continue;
+    made += row[i] > before[i] ? -1 : 1;
+    row[i] = as_read + made * kTurn;
+  }
 }
 
 std::string state_fault(const Chain& chain, std::span<const double> joints) {
@@ -216,7 +236,7 @@ std::string state_fault(const Chain& chain, std::span<const double> before,
                         std::span<const double> joints, double after_s) {
   return first_fault(chain, [&](const Joint& joint, std::size_t i) {
     std::string why = far_fault(joint, joints[i] - before[i], "state");
-    if (why.empty()) why = wrap_fault(joint, before[i], joints[i], after_s, AngleUnit::kRadians);
+    if (why.empty()) why = wrap_fault(joint, before[i], joints[i], after_s);
     return why.empty() ? joint_fault(joint, before[i], joints[i], after_s, "state") : why;
   });
 }
@@ -227,20 +247,20 @@ std::string state_fault(const Pose& before, const Pose& pose, double after_s) {
 
 JointLimits::JointLimits(const Chain& chain) {
   for (const Joint& joint : chain.joints) {
-    if (joint.type != Joint::Type::kFixed) joints_.push_back({joint});
+    if (joint.moves_itself()) joints_.push_back({joint});
   }
 }
 
-void JointLimits::row(const std::vector<double>& v, long line) {
+void JointLimits::row(const std::vector<double>& v, const std::vector<int>& turns_made, long line) {
   for (std::size_t i = 0; i < joints_.size(); ++i) {
     auto& [joint, rows, first, before, turns, first_turn] = joints_[i];
     if (may_wrap(joint) && std::abs(v[i + 1] - before) > kTurn / 2 && turns++ == 0)
       first_turn = line;
     before = v[i + 1];
     if (joint.type == Joint::Type::kContinuous || joint.lower == joint.upper) continue;
-    if (v[i + 1] >= joint.lower - kLimitTolerance && v[i + 1] <= joint.upper + kLimitTolerance) {
+    const double as_read = v[i + 1] - (turns_made.empty() ? 0 : turns_made[i] * kTurn);
+    if (as_read >= joint.lower - kDecimalTolerance && as_read <= joint.upper + kDecimalTolerance)
       continue;
-    }
     if (rows++ == 0) first = line;
   }
 }

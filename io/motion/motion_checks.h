@@ -16,8 +16,7 @@
 
 namespace soilvdb::inline v0::io {
 
-// All throw LineError naming the line that `lines` is at; of a joint that wraps, InputError, since
-// there leaving rows out would be wrong.
+// All throw LineError naming the line that `lines` is at.
 
 /// The number in a field of column `name`, one that a sensor could have sent.
 double row_number(const RowPlace& lines, const std::string& name, std::string_view field);
@@ -34,9 +33,17 @@ void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<d
 
 /// Refuses a pose that no bucket reaches in that time, or a joint's value that no joint does.
 void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s);
-/// @param before the time, then the joints; so is `row` @param unit of the file
+/// @param before the time, then the joints; so is `row`
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
-                  const std::vector<double>& row, AngleUnit unit);
+                  const std::vector<double>& row);
+
+/// Do two rows, or parts of them, say the same but for rounding?
+bool same_values(std::span<const double> a, std::span<const double> b);
+
+/// Has joints that wrap go on past a whole turn. @param before as above @param row the same as its
+/// file has it @param turns that each joint has made by wrapping before; then, with this row
+void go_on_past_turns(const Chain& chain, const std::vector<double>& before,
+                      std::vector<double>& row, std::vector<int>& turns);
 
 /// The same of states of a machine as they come: what can't be and what would be right, in radians;
 /// empty if it can. @param joints rad or m, one for each movable joint
@@ -50,8 +57,8 @@ std::string state_fault(const Pose& before, const Pose& pose, double after_s);
 class JointLimits {
  public:
   explicit JointLimits(const Chain& chain);
-  /// @param v the time, then the joints
-  void row(const std::vector<double>& v, long line);
+  /// @param v the time, then the joints @param turns as go_on_past_turns() has them
+  void row(const std::vector<double>& v, const std::vector<int>& turns, long line);
   void warn(const RowPlace& place, std::vector<std::string>& warnings) const;
 
  private:

@@ -37,18 +37,19 @@ struct MotionReader::State {
   /// Goes on to the next good row. @return false at the end of the file
   bool advance() {
     while (true) {
-      const RowMark mark = rows->mark();
       try {
         compared = false;
         const RowSource::Got got = rows->next();
         if (got == RowSource::Got::kEnd) return false;
         if (got == RowSource::Got::kBlank) {
-          if (blanks++ == 0) blank = mark;
+          if (blanks++ == 0) blank = rows->mark();
           continue;
         }
         if (blanks > 0) refuse_blanks();
-        take();
-        at = mark;
+        if (!take()) continue;
+        at = rows->mark();
+        at.turns = turns;
+        at_file = rows->place().file();
         at_odds = 0;
         ++good;
         return true;
@@ -60,26 +61,37 @@ struct MotionReader::State {
           if (++at_odds > most_at_odds) {
             most_at_odds = at_odds;
             bad.at_odds_with = at.line();
+            bad.at_odds_in = at_file;
           }
           if (at_odds > std::max(good, bad.outnumbering)) {
             bad.outnumbering = at_odds;
             bad.outnumbered = at.line();
+            bad.outnumbered_in = at_file;
           }
         }
-      } catch (const InputError&) {  // of a joint that wraps, as degrees seem to
-        angles.check(file);
-        throw;
       }
     }
   }
 
   /// Makes a row that was read the one it is at. @throw LineError; then it stays where it is
-  void take() {
+  /// @return false if it says the same as that one once more
+  bool take() {
     const RowPlace& place = rows->place();
     rows->values(fresh);
     angles.row(fresh, place.number());
-    if (chain) check_limits(place, *chain, fresh, unit);
+    if (chain) {
+      check_limits(place, *chain, fresh, unit);
+      fresh_turns = turns;
+      go_on_past_turns(*chain, first ? fresh : row, fresh, fresh_turns);
+    }
+    if (!first && fresh[0] == row[0] && same_values(fresh, row)) return false;
     compared = !first;
+    if (!first && fresh[0] == row[0]) {
+      place.fail(
+          fmt::format("time {} doesn't come after {} in the row before, and other values differ; "
+                      "two rows of one time must be the same",
+                      printable(rows->time_text()), printable(time_text)));
+    }
     if (!first && !(fresh[0] > row[0])) {
       place.fail(
           fmt::format("time {} doesn't come after {} in the row before; times must strictly "
@@ -87,8 +99,9 @@ struct MotionReader::State {
                       printable(rows->time_text()), printable(time_text)));
     }
     if (chain) {
-      if (!first) check_joints(place, *chain, row, fresh, unit);
-      limits.row(fresh, place.number());
+      if (!first) check_joints(place, *chain, row, fresh);
+      limits.row(fresh, fresh_turns, place.number());
+      std::swap(turns, fresh_turns);
     } else {
       const Pose to = row_pose(place, fresh, columns.quaternion);
       if (!first) check_poses(place, pose, to, fresh[0] - row[0]);
@@ -98,6 +111,7 @@ struct MotionReader::State {
     time_text = rows->time_text();
     hash = rows->hash();
     first = false;
+    return true;
   }
 
   void refuse_blanks() {
@@ -118,19 +132,21 @@ struct MotionReader::State {
   const Columns& columns;
   JointLimits limits;
   Angles angles;
-  std::vector<double> row, fresh;  // the row it is at, and scratch
-  Pose pose;                       // of the row, where there is no chain
-  std::string time_text;           // of the row
-  RowMark at;                      // of the row
-  std::size_t hash = 0;            // of the row
-  std::size_t digest = 0;          // of the rows of the last part
-  bool first = true;               // it is at no row yet
-  RowMark blank;                   // the first of the blank lines since the row
-  std::int64_t blanks = 0;         // so many
-  bool compared = false;           // the line it looks at with the row
-  std::int64_t at_odds = 0;        // rows since the row that can't come after it,
-  std::int64_t most_at_odds = 0;   // and the most there were of them
-  std::int64_t good = 0;           // rows so far
+  std::vector<double> row, fresh;       // the row it is at, and scratch
+  Pose pose;                            // of the row, where there is no chain
+  std::string time_text;                // of the row
+  RowMark at;                           // of the row
+  std::filesystem::path at_file;        // of several
+  std::vector<int> turns, fresh_turns;  // of joints that wrap, up to the row; scratch
+  std::size_t hash = 0;                 // of the row
+  std::size_t digest = 0;               // of the rows of the last part
+  bool first = true;                    // it is at no row yet
+  RowMark blank;                        // the first of the blank lines since the row
+  std::int64_t blanks = 0;              // so many
+  bool compared = false;                // the line it looks at with the row
+  std::int64_t at_odds = 0;             // rows since the row that can't come after it,
+  std::int64_t most_at_odds = 0;        // and the most there were of them
+  std::int64_t good = 0;                // rows so far
   BadRows bad;
 };
 
@@ -151,6 +167,7 @@ std::int64_t MotionReader::bytes_read() const { return state_->rows->bytes_read(
 
 void MotionReader::go_to(const RowMark& mark) {
   state_->rows->go_to(mark);
+  state_->turns = mark.turns;
   state_->first = true;
   state_->blanks = 0;
   if (!state_->advance()) throw InputError(state_->file, mark.line(), "is not there any more");

@@ -59,7 +59,7 @@ void MotionFile::check_odds() const {
   const std::int64_t all = rows_ + bad_rows_.count;
   if (bad_rows_.at_odds > 0 && 2 * bad_rows_.at_odds >= all) {
     throw InputError(
-        file(), bad_rows_.at_odds_with,
+        bad_rows_.at_odds_in, bad_rows_.at_odds_with,
         fmt::format("{} of the {} rows contradict the good ones before them, this one above all "
                     "(first: {}); mend or delete what is wrong{}",
                     bad_rows_.at_odds, all, bad_rows_.first,
@@ -67,7 +67,7 @@ void MotionFile::check_odds() const {
   }
   if (stop_ && bad_rows_.outnumbering > 0) {
     throw InputError(
-        file(), bad_rows_.outnumbered,
+        bad_rows_.outnumbered_in, bad_rows_.outnumbered,
         fmt::format("the {} rows after this one contradict it, and fewer good ones come up to it "
                     "(first: {}); mend or delete what is wrong",
                     bad_rows_.outnumbering, bad_rows_.first));

@@ -32,7 +32,7 @@ class RowSource {
   virtual std::string time_text() const = 0;  ///< of that row
   virtual std::size_t hash() const = 0;       ///< of all that the row says
 
-  virtual RowMark mark() const = 0;  ///< of the row that comes next
+  virtual RowMark mark() const = 0;  ///< of that row
   virtual void go_to(const RowMark& mark) = 0;
   virtual std::int64_t bytes_read() const = 0;
 
@@ -44,7 +44,7 @@ class RowSource {
 /// Of a CSV file. @throw InputError if its head is none of a motion, as the other does
 std::unique_ptr<RowSource> csv_rows(const std::filesystem::path& file,
                                     const std::optional<Chain>& chain);
-/// Of an MCAP file. @throw InputError if that holds no such motion
+/// Of MCAP files. @throw InputError if they hold no such motion
 std::unique_ptr<RowSource> mcap_rows(const MotionSource& source, const std::optional<Chain>& chain);
 
 }  // namespace soilvdb::inline v0::io

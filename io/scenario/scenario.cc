@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "io/file/text.h"
+#include "io/motion/mcap_files.h"
 #include "io/scenario/earthmoving.h"
 #include "io/scenario/yaml_map.h"
 #include "soilvdb/io/urdf.h"
@@ -117,7 +118,7 @@ Pose read_pose(const YamlMap& map) {
   return pose;
 }
 
-std::optional<Chain> read_machine_chain(const YamlMap& machine) {
+std::optional<Chain> read_machine_chain(const YamlMap& machine, Scenario& result) {
   if (!machine.has("urdf")) {
     for (const char* key : {"base", "lip"}) {
       if (machine.has(key)) {
@@ -138,6 +139,11 @@ std::optional<Chain> read_machine_chain(const YamlMap& machine) {
     chain = read_chain(file, lip.text("link"));
   } catch (const std::invalid_argument& e) {
     lip.fail("link", e.what());
+  }
+  if (const std::string doubt = limits_in_degrees(chain); !doubt.empty()) {
+    const std::string warning = file.string() + ": " + doubt;
+    if (std::find(result.warnings.begin(), result.warnings.end(), warning) == result.warnings.end())
+      result.warnings.push_back(warning);
   }
   chain.link_from_bucket = read_pose(lip);
   if (machine.has("base")) chain.world_from_root = read_pose(machine.map("base", {"xyz", "rpy"}));
@@ -197,17 +203,38 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
 }
 
-/// A CSV file, or what of an MCAP file.
+/// A CSV file, or what of MCAP files.
 MotionSource read_motion_source(const YamlMap& machine) {
-  if (!machine.is_map("motion")) return read_path(machine, "motion");
+  if (!machine.is_map("motion")) {
+    const std::filesystem::path path = machine.path("motion");
+    if (std::filesystem::is_directory(path))
+      machine.fail("motion", fmt::format("motion: {}: is a folder; name a file, or say which topic "
+                                         "of the .mcap files in it: 'motion: {{mcap: FOLDER, "
+                                         "topic: /joint_states}}'",
+                                         path.string()));
+    return read_path(machine, "motion");
+  }
   const YamlMap map = machine.map("motion", {"mcap", "topic", "frame", "parent"});
-  McapTopic topic{map.text("topic"), map.has("frame") ? map.text("frame") : "",
+  std::vector<std::string> topics = map.texts("topic");
+  McapTopic topic{topics.front(), map.has("frame") ? map.text("frame") : "",
                   map.has("parent") ? map.text("parent") : ""};
+  topic.more_topics.assign(topics.begin() + 1, topics.end());
   if (map.has("parent") && !map.has("frame"))
     map.fail("parent",
              "'parent' goes with 'frame', the bucket's, which is seen from there; add "
              "that, or remove 'parent'");
-  return {read_path(map, "mcap"), std::move(topic)};
+  std::vector<std::filesystem::path> files;
+  for (const auto& path : map.paths("mcap")) {
+    try {
+      const auto some = mcap_files(path);
+      files.insert(files.end(), some.begin(), some.end());
+    } catch (const InputError& e) {
+      map.fail("mcap", fmt::format("mcap: {}", e.what()));
+    }
+  }
+  MotionSource source(files.front(), std::move(topic));
+  source.more_files.assign(files.begin() + 1, files.end());
+  return source;
 }
 
 /// A machine's section of a scenario, all but the rows of its motion.
@@ -220,6 +247,13 @@ struct Section {
   OnBadRow on_bad_row = OnBadRow::kStop;
 };
 
+/// Adds the files of a motion; several machines may be in one.
+void add_inputs(const MotionSource& motion, Scenario& result) {
+  for (const auto& file : motion.files())
+    if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
+      result.inputs.push_back(file);
+}
+
 std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Scenario& result,
                                    Names& names) {
   std::vector<Section> sections;
@@ -230,13 +264,11 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
     const std::string name = names.take(machine, "machine");
     const Bucket bucket = read_bucket(machine, result.soil.has_value());
     warn_if_never_dumps(machine, name, bucket, result);
-    sections.push_back({name, bucket, read_machine_chain(machine), std::nullopt,
+    sections.push_back({name, bucket, read_machine_chain(machine, result), std::nullopt,
                         read_angle_unit(machine), read_on_bad_row(machine)});
     if (motions == Motions::kRequired || machine.has("motion")) {
       sections.back().motion = read_motion_source(machine);
-      const std::filesystem::path& file = sections.back().motion->file;
-      if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
-        result.inputs.push_back(file);  // several machines may be in one
+      add_inputs(*sections.back().motion, result);
     } else {
       for (const char* key : {"angles", "bad_rows"})
         if (machine.has(key))
@@ -283,22 +315,21 @@ Scenario read(const std::filesystem::path& file, const ReadProgress& progress, M
   for (Section& section : sections) {
     if (!moving || std::find(moving->begin(), moving->end(), section.name) != moving->end())
       continue;
-    std::erase(scenario.inputs, section.motion->file);
+    for (const auto& path : section.motion->files()) std::erase(scenario.inputs, path);
     section.motion.reset();
   }
-  for (const Section& section : sections) {  // several may be in one file
-    if (section.motion && std::find(scenario.inputs.begin(), scenario.inputs.end(),
-                                    section.motion->file) == scenario.inputs.end())
-      scenario.inputs.push_back(section.motion->file);
-  }
+  for (const Section& section : sections)
+    if (section.motion) add_inputs(*section.motion, scenario);
   read_pours(map, scenario, names);
   read_hoppers(map, scenario, names);
 
   std::int64_t done = 0, total = 0;
   const auto size = [](const Section& section) {
-    return section.motion
-               ? static_cast<std::int64_t>(std::filesystem::file_size(section.motion->file))
-               : 0;
+    std::int64_t bytes = 0;
+    if (section.motion)
+      for (const auto& path : section.motion->files())
+        bytes += static_cast<std::int64_t>(std::filesystem::file_size(path));
+    return bytes;
   };
   for (const Section& section : sections) total += size(section);
   for (const Section& section : sections) {

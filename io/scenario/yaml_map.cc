@@ -107,6 +107,19 @@ std::string YamlMap::text(const std::string& key) const {
   return node.Scalar();
 }
 
+std::vector<std::string> YamlMap::texts(const std::string& key) const {
+  const YAML::Node node = at(key);
+  if (!node.IsSequence()) return {text(key)};
+  if (node.size() == 0) fail(node, fmt::format("{} is an empty list; it must have an entry", key));
+  std::vector<std::string> all;
+  for (const YAML::Node& entry : node) {
+    if (!entry.IsScalar() || entry.Scalar().empty())
+      fail(entry, fmt::format("{} has an entry that is no text; each must be text", key));
+    all.push_back(entry.Scalar());
+  }
+  return all;
+}
+
 std::string YamlMap::name(const std::string& key) const {
   const std::string value = text(key);
   try {
@@ -118,9 +131,17 @@ std::string YamlMap::name(const std::string& key) const {
 }
 
 std::filesystem::path YamlMap::path(const std::string& key) const {
-  const std::string value = text(key);
-  if (value.find('\0') != value.npos) fail(key, key + " has a zero character; it must be a path");
-  return file_.parent_path() / value;
+  text(key);  // not a list
+  return paths(key).front();
+}
+
+std::vector<std::filesystem::path> YamlMap::paths(const std::string& key) const {
+  std::vector<std::filesystem::path> all;
+  for (const std::string& value : texts(key)) {
+    if (value.find('\0') != value.npos) fail(key, key + " has a zero character; it must be a path");
+    all.push_back(file_.parent_path() / value);
+  }
+  return all;
 }
 
 double YamlMap::number(const YAML::Node& node, const std::string& name) const {

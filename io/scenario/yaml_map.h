@@ -34,10 +34,13 @@ class YamlMap {
   std::vector<YamlMap> maps(const std::string& key, const std::string& what,
                             std::vector<std::string> known) const;
   std::string text(const std::string& key) const;
+  /// One text, or those of a list of one or more.
+  std::vector<std::string> texts(const std::string& key) const;
   /// One line fit for the name of a file.
   std::string name(const std::string& key) const;
   /// A path, made relative to where the YAML file is.
   std::filesystem::path path(const std::string& key) const;
+  std::vector<std::filesystem::path> paths(const std::string& key) const;  ///< as texts()
   double number(const std::string& key) const;
   double number(const std::string& key, double least, double most, const char* unit) const;
   std::size_t count(const std::string& key, std::size_t least, std::size_t most) const;

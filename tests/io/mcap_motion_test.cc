@@ -242,8 +242,8 @@ TEST_F(McapMotion, SaysWhatIsMissingAndWhatIsThere) {
                          "string:/rosout:poses.csv pose:/lip:poses.csv");
   EXPECT_EQ(
       error({file, {"/joint_states"}}, two_joints()),
-      "m.mcap:1: has no position of joint 'stick'; a message with one of the machine's joints "
-      "must have all: 'boom' and 'stick'");
+      "m.mcap: no message of topic '/joint_states' has joint 'stick'; the machine needs 'boom' and "
+      "'stick', which may be of several topics: 'topic: [/a, /b]'");
   EXPECT_EQ(error({file, {"/wheels"}}, two_joints()),
             "m.mcap: no message of topic '/wheels' has a joint of the machine: 'boom' and 'stick'; "
             "they have 'wheel'");

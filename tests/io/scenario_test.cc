@@ -258,5 +258,26 @@ TEST_F(ScenarioFile, BombsAreRefusedQuickly) {
             "s.yaml: is larger than 16 MB; is it the right file?");
 }
 
+TEST_F(ScenarioFile, LimitsOfAUrdfThatLookLikeDegreesAreWarnedOfOnce) {
+  std::string urdf = kUrdf;
+  urdf.replace(urdf.find("lower=\"-1\""), 10, "lower=\"-57\"");
+  folder_.write("m.urdf", urdf);
+  std::string text =
+      with(13, "    motion: joints.csv\n    urdf: m.urdf\n    lip: {link: bucket_link}");
+  std::string second =
+      text.substr(text.find("  - name"), text.find("output:") - text.find("  - name"));
+  second.replace(second.find("digger"), 6, "other");
+  text.insert(text.find("output:"), second);
+  const Scenario scenario = read(text);
+  EXPECT_EQ(std::count_if(scenario.warnings.begin(), scenario.warnings.end(),
+                          [](const std::string& warning) {
+                            return warning.ends_with(
+                                "m.urdf: limits of joint 'boom' are beyond a "
+                                "turn (first: -57 to 1): they look like "
+                                "degrees, and a urdf has radians");
+                          }),
+            1);
+}
+
 }  // namespace scenario_test
 }  // namespace soilvdb::io

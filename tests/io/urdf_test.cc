@@ -136,10 +136,52 @@ TEST_F(Urdf, JointsThatCantBeDrivenByOneNumber) {
   EXPECT_EQ(
       of_type("planar"),
       "m.urdf:10: joint 'turn' is planar; it must be fixed, revolute, continuous or prismatic");
-  EXPECT_EQ(error(machine(R"(<joint name="turn" type="continuous"><parent link="b"/>
-      <child link="c"/><mimic joint="slide"/></joint>)")),
-            "m.urdf:10: joint 'turn' mimics joint 'slide', which is not supported; make it a joint "
-            "of its own with its own column in the motion");
+}
+
+TEST_F(Urdf, JointsThatMimicOthersFollowThem) {
+  const auto link = [](const std::string& name) { return "<link name=\"" + name + "\"/>"; };
+  const auto slide = [](const std::string& name, const std::string& parent,
+                        const std::string& child, const std::string& mimic) {
+    return "<joint name=\"" + name + "\" type=\"prismatic\"><parent link=\"" + parent +
+           "\"/><child link=\"" + child + "\"/><axis xyz=\"1 0 0\"/>" +
+           "<limit lower=\"0\" upper=\"9\" effort=\"1\" velocity=\"1\"/>" + mimic + "</joint>\n";
+  };
+  // A boom of three stages: the second goes half as far as the first, the third follows that; and
+  // a tip that follows a cylinder beside the way.
+  const std::string robot =
+      "<robot name=\"m\">" + link("a") + link("b") + link("c") + link("d") + link("e") + link("f") +
+      "\n" + slide("first", "a", "b", "") +
+      slide("second", "b", "c", R"(<mimic joint="first" multiplier="0.5" offset="0.1"/>)") +
+      slide("third", "c", "d", R"(<mimic joint="second" multiplier="2"/>)") +
+      slide("tip", "d", "e", R"(<mimic joint="cylinder" multiplier="-1" offset="3"/>)") +
+      slide("cylinder", "a", "f", "") + "</robot>";
+  const Chain chain = read_chain(folder_.write("m.urdf", robot), "e");
+  EXPECT_EQ(chain.movable(), (std::vector<std::string>{"first", "cylinder"}));
+  for (const double first : {0.0, 1.0, 2.5}) {
+    const double second = 0.5 * first + 0.1, third = 2 * second, tip = 3 - 0.4;
+    EXPECT_NEAR(chain.world_from_bucket(std::vector<double>{first, 0.4}).position.x(),
+                first + second + third + tip, 1e-12);
+  }
+  const auto mimics = [&](const std::string& name) {
+    return error("<robot name=\"m\">" + link("a") + link("b") + "\n" +
+                     slide("boom", "a", "b", "<mimic joint=\"" + name + "\"/>") + "</robot>",
+                 "b");
+  };
+  EXPECT_EQ(mimics("bom"),
+            "m.urdf:2: joint 'boom' mimics joint 'bom', which is not there; did you mean 'boom'?");
+  EXPECT_EQ(mimics("boom"), "m.urdf:2: joint 'boom' mimics itself, through other joints");
+}
+
+TEST_F(Urdf, LimitsFarBeyondATurnLookLikeDegrees) {
+  Chain chain;
+  chain.joints = {{"swing", Joint::Type::kRevolute, {}, Vec3::UnitZ(), -6.28, 6.28},
+                  {"slide", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 12}};
+  EXPECT_EQ(limits_in_degrees(chain), "");
+  chain.joints.push_back({"boom", Joint::Type::kRevolute, {}, Vec3::UnitY(), -45, 60});
+  chain.joints.push_back({"stick", Joint::Type::kRevolute, {}, Vec3::UnitY(), 0, 7});
+  EXPECT_EQ(limits_in_degrees(chain),
+            "limits of joints 'boom' and 'stick' are beyond a turn (first: -45 to 60): they look "
+            "like degrees, and a urdf has radians");
 }
 
 TEST_F(Urdf, AxesAndLimitsWithoutSense) {

@@ -108,7 +108,7 @@ void refuse_parts(const fs::path& folder) {
 std::map<std::string, std::string> fingerprints(const io::Scenario& scenario) {
   std::map<std::string, std::string> all;
   for (const fs::path& file : input_files(scenario)) {
-    const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
+    const auto moves = [&](const io::MachineInput& m) { return m.motion.is_from(file); };
     if (file != scenario.file &&
         std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
       all[file.string()] = io::file_fingerprint(file);

@@ -87,7 +87,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
     inputs.push_back({{"relative", relative_as_given(file, *options.out).string()},
                       {"resolved", fs::proximate(file, *options.out).string()},
                       {"absolute", fs::absolute(file).lexically_normal().string()}});
-    const auto moves = [&](const io::MachineInput& m) { return m.motion.file() == file; };
+    const auto moves = [&](const io::MachineInput& m) { return m.motion.is_from(file); };
     if (file == scenario.file)
       inputs.back()["values"] = io::scenario_values(file);
     else if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))

@@ -20,9 +20,18 @@ struct Joint {
   Vec3 axis = Vec3::UnitX();    ///< unit, in the joint frame
   double lower = 0, upper = 0;  ///< rad or m; equal values mean no limit
   double fastest = 0;           ///< rad/s or m/s; 0 means no limit
+  /// The joint that it follows, at `multiplier` times that one's value plus `offset` (rad or m);
+  /// empty: it follows none. Both are of one chain.
+  std::string mimics = {};
+  double multiplier = 1, offset = 0;
+  bool beside = false;  ///< it is not on the way to the lip: only joints that follow it move that
+
+  /// Has it a value of its own?
+  bool moves_itself() const { return type != Type::kFixed && mimics.empty(); }
 };
 
-/// A serial chain. Joint values come in the order of the movable joints (all but the fixed ones).
+/// A serial chain. Joint values come in the order of the movable joints: all but the fixed ones and
+/// those that follow others.
 struct Chain {
   Pose world_from_root;
   std::vector<Joint> joints;  ///< root to lip link

@@ -21,14 +21,14 @@ struct LineError : InputError {
   using InputError::InputError;
 };
 
-/// Where rows of a motion begin: bytes and lines before them. In an MCAP file they are messages
-/// instead of lines, of a chunk of them maybe.
+/// Where rows of a motion begin: bytes and lines before them. Of MCAP files: the row's stamp in
+/// nanoseconds, and the messages before the row's own.
 struct RowMark {
   std::int64_t bytes = 0;
   long lines = 0;
-  std::int64_t within = 0;                                  ///< the chunk's content
-  long after = 0;                                           ///< so many lines say nothing new
-  long line() const { return std::max(lines, after) + 1; }  ///< the number of the next one
+  std::uint32_t file = 0, item = 0;        ///< of several files; of a message
+  std::vector<int> turns = {};             ///< that joints which wrap have made, if any does
+  long line() const { return lines + 1; }  ///< the number of the next one
 };
 
 /// The line, or message, of a file that is being looked at.
@@ -47,10 +47,10 @@ class RowPlace {
   }
 
  protected:
+  std::filesystem::path file_;
   long number_ = 0;
 
  private:
-  std::filesystem::path file_;
   const char* noun_;
 };
 

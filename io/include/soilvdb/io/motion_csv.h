@@ -25,19 +25,22 @@ struct MotionInput {
 };
 
 /// Rows that can't be what a machine did: fields missing, too many or no numbers; numbers no site
-/// and no sensor has; times that don't increase; a joint beyond its limits by more than 0.1 rad or
-/// m; a bucket or joint faster than any machine's since the last good row, or a joint more than
-/// twice as fast as its URDF has it.
+/// and no sensor has; times that don't increase, but for a row that is there twice; a joint beyond
+/// its limits by more than 0.1 rad or m; a bucket or joint faster than any machine's since the last
+/// good row, or a joint more than twice as fast as its URDF has it. Of MCAP files, too: a joint or
+/// frame that isn't known at the row's time.
 struct BadRows {
   std::int64_t count = 0;
   std::string first;             ///< "FILE:LINE: what is wrong and what would be right"
   std::optional<double> good_s;  ///< time of the last good row before it, if there is one
   std::int64_t at_odds = 0;      ///< rows that are bad only by what the good row before them says
   long at_odds_with = 0;  ///< the line of the row that most of them in a row are at odds with
+  std::filesystem::path at_odds_in;  ///< its file
   /// As many of them in a row as outnumber all good rows up to the one that they are at odds with,
   /// at that line; 0: there is none.
   std::int64_t outnumbering = 0;
   long outnumbered = 0;
+  std::filesystem::path outnumbered_in;
 };
 
 /// Reads `time` (s, strictly increasing) and, without a chain, x,y,z (m) with roll,pitch,yaw (rad,
@@ -46,8 +49,10 @@ struct BadRows {
 ///
 /// UTF-8 with or without a byte order mark, LF or CR LF line ends, spaces around commas, quoted
 /// fields, blank lines at the end. Columns it has no use for are skipped unread, with one warning.
-/// A row of an MCAP file is a message, its time that of the header's stamp, seconds since 1970; by
-/// transforms, a message that moves the frame. Those of other machines are passed over.
+/// A row of MCAP files is what messages of one stamp say, its time that of the header's stamp,
+/// seconds since 1970; by transforms, a message that moves the frame. Rows are in the order of
+/// their stamps, whatever order the files are in. Messages of other machines are passed over.
+/// A joint that may go all the way round and wraps goes on past a whole turn.
 /// @throw InputError naming file, line, what is wrong and what would be right; so does a bad row.
 MotionInput read_motion(const MotionSource& source, const std::optional<Chain>& chain,
                         AngleUnit angles = AngleUnit::kRadians);

@@ -3,6 +3,7 @@
 // A motion of any length in memory for a part of it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -49,6 +50,11 @@ class MotionFile {
   double begin_s() const { return begin_s_; }
   double end_s() const { return end_s_; }
   const std::filesystem::path& file() const { return source_.file; }  ///< empty: it has none
+  /// Is it one of the files that the motion is read from?
+  bool is_from(const std::filesystem::path& file) const {
+    const std::vector<std::filesystem::path> files = source_.files();
+    return std::find(files.begin(), files.end(), file) != files.end();
+  }
   /// Of its file, at the first row.
   MotionReader reader() const { return {source_, chain_, angles_}; }
   const BadRows& bad_rows() const { return bad_rows_; }

@@ -378,9 +378,13 @@ class Scene:
         names = [terrain[key] for key in ("raster", "level_set") if key in terrain]
         for machine in self._machines:
             motion = machine.get("motion")
-            names += [motion["mcap"] if isinstance(motion, dict) else motion, machine.get("urdf")]
+            files_of = motion["mcap"] if isinstance(motion, dict) else motion
+            names += files_of if isinstance(files_of, list) else [files_of]
+            names.append(machine.get("urdf"))
         beside = self._file.resolve().parent
-        files = [str(self._file), *(str(beside / name) for name in names if name)]
+        files = [str(self._file)]
+        for path in (beside / name for name in names if name):
+            files += map(str, sorted(path.glob("*.mcap")) if path.is_dir() else [path])
         return [(file, stat.st_mtime_ns, stat.st_size)
                 for file, stat in ((file, os.stat(file)) for file in files)]
 
@@ -392,7 +396,7 @@ def values_of(node: Any, key: str = "") -> Any:
     if isinstance(node, yaml.MappingNode):
         return {name.value: values_of(value, name.value) for name, value in node.value}
     if isinstance(node, yaml.SequenceNode):
-        return [values_of(each) for each in node.value]
+        return [values_of(each, key) for each in node.value]
     return node.value if key in TEXTS else scalar_of(node)
 
 
