@@ -13,6 +13,8 @@ namespace soilvdb::inline v0::io {
 std::string to_text(const nlohmann::json& json, int indent = -1);
 std::string to_text(const nlohmann::ordered_json& json, int indent = -1);
 
+bool is_utf8(std::string_view text);
+
 /// What a text says; a discarded value if it isn't JSON.
 nlohmann::json parse_json(std::string_view text);
 

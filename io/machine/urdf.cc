@@ -12,12 +12,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
 
+#include "io/file/json.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -26,14 +26,6 @@ namespace {
 using tinyxml2::XMLElement;
 
 constexpr std::size_t kMaxBytes = 16 << 20;
-
-bool is_utf8(std::string_view text) {
-  try {
-    return !nlohmann::json(text).dump().empty();
-  } catch (const nlohmann::json::type_error&) {
-    return false;
-  }
-}
 
 /// Refuses what isn't UTF-8: names go into messages and summaries, which are.
 void check_encoding(const std::filesystem::path& file, std::string_view text) {

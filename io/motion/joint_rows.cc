@@ -19,8 +19,8 @@ namespace {
 
 constexpr std::size_t kMostShown = 12;  // joints
 
-std::vector<std::uint32_t> streams_of(const McapFacts& facts,
-                                      const std::vector<std::string>& joints) {
+std::vector<std::uint32_t> joint_streams(const McapFacts& facts,
+                                         const std::vector<std::string>& joints) {
   std::vector<std::uint32_t> wanted;
   for (std::uint32_t i = 1; i < facts.streams.size(); ++i) {
     const std::vector<std::string> names = split_names(facts.streams[i].names);
@@ -35,7 +35,7 @@ class JointRows : public TrackRows {
  public:
   JointRows(const MotionSource& source, const std::shared_ptr<const McapFacts>& facts,
             const Chain& chain)
-      : TrackRows(source, facts, streams_of(*facts, chain.movable())) {
+      : TrackRows(source, facts, joint_streams(*facts, chain.movable())) {
     const std::vector<std::string> movable = chain.movable();
     columns_.names = {"time"};
     columns_.names.insert(columns_.names.end(), movable.begin(), movable.end());

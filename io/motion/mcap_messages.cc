@@ -19,7 +19,7 @@ std::int64_t read_stamp(CdrReader& cdr) {
   return s * kNsPerS + cdr.number<std::uint32_t>();
 }
 
-void read_pose(CdrReader& cdr, McapItem& item) {
+void read_item_pose(CdrReader& cdr, McapItem& item) {
   item.values.resize(kPoseNumbers);
   for (double& value : item.values) value = cdr.number<double>();
 }
@@ -42,7 +42,7 @@ void read_transform(CdrReader& cdr, McapItem& item) {
   const std::string_view parent = cdr.text(), child = cdr.text();
   item.names.assign(child).push_back('\0');
   item.names.append(parent).push_back('\0');
-  read_pose(cdr, item);
+  read_item_pose(cdr, item);
 }
 
 }  // namespace
@@ -73,7 +73,7 @@ void read_items(McapType type, std::string_view bytes, std::vector<McapItem>& it
       item.stamp_ns = read_stamp(cdr);
       item.names = cdr.text();
       if (type == McapType::kOdometry) cdr.text();  // whose pose it is
-      read_pose(cdr, item);
+      read_item_pose(cdr, item);
     }
   }
 }

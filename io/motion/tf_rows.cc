@@ -103,7 +103,7 @@ std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts)
   return links;
 }
 
-std::vector<std::uint32_t> streams_of(const std::vector<Link>& links) {
+std::vector<std::uint32_t> link_streams(const std::vector<Link>& links) {
   std::vector<std::uint32_t> streams;
   for (const Link& link : links)
     if (!link.fixed) streams.push_back(link.stream);
@@ -114,7 +114,7 @@ class TfRows : public TrackRows {
  public:
   TfRows(const MotionSource& source, const std::shared_ptr<const McapFacts>& facts,
          std::vector<Link> links)
-      : TrackRows(source, facts, streams_of(links)), links_(std::move(links)) {
+      : TrackRows(source, facts, link_streams(links)), links_(std::move(links)) {
     columns_.names = {"time", "x", "y", "z", "qx", "qy", "qz", "qw"};
     columns_.quaternion = true;
     for (const std::uint32_t stream : wanted_) {

@@ -65,9 +65,5 @@ class Sessions : public ::testing::TestWithParam<bool> {
   static SessionSite site() { return site_of(GetParam() ? moving() : Earthmoving{}); }
 };
 
-inline const auto kSoils = ::testing::Bool();
-inline std::string name_of_soil(const ::testing::TestParamInfo<bool>& given) {
-  return given.param ? "ThatMoves" : "ThatIsRigid";
-}
 
 }  // namespace soilvdb::test

@@ -20,8 +20,6 @@
 namespace soilvdb::test {
 namespace session_folder_test {
 
-INSTANTIATE_TEST_SUITE_P(Soil, Sessions, kSoils, name_of_soil);
-
 using test::TempFolder;
 
 Recording to(const fs::path& folder) { return {.folder = folder}; }

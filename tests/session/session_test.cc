@@ -21,7 +21,10 @@
 namespace soilvdb::test {
 namespace session_test {
 
-INSTANTIATE_TEST_SUITE_P(Soil, Sessions, kSoils, name_of_soil);
+// Those of the other files of this program as well.
+INSTANTIATE_TEST_SUITE_P(Soil, Sessions, ::testing::Bool(), [](const auto& given) {
+  return given.param ? "ThatMoves" : "ThatIsRigid";
+});
 
 /// A machine's states as one motion.
 Motion motion_of(std::size_t machine) {

@@ -103,7 +103,7 @@ void say_where(const Server& server) {
   std::fflush(stdout);
 }
 
-void look_at(const ServeOptions& options) {
+void show_past(const ServeOptions& options) {
   Opened opened = open_folder(options.scenario);
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
   ServerOptions all = server_options(options);
@@ -212,7 +212,7 @@ void serve(const ServeOptions& options) {
                          "a scenario");
   with_threads(0, [&](int) {
     if (fs::is_directory(options.scenario))
-      look_at(options);
+      show_past(options);
     else
       serve_live(options);
   });

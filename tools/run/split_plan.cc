@@ -63,24 +63,25 @@ std::int64_t SplitPlan::longest() const {
 
 std::string plan_text(const fs::path& folder, const SplitPlan& plan) {
   const RunOptions& options = plan.options;
-  Json json = {{"format", kFormat},       {"scenario", seen_from(folder, options.scenario)},
+  const auto name = [&](const fs::path& file) {
+    std::string text = seen_from(folder, file);
+    if (!io::is_utf8(text))
+      throw io::InputError(options.scenario,
+                           "can't be split: the path of it or of an input is no UTF-8 text; rename "
+                           "what isn't");
+    return text;
+  };
+  Json json = {{"format", kFormat},       {"scenario", name(options.scenario)},
                {"values", plan.values},   {"inputs", Json::object()},
                {"parts", plan.parts},     {"ends_s", plan.ends_s},
                {"windows", Json::array()}};
-  for (const auto& [file, checksum] : plan.inputs)
-    json["inputs"][seen_from(folder, file)] = checksum;
+  for (const auto& [file, checksum] : plan.inputs) json["inputs"][name(file)] = checksum;
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
   for (const SplitPlan::Window& window : plan.windows)
     json["windows"].push_back(window_json(window));
-  try {
-    return io::to_text(json, 1) + '\n';
-  } catch (const Json::exception&) {
-    throw io::InputError(options.scenario,
-                         "can't be split: the path of it or of an input is no UTF-8 text; rename "
-                         "what isn't");
-  }
+  return io::to_text(json, 1) + '\n';
 }
 
 void write_plan(const fs::path& folder, const SplitPlan& plan) {
