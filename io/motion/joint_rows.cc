@@ -17,7 +17,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMostShown = 12;  // joints
+constexpr std::size_t kMostJointsShown = 12;  // joints
 
 std::vector<std::uint32_t> joint_streams(const McapFacts& facts,
                                          const std::vector<std::string>& joints) {
@@ -99,7 +99,7 @@ class JointRows : public TrackRows {
     std::set<std::string> there;
     for (const McapStream& stream : facts_->streams)
       for (const std::string& name : split_names(stream.names))
-        if (there.size() < kMostShown) there.insert(printable(name));
+        if (there.size() < kMostJointsShown) there.insert(printable(name));
     const std::vector<std::string> others(there.begin(), there.end());
     throw InputError(
         source_.file,

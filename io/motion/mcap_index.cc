@@ -13,7 +13,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMostShown = 12;  // topics
+constexpr std::size_t kMostTopicsShown = 12;  // topics
 constexpr std::size_t kMostStreams = 100'000;
 constexpr std::size_t kMostStamps = 4096;  // of a stream, to know its usual interval by
 constexpr long kBlockMessages = 256;       // of a file without chunks
@@ -193,7 +193,7 @@ class Look {
     for (const McapFacts::File& file : facts_->files)
       for (const auto& [id, channel] : file.channels) topics.insert(printable(channel.topic));
     std::vector<std::string> shown(topics.begin(), topics.end());
-    if (shown.size() > kMostShown) shown.resize(kMostShown);
+    if (shown.size() > kMostTopicsShown) shown.resize(kMostTopicsShown);
     throw InputError(
         source_.file,
         fmt::format("has no message of {}; {}", topics_text(source_.mcap),

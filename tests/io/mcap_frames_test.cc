@@ -121,7 +121,7 @@ TEST_F(Frames, OffTheWayAreNoneOfTheBucketsBusiness) {
   EXPECT_EQ(all.times_s.size(), 61U);
   EXPECT_THAT(error(source(drive(always, always,
                                  [](Recording& r, double s) {
-                                   if (s > 4) r.transform(s, "odom", "base", {});
+                                   if (s > 4) r.transform(s, "odom", "base", Vec3::Zero());
                                  }))),
               HasSubstr("frame 'base' hangs on 'map', and on 'odom' later"));
 }

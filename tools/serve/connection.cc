@@ -142,7 +142,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const Request& request = parser_->get();
     close_after_ = !request.keep_alive();
     head_ = request.method() == http::verb::head;
-    std::string target = text(request.target());
+    std::string target = text_of(request.target());
     const std::string& base = state_.options.base_path;
     if (!base.empty() && target.starts_with(base + '/')) target.erase(0, base.size());
     const bool upgrade = websocket::is_upgrade(request);

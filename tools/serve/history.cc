@@ -23,8 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 /// The time in a snapshot's name: soil_12.5.vdb, or of several at one time soil_12.5_99.vdb.
 std::optional<double> snapshot_time(const std::string& name) {
   const std::size_t begin = name.find('_') + 1, end = name.find_first_of('_', begin);
@@ -40,7 +38,7 @@ class RecordedHistory : public History {
 
   Times times() override {
     if (!std::isfinite(times_.from_s)) {
-      const WorkLog all = log(kInfinity);
+      const WorkLog all = log(std::numeric_limits<double>::infinity());
       times_.from_s = all.from_s();
       times_.to_s = all.time_s();
     }
@@ -116,7 +114,7 @@ class RunHistory : public History {
 
 Opened opened(const std::string& name, const ChangeBefore& before,
               std::unique_ptr<History> history) {
-  const Past end = history->at(kInfinity);
+  const Past end = history->at(std::numeric_limits<double>::infinity());
   return {std::move(*end.site), *end.log, before, name, std::move(history)};
 }
 
