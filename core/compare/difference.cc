@@ -180,15 +180,13 @@ Difference difference(const Soil& before, const Soil& after, bool same_base) {
 }
 
 Difference difference(const Soil& before, const Soil& after, const std::vector<Vec2>& boundary) {
+  if (crosses_itself(boundary))
+    throw std::invalid_argument(
+        "the boundary crosses itself; its corners must be in order around what it encloses");
   const auto shift = lattice_shift(before, after);
   if (!shift) throw std::invalid_argument("soils of two lattices can't be compared in a boundary");
   Difference d = by_samples(Pair(before, after, *shift), &boundary);
-  double twice_m2 = 0;
-  for (std::size_t i = 0, j = boundary.size() - 1; i < boundary.size(); j = i++) {
-    const Vec2 a = boundary[j] - boundary[0], b = boundary[i] - boundary[0];
-    twice_m2 += a.x() * b.y() - b.x() * a.y();
-  }
-  d.area_m2 = std::abs(twice_m2) / 2;
+  d.area_m2 = area_of(boundary);
   return d;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "soilvdb/types.h"
@@ -21,6 +22,32 @@ inline bool inside(const std::vector<Vec2>& polygon, const Vec2& p) {
     }
   }
   return in;
+}
+
+/// Do two of its sides cross? Sides that only touch, or run along each other, don't.
+inline bool crosses_itself(const std::vector<Vec2>& polygon) {
+  const auto side = [](const Vec2& a, const Vec2& b, const Vec2& p) {
+    const Vec2 along = b - a, to = p - a;
+    return along.x() * to.y() - along.y() * to.x();
+  };
+  for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
+    const Vec2 &a = polygon[j], &b = polygon[i];
+    for (std::size_t k = i + 1; k < polygon.size(); ++k) {
+      const Vec2 &c = polygon[k - 1], &d = polygon[k];
+      if (side(a, b, c) * side(a, b, d) < 0 && side(c, d, a) * side(c, d, b) < 0) return true;
+    }
+  }
+  return false;
+}
+
+/// Plan area, m^2. @param polygon doesn't cross itself
+inline double area_of(const std::vector<Vec2>& polygon) {
+  double twice_m2 = 0;
+  for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
+    const Vec2 a = polygon[j] - polygon[0], b = polygon[i] - polygon[0];
+    twice_m2 += a.x() * b.y() - b.x() * a.y();
+  }
+  return std::abs(twice_m2) / 2;
 }
 
 }  // namespace soilvdb::inline v0

@@ -40,7 +40,9 @@ Base open_raster_base(const std::filesystem::path& file) {
   return {make_height_field(grid, raster.source),
           {RasterTerrain{as_given(file)}, file_fingerprint(file)},
           raster.crs_wkt,
-          {grid.first, last}};
+          {grid.first, last},
+          std::nullopt,
+          raster.warnings};
 }
 
 Base open_level_set_base(const LevelSetTerrain& terrain) {
@@ -105,7 +107,11 @@ Site open_site(const Terrain& terrain, double voxel_size_m, const std::optional<
     base = open_base(terrain);
   }
   return {std::make_unique<Soil>(h, lattice_origin(h, near_m.value_or(middle(base))), base.surface),
-          std::move(base.reference), std::move(base.crs_wkt), base.bounds, std::move(base.beneath)};
+          std::move(base.reference),
+          std::move(base.crs_wkt),
+          base.bounds,
+          std::move(base.beneath),
+          std::move(base.warnings)};
 }
 
 Base open_base(const Terrain& terrain) {

@@ -15,26 +15,20 @@
 
 #include "io/file/text.h"
 #include "io/terrain/gdal.h"
+#include "io/terrain/raster_advice.h"
 #include "soilvdb/io/error.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr int kWarpNodata = -9999;  // taken for no height in any raster
-
-/// DIR/NAME_SUFFIX.tif beside the file.
-std::filesystem::path beside(const std::filesystem::path& file, const std::string& suffix) {
-  std::filesystem::path out = file;
-  return out.replace_filename(file.stem().string() + suffix + ".tif");
-}
-
-/// Length of a unit by its name, m; nothing for names that mean nothing to us, which is taken as m.
+/// Length of a unit by its name, m; nothing for names that mean nothing to us.
 std::optional<double> unit_metres(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (name.find("foot") != std::string::npos || name.find("feet") != std::string::npos ||
       name.starts_with("ft") || name == "us-ft" || name == "usft") {
-    const bool survey = name.find("us") != std::string::npos;
+    const bool survey =
+        name.find("us") != std::string::npos || name.find("survey") != std::string::npos;
     return survey ? 1200.0 / 3937.0 : 0.3048;
   }
   if (name == "cm" || name.starts_with("centimet")) return 0.01;
@@ -42,6 +36,7 @@ std::optional<double> unit_metres(std::string name) {
   if (name == "km" || name.starts_with("kilomet")) return 1000;
   if (name == "dm" || name.starts_with("decimet")) return 0.1;
   if (name == "yd" || name.starts_with("yard")) return 0.9144;
+  if (name == "m" || name.starts_with("metre") || name.starts_with("meter")) return 1;
   return std::nullopt;
 }
 
@@ -85,23 +80,17 @@ std::optional<double> ground_area(const OGRSpatialReference& srs, const Vec2& p)
 
 /// Refuses maps whose metres aren't: volumes would be off as their areas are, Web Mercator's by
 /// half in the middle of Europe.
-void require_true_scale(const std::filesystem::path& file, const OGRSpatialReference& srs,
+void require_true_scale(const RasterAdvice& advice, const OGRSpatialReference& srs,
                         const Vec2& centre) {
   const std::optional<double> area = ground_area(srs, centre);
   if (!area || std::abs(*area - 1) <= kMostAreaOff) return;
   const Vec2 place = longitude_latitude(srs, centre).value();
   const char* name = srs.GetName();
-  throw InputError(
-      file, fmt::format("has coordinates in '{}', of which 1 m is {:.4g} m on the ground here; "
-                        "reproject it with: {}",
-                        printable(name != nullptr ? name : ""), std::sqrt(*area),
-                        reproject_command(file, utm_epsg(place.x(), place.y()), "")));
-}
-
-/// The command that takes heights from a unit to metres.
-std::string heights_command(const std::filesystem::path& file, double metres) {
-  return fmt::format("gdal_calc.py --calc=A*{} -A {} --outfile={}", metres, shell_quoted(file),
-                     shell_quoted(beside(file, "_m")));
+  throw InputError(advice.file(),
+                   fmt::format("has coordinates in '{}', of which 1 m is {:.4g} m on the ground "
+                               "here; reproject it with: {}",
+                               printable(name != nullptr ? name : ""), std::sqrt(*area),
+                               advice.reproject(utm_epsg(place.x(), place.y()), "")));
 }
 
 /// What a raster's heights are in, as far as it says so.
@@ -111,43 +100,64 @@ struct HeightUnit {
   bool known = false;
 };
 
-[[noreturn]] void refuse_heights(const std::filesystem::path& file, const HeightUnit& unit,
-                                 const std::string& horizontal) {
-  std::string command = heights_command(file, unit.metres);
-  // gdal_calc copies the vertical CRS, and with it the unit that is no longer right.
-  if (!horizontal.empty()) {
-    command +=
-        fmt::format(" && gdal_edit.py -a_srs {} {}", horizontal, shell_quoted(beside(file, "_m")));
-  }
-  throw InputError(file, fmt::format("heights are in '{}', not metres; convert them with: {}",
-                                     printable(unit.name), command));
-}
-
-HeightUnit height_unit(const OGRSpatialReference& srs, const std::string& band_unit) {
+HeightUnit height_unit(const OGRSpatialReference* srs, const std::string& band_unit) {
   HeightUnit unit{band_unit, unit_metres(band_unit).value_or(1), !band_unit.empty()};
-  if (!srs.IsCompound()) return unit;
+  if (srs == nullptr || !srs->IsCompound()) return unit;
   const char* name = nullptr;
-  const double vertical = srs.GetTargetLinearUnits("COMPD_CS|VERT_CS", &name);
+  const double vertical = srs->GetTargetLinearUnits("COMPD_CS|VERT_CS", &name);
   if (!is_metre(vertical)) return {name != nullptr ? name : "an unknown unit", vertical, true};
   unit.known = true;
   return unit;
 }
 
-/// gdalwarp -novshift moves heights but doesn't convert them, and what it makes doesn't name their
-/// unit.
-/// @param length of the unit of the coordinates, m
-std::string after_warp(const std::filesystem::path& file, const HeightUnit& unit, double length) {
-  const std::string command =
-      heights_command(beside(file, "_utm"), unit.known ? unit.metres : length);
-  if (!is_metre(unit.metres)) {
-    return fmt::format(" && {} (its heights are in '{}', which gdalwarp leaves as they are)",
-                       command, printable(unit.name));
+OGRSpatialReference horizontal_of(const OGRSpatialReference& srs) {
+  OGRSpatialReference horizontal(srs);
+  horizontal.StripVertical();
+  if (horizontal.GetAxesCount() == 3) horizontal.DemoteTo2D(nullptr);
+  return horizontal;
+}
+
+/// What heights are above; nothing where the CRS doesn't say.
+std::optional<OGRSpatialReference> vertical_of(const OGRSpatialReference& srs) {
+  if (!srs.IsCompound()) {
+    if (srs.GetAxesCount() < 3) return std::nullopt;
+    return srs;  // above its ellipsoid
   }
-  if (unit.known || is_metre(length)) return "";
-  return fmt::format(
-      "; that leaves heights as they are; if they are in the same unit, convert "
-      "them, too, with: {}",
-      command);
+  char* wkt = nullptr;
+  const OGR_SRSNode* node = srs.GetAttrNode("COMPD_CS|VERT_CS");
+  OGRSpatialReference vertical;
+  const bool read = node != nullptr && node->exportToWkt(&wkt) == OGRERR_NONE &&
+                    vertical.importFromWkt(wkt) == OGRERR_NONE;
+  CPLFree(wkt);
+  return read ? std::optional(vertical) : std::nullopt;
+}
+
+bool same(const OGRSpatialReference& a, const OGRSpatialReference& b) {
+  const char* const options[] = {"CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS",
+                                 "IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES", nullptr};
+  return a.IsSame(&b, options) != 0;
+}
+
+std::string authority_of(const OGRSpatialReference& srs, const char* part = nullptr) {
+  const char* authority = srs.GetAuthorityName(part);
+  const char* code = srs.GetAuthorityCode(part);
+  return authority != nullptr && code != nullptr ? std::string(authority) + ":" + code : "";
+}
+
+std::string label_of(const OGRSpatialReference& srs) {
+  if (std::string code = authority_of(srs); !code.empty()) return code;
+  const char* name = srs.GetName();
+  return printable(name != nullptr ? name : "");
+}
+
+/// A CRS as programs of GDAL take it.
+std::string argument_of(const OGRSpatialReference& srs) {
+  if (std::string code = authority_of(srs); !code.empty()) return code;
+  char* wkt = nullptr;
+  srs.exportToWkt(&wkt);
+  const std::string argument = shell_quoted(wkt != nullptr ? wkt : "");
+  CPLFree(wkt);
+  return argument;
 }
 
 }  // namespace
@@ -156,11 +166,7 @@ std::string crs_label(const std::string& wkt) {
   const GdalMessages messages;
   OGRSpatialReference srs;
   if (wkt.empty() || srs.importFromWkt(wkt.c_str()) != OGRERR_NONE) return {};
-  const char* authority = srs.GetAuthorityName(nullptr);
-  const char* code = srs.GetAuthorityCode(nullptr);
-  if (authority != nullptr && code != nullptr) return std::string(authority) + ":" + code;
-  const char* name = srs.GetName();
-  return name != nullptr ? name : "";
+  return label_of(srs);
 }
 
 int utm_epsg(double longitude, double latitude) {
@@ -171,64 +177,88 @@ int utm_epsg(double longitude, double latitude) {
   return (latitude < 0 ? 32700 : 32600) + zone;
 }
 
-std::string warp_command(const std::filesystem::path& file, const std::string& options,
-                         const std::string& suffix) {
-  // Where the source names no NODATA, gdalwarp would fill what lies outside of it with ground at 0.
-  return fmt::format("gdalwarp {}{}-r bilinear -ot Float32 -dstnodata {} {} {}", options,
-                     options.empty() ? "" : " ", kWarpNodata, shell_quoted(file),
-                     shell_quoted(beside(file, suffix)));
-}
-
-std::string reproject_command(const std::filesystem::path& file, int epsg,
-                              const std::string& source) {
-  return warp_command(file,
-                      fmt::format("{}-t_srs EPSG:{} -novshift",
-                                  source.empty() ? "" : "-s_srs " + source + " ", epsg),
-                      "_utm");
-}
-
-void require_metres(const std::filesystem::path& file, const OGRSpatialReference& srs,
-                    const Vec2& centre, const std::string& vertical_unit) {
+std::vector<std::string> require_metre_heights(const RasterAdvice& advice,
+                                               const OGRSpatialReference* srs,
+                                               const std::string& vertical_unit) {
   const HeightUnit unit = height_unit(srs, vertical_unit);
-  double length = 1;
-  std::string wrong;
+  if (!is_metre(unit.metres)) {
+    // What is made would keep a vertical CRS, and with it the unit that is no longer right.
+    throw InputError(
+        advice.file(),
+        fmt::format("heights are in '{}', not metres; convert them with: {}", printable(unit.name),
+                    advice.to_metres(unit.metres, srs != nullptr && srs->IsCompound()
+                                                      ? argument_of(horizontal_of(*srs))
+                                                      : "")));
+  }
+  if (vertical_unit.empty() || unit_metres(vertical_unit)) return {};
+  return {fmt::format("{}: heights are in '{}', a unit that is not known; they are taken as metres",
+                      advice.file().string(), printable(vertical_unit))};
+}
+
+bool names_height_unit(const OGRSpatialReference* srs, const std::string& vertical_unit) {
+  return height_unit(srs, vertical_unit).known;
+}
+
+void require_metres(const RasterAdvice& advice, const OGRSpatialReference& srs, const Vec2& centre,
+                    const std::string& vertical_unit) {
+  std::string wrong, unit;
   if (srs.IsGeographic() || srs.IsDerivedGeographic()) {
     wrong = "is in degrees, not metres";
   } else if (srs.IsGeocentric()) {
     wrong = "is in geocentric coordinates, not in a map's";
   } else {
     const char* name = nullptr;
-    length = srs.GetLinearUnits(&name);
-    if (!is_metre(length)) {
-      wrong = fmt::format("has coordinates in '{}', not metres",
-                          printable(name != nullptr ? name : "an unknown unit"));
+    if (!is_metre(srs.GetLinearUnits(&name))) {
+      unit = printable(name != nullptr ? name : "an unknown unit");
+      wrong = fmt::format("has coordinates in '{}', not metres", unit);
     }
   }
-  if (!wrong.empty()) {
-    const auto place = longitude_latitude(srs, centre);
-    throw InputError(
-        file,
-        fmt::format(
-            "{}; reproject it {}: {}{}", wrong, place ? "with" : "to a CRS in metres, as with",
-            place ? reproject_command(file, utm_epsg(place->x(), place->y()), "")
-                  : warp_command(file, "-t_srs EPSG:<the site's UTM zone> -novshift", "_utm"),
-            after_warp(file, unit, length)));
-  }
-  require_true_scale(file, srs, centre);
-  if (is_metre(unit.metres)) return;
-  std::string horizontal;
-  if (srs.IsCompound()) {
-    const char* authority = srs.GetAuthorityName("COMPD_CS|PROJCS");
-    const char* code = srs.GetAuthorityCode("COMPD_CS|PROJCS");
-    horizontal = authority != nullptr && code != nullptr ? std::string(authority) + ":" + code
-                                                         : "EPSG:<its horizontal CRS>";
-  }
-  refuse_heights(file, unit, horizontal);
+  if (wrong.empty()) return require_true_scale(advice, srs, centre);
+  const auto place = longitude_latitude(srs, centre);
+  const auto reproject = [&](const RasterAdvice& of) {
+    return place ? of.reproject(utm_epsg(place->x(), place->y()), "")
+                 : of.warp("-t_srs EPSG:<the site's UTM zone> -novshift", "_utm");
+  };
+  const std::string how = place ? "with" : "to a CRS in metres, as with";
+  if (unit.empty() || names_height_unit(&srs, vertical_unit))
+    throw InputError(advice.file(),
+                     fmt::format("{}; reproject it {}: {}", wrong, how, reproject(advice)));
+  throw InputError(
+      advice.file(),
+      fmt::format("{}, and doesn't say what its heights are in; if they are in metres, reproject "
+                  "it {}: {} ; if they are in '{}', too: {} && {}",
+                  wrong, how, reproject(advice), unit, advice.to_metres(srs.GetLinearUnits(), ""),
+                  reproject(advice.in_metres())));
 }
 
-void require_metres(const std::filesystem::path& file, const std::string& vertical_unit) {
-  const double length = unit_metres(vertical_unit).value_or(1);
-  if (!is_metre(length)) refuse_heights(file, {vertical_unit, length, true}, "");
+std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,
+                                         const std::string& b_name, const std::string& b_wkt) {
+  const GdalMessages messages;
+  std::vector<std::string> all;
+  const auto compare = [&](const char* what, const std::optional<OGRSpatialReference>& a,
+                           const std::optional<OGRSpatialReference>& b) {
+    if (a && b) {
+      if (!same(*a, *b))
+        all.push_back(fmt::format(
+            "{} of {} are in {}, and those of {} in {}; volumes between the two are wrong", what,
+            a_name, label_of(*a), b_name, label_of(*b)));
+    } else if (a || b) {
+      all.push_back(
+          fmt::format("{} of {} are in {}, and {} doesn't say what its are in; they are taken to "
+                      "be in the same",
+                      what, a ? a_name : b_name, label_of(a ? *a : *b), a ? b_name : a_name));
+    }
+  };
+  const auto read = [](const std::string& wkt) {
+    OGRSpatialReference srs;
+    const bool known = !wkt.empty() && srs.importFromWkt(wkt.c_str()) == OGRERR_NONE;
+    return known ? std::optional(srs) : std::nullopt;
+  };
+  const auto a = read(a_wkt), b = read(b_wkt);
+  using Srs = std::optional<OGRSpatialReference>;
+  compare("coordinates", a ? Srs(horizontal_of(*a)) : Srs(), b ? Srs(horizontal_of(*b)) : Srs());
+  compare("heights", a ? vertical_of(*a) : Srs(), b ? vertical_of(*b) : Srs());
+  return all;
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -3,8 +3,8 @@
 // Coordinate reference systems: which ones a site can be in, and how to get there from the others.
 #pragma once
 
-#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "soilvdb/types.h"
 
@@ -12,29 +12,34 @@ class OGRSpatialReference;
 
 namespace soilvdb::inline v0::io {
 
+class RasterAdvice;
+
 /// "EPSG:26918", else the CRS's name; empty for an empty WKT or one that can't be read.
 std::string crs_label(const std::string& wkt);
 
 /// The UTM zone (by EPSG, WGS 84) at a place in degrees; the polar systems beyond 84 N and 80 S.
 int utm_epsg(double longitude, double latitude);
 
+/// @param srs null: there is none. @param vertical_unit name of the heights' unit; may be empty
+/// @return a warning where the unit is not known and taken as metres
+/// @throw InputError unless heights are in metres, with the command that converts them
+std::vector<std::string> require_metre_heights(const RasterAdvice& advice,
+                                               const OGRSpatialReference* srs,
+                                               const std::string& vertical_unit);
+
+/// Does a raster say what its heights are in?
+bool names_height_unit(const OGRSpatialReference* srs, const std::string& vertical_unit);
+
 /// @param centre middle of the raster, in `srs`, x east and y north
-/// @param vertical_unit name of the unit of the heights; may be empty
-/// @throw InputError unless x, y and heights are in metres, and those of x and y are metres on the
-///        ground, too (areas within 1.25 %); with the command that mends it.
-void require_metres(const std::filesystem::path& file, const OGRSpatialReference& srs,
-                    const Vec2& centre, const std::string& vertical_unit);
+/// @throw InputError unless x and y are in metres that are metres on the ground, too (areas within
+///        1.25 %); with the command that mends it.
+void require_metres(const RasterAdvice& advice, const OGRSpatialReference& srs, const Vec2& centre,
+                    const std::string& vertical_unit);
 
-/// The same for a raster without a CRS: only its heights have a unit.
-void require_metres(const std::filesystem::path& file, const std::string& vertical_unit);
-
-/// The command that makes of `file` the raster NAME_SUFFIX.tif beside it, with no height outside of
-/// it. @param options of gdalwarp, may be empty
-std::string warp_command(const std::filesystem::path& file, const std::string& options,
-                         const std::string& suffix);
-
-/// The one that takes `file` to a projected CRS in metres. @param source -s_srs, may be empty
-std::string reproject_command(const std::filesystem::path& file, int epsg,
-                              const std::string& source);
+/// In what two CRSs of surfaces that are to be compared differ, or can't be seen to be the same: a
+/// line for x and y, and one for heights.
+/// @param a_wkt, b_wkt empty: not known
+std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,
+                                         const std::string& b_name, const std::string& b_wkt);
 
 }  // namespace soilvdb::inline v0::io

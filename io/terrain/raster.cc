@@ -4,98 +4,32 @@
 #include "soilvdb/io/raster.h"
 
 #include <fmt/format.h>
-#include <gdal_priv.h>
 #include <ogr_spatialref.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
-#include <mutex>
 #include <optional>
 
 #include "io/file/text.h"
 #include "io/terrain/crs.h"
 #include "io/terrain/gdal.h"
+#include "io/terrain/gdal_heights.h"
+#include "io/terrain/raster_advice.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-constexpr double kHighest = 1e5;  // m, either way
-constexpr double kVoids[] = {-9999, -99999, -32768, -32767};
 constexpr double kMostPosts = 4e11;  // a state of 600 km x 600 km at 1 m
 constexpr double kLargeBlock_bytes = 256 << 20, kMostPacked = 1000;  // deflate can't do more
-constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which a raster is read at opening
 constexpr std::int64_t kReadWholeBytes = 1 << 24;
 
 /// What a look at some of a raster's heights has shown.
 struct Probe {
   double low = std::numeric_limits<double>::infinity(), high = -low;
-  bool whole = false;  ///< all were read
-};
-
-class GdalHeights final : public HeightSource {
- public:
-  GdalHeights(std::filesystem::path file, GDALDatasetUniquePtr dataset)
-      : file_(std::move(file)), dataset_(std::move(dataset)), band_(dataset_->GetRasterBand(1)) {
-    if ((band_->GetMaskFlags() & GMF_ALL_VALID) == 0) mask_ = band_->GetMaskBand();
-    int given = 0;
-    const double scale = band_->GetScale(&given);
-    if (given && std::isfinite(scale) && scale != 0) scale_ = scale;
-    const double offset = band_->GetOffset(&given);
-    if (given && std::isfinite(offset)) offset_ = offset;
-  }
-
-  GDALDataset& dataset() const { return *dataset_; }
-  GDALRasterBand& band() const { return *band_; }
-  int nx() const { return dataset_->GetRasterXSize(); }
-  int ny() const { return dataset_->GetRasterYSize(); }
-  /// Which way columns and rows run.
-  void set_direction(bool westward, bool southward) {
-    westward_ = westward;
-    southward_ = southward;
-  }
-
-  void read(int x0, int y0, int w, int h, float* out) const override {
-    const std::lock_guard lock(mutex_);
-    const GdalMessages messages;
-    const int column = westward_ ? nx() - x0 - w : x0, row = southward_ ? ny() - y0 - h : y0;
-    const std::size_t size = std::size_t(w) * h;
-    std::vector<double> raw(size);
-    std::vector<std::uint8_t> valid(mask_ != nullptr ? size : 0);
-    if (band_->RasterIO(GF_Read, column, row, w, h, raw.data(), w, h, GDT_Float64, 0, 0, nullptr) !=
-            CE_None ||
-        (mask_ != nullptr && mask_->RasterIO(GF_Read, column, row, w, h, valid.data(), w, h,
-                                             GDT_Byte, 0, 0, nullptr) != CE_None)) {
-      throw std::runtime_error(fmt::format(
-          "{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})", file_.string(), row,
-          row + h - 1, column, column + w - 1, messages.error_or("GDAL doesn't say why")));
-    }
-    for (int j = 0; j < h; ++j) {
-      for (int i = 0; i < w; ++i) {
-        const std::size_t from =
-            std::size_t(southward_ ? h - 1 - j : j) * w + (westward_ ? w - 1 - i : i);
-        const bool there = valid.empty() || valid[from] != 0;
-        out[std::size_t(j) * w + i] = there ? height(raw[from]) : kNone;
-      }
-    }
-  }
-
- private:
-  float height(double raw) const {
-    if (std::find(std::begin(kVoids), std::end(kVoids), raw) != std::end(kVoids)) return kNone;
-    const double z = raw * scale_ + offset_;
-    return std::abs(z) <= kHighest ? static_cast<float>(z) : kNone;
-  }
-
-  std::filesystem::path file_;
-  GDALDatasetUniquePtr dataset_;
-  GDALRasterBand* band_;
-  GDALRasterBand* mask_ = nullptr;
-  double scale_ = 1, offset_ = 0;
-  bool westward_ = false, southward_ = true;
-  mutable std::mutex mutex_;  // a GDAL dataset serves one thread at a time
+  bool whole = false;             ///< all were read
+  std::optional<float> doubtful;  ///< a height that may be a void
 };
 
 GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
@@ -108,7 +42,8 @@ GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessage
   if (name.empty()) {
     throw InputError(file,
                      "is not a raster that is read as terrain; a GeoTIFF or an Esri ASCII grid of "
-                     "heights would do (gdal_translate makes one of other formats)");
+                     "heights would do; of other formats make one with: " +
+                         translate_command(file, "", "_geotiff"));
   }
   const char* const formats[] = {name.c_str(), nullptr};
   GDALDatasetUniquePtr dataset(GDALDataset::Open(
@@ -135,8 +70,8 @@ void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
     throw InputError(
         file,
         fmt::format("is damaged or has too large blocks, {} x {} cells, of which each is read "
-                    "whole; tiles, as of gdal_translate -co TILED=YES, would do",
-                    bx, by));
+                    "whole; make tiles with: {}",
+                    bx, by, translate_command(file, "-co TILED=YES", "_tiled")));
   }
   if (GDALDataTypeIsComplex(band.GetRasterDataType())) {
     throw InputError(file, "holds complex numbers; heights in metres are needed");
@@ -148,13 +83,15 @@ void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
 }
 
 /// Sets the source's direction. @return the posts: centres of the cells.
-HeightGrid place(const std::filesystem::path& file, GdalHeights& source) {
+HeightGrid place(const RasterAdvice& advice, GdalHeights& source) {
+  const std::filesystem::path& file = advice.file();
   std::array<double, 6> t;
   if (source.dataset().GetGeoTransform(t.data()) != CE_None) {
-    throw InputError(file, fmt::format("has no position and cell size; set the coordinates of its "
-                                       "upper left and lower right corner with: gdal_edit.py "
-                                       "-a_ullr <xmin> <ymax> <xmax> <ymin> {}",
-                                       shell_quoted(file)));
+    throw InputError(
+        file,
+        "has no position and cell size; set the coordinates of its upper left and lower "
+        "right corner with: " +
+            translate_command(file, "-a_ullr <xmin> <ymax> <xmax> <ymin>", "_placed"));
   }
   const int nx = source.nx(), ny = source.ny();
   if (!std::all_of(t.begin(), t.end(), [](double v) { return std::abs(v) < 1e12; })) {
@@ -162,8 +99,7 @@ HeightGrid place(const std::filesystem::path& file, GdalHeights& source) {
   }
   // Rotation that moves no cell by a thousandth of its size is rounding.
   if (std::abs(t[2]) * ny > 1e-3 * std::abs(t[1]) || std::abs(t[4]) * nx > 1e-3 * std::abs(t[5])) {
-    throw InputError(file,
-                     "is rotated; turn it north up with: " + warp_command(file, "", "_north_up"));
+    throw InputError(file, "is rotated; turn it north up with: " + advice.warp("", "_north_up"));
   }
   if (t[1] == 0 || t[5] == 0) throw InputError(file, "has cells of size 0; above 0 m is needed");
   source.set_direction(t[1] < 0, t[5] < 0);
@@ -209,6 +145,7 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
   }
   Probe result;
   std::vector<float> heights;
+  const std::vector<float> doubtful = source.doubtful();
   const auto look = [&](std::int64_t x, std::int64_t y, std::int64_t w, std::int64_t h) {
     heights.resize(static_cast<std::size_t>(w * h));
     source.read(int(x), int(y), int(w), int(h), heights.data());
@@ -216,6 +153,7 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
       if (std::isnan(z)) continue;
       result.low = std::min<double>(result.low, z);
       result.high = std::max<double>(result.high, z);
+      if (std::find(doubtful.begin(), doubtful.end(), z) != doubtful.end()) result.doubtful = z;
     }
   };
   if (nx * ny <= kReadWhole && bytes <= kReadWholeBytes) {
@@ -235,19 +173,31 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
 
 /// Degrees look like metres where no CRS says what they are: cells of less than a centimetre, and
 /// ground that would be higher than it is wide.
-void refuse_likely_degrees(const std::filesystem::path& file, const HeightGrid& grid,
-                           const Probe& seen) {
+void refuse_likely_degrees(const RasterAdvice& advice, const HeightGrid& grid, const Probe& seen) {
   const Vec2 size = grid.spacing.cwiseProduct(Vec2(grid.nx, grid.ny));
   const Vec2 centre = grid.first + size / 2,
              far = grid.first.cwiseAbs().cwiseMax((grid.first + size).cwiseAbs());
   if (far.x() > 361 || far.y() > 91 || grid.spacing.maxCoeff() > 0.01) return;
   if (!(seen.high - seen.low > size.maxCoeff())) return;
   throw InputError(
-      file,
+      advice.file(),
       fmt::format("has no CRS and looks to be in degrees (cells of {:g}, heights from {:g} to "
                   "{:g} m); reproject it with: {}",
                   grid.spacing.x(), seen.low, seen.high,
-                  reproject_command(file, utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
+                  advice.reproject(utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
+}
+
+/// A picture of eight bits has no heights, but looks like a raster that has.
+void warn_of_greys(const std::filesystem::path& file, const GdalHeights& source,
+                   std::vector<std::string>& warnings) {
+  const GDALColorInterp colour = source.band().GetColorInterpretation();
+  if (source.band().GetRasterDataType() != GDT_Byte || source.packed() ||
+      (colour != GCI_GrayIndex && colour != GCI_Undefined))
+    return;
+  warnings.push_back(
+      fmt::format("{}: has 8-bit greys, as of a picture, from 0 to 255; they are taken as heights "
+                  "in metres",
+                  file.string()));
 }
 
 }  // namespace
@@ -258,20 +208,22 @@ RasterInput open_raster(const std::filesystem::path& file) {
   check_is_heights(file, source->dataset());
   RasterInput input;
   input.driver = source->dataset().GetDriverName();
-  input.grid = place(file, *source);
+  const RasterAdvice advice(file, [&] { return source->kept(); });
   const OGRSpatialReference* srs = source->dataset().GetSpatialRef();
-  const char* unit = source->band().GetUnitType();
+  if (srs != nullptr && srs->IsEmpty()) srs = nullptr;
+  const char* unit_type = source->band().GetUnitType();
+  const std::string unit = unit_type != nullptr ? unit_type : "";
+  input.warnings = require_metre_heights(advice, srs, unit);
+  input.grid = place(advice, *source);
   const Vec2 centre =
       input.grid.first +
       input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
-  if (srs != nullptr && !srs->IsEmpty()) {
-    require_metres(file, *srs, centre, unit != nullptr ? unit : "");
+  if (srs != nullptr) {
+    require_metres(advice, *srs, centre, unit);
     char* wkt = nullptr;
     const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
     if (srs->exportToWkt(&wkt, options) == OGRERR_NONE) input.crs_wkt = wkt;
     CPLFree(wkt);
-  } else {
-    require_metres(file, unit != nullptr ? unit : "");
   }
   Probe seen;
   try {
@@ -284,7 +236,12 @@ RasterInput open_raster(const std::filesystem::path& file) {
   if (seen.whole && seen.low > seen.high) {
     throw InputError(file, "has no height: all its cells are NODATA or beyond +-100 km");
   }
-  if (input.crs_wkt.empty()) refuse_likely_degrees(file, input.grid, seen);
+  if (input.crs_wkt.empty()) refuse_likely_degrees(advice, input.grid, seen);
+  if (!names_height_unit(srs, unit)) warn_of_greys(file, *source, input.warnings);
+  if (seen.doubtful)
+    input.warnings.push_back(fmt::format(
+        "{}: has heights of {:g} m, as which it may keep voids; name its NODATA if they are voids",
+        file.string(), *seen.doubtful));
   input.source = std::move(source);
   return input;
 }

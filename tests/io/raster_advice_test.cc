@@ -2,15 +2,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rasters in other coordinates than metres north up: refused with the commands that help, which do.
 #include <fmt/format.h>
+#include <gdal_priv.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <ogr_spatialref.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "io/terrain/crs.h"
+#include "io/terrain/gdal.h"
 #include "soilvdb/io/raster.h"
 #include "tests/support/raster_fixture.h"
 #include "tests/support/temp_folder.h"
@@ -25,11 +31,6 @@ constexpr const char* kDegrees =
     "GEOGCS[\"WGS 84\",DATUM[\"WGS_1984\",SPHEROID[\"WGS 84\",6378137,298.257223563]],"
     "PRIMEM[\"Greenwich\",0],UNIT[\"degree\",0.0174532925199433]]";
 
-std::string with_unit(std::string wkt, const std::string& from, const std::string& to) {
-  const auto at = wkt.rfind(from);
-  return wkt.replace(at, from.size(), to);
-}
-
 TEST(Raster, DegreesAreRefusedWithTheCommandThatReprojects) {
   const TempFolder folder;
   const auto file = folder.write(
@@ -37,7 +38,7 @@ TEST(Raster, DegreesAreRefusedWithTheCommandThatReprojects) {
   folder.write("a.prj", kDegrees);
   EXPECT_THAT(refusal(folder, file), HasSubstr("is in degrees"));
   EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:32618 -novshift -r bilinear "
-                                               "-ot Float32 -dstnodata -9999 a.asc a_utm.tif"));
+                                               "-ot Float32 -dstnodata nan a.asc a_utm.tif"));
 }
 
 TEST(Raster, TheUtmZoneIsThatOfThePlace) {
@@ -49,19 +50,6 @@ TEST(Raster, TheUtmZoneIsThatOfThePlace) {
   EXPECT_EQ(utm_epsg(283, 38), 32618);
   EXPECT_EQ(utm_epsg(0, 85), 32661);
   EXPECT_EQ(utm_epsg(0, -85), 32761);
-}
-
-TEST(Raster, FeetAreRefusedWithTheCommandThatReprojects) {
-  const TempFolder folder;
-  const auto file = folder.write("a.asc", ascii("4 5 6\n1 2 3\n"));
-  folder.write("a.prj",
-               with_unit(with_unit(kUtm17, ",AUTHORITY[\"EPSG\",\"32617\"]", ""),
-                         "UNIT[\"metre\",1]", "UNIT[\"US survey foot\",0.3048006096012192]"));
-  EXPECT_THAT(refusal(folder, file), HasSubstr("'US survey foot', not metres"));
-  EXPECT_THAT(refusal(folder, file), HasSubstr("gdalwarp -t_srs EPSG:326"));
-  EXPECT_THAT(refusal(folder, file),
-              HasSubstr("; that leaves heights as they are; if they are in the same unit, convert "
-                        "them, too, with: gdal_calc.py --calc=A*0.304800609"));
 }
 
 /// A map in metres whose metres aren't, at a latitude in degrees.
@@ -90,11 +78,10 @@ TEST(Raster, WebMercatorIsRefusedWhereItsMetresAreNone) {
   // at 60 degrees, 0.70711 x 0.99999 at 45.
   EXPECT_THAT(mercator(folder, 60),
               HasSubstr("'WGS 84 / Pseudo-Mercator', of which 1 m is 0.5008 m on the ground here"));
-  EXPECT_THAT(
-      mercator(folder, 45),
-      HasSubstr("of which 1 m is 0.7071 m on the ground here; reproject it with: gdalwarp "
-                "-t_srs EPSG:32632 -novshift -r bilinear -ot Float32 -dstnodata -9999 a.asc "
-                "a_utm.tif"));
+  EXPECT_THAT(mercator(folder, 45),
+              HasSubstr("of which 1 m is 0.7071 m on the ground here; reproject it with: gdalwarp "
+                        "-t_srs EPSG:32632 -novshift -r bilinear -ot Float32 -dstnodata nan a.asc "
+                        "a_utm.tif"));
   EXPECT_EQ(mercator(folder, 1), "accepted") << "off by less than a percent";
 }
 
@@ -128,14 +115,282 @@ TEST(Raster, ARotatedRasterIsRefused) {
                "map info = {Arbitrary, 1, 1, 100, 204, 2, 2, units=Meters, rotation=30}\n");
   EXPECT_THAT(refusal(folder, folder / "a.img"),
               HasSubstr("is rotated; turn it north up with: gdalwarp -r bilinear -ot Float32 "
-                        "-dstnodata -9999 a.img a_north_up.tif"));
+                        "-dstnodata nan a.img a_north_up.tif"));
 }
 
 /// Does what a message advises, in the folder. @return did that work?
 bool follow(const TempFolder& folder, const std::string& message, const std::string& from) {
-  std::string command = message.substr(message.find(from));
-  command = command.substr(0, command.find(" (its heights"));
+  const std::string command = message.substr(message.find(from));
   return !output_of("cd " + folder.path().string() + " && " + command + " && echo done").empty();
+}
+
+enum class Voids { kNone, kNamed, kUnnamed, kMasked };
+
+/// A raster of 8 x 6 cells, how it keeps its heights, and what they are.
+struct Kept {
+  GDALDataType type = GDT_Float32;
+  bool packed = false;
+  Voids voids = Voids::kNone;
+
+  double scale() const { return packed ? 0.5 : 1; }
+  double offset() const { return packed ? 1 : 0; }
+  bool has_minus() const { return type != GDT_Byte && type != GDT_UInt16; }
+  double void_value() const {
+    if (voids == Voids::kNamed) return has_minus() ? -3000 : 250;
+    return voids == Voids::kUnnamed ? (-9999 - offset()) / scale() : 7;
+  }
+  std::string text() const {
+    return fmt::format("{}{}{}", GDALGetDataTypeName(type), packed ? ", packed" : "",
+                       std::array{"", ", NODATA", ", -9999", ", mask"}[static_cast<int>(voids)]);
+  }
+
+  /// @param values of the rows from the north @param metres length of the heights' unit
+  std::vector<float> truth(const std::vector<double>& values, double metres) const {
+    std::vector<float> all;
+    for (int j = kRows; j-- > 0;)
+      for (int i = 0; i < kColumns; ++i) {
+        const bool none = voids != Voids::kNone && i == kVoid && j == kVoid;
+        all.push_back(
+            none ? NAN
+                 : static_cast<float>((values[j * kColumns + i] * scale() + offset()) * metres));
+      }
+    return all;
+  }
+
+  void write(const std::filesystem::path& file, std::vector<double> values, const char* unit,
+             const std::string& crs, const std::array<double, 6>& place) const {
+    const GdalMessages messages;
+    CPLSetThreadLocalConfigOption("GDAL_TIFF_INTERNAL_MASK", "YES");
+    const GDALDatasetUniquePtr dataset(GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
+        file.c_str(), kColumns, kRows, 1, type, nullptr));
+    ASSERT_TRUE(dataset);
+    auto transform = place;
+    dataset->SetGeoTransform(transform.data());
+    OGRSpatialReference srs;
+    if (!crs.empty()) {
+      ASSERT_EQ(srs.SetFromUserInput(crs.c_str()), OGRERR_NONE);
+      srs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
+      dataset->SetSpatialRef(&srs);
+    }
+    GDALRasterBand& band = *dataset->GetRasterBand(1);
+    if (packed) {
+      band.SetScale(scale());
+      band.SetOffset(offset());
+    }
+    if (unit != nullptr) band.SetUnitType(unit);
+    if (voids != Voids::kNone) values[kVoid * kColumns + kVoid] = void_value();
+    if (voids == Voids::kNamed) band.SetNoDataValue(void_value());
+    if (voids == Voids::kMasked) {
+      ASSERT_EQ(band.CreateMaskBand(GMF_PER_DATASET), CE_None);
+      std::vector<std::uint8_t> mask(values.size(), 255);
+      mask[kVoid * kColumns + kVoid] = 0;
+      ASSERT_EQ(band.GetMaskBand()->RasterIO(GF_Write, 0, 0, kColumns, kRows, mask.data(), kColumns,
+                                             kRows, GDT_Byte, 0, 0, nullptr),
+                CE_None);
+    }
+    ASSERT_EQ(band.RasterIO(GF_Write, 0, 0, kColumns, kRows, values.data(), kColumns, kRows,
+                            GDT_Float64, 0, 0, nullptr),
+              CE_None);
+  }
+
+  static constexpr int kColumns = 8, kRows = 6, kVoid = 2;
+};
+
+std::vector<Kept> all_kinds() {
+  std::vector<Kept> all;
+  for (const GDALDataType type :
+       {GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32, GDT_Float64})
+    for (const bool packed : {false, true})
+      for (const Voids voids : {Voids::kNone, Voids::kNamed, Voids::kUnnamed, Voids::kMasked}) {
+        const Kept kept{type, packed, voids};
+        const bool fits = voids != Voids::kUnnamed || (kept.has_minus() && type != GDT_UInt32);
+        if (fits) all.push_back(kept);
+      }
+  return all;
+}
+
+std::vector<double> some_values() {
+  std::vector<double> values;
+  for (int i = 0; i < Kept::kColumns * Kept::kRows; ++i) values.push_back(40 + i * 7 % 199);
+  return values;
+}
+
+void expect_heights(const RasterInput& raster, const std::vector<float>& truth) {
+  const std::vector<float> heights = all_of(raster);
+  ASSERT_EQ(heights.size(), truth.size());
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    EXPECT_EQ(std::isnan(heights[i]), std::isnan(truth[i])) << i;
+    if (!std::isnan(truth[i])) {
+      EXPECT_NEAR(heights[i], truth[i], 1e-4) << i;
+    }
+  }
+}
+
+constexpr std::array<double, 6> kNorthUp = {500'000, 2, 0, 4'000'000, 0, -2};
+
+TEST(RasterAdvice, IsRightForAllWaysToKeepHeights) {
+  if (output_of("command -v gdal_translate").empty())
+    GTEST_SKIP() << "GDAL's programs aren't there";
+  for (const Kept& kept : all_kinds()) {
+    SCOPED_TRACE(kept.text());
+    const TempFolder folder;
+    kept.write(folder / "metres.tif", some_values(), nullptr, "EPSG:26918", kNorthUp);
+    expect_heights(open_raster(folder / "metres.tif"), kept.truth(some_values(), 1));
+    kept.write(folder / "feet.tif", some_values(), "ft", "", kNorthUp);
+    const std::string message = refusal(folder, folder / "feet.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal_translate")) << message;
+    expect_heights(open_raster(folder / "feet_m.tif"), kept.truth(some_values(), 0.3048));
+    kept.write(folder / "survey.tif", some_values(), nullptr, "EPSG:26918+6360", kNorthUp);
+    const std::string of_survey = refusal(folder, folder / "survey.tif");
+    EXPECT_THAT(of_survey, HasSubstr("US survey foot"));
+    ASSERT_TRUE(follow(folder, of_survey, "gdal_translate")) << of_survey;
+    const RasterInput made = open_raster(folder / "survey_m.tif");
+    expect_heights(made, kept.truth(some_values(), 1200.0 / 3937));
+    EXPECT_EQ(crs_label(made.crs_wkt), "EPSG:26918");
+    // A refusal's command must not touch the file itself.
+    EXPECT_EQ(refusal(folder, folder / "feet.tif"), message);
+  }
+}
+
+/// Of a level raster, which no interpolation changes.
+void expect_level(const RasterInput& raster, double height_m) {
+  int there = 0;
+  for (const float z : all_of(raster)) {
+    if (std::isnan(z)) continue;
+    ++there;
+    EXPECT_NEAR(z, height_m, 1e-4);
+  }
+  EXPECT_GT(there, 12);
+  EXPECT_LT(there, 80);
+}
+
+TEST(RasterAdvice, ThatReprojectsOrTurnsIsRightForAllWaysToKeepHeights) {
+  if (output_of("command -v gdalwarp").empty()) GTEST_SKIP() << "GDAL's programs aren't there";
+  const std::vector<double> level(some_values().size(), 120);
+  const std::array<double, 6> degrees = {-75, 2e-5, 0, 40, 0, -2e-5};
+  const std::array<double, 6> turned = {500'000, 1.8, 0.9, 4'000'000, 0.9, -1.8};
+  for (const Kept& kept : all_kinds()) {
+    SCOPED_TRACE(kept.text());
+    const double height = 120 * kept.scale() + kept.offset();
+    const TempFolder folder;
+    kept.write(folder / "degrees.tif", level, nullptr, "EPSG:4326", degrees);
+    std::string message = refusal(folder, folder / "degrees.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
+    expect_level(open_raster(folder / "degrees_utm.tif"), height);
+    kept.write(folder / "turned.tif", level, nullptr, "EPSG:26918", turned);
+    message = refusal(folder, folder / "turned.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
+    expect_level(open_raster(folder / "turned_north_up.tif"), height);
+    // Degrees, and heights in feet: first the one, then the other.
+    kept.write(folder / "both.tif", level, "ft", "EPSG:4326", degrees);
+    message = refusal(folder, folder / "both.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
+    message = refusal(folder, folder / "both_m.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
+    expect_level(open_raster(folder / "both_m_utm.tif"), height * 0.3048);
+  }
+}
+
+TEST(RasterAdvice, ForCoordinatesInFeetIsRightWhateverHeightsAreIn) {
+  if (output_of("command -v gdalwarp").empty()) GTEST_SKIP() << "GDAL's programs aren't there";
+  const std::vector<double> level(some_values().size(), 120);
+  const std::array<double, 6> place = {2'000'000, 6, 0, 700'000, 0, -6};
+  const TempFolder folder;
+  Kept{}.write(folder / "a.tif", level, nullptr, "EPSG:2263", place);
+  const std::string message = refusal(folder, folder / "a.tif");
+  EXPECT_THAT(message, HasSubstr("doesn't say what its heights are in"));
+  const std::size_t feet = message.find(" ; if they are in");
+  ASSERT_NE(feet, message.npos);
+  ASSERT_TRUE(follow(folder, message.substr(0, feet), "gdalwarp")) << message;
+  expect_level(open_raster(folder / "a_utm.tif"), 120);
+  ASSERT_TRUE(follow(folder, message.substr(feet), "gdal_translate")) << message;
+  expect_level(open_raster(folder / "a_m_utm.tif"), 120 * 1200.0 / 3937);
+}
+
+TEST(RasterAdvice, GivesARasterItsPlace) {
+  if (output_of("command -v gdal_translate").empty())
+    GTEST_SKIP() << "GDAL's programs aren't there";
+  for (const Kept& kept : all_kinds()) {
+    SCOPED_TRACE(kept.text());
+    const TempFolder folder;
+    kept.write(folder / "a.tif", some_values(), nullptr, "", {0, 1, 0, 0, 0, 1});
+    std::string message = refusal(folder, folder / "a.tif");
+    for (const auto& [name, value] : {std::pair("<xmin>", "100"), std::pair("<ymax>", "212"),
+                                      std::pair("<xmax>", "116"), std::pair("<ymin>", "200")}) {
+      ASSERT_NE(message.find(name), message.npos) << message;
+      message.replace(message.find(name), 6, value);
+    }
+    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
+    const RasterInput made = open_raster(folder / "a_placed.tif");
+    EXPECT_EQ(made.grid.first, Vec2(101, 201));
+    expect_heights(made, kept.truth(some_values(), 1));
+  }
+}
+
+TEST(RasterAdvice, MakesAGeoTiffOfOtherFormats) {
+  if (output_of("command -v gdal_translate").empty())
+    GTEST_SKIP() << "GDAL's programs aren't there";
+  for (const Kept& kept : all_kinds()) {
+    SCOPED_TRACE(kept.text());
+    const TempFolder folder;
+    kept.write(folder / "b.tif", some_values(), nullptr, "EPSG:26918", kNorthUp);
+    ASSERT_FALSE(
+        output_of("cd " + folder.path().string() + " && gdal_translate -of VRT b.tif a.vrt")
+            .empty());
+    const std::string message = refusal(folder, folder / "a.vrt");
+    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
+    expect_heights(open_raster(folder / "a_geotiff.tif"), kept.truth(some_values(), 1));
+  }
+}
+
+TEST(RasterAdvice, WarnsOfGreysAndOfHeightsThatMayBeVoids) {
+  const TempFolder folder;
+  Kept{GDT_Byte}.write(folder / "grey.tif", some_values(), nullptr, "EPSG:26918", kNorthUp);
+  ASSERT_EQ(open_raster(folder / "grey.tif").warnings.size(), 1U);
+  EXPECT_THAT(open_raster(folder / "grey.tif").warnings[0], HasSubstr("8-bit greys"));
+  Kept{GDT_Byte}.write(folder / "m.tif", some_values(), "m", "EPSG:26918", kNorthUp);
+  EXPECT_TRUE(open_raster(folder / "m.tif").warnings.empty());
+  Kept{GDT_Byte, true}.write(folder / "dm.tif", some_values(), nullptr, "EPSG:26918", kNorthUp);
+  EXPECT_TRUE(open_raster(folder / "dm.tif").warnings.empty());
+  auto values = some_values();
+  values[5] = -9999;
+  Kept{GDT_Float32, false, Voids::kNamed}.write(folder / "named.tif", values, nullptr, "EPSG:26918",
+                                                kNorthUp);
+  const RasterInput named = open_raster(folder / "named.tif");
+  ASSERT_EQ(named.warnings.size(), 1U);
+  EXPECT_THAT(named.warnings[0], HasSubstr("has heights of -9999 m"));
+  EXPECT_EQ(std::ranges::count(all_of(named), -9999.0F), 1) << "a file's own NODATA is believed";
+}
+
+TEST(RasterAdvice, TellsCrsThatDiffer) {
+  const auto wkt = [](const char* name) {
+    const GdalMessages messages;
+    OGRSpatialReference srs;
+    EXPECT_EQ(srs.SetFromUserInput(name), OGRERR_NONE);
+    char* text = nullptr;
+    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
+    srs.exportToWkt(&text, options);
+    const std::string all = text;
+    CPLFree(text);
+    return all;
+  };
+  const auto between = [&](const char* a, const char* b) {
+    return crs_differences("A", *a ? wkt(a) : "", "B", *b ? wkt(b) : "");
+  };
+  EXPECT_TRUE(between("EPSG:25832+7837", "EPSG:25832+7837").empty());
+  EXPECT_TRUE(between("EPSG:25832", "EPSG:25832").empty());
+  EXPECT_TRUE(between("", "").empty());
+  const auto vertical = between("EPSG:25832+7837", "EPSG:25832+5783");
+  ASSERT_EQ(vertical.size(), 1U);
+  EXPECT_THAT(vertical[0], HasSubstr("heights of A are in EPSG:7837, and those of B in EPSG:5783"));
+  const auto horizontal = between("EPSG:25832", "EPSG:25833");
+  ASSERT_EQ(horizontal.size(), 1U);
+  EXPECT_THAT(horizontal[0], HasSubstr("coordinates of A are in EPSG:25832"));
+  EXPECT_EQ(between("EPSG:25832+7837", "EPSG:25833+5783").size(), 2U);
+  const auto unknown = between("EPSG:25832+7837", "EPSG:25832");
+  ASSERT_EQ(unknown.size(), 1U);
+  EXPECT_THAT(unknown[0], HasSubstr("heights of A are in EPSG:7837, and B doesn't say"));
+  EXPECT_EQ(between("EPSG:4979", "EPSG:25832").size(), 2U);
 }
 
 TEST(Raster, WhatIsAdvisedForARotatedOneLeavesNoGroundOutsideOfIt) {
@@ -159,45 +414,6 @@ TEST(Raster, WhatIsAdvisedForARotatedOneLeavesNoGroundOutsideOfIt) {
   }
   EXPECT_GT(ground, kSide * kSide / 2);
   EXPECT_GT(none, kSide);  // the corners
-}
-
-TEST(Raster, WhatIsAdvisedForDegreesTakesHeightsInFeetToMetres) {
-  if (output_of("command -v gdalwarp && command -v gdal_calc.py").empty())
-    GTEST_SKIP() << "gdalwarp or gdal_calc.py is not there";
-  const TempFolder folder;
-  folder.write("a.asc",
-               "ncols 3\nnrows 3\nxllcorner -77\nyllcorner 38\ncellsize 0.001\n"
-               "1000.5 1000.5 1000.5\n1000.5 1000.5 1000.5\n1000.5 1000.5 1000.5\n");
-  ASSERT_FALSE(output_of("cd " + folder.path().string() +
-                         " && gdal_translate -a_srs EPSG:4326+6360 a.asc a.tif")
-                   .empty());
-  const std::string message = refusal(folder, folder / "a.tif");
-  EXPECT_THAT(message, HasSubstr("(its heights are in 'US survey foot', which gdalwarp leaves"));
-  ASSERT_TRUE(follow(folder, message, "gdalwarp")) << message;
-  int ground = 0;
-  for (const float z : all_of(open_raster(folder / "a_utm_m.tif"))) {
-    if (std::isnan(z)) continue;
-    ++ground;
-    EXPECT_FLOAT_EQ(z, 1000.5F * 1200 / 3937);
-  }
-  EXPECT_GT(ground, 4);
-}
-
-TEST(Raster, ForeignFeetOfHeightAreRefusedAndTheCommandHelps) {
-  SKIP_UNLESS_THERE(shared("dem/dtm.tif"));
-  const TempFolder folder;
-  if (output_of("gdal_translate -a_srs EPSG:26918+6360 " + shared("dem/dtm.tif").string() + " " +
-                (folder / "a.tif").string())
-          .empty()) {
-    GTEST_SKIP() << "gdal_translate is not there";
-  }
-  const std::string message = refusal(folder, folder / "a.tif");
-  EXPECT_THAT(message, HasSubstr("heights are in 'US survey foot'"));
-  const auto command = message.find("gdal_calc.py");
-  ASSERT_NE(command, message.npos);
-  if (output_of("command -v gdal_calc.py").empty()) GTEST_SKIP() << "gdal_calc.py is not there";
-  output_of("cd " + folder.path().string() + " && " + message.substr(command));
-  EXPECT_EQ(refusal(folder, folder / "a_m.tif"), "accepted");
 }
 
 TEST(Raster, AMapWhoseMetresAreShorterIsRefusedToo) {

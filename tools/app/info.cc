@@ -134,7 +134,8 @@ void info_raster(const fs::path& file) {
   line("CRS", facts.crs_wkt.empty() ? "not known" : crs_text(facts.crs_wkt));
   line("NODATA", facts.nodata.empty() ? "none named" : facts.nodata);
   try {
-    const Heights heights = sample_heights(io::open_raster(file), facts.block_columns);
+    const io::RasterInput raster = io::open_raster(file);
+    const Heights heights = sample_heights(raster, facts.block_columns);
     const double share = 1 - static_cast<double>(heights.known) /
                                  static_cast<double>(std::max<std::int64_t>(heights.read, 1));
     line("heights", heights.known == 0
@@ -143,6 +144,7 @@ void info_raster(const fs::path& file) {
                                       heights.all ? "" : ", of evenly spread samples"));
     line("no height", fmt::format("{:.3g} % of the cells", 100 * share));
     line("as terrain", "usable");
+    for (const std::string& warning : raster.warnings) line("warning", warning);
   } catch (const std::exception& e) {
     std::string_view reason = e.what();
     const std::string file_said = file.string() + ": ";
@@ -186,7 +188,9 @@ void print_earthmoving(const io::Scenario& scenario) {
 void warn_of_ground(io::Scenario& scenario) {
   if (std::holds_alternative<io::LevelSetTerrain>(scenario.terrain)) return;
   try {
-    io::warn_of_underground(scenario, *io::open_base(scenario.terrain).surface);
+    const io::Base base = io::open_base(scenario.terrain);
+    scenario.warnings.insert(scenario.warnings.end(), base.warnings.begin(), base.warnings.end());
+    io::warn_of_underground(scenario, *base.surface);
   } catch (const std::exception& e) {
     scenario.warnings.push_back(e.what());
   }

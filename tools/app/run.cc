@@ -118,6 +118,8 @@ void run(const RunOptions& options) {
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
     Start start = begin_of(options, scenario);
+    scenario.warnings.insert(scenario.warnings.end(), start.site.warnings.begin(),
+                             start.site.warnings.end());
     if (!options.part) warn_of_underground(scenario, *start.site.soil);
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
     RunConfig config{options, start.site.soil->change_m3() + start.cut_before_m3,

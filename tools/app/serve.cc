@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "io/file/text.h"
+#include "io/terrain/crs.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
 #include "tools/app/commands.h"
@@ -54,6 +55,11 @@ std::shared_ptr<const BaseSurface> open_design(const std::optional<fs::path>& fi
                     file->string(), around.min().x(), around.min().y(), around.max().x(),
                     around.max().y(), site.bounds.min().x(), site.bounds.min().y(),
                     site.bounds.max().x(), site.bounds.max().y()));
+  for (const std::string& warning : raster.warnings) say("warning: " + warning);
+  if (!std::holds_alternative<io::PlaneTerrain>(site.undug().terrain))
+    for (const std::string& difference : io::crs_differences(
+             "the terrain", site.crs_wkt, "the design " + file->string(), raster.crs_wkt))
+      say("warning: " + difference);
   return make_height_field(raster.grid, raster.source);
 }
 
@@ -152,6 +158,7 @@ void serve_live(const ServeOptions& options) {
     throw io::InputError(options.scenario,
                          "--speed plays the motions of machines, and there are none; feed them");
   LiveSite site(Session::open(options.scenario), scenario.name);
+  for (const std::string& warning : site.session().site().warnings) say("warning: " + warning);
   Recording recording = site.session().recording();
   const std::optional<Played> played =
       options.speed && !options.out ? std::optional<Played>(std::in_place) : std::nullopt;

@@ -46,4 +46,10 @@ Eigen::Quaterniond quaternion(std::span<const double> xyzw);
 /// The pose that a 4 x 4 array says, row by row. @throw py::value_error if it is no rigid transform
 Pose pose_of(std::span<const double> matrix);
 
+/// Warns, as Python's own functions do, once a line.
+inline void warn(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines)
+    if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), 1) != 0) throw py::error_already_set();
+}
+
 }  // namespace soilvdb::python

@@ -127,6 +127,7 @@ py::tuple read_raster(const std::filesystem::path& file, const py::object& box) 
     raster.source->read(x0, y0, nx, ny, heights.data());
     first = grid.first + grid.spacing.cwiseProduct(Vec2(x0, y0));
   }
+  warn(raster.warnings);
   return py::make_tuple(
       py::array_t<float>({static_cast<py::ssize_t>(ny), static_cast<py::ssize_t>(nx)},
                          heights.data()),

@@ -120,6 +120,11 @@ Session make_session(double voxel_size, const TerrainValue& terrain, const py::t
   return Session(std::move(site));
 }
 
+std::unique_ptr<Site> made(Session session, const py::tuple& from) {
+  warn(session.site().warnings);
+  return std::make_unique<Site>(std::move(session), from);
+}
+
 std::size_t machine_of(Session& session, const std::variant<std::ptrdiff_t, std::string>& given) {
   if (const auto* name = std::get_if<std::string>(&given)) return session.machine(*name);
   const std::ptrdiff_t number = std::get<std::ptrdiff_t>(given);
@@ -476,8 +481,8 @@ void bind_site(py::module_& m) {
              const py::tuple from = py::make_tuple(
                  voxel_size, terrain, several(machines, "machines", kMachines), soil,
                  several(pours, "pours", kPours), several(hoppers, "hoppers", kHoppers), place);
-             return std::make_unique<Site>(
-                 make_session(voxel_size, terrain, from[2], soil, from[4], from[5], place), from);
+             return made(make_session(voxel_size, terrain, from[2], soil, from[4], from[5], place),
+                         from);
            }),
            py::arg("voxel_size"), py::arg("terrain"), py::arg("machines"), py::kw_only(),
            py::arg("soil") = none, py::arg("pours") = py::tuple(), py::arg("hoppers") = py::tuple(),
@@ -494,7 +499,7 @@ void bind_site(py::module_& m) {
               const Inside inside;
               return Session::open(scenario);
             };
-            return std::make_unique<Site>(open(), py::make_tuple(scenario));
+            return made(open(), py::make_tuple(scenario));
           },
           py::arg("scenario"), "The site, machines and soil of a scenario, before anything moved.")
       .def(

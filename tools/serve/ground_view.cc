@@ -20,8 +20,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-/// Cells that a design is compared in, at most.
-constexpr double kDesignCells = 250'000;
+/// Cells that a boundary is looked at in: as many as these at most, and a side of it is this many
+/// at least.
+constexpr double kMostCells = 250'000, kLeastAcross = 64;
 
 Json or_null(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
@@ -31,6 +32,23 @@ Json all_of(const Heights& heights, const std::vector<Vec2>& places) {
   Json all = Json::array();
   for (const double value : z) all.push_back(or_null(value));
   return all;
+}
+
+/// Middles of even cells inside a boundary.
+std::vector<Vec2> places_in(const std::vector<Vec2>& boundary, double voxel_m) {
+  Eigen::AlignedBox2d box;
+  for (const Vec2& corner : boundary) box.extend(corner);
+  const Vec2 size = box.sizes();
+  const double fine_m = std::min(voxel_m, size.maxCoeff() / kLeastAcross);
+  const double cell_m = std::max(fine_m, std::sqrt(box.volume() / kMostCells));
+  const Eigen::Array2d cells = (size.array() / cell_m).ceil().max(1).min(kMostCells);
+  std::vector<Vec2> places;
+  for (double j = 0.5; j < cells.y(); ++j)
+    for (double i = 0.5; i < cells.x(); ++i)
+      if (const Vec2 at = box.min().array() + size.array() * Eigen::Array2d(i, j) / cells;
+          inside(boundary, at))
+        places.push_back(at);
+  return places;
 }
 
 }  // namespace
@@ -101,30 +119,40 @@ Json GroundView::volume(const std::vector<Vec2>& boundary) {
   const io::Site undug = io::undug_site(site);
   const Soil& before = before_ ? *before_->site().soil : *undug.soil;
   const Difference change = difference(before, *site.soil, boundary);
-  Json json = {{"area_m2", change.area_m2},
+  const std::vector<Vec2> places = places_in(boundary, site.soil->voxel_size_m());
+  std::vector<double> ground(places.size());
+  heights_of(site.soil->undug())(places, ground);
+  const auto off_site =
+      std::count_if(ground.begin(), ground.end(), [](double z) { return std::isnan(z); });
+  const auto all = static_cast<std::ptrdiff_t>(places.size());
+  if (all > 0 && off_site == all)
+    throw std::invalid_argument(fmt::format(
+        "there is no ground inside the boundary: the terrain goes from {:.0f}, {:.0f} to {:.0f}, "
+        "{:.0f}",
+        site.bounds.min().x(), site.bounds.min().y(), site.bounds.max().x(),
+        site.bounds.max().y()));
+  const double cell_m2 = change.area_m2 / static_cast<double>(std::max<std::ptrdiff_t>(all, 1));
+  const double off_site_m2 = static_cast<double>(off_site) * cell_m2;
+  Json json = {{"area_m2", change.area_m2 - off_site_m2},
+               {"off_site_m2", off_site_m2},
                {"cut_m3", change.cut_m3},
                {"fill_m3", change.fill_m3},
                {"net_m3", change.net_m3},
                {"error_m3", change.error_m3}};
   if (!design_) return json;
-  Eigen::AlignedBox2d box;
-  for (const Vec2& corner : boundary) box.extend(corner);
-  const double cell_m = std::max(site.soil->voxel_size_m(), std::sqrt(box.volume() / kDesignCells));
-  std::vector<Vec2> places;
-  for (double y = box.min().y() + cell_m / 2; y < box.max().y(); y += cell_m)
-    for (double x = box.min().x() + cell_m / 2; x < box.max().x(); x += cell_m)
-      if (const Vec2 at(x, y); inside(boundary, at)) places.push_back(at);
   std::vector<double> now(places.size()), wanted(places.size());
   now_heights()(places, now);
   heights_of (*design_)(places, wanted);
-  double cut = 0, fill = 0;
+  double cut_m = 0, fill_m = 0, compared = 0;
   for (std::size_t i = 0; i < places.size(); ++i) {
-    const double above = now[i] - wanted[i];
-    if (above > 0) cut += above;
-    if (above < 0) fill -= above;
+    const double above_m = now[i] - wanted[i];
+    if (std::isnan(above_m)) continue;
+    ++compared;
+    (above_m > 0 ? cut_m : fill_m) += std::abs(above_m);
   }
-  json["to_cut_m3"] = cut * cell_m * cell_m;
-  json["to_fill_m3"] = fill * cell_m * cell_m;
+  json["design_area_m2"] = compared * cell_m2;
+  json["to_cut_m3"] = compared > 0 ? Json(cut_m * cell_m2) : Json();
+  json["to_fill_m3"] = compared > 0 ? Json(fill_m * cell_m2) : Json();
   return json;
 }
 

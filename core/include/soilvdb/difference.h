@@ -39,7 +39,7 @@ Difference difference(const Soil& before, const Soil& after, bool same_base);
 /// sample is inside one of two boundaries that share an edge, so parts of a site add up to the
 /// whole. The area is the boundary's.
 /// @param boundary corners in the world, m, closed from the last to the first; inside by even-odd
-/// @throw std::invalid_argument where soils are of two lattices
+/// @throw std::invalid_argument where soils are of two lattices, or sides of the boundary cross
 Difference difference(const Soil& before, const Soil& after, const std::vector<Vec2>& boundary);
 
 /// Calls `f` with what columns of any width gained between the two, some of them several times.

@@ -15,8 +15,10 @@ function figures(measure) {
     return [
       value('Cut', format.volume(v.cut_m3), 'cut'), value('Fill', format.volume(v.fill_m3), 'fill'),
       value('Net', format.signedVolume(v.net_m3)), value('Area', format.area(v.area_m2)),
-      v.to_cut_m3 === undefined ? null : value('Still to cut', format.volume(v.to_cut_m3), 'cut'),
-      v.to_fill_m3 === undefined ? null : value('Still to fill', format.volume(v.to_fill_m3), 'fill'),
+      v.off_site_m2 > 0 ? value('Without ground', format.area(v.off_site_m2)) : null,
+      v.design_area_m2 < v.area_m2 * (1 - 1e-6) ? value('Design covers', format.area(v.design_area_m2)) : null,
+      v.to_cut_m3 === undefined || v.to_cut_m3 === null ? null : value('Still to cut', format.volume(v.to_cut_m3), 'cut'),
+      v.to_fill_m3 === undefined || v.to_fill_m3 === null ? null : value('Still to fill', format.volume(v.to_fill_m3), 'fill'),
     ];
   }
   if (measure.kind === 'section') {

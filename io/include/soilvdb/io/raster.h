@@ -19,15 +19,16 @@ struct RasterInput {
   std::shared_ptr<const HeightSource> source;  ///< safe to call from several threads
   std::string crs_wkt;                         ///< empty: not known, taken as metres
   std::string driver;                          ///< GDAL's name of the format
+  std::vector<std::string> warnings;           ///< of heights that may be none, each a line
 };
 
 /// Opens the first band of a raster as heights in metres: integers and floats of any width, scale
 /// and offset applied, whichever way its rows run. Posts are the cells' centres. Reads little of a
 /// large file (0.1 s or less), all of a small one.
 ///
-/// No height is: NODATA, masked and fully transparent cells, NaN, infinities, and whatever NODATA
-/// says, values of exactly -9999, -99999, -32768 and -32767, with which files mark voids without
-/// declaring them, and values beyond +-1e5 m. A declared NODATA of 0 is taken at its word.
+/// No height is: NODATA, masked and fully transparent cells, NaN, infinities, heights beyond
+/// +-1e5 m, and where no NODATA is declared, heights of exactly -9999, -99999, -32768 and -32767 m,
+/// with which files mark voids. A declared NODATA is taken at its word, also if it is 0.
 ///
 /// Formats: GeoTIFF and COG, Esri ASCII, binary and .bil, GRASS ASCII, ENVI, Erdas .img, Surfer
 /// grids, SAGA, SRTM .hgt, DTED, USGS DEM. What GDAL reads else (VRT and the like refer to other

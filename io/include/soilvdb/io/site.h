@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/soil.h"
@@ -26,6 +27,7 @@ struct Base {
   Eigen::AlignedBox2d bounds;  ///< where it is known, world; infinite for a plane
   /// Where it is a snapshot's ground, what that was before anyone dug.
   std::optional<BaseReference> beneath = {};
+  std::vector<std::string> warnings = {};  ///< of heights that may be none, each a line
 };
 
 /// Opens a terrain; a snapshot as the surface of its ground.
@@ -41,6 +43,7 @@ struct Site {
   std::string crs_wkt;
   Eigen::AlignedBox2d bounds;
   std::optional<BaseReference> beneath = {};
+  std::vector<std::string> warnings = {};  ///< of the terrain, where it was opened
 
   /// The ground before anyone dug, beneath all snapshots that one was dug from.
   const BaseReference& undug() const { return beneath ? *beneath : reference; }

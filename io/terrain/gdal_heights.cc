@@ -1,0 +1,113 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/terrain/gdal_heights.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+
+#include "io/terrain/gdal.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr double kHighest = 1e5;                             // m, either way
+constexpr float kVoids[] = {-9999, -99999, -32768, -32767};  // m
+
+}  // namespace
+
+GdalHeights::GdalHeights(std::filesystem::path file, GDALDatasetUniquePtr dataset)
+    : file_(std::move(file)), dataset_(std::move(dataset)), band_(dataset_->GetRasterBand(1)) {
+  if ((band_->GetMaskFlags() & GMF_ALL_VALID) == 0) mask_ = band_->GetMaskBand();
+  int given = 0;
+  const double scale = band_->GetScale(&given);
+  if (given && std::isfinite(scale) && scale != 0) scale_ = scale;
+  const double offset = band_->GetOffset(&given);
+  if (given && std::isfinite(offset)) offset_ = offset;
+  const double nodata = band_->GetNoDataValue(&given);
+  if (given) nodata_ = nodata;
+}
+
+KeptHeights GdalHeights::kept() const {
+  KeptHeights kept;
+  kept.scale = scale_;
+  kept.offset = offset_;
+  kept.wide = band_->GetRasterDataType() == GDT_Float64;
+  kept.nodata = nodata_.has_value();
+  kept.masked = mask_ != nullptr && (band_->GetMaskFlags() & GMF_NODATA) == 0;
+  if (kept.masked && (band_->GetMaskFlags() & GMF_ALPHA) != 0) kept.alpha_band = mask_->GetBand();
+  if (!kept.nodata && !kept.masked) kept.unnamed_void = find_void();
+  return kept;
+}
+
+std::vector<float> GdalHeights::doubtful() const {
+  std::vector<float> all;
+  for (const float none : kVoids) {
+    if (nodata_)
+      all.push_back(none);
+    else if (packed())
+      all.push_back(static_cast<float>(none * scale_ + offset_));
+  }
+  return all;
+}
+
+void GdalHeights::read(int x0, int y0, int w, int h, float* out) const {
+  const std::lock_guard lock(mutex_);
+  const GdalMessages messages;
+  const int column = westward_ ? nx() - x0 - w : x0, row = southward_ ? ny() - y0 - h : y0;
+  const std::size_t size = std::size_t(w) * h;
+  std::vector<double> raw(size);
+  std::vector<std::uint8_t> valid(mask_ != nullptr ? size : 0);
+  if (band_->RasterIO(GF_Read, column, row, w, h, raw.data(), w, h, GDT_Float64, 0, 0, nullptr) !=
+          CE_None ||
+      (mask_ != nullptr && mask_->RasterIO(GF_Read, column, row, w, h, valid.data(), w, h, GDT_Byte,
+                                           0, 0, nullptr) != CE_None)) {
+    throw std::runtime_error(fmt::format(
+        "{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})", file_.string(), row,
+        row + h - 1, column, column + w - 1, messages.error_or("GDAL doesn't say why")));
+  }
+  for (int j = 0; j < h; ++j) {
+    for (int i = 0; i < w; ++i) {
+      const std::size_t from =
+          std::size_t(southward_ ? h - 1 - j : j) * w + (westward_ ? w - 1 - i : i);
+      const bool there = valid.empty() || valid[from] != 0;
+      out[std::size_t(j) * w + i] = there ? height(raw[from]) : kNone;
+    }
+  }
+}
+
+float GdalHeights::height(double raw) const {
+  if (nodata_ && raw == *nodata_) return kNone;  // where a mask hides it from GDAL
+  const auto z = static_cast<float>(raw * scale_ + offset_);
+  if (!nodata_ && std::find(std::begin(kVoids), std::end(kVoids), z) != std::end(kVoids))
+    return kNone;
+  return std::abs(z) <= kHighest ? z : kNone;
+}
+
+/// The first value that is no height though it is a number, in all of a small raster, and in evenly
+/// spread windows of a large one.
+std::optional<double> GdalHeights::find_void() const {
+  const std::lock_guard lock(mutex_);
+  const GdalMessages messages;
+  constexpr int kSide = 64, kWindows = 16;
+  const bool whole = std::int64_t{nx()} * ny() <= kReadWhole;
+  const int w = whole ? nx() : std::min(nx(), kSide), h = whole ? ny() : std::min(ny(), kSide);
+  std::vector<double> raw(std::size_t(w) * h);
+  for (std::int64_t i = 0; i < (whole ? 1 : kWindows * kWindows); ++i) {
+    const auto x = static_cast<int>((nx() - w) * (i % kWindows) / (kWindows - 1));
+    const auto y = static_cast<int>((ny() - h) * (i / kWindows) / (kWindows - 1));
+    if (band_->RasterIO(GF_Read, x, y, w, h, raw.data(), w, h, GDT_Float64, 0, 0, nullptr) !=
+        CE_None)
+      return std::nullopt;  // damaged: reading says so
+    for (const double value : raw)
+      if (std::isfinite(value) && std::isnan(height(value))) return value;
+  }
+  return std::nullopt;
+}
+
+}  // namespace soilvdb::inline v0::io

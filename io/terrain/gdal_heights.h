@@ -1,0 +1,58 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Heights in metres of a band that GDAL reads: voids told, scale and offset applied.
+#pragma once
+
+#include <gdal_priv.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "io/terrain/raster_advice.h"
+#include "soilvdb/base_surface.h"
+
+namespace soilvdb::inline v0::io {
+
+inline constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which all of a raster is read
+
+/// Of the first band. Safe to call from several threads.
+class GdalHeights final : public HeightSource {
+ public:
+  GdalHeights(std::filesystem::path file, GDALDatasetUniquePtr dataset);
+
+  GDALDataset& dataset() const { return *dataset_; }
+  GDALRasterBand& band() const { return *band_; }
+  int nx() const { return dataset_->GetRasterXSize(); }
+  int ny() const { return dataset_->GetRasterYSize(); }
+  bool packed() const { return scale_ != 1 || offset_ != 0; }
+  /// Reads some of the heights where voids may have no name.
+  KeptHeights kept() const;
+  /// Heights that may be voids, though they are taken as heights: what marks voids in other files
+  /// where this one names another NODATA, or keeps its heights packed.
+  std::vector<float> doubtful() const;
+  /// Which way columns and rows run.
+  void set_direction(bool westward, bool southward) {
+    westward_ = westward;
+    southward_ = southward;
+  }
+
+  void read(int x0, int y0, int w, int h, float* out) const override;
+
+ private:
+  float height(double raw) const;
+  std::optional<double> find_void() const;
+
+  std::filesystem::path file_;
+  GDALDatasetUniquePtr dataset_;
+  GDALRasterBand* band_;
+  GDALRasterBand* mask_ = nullptr;
+  double scale_ = 1, offset_ = 0;
+  std::optional<double> nodata_;
+  bool westward_ = false, southward_ = true;
+  mutable std::mutex mutex_;  // a GDAL dataset serves one thread at a time
+};
+
+}  // namespace soilvdb::inline v0::io

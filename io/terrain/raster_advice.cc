@@ -1,0 +1,86 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/terrain/raster_advice.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "io/file/text.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path beside(fs::path file, const std::string& suffix) {
+  return file.replace_filename(file.stem().string() + suffix);
+}
+
+/// A view of the first band that tells of all its voids; nothing where the file itself does.
+std::optional<std::string> view_command(const KeptHeights& kept, const fs::path& file,
+                                        const fs::path& view) {
+  std::string options;
+  if (kept.alpha_band != 0) options = fmt::format("-mask {}", kept.alpha_band);
+  if (kept.unnamed_void) options = fmt::format("-a_nodata {}", *kept.unnamed_void);
+  if (options.empty()) return std::nullopt;
+  return fmt::format("gdal_translate -of VRT -b 1 {} {} {}", options, shell_quoted(file),
+                     shell_quoted(view));
+}
+
+const char* type_of(const KeptHeights& kept) { return kept.wide ? "Float64" : "Float32"; }
+
+}  // namespace
+
+std::string translate_command(const fs::path& file, const std::string& options,
+                              const std::string& suffix) {
+  return fmt::format("gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES {}{}{} {}", options,
+                     options.empty() ? "" : " ", shell_quoted(file),
+                     shell_quoted(beside(file, suffix + ".tif")));
+}
+
+RasterAdvice::RasterAdvice(fs::path file, std::function<KeptHeights()> kept)
+    : file_(std::move(file)), kept_(std::move(kept)) {}
+
+std::string RasterAdvice::to_metres(double metres, const std::string& horizontal) const {
+  const KeptHeights kept = kept_();
+  const fs::path view = beside(file_, "_view.vrt");
+  const auto first = view_command(kept, file_, view);
+  // Between values far apart, for gdal_translate takes the scale as a difference of heights.
+  const double span = kept.offset == 0 ? 1 : 1e6, zero_m = kept.offset * metres;
+  std::string options = fmt::format("-b 1 -ot {} -scale 0 {} {} {}", type_of(kept), span, zero_m,
+                                    zero_m + span * kept.scale * metres);
+  if (kept.scale != 1 || kept.offset != 0) options += " -a_scale 1 -a_offset 0";
+  if (kept.nodata || kept.unnamed_void) options += " -a_nodata nan";  // which no height can be
+  if (!horizontal.empty()) options += " -a_srs " + horizontal;
+  return fmt::format("{}gdal_translate{} {} {} {}", first ? *first + " && " : "",
+                     kept.masked ? " --config GDAL_TIFF_INTERNAL_MASK YES" : "", options,
+                     shell_quoted(first ? view : file_), shell_quoted(beside(file_, "_m.tif")));
+}
+
+RasterAdvice RasterAdvice::in_metres() const {
+  return {beside(file_, "_m.tif"), [wide = kept_().wide] {
+            KeptHeights kept;
+            kept.wide = wide;
+            return kept;
+          }};
+}
+
+std::string RasterAdvice::warp(const std::string& options, const std::string& suffix) const {
+  const KeptHeights kept = kept_();
+  const fs::path view = beside(file_, "_view.vrt");
+  const auto first = view_command(kept, file_, view);
+  // Without NODATA gdalwarp fills what lies outside of the source with ground at 0.
+  return fmt::format("{}gdalwarp {}{}-r bilinear -ot {} -dstnodata nan {} {}",
+                     first ? *first + " && " : "", options, options.empty() ? "" : " ",
+                     type_of(kept), shell_quoted(first ? view : file_),
+                     shell_quoted(beside(file_, suffix + ".tif")));
+}
+
+std::string RasterAdvice::reproject(int epsg, const std::string& source) const {
+  return warp(fmt::format("{}-t_srs EPSG:{} -novshift",
+                          source.empty() ? "" : "-s_srs " + source + " ", epsg),
+              "_utm");
+}
+
+}  // namespace soilvdb::inline v0::io

@@ -1,0 +1,51 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Commands of GDAL's programs that make a usable raster of one that isn't, and keep its heights.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+
+namespace soilvdb::inline v0::io {
+
+/// How a raster keeps its heights, and how it says where there are none.
+struct KeptHeights {
+  double scale = 1, offset = 0;        ///< heights are kept values times scale plus offset
+  bool wide = false;                   ///< 64-bit floats
+  bool nodata = false;                 ///< it names a NODATA
+  bool masked = false;                 ///< by a mask or by an alpha band
+  int alpha_band = 0;                  ///< 0: there is no alpha band
+  std::optional<double> unnamed_void;  ///< kept value of voids that neither NODATA nor mask tell of
+};
+
+/// Advice on one raster. Each command leaves that file as it is, and makes another beside it.
+class RasterAdvice {
+ public:
+  /// @param kept called when advice is asked for: finding unnamed voids means reading heights
+  RasterAdvice(std::filesystem::path file, std::function<KeptHeights()> kept);
+
+  const std::filesystem::path& file() const { return file_; }
+
+  /// Converts heights to metres. @param metres length of their unit
+  /// @param horizontal CRS of the result as gdal_translate takes it; empty: that of the file
+  std::string to_metres(double metres, const std::string& horizontal) const;
+  /// The advice on what to_metres() makes.
+  RasterAdvice in_metres() const;
+  /// Makes NAME_SUFFIX.tif, with no height outside of the file. @param options of gdalwarp
+  std::string warp(const std::string& options, const std::string& suffix) const;
+  /// Takes it to a projected CRS in metres. @param source -s_srs, may be empty
+  std::string reproject(int epsg, const std::string& source) const;
+
+ private:
+  std::filesystem::path file_;
+  std::function<KeptHeights()> kept_;
+};
+
+/// gdal_translate of a file to NAME_SUFFIX.tif beside it. Masks stay within the file.
+/// @param options of gdal_translate, may be empty
+std::string translate_command(const std::filesystem::path& file, const std::string& options,
+                              const std::string& suffix);
+
+}  // namespace soilvdb::inline v0::io
