@@ -157,8 +157,9 @@ TEST_F(McapOrder, OfRecordingsInSqliteHasToBecomeMcapFirst) {
 
 TEST_F(McapOrder, OfASenderWhoseClockWasSetIsTold) {
   const auto file = record("clock.mcap", [&](Recording& r) {
-    for (int i = 0; i < kRows; ++i)  // back by 2.05 s after 4 s
-      r.pose("/lip", 10 + 0.1 * i - (i < 40 ? 0 : 2.05), place(0.1 * i), "map", 10 + 0.1 * i);
+    // Back by 2.05 s after 4 s, and so slow that the motion alone doesn't tell.
+    for (int i = 0; i < kRows; ++i)
+      r.pose("/lip", 10 + 0.1 * i - (i < 40 ? 0 : 2.05), place(0.001 * i), "map", 10 + 0.1 * i);
   });
   const Read set = read({file, {"/lip"}});
   EXPECT_GT(set.bad.count, 15);

@@ -35,7 +35,8 @@ TEST(Raster, ARowOfGigabytesIsRefusedUnread) {
   ASSERT_FALSE(bytes.empty());
   EXPECT_EQ(refusal(folder, folder.write("a.grd", bytes.substr(1))),
             "a.grd: is damaged or has too large blocks, 761754371 x 1 cells, of which each is read "
-            "whole; tiles, as of gdal_translate -co TILED=YES, would do");
+            "whole; make tiles with: gdal_translate --config GDAL_TIFF_INTERNAL_MASK YES "
+            "-co TILED=YES a.grd a_tiled.tif");
 }
 
 TEST(Raster, WhatIsNoRasterIsRefusedInOneLine) {
