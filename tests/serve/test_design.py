@@ -1,0 +1,94 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Volumes between surfaces: what can't be compared is told, and of what was compared the area."""
+
+import subprocess
+
+import numpy as np
+import pytest
+import soilvdb
+from live import Server
+
+VOXEL = 0.25
+
+
+def raster(path, heights, first=(100.5, 200.5), crs="EPSG:25832"):
+    """Writes cells of 1 m. @param heights of posts, rows from the south"""
+    plain = path.with_name("plain.tif")
+    soilvdb.write_raster(plain, np.asarray(heights, np.float32), first, (1, 1))
+    subprocess.run(["gdal_translate", "-q", *(["-a_srs", crs] if crs else []), plain, path], check=True)
+    return path
+
+
+@pytest.fixture(name="site")
+def _site(tmp_path):
+    """40 m x 40 m of level ground at 10 m, from (100, 200); the cells of its last four columns have none."""
+    heights = np.full((40, 40), 10.0)
+    heights[:, 36:] = np.nan
+    raster(tmp_path / "ground.tif", heights)
+    path = tmp_path / "site.yaml"
+    path.write_text(f"soilvdb: 1\nvoxel_size: {VOXEL}\nterrain: {{raster: ground.tif}}\n"
+                    "machines: [{name: d, bucket: {width: 2.0, height: 1.0}}]\n")
+    return path
+
+
+def served(site, design=None):
+    more = ("--design", design) if design else ()
+    return Server(site, *more, "--out", site.parent / "out", cwd=site.parent)
+
+
+def box(x0, y0, x1, y1):
+    return f"/volume?boundary={x0},{y0},{x1},{y0},{x1},{y1},{x0},{y1}"
+
+
+def refused(server, path):
+    status, body = server.get(path)
+    assert status == 400
+    return body.decode()
+
+
+def test_the_area_is_that_of_what_was_compared(site, tmp_path):
+    half = np.full((40, 40), 9.0)
+    half[:, 20:] = np.nan
+    with served(site, raster(tmp_path / "half.tif", half)) as server:
+        all_designed = server.json(box(105, 205, 115, 215))
+        assert all_designed["area_m2"] == pytest.approx(100)
+        assert all_designed["design_area_m2"] == pytest.approx(100)
+        assert all_designed["to_cut_m3"] == pytest.approx(100)
+        assert (all_designed["off_site_m2"], all_designed["to_fill_m3"]) == (0, 0)
+        # The last post of the design is at 119.5, that of the ground at 135.5.
+        partly = server.json(box(110, 205, 130, 215))
+        assert partly["area_m2"] == pytest.approx(200)
+        assert partly["design_area_m2"] == pytest.approx(95, abs=10 * VOXEL)
+        assert partly["to_cut_m3"] == pytest.approx(partly["design_area_m2"])
+        none = server.json(box(122, 205, 130, 215))
+        assert (none["to_cut_m3"], none["to_fill_m3"], none["design_area_m2"]) == (None, None, 0)
+        beyond = server.json(box(130, 205, 150, 215))
+        assert beyond["area_m2"] == pytest.approx(55, abs=10 * VOXEL)
+        assert beyond["area_m2"] + beyond["off_site_m2"] == pytest.approx(200)
+        tiny = server.json(box(105, 205, 105.01, 205.01))
+        assert tiny["to_cut_m3"] == pytest.approx(1e-4) and tiny["area_m2"] == pytest.approx(1e-4)
+
+
+def test_boundaries_without_sense_are_refused(site):
+    with served(site) as server:
+        assert "no ground inside the boundary: the terrain goes from 10" in refused(server, box(12, 205, 20, 215))
+        assert "no ground inside" in refused(server, box(137, 205, 139, 215)), "voids"
+        assert "crosses itself" in refused(server, "/volume?boundary=105,205,115,215,115,205,105,215")
+        # Sides that touch don't cross: a ring, cut open.
+        ring = "105,205,115,205,115,215,105,215,105,205,108,208,108,212,112,212,112,208,108,208"
+        assert server.json("/volume?boundary=" + ring)["area_m2"] == pytest.approx(100 - 16)
+
+
+@pytest.mark.parametrize(("crs", "said"), [
+    ("EPSG:25832", ""),
+    ("EPSG:25833", "coordinates of the terrain are in EPSG:25832, and those of the design"),
+    ("EPSG:25832+5783", "heights of the design"),
+    ("", "coordinates of the terrain are in EPSG:25832, and the design"),
+])
+def test_other_coordinates_are_told(site, tmp_path, crs, said):
+    design = raster(tmp_path / "plan.tif", np.full((40, 40), 9.0), crs=crs)
+    with served(site, design) as server:
+        told = [line for line in server.stop().splitlines() if "warning" in line]
+    assert len(told) == (1 if said else 0)
+    assert all(said in line for line in told)
