@@ -15,7 +15,7 @@ namespace {
 
 void capacities(const Options& options, Goals& goals) {
   test::Random random(1);
-  const int cases = options.quick ? 50 : 200;
+  const int cases = options.quick ? 5 : 200;
   double worst = 0;
   for (int i = 0; i < cases; ++i) {
     const Bucket bucket = random.bucket();

@@ -69,7 +69,7 @@ double p99_us(Work work) { return quantile(work.us, 0.99); }
 }  // namespace
 
 void measure_cycles(const Options& options, Goals& goals) {
-  const int n = options.quick ? 2 : 6;
+  const int n = options.quick ? 1 : 6;
   constexpr int kUpdates = 1500;
   const auto plane = [] { return make_plane(0, {0, 0}); };
   const Work fine = dig_cycles(0.05, n, kUpdates, plane());
@@ -109,7 +109,7 @@ void measure_shift(const Options& options, Goals& goals) {
   constexpr double kRate_hz = 10, kHours = 8;
   constexpr std::size_t kBatchTicks = 100;
   // A shift that would take longer is broken off, and what is left of it reckoned.
-  const double most_s = options.quick ? 8 : 240;
+  const double most_s = options.quick ? 1 : 240;
   const std::vector<DigCycles> machines = fleet();
   Soil soil(0.05, Vec3::Zero(), make_hills(1000));
   Tracker tracker(soil, std::vector<Bucket>(machines.size(), digger()), loam());

@@ -15,7 +15,7 @@ namespace {
 
 /// A bucket that wanders about at random, digs, tips over a hopper and beside it, under pours.
 void mass(const Options& options, Goals& goals) {
-  const int operations = options.quick ? 3'000 : 1'000'000;
+  const int operations = options.quick ? 500 : 1'000'000;
   std::mt19937_64 random(1);
   const auto draw = [&](double low, double high) {
     return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
@@ -47,7 +47,7 @@ void mass(const Options& options, Goals& goals) {
 
 /// Four machines, three pours and a hopper at random on rough ground, then all comes to rest.
 void steepness(const Options& options, Goals& goals) {
-  const int steps = options.quick ? 450 : 4000;
+  const int steps = options.quick ? 100 : 4000;
   constexpr double kMost_deg = 3;
   constexpr double kVoxel = 0.1;
   const test::Waves waves(4, 0.35, 0.8, 6);

@@ -186,14 +186,14 @@ def main():
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         scratch = Path(scratch)
-        small, medium, many = (20, 8, 16) if options.quick else (1000, 200, 500)
+        small, medium, many = (4, 4, 6) if options.quick else (1000, 200, 500)
         per_job_s, start_s = overhead(scratch / "small", small)
-        speedup = side_by_side(scratch / "medium", medium, 20_000 if options.quick else 60_000)
-        hours = 0.1 if options.quick else 8
+        speedup = side_by_side(scratch / "medium", medium, 2_000 if options.quick else 60_000)
+        hours = 0.02 if options.quick else 8
         differs, faster = in_parts(scratch / "shift", hours)
-        known = uncertainty(scratch / "known", 60 if options.quick else 1000,
-                            12 if options.quick else 100)
-        dead, restarted, wrong = killed(scratch / "many", many, *((4, 1) if options.quick else
+        known = uncertainty(scratch / "known", 12 if options.quick else 1000,
+                            4 if options.quick else 100)
+        dead, restarted, wrong = killed(scratch / "many", many, *((1, 1) if options.quick else
                                                                   (50, 2)))
     rows = [
         (f"{small} small jobs: per job beyond its own run", 1e3 * per_job_s, "ms", "<= 30"),

@@ -96,7 +96,7 @@ Fed feed(unsigned short port, int machines, double hz, double seconds) {
 }
 
 void measure_feeds(const Options& options, Goals& goals, Csv& csv) {
-  const double seconds = options.quick ? 5 : 60;
+  const double seconds = options.quick ? 1 : 60;
   for (const bool soil : {false, true}) {
     const std::string kind = soil ? "moving soil" : "rigid soil";
     for (const bool many : {false, true}) {
@@ -134,7 +134,7 @@ void measure_change(const Options& options, Goals& goals) {
   std::mt19937 chance(1);
   std::uniform_int_distribution<int> wait_ms(150, 350);
   std::vector<double> ms;
-  const int cuts = options.quick ? 15 : 200;
+  const int cuts = options.quick ? 3 : 200;
   for (int i = 0; i < cuts; ++i) {
     const auto go = [&](double x, double z) {
       machine.ask(
@@ -197,9 +197,9 @@ void measure_opening(Goals& goals) {
 void measure_kills(const Options& options, Goals& goals) {
   const test::TempFolder folder;
   const fs::path file = scenario(folder.path(), 1, true, kPlane);
-  const int kills = options.quick ? 8 : 200;
+  const int kills = options.quick ? 2 : 200;
   std::mt19937 chance(7);
-  std::uniform_real_distribution<double> life_s(0.05, options.quick ? 1.5 : 2.5);
+  std::uniform_real_distribution<double> life_s(0.05, options.quick ? 0.5 : 2.5);
   std::uint64_t fed = 0, lost = 0, acknowledged = 0;
   for (int i = 0; i < kills; ++i) {
     LiveServer server(file, folder / "out");
@@ -236,7 +236,7 @@ void measure_day(const Options& options, Goals& goals, Csv& csv) {
   const test::TempFolder folder;
   const LiveServer server(scenario(folder.path(), 10, false, kPlane), folder / "out");
   const Viewers watching(server.port(), 20);
-  const double day_s = options.quick ? 1800 : 86400;
+  const double day_s = options.quick ? 300 : 86400;
   constexpr int kParts = 24;
   std::vector<double> rss;
   for (int part = 0; part < kParts; ++part) {

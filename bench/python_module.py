@@ -44,7 +44,7 @@ def dug_site(soilvdb, soil=None):
 def measure(cores, quick):
     import soilvdb
 
-    n = 4000 if quick else 40000
+    n = 400 if quick else 40000
     figures = {}
     site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(width=1.2, height=0.9)])
     poses = [(0.001 * (i % 5000), 0.0, 5 + 0.001 * (i % 7)) for i in range(n)]
@@ -60,7 +60,7 @@ def measure(cores, quick):
     figures["over_us"] = (python - loop) / n * 1e6
 
     dug = dug_site(soilvdb)
-    side = 300 if quick else 1000
+    side = 100 if quick else 1000
     xy = np.stack(np.meshgrid(np.linspace(-3, 3, side), np.linspace(-3, 3, side)), -1).reshape(-1, 2)
     begin = time.perf_counter()
     dug.heights(xy)
@@ -70,7 +70,7 @@ def measure(cores, quick):
     moved = dug_site(soilvdb, soilvdb.Soil(0.61, 0.25))
     figures["clone_moving_ms"] = 1e3 * median(51, moved.clone)
 
-    count, steps = (32, 20) if quick else (256, 100)
+    count, steps = (8, 5) if quick else (256, 100)
     clones = [dug.clone() for _ in range(count)]
     depth = np.linspace(0.2, 0.6, count)
     begin = time.perf_counter()

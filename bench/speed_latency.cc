@@ -104,7 +104,7 @@ void latency(const Options& options, Goals& goals) {
     csv.row(fmt::format("{},{:.4g},{:.4g},{:.4g},{}", what, quantile(us, 0.5), quantile(us, 0.99),
                         quantile(us, 1), us.size()));
   };
-  const int seconds = options.quick ? 6 : 200;
+  const int seconds = options.quick ? 1 : 200;
   Latencies alone = work(options.out, seconds, false), times = work(options.out, seconds, true);
   report("update with nothing beside it", alone.update);
   report("update that cuts with nothing beside it", alone.cutting);
@@ -216,9 +216,9 @@ void services(const Options& options, Goals& goals) {
           "resident_m2,chunks,changed_chunks,blocks,mesh_us_per_block,snapshot_us,incremental_us_"
           "per_chunk");
   const Cost little = cost_after(2, options.out, csv);
-  for (const int cycles : options.quick ? std::vector{5} : std::vector{10, 40})
+  for (const int cycles : options.quick ? std::vector{1} : std::vector{10, 40})
     cost_after(cycles, options.out, csv);
-  const int many = options.quick ? 10 : 160;
+  const int many = options.quick ? 2 : 160;
   const Cost much = cost_after(many, options.out, csv);
   const std::string cycles = fmt::format("after {} cycles over after 2", many);
   goals.add({"meshing a block that changed: much dug over little dug",

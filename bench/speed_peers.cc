@@ -50,7 +50,7 @@ class Peers {
  public:
   Peers(const Options& options, Goals& goals)
       : goals_(goals),
-        placements_(options.quick ? 2 : 4),
+        placements_(options.quick ? 1 : 4),
         csv_(options.out / "peers.csv",
              "peer,voxel_m,us_per_update,error,soilvdb_voxel_m,soilvdb_us,soilvdb_error,ratio") {}
 

@@ -95,7 +95,7 @@ void measure_replay(const Options& options, Goals& goals) {
                         r.resident_m2, r.rss_bytes, r.hash));
     return r;
   };
-  const double hours = options.quick ? 0.05 : 8;
+  const double hours = options.quick ? 0.01 : 8;
   const Replay two = measure(0.05, hours, 2);
   const Replay one = measure(0.05, options.quick ? hours : hours / 8, 1);
   const Replay again = options.quick ? two : measure(0.05, hours / 8, 2);
@@ -119,7 +119,7 @@ void measure_replay(const Options& options, Goals& goals) {
 }
 
 void measure_memory(const Options& options, Goals& goals) {
-  const Replay r = in_child([&] { return replay(0.025, options.quick ? 0.02 : 0.5, 1); });
+  const Replay r = in_child([&] { return replay(0.025, options.quick ? 0.002 : 0.5, 1); });
   goals.add({"memory per m2 touched at 2.5 cm", r.memory_bytes / r.resident_m2 / 1000, "kB", 100});
   if (options.quick) return;  // what the program is of takes more than the ground
   goals.add({"memory accounted over growth of the resident set, 2.5 cm",

@@ -101,7 +101,7 @@ class Stability {
 
   /// Deeper and deeper, so that there is soil to dig to the last.
   void random_strokes() {
-    const std::size_t strokes = quick_ ? 5000 : 1000000;
+    const std::size_t strokes = quick_ ? 500 : 1000000;
     const double deepening_m = 1e-5;
     Site site(0.1, Vec3::Zero(), make_plane(0, {0.1, -0.05}));
     site.creep = Creep(strokes);
@@ -120,13 +120,13 @@ class Stability {
   /// Volumes against an independent count.
   void counted_strokes() {
     progress_->step("random strokes and turns against a count");
-    const int strokes = quick_ ? 50 : 300;
+    const int strokes = quick_ ? 10 : 300;
     RandomStrokes random(1);
     std::vector<Pose> wander, turns;
     for (int i = 0; i <= strokes; ++i) wander.push_back(random.next(0));
     counted(fmt::format("{} random strokes", strokes), wander);
     const Drag drag;
-    const int rows = quick_ ? 6 : 30;
+    const int rows = quick_ ? 2 : 30;
     for (int i = 0; i <= rows; ++i) {
       Pose pose = drag.pose(static_cast<double>(i) / rows);
       const Eigen::AngleAxisd over(std::numbers::pi, Vec3::Unit(i / 2 % 3));
@@ -153,7 +153,7 @@ class Stability {
 
   void same_stroke() {
     progress_->step("the same stroke");
-    const int times = quick_ ? 200 : 10000;
+    const int times = quick_ ? 20 : 10000;
     const Drag drag;
     Site site(drag);
     site.creep = Creep(static_cast<std::size_t>(times - 1));
@@ -193,7 +193,7 @@ class Stability {
 
   void tiny_motions() {
     progress_->step("tiny motions");
-    const int times = quick_ ? 1000 : 100000;
+    const int times = quick_ ? 100 : 100000;
     const Drag drag;
     const auto run = [&](const char* which, double exact_m3, auto pose_of) {
       Site site(drag);
@@ -228,7 +228,7 @@ class Stability {
   void everywhere() {
     progress_->step("voxel sizes, coordinates, slopes, scales");
     for (const double voxel : {0.001, 0.0025, 0.01, 0.025, 0.05, 0.1, 1.0}) {
-      if (quick_ && voxel < 0.005) continue;
+      if (quick_ && voxel < 0.05) continue;
       Drag d;
       d.voxel_m = voxel;
       if (voxel == 1.0) d.scale = 20;

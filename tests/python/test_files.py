@@ -59,6 +59,18 @@ def test_motions_end_where_a_run_stops(tmp_path):
         soilvdb.motions(tmp_path / "s.yaml")
 
 
+def test_doubtful_heights_are_warned_of(tmp_path):
+    soilvdb.write_raster(tmp_path / "a.tif", np.full((9, 9), 7.0), (0.5, 0.5), (1, 1))
+    subprocess.run(["gdal_translate", "-q", "-ot", "Byte", "-a_nodata", "0", tmp_path / "a.tif",
+                    tmp_path / "plain.tif"], check=True)
+    grey = tmp_path / "grey.asc"  # GeoTIFFs of ours say that their heights are in metres
+    subprocess.run(["gdal_translate", "-q", "-of", "ENVI", tmp_path / "plain.tif", grey], check=True)
+    with pytest.warns(UserWarning, match="8-bit greys"):
+        soilvdb.read_raster(grey)
+    with pytest.warns(UserWarning, match="8-bit greys"):
+        soilvdb.Site(0.5, soilvdb.raster(grey), [soilvdb.Bucket(1, 1)])
+
+
 def test_rasters_come_back_as_they_were_written(tmp_path):
     heights = np.random.default_rng(1).normal(size=(30, 20))
     heights[3, 4] = np.nan

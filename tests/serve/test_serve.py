@@ -579,24 +579,27 @@ def test_what_is_recorded_beside_is_known(tmp_path):
 
 def test_cycles_are_those_of_loads(tmp_path):
     """A load is at least a quarter of what the bucket holds, and ends when most of it is gone."""
-    def load_and_tip(y, depth, begin, tips):
-        way = list(passes("digger", y, depth, 60, begin))
+    def load_and_tip(y, curl, begin, tips):
+        back = [0.0, float(-np.sin(curl / 2)), 0.0, float(np.cos(curl / 2))]
+        way = [{**state, "rotation": back} for state in passes("digger", y, 0.2, 60, begin)]
         x = way[-1]["position"][0]
         up = [{"machine": "digger", "time": begin + 1 + 0.1 * i, "position": [x, y, 0.1 * i],
-               "rotation": [0.0, 0.0, 0.0, 1.0]} for i in range(20)]
+               "rotation": back} for i in range(20)]
         tipped = [{"machine": "digger", "time": begin + 4 + 0.1 * i, "position": [x, y, 1.9],
                    "rotation": [0.0, float(np.sin(i / 40)), 0.0, float(np.cos(i / 40))]}
                   for i in range(tips)]
         return [*way, *up, *tipped]
 
     with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
-        for n, (depth, tips, cycles) in enumerate(((0.25, 60, 1), (0.01, 60, 1), (0.25, 60, 2))):
-            answers = server.feed(load_and_tip(3.0 * n, depth, 20.0 * n, tips))
+        # With its mouth upright a bucket holds little.
+        for n, (curl, tips, cycles) in enumerate(((0.5, 60, 1), (0.0, 60, 1), (0.5, 60, 2))):
+            answers = server.feed(load_and_tip(3.0 * n, curl, 20.0 * n, tips))
             loads = [answer["bucket_m3"] for answer in answers]
             _, body = server.get("/machines.csv")
             row = dict(zip(*(line.split(",") for line in body.decode().splitlines()[:2])))
             assert int(row["cycles"]) == cycles, row
-            if max(loads) > 0.15:
+            assert (max(loads) > 0.15) == (curl > 0)
+            if curl > 0:
                 assert float(row["last_load_m3"]) == max(loads)
 
 
