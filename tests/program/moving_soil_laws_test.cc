@@ -82,6 +82,7 @@ TEST_F(MovingSoilLaws, UpdatesOfABucketThatNeverTurnsMakeNoDifference) {
 }
 
 /// Where it turns, the paths between poses differ by up to a fiftieth of a voxel, and cuts by 1e-4.
+/// What is too much for it at the end of an update leaves it then, also in the ground.
 TEST_F(MovingSoilLaws, UpdatesOfABucketThatCurlsMakeHardlyADifference) {
   const json many = summary("all.yaml --updates 5000", "many");
   const double load = most_load_m3(rows("many"));
@@ -90,7 +91,7 @@ TEST_F(MovingSoilLaws, UpdatesOfABucketThatCurlsMakeHardlyADifference) {
     const std::string out = fmt::format("u{}", updates);
     const json few = summary(fmt::format("all.yaml --updates {}", updates), out);
     EXPECT_EQ(few["mass_kg"]["residual"], 0);
-    EXPECT_NEAR(most_load_m3(rows(out)), load, 0.005 * load) << updates;
+    EXPECT_NEAR(most_load_m3(rows(out)), load, 0.01 * load) << updates;
     const json diff = json::parse(
         good(fmt::format("diff many/soil_final.vdb {}/soil_final.vdb --json", out)).out);
     EXPECT_LE(
