@@ -19,7 +19,7 @@ namespace {
 /// Time per call over a run of many: means of a hundred parts of it.
 class Creep {
  public:
-  explicit Creep(std::size_t calls = kParts) : part_(calls / kParts) {}
+  explicit Creep(std::size_t calls = kParts) : part_(std::max<std::size_t>(calls / kParts, 1)) {}
   void add(double us) {
     if (n_++ % part_ == 0) parts_us_.push_back(0);
     parts_us_.back() += us / static_cast<double>(part_);

@@ -16,11 +16,11 @@ namespace {
 using Box = GainGrid::Box;
 using Gains = std::map<Box, Gain>;
 
-constexpr double kHair = 1e-6;  // of a box, so that rounding shares no cell out
+constexpr double kBoxInset = 1e-6;  // of a box, so that rounding shares no cell out
 
 /// A cell that changed whole, by volume.
 void share_by_volume(const GainGrid& grid, const Vec3& middle, double h, double m3, Gains& gains) {
-  const Vec3 half = Vec3::Constant(h / 2 - kHair * grid.side_m.x());
+  const Vec3 half = Vec3::Constant(h / 2 - kBoxInset * grid.side_m.x());
   const Box low = grid.at(middle - half), high = grid.at(middle + half);
   const auto part = [&](int box, std::size_t axis) {
     if (low[axis] == high[axis]) return 1.0;
@@ -51,7 +51,7 @@ Gains gains_of(const Soil& soil, const Coord3& origin, const SampleWords& before
     }
     const auto mixed = [](std::uint64_t word) { return word != 0 && word != kAllSoil; };
     const double variance = error_m3 * error_m3 * (mixed(a) + mixed(b));
-    const Vec3 half = Vec3::Constant(h / 2 - kHair * grid.side_m.x());
+    const Vec3 half = Vec3::Constant(h / 2 - kBoxInset * grid.side_m.x());
     const Box low = grid.at(middle - half), high = grid.at(middle + half);
     const int sides = (low[0] != high[0]) + (low[1] != high[1]) + (low[2] != high[2]);
     if (sides == 0) {

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kSearch = 64;     // posts around unknown ground in which a height is looked for
 constexpr double kCliff = 1e9;  // a slope that bounds nothing
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoHeight = std::numeric_limits<double>::quiet_NaN();
 
 class HeightField final : public BaseSurface {
  public:
@@ -134,7 +134,8 @@ class HeightField final : public BaseSurface {
   /// Height at (x, y), NaN where there is none.
   double at(const HeightTiles::Window& w, double x, double y) const {
     const Vec2 u = tiles_.post(x, y);
-    if (!(u.x() >= 0 && u.y() >= 0 && u.x() <= grid_.nx - 1 && u.y() <= grid_.ny - 1)) return kNone;
+    if (!(u.x() >= 0 && u.y() >= 0 && u.x() <= grid_.nx - 1 && u.y() <= grid_.ny - 1))
+      return kNoHeight;
     const int i = std::min(static_cast<int>(u.x()), grid_.nx - 2);
     const int j = std::min(static_cast<int>(u.y()), grid_.ny - 2);
     const double s = u.x() - i, t = u.y() - j;

@@ -23,7 +23,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kNoEntry = std::numeric_limits<double>::infinity();
 
 // Written out, so that no vector unit adds in another order.
 double dot(const Vec2& a, const Vec2& b) { return a.x() * b.x() + a.y() * b.y(); }
@@ -97,13 +97,13 @@ class Kinks {
 /// `height` above the origin and at a distance whose square is `length2`.
 double entry(double height, double length2, double rise, double sine) {
   const double root2 = height * height - (sine * sine - rise * rise) * length2;
-  if (root2 < 0) return kNever;
+  if (root2 < 0) return kNoEntry;
   const double root = sine * std::sqrt(root2);
   if (height >= 0) {
     const double outside = sine * sine * length2 - height * height;
     return outside <= 0 ? 0 : outside / (height * rise + root);
   }
-  return rise > sine ? (root - height * rise) / (rise * rise - sine * sine) : kNever;
+  return rise > sine ? (root - height * rise) / (rise * rise - sine * sine) : kNoEntry;
 }
 
 /// The planes through one of the mouth's edges. Points are those of the profile, seen from the
@@ -140,7 +140,7 @@ class Fan {
   /// all of the edge, which doesn't go down.
   double past_edge(const Vec2& p) const { return entry(height(p), dot(p, p), up_.y(), sine_); }
   double past_both(const Vec2& p) const {
-    const bool on_ray = entry_ < kNever && p.y() >= reach_ * p.x();
+    const bool on_ray = entry_ < kNoEntry && p.y() >= reach_ * p.x();
     return on_ray ? entry_ * p.x() : past_edge(p);
   }
   /// What is below that line: the integral of r * min(width, tau * r) over r in (0, 1).
@@ -178,8 +178,8 @@ class Fan {
     if (rise2 < sine2)
       add(0, sine2 - rise2, 0);  // the plane touches the cone
     else
-      kinks.add(-h / hs);   // tau turns as quickly, if the two are nearly equal
-    if (entry_ < kNever) {  // from the cone to the planes on the ray; as the triangle
+      kinks.add(-h / hs);     // tau turns as quickly, if the two are nearly equal
+    if (entry_ < kNoEntry) {  // from the cone to the planes on the ray; as the triangle
       kinks.add((a.y() - reach_ * a.x()) / (reach_ * step.x() - step.y()));
       kinks.add((width_m_ - entry_ * a.x()) / (entry_ * step.x()));
     }
@@ -189,8 +189,8 @@ class Fan {
   double width_m_;
   Vec3 up_;
   double sine_;
-  double entry_ = kNever;  // of the planes on the ray, per x
-  double reach_ = 0;       // y per x from which on they hold there, not yet the cone of its end
+  double entry_ = kNoEntry;  // of the planes on the ray, per x
+  double reach_ = 0;         // y per x from which on they hold there, not yet the cone of its end
 };
 
 /// Is the mouth flatter than repose, whether it looks up or down?

@@ -7,7 +7,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::uint64_t kMostValues = 1000;
+constexpr std::uint64_t kMostStateValues = 1000;
 constexpr std::uint8_t kKinds = 5;
 constexpr std::uint8_t kFirstState = 64;  // beside the kind
 
@@ -33,7 +33,7 @@ bool StateCoding::take(std::string_view& bytes, JournalState& state) {
   std::uint8_t head = 0;
   std::uint64_t machine = 0, values = 0;
   if (!take_raw(bytes, head) || (head & ~kFirstState) >= kKinds || !take_count(bytes, machine) ||
-      machine >= kMostMachines || !take_count(bytes, values) || values > kMostValues)
+      machine >= kMostMachines || !take_count(bytes, values) || values > kMostStateValues)
     return false;
   if (head & kFirstState) before_.clear();
   state.kind = static_cast<JournalState::Kind>(head & ~kFirstState);

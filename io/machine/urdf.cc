@@ -25,7 +25,7 @@ namespace {
 
 using tinyxml2::XMLElement;
 
-constexpr std::size_t kMaxBytes = 16 << 20;
+constexpr std::size_t kMaxUrdfBytes = 16 << 20;
 
 /// Refuses what isn't UTF-8: names go into messages and summaries, which are.
 void check_encoding(const std::filesystem::path& file, std::string_view text) {
@@ -301,7 +301,7 @@ std::string limits_in_degrees(const Chain& chain) {
 }
 
 Chain read_chain(const std::filesystem::path& file, const std::string& link) {
-  const std::string text = read_text(file, kMaxBytes);
+  const std::string text = read_text(file, kMaxUrdfBytes);
   check_encoding(file, text);
   const Robot robot(file, text);
   if (!robot.has_link(link)) {

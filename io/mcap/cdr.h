@@ -45,6 +45,7 @@ class CdrReader {
   std::string_view text() {
     std::string_view text = take(number<std::uint32_t>());
     if (text.ends_with('\0')) text.remove_suffix(1);
+    if (text.find('\0') != text.npos) throw CdrError("has a zero within a text");
     return text;
   }
   /// How many elements follow, of `least` bytes each or more: never more than there is room for.

@@ -15,9 +15,9 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr double kRightAngle = std::numbers::pi / 2;
-constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kSteepRepose = 60 * kDegree;  // no loose soil stands so steep
-constexpr double kMostSwell = 3;               // twice what any rock has
+constexpr double kRadPerDegree = std::numbers::pi / 180;
+constexpr double kSteepRepose = 60 * kRadPerDegree;  // no loose soil stands so steep
+constexpr double kMostSwell = 3;                     // twice what any rock has
 constexpr double kNoAreaM2 = 1e-9;
 constexpr std::size_t kMostHoppers = 10'000;  // each is compared with each
 
@@ -26,11 +26,11 @@ double read_angle(const YamlMap& soil, const std::string& key, bool zero_is_good
   const double angle = soil.number(key);
   if ((angle > 0 || (zero_is_good && angle == 0)) && angle < kRightAngle) return angle;
   const bool degrees = angle > kRightAngle && angle < 90;
-  soil.fail(
-      key,
-      fmt::format("{} is {}; it must be in radians, {} 0 and less than 1.5708{}", key, angle,
-                  zero_is_good ? "at least" : "more than",
-                  degrees ? fmt::format(": {:g} degrees are {:.3g}", angle, angle * kDegree) : ""));
+  soil.fail(key, fmt::format("{} is {}; it must be in radians, {} 0 and less than 1.5708{}", key,
+                             angle, zero_is_good ? "at least" : "more than",
+                             degrees ? fmt::format(": {:g} degrees are {:.3g}", angle,
+                                                   angle * kRadPerDegree)
+                                     : ""));
 }
 
 void check_needs_soil(const YamlMap& scenario, const std::string& key, const Scenario& result) {
@@ -122,7 +122,7 @@ void read_soil(const YamlMap& scenario, Scenario& result) {
     result.warnings.push_back(
         fmt::format("{}: a repose_angle of {:g} rad, {:.1f} degrees, is steeper than loose soil "
                     "stands; most is from 0.44 to 0.79",
-                    map.place("repose_angle"), soil.repose_rad, soil.repose_rad / kDegree));
+                    map.place("repose_angle"), soil.repose_rad, soil.repose_rad / kRadPerDegree));
   }
   result.soil = soil;
 }

@@ -24,7 +24,7 @@ namespace {
 constexpr double kBytesPerChunk = 3500;  // a Chunk, its leaf, its share of the tree
 constexpr int kCellBits = 21;            // of a coordinate of a cell no smaller than a chunk
 constexpr int kPointsAcross = 8;         // of a mouth, where its sweep is estimated
-constexpr double kMostCells = 1e6;       // looked at for one block of steps
+constexpr double kMostStepCells = 1e6;   // looked at for one block of steps
 constexpr double kMostStrokeM = 1000;    // in soil, from one row to the next
 constexpr double kStrideM = 10;          // by which such a stroke is looked at
 
@@ -142,7 +142,7 @@ class SoilCells {
   /// Marks all cells that meet a box. @return false if they are too many
   bool mark(const Box3& box) {
     const Eigen::Array3d low = cell_of(box.min()), high = cell_of(box.max());
-    if ((high - low + 1).prod() > kMostCells) return false;
+    if ((high - low + 1).prod() > kMostStepCells) return false;
     Eigen::Array3d c;
     for (c.x() = low.x(); c.x() <= high.x(); ++c.x())
       for (c.y() = low.y(); c.y() <= high.y(); ++c.y())

@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMaxBytes = 16 << 20;
+constexpr std::size_t kMaxYamlBytes = 16 << 20;
 
 /// Where documents start. Looks for no more than two: a comma where one should start makes yaml-cpp
 /// see documents without end.
@@ -71,7 +71,7 @@ struct DocumentStarts : YAML::EventHandler {
 }  // namespace
 
 YAML::Node read_yaml(const std::filesystem::path& file) {
-  const std::string text = read_text(file, kMaxBytes);
+  const std::string text = read_text(file, kMaxYamlBytes);
   try {
     const DocumentStarts starts(text);
     if (starts.second_line > 0) {

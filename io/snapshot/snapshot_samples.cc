@@ -25,7 +25,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kPartChunks = 1024;
+constexpr std::size_t kChunksPerPart = 1024;
 constexpr int kGroups = kChunkVoxels / 64;
 constexpr std::uint32_t kAbove = 1u << 16, kLoose = 1u << 17, kFlags = 1u << 18;
 
@@ -143,7 +143,7 @@ class MixedWords {
 };
 
 void restore_part(std::string_view bytes, std::size_t count, Soil& soil) {
-  if (count > kPartChunks) refuse();
+  if (count > kChunksPerPart) refuse();
   Reader in(bytes);
   Reader origins(in.take(count * sizeof(Origin)));
   std::vector<std::uint32_t> bases(count);
@@ -197,11 +197,11 @@ std::string compressed(std::string bytes) {
 
 std::string samples_bytes(const Soil& soil, const std::vector<Coord3>& dropped) {
   const std::vector<const Chunk*> chunks = soil.chunks();
-  const std::size_t parts = (chunks.size() + kPartChunks - 1) / kPartChunks;
+  const std::size_t parts = (chunks.size() + kChunksPerPart - 1) / kChunksPerPart;
   std::vector<std::string> bytes(parts);
   tbb::parallel_for(std::size_t{0}, parts, [&](std::size_t i) {
-    const std::size_t first = i * kPartChunks;
-    const std::size_t count = std::min(kPartChunks, chunks.size() - first);
+    const std::size_t first = i * kChunksPerPart;
+    const std::size_t count = std::min(kChunksPerPart, chunks.size() - first);
     const std::string plain = part_bytes(soil, &chunks[first], count);
     const std::string small = compressed(plain);
     put_bytes(bytes[i], PartHead{count, plain.size(), small.size()});
@@ -229,7 +229,7 @@ std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil) {
       restore_part(stored, head.chunks, soil);
       continue;
     }
-    constexpr std::size_t kMost = kPartChunks * (sizeof(Origin) + 4 + 4 * sizeof(SampleWords));
+    constexpr std::size_t kMost = kChunksPerPart * (sizeof(Origin) + 4 + 4 * sizeof(SampleWords));
     if (head.size > kMost || head.stored < 16) refuse();
     // Blosc's own head: sizes at 4 and 12.
     std::uint32_t plain = 0, small = 0;

@@ -28,7 +28,7 @@ std::optional<std::string> view_command(const KeptHeights& kept, const fs::path&
                      shell_quoted(view));
 }
 
-const char* type_of(const KeptHeights& kept) { return kept.wide ? "Float64" : "Float32"; }
+const char* gdal_type(const KeptHeights& kept) { return kept.wide ? "Float64" : "Float32"; }
 
 }  // namespace
 
@@ -48,7 +48,7 @@ std::string RasterAdvice::to_metres(double metres, const std::string& horizontal
   const auto first = view_command(kept, file_, view);
   // Between values far apart, for gdal_translate takes the scale as a difference of heights.
   const double span = kept.offset == 0 ? 1 : 1e6, zero_m = kept.offset * metres;
-  std::string options = fmt::format("-b 1 -ot {} -scale 0 {} {} {}", type_of(kept), span, zero_m,
+  std::string options = fmt::format("-b 1 -ot {} -scale 0 {} {} {}", gdal_type(kept), span, zero_m,
                                     zero_m + span * kept.scale * metres);
   if (kept.scale != 1 || kept.offset != 0) options += " -a_scale 1 -a_offset 0";
   if (kept.nodata || kept.unnamed_void) options += " -a_nodata nan";  // which no height can be
@@ -73,7 +73,7 @@ std::string RasterAdvice::warp(const std::string& options, const std::string& su
   // Without NODATA gdalwarp fills what lies outside of the source with ground at 0.
   return fmt::format("{}gdalwarp {}{}-r bilinear -ot {} -dstnodata nan {} {}",
                      first ? *first + " && " : "", options, options.empty() ? "" : " ",
-                     type_of(kept), shell_quoted(first ? view : file_),
+                     gdal_type(kept), shell_quoted(first ? view : file_),
                      shell_quoted(beside(file_, suffix + ".tif")));
 }
 

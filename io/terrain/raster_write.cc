@@ -22,7 +22,7 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr float kNoData = -9999;
-constexpr double kMostCells = 2147483647.0;
+constexpr double kMostTiffCells = 2147483647.0;
 
 /// A file of GDAL's in memory, gone when this goes.
 class MemoryFile {
@@ -121,7 +121,7 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   }
   const Eigen::Array2d low = (box.min().array() / cell_m).floor();
   const Eigen::Array2d size = ((box.max().array() / cell_m).ceil() - low).max(1.0);
-  if (!(size.prod() <= kMostCells)) {
+  if (!(size.prod() <= kMostTiffCells)) {
     throw std::invalid_argument(fmt::format(
         "a raster of {:.0f} x {:.0f} cells is too large; larger cells than {:g} m would do",
         size.x(), size.y(), cell_m));

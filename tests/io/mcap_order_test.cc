@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "io/mcap/cdr.h"
 #include "soilvdb/io/scenario.h"
 #include "tests/support/mcap_fixture.h"
 
@@ -23,6 +24,15 @@ Chain swing_and_slide() {
   chain.joints = {{"swing", Joint::Type::kContinuous, {}, Vec3::UnitZ()},
                   {"slide", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 9}};
   return chain;
+}
+
+TEST(Cdr, ATextWithAZeroWithinIsRefused) {
+  using namespace std::string_view_literals;
+  CdrWriter good, bad;
+  good.put("boom"sv);
+  bad.put("bo\0m"sv);  // two names where names end with zeros
+  EXPECT_EQ(CdrReader(good.bytes()).text(), "boom");
+  EXPECT_THROW(CdrReader(bad.bytes()).text(), CdrError);
 }
 
 class McapOrder : public RecordedMotion {

@@ -205,9 +205,10 @@ TEST_F(MotionCsv, AQuaternionFarFromUnit) {
 }
 
 TEST_F(MotionCsv, TimesThatDontIncrease) {
-  EXPECT_EQ(error("time,x,y,z\n0.5,0,0,0\n0.50,0,0,0\n"),
-            "m.csv:3: time 0.50 doesn't come after 0.5 in the row before; times must strictly "
-            "increase");
+  EXPECT_EQ(error("time,x,y,z\n0.5,0,0,0\n0.50,0,0,0.1\n"),
+            "m.csv:3: time 0.50 doesn't come after 0.5 in the row before, and other values differ; "
+            "two rows of one time must be the same");
+  EXPECT_EQ(error("time,x,y,z\n0.5,0,0,0\n0.50,0,0,0\n"), "nothing thrown");
   EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n2,0,0,0\n1,0,0,0\n"),
             "m.csv:4: time 1 doesn't come after 2 in the row before; times must strictly increase");
 }

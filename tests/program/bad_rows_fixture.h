@@ -14,10 +14,10 @@
 
 namespace soilvdb::test {
 
-inline constexpr int kRows = 41;
-
 class BadRows : public ProgramTest {
  protected:
+  static constexpr int kRows = 41;
+
   void SetUp() override {
     ProgramTest::SetUp();
     write_file(folder() / "clean.csv", HalfSine{}.csv(kRows));

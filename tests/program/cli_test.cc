@@ -110,7 +110,7 @@ TEST_F(CommandLine, RefusesABrokenScenarioByFileAndLine) {
   write_file(folder() / "broken.yaml", scenario);
   expect_refused("run broken.yaml", "broken.yaml:3: ");
   expect_refused("info broken.yaml", "broken.yaml:3: ");
-  write_file(folder() / "dig.csv", "time,x,y,z\n0,0,0,1\n0,0,0,1\n");
+  write_file(folder() / "dig.csv", "time,x,y,z\n0,0,0,1\n0,0,0,2\n");
   expect_refused("run dig.yaml --out deep/new/folder", "dig.csv:3: ");
 }
 

@@ -56,8 +56,15 @@ TEST_F(MovingSoil, WhatADumpAngleEmptiesIsDumped) {
   std::string digger = kDigger;
   write("dump.yaml", kSoil + digger + "      dump_angle: 0.5\n");
   const json s = summary("dump.yaml", "out"), &volume = s["volume_m3"];
-  EXPECT_GT(volume["dumped"], 0.1);
-  EXPECT_LT(volume["dumped"], volume["spilled"]) << "what it held too much of while it dug";
+  const auto all = rows("out");
+  std::size_t at = 1;
+  while (std::stod(all.at(at).at(0)) < 6.65) ++at;
+  const double held = std::stod(all.at(at - 1).at(3));
+  EXPECT_GT(held, 0.1) << "before the row that turns it past the angle";
+  EXPECT_EQ(std::stod(all.at(at).at(6)), held)
+      << "over the rim on the way there, and then the rest";
+  EXPECT_GT(volume["dumped"], 0);
+  EXPECT_LT(volume["dumped"], held);
   EXPECT_EQ(s["machines"][0]["bucket_m3"], 0);
   EXPECT_EQ(s["mass_kg"]["residual"], 0);
 }

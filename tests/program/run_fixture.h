@@ -7,10 +7,10 @@
 
 namespace soilvdb::test {
 
-inline constexpr int kRows = 1001;  // chords cut (pi / 1000)^2 / 12 < 1e-6 of the volume short
-
 class Run : public ProgramTest {
  protected:
+  static constexpr int kRows = 1001;  // chords cut (pi / 1000)^2 / 12 < 1e-6 of the volume short
+
   void SetUp() override {
     ProgramTest::SetUp();
     write_file(folder() / "dig.yaml", half_sine_scenario());

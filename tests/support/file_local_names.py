@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ten sources are compiled as one, so a function in an unnamed namespace is seen by its neighbours.
+"""Ten sources are compiled as one, so what is in an unnamed namespace is seen by its neighbours.
 
-One of the same name elsewhere in the library, or in a header, would be overloaded with it: a call
-might reach another function than its author meant, without a word of the compiler.
+A function of the same name elsewhere in the library, or in a header, would be overloaded with it: a
+call might reach another function than its author meant, without a word of the compiler. A constant
+of the same name compiles or not by which sources the day's ten are.
 """
 
 import re
@@ -17,9 +18,12 @@ LIBRARIES = ["core", "io", "io/draw", "tools/run", "tools/serve", "tools/app", "
 UNNAMED = re.compile(r"^namespace \{\n(.*?)^\}  // namespace$", re.M | re.S)
 FUNCTION = re.compile(r"^(?!using|return|static_assert|namespace|#)[\w:][\w:<>,&*\s\[\]]*?[\s&*](\w+)\(", re.M)
 
+CONSTANT = re.compile(r"^(?:inline )?const(?:expr)? [^=({;]*?\b(k[A-Z]\w*)(?:\[\w*\])? ?[={]", re.M)
 
-def functions(text: str) -> set[str]:
-    return set(FUNCTION.findall(re.sub(r'//.*|"(?:\\.|[^"\\\n])*"', "", text)))
+
+def names(text: str) -> set[str]:
+    code = re.sub(r'//.*|"(?:\\.|[^"\\\n])*"', "", text)
+    return {f"{name}()" for name in FUNCTION.findall(code)} | set(CONSTANT.findall(code))
 
 
 def library_of(name: str) -> int:
@@ -32,20 +36,20 @@ def main() -> int:
     for path in sorted(each for top in ("core", "io", "tools") for each in (ROOT / top).rglob("*.[ch]*")):
         name = str(path.relative_to(ROOT))
         if path.suffix == ".h":
-            for each in functions(path.read_text()):
+            for each in names(path.read_text()):
                 headers[each].append(name)
         elif path.suffix == ".cc":
             bodies = UNNAMED.findall(path.read_text())
-            for each in set().union(*map(functions, bodies)):
+            for each in set().union(*map(names, bodies)):
                 places[library_of(name), each].append(name)
     faults = 0
-    for (library, function), files in sorted(places.items()):
-        files += [each for each in headers[function] if library_of(each) <= library]
+    for (library, name), files in sorted(places.items()):
+        files += [each for each in headers[name] if library_of(each) <= library]
         if len(files) > 1:
-            print(f"{function}() is in {' and '.join(files)}: give one of them another name")
+            print(f"{name} is in {' and '.join(files)}: give one of them another name")
             faults += 1
     if not places:
-        print("no function in an unnamed namespace was found")
+        print("nothing in an unnamed namespace was found")
     return 1 if faults or not places else 0
 
 

@@ -36,7 +36,7 @@ std::vector<Bucket> buckets(const io::Scenario& scenario) {
 
 /// Updates of each machine that are handed to the tracker at once, where there are several
 /// machines.
-constexpr std::size_t kBatch = 64;
+constexpr std::size_t kRunBatch = 64;
 
 constexpr double kNsPerUs = 1e3;
 
@@ -209,7 +209,7 @@ std::runtime_error Run::differs(std::uint64_t count, const io::JournalMove& move
 /// The next steps, up to one that ground is written down after, or before one that isn't taken.
 std::vector<Step> Run::next_batch(const std::function<bool()>& take) {
   const std::size_t machines = scenario_.machines.size();
-  const std::size_t most = machines == 1 ? 1 : kBatch * machines;
+  const std::size_t most = machines == 1 ? 1 : kRunBatch * machines;
   std::vector<Step> batch;
   do {
     batch.push_back(*step_);

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kFormat = 3;  // 2 knew the scenario by its bytes
+constexpr int kConfigFormat = 3;  // 2 knew the scenario by its bytes
 
 /// What of an input has changed since, in words; empty: nothing.
 std::string change_of(const Json& input, const fs::path& file) try {
@@ -93,7 +93,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
     else if (std::none_of(scenario.machines.begin(), scenario.machines.end(), moves))
       inputs.back()["checksum"] = io::file_fingerprint(file);
   }
-  Json json = {{"format", kFormat},
+  Json json = {{"format", kConfigFormat},
                {"version", SOILVDB_VERSION},
                {"inputs", inputs},
                {"threads", options.threads},
@@ -125,10 +125,10 @@ RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
       throw io::InputError(folder,
                            "was recorded by a session, not by a run: it goes on where that is "
                            "opened again, by Session::record or in Python Site.record");
-    if (const int format = json.at("format"); format != kFormat)
+    if (const int format = json.at("format"); format != kConfigFormat)
       throw io::InputError(folder, fmt::format("is a run of format {}; this version goes on with "
                                                "format {}",
-                                               format, kFormat));
+                                               format, kConfigFormat));
     RunConfig config;
     RunOptions& options = config.options;
     for (const Json& input : json.at("inputs")) {

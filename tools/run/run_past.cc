@@ -26,7 +26,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Moves that are dug at once, as far as machines are apart.
-constexpr std::size_t kBatch = 256;
+constexpr std::size_t kPastBatch = 256;
 
 io::Scenario read_past_scenario(const RunConfig& config) {
   io::Scenario scenario = io::read_scenario(config.options.scenario, {}, io::Motions::kOptional);
@@ -155,7 +155,7 @@ Session RunPast::at(double time_s) const {
     if (seen) return;
     if (move.machine < machines) {
       batch.push_back(move);
-      if (batch.size() == kBatch) dig();
+      if (batch.size() == kPastBatch) dig();
       return;
     }
     dig();

@@ -25,9 +25,9 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using tools::kJournalName;
 
-constexpr int kFormat = 1;
+constexpr int kRecordFormat = 1;
 /// States that are dug at once while a recording is gone on with.
-constexpr std::size_t kBatch = 256;
+constexpr std::size_t kRecordBatch = 256;
 
 /// @throw io::InputError unless a journal is of a session of this site
 void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
@@ -36,10 +36,10 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
                          "holds a run of `soilvdb run`, which `soilvdb resume` goes on with; name "
                          "another folder");
   const Json before = io::from_cbor(config);
-  if (before["session"] != kFormat)
+  if (before["session"] != kRecordFormat)
     throw io::InputError(folder, fmt::format("is a recording of format {}; this version goes on "
                                              "with format {}",
-                                             io::to_text(before["session"]), kFormat));
+                                             io::to_text(before["session"]), kRecordFormat));
   if (const std::string what = difference(before["site"], site); !what.empty())
     throw io::InputError(
         folder, fmt::format("is a recording of another site, {} isn't the same; name another "
@@ -142,7 +142,7 @@ void Session::replay(const fs::path& journal, std::uint64_t from, std::uint64_t 
       case io::JournalState::Kind::kPose:
       case io::JournalState::Kind::kJoints:
         batch.push_back(std::move(*fed));
-        if (batch.size() == kBatch) feed();
+        if (batch.size() == kRecordBatch) feed();
         break;
       case io::JournalState::Kind::kPours:
       case io::JournalState::Kind::kRest:
@@ -198,7 +198,7 @@ io::JournalExtent Session::record(const Recording& given,
     tools::SnapshotSchedule schedule(recording.snapshot_every_s);
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
-      Json all = {{"session", kFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
+      Json all = {{"session", kRecordFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
       if (!s.scenario.empty()) all["scenario"] = s.scenario.string();
       const std::uint64_t size = io::begin_journal(journal, {io::to_cbor(all)});
       if (recording.incremental) n.unsaved.emplace();

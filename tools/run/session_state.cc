@@ -14,11 +14,7 @@
 #include "soilvdb/pour_parts.h"
 
 namespace soilvdb::inline v0 {
-namespace {
-
-constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
+namespace {}  // namespace
 
 Session::State::State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_,
                       io::Site site_)
@@ -117,7 +113,7 @@ void Session::State::pour(double until_s) {
 }
 
 double Session::State::last_s() const {
-  double last_s = kNoTime;
+  double last_s = std::numeric_limits<double>::quiet_NaN();
   for (const Fed& machine : fed) last_s = std::fmax(last_s, machine.time_s);
   return last_s;
 }

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kFormat = 2;  // 1 knew no inputs but the scenario
+constexpr int kPlanFormat = 2;  // 1 knew no inputs but the scenario
 
 fs::path plain(const fs::path& path) { return fs::absolute(path / "").lexically_normal(); }
 
@@ -71,7 +71,7 @@ std::string plan_text(const fs::path& folder, const SplitPlan& plan) {
                            "what isn't");
     return text;
   };
-  Json json = {{"format", kFormat},       {"scenario", name(options.scenario)},
+  Json json = {{"format", kPlanFormat},   {"scenario", name(options.scenario)},
                {"values", plan.values},   {"inputs", Json::object()},
                {"parts", plan.parts},     {"ends_s", plan.ends_s},
                {"windows", Json::array()}};
@@ -94,7 +94,7 @@ SplitPlan read_plan(const fs::path& folder) {
   if (!in) throw io::InputError(folder, "holds no plan of parts; name a folder that has one");
   try {
     const Json json = Json::parse(in);
-    if (json.at("format") != kFormat)
+    if (json.at("format") != kPlanFormat)
       throw io::InputError(file, "is of another version of soilvdb; remove the folder");
     SplitPlan plan;
     const std::string scenario = json.at("scenario");

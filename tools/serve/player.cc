@@ -10,12 +10,12 @@
 namespace soilvdb::tools {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kForever = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
 Player::Player(LiveSite& site, const io::Scenario& scenario, double speed)
-    : site_(site), speed_(speed), begin_s_(kInfinity) {
+    : site_(site), speed_(speed), begin_s_(kForever) {
   for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
     const io::MotionFile& motion = scenario.machines[i].motion;
     Track& track = tracks_.emplace_back(Track{

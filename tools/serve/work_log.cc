@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNever = -std::numeric_limits<double>::infinity();
 
 double struck_m3(const Bucket& bucket) {
@@ -111,9 +111,9 @@ bool WorkLog::add(std::size_t machine, double time_s, std::vector<double> at, do
 }
 
 void WorkLog::set_clock(std::size_t machine) {
-  machines_[machine].time_s = kNaN;
+  machines_[machine].time_s = kUnknown;
   machines_[machine].clock_is_set = true;
-  time_s_ = kNaN;
+  time_s_ = kUnknown;
   for (const Machine& other : machines_) time_s_ = std::fmax(time_s_, other.time_s);
   // Who moved by the time that it said, did before all that comes.
   for (Machine& other : machines_)
