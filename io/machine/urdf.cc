@@ -5,14 +5,15 @@
 // are used.
 #include "soilvdb/io/urdf.h"
 
-#include <cpl_string.h>
 #include <fmt/format.h>
 #include <tinyxml2.h>
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
@@ -185,12 +186,13 @@ class Robot {
     const XMLElement* element = joint.FirstChildElement(child);
     const char* text = element == nullptr ? nullptr : element->Attribute(name);
     if (text == nullptr) return otherwise;
-    const CPLStringList words(CSLTokenizeString2(text, " \t\r\n", 0));
+    std::istringstream stream(text);
+    const std::vector<std::string> words{std::istream_iterator<std::string>(stream), {}};
     if (words.size() != 3) {
       fail(*element, fmt::format("has {}=\"{}\" in <{}>; it must be three numbers", name,
                                  printable(text), child));
     }
-    for (int i = 0; i < 3; ++i) otherwise[i] = number(*element, words[i]);
+    for (int i = 0; i < 3; ++i) otherwise[i] = number(*element, words[static_cast<std::size_t>(i)]);
     return otherwise;
   }
 

@@ -3,7 +3,6 @@
 #include "io/terrain/crs.h"
 
 #include <fmt/format.h>
-#include <ogr_spatialref.h>
 
 #include <algorithm>
 #include <array>
@@ -42,17 +41,34 @@ std::optional<double> unit_metres(std::string name) {
 
 bool is_metre(double length) { return std::abs(length - 1) < 1e-9; }
 
+OwnSrs copy_of(Srs srs) { return OwnSrs(gdal().OSRClone(srs)); }
+
+std::string text_of(Srs srs, const char* format) {
+  const char* const options[] = {format, nullptr};
+  char* text = nullptr;
+  const bool good = gdal().OSRExportToWktEx(srs, &text, options) == OGRERR_NONE && text != nullptr;
+  std::string wkt = good ? text : "";
+  gdal().VSIFree(text);
+  return wkt;
+}
+
+std::string name_of(Srs srs) {
+  const char* const name = gdal().OSRGetName(srs);
+  return printable(name != nullptr ? name : "");
+}
+
 /// Where a point of `srs` is, in degrees.
-std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec2& p) {
-  OGRSpatialReference from(srs), to;
-  from.StripVertical();
-  to.importFromEPSG(4326);
-  from.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-  to.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-  const std::unique_ptr<OGRCoordinateTransformation> transform(
-      OGRCreateCoordinateTransformation(&from, &to));
-  double x = p.x(), y = p.y();
-  if (!transform || !transform->Transform(1, &x, &y)) return std::nullopt;
+std::optional<Vec2> longitude_latitude(Srs srs, const Vec2& p) {
+  const OwnSrs from = copy_of(srs), to(gdal().OSRNewSpatialReference(nullptr));
+  gdal().OSRStripVertical(from.get());
+  gdal().OSRImportFromEPSG(to.get(), 4326);
+  gdal().OSRSetAxisMappingStrategy(from.get(), OAMS_TRADITIONAL_GIS_ORDER);
+  gdal().OSRSetAxisMappingStrategy(to.get(), OAMS_TRADITIONAL_GIS_ORDER);
+  const auto transform = gdal().OCTNewCoordinateTransformation(from.get(), to.get());
+  double x = p.x(), y = p.y(), z = 0;
+  const bool good = transform != nullptr && gdal().OCTTransform(transform, 1, &x, &y, &z);
+  gdal().OCTDestroyCoordinateTransformation(transform);
+  if (!good) return std::nullopt;
   if (!(std::abs(y) <= 90) || !(std::abs(x) <= 720)) return std::nullopt;
   return Vec2(x, y);
 }
@@ -62,7 +78,7 @@ std::optional<Vec2> longitude_latitude(const OGRSpatialReference& srs, const Vec
 constexpr double kMostAreaOff = 0.0125;
 
 /// How many square metres on the ground one of the map is at a place, by WGS 84's ellipsoid.
-std::optional<double> ground_area(const OGRSpatialReference& srs, const Vec2& p) {
+std::optional<double> ground_area(Srs srs, const Vec2& p) {
   constexpr double kAxis_m = 6378137, kEccentricity2 = 0.00669437999014, kStep = 100;
   std::array<Vec3, 3> earth;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -80,16 +96,14 @@ std::optional<double> ground_area(const OGRSpatialReference& srs, const Vec2& p)
 
 /// Refuses maps whose metres aren't: volumes would be off as their areas are, Web Mercator's by
 /// half in the middle of Europe.
-void require_true_scale(const RasterAdvice& advice, const OGRSpatialReference& srs,
-                        const Vec2& centre) {
+void require_true_scale(const RasterAdvice& advice, Srs srs, const Vec2& centre) {
   const std::optional<double> area = ground_area(srs, centre);
   if (!area || std::abs(*area - 1) <= kMostAreaOff) return;
   const Vec2 place = longitude_latitude(srs, centre).value();
-  const char* name = srs.GetName();
   throw InputError(advice.file(),
                    fmt::format("has coordinates in '{}', of which 1 m is {:.4g} m on the ground "
                                "here; reproject it with: {}",
-                               printable(name != nullptr ? name : ""), std::sqrt(*area),
+                               name_of(srs), std::sqrt(*area),
                                advice.reproject(utm_epsg(place.x(), place.y()), "")));
 }
 
@@ -100,74 +114,76 @@ struct HeightUnit {
   bool known = false;
 };
 
-HeightUnit height_unit(const OGRSpatialReference* srs, const std::string& band_unit) {
+HeightUnit height_unit(Srs srs, const std::string& band_unit) {
   HeightUnit unit{band_unit, unit_metres(band_unit).value_or(1), !band_unit.empty()};
-  if (srs == nullptr || !srs->IsCompound()) return unit;
-  const char* name = nullptr;
-  const double vertical = srs->GetTargetLinearUnits("COMPD_CS|VERT_CS", &name);
+  if (srs == nullptr || !gdal().OSRIsCompound(srs)) return unit;
+  char* name = nullptr;  // the CRS's
+  const double vertical = gdal().OSRGetTargetLinearUnits(srs, "COMPD_CS|VERT_CS", &name);
   if (!is_metre(vertical)) return {name != nullptr ? name : "an unknown unit", vertical, true};
   unit.known = true;
   return unit;
 }
 
-OGRSpatialReference horizontal_of(const OGRSpatialReference& srs) {
-  OGRSpatialReference horizontal(srs);
-  horizontal.StripVertical();
-  if (horizontal.GetAxesCount() == 3) horizontal.DemoteTo2D(nullptr);
+OwnSrs horizontal_of(Srs srs) {
+  OwnSrs horizontal = copy_of(srs);
+  gdal().OSRStripVertical(horizontal.get());
+  if (gdal().OSRGetAxesCount(horizontal.get()) == 3)
+    gdal().OSRDemoteTo2D(horizontal.get(), nullptr);
   return horizontal;
 }
 
-/// What heights are above; nothing where the CRS doesn't say.
-std::optional<OGRSpatialReference> vertical_of(const OGRSpatialReference& srs) {
-  if (!srs.IsCompound()) {
-    if (srs.GetAxesCount() < 3) return std::nullopt;
-    return srs;  // above its ellipsoid
+/// What heights are above; null where the CRS doesn't say.
+OwnSrs vertical_of(Srs srs) {
+  if (!gdal().OSRIsCompound(srs))  // with three axes: above its ellipsoid
+    return gdal().OSRGetAxesCount(srs) < 3 ? nullptr : copy_of(srs);
+  // It ends the text: COMPD_CS["both",PROJCS[...],VERT_CS[...],AUTHORITY[...]]
+  const std::string wkt = text_of(srs, "FORMAT=WKT1_GDAL");
+  const std::size_t begin = wkt.find(",VERT_CS[");
+  if (begin == wkt.npos) return nullptr;
+  std::size_t end = begin + 1;
+  bool quoted = false;
+  for (int open = 0; end < wkt.size(); ++end) {
+    if (wkt[end] == '"') quoted = !quoted;
+    if (quoted) continue;
+    if (wkt[end] == '[') ++open;
+    if (wkt[end] == ']' && --open == 0) break;
   }
-  char* wkt = nullptr;
-  const OGR_SRSNode* node = srs.GetAttrNode("COMPD_CS|VERT_CS");
-  OGRSpatialReference vertical;
-  const bool read = node != nullptr && node->exportToWkt(&wkt) == OGRERR_NONE &&
-                    vertical.importFromWkt(wkt) == OGRERR_NONE;
-  CPLFree(wkt);
-  return read ? std::optional(vertical) : std::nullopt;
+  return srs_of(wkt.substr(begin + 1, end - begin));
 }
 
-bool same(const OGRSpatialReference& a, const OGRSpatialReference& b) {
+bool same(Srs a, Srs b) {
   const char* const options[] = {"CRITERION=EQUIVALENT_EXCEPT_AXIS_ORDER_GEOGCRS",
                                  "IGNORE_DATA_AXIS_TO_SRS_AXIS_MAPPING=YES", nullptr};
-  return a.IsSame(&b, options) != 0;
+  return gdal().OSRIsSameEx(a, b, options) != 0;
 }
 
-std::string authority_of(const OGRSpatialReference& srs, const char* part = nullptr) {
-  const char* authority = srs.GetAuthorityName(part);
-  const char* code = srs.GetAuthorityCode(part);
+std::string authority_of(Srs srs) {
+  const char* authority = gdal().OSRGetAuthorityName(srs, nullptr);
+  const char* code = gdal().OSRGetAuthorityCode(srs, nullptr);
   return authority != nullptr && code != nullptr ? std::string(authority) + ":" + code : "";
 }
 
-std::string label_of(const OGRSpatialReference& srs) {
-  if (std::string code = authority_of(srs); !code.empty()) return code;
-  const char* name = srs.GetName();
-  return printable(name != nullptr ? name : "");
+std::string label_of(Srs srs) {
+  const std::string code = authority_of(srs);
+  return code.empty() ? name_of(srs) : code;
 }
 
 /// A CRS as programs of GDAL take it.
-std::string argument_of(const OGRSpatialReference& srs) {
-  if (std::string code = authority_of(srs); !code.empty()) return code;
-  char* wkt = nullptr;
-  srs.exportToWkt(&wkt);
-  const std::string argument = shell_quoted(wkt != nullptr ? wkt : "");
-  CPLFree(wkt);
-  return argument;
+std::string argument_of(Srs srs) {
+  const std::string code = authority_of(srs);
+  return code.empty() ? shell_quoted(text_of(srs, "FORMAT=WKT1_GDAL")) : code;
 }
 
 }  // namespace
 
 std::string crs_label(const std::string& wkt) {
+  if (wkt.empty()) return {};
   const GdalMessages messages;
-  OGRSpatialReference srs;
-  if (wkt.empty() || srs.importFromWkt(wkt.c_str()) != OGRERR_NONE) return {};
-  return label_of(srs);
+  const OwnSrs srs = srs_of(wkt);
+  return srs ? label_of(srs.get()) : "";
 }
+
+std::string wkt_of(Srs srs) { return text_of(srs, "FORMAT=WKT2_2019"); }
 
 int utm_epsg(double longitude, double latitude) {
   if (latitude > 84) return 32661;
@@ -177,8 +193,7 @@ int utm_epsg(double longitude, double latitude) {
   return (latitude < 0 ? 32700 : 32600) + zone;
 }
 
-std::vector<std::string> require_metre_heights(const RasterAdvice& advice,
-                                               const OGRSpatialReference* srs,
+std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs srs,
                                                const std::string& vertical_unit) {
   const HeightUnit unit = height_unit(srs, vertical_unit);
   if (!is_metre(unit.metres)) {
@@ -186,8 +201,8 @@ std::vector<std::string> require_metre_heights(const RasterAdvice& advice,
     throw InputError(
         advice.file(),
         fmt::format("heights are in '{}', not metres; convert them with: {}", printable(unit.name),
-                    advice.to_metres(unit.metres, srs != nullptr && srs->IsCompound()
-                                                      ? argument_of(horizontal_of(*srs))
+                    advice.to_metres(unit.metres, srs != nullptr && gdal().OSRIsCompound(srs)
+                                                      ? argument_of(horizontal_of(srs).get())
                                                       : "")));
   }
   if (vertical_unit.empty() || unit_metres(vertical_unit)) return {};
@@ -195,20 +210,20 @@ std::vector<std::string> require_metre_heights(const RasterAdvice& advice,
                       advice.file().string(), printable(vertical_unit))};
 }
 
-bool names_height_unit(const OGRSpatialReference* srs, const std::string& vertical_unit) {
+bool names_height_unit(Srs srs, const std::string& vertical_unit) {
   return height_unit(srs, vertical_unit).known;
 }
 
-void require_metres(const RasterAdvice& advice, const OGRSpatialReference& srs, const Vec2& centre,
+void require_metres(const RasterAdvice& advice, Srs srs, const Vec2& centre,
                     const std::string& vertical_unit) {
   std::string wrong, unit;
-  if (srs.IsGeographic() || srs.IsDerivedGeographic()) {
+  if (gdal().OSRIsGeographic(srs) || gdal().OSRIsDerivedGeographic(srs)) {
     wrong = "is in degrees, not metres";
-  } else if (srs.IsGeocentric()) {
+  } else if (gdal().OSRIsGeocentric(srs)) {
     wrong = "is in geocentric coordinates, not in a map's";
   } else {
-    const char* name = nullptr;
-    if (!is_metre(srs.GetLinearUnits(&name))) {
+    char* name = nullptr;  // the CRS's
+    if (!is_metre(gdal().OSRGetLinearUnits(srs, &name))) {
       unit = printable(name != nullptr ? name : "an unknown unit");
       wrong = fmt::format("has coordinates in '{}', not metres", unit);
     }
@@ -220,14 +235,15 @@ void require_metres(const RasterAdvice& advice, const OGRSpatialReference& srs, 
                  : of.warp("-t_srs EPSG:<the site's UTM zone> -novshift", "_utm");
   };
   const std::string how = place ? "with" : "to a CRS in metres, as with";
-  if (unit.empty() || names_height_unit(&srs, vertical_unit))
+  if (unit.empty() || names_height_unit(srs, vertical_unit))
     throw InputError(advice.file(),
                      fmt::format("{}; reproject it {}: {}", wrong, how, reproject(advice)));
   throw InputError(
       advice.file(),
       fmt::format("{}, and doesn't say what its heights are in; if they are in metres, reproject "
                   "it {}: {} ; if they are in '{}', too: {} && {}",
-                  wrong, how, reproject(advice), unit, advice.to_metres(srs.GetLinearUnits(), ""),
+                  wrong, how, reproject(advice), unit,
+                  advice.to_metres(gdal().OSRGetLinearUnits(srs, nullptr), ""),
                   reproject(advice.in_metres())));
 }
 
@@ -235,29 +251,25 @@ std::vector<std::string> crs_differences(const std::string& a_name, const std::s
                                          const std::string& b_name, const std::string& b_wkt) {
   const GdalMessages messages;
   std::vector<std::string> all;
-  const auto compare = [&](const char* what, const std::optional<OGRSpatialReference>& a,
-                           const std::optional<OGRSpatialReference>& b) {
+  const auto compare = [&](const char* what, const OwnSrs& a, const OwnSrs& b) {
     if (a && b) {
-      if (!same(*a, *b))
+      if (!same(a.get(), b.get()))
         all.push_back(fmt::format(
             "{} of {} are in {}, and those of {} in {}; volumes between the two are wrong", what,
-            a_name, label_of(*a), b_name, label_of(*b)));
+            a_name, label_of(a.get()), b_name, label_of(b.get())));
     } else if (a || b) {
       all.push_back(
           fmt::format("{} of {} are in {}, and {} doesn't say what its are in; they are taken to "
                       "be in the same",
-                      what, a ? a_name : b_name, label_of(a ? *a : *b), a ? b_name : a_name));
+                      what, a ? a_name : b_name, label_of((a ? a : b).get()), a ? b_name : a_name));
     }
   };
-  const auto read = [](const std::string& wkt) {
-    OGRSpatialReference srs;
-    const bool known = !wkt.empty() && srs.importFromWkt(wkt.c_str()) == OGRERR_NONE;
-    return known ? std::optional(srs) : std::nullopt;
+  const OwnSrs a = srs_of(a_wkt), b = srs_of(b_wkt);
+  const auto part = [](const OwnSrs& srs, OwnSrs (*of)(Srs)) {
+    return srs ? of(srs.get()) : nullptr;
   };
-  const auto a = read(a_wkt), b = read(b_wkt);
-  using Srs = std::optional<OGRSpatialReference>;
-  compare("coordinates", a ? Srs(horizontal_of(*a)) : Srs(), b ? Srs(horizontal_of(*b)) : Srs());
-  compare("heights", a ? vertical_of(*a) : Srs(), b ? vertical_of(*b) : Srs());
+  compare("coordinates", part(a, horizontal_of), part(b, horizontal_of));
+  compare("heights", part(a, vertical_of), part(b, vertical_of));
   return all;
 }
 

@@ -2,12 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/terrain/gdal.h"
 
-#include <cpl_error.h>
-#include <gdal.h>
-#include <gdal_frmts.h>
+#include <dlfcn.h>
 
-#include <algorithm>
-#include <mutex>
+#include <stdexcept>
 
 #include "io/file/text.h"
 
@@ -16,17 +13,48 @@ namespace {
 
 /// The formats of heights, all of them built into GDAL. The other two hundred, and what is in
 /// plugins, never get to see a file.
-void register_drivers() {
-  for (const auto add :
-       {GDALRegister_GTiff, GDALRegister_AAIGrid, GDALRegister_AIGrid, GDALRegister_GRASSASCIIGrid,
-        GDALRegister_EHdr, GDALRegister_ENVI, GDALRegister_HFA, GDALRegister_GSAG,
-        GDALRegister_GSBG, GDALRegister_GS7BG, GDALRegister_SAGA, GDALRegister_SRTMHGT,
-        GDALRegister_DTED, GDALRegister_USGSDEM}) {
-    add();
+constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIGrid", "GRASSASCIIGrid", "EHdr",
+                                    "ENVI",  "HFA",     "GSAG",   "GSBG",           "GS7BG",
+                                    "SAGA",  "SRTMHGT", "DTED",   "USGSDEM"};
+
+/// A function of a library, as what it is asked for as.
+template <typename Function>
+Function function(void* library, const std::string& name) {
+  if (void* const found = dlsym(library, name.c_str())) return reinterpret_cast<Function>(found);
+  throw std::runtime_error(std::string("GDAL can't be used: ") + SOILVDB_GDAL_LIBRARY +
+                           " has no function " + name);
+}
+
+GdalFunctions load() {
+  void* const library = dlopen(SOILVDB_GDAL_LIBRARY, RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) {
+    const char* const why = dlerror();
+    throw std::runtime_error(std::string("GDAL can't be loaded, which rasters need: ") +
+                             printable(why != nullptr ? why : SOILVDB_GDAL_LIBRARY));
   }
+  GdalFunctions gdal;
+#define SOILVDB_GDAL_FUNCTION(name) gdal.name = function<decltype(gdal.name)>(library, #name);
+  SOILVDB_GDAL_FUNCTIONS(SOILVDB_GDAL_FUNCTION)
+#undef SOILVDB_GDAL_FUNCTION
+  for (const char* driver : kDrivers)
+    function<void (*)()>(library, std::string("GDALRegister_") + driver)();
+  return gdal;
 }
 
 }  // namespace
+
+const GdalFunctions& gdal() {
+  static const GdalFunctions functions = load();
+  return functions;
+}
+
+OwnSrs srs_of(const std::string& wkt) {
+  return OwnSrs(wkt.empty() ? nullptr : gdal().OSRNewSpatialReference(wkt.c_str()));
+}
+
+std::string driver_of(const GdalDataset& dataset) {
+  return gdal().GDALGetDriverShortName(gdal().GDALGetDatasetDriver(dataset.get()));
+}
 
 std::string height_format(const std::filesystem::path& file) {
   static constexpr const char* kMarked[] = {
@@ -34,27 +62,26 @@ std::string height_format(const std::filesystem::path& file) {
       "GS7BG", "SAGA",    "SRTMHGT", "DTED",           "USGSDEM", nullptr};
   static constexpr const char* kRaw[] = {"EHdr", "ENVI", nullptr};
   for (const char* const* formats : {kMarked, kRaw}) {
-    if (GDALDriverH found = GDALIdentifyDriverEx(file.c_str(), GDAL_OF_RASTER, formats, nullptr))
-      return GDALGetDriverShortName(found);
+    if (const GDALDriverH found =
+            gdal().GDALIdentifyDriverEx(file.c_str(), GDAL_OF_RASTER, formats, nullptr))
+      return gdal().GDALGetDriverShortName(found);
   }
   return "";
 }
 
 GdalMessages::GdalMessages() {
-  static std::once_flag once;
-  std::call_once(once, register_drivers);
-  CPLPushErrorHandlerEx([](CPLErr severity, CPLErrorNum number,
-                           const char* message) { keep(severity, number, message); },
-                        this);
+  gdal().CPLPushErrorHandlerEx([](CPLErr severity, CPLErrorNum number,
+                                  const char* message) { keep(severity, number, message); },
+                               this);
 }
 
 GdalMessages::~GdalMessages() {
-  CPLPopErrorHandler();
-  CPLErrorReset();
+  gdal().CPLPopErrorHandler();
+  gdal().CPLErrorReset();
 }
 
 void GdalMessages::keep(int severity, int, const char* message) {
-  auto* self = static_cast<GdalMessages*>(CPLGetErrorHandlerUserData());
+  auto* self = static_cast<GdalMessages*>(gdal().CPLGetErrorHandlerUserData());
   if (severity >= CE_Failure && self->error_.empty()) self->error_ = printable(message);
 }
 

@@ -21,26 +21,31 @@ constexpr float kVoids[] = {-9999, -99999, -32768, -32767};  // m
 
 }  // namespace
 
-GdalHeights::GdalHeights(std::filesystem::path file, GDALDatasetUniquePtr dataset)
-    : file_(std::move(file)), dataset_(std::move(dataset)), band_(dataset_->GetRasterBand(1)) {
-  if ((band_->GetMaskFlags() & GMF_ALL_VALID) == 0) mask_ = band_->GetMaskBand();
+GdalHeights::GdalHeights(std::filesystem::path file, GdalDataset dataset)
+    : file_(std::move(file)),
+      dataset_(std::move(dataset)),
+      band_(gdal().GDALGetRasterBand(dataset_.get(), 1)),
+      nx_(gdal().GDALGetRasterXSize(dataset_.get())),
+      ny_(gdal().GDALGetRasterYSize(dataset_.get())) {
+  if ((gdal().GDALGetMaskFlags(band_) & GMF_ALL_VALID) == 0) mask_ = gdal().GDALGetMaskBand(band_);
   int given = 0;
-  const double scale = band_->GetScale(&given);
+  const double scale = gdal().GDALGetRasterScale(band_, &given);
   if (given && std::isfinite(scale) && scale != 0) scale_ = scale;
-  const double offset = band_->GetOffset(&given);
+  const double offset = gdal().GDALGetRasterOffset(band_, &given);
   if (given && std::isfinite(offset)) offset_ = offset;
-  const double nodata = band_->GetNoDataValue(&given);
+  const double nodata = gdal().GDALGetRasterNoDataValue(band_, &given);
   if (given) nodata_ = nodata;
 }
 
 KeptHeights GdalHeights::kept() const {
+  const int flags = gdal().GDALGetMaskFlags(band_);
   KeptHeights kept;
   kept.scale = scale_;
   kept.offset = offset_;
-  kept.wide = band_->GetRasterDataType() == GDT_Float64;
+  kept.wide = gdal().GDALGetRasterDataType(band_) == GDT_Float64;
   kept.nodata = nodata_.has_value();
-  kept.masked = mask_ != nullptr && (band_->GetMaskFlags() & GMF_NODATA) == 0;
-  if (kept.masked && (band_->GetMaskFlags() & GMF_ALPHA) != 0) kept.alpha_band = mask_->GetBand();
+  kept.masked = mask_ != nullptr && (flags & GMF_NODATA) == 0;
+  if (kept.masked && (flags & GMF_ALPHA) != 0) kept.alpha_band = gdal().GDALGetBandNumber(mask_);
   if (!kept.nodata && !kept.masked) kept.unnamed_void = find_void();
   return kept;
 }
@@ -63,10 +68,11 @@ void GdalHeights::read(int x0, int y0, int w, int h, float* out) const {
   const std::size_t size = std::size_t(w) * h;
   std::vector<double> raw(size);
   std::vector<std::uint8_t> valid(mask_ != nullptr ? size : 0);
-  if (band_->RasterIO(GF_Read, column, row, w, h, raw.data(), w, h, GDT_Float64, 0, 0, nullptr) !=
-          CE_None ||
-      (mask_ != nullptr && mask_->RasterIO(GF_Read, column, row, w, h, valid.data(), w, h, GDT_Byte,
-                                           0, 0, nullptr) != CE_None)) {
+  const auto fill = [&](GDALRasterBandH from, void* to, GDALDataType type) {
+    return gdal().GDALRasterIO(from, GF_Read, column, row, w, h, to, w, h, type, 0, 0) == CE_None;
+  };
+  if (!fill(band_, raw.data(), GDT_Float64) ||
+      (mask_ != nullptr && !fill(mask_, valid.data(), GDT_Byte))) {
     throw std::runtime_error(fmt::format(
         "{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})", file_.string(), row,
         row + h - 1, column, column + w - 1, messages.error_or("GDAL doesn't say why")));
@@ -101,7 +107,7 @@ std::optional<double> GdalHeights::find_void() const {
   for (std::int64_t i = 0; i < (whole ? 1 : kWindows * kWindows); ++i) {
     const auto x = static_cast<int>((nx() - w) * (i % kWindows) / (kWindows - 1));
     const auto y = static_cast<int>((ny() - h) * (i / kWindows) / (kWindows - 1));
-    if (band_->RasterIO(GF_Read, x, y, w, h, raw.data(), w, h, GDT_Float64, 0, 0, nullptr) !=
+    if (gdal().GDALRasterIO(band_, GF_Read, x, y, w, h, raw.data(), w, h, GDT_Float64, 0, 0) !=
         CE_None)
       return std::nullopt;  // damaged: reading says so
     for (const double value : raw)

@@ -3,14 +3,13 @@
 // Heights in metres of a band that GDAL reads: voids told, scale and offset applied.
 #pragma once
 
-#include <gdal_priv.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <mutex>
 #include <optional>
 #include <vector>
 
+#include "io/terrain/gdal.h"
 #include "io/terrain/raster_advice.h"
 #include "soilvdb/base_surface.h"
 
@@ -21,12 +20,12 @@ inline constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which all of
 /// Of the first band. Safe to call from several threads.
 class GdalHeights final : public HeightSource {
  public:
-  GdalHeights(std::filesystem::path file, GDALDatasetUniquePtr dataset);
+  GdalHeights(std::filesystem::path file, GdalDataset dataset);
 
-  GDALDataset& dataset() const { return *dataset_; }
-  GDALRasterBand& band() const { return *band_; }
-  int nx() const { return dataset_->GetRasterXSize(); }
-  int ny() const { return dataset_->GetRasterYSize(); }
+  const GdalDataset& dataset() const { return dataset_; }
+  GDALRasterBandH band() const { return band_; }
+  int nx() const { return nx_; }
+  int ny() const { return ny_; }
   bool packed() const { return scale_ != 1 || offset_ != 0; }
   /// Reads some of the heights where voids may have no name.
   KeptHeights kept() const;
@@ -46,9 +45,10 @@ class GdalHeights final : public HeightSource {
   std::optional<double> find_void() const;
 
   std::filesystem::path file_;
-  GDALDatasetUniquePtr dataset_;
-  GDALRasterBand* band_;
-  GDALRasterBand* mask_ = nullptr;
+  GdalDataset dataset_;
+  GDALRasterBandH band_;
+  GDALRasterBandH mask_ = nullptr;
+  int nx_, ny_;
   double scale_ = 1, offset_ = 0;
   std::optional<double> nodata_;
   bool westward_ = false, southward_ = true;

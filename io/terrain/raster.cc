@@ -4,7 +4,6 @@
 #include "soilvdb/io/raster.h"
 
 #include <fmt/format.h>
-#include <ogr_spatialref.h>
 
 #include <algorithm>
 #include <array>
@@ -32,7 +31,7 @@ struct Probe {
   std::optional<float> doubtful;  ///< a height that may be a void
 };
 
-GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
+GdalDataset open_dataset(const std::filesystem::path& file, GdalMessages& messages) {
   check_readable(file);
   const std::string path = std::filesystem::absolute(file).string();
   const std::string name = height_format(path);
@@ -46,25 +45,27 @@ GDALDatasetUniquePtr open_dataset(const std::filesystem::path& file, GdalMessage
                          translate_command(file, "", "_geotiff"));
   }
   const char* const formats[] = {name.c_str(), nullptr};
-  GDALDatasetUniquePtr dataset(GDALDataset::Open(
+  GdalDataset dataset(gdal().GDALOpenEx(
       path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY | GDAL_OF_VERBOSE_ERROR, formats,
       name == "AAIGrid" || name == "GRASSASCIIGrid" ? ascii : nullptr, nullptr));
   if (dataset) return dataset;
   throw InputError(file, fmt::format("is damaged ({})", messages.error_or("GDAL can't open it")));
 }
 
-void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
-  if (dataset.GetRasterCount() < 1) throw InputError(file, "has no band; the first one is read");
-  const double posts = double(dataset.GetRasterXSize()) * dataset.GetRasterYSize();
-  if (dataset.GetRasterXSize() < 2 || dataset.GetRasterYSize() < 2 || posts > kMostPosts) {
-    throw InputError(file,
-                     fmt::format("has {} x {} cells; 2 x 2 to {:.0e} cells in all would do",
-                                 dataset.GetRasterXSize(), dataset.GetRasterYSize(), kMostPosts));
+void check_is_heights(const std::filesystem::path& file, const GdalDataset& dataset) {
+  if (gdal().GDALGetRasterCount(dataset.get()) < 1)
+    throw InputError(file, "has no band; the first one is read");
+  const int nx = gdal().GDALGetRasterXSize(dataset.get());
+  const int ny = gdal().GDALGetRasterYSize(dataset.get());
+  if (nx < 2 || ny < 2 || double(nx) * ny > kMostPosts) {
+    throw InputError(file, fmt::format("has {} x {} cells; 2 x 2 to {:.0e} cells in all would do",
+                                       nx, ny, kMostPosts));
   }
-  GDALRasterBand& band = *dataset.GetRasterBand(1);
+  const GDALRasterBandH band = gdal().GDALGetRasterBand(dataset.get(), 1);
+  const GDALDataType type = gdal().GDALGetRasterDataType(band);
   int bx = 0, by = 0;
-  band.GetBlockSize(&bx, &by);
-  const double block_bytes = double(bx) * by * GDALGetDataTypeSizeBytes(band.GetRasterDataType());
+  gdal().GDALGetBlockSize(band, &bx, &by);
+  const double block_bytes = double(bx) * by * gdal().GDALGetDataTypeSizeBytes(type);
   const auto file_bytes = static_cast<double>(std::filesystem::file_size(file));
   if (block_bytes > std::max(kLargeBlock_bytes, kMostPacked * file_bytes)) {
     throw InputError(
@@ -73,10 +74,10 @@ void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
                     "whole; make tiles with: {}",
                     bx, by, translate_command(file, "-co TILED=YES", "_tiled")));
   }
-  if (GDALDataTypeIsComplex(band.GetRasterDataType())) {
+  if (gdal().GDALDataTypeIsComplex(type)) {
     throw InputError(file, "holds complex numbers; heights in metres are needed");
   }
-  const GDALColorInterp colour = band.GetColorInterpretation();
+  const GDALColorInterp colour = gdal().GDALGetRasterColorInterpretation(band);
   if (colour == GCI_PaletteIndex || colour == GCI_RedBand) {
     throw InputError(file, "is a picture, its first band a colour; heights in metres are needed");
   }
@@ -86,7 +87,7 @@ void check_is_heights(const std::filesystem::path& file, GDALDataset& dataset) {
 HeightGrid place(const RasterAdvice& advice, GdalHeights& source) {
   const std::filesystem::path& file = advice.file();
   std::array<double, 6> t;
-  if (source.dataset().GetGeoTransform(t.data()) != CE_None) {
+  if (gdal().GDALGetGeoTransform(source.dataset().get(), t.data()) != CE_None) {
     throw InputError(
         file,
         "has no position and cell size; set the coordinates of its upper left and lower "
@@ -115,7 +116,7 @@ HeightGrid place(const RasterAdvice& advice, GdalHeights& source) {
 /// A GeoTIFF cut short has blocks beyond its end: seen without reading any.
 void check_blocks_within_file(const std::filesystem::path& file, GdalHeights& source) {
   int bx = 0, by = 0;
-  source.band().GetBlockSize(&bx, &by);
+  gdal().GDALGetBlockSize(source.band(), &bx, &by);
   if (bx < 1 || by < 1) return;
   const std::int64_t columns = (source.nx() + bx - 1) / bx, rows = (source.ny() + by - 1) / by;
   constexpr std::int64_t kMost = 10'000;
@@ -123,8 +124,8 @@ void check_blocks_within_file(const std::filesystem::path& file, GdalHeights& so
   const auto size = static_cast<double>(std::filesystem::file_size(file));
   for (std::int64_t last = columns * rows - 1, n = last; n >= 0; n -= step) {
     const auto item = [&](const char* name) {
-      const char* text = source.band().GetMetadataItem(
-          fmt::format("{}_{}_{}", name, n % columns, n / columns).c_str(), "TIFF");
+      const std::string key = fmt::format("{}_{}_{}", name, n % columns, n / columns);
+      const char* text = gdal().GDALGetMetadataItem(source.band(), key.c_str(), "TIFF");
       return text != nullptr ? parse_number(text).value_or(0) : 0;
     };
     if (item("BLOCK_OFFSET") + item("BLOCK_SIZE") > size) {
@@ -162,7 +163,7 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
     return result;
   }
   int bx = 0, by = 0;
-  source.band().GetBlockSize(&bx, &by);
+  gdal().GDALGetBlockSize(source.band(), &bx, &by);
   // A block too large to be read in passing, or one that can be reached only by way of all before.
   if (ascii || std::int64_t{bx} * by > kReadWhole) return result;
   for (const std::int64_t y : {std::int64_t{0}, ny / 2, ny - 1}) {
@@ -190,8 +191,8 @@ void refuse_likely_degrees(const RasterAdvice& advice, const HeightGrid& grid, c
 /// A picture of eight bits has no heights, but looks like a raster that has.
 void warn_of_greys(const std::filesystem::path& file, const GdalHeights& source,
                    std::vector<std::string>& warnings) {
-  const GDALColorInterp colour = source.band().GetColorInterpretation();
-  if (source.band().GetRasterDataType() != GDT_Byte || source.packed() ||
+  const GDALColorInterp colour = gdal().GDALGetRasterColorInterpretation(source.band());
+  if (gdal().GDALGetRasterDataType(source.band()) != GDT_Byte || source.packed() ||
       (colour != GCI_GrayIndex && colour != GCI_Undefined))
     return;
   warnings.push_back(
@@ -207,11 +208,11 @@ RasterInput open_raster(const std::filesystem::path& file) {
   auto source = std::make_shared<GdalHeights>(file, open_dataset(file, messages));
   check_is_heights(file, source->dataset());
   RasterInput input;
-  input.driver = source->dataset().GetDriverName();
+  input.driver = driver_of(source->dataset());
   const RasterAdvice advice(file, [&] { return source->kept(); });
-  const OGRSpatialReference* srs = source->dataset().GetSpatialRef();
-  if (srs != nullptr && srs->IsEmpty()) srs = nullptr;
-  const char* unit_type = source->band().GetUnitType();
+  Srs srs = gdal().GDALGetSpatialRef(source->dataset().get());
+  if (srs != nullptr && wkt_of(srs).empty()) srs = nullptr;
+  const char* unit_type = gdal().GDALGetRasterUnitType(source->band());
   const std::string unit = unit_type != nullptr ? unit_type : "";
   input.warnings = require_metre_heights(advice, srs, unit);
   input.grid = place(advice, *source);
@@ -219,11 +220,8 @@ RasterInput open_raster(const std::filesystem::path& file) {
       input.grid.first +
       input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
   if (srs != nullptr) {
-    require_metres(advice, *srs, centre, unit);
-    char* wkt = nullptr;
-    const char* const options[] = {"FORMAT=WKT2_2019", nullptr};
-    if (srs->exportToWkt(&wkt, options) == OGRERR_NONE) input.crs_wkt = wkt;
-    CPLFree(wkt);
+    require_metres(advice, srs, centre, unit);
+    input.crs_wkt = wkt_of(srs);
   }
   Probe seen;
   try {

@@ -1,10 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Writing heights.
-#include <cpl_vsi.h>
 #include <fmt/format.h>
-#include <gdal_priv.h>
-#include <ogr_spatialref.h>
 #include <tbb/parallel_for.h>
 
 #include <cmath>
@@ -28,14 +25,14 @@ constexpr double kMostTiffCells = 2147483647.0;
 class MemoryFile {
  public:
   MemoryFile() : path_(fmt::format("/vsimem/soilvdb-{}.tif", static_cast<void*>(this))) {}
-  ~MemoryFile() { VSIUnlink(path_.c_str()); }
+  ~MemoryFile() { gdal().VSIUnlink(path_.c_str()); }
   MemoryFile(const MemoryFile&) = delete;
   MemoryFile& operator=(const MemoryFile&) = delete;
 
   const char* path() const { return path_.c_str(); }
   std::string_view bytes() const {
     vsi_l_offset size = 0;
-    const auto* data = VSIGetMemFileBuffer(path_.c_str(), &size, FALSE);
+    const auto* data = gdal().VSIGetMemFileBuffer(path_.c_str(), &size, FALSE);
     return {reinterpret_cast<const char*>(data), static_cast<std::size_t>(size)};
   }
 
@@ -75,13 +72,12 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
       throw std::invalid_argument("a band is not of the grid's size");
   }
   MemoryFile memory;
-  GDALDriver* driver = GetGDALDriverManager()->GetDriverByName("GTiff");
+  const GDALDriverH driver = gdal().GDALGetDriverByName("GTiff");
   require(driver != nullptr);
   const char* const options[] = {"COMPRESS=DEFLATE", "PREDICTOR=3",     "TILED=YES",
                                  "BIGTIFF=IF_SAFER", "INTERLEAVE=BAND", nullptr};
-  GDALDatasetUniquePtr dataset(driver->Create(memory.path(), grid.nx, grid.ny,
-                                              static_cast<int>(bands.size()), GDT_Float32,
-                                              const_cast<char**>(options)));
+  GdalDataset dataset(gdal().GDALCreate(driver, memory.path(), grid.nx, grid.ny,
+                                        static_cast<int>(bands.size()), GDT_Float32, options));
   require(dataset != nullptr);
   double transform[6] = {grid.first.x() - grid.spacing.x() / 2,
                          grid.spacing.x(),
@@ -89,12 +85,12 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
                          grid.first.y() + (grid.ny - 0.5) * grid.spacing.y(),
                          0,
                          -grid.spacing.y()};
-  require(dataset->SetGeoTransform(transform) == CE_None);
+  require(gdal().GDALSetGeoTransform(dataset.get(), transform) == CE_None);
   if (!crs_wkt.empty()) {
-    OGRSpatialReference srs;
-    require(srs.importFromWkt(crs_wkt.c_str()) == OGRERR_NONE);
-    srs.SetAxisMappingStrategy(OAMS_TRADITIONAL_GIS_ORDER);
-    require(dataset->SetSpatialRef(&srs) == CE_None);
+    const OwnSrs srs = srs_of(crs_wkt);
+    require(srs != nullptr);
+    gdal().OSRSetAxisMappingStrategy(srs.get(), OAMS_TRADITIONAL_GIS_ORDER);
+    require(gdal().GDALSetSpatialRef(dataset.get(), srs.get()) == CE_None);
   }
   std::vector<float> rows(cells);
   for (std::size_t b = 0; b < bands.size(); ++b) {
@@ -103,12 +99,12 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
       float* to = &rows[std::size_t(y) * grid.nx];
       for (int x = 0; x < grid.nx; ++x) to[x] = std::isnan(from[x]) ? kNoData : from[x];
     }
-    GDALRasterBand& band = *dataset->GetRasterBand(static_cast<int>(b) + 1);
-    band.SetDescription(bands[b].name.c_str());
-    require(band.SetNoDataValue(kNoData) == CE_None);
-    require(band.SetUnitType("metre") == CE_None);
-    require(band.RasterIO(GF_Write, 0, 0, grid.nx, grid.ny, rows.data(), grid.nx, grid.ny,
-                          GDT_Float32, 0, 0, nullptr) == CE_None);
+    const GDALRasterBandH band = gdal().GDALGetRasterBand(dataset.get(), static_cast<int>(b) + 1);
+    gdal().GDALSetDescription(band, bands[b].name.c_str());
+    require(gdal().GDALSetRasterNoDataValue(band, kNoData) == CE_None);
+    require(gdal().GDALSetRasterUnitType(band, "metre") == CE_None);
+    require(gdal().GDALRasterIO(band, GF_Write, 0, 0, grid.nx, grid.ny, rows.data(), grid.nx,
+                                grid.ny, GDT_Float32, 0, 0) == CE_None);
   }
   dataset.reset();  // completes the file
   require(messages.error().empty() && !memory.bytes().empty());

@@ -177,7 +177,7 @@ def test_workers_that_die_and_schedulers_that_are_restarted_change_no_bit(tmp_pa
     """A smaller one of tools/bench fleet's."""
     chance = random.Random(18)
     jobs = [{"job": f"j{i}", "updates": chance.choice([40, 400, 60_000])}
-            for i in range(60 if LONG else 15)]
+            for i in range(60 if LONG else 9)]
     manifest = write_jobs(tmp_path, jobs)
     out = tmp_path / "out"
     with Processes(tmp_path, hosts=(1, 1, 1)) as processes:
@@ -185,7 +185,7 @@ def test_workers_that_die_and_schedulers_that_are_restarted_change_no_bit(tmp_pa
             [*FLEET, "run", manifest, "--out", out, "--scheduler", processes.address],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
-            for kills, done in enumerate(range(4, 52, 6) if LONG else (2, 5, 9)):
+            for kills, done in enumerate(range(4, 52, 6) if LONG else (2, 5)):
                 wait_until(lambda at=done: done_count(out) >= at or process.poll() is not None)
                 assert process.poll() is None
                 chance.choice(processes.workers).kill()

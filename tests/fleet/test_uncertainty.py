@@ -127,7 +127,7 @@ def test_sigmas_of_nothing_leave_what_was_recorded(tmp_path, uncertainty):
 def test_a_study_that_was_killed_goes_on(tmp_path, uncertainty, shared):
     scenario = write_pass(tmp_path, rows=2000)
     (tmp_path / "noise.yaml").write_text("position: {bias: 0.01, white: 0.001}\n")
-    options = ("--draws", 100)
+    options = ("--draws", 100 if LONG else 40)
     uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "whole", *options)
     parts = tmp_path / "out/draws.part"
     command = [*FLEET, "uncertainty", scenario, "--noise", tmp_path / "noise.yaml", "--out",

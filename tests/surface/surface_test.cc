@@ -211,11 +211,12 @@ void keeps(const Solid& solid, double h, double least_m3, const std::string& wha
 }
 
 TEST(SurfaceMeshOfSamples, KeepsAWallAndASlotOneVoxelThick) {
-  for (const double h : {0.05, kFinest}) {
+  for (const double h : test::kLong ? std::vector{0.05, kFinest} : std::vector{0.05}) {
     const double thin_m3 = 0.8 * 0.3 * h;
     for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}}) {
       // With faces on centres of voxels and between cells, too.
       for (const double offset : {0.0, 0.154, 0.5, 0.75}) {
+        if (!test::kLong && offset == 0.75 && roll == 0) continue;
         const std::string what =
             fmt::format("roll {}, yaw {}, offset {}, voxel {}", roll, yaw, offset, h);
         const Solid wall = thin_wall(h, roll, yaw, offset * h);
