@@ -65,5 +65,4 @@ class Sessions : public ::testing::TestWithParam<bool> {
   static SessionSite site() { return site_of(GetParam() ? moving() : Earthmoving{}); }
 };
 
-
 }  // namespace soilvdb::test
