@@ -211,7 +211,8 @@ RasterInput open_raster(const std::filesystem::path& file) {
   input.driver = driver_of(source->dataset());
   const RasterAdvice advice(file, [&] { return source->kept(); });
   Srs srs = gdal().GDALGetSpatialRef(source->dataset().get());
-  if (srs != nullptr && wkt_of(srs).empty()) srs = nullptr;
+  if (srs != nullptr) input.crs_wkt = wkt_of(srs);
+  if (input.crs_wkt.empty()) srs = nullptr;
   const char* unit_type = gdal().GDALGetRasterUnitType(source->band());
   const std::string unit = unit_type != nullptr ? unit_type : "";
   input.warnings = require_metre_heights(advice, srs, unit);
@@ -219,10 +220,7 @@ RasterInput open_raster(const std::filesystem::path& file) {
   const Vec2 centre =
       input.grid.first +
       input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
-  if (srs != nullptr) {
-    require_metres(advice, srs, centre, unit);
-    input.crs_wkt = wkt_of(srs);
-  }
+  if (srs != nullptr) require_metres(advice, srs, centre, unit);
   Probe seen;
   try {
     seen = probe(file, *source, input.driver);

@@ -231,8 +231,7 @@ TEST_F(ScenarioFile, FilesItNamesMustBeThere) {
   EXPECT_EQ(error(13, "    motion: none.csv"), "s.yaml:13: motion: none.csv: no such file");
   EXPECT_EQ(error(13, "    motion: ."),
             "s.yaml:13: motion: .: is a folder; name a file, or say which topic of the .mcap files "
-            "in it: "
-            "'motion: {mcap: FOLDER, topic: /joint_states}'");
+            "in it: 'motion: {mcap: FOLDER, topic: /joint_states}'");
   EXPECT_EQ(error(13, "    motion: m.csv\n    urdf: none.urdf\n    lip: {link: a}"),
             "s.yaml:14: urdf: none.urdf: no such file");
   EXPECT_EQ(error(5, "  raster: \"a\\nb\""), "s.yaml:5: raster: a?b: no such file");

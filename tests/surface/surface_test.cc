@@ -216,7 +216,6 @@ TEST(SurfaceMeshOfSamples, KeepsAWallAndASlotOneVoxelThick) {
     for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}}) {
       // With faces on centres of voxels and between cells, too.
       for (const double offset : {0.0, 0.154, 0.5, 0.75}) {
-        if (!test::kLong && offset == 0.75 && roll == 0) continue;
         const std::string what =
             fmt::format("roll {}, yaw {}, offset {}, voxel {}", roll, yaw, offset, h);
         const Solid wall = thin_wall(h, roll, yaw, offset * h);

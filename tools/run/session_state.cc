@@ -14,8 +14,6 @@
 #include "soilvdb/pour_parts.h"
 
 namespace soilvdb::inline v0 {
-namespace {}  // namespace
-
 Session::State::State(std::vector<SessionMachine> machines_, Earthmoving earthmoving_,
                       io::Site site_)
     : machines(std::move(machines_)),
