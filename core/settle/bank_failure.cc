@@ -35,7 +35,7 @@ const std::array<Vec2, kDirections>& directions() {
 }
 
 /// A plane along which a slice slides, along the slice's direction from the middle of its toe.
-struct Plane {
+struct FailurePlane {
   double foot, end;  ///< where it begins and comes out
   double slope;
   double cohesion;  ///< that it needs, sides
@@ -49,7 +49,7 @@ class Slice {
 
   /// @param most columns that a plane may go through
   /// @param at_border set if the ground ends before it is known
-  std::optional<Plane> weakest(int most, bool& at_border) {
+  std::optional<FailurePlane> weakest(int most, bool& at_border) {
     if (!is_foot()) return std::nullopt;
     read(most, at_border);
     if (highest_ <= strength_.least_height()) return std::nullopt;
@@ -136,8 +136,8 @@ class Slice {
     foot_ = std::clamp(mean - std::sqrt(3 * spread), 0.0, kFarthestFoot);
   }
 
-  std::optional<Plane> weakest_plane() const {
-    std::optional<Plane> weakest;
+  std::optional<FailurePlane> weakest_plane() const {
+    std::optional<FailurePlane> weakest;
     // Else what is left of a wedge would fail, and so on, until it is as flat as friction holds.
     const bool cohesionless = strength_.least_height() < kLeastHeight;
     double most = 0, weight = 0;
@@ -156,7 +156,7 @@ class Slice {
         const double needed = wedge * (slope - strength_.friction) / ((1 + slope * slope) * way);
         if (cohesionless ? weakest && slope >= weakest->slope : needed <= most) return;
         most = needed;
-        weakest = Plane{foot_, end, slope, needed};
+        weakest = FailurePlane{foot_, end, slope, needed};
       };
       if (rise(k) - rise(k + 1) <= 1) {
         look(std::clamp((rise(k) + rise(k + 1)) / 2 / way, least, steepest));
@@ -191,7 +191,7 @@ BankFailure find_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
                          const BankStrength& strength,
                          const std::function<double(int x, int y)>& dug) {
   BankFailure failure;
-  const auto lower = [&](int x, int y, const Vec2& direction, const Plane& plane) {
+  const auto lower = [&](int x, int y, const Vec2& direction, const FailurePlane& plane) {
     if (failure.columns.empty()) {
       for (std::size_t c = 0; c < ground.height_m.size(); ++c)
         failure.columns.push_back({ground.firm_at(static_cast<int>(c))});
@@ -223,7 +223,7 @@ BankFailure find_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
           return true;
     return false;
   };
-  std::vector<std::pair<Vec2, Plane>> planes;
+  std::vector<std::pair<Vec2, FailurePlane>> planes;
   for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
     for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
       if (!ground.open(x, y) || !rises(x, y)) continue;

@@ -21,7 +21,7 @@ namespace {
 
 constexpr int kSideMask = kChunkSide - 1;
 
-int cell_number(const ColumnChange& c, int z) {
+int cell_number(const ColumnEdit& c, int z) {
   return (c.cell.x() & kSideMask) << 6 | (c.cell.y() & kSideMask) << 3 | (z & kSideMask);
 }
 
@@ -29,10 +29,10 @@ int cell_number(const ColumnChange& c, int z) {
 /// read when a column first comes to them.
 class SampleStack {
  public:
-  SampleStack(const Soil& soil, std::span<const ColumnChange> changes, bool adds, bool bank)
+  SampleStack(const Soil& soil, std::span<const ColumnEdit> changes, bool adds, bool bank)
       : soil_(&soil), changes_(changes), adds_(adds), bank_(bank) {
     int low = changes_.front().low, high = changes_.front().high;
-    for (const ColumnChange& c : changes_) {
+    for (const ColumnEdit& c : changes_) {
       low = std::min(low, c.low);
       high = std::max(high, c.high);
     }
@@ -51,7 +51,7 @@ class SampleStack {
   }
 
   void choose(float slope) {
-    for (const ColumnChange& c : changes_) choose(c, slope);
+    for (const ColumnEdit& c : changes_) choose(c, slope);
   }
 
  private:
@@ -73,10 +73,10 @@ class SampleStack {
     }
     return *pieces_[i];
   }
-  std::uint64_t may(const ColumnChange& c, int z) {
+  std::uint64_t may(const ColumnEdit& c, int z) {
     return piece(z).may[static_cast<std::size_t>(cell_number(c, z))];
   }
-  void take(const ColumnChange& c, int z, std::uint64_t samples) {
+  void take(const ColumnEdit& c, int z, std::uint64_t samples) {
     Piece& p = piece(z);
     p.chosen[static_cast<std::size_t>(cell_number(c, z))] |= samples;
     p.some |= samples != 0;
@@ -84,7 +84,7 @@ class SampleStack {
 
   /// Takes the column's samples in their order from one end: cell by cell while all of a cell come
   /// before any that could be left, then one by one.
-  void choose(const ColumnChange& c, float slope) {
+  void choose(const ColumnEdit& c, float slope) {
     if (c.samples <= 0) return;
     const int step = adds_ ? 1 : -1, from = adds_ ? c.low : c.high, to = adds_ ? c.high : c.low;
     std::int64_t sum = 0;
@@ -119,7 +119,7 @@ class SampleStack {
   }
 
   const Soil* soil_;
-  std::span<const ColumnChange> changes_;
+  std::span<const ColumnEdit> changes_;
   bool adds_, bank_;
   Coord3 first_;
   std::vector<std::unique_ptr<Piece>> pieces_;  // by chunks upwards
@@ -129,10 +129,9 @@ class SampleStack {
 /// Chooses what changes, in stacks of chunks side by side.
 class Stacks {
  public:
-  Stacks(const Soil& soil, std::span<const ColumnChange> changes, double slope, bool adds,
-         bool bank)
+  Stacks(const Soil& soil, std::span<const ColumnEdit> changes, double slope, bool adds, bool bank)
       : sorted_(changes.begin(), changes.end()) {
-    const auto corner = [](const ColumnChange& c) {
+    const auto corner = [](const ColumnEdit& c) {
       return std::pair(c.cell.x() & ~kSideMask, c.cell.y() & ~kSideMask);
     };
     std::stable_sort(sorted_.begin(), sorted_.end(),
@@ -140,7 +139,7 @@ class Stacks {
     for (auto from = sorted_.begin(); from != sorted_.end();) {
       const auto to = std::find_if(from, sorted_.end(),
                                    [&](const auto& c) { return corner(c) != corner(*from); });
-      stacks_.emplace_back(soil, std::span<const ColumnChange>(from, to), adds, bank);
+      stacks_.emplace_back(soil, std::span<const ColumnEdit>(from, to), adds, bank);
       from = to;
     }
     const auto run = [&](std::size_t i) { stacks_[i].choose(static_cast<float>(slope)); };
@@ -162,7 +161,7 @@ class Stacks {
   const std::vector<Chosen>& chosen() const { return chosen_; }
 
  private:
-  std::vector<ColumnChange> sorted_;
+  std::vector<ColumnEdit> sorted_;
   std::vector<SampleStack> stacks_;
   std::vector<Chosen> chosen_;
 };
@@ -187,7 +186,7 @@ std::int64_t count(const SampleWords& words) {
 
 }  // namespace
 
-std::int64_t add_loose(Soil& soil, std::span<const ColumnChange> changes, double slope) {
+std::int64_t add_loose(Soil& soil, std::span<const ColumnEdit> changes, double slope) {
   const Stacks stacks(soil, changes, slope, true, false);
   const auto add = [](const SampleWords& more, Samples& to) {
     SampleWords words;
@@ -205,7 +204,7 @@ std::int64_t add_loose(Soil& soil, std::span<const ColumnChange> changes, double
   return added;
 }
 
-Taken remove_top(Soil& soil, std::span<const ColumnChange> changes, double slope, bool bank) {
+Taken remove_top(Soil& soil, std::span<const ColumnEdit> changes, double slope, bool bank) {
   const Stacks stacks(soil, changes, slope, false, bank);
   Taken taken;
   SampleWords loose;

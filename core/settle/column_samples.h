@@ -12,7 +12,7 @@
 namespace soilvdb::inline v0 {
 
 /// By how many samples a column changes, and the surface that it is to have: a cone, or a plane.
-struct ColumnChange {
+struct ColumnEdit {
   Coord2 cell;           ///< x, y
   int low, high;         ///< cells of z that may change
   std::int64_t samples;  ///< to be added, or to be removed
@@ -25,13 +25,13 @@ struct ColumnChange {
 /// column.
 /// @param slope of cones
 /// @return how many were added: fewer only if there is no more room in the columns' cells
-std::int64_t add_loose(Soil& soil, std::span<const ColumnChange> changes, double slope);
+std::int64_t add_loose(Soil& soil, std::span<const ColumnEdit> changes, double slope);
 
 /// Soil that was taken out, samples.
 struct Taken {
   std::int64_t bank = 0, loose = 0;
 };
 /// Removes samples from columns, the highest above surfaces first: loose soil, or with `bank` any.
-Taken remove_top(Soil& soil, std::span<const ColumnChange> changes, double slope, bool bank);
+Taken remove_top(Soil& soil, std::span<const ColumnEdit> changes, double slope, bool bank);
 
 }  // namespace soilvdb::inline v0

@@ -191,7 +191,7 @@ bool Earthworks::slide(const GroundWindow& window, const Obstacle& obstacle, boo
 /// Loose soil that nothing is under falls straight down. @return whether some did
 bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
   const BlockedColumns blocked(window, obstacle);
-  std::vector<ColumnChange> from, to;
+  std::vector<ColumnEdit> from, to;
   for (int x = 0; x < window.nx(); ++x) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
@@ -216,7 +216,7 @@ bool Earthworks::fall(const GroundWindow& window, const Obstacle& obstacle) {
 Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& corner,
                                      const SoilColumns& before, const Collapse& after) {
   const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * before.nx + x); };
-  std::vector<ColumnChange> lowered, raised;
+  std::vector<ColumnEdit> lowered, raised;
   double rises = 0;
   WholeSamples lost(64);
   for (int y = 0; y < before.ny; ++y) {
@@ -252,7 +252,7 @@ Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& c
   Eigen::AlignedBox2i at_border;
   if (raised.empty()) return at_border;
   WholeSamples share(static_cast<double>(books_.in_flight / units_.loose) / rises);
-  for (ColumnChange& c : raised) {
+  for (ColumnEdit& c : raised) {
     const Coord2 in_part = c.cell - window.first() - corner;
     const std::size_t i = at(in_part.x(), in_part.y());
     const double rise = after.top_m[i] - before.top_m[i];

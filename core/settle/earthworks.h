@@ -70,7 +70,7 @@ class Earthworks {
  private:
   /// Columns of soil that become loose.
   struct Loosening {
-    std::vector<ColumnChange> from, to;
+    std::vector<ColumnEdit> from, to;
     std::vector<double> weights;  ///< samples that come of it, about
   };
 

@@ -161,7 +161,7 @@ std::int64_t Earthworks::raise(const Deposit& deposit, const GroundWindow& windo
   for (const Cone& cone : deposit.cones) whole += cone.volume_m3;
   WholeSamples share(static_cast<double>(samples) / whole);
   std::int64_t added = 0;
-  std::vector<ColumnChange> changes;
+  std::vector<ColumnEdit> changes;
   for (const Cone& cone : deposit.cones) {  // a column may be raised by several
     changes.clear();
     for (const RaisedColumn& c : cone.columns) {

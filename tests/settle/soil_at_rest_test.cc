@@ -108,7 +108,7 @@ struct Roof {
   Earthworks works{soil, *loam().soil, {}};
 
   Roof(int gap, int thickness) {
-    std::vector<ColumnChange> heap, below;
+    std::vector<ColumnEdit> heap, below;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
         heap.push_back({{x, y}, 0, gap + thickness - 1, 64 * (gap + thickness), false, 0, 0});
@@ -186,7 +186,7 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
   for (const int depth : {3, 20, 150}) {
     Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Earthworks works(soil, *loam().soil, {});
-    std::vector<ColumnChange> hollow, slot;
+    std::vector<ColumnEdit> hollow, slot;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
@@ -216,7 +216,7 @@ TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
   for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
     Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Earthworks works(soil, *loam().soil, {});
-    std::vector<ColumnChange> cut;
+    std::vector<ColumnEdit> cut;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -4; x <= 4; ++x) {
       for (int y = -4; y <= 4; ++y) {
@@ -240,7 +240,7 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
   for (const bool cold : {false, true}) {
     Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Earthworks works(soil, *loam().soil, {});
-    std::vector<ColumnChange> cut;
+    std::vector<ColumnEdit> cut;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {
@@ -265,7 +265,7 @@ TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
   for (int z = -9; z <= -1; ++z) {
     Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Earthworks works(soil, *loam().soil, {});
-    std::vector<ColumnChange> above, below;
+    std::vector<ColumnEdit> above, below;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
       for (int y = -6; y <= 6; ++y) {

@@ -30,7 +30,7 @@ struct Snapshot {
   io::Site site;
 };
 
-Snapshot open(const fs::path& file) {
+Snapshot snapshot_of(const fs::path& file) {
   io::check_readable(file);
   if (!io::is_snapshot(file))
     throw io::InputError(file,
@@ -98,7 +98,7 @@ void diff(const DiffOptions& options) {
   for (const fs::path& input : {options.before, options.after}) io::check_readable(input);
   if (options.to)
     for (const fs::path& input : {options.before, options.after}) check_output(*options.to, input);
-  const Snapshot a = open(options.before), b = open(options.after);
+  const Snapshot a = snapshot_of(options.before), b = snapshot_of(options.after);
   check_same_site(a, b);
 
   const Difference change =

@@ -50,7 +50,7 @@ void put_moved(const Books& books, io::Summary& summary) {
 
 }  // namespace
 
-void put(const Books& books, io::Summary& summary) {
+void put_books(const Books& books, io::Summary& summary) {
   const Soil& soil = books.soil;
   summary.voxel_size_m = soil.voxel_size_m();
   summary.cut_m3 = books.total.cut_m3();

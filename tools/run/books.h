@@ -34,6 +34,6 @@ struct Books {
 };
 
 /// Puts volumes, masses, machines and the ground's size and hash into a summary.
-void put(const Books& books, io::Summary& summary);
+void put_books(const Books& books, io::Summary& summary);
 
 }  // namespace soilvdb::tools

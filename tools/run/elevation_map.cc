@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kTile = 32;               // cells that the grid grows by
 constexpr int kReach = kChunkSide + 2;  // of a chunk, on the surface around it, voxels
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 int floor_to(int v, int step) { return v - ((v % step) + step) % step; }
 
@@ -35,7 +35,7 @@ void ElevationMap::grow(const Box& grid, int side) {
   grid_ = grid;
   side_ = side;
   const int nx = cells(0), ny = cells(1);
-  heights_m_.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), kNone);
+  heights_m_.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), kUnknown);
   stale_.assign(heights_m_.size(), 1);
   if (!same_cells) return;
   const Eigen::Vector2i from = (before.min() - grid.min()) / side, size = before.sizes() / side;

@@ -132,7 +132,7 @@ void Run::summarise() {
     books.machines.push_back(
         {machine.name, machine.bucket, tracker_.ledger(i), machine.motion.bad_rows().count});
   }
-  put(books, summary_);
+  put_books(books, summary_);
   if (scenario_.soil) warn_of_soil();
 }
 

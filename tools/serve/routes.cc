@@ -236,7 +236,7 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
           values.number_if("time"), {},
           [this, summary](GroundView& ground) {
             io::Summary all = summary;
-            put(site.books(ground.now()), all);
+            put_books(site.books(ground.now()), all);
             return Reply{200, "application/json", io::to_json(all), {}, false};
           },
           done);
