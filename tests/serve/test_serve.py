@@ -4,7 +4,6 @@
 import asyncio
 import csv
 import json
-import os
 import socket
 import subprocess
 import threading
@@ -16,7 +15,6 @@ import pytest
 import soilvdb
 from live import PROGRAM, Server, passes, scenario, view, whole
 
-LONG = "SOILVDB_LONG" in os.environ  # tools/test --long
 SOIL = "soil: {repose_angle: 0.6, swell: 0.2}\n"
 FAST = "output: {snapshots: {every: 0.25}}\n"
 
@@ -198,15 +196,14 @@ def test_borders_are_shared_to_the_bit(tmp_path):
 def test_a_killed_server_goes_on_at_what_it_acknowledged(tmp_path):
     path = scenario(tmp_path, SOIL + FAST)
     known = 0
-    few = 10 if LONG else 40
     all_states = states()
     rng = np.random.default_rng(3)
     while known < len(all_states):
         with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
             there = server.json("/summary.json")["updates"]
             assert there >= known, "what was acknowledged is there"
-            server.feed(all_states[there:there + int(rng.integers(few, 60))])
-            time.sleep(rng.uniform(0, 0.7))
+            server.feed(all_states[there:there + int(rng.integers(10, 60))])
+            time.sleep(rng.uniform(0, 1.5))
             known = server.json("/summary.json")["acknowledged"]["updates"]
             server.kill()
     with Server(path, "--out", tmp_path / "once", cwd=tmp_path) as server:
@@ -367,7 +364,7 @@ def test_a_run_of_moving_soil_and_joints_is_looked_at_at_any_time(tmp_path):
     """The excavator of the demonstrations, which digs, dumps and slides soil."""
     path = Path(__file__).parents[2] / "data/excavator.yaml"
     folders = []
-    for more in ([], ["--updates", "300"]) if LONG else ([],):
+    for more in ([], ["--updates", "300"]):
         folders.append(tmp_path / f"out{len(folders)}")
         subprocess.run([PROGRAM, "run", path, "--out", folders[-1], "--no-mesh", *more],
                        check=True, capture_output=True)
