@@ -42,9 +42,10 @@ def main() -> int:
     for path in sorted(each for top in ("core", "io", "tools") for each in (ROOT / top).rglob("*.[ch]*")):
         name = str(path.relative_to(ROOT))
         if path.suffix == ".h":
-            for each in names(path.read_text()):
+            text = path.read_text()
+            for each in names(text):
                 headers[each].append(name)
-            for each in types(path.read_text()):
+            for each in types(text):
                 kinds[library_of(name), each].append(name)
         elif path.suffix == ".cc":
             bodies = UNNAMED.findall(path.read_text())
@@ -52,13 +53,10 @@ def main() -> int:
                 places[library_of(name), each].append(name)
             for each in set().union(*map(types, bodies)):
                 kinds[library_of(name), each].append(name)
-    faults = 0
-    for (library, name), files in sorted(places.items()):
+    for (library, name), files in places.items():
         files += [each for each in headers[name] if library_of(each) <= library]
-        if len(files) > 1:
-            print(f"{name} is in {' and '.join(files)}: give one of them another name")
-            faults += 1
-    for (_, name), files in sorted(kinds.items()):
+    faults = 0
+    for (_, name), files in sorted(places.items()) + sorted(kinds.items()):
         if len(files) > 1:
             print(f"{name} is in {' and '.join(files)}: give one of them another name")
             faults += 1
