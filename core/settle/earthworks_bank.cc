@@ -47,8 +47,8 @@ void Earthworks::break_ledges(const Eigen::AlignedBox3i& around, const Obstacle&
     for (const Loosened& piece :
          find_ledges(soil_, box, strength_ ? &ledge_strength_ : nullptr, beyond)) {
       if (obstacle.blocks(piece.cell.x(), piece.cell.y(), piece.high)) continue;
-      constexpr std::int64_t kAll = std::numeric_limits<std::int64_t>::max();
-      falls.from.push_back({piece.cell, piece.low, piece.high, kAll, false, 0, 0});
+      constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();
+      falls.from.push_back({piece.cell, piece.low, piece.high, kEverySample, false, 0, 0});
       falls.to.push_back({piece.cell, piece.ground, piece.high + kFillCells, 0, false, 0, 0});
       falls.weights.push_back(static_cast<double>(piece.bank * units_.bank) /
                                   static_cast<double>(units_.loose) +

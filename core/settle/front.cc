@@ -247,8 +247,8 @@ void FrontFinder::reach(int column, double distance, int anchor) {
 
 void FrontFinder::over_lips_of(int column, int from) {
   const int x = column / columns_->ny, y = column % columns_->ny;
-  constexpr int kSides[4][2] = {{-1, 0}, {0, -1}, {0, 1}, {1, 0}};
-  for (const auto& side : kSides) {
+  constexpr int kNeighbours[4][2] = {{-1, 0}, {0, -1}, {0, 1}, {1, 0}};
+  for (const auto& side : kNeighbours) {
     double edge;
     const int to_x = x + side[0], to_y = y + side[1];
     if (columns_->open(to_x, to_y) && step(x, y, to_x, to_y, edge))

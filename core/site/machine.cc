@@ -41,19 +41,19 @@ Update Machine::move(Soil& soil, const Pose& to) {
   const Ledger before = ledger_;
   const std::int64_t slid_before = slid();
   const bool turns = placed_ && to.rotation.coeffs() != current_.rotation.coeffs();
-  constexpr double kNever = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
   if (works_ != nullptr && placed_) {
-    if (travel_m(current_, to) == 0) stop(soil, kNever, true);
+    if (travel_m(current_, to) == 0) stop(soil, kNoTime, true);
     for (const Pose& station : stations(soil, to)) {
-      follow(soil, plan(soil, station), kNever);
-      stop(soil, kNever, ++stations_ >= kRestStations);
+      follow(soil, plan(soil, station), kNoTime);
+      stop(soil, kNoTime, ++stations_ >= kRestStations);
     }
   }
-  follow(soil, plan(soil, to), kNever);
+  follow(soil, plan(soil, to), kNoTime);
   if (works_ != nullptr) {
     way_m_.extend(box_around(std::span(&to, 1)));
     if (turns)
-      pass_turn(soil, kNever);
+      pass_turn(soil, kNoTime);
     else
       let_go();
   }

@@ -141,13 +141,13 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   const BaseSurface& undug = soil.undug();
   const auto heights = surface_heights(soil);
   tbb::parallel_for(0, out.grid.ny, [&](int j) {
-    constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
     const double y = out.grid.first.y() + j * cell_m;
     for (int i = 0; i < out.grid.nx; ++i) {
       const double x = out.grid.first.x() + i * cell_m;
       const std::size_t n = std::size_t(j) * out.grid.nx + i;
-      const double base = undug.height(x, y).value_or(kNone);
-      const double surface = rise_m.empty() ? heights(x, y).value_or(kNone) : base + rise_m[n];
+      const double base = undug.height(x, y).value_or(kUnknown);
+      const double surface = rise_m.empty() ? heights(x, y).value_or(kUnknown) : base + rise_m[n];
       out.surface[n] = static_cast<float>(surface);
       out.base[n] = static_cast<float>(base);
       out.change[n] =
