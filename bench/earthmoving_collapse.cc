@@ -21,7 +21,7 @@ namespace {
 
 using test::Layers;
 
-constexpr double kVoxel = 0.05;
+constexpr double kSideVoxel = 0.05;
 constexpr int kSides = 96;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kRms = 0.5, kP99 = 1.5;
@@ -64,20 +64,20 @@ void columns(Goals& goals) {
 
 /// Loose soil on a floor between rigid walls, in samples.
 struct Box {
-  static constexpr double kHalf_m = kSides * kVoxel / 2;
-  Soil soil{kVoxel, Vec3(kVoxel / 2, kVoxel / 2, 0), make_plane(0, {0, 0})};
+  static constexpr double kHalf_m = kSides * kSideVoxel / 2;
+  Soil soil{kSideVoxel, Vec3(kSideVoxel / 2, kSideVoxel / 2, 0), make_plane(0, {0, 0})};
   Earthworks works{soil, *loam().soil, {}};
 
   explicit Box(const Shape& height) {
     constexpr double kHigh = 2.4;
-    const double wide = kHalf_m + 8 * kVoxel;
+    const double wide = kHalf_m + 8 * kSideVoxel;
     const auto inside = [](double x, double y) {
       return std::max(std::abs(x), std::abs(y)) < kHalf_m;
     };
     carve(soil, {Vec3(-wide, -wide, 0), Vec3(wide, wide, kHigh)},
           [&](double x, double y) { return inside(x, y) ? 0.0 : kHigh; });
     add_loose(soil, {Vec3(-wide, -wide, 0), Vec3(wide, wide, kHigh)}, [&](double x, double y) {
-      return inside(x, y) ? kVoxel * height(x / kVoxel, y / kVoxel) : 0;
+      return inside(x, y) ? kSideVoxel * height(x / kSideVoxel, y / kSideVoxel) : 0;
     });
   }
   double settle_us() {

@@ -11,7 +11,7 @@
 namespace soilvdb::bench {
 namespace {
 
-constexpr double kVoxel = 0.05;
+constexpr double kConeVoxel = 0.05;
 
 double cone_cells(double radius) { return std::numbers::pi * kSlope * std::pow(radius, 3) / 3; }
 double cone_radius(double cells) { return std::cbrt(3 * cells / (std::numbers::pi * kSlope)); }
@@ -74,11 +74,11 @@ Heights flat(int half) {
 
 /// Soil that comes in parts, by the engine and by rules between neighbours: errors as it comes, and
 /// outlines in the end.
-void compare(const Options& options, Goals& goals) {
+void compare_peers(const Options& options, Goals& goals) {
   constexpr double kRadius = 24;
   constexpr int kParts = 100, kHalf = 40, kDirections = 192;
-  const double cells = cone_cells(kRadius), part_m3 = cells * std::pow(kVoxel, 3) / kParts;
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  const double cells = cone_cells(kRadius), part_m3 = cells * std::pow(kConeVoxel, 3) / kParts;
+  Soil soil(kConeVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   Tracker tracker(soil, {}, loam(std::vector<Pour>(kParts, {"part", {0, 0, 5}, 0, 0, part_m3})));
   NeighbourRule four(flat(kHalf), 4, kSlope), eight(flat(kHalf), 8, kSlope);
   Csv csv(options.out / "cone_error.csv", "poured_m3,soilvdb,four,eight");
@@ -125,8 +125,8 @@ void measure_cones(const Options& options, Goals& goals) {
   Csv csv(options.out / "cones.csv",
           "radius_voxels,slope_error_deg,height_rms_voxels,height_p99_voxels,residual_samples,us");
   for (const double radius : {6.0, 8.0, 12.0, 18.0, 24.0}) {
-    const double volume = cone_cells(radius) * std::pow(kVoxel, 3);
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    const double volume = cone_cells(radius) * std::pow(kConeVoxel, 3);
+    Soil soil(kConeVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     Tracker tracker(soil, {}, loam({{"pour", {0, 0, 5}, 0, 0, volume}}));
     const Update update = tracker.pour(0, 0);
     const Heights h = heights(soil, static_cast<int>(1.1 * radius) + 4);
@@ -140,7 +140,7 @@ void measure_cones(const Options& options, Goals& goals) {
     add(goals, name, error, 0.25, 0.5);
     goals.add({name + ", samples more or less than poured", std::abs(lost), "", 0.0});
   }
-  compare(options, goals);
+  compare_peers(options, goals);
 }
 
 }  // namespace soilvdb::bench

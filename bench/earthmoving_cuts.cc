@@ -14,7 +14,7 @@
 namespace soilvdb::bench {
 namespace {
 
-constexpr double kVoxel = 0.1, kGravity = 9.81;
+constexpr double kBankVoxel = 0.1, kGravity = 9.81;
 
 struct CohesiveSoil {
   double cohesion_pa, friction_deg, density_kg_m3;
@@ -34,19 +34,19 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
   const Shape ground = [](double x, double y) {
     return x > kBench || (x > 0 && std::abs(y) > kHalf) ? -kDeep : 0.0;
   };
-  Soil soil(kVoxel, Vec3(kVoxel / 2, kVoxel / 2, kVoxel / 2),
-            posts(ground, {Vec2(-10, -10), Vec2(10, 10)}, kVoxel / 2));
+  Soil soil(kBankVoxel, Vec3(kBankVoxel / 2, kBankVoxel / 2, kBankVoxel / 2),
+            posts(ground, {Vec2(-10, -10), Vec2(10, 10)}, kBankVoxel / 2));
   Earthmoving earthmoving = loam();
   earthmoving.soil->cohesion_pa = s.cohesion_pa;
   earthmoving.soil->friction_rad = s.friction_deg * kDegree;
   earthmoving.soil->density_kg_m3 = s.density_kg_m3;
   Bucket plate;
   plate.width_m = kBench;
-  plate.height_m = 2 * kVoxel;
+  plate.height_m = 2 * kBankVoxel;
   Tracker tracker(soil, {plate}, earthmoving);
   const auto slid = [&] { return tracker.site().slid; };
-  for (int stage = 1; stage * kVoxel <= until_m; ++stage) {
-    const double z = -stage * kVoxel;
+  for (int stage = 1; stage * kBankVoxel <= until_m; ++stage) {
+    const double z = -stage * kBankVoxel;
     const auto pose = [&](double y, double at_z) {
       return Pose{{kBench / 2, y, at_z}, from_rpy(0, 0, std::numbers::pi / 2)};
     };
@@ -60,7 +60,7 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
     const GroundWindow window(soil, {-90, 0}, 90, 1);
     int standing = window.nx() - 1;
     while (standing > 0 && window.at(standing, 0).bank < -1) --standing;
-    return Failed{-z - kVoxel, -z, (window.nx() - 1 - standing) * kVoxel};
+    return Failed{-z - kBankVoxel, -z, (window.nx() - 1 - standing) * kBankVoxel};
   }
   return std::nullopt;
 }
@@ -94,13 +94,13 @@ void measure_cuts(const Options& options, Goals& goals) {
                         failed ? failed->failed_m : std::nan(""),
                         failed ? failed->crest_m : std::nan(""), plane_m));
     goals.add({name + ", height it fails at",
-               off_m / kVoxel,
+               off_m / kBankVoxel,
                "voxel off",
                1,
                {},
                failed ? note : note + ", NEVER FAILED"});
     if (!failed) continue;
-    goals.add({name + ", crest", std::abs(failed->crest_m - plane_m) / kVoxel, "voxel off", 2});
+    goals.add({name + ", crest", std::abs(failed->crest_m - plane_m) / kBankVoxel, "voxel off", 2});
   }
 }
 

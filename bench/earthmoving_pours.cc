@@ -39,7 +39,7 @@ Heights poured(const Scene& scene, int parts) {
 }
 
 /// How far columns are from others that were raised, or should have been.
-std::pair<Off, Off> compare(const Scene& scene) {
+std::pair<Off, Off> off_of(const Scene& scene) {
   const Heights once = poured(scene, 1), parts = poured(scene, 50);
   const Columns truth = test::truth_of(scene);
   std::vector<double> from_truth, from_parts;
@@ -121,7 +121,7 @@ void measure_pours(const Options& options, Goals& goals) {
                         test::drop_scene(1.5, m3));
   Csv csv(options.out / "pours.csv", "scene,rms_voxels,p99_voxels,fifty_rms_voxels");
   const auto measure = [&](const std::string& name, const Scene& scene) {
-    const auto both = compare(scene);
+    const auto both = off_of(scene);
     csv.row(fmt::format("{},{:.4f},{:.4f},{:.5f}", name, both.first.rms, both.first.p99,
                         both.second.rms));
     return both;

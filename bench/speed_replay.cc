@@ -27,20 +27,20 @@ struct Replay {
 Replay replay(double voxel_m, double hours, int threads) {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                   static_cast<std::size_t>(threads));
-  constexpr double kRate_hz = 10;
+  constexpr double kStates_hz = 10;
   constexpr std::size_t kBatchTicks = 100;
   const double rss = rss_bytes();
   const std::vector<DigCycles> machines = fleet();
   Soil soil(voxel_m, Vec3::Zero(), make_hills(1000));
   Tracker tracker(soil, std::vector<Bucket>(machines.size(), excavator_bucket()));
   Replay r;
-  const auto ticks = static_cast<std::size_t>(hours * 3600 * kRate_hz);
+  const auto ticks = static_cast<std::size_t>(hours * 3600 * kStates_hz);
   const Stopwatch watch;
   std::vector<Move> moves;
   for (std::size_t tick = 0; tick < ticks; ++tick) {
     for (std::size_t m = 0; m < machines.size(); ++m) {
       // Machines are not in step with each other.
-      const double time_s = static_cast<double>(tick) / kRate_hz + 1.9 * static_cast<double>(m);
+      const double time_s = static_cast<double>(tick) / kStates_hz + 1.9 * static_cast<double>(m);
       Move move;
       move.machine = m;
       move.to = machines[m].world_from_bucket(time_s);

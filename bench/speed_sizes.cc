@@ -31,16 +31,16 @@ Motion stroke(const Vec2& from, double depth_m) {
   return {times, poses};
 }
 
-struct Cost {
+struct DepthCost {
   double us = 0;      ///< per update, the median of the strokes
   double cut_m3 = 0;  ///< in all
   int updates = 0;
 };
 
 /// Strokes side by side on a site, each as 100 updates. The first, which warms up, doesn't count.
-Cost dig(Soil& soil, const Bucket& bucket, int strokes, double depth_m) {
+DepthCost dig(Soil& soil, const Bucket& bucket, int strokes, double depth_m) {
   constexpr int kUpdates = 100;
-  Cost cost;
+  DepthCost cost;
   std::vector<double> us;
   Tracker tracker(soil, {bucket});
   for (int n = 0; n <= strokes; ++n) {
@@ -126,7 +126,7 @@ void measure_voxel_sizes(const Options& options, Goals& goals) {
     Bucket bucket = excavator_bucket();
     bucket.width_m = width;
     bucket.height_m = height;
-    const Cost c = dig(soil, bucket, options.quick ? 1 : 6, depth);
+    const DepthCost c = dig(soil, bucket, options.quick ? 1 : 6, depth);
     const double voxels = c.cut_m3 / std::pow(voxel, 3) / c.updates;
     csv.row(fmt::format("{},{},{},{:.6g},{:.6g},{:.6g}", voxel, width, threads, c.us, 1e6 / c.us,
                         voxels / c.us * 1e6));
