@@ -302,6 +302,23 @@ TEST_F(McapOrder, OfABrokenMessageIsThatOfTheOneBefore) {
   EXPECT_THAT(broken.bad.first, HasSubstr("broken.mcap:6: is no geometry_msgs/PoseStamped in CDR"));
 }
 
+TEST_F(McapOrder, OfASwingThatWrapsIsTheShortWayBetweenMessagesOfAnother) {
+  const auto angle = [](double s) { return std::numbers::pi + 0.5 * (s - 0.25) + 0.001; };
+  const auto file = record("two.mcap", [&](Recording& r) {
+    for (int i = 0; i <= 10; ++i)
+      r.joints("/one", 0.1 * i, {"swing"}, {std::remainder(angle(0.1 * i), 2 * std::numbers::pi)});
+    r.chunk();
+    for (int i = 0; i <= 4; ++i) r.joints("/one", 0.25 * i, {"slide"}, {1});
+  });
+  const Read all = read({file, {"/one"}}, swing_and_slide());
+  EXPECT_EQ(all.bad.count, 0);
+  ASSERT_EQ(all.times_s.size(), 13U) << "11 and 5 times, 3 of them the same";
+  for (std::size_t i = 0; i < all.times_s.size(); ++i) {
+    const double a = angle(all.times_s[i]);
+    EXPECT_LT((all.positions[i] - Vec3(std::cos(a), std::sin(a), 0)).norm(), 1e-9);
+  }
+}
+
 TEST_F(McapOrder, OfASwingThatWrapsIsFollowedOn) {
   // Three turns, told within half a turn either way, in parts that begin anywhere.
   const auto angle = [](int i) { return 0.1 * i; };

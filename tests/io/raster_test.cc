@@ -75,6 +75,8 @@ TEST(Raster, UndeclaredVoidsOfCommonUseAreNoHeight) {
   const TempFolder folder;
   const auto file = folder.write("a.asc", ascii("-9999 -32768 -3.4028235e38\n1 -9998.5 1e6\n"));
   expect_same(all_of(open_raster(file)), {1, -9998.5f, kNone, kNone, kNone, kNone});
+  const auto others = folder.write("b.asc", ascii("-99999 -32767 -32766\n1 2 3\n"));
+  expect_same(all_of(open_raster(others)), {1, 2, 3, kNone, kNone, -32766});
 }
 
 TEST(Raster, RowsMayRunNorthward) {
