@@ -74,7 +74,7 @@ class Block {
 
  private:
   bool is_near(const Coord3& c) const {
-    return (c.array() >= 0).all() && (c.array() < cells_.side()).all() &&
+    return (c.array() >= 0).all() && (c.array() < cells_.sides().array()).all() &&
            cells_.away(c) <= kChunkSide;
   }
 
@@ -133,7 +133,8 @@ class Block {
 
   /// The polygon belongs to the block as in Contour.
   bool wanted(const Coord3& c, int axis) const {
-    if ((c.array() < kChunkSide - 1).any() || (c.array() >= cells_.side() - kChunkSide).any())
+    if ((c.array() < kChunkSide - 1).any() ||
+        (c.array() >= cells_.sides().array() - kChunkSide).any())
       return false;
     return cells_.resident(c) ? cells_.asked(c) : cells_.asked(c + Coord3::Unit(axis));
   }

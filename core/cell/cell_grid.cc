@@ -25,23 +25,24 @@ CellGrid::CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo)
     first_ = first_.cwiseMin(origin);
     last = last.cwiseMax(origin);
   }
-  side_ = (last - first_).maxCoeff() + kChunkSide * (1 + 2 * halo);
-  chunks_ = side_ / kChunkSide;
+  sides_ = last - first_ + Coord3::Constant(kChunkSide * (1 + 2 * halo));
+  chunks_ = sides_ / kChunkSide;
   first_ -= Coord3::Constant(kChunkSide * halo);
-  const std::size_t cells = static_cast<std::size_t>(side_) * side_ * side_;
-  const std::size_t chunks = static_cast<std::size_t>(chunks_) * chunks_ * chunks_;
+  cells_ = static_cast<std::size_t>(sides_.x()) * sides_.y() * sides_.z();
+  const std::size_t chunks = cells_ / kChunkVoxels;
   auto& pool = buffer_pool();
-  const bool fits = !pool.empty() && pool.back()->counts.size() == cells;
+  const bool fits = !pool.empty() && pool.back()->room >= cells_;
   if (fits) {
     buffers_ = std::move(pool.back());
     pool.pop_back();
   } else {
     buffers_ = std::make_unique<Buffers>();
-    buffers_->words.reset(new std::uint64_t[cells]);
+    buffers_->words.reset(new std::uint64_t[cells_]);
+    buffers_->room = cells_;
   }
-  buffers_->counts.assign(cells, 0);
-  buffers_->changed.assign(cells, 0);
-  buffers_->patterns.assign(cells, kPatterns);
+  buffers_->counts.assign(cells_, 0);
+  buffers_->changed.assign(cells_, 0);
+  buffers_->patterns.assign(cells_, kPatterns);
   words_ = buffers_->words.get();
   counts_ = buffers_->counts.data();
   changed_ = buffers_->changed.data();
@@ -62,9 +63,9 @@ CellGrid::CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo)
       }
     }
   }
-  for (int x = 0, n = 0; x < chunks_; ++x) {
-    for (int y = 0; y < chunks_; ++y) {
-      for (int z = 0; z < chunks_; ++z, ++n) {
+  for (int x = 0, n = 0; x < chunks_.x(); ++x) {
+    for (int y = 0; y < chunks_.y(); ++y) {
+      for (int z = 0; z < chunks_.z(); ++z, ++n) {
         if (wanted[static_cast<std::size_t>(n)])
           read(soil, n, first_ + kChunkSide * Coord3(x, y, z));
       }
@@ -114,7 +115,7 @@ void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
 }
 
 bool CellGrid::any_change(const Coord3& low, int side) const {
-  const Coord3 from = low.cwiseMax(0), to = (low + Coord3::Constant(side)).cwiseMin(side_);
+  const Coord3 from = low.cwiseMax(0), to = (low + Coord3::Constant(side)).cwiseMin(sides_);
   for (int x = from.x(); x < to.x(); ++x) {
     for (int y = from.y(); y < to.y(); ++y) {
       const std::uint8_t* const row = changed_ + id(x, y, 0);
@@ -157,9 +158,9 @@ const std::vector<Coord3>& CellGrid::asked_near(const Coord3& chunk) const {
   if (known) return *known;
   known = std::make_unique<std::vector<Coord3>>();
   std::vector<Coord3>& lows = *known;
-  for (int x = std::max(chunk.x() - 2, 0); x <= std::min(chunk.x() + 2, chunks_ - 1); ++x) {
-    for (int y = std::max(chunk.y() - 2, 0); y <= std::min(chunk.y() + 2, chunks_ - 1); ++y) {
-      for (int z = std::max(chunk.z() - 2, 0); z <= std::min(chunk.z() + 2, chunks_ - 1); ++z) {
+  for (int x = std::max(chunk.x() - 2, 0); x <= std::min(chunk.x() + 2, chunks_.x() - 1); ++x) {
+    for (int y = std::max(chunk.y() - 2, 0); y <= std::min(chunk.y() + 2, chunks_.y() - 1); ++y) {
+      for (int z = std::max(chunk.z() - 2, 0); z <= std::min(chunk.z() + 2, chunks_.z() - 1); ++z) {
         if (asked_[static_cast<std::size_t>(chunk_id(x, y, z))]) {
           lows.push_back(kChunkSide * Coord3(x, y, z));
         }
@@ -188,14 +189,15 @@ int CellGrid::away(const Coord3& c) const {
 std::vector<CellGrid::Cell> CellGrid::surface_cells(int range) const {
   std::vector<Cell> cells;
   const int sx = step(0), sy = step(1);
-  for (int x = 0, n = 0; x < chunks_; ++x) {
-    for (int y = 0; y < chunks_; ++y) {
-      for (int z = 0; z < chunks_; ++z, ++n) {
+  for (int x = 0, n = 0; x < chunks_.x(); ++x) {
+    for (int y = 0; y < chunks_.y(); ++y) {
+      for (int z = 0; z < chunks_.z(); ++z, ++n) {
         const State state = states_[static_cast<std::size_t>(n)];
         if (state == kUnread || state == kEmpty) continue;
         if (state == kFull) {
           const auto plain = [&](int i, int j, int k) {
-            return i < 0 || j < 0 || k < 0 || i >= chunks_ || j >= chunks_ || k >= chunks_ ||
+            return i < 0 || j < 0 || k < 0 || i >= chunks_.x() || j >= chunks_.y() ||
+                   k >= chunks_.z() ||
                    states_[static_cast<std::size_t>(chunk_id(i, j, k))] == kFull;
           };
           if (plain(x - 1, y, z) && plain(x + 1, y, z) && plain(x, y - 1, z) &&
@@ -207,11 +209,11 @@ std::vector<CellGrid::Cell> CellGrid::surface_cells(int range) const {
         const std::vector<Coord3>& asked = asked_near({x, y, z});
         if (asked.empty()) continue;
         for (int i = 8 * x; i < 8 * x + 8; ++i) {
-          if (i == 0 || i == side_ - 1) continue;
+          if (i == 0 || i == sides_.x() - 1) continue;
           for (int j = 8 * y; j < 8 * y + 8; ++j) {
-            if (j == 0 || j == side_ - 1) continue;
+            if (j == 0 || j == sides_.y() - 1) continue;
             for (int k = 8 * z; k < 8 * z + 8; ++k) {
-              if (k == 0 || k == side_ - 1) continue;
+              if (k == 0 || k == sides_.z() - 1) continue;
               const int c = id(i, j, k), soil = count(c);
               if (soil == 0) continue;
               if (soil == 64 && count(c - sx) != 0 && count(c + sx) != 0 && count(c - sy) != 0 &&

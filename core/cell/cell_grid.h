@@ -13,17 +13,17 @@
 
 namespace soilvdb::inline v0 {
 
-/// A cube of cells with their words, what the base surface has there, and which chunks were asked
+/// A box of cells with their words, what the base surface has there, and which chunks were asked
 /// for.
 ///
 /// Invariants: what is read is the chunks asked for and a fixed number of chunks around each,
-/// whatever the cube; elsewhere cells are air and aren't to be looked at. A cell that is `range`
+/// whatever the box; elsewhere cells are air and aren't to be looked at. A cell that is `range`
 /// voxels or less from a chunk asked for has all the words around it that its results depend on.
 ///
 /// For one thread at a time: some of it is made when first asked for.
 class CellGrid {
  public:
-  /// The smallest cube that holds what is read.
+  /// The smallest box that holds what is read.
   /// @param asked for: chunks, at least one
   /// @param halo chunks read around each of them
   CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo);
@@ -31,12 +31,16 @@ class CellGrid {
   CellGrid(const CellGrid&) = delete;
   CellGrid& operator=(const CellGrid&) = delete;
 
-  int side() const { return side_; }
+  const Coord3& sides() const { return sides_; }
+  /// How many cells there are; ids are from 0.
+  std::size_t cells() const { return cells_; }
   const Coord3& first() const { return first_; }
-  int id(int x, int y, int z) const { return (x * side_ + y) * side_ + z; }
-  Coord3 at(int id) const { return {id / (side_ * side_), id / side_ % side_, id % side_}; }
+  int id(int x, int y, int z) const { return (x * sides_.y() + y) * sides_.z() + z; }
+  Coord3 at(int id) const { return {id / step(0), id / sides_.z() % sides_.y(), id % sides_.z()}; }
   /// Steps of ids along the axes.
-  int step(int axis) const { return axis == 0 ? side_ * side_ : axis == 1 ? side_ : 1; }
+  int step(int axis) const {
+    return axis == 0 ? sides_.y() * sides_.z() : axis == 1 ? sides_.z() : 1;
+  }
 
   const std::uint64_t* words() const { return words_; }
   std::uint64_t word(int id) const { return words_[id]; }
@@ -72,7 +76,7 @@ class CellGrid {
 
  private:
   enum State : std::uint8_t { kUnread, kEmpty, kFull, kBoth };
-  int chunk_id(int x, int y, int z) const { return (x * chunks_ + y) * chunks_ + z; }
+  int chunk_id(int x, int y, int z) const { return (x * chunks_.y() + y) * chunks_.z() + z; }
   std::size_t chunk_of(const Coord3& c) const {
     return static_cast<std::size_t>(
         chunk_id(c.x() / kChunkSide, c.y() / kChunkSide, c.z() / kChunkSide));
@@ -84,10 +88,12 @@ class CellGrid {
 
   const Soil& soil_;
   Coord3 first_;
-  int side_, chunks_;
-  /// Memory of a cube, used again by the next one of the thread: fresh pages cost as much as fits.
+  Coord3 sides_, chunks_;
+  std::size_t cells_;
+  /// Memory of a box, used again by the next one of the thread: fresh pages cost as much as fits.
   struct Buffers {
     std::unique_ptr<std::uint64_t[]> words;
+    std::size_t room = 0;  // words
     std::vector<std::uint8_t> counts, changed, patterns;
   };
   static std::vector<std::unique_ptr<Buffers>>& buffer_pool();

@@ -51,7 +51,7 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
 
 CellModels::CellModels(const CellGrid& grid, int wanted, CellMemo* memo)
     : grid_(grid), memo_(memo) {
-  index_.assign(static_cast<std::size_t>(grid.side()) * grid.side() * grid.side(), -1);
+  index_.assign(grid.cells(), -1);
   const int range = wanted + kVolumeHalo;
   const std::vector<CellGrid::Cell> surface =
       grid.surface_cells(range + kSweeps - 1 + kSight + kBendHalo);

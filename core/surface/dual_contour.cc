@@ -22,27 +22,27 @@ class Contouring {
  public:
   Contouring(const CellModels& models, int range)
       : models_(models), grid_(models.grid()), range_(range) {
-    const std::size_t cells = static_cast<std::size_t>(grid_.side()) * grid_.side() * grid_.side();
-    soil_.resize(cells);
+    soil_.resize(grid_.cells());
     const std::uint8_t* const counts = grid_.counts();
-    for (std::size_t k = 0; k < cells; ++k) soil_[k] = counts[k] > 32;
+    for (std::size_t k = 0; k < grid_.cells(); ++k) soil_[k] = counts[k] > 32;
     for (const CellModels::Cell& c : models.cells()) {
       if (c.model.solved) soil_[static_cast<std::size_t>(c.id)] = c.model.soil();
     }
-    dual_.assign(cells, -1);
+    dual_.assign(grid_.cells(), -1);
   }
 
   Contour run() {
-    const int side = grid_.side(), sx = grid_.step(0), sy = grid_.step(1);
+    const Coord3& sides = grid_.sides();
+    const int sx = grid_.step(0), sy = grid_.step(1);
     const auto row = [&](int id) {
       std::uint64_t eight;
       std::memcpy(&eight, &soil_[static_cast<std::size_t>(id)], sizeof(eight));
       return eight;
     };
-    // Eight voxels at a time; no polygon of the cube's outermost cells is wanted.
-    for (int x = 1; x < side - 1; ++x) {
-      for (int y = 1; y < side - 1; ++y) {
-        for (int z = 0; z + kChunkSide < side; z += kChunkSide) {
+    // Eight voxels at a time; no polygon of the box's outermost cells is wanted.
+    for (int x = 1; x < sides.x() - 1; ++x) {
+      for (int y = 1; y < sides.y() - 1; ++y) {
+        for (int z = 0; z + kChunkSide < sides.z(); z += kChunkSide) {
           const int first = grid_.id(x, y, z);
           const std::uint64_t here = row(first);
           if (here == row(first + sx) && here == row(first + sy) && here == row(first + 1))

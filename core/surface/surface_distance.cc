@@ -114,14 +114,13 @@ SOILVDB_FOR_CPUS void look_at(const Triangle* begin, const Triangle* end, const 
 ContourDistance::ContourDistance(const Soil& soil, const CellModels& models, const Contour& contour)
     : soil_(soil), models_(models) {
   const CellGrid& grid = models.grid();
-  const int side = grid.side();
-  first_.assign(static_cast<std::size_t>(side * side + 1), 0);
+  first_.assign(grid.cells() / static_cast<std::size_t>(grid.sides().z()) + 1, 0);
   triangles_.reserve(contour.triangles.size());
   for (std::size_t k = 0; k < contour.triangles.size(); ++k) {
     const ContourVertex* vertices[3];
     for (std::size_t v = 0; v < 3; ++v) vertices[v] = &contour.vertices[contour.triangles[k][v]];
     triangles_.push_back(triangle(grid.at(contour.edges[k]), vertices));
-    ++first_[static_cast<std::size_t>(contour.edges[k] / side + 1)];
+    ++first_[static_cast<std::size_t>(contour.edges[k] / grid.sides().z() + 1)];
   }
   for (std::size_t k = 1; k < first_.size(); ++k) first_[k] += first_[k - 1];
 }
@@ -142,7 +141,7 @@ void ContourDistance::chunk(const Coord3& origin, float* phi_m) const {
     Nearest nearest;
     float reached = kBand;
     const auto column = [&](int x, int y) {
-      const auto c = static_cast<std::size_t>(x * grid.side() + y);
+      const auto c = static_cast<std::size_t>(x * grid.sides().y() + y);
       if (first_[c] == first_[c + 1]) return;
       look_at(&triangles_[static_cast<std::size_t>(first_[c])], triangles_.data() + first_[c + 1],
               row, nearest, reached);

@@ -26,7 +26,7 @@ Function function(void* library, const std::string& name) {
 }
 
 GdalFunctions load() {
-  void* const library = dlopen(SOILVDB_GDAL_LIBRARY, RTLD_NOW | RTLD_LOCAL);
+  void* const library = dlopen(SOILVDB_GDAL_LIBRARY, RTLD_LAZY | RTLD_LOCAL);
   if (library == nullptr) {
     const char* const why = dlerror();
     throw std::runtime_error(std::string("GDAL can't be loaded, which rasters need: ") +

@@ -345,7 +345,7 @@ def test_a_wrong_command_line_is_told_in_one_line(tmp_path, monkeypatch, options
     assert not (tmp_path / "o").exists(), "nothing is written"
 
 
-def test_paths_that_are_no_text_are_told_all_the_same(tmp_path, shared):
+def test_paths_that_are_no_text_are_told_all_the_same(tmp_path, shared, fleet):
     manifest = write_jobs(tmp_path, [{"job": "a"}])
     out = os.fsdecode(os.fsencode(tmp_path / "out") + b"\xff")
     done = fleet_run(manifest, out, "--scheduler", shared)
@@ -353,7 +353,7 @@ def test_paths_that_are_no_text_are_told_all_the_same(tmp_path, shared):
     manifest.write_text("job,scenario\na,dig.yaml\nbad,bad.yaml\n")
     (tmp_path / "bad.yaml").write_text("soilvdb: 1\n")
     Path(out, "bad").write_text("in the way")
-    done = fleet_run(manifest, out, "--scheduler", shared)
+    done = fleet("run", manifest, "--out", out)
     assert done.returncode == 1 and done.stderr.count("\n") == 1
     assert "out\\udcff/bad" in rows(Path(out, "failed.csv"))[0]["message"]
 

@@ -180,8 +180,8 @@ class Crash : public ProgramTest {
     other.join();
   }
 
-  /// Whatever is done at each operation is done at every so many-th; `tools/bench faults` does all.
-  static std::size_t step() { return faults(19, 3, 1); }
+  /// Whatever is done at each operation is done at every so many-th.
+  static std::size_t step() { return fault_step(19, 3); }
 
   /// One operation after the other, always in the same order.
   std::string more_output_;  // of all scenarios

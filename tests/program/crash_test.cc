@@ -108,7 +108,7 @@ TEST_F(Crash, KilledWhileItReplacesARunItLeavesOneOrTheOther) {
   const std::map<std::string, std::string> old = run_before();
   const std::vector<std::string> all = operations("again");
   std::atomic<std::size_t> kills = 0;
-  in_two_lanes(std::min<std::size_t>(all.size(), 30), faults(4, 1, 1),
+  in_two_lanes(std::min<std::size_t>(all.size(), 30), fault_step(4, 1),
                [&](std::size_t i, const std::string& out) {
                  SCOPED_TRACE(fmt::format("operation {}: {}", i + 1, all[i]));
                  fs::remove_all(folder() / out);

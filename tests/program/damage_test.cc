@@ -91,8 +91,8 @@ class DamagedRun : public ProgramTest {
 
 TEST_F(DamagedRun, SnapshotsOfAnyOtherLengthAreRefused) {
   std::size_t count = 0;
-  const std::pair<std::string, std::size_t> steps[] = {{chain_.front(), faults(32, 8, 1)},
-                                                       {chain_.back(), faults(32, 1, 1)}};
+  const std::pair<std::string, std::size_t> steps[] = {{chain_.front(), fault_step(32, 8)},
+                                                       {chain_.back(), fault_step(32, 1)}};
   for (const auto& [name, step] : steps) {
     const fs::path file = ended(name);
     const std::string good = read_file(file);

@@ -16,10 +16,18 @@
 namespace soilvdb::test {
 
 /// `few` in tests, `some` in long ones (`tools/test --long`), `many` in `tools/bench faults`, which
-/// sets SOILVDB_FAULTS. Sanitizers see what the program does at a fault from few of them.
+/// sets SOILVDB_FAULTS. Sanitizers see what the program does at a fault from a few of those.
 inline std::size_t faults(std::size_t few, std::size_t some, std::size_t many) {
   if (std::getenv("SOILVDB_FAULTS")) return many;
-  return test::kLong && !test::kSanitized ? some : few;
+  if (test::kSanitized) return (few + 2) / 3;
+  return test::kLong ? some : few;
+}
+
+/// The same, of what is done at every so many-th place only; `tools/bench faults` does all.
+inline std::size_t fault_step(std::size_t few, std::size_t some) {
+  if (std::getenv("SOILVDB_FAULTS")) return 1;
+  if (test::kSanitized) return 3 * few;
+  return test::kLong ? some : few;
 }
 
 /// Says, at a test's end, what it did how often and what came of it.
