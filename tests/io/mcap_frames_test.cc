@@ -190,5 +190,27 @@ TEST_F(Frames, AreTheSameInPartsAsOnTheWhole) {
   }
 }
 
+TEST_F(Frames, ThatContradictThemselvesBeforeAMarkAreNotToldAgainAfterIt) {
+  const auto file = record("odds.mcap", [&](Recording& r) {
+    for (int i = 0; i <= 600; ++i) {
+      const double s = 0.01 * i;
+      if (i % 50 == 25) r.chunk();
+      r.transform(s, "base", "bucket", {0, 0, height(s)});
+      r.transform(s, "map", "base", {0.4 * s, 0, 0});
+      if (i == 180 || i == 420) r.transform(s, "map", "base", {7, 0, 0});
+    }
+  });
+  MotionReader reader(source(file), {});
+  reader.next(200);
+  EXPECT_EQ(reader.bad_rows().count, 1);
+  const RowMark mark = reader.mark();
+  reader.next(1000);
+  EXPECT_EQ(reader.bad_rows().count, 2);
+  MotionReader again(reader.source(), {});
+  again.go_to(mark);
+  EXPECT_EQ(again.next(1000).times_s().size(), 401U);
+  EXPECT_EQ(again.bad_rows().count, 1);
+}
+
 }  // namespace mcap_frames_test
 }  // namespace soilvdb::io

@@ -125,24 +125,35 @@ bool follow(const TempFolder& folder, const std::string& message, const std::str
   return !output_of("cd " + folder.path().string() + " && " + command + " && echo done").empty();
 }
 
-enum class Voids { kNone, kNamed, kUnnamed, kMasked };
+enum class Packing { kNone, kScaled, kMoved };
+enum class Voids { kNone, kNamed, kUnnamed, kMasked, kMaskedAndNamed };
 
 /// A raster of 8 x 6 cells, how it keeps its heights, and what they are.
 struct Kept {
   GDALDataType type = GDT_Float32;
-  bool packed = false;
+  Packing packing = Packing::kNone;
   Voids voids = Voids::kNone;
 
-  double scale() const { return packed ? 0.5 : 1; }
-  double offset() const { return packed ? 1 : 0; }
+  double scale() const { return packing == Packing::kScaled ? 0.5 : 1; }
+  double offset() const { return packing == Packing::kNone ? 0 : 1; }
   bool has_minus() const { return type != GDT_Byte && type != GDT_UInt16 && type != GDT_UInt32; }
   double void_value() const {
-    if (voids == Voids::kNamed) return has_minus() ? -3000 : 250;
+    if (named()) return has_minus() ? -3000 : 250;
     return voids == Voids::kUnnamed ? (-9999 - offset()) / scale() : 7;
   }
+  bool named() const { return voids == Voids::kNamed || voids == Voids::kMaskedAndNamed; }
+  bool masked() const { return voids == Voids::kMasked || voids == Voids::kMaskedAndNamed; }
+  /// A cell that isn't: where a mask hides it, another has the value that is named.
+  bool is_void(int column, int row) const {
+    if (voids == Voids::kNone) return false;
+    return (column == kVoid && row == kVoid) ||
+           (voids == Voids::kMaskedAndNamed && column == kOther && row == kOther);
+  }
   std::string text() const {
-    return fmt::format("{}{}{}", GDALGetDataTypeName(type), packed ? ", packed" : "",
-                       std::array{"", ", NODATA", ", -9999", ", mask"}[static_cast<int>(voids)]);
+    return fmt::format("{}{}{}", GDALGetDataTypeName(type),
+                       std::array{"", ", scaled", ", moved"}[static_cast<int>(packing)],
+                       std::array{"", ", NODATA", ", -9999", ", mask",
+                                  ", mask and NODATA"}[static_cast<int>(voids)]);
   }
 
   /// @param values of the rows from the north @param metres length of the heights' unit
@@ -150,10 +161,10 @@ struct Kept {
     std::vector<float> all;
     for (int j = kRows; j-- > 0;)
       for (int i = 0; i < kColumns; ++i) {
-        const bool none = voids != Voids::kNone && i == kVoid && j == kVoid;
         all.push_back(
-            none ? NAN
-                 : static_cast<float>((values[j * kColumns + i] * scale() + offset()) * metres));
+            is_void(i, j)
+                ? NAN
+                : static_cast<float>((values[j * kColumns + i] * scale() + offset()) * metres));
       }
     return all;
   }
@@ -174,14 +185,16 @@ struct Kept {
       dataset->SetSpatialRef(&srs);
     }
     GDALRasterBand& band = *dataset->GetRasterBand(1);
-    if (packed) {
+    if (packing != Packing::kNone) {
       band.SetScale(scale());
       band.SetOffset(offset());
     }
     if (unit != nullptr) band.SetUnitType(unit);
-    if (voids != Voids::kNone) values[kVoid * kColumns + kVoid] = void_value();
-    if (voids == Voids::kNamed) band.SetNoDataValue(void_value());
-    if (voids == Voids::kMasked) {
+    for (int j = 0; j < kRows; ++j)
+      for (int i = 0; i < kColumns; ++i)
+        if (is_void(i, j)) values[j * kColumns + i] = void_value();
+    if (named()) band.SetNoDataValue(void_value());
+    if (masked()) {
       ASSERT_EQ(band.CreateMaskBand(GMF_PER_DATASET), CE_None);
       std::vector<std::uint8_t> mask(values.size(), 255);
       mask[kVoid * kColumns + kVoid] = 0;
@@ -194,20 +207,21 @@ struct Kept {
               CE_None);
   }
 
-  static constexpr int kColumns = 8, kRows = 6, kVoid = 2;
+  static constexpr int kColumns = 8, kRows = 6, kVoid = 2, kOther = 4;
 };
 
-/// Of all kinds a third, each type, packing and way to mark voids among them; of long tests all.
+/// Of all kinds some, each type, packing and way to mark voids among them; of long tests all.
 std::vector<Kept> all_kinds() {
   std::vector<Kept> all;
   int kinds = 0;
   for (const GDALDataType type :
        {GDT_Byte, GDT_UInt16, GDT_Int16, GDT_UInt32, GDT_Int32, GDT_Float32, GDT_Float64})
-    for (const bool packed : {false, true})
-      for (const Voids voids : {Voids::kNone, Voids::kNamed, Voids::kUnnamed, Voids::kMasked}) {
-        const Kept kept{type, packed, voids};
+    for (const Packing packing : {Packing::kNone, Packing::kScaled, Packing::kMoved})
+      for (const Voids voids :
+           {Voids::kNone, Voids::kNamed, Voids::kUnnamed, Voids::kMasked, Voids::kMaskedAndNamed}) {
+        const Kept kept{type, packing, voids};
         const bool fits = voids != Voids::kUnnamed || kept.has_minus();
-        if (fits && (test::kLong || kinds++ % 3 == 0)) all.push_back(kept);
+        if (fits && (test::kLong || kinds++ % 7 == 0)) all.push_back(kept);
       }
   return all;
 }
@@ -353,16 +367,24 @@ TEST(RasterAdvice, WarnsOfGreysAndOfHeightsThatMayBeVoids) {
   EXPECT_THAT(open_raster(folder / "grey.tif").warnings[0], HasSubstr("8-bit greys"));
   Kept{GDT_Byte}.write(folder / "m.tif", some_values(), "m", "EPSG:26918", kNorthUp);
   EXPECT_TRUE(open_raster(folder / "m.tif").warnings.empty());
-  Kept{GDT_Byte, true}.write(folder / "dm.tif", some_values(), nullptr, "EPSG:26918", kNorthUp);
+  Kept{GDT_Byte, Packing::kScaled}.write(folder / "dm.tif", some_values(), nullptr, "EPSG:26918",
+                                         kNorthUp);
   EXPECT_TRUE(open_raster(folder / "dm.tif").warnings.empty());
   auto values = some_values();
   values[5] = -9999;
-  Kept{GDT_Float32, false, Voids::kNamed}.write(folder / "named.tif", values, nullptr, "EPSG:26918",
-                                                kNorthUp);
+  Kept{GDT_Float32, Packing::kNone, Voids::kNamed}.write(folder / "named.tif", values, nullptr,
+                                                         "EPSG:26918", kNorthUp);
   const RasterInput named = open_raster(folder / "named.tif");
   ASSERT_EQ(named.warnings.size(), 1U);
   EXPECT_THAT(named.warnings[0], HasSubstr("has heights of -9999 m"));
   EXPECT_EQ(std::ranges::count(all_of(named), -9999.0F), 1) << "a file's own NODATA is believed";
+  // Packed and unnamed, what a void would be kept as is another height.
+  Kept{GDT_Int16, Packing::kScaled}.write(folder / "packed.tif", values, nullptr, "EPSG:26918",
+                                          kNorthUp);
+  const RasterInput packed = open_raster(folder / "packed.tif");
+  ASSERT_EQ(packed.warnings.size(), 1U);
+  EXPECT_THAT(packed.warnings[0], HasSubstr("has heights of -4998.5 m"));
+  EXPECT_EQ(std::ranges::count(all_of(packed), -4998.5F), 1);
 }
 
 TEST(RasterAdvice, TellsCrsThatDiffer) {
@@ -394,6 +416,9 @@ TEST(RasterAdvice, TellsCrsThatDiffer) {
   ASSERT_EQ(unknown.size(), 1U);
   EXPECT_THAT(unknown[0], HasSubstr("heights of A are in EPSG:7837, and B doesn't say"));
   EXPECT_EQ(between("EPSG:4979", "EPSG:25832").size(), 2U);
+  const auto above_ellipsoid = between("EPSG:4979", "EPSG:4326");
+  ASSERT_EQ(above_ellipsoid.size(), 1U) << "of one place, with and without a height";
+  EXPECT_THAT(above_ellipsoid[0], HasSubstr("and B doesn't say"));
 }
 
 TEST(Raster, WhatIsAdvisedForARotatedOneLeavesNoGroundOutsideOfIt) {
