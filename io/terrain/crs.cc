@@ -174,6 +174,33 @@ std::string argument_of(Srs srs) {
   return code.empty() ? shell_quoted(text_of(srs, "FORMAT=WKT1_GDAL")) : code;
 }
 
+/// What is wrong with coordinates that aren't metres, and their unit if they are a map's.
+struct Coordinates {
+  std::string wrong, unit;
+};
+
+Coordinates coordinates_of(Srs srs) {
+  if (gdal().OSRIsGeographic(srs) || gdal().OSRIsDerivedGeographic(srs))
+    return {"is in degrees, not metres", ""};
+  if (gdal().OSRIsGeocentric(srs)) return {"is in geocentric coordinates, not in a map's", ""};
+  char* name = nullptr;  // the CRS's
+  if (is_metre(gdal().OSRGetLinearUnits(srs, &name))) return {};
+  const std::string unit = printable(name != nullptr ? name : "an unknown unit");
+  return {fmt::format("has coordinates in '{}', not metres", unit), unit};
+}
+
+/// How the place of a raster is told, and the command that moves it there.
+struct Reprojection {
+  std::string how, command;
+};
+
+Reprojection reprojection(const RasterAdvice& of, Srs srs, const Vec2& centre) {
+  if (const auto place = longitude_latitude(srs, centre))
+    return {"with", of.reproject(utm_epsg(place->x(), place->y()), "")};
+  return {"to a CRS in metres, as with",
+          of.warp("-t_srs EPSG:<the site's UTM zone> -novshift", "_utm")};
+}
+
 }  // namespace
 
 std::string crs_label(const std::string& wkt) {
@@ -194,16 +221,20 @@ int utm_epsg(double longitude, double latitude) {
 }
 
 std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs srs,
+                                               const std::optional<Vec2>& centre,
                                                const std::string& vertical_unit) {
   const HeightUnit unit = height_unit(srs, vertical_unit);
   if (!is_metre(unit.metres)) {
     // What is made would keep a vertical CRS, and with it the unit that is no longer right.
-    throw InputError(
-        advice.file(),
-        fmt::format("heights are in '{}', not metres; convert them with: {}", printable(unit.name),
-                    advice.to_metres(unit.metres, srs != nullptr && gdal().OSRIsCompound(srs)
-                                                      ? argument_of(horizontal_of(srs).get())
-                                                      : "")));
+    std::string command = advice.to_metres(unit.metres, srs != nullptr && gdal().OSRIsCompound(srs)
+                                                            ? argument_of(horizontal_of(srs).get())
+                                                            : "");
+    // At once, for what is made says no more what its heights are in.
+    if (srs != nullptr && centre && !coordinates_of(srs).wrong.empty())
+      command += " && " + reprojection(advice.in_metres(), srs, *centre).command;
+    throw InputError(advice.file(),
+                     fmt::format("heights are in '{}', not metres; convert them with: {}",
+                                 printable(unit.name), command));
   }
   if (vertical_unit.empty() || unit_metres(vertical_unit)) return {};
   return {fmt::format("{}: heights are in '{}', a unit that is not known; they are taken as metres",
@@ -216,35 +247,18 @@ bool names_height_unit(Srs srs, const std::string& vertical_unit) {
 
 void require_metres(const RasterAdvice& advice, Srs srs, const Vec2& centre,
                     const std::string& vertical_unit) {
-  std::string wrong, unit;
-  if (gdal().OSRIsGeographic(srs) || gdal().OSRIsDerivedGeographic(srs)) {
-    wrong = "is in degrees, not metres";
-  } else if (gdal().OSRIsGeocentric(srs)) {
-    wrong = "is in geocentric coordinates, not in a map's";
-  } else {
-    char* name = nullptr;  // the CRS's
-    if (!is_metre(gdal().OSRGetLinearUnits(srs, &name))) {
-      unit = printable(name != nullptr ? name : "an unknown unit");
-      wrong = fmt::format("has coordinates in '{}', not metres", unit);
-    }
-  }
+  const auto [wrong, unit] = coordinates_of(srs);
   if (wrong.empty()) return require_true_scale(advice, srs, centre);
-  const auto place = longitude_latitude(srs, centre);
-  const auto reproject = [&](const RasterAdvice& of) {
-    return place ? of.reproject(utm_epsg(place->x(), place->y()), "")
-                 : of.warp("-t_srs EPSG:<the site's UTM zone> -novshift", "_utm");
-  };
-  const std::string how = place ? "with" : "to a CRS in metres, as with";
+  const auto [how, command] = reprojection(advice, srs, centre);
   if (unit.empty() || names_height_unit(srs, vertical_unit))
-    throw InputError(advice.file(),
-                     fmt::format("{}; reproject it {}: {}", wrong, how, reproject(advice)));
+    throw InputError(advice.file(), fmt::format("{}; reproject it {}: {}", wrong, how, command));
   throw InputError(
       advice.file(),
       fmt::format("{}, and doesn't say what its heights are in; if they are in metres, reproject "
                   "it {}: {} ; if they are in '{}', too: {} && {}",
-                  wrong, how, reproject(advice), unit,
+                  wrong, how, command, unit,
                   advice.to_metres(gdal().OSRGetLinearUnits(srs, nullptr), ""),
-                  reproject(advice.in_metres())));
+                  reprojection(advice.in_metres(), srs, centre).command));
 }
 
 std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,

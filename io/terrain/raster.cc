@@ -84,6 +84,13 @@ void check_is_heights(const std::filesystem::path& file, const GdalDataset& data
 }
 
 /// Sets the source's direction. @return the posts: centres of the cells.
+std::optional<Vec2> centre_of(const GdalHeights& source) {
+  std::array<double, 6> t;
+  if (gdal().GDALGetGeoTransform(source.dataset().get(), t.data()) != CE_None) return {};
+  const double columns = source.nx() / 2.0, rows = source.ny() / 2.0;
+  return Vec2(t[0] + columns * t[1] + rows * t[2], t[3] + columns * t[4] + rows * t[5]);
+}
+
 HeightGrid place(const RasterAdvice& advice, GdalHeights& source) {
   const std::filesystem::path& file = advice.file();
   std::array<double, 6> t;
@@ -215,12 +222,10 @@ RasterInput open_raster(const std::filesystem::path& file) {
   if (input.crs_wkt.empty()) srs = nullptr;
   const char* unit_type = gdal().GDALGetRasterUnitType(source->band());
   const std::string unit = unit_type != nullptr ? unit_type : "";
-  input.warnings = require_metre_heights(advice, srs, unit);
+  const std::optional<Vec2> centre = centre_of(*source);
+  input.warnings = require_metre_heights(advice, srs, centre, unit);
   input.grid = place(advice, *source);
-  const Vec2 centre =
-      input.grid.first +
-      input.grid.spacing.cwiseProduct(Vec2(input.grid.nx - 1, input.grid.ny - 1)) / 2;
-  if (srs != nullptr) require_metres(advice, srs, centre, unit);
+  if (srs != nullptr) require_metres(advice, srs, *centre, unit);
   Probe seen;
   try {
     seen = probe(file, *source, input.driver);

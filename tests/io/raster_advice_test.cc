@@ -298,11 +298,9 @@ TEST(RasterAdvice, ThatReprojectsOrTurnsIsRightForAllWaysToKeepHeights) {
     message = refusal(folder, folder / "turned.tif");
     ASSERT_TRUE(follow(folder, message, "gdal")) << message;
     expect_level(open_raster(folder / "turned_north_up.tif"), height);
-    // Degrees, and heights in feet: first the one, then the other.
+    // Degrees, and heights in feet: both at once, for in between the unit is lost.
     kept.write(folder / "both.tif", level, "ft", "EPSG:4326", degrees);
     message = refusal(folder, folder / "both.tif");
-    ASSERT_TRUE(follow(folder, message, "gdal")) << message;
-    message = refusal(folder, folder / "both_m.tif");
     ASSERT_TRUE(follow(folder, message, "gdal")) << message;
     expect_level(open_raster(folder / "both_m_utm.tif"), height * 0.3048);
   }
@@ -322,6 +320,17 @@ TEST(RasterAdvice, ForCoordinatesInFeetIsRightWhateverHeightsAreIn) {
   expect_level(open_raster(folder / "a_utm.tif"), 120);
   ASSERT_TRUE(follow(folder, message.substr(feet), "gdal_translate")) << message;
   expect_level(open_raster(folder / "a_m_utm.tif"), 120 * 1200.0 / 3937);
+  struct Known {
+    const char *name, *crs, *unit;
+  };
+  for (const auto& [name, crs, unit] :
+       {Known{"b", "EPSG:2263+6360", nullptr}, Known{"c", "EPSG:2263", "US survey foot"}}) {
+    Kept{}.write(folder / fmt::format("{}.tif", name), level, unit, crs, place);
+    const std::string known = refusal(folder, folder / fmt::format("{}.tif", name));
+    EXPECT_THAT(known, HasSubstr("heights are in 'US survey foot'"));
+    ASSERT_TRUE(follow(folder, known, "gdal_translate")) << known;
+    expect_level(open_raster(folder / fmt::format("{}_m_utm.tif", name)), 120 * 1200.0 / 3937);
+  }
 }
 
 TEST(RasterAdvice, GivesARasterItsPlace) {

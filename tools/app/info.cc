@@ -61,7 +61,7 @@ void info_snapshot(const fs::path& file) {
     box.extend(low + Vec3::Constant(soil.voxel_size_m() * kChunkSide));
   }
   fmt::print("{}: snapshot of soilvdb\n", file.string());
-  line("scenario", info.scenario);
+  if (!info.scenario.empty()) line("scenario", info.scenario);
   line("time", time_text(info.time_s) + " s");
   line("voxels", length_text(soil.voxel_size_m()) + " m");
   line("origin",
@@ -276,6 +276,11 @@ void info(const InfoOptions& options) {
     return;
   }
   if (looks_like_scenario(file, head)) return info_scenario(file);
+  const std::string suffix = suffix_of(file);
+  if (suffix == "mcap" || suffix == "db3" || suffix == "csv")
+    throw io::InputError(file, fmt::format("is a motion, if anything; name it in a scenario, as "
+                                           "`motion: {}` of a machine, and that here",
+                                           io::printable(file.filename().string())));
   try {
     info_raster(file);
   } catch (const io::InputError& e) {

@@ -157,8 +157,8 @@ void verify_run(const fs::path& folder) {
 void verify_snapshot(const fs::path& file) {
   io::SnapshotInfo info;
   judged([&] { return io::read_snapshot(file, &info); });
-  fmt::print("{}: intact, the ground of {} at {} s\n", file.string(), info.scenario,
-             time_text(info.time_s));
+  fmt::print("{}: intact, the ground{} at {} s\n", file.string(),
+             info.scenario.empty() ? "" : " of " + info.scenario, time_text(info.time_s));
 }
 
 void verify_journal(const fs::path& file) {
