@@ -6,25 +6,12 @@
 
 #include <algorithm>
 #include <functional>
-#include <utility>
 
 #include "io/file/text.h"
 #include "io/motion/motion_checks.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
-
-// A machine's pose, frame or joint goes on as it did for that long, or for some of its usual
-// intervals: what is late by a few of them is a busy network.
-constexpr std::int64_t kMostGap_ns = 1'000'000'000;
-constexpr std::int64_t kMostGaps = 3;
-
-std::string seconds(std::int64_t ns) {
-  std::string text = stamp_text(ns);
-  text.erase(text.find_last_not_of('0') + 1);
-  if (text.ends_with('.')) text.pop_back();
-  return text;
-}
 
 std::vector<std::uint32_t> streams_of(const McapFacts& facts) {
   std::vector<std::uint32_t> all;
@@ -39,26 +26,18 @@ class PoseRows : public McapRows {
       : McapRows(source, facts, streams_of(*facts)) {
     columns_.names = {"time", "x", "y", "z", "qx", "qy", "qz", "qw"};
     columns_.quaternion = true;
-    for (const std::uint32_t stream : wanted_) {
-      const McapStream& from = facts_->streams[stream];
-      if (first_ == 0 || from.times.first_ns < facts_->streams[first_].times.first_ns)
+    for (const std::uint32_t stream : wanted_)
+      if (first_ == 0 ||
+          facts_->streams[stream].times.first_ns < facts_->streams[first_].times.first_ns)
         first_ = stream;
-      if (from.usual_ns > 0) usual_ns_ = std::min(usual_ns_, from.usual_ns);
-    }
   }
 
   Got next() override {
-    if (!waits_) {
-      do {
-        if (!merge_.next(entry_)) return Got::kEnd;
-      } while (from_ && entry_.place < *from_);
-      look_at(entry_.place);
-    }
-    const std::int64_t at_ns = entry_.place.time_ns, most_ns = most_gap_ns(usual_ns_);
-    const std::int64_t before_ns = std::exchange(before_ns_, at_ns).value_or(at_ns);
-    waits_ = at_ns - before_ns > most_ns;
-    if (waits_) place_.fail(gap_text("the bucket's pose", before_ns, at_ns, "a gap", most_ns));
+    do {
+      if (!merge_.next(entry_)) return Got::kEnd;
+    } while (from_ && entry_.place < *from_);
     row_ = entry_.place;
+    look_at(row_);
     if (!entry_.fault.empty()) place_.fail(entry_.fault);
     return Got::kRow;
   }
@@ -76,17 +55,12 @@ class PoseRows : public McapRows {
   }
   void go_to(const RowMark& mark) override {
     from_ = place_of(mark);
-    before_ns_.reset();
-    waits_ = false;
     merge_.go_to(mark.bytes);
   }
 
  private:
   McapEntry entry_;
   std::uint32_t first_ = 0;  // the stream whose frame all are seen from
-  std::int64_t usual_ns_ = kLatest_ns;
-  std::optional<std::int64_t> before_ns_;  // the time of the message before
-  bool waits_ = false;                     // the entry, for a gap before it was told
   std::optional<McapPlace> from_;
 };
 
@@ -99,16 +73,6 @@ McapRows::McapRows(const MotionSource& source, std::shared_ptr<const McapFacts> 
       wanted_(wanted),
       merge_(source, facts_, wanted),
       place_(source.file) {}
-
-std::int64_t McapRows::most_gap_ns(std::int64_t usual_ns) {
-  return usual_ns >= kLongest_ns ? kMostGap_ns : std::max(kMostGap_ns, kMostGaps * usual_ns);
-}
-
-std::string McapRows::gap_text(const std::string& what, std::int64_t from_ns, std::int64_t to_ns,
-                               std::string_view why, std::int64_t most_ns) {
-  return fmt::format("{} isn't known from {} to {} s, {}; at most {} s are bridged", what,
-                     seconds(from_ns), seconds(to_ns), why, seconds(most_ns));
-}
 
 void McapRows::look_at(const McapPlace& place) {
   place_.set(facts_->files[place.file].path, place.number);

@@ -9,7 +9,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "io/motion/mcap_merge.h"
@@ -47,13 +46,6 @@ class McapRows : public RowSource {
   /// Makes that message the one that is being looked at.
   void look_at(const McapPlace& place);
   static McapPlace place_of(const RowMark& mark);
-  /// An interval that is none, three years: 64 bits hold a few of them.
-  static constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;
-  /// The longest time from one message to the next that is bridged.
-  /// @param usual_ns its usual interval; kLatest_ns: it has none
-  static std::int64_t most_gap_ns(std::int64_t usual_ns);
-  static std::string gap_text(const std::string& what, std::int64_t from_ns, std::int64_t to_ns,
-                              std::string_view why, std::int64_t most_ns);
   /// The numbers of a row are whole.
   void seal(const std::vector<double>& v);
 
@@ -85,6 +77,7 @@ class TrackRows : public McapRows {
   struct Track {
     std::string what;         ///< "frame 'base'"
     bool makes_rows = false;  ///< at each of its times
+    bool tells_gaps = false;  ///< where it makes none for too long
     McapTimes times;
     std::int64_t usual_ns = kLatest_ns;  ///< time from one of its samples to the next
     std::vector<std::uint32_t> streams;
@@ -126,7 +119,6 @@ class TrackRows : public McapRows {
   std::deque<McapPlace> waiting_;  // rows
   std::deque<Fault> faults_;       // what is wrong before them
   std::int64_t newest_ns_ = -kLatest_ns;
-  std::optional<std::int64_t> newest_row_ns_;
   std::optional<McapPlace> from_;  // rows before it are passed over
   bool ended_ = false, looked_at_end_ = false;
 };

@@ -121,7 +121,8 @@ class TfRows : public TrackRows {
       add_track("frame '" + printable(split_names(facts_->streams[stream].names)[0]) + "'", false);
       add_stream(tracks_.size() - 1, stream);
     }
-    tracks_[row_track()].makes_rows = true;
+    Track& makes_rows = tracks_[row_track()];
+    makes_rows.makes_rows = makes_rows.tells_gaps = true;
   }
 
   void values(std::vector<double>& v) override {

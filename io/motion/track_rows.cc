@@ -11,15 +11,35 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
+// A machine's frame or joint goes on as it did for that long, or for some of its usual intervals:
+// what is late by a few of them is a busy network.
+constexpr std::int64_t kMostGap_ns = 1'000'000'000;
+constexpr std::int64_t kMostGaps = 3;
 // At its ends nothing says how it goes on: there a row waits for a sample that would come soon.
 constexpr std::int64_t kMostEnd_ns = 250'000'000;
+constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;  // three years: 64 bits hold a few
+
+std::string seconds(std::int64_t ns) {
+  std::string text = stamp_text(ns);
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.ends_with('.')) text.pop_back();
+  return text;
+}
+
+std::string gap_text(const std::string& what, std::int64_t from_ns, std::int64_t to_ns,
+                     std::string_view why, std::int64_t most_ns) {
+  return fmt::format("{} isn't known from {} to {} s, {}; at most {} s are bridged", what,
+                     seconds(from_ns), seconds(to_ns), why, seconds(most_ns));
+}
 
 }  // namespace
 
-std::int64_t TrackRows::Track::most_ns() const { return most_gap_ns(usual_ns); }
+std::int64_t TrackRows::Track::most_ns() const {
+  return usual_ns == kLatest_ns ? kMostGap_ns : std::max(kMostGap_ns, kMostGaps * usual_ns);
+}
 
 std::int64_t TrackRows::Track::most_end_ns() const {
-  return usual_ns >= kLongest_ns ? kMostEnd_ns : std::max(kMostEnd_ns, usual_ns + usual_ns / 2);
+  return usual_ns == kLatest_ns ? kMostEnd_ns : std::max(kMostEnd_ns, usual_ns + usual_ns / 2);
 }
 
 void TrackRows::add_track(std::string what, bool makes_rows) {
@@ -34,7 +54,7 @@ void TrackRows::add_stream(std::size_t i, std::uint32_t stream) {
   track.streams.push_back(stream);
   track.times.add(from.times.first_ns);
   track.times.add(from.times.last_ns);
-  if (from.usual_ns > 0) track.usual_ns = std::min(track.usual_ns, from.usual_ns);
+  if (from.usual_ns > 0) track.usual_ns = std::min({track.usual_ns, from.usual_ns, kLongest_ns});
 }
 
 McapTimes TrackRows::row_times() const {
@@ -94,27 +114,27 @@ void TrackRows::check_same(const Track& track, std::int64_t time_ns, const doubl
 void TrackRows::put(Track& track, const McapPlace& place, const double* values, std::size_t n) {
   const std::int64_t time_ns = place.time_ns;
   if (!track.samples.empty()) {
-    if (track.samples.back().time_ns == time_ns) return;
+    const std::int64_t before_ns = track.samples.back().time_ns;
+    if (before_ns == time_ns) return;
+    if (track.tells_gaps && time_ns - before_ns > track.most_ns())
+      add_fault(time_ns, gap_text(track.what, before_ns, time_ns, "a gap", track.most_ns()));
   }
   track.samples.push_back({time_ns});
   std::copy(values, values + n, track.samples.back().values.begin());
-  if (!track.makes_rows || (newest_row_ns_ && *newest_row_ns_ >= time_ns)) return;
-  if (newest_row_ns_ && time_ns - *newest_row_ns_ > track.most_ns())
-    add_fault(time_ns, gap_text(track.what, *newest_row_ns_, time_ns, "a gap", track.most_ns()));
-  newest_row_ns_ = time_ns;
-  waiting_.push_back(place);
+  if (track.makes_rows && (waiting_.empty() || waiting_.back().time_ns < time_ns))
+    waiting_.push_back(place);
 }
 
 /// Says of what makes rows that it ended while others went on.
 void TrackRows::find_early_end() {
-  if (!newest_row_ns_) return;
   std::int64_t end_ns = -kLatest_ns;
   for (const Track& track : tracks_) end_ns = std::max(end_ns, track.times.last_ns);
   for (const Track& track : tracks_)
-    if (track.makes_rows && end_ns - *newest_row_ns_ > track.most_ns()) {
+    if (track.tells_gaps && !track.samples.empty() &&
+        end_ns - track.samples.back().time_ns > track.most_ns()) {
       look_at(row_);
-      return add_fault(end_ns, gap_text(track.what, *newest_row_ns_, end_ns, "where others go on",
-                                        track.most_ns()));
+      add_fault(end_ns, gap_text(track.what, track.samples.back().time_ns, end_ns,
+                                 "where others go on", track.most_ns()));
     }
 }
 
@@ -190,7 +210,6 @@ void TrackRows::go_to(const RowMark& mark) {
   waiting_.clear();
   faults_.clear();
   ended_ = looked_at_end_ = false;
-  newest_row_ns_.reset();
   newest_ns_ = -kLatest_ns;
   from_ = place_of(mark);
   merge_.go_to(mark.bytes - most_ns);

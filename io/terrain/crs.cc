@@ -230,7 +230,8 @@ std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs s
                                                             ? argument_of(horizontal_of(srs).get())
                                                             : "");
     // At once, for what is made says no more what its heights are in.
-    if (srs != nullptr && centre && !coordinates_of(srs).wrong.empty())
+    if (srs != nullptr && centre && !coordinates_of(srs).wrong.empty() &&
+        !gdal().OSRIsGeocentric(srs) && longitude_latitude(srs, *centre))
       command += " && " + reprojection(advice.in_metres(), srs, *centre).command;
     throw InputError(advice.file(),
                      fmt::format("heights are in '{}', not metres; convert them with: {}",

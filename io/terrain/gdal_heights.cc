@@ -45,9 +45,18 @@ KeptHeights GdalHeights::kept() const {
   kept.wide = gdal().GDALGetRasterDataType(band_) == GDT_Float64;
   kept.nodata = nodata_.has_value();
   kept.masked = mask_ != nullptr && (flags & GMF_NODATA) == 0;
-  if (kept.masked && (flags & GMF_ALPHA) != 0) kept.alpha_band = gdal().GDALGetBandNumber(mask_);
+  if (kept.masked && (flags & GMF_ALPHA) != 0) kept.alpha_band = alpha_band();
   if (!kept.nodata && !kept.masked) kept.unnamed_void = find_void();
   return kept;
+}
+
+/// Its number. The mask that GDAL makes of an alpha of other than eight bits has none.
+int GdalHeights::alpha_band() const {
+  for (int band = gdal().GDALGetRasterCount(dataset_.get()); band > 1; --band)
+    if (gdal().GDALGetRasterColorInterpretation(gdal().GDALGetRasterBand(dataset_.get(), band)) ==
+        GCI_AlphaBand)
+      return band;
+  return 0;
 }
 
 std::vector<float> GdalHeights::doubtful() const {

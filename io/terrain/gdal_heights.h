@@ -43,6 +43,7 @@ class GdalHeights final : public HeightSource {
  private:
   float height(double raw) const;
   std::optional<double> find_void() const;
+  int alpha_band() const;
 
   std::filesystem::path file_;
   GdalDataset dataset_;

@@ -83,7 +83,7 @@ void check_is_heights(const std::filesystem::path& file, const GdalDataset& data
   }
 }
 
-/// Sets the source's direction. @return the posts: centres of the cells.
+/// The middle of a raster in its coordinates; nothing where it has no place.
 std::optional<Vec2> centre_of(const GdalHeights& source) {
   std::array<double, 6> t;
   if (gdal().GDALGetGeoTransform(source.dataset().get(), t.data()) != CE_None) return {};
@@ -91,6 +91,7 @@ std::optional<Vec2> centre_of(const GdalHeights& source) {
   return Vec2(t[0] + columns * t[1] + rows * t[2], t[3] + columns * t[4] + rows * t[5]);
 }
 
+/// Sets the source's direction. @return the posts: centres of the cells.
 HeightGrid place(const RasterAdvice& advice, GdalHeights& source) {
   const std::filesystem::path& file = advice.file();
   std::array<double, 6> t;

@@ -51,7 +51,7 @@ std::string RasterAdvice::to_metres(double metres, const std::string& horizontal
   std::string options = fmt::format("-b 1 -ot {} -scale 0 {} {} {}", gdal_type(kept), span, zero_m,
                                     zero_m + span * kept.scale * metres);
   if (kept.scale != 1 || kept.offset != 0) options += " -a_scale 1 -a_offset 0";
-  if (kept.nodata) options += " -a_nodata nan";  // which no height can be
+  if (kept.nodata || kept.unnamed_void) options += " -a_nodata nan";  // which no height can be
   if (!horizontal.empty()) options += " -a_srs " + horizontal;
   return fmt::format("{}gdal_translate{} {} {} {}", first ? *first + " && " : "",
                      kept.masked ? " --config GDAL_TIFF_INTERNAL_MASK YES" : "", options,

@@ -269,6 +269,43 @@ TEST(RasterAdvice, IsRightForAllWaysToKeepHeights) {
   }
 }
 
+TEST(RasterAdvice, KeepsGroundAtZeroAndLeavesOutWhatAnAlphaBandHides) {
+  if (output_of("command -v gdal_translate").empty())
+    GTEST_SKIP() << "GDAL's programs aren't there";
+  constexpr int kColumns = Kept::kColumns, kRows = Kept::kRows, kVoid = 19;
+  for (const bool alpha : {false, true}) {
+    SCOPED_TRACE(alpha);
+    const TempFolder folder;
+    std::vector<std::uint16_t> values, seen(kColumns * kRows, 65535);
+    std::vector<float> truth;
+    for (int i = 0; i < kColumns * kRows; ++i) {
+      values.push_back(static_cast<std::uint16_t>(32768 + 100 * (i % 3)));  // 0, 100 and 200 ft
+      truth.push_back(static_cast<float>(0.3048 * 100 * (i % 3)));
+    }
+    values[kVoid] = alpha ? 7 : 0;  // else of common use, once the offset is taken off: -32768
+    seen[kVoid] = 0;
+    truth[kVoid] = NAN;
+    {
+      const GdalMessages messages;
+      const GDALDatasetUniquePtr dataset(GetGDALDriverManager()->GetDriverByName("GTiff")->Create(
+          (folder / "a.tif").c_str(), kColumns, kRows, alpha ? 2 : 1, GDT_UInt16, nullptr));
+      std::array<double, 6> south_up = {500'000, 2, 0, 4'000'000, 0, 2};
+      dataset->SetGeoTransform(south_up.data());
+      dataset->GetRasterBand(1)->SetOffset(-32768);
+      dataset->GetRasterBand(1)->SetUnitType("ft");
+      if (alpha) dataset->GetRasterBand(2)->SetColorInterpretation(GCI_AlphaBand);
+      for (int band = 1; band <= (alpha ? 2 : 1); ++band)
+        ASSERT_EQ(dataset->GetRasterBand(band)->RasterIO(
+                      GF_Write, 0, 0, kColumns, kRows, band == 1 ? values.data() : seen.data(),
+                      kColumns, kRows, GDT_UInt16, 0, 0, nullptr),
+                  CE_None);
+    }
+    const std::string message = refusal(folder, folder / "a.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal_translate")) << message;
+    expect_heights(open_raster(folder / "a_m.tif"), truth);
+  }
+}
+
 /// Of a level raster, which no interpolation changes.
 void expect_level(const RasterInput& raster, double height_m) {
   int there = 0;

@@ -18,7 +18,7 @@ namespace earthmoving_attack_test {
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kVoxel = 0.1;
 // Of this process's own time: others may keep it waiting.
-constexpr std::clock_t kSoon = (test::kSanitized ? 50 : 5) * CLOCKS_PER_SEC;
+constexpr std::clock_t kSoon = test::cpu_s(5);
 
 struct Site {
   Soil soil;

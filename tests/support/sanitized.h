@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdlib>
+#include <ctime>
 
 namespace soilvdb::test {
 
@@ -13,6 +14,12 @@ inline constexpr bool kSanitized = true;
 #else
 inline constexpr bool kSanitized = false;
 #endif
+
+/// CPU time that a test may take, by std::clock(): the time of a clock is that of a machine's other
+/// work as well.
+inline constexpr std::clock_t cpu_s(double seconds) {
+  return static_cast<std::clock_t>((kSanitized ? 10 : 1) * seconds * CLOCKS_PER_SEC);
+}
 
 /// `tools/test --long` sets it.
 inline const bool kLong = std::getenv("SOILVDB_LONG") != nullptr;

@@ -278,9 +278,9 @@ void info(const InfoOptions& options) {
   if (looks_like_scenario(file, head)) return info_scenario(file);
   const std::string suffix = suffix_of(file);
   if (suffix == "mcap" || suffix == "db3" || suffix == "csv")
-    throw io::InputError(file, fmt::format("is a motion, if anything; name it in a scenario, as "
-                                           "`motion: {}` of a machine, and that here",
-                                           io::printable(file.filename().string())));
+    throw io::InputError(file,
+                         "is a motion, if anything; a scenario that has it as a machine's motion "
+                         "can be looked at");
   try {
     info_raster(file);
   } catch (const io::InputError& e) {
