@@ -19,7 +19,7 @@ namespace soilvdb::inline v0::io {
 // clang-format off
 #define SOILVDB_GDAL_FUNCTIONS(F)                                                                  \
   F(CPLErrorReset) F(CPLGetErrorHandlerUserData) F(CPLPopErrorHandler) F(CPLPushErrorHandlerEx)    \
-  F(GDALClose) F(GDALCreate) F(GDALDataTypeIsComplex) F(GDALGetBlockSize)     \
+  F(GDALClose) F(GDALCreate) F(GDALDataTypeIsComplex) F(GDALGetBlockSize)                          \
   F(GDALGetDataTypeName) F(GDALGetDataTypeSizeBytes) F(GDALGetDatasetDriver)                       \
   F(GDALGetDriverByName) F(GDALGetDriverShortName) F(GDALGetGeoTransform) F(GDALGetMaskBand)       \
   F(GDALGetMaskFlags) F(GDALGetMetadataItem) F(GDALGetProjectionRef) F(GDALGetRasterBand)          \
