@@ -292,6 +292,7 @@ void register_mesh_blocks() {
     };
     add_peer("openvdb_distances", VolumeToMesh::kDistances);
     add_peer("openvdb_planes", VolumeToMesh::kPlanes);
+    add_peer("openvdb_repaired", VolumeToMesh::kRepaired);
   }
 }
 

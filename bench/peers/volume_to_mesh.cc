@@ -22,26 +22,37 @@ using Tree = openvdb::tree::Tree3<float, 4, 3>::Type;
 constexpr int kReach = 2;    // voxels from a chunk whose signs matter to the patterns of its cells
 constexpr int kOffset = 64;  // of the tree: all its places are floats of one exponent
 
+constexpr int kRounds = 2;  // of repair; each looks one voxel farther
+
+/// Is each cell's centre in soil?
+using Signs = std::vector<std::uint8_t>;
+
 /// Where the models say that the edge from a cell along an axis is crossed: the nearer one.
-Crossing crossing(const CellModels& models, int id, int axis) {
-  const float out = models.soil(id) ? 1 : -1;
+Crossing crossing(const CellModels& models, const Signs& soil, int id, int axis) {
+  const float out = soil[static_cast<std::size_t>(id)] ? 1 : -1;
   Crossing c{{0, 0, 0}, {0, 0, 0}};
   c.p[axis] = 0.5f;
   c.n[axis] = out;
   float nearest = 2;
   for (int end = 0; end < 2; ++end) {
-    const CellModel* const m = models.find(id + end * models.grid().step(axis));
+    const int here = id + end * models.grid().step(axis);
+    const CellModel* const m = models.find(here);
+    float slack = 1e-3f;
+    if (m != nullptr) {
+      const float centre = m->at(0, 0, 0).beyond;
+      if ((centre < 0) != (soil[static_cast<std::size_t>(here)] != 0)) slack = std::abs(centre) + 1e-3f;
+    }
     for (int k = 0; m != nullptr && k < m->planes(); ++k) {
       const float n[3] = {m->plane[k].nx, m->plane[k].ny, m->plane[k].nz};
       if (!(out * n[axis] > 1e-6f)) continue;
       float q[3] = {0, 0, 0};
       q[axis] = m->plane[k].d / n[axis];
       const float at = q[axis] + static_cast<float>(end);
-      if (!(at >= -1e-3f && at <= 1.001f) || std::abs(q[axis]) >= nearest ||
+      if (!(at >= -slack && at <= 1 + slack) || std::abs(q[axis]) >= nearest ||
           std::abs(m->at(q[0], q[1], q[2]).beyond) > 1e-3f)
         continue;
       nearest = std::abs(q[axis]);
-      c.p[axis] = std::min(std::max(at, 0.0f), 1.0f);
+      c.p[axis] = std::min(std::max(at, -slack), 1.0f + slack);
       std::copy_n(n, 3, c.n);
     }
   }
@@ -60,6 +71,9 @@ class Block {
       last = now;
     };
     if (how == VolumeToMesh::kPlanes) models_ = std::make_unique<CellModels>(cells_, kReach);
+    if (how == VolumeToMesh::kRepaired)
+      models_ = std::make_unique<CellModels>(cells_, kReach + kRounds);
+    if (models_) sign(how == VolumeToMesh::kRepaired);
     took(times.models);
     fill();
     took(times.field);
@@ -76,6 +90,48 @@ class Block {
   bool is_near(const Coord3& c) const {
     return (c.array() >= 0).all() && (c.array() < cells_.sides().array()).all() &&
            cells_.away(c) <= kChunkSide;
+  }
+
+  /// @param repair no face of voxel centres is to have soil in two opposite corners alone, if that
+  ///        can be: the models say what its middle is, and the corner unlike that which is nearest
+  ///        to the surface changes
+  void sign(bool repair) {
+    soil_at_.resize(cells_.cells());
+    const std::uint8_t* const counts = cells_.counts();
+    for (std::size_t k = 0; k < soil_at_.size(); ++k) soil_at_[k] = counts[k] > 32;
+    for (const CellModels::Cell& c : models_->cells())
+      if (c.model.solved) soil_at_[static_cast<std::size_t>(c.id)] = c.model.soil();
+    for (int round = 0; repair && round < kRounds; ++round) {
+      std::vector<int> changed;
+      for (const CellModels::Cell& c : models_->cells()) {
+        if (c.away > kReach + kRounds) continue;
+        // The faces about this centre: three directions, four faces each.
+        for (int face = 0; face < 12; ++face) unlike(c.id, face, changed);
+      }
+      for (const int id : changed) soil_at_[static_cast<std::size_t>(id)] ^= 1;
+    }
+  }
+
+  /// Adds a centre to those that change, if it is the nearest of an ambiguous face.
+  void unlike(int id, int face, std::vector<int>& changed) {
+    const int u = face / 4, v = (u + 1) % 3;
+    const int su = (face & 1 ? 1 : -1) * cells_.step(u), sv = (face & 2 ? 1 : -1) * cells_.step(v);
+    const int corners[4] = {id, id + su, id + su + sv, id + sv};
+    const auto soil = [&](int k) { return soil_at_[static_cast<std::size_t>(corners[k])] != 0; };
+    if (soil(0) == soil(1) || soil(0) != soil(2) || soil(1) != soil(3)) return;
+    float sum = 0;
+    for (int k = 0; k < 4; ++k) {
+      float p[3] = {0, 0, 0};
+      const bool far_u = k == 1 || k == 2, far_v = k >= 2;
+      p[u] = (face & 1 ? 0.5f : -0.5f) * (far_u ? -1.0f : 1.0f);
+      p[v] = (face & 2 ? 0.5f : -0.5f) * (far_v ? -1.0f : 1.0f);
+      sum += std::clamp(models_->beyond(corners[k], p[0], p[1], p[2]), -0.5f, 0.5f);
+    }
+    if (soil(0) == (sum < 0)) return;  // like the middle
+    const float here = std::abs(models_->beyond(corners[0], 0, 0, 0)),
+                there = std::abs(models_->beyond(corners[2], 0, 0, 0));
+    if (here < there || (here == there && corners[0] < corners[2]))
+      if (changed.empty() || changed.back() != id) changed.push_back(id);
   }
 
   void fill() {
@@ -97,7 +153,7 @@ class Block {
       if (surface) surface->distance(chunks[i], phi);
       for (int n = 0; models_ && n < kChunkVoxels; ++n) {
         const Coord3 c = near[i] + Coord3(n >> 6, n >> 3 & 7, n & 7);
-        phi[n] = models_->soil(cells_.id(c.x(), c.y(), c.z())) ? -1.0f : 1.0f;
+        phi[n] = soil_at_[static_cast<std::size_t>(cells_.id(c.x(), c.y(), c.z()))] ? -1.0f : 1.0f;
       }
       add(near[i], phi, far);
     }
@@ -186,7 +242,7 @@ class Block {
     Crossing crossings[12];
     Eigen::Vector3f middle = Eigen::Vector3f::Zero(), &in = in_[v];
     for (int k = 0; k < e.n; ++k) {
-      crossings[k] = crossing(*models_, e.edge[k] / 3, e.edge[k] % 3);
+      crossings[k] = crossing(*models_, soil_at_, e.edge[k] / 3, e.edge[k] % 3);
       const Coord3 from = cells_.at(e.edge[k] / 3) - cell(v);
       for (int a = 0; a < 3; ++a) middle[a] += crossings[k].p[a] += static_cast<float>(from[a]);
     }
@@ -204,7 +260,7 @@ class Block {
     Vec3 v[4];
     for (int k = 0; k < 4; ++k) {
       v[k] = (cell(q[3 - k]) - cells_.at(edge / 3)).cast<double>() + in_[q[3 - k]].cast<double>();
-      if (models_) v[k][axis] -= crossing(*models_, edge / 3, axis).p[axis];
+      if (models_) v[k][axis] -= crossing(*models_, soil_at_, edge / 3, axis).p[axis];
     }
     double gap[2], least[2];
     for (int d = 0; d < 2; ++d) {
@@ -228,6 +284,7 @@ class Block {
   const Soil& soil_;
   CellGrid cells_;
   std::unique_ptr<CellModels> models_;
+  Signs soil_at_;
   openvdb::Grid<Tree>::Ptr grid_;
   std::vector<openvdb::Vec3s> points_;
   std::vector<openvdb::Vec4I> quads_;

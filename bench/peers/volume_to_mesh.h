@@ -9,7 +9,8 @@ namespace soilvdb::bench {
 
 enum class VolumeToMesh {
   kDistances,  ///< a level set, measured to the triangles of our own contour; vertices as they are
-  kPlanes      ///< +-1, where the models have soil; vertices moved onto the models' planes
+  kPlanes,     ///< +-1, where the models have soil; vertices moved onto the models' planes
+  kRepaired    ///< the same, with signs changed where a face of voxel centres is ambiguous
 };
 
 /// CPU time of the parts, s, summed over calls.

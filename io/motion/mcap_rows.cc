@@ -13,6 +13,11 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
+// A machine goes on as it did for that long, or for some of its usual intervals: what is late by a
+// few of them is a busy network.
+constexpr std::int64_t kMostGap_ns = 1'000'000'000;
+constexpr std::int64_t kMostGaps = 3;
+
 std::vector<std::uint32_t> streams_of(const McapFacts& facts) {
   std::vector<std::uint32_t> all;
   for (std::uint32_t i = 1; i < facts.streams.size(); ++i)
@@ -73,6 +78,18 @@ McapRows::McapRows(const MotionSource& source, std::shared_ptr<const McapFacts> 
       wanted_(wanted),
       merge_(source, facts_, wanted),
       place_(source.file) {}
+
+std::int64_t most_gap_ns(std::int64_t usual_ns) {
+  return std::max(kMostGap_ns, kMostGaps * usual_ns);
+}
+
+std::optional<double> McapRows::most_gap_s() const {
+  std::int64_t usual_ns = 0;
+  for (const std::uint32_t stream : wanted_)
+    if (const std::int64_t its_ns = facts_->streams[stream].usual_ns; its_ns > 0)
+      usual_ns = usual_ns == 0 ? its_ns : std::min(usual_ns, its_ns);
+  return static_cast<double>(most_gap_ns(usual_ns)) * 1e-9;
+}
 
 void McapRows::look_at(const McapPlace& place) {
   place_.set(facts_->files[place.file].path, place.number);

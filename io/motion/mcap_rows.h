@@ -16,6 +16,9 @@
 
 namespace soilvdb::inline v0::io {
 
+/// Up to which two samples are joined as a matter of course. @param usual_ns between two samples
+std::int64_t most_gap_ns(std::int64_t usual_ns);
+
 /// Rows in the order of their stamps, each with the number of its message in the file.
 class McapRows : public RowSource {
  public:
@@ -26,6 +29,7 @@ class McapRows : public RowSource {
   const RowPlace& place() const override { return place_; }
   const Columns& columns() const override { return columns_; }
   std::int64_t bytes_read() const override { return merge_.bytes_read(); }
+  std::optional<double> most_gap_s() const override;
   void warn(std::vector<std::string>& warnings) const override;
   MotionSource source() const override;
 

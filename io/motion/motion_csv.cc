@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -18,6 +19,36 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
+constexpr double kMoved = 0.1;  // m or rad: of a machine that didn't stand still
+
+/// Gaps of a recording across which its machine moved: nobody knows how.
+class Gaps {
+ public:
+  explicit Gaps(std::optional<double> most_s) : most_s_(most_s) {}
+
+  /// @param place of the row after a gap @param moved m or rad, whichever is more
+  void row(const RowPlace& place, double gap_s, double moved) {
+    if (!most_s_ || gap_s <= *most_s_ || moved <= kMoved) return;
+    ++count_;
+    if (gap_s <= longest_s_) return;
+    longest_s_ = gap_s;
+    longest_ = fmt::format("{}:{}: comes {:.3g} s after the row before", place.file().string(),
+                           place.number(), gap_s);
+  }
+  void warn(std::vector<std::string>& warnings) const {
+    if (count_ == 0) return;
+    const std::string more =
+        count_ == 1 ? "" : fmt::format(", the longest of {} such gaps", count_);
+    warnings.push_back(fmt::format(
+        "{}{}; the machine moved meanwhile, and is taken to have gone straight", longest_, more));
+  }
+
+ private:
+  std::optional<double> most_s_;
+  long count_ = 0;
+  double longest_s_ = 0;
+  std::string longest_;
+};
 
 }  // namespace
 
@@ -29,7 +60,8 @@ struct MotionReader::State {
         rows(source.is_mcap ? mcap_rows(source, chain) : csv_rows(source.file, chain)),
         columns(rows->columns()),
         limits(c.value_or(Chain{})),
-        angles(columns.names, chain, unit) {
+        angles(columns.names, chain, unit),
+        gaps(rows->most_gap_s()) {
     row.resize(columns.names.size(), 0.0);
     fresh = row;
   }
@@ -98,15 +130,21 @@ struct MotionReader::State {
                       "increase",
                       printable(rows->time_text()), printable(time_text)));
     }
+    double moved = 0;
     if (chain) {
       if (!first) check_joints(place, *chain, row, fresh);
+      for (std::size_t i = 1; i < row.size(); ++i)
+        moved = std::max(moved, std::abs(fresh[i] - row[i]));
       limits.row(fresh, fresh_turns, place.number());
       std::swap(turns, fresh_turns);
     } else {
       const Pose to = row_pose(place, fresh, columns.quaternion);
       if (!first) check_poses(place, pose, to, fresh[0] - row[0]);
+      moved = std::max((to.position - pose.position).norm(),
+                       to.rotation.angularDistance(pose.rotation));
       pose = to;
     }
+    if (!first) gaps.row(place, fresh[0] - row[0], moved);
     std::swap(row, fresh);
     time_text = rows->time_text();
     hash = rows->hash();
@@ -132,6 +170,7 @@ struct MotionReader::State {
   const Columns& columns;
   JointLimits limits;
   Angles angles;
+  Gaps gaps;
   std::vector<double> row, fresh;       // the row it is at, and scratch
   Pose pose;                            // of the row, where there is no chain
   std::string time_text;                // of the row
@@ -206,6 +245,7 @@ std::vector<std::string> MotionReader::warnings() const {
   state_->rows->warn(warnings);
   state_->limits.warn(state_->rows->place(), warnings);
   state_->angles.warn(state_->rows->place(), warnings);
+  state_->gaps.warn(warnings);
   return warnings;
 }
 

@@ -36,6 +36,8 @@ class RowSource {
   virtual void go_to(const RowMark& mark) = 0;
   virtual std::int64_t bytes_read() const = 0;
 
+  /// Time from one row to the next that goes without saying; nothing: any does.
+  virtual std::optional<double> most_gap_s() const { return {}; }
   virtual void warn(std::vector<std::string>& warnings) const = 0;
   /// With what is known of the file by now.
   virtual MotionSource source() const = 0;

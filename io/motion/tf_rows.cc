@@ -125,6 +125,7 @@ class TfRows : public TrackRows {
     makes_rows.makes_rows = makes_rows.tells_gaps = true;
   }
 
+  std::optional<double> most_gap_s() const override { return {}; }  // those are bad rows
   void values(std::vector<double>& v) override {
     Pose pose;
     std::size_t next = 0;

@@ -11,10 +11,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-// A machine's frame or joint goes on as it did for that long, or for some of its usual intervals:
-// what is late by a few of them is a busy network.
-constexpr std::int64_t kMostGap_ns = 1'000'000'000;
-constexpr std::int64_t kMostGaps = 3;
 // At its ends nothing says how it goes on: there a row waits for a sample that would come soon.
 constexpr std::int64_t kMostEnd_ns = 250'000'000;
 constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;  // three years: 64 bits hold a few
@@ -35,7 +31,7 @@ std::string gap_text(const std::string& what, std::int64_t from_ns, std::int64_t
 }  // namespace
 
 std::int64_t TrackRows::Track::most_ns() const {
-  return usual_ns == kLatest_ns ? kMostGap_ns : std::max(kMostGap_ns, kMostGaps * usual_ns);
+  return most_gap_ns(usual_ns == kLatest_ns ? 0 : usual_ns);
 }
 
 std::int64_t TrackRows::Track::most_end_ns() const {

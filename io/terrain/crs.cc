@@ -189,16 +189,17 @@ Coordinates coordinates_of(Srs srs) {
   return {fmt::format("has coordinates in '{}', not metres", unit), unit};
 }
 
-/// How the place of a raster is told, and the command that moves it there.
+/// The command that takes a raster to a CRS in metres, and the words before it.
 struct Reprojection {
   std::string how, command;
+  bool whole = true;  ///< its zone is known
 };
 
 Reprojection reprojection(const RasterAdvice& of, Srs srs, const Vec2& centre) {
   if (const auto place = longitude_latitude(srs, centre))
     return {"with", of.reproject(utm_epsg(place->x(), place->y()), "")};
   return {"to a CRS in metres, as with",
-          of.warp("-t_srs EPSG:<the site's UTM zone> -novshift", "_utm")};
+          of.warp("-t_srs EPSG:<the site's UTM zone> -novshift", "_utm"), false};
 }
 
 }  // namespace
@@ -221,7 +222,7 @@ int utm_epsg(double longitude, double latitude) {
 }
 
 std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs srs,
-                                               const std::optional<Vec2>& centre,
+                                               const Vec2& centre,
                                                const std::string& vertical_unit) {
   const HeightUnit unit = height_unit(srs, vertical_unit);
   if (!is_metre(unit.metres)) {
@@ -230,9 +231,10 @@ std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs s
                                                             ? argument_of(horizontal_of(srs).get())
                                                             : "");
     // At once, for what is made says no more what its heights are in.
-    if (srs != nullptr && centre && !coordinates_of(srs).wrong.empty() &&
-        !gdal().OSRIsGeocentric(srs) && longitude_latitude(srs, *centre))
-      command += " && " + reprojection(advice.in_metres(), srs, *centre).command;
+    if (srs != nullptr && !coordinates_of(srs).wrong.empty() && !gdal().OSRIsGeocentric(srs)) {
+      const Reprojection more = reprojection(advice.in_metres(), srs, centre);
+      if (more.whole) command += " && " + more.command;
+    }
     throw InputError(advice.file(),
                      fmt::format("heights are in '{}', not metres; convert them with: {}",
                                  printable(unit.name), command));

@@ -21,12 +21,12 @@ std::string crs_label(const std::string& wkt);
 /// The UTM zone (by EPSG, WGS 84) at a place in degrees; the polar systems beyond 84 N and 80 S.
 int utm_epsg(double longitude, double latitude);
 
-/// @param srs null: there is none. @param centre in its coordinates, where it has a place
+/// @param srs null: there is none. @param centre in its coordinates
 /// @param vertical_unit name of the heights' unit; may be empty
 /// @return a warning where the unit is not known and taken as metres
 /// @throw InputError unless heights are in metres, with the command that converts them
 std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs srs,
-                                               const std::optional<Vec2>& centre,
+                                               const Vec2& centre,
                                                const std::string& vertical_unit);
 
 /// Does a raster say what its heights are in?

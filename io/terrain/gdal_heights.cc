@@ -37,7 +37,7 @@ GdalHeights::GdalHeights(std::filesystem::path file, GdalDataset dataset)
   if (given) nodata_ = nodata;
 }
 
-KeptHeights GdalHeights::kept() const {
+KeptHeights GdalHeights::kept(double metres) const {
   const int flags = gdal().GDALGetMaskFlags(band_);
   KeptHeights kept;
   kept.scale = scale_;
@@ -46,7 +46,7 @@ KeptHeights GdalHeights::kept() const {
   kept.nodata = nodata_.has_value();
   kept.masked = mask_ != nullptr && (flags & GMF_NODATA) == 0;
   if (kept.masked && (flags & GMF_ALPHA) != 0) kept.alpha_band = alpha_band();
-  if (!kept.nodata && !kept.masked) kept.unnamed_void = find_void();
+  if (!kept.nodata && !kept.masked) kept.unnamed_voids = find_voids(metres);
   return kept;
 }
 
@@ -99,30 +99,40 @@ void GdalHeights::read(int x0, int y0, int w, int h, float* out) const {
 float GdalHeights::height(double raw) const {
   if (nodata_ && raw == *nodata_) return kNone;  // where a mask hides it from GDAL
   const auto z = static_cast<float>(raw * scale_ + offset_);
-  if (!nodata_ && std::find(std::begin(kVoids), std::end(kVoids), z) != std::end(kVoids))
-    return kNone;
-  return std::abs(z) <= kHighest ? z : kNone;
+  return is_void(z, 1) ? kNone : z;
 }
 
-/// The first value that is no height though it is a number, in all of a small raster, and in evenly
+/// Is a number that isn't NODATA no height? @param metres length of its unit
+bool GdalHeights::is_void(float z, double metres) const {
+  if (!nodata_ && std::find(std::begin(kVoids), std::end(kVoids), z) != std::end(kVoids))
+    return true;
+  return !(std::abs(z) * metres <= kHighest);
+}
+
+/// Kept values that are no heights though they are numbers, in all of a small raster, and in evenly
 /// spread windows of a large one.
-std::optional<double> GdalHeights::find_void() const {
+std::vector<double> GdalHeights::find_voids(double metres) const {
   const std::lock_guard lock(mutex_);
   const GdalMessages messages;
   constexpr int kSide = 64, kWindows = 16;
+  constexpr std::size_t kMost = 8;  // more than anyone marks voids by
   const bool whole = std::int64_t{nx()} * ny() <= kReadWhole;
   const int w = whole ? nx() : std::min(nx(), kSide), h = whole ? ny() : std::min(ny(), kSide);
-  std::vector<double> raw(std::size_t(w) * h);
+  std::vector<double> raw(std::size_t(w) * h), voids;
   for (std::int64_t i = 0; i < (whole ? 1 : kWindows * kWindows); ++i) {
     const auto x = static_cast<int>((nx() - w) * (i % kWindows) / (kWindows - 1));
     const auto y = static_cast<int>((ny() - h) * (i / kWindows) / (kWindows - 1));
     if (gdal().GDALRasterIO(band_, GF_Read, x, y, w, h, raw.data(), w, h, GDT_Float64, 0, 0) !=
         CE_None)
-      return std::nullopt;  // damaged: reading says so
-    for (const double value : raw)
-      if (std::isfinite(value) && std::isnan(height(value))) return value;
+      break;  // damaged: reading says so
+    for (const double value : raw) {
+      const auto z = static_cast<float>(value * scale_ + offset_);
+      if (std::isfinite(value) && is_void(z, metres) && voids.size() < kMost &&
+          std::find(voids.begin(), voids.end(), value) == voids.end())
+        voids.push_back(value);
+    }
   }
-  return std::nullopt;
+  return voids;
 }
 
 }  // namespace soilvdb::inline v0::io

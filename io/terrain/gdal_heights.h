@@ -27,8 +27,8 @@ class GdalHeights final : public HeightSource {
   int nx() const { return nx_; }
   int ny() const { return ny_; }
   bool packed() const { return scale_ != 1 || offset_ != 0; }
-  /// Reads some of the heights where voids may have no name.
-  KeptHeights kept() const;
+  /// Reads some of the heights where voids may have no name. @param metres length of their unit
+  KeptHeights kept(double metres) const;
   /// Heights that may be voids, though they are taken as heights: what marks voids in other files
   /// where this one names another NODATA, or keeps its heights packed.
   std::vector<float> doubtful() const;
@@ -42,7 +42,8 @@ class GdalHeights final : public HeightSource {
 
  private:
   float height(double raw) const;
-  std::optional<double> find_void() const;
+  bool is_void(float z, double metres) const;
+  std::vector<double> find_voids(double metres) const;
   int alpha_band() const;
 
   std::filesystem::path file_;

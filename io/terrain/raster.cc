@@ -83,25 +83,22 @@ void check_is_heights(const std::filesystem::path& file, const GdalDataset& data
   }
 }
 
-/// The middle of a raster in its coordinates; nothing where it has no place.
-std::optional<Vec2> centre_of(const GdalHeights& source) {
-  std::array<double, 6> t;
-  if (gdal().GDALGetGeoTransform(source.dataset().get(), t.data()) != CE_None) return {};
-  const double columns = source.nx() / 2.0, rows = source.ny() / 2.0;
-  return Vec2(t[0] + columns * t[1] + rows * t[2], t[3] + columns * t[4] + rows * t[5]);
+/// From columns and rows to coordinates, as GDAL has it: x = t[0] + column t[1] + row t[2], and y
+/// likewise.
+using GeoTransform = std::array<double, 6>;
+
+GeoTransform require_place(const std::filesystem::path& file, const GdalHeights& source) {
+  GeoTransform t;
+  if (gdal().GDALGetGeoTransform(source.dataset().get(), t.data()) == CE_None) return t;
+  throw InputError(file,
+                   "has no position and cell size; set the coordinates of its upper left and lower "
+                   "right corner with: " +
+                       translate_command(file, "-a_ullr <xmin> <ymax> <xmax> <ymin>", "_placed"));
 }
 
 /// Sets the source's direction. @return the posts: centres of the cells.
-HeightGrid place(const RasterAdvice& advice, GdalHeights& source) {
+HeightGrid north_up(const RasterAdvice& advice, const GeoTransform& t, GdalHeights& source) {
   const std::filesystem::path& file = advice.file();
-  std::array<double, 6> t;
-  if (gdal().GDALGetGeoTransform(source.dataset().get(), t.data()) != CE_None) {
-    throw InputError(
-        file,
-        "has no position and cell size; set the coordinates of its upper left and lower "
-        "right corner with: " +
-            translate_command(file, "-a_ullr <xmin> <ymax> <xmax> <ymin>", "_placed"));
-  }
   const int nx = source.nx(), ny = source.ny();
   if (!std::all_of(t.begin(), t.end(), [](double v) { return std::abs(v) < 1e12; })) {
     throw InputError(file, "has a position or cell size that is not a number or beyond measure");
@@ -217,16 +214,18 @@ RasterInput open_raster(const std::filesystem::path& file) {
   check_is_heights(file, source->dataset());
   RasterInput input;
   input.driver = driver_of(source->dataset());
-  const RasterAdvice advice(file, [&] { return source->kept(); });
+  const RasterAdvice advice(file, [&](double metres) { return source->kept(metres); });
   Srs srs = gdal().GDALGetSpatialRef(source->dataset().get());
   if (srs != nullptr) input.crs_wkt = wkt_of(srs);
   if (input.crs_wkt.empty()) srs = nullptr;
   const char* unit_type = gdal().GDALGetRasterUnitType(source->band());
   const std::string unit = unit_type != nullptr ? unit_type : "";
-  const std::optional<Vec2> centre = centre_of(*source);
+  const GeoTransform t = require_place(file, *source);
+  const double columns = source->nx() / 2.0, rows = source->ny() / 2.0;
+  const Vec2 centre(t[0] + columns * t[1] + rows * t[2], t[3] + columns * t[4] + rows * t[5]);
   input.warnings = require_metre_heights(advice, srs, centre, unit);
-  input.grid = place(advice, *source);
-  if (srs != nullptr) require_metres(advice, srs, *centre, unit);
+  input.grid = north_up(advice, t, *source);
+  if (srs != nullptr) require_metres(advice, srs, centre, unit);
   Probe seen;
   try {
     seen = probe(file, *source, input.driver);

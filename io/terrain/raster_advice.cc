@@ -17,15 +17,29 @@ fs::path beside(fs::path file, const std::string& suffix) {
   return file.replace_filename(file.stem().string() + suffix);
 }
 
-/// A view of the first band that tells of all its voids; nothing where the file itself does.
-std::optional<std::string> view_command(const KeptHeights& kept, const fs::path& file,
-                                        const fs::path& view) {
+/// A raster that tells of all its voids, and the commands that make it.
+struct View {
+  fs::path file;
+  std::string commands;  ///< to be followed by another
+};
+
+/// A view of the first band, or the file itself where that tells of all its voids.
+View view_of(const KeptHeights& kept, const fs::path& file) {
   std::string options;
+  const std::vector<double>& voids = kept.unnamed_voids;
   if (kept.alpha_band != 0) options = fmt::format("-mask {}", kept.alpha_band);
-  if (kept.unnamed_void) options = fmt::format("-a_nodata {}", *kept.unnamed_void);
-  if (options.empty()) return std::nullopt;
-  return fmt::format("gdal_translate -of VRT -b 1 {} {} {}", options, shell_quoted(file),
-                     shell_quoted(view));
+  if (!voids.empty()) options = fmt::format("-a_nodata {}", voids[0]);
+  if (options.empty()) return {file, ""};
+  View view{beside(file, "_view.vrt"), ""};
+  view.commands = fmt::format("gdal_translate -of VRT -b 1 {} {} {} && ", options,
+                              shell_quoted(file), shell_quoted(view.file));
+  for (std::size_t i = 1; i < voids.size(); ++i) {
+    const fs::path next = beside(file, fmt::format("_view{}.vrt", i + 1));
+    view.commands += fmt::format("gdalbuildvrt -overwrite -srcnodata {} -vrtnodata {} {} {} && ",
+                                 voids[i], voids[0], shell_quoted(next), shell_quoted(view.file));
+    view.file = next;
+  }
+  return view;
 }
 
 const char* gdal_type(const KeptHeights& kept) { return kept.wide ? "Float64" : "Float32"; }
@@ -39,27 +53,27 @@ std::string translate_command(const fs::path& file, const std::string& options,
                      shell_quoted(beside(file, suffix + ".tif")));
 }
 
-RasterAdvice::RasterAdvice(fs::path file, std::function<KeptHeights()> kept)
+RasterAdvice::RasterAdvice(fs::path file, Kept kept)
     : file_(std::move(file)), kept_(std::move(kept)) {}
 
 std::string RasterAdvice::to_metres(double metres, const std::string& horizontal) const {
-  const KeptHeights kept = kept_();
-  const fs::path view = beside(file_, "_view.vrt");
-  const auto first = view_command(kept, file_, view);
+  const KeptHeights kept = kept_(metres);
+  const View view = view_of(kept, file_);
   // Between values far apart, for gdal_translate takes the scale as a difference of heights.
   const double span = kept.offset == 0 ? 1 : 1e6, zero_m = kept.offset * metres;
   std::string options = fmt::format("-b 1 -ot {} -scale 0 {} {} {}", gdal_type(kept), span, zero_m,
                                     zero_m + span * kept.scale * metres);
   if (kept.scale != 1 || kept.offset != 0) options += " -a_scale 1 -a_offset 0";
-  if (kept.nodata || kept.unnamed_void) options += " -a_nodata nan";  // which no height can be
+  if (kept.nodata || !kept.unnamed_voids.empty())
+    options += " -a_nodata nan";  // which no height can be
   if (!horizontal.empty()) options += " -a_srs " + horizontal;
-  return fmt::format("{}gdal_translate{} {} {} {}", first ? *first + " && " : "",
+  return fmt::format("{}gdal_translate{} {} {} {}", view.commands,
                      kept.masked ? " --config GDAL_TIFF_INTERNAL_MASK YES" : "", options,
-                     shell_quoted(first ? view : file_), shell_quoted(beside(file_, "_m.tif")));
+                     shell_quoted(view.file), shell_quoted(beside(file_, "_m.tif")));
 }
 
 RasterAdvice RasterAdvice::in_metres() const {
-  return {beside(file_, "_m.tif"), [wide = kept_().wide] {
+  return {beside(file_, "_m.tif"), [wide = kept_(1).wide](double) {
             KeptHeights kept;
             kept.wide = wide;
             return kept;
@@ -67,13 +81,11 @@ RasterAdvice RasterAdvice::in_metres() const {
 }
 
 std::string RasterAdvice::warp(const std::string& options, const std::string& suffix) const {
-  const KeptHeights kept = kept_();
-  const fs::path view = beside(file_, "_view.vrt");
-  const auto first = view_command(kept, file_, view);
+  const KeptHeights kept = kept_(1);
+  const View view = view_of(kept, file_);
   // Without NODATA gdalwarp fills what lies outside of the source with ground at 0.
-  return fmt::format("{}gdalwarp {}{}-r bilinear -ot {} -dstnodata nan {} {}",
-                     first ? *first + " && " : "", options, options.empty() ? "" : " ",
-                     gdal_type(kept), shell_quoted(first ? view : file_),
+  return fmt::format("{}gdalwarp {}{}-r bilinear -ot {} -dstnodata nan {} {}", view.commands,
+                     options, options.empty() ? "" : " ", gdal_type(kept), shell_quoted(view.file),
                      shell_quoted(beside(file_, suffix + ".tif")));
 }
 

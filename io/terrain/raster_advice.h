@@ -5,26 +5,30 @@
 
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
+#include <vector>
 
 namespace soilvdb::inline v0::io {
 
 /// How a raster keeps its heights, and how it says where there are none.
 struct KeptHeights {
-  double scale = 1, offset = 0;        ///< heights are kept values times scale plus offset
-  bool wide = false;                   ///< 64-bit floats
-  bool nodata = false;                 ///< it names a NODATA
-  bool masked = false;                 ///< by a mask or by an alpha band
-  int alpha_band = 0;                  ///< 0: there is no alpha band
-  std::optional<double> unnamed_void;  ///< kept value of voids that neither NODATA nor mask tell of
+  double scale = 1, offset = 0;       ///< heights are kept values times scale plus offset
+  bool wide = false;                  ///< 64-bit floats
+  bool nodata = false;                ///< it names a NODATA
+  bool masked = false;                ///< by a mask or by an alpha band
+  int alpha_band = 0;                 ///< 0: there is no alpha band
+  std::vector<double> unnamed_voids;  ///< kept values of voids that neither NODATA nor mask tell of
 };
 
 /// Advice on one raster. Each command leaves that file as it is, and makes another beside it.
 class RasterAdvice {
  public:
-  /// @param kept called when advice is asked for: finding unnamed voids means reading heights
-  RasterAdvice(std::filesystem::path file, std::function<KeptHeights()> kept);
+  using Kept = std::function<KeptHeights(double metres)>;
+
+  /// @param kept called with the length of the heights' unit when advice is asked for: finding
+  /// unnamed
+  ///        voids means reading heights
+  RasterAdvice(std::filesystem::path file, Kept kept);
 
   const std::filesystem::path& file() const { return file_; }
 
@@ -40,7 +44,7 @@ class RasterAdvice {
 
  private:
   std::filesystem::path file_;
-  std::function<KeptHeights()> kept_;
+  Kept kept_;
 };
 
 /// gdal_translate of a file to NAME_SUFFIX.tif beside it. Masks stay within the file.

@@ -288,6 +288,35 @@ TEST_F(McapOrder, OfOdometryIsThatOfPoses) {
                    {"/odom"}}));
 }
 
+TEST_F(McapOrder, AGapAcrossWhichTheMachineMovedIsTold) {
+  const auto poses_at = [&](const std::string& name, const std::vector<double>& times_s,
+                            const Vec3& speed) {
+    return read({record(name,
+                        [&](Recording& r) {
+                          for (const double s : times_s) r.pose("/lip", s, speed * s);
+                        }),
+                 {"/lip"}});
+  };
+  const std::vector<double> times_s = {0, 0.1, 0.2, 1.4, 1.5, 4.5, 4.6, 4.7, 4.8};
+  const Read moved = poses_at("moved.mcap", times_s, {0.1, 0, 0});
+  EXPECT_EQ(moved.bad.count, 0);
+  EXPECT_EQ(moved.times_s.size(), times_s.size());
+  ASSERT_EQ(moved.warnings.size(), 1U);
+  EXPECT_THAT(moved.warnings[0],
+              HasSubstr("moved.mcap:6: comes 3 s after the row before, the longest of 2 such gaps; "
+                        "the machine moved meanwhile, and is taken to have gone straight"));
+  // Who publishes only what changes: it stood still, or nearly.
+  EXPECT_THAT(poses_at("stood.mcap", times_s, {0.03, 0, 0}).warnings, IsEmpty());
+  EXPECT_THAT(poses_at("often.mcap", {0, 0.1, 0.2, 1.1, 1.2}, {0.3, 0, 0}).warnings, IsEmpty());
+  EXPECT_THAT(poses_at("seldom.mcap", {0, 2, 4, 9.9, 12}, {0.3, 0, 0}).warnings, IsEmpty());
+  const auto turned = record("turned.mcap", [&](Recording& r) {
+    for (const double s : times_s) r.joints("/j", s, {"slide", "swing"}, {0, 0.2 * s});
+  });
+  const Read joints = read({turned, {"/j"}}, swing_and_slide());
+  ASSERT_EQ(joints.warnings.size(), 1U);
+  EXPECT_THAT(joints.warnings[0], HasSubstr("turned.mcap:6: comes 3 s after the row before"));
+}
+
 TEST_F(McapOrder, OfABrokenMessageIsThatOfTheOneBefore) {
   const auto file = record("broken.mcap", [&](Recording& r) {
     for (int i = 0; i < 10; ++i) {

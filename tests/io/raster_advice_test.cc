@@ -269,6 +269,38 @@ TEST(RasterAdvice, IsRightForAllWaysToKeepHeights) {
   }
 }
 
+TEST(RasterAdvice, NamesAllVoidsThatAFileHasNoNameFor) {
+  if (output_of("command -v gdalbuildvrt").empty()) GTEST_SKIP() << "GDAL's programs aren't there";
+  for (const Kept& kept : {Kept{GDT_Float32}, Kept{GDT_Int32, Packing::kScaled}}) {
+    SCOPED_TRACE(kept.text());
+    const TempFolder folder;
+    std::vector<double> values = some_values();
+    std::vector<float> truth = kept.truth(values, 0.3048);
+    for (const auto& [column, height] : {std::pair(1, -9999), std::pair(3, -32768),
+                                         std::pair(5, 1'000'000), std::pair(6, -9999)}) {
+      values[column] = (height - kept.offset()) / kept.scale();
+      truth[(Kept::kRows - 1) * Kept::kColumns + column] = NAN;
+    }
+    kept.write(folder / "a.tif", values, "ft", "EPSG:26918", kNorthUp);
+    const std::string message = refusal(folder, folder / "a.tif");
+    ASSERT_TRUE(follow(folder, message, "gdal_translate")) << message;
+    expect_heights(open_raster(folder / "a_m.tif"), truth);
+  }
+}
+
+TEST(RasterAdvice, TakesNoHeightInAShortUnitForAVoid) {
+  if (output_of("command -v gdal_translate").empty())
+    GTEST_SKIP() << "GDAL's programs aren't there";
+  const TempFolder folder;
+  std::vector<double> values = some_values();
+  values[7] = 3'000'000;  // mm
+  const Kept kept{GDT_Int32};
+  kept.write(folder / "a.tif", values, "mm", "EPSG:26918", kNorthUp);
+  const std::string message = refusal(folder, folder / "a.tif");
+  ASSERT_TRUE(follow(folder, message, "gdal_translate")) << message;
+  expect_heights(open_raster(folder / "a_m.tif"), kept.truth(values, 0.001));
+}
+
 TEST(RasterAdvice, KeepsGroundAtZeroAndLeavesOutWhatAnAlphaBandHides) {
   if (output_of("command -v gdal_translate").empty())
     GTEST_SKIP() << "GDAL's programs aren't there";
@@ -388,6 +420,25 @@ TEST(RasterAdvice, GivesARasterItsPlace) {
     EXPECT_EQ(made.grid.first, Vec2(101, 201));
     expect_heights(made, kept.truth(some_values(), 1));
   }
+}
+
+TEST(RasterAdvice, ForFeetWithoutAPlaceConvertsThemOnce) {
+  if (output_of("command -v gdalwarp").empty()) GTEST_SKIP() << "GDAL's programs aren't there";
+  const std::vector<double> level(some_values().size(), 120);
+  const TempFolder folder;
+  Kept{}.write(folder / "a.tif", level, "US survey foot", "EPSG:2263", {});
+  std::string message = refusal(folder, folder / "a.tif");
+  for (const auto& [name, value] :
+       {std::pair("<xmin>", "2000000"), std::pair("<ymax>", "700036"),
+        std::pair("<xmax>", "2000048"), std::pair("<ymin>", "700000")}) {
+    ASSERT_NE(message.find(name), message.npos) << message;
+    message.replace(message.find(name), 6, value);
+  }
+  ASSERT_TRUE(follow(folder, message, "gdal_translate")) << message;
+  message = refusal(folder, folder / "a_placed.tif");
+  EXPECT_THAT(message, HasSubstr("heights are in 'US survey foot'"));
+  ASSERT_TRUE(follow(folder, message, "gdal_translate")) << message;
+  expect_level(open_raster(folder / "a_placed_m_utm.tif"), 120 * 1200.0 / 3937);
 }
 
 TEST(RasterAdvice, MakesAGeoTiffOfOtherFormats) {

@@ -84,9 +84,10 @@ TEST_F(BadRows, ByDefaultARunStopsAtOneWithWhatCameBeforeItSaved) {
     EXPECT_EQ(std::count(result.err.begin(), result.err.end(), '\n'), 1) << result.err;
     EXPECT_TRUE(result.err.starts_with("soilvdb: bad.csv:23: ")) << result.err;
     EXPECT_TRUE(result.err.ends_with(
-        "; mend or delete it; stopped before it, at 2.5 s of 5 s; safe in bad: soil_1.vdb, "
-        "soil_2.vdb, updates.csv, soil_final.vdb, soil_final.ply, soil_final.tif, summary.json, "
-        "journal; `soilvdb resume bad` goes on from 2.5 s\n"))
+        "; mend or delete it, or leave out all bad rows by 'bad_rows: skip'; stopped before it, at "
+        "2.5 s of 5 s; safe in bad: soil_1.vdb, soil_2.vdb, updates.csv, soil_final.vdb, "
+        "soil_final.ply, soil_final.tif, summary.json, journal; `soilvdb resume bad` goes on from "
+        "2.5 s\n"))
         << result.err;
     EXPECT_NE(result.err.find(what), std::string::npos) << result.err;
     EXPECT_NE(run("info bad.yaml").out.find("; a run ends before this row"), std::string::npos);
@@ -96,6 +97,24 @@ TEST_F(BadRows, ByDefaultARunStopsAtOneWithWhatCameBeforeItSaved) {
     io::read_snapshot(folder() / "bad/soil_final.vdb", &info);
     EXPECT_EQ(info.time_s, 2.5);
   }
+}
+
+TEST_F(BadRows, AStoppedRunGoesOnThatLeavesThemOut) {
+  ASSERT_EQ(run("run clean.yaml --out clean").status, 0);
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  write_file(folder() / "bad.csv", with({{22, "2.55,nan,0,0,0"}, {30, "nan,0,0,0,0"}}));
+  ASSERT_EQ(run("run bad.yaml --out bad").status, 1);
+  write_scenario("bad.yaml", "bad.csv", "skip");
+  const Result on = run("resume bad");
+  EXPECT_EQ(on.status, 0) << on.err;
+  EXPECT_NE(on.err.find("and 1 more are left out"), std::string::npos) << on.err;
+  expect_same("bad", "clean");
+  EXPECT_EQ(summary("bad")["machines"][0]["bad_rows"], 2);
+  // Nothing else of it may change.
+  write_scenario("bad.yaml", "bad.csv", "stop");
+  ASSERT_EQ(run("run bad.yaml --out other").status, 1);
+  write_scenario("bad.yaml", "bad.csv", "skip\n    angles: degrees");
+  expect_refused("resume other", "has changed since the run in other began (machines[0].angles");
 }
 
 TEST_F(BadRows, WhereNothingCouldBeDugBeforeOneTheInputIsWrong) {

@@ -53,6 +53,10 @@ def blocks(page):
         if language in OF_PROXIES:
             continue
         assert language in LANGUAGES, f"{page}:{line}"
+        if language == "csv":  # has no comments; its name is the line before it
+            name = re.search(r"^`([^`\n]+)`:\n\n\Z", text[:match.start()], flags=re.M)
+            assert name, f"{page}:{line}: has no name"
+            code = f"# file: {name.group(1)}\n{code}"
         if page == README and language == "cpp":
             code = "// file: main.cc\n" + code
         if page == README and language == "cmake":

@@ -111,7 +111,9 @@ void Run::guarded(void (Run::*work)()) {
   print_summary(summary_, time_s_ - schedule_.begin_s(), folder_);
   if (!stopped_) return;
   const std::string why = step_ ? "stopped by a signal"
-                                : schedule_.stops_at() + "; mend or delete it; stopped before it";
+                                : schedule_.stops_at() +
+                                      "; mend or delete it, or leave out all bad rows by "
+                                      "'bad_rows: skip'; stopped before it";
   throw std::runtime_error(fmt::format("{}, at {} s of {} s; {}", why, time_text(time_s_),
                                        time_text(schedule_.end_s()), safe()));
 }

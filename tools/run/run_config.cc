@@ -20,11 +20,22 @@ using Json = nlohmann::json;
 
 constexpr int kConfigFormat = 3;  // 2 knew the scenario by its bytes
 
+/// What has changed in a scenario, in words. A run that stopped before a bad row may leave such
+/// rows out from there on.
+std::string difference(io::ScenarioValues before, io::ScenarioValues now) {
+  std::erase_if(now, [&](const auto& value) {
+    const bool skips = value.first.ends_with(".bad_rows") && value.second == "skip";
+    if (skips) before.erase(value.first);
+    return skips;
+  });
+  return io::difference(before, now);
+}
+
 /// What of an input has changed since, in words; empty: nothing.
 std::string change_of(const Json& input, const fs::path& file) try {
   if (input.contains("values")) {
     const std::string what =
-        io::difference(input["values"].get<io::ScenarioValues>(), io::scenario_values(file));
+        difference(input["values"].get<io::ScenarioValues>(), io::scenario_values(file));
     return what.empty() ? "" : " (" + what + ")";
   }
   const auto checksum = input.value("checksum", std::string());
