@@ -28,17 +28,22 @@ std::uint64_t key(const Coord3& origin) {
 }  // namespace
 
 Soil::Soil(double voxel_size_m, const Vec3& origin, std::shared_ptr<const BaseSurface> base)
-    : h_(voxel_size_m), origin_(origin), base_(std::move(base)), state_(std::make_unique<State>()) {
+    : h_(voxel_size_m), origin_(origin), base_(std::move(base)) {
   if (!(std::isfinite(h_) && h_ > 0)) {
     throw std::invalid_argument("voxel size must be above 0 m, not " + std::to_string(h_));
   }
+  state_ = std::make_unique<State>();
+  state_->grid->setTransform(openvdb::math::Transform::createLinearTransform(h_));
 }
 
 Soil::~Soil() = default;
 
 /// Where memory isn't limited. By leaves: OpenVDB's own copy starts tasks for each node.
 Soil::State::State(const State& other)
-    : touched(other.touched), above(other.above), any_above(other.any_above.load()) {
+    : grid(SampleGrid::create(static_cast<const openvdb::GridBase&>(*other.grid))),
+      touched(other.touched),
+      above(other.above),
+      any_above(other.any_above.load()) {
   Accessor leaves(tree);
   for (auto leaf = other.tree.cbeginLeaf(); leaf; ++leaf) add(new SampleLeaf(*leaf), leaves);
 }
@@ -60,7 +65,7 @@ const Chunk* Soil::find(const Coord3& origin) const {
   return leaf != nullptr ? &leaf->chunk : nullptr;
 }
 
-const SampleTree& Soil::tree() const { return state_->tree; }
+const SampleGrid& Soil::grid() const { return *state_->grid; }
 
 std::vector<Coord3> Soil::take_touched() {
   std::vector<Coord3> touched = state_->touched.take();

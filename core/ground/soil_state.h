@@ -22,7 +22,8 @@ struct Soil::State {
   using Accessor = openvdb::tree::ValueAccessor<SampleTree, false>;
   using ConstAccessor = openvdb::tree::ValueAccessor<const SampleTree, false>;
 
-  SampleTree tree;
+  const SampleGrid::Ptr grid = SampleGrid::create();
+  SampleTree& tree = grid->tree();
   std::size_t chunks = 0, lower_nodes = 0, upper_nodes = 0;
   ChunkList touched;
   /// Cells of chunks with soil above the base surface's, index space; empty if there are none.

@@ -24,7 +24,7 @@ class GroundWindow::Descent {
       : window_(window),
         base_columns_(base),
         soil_(base.soil()),
-        leaves_(soil_.tree()),
+        leaves_(soil_.grid().tree()),
         above_(soil_.above_base()) {}
 
   void read(int cx, int cy) {

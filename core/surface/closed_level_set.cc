@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <stdexcept>
 
@@ -15,8 +16,17 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Chunks in a box above which a closed level set is refused: 32 GB of leaves.
+/// Chunks in a box above which it is refused: 32 GB of leaves.
 constexpr double kMostChunks = 1.6e7;
+
+/// @throw std::invalid_argument if there are too many
+std::vector<Coord3> chunks_of(const Eigen::AlignedBox3d& cells) {
+  if ((cells.sizes() / kChunkSide).prod() > kMostChunks)
+    throw std::invalid_argument("the region is too large at this voxel size; choose a smaller one");
+  std::vector<Coord3> origins;
+  for_each_chunk(cells, [&](const Coord3& origin) { origins.push_back(origin); });
+  return origins;
+}
 
 /// Signed distance to a box, negative inside.
 double box_distance(const Eigen::AlignedBox3d& box, const Vec3& p) {
@@ -33,11 +43,7 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
   const Vec3 margin = Vec3::Constant(soil.band_m() / soil.voxel_size_m());
   const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()) - margin,
                                   soil.index_from_world(box.max()) + margin);
-  if ((cells.sizes() / kChunkSide).prod() > kMostChunks) {
-    throw std::invalid_argument("the region is too large at this voxel size; choose a smaller one");
-  }
-  std::vector<Coord3> origins;
-  for_each_chunk(cells, [&](const Coord3& origin) { origins.push_back(origin); });
+  const std::vector<Coord3> origins = chunks_of(cells);
 
   // Per chunk: a leaf, or a tile that is all soil, or nothing.
   std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
@@ -90,6 +96,43 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
     }
   }
   openvdb::tools::pruneLevelSet(tree);
+  return grid;
+}
+
+openvdb::FloatGrid::Ptr occupancy_grid(const Soil& soil, const Eigen::AlignedBox3d& box) {
+  openvdb::initialize();
+  const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()),
+                                  soil.index_from_world(box.max()));
+  const std::vector<Coord3> origins = chunks_of(cells);
+  const auto within = [&](const Coord3& voxel) { return cells.contains(voxel.cast<double>()); };
+  std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
+  std::vector<std::uint8_t> solid(origins.size());
+  tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
+    const Coord3& origin = origins[i];
+    SampleWords words;
+    soil.read_samples(origin, words);
+    solid[i] = within(origin) && within(origin + Coord3::Constant(kChunkSide - 1)) &&
+               std::all_of(words.begin(), words.end(), [](auto word) { return word == kAllSoil; });
+    if (solid[i]) return;
+    auto leaf = std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()));
+    for (int n = 0; n < kChunkVoxels; ++n) {
+      const std::uint64_t word = words[static_cast<std::size_t>(n)];
+      if (word != 0 && within(origin + Coord3(n >> 6, n >> 3 & 7, n & 7)))
+        leaf->setValueOn(static_cast<openvdb::Index>(n),
+                         static_cast<float>(std::popcount(word)) / 64);
+    }
+    if (!leaf->isEmpty()) leaves[i] = std::move(leaf);
+  });
+  auto grid = openvdb::FloatGrid::create();
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(soil.voxel_size_m()));
+  grid->setGridClass(openvdb::GRID_FOG_VOLUME);
+  grid->setName("occupancy");
+  for (std::size_t i = 0; i < origins.size(); ++i) {
+    const Coord3& c = origins[i];
+    if (leaves[i]) grid->tree().addLeaf(leaves[i].release());
+    if (solid[i]) grid->tree().addTile(1, openvdb::Coord(c.x(), c.y(), c.z()), 1, true);
+  }
+  openvdb::tools::prune(grid->tree());
   return grid;
 }
 

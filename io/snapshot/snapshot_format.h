@@ -30,7 +30,7 @@ inline std::string to_text(const FileDigest& digest) {
 // 36 letters. Ours starts with a mark ("soilvdb", as a UUID of version 8) and ends with a checksum.
 inline constexpr std::size_t kUuidAt = 21, kUuidSize = 36;
 inline constexpr std::string_view kMark = "736f696c-7664-8200-8";
-inline constexpr std::string_view kLevelSetMark = "736f696c-7664-8201-8";  // of those for others
+inline constexpr std::string_view kExportMark = "736f696c-7664-8201-8";  // for other programs
 inline constexpr std::string_view kTrailerWord = "soilvdb-crc64 ";
 inline constexpr std::size_t kTrailerSize = kTrailerWord.size() + 16 + 1 + 16 + 1;
 

@@ -4,12 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <random>
 #include <string>
 
+#include "core/ground/soil_writer.h"
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
@@ -139,6 +142,38 @@ TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
   write_grids(folder / "cut.vdb", {sphere()});
   std::filesystem::resize_file(folder / "cut.vdb", 20'000);
   EXPECT_THAT(said("cut.vdb"), HasSubstr("is damaged"));
+}
+
+TEST(Occupancy, IsTheShareOfEachVoxelInABoxThatItsSamplesCount) {
+  constexpr double h = 0.1;
+  Soil soil(h, {500'000, 4'000'000, 0}, make_plane(0.13, {0.2, -0.1}));
+  std::mt19937_64 random(8);
+  SoilWriter writer(soil);
+  for (int i = 0; i < 40; ++i) {
+    const auto at = [&] { return static_cast<int>(random() % 4) * 8 - 16; };
+    const Coord3 origin(at(), at(), at());
+    SampleWords set;
+    for (std::uint64_t& word : set) word = random() % 3 == 0 ? kAllSoil : random() & random();
+    i % 2 == 0 ? writer.add(origin, set) : writer.remove(origin, set);
+  }
+  const Coord3 low(-13, -5, -17), high(14, 11, 9);
+  const auto grid =
+      occupancy_grid(soil, {soil.world_from_index(low.cast<double>()) - Vec3::Constant(h / 4),
+                            soil.world_from_index(high.cast<double>()) + Vec3::Constant(h / 4)});
+  EXPECT_EQ(grid->indexToWorld(openvdb::Coord(1, 2, 3)), h * openvdb::Vec3d(1, 2, 3));
+  std::uint64_t active = 0;
+  SampleWords words;
+  for (int x = low.x(); x <= high.x(); ++x)
+    for (int y = low.y(); y <= high.y(); ++y)
+      for (int z = low.z(); z <= high.z(); ++z) {
+        soil.read_samples({x & ~7, y & ~7, z & ~7}, words);
+        const auto word = words[static_cast<std::size_t>((x & 7) << 6 | (y & 7) << 3 | (z & 7))];
+        float value = -1;
+        ASSERT_EQ(grid->tree().probeValue({x, y, z}, value), word != 0);
+        ASSERT_EQ(value, static_cast<float>(std::popcount(word)) / 64);
+        active += word != 0;
+      }
+  EXPECT_EQ(grid->activeVoxelCount(), active) << "none beyond the box";
 }
 
 TEST(LevelSet, UnderASnapshotItIsCheckedWholeBeforeItIsParsed) {

@@ -251,7 +251,9 @@ TEST(SampleTree, WorksWithWhatOpenVdbHasForTrees) {
   std::mt19937_64 random(5);
   Modelled m;
   for (int i = 0; i < 300; ++i) m.change(m.any(random), random_set(random), i % 2 == 0);
-  const SampleTree& tree = m.soil.tree();
+  EXPECT_EQ(m.soil.grid().indexToWorld(openvdb::Coord(1, -2, 3)),
+            m.soil.voxel_size_m() * openvdb::Vec3d(1, -2, 3));
+  const SampleTree& tree = m.soil.grid().tree();
   EXPECT_EQ(tree.leafCount(), m.soil.chunk_count());
   EXPECT_EQ(tree.treeType(), "Tree_soil_samples_3_2_3");
   openvdb::tree::ValueAccessor<const SampleTree, false> values(tree);

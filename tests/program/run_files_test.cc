@@ -68,6 +68,28 @@ TEST_F(AfterARun, AnExportedLevelSetIsGroundForOthersAndForUs) {
   EXPECT_NEAR(cut, rest["cut_m3"], 0.01 * HalfSine::kVolume_m3);
 }
 
+TEST_F(AfterARun, AnExportedOccupancyHoldsTheSoilOfItsRegion) {
+  openvdb::initialize();
+  const auto soil_m3 = [&](const std::string& snapshot, const std::string& to) {
+    good(fmt::format("export o/{} --to {} --occupancy --region -1,-1,3,1", snapshot, to));
+    openvdb::io::File file((folder() / to).string());
+    file.open();
+    const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("occupancy"));
+    EXPECT_EQ(grid->getGridClass(), openvdb::GRID_FOG_VOLUME);
+    const double h = grid->voxelSize()[0];
+    double sum = 0;
+    for (auto value = grid->cbeginValueOn(); value; ++value)
+      for (const openvdb::Coord& at : value.getBoundingBox())
+        if (at.z() * h > -2 * HalfSine::kDepth_m) sum += *value;  // below it both reach
+    return sum * h * h * h;
+  };
+  const auto dug = nlohmann::json::parse(good("diff o/soil_1.vdb o/soil_final.vdb --json").out);
+  EXPECT_NEAR(soil_m3("soil_1.vdb", "a.vdb") - soil_m3("soil_final.vdb", "b.vdb"), dug["cut_m3"],
+              1e-6);
+  good("export o/soil_1.vdb --to c.vdb --occupancy --region -1,-1,3,1");
+  EXPECT_EQ(read_file(folder() / "a.vdb"), read_file(folder() / "c.vdb"));
+}
+
 TEST_F(AfterARun, RefusesExportsThatCannotBe) {
   const std::string from = "export o/soil_final.vdb --to ";
   expect_refused(from + "x.xyz", "suffix");
@@ -82,6 +104,7 @@ TEST_F(AfterARun, RefusesExportsThatCannotBe) {
   expect_refused(from + "x.ply --region 100,100,110,110", "misses");
   expect_refused(from + "x.png --view side", "side");
   expect_refused(from + "x.tif --view plan", "x.tif: --view is for pictures");
+  expect_refused(from + "x.ply --occupancy", "x.ply: --occupancy is for grids");
   expect_refused(from + "x.png --veiw plan", "no option '--veiw', the nearest is '--view'");
   expect_refused(from + "x.png --veiw=plan", "no option '--veiw', the nearest is '--view'");
   expect_refused(from + "x.png plan", "'plan' is one word too many");

@@ -41,6 +41,24 @@ Mesh compacted(const Mesh& mesh) {
   return result;
 }
 
+[[noreturn]] void refuse_without_soil(const io::Site& site) {
+  throw std::invalid_argument(fmt::format(
+      "it is too small for voxels of {:g} m, or there is no soil", site.soil->voxel_size_m()));
+}
+
+std::uint64_t write_grid(const std::filesystem::path& file, const io::Site& site,
+                         const openvdb::FloatGrid::Ptr& grid) {
+  const Vec3& origin = site.soil->origin();
+  grid->insertMeta(io::kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
+  grid->insertMeta(io::kCrsKey, openvdb::StringMetadata(site.crs_wkt));
+  std::ostringstream bytes;
+  openvdb::io::Stream(bytes).write(openvdb::GridCPtrVec{grid});
+  std::string text = std::move(bytes).str();
+  io::put_uuid(text, io::kExportMark);
+  io::write_atomically(file, text);
+  return grid->activeVoxelCount();
+}
+
 }  // namespace
 
 Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
@@ -100,19 +118,16 @@ std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site&
   bool soil = false;
   for (auto leaf = grid->tree().cbeginLeaf(); leaf && !soil; ++leaf)
     for (auto value = leaf->cbeginValueAll(); value && !soil; ++value) soil = *value < 0;
-  if (!soil)
-    throw std::invalid_argument(fmt::format(
-        "it is too small for voxels of {:g} m, or there is no soil", site.soil->voxel_size_m()));
-  const Vec3& origin = site.soil->origin();
+  if (!soil) refuse_without_soil(site);
   grid->setName("surface");
-  grid->insertMeta(io::kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
-  grid->insertMeta(io::kCrsKey, openvdb::StringMetadata(site.crs_wkt));
-  std::ostringstream bytes;
-  openvdb::io::Stream(bytes).write(openvdb::GridCPtrVec{grid});
-  std::string text = std::move(bytes).str();
-  io::put_uuid(text, io::kLevelSetMark);
-  io::write_atomically(file, text);
-  return grid->activeVoxelCount();
+  return write_grid(file, site, grid);
+}
+
+std::uint64_t write_occupancy(const std::filesystem::path& file, const io::Site& site,
+                              const Eigen::AlignedBox3d& box) {
+  const openvdb::FloatGrid::Ptr grid = occupancy_grid(*site.soil, box);
+  if (grid->empty()) refuse_without_soil(site);
+  return write_grid(file, site, grid);
 }
 
 }  // namespace soilvdb::tools

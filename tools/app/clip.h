@@ -20,10 +20,14 @@ Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box);
 /// world.
 Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan);
 
-/// Writes a closed, self-contained level set of the ground in the box, grid `surface`, with the
-/// site's origin and CRS as metadata. Atomic. @return its active voxels.
-/// @throw std::runtime_error naming the file and the cause.
+/// Writes the ground in the box as a grid for other programs, with the site's origin and CRS as
+/// metadata: a closed level set `surface` or, by fill fractions, a fog volume `occupancy`. Atomic.
+/// @return its active voxels.
+/// @throw std::invalid_argument if there is no soil; std::runtime_error naming the file and the
+///        cause.
 std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site& site,
+                              const Eigen::AlignedBox3d& box);
+std::uint64_t write_occupancy(const std::filesystem::path& file, const io::Site& site,
                               const Eigen::AlignedBox3d& box);
 
 }  // namespace soilvdb::tools

@@ -36,6 +36,7 @@ struct ExportOptions {
   std::filesystem::path file, to;
   std::optional<std::string> region;  ///< XMIN,YMIN,XMAX,YMAX
   std::optional<std::string> view;    ///< of a picture: plan (default) or perspective
+  bool occupancy = false;             ///< of a .vdb: fill fractions in place of a level set
 };
 void export_file(const ExportOptions& options);
 

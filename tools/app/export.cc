@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb export: a snapshot as mesh, raster, picture or closed level set.
+// soilvdb export: a snapshot as mesh, raster, picture, closed level set or occupancy.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -65,15 +65,17 @@ void export_picture(const fs::path& to, const io::Site& site, const io::Snapshot
   fmt::print("{}: {}\n", to.string(), perspective ? "perspective view" : "plan");
 }
 
-void export_level_set(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
+void export_vdb(const fs::path& to, const io::Site& site, const std::optional<Box2>& region,
+                bool occupancy) {
   const Soil& soil = *site.soil;
   Box2 plan = region ? *region : io::region_of_interest(soil);
   if (!site.bounds.isEmpty()) plan = plan.intersection(site.bounds);
   if (plan.isEmpty()) throw std::invalid_argument("the terrain has no heights");
   const Eigen::AlignedBox3d box = ground_box(soil, plan);
-  const std::uint64_t voxels = write_level_set(to, site, box);
-  fmt::print("{}: closed level set of {} m x {} m x {} m, {} voxels\n", to.string(),
-             number(box.sizes().x()), number(box.sizes().y()), number(box.sizes().z()), voxels);
+  const std::uint64_t voxels = (occupancy ? write_occupancy : write_level_set)(to, site, box);
+  fmt::print("{}: {} of {} m x {} m x {} m, {} voxels\n", to.string(),
+             occupancy ? "occupancy" : "closed level set", number(box.sizes().x()),
+             number(box.sizes().y()), number(box.sizes().z()), voxels);
 }
 
 }  // namespace
@@ -86,6 +88,8 @@ void export_file(const ExportOptions& options) {
                                                  options.to.extension().string()));
   if (options.view && suffix != "png")
     throw io::InputError(options.to, "--view is for pictures; leave it out, or give a .png");
+  if (options.occupancy && suffix != "vdb")
+    throw io::InputError(options.to, "--occupancy is for grids; leave it out, or give a .vdb");
   std::optional<Box2> region;
   if (options.region) region = parse_region(*options.region);
   io::check_readable(options.file);
@@ -112,7 +116,7 @@ void export_file(const ExportOptions& options) {
     if (suffix == "tif") export_raster(options.to, site, region);
     if (suffix == "png")
       export_picture(options.to, site, info, region, options.view == "perspective");
-    if (suffix == "vdb") export_level_set(options.to, site, region);
+    if (suffix == "vdb") export_vdb(options.to, site, region, options.occupancy);
   } catch (const std::invalid_argument& e) {
     const std::string where =
         options.region ? "--region " + *options.region : options.file.string();

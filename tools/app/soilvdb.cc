@@ -240,6 +240,8 @@ class CommandLine {
               return fmt::format("'{}' is neither plan nor perspective", io::printable(text));
             },
             ""));
+    sub->add_flag("--occupancy", export_.occupancy,
+                  "a .vdb of how much of each voxel is soil, in place of a level set");
     sub->callback([this] { command_ = [this] { export_file(export_); }; });
   }
 

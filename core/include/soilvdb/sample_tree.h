@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The tree that holds the ground, with a leaf of our own. Slow to compile: include it only where
-// the tree itself is needed.
+// The grid that holds the ground, its tree with a leaf of our own. Slow to compile: include it only
+// where the tree itself is needed.
 #pragma once
 
+#include <openvdb/Grid.h>
 #include <openvdb/tree/LeafNodeMask.h>
 #include <openvdb/tree/Tree.h>
 #include <openvdb/tree/ValueAccessor.h>

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The name of the tree that holds the ground, without OpenVDB's headers, which are slow to compile.
+// The names of the grid and the tree that hold the ground, without OpenVDB's headers, which are
+// slow to compile.
 #pragma once
 
 #include <openvdb/version.h>
@@ -18,6 +19,8 @@ class RootNode;
 template <typename Child, std::uint32_t Log2Dim>
 class InternalNode;
 }  // namespace tree
+template <typename Tree>
+class Grid;
 }  // namespace OPENVDB_VERSION_NAME
 }  // namespace openvdb
 
@@ -31,5 +34,6 @@ class SampleLeaf;  // soilvdb/sample_tree.h
 using SampleLower = openvdb::tree::InternalNode<SampleLeaf, 2>;
 using SampleUpper = openvdb::tree::InternalNode<SampleLower, 3>;
 using SampleTree = openvdb::tree::Tree<openvdb::tree::RootNode<SampleUpper>>;
+using SampleGrid = openvdb::Grid<SampleTree>;
 
 }  // namespace soilvdb::inline v0

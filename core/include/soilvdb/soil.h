@@ -85,9 +85,9 @@ class Soil {
   /// Resident chunks, ordered by origin (x, then y, then z).
   std::vector<const Chunk*> chunks() const;
   std::size_t chunk_count() const;
-  /// The resident ground as OpenVDB has it: a voxel is active where its cell holds soil. Its users
-  /// include soilvdb/sample_tree.h.
-  const SampleTree& tree() const;
+  /// The resident ground as OpenVDB has it: a voxel is active where its cell holds soil. The grid's
+  /// transform is relative to origin(). Its users include soilvdb/sample_tree.h.
+  const SampleGrid& grid() const;
 
   /// What a chunk that isn't resident would hold, its cells included.
   Content classify(const Coord3& origin) const;

@@ -34,6 +34,12 @@ openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil);
 std::unique_ptr<BaseSurface> make_level_set_surface(openvdb::FloatGrid::ConstPtr grid,
                                                     const Vec3& origin);
 
+/// How much of each voxel whose centre is in a box of the world is soil, 0 to 1: grid `occupancy`,
+/// class fog volume, background 0, a voxel active where it holds soil. Its transform is relative to
+/// Soil::origin().
+/// @throw std::invalid_argument if the box is too large at this voxel size
+openvdb::FloatGrid::Ptr occupancy_grid(const Soil& soil, const Eigen::AlignedBox3d& box);
+
 /// A closed level set of the ground inside a box of the world, for other programs: cut off at the
 /// box's sides and bottom, transform relative to Soil::origin().
 openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedBox3d& box);
