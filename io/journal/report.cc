@@ -78,6 +78,7 @@ std::string to_json(const Summary& s) {
   Json volumes = {
       {"cut", s.cut_m3},       {"captured", s.captured_m3},           {"displaced", s.displaced_m3},
       {"dumped", s.dumped_m3}, {"ground_change", s.ground_change_m3}, {"residual", s.residual_m3}};
+  if (s.net) volumes.update({{"net_cut", s.net->cut_m3}, {"net_fill", s.net->fill_m3}});
   Json masses;
   if (const auto& m = s.moved) {
     volumes.update({{"spilled", m->spilled_m3},

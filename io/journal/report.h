@@ -56,6 +56,12 @@ struct Summary {
   int threads = 0;
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
   double ground_change_m3 = 0, residual_m3 = 0;
+  /// Columns that are lower and columns that are higher than before anyone dug, if this run was the
+  /// first to.
+  struct Net {
+    double cut_m3 = 0, fill_m3 = 0;
+  };
+  std::optional<Net> net = {};
   std::optional<Moved> moved;
   std::vector<Machine> machines;
   double acknowledged_s = 0;               ///< what can't be lost any more: up to this time,

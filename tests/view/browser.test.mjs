@@ -145,7 +145,7 @@ looking('machines, loads and totals are those of the time shown', recorded, asyn
   assert.notDeepEqual(there.position, lip);
   assert.ok(Number(csv[7]) < all.volume_m3.cut - 1);
   assert.ok((await row()).includes(`${Number(Number(csv[7]).toPrecision(3)).toFixed(Number(csv[7]) < 10 ? 2 : 1)}\u2009m³`), `${await row()} has ${csv[7]}`);
-  assert.ok((await page.locator('#totals').textContent()).includes('Put back'));
+  assert.ok((await page.locator('#totals').textContent()).includes('Put down'));
   await page.keyboard.press('l');
   await page.waitForFunction((text) => document.querySelector('#machine-table tbody tr').textContent === text, end);
 });

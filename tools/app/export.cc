@@ -52,11 +52,9 @@ void export_raster(const fs::path& to, const io::Site& site, const std::optional
 void export_picture(const fs::path& to, const io::Site& site, const io::SnapshotInfo& info,
                     const std::optional<Box2>& region, bool perspective) {
   const Box2 box = region ? *region : io::region_of_interest(*site.soil);
-  std::string detail = fmt::format("cut {} m³", number(info.cut_m3));
-  if (io::has_loose(*site.soil)) {  // what was cut again and again says little
-    const io::CutAndFill change = io::cut_and_fill(*site.soil);
-    detail = fmt::format("cut {} m³, fill {} m³", number(change.cut_m3), number(change.fill_m3));
-  }
+  const io::CutAndFill net = io::cut_and_fill(*site.soil);
+  std::string detail = fmt::format("cut {} m³", number(net.cut_m3));
+  if (net.fill_m3 > 0) detail += fmt::format(", fill {} m³", number(net.fill_m3));
   detail += fmt::format(" by {} s, {} m voxels", time_text(info.time_s),
                         length_text(site.soil->voxel_size_m()));
   if (!site.crs_wkt.empty()) detail += ", " + io::crs_label(site.crs_wkt);

@@ -45,23 +45,35 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
              counted(static_cast<double>(updates.count()), "update"),
              counted(static_cast<double>(s.machines.size()), "machine"), time_text(motion_s),
              length_text(s.voxel_size_m), counted(s.threads, "thread"));
-  line("cut", fmt::format("{} m³", number(s.cut_m3)));
-  line("  captured", fmt::format("{} m³", number(s.captured_m3)));
-  line("  displaced", fmt::format("{} m³", number(s.displaced_m3)));
-  line("dumped", fmt::format("{} m³", number(s.dumped_m3)));
-  print_machines(s.machines);
+  const auto cubic_metres = [](std::string_view label, double m3) {
+    line(label, fmt::format("{} m³", number(m3)));
+  };
+  const auto residual = [](double value) {
+    return value == 0 ? "0" : fmt::format("{:.1e}", value);
+  };
+  line("net", fmt::format("{} m³{}", number(s.ground_change_m3),
+                          s.net ? fmt::format(": cut {} m³, fill {} m³", number(s.net->cut_m3),
+                                              number(s.net->fill_m3))
+                                : ""));
+  cubic_metres("dug", s.cut_m3);
+  cubic_metres("  captured", s.captured_m3);
+  cubic_metres("  displaced", s.displaced_m3);
   if (const auto& m = s.moved) {
-    line("spilled", fmt::format("{} m³", number(m->spilled_m3)));
-    line("poured", fmt::format("{} m³", number(m->poured_m3)));
-    line("hauled", fmt::format("{} m³", number(m->hauled_m3)));
-    line("slid", fmt::format("{} m³", number(m->slid_m3)));
-    line("mass", fmt::format("ground {} kg, residual {} kg", number(m->ground_change_kg),
-                             m->residual_kg == 0 ? "0" : fmt::format("{:.1e}", m->residual_kg)));
+    cubic_metres("put down", m->fill_m3);
+    cubic_metres("spilled", m->spilled_m3);
+    cubic_metres("poured", m->poured_m3);
+    cubic_metres("hauled", m->hauled_m3);
+    cubic_metres("slid", m->slid_m3);
+  } else {
+    cubic_metres("dumped", s.dumped_m3);
   }
-  line("ground", fmt::format("{} m³ by recount, residual {} m³", number(s.ground_change_m3),
-                             s.residual_m3 == 0 ? "0" : fmt::format("{:.1e}", s.residual_m3)));
-  line("", fmt::format("{} m² resident, {} chunks, {} voxels", number(s.resident_m2), s.leaves,
-                       s.active_voxels));
+  print_machines(s.machines);
+  line("balance",
+       s.moved ? fmt::format("{} m³, {} kg of {} kg", residual(s.residual_m3),
+                             residual(s.moved->residual_kg), number(s.moved->ground_change_kg))
+               : fmt::format("{} m³", residual(s.residual_m3)));
+  line("ground", fmt::format("{} m² resident, {} chunks, {} voxels", number(s.resident_m2),
+                             s.leaves, s.active_voxels));
   line("update",
        fmt::format("p50 {} µs, p99 {} µs, max {} µs; {} updates/s",
                    number(updates.quantile_us(0.5)), number(updates.quantile_us(0.99)),

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The table of machines: what each holds, has cut, how often it was filled and whether it works.
+// The table of machines: what each holds, has dug, how often it was filled and whether it works.
 import {h, setText} from './dom.js';
 import * as format from './format.js';
 import {kMachineColors} from './machines.js';
@@ -14,7 +14,7 @@ export class MachineTable {
   constructor(table, site, pick) {
     table.append(
       h('thead', {}, h('tr', {}, h('th', {scope: 'col'}, 'Machine'), h('th', {scope: 'col'}, 'Load'),
-        h('th', {scope: 'col'}, 'Cut'), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last'))));
+        h('th', {scope: 'col', title: 'Taken out of the ground, what was dug again as often as it was'}, 'Dug'), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last'))));
     const body = h('tbody');
     site.machines.forEach((machine, i) => {
       const name = h('button', {
@@ -23,11 +23,11 @@ export class MachineTable {
       }, h('span', {class: 'swatch', style: `background:${kMachineColors[i % kMachineColors.length]}`}), h('span', {}, machine.name));
       const row = {
         capacity_m3: machine.capacity_m3, name, state: h('small'), load: h('span'), mass: h('small'), bar: h('span', {class: 'gauge-bar'}),
-        cut: h('span'), cycles: h('span'), last: h('span'), lastShare: h('small'),
+        dug: h('span'), cycles: h('span'), last: h('span'), lastShare: h('small'),
       };
       row.stateCell = h('td', {}, name, row.state);
       row.gauge = h('span', {class: 'gauge', role: 'img'}, row.bar);
-      body.append(h('tr', {}, row.stateCell, h('td', {}, row.load, row.gauge, row.mass), h('td', {}, row.cut),
+      body.append(h('tr', {}, row.stateCell, h('td', {}, row.load, row.gauge, row.mass), h('td', {}, row.dug),
         h('td', {}, row.cycles), h('td', {}, row.last, row.lastShare)));
       this.#rows.set(machine.name, row);
     });
@@ -47,7 +47,7 @@ export class MachineTable {
       row.gauge.setAttribute('aria-label', `${format.percent(fill)} full`);
       row.gauge.title = `${format.percent(fill)} full`;
       setText(row.mass, m.bucket_kg === null || m.bucket_kg === undefined ? '' : format.mass(m.bucket_kg));
-      setText(row.cut, format.volume(m.cut_m3));
+      setText(row.dug, format.volume(m.cut_m3));
       setText(row.cycles, String(m.cycles));
       setText(row.last, format.volume(m.last_load_m3));
       setText(row.lastShare, of && m.last_load_m3 !== null ? format.percent(m.last_load_m3 / of) : '');

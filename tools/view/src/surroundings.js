@@ -39,9 +39,9 @@ export function hint(text, seconds = 0) {
 /** @param {Object} state as the server says */
 export function showTotals(state) {
   const sum = (of) => state.machines.reduce((a, m) => a + (of(m) ?? 0), 0);
-  const parts = [['Dug in all', format.volume(state.cut_m3), '', 'All that machines took out of the ground, what they dug again after it was put back as often as they did'],
-    ['Put back', format.volume(state.fill_m3), '', 'All that came to lie on the ground, what was dug again after it as often as it did'],
-    ['Net', format.signedVolume(state.change_m3), '', 'The ground now less the ground before digging'],
+  const parts = [['Net', format.signedVolume(state.change_m3), '', 'The ground now less the ground before digging'],
+    ['Dug', format.volume(state.cut_m3), '', 'All that machines took out of the ground, what they dug again after it was put down as often as they did'],
+    ['Put down', format.volume(state.fill_m3), '', 'All that came to lie on the ground, what was dug again after it as often as it did'],
     ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less', 'What buckets hold now, loose'],
     ['Working', `${state.machines.filter((m) => m.state === 'working').length} of ${state.machines.length}`, 'less', '']];
   const key = parts.flat().join();
