@@ -27,9 +27,13 @@ std::vector<std::string> keys(const json& object) {
 TEST_F(MovingSoil, SaysWhereAllSoilWent) {
   const json s = summary("all.yaml", "out");
   const json &volume = s["volume_m3"], &mass = s["mass_kg"], &machine = s["machines"][0];
-  EXPECT_EQ(keys(volume), (std::vector<std::string>{"captured", "cut", "displaced", "dumped",
-                                                    "fill", "ground_change", "hauled", "poured",
-                                                    "residual", "slid", "spilled"}));
+  EXPECT_EQ(keys(volume),
+            (std::vector<std::string>{"captured", "cut", "displaced", "dumped", "fill",
+                                      "ground_change", "hauled", "net_cut", "net_fill", "poured",
+                                      "residual", "slid", "spilled"}));
+  EXPECT_NEAR(volume["net_fill"].get<double>() - volume["net_cut"].get<double>(),
+              volume["ground_change"], 1e-9);
+  EXPECT_LT(volume["net_cut"], volume["cut"]) << "some was dug again";
   EXPECT_EQ(keys(mass), (std::vector<std::string>{"buckets", "ground_change", "hauled", "in_flight",
                                                   "poured", "residual"}));
   EXPECT_EQ(mass["residual"], 0);
@@ -115,7 +119,9 @@ TEST_F(MovingSoil, RigidSoilSaysNothingOfIt) {
   EXPECT_FALSE(s.contains("mass_kg"));
   EXPECT_EQ(keys(s["volume_m3"]),
             (std::vector<std::string>{"captured", "cut", "displaced", "dumped", "ground_change",
-                                      "residual"}));
+                                      "net_cut", "net_fill", "residual"}));
+  EXPECT_NEAR(s["volume_m3"]["net_cut"], s["volume_m3"]["cut"], 1e-12);
+  EXPECT_EQ(s["volume_m3"]["net_fill"], 0);
   EXPECT_EQ(keys(s["machines"][0]),
             (std::vector<std::string>{"bad_rows", "bucket_m3", "cut_m3", "name"}));
   EXPECT_EQ(rows("out").front().size(), 5);
