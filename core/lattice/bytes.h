@@ -24,6 +24,11 @@ inline void put(std::string& out, const Pose& pose) {
   for (const double v : pose.rotation.coeffs()) put(out, v);
 }
 
+inline void put_text(std::string& out, std::string_view text) {
+  put(out, std::uint64_t{text.size()});
+  out.append(text);
+}
+
 /// Takes it off again. @throw std::invalid_argument if there is less
 template <typename T>
 requires std::is_arithmetic_v<T>
@@ -48,6 +53,14 @@ inline void take_amount(std::string_view& in, std::int64_t& value) {
 inline void take(std::string_view& in, Pose& pose) {
   for (double& v : pose.position) take(in, v);
   for (double& v : pose.rotation.coeffs()) take(in, v);
+}
+inline std::string_view take_text(std::string_view& in) {
+  std::uint64_t size = 0;
+  take(in, size);
+  if (size > in.size()) throw std::invalid_argument("the state ends too early");
+  const std::string_view text = in.substr(0, size);
+  in.remove_prefix(size);
+  return text;
 }
 
 }  // namespace soilvdb::inline v0

@@ -15,8 +15,7 @@
 
 #include "io/file/atomic_file.h"
 #include "io/journal/journal_format.h"
-#include "io/journal/move_coding.h"
-#include "io/journal/state_coding.h"
+#include "io/journal/update_coding.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -53,12 +52,7 @@ std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConf
 
 JournalWriter::JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done,
                              double sync_s)
-    : file_(std::move(file)),
-      sync_s_(sync_s),
-      end_(end),
-      states_(std::make_unique<StateCoding>()),
-      added_(done),
-      acknowledged_(done) {
+    : file_(std::move(file)), sync_s_(sync_s), end_(end), added_(done), acknowledged_(done) {
   descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
   if (descriptor_ < 0) fail_to_write(file_, errno);
   if (::ftruncate(descriptor_, static_cast<off_t>(end)) != 0 || ::fsync(descriptor_) != 0 ||
@@ -81,21 +75,11 @@ JournalWriter::~JournalWriter() {
   ::close(descriptor_);
 }
 
-void JournalWriter::add(const JournalMove& move) {
-  if (before_.size() <= move.machine) before_.resize(move.machine + 1);
+void JournalWriter::add(const JournalUpdate& update) {
   std::unique_lock lock(mutex_);
-  pending_ += kMoveTag;
-  append_count(pending_, move.machine);
-  append_move(pending_, move, before_[move.machine]);
-  added_.add(move);
-  added(lock);
-}
-
-void JournalWriter::add(const JournalState& state) {
-  std::unique_lock lock(mutex_);
-  pending_ += kStateTag;
-  states_->append(pending_, state);
-  added_.add(state);
+  pending_ += kUpdateTag;
+  append_update(pending_, update, before_);
+  added_.add(update);
   added(lock);
 }
 

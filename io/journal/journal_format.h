@@ -16,10 +16,10 @@ namespace soilvdb::inline v0::io {
 
 static_assert(std::endian::native == std::endian::little);
 
-inline constexpr std::uint32_t kFrameMark = 0x324a5653;        // "SVJ2"
-inline constexpr std::uint32_t kFormerFrameMark = 0x314a5653;  // "SVJ1"
-inline constexpr char kConfigTag = 'C', kMoveTag = 'M', kStateTag = 'S', kFileTag = 'F',
-                      kGoneTag = 'G', kEndTag = 'E';
+inline constexpr std::uint32_t kFrameMark = 0x334a5653;  // "SVJ3"
+inline constexpr std::uint32_t kFormerFrameMarks[] = {0x324a5653, 0x314a5653};
+inline constexpr char kConfigTag = 'C', kUpdateTag = 'U', kFileTag = 'F', kGoneTag = 'G',
+                      kEndTag = 'E';
 
 inline constexpr std::uint32_t kMostMachines = 100'000;
 

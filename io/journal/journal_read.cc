@@ -4,13 +4,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 
 #include "io/file/text.h"
 #include "io/journal/journal_format.h"
-#include "io/journal/move_coding.h"
-#include "io/journal/state_coding.h"
+#include "io/journal/update_coding.h"
 #include "soilvdb/io/journal.h"
 
 namespace soilvdb::inline v0::io {
@@ -26,32 +27,24 @@ bool take_text(std::string_view& bytes, std::string& text) {
 
 /// Puts the rows that a machine's move brought behind those that it had, and forgets those before
 /// `begin_s`; false if they don't fit.
-bool add_rows(MotionRows& rows, const MotionRows& fresh, double begin_s) {
-  if (!rows.times_s.empty() && (rows.joints != fresh.joints || rows.columns != fresh.columns))
-    return false;
-  const std::size_t columns = fresh.columns;
-  const auto drop = [&](std::size_t first, std::size_t last) {
-    const auto at = [](auto& list, std::size_t i) {
-      return list.begin() + static_cast<std::ptrdiff_t>(i);
-    };
-    rows.times_s.erase(at(rows.times_s, first), at(rows.times_s, last));
-    rows.values.erase(at(rows.values, first * columns), at(rows.values, last * columns));
-  };
-  const auto count_below = [&](double time_s) {
-    return static_cast<std::size_t>(
-        std::lower_bound(rows.times_s.begin(), rows.times_s.end(), time_s) - rows.times_s.begin());
-  };
-  // A run that was gone on with begins with rows that are there already.
-  if (!fresh.times_s.empty()) drop(count_below(fresh.times_s.front()), rows.times_s.size());
-  rows.joints = fresh.joints;
-  rows.columns = columns;
-  rows.times_s.insert(rows.times_s.end(), fresh.times_s.begin(), fresh.times_s.end());
-  rows.values.insert(rows.values.end(), fresh.values.begin(), fresh.values.end());
+bool add_rows(MotionRows& rows, const MotionRows& fresh, bool anew, double begin_s) {
+  if (anew) {
+    rows = fresh;
+  } else {
+    if (rows.joints != fresh.joints || rows.columns != fresh.columns) return false;
+    rows.times_s.insert(rows.times_s.end(), fresh.times_s.begin(), fresh.times_s.end());
+    rows.values.insert(rows.values.end(), fresh.values.begin(), fresh.values.end());
+  }
+  if (rows.times_s.empty()) return false;
+  if (std::isnan(begin_s)) return true;
   const auto after = std::upper_bound(rows.times_s.begin(), rows.times_s.end(), begin_s);
   const std::ptrdiff_t first = std::min<std::ptrdiff_t>(
       after - rows.times_s.begin() - 1, static_cast<std::ptrdiff_t>(rows.times_s.size()) - 2);
-  drop(0, static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, first)));
-  return columns == 0 || !rows.times_s.empty();  // pours have none
+  if (first <= 0) return true;
+  rows.times_s.erase(rows.times_s.begin(), rows.times_s.begin() + first);
+  rows.values.erase(rows.values.begin(),
+                    rows.values.begin() + first * static_cast<std::ptrdiff_t>(rows.columns));
+  return true;
 }
 
 bool take_file(std::string_view& bytes, JournalFile& file) {
@@ -61,8 +54,7 @@ bool take_file(std::string_view& bytes, JournalFile& file) {
 
 }  // namespace
 
-JournalReader::JournalReader(const std::filesystem::path& file)
-    : file_(file), states_(std::make_unique<StateCoding>()) {
+JournalReader::JournalReader(const std::filesystem::path& file) : file_(file) {
   check_readable(file);
   in_.open(file, std::ios::binary);
   size_ = std::filesystem::file_size(file);
@@ -70,26 +62,30 @@ JournalReader::JournalReader(const std::filesystem::path& file)
   std::uint32_t mark = 0;
   in_.clear();
   in_.seekg(0);
-  if (in_.read(reinterpret_cast<char*>(&mark), sizeof mark) && mark == kFormerFrameMark)
-    throw InputError(file, "is a journal of an older format, which isn't read any more");
+  if (in_.read(reinterpret_cast<char*>(&mark), sizeof mark) &&
+      std::find(std::begin(kFormerFrameMarks), std::end(kFormerFrameMarks), mark) !=
+          std::end(kFormerFrameMarks))
+    throw InputError(
+        file,
+        "is a journal of an older version, which isn't read any more: dig the scenario "
+        "anew, or feed the session anew");
   throw InputError(file, "is not a journal, or damaged at its start");
 }
 
 JournalReader::~JournalReader() = default;
 
-/// Takes a move, with the rows that it shares with the one before.
-bool JournalReader::take(std::string_view& bytes, JournalMove& move) {
-  std::uint64_t machine = 0;
-  if (!take_count(bytes, machine) || machine >= kMostMachines) return false;
-  if (rows_.size() <= machine) {
-    rows_.resize(machine + 1);
-    before_.resize(machine + 1);
+/// Takes an update, with the rows that it shares with the one before.
+bool JournalReader::take(std::string_view& bytes, JournalUpdate& update) {
+  bool anew = false;
+  if (!take_update(bytes, update, anew, before_)) return false;
+  if (update.kind != JournalUpdate::Kind::kMove) {
+    update.rows = {};
+    return !anew;
   }
-  move.machine = static_cast<std::uint32_t>(machine);
-  if (!take_move(bytes, move, before_[machine]) ||
-      !add_rows(rows_[machine], move.rows, move.begin_s))
-    return false;
-  move.rows = rows_[machine];
+  if (rows_.size() <= update.machine) rows_.resize(update.machine + 1);
+  MotionRows& rows = rows_[update.machine];
+  if (!add_rows(rows, update.rows, anew, update.begin_s)) return false;
+  update.rows = rows;
   return true;
 }
 
@@ -104,8 +100,7 @@ std::optional<JournalRecord> JournalReader::next() {
     return record;
   };
   JournalConfig config;
-  JournalMove move;
-  JournalState state;
+  JournalUpdate update;
   JournalFile file;
   JournalRemoval removed;
   switch (frame_[at_]) {
@@ -113,13 +108,9 @@ std::optional<JournalRecord> JournalReader::next() {
       const bool good = take_text(rest, config.text);
       return taken(std::move(config), good);
     }
-    case kMoveTag: {
-      const bool good = take(rest, move);
-      return taken(std::move(move), good);
-    }
-    case kStateTag: {
-      const bool good = states_->take(rest, state);
-      return taken(std::move(state), good);
+    case kUpdateTag: {
+      const bool good = take(rest, update);
+      return taken(std::move(update), good);
     }
     case kFileTag: {
       const bool good = take_file(rest, file);
@@ -193,10 +184,8 @@ JournalContent read_journal(const std::filesystem::path& file) {
   while (const std::optional<JournalRecord> record = reader.next()) {
     if (const auto* config = std::get_if<JournalConfig>(&*record)) {
       content.config = *config;
-    } else if (const auto* move = std::get_if<JournalMove>(&*record)) {
-      content.done.add(*move);
-    } else if (const auto* state = std::get_if<JournalState>(&*record)) {
-      content.done.add(*state);
+    } else if (const auto* update = std::get_if<JournalUpdate>(&*record)) {
+      content.done.add(*update);
     } else if (const auto* written = std::get_if<JournalFile>(&*record)) {
       std::erase_if(content.files, [&](const auto& f) { return f.name == written->name; });
       std::erase(content.removed, written->name);
@@ -217,29 +206,33 @@ JournalContent read_journal(const std::filesystem::path& file) {
 }
 
 std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
-  const auto each_state = [&](const auto& use) {
+  const auto each_update = [&](const auto& use) {
     JournalReader reader(file);
-    std::uint64_t updates = 0;
-    while (const std::optional<JournalRecord> record = reader.next())
-      if (const auto* state = std::get_if<JournalState>(&*record)) use(*state, updates++);
-    return updates;
+    JournalExtent made;
+    while (const std::optional<JournalRecord> record = reader.next()) {
+      const auto* update = std::get_if<JournalUpdate>(&*record);
+      if (update == nullptr || !update->ends_update) continue;
+      use(*update, made.updates);
+      made.add(*update);
+    }
+    return made.updates;
   };
   constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t later = kNone;                 // updates before the first that is
   std::map<std::uint32_t, std::uint64_t> set;  // and before clocks of machines were, the last time
-  const std::uint64_t all = each_state([&](const JournalState& state, std::uint64_t before) {
-    if (state.kind == JournalState::Kind::kClock) set[state.machine] = before;
-    if (state.time_s > time_s) later = std::min(later, before);
+  const std::uint64_t all = each_update([&](const JournalUpdate& update, std::uint64_t before) {
+    if (update.kind == JournalUpdate::Kind::kClock) set[update.machine] = before;
+    if (update.end_s > time_s) later = std::min(later, before);
   });
   if (!set.empty() && later != kNone) {
     later = kNone;
     bool perhaps_ahead = false;  // the clock that said so, by what comes after
-    each_state([&](const JournalState& state, std::uint64_t before) {
-      if (state.time_s > time_s && later == kNone) {
+    each_update([&](const JournalUpdate& update, std::uint64_t before) {
+      if (update.end_s > time_s && later == kNone) {
         later = before;
-        const auto found = set.find(state.machine);
+        const auto found = set.find(update.machine);
         perhaps_ahead = found != set.end() && before < found->second;
-      } else if (state.time_s <= time_s && perhaps_ahead) {
+      } else if (update.end_s <= time_s && perhaps_ahead) {
         later = kNone;
         perhaps_ahead = false;
       }

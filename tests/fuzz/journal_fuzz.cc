@@ -16,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::expect_read_or_refused([&] {
     io::JournalReader reader(file);
     while (const std::optional<io::JournalRecord> record = reader.next()) {
-      const auto* move = std::get_if<io::JournalMove>(&*record);
+      const auto* move = std::get_if<io::JournalUpdate>(&*record);
       if (!move) continue;
       try {
         io::motion_of(move->rows, {});

@@ -93,10 +93,11 @@ TEST_F(Journal, AFrameThatWasNeverSyncedMayBeMissing) {
   std::uint64_t synced = 0;
   {
     JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
-    writer.add(move(way, 0));
+    writer.add(update(way, 0));
     writer.flush();
     synced = std::filesystem::file_size(file);
-    for (int i = 2; i < 15'000; i += 2) writer.add(move(way, i));  // frames without a sync between
+    for (int i = 2; i < 15'000; i += 2)
+      writer.add(update(way, i));  // frames without a sync between
   }
   std::string bytes = content(file);
   ASSERT_GT(bytes.size(), synced + 300'000);

@@ -42,18 +42,17 @@ inline Motion motion(int rows) {
 }
 
 /// The record of update i of two machines, which take turns.
-inline JournalMove move(const Motion& motion, int i) {
+inline JournalUpdate update(const Motion& motion, int i) {
   const double begin_s = kEvery_s * std::max(0, i / 2 - 1), end_s = kEvery_s * (i / 2);
-  return {static_cast<std::uint32_t>(i % 2),
-          true,
-          begin_s,
-          end_s,
-          i * std::int64_t{1'000'003},
-          (5 - i) * std::int64_t{70'001},
-          5500 + i,
-          rows_between(motion, begin_s, end_s),
-          i % 3 == 0 ? i * std::int64_t{65'537} : 0,
-          i % 4 == 0 ? i * std::int64_t{1'000'003} : 0};
+  return {.machine = static_cast<std::uint32_t>(i % 2),
+          .begin_s = begin_s,
+          .end_s = end_s,
+          .cut_samples = i * std::int64_t{1'000'003},
+          .bucket_samples = (5 - i) * std::int64_t{70'001},
+          .ns = 5500 + i,
+          .rows = rows_between(motion, begin_s, end_s),
+          .spilled = i % 3 == 0 ? i * std::int64_t{65'537} : 0,
+          .slid = i % 4 == 0 ? i * std::int64_t{1'000'003} : 0};
 }
 
 inline std::string as_text(const JournalRecord& record) {
@@ -61,10 +60,10 @@ inline std::string as_text(const JournalRecord& record) {
   text << std::hexfloat << record.index() << ' ';
   if (const auto* config = std::get_if<JournalConfig>(&record)) {
     text << config->text;
-  } else if (const auto* m = std::get_if<JournalMove>(&record)) {
-    text << m->machine << ' ' << m->ends_update;
+  } else if (const auto* m = std::get_if<JournalUpdate>(&record)) {
+    text << static_cast<int>(m->kind) << ' ' << m->machine << ' ' << m->ends_update;
     text << ' ' << m->cut_samples << ' ' << m->bucket_samples << ' ' << m->ns;
-    text << ' ' << m->spilled << ' ' << m->slid;
+    text << ' ' << m->spilled << ' ' << m->slid << ' ' << m->rows.joints;
     for (const double v : {m->begin_s, m->end_s}) text << ' ' << v;
     for (const double v : m->rows.times_s) text << ' ' << v;
     for (const double v : m->rows.values) text << ' ' << v;
@@ -103,7 +102,7 @@ class Journal : public ::testing::Test {
     const auto file = folder_ / "journal";
     JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
     for (int i = 0; i < count; ++i) {
-      writer.add(move(way, i));
+      writer.add(update(way, i));
       if (i == count / 2) writer.add(JournalFile{"soil_1.vdb", 5, 12345, 0x1234567890abcdef});
       if ((i + 1) % per_frame == 0) writer.flush();
     }

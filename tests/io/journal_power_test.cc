@@ -74,8 +74,8 @@ namespace journal_power_test {
 constexpr double kNever_s = 3600;  // until a sync that nobody asks for
 
 /// @param rows in (i, i + 1]
-io::JournalMove move(int i, int rows = 1) {
-  io::JournalMove move;
+io::JournalUpdate move(int i, int rows = 1) {
+  io::JournalUpdate move;
   move.begin_s = i;
   move.end_s = i + 1;
   move.rows.columns = 1;

@@ -27,7 +27,7 @@ TEST_F(Journal, GivesBackEveryRecordToTheLastBit) {
   JournalReader reader(folder_ / "journal");
   EXPECT_EQ(as_text(reader.next().value()), "0 configuration");
   for (int i = 0; i < 20; ++i) {
-    EXPECT_EQ(as_text(reader.next().value()), as_text(move(way, i))) << i;
+    EXPECT_EQ(as_text(reader.next().value()), as_text(update(way, i))) << i;
     if (i != 10) continue;
     EXPECT_EQ(std::get<JournalFile>(reader.next().value()).crc, 0x1234567890abcdef);
   }
@@ -44,8 +44,13 @@ TEST_F(Journal, PoursHaveNoRowsAndSoilThatCameDownIsThere) {
   {
     JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
     for (int i = 0; i < 6; ++i) {
-      JournalMove next = move(way, 2 * i);
-      if (i % 2 == 1) next = {7, true, 0.1 * i, 0.1 * (i + 1), 0, 0, 12, MotionRows()};
+      JournalUpdate next = update(way, 2 * i);
+      if (i % 2 == 1)
+        next = {.machine = 7,
+                .begin_s = 0.1 * i,
+                .end_s = 0.1 * (i + 1),
+                .ns = 12,
+                .kind = JournalUpdate::Kind::kPour};
       next.slid = i * std::int64_t{1'000'000'007};
       next.spilled = i == 4 ? 0 : i;
       writer.add(next);
@@ -58,7 +63,7 @@ TEST_F(Journal, PoursHaveNoRowsAndSoilThatCameDownIsThere) {
   JournalReader reader(file);
   reader.next();
   for (int i = 0; i < 6; ++i) {
-    const JournalMove back = std::get<JournalMove>(*reader.next());
+    const JournalUpdate back = std::get<JournalUpdate>(*reader.next());
     EXPECT_EQ(back.slid, i * std::int64_t{1'000'000'007});
     EXPECT_EQ(back.spilled, i == 4 ? 0 : i);
   }
@@ -89,7 +94,7 @@ TEST_F(Journal, ARowIsWrittenOnce) {
   const Motion way = motion(1000);
   const auto file = folder_ / "journal";
   JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
-  for (int i = 0; i < 1000; ++i) writer.add(move(way, 2 * i));
+  for (int i = 0; i < 1000; ++i) writer.add(update(way, 2 * i));
   writer.flush();
   EXPECT_LT(std::filesystem::file_size(file), 1000 * (8 * sizeof(double) + 20));
 }
@@ -133,8 +138,9 @@ TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
         numbers.push_back(std::ldexp(1, static_cast<int>(random() % 128) - 64));
     }
   }
-  JournalMove move;
+  JournalUpdate move;
   move.rows.columns = 1;
+  move.begin_s = 0;
   move.rows.values = numbers;
   for (std::size_t i = 0; i < numbers.size(); ++i)
     move.rows.times_s.push_back(static_cast<double>(i) / 100);
@@ -146,7 +152,7 @@ TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
   writer.flush();
   JournalReader reader(file);
   reader.next();
-  const auto back = std::get<JournalMove>(reader.next().value());
+  const auto back = std::get<JournalUpdate>(reader.next().value());
   EXPECT_FALSE(back.ends_update);
   EXPECT_EQ(back.end_s, 12345);
   ASSERT_EQ(back.rows.times_s, move.rows.times_s);
@@ -164,10 +170,15 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
   const auto until = [&](const std::vector<Fed>& all, double time_s) {
     const auto file = folder_ / "journal";
     JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
-    for (const Fed& fed : all)
-      writer.add(fed.time_s == kSet ? JournalState{JournalState::Kind::kClock, fed.machine,
-                                                   std::numeric_limits<double>::quiet_NaN()}
-                                    : JournalState{.machine = fed.machine, .time_s = fed.time_s});
+    for (const Fed& fed : all) {
+      JournalUpdate update{.machine = fed.machine, .kind = JournalUpdate::Kind::kClock};
+      if (fed.time_s != kSet) {
+        update.kind = JournalUpdate::Kind::kMove;
+        update.end_s = fed.time_s;
+        update.rows = {false, 1, {fed.time_s}, {7}};
+      }
+      writer.add(update);
+    }
     writer.flush();
     return updates_until(file, time_s);
   };
@@ -193,51 +204,61 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
   EXPECT_EQ(until(first, 2), 4u);
 }
 
-TEST_F(Journal, KeepsWhatASessionWasFedToTheLastBit) {
-  using Kind = JournalState::Kind;
+/// As sessions are fed: poses and joints in turn, times known or not, clocks that are set.
+TEST_F(Journal, KeepsUpdatesOfEveryKindToTheLastBit) {
+  using Kind = JournalUpdate::Kind;
+  constexpr std::size_t kMachines = 3;
   std::mt19937_64 random(12);
   const auto file = folder_ / "journal";
   std::uint64_t size = begin_journal(file, {"configuration"});
-  std::vector<JournalState> fed;
+  std::vector<std::string> made;
+  struct Row {
+    double time_s = std::numeric_limits<double>::quiet_NaN();
+    std::vector<double> values;
+  };
+  std::vector<Row> last(kMachines);
+  std::vector<bool> joints(kMachines);
   for (int writers = 0; writers < 3; ++writers) {  // as when it is gone on with
     JournalWriter writer(file, size, {}, 3600);
     for (int i = 0; i < 500; ++i) {
-      JournalState state{.kind = static_cast<Kind>(random() % 5),
-                         .machine = static_cast<std::uint32_t>(random() % 3)};
-      state.time_s = random() % 9 == 0 ? std::bit_cast<double>(random()) : 0.01 * i;
-      const std::size_t count = state.kind == Kind::kPose     ? 7
-                                : state.kind == Kind::kJoints ? random() % 5
-                                                              : 0;
-      for (std::size_t k = 0; k < count; ++k)
-        state.values.push_back(random() % 9 == 0 ? std::bit_cast<double>(random())
+      JournalUpdate update{.machine = static_cast<std::uint32_t>(random() % kMachines)};
+      if (random() % 4 == 0) update.kind = static_cast<Kind>(random() % 5);
+      Row& before = last[update.machine];
+      if (random() % 9 != 0) update.end_s = 0.01 * i;
+      if (update.kind == Kind::kClock) before = {};
+      if (update.kind == Kind::kMove) {
+        const bool in_joints = random() % 5 == 0 ? !joints[update.machine] : joints[update.machine];
+        Row now{update.end_s, {}};
+        for (std::size_t k = 0; k < (in_joints ? 4 : 7); ++k)
+          now.values.push_back(random() % 9 == 0 ? std::bit_cast<double>(random() >> 2)
                                                  : std::round(static_cast<double>(i)) / 1000);
+        const bool goes_on = now.time_s > before.time_s;
+        if (goes_on) update.begin_s = before.time_s;
+        update.rows = {in_joints, now.values.size(), {}, {}};
+        const auto add = [&](const Row& row) {
+          update.rows.times_s.push_back(row.time_s);
+          update.rows.values.insert(update.rows.values.end(), row.values.begin(), row.values.end());
+        };
+        if (goes_on && in_joints == joints[update.machine]) add(before);
+        add(now);
+        joints[update.machine] = in_joints;
+        before.values = now.values;
+        if (std::isfinite(now.time_s)) before.time_s = now.time_s;
+      }
       for (std::int64_t* value :
-           {&state.cut_samples, &state.bucket_samples, &state.ns, &state.spilled, &state.slid})
-        *value = static_cast<std::int64_t>(random()) >> (random() % 64);
-      writer.add(state);
-      fed.push_back(state);
+           {&update.cut_samples, &update.bucket_samples, &update.ns, &update.spilled, &update.slid})
+        *value = static_cast<std::int64_t>(random()) >> (11 + random() % 50);
+      writer.add(update);
+      made.push_back(as_text(update));
     }
     writer.flush();
     size = std::filesystem::file_size(file);
   }
   JournalReader reader(file);
   reader.next();
-  for (const JournalState& state : fed) {
-    const auto back = std::get<JournalState>(reader.next().value());
-    ASSERT_EQ(back.kind, state.kind);
-    ASSERT_EQ(back.machine, state.machine);
-    ASSERT_TRUE(same_bits(back.time_s, state.time_s));
-    ASSERT_EQ(back.values.size(), state.values.size());
-    for (std::size_t k = 0; k < state.values.size(); ++k)
-      ASSERT_TRUE(same_bits(back.values[k], state.values[k]));
-    ASSERT_EQ(back.cut_samples, state.cut_samples);
-    ASSERT_EQ(back.bucket_samples, state.bucket_samples);
-    ASSERT_EQ(back.ns, state.ns);
-    ASSERT_EQ(back.spilled, state.spilled);
-    ASSERT_EQ(back.slid, state.slid);
-  }
+  for (const std::string& update : made) ASSERT_EQ(as_text(*reader.next()), update);
   EXPECT_FALSE(reader.next());
-  EXPECT_EQ(read_journal(file).done.updates, fed.size());
+  EXPECT_EQ(read_journal(file).done.updates, made.size());
 }
 
 /// It was three times as large once: 123 MB for a motion of 41 MB.
@@ -279,8 +300,12 @@ TEST_F(Journal, IsAboutAsLargeAsTheMotionAsText) {
       const std::int64_t cut = 20'000 + i % 1000;
       const double begin_s = motion.times_s()[static_cast<std::size_t>(i - 1)],
                    end_s = motion.times_s()[static_cast<std::size_t>(i)];
-      writer.add(JournalMove{0, true, begin_s, end_s, cut, bucket += cut, 50'000 + i,
-                             rows_between(motion, begin_s, end_s)});
+      writer.add(JournalUpdate{.begin_s = begin_s,
+                               .end_s = end_s,
+                               .cut_samples = cut,
+                               .bucket_samples = bucket += cut,
+                               .ns = 50'000 + i,
+                               .rows = rows_between(motion, begin_s, end_s)});
     }
     writer.flush();
     return static_cast<double>(std::filesystem::file_size(file));
@@ -300,7 +325,7 @@ TEST_F(Journal, GoesOnAfterWhatIsGood) {
   {
     const Motion way = motion(30);
     JournalWriter writer(file, before.good_bytes, before.done, 3600);
-    for (int i = 20; i < 30; ++i) writer.add(move(way, i));
+    for (int i = 20; i < 30; ++i) writer.add(update(way, i));
     writer.flush();
     EXPECT_EQ(writer.acknowledged().updates, 30u);
   }
@@ -316,12 +341,13 @@ TEST_F(Journal, GoesOnAfterWhatIsGood) {
 
 TEST_F(Journal, SomethingElseIsRefused) {
   for (const char* text :
-       {"", "time,x,y,z\n", "SVJ2", "SVJ2aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"})
+       {"", "time,x,y,z\n", "SVJ3", "SVJ3aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa"})
     EXPECT_THAT(test::message_of(folder_, [&] { JournalReader reader(folder_.write("no", text)); }),
                 HasSubstr("no: is not a journal"));
-  EXPECT_THAT(
-      test::message_of(folder_, [&] { JournalReader reader(folder_.write("old", "SVJ1")); }),
-      HasSubstr("old: is a journal of an older format, which isn't read any more"));
+  for (const char* former : {"SVJ1", "SVJ2"})
+    EXPECT_THAT(
+        test::message_of(folder_, [&] { JournalReader reader(folder_.write("old", former)); }),
+        HasSubstr("old: is a journal of an older version, which isn't read any more: dig"));
   EXPECT_THAT(test::message_of(folder_, [&] { JournalReader reader(folder_ / "none"); }),
               HasSubstr("none: no such file"));
 }

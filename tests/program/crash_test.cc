@@ -84,7 +84,7 @@ TEST_F(Crash, NoAcknowledgedUpdateIsLostWhenThePowerGoes) {
   for (const std::string& operation : operations_) {
     updates.push_back(acknowledged);
     if (operation == "fdatasync /journal")
-      acknowledged += std::holds_alternative<io::JournalMove>(reader.next().value());
+      acknowledged += std::holds_alternative<io::JournalUpdate>(reader.next().value());
   }
   std::atomic<std::size_t> cuts = 0;
   in_two_lanes(operations_.size(), step(), [&](std::size_t i, const std::string& out) {

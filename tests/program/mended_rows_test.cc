@@ -182,7 +182,7 @@ TEST_F(BadRows, VerifyChecksWhatAStoppedRunLeft) {
   io::JournalReader reader(folder() / "bad/journal");
   std::uint64_t dug = 0;
   while (const auto record = reader.next())
-    if (std::holds_alternative<io::JournalMove>(*record)) dug = reader.good_bytes();
+    if (std::holds_alternative<io::JournalUpdate>(*record)) dug = reader.good_bytes();
   fs::resize_file(folder() / "bad/journal", dug);
   const Result verified = run("verify bad");
   EXPECT_EQ(verified.status, 0) << verified.err;

@@ -348,12 +348,11 @@ TEST(SessionRecord, ThatIsDamagedOrDugOtherwiseIsRefused) {
   const auto config = std::get<io::JournalConfig>(*reader.next());
   for (const bool load : {false, true}) {
     io::JournalWriter writer(journal, io::begin_journal(journal, config), {}, 1);
-    io::JournalState state{.values = {-3, 0, 3, 0, 0, 0, 1}};
-    (load ? state.bucket_samples : state.cut_samples) = 17;
-    writer.add(state);
+    io::JournalUpdate update{.rows = {false, 7, {0}, {-3, 0, 3, 0, 0, 0, 1}}};
+    (load ? update.bucket_samples : update.cut_samples) = 17;
+    writer.add(update);
     writer.flush();
-    EXPECT_NE(why().find(load ? "leaves another load now" : "cuts something else now"),
-              std::string::npos)
+    EXPECT_NE(why().find(load ? "and now leaves 0 m³" : "and now cuts 0 m³"), std::string::npos)
         << why();
   }
 }
@@ -430,7 +429,7 @@ TEST_P(Sessions, WriteToTheJournalWhatIsBooked) {
   std::int64_t cut = 0, spilled = 0, slid = 0;
   double slid_m3 = 0;
   for (std::size_t i = 0; i < updates.size(); ++i) {
-    const auto fed = std::get<io::JournalState>(*reader.next());
+    const auto fed = std::get<io::JournalUpdate>(*reader.next());
     EXPECT_EQ(fed.bucket_samples, loads[i]) << i;
     EXPECT_EQ(fed.ns, std::llround(1000 * updates[i].us)) << i;
     cut += fed.cut_samples;
@@ -589,13 +588,13 @@ TEST(SessionRecord, SaysWhichUpdateDiffers) {
   }();
   io::JournalWriter writer(journal, io::begin_journal(journal, config), {}, 1);
   for (int i = 0; i < 3; ++i)
-    writer.add(io::JournalState{
-        .time_s = 1.0 + i, .values = {-3, 0, 3, 0, 0, 0, 1}, .cut_samples = i == 1 ? 17 : 0});
+    writer.add(io::JournalUpdate{.end_s = 1.0 + i,
+                                 .cut_samples = i == 1 ? 17 : 0,
+                                 .rows = {false, 7, {1.0 + i}, {-3, 0, 3, 0, 0, 0, 1}}});
   writer.flush();
-  EXPECT_NE(refusal([&] {
-              Session(site_of()).record(to(temp / "site"));
-            }).find("update 2, at 2 s, cuts something else"),
-            std::string::npos);
+  EXPECT_NE(
+      refusal([&] { Session(site_of()).record(to(temp / "site")); }).find("update 2, at 2 s, cut "),
+      std::string::npos);
 }
 
 constexpr const char* kFolder = "SOILVDB_TEST_FOLDER";

@@ -56,16 +56,15 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
   }
   const auto start_from = [&](const io::JournalFile& file) {
     io::SnapshotInfo info;
-    Start start{io::read_snapshot(folder / file.name, &info), file.updates, "", file.name,
-                info.parent};
-    start.tracker_state = std::move(info.tracker_state);
-    if (scenario.soil) start.at_rest = take_at_rest(start.tracker_state);
-    return start;
+    auto state =
+        std::make_unique<SiteState>(scenario, io::read_snapshot(folder / file.name, &info));
+    state->set_progress(info.tracker_state);
+    return Start{std::move(state), file.updates, file.name, info.parent};
   };
   const std::int64_t updates = Schedule(scenario, config.options.updates, config.ends_s, 0).total();
   if (!recording_is_whole(scenario, journal, updates)) {
     fmt::print("going on from the beginning, for {} to have all\n", kMcapName);
-    return {io::open_site(scenario), 0, ""};
+    return begin_of(config.options, scenario);
   }
   for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
     // Nothing goes on from the last one of a run that was stopped.
@@ -75,7 +74,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     try {
       Start start = start_from(*file);
       // A motion may go on by now where the run came to its end: not from ground at rest.
-      if (start.at_rest && updates != static_cast<std::int64_t>(start.updates)) continue;
+      if (start.state->at_rest && updates != static_cast<std::int64_t>(start.updates)) continue;
       fmt::print("going on from {}\n", file->name);
       return start;
     } catch (const io::InputError& e) {

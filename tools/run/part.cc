@@ -43,11 +43,11 @@ io::Box3 reach_of(const Step& step, const Bucket& bucket, double voxel_size_m) {
 }
 
 Start begin_of(const RunOptions& options, const io::Scenario& scenario) {
-  if (!options.part) return {io::open_site(scenario), 0, ""};
+  if (!options.part) return {std::make_unique<SiteState>(scenario, io::open_site(scenario))};
   const Part& part = *options.part;
   io::SnapshotInfo info;
-  Start start{io::read_snapshot(part.start, &info), 0, std::move(info.tracker_state)};
-  Soil& soil = *start.site.soil;
+  io::Site site = io::read_snapshot(part.start, &info);
+  Soil& soil = *site.soil;
   std::vector<io::Box3> reach(scenario.machines.size());
   Schedule schedule(scenario, options.updates, part.ends_s, kPathTolerance * soil.voxel_size_m(),
                     part);
@@ -57,8 +57,9 @@ Start begin_of(const RunOptions& options, const io::Scenario& scenario) {
   }
   std::erase_if(reach, [](const io::Box3& box) { return box.isEmpty(); });
   keep_within(reach, soil);
-  start.cut_before_m3 = info.cut_m3;
-  return start;
+  auto state = std::make_unique<SiteState>(scenario, std::move(site));
+  if (!info.tracker_state.empty()) state->set_progress(info.tracker_state);
+  return {.state = std::move(state), .cut_before_m3 = info.cut_m3};
 }
 
 }  // namespace soilvdb::tools

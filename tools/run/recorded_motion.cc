@@ -38,7 +38,7 @@ class DugRows {
 
   bool begun() const { return dug_s_ > -std::numeric_limits<double>::infinity(); }
 
-  void check(const io::JournalMove& move) {
+  void check(const io::JournalUpdate& move) {
     const std::vector<double>& times = move.rows.times_s;
     std::optional<Motion> dug;
     for (std::size_t i = 0; i < times.size() && times[i] <= move.end_s; ++i) {
@@ -77,7 +77,7 @@ class DugRows {
       load(part_ + 1, 1);  // parts join
   }
 
-  Pose dug_pose(const io::JournalMove& move, std::optional<Motion>& dug, double time_s) const {
+  Pose dug_pose(const io::JournalUpdate& move, std::optional<Motion>& dug, double time_s) const {
     if (!dug) dug = io::motion_of(move.rows, motion_->chain());
     return dug->pose(time_s);
   }
@@ -88,7 +88,7 @@ class DugRows {
   }
 
   /// The row it is at is none of the journal's; goes on to the next.
-  void check_left_out(const io::JournalMove& move, std::optional<Motion>& dug) {
+  void check_left_out(const io::JournalUpdate& move, std::optional<Motion>& dug) {
     if (all_) refuse(now_s(), "was not there when the rows around it were dug; take it out");
     const double off = off_m(motion_->row(row_), dug_pose(move, dug, now_s()));
     if (off > same_m_)
@@ -173,7 +173,7 @@ void check_recorded_motion(const std::filesystem::path& journal, const io::Scena
   io::JournalReader reader(journal);
   while (const std::optional<io::JournalRecord> record = reader.next()) {
     ended |= std::holds_alternative<io::JournalEnd>(*record);
-    const auto* move = std::get_if<io::JournalMove>(&*record);
+    const auto* move = std::get_if<io::JournalUpdate>(&*record);
     if (!move) continue;
     if (move->machine < rows.size()) {
       DugRows& mine = rows[move->machine];
@@ -183,7 +183,7 @@ void check_recorded_motion(const std::filesystem::path& journal, const io::Scena
     }
     // Rows that come before what others have dug have missed their time.
     const std::optional<Step> step = schedule.next();
-    if (!step || !is_move(*step, *move)) {
+    if (!step || !is_update(*step, *move)) {
       const std::size_t mover = step ? step->machine : move->machine;
       throw io::InputError(
           mover < machines.size() ? machines[mover].motion.file() : scenario.file,

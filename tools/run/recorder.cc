@@ -51,9 +51,9 @@ void Recorder::check() {
   if (!error_.empty()) throw std::runtime_error(error_);
 }
 
-bool Recorder::add(const io::JournalState& state) noexcept {
+bool Recorder::add(const io::JournalUpdate& update) noexcept {
   try {
-    journal_.add(state);
+    journal_.add(update);
     ++updates_;
   } catch (const std::exception& e) {
     failed(e.what());

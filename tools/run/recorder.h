@@ -38,7 +38,7 @@ class Recorder {
   /// Throws what went wrong; then nothing is recorded any more.
   void check();
   /// @return is it recorded, as far as is known? error() says why not.
-  bool add(const io::JournalState& state) noexcept;
+  bool add(const io::JournalUpdate& update) noexcept;
   /// A machine's clock was set: snapshots come due by what it says from then on.
   void begin_schedule_again() { schedule_.begin_again(); }
   /// Is one due after a state at this time? Not before the last is safe: nothing waits for that.

@@ -28,12 +28,6 @@ double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-std::vector<Bucket> buckets(const io::Scenario& scenario) {
-  std::vector<Bucket> all;
-  for (const io::MachineInput& machine : scenario.machines) all.push_back(machine.bucket);
-  return all;
-}
-
 /// Updates of each machine that are handed to the tracker at once, where there are several
 /// machines.
 constexpr std::size_t kRunBatch = 64;
@@ -51,8 +45,8 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       scenario_(std::move(scenario)),
       folder_(folder),
       start_(std::move(start)),
-      tracker_(*start_.site.soil, buckets(scenario_),
-               Earthmoving{scenario_.soil, scenario_.pours, scenario_.hoppers}),
+      state_(*start_.state),
+      tracker_(*state_.tracker),
       schedule_(scenario_, config_.options.updates, config_.ends_s, tracker_.tolerance_m(),
                 config_.options.part),
       step_(schedule_.next()),
@@ -62,15 +56,12 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, Start start
       progress_(scenario_.name, schedule_.total(), " updates"),
       time_s_(schedule_.begin_s()) {
   if (!step_) throw io::InputError(schedule_.stops_at());
-  if (start_.updates > 0 || !start_.tracker_state.empty()) tracker_.restore(start_.tracker_state);
   if (const auto mb = config_.options.memory_mb)
-    start_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
+    state_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
                                    std::make_shared<io::ColdFile>(folder_.path()));
   under_way_.resize(scenario_.machines.size() + scenario_.pours.size());
   if (scenario_.soil) {
     most_load_.resize(under_way_.size());
-    units_ = MassUnits(*scenario_.soil);
-    at_rest_ = start_.at_rest;
     if (start_.updates == 0) config_.mass_before = tracker_.site().ground;
   }
   summary_.scenario = scenario_.name;
@@ -134,78 +125,50 @@ void Run::replay_and_dig() {
   dig();
 }
 
-/// The journal's moves, as many at once as a run digs.
+/// The journal's updates, as many at once as a run makes.
 void Run::replay(io::JournalReader& reader) {
-  const auto next_move = [&]() -> std::optional<io::JournalMove> {
+  const auto next_update = [&]() -> std::optional<io::JournalUpdate> {
     while (std::optional<io::JournalRecord> record = reader.next()) {
-      if (auto* move = std::get_if<io::JournalMove>(&*record)) return std::move(*move);
+      if (auto* update = std::get_if<io::JournalUpdate>(&*record)) return std::move(*update);
     }
     return std::nullopt;
   };
-  std::optional<io::JournalMove> ahead = next_move();
+  std::optional<io::JournalUpdate> ahead = next_update();
   while (ahead) {
     if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
-    std::vector<io::JournalMove> moves;
-    auto count = static_cast<std::uint64_t>(summary_.updates.count());  // updates before `ahead`
-    const bool known = count < start_.updates;                          // to the snapshot
+    std::vector<io::JournalUpdate> updates;
+    const auto first = static_cast<std::uint64_t>(summary_.updates.count());
+    auto count = first;                         // updates before `ahead`
+    const bool known = count < start_.updates;  // to the snapshot
     const auto take = [&] {
       if (!ahead || known != (count < start_.updates)) return false;
-      if (!step_ || !is_move(*step_, *ahead))
-        throw differs(count, *ahead, "is not the one that the scenario has in this place");
+      if (!step_ || !is_update(*step_, *ahead))
+        throw differs(count, *ahead,
+                      UpdateDiffers(0, "is not the one that the scenario has in this place"));
       count += ahead->ends_update;
-      moves.push_back(std::move(*ahead));
-      ahead = next_move();
+      updates.push_back(std::move(*ahead));
+      ahead = next_update();
       return true;
     };
     take();
     const std::vector<Step> batch = next_batch(take);
-    if (!known) dig_again(batch, moves);
-    for (const io::JournalMove& move : moves) book(move);
+    try {
+      if (!known) state_.redo(updates);
+    } catch (const UpdateDiffers& e) {
+      const auto bad = updates.begin() + static_cast<std::ptrdiff_t>(e.index);
+      const auto made = std::count_if(
+          updates.begin(), bad, [](const io::JournalUpdate& update) { return update.ends_update; });
+      throw differs(first + static_cast<std::uint64_t>(made), *bad, e);
+    }
+    for (const io::JournalUpdate& update : updates) book(update);
     after(batch.back());
   }
 }
 
-/// Digs what the journal has, which must cut what it cut then.
-void Run::dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before) {
-  std::vector<Motion> motions;
-  motions.reserve(batch.size());  // they stay where they are
-  std::vector<Move> moves;
-  for (std::size_t i = 0; i < batch.size(); ++i) {
-    const Motion* motion = nullptr;
-    if (batch[i].motion)
-      motion = &motions.emplace_back(io::motion_of(before[i].rows, batch[i].motion->chain()));
-    moves.push_back({batch[i].machine, {}, motion, batch[i].begin_s, batch[i].end_s});
-  }
-  const std::vector<Update> results = move_on(batch, moves);
-  auto count = static_cast<std::uint64_t>(summary_.updates.count());
-  for (std::size_t i = 0; i < batch.size(); ++i) {
-    const io::JournalMove& move = before[i];
-    const bool same_cut = samples(results[i].cut_m3) == move.cut_samples;
-    if (same_cut && mass(results[i].bucket_m3) == move.bucket_samples &&
-        (mass(results[i].spilled_m3) != move.spilled || mass(results[i].slid_m3) != move.slid))
-      throw differs(count, move,
-                    "had soil come down otherwise; it was another version of soilvdb that dug it, "
-                    "or another machine");
-    if (!same_cut || mass(results[i].bucket_m3) != move.bucket_samples) {
-      throw differs(
-          count, move,
-          fmt::format("{} {} m³ and now {} {} m³; it was another version of soilvdb that dug it, "
-                      "or another machine",
-                      same_cut ? "left a load of" : "cut",
-                      same_cut ? loose_m3(move.bucket_samples) : volume_m3(move.cut_samples),
-                      same_cut ? "leaves" : "cuts",
-                      same_cut ? results[i].bucket_m3 : results[i].cut_m3));
-    }
-    count += move.ends_update;
-  }
-}
-
-/// @param count updates before the journal's move
-std::runtime_error Run::differs(std::uint64_t count, const io::JournalMove& move,
-                                const std::string& why) const {
-  return std::runtime_error(fmt::format("{}: update {}, at {} s, {}",
-                                        (folder_.path() / kJournalName).string(), count + 1,
-                                        time_text(move.end_s), why));
+/// @param count updates before the journal's
+std::runtime_error Run::differs(std::uint64_t count, const io::JournalUpdate& update,
+                                const UpdateDiffers& why) const {
+  return tools::differs(folder_.path() / kJournalName, count + 1, update.end_s, why);
 }
 
 /// The next steps, up to one that ground is written down after, or before one that isn't taken.
@@ -232,19 +195,22 @@ void Run::dig() {
     if (!journal_) begin_journal();
     for (std::size_t i = 0; i < batch.size(); ++i) {
       const Step& step = batch[i];
-      const io::JournalMove move{
-          static_cast<std::uint32_t>(step.machine),
-          step.ends_update,
-          step.begin_s,
-          step.end_s,
-          samples(results[i].cut_m3),
-          mass(results[i].bucket_m3),
-          std::llround(kNsPerUs * results[i].us),
-          step.motion ? io::rows_between(*step.motion, step.begin_s, step.end_s) : io::MotionRows(),
-          mass(results[i].spilled_m3),
-          mass(results[i].slid_m3)};
-      journal_->add(move);
-      book(move);
+      const io::JournalUpdate update{
+          .machine = static_cast<std::uint32_t>(step.machine),
+          .ends_update = step.ends_update,
+          .begin_s = step.begin_s,
+          .end_s = step.end_s,
+          .cut_samples = state_.samples(results[i].cut_m3),
+          .bucket_samples = state_.mass(results[i].bucket_m3),
+          .ns = std::llround(kNsPerUs * results[i].us),
+          .rows = step.motion ? io::rows_between(*step.motion, step.begin_s, step.end_s)
+                              : io::MotionRows(),
+          .spilled = state_.mass(results[i].spilled_m3),
+          .slid = state_.mass(results[i].slid_m3),
+          .kind = step.motion ? io::JournalUpdate::Kind::kMove : io::JournalUpdate::Kind::kPour};
+      journal_->add(update);
+      state_.follow(update);
+      book(update);
     }
     after(batch.back());
     stopped_ = stop_requested && step_ && batch.back().ends_update;
@@ -262,24 +228,25 @@ void Run::begin_journal() {
   folder_.remove({kSummaryName});  // without its journal
 }
 
-void Run::book(const io::JournalMove& move) {
-  time_s_ = move.end_s;
-  UnderWay& sum = under_way_[move.machine];
-  sum.ns += move.ns;
-  sum.cut_samples += move.cut_samples;
-  sum.spilled += move.spilled;
-  sum.slid += move.slid;
-  if (!move.ends_update) return;
+void Run::book(const io::JournalUpdate& update) {
+  time_s_ = update.end_s;
+  UnderWay& sum = under_way_[update.machine];
+  sum.ns += update.ns;
+  sum.cut_samples += update.cut_samples;
+  sum.spilled += update.spilled;
+  sum.slid += update.slid;
+  if (!update.ends_update) return;
   const double us = static_cast<double>(sum.ns) / kNsPerUs;
   summary_.updates.add(us);
   std::optional<io::UpdatesCsv::Moved> moved;
   if (scenario_.soil) {
-    most_load_[move.machine] = std::max(most_load_[move.machine], move.bucket_samples);
-    moved = {kg(move.bucket_samples), loose_m3(sum.spilled), loose_m3(sum.slid)};
+    most_load_[update.machine] = std::max(most_load_[update.machine], update.bucket_samples);
+    moved = {state_.kg(update.bucket_samples), state_.loose_m3(sum.spilled),
+             state_.loose_m3(sum.slid)};
   }
-  record_load(move, sum);
-  csv_->add(move.end_s, name_of(move.machine), volume_m3(sum.cut_samples),
-            loose_m3(move.bucket_samples), us, moved);
+  record_load(update, sum);
+  csv_->add(update.end_s, name_of(update.machine), state_.volume_m3(sum.cut_samples),
+            state_.loose_m3(update.bucket_samples), us, moved);
   sum = {};
 }
 

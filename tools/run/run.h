@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -22,32 +23,25 @@
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/io/site.h"
-#include "soilvdb/tracker.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_config.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/run_mcap.h"
 #include "tools/run/schedule.h"
+#include "tools/run/site_state.h"
 #include "tools/run/snapshot_schedule.h"
 #include "tools/run/snapshot_writer.h"
 
 namespace soilvdb::tools {
 
-/// The ground a run begins or goes on with.
+/// What a run begins or goes on with.
 struct Start {
-  io::Site site;
+  std::unique_ptr<SiteState> state;
   std::uint64_t updates = 0;  ///< that it has seen
-  std::string tracker_state;  ///< after those; empty at the beginning
   std::string snapshot = {};  ///< name of the one that it was read from, and what that goes on from
   std::optional<io::SnapshotParent> parent = {};
-  bool at_rest = false;      ///< where soil moves: all has come to rest at the run's end
   double cut_before_m3 = 0;  ///< of a part: by all machines before it
 };
-
-/// Where soil moves a snapshot's tracker state ends with a byte that says Start::at_rest.
-void put_at_rest(std::string& tracker_state, bool at_rest);
-/// Takes it off again and returns it.
-bool take_at_rest(std::string& tracker_state);
 
 /// One run, from checked input to its last file.
 class Run {
@@ -82,28 +76,22 @@ class Run {
   void replay(io::JournalReader& reader);
   std::vector<Update> move_on(std::span<const Step> batch, std::span<const Move> moves);
   void come_to_rest();
-  void dig_again(std::span<const Step> batch, std::span<const io::JournalMove> before);
-  std::runtime_error differs(std::uint64_t count, const io::JournalMove& move,
-                             const std::string& why) const;
+  std::runtime_error differs(std::uint64_t count, const io::JournalUpdate& update,
+                             const UpdateDiffers& why) const;
   void dig();
   void begin_journal();
-  void book(const io::JournalMove& move);
+  void book(const io::JournalUpdate& update);
   std::vector<Step> next_batch(const std::function<bool()>& take);
   const std::string& name_of(std::size_t mover) const;
-  std::int64_t samples(double m3) const;
-  std::int64_t mass(double loose_m3) const;
-  double volume_m3(std::int64_t samples) const;
-  double loose_m3(std::int64_t mass) const;
-  double kg(std::int64_t mass) const;
   bool all_came_to(const Step& now) const;
   void after(const Step& now);
   void begin_recording();
-  void record_load(const io::JournalMove& move, const UnderWay& sum);
+  void record_load(const io::JournalUpdate& update, const UnderWay& sum);
   bool ground_would_be_due(double time_s) const;
   std::vector<Coord3> take_changed(std::vector<Coord3>& taken);
   void go_on_with_snapshots();
   void write_periodic(const std::string& name);
-  io::SnapshotInfo snapshot_info();
+  io::SnapshotInfo snapshot_info() const;
   const io::JournalFile* intact(const std::string& name) const;
   template <typename F>
   void write_final(const std::string& name, F write);
@@ -119,7 +107,8 @@ class Run {
   io::Scenario scenario_;
   RunFolder& folder_;
   Start start_;
-  Tracker tracker_;
+  SiteState& state_;
+  Tracker& tracker_;
   Schedule schedule_;
   std::optional<Step> step_;  ///< the next one
   SnapshotSchedule snapshots_;
@@ -134,9 +123,8 @@ class Run {
   Progress progress_;
   std::vector<UnderWay> under_way_;      // of each machine and pour
   std::vector<std::int64_t> most_load_;  // that each has held
-  MassUnits units_;
-  double time_s_ = 0;  ///< how far the motion has come
-  bool stopped_ = false, at_rest_ = false;
+  double time_s_ = 0;                    ///< how far the motion has come
+  bool stopped_ = false;
 };
 
 /// Has the run whose journal this is left all of its recording, as far as so many updates, or none

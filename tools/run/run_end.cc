@@ -28,13 +28,10 @@ const io::JournalFile* Run::intact(const std::string& name) const {
   return nullptr;
 }
 
-io::SnapshotInfo Run::snapshot_info() {
-  const Ledger total = tracker_.total();
-  io::SnapshotInfo info{
-      scenario_.name,       time_s_,           total.cut_m3(),  total.captured_m3(),
-      total.displaced_m3(), total.dumped_m3(), tracker_.state()};
+io::SnapshotInfo Run::snapshot_info() const {
+  io::SnapshotInfo info = state_.snapshot_info(time_s_);
+  info.scenario = scenario_.name;
   info.surface = !config_.options.part;
-  if (scenario_.soil) put_at_rest(info.tracker_state, at_rest_);
   return info;
 }
 
@@ -59,7 +56,7 @@ void Run::write_periodic(const std::string& name) {
     const io::JournalFile file = there ? *there : io::JournalFile{name, count};
     const std::vector<Coord3> changed =
         scenario_.incremental_snapshots ? take_changed(for_snapshot_) : std::vector<Coord3>();
-    writer_.write(file, there != nullptr, changed, start_.site, snapshot_info(), *journal_);
+    writer_.write(file, there != nullptr, changed, state_.site, snapshot_info(), *journal_);
   } else if (there) {
     folder_.done(name);
   }
@@ -82,7 +79,7 @@ void Run::write_final(const std::string& name, F write) {
 void Run::finish() {
   writer_.finish();
   journal_->flush();  // what is written over here is outdated by it
-  const Soil& soil = *start_.site.soil;
+  const Soil& soil = *state_.site.soil;
   write_final(kUpdatesName, [&](const auto&) { csv_->close(); });
   csv_.reset();
   if (mcap_)
@@ -92,7 +89,7 @@ void Run::finish() {
   mcap_.reset();
   if (config_.options.snapshots)
     write_final(kFinalName,
-                [&](const auto& file) { io::write_snapshot(file, start_.site, snapshot_info()); });
+                [&](const auto& file) { io::write_snapshot(file, state_.site, snapshot_info()); });
   const bool mesh = config_.options.mesh && scenario_.mesh;
   if (soil.chunks().empty()) {
     say(fmt::format(
@@ -103,12 +100,12 @@ void Run::finish() {
   } else {
     if (mesh)
       write_final("soil_final." + *scenario_.mesh, [&](const auto& file) {
-        io::write_mesh(file, mesh_all(soil), soil.origin(), start_.site.crs_wkt);
+        io::write_mesh(file, mesh_all(soil), soil.origin(), state_.site.crs_wkt);
       });
     if (scenario_.raster_cell_m)
       write_final("soil_final.tif", [&](const auto& file) {
         write_surface_raster(file, soil, io::footprint(soil, false), *scenario_.raster_cell_m,
-                             start_.site.crs_wkt);
+                             state_.site.crs_wkt);
       });
   }
   summarise();
@@ -125,7 +122,7 @@ void Run::finish() {
 }
 
 void Run::summarise() {
-  Books books{*start_.site.soil,        scenario_.soil,     tracker_.total(), tracker_.site(), {},
+  Books books{*state_.site.soil,        scenario_.soil,     tracker_.total(), tracker_.site(), {},
               config_.change_before_m3, config_.mass_before};
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const io::MachineInput& machine = scenario_.machines[i];
@@ -134,7 +131,7 @@ void Run::summarise() {
   }
   put_books(books, summary_);
   if (config_.change_before_m3 == 0 && !config_.options.part) {
-    const io::CutAndFill net = io::cut_and_fill(*start_.site.soil);
+    const io::CutAndFill net = io::cut_and_fill(*state_.site.soil);
     summary_.net = {net.cut_m3, net.fill_m3};
   }
   if (scenario_.soil) warn_of_soil();

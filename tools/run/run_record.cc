@@ -22,19 +22,19 @@ bool recording_is_whole(const io::Scenario& scenario, const io::JournalContent& 
 
 void Run::begin_recording() {
   if (!scenario_.mcap || start_.updates > 0) return;
-  mcap_.emplace(folder_.path() / kMcapName, scenario_, start_.site, schedule_.begin_s(),
+  mcap_.emplace(folder_.path() / kMcapName, scenario_, state_.site, schedule_.begin_s(),
                 schedule_.end_s());
   take_changed(for_mcap_);  // it begins with all that there is
   cut_samples_.resize(scenario_.machines.size());
 }
 
-void Run::record_load(const io::JournalMove& move, const UnderWay& sum) {
-  if (!mcap_ || move.machine >= cut_samples_.size()) return;
+void Run::record_load(const io::JournalUpdate& update, const UnderWay& sum) {
+  if (!mcap_ || update.machine >= cut_samples_.size()) return;
   SoilMcap::Load load;
-  load.bucket_m3 = loose_m3(move.bucket_samples);
-  load.cut_m3 = volume_m3(cut_samples_[move.machine] += sum.cut_samples);
-  if (scenario_.soil) load.bucket_kg = kg(move.bucket_samples);
-  mcap_->load(move.end_s, move.machine, load);
+  load.bucket_m3 = state_.loose_m3(update.bucket_samples);
+  load.cut_m3 = state_.volume_m3(cut_samples_[update.machine] += sum.cut_samples);
+  if (scenario_.soil) load.bucket_kg = state_.kg(update.bucket_samples);
+  mcap_->load(update.end_s, update.machine, load);
 }
 
 bool Run::ground_would_be_due(double time_s) const {

@@ -3,30 +3,11 @@
 // What a run does besides, where soil moves: pours, and rest at the end.
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "io/file/text.h"
 #include "tools/run/run.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
-namespace {
-
-constexpr char kAtRest = 'R', kUnderWay = 'U';  // last byte of a state where soil moves
-
-}  // namespace
-
-void put_at_rest(std::string& tracker_state, bool at_rest) {
-  tracker_state += at_rest ? kAtRest : kUnderWay;
-}
-
-bool take_at_rest(std::string& tracker_state) {
-  if (tracker_state.empty()) return false;
-  const char last = tracker_state.back();
-  tracker_state.pop_back();
-  return last == kAtRest;
-}
-
 /// One update per step: machines as many at once as there are between pours.
 std::vector<Update> Run::move_on(std::span<const Step> batch, std::span<const Move> moves) {
   if (scenario_.pours.empty()) return tracker_.update(moves);
@@ -49,9 +30,9 @@ std::vector<Update> Run::move_on(std::span<const Step> batch, std::span<const Mo
 
 /// At the end of the run, once: ground that was read from there is at rest.
 void Run::come_to_rest() {
-  if (!scenario_.soil || stopped_ || at_rest_) return;
+  if (!scenario_.soil || stopped_ || state_.at_rest) return;
   tracker_.come_to_rest(time_s_);
-  at_rest_ = true;
+  state_.at_rest = true;
 }
 
 const std::string& Run::name_of(std::size_t mover) const {
@@ -59,30 +40,10 @@ const std::string& Run::name_of(std::size_t mover) const {
   return mover < machines ? scenario_.machines[mover].name : scenario_.pours[mover - machines].name;
 }
 
-std::int64_t Run::samples(double m3) const {
-  return std::llround(m3 / start_.site.soil->sample_m3());
-}
-
-std::int64_t Run::mass(double loose_m3) const {
-  return std::llround(loose_m3 / start_.site.soil->sample_m3() * static_cast<double>(units_.loose));
-}
-
-double Run::volume_m3(std::int64_t samples) const {
-  return static_cast<double>(samples) * start_.site.soil->sample_m3();
-}
-
-double Run::loose_m3(std::int64_t mass) const {
-  return units_.loose_samples(mass) * start_.site.soil->sample_m3();
-}
-
-double Run::kg(std::int64_t mass) const {
-  return units_.kg(mass, start_.site.soil->sample_m3(), *scenario_.soil);
-}
-
 void Run::warn_of_soil() {
   if (const std::int64_t astray = tracker_.site().astray; astray > 0)
     say(fmt::format("warning: {} m³ fell where the terrain has no ground and are lost to the site",
-                    number(loose_m3(astray))));
+                    number(state_.loose_m3(astray))));
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const Ledger& ledger = tracker_.ledger(i);
     // What stays in a bucket that was tipped is less. One that never dumps was warned of already.

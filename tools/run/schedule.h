@@ -26,10 +26,10 @@ struct Step {
   bool ends_update = true;
 };
 
-/// Is a step the one that a journal's move was, to the last bit of its times?
-inline bool is_move(const Step& step, const io::JournalMove& move) {
-  return step.machine == move.machine && io::same_bits(step.begin_s, move.begin_s) &&
-         io::same_bits(step.end_s, move.end_s);
+/// Is a step the one that a journal's update was, to the last bit of its times?
+inline bool is_update(const Step& step, const io::JournalUpdate& update) {
+  return step.machine == update.machine && io::same_bits(step.begin_s, update.begin_s) &&
+         io::same_bits(step.end_s, update.end_s);
 }
 
 /// The updates of several machines, merged by the time at which they end; at equal times in the

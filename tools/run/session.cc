@@ -33,11 +33,6 @@ io::Site open_checked(const SessionSite& site) {
 
 constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
 
-/// Up to where pours come down before a machine moves at that time: it goes first.
-double just_before(double time_s) {
-  return std::nextafter(time_s, -std::numeric_limits<double>::infinity());
-}
-
 /// The reason in a result, or none if there is no memory for it.
 template <typename Result>
 Result refused(Status status, const std::string& why) noexcept {
@@ -55,23 +50,19 @@ Result refused(Status status, const std::string& why) noexcept {
 Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
 
 Session::Session(SessionSite site)
-    : state_(std::make_unique<State>(std::move(site.machines), std::move(site.earthmoving),
-                                     open_checked(site))) {}
+    : state_(std::make_unique<State>(tools::SiteState(
+          std::move(site.machines), std::move(site.earthmoving), open_checked(site)))) {}
 
-Session Session::open(const std::filesystem::path& file) {
-  const io::Scenario scenario = io::read_scenario(file, {}, io::Motions::kOptional);
-  std::vector<SessionMachine> machines;
-  for (const io::MachineInput& machine : scenario.machines)
-    machines.push_back({machine.name, machine.bucket, machine.chain});
-  auto state = std::make_unique<State>(std::move(machines),
-                                       Earthmoving{scenario.soil, scenario.pours, scenario.hoppers},
-                                       io::open_site(scenario));
-  state->recording = {.folder = {},
-                      .sync_s = scenario.journal_sync_s,
-                      .snapshot_every_s = scenario.snapshot_every_s,
-                      .incremental = scenario.incremental_snapshots,
-                      .keep = scenario.snapshots_kept};
-  state->scenario = std::filesystem::absolute(file);
+Session Session::open(const std::filesystem::path& file, std::optional<double> voxel_size_m) {
+  io::Scenario scenario = io::read_scenario(file, {}, io::Motions::kOptional);
+  if (voxel_size_m) scenario.voxel_size_m = *voxel_size_m;
+  auto state = std::make_unique<State>(tools::SiteState(scenario, io::open_site(scenario)));
+  state->settings.recording = {.folder = {},
+                               .sync_s = scenario.journal_sync_s,
+                               .snapshot_every_s = scenario.snapshot_every_s,
+                               .incremental = scenario.incremental_snapshots,
+                               .keep = scenario.snapshots_kept};
+  state->settings.scenario = std::filesystem::absolute(file);
   return Session(std::move(state));
 }
 
@@ -147,37 +138,50 @@ Result Session::State::guarded(const Work& work) noexcept {
 /// What was fed goes to the journal. Where that can't be known to be on disk although it must, the
 /// result says so.
 template <typename Result>
-void Session::State::record(const io::JournalState& state, Result& made) {
+void Session::State::record(const io::JournalUpdate& update, Result& made) {
   ++fed_count;
   if (!recorder) return;
-  if (!recorder->add(state) && recording.sync_s == 0) {
+  if (!recorder->add(update) && settings.recording.sync_s == 0) {
     made.status = Status::kFailed;
     made.why = recorder->error();
   }
 }
 
+/// @param before where the machine was fed to before
 template <typename Result>
-void Session::State::record(const MachineState& state, const Update& update, Result& made) {
-  using Kind = io::JournalState::Kind;
+void Session::State::record(const MachineState& state, const Fed& before, const Update& update,
+                            Result& made) {
   if (!recorder) {
     ++fed_count;
     return;
   }
-  io::JournalState now{.kind = state.joints.empty() ? Kind::kPose : Kind::kJoints,
-                       .machine = static_cast<std::uint32_t>(state.machine),
-                       .time_s = state.time_s,
-                       .values = {state.joints.begin(), state.joints.end()},
-                       .cut_samples = samples(update.cut_m3),
-                       .bucket_samples = mass(update.bucket_m3),
-                       .ns = std::llround(1e3 * update.us),
-                       .spilled = mass(update.spilled_m3),
-                       .slid = mass(update.slid_m3)};
-  if (now.values.empty()) {
-    const Vec3& p = state.pose.position;
-    const auto& q = state.pose.rotation.coeffs();
-    now.values = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
-  }
-  record(now, made);
+  io::MotionRows rows;
+  rows.joints = !state.joints.empty();
+  const auto add = [&](double time_s, const Pose& pose, std::span<const double> joints) {
+    rows.times_s.push_back(time_s);
+    if (rows.joints) {
+      rows.values.insert(rows.values.end(), joints.begin(), joints.end());
+    } else {
+      const Vec3& p = pose.position;
+      const auto& q = pose.rotation.coeffs();
+      rows.values.insert(rows.values.end(), {p[0], p[1], p[2], q[0], q[1], q[2], q[3]});
+    }
+  };
+  const bool on_time = state.time_s > before.time_s;
+  if (on_time && before.joints.empty() != rows.joints)
+    add(before.time_s, before.pose, before.joints);
+  add(state.time_s, state.pose, state.joints);
+  rows.columns = rows.values.size() / rows.times_s.size();
+  record({.machine = static_cast<std::uint32_t>(state.machine),
+          .begin_s = on_time ? before.time_s : kNoTime,
+          .end_s = state.time_s,
+          .cut_samples = samples(update.cut_m3),
+          .bucket_samples = mass(update.bucket_m3),
+          .ns = std::llround(1e3 * update.us),
+          .rows = std::move(rows),
+          .spilled = mass(update.spilled_m3),
+          .slid = mass(update.slid_m3)},
+         made);
 }
 
 BatchResult Session::update(std::span<const MachineState> states) noexcept {
@@ -188,8 +192,10 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
     std::vector<State::Fed> fed = s.fed;
     std::deque<Motion> motions;
     std::vector<Move> moves;
+    std::vector<State::Fed> before;  // each state
     for (; at < states.size(); ++at) {
       s.require(states[at].machine);
+      before.push_back(fed[states[at].machine]);
       moves.push_back(s.move(*this, states[at], fed[states[at].machine], motions));
     }
     if (const std::optional<BadMove> bad = s.tracker->find_bad(moves)) {
@@ -204,14 +210,14 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       made.updates = s.tracker->update(moves);
     } else {
       for (std::size_t i = 0; i < moves.size(); ++i) {
-        if (!std::isnan(states[i].time_s)) s.pour(just_before(states[i].time_s));
+        s.pour_before(states[i].time_s);
         made.updates.push_back(s.tracker->update(std::span(moves).subspan(i, 1)).front());
       }
     }
     s.fed = std::move(fed);
     double due_s = kNoTime;  // as one by one, but all of them are in it
     for (std::size_t i = 0; i < states.size(); ++i) {
-      s.record(states[i], made.updates[i], made);
+      s.record(states[i], before[i], made.updates[i], made);
       if (s.is_snapshot_due(states[i].time_s)) due_s = std::fmax(due_s, states[i].time_s);
     }
     if (!std::isnan(due_s)) s.write_snapshot(due_s);
@@ -239,7 +245,7 @@ StepResult Session::update(const MachineState& state) noexcept {
         return made;
       }
       moving = true;
-      if (!std::isnan(state.time_s)) s.pour(just_before(state.time_s));
+      s.pour_before(state.time_s);
     }
     try {
       made.update = move.motion != nullptr
@@ -253,8 +259,8 @@ StepResult Session::update(const MachineState& state) noexcept {
       moving = true;
       throw;
     }
-    s.fed[state.machine] = std::move(fed);
-    s.record(state, made.update, made);
+    std::swap(s.fed[state.machine], fed);
+    s.record(state, fed, made.update, made);
     if (s.is_snapshot_due(state.time_s)) s.write_snapshot(state.time_s);
     return made;
   });
@@ -267,7 +273,7 @@ StepResult Session::pour(double until_s) noexcept {
     StepResult made;
     moving = true;
     state_->pour(until_s);
-    state_->record({io::JournalState::Kind::kPours, 0, until_s}, made);
+    state_->record({.end_s = until_s, .kind = io::JournalUpdate::Kind::kPours}, made);
     if (state_->is_snapshot_due(until_s)) state_->write_snapshot(until_s);
     return made;
   });
@@ -280,7 +286,9 @@ StepResult Session::reset_clock(std::size_t machine) noexcept {
     s.require_room();
     StepResult made;
     s.fed[machine].time_s = kNoTime;
-    s.record({io::JournalState::Kind::kClock, static_cast<std::uint32_t>(machine), kNoTime}, made);
+    s.record(
+        {.machine = static_cast<std::uint32_t>(machine), .kind = io::JournalUpdate::Kind::kClock},
+        made);
     if (s.recorder) s.recorder->begin_schedule_again();
     return made;
   });
@@ -292,7 +300,7 @@ StepResult Session::come_to_rest() noexcept {
     StepResult made;
     moving = true;
     made.update = state_->tracker->come_to_rest(state_->last_s());
-    state_->record({io::JournalState::Kind::kRest, 0, state_->last_s()}, made);
+    state_->record({.end_s = state_->last_s(), .kind = io::JournalUpdate::Kind::kRest}, made);
     return made;
   });
 }

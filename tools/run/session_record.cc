@@ -26,8 +26,8 @@ using Json = nlohmann::json;
 using tools::kJournalName;
 
 constexpr int kRecordFormat = 1;
-/// States that are dug at once while a recording is gone on with.
-constexpr std::size_t kRecordBatch = 256;
+/// Updates that are made again at once.
+constexpr std::size_t kReplayBatch = 256;
 
 /// @throw io::InputError unless a journal is of a session of this site
 void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
@@ -47,14 +47,6 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
                             what));
 }
 
-[[noreturn]] void differs(const fs::path& journal, std::uint64_t update, double time_s,
-                          const std::string& why) {
-  throw std::runtime_error(fmt::format(
-      "{}: update {}, at {} s, {}; it was another version of soilvdb that dug it, or the site "
-      "isn't as it was",
-      journal.string(), update, tools::time_text(time_s), why));
-}
-
 }  // namespace
 
 /// The newest good ground of a recording, and what leads there.
@@ -65,104 +57,69 @@ struct Session::State::Found {
 };
 
 /// Goes on to the newest snapshot that is good, if there is one.
+/// @param files snapshots, by updates
+/// @param whole may it be of soil at rest, as at a run's end?
 Session::State::Found Session::State::find_start(const fs::path& folder,
-                                                 const io::JournalContent& journal) {
-  Found found;
-  std::vector<io::JournalFile> good;
-  for (const tools::RunFile& file : tools::check_files(folder, journal))
-    if (file.fault.empty() && tools::is_periodic(file.known.name)) good.push_back(file.known);
-  for (; !good.empty(); good.pop_back()) {
+                                                 std::vector<io::JournalFile> files, bool whole) {
+  for (; !files.empty(); files.pop_back()) {
+    const io::JournalFile& file = files.back();
+    if (file.updates == 0 || !tools::fault_of(folder / file.name, file).empty()) continue;
     try {
       io::SnapshotInfo info;
-      State there(machines, earthmoving, io::read_snapshot(folder / good.back().name, &info));
+      SiteState there(machines, earthmoving, io::read_snapshot(folder / file.name, &info));
       there.set_progress(info.tracker_state);
-      there.recording = recording;
-      there.scenario = scenario;
-      there.memory_bytes = memory_bytes;
-      there.cold_folder = cold_folder;
-      there.limit_memory();
-      there.note_changes();
-      *this = std::move(there);
-      return {good.back().updates, std::move(good), info.parent};
+      if (there.at_rest && !whole) continue;
+      become(std::move(there));
+      const std::uint64_t updates = file.updates;
+      return {updates, std::move(files), info.parent};
     } catch (const io::InputError&) {
     } catch (const std::invalid_argument&) {
     }  // the journal holds what it held, too
   }
-  return found;
+  return {};
 }
 
-/// Feeds what a journal holds beyond a snapshot, up to so many updates.
-void Session::replay(const fs::path& journal, std::uint64_t from, std::uint64_t to,
-                     tools::SnapshotSchedule& schedule,
-                     const std::function<void(const io::JournalExtent&)>& progress) {
+/// Does what a journal holds beyond a snapshot, up to so many updates.
+void Session::State::replay(const fs::path& journal, std::uint64_t from, std::uint64_t to,
+                            tools::SnapshotSchedule& schedule,
+                            const std::function<void(const io::JournalExtent&)>& progress) {
   io::JournalReader reader(journal);
   io::JournalExtent at;
-  std::vector<io::JournalState> batch;
-  const auto feed = [&] {
-    if (batch.empty()) return;
-    const std::uint64_t before = at.updates - batch.size();
-    std::vector<MachineState> states;
-    for (const io::JournalState& fed : batch) {
-      MachineState& state = states.emplace_back();
-      state.machine = fed.machine;
-      state.time_s = fed.time_s;
-      const std::vector<double>& v = fed.values;
-      const bool joints = fed.kind == io::JournalState::Kind::kJoints;
-      if (joints ? v.empty() : v.size() != 7)
-        throw io::InputError(journal, "holds a state that is neither a pose nor joints");
-      if (joints)
-        state.joints = v;
-      else
-        state.pose = {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
+  std::vector<io::JournalUpdate> batch;
+  std::uint64_t before = 0;  // updates before the batch
+  const auto make = [&] {
+    try {
+      redo(batch);
+    } catch (const tools::UpdateDiffers& e) {
+      const auto bad = batch.begin() + static_cast<std::ptrdiff_t>(e.index);
+      before += static_cast<std::uint64_t>(std::count_if(
+          batch.begin(), bad, [](const io::JournalUpdate& made) { return made.ends_update; }));
+      throw tools::differs(journal, before + 1, bad->end_s, e);
     }
-    const BatchResult result = update(states);
-    if (!result.ok())
-      differs(journal, before + result.bad + 1, batch[result.bad].time_s,
-              "can't be made any more: " + result.why);
-    const State& s = *state_;
-    for (std::size_t i = 0; i < batch.size(); ++i) {
-      if (s.samples(result.updates[i].cut_m3) != batch[i].cut_samples)
-        differs(journal, before + i + 1, batch[i].time_s, "cuts something else now");
-      if (s.mass(result.updates[i].bucket_m3) != batch[i].bucket_samples)
-        differs(journal, before + i + 1, batch[i].time_s, "leaves another load now");
-    }
+    if (!batch.empty() && progress) progress(at);
     batch.clear();
-    if (progress) progress(at);
+    before = at.updates;
   };
   while (std::optional<io::JournalRecord> record = reader.next()) {
-    auto* fed = std::get_if<io::JournalState>(&*record);
-    if (fed == nullptr) continue;  // a file
+    auto* update = std::get_if<io::JournalUpdate>(&*record);
+    if (update == nullptr) continue;  // a file
     if (at.updates == to) break;
-    at.add(*fed);
-    if (fed->kind == io::JournalState::Kind::kClock) schedule.begin_again();
-    if (std::isfinite(fed->time_s)) schedule.due(fed->time_s);
-    if (at.updates <= from) continue;
-    const double time_s = fed->time_s;
-    switch (fed->kind) {
-      case io::JournalState::Kind::kPose:
-      case io::JournalState::Kind::kJoints:
-        batch.push_back(std::move(*fed));
-        if (batch.size() == kRecordBatch) feed();
-        break;
-      case io::JournalState::Kind::kPours:
-      case io::JournalState::Kind::kRest:
-      case io::JournalState::Kind::kClock: {
-        --at.updates;
-        feed();
-        ++at.updates;
-        const StepResult result = fed->kind == io::JournalState::Kind::kPours ? pour(time_s)
-                                  : fed->kind == io::JournalState::Kind::kRest
-                                      ? come_to_rest()
-                                      : reset_clock(fed->machine);
-        if (!result.ok()) differs(journal, at.updates, time_s, "can't be made: " + result.why);
-        break;
-      }
+    const bool known = at.updates < from;
+    at.add(*update);
+    if (update->kind == io::JournalUpdate::Kind::kClock) schedule.begin_again();
+    if (std::isfinite(update->end_s)) schedule.due(update->end_s);
+    if (known) {
+      if (update->machine < machines.size()) follow(*update);
+      before = at.updates;
+      continue;
     }
+    batch.push_back(std::move(*update));
+    if (batch.size() == kReplayBatch) make();
   }
-  feed();
+  make();
 }
 
-const Recording& Session::recording() const { return state_->recording; }
+const Recording& Session::recording() const { return state_->settings.recording; }
 
 io::JournalExtent Session::record(const Recording& given,
                                   const std::function<void(const io::JournalExtent&)>& progress) {
@@ -191,15 +148,13 @@ io::JournalExtent Session::record(const Recording& given,
     // All happens to a copy, which replaces this once nothing can go wrong any more.
     Session next(std::make_unique<State>(s));
     State& n = *next.state_;
-    n.recording = recording;
-    n.memory_bytes = s.memory_bytes;
-    n.cold_folder = s.cold_folder;
+    n.settings.recording = recording;
     n.limit_memory();
     tools::SnapshotSchedule schedule(recording.snapshot_every_s);
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
       Json all = {{"session", kRecordFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
-      if (!s.scenario.empty()) all["scenario"] = s.scenario.string();
+      if (!s.settings.scenario.empty()) all["scenario"] = s.settings.scenario.string();
       const std::uint64_t size = io::begin_journal(journal, {io::to_cbor(all)});
       if (recording.incremental) n.unsaved.emplace();
       n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, size,
@@ -218,9 +173,12 @@ io::JournalExtent Session::record(const Recording& given,
                       content.good_bytes, tools::time_text(content.done.time_s),
                       content.good_bytes));
     folder->clear();
-    const State::Found start = n.find_start(recording.folder, content);
+    std::vector<io::JournalFile> good;
+    for (const tools::RunFile& file : tools::check_files(recording.folder, content))
+      if (file.fault.empty() && tools::is_periodic(file.known.name)) good.push_back(file.known);
+    const State::Found start = n.find_start(recording.folder, std::move(good), false);
     if (recording.incremental) n.unsaved.emplace();
-    next.replay(journal, start.updates, content.done.updates, schedule, progress);
+    n.replay(journal, start.updates, content.done.updates, schedule, progress);
     n.fed_count = content.done.updates;
     n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, content.good_bytes,
                                                    content.done, schedule);
@@ -239,13 +197,23 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
     throw std::invalid_argument("a recording is gone along from before the first state");
   const fs::path journal = folder / kJournalName;
   io::JournalContent content = io::read_journal(journal);
-  require_same_site(content.config.text, s.description(/*ground=*/true), folder);
+  if (tools::is_of_session(content.config.text))
+    require_same_site(content.config.text, s.description(/*ground=*/true), folder);
+  else
+    tools::parse_run_config(content.config.text, folder);  // its inputs are as they were
   const std::uint64_t until = io::updates_until(journal, time_s);
-  std::erase_if(content.files, [&](const io::JournalFile& file) { return file.updates > until; });
+  const bool whole = content.ended && until == content.done.updates;
+  std::erase_if(content.files, [&](const io::JournalFile& file) {
+    return file.updates > until ||
+           !(tools::is_periodic(file.name) || file.name == tools::kFinalName);
+  });
   Session there(std::make_unique<State>(s));
-  const State::Found start = there.state_->find_start(folder, content);
+  State& t = *there.state_;
+  const State::Found start = t.find_start(folder, std::move(content.files), whole);
   tools::SnapshotSchedule none({});
-  there.replay(journal, start.updates, until, none, {});
+  t.replay(journal, start.updates, until, none, {});
+  if (whole && t.earthmoving.soil && !t.at_rest) t.tracker->come_to_rest(content.done.time_s);
+  t.fed_count = until;
   return there;
 }
 
@@ -268,13 +236,14 @@ void Session::limit_memory(std::uint64_t bytes, const fs::path& folder) {
   // Others are made there by and by, wherever the program goes meanwhile.
   const fs::path place = folder.empty() ? folder : fs::absolute(folder);
   state_->site.soil->limit_memory(bytes, std::make_shared<io::ColdFile>(place));
-  state_->memory_bytes = bytes;
-  state_->cold_folder = place;
+  state_->settings.memory_bytes = bytes;
+  state_->settings.cold_folder = place;
 }
 
 void Session::State::limit_memory() {
-  if (memory_bytes == 0) return;
-  site.soil->limit_memory(memory_bytes, std::make_shared<io::ColdFile>(cold_folder));
+  const std::uint64_t bytes = settings.memory_bytes;
+  if (bytes > 0)
+    site.soil->limit_memory(bytes, std::make_shared<io::ColdFile>(settings.cold_folder));
 }
 
 }  // namespace soilvdb::inline v0

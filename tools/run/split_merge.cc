@@ -19,11 +19,11 @@
 #include "soilvdb/io/checksum.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/tracker.h"
 #include "tools/run/run_config.h"
 #include "tools/run/run_files.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/schedule.h"
+#include "tools/run/site_state.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -73,10 +73,8 @@ void check_part(const RunOptions& options, std::int64_t updates) {
 class Whole {
  public:
   Whole(const fs::path& start, const io::Scenario& scenario)
-      : site_(io::read_snapshot(start, &info_)),
-        before_(site_.soil->clone()),
-        tracker_(*site_.soil, buckets(scenario)) {
-    if (!info_.tracker_state.empty()) tracker_.restore(info_.tracker_state);
+      : state_(scenario, io::read_snapshot(start, &info_)), before_(state_.site.soil->clone()) {
+    if (!info_.tracker_state.empty()) state_.set_progress(info_.tracker_state);
   }
 
   void put(const fs::path& part, const std::vector<std::size_t>& machines) {
@@ -86,33 +84,21 @@ class Whole {
       if (same(*site.soil, *before_, chunk->origin)) continue;
       const auto [other, first] = changed_by_.emplace(chunk->origin, part);
       if (!first) refuse(other->second, part, chunk->origin);
-      SoilWriter(*site_.soil).copy_from(*site.soil, chunk->origin);
+      SoilWriter(*state_.site.soil).copy_from(*site.soil, chunk->origin);
     }
-    tracker_.restore(info.tracker_state, machines);
+    state_.set_progress(info.tracker_state, machines);
   }
 
   void write(const fs::path& file, const std::string& scenario, double time_s, bool surface) const {
-    const Ledger total = tracker_.total();
-    io::SnapshotInfo info{scenario,
-                          time_s,
-                          total.cut_m3(),
-                          total.captured_m3(),
-                          total.displaced_m3(),
-                          total.dumped_m3(),
-                          tracker_.state()};
+    io::SnapshotInfo info = state_.snapshot_info(time_s);
+    info.scenario = scenario;
     info.surface = surface;
-    io::write_snapshot(file, site_, info);
+    io::write_snapshot(file, state_.site, info);
   }
 
  private:
-  static std::vector<Bucket> buckets(const io::Scenario& scenario) {
-    std::vector<Bucket> all;
-    for (const io::MachineInput& machine : scenario.machines) all.push_back(machine.bucket);
-    return all;
-  }
-
   [[noreturn]] void refuse(const fs::path& a, const fs::path& b, const Coord3& chunk) const {
-    const Vec3 at = site_.soil->world_from_index(chunk.cast<double>());
+    const Vec3 at = state_.site.soil->world_from_index(chunk.cast<double>());
     throw std::runtime_error(fmt::format(
         "{} and {} both changed the ground at {}, {}, {} m, so they weren't apart; remove both and "
         "dig them again",
@@ -120,16 +106,15 @@ class Whole {
   }
 
   io::SnapshotInfo info_;
-  io::Site site_;
+  SiteState state_;
   std::unique_ptr<Soil> before_;
-  Tracker tracker_;
   std::map<Coord3, fs::path, Before> changed_by_;
 };
 
-/// The moves of a part, one after another.
-class PartMoves {
+/// The updates of a part, one after another.
+class PartUpdates {
  public:
-  PartMoves(const fs::path& part, std::vector<std::size_t> machines)
+  PartUpdates(const fs::path& part, std::vector<std::size_t> machines)
       : file_(part / kJournalName), machines_(std::move(machines)), reader_(new Reader(file_)) {
     advance();
   }
@@ -137,15 +122,15 @@ class PartMoves {
   bool has(std::size_t machine) const {
     return std::find(machines_.begin(), machines_.end(), machine) != machines_.end();
   }
-  io::JournalMove take(const Step& step) {
-    if (!next_ || !is_move(step, *next_))
+  io::JournalUpdate take(const Step& step) {
+    if (!next_ || !is_update(step, *next_))
       throw std::runtime_error(fmt::format(
           "{}: has another move than the scenario at {} s; the motions have changed since it was "
           "split: put them back, or split it anew",
           file_.string(), time_text(step.end_s)));
-    io::JournalMove move = std::move(*next_);
+    io::JournalUpdate update = std::move(*next_);
     advance();
-    return move;
+    return update;
   }
 
  private:
@@ -153,8 +138,8 @@ class PartMoves {
   void advance() {
     next_.reset();
     while (std::optional<io::JournalRecord> record = reader_->next()) {
-      if (auto* move = std::get_if<io::JournalMove>(&*record)) {
-        next_ = std::move(*move);
+      if (auto* update = std::get_if<io::JournalUpdate>(&*record)) {
+        next_ = std::move(*update);
         return;
       }
     }
@@ -163,10 +148,10 @@ class PartMoves {
   fs::path file_;
   std::vector<std::size_t> machines_;
   std::unique_ptr<Reader> reader_;
-  std::optional<io::JournalMove> next_;
+  std::optional<io::JournalUpdate> next_;
 };
 
-/// All parts' moves, in the order of the whole, into a journal.
+/// All parts' updates, in the order of the whole, into a journal.
 /// @return how many updates they are
 std::uint64_t join_journals(const fs::path& folder, const SplitPlan& plan,
                             const io::Scenario& scenario, io::JournalWriter& journal) {
@@ -175,13 +160,13 @@ std::uint64_t join_journals(const fs::path& folder, const SplitPlan& plan,
   std::uint64_t count = 0;
   std::optional<Step> step = schedule.next();
   for (std::size_t w = 0; w < plan.windows.size(); ++w) {
-    std::vector<PartMoves> parts;
+    std::vector<PartUpdates> parts;
     for (std::size_t p = 0; p < plan.windows[w].parts.size(); ++p)
       parts.emplace_back(*part_options(folder, plan, w, p).out,
                          numbers_of(plan.windows[w].parts[p].machines, scenario));
-    const auto left = [](const PartMoves& part) { return !part.at_end(); };
+    const auto left = [](const PartUpdates& part) { return !part.at_end(); };
     while (std::any_of(parts.begin(), parts.end(), left)) {
-      const auto of = [&](const PartMoves& part) { return step && part.has(step->machine); };
+      const auto of = [&](const PartUpdates& part) { return step && part.has(step->machine); };
       const auto part = std::find_if(parts.begin(), parts.end(), of);
       if (part == parts.end())
         throw std::runtime_error(

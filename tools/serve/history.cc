@@ -16,7 +16,6 @@
 #include "soilvdb/io/journal.h"
 #include "tools/run/run_config.h"
 #include "tools/run/run_folder.h"
-#include "tools/run/run_past.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -67,11 +66,12 @@ class RecordedHistory : public History {
     while (left > 0) {
       std::optional<io::JournalRecord> record = reader.next();
       if (!record) break;
-      auto* fed = std::get_if<io::JournalState>(&*record);
-      if (fed == nullptr) continue;
-      if (fed->time_s > time_s) fed->time_s = std::nan("");  // of a clock that was ahead
-      log.add(*fed);
-      --left;
+      auto* update = std::get_if<io::JournalUpdate>(&*record);
+      if (update == nullptr) continue;
+      if (update->end_s > time_s)  // of a clock that was ahead
+        update->begin_s = update->end_s = std::nan("");
+      log.add(*update);
+      left -= update->ends_update;
     }
     return log;
   }
@@ -82,40 +82,19 @@ class RecordedHistory : public History {
   Times times_ = {std::nan(""), std::nan(""), {}};
 };
 
-class RunHistory : public History {
- public:
-  explicit RunHistory(const fs::path& folder) : run_(folder) {
-    times_ = {run_.begin_s(), run_.journal().done.time_s, {}};
-    for (const io::JournalFile& file : run_.journal().files) {
-      const auto time_s = file.name == kFinalName ? times_.to_s : snapshot_time(file.name);
-      if (time_s && (is_periodic(file.name) || file.name == kFinalName))
-        times_.snapshots_s.push_back(*time_s);
-    }
-    std::vector<double>& all = times_.snapshots_s;
-    std::sort(all.begin(), all.end());
-    all.erase(std::unique(all.begin(), all.end()), all.end());
-  }
-
-  Times times() override { return times_; }
-
-  Past at(double time_s) override {
-    auto site = std::make_shared<Session>(run_.at(time_s));
-    auto log = std::make_shared<WorkLog>(*site);
-    run_.moves(time_s, [&](const io::JournalMove& move) { log->add(move); });
-    return {std::move(site), std::move(log)};
-  }
-
-  const RunPast& run() const { return run_; }
-
- private:
-  RunPast run_;
-  Times times_;
-};
-
-Opened opened(const std::string& name, const ChangeBefore& before,
-              std::unique_ptr<History> history) {
-  const Past end = history->at(std::numeric_limits<double>::infinity());
-  return {std::move(*end.site), *end.log, before, name, std::move(history)};
+/// What a journal's updates were made on.
+RunOptions options_of(const fs::path& folder, const io::JournalContent& journal) {
+  if (!is_of_session(journal.config.text))
+    return parse_run_config(journal.config.text, folder).options;
+  const auto config = io::from_cbor(journal.config.text);
+  const auto scenario = config.find("scenario");
+  if (scenario == config.end() || !scenario->is_string())
+    throw io::InputError(folder,
+                         "is a recording of a program that built its site itself; that can show "
+                         "it, this can't");
+  RunOptions options;
+  options.scenario = scenario->get<std::string>();
+  return options;
 }
 
 }  // namespace
@@ -130,24 +109,13 @@ Opened open_folder(const fs::path& folder) {
     throw io::InputError(folder,
                          "is neither a scenario nor the folder of a run or a recording: there is "
                          "no journal in it");
-  const io::JournalContent journal = io::read_journal(file);
-  if (is_of_session(journal.config.text)) {
-    const auto config = io::from_cbor(journal.config.text);
-    const auto scenario = config.find("scenario");
-    if (scenario == config.end() || !scenario->is_string())
-      throw io::InputError(folder,
-                           "is a recording of a program that built its site itself; that can show "
-                           "it, this can't");
-    const fs::path path = scenario->get<std::string>();
-    Session start = Session::open(path);
-    const ChangeBefore before = {start.change_m3(), start.books().ground};
-    return opened(path.stem().string(), before, make_recorded_history(std::move(start), folder));
-  }
-  auto history = std::make_unique<RunHistory>(folder);
-  const RunPast& run = history->run();
-  const std::string name = run.scenario().name;
-  const ChangeBefore before = {run.config().change_before_m3, run.config().mass_before};
-  return opened(name, before, std::move(history));
+  const RunOptions options = options_of(folder, io::read_journal(file));
+  Session start = Session::open(options.scenario, options.voxel_size_m);
+  const ChangeBefore before = {start.change_m3(), start.books().ground};
+  const std::string name = options.scenario.stem().string();
+  auto history = make_recorded_history(std::move(start), folder);
+  const Past end = history->at(std::numeric_limits<double>::infinity());
+  return {std::move(*end.site), *end.log, before, name, std::move(history)};
 }
 
 }  // namespace soilvdb::tools

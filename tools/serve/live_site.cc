@@ -51,12 +51,11 @@ void LiveSite::record(const Recording& recording,
   // What the journal knows of loads, cycles are counted by again.
   io::JournalReader reader(recording.folder / kJournalName);
   while (std::optional<io::JournalRecord> record = reader.next()) {
-    const auto* fed = std::get_if<io::JournalState>(&*record);
+    const auto* fed = std::get_if<io::JournalUpdate>(&*record);
     if (fed == nullptr) continue;
     ++fed_;
     log_.add(*fed);
-    using Kind = io::JournalState::Kind;
-    if (fed->kind == Kind::kPose || fed->kind == Kind::kJoints)
+    if (fed->kind == io::JournalUpdate::Kind::kMove)
       durations_.add(static_cast<double>(fed->ns) * 1e-3);
   }
 }

@@ -120,29 +120,27 @@ void WorkLog::set_clock(std::size_t machine) {
     if (!(other.moved_s <= time_s_)) other.moved_s = std::isnan(time_s_) ? kNever : time_s_;
 }
 
-void WorkLog::add(const io::JournalState& state) {
-  using Kind = io::JournalState::Kind;
-  if (state.kind == Kind::kClock && state.machine < machines_.size()) set_clock(state.machine);
-  if (std::isfinite(state.time_s)) note_time(state.time_s);
-  if (state.kind != Kind::kPose && state.kind != Kind::kJoints) return;
-  if (state.machine >= machines_.size()) return;
-  add(state.machine, state.time_s, state.values,
-      static_cast<double>(state.bucket_samples) * loose_m3_);
-}
-
 /// Where its rows don't change, it stands.
-void WorkLog::add(const io::JournalMove& move) {
-  note_time(move.end_s);
-  const io::MotionRows& rows = move.rows;
-  if (move.machine >= machines_.size() || rows.values.size() < rows.columns) return;
-  Machine& work = machines_[move.machine];
+void WorkLog::add(const io::JournalUpdate& update) {
+  using Kind = io::JournalUpdate::Kind;
+  const bool of_machine = update.machine < machines_.size();
+  if (update.kind == Kind::kClock && of_machine) set_clock(update.machine);
+  if (std::isfinite(update.begin_s)) note_time(update.begin_s);
+  if (std::isfinite(update.end_s)) note_time(update.end_s);
+  if (update.kind != Kind::kMove || !of_machine) return;
+  const io::MotionRows& rows = update.rows;
+  Machine& work = machines_[update.machine];
+  std::vector<double> at = work.at;
+  bool moved = false;  // on the way to the last row
   for (std::size_t i = 0; i < rows.values.size(); i += rows.columns) {
     const auto row = rows.values.begin() + static_cast<std::ptrdiff_t>(i);
-    std::vector<double> at(row, row + static_cast<std::ptrdiff_t>(rows.columns));
-    if (at != work.at) work.moved_s = move.end_s;
-    work.at = std::move(at);
+    std::vector<double> next(row, row + static_cast<std::ptrdiff_t>(rows.columns));
+    moved |= next != at;
+    at = std::move(next);
   }
-  work.cycles.add(static_cast<double>(move.bucket_samples) * loose_m3_);
+  add(update.machine, update.end_s, std::move(at),
+      static_cast<double>(update.bucket_samples) * loose_m3_);
+  if (moved && !std::isnan(time_s_)) work.moved_s = time_s_;
 }
 
 bool WorkLog::works(std::size_t machine) const {

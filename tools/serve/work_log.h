@@ -54,8 +54,7 @@ class WorkLog {
   /// A machine was brought somewhere. @param at numbers that say where
   /// @return whether it was elsewhere before
   bool add(std::size_t machine, double time_s, std::vector<double> at, double load_m3);
-  void add(const io::JournalState& state);
-  void add(const io::JournalMove& move);
+  void add(const io::JournalUpdate& update);
 
   const std::vector<Machine>& machines() const { return machines_; }
   /// The clock of a machine was wrong and is set: what it said before is forgotten.

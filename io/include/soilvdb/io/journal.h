@@ -14,7 +14,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <memory>
+#include <limits>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -31,32 +31,27 @@ namespace soilvdb::inline v0::io {
 struct JournalConfig {
   std::string text;
 };
-/// A machine moved on over [begin_s, end_s]: the rows of its motion that took, and what came of it.
-/// Pours come after the machines and have no rows.
-struct JournalMove {
+/// Something that was done to a site, and what came of it.
+struct JournalUpdate {
+  enum class Kind : std::uint8_t {
+    /// A machine moved on over [begin_s, end_s] along `rows`. If those begin later it went evenly
+    /// from where it was to the one there is; if `begin_s` is NaN, straight to the last one, and
+    /// `end_s` may be NaN, too.
+    kMove,
+    kPour,   ///< of one pour, all that falls up to end_s; pours are numbered after the machines
+    kPours,  ///< the same of all pours
+    kRest,   ///< all that moves came to rest
+    kClock   ///< a machine's was set: its next time may be earlier than its last
+  };
   std::uint32_t machine = 0;
-  bool ends_update = true;
-  double begin_s = 0, end_s = 0;
+  bool ends_update = true;  ///< else it goes on in the machine's next move
+  double begin_s = std::numeric_limits<double>::quiet_NaN(), end_s = begin_s;
   std::int64_t cut_samples = 0;     ///< of Soil::sample_m3()
   std::int64_t bucket_samples = 0;  ///< after it; where soil moves in MassUnits, as what follows
   std::int64_t ns = 0;              ///< it took
-  MotionRows rows;
+  MotionRows rows = {};
   std::int64_t spilled = 0, slid = 0;
-};
-/// What a session was fed, and what came of it.
-struct JournalState {
-  enum class Kind : std::uint8_t {
-    kPose,    ///< a machine's: x, y, z, qx, qy, qz, qw
-    kJoints,  ///< a machine's
-    kPours,   ///< come down up to the time
-    kRest,    ///< for all that moves
-    kClock    ///< a machine's was set: its next time may be earlier than its last
-  };
-  Kind kind = Kind::kPose;
-  std::uint32_t machine = 0;
-  double time_s = 0;  ///< NaN: none was known
-  std::vector<double> values = {};
-  std::int64_t cut_samples = 0, bucket_samples = 0, ns = 0, spilled = 0, slid = 0;  ///< as a move's
+  Kind kind = Kind::kMove;
 };
 /// A file that was finished, as of so many updates.
 struct JournalFile {
@@ -71,24 +66,21 @@ struct JournalRemoval {
 /// The run came to its end.
 struct JournalEnd {};
 using JournalRecord =
-    std::variant<JournalConfig, JournalMove, JournalFile, JournalRemoval, JournalEnd, JournalState>;
+    std::variant<JournalConfig, JournalUpdate, JournalFile, JournalRemoval, JournalEnd>;
 
 /// How far a run, or what a session was fed, has come.
 struct JournalExtent {
   std::uint64_t updates = 0;
   double time_s = 0;  ///< of the last that has one
 
-  void add(const JournalMove& move) {
-    if (move.ends_update) *this = {updates + 1, move.end_s};
-  }
-  void add(const JournalState& state) {
+  void add(const JournalUpdate& update) {
+    if (!update.ends_update) return;
     ++updates;
-    if (std::isfinite(state.time_s)) time_s = state.time_s;
+    if (std::isfinite(update.end_s)) time_s = update.end_s;
   }
 };
 
-struct MoveBefore;  // io/journal/move_coding.h
-class StateCoding;  // io/journal/state_coding.h
+struct UpdateBefore;  // io/journal/update_coding.h
 
 /// Makes `file` a journal that holds a configuration and nothing else, atomically.
 /// @param removed files of a run before, which are about to be deleted
@@ -101,7 +93,7 @@ std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConf
 ///
 /// A record is acknowledged once it is on disk for sure. After an error nothing more is written,
 /// and the next call throws it. Files and what is removed may be added, and flush() called, by one
-/// thread while another adds moves; else it is not thread-safe.
+/// thread while another adds updates; else it is not thread-safe.
 class JournalWriter {
  public:
   /// @param end of the good part of the file, in bytes; what comes after it is cut off
@@ -114,9 +106,7 @@ class JournalWriter {
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;
 
-  /// @throw std::invalid_argument if its rows have other columns than the machine's before
-  void add(const JournalMove& move);
-  void add(const JournalState& state);
+  void add(const JournalUpdate& update);
   void add(const JournalFile& file);
   void add(const JournalRemoval& removed);
   void add(const JournalEnd& end);
@@ -136,8 +126,7 @@ class JournalWriter {
   int descriptor_ = -1;
   std::uint64_t end_ = 0, synced_ = 0;  // bytes
   std::string batch_;                   // records on their way into a frame
-  std::vector<MoveBefore> before_;      // of each machine
-  std::unique_ptr<StateCoding> states_;
+  std::vector<UpdateBefore> before_;    // of each machine and pour
 
   mutable std::mutex mutex_;
   std::condition_variable wake_, done_;
@@ -170,7 +159,7 @@ class JournalReader {
   bool damaged() const { return damaged_; }
 
  private:
-  bool take(std::string_view& bytes, JournalMove& move);
+  bool take(std::string_view& bytes, JournalUpdate& update);
   bool next_frame();
   bool synced_past(std::uint64_t place);
 
@@ -180,15 +169,14 @@ class JournalReader {
   bool damaged_ = false, at_end_ = false;
   std::string frame_;
   std::size_t at_ = 0;
-  std::vector<MotionRows> rows_;    // of each machine, as its last move had them
-  std::vector<MoveBefore> before_;  // of each machine
-  std::unique_ptr<StateCoding> states_;
+  std::vector<MotionRows> rows_;      // of each machine, as its last move had them
+  std::vector<UpdateBefore> before_;  // of each machine and pour
 };
 
 /// Does this file begin as a journal does? False if there is none.
 bool is_journal(const std::filesystem::path& file);
 
-/// What a journal says, but for the moves.
+/// What a journal says, but for the updates.
 struct JournalContent {
   JournalConfig config;
   JournalExtent done;                ///< acknowledged
@@ -201,9 +189,8 @@ struct JournalContent {
 /// @throw InputError as JournalReader does.
 JournalContent read_journal(const std::filesystem::path& file);
 
-/// How many updates a session was fed before the first state that is later than a time. A state
-/// from before its machine's clock was set isn't later if one that was fed after it is not: its
-/// clock was ahead.
+/// How many updates were made before the first that ended later than a time. One from before its
+/// machine's clock was set isn't later if one that was made after it is not: its clock was ahead.
 /// @throw InputError as JournalReader does.
 std::uint64_t updates_until(const std::filesystem::path& file, double time_s);
 

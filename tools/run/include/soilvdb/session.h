@@ -22,11 +22,6 @@
 #include "soilvdb/mesher.h"
 #include "soilvdb/tracker.h"
 
-namespace soilvdb::tools {
-class RunPast;
-class SnapshotSchedule;
-}  // namespace soilvdb::tools
-
 namespace soilvdb::inline v0 {
 
 struct SessionMachine {
@@ -118,8 +113,10 @@ class Session {
   explicit Session(SessionSite site);
   /// The site, machines and soil of a scenario, before anything moved; its machines need no
   /// `motion`, and one that is there isn't gone along.
+  /// @param voxel_size_m in place of the scenario's
   /// @throw io::InputError as `soilvdb run` says it
-  static Session open(const std::filesystem::path& scenario);
+  static Session open(const std::filesystem::path& scenario,
+                      std::optional<double> voxel_size_m = {});
   ~Session();
   Session(Session&&) noexcept;
   Session& operator=(Session&&) noexcept;
@@ -202,8 +199,9 @@ class Session {
                            const std::function<void(const io::JournalExtent&)>& progress = {});
   /// Of what was recorded, that which is on disk for sure.
   io::JournalExtent acknowledged() const;
-  /// Another session of this site, with all that a recording was fed before the first state that
-  /// is later than a time. Whoever records there may go on with it meanwhile.
+  /// Another session of this site, with all that was done before the first update that is later
+  /// than a time, by a recording or by `soilvdb run` of its scenario. Whoever records there may go
+  /// on meanwhile.
   /// @throw as record()
   Session recorded(const std::filesystem::path& folder, double time_s) const;
   /// Returns when all of it is. @throw std::runtime_error if it can't be
@@ -217,12 +215,8 @@ class Session {
   void limit_memory(std::uint64_t bytes, const std::filesystem::path& folder);
 
  private:
-  friend class tools::RunPast;
   struct State;
   explicit Session(std::unique_ptr<State> state);
-  void replay(const std::filesystem::path& journal, std::uint64_t from, std::uint64_t to,
-              tools::SnapshotSchedule& schedule,
-              const std::function<void(const io::JournalExtent&)>& progress);
   std::unique_ptr<State> state_;
 };
 

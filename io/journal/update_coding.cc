@@ -1,11 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "io/journal/move_coding.h"
+#include "io/journal/update_coding.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <stdexcept>
 
 #include "io/journal/journal_format.h"
 
@@ -15,15 +14,18 @@ namespace {
 constexpr std::uint64_t kMostColumns = 1000;
 constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;  // a double has them all
 
-/// What a move doesn't have to say, and what a first one has to.
-enum MoveFlag : std::uint8_t {
+/// What an update doesn't have to say, and what it has to. Beside the kind, which is above them.
+enum UpdateFlag : std::uint8_t {
   kEndsUpdate = 1,
-  kFirst = 2,        // of its writer: there is nothing before it, and it says how many columns
-  kJoints = 4,       // where it is the first
-  kBeginsAtEnd = 8,  // of the move before
-  kMoved = 16,       // soil was spilled or slid, and it says how much
-  kAllFlags = 31
+  kFirst = 2,         // of its writer: a reader forgets what came before
+  kAnew = 4,          // its rows are all that its machine goes on from, and it says how many columns
+  kJoints = 8,        // where rows are anew
+  kBeginsAtEnd = 16,  // of the update before
+  kNoBegin = 32,
+  kMoved = 64,  // soil was spilled or slid, and it says how much
 };
+constexpr int kKindAt = 7;
+constexpr std::uint64_t kKinds = 5;
 
 // How a number of a series begins: one of these, or the difference of two whole numbers and kNear.
 constexpr std::uint64_t kSame = 0, kRaw = 1, kDecimals = 2, kNear = 3;
@@ -136,33 +138,43 @@ bool Series::take(std::string_view& bytes, double& value) {
   return true;
 }
 
-void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before) {
-  const MotionRows& rows = move.rows;
-  if (!before.first && (rows.columns != before.values.size() || rows.joints != before.joints))
-    throw std::invalid_argument("a machine's rows have the same columns in all its moves");
-  const auto fresh = static_cast<std::size_t>(
-      std::upper_bound(rows.times_s.begin(), rows.times_s.end(), before.last_row_s) -
-      rows.times_s.begin());
-  const bool begins_at_end = !before.first && same_bits(move.begin_s, before.end_s);
-  unsigned flags = move.ends_update ? kEndsUpdate : 0;
-  if (before.first) flags |= kFirst | (rows.joints ? kJoints : 0);
+void append_update(std::string& bytes, const JournalUpdate& update,
+                   std::vector<UpdateBefore>& all) {
+  if (all.size() <= update.machine) all.resize(update.machine + 1);
+  UpdateBefore& before = all[update.machine];
+  const MotionRows& rows = update.rows;
+  const bool no_begin = std::isnan(update.begin_s);
+  const bool begins_at_end = !no_begin && same_bits(update.begin_s, before.end_s);
+  const bool anew = !rows.times_s.empty() &&
+                    (no_begin || rows.columns != before.values.size() ||
+                     rows.joints != before.joints || !(rows.times_s.front() <= before.last_row_s));
+  unsigned flags = static_cast<unsigned>(update.kind) << kKindAt;
+  if (update.ends_update) flags |= kEndsUpdate;
+  if (before.first) flags |= kFirst;
+  if (anew) flags |= kAnew | (rows.joints ? kJoints : 0);
   if (begins_at_end) flags |= kBeginsAtEnd;
-  if (move.spilled != 0 || move.slid != 0) flags |= kMoved;
-  bytes += static_cast<char>(flags);
-  if (before.first) {
+  if (no_begin) flags |= kNoBegin;
+  if (update.spilled != 0 || update.slid != 0) flags |= kMoved;
+  append_count(bytes, update.machine);
+  append_count(bytes, flags);
+  if (anew) {
     append_count(bytes, rows.columns);
     before.joints = rows.joints;
     before.values.resize(rows.columns);
   }
-  if (!begins_at_end) append_raw(bytes, move.begin_s);
-  before.ends_s.append(bytes, move.end_s);
-  append_difference(bytes, 0, move.cut_samples);
-  append_difference(bytes, before.bucket_samples, move.bucket_samples);
+  if (!begins_at_end && !no_begin) append_raw(bytes, update.begin_s);
+  before.ends_s.append(bytes, update.end_s);
+  append_difference(bytes, 0, update.cut_samples);
+  append_difference(bytes, before.bucket_samples, update.bucket_samples);
   if (flags & kMoved) {
-    append_difference(bytes, 0, move.spilled);
-    append_difference(bytes, 0, move.slid);
+    append_difference(bytes, 0, update.spilled);
+    append_difference(bytes, 0, update.slid);
   }
-  append_difference(bytes, 0, move.ns);
+  append_difference(bytes, 0, update.ns);
+  const auto fresh = static_cast<std::size_t>(
+      anew ? 0
+           : std::upper_bound(rows.times_s.begin(), rows.times_s.end(), before.last_row_s) -
+                 rows.times_s.begin());
   append_count(bytes, rows.times_s.size() - fresh);
   for (std::size_t row = fresh; row < rows.times_s.size(); ++row) {
     before.times_s.append(bytes, rows.times_s[row]);
@@ -170,45 +182,49 @@ void append_move(std::string& bytes, const JournalMove& move, MoveBefore& before
       before.values[k].append(bytes, rows.values[row * rows.columns + k]);
   }
   before.first = false;
-  before.end_s = move.end_s;
-  before.bucket_samples = move.bucket_samples;
+  before.end_s = update.end_s;
+  before.bucket_samples = update.bucket_samples;
   if (!rows.times_s.empty()) before.last_row_s = rows.times_s.back();
 }
 
-bool take_move(std::string_view& bytes, JournalMove& move, MoveBefore& before) {
-  std::uint8_t flags = 0;
-  if (!take_raw(bytes, flags) || flags > kAllFlags) return false;
-  move.ends_update = flags & kEndsUpdate;
-  if (flags & kFirst) {
+bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
+                 std::vector<UpdateBefore>& all) {
+  std::uint64_t machine = 0, flags = 0, count = 0;
+  if (!take_count(bytes, machine) || machine >= kMostMachines || !take_count(bytes, flags) ||
+      flags >> kKindAt >= kKinds)
+    return false;
+  if (all.size() <= machine) all.resize(machine + 1);
+  UpdateBefore& before = all[machine];
+  if (flags & kFirst) before = {};
+  update.machine = static_cast<std::uint32_t>(machine);
+  update.kind = static_cast<JournalUpdate::Kind>(flags >> kKindAt);
+  update.ends_update = flags & kEndsUpdate;
+  anew = flags & kAnew;
+  if (anew) {
     std::uint64_t columns = 0;
     if (!take_count(bytes, columns) || columns > kMostColumns) return false;
-    before = {};
-    before.first = false;
     before.joints = flags & kJoints;
     before.values.resize(columns);
-  } else if (before.first) {
-    return false;
   }
-  std::uint64_t count = 0;
-  move.begin_s = before.end_s;
-  if (!(flags & kBeginsAtEnd) && !take_raw(bytes, move.begin_s)) return false;
-  if (!before.ends_s.take(bytes, move.end_s) || !take_samples(bytes, 0, move.cut_samples) ||
-      !take_samples(bytes, before.bucket_samples, move.bucket_samples))
+  if (flags & kBeginsAtEnd) update.begin_s = before.end_s;
+  if (!(flags & (kBeginsAtEnd | kNoBegin)) && !take_raw(bytes, update.begin_s)) return false;
+  if (!before.ends_s.take(bytes, update.end_s) || !take_samples(bytes, 0, update.cut_samples) ||
+      !take_samples(bytes, before.bucket_samples, update.bucket_samples))
     return false;
   if ((flags & kMoved) &&
-      (!take_samples(bytes, 0, move.spilled) || !take_samples(bytes, 0, move.slid)))
+      (!take_samples(bytes, 0, update.spilled) || !take_samples(bytes, 0, update.slid)))
     return false;
-  if (!take_difference(bytes, 0, move.ns) || !take_count(bytes, count) || count > bytes.size())
+  if (!take_difference(bytes, 0, update.ns) || !take_count(bytes, count) || count > bytes.size())
     return false;
-  move.rows.joints = before.joints;
-  move.rows.columns = before.values.size();
+  update.rows.joints = before.joints;
+  update.rows.columns = before.values.size();
   for (std::uint64_t row = 0; row < count; ++row) {
-    if (!before.times_s.take(bytes, move.rows.times_s.emplace_back())) return false;
+    if (!before.times_s.take(bytes, update.rows.times_s.emplace_back())) return false;
     for (Series& column : before.values)
-      if (!column.take(bytes, move.rows.values.emplace_back())) return false;
+      if (!column.take(bytes, update.rows.values.emplace_back())) return false;
   }
-  before.end_s = move.end_s;
-  before.bucket_samples = move.bucket_samples;
+  before.end_s = update.end_s;
+  before.bucket_samples = update.bucket_samples;
   return true;
 }
 
