@@ -17,7 +17,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-bool take_text(std::string_view& bytes, std::string& text) {
+bool take_string(std::string_view& bytes, std::string& text) {
   std::uint32_t size = 0;
   if (!take_raw(bytes, size) || bytes.size() < size) return false;
   text = bytes.substr(0, size);
@@ -49,7 +49,7 @@ bool add_rows(MotionRows& rows, const MotionRows& fresh, bool anew, double begin
 
 bool take_file(std::string_view& bytes, JournalFile& file) {
   return take_raw(bytes, file.updates) && take_raw(bytes, file.size) && take_raw(bytes, file.crc) &&
-         take_text(bytes, file.name) && take_text(bytes, file.parent);
+         take_string(bytes, file.name) && take_string(bytes, file.parent);
 }
 
 }  // namespace
@@ -105,7 +105,7 @@ std::optional<JournalRecord> JournalReader::next() {
   JournalRemoval removed;
   switch (frame_[at_]) {
     case kConfigTag: {
-      const bool good = take_text(rest, config.text);
+      const bool good = take_string(rest, config.text);
       return taken(std::move(config), good);
     }
     case kUpdateTag: {
@@ -117,7 +117,7 @@ std::optional<JournalRecord> JournalReader::next() {
       return taken(std::move(file), good);
     }
     case kGoneTag: {
-      const bool good = take_text(rest, removed.name);
+      const bool good = take_string(rest, removed.name);
       return taken(std::move(removed), good);
     }
     case kEndTag:

@@ -17,12 +17,12 @@ constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;  // a double has th
 /// What an update doesn't have to say, and what it has to. Beside the kind, which is above them.
 enum UpdateFlag : std::uint8_t {
   kEndsUpdate = 1,
-  kFirst = 2,         // of its writer: a reader forgets what came before
-  kAnew = 4,          // its rows are all that its machine goes on from, and it says how many columns
-  kJoints = 8,        // where rows are anew
+  kFirst = 2,   // of its writer: a reader forgets what came before
+  kAnew = 4,    // its rows are all that its machine goes on from, and it says how many columns
+  kJoints = 8,  // where rows are anew
   kBeginsAtEnd = 16,  // of the update before
   kNoBegin = 32,
-  kMoved = 64,  // soil was spilled or slid, and it says how much
+  kSoilMoved = 64,  // soil was spilled or slid, and it says how much
 };
 constexpr int kKindAt = 7;
 constexpr std::uint64_t kKinds = 5;
@@ -58,13 +58,6 @@ std::int64_t add_difference(std::int64_t before, std::uint64_t difference) {
   return static_cast<std::int64_t>(static_cast<std::uint64_t>(before) + d);
 }
 
-/// The same for a number of samples: false if there can't be so many.
-bool take_samples(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
-  return take_difference(bytes, before, value) && -kMostSamples <= value && value <= kMostSamples;
-}
-
-}  // namespace
-
 void append_count(std::string& bytes, std::uint64_t count) {
   for (; count >= 128; count >>= 7) bytes += static_cast<char>(count | 128);
   bytes += static_cast<char>(count);
@@ -91,6 +84,13 @@ bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t&
   value = add_difference(before, d);
   return true;
 }
+
+/// The same for a number of samples: false if there can't be so many.
+bool take_samples(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
+  return take_difference(bytes, before, value) && -kMostSamples <= value && value <= kMostSamples;
+}
+
+}  // namespace
 
 void Series::append(std::string& bytes, double value) {
   std::int64_t scaled = 0;
@@ -154,7 +154,7 @@ void append_update(std::string& bytes, const JournalUpdate& update,
   if (anew) flags |= kAnew | (rows.joints ? kJoints : 0);
   if (begins_at_end) flags |= kBeginsAtEnd;
   if (no_begin) flags |= kNoBegin;
-  if (update.spilled != 0 || update.slid != 0) flags |= kMoved;
+  if (update.spilled != 0 || update.slid != 0) flags |= kSoilMoved;
   append_count(bytes, update.machine);
   append_count(bytes, flags);
   if (anew) {
@@ -166,7 +166,7 @@ void append_update(std::string& bytes, const JournalUpdate& update,
   before.ends_s.append(bytes, update.end_s);
   append_difference(bytes, 0, update.cut_samples);
   append_difference(bytes, before.bucket_samples, update.bucket_samples);
-  if (flags & kMoved) {
+  if (flags & kSoilMoved) {
     append_difference(bytes, 0, update.spilled);
     append_difference(bytes, 0, update.slid);
   }
@@ -211,7 +211,7 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
   if (!before.ends_s.take(bytes, update.end_s) || !take_samples(bytes, 0, update.cut_samples) ||
       !take_samples(bytes, before.bucket_samples, update.bucket_samples))
     return false;
-  if ((flags & kMoved) &&
+  if ((flags & kSoilMoved) &&
       (!take_samples(bytes, 0, update.spilled) || !take_samples(bytes, 0, update.slid)))
     return false;
   if (!take_difference(bytes, 0, update.ns) || !take_count(bytes, count) || count > bytes.size())

@@ -283,4 +283,21 @@ void JointLimits::warn(const RowPlace& place, std::vector<std::string>& warnings
   }
 }
 
+void Gaps::row(const RowPlace& place, double gap_s, double moved) {
+  constexpr double kStands = 0.1;  // m or rad
+  if (!most_s_ || gap_s <= *most_s_ || moved <= kStands) return;
+  ++count_;
+  if (gap_s <= longest_s_) return;
+  longest_s_ = gap_s;
+  longest_ = fmt::format("{}:{}: comes {:.3g} s after the row before", place.file().string(),
+                         place.number(), gap_s);
+}
+
+void Gaps::warn(std::vector<std::string>& warnings) const {
+  if (count_ == 0) return;
+  const std::string more = count_ == 1 ? "" : fmt::format(", the longest of {} such gaps", count_);
+  warnings.push_back(fmt::format(
+      "{}{}; the machine moved meanwhile, and is taken to have gone straight", longest_, more));
+}
+
 }  // namespace soilvdb::inline v0::io

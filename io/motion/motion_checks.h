@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -69,6 +70,23 @@ class JointLimits {
     long turns = 0, first_turn = 0;
   };
   std::vector<Count> joints_;
+};
+
+/// Gaps of a recording across which its machine moved: nobody knows how.
+class Gaps {
+ public:
+  /// @param most_s which go without saying; nothing: any do
+  explicit Gaps(std::optional<double> most_s) : most_s_(most_s) {}
+
+  /// @param place of the row after a gap @param moved m or rad, whichever is more
+  void row(const RowPlace& place, double gap_s, double moved);
+  void warn(std::vector<std::string>& warnings) const;
+
+ private:
+  std::optional<double> most_s_;
+  long count_ = 0;
+  double longest_s_ = 0;
+  std::string longest_;
 };
 
 }  // namespace soilvdb::inline v0::io

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -19,36 +18,6 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::size_t kDigestFactor = 0x9E3779B97F4A7C15;
-constexpr double kMoved = 0.1;  // m or rad: of a machine that didn't stand still
-
-/// Gaps of a recording across which its machine moved: nobody knows how.
-class Gaps {
- public:
-  explicit Gaps(std::optional<double> most_s) : most_s_(most_s) {}
-
-  /// @param place of the row after a gap @param moved m or rad, whichever is more
-  void row(const RowPlace& place, double gap_s, double moved) {
-    if (!most_s_ || gap_s <= *most_s_ || moved <= kMoved) return;
-    ++count_;
-    if (gap_s <= longest_s_) return;
-    longest_s_ = gap_s;
-    longest_ = fmt::format("{}:{}: comes {:.3g} s after the row before", place.file().string(),
-                           place.number(), gap_s);
-  }
-  void warn(std::vector<std::string>& warnings) const {
-    if (count_ == 0) return;
-    const std::string more =
-        count_ == 1 ? "" : fmt::format(", the longest of {} such gaps", count_);
-    warnings.push_back(fmt::format(
-        "{}{}; the machine moved meanwhile, and is taken to have gone straight", longest_, more));
-  }
-
- private:
-  std::optional<double> most_s_;
-  long count_ = 0;
-  double longest_s_ = 0;
-  std::string longest_;
-};
 
 }  // namespace
 

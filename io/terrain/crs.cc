@@ -252,7 +252,7 @@ void require_metres(const RasterAdvice& advice, Srs srs, const Vec2& centre,
                     const std::string& vertical_unit) {
   const auto [wrong, unit] = coordinates_of(srs);
   if (wrong.empty()) return require_true_scale(advice, srs, centre);
-  const auto [how, command] = reprojection(advice, srs, centre);
+  const auto [how, command, whole] = reprojection(advice, srs, centre);
   if (unit.empty() || names_height_unit(srs, vertical_unit))
     throw InputError(advice.file(), fmt::format("{}; reproject it {}: {}", wrong, how, command));
   throw InputError(

@@ -261,6 +261,16 @@ TEST_F(Journal, KeepsUpdatesOfEveryKindToTheLastBit) {
   EXPECT_EQ(read_journal(file).done.updates, made.size());
 }
 
+TEST_F(Journal, AMoveWithoutRowsIsNonsense) {
+  const auto file = folder_ / "journal";
+  {
+    JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
+    writer.add(JournalUpdate{.end_s = 1});
+  }
+  EXPECT_THAT(test::message_of(folder_, [&] { read_journal(file); }),
+              HasSubstr("journal: holds nonsense before byte"));
+}
+
 /// It was three times as large once: 123 MB for a motion of 41 MB.
 TEST_F(Journal, IsAboutAsLargeAsTheMotionAsText) {
   constexpr int kRows = 5000;

@@ -229,8 +229,8 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
     EXPECT_NE(refusal(other), "taken") << at;
   }
   std::string newer = state;
-  newer[13] = 3;
-  EXPECT_EQ(refusal(newer), "the state has version 3; this program has 2");
+  newer[13] = 4;
+  EXPECT_EQ(refusal(newer), "the state has version 4; this program has 3");
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
   EXPECT_EQ(refusal(Session(higher).save()), "the state is of another site, plane isn't the same");

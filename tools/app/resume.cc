@@ -130,6 +130,7 @@ void resume(const ResumeOptions& options) {
   check_recorded_motion(path / kJournalName, scenario, config);
   fmt::print("{}", reached);
   std::fflush(stdout);
+  for (const std::string& warning : scenario.warnings) say("warning: " + warning);
   folder.clear();
   with_threads(config.options.threads, [&](int threads) {
     Start start = find_start(path, journal, faulty, scenario, config);

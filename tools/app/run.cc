@@ -118,11 +118,11 @@ void run(const RunOptions& options) {
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
     Start start = begin_of(options, scenario);
-    scenario.warnings.insert(scenario.warnings.end(), start.site.warnings.begin(),
-                             start.site.warnings.end());
-    if (!options.part) warn_of_underground(scenario, *start.site.soil);
+    scenario.warnings.insert(scenario.warnings.end(), start.state->site.warnings.begin(),
+                             start.state->site.warnings.end());
+    if (!options.part) warn_of_underground(scenario, *start.state->site.soil);
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
-    RunConfig config{options, start.site.soil->change_m3() + start.cut_before_m3,
+    RunConfig config{options, start.state->site.soil->change_m3() + start.cut_before_m3,
                      options.part ? options.part->ends_s : ends_of(scenario.machines), 0};
     config.options.out = folder.path();
     folder.make();
@@ -132,7 +132,7 @@ void run(const RunOptions& options) {
       folder.clear();
       // Of a part the whole has said all that.
       const auto warnings = options.part ? std::vector<std::string>() : scenario.warnings;
-      const std::string ground = options.part ? "" : beneath_text(*start.site.soil);
+      const std::string ground = options.part ? "" : beneath_text(*start.state->site.soil);
       Run run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
       if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);

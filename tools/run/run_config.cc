@@ -22,7 +22,7 @@ constexpr int kConfigFormat = 3;  // 2 knew the scenario by its bytes
 
 /// What has changed in a scenario, in words. A run that stopped before a bad row may leave such
 /// rows out from there on.
-std::string difference(io::ScenarioValues before, io::ScenarioValues now) {
+std::string change_between(io::ScenarioValues before, io::ScenarioValues now) {
   std::erase_if(now, [&](const auto& value) {
     const bool skips = value.first.ends_with(".bad_rows") && value.second == "skip";
     if (skips) before.erase(value.first);
@@ -35,7 +35,7 @@ std::string difference(io::ScenarioValues before, io::ScenarioValues now) {
 std::string change_of(const Json& input, const fs::path& file) try {
   if (input.contains("values")) {
     const std::string what =
-        difference(input["values"].get<io::ScenarioValues>(), io::scenario_values(file));
+        change_between(input["values"].get<io::ScenarioValues>(), io::scenario_values(file));
     return what.empty() ? "" : " (" + what + ")";
   }
   const auto checksum = input.value("checksum", std::string());
