@@ -40,7 +40,8 @@ Crossing crossing(const CellModels& models, const Signs& soil, int id, int axis)
     float slack = 1e-3f;
     if (m != nullptr) {
       const float centre = m->at(0, 0, 0).beyond;
-      if ((centre < 0) != (soil[static_cast<std::size_t>(here)] != 0)) slack = std::abs(centre) + 1e-3f;
+      if ((centre < 0) != (soil[static_cast<std::size_t>(here)] != 0))
+        slack = std::abs(centre) + 1e-3f;
     }
     for (int k = 0; m != nullptr && k < m->planes(); ++k) {
       const float n[3] = {m->plane[k].nx, m->plane[k].ny, m->plane[k].nz};

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "core/constants.h"
+#include "core/cut/tool_cut.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/chunk_range.h"
 
@@ -176,14 +177,25 @@ void Excavator::find_stations(const Soil& soil, std::span<const Pose> path) {
 }
 
 void Excavator::require_ground(const Soil& soil, std::span<const Pose> path) {
+  if (bucket_.shape) return soilvdb::require_ground(soil, *bucket_.shape, path);
   if (path.size() == 1 && bucket_.profile.empty()) return;
   find_stations(soil, path);
   require_known(soil, path);
 }
 
+Cut Excavator::cut_by_shape(Soil& soil, std::span<const Pose> path) const {
+  soilvdb::require_ground(soil, *bucket_.shape, path);
+  const ToolCut by_tool = subtract_traced(soil, *bucket_.shape, path);
+  Cut cut;
+  cut.all.displaced = by_tool.samples;
+  cut.loose.displaced = by_tool.loose;
+  return cut;
+}
+
 Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
   Cut cut;
   if (path.size() < 2) return cut;
+  if (bucket_.shape) return cut_by_shape(soil, path);
   find_stations(soil, path);
   require_known(soil, path);
   for (std::size_t first = 0; first + 2 < path.size();) {
@@ -228,6 +240,7 @@ std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const
 
 Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
   Cut cut;
+  if (bucket_.shape) return cut_by_shape(soil, {&world_from_bucket, 1});
   if (bucket_.profile.empty()) return cut;
   require_known(soil, {&world_from_bucket, 1});
   stations_.clear();

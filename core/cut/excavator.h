@@ -63,6 +63,7 @@ class Excavator {
     Cut cut;
   };
 
+  Cut cut_by_shape(Soil& soil, std::span<const Pose> path) const;
   void find_stations(const Soil& soil, std::span<const Pose> path);
   Station station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) const;
   void require_known(const Soil& soil, std::span<const Pose> path) const;

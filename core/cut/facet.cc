@@ -240,6 +240,7 @@ Facet rectangle(const Pose& bucket_from_facet, double y_low, double y_high, doub
 }  // namespace
 
 std::vector<Facet> facets(const Bucket& bucket) {
+  if (bucket.shape) return {};
   const double half = bucket.width_m / 2;
   std::vector<Facet> all{rectangle(Pose{}, -half, half, bucket.height_m)};
   for (std::size_t i = 1; i < bucket.profile.size(); ++i) {

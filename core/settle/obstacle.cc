@@ -8,8 +8,29 @@
 #include <utility>
 
 #include "core/constants.h"
+#include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
+namespace {
+
+/// Calls `add` with points inside a tool, each less than a cell from the next, in index space.
+template <typename F>
+void add_shape(const ToolShape& shape, const Pose& world_from_tool, const Soil& soil,
+               const F& add) {
+  const Eigen::AlignedBox3d& box = shape.box_m();
+  const double step = kObstacleStep * soil.voxel_size_m();
+  const Coord3 n = (box.sizes() / step).array().ceil().max(1).matrix().cast<int>();
+  for (int x = 0; x <= n.x(); ++x)
+    for (int y = 0; y <= n.y(); ++y)
+      for (int z = 0; z <= n.z(); ++z) {
+        const Vec3 p =
+            box.min() + box.sizes().cwiseProduct(Vec3(x, y, z).cwiseQuotient(n.cast<double>()));
+        // A thin blade may lie between two points: it is met by what is as near.
+        if (shape.distance_m(p) < step / 2) add(soil.index_from_world(world_from_tool * p));
+      }
+}
+
+}  // namespace
 
 Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Soil& soil) {
   Eigen::AlignedBox3d box;
@@ -19,6 +40,16 @@ Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const So
   nx_ = cell(box.max().x()) - first_.x() + 1;
   ny_ = cell(box.max().y()) - first_.y() + 1;
   lowest_.assign(static_cast<std::size_t>(nx_ * ny_), std::numeric_limits<float>::infinity());
+  const auto add = [&](const Vec3& p) {
+    const int x = std::clamp(cell(p.x()) - first_.x(), 0, nx_ - 1);
+    const int y = std::clamp(cell(p.y()) - first_.y(), 0, ny_ - 1);
+    float& lowest = lowest_[static_cast<std::size_t>(x * ny_ + y)];
+    lowest = std::min(lowest, static_cast<float>(p.z()));
+  };
+  if (bucket.shape) {
+    add_shape(*bucket.shape, world_from_bucket, soil, add);
+    return;
+  }
   // Points of the faces across the lip, each less than a cell from the next. The side plates' lower
   // ends are among them.
   std::vector<Vec2> outline = bucket.profile;
@@ -37,12 +68,7 @@ Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const So
       const Vec2 at = outline[i] + edge * (static_cast<double>(k) / n);
       const Vec3 middle = soil.index_from_world(world_from_bucket * Vec3(at.x(), 0, at.y()));
       for (int j = 0; j <= across; ++j) {
-        const Vec3 p =
-            middle + along_lip * (bucket.width_m * (static_cast<double>(j) / across - 0.5));
-        const int x = std::clamp(cell(p.x()) - first_.x(), 0, nx_ - 1);
-        const int y = std::clamp(cell(p.y()) - first_.y(), 0, ny_ - 1);
-        float& lowest = lowest_[static_cast<std::size_t>(x * ny_ + y)];
-        lowest = std::min(lowest, static_cast<float>(p.z()));
+        add(middle + along_lip * (bucket.width_m * (static_cast<double>(j) / across - 0.5)));
       }
     }
   }

@@ -8,6 +8,7 @@
 
 #include "core/constants.h"
 #include "core/site/machine.h"
+#include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -164,9 +165,10 @@ Vec3 Machine::push_point(const Pose& at) const {
   if (way.norm() < kLeastPush * radius_m_) way = at.rotation * Vec3::UnitX();
   const auto along = [&](const Vec3& p) { return way.dot(at.rotation * p); };
   // The middles of the faces' edges across the lip: what is pushed isn't at a corner.
-  Vec3 farthest = Vec3::Zero();
+  const double across = bucket_.shape ? bucket_.shape->box_m().center().y() : 0;
+  Vec3 farthest(0, across, 0);
   for (const Vec3& p : extremes_) {
-    const Vec3 middle(p.x(), 0, p.z());
+    const Vec3 middle(p.x(), across, p.z());
     if (along(middle) > along(farthest)) farthest = middle;
   }
   return at * farthest;

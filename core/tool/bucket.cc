@@ -9,6 +9,7 @@
 #include <string>
 
 #include "core/lattice/text.h"
+#include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -104,6 +105,12 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
 
 std::vector<Vec3> extremes(const Bucket& bucket) {
   std::vector<Vec3> points;
+  if (bucket.shape) {
+    for (int k = 0; k < 8; ++k)
+      points.push_back(
+          bucket.shape->box_m().corner(static_cast<Eigen::AlignedBox3d::CornerType>(k)));
+    return points;
+  }
   for (const double y : {-bucket.width_m / 2, bucket.width_m / 2}) {
     points.emplace_back(0, y, 0);
     points.emplace_back(0, y, bucket.height_m);
@@ -115,6 +122,8 @@ std::vector<Vec3> extremes(const Bucket& bucket) {
 void Bucket::validate() const {
   check_side("width", width_m);
   check_side("height", height_m);
+  if (shape && (!profile.empty() || dump_angle_rad))
+    refuse("shape is there, so the tool holds nothing; leave out profile and dump_angle");
   if (!profile.empty()) check_profile(profile, height_m);
   if (dump_angle_rad && !(*dump_angle_rad >= 0 && *dump_angle_rad <= 1.5708)) {
     refuse("dump_angle is " + text(*dump_angle_rad) +

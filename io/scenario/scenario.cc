@@ -14,7 +14,9 @@
 #include "io/motion/mcap_files.h"
 #include "io/scenario/earthmoving.h"
 #include "io/scenario/yaml_map.h"
+#include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/urdf.h"
+#include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -80,6 +82,23 @@ Terrain read_terrain(const YamlMap& scenario) {
     plane.slope = {slope[0], slope[1]};
   }
   return plane;
+}
+
+/// A machine's tool of any shape. @param voxel_size_m the scenario's
+Bucket read_tool(const YamlMap& machine, double voxel_size_m, Scenario& result) {
+  const YamlMap map = machine.map("tool", {"mesh", "voxel"});
+  const std::filesystem::path file = read_path(map, "mesh");
+  const double voxel_m =
+      map.has("voxel") ? map.number("voxel", kMinCellM, kMaxCellM, "m") : voxel_size_m / 2;
+  if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
+    result.inputs.push_back(file);
+  try {
+    Bucket bucket = tool_of(ToolShape(read_mesh(file), voxel_m));
+    bucket.validate();
+    return bucket;
+  } catch (const std::invalid_argument& e) {
+    map.fail("mesh", fmt::format("mesh: {}: {}", file.string(), e.what()));
+  }
 }
 
 Bucket read_bucket(const YamlMap& machine, bool soil_moves) {
@@ -258,12 +277,15 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                    Names& names) {
   std::vector<Section> sections;
   if (!scenario.has("machines") && scenario.has("pours")) return sections;
-  for (const YamlMap& machine :
-       scenario.maps("machines", "machine",
-                     {"name", "bucket", "motion", "angles", "bad_rows", "urdf", "base", "lip"})) {
+  for (const YamlMap& machine : scenario.maps(
+           "machines", "machine",
+           {"name", "bucket", "tool", "motion", "angles", "bad_rows", "urdf", "base", "lip"})) {
     const std::string name = names.take(machine, "machine");
-    const Bucket bucket = read_bucket(machine, result.soil.has_value());
-    warn_if_never_dumps(machine, name, bucket, result);
+    if (machine.has("bucket") && machine.has("tool"))
+      machine.fail("tool", "a machine has a bucket or a tool, not both; remove one of them");
+    const Bucket bucket = machine.has("tool") ? read_tool(machine, result.voxel_size_m, result)
+                                              : read_bucket(machine, result.soil.has_value());
+    if (!bucket.shape) warn_if_never_dumps(machine, name, bucket, result);
     sections.push_back({name, bucket, read_machine_chain(machine, result), std::nullopt,
                         read_angle_unit(machine), read_on_bad_row(machine)});
     if (motions == Motions::kRequired || machine.has("motion")) {

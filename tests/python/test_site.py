@@ -115,7 +115,7 @@ def test_goes_on_from_bytes_pickles_and_clones(soil):
         assert site.save() == whole.save()
 
 
-def test_pickles_of_all_kinds_of_sites(tmp_path):
+def test_pickles_of_all_kinds_of_sites():
     site = soilvdb.Site(
         0.1, soilvdb.plane(1.0, slope=(0.1, 0)),
         [soilvdb.Machine(bucket(), "digger"), soilvdb.Bucket(1.0, 0.6, dump_angle=0.8)],
@@ -127,6 +127,21 @@ def test_pickles_of_all_kinds_of_sites(tmp_path):
     assert same.save() == site.save()
     assert same.machines == ["digger", "machine 1"]
     assert same.change_m3() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_tool_of_any_shape_digs_and_pickles(tmp_path):
+    (tmp_path / "wedge.obj").write_text("v 0 0 0\nv 0.4 0 0\nv 0 0.8 0\nv 0 0 0.5\n"
+                                        "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    wedge = soilvdb.tool(tmp_path / "wedge.obj", voxel=0.02)
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [wedge])
+    same = pickle.loads(pickle.dumps(site))
+    turned = (0, 0, 0, 1)
+    for one in (site, same):
+        one.update(0, position=(0, 0, -1.0), rotation=turned)
+    assert site.change_m3() == same.change_m3() == pytest.approx(-0.4 * 0.8 * 0.5 / 6, rel=0.02)
+    with pytest.raises(ValueError, match="isn't closed"):
+        (tmp_path / "open.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        soilvdb.tool(tmp_path / "open.obj", 0.1)
 
 
 @pytest.mark.parametrize("sent", [lambda thing: pickle.loads(pickle.dumps(thing)), copy.copy,

@@ -22,6 +22,7 @@
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
+#include "soilvdb/tool_shape.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
 #include "tools/run/outputs.h"
@@ -206,11 +207,17 @@ void info_scenario(const fs::path& file) {
   for (const io::MachineInput& machine : scenario.machines) {
     const Bucket& bucket = machine.bucket;
     const io::MotionFile& motion = machine.motion;
-    line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name,
-                                length_text(bucket.width_m), length_text(bucket.height_m),
-                                bucket.profile.empty()
-                                    ? std::string("no body")
-                                    : fmt::format("body of {} points", bucket.profile.size())));
+    if (bucket.shape) {
+      const Vec3 size_m = bucket.shape->box_m().sizes();
+      line("machine", fmt::format("{}: tool of {} m x {} m x {} m", machine.name,
+                                  number(size_m.x()), number(size_m.y()), number(size_m.z())));
+    } else {
+      line("machine", fmt::format("{}: mouth {} m wide, {} m high, {}", machine.name,
+                                  length_text(bucket.width_m), length_text(bucket.height_m),
+                                  bucket.profile.empty()
+                                      ? std::string("no body")
+                                      : fmt::format("body of {} points", bucket.profile.size())));
+    }
     if (const auto capacity = Capacity::of(bucket))
       line("  holds", fmt::format("{} m³ struck, {} m³ heaped at 1:1",
                                   number(capacity->struck_m3()), number(capacity->heaped_m3())));
@@ -224,15 +231,17 @@ void info_scenario(const fs::path& file) {
       const auto part = motion.part(i);
       for (std::size_t row = 0; row < part->times_s().size(); ++row) {
         const Pose world_from_bucket = part->row(row);
-        for (const double y : {-bucket.width_m / 2, bucket.width_m / 2})
-          for (const double z : {0.0, bucket.height_m})
-            box.extend(world_from_bucket * Vec3(0, y, z));
+        if (bucket.shape) {
+          for (const Vec3& p : extremes(bucket)) box.extend(world_from_bucket * p);
+        } else {
+          for (const Vec3& p : mouth_corners(bucket, world_from_bucket)) box.extend(p);
+        }
       }
     }
     line("  motion",
          fmt::format("{}, {} s from {} s", counted(static_cast<double>(motion.rows()), "row"),
                      time_text(motion.end_s() - motion.begin_s()), time_text(motion.begin_s())));
-    line("  mouth in", box_text(box));
+    line(bucket.shape ? "  tool in" : "  mouth in", box_text(box));
     if (motion.stops()) line("warning", motion.bad_rows().first + "; a run ends before this row");
   }
   print_earthmoving(scenario);

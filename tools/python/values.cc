@@ -11,7 +11,9 @@
 #include <limits>
 
 #include "soilvdb/capacity.h"
+#include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/urdf.h"
+#include "soilvdb/tool_shape.h"
 #include "tools/python/arguments.h"
 
 namespace soilvdb::python {
@@ -82,14 +84,29 @@ void bind_values(py::module_& m) {
            })
       .def(py::pickle(
           [](const Bucket& b) {
-            return py::make_tuple(b.width_m, b.height_m, outline(b.profile), b.dump_angle_rad);
+            return py::make_tuple(b.width_m, b.height_m, outline(b.profile), b.dump_angle_rad,
+                                  b.shape ? py::object(py::bytes(b.shape->save())) : py::none());
           },
           [](const py::tuple& t) {
             const py::object profile = t[2];
+            if (!t[4].is_none()) return tool_of(ToolShape::load(t[4].cast<std::string>()));
             return Bucket{t[0].cast<double>(), t[1].cast<double>(),
                           py::len(profile) > 0 ? outline(profile) : std::vector<Vec2>{},
                           t[3].cast<std::optional<double>>()};
           }));
+
+  m.def(
+      "tool",
+      [](const std::filesystem::path& mesh, double voxel) {
+        Bucket bucket = tool_of(ToolShape(io::read_mesh(mesh), voxel));
+        bucket.validate();
+        return bucket;
+      },
+      py::arg("mesh"), py::arg("voxel"),
+      "A tool of any closed shape in place of a bucket: blade, auger, ripper. It holds nothing and "
+      "pushes aside what it passes. mesh: a .ply, .obj, .stl or .glb file, m, whose own frame is "
+      "the tool's. voxel: m, of its distances; flat faces are exact at any, what is thinner than "
+      "two is lost. Raises ValueError for a mesh that isn't closed.");
 
   py::class_<MachineValue>(m, "Machine", "A bucket with a name and, with a URDF, joints.")
       .def(py::init([](const Bucket& bucket, std::string name,

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "soilvdb/capacity.h"
+#include "soilvdb/io/picture.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -59,6 +60,11 @@ void put_books(const Books& books, io::Summary& summary) {
   summary.dumped_m3 = books.total.dumped_m3();
   summary.ground_change_m3 = soil.change_m3() - books.change_before_m3;
   summary.residual_m3 = summary.ground_change_m3 + summary.cut_m3;
+  summary.net.reset();
+  if (books.change_before_m3 == 0) {
+    const io::CutAndFill net = io::cut_and_fill(soil);
+    summary.net = {net.cut_m3, net.fill_m3};
+  }
   summary.machines.clear();
   for (const Books::Machine& machine : books.machines)
     summary.machines.push_back(

@@ -130,10 +130,6 @@ void Run::summarise() {
         {machine.name, machine.bucket, tracker_.ledger(i), machine.motion.bad_rows().count});
   }
   put_books(books, summary_);
-  if (config_.change_before_m3 == 0 && !config_.options.part) {
-    const io::CutAndFill net = io::cut_and_fill(*state_.site.soil);
-    summary_.net = {net.cut_m3, net.fill_m3};
-  }
   if (scenario_.soil) warn_of_soil();
 }
 

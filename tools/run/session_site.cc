@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/tool_shape.h"
 #include "tools/run/session_state.h"
 
 namespace soilvdb::inline v0 {
@@ -50,6 +52,7 @@ nlohmann::json Session::State::description(bool ground) const {
                 {"bucket", {bucket.width_m, bucket.height_m}},
                 {"profile", Json::array()}};
     for (const Vec2& point : bucket.profile) one["profile"].push_back(numbers(point));
+    if (bucket.shape) one["tool"] = fmt::format("{:016x}", io::crc64(bucket.shape->save()));
     if (bucket.dump_angle_rad) one["dump_angle_rad"] = *bucket.dump_angle_rad;
     if (machine.chain) one["chain"] = places(*machine.chain);
     all["machines"].push_back(std::move(one));

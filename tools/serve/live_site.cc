@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "io/file/json.h"
+#include "soilvdb/tool_shape.h"
 #include "tools/run/run_folder.h"
 
 namespace soilvdb::tools {
@@ -127,11 +128,19 @@ Json LiveSite::description() const {
   for (std::size_t i = 0; i < moved_.size(); ++i) {
     const SessionMachine& machine = session_.machines()[i];
     const double capacity_m3 = log_.machines()[i].capacity_m3;
+    Bucket drawn = machine.bucket;
+    if (drawn.shape) {  // by the box around it
+      const Vec3 low = drawn.shape->box_m().min(), high = drawn.shape->box_m().max();
+      drawn.width_m = high.y() - low.y();
+      drawn.height_m = high.z() - low.z();
+      drawn.profile = {
+          {low.x(), low.z()}, {high.x(), low.z()}, {high.x(), high.z()}, {low.x(), high.z()}};
+    }
     Json one = {{"name", machine.name},
-                {"width_m", machine.bucket.width_m},
-                {"height_m", machine.bucket.height_m},
+                {"width_m", drawn.width_m},
+                {"height_m", drawn.height_m},
                 {"capacity_m3", capacity_m3 > 0 ? Json(capacity_m3) : Json()}};
-    for (const Vec2& point : machine.bucket.profile) one["profile"].push_back(numbers_json(point));
+    for (const Vec2& point : drawn.profile) one["profile"].push_back(numbers_json(point));
     machines.push_back(std::move(one));
   }
   Json all = {{"type", "site"},

@@ -1,16 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The digging tool: its mouth, and the outline of its body where one is given.
+// The digging tool: a bucket's mouth, and the outline of its body where one is given; or any shape.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "soilvdb/types.h"
 
 namespace soilvdb::inline v0 {
+
+class ToolShape;  // soilvdb/tool_shape.h
 
 /// A bucket in its own frame: origin at the middle of the lip, y along the lip, z from the lip to
 /// the upper edge, x out of the mouth. The mouth is {x = 0, |y| <= width/2, 0 <= z <= height}.
@@ -22,6 +25,9 @@ struct Bucket {
   std::vector<Vec2> profile;
   /// The load leaves when the mouth looks this far below the horizontal, rad.
   std::optional<double> dump_angle_rad;
+  /// In place of mouth and body a tool of any closed shape (tool_of()): it holds nothing and pushes
+  /// aside what it passes. Width and height are then those of a mouth that reaches as far.
+  std::shared_ptr<const ToolShape> shape = {};
 
   /// @throw std::invalid_argument naming the field, its value and what would be right.
   void validate() const;

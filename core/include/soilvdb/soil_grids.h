@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "soilvdb/soil.h"
+#include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
 
@@ -33,6 +34,10 @@ openvdb::FloatGrid::Ptr empty_surface_grid(const Soil& soil);
 /// @throw std::invalid_argument unless the grid is a level set with a uniform scale.
 std::unique_ptr<BaseSurface> make_level_set_surface(openvdb::FloatGrid::ConstPtr grid,
                                                     const Vec3& origin);
+
+/// A tool from a closed level set; the grid's world is the tool's frame.
+/// @throw std::invalid_argument unless it is a level set with cubic voxels, of at most 2^27 in all
+ToolShape make_tool_shape(const openvdb::FloatGrid& grid);
 
 /// How much of each voxel whose centre is in a box of the world is soil, 0 to 1: grid `occupancy`,
 /// class fog volume, background 0, a voxel active where it holds soil. Its transform is relative to

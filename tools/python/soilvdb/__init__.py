@@ -31,6 +31,7 @@ from ._soilvdb import (
     raster,
     read_raster,
     snapshot,
+    tool,
     update_many,
     write_raster,
 )
@@ -56,6 +57,7 @@ __all__ = [
     "read_raster",
     "run",
     "snapshot",
+    "tool",
     "update_many",
     "write_raster",
 ]

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Writes meshes for other programs.
+// Meshes for other programs, and of tools.
 #pragma once
 
 #include <filesystem>
@@ -19,5 +19,12 @@ namespace soilvdb::inline v0::io {
 ///        suffix or a mesh without triangles.
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh, const Vec3& origin,
                 const std::string& crs_wkt);
+
+/// Reads all triangles of a PLY, OBJ, STL or GLB file, in its own coordinates; those of GLB, which
+/// are y up, are turned as write_mesh() turned them. Points at one place become one.
+///
+/// Caveat: Assimp trusts the bytes that it parses.
+/// @throw InputError if it can't be read, or has no triangles
+Mesh read_mesh(const std::filesystem::path& file);
 
 }  // namespace soilvdb::inline v0::io

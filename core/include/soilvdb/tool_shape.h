@@ -1,0 +1,78 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A tool of any closed shape, and the ground without what it passes: blades, augers, rippers,
+// drills.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "soilvdb/bucket.h"
+#include "soilvdb/mesher.h"
+#include "soilvdb/soil.h"
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0 {
+
+/// A closed body by its signed distances on a lattice of its own, m, negative inside, with
+/// trilinear interpolation between them. Of a FloatGrid: make_tool_shape() in soilvdb/soil_grids.h.
+///
+/// Copies share the distances. Const members may run on several threads.
+class ToolShape {
+ public:
+  /// Of a closed mesh in the tool's frame, m.
+  /// @param voxel_size_m of the distances. Flat faces are exact at any size; edges are rounded, and
+  ///        what is thinner than two voxels is lost
+  /// @throw std::invalid_argument if the mesh isn't closed, or too large for voxels of that size
+  ToolShape(const Mesh& mesh, double voxel_size_m);
+  /// @param first_m where the first distance is @param n how many there are along each axis
+  /// @param distances_m x slowest, z fastest, clamped to a band or not
+  ToolShape(const Vec3& first_m, double voxel_size_m, const Coord3& n,
+            std::vector<float> distances_m);
+
+  /// Around all of it, tool frame.
+  const Eigen::AlignedBox3d& box_m() const { return box_m_; }
+  /// Signed distance of a point of the tool's frame, m. Where the lattice doesn't reach, less than
+  /// that, but above 0.
+  double distance_m(const Vec3& p) const;
+  /// All of it as bytes, and back. @throw std::invalid_argument if these bytes aren't from save()
+  std::string save() const;
+  static ToolShape load(std::string_view bytes);
+
+ private:
+  void find_box();
+
+  Vec3 first_m_;
+  double h_m_;
+  Coord3 n_;
+  std::shared_ptr<const std::vector<float>> distances_m_;
+  Eigen::AlignedBox3d box_m_;
+};
+
+/// A machine's tool of that shape, in the shape's frame.
+Bucket tool_of(ToolShape shape);
+
+/// Samples that a tool took out of the ground.
+struct ToolCut {
+  std::int64_t samples = 0;
+  std::int64_t loose = 0;  ///< of them
+};
+
+/// Level-set CSG decided at the samples: soil stays where max(soil, -tool) < 0. From pose to pose
+/// (world_from_tool) the tool goes straight and turns evenly, as a bucket does, and takes all that
+/// it comes to within 1/50 of a voxel; one pose alone takes what is in it. Guarantees: the same
+/// path again takes nothing; the result is the same for any number of threads.
+/// @throw NoGroundError where the terrain has no height; nothing was taken then
+ToolCut subtract(Soil& soil, const ToolShape& tool, std::span<const Pose> path);
+
+/// Soil where min(soil, body) < 0: what is built, a wall or a foundation. What is added is bank
+/// soil. For ground that no tracker of soil that moves has begun with: its masses know nothing of
+/// it.
+/// @return samples that were added
+std::int64_t unite(Soil& soil, const ToolShape& body, const Pose& world_from_body);
+
+}  // namespace soilvdb::inline v0
