@@ -46,27 +46,10 @@ void ToolShape::find_box() {
   if (box_m_.isEmpty()) throw std::invalid_argument("the tool has no inside");
 }
 
-double ToolShape::distance_m(const Vec3& p) const {
-  const Vec3 at = (p - first_m_) / h_m_;
-  const Vec3 last = (n_ - Coord3::Ones()).cast<double>();
-  const Vec3 held = at.cwiseMax(Vec3::Zero()).cwiseMin(last);
-  const Coord3 cell = held.cast<int>().cwiseMin(n_ - Coord3::Constant(2));
-  const Vec3 t = held - cell.cast<double>();
-  const std::size_t sz = 1, sy = static_cast<std::size_t>(n_.z()),
-                    sx = static_cast<std::size_t>(n_.y()) * sy;
-  const float* const d = distances_m_->data() + static_cast<std::size_t>(cell.x()) * sx +
-                         static_cast<std::size_t>(cell.y()) * sy +
-                         static_cast<std::size_t>(cell.z());
-  const auto along_z = [&](std::size_t at_xy) {
-    return d[at_xy] + t.z() * (double{d[at_xy + sz]} - d[at_xy]);
-  };
-  const auto along_y = [&](std::size_t at_x) {
-    const double low = along_z(at_x);
-    return low + t.y() * (along_z(at_x + sy) - low);
-  };
-  const double low = along_y(0), inside = low + t.x() * (along_y(sx) - low);
+double ToolShape::beyond_m(const Vec3& at) const {
+  const Vec3 held = at.cwiseMax(Vec3::Zero()).cwiseMin((n_ - Coord3::Ones()).cast<double>());
   const double beyond = h_m_ * (at - held).norm();
-  return beyond > 0 ? std::max(beyond, inside - beyond) : inside;
+  return std::max(beyond, between(held) - beyond);
 }
 
 std::string ToolShape::save() const {

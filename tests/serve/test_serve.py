@@ -4,6 +4,7 @@
 import asyncio
 import csv
 import json
+import os
 import socket
 import subprocess
 import threading
@@ -16,6 +17,7 @@ import soilvdb
 from live import PROGRAM, Server, passes, scenario, view, whole
 
 SOIL = "soil: {repose_angle: 0.6, swell: 0.2}\n"
+LONG = "SOILVDB_LONG" in os.environ  # tools/test --long
 FAST = "output: {snapshots: {every: 0.25}}\n"
 
 
@@ -202,7 +204,7 @@ def test_a_killed_server_goes_on_at_what_it_acknowledged(tmp_path):
         with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
             there = server.json("/summary.json")["updates"]
             assert there >= known, "what was acknowledged is there"
-            server.feed(all_states[there:there + int(rng.integers(10, 60))])
+            server.feed(all_states[there:there + int(rng.integers(*((10, 60) if LONG else (50, 90))))])
             time.sleep(rng.uniform(0, 1.5))
             known = server.json("/summary.json")["acknowledged"]["updates"]
             server.kill()

@@ -4,6 +4,8 @@
 // drills.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -38,13 +40,40 @@ class ToolShape {
   const Eigen::AlignedBox3d& box_m() const { return box_m_; }
   /// Signed distance of a point of the tool's frame, m. Where the lattice doesn't reach, less than
   /// that, but above 0.
-  double distance_m(const Vec3& p) const;
+  double distance_m(const Vec3& p) const {
+    const Vec3 at = (p - first_m_) / h_m_;
+    for (int a = 0; a < 3; ++a)
+      if (!(at[a] >= 0 && at[a] <= n_[a] - 1)) return beyond_m(at);
+    return between(at);
+  }
   /// All of it as bytes, and back. @throw std::invalid_argument if these bytes aren't from save()
   std::string save() const;
   static ToolShape load(std::string_view bytes);
 
  private:
   void find_box();
+  /// At a place within the lattice, in its voxels.
+  double between(const Vec3& at) const {
+    int cell[3];
+    double t[3];
+    for (int a = 0; a < 3; ++a) {
+      cell[a] = std::min(static_cast<int>(at[a]), n_[a] - 2);
+      t[a] = at[a] - cell[a];
+    }
+    const std::ptrdiff_t sy = n_.z(), sx = n_.y() * sy;
+    const float* const d = distances_m_->data() + (cell[0] * sx + cell[1] * sy + cell[2]);
+    const auto along_z = [&](const float* at_xy) {
+      return at_xy[0] + t[2] * (double{at_xy[1]} - at_xy[0]);
+    };
+    const auto along_y = [&](const float* at_x) {
+      const double low = along_z(at_x);
+      return low + t[1] * (along_z(at_x + sy) - low);
+    };
+    const double low = along_y(d);
+    return low + t[0] * (along_y(d + sx) - low);
+  }
+  /// At one that isn't.
+  double beyond_m(const Vec3& at) const;
 
   Vec3 first_m_;
   double h_m_;
