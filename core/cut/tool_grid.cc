@@ -5,6 +5,7 @@
 #include <openvdb/tools/MeshToVolume.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <map>
 #include <stdexcept>
@@ -38,11 +39,21 @@ openvdb::FloatGrid::Ptr grid_of(const Mesh& mesh, double voxel_size_m) {
   if (!(voxel_size_m > 0) || !std::isfinite(voxel_size_m))
     throw std::invalid_argument("a tool's voxels must be larger than 0 m");
   if (!is_closed(mesh))
-    throw std::invalid_argument("the tool's mesh isn't closed: an edge has no triangle beyond it");
+    throw std::invalid_argument(
+        "the tool's mesh isn't closed: an edge has no triangle beyond it, or one that is turned "
+        "over");
+  constexpr float kFarthest_m = 40;  // which no machine's tool is from its frame's origin
   Eigen::AlignedBox3f box;
-  for (const Eigen::Vector3f& p : mesh.points) box.extend(p);
-  if (!box.min().allFinite() || !box.max().allFinite())
-    throw std::invalid_argument("the tool's mesh has a point that is no number");
+  for (const Eigen::Vector3f& p : mesh.points) {
+    if (!p.allFinite())
+      throw std::invalid_argument("the tool's mesh has a point that is no number");
+    if (p.cwiseAbs().maxCoeff() > kFarthest_m)
+      throw std::invalid_argument("the tool's mesh reaches " +
+                                  text(double{p.cwiseAbs().maxCoeff()}) +
+                                  " m from its own origin, which is where the tool's frame is; "
+                                  "bring it within 40 m, and its points to metres");
+    box.extend(p);
+  }
   if ((box.sizes().cast<double>() / voxel_size_m).array().max(1).prod() > kMostDistances)
     throw std::invalid_argument("the tool is too large for voxels of " + text(voxel_size_m) +
                                 " m; give it larger ones");
@@ -82,6 +93,27 @@ ToolShape make_tool_shape(const openvdb::FloatGrid& grid) {
           size[0],
           Coord3(n[0], n[1], n[2]),
           {dense.data(), dense.data() + dense.valueCount()}};
+}
+
+std::string lost_by(const ToolShape& shape, const Mesh& mesh) {
+  double mesh_m3 = 0;
+  for (const auto& t : mesh.triangles) {
+    const Vec3 a = mesh.points[t[0]].cast<double>(), b = mesh.points[t[1]].cast<double>(),
+               c = mesh.points[t[2]].cast<double>();
+    mesh_m3 += a.dot(b.cross(c)) / 6;
+  }
+  mesh_m3 = std::abs(mesh_m3);
+  constexpr double kTold = 0.01;
+  const double shape_m3 = shape.volume_m3();
+  if (std::abs(shape_m3 - mesh_m3) <= kTold * mesh_m3) return "";
+  const auto short_text = [](double v) {  // four digits
+    char buffer[32];
+    return std::string(
+        buffer,
+        std::to_chars(buffer, buffer + sizeof(buffer), v, std::chars_format::general, 4).ptr);
+  };
+  return "the tool holds " + short_text(shape_m3) + " m3 and its mesh " + short_text(mesh_m3) +
+         " m3: its voxels are too large for it, or the mesh overlaps itself or is hollow";
 }
 
 ToolShape::ToolShape(const Mesh& mesh, double voxel_size_m)

@@ -52,6 +52,30 @@ double ToolShape::beyond_m(const Vec3& at) const {
   return std::max(beyond, between(held) - beyond);
 }
 
+double ToolShape::volume_m3() const {
+  constexpr int kParts = 4;  // along an axis of a cell that the surface runs through
+  double cells = 0;
+  for (int x = 0; x + 1 < n_.x(); ++x)
+    for (int y = 0; y + 1 < n_.y(); ++y)
+      for (int z = 0; z + 1 < n_.z(); ++z) {
+        const Vec3 low(x, y, z);
+        int inside = 0;
+        for (int k = 0; k < 8; ++k) inside += between(low + Vec3(k & 1, k >> 1 & 1, k >> 2)) < 0;
+        if (inside == 0 || inside == 8) {
+          cells += inside / 8;
+          continue;
+        }
+        double parts = 0;  // each as a plane of that distance cuts it
+        for (int k = 0; k < kParts * kParts * kParts; ++k) {
+          const Vec3 part(k % kParts, k / kParts % kParts, k / kParts / kParts);
+          const double distance = between(low + (part + Vec3::Constant(0.5)) / kParts) / h_m_;
+          parts += std::clamp(0.5 - kParts * distance, 0.0, 1.0);
+        }
+        cells += parts / (kParts * kParts * kParts);
+      }
+  return cells * h_m_ * h_m_ * h_m_;
+}
+
 std::string ToolShape::save() const {
   std::string out;
   for (const double v : first_m_) put(out, v);

@@ -206,13 +206,16 @@ JournalContent read_journal(const std::filesystem::path& file) {
 }
 
 std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
+  constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
   const auto each_update = [&](const auto& use) {
     JournalReader reader(file);
     JournalExtent made;
     while (const std::optional<JournalRecord> record = reader.next()) {
       const auto* update = std::get_if<JournalUpdate>(&*record);
       if (update == nullptr || !update->ends_update) continue;
-      use(*update, made.updates);
+      // Rest has no time of its own, but that of the machine that is farthest.
+      const bool timed = update->kind != JournalUpdate::Kind::kRest;
+      use(*update, timed ? update->end_s : kNoTime, made.updates);
       made.add(*update);
     }
     return made.updates;
@@ -220,19 +223,26 @@ std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
   constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
   std::uint64_t later = kNone;                 // updates before the first that is
   std::map<std::uint32_t, std::uint64_t> set;  // and before clocks of machines were, the last time
-  const std::uint64_t all = each_update([&](const JournalUpdate& update, std::uint64_t before) {
-    if (update.kind == JournalUpdate::Kind::kClock) set[update.machine] = before;
-    if (update.end_s > time_s) later = std::min(later, before);
-  });
+  const std::uint64_t all =
+      each_update([&](const JournalUpdate& update, double end_s, std::uint64_t before) {
+        if (update.kind == JournalUpdate::Kind::kClock) set[update.machine] = before;
+        if (end_s > time_s) later = std::min(later, before);
+      });
+  // Pours may have come down by the clock of any machine.
+  const auto set_later = [&](const JournalUpdate& update, std::uint64_t before) {
+    return std::any_of(set.begin(), set.end(), [&](const auto& clock) {
+      const bool its = update.kind == JournalUpdate::Kind::kPours || clock.first == update.machine;
+      return its && before < clock.second;
+    });
+  };
   if (!set.empty() && later != kNone) {
     later = kNone;
     bool perhaps_ahead = false;  // the clock that said so, by what comes after
-    each_update([&](const JournalUpdate& update, std::uint64_t before) {
-      if (update.end_s > time_s && later == kNone) {
+    each_update([&](const JournalUpdate& update, double end_s, std::uint64_t before) {
+      if (end_s > time_s && later == kNone) {
         later = before;
-        const auto found = set.find(update.machine);
-        perhaps_ahead = found != set.end() && before < found->second;
-      } else if (update.end_s <= time_s && perhaps_ahead) {
+        perhaps_ahead = set_later(update, before);
+      } else if (end_s <= time_s && perhaps_ahead) {
         later = kNone;
         perhaps_ahead = false;
       }

@@ -93,7 +93,11 @@ Bucket read_tool(const YamlMap& machine, double voxel_size_m, Scenario& result) 
   if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
     result.inputs.push_back(file);
   try {
-    Bucket bucket = tool_of(ToolShape(read_mesh(file), voxel_m));
+    const Mesh mesh = read_mesh(file);
+    const ToolShape shape(mesh, voxel_m);
+    if (const std::string lost = lost_by(shape, mesh); !lost.empty())
+      result.warnings.push_back(fmt::format("{}: {}", file.string(), lost));
+    Bucket bucket = tool_of(shape);
     bucket.validate();
     return bucket;
   } catch (const std::invalid_argument& e) {

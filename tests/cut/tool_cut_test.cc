@@ -6,6 +6,7 @@
 #include <tbb/global_control.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -185,6 +186,18 @@ TEST(ToolShape, RefusesWhatIsNoBody) {
       ThrowsMessage<std::invalid_argument>(HasSubstr("larger than 0 m")));
   EXPECT_THAT([&] { ToolShape(Mesh{}, 0.1); },
               ThrowsMessage<std::invalid_argument>(HasSubstr("isn't closed")));
+  Mesh cube = box({0, 0, 0}, {1, 1, 1});
+  EXPECT_EQ(lost_by(ToolShape(cube, 0.02), cube), "");
+  EXPECT_NEAR(ToolShape(cube, 0.02).volume_m3(), 1, 1e-3);
+  EXPECT_THAT(lost_by(ToolShape(cube, 0.4), cube), HasSubstr("m3 and its mesh 1 m3"));
+  cube.points[3].y() = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THAT([&] { ToolShape(cube, 0.1); },
+              ThrowsMessage<std::invalid_argument>(HasSubstr("a point that is no number")));
+  EXPECT_THAT(
+      [&] {
+        ToolShape(box({1e8, 0, 0}, {1e8 + 8, 1, 1}), 0.1);
+      },
+      ThrowsMessage<std::invalid_argument>(HasSubstr("m from its own origin")));
   const auto fog = level_set_sphere(1, {0, 0, 0}, 0.1F);
   fog->setGridClass(openvdb::GRID_FOG_VOLUME);
   EXPECT_THAT([&] { make_tool_shape(*fog); },

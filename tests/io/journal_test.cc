@@ -162,7 +162,8 @@ TEST_F(Journal, NumbersOfEveryKindComeBackToTheLastBit) {
 }
 
 TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
-  constexpr double kSet = -1;  // a clock is
+  constexpr double kSet = -1, kRest = -2;  // a clock is; all comes to rest
+  constexpr std::uint32_t kPours = 99;
   struct Fed {
     std::uint32_t machine;
     double time_s;
@@ -172,7 +173,14 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
     JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
     for (const Fed& fed : all) {
       JournalUpdate update{.machine = fed.machine, .kind = JournalUpdate::Kind::kClock};
-      if (fed.time_s != kSet) {
+      if (fed.time_s == kRest) {
+        update.kind = JournalUpdate::Kind::kRest;
+        update.end_s = 3600;
+      } else if (fed.machine == kPours) {
+        update.kind = JournalUpdate::Kind::kPours;
+        update.machine = 0;
+        update.end_s = fed.time_s;
+      } else if (fed.time_s != kSet) {
         update.kind = JournalUpdate::Kind::kMove;
         update.end_s = fed.time_s;
         update.rows = {false, 1, {fed.time_s}, {7}};
@@ -197,6 +205,11 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
   EXPECT_EQ(until(ahead, 3), 7u);
   EXPECT_EQ(until(ahead, 4), 9u);
   EXPECT_EQ(until(ahead, 9), 10u);
+  // All came to rest, and pours came down, by the clock of a machine that was ahead.
+  const std::vector<Fed> others = {{0, 1},    {1, 3600},     {0, kRest}, {kPours, 3600},
+                                   {1, kSet}, {kPours, 1.5}, {0, 2},     {1, 2}};
+  EXPECT_EQ(until(others, 1.7), 6u);
+  EXPECT_EQ(until(others, 2), 8u);
   // The very first was.
   const std::vector<Fed> first = {{0, 3600}, {0, kSet}, {0, 1}, {0, 2}};
   EXPECT_EQ(until(first, 0.5), 0u);

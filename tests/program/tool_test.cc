@@ -61,7 +61,7 @@ TEST_F(Tools, DigWhatTheyPass) {
 }
 
 TEST_F(Tools, PushSoilThatMovesAndLoseNone) {
-  write_scenario("    tool: {mesh: blade.obj, voxel: 0.03}\n", "soil: {repose_angle: 0.6}\n");
+  write_scenario("    tool: {mesh: blade.obj, voxel: 0.02}\n", "soil: {repose_angle: 0.6}\n");
   const Result result = run("run s.yaml --out o");
   ASSERT_EQ(result.status, 0) << result.err;
   EXPECT_EQ(result.err, "");

@@ -98,7 +98,13 @@ void bind_values(py::module_& m) {
   m.def(
       "tool",
       [](const std::filesystem::path& mesh, double voxel) {
-        Bucket bucket = tool_of(ToolShape(io::read_mesh(mesh), voxel));
+        const Mesh of = io::read_mesh(mesh);
+        const ToolShape shape(of, voxel);
+        if (const std::string lost = lost_by(shape, of);
+            !lost.empty() &&
+            PyErr_WarnEx(PyExc_UserWarning, (mesh.string() + ": " + lost).c_str(), 1) != 0)
+          throw py::error_already_set();
+        Bucket bucket = tool_of(shape);
         bucket.validate();
         return bucket;
       },
@@ -106,7 +112,9 @@ void bind_values(py::module_& m) {
       "A tool of any closed shape in place of a bucket: blade, auger, ripper. It holds nothing and "
       "pushes aside what it passes. mesh: a .ply, .obj, .stl or .glb file, m, whose own frame is "
       "the tool's. voxel: m, of its distances; flat faces are exact at any, what is thinner than "
-      "two is lost. Raises ValueError for a mesh that isn't closed.");
+      "two is lost: a UserWarning tells of more than 1 % of its volume. Raises ValueError for a "
+      "mesh "
+      "that isn't closed.");
 
   py::class_<MachineValue>(m, "Machine", "A bucket with a name and, with a URDF, joints.")
       .def(py::init([](const Bucket& bucket, std::string name,

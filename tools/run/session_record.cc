@@ -107,7 +107,8 @@ void Session::State::replay(const fs::path& journal, std::uint64_t from, std::ui
     const bool known = at.updates < from;
     at.add(*update);
     if (update->kind == io::JournalUpdate::Kind::kClock) schedule.begin_again();
-    if (std::isfinite(update->end_s)) schedule.due(update->end_s);
+    if (std::isfinite(update->end_s) && update->kind != io::JournalUpdate::Kind::kRest)
+      schedule.due(update->end_s);
     if (known) {
       if (update->machine < machines.size()) follow(*update);
       before = at.updates;

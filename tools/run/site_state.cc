@@ -46,10 +46,11 @@ std::vector<double> joints_at(const io::MotionRows& rows, double time_s) {
 
 std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t update,
                            double time_s, const UpdateDiffers& why) {
+  const std::string at = std::isnan(time_s) ? "" : fmt::format(", at {} s", time_text(time_s));
   return std::runtime_error(fmt::format(
-      "{}: update {}, at {} s, {}; another version of soilvdb or another machine made it, or the "
+      "{}: update {}{}, {}; another version of soilvdb or another machine made it, or the "
       "site isn't as it was",
-      journal.string(), update, time_text(time_s), why.what()));
+      journal.string(), update, at, why.what()));
 }
 
 SiteState::SiteState(std::vector<SessionMachine> machines_, Earthmoving earthmoving_,

@@ -46,6 +46,8 @@ class ToolShape {
       if (!(at[a] >= 0 && at[a] <= n_[a] - 1)) return beyond_m(at);
     return between(at);
   }
+  /// What it holds, to some thousandths.
+  double volume_m3() const;
   /// All of it as bytes, and back. @throw std::invalid_argument if these bytes aren't from save()
   std::string save() const;
   static ToolShape load(std::string_view bytes);
@@ -81,6 +83,10 @@ class ToolShape {
   std::shared_ptr<const std::vector<float>> distances_m_;
   Eigen::AlignedBox3d box_m_;
 };
+
+/// In words, where the volumes of a shape and of the mesh that it is of differ by more than 1 %;
+/// empty: they don't.
+std::string lost_by(const ToolShape& shape, const Mesh& mesh);
 
 /// A machine's tool of that shape, in the shape's frame.
 Bucket tool_of(ToolShape shape);
