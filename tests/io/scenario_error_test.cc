@@ -28,7 +28,7 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
       "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
   EXPECT_EQ(error(13, "    motoin: m.csv"),
             "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
-            "name, bucket, motion, angles, bad_rows, urdf, base, lip");
+            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip");
   EXPECT_EQ(error(3, "voxel: 0.05"),
             "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
             "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
@@ -170,7 +170,7 @@ TEST_F(ScenarioFile, MachinesMustBeAListWithDifferentNames) {
             "s.yaml:4: machines is a map; it must be a list of at least one machine");
   EXPECT_EQ(error_of(head + "machines:\n- digger\n"),
             "s.yaml:5: machine is 'digger'; it must be a map with keys of "
-            "name, bucket, motion, angles, bad_rows, urdf, base, lip");
+            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip");
   EXPECT_EQ(error_of(head + "machines:\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"),

@@ -143,7 +143,7 @@ void SiteState::pour_before(double time_s) {
 
 /// @throw std::invalid_argument if it can't be
 Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::size_t row) const {
-  const std::span<const double> v(&rows.values[row * rows.columns], rows.columns);
+  const std::span<const double> v(rows.values.data() + row * rows.columns, rows.columns);
   if (!rows.joints) {
     if (v.size() != 7) throw std::invalid_argument("a pose has seven numbers");
     return {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
