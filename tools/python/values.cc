@@ -110,7 +110,7 @@ void bind_values(py::module_& m) {
       },
       py::arg("mesh"), py::arg("voxel"),
       "A tool of any closed shape in place of a bucket: blade, auger, ripper. It holds nothing and "
-      "pushes aside what it passes. mesh: a .ply, .obj, .stl or .glb file, m, whose own frame is "
+      "pushes aside what it passes. mesh: an .stl or .obj file, m, whose own frame is "
       "the tool's. voxel: m, of its distances; flat faces are exact at any, what is thinner than "
       "two is lost: a UserWarning tells of more than 1 % of its volume. Raises ValueError for a "
       "mesh "

@@ -20,11 +20,9 @@ namespace soilvdb::inline v0::io {
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh, const Vec3& origin,
                 const std::string& crs_wkt);
 
-/// Reads all triangles of a PLY, OBJ, STL or GLB file, in its own coordinates; those of GLB, which
-/// are y up, are turned as write_mesh() turned them. Points at one place become one.
-///
-/// Caveat: Assimp trusts the bytes that it parses.
-/// @throw InputError if it can't be read, or has no triangles
+/// Reads all triangles of an STL or OBJ file, in its own coordinates. Points at one place become
+/// one; faces of more than three corners must be convex.
+/// @throw InputError if it can't be read, has a point that is no number, or no triangles
 Mesh read_mesh(const std::filesystem::path& file);
 
 }  // namespace soilvdb::inline v0::io
