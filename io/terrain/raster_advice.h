@@ -26,8 +26,7 @@ class RasterAdvice {
   using Kept = std::function<KeptHeights(double metres)>;
 
   /// @param kept called with the length of the heights' unit when advice is asked for: finding
-  /// unnamed
-  ///        voids means reading heights
+  ///        unnamed voids means reading heights
   RasterAdvice(std::filesystem::path file, Kept kept);
 
   const std::filesystem::path& file() const { return file_; }
