@@ -353,12 +353,4 @@ void Tracker::restore(std::string_view state) {
   if (works_ != nullptr) works_->restore(books);
 }
 
-void Tracker::restore(std::string_view state, std::span<const std::size_t> machines) {
-  if (works_ != nullptr) throw std::invalid_argument("soil that moves is all machines'");
-  for (const std::size_t machine : machines) at(machine);
-  Tracker other(soil_, *this);
-  other.restore(state);
-  for (const std::size_t machine : machines) machines_[machine].swap(other.machines_[machine]);
-}
-
 }  // namespace soilvdb::inline v0

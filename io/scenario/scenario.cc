@@ -320,11 +320,10 @@ MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
 MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
     : name(std::move(n)), bucket(std::move(b)), chain(std::move(c)) {}
 
-namespace {
+namespace {}  // namespace
 
-/// @param moving names of the machines whose motions are read; without: all
-Scenario read(const std::filesystem::path& file, const ReadProgress& progress, Motions motions,
-              const std::vector<std::string>* moving) {
+Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
+                       Motions motions) {
   const YamlMap map = YamlMap::load(file, "scenario",
                                     {"soilvdb", "name", "voxel_size", "terrain", "soil", "machines",
                                      "pours", "hoppers", "output"});
@@ -338,12 +337,6 @@ Scenario read(const std::filesystem::path& file, const ReadProgress& progress, M
   read_soil(map, scenario);
   Names names;
   std::vector<Section> sections = read_machines(map, motions, scenario, names);
-  for (Section& section : sections) {
-    if (!moving || std::find(moving->begin(), moving->end(), section.name) != moving->end())
-      continue;
-    for (const auto& path : section.motion->files()) std::erase(scenario.inputs, path);
-    section.motion.reset();
-  }
   for (const Section& section : sections)
     if (section.motion) add_inputs(*section.motion, scenario);
   read_pours(map, scenario, names);
@@ -377,18 +370,6 @@ Scenario read(const std::filesystem::path& file, const ReadProgress& progress, M
     scenario.machines.back().chain = section.chain;
   }
   return scenario;
-}
-
-}  // namespace
-
-Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
-                       Motions motions) {
-  return read(file, progress, motions, nullptr);
-}
-
-Scenario read_scenario_of(const std::vector<std::string>& names, const std::filesystem::path& file,
-                          const ReadProgress& progress) {
-  return read(file, progress, Motions::kRequired, &names);
 }
 
 }  // namespace soilvdb::inline v0::io

@@ -94,9 +94,9 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   MetaMap meta;
   put_all(meta, file, site, info);
   std::vector<Coord3> chunks;
-  if (info.surface && info.parent) {
+  if (info.parent) {
     for (const Chunk* chunk : site.soil->chunks()) chunks.push_back(chunk->origin);
-  } else if (info.surface) {
+  } else {
     chunks = chunks_with_surface(*site.soil);
   }
   const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.soil, chunks);

@@ -9,7 +9,6 @@ import contextlib
 import csv
 import dataclasses
 import io
-import math
 import os
 import signal
 import socket
@@ -161,35 +160,3 @@ def wait_until(what, timeout_s=120.0):
     while not what():
         assert time.monotonic() < end, "never happened"
         time.sleep(0.02)
-
-
-def write_shift(folder, machines=10, hours=0.02, voxel=0.1, rate_hz=10):
-    """A site on which machines dig at places of their own, moving on cycle by cycle. @return its scenario"""
-    folder.mkdir(parents=True, exist_ok=True)
-    lines = ["soilvdb: 1", "name: shift", f"voxel_size: {voxel}",
-             "terrain: {plane: {z: 0.0, slope: [0.01, 0.02]}}", "machines:"]
-    for m in range(machines):
-        lines.append(f"  - {{name: m{m}, bucket: {{width: 1.2, height: 0.9, dump_angle: 1.0}}, "
-                     f"motion: m{m}.csv}}")
-        with open(folder / f"m{m}.csv", "w", encoding="utf-8") as file:
-            file.write("time,x,y,z,pitch\n")
-            for row in range(int(hours * 3600 * rate_hz)):
-                time_s = row / rate_hz + 0.19 * m
-                cycle, s = divmod(row / rate_hz, 24.0)
-                s /= 24.0
-                row_of_cuts, place = divmod(cycle, 29)
-                place = place if row_of_cuts % 2 == 0 else 28 - place  # there and back
-                x = 100.0 * (m % 5) + 2.5 * min(1.0, s / 0.5) + 1.3 * place
-                y = 100.0 * (m // 5) + 1.1 * row_of_cuts
-                z = 0.3 - 0.8 * math.sin(math.pi * s / 0.5) if s < 0.5 else 0.3 + 2.0 * (s - 0.5)
-                pitch = 1.3 if 0.7 < s < 0.8 else 0.1
-                file.write(f"{time_s:.3f},{x:.4f},{y:.4f},{z + 0.01 * x + 0.02 * y:.4f},{pitch}\n")
-    (folder / "shift.yaml").write_text("\n".join(lines) + "\n")
-    return folder / "shift.yaml"
-
-
-def fleet_split(scenario, out, parts, *options, **more):
-    """@return the finished process"""
-    return subprocess.run([*FLEET, "split", str(scenario), "--out", str(out), "--parts", str(parts),
-                           *map(str, options)],
-                          capture_output=True, text=True, check=False, **{"timeout": 500, **more})

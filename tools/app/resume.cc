@@ -13,7 +13,6 @@
 
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
-#include "tools/run/part.h"
 #include "tools/run/recorded_motion.h"
 #include "tools/run/run.h"
 #include "tools/run/run_files.h"
@@ -64,7 +63,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
   const std::int64_t updates = Schedule(scenario, config.options.updates, config.ends_s, 0).total();
   if (!recording_is_whole(scenario, journal, updates)) {
     fmt::print("going on from the beginning, for {} to have all\n", kMcapName);
-    return begin_of(config.options, scenario);
+    return {std::make_unique<SiteState>(scenario, io::open_site(scenario))};
   }
   for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
     // Nothing goes on from the last one of a run that was stopped.
@@ -82,7 +81,7 @@ Start find_start(const fs::path& folder, const io::JournalContent& journal,
     }
   }
   fmt::print("going on from the beginning\n");
-  return begin_of(config.options, scenario);
+  return {std::make_unique<SiteState>(scenario, io::open_site(scenario))};
 }
 
 void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const Start& start) {

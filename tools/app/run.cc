@@ -15,12 +15,10 @@
 #include <utility>
 #include <vector>
 
-#include "io/scenario/some_motions.h"
 #include "io/scenario/underground.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
-#include "tools/run/part.h"
 #include "tools/run/progress.h"
 #include "tools/run/text.h"
 
@@ -89,19 +87,9 @@ io::Scenario read_to_dig(const RunOptions& options) {
     if (!progress) progress.emplace("reading motions", total, "B");
     progress->update(done);
   };
-  io::Scenario scenario = options.part
-                              ? io::read_scenario_of(options.part->machines, options.scenario, tell)
-                              : io::read_scenario(options.scenario, tell);
+  io::Scenario scenario = io::read_scenario(options.scenario, tell);
   progress.reset();
   if (options.voxel_size_m) scenario.voxel_size_m = *options.voxel_size_m;
-  if (options.part || options.in_parts) {
-    scenario.snapshot_every_s.reset();
-    scenario.incremental_snapshots = false;
-  }
-  if (options.part) {
-    scenario.raster_cell_m.reset();
-    scenario.mcap = false;
-  }
   check_voxels(scenario);
   try_out(scenario.terrain);
   return scenario;
@@ -117,22 +105,20 @@ void run(const RunOptions& options) {
   io::Scenario scenario = read_to_dig(options);
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
-    Start start = begin_of(options, scenario);
+    Start start{std::make_unique<SiteState>(scenario, io::open_site(scenario))};
     scenario.warnings.insert(scenario.warnings.end(), start.state->site.warnings.begin(),
                              start.state->site.warnings.end());
-    if (!options.part) warn_of_underground(scenario, *start.state->site.soil);
+    warn_of_underground(scenario, *start.state->site.soil);
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
-    RunConfig config{options, start.state->site.soil->change_m3() + start.cut_before_m3,
-                     options.part ? options.part->ends_s : ends_of(scenario.machines), 0};
+    RunConfig config{options, start.state->site.soil->change_m3(), ends_of(scenario.machines), 0};
     config.options.out = folder.path();
     folder.make();
     try {
       folder.lock();
       folder.replace([&](const std::string& name) { return writes(scenario, options, name); });
       folder.clear();
-      // Of a part the whole has said all that.
-      const auto warnings = options.part ? std::vector<std::string>() : scenario.warnings;
-      const std::string ground = options.part ? "" : beneath_text(*start.state->site.soil);
+      const std::vector<std::string> warnings = scenario.warnings;
+      const std::string ground = beneath_text(*start.state->site.soil);
       Run run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
       if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);

@@ -22,7 +22,6 @@
 #include "soilvdb/version.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
-#include "tools/app/part.h"
 #include "tools/app/usage.h"
 #include "tools/run/text.h"
 
@@ -282,8 +281,7 @@ int guarded_main(int argc, char** argv) {
   set_up_process();
   try {
     if (argc == 4 && std::string_view(argv[1]) == kInChild) child_main(argv[2], argv[3]);
-    const bool is_part = argc > 1 && std::string_view(argv[1]) == "part";
-    const int status = is_part ? part_main(argc - 1, argv + 1) : CommandLine().main(argc, argv);
+    const int status = CommandLine().main(argc, argv);
     if (std::fflush(stdout) != 0 || std::ferror(stdout))
       return complain(kFailed, "standard output can't be written to");
     return status;

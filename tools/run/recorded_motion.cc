@@ -27,16 +27,8 @@ class DugRows {
   /// @param all no row was left out
   DugRows(const io::MachineInput& machine, bool all, double same_m)
       : machine_(machine), points_(extremes(machine.bucket)), all_(all), same_m_(same_m) {
-    if (machine.has_motion()) load(0, 0);  // else it is none of the part's
+    load(0, 0);
   }
-
-  /// Others dug the rows up to here.
-  void skip(double end_s) {
-    while (!at_end() && now_s() <= end_s) advance();
-    dug_s_ = end_s;
-  }
-
-  bool begun() const { return dug_s_ > -std::numeric_limits<double>::infinity(); }
 
   void check(const io::JournalUpdate& move) {
     const std::vector<double>& times = move.rows.times_s;
@@ -167,20 +159,14 @@ void check_recorded_motion(const std::filesystem::path& journal, const io::Scena
   std::vector<DugRows> rows;
   for (const io::MachineInput& machine : machines)
     rows.emplace_back(machine, !config.options.updates, same_m);
-  const std::optional<Part>& part = config.options.part;
-  Schedule schedule(scenario, config.options.updates, config.ends_s, same_m, part);
+  Schedule schedule(scenario, config.options.updates, config.ends_s, same_m);
   bool ended = false;
   io::JournalReader reader(journal);
   while (const std::optional<io::JournalRecord> record = reader.next()) {
     ended |= std::holds_alternative<io::JournalEnd>(*record);
     const auto* move = std::get_if<io::JournalUpdate>(&*record);
     if (!move) continue;
-    if (move->machine < rows.size()) {
-      DugRows& mine = rows[move->machine];
-      if (part && !mine.begun() && move->begin_s > machines[move->machine].motion.begin_s())
-        mine.skip(move->begin_s);
-      mine.check(*move);
-    }
+    if (move->machine < rows.size()) rows[move->machine].check(*move);
     // Rows that come before what others have dug have missed their time.
     const std::optional<Step> step = schedule.next();
     if (!step || !is_update(*step, *move)) {
@@ -191,7 +177,7 @@ void check_recorded_motion(const std::filesystem::path& journal, const io::Scena
                       time_text(move->end_s)));
     }
   }
-  if (!ended || part) return;
+  if (!ended) return;
   for (const DugRows& motion : rows) motion.check_end();
 }
 

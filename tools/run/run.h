@@ -40,7 +40,6 @@ struct Start {
   std::uint64_t updates = 0;  ///< that it has seen
   std::string snapshot = {};  ///< name of the one that it was read from, and what that goes on from
   std::optional<io::SnapshotParent> parent = {};
-  double cut_before_m3 = 0;  ///< of a part: by all machines before it
 };
 
 /// One run, from checked input to its last file.

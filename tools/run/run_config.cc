@@ -116,13 +116,6 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
-  if (options.in_parts) json["in_parts"] = true;
-  if (const auto& part = options.part) {
-    json["part"] = {{"start", relative_as_given(part->start, *options.out).string()},
-                    {"machines", part->machines},
-                    {"begin_s", part->begin_s},
-                    {"end_s", part->end_s}};
-  }
   // Not as text: paths may hold any bytes.
   return io::to_cbor(json);
 }
@@ -156,14 +149,6 @@ RunConfig parse_run_config(const std::string& bytes, const fs::path& folder) {
     if (json.contains("voxel_size_m")) options.voxel_size_m = json["voxel_size_m"].get<double>();
     if (json.contains("updates")) options.updates = json["updates"].get<std::int64_t>();
     if (json.contains("memory_mb")) options.memory_mb = json["memory_mb"].get<std::int64_t>();
-    options.in_parts = json.value("in_parts", false);
-    if (json.contains("part")) {
-      const Json& part = json["part"];
-      options.part =
-          Part{folder / part.at("start").get<std::string>(),
-               part.at("machines").get<std::vector<std::string>>(),
-               part.at("begin_s").get<double>(), part.at("end_s").get<double>(), config.ends_s};
-    }
     return config;
   } catch (const Json::exception& e) {
     throw io::InputError(folder, fmt::format("its journal holds no configuration ({})", e.what()));

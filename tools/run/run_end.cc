@@ -31,7 +31,6 @@ const io::JournalFile* Run::intact(const std::string& name) const {
 io::SnapshotInfo Run::snapshot_info() const {
   io::SnapshotInfo info = state_.snapshot_info(time_s_);
   info.scenario = scenario_.name;
-  info.surface = !config_.options.part;
   return info;
 }
 

@@ -7,22 +7,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <string>
-#include <vector>
 
 namespace soilvdb::tools {
 
 /// Set by SIGINT and SIGTERM: finish the update, save and stop.
 extern std::atomic<bool> stop_requested;
-
-/// Some machines of a scenario in a window of its time, dug apart from the others: those of their
-/// updates that end after begin_s and no later than end_s.
-struct Part {
-  std::filesystem::path start;        ///< snapshot: ground and machines as the window begins
-  std::vector<std::string> machines;  ///< names
-  double begin_s = 0, end_s = 0;
-  std::vector<double> ends_s;  ///< where all the scenario's motions end
-};
 
 struct RunOptions {
   std::filesystem::path scenario;
@@ -33,8 +22,6 @@ struct RunOptions {
   std::optional<std::int64_t> memory_mb;     ///< for the ground; default: what it takes
   bool mesh = true;
   bool snapshots = true;
-  bool in_parts = false;     ///< was dug in parts: no snapshots on the way
-  std::optional<Part> part;  ///< only that of the scenario, and of files only what merging needs
 };
 
 }  // namespace soilvdb::tools

@@ -8,21 +8,13 @@
 
 namespace soilvdb::tools {
 Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
-                   const std::vector<double>& ends_s, double tolerance_m,
-                   const std::optional<Part>& part)
-    : after_s_(part ? part->begin_s : -std::numeric_limits<double>::infinity()),
-      last_s_(part ? part->end_s : std::numeric_limits<double>::infinity()),
-      begin_s_(std::numeric_limits<double>::infinity()),
-      end_s_(-begin_s_),
-      stop_s_(begin_s_) {
+                   const std::vector<double>& ends_s, double tolerance_m)
+    : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
   for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
     const io::MachineInput& machine = scenario.machines[i];
     // Soil comes to rest at places that are counted from row to row, so all rows stay.
     const auto thinned_m = scenario.soil ? std::nullopt : std::optional(tolerance_m);
-    cursors_.emplace_back(machine, updates, ends_s.at(i), thinned_m);
-    left_out_.push_back(part && std::find(part->machines.begin(), part->machines.end(),
-                                          machine.name) == part->machines.end());
-    if (!left_out_.back()) total_ += cursors_.back().count();
+    total_ += cursors_.emplace_back(machine, updates, ends_s.at(i), thinned_m).count();
     begin_s_ = std::min(begin_s_, machine.motion.begin_s());
     end_s_ = std::max(end_s_, machine.motion.end_s());
     const io::BadRows& bad = machine.motion.bad_rows();
@@ -39,11 +31,8 @@ Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> upd
 
 std::optional<Step> Schedule::next() {
   Cursor* first = nullptr;
-  for (std::size_t i = 0; i < cursors_.size(); ++i) {
-    Cursor& cursor = cursors_[i];
-    while (!left_out_[i] && !cursor.at_end() && cursor.until_s() <= after_s_) cursor.step();
-    if (left_out_[i] || cursor.at_end()) continue;
-    if (!first || cursor.until_s() < first->until_s()) first = &cursor;
+  for (Cursor& cursor : cursors_) {
+    if (!cursor.at_end() && (!first || cursor.until_s() < first->until_s())) first = &cursor;
   }
   PourCursor* first_pour = nullptr;
   for (PourCursor& pour : pours_) {
@@ -57,8 +46,7 @@ std::optional<Step> Schedule::next() {
     return step;
   }
   // Where the run stops before anything has moved, nothing is done at all.
-  if (!first || first->until_s() > std::min(stop_s_, last_s_) || stop_s_ <= begin_s_)
-    return std::nullopt;
+  if (!first || first->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
   Step step = first->step();
   step.machine = static_cast<std::size_t>(first - cursors_.data());
   return step;

@@ -13,7 +13,6 @@
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/pour_parts.h"
-#include "tools/run/run_options.h"
 
 namespace soilvdb::tools {
 
@@ -46,12 +45,10 @@ class Schedule {
   ///        many updates up to there, and goes on in the same intervals if it is longer by now
   /// @param tolerance_m of Motion::simplified(), by which rows are left out that say no more than
   ///        their neighbours, where an update covers several and soil doesn't move
-  /// @param part leaves out what isn't in it; what is is as in the whole
   Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
-           const std::vector<double>& ends_s, double tolerance_m,
-           const std::optional<Part>& part = {});
+           const std::vector<double>& ends_s, double tolerance_m);
 
-  std::int64_t total() const { return total_; }  ///< updates; of a part's machines at all times
+  std::int64_t total() const { return total_; }  ///< updates
   double begin_s() const { return begin_s_; }    ///< of the earliest motion or pour
   double end_s() const { return end_s_; }        ///< of the latest
 
@@ -100,8 +97,6 @@ class Schedule {
   };
   std::vector<Cursor> cursors_;
   std::vector<PourCursor> pours_;
-  std::vector<bool> left_out_;  // of each cursor
-  double after_s_, last_s_;     // updates end after the one, and no later than the other
   std::int64_t total_ = 0;
   double begin_s_ = 0, end_s_ = 0;
   double stop_s_;

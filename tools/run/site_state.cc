@@ -256,12 +256,6 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
   }
 }
 
-struct SiteState::Progress {
-  std::string_view tracker;
-  std::vector<Fed> fed;
-  bool at_rest = false;
-};
-
 std::string SiteState::progress() const {
   std::string out;
   put_text(out, tracker->state());
@@ -276,16 +270,18 @@ std::string SiteState::progress() const {
   return out;
 }
 
-SiteState::Progress SiteState::parse_progress(std::string_view bytes) const {
-  Progress all{take_text(bytes), {}, false};
+void SiteState::set_progress(std::string_view bytes) {
+  const std::string_view tracker_state = take_text(bytes);
+  bool rests = false;
   std::uint64_t count = 0;
-  take(bytes, all.at_rest);
+  take(bytes, rests);
   take(bytes, count);
   if (count != machines.size())
     throw std::invalid_argument(
         fmt::format("the state is of {} machines; this site has {}", count, machines.size()));
+  std::vector<Fed> all;
   for (const SessionMachine& machine : machines) {
-    Fed& now = all.fed.emplace_back();
+    Fed& now = all.emplace_back();
     take(bytes, now.time_s);
     take(bytes, now.pose);
     std::uint64_t joints = 0;
@@ -299,20 +295,9 @@ SiteState::Progress SiteState::parse_progress(std::string_view bytes) const {
                      [](double value) { return std::isfinite(value); }))
       throw std::invalid_argument("the state has a machine that can't be");
   }
-  return all;
-}
-
-void SiteState::set_progress(std::string_view bytes) {
-  Progress all = parse_progress(bytes);
-  tracker->restore(all.tracker);
-  fed = std::move(all.fed);
-  at_rest = all.at_rest;
-}
-
-void SiteState::set_progress(std::string_view bytes, std::span<const std::size_t> some) {
-  const Progress all = parse_progress(bytes);
-  tracker->restore(all.tracker, some);
-  for (const std::size_t machine : some) fed[machine] = all.fed[machine];
+  tracker->restore(tracker_state);
+  fed = std::move(all);
+  at_rest = rests;
 }
 
 io::SnapshotInfo SiteState::snapshot_info(double time_s) const {

@@ -73,8 +73,6 @@ struct SiteState {
   std::string progress() const;
   /// @throw std::invalid_argument if it isn't of these machines
   void set_progress(std::string_view bytes);
-  /// The same of some machines alone, where soil doesn't move.
-  void set_progress(std::string_view bytes, std::span<const std::size_t> some);
   /// Of now, with the progress.
   io::SnapshotInfo snapshot_info(double time_s) const;
 
@@ -88,8 +86,6 @@ struct SiteState {
   double poured_s = -std::numeric_limits<double>::infinity();  ///< up to which pours came down
 
  private:
-  struct Progress;
-  Progress parse_progress(std::string_view bytes) const;
   Pose row_pose(std::size_t machine, const io::MotionRows& rows, std::size_t row) const;
   Move move_of(const io::JournalUpdate& update,
                std::vector<std::unique_ptr<Motion>>& motions) const;

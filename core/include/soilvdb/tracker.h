@@ -148,9 +148,6 @@ class Tracker {
   std::string state() const;
   /// @throw std::invalid_argument if these bytes are of other buckets, or not from state()
   void restore(std::string_view state);
-  /// Only these machines go on as that one's would: those that others dug with, on soil which they
-  /// shared no part of. @throw std::invalid_argument as above, and where soil moves
-  void restore(std::string_view state, std::span<const std::size_t> machines);
 
  private:
   Machine& at(std::size_t machine) const;

@@ -45,8 +45,6 @@ struct SnapshotInfo {
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
   std::string tracker_state = {};  ///< Tracker::state(), for a run that goes on; may be empty
   std::optional<SnapshotParent> parent = {};  ///< else it is whole
-  /// Without it is only for this program, and takes a fraction of the time. Not read back.
-  bool surface = true;
 };
 
 /// The bytes of a snapshot. Reads the site.

@@ -13,7 +13,7 @@ from typing import NoReturn
 
 from . import InputError
 
-COMMANDS = ("run", "uncertainty", "split")  # modules beside this one
+COMMANDS = ("run", "uncertainty")  # modules beside this one
 
 
 class Parser(argparse.ArgumentParser):
