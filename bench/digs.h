@@ -3,9 +3,6 @@
 // Runs an engine over one of the shared digs: what accuracy and speed are both measured by.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "bench/engine.h"
 #include "tests/support/scenarios.h"
 

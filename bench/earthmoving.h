@@ -7,7 +7,6 @@
 #include <functional>
 #include <memory>
 #include <numbers>
-#include <span>
 #include <vector>
 
 #include "bench/report.h"

@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <random>
-#include <set>
 #include <thread>
 
 #include "bench/live_clients.h"

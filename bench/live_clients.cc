@@ -16,7 +16,6 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <cstdlib>
-#include <cstring>
 #include <fstream>
 #include <stdexcept>
 

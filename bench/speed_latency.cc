@@ -6,20 +6,31 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
+#include <map>
 #include <memory>
+#include <span>
 #include <thread>
 
 #include "bench/site.h"
 #include "bench/speed.h"
 #include "core/ground/soil_writer.h"
-#include "soilvdb/ground_service.h"
+#include "soilvdb/change_follower.h"
+#include "soilvdb/ground_copy.h"
 #include "soilvdb/io/snapshot.h"
+#include "soilvdb/mesher.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
 constexpr int kRate_hz = 100, kPosts_hz = 10, kSnapshots_hz = 1;
+
+double us_since(Clock::time_point then) {
+  return std::chrono::duration<double, std::micro>(Clock::now() - then).count();
+}
 
 io::Site hilly_site() {
   io::Site site;
@@ -38,53 +49,82 @@ struct Latencies {
   std::uint64_t posted_chunks = 0;
 };
 
+/// Meshes blocks that changed in jobs on a copy, some at a time, as who shows them would.
+class Patches {
+ public:
+  explicit Patches(const Soil& copy) : mesher_(copy) {}
+
+  /// @param posted when those chunks were
+  void want(std::span<const Coord3> chunks, Clock::time_point posted) {
+    for (const Coord3& block : blocks_touched(chunks))
+      if (posted_.try_emplace(block, posted).second) wanted_.push_back(block);
+  }
+  /// Takes what has been meshed, and asks for the next.
+  /// @param us gets how long ago the oldest post was that each brings news of
+  /// @return whether there is more to come
+  bool go_on(GroundCopy& ground, std::vector<double>& us) {
+    constexpr std::size_t kAtOnce = 8;
+    if (!ground.done()) return true;
+    for (const Clock::time_point posted : under_way_) us.push_back(us_since(posted));
+    under_way_.clear();
+    std::vector<Coord3> blocks;
+    for (; !wanted_.empty() && blocks.size() < kAtOnce; wanted_.pop_front()) {
+      blocks.push_back(wanted_.front());
+      under_way_.push_back(posted_.extract(wanted_.front()).mapped());
+    }
+    if (blocks.empty()) return false;
+    ground.run([this, blocks] {
+      for (const Coord3& block : blocks) mesher_.block(block);
+    });
+    return true;
+  }
+
+ private:
+  CachedMesher mesher_;  // of jobs
+  std::deque<Coord3> wanted_;
+  std::map<Coord3, Clock::time_point, Before> posted_;  // the same
+  std::vector<Clock::time_point> under_way_;
+};
+
 /// A machine at work in real time.
 /// @param beside mesh patches ten times and a snapshot once a second; else nothing
 Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
-  using Clock = std::chrono::steady_clock;
-  const auto us = [](Clock::duration d) {
-    return std::chrono::duration<double, std::micro>(d).count();
-  };
   Latencies times;
   const io::Site site = hilly_site(), copy = io::undug_site(site);
   Tracker tracker(*site.soil, {excavator_bucket()});
-  GroundService service(*copy.soil, {});
+  ChangeFollower changes(*site.soil);
+  Patches patches(*copy.soil);
+  GroundCopy ground(*copy.soil);
   const DigCycles machine = fleet().front();
-  std::vector<Clock::time_point> posted;
-  const auto take = [&] {
-    for (const GroundService::Patch& patch : service.take_patches())
-      times.patch.push_back(us(Clock::now() - posted[patch.first_post - 1]));
-  };
   const Clock::time_point start = Clock::now();
   for (int tick = 0; tick < kRate_hz * seconds; ++tick) {
     const auto due = start + tick * std::chrono::microseconds(1000000 / kRate_hz);
     while (Clock::now() + std::chrono::milliseconds(1) < due) {
-      take();
+      patches.go_on(ground, times.patch);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     std::this_thread::sleep_until(due);
     const Pose pose = machine.world_from_bucket(double(tick) / kRate_hz);
-    const auto begin = Clock::now();
+    const Stopwatch since;
     const bool cut = tracker.update(0, pose).cut_m3 > 0;
-    const auto updated = Clock::now();
-    times.update.push_back(us(updated - begin));
+    times.update.push_back(since.us());
     if (cut) times.cutting.push_back(times.update.back());
     if (!beside) continue;
     const auto comes = [&](int rate_hz) { return (tick + 1) % (kRate_hz / rate_hz) == 0; };
     if (comes(kPosts_hz)) {
-      posted.push_back(updated);
-      const std::vector<Coord3> changed = tracker.take_changed();
-      const auto listed = Clock::now();
-      service.post(*site.soil, changed);
-      const auto end = Clock::now();
-      times.listing.push_back(us(listed - updated));
-      times.post.push_back(us(end - listed));
-      times.with_post.push_back(us(end - begin));
+      const Clock::time_point updated = Clock::now();
+      const std::vector<Coord3> changed = changes.take();
+      times.listing.push_back(us_since(updated));
+      const Stopwatch posting;
+      ground.post(*site.soil, changed);
+      times.post.push_back(posting.us());
+      times.with_post.push_back(since.us());
       times.posted_chunks += changed.size();
+      patches.want(changed, updated);
     }
     if (comes(kSnapshots_hz)) {
       const Stopwatch asking;
-      service.run([&] {
+      ground.run([&] {
         const Stopwatch watch;
         io::write_snapshot(folder / "latency.vdb", copy, {});
         times.snapshot.push_back(watch.us());
@@ -92,8 +132,7 @@ Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
       times.ask.push_back(asking.us());
     }
   }
-  service.finish();
-  take();
+  while (patches.go_on(ground, times.patch)) ground.finish();
   return times;
 }
 
@@ -168,23 +207,35 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
   constexpr int kStrokes = 5, kDigUpdates = 50, kUpdatesPerCycle = 200;
   const io::Site site = hilly_site(), copy = io::undug_site(site);
   Tracker tracker(*site.soil, {excavator_bucket()});
-  GroundService service(*copy.soil, {.thread = false});
+  ChangeFollower changes(*site.soil);
+  CachedMesher mesher(*copy.soil);
+  GroundCopy ground(*copy.soil, /*thread=*/false);
+  std::size_t blocks = 0;
+  const auto follow = [&](const std::vector<Coord3>& changed) {
+    ground.post(*site.soil, changed);
+    ground.run([&] {
+      for (const Coord3& block : blocks_touched(changed)) {
+        mesher.block(block);
+        ++blocks;
+      }
+    });
+  };
   const DigCycles machine = fleet().front();
   const auto dig = [&](int cycle, int from, int to) {
     for (int i = from; i < to; ++i)
       tracker.update(0, machine.world_from_bucket(0.1 * (cycle * kUpdatesPerCycle + i)));
   };
   for (int cycle = 0; cycle < cycles; ++cycle) dig(cycle, 0, kUpdatesPerCycle);
-  service.post(*site.soil, tracker.take_changed());
-  const std::uint64_t meshed_before = service.blocks_meshed();
+  follow(changes.take());
+  blocks = 0;
   std::size_t changed_chunks = 0;
   double mesh_us = 0, part_us = 0;
   for (int i = 0; i < kStrokes; ++i) {
     dig(cycles + i, 0, kDigUpdates);
-    const std::vector<Coord3> changed = tracker.take_changed();
+    const std::vector<Coord3> changed = changes.take();
     changed_chunks += changed.size();
     const Stopwatch watch;
-    service.post(*site.soil, changed);
+    follow(changed);
     mesh_us += watch.us();
     const Stopwatch save_part;
     io::SnapshotInfo info;
@@ -198,11 +249,10 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
     part_us += save_part.us();
     dig(cycles + i, kDigUpdates, kUpdatesPerCycle);
   }
-  const std::uint64_t blocks = service.blocks_meshed() - meshed_before;
   Cost cost;
   cost.mesh_us = mesh_us / static_cast<double>(blocks);
   const Stopwatch save;
-  service.run([&] { io::snapshot_bytes(folder / "service.vdb", copy, {}); });
+  ground.run([&] { io::snapshot_bytes(folder / "service.vdb", copy, {}); });
   cost.snapshot_us = save.us();
   cost.part_us = part_us / static_cast<double>(changed_chunks);
   csv.row(fmt::format("{:.6g},{},{},{},{:.6g},{:.6g},{:.6g}", site.soil->resident_m2(),

@@ -6,7 +6,6 @@
 #include <benchmark/benchmark.h>
 
 #include <cmath>
-#include <map>
 #include <memory>
 
 #include "bench/engine.h"
@@ -47,8 +46,8 @@ void trace(benchmark::State& state) {
   const double h = voxel_m(state);
   int i = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(
-        motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(), kMaxBend * h, 16 * h));
+    benchmark::DoNotOptimize(motion.trace(i / 100.0, (i + 1) / 100.0, excavator_bucket(),
+                                          kMaxBend * h, kPathStride * h));
     i = (i + 1) % kUpdates;
   }
 }
@@ -68,7 +67,8 @@ void excavate(benchmark::State& state) {
       soil = std::make_unique<Soil>(h, Vec3::Zero(), make_hills(site_m(state)));
       state.ResumeTiming();
     }
-    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, 16 * h);
+    const auto path =
+        motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, kPathStride * h);
     samples += excavator.sweep(*soil, path).all.captured;
     i = (i + 1) % kUpdates;
   }
@@ -83,11 +83,12 @@ void excavate_again(benchmark::State& state) {
   Excavator excavator(bucket);
   const double h = voxel_m(state);
   Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
-  const auto whole = motion.trace(0, 1, bucket, kMaxBend * h, 16 * h);
+  const auto whole = motion.trace(0, 1, bucket, kMaxBend * h, kPathStride * h);
   excavator.sweep(soil, whole);
   int i = 0;
   for (auto _ : state) {
-    const auto path = motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, 16 * h);
+    const auto path =
+        motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, kPathStride * h);
     benchmark::DoNotOptimize(excavator.sweep(soil, path));
     i = (i + 1) % kUpdates;
   }
@@ -218,9 +219,7 @@ io::Site dug_site(double h, double side_m) {
 
 void mesh_one_block(benchmark::State& state) {
   const io::Site site = dug_site(voxel_m(state), site_m(state));
-  std::vector<Coord3> origins;
-  for (const Chunk* chunk : site.soil->chunks()) origins.push_back(chunk->origin);
-  const std::vector<Coord3> blocks = blocks_touched(origins);
+  const std::vector<Coord3> blocks = blocks_touched(site.soil->origins());
   std::size_t i = 0;
   for (auto _ : state)
     benchmark::DoNotOptimize(mesh_block(*site.soil, blocks[i++ % blocks.size()]));

@@ -16,6 +16,7 @@
 #include "bench/report.h"
 #include "bench/stages.h"
 #include "core/surface/surface.h"
+#include "soilvdb/change_follower.h"
 #include "soilvdb/io/site.h"
 #include "tests/support/dig_runner.h"
 #include "tests/support/solids.h"
@@ -38,8 +39,7 @@ Ground ground(Solid solid, double h) {
 
 /// Digs data/excavator.yaml at 10 Hz.
 /// @param after each update
-std::shared_ptr<Soil> dig_excavator(double h,
-                                    const std::function<void(const Soil&, Tracker&)>& after) {
+std::shared_ptr<Soil> dig_excavator(double h, const std::function<void(Soil&)>& after) {
   io::Scenario scenario = io::read_scenario(SOILVDB_SOURCE_DIR "/data/excavator.yaml");
   scenario.voxel_size_m = h;
   std::shared_ptr<Soil> soil = io::open_site(scenario).soil;
@@ -50,14 +50,14 @@ std::shared_ptr<Soil> dig_excavator(double h,
     for (double t = motion->begin_s(), next; t < motion->end_s(); t = next) {
       next = std::min(t + 0.1, motion->end_s());
       tracker.update(0, *motion, t, next);
-      after(*soil, tracker);
+      after(*soil);
     }
   }
   return soil;
 }
 
 std::vector<Ground> excavator(double h) {
-  return {{dig_excavator(h, [](const Soil&, Tracker&) {}), {}}};
+  return {{dig_excavator(h, [](Soil&) {}), {}}};
 }
 
 std::vector<Ground> digs(double h) {
@@ -163,7 +163,7 @@ void add_errors(const Mesh& mesh, const Solid& solid, double h, std::vector<doub
 }
 
 using MeshBlock = std::function<Mesh(const Soil&, const Coord3&)>;
-using Patches = std::map<Coord3, Mesh, SurfaceMesh::Less>;
+using Patches = std::map<Coord3, Mesh, Before>;
 
 void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, double h,
                  const MeshBlock& mesh_block) {
@@ -173,10 +173,8 @@ void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, do
   double worst = 0, topology = 0;
   std::vector<double> errors, us;
   for (const Ground& g : grounds) {
-    std::vector<Coord3> chunks;
-    for (const Chunk* chunk : g.soil->chunks()) chunks.push_back(chunk->origin);
     Patches patches;
-    for (const Coord3& block : blocks_touched(chunks)) {
+    for (const Coord3& block : blocks_touched(g.soil->origins())) {
       Mesh patch = mesh_block(*g.soil, block);
       if (patch.triangles.empty()) continue;
       patches[block] = std::move(patch);
@@ -223,10 +221,12 @@ void mesh_changed_blocks(benchmark::State& state) {
   };
   for (auto _ : state) {
     std::optional<CachedMesher> mesher;
+    std::optional<ChangeFollower> changes;
     bool first = false;  // which goes first: it has the colder caches
-    dig_excavator(h, [&](const Soil& soil, Tracker& tracker) {
+    dig_excavator(h, [&](Soil& soil) {
       if (!mesher) mesher.emplace(soil);
-      for (const Coord3& block : blocks_touched(tracker.take_changed())) {
+      if (!changes) changes.emplace(soil);
+      for (const Coord3& block : blocks_touched(changes->take())) {
         if (resident_chunks(soil, block).empty()) continue;
         first = !first;
         if (first) timed(us, [&] { return mesher->block(block); });

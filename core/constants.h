@@ -1,8 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The numbers that accuracy and speed hang on: what each means, its unit, why it is as it is, and
-// what goes wrong if it isn't. What is part of the interface stands there: sides of chunks and
-// blocks, sample points (soilvdb/base_surface.h, soilvdb/mesher.h).
+// The tuning numbers of `core`: a change of one changes accuracy, speed, memory or which branch is
+// taken. A comment names the number, its unit, the reason for its value, and the harm of another
+// value. Groups follow the data from input to output.
+//
+// Numbers of the interface stand in its headers, below include/soilvdb. Those are sides of chunks
+// (base_surface.h) and blocks (mesher.h), sample points, the band of distances (soil.h), the error
+// of a count (column_gains.h) and steps of heap sizes (heap_block.h).
 #pragma once
 
 #include <cstddef>
@@ -10,256 +14,594 @@
 
 namespace soilvdb::inline v0 {
 
-// ---- Cuts -------------------------------------------------------------------------------------
+// ---- Counts (core/lattice/sample_points.cc) ----------------------------------------------------
 
-/// Most that a point fixed in the world may leave the straight way in the bucket frame in a segment
-/// of a path, voxels. A stroke's parabola leaves out at most 0.013 of that on a bucket of ten
-/// voxels (third order; 0.017 on one of five), and the facet's kernel relies on it for what it
-/// skips. More: whole samples are missed. Less: more segments, each of which looks at every voxel
-/// again.
-inline constexpr double kMaxBend = 0.02;
-/// By which a path may leave a machine's own where rows say no more than their neighbours, voxels.
-/// A tenth of what a count errs by on one cell; more shows in cuts.
-inline constexpr double kPathTolerance = 1e-3;
-/// Travel of a bucket's fastest corner between poses of a path, voxels. Boxes around segments are
-/// as large: more looks at chunks in vain, less at each chunk too often.
-inline constexpr double kPathStride = 16;
-/// Distance from a soil's origin at which a bucket may be, voxels along an axis: chunks there still
-/// have numbers of 21 bits. More: chunks would be taken for others.
+/// Error of a count of 64 samples on a cell that a plane cuts, share of the cell: root mean square
+/// over all directions of the plane, and of the worst direction.
+inline constexpr double kCountError = 0.0168, kWorstCountError = 0.022;
+
+// ---- Limits of input (core/tool, core/settle/earthmoving.cc, core/cut/tool_grid.cc) -------------
+
+/// Smallest and largest side of a bucket, m. The largest buckets are 6 m wide. Wider limits let
+/// other units pass, narrower ones refuse real buckets.
+inline constexpr double kMinBucketSideM = 1e-3, kMaxBucketSideM = 100;
+/// Largest number of points of a bucket's profile. The check for crossings takes the square of
+/// their number.
+inline constexpr std::size_t kMaxProfilePoints = 1000;
+/// Distance up to which two points of a profile are the same, m: the rounding of decimal input. A
+/// larger value refuses short edges, a smaller one refuses rounded ends.
+inline constexpr double kSamePointM = 1e-9;
+/// Largest coordinate and joint value of a motion, m or rad: beyond any site and any machine.
+inline constexpr double kMaxMotionValue = 1e9;
+/// Largest error of a quaternion's squared length. Input is normalised before; a smaller value
+/// refuses its rounding.
+inline constexpr double kMaxUnitError = 1e-3;
+/// Largest number of pieces of one row of a motion. A piece is one rad or one metre of a joint. A
+/// larger step is surely an error of the input, and tracing it takes forever.
+inline constexpr std::size_t kMaxRowPieces = 1000;
+/// Largest swell: twice the swell of any rock. A larger limit lets percents pass for shares.
+inline constexpr double kMaxSwell = 3;
+/// Largest coordinate of a tool's mesh in the tool's frame, m. No machine's tool is farther from
+/// its frame's origin. A larger limit lets millimetres pass for metres.
+inline constexpr float kMaxToolReachM = 40;
+/// Largest number of voxels of a tool's grid: half a gigabyte of distances.
+inline constexpr double kMaxToolVoxels = 1 << 27;
+/// Largest error of a level set's matrix that still counts as cubic voxels, voxels.
+inline constexpr double kCubicTolerance = 1e-6;
+/// Difference between the volumes of a tool and its mesh from which on the user is told, share of
+/// the mesh's volume.
+inline constexpr double kToolVolumeTolerance = 0.01;
+/// Largest distance of a bucket from the soil's origin along an axis, voxels. Numbers of chunks
+/// there still have 21 bits. With a larger value chunks would be taken for others.
 inline constexpr double kMaxIndex = 1 << 23;
-/// Chunks times strokes from which on a stroke is dug by several threads. Below it one is quicker.
-inline constexpr std::size_t kParallelWork = 64;
-/// Chunks in the box of a part of a path that is dug at once. More: lists grow, less: chunks that
-/// several segments meet are looked for again.
-inline constexpr double kPartChunks = 512;
+/// Largest index of other places along an axis, voxels: pours, and shifts between lattices. An
+/// index is an int, and this leaves room for sums.
+inline constexpr double kMaxPlaceIndex = 1 << 29;
 
-// ---- Memory -----------------------------------------------------------------------------------
+// ---- Base surfaces (core/ground) ----------------------------------------------------------------
 
-/// Share of a memory limit that paging frees at once, and of it that the base surface may hold of
-/// what can be read again. Less frees a little at every update.
-inline constexpr std::uint64_t kPagedShare = 8, kBaseShare = 4;
-/// Bytes of distances that the surface of a soil as base surface keeps, or as much as that soil
-/// takes itself. Less: distances are made again and again along a cut.
-inline constexpr std::uint64_t kTileBytes = std::uint64_t{64} << 20;
+/// Difference of two origins from whole lattice periods at which lattices are the same, voxels. A
+/// larger value compares unlike samples, a smaller one parts lattices by rounding.
+inline constexpr double kLatticeTolerance = 1e-3;
+/// Posts along a side of a tile of a height field. A tile is read at once. Larger tiles hold more
+/// posts that are never used, smaller ones take more reads.
+inline constexpr int kHeightTileSide = 64;
+/// Posts of a rectangle in a tile beyond which it takes the tile's bounds: a quarter of the tile.
+/// Those bounds are looser, but quick to find.
+inline constexpr int kTileBoundsPosts = kHeightTileSide * kHeightTileSide / 4;
+/// First and last margin in which heights near unknown ground are looked for, posts. The margin
+/// doubles until it holds a height. A bucket above all heights in it is above the ground. A smaller
+/// last margin refuses buckets over wide gaps of a raster.
+inline constexpr int kNearPosts = 4, kFarPosts = 64;
+/// Gauss-Newton steps to the nearest point of a bilinear patch, and of a twisted one. The error
+/// falls by twist * distance / area at each step, and a border takes one step of its own.
+inline constexpr int kPatchSteps = 3, kTwistedPatchSteps = 6;
+/// Value of twist * distance / area from which a patch counts as twisted. With a larger value
+/// distances are too long, with a smaller one more patches take all steps.
+inline constexpr float kTwistedPatch = 0.02f;
+/// Largest margin in which soil near unknown ground of a level set is looked for, voxels.
+inline constexpr int kFarVoxels = 512;
+/// Largest number of voxels that a level set reads to classify a box. A larger box counts as mixed,
+/// so with a smaller limit more chunks are read in vain.
+inline constexpr std::uint64_t kMaxClassifyVoxels = 64 * 64 * 64;
+/// Distance of a cell's centre from a level set's surface beyond which all its samples are alike,
+/// cell sides. Corners are at 0.87. A larger value asks more samples one by one.
+inline constexpr double kClearDistance = 0.9;
+/// Origins that a list of chunks holds beyond twice the different ones. A larger value takes
+/// memory, a smaller one sorts more often.
+inline constexpr std::size_t kChunkListSlack = 4096;
 
-// ---- Planes of cells (core/cell/cell_plane.cc) ----------------------------------------------
+// ---- Memory (core/ground/soil_memory.cc) --------------------------------------------------------
 
-/// Gauss-Newton steps of a fit. Two nearly always do; a third is for starts that are 20 degrees
-/// off.
-inline constexpr int kFitSteps = 3;
-/// Share of the samples by a plane that is wrong after one step with which there is no plane.
-inline constexpr float kHopelessShare = 0.5f;
-/// Share of wrong samples by the plane, and how many in one cell, with which the surface counts as
-/// smooth: some everywhere for want of curvature, most at the window's corners, where a surface
-/// that bends with a radius of six voxels is a fifth of a voxel off its plane. More: creases are
-/// rounded off. Less: curved ground is made of facets.
-inline constexpr float kSmoothShare = 0.1f;
-inline constexpr int kSmoothInCell = 14;
-/// Half thickness of what a fit to one side of a wall looks at, voxels: a wall one voxel thick has
-/// its other side just beyond.
-inline constexpr float kSideSlab = 0.5f;
-/// Area that such a fit needs, voxels^2, of nine at most.
-inline constexpr float kLeastSideArea = 4;
-/// Most that a plane moves in a step, voxels: fits that run away are held.
-inline constexpr float kMaxStep = 0.5f;
-/// Samples within this of a plane that passes by a cell aren't asked one by one, voxels. More than
-/// sample points come near to a cell's faces: else bits of the neighbours are missed.
-inline constexpr float kFaceMargin = 0.04f;
+/// Part of a memory limit (1 / n) that paging out frees at once. A smaller part frees a little at
+/// every update.
+inline constexpr std::uint64_t kPageOutDivisor = 8;
+/// Part of a memory limit (1 / n) up to which the base surface keeps values that it can read again.
+inline constexpr std::uint64_t kBaseMemoryDivisor = 4;
 
-// ---- Creases (core/cell/crease.cc) -----------------------------------------------------------
+// ---- Paths (core/tool/motion.cc, core/site/machine.cc) ------------------------------------------
 
-/// Planes that are tried together. Six cost 15 pairs and 20 triples; a corner has three.
-inline constexpr int kMaxCandidates = 6;
-/// Planes are one where their normals differ by less than 10 degrees (its cosine) and their offsets
-/// by less than this, voxels.
-inline constexpr float kAlikeCosine = 0.985f, kAlikeGap = 0.25f;
-/// Planes farther beyond the cell than this are no candidates, voxels.
-inline constexpr float kFarPlane = 1.0f;
-/// Wrong samples of a neighbour that cost nothing, and at most count: it may see another surface.
-inline constexpr int kFreeWrong = 2, kMaxWrong = 24;
-/// Wrong samples that a further plane must save. Less: noise of counts makes creases of planes.
-inline constexpr int kPlaneCost = 8;
-/// A pair with so few wrong isn't made a triple; one with so many isn't a model at all.
-inline constexpr int kGoodPair = 14, kUnsolved = 160;
-/// Joint steps of a model's planes, their stiffness against it, voxels^2, and how far they move,
-/// voxels.
-inline constexpr int kRefits = 2;
-inline constexpr float kStiffness = 0.6f, kMaxRefit = 0.35f;
+/// Largest bend of a path in one segment, voxels: the distance of a fixed point of the world from
+/// its straight way in the bucket frame. A stroke's parabola leaves out a third-order part: at most
+/// 0.013 of the bend on a bucket of ten voxels, 0.017 on one of five. The facet's kernel relies on
+/// it for the cells that it skips. A larger value misses whole samples. A smaller one makes more
+/// segments, and each looks at every voxel again.
+inline constexpr double kMaxBend = 0.02;
+/// Largest distance of a simplified path from the recorded one, voxels: a tenth of the error of a
+/// count in one cell. A larger value shows in cuts.
+inline constexpr double kPathTolerance = 1e-3;
+/// Largest travel of a bucket's fastest corner between two poses of a path, voxels. Boxes around
+/// segments are about as large. Larger boxes meet chunks in vain, smaller ones meet each chunk too
+/// often.
+inline constexpr double kPathStride = 16;
+/// Largest bend of a path that only bounds the places of a bucket, voxels. A larger value takes
+/// more moves in the air for moves in the ground. A smaller one makes more poses.
+inline constexpr double kCoarseBend = 1;
+/// A stride without any limit, m, for the same paths.
+inline constexpr double kAnyStride = 1e300;
+/// Largest number of halvings of one piece of a path. The motion of a machine needs fewer. A
+/// smaller value lets quick turns bend too much.
+inline constexpr int kMaxHalvings = 40;
+/// Largest number of joints of a chain whose values stand on the stack. A longer chain allocates
+/// memory for each pose.
+inline constexpr std::size_t kStackJoints = 16;
 
-// ---- Models of cells (core/cell/cell_models.cc) ----------------------------------------------
+// ---- Cuts (core/cut) ----------------------------------------------------------------------------
 
-/// Times that creases are solved; the second time they know what their neighbours found. Each needs
-/// the models one voxel farther out.
-inline constexpr int kSweeps = 2;
-/// Voxels from which a crease takes planes, and from which it takes the base surface's.
-inline constexpr int kSight = 2;
-inline constexpr float kBaseSight = 2;
-/// Voxels by which more is needed farther out than models: for bends, and to conserve volumes.
-inline constexpr int kBendHalo = 1, kVolumeHalo = 1;
-/// Wrong samples with which a crease isn't looked at again.
-inline constexpr int kExplained = 4;
-/// Neighbours' normals this near (37 degrees, its cosine) tell a surface's curvature, which is held
-/// to this, 1/voxel; and their spread that is needed for it, voxels^4.
-inline constexpr float kBendCosine = 0.8f, kMaxCurvature = 0.4f, kLeastSpread = 0.5f;
-/// Offset of the surface from a plane fitted to 27 cells, along n, voxels, for a trace of curvature
-/// of 1/voxel: the mean of (u^2 + v^2) / 4 over the window. Wrong: curved floors lie too high.
-inline constexpr float kWindowBend = 0.375f;
-/// Most that planes shift to hold the volume of the samples around, voxels, and the area that this
-/// takes, voxels^2.
-inline constexpr float kMaxShift = 0.1f, kLeastArea = 1;
-/// How far outside of a thin wall a voxel's centre may be and count as in it, voxels: else a wall
-/// one voxel thick would be lost where both its faces run through centres. The same for slots.
-inline constexpr float kTie = 0.04f;
+/// Chunks times strokes from which on several threads dig a stroke. Below it one thread is quicker.
+inline constexpr std::size_t kParallelCutWork = 64;
+/// Largest number of chunks in the box of a part of a path that is dug at once. With more, lists
+/// grow. With fewer, chunks that several segments meet are looked for again.
+inline constexpr double kMaxPartChunks = 512;
+/// Parts of a segment at whose ends the ground is checked, if the box of the whole segment meets
+/// unknown ground. Fewer parts may pass over a hole, more take longer.
+inline constexpr int kGroundCheckParts = 8;
+/// Room for rounding in the range of a coordinate over a box of cells, and over a chunk, voxels. A
+/// smaller value may skip cells that are cut, a larger one looks at more in vain.
+inline constexpr float kBoxRounding = 1e-4f, kChunkRounding = 1e-3f;
+/// Steepest slope of a tool's interpolated distance. Exact distances change by 1, interpolated ones
+/// by more where planes meet. A larger value makes the steps along a path shorter, a smaller one
+/// may step over a part of the tool.
+inline constexpr double kToolSteepness = 1.25;
+/// Smallest step along a path on which a tool is looked for, voxels: the error of the cut. A
+/// smaller step takes longer.
+inline constexpr double kMinToolStep = kMaxBend;
+/// Segments of a path that a tool cuts at once. With more, each chunk tries more segments. With
+/// fewer, chunks are found anew more often.
+inline constexpr std::size_t kToolSegments = 16;
+/// Work of a tool on one chunk, in strokes of a bucket (kParallelCutWork). So several threads
+/// always dig a tool's chunks.
+inline constexpr std::size_t kToolChunkWork = 64;
+/// Half width of the narrow band of a tool's level set, the tool's voxels. Distances end there, so
+/// a smaller value shortens steps along a path.
+inline constexpr float kToolBand = 3;
+/// Parts of a cell along each axis that a tool's volume is summed over, at its surface.
+inline constexpr int kToolVolumeParts = 4;
 
-// ---- Vertices and distances ---------------------------------------------------------------------
+// ---- Stations of a machine (core/site/machine_rest.cc, core/settle/pour_parts.cc) ---------------
 
-/// How far out of its dual cell a vertex may be, voxels; one that is held to it stays this far in.
-/// More: triangles turn over.
-inline constexpr float kOutside = 0.25f, kInside = 1e-3f;
-/// Normals this near (14 degrees, its cosine) make no crease.
-inline constexpr float kSmoothCosine = 0.97f;
-/// Directions with less than this share of the largest eigenvalue are left to the mean: less sends
-/// vertices along nearly flat creases.
-inline constexpr float kLeastEigenvalue = 0.06f;
-/// Crossings lie on a curved surface, their mean r^2 k / 2 below and their planes' middle as much
-/// above it (r^2 = 1/4 the mean square distance). The chords of a mesh of that spacing want the
-/// vertex k / 12 above: 5/6 of the way. Wrong: meshes of curved floors lose volume.
-inline constexpr float kVolumeShare = 5.0f / 6;
-/// The base surface's own distance is given where it and the contour agree so far, voxels.
-inline constexpr float kAgree = 0.1f;
+/// Travel from one station to the next, radii of the bucket, and smallest travel, voxels. Soil
+/// comes to rest at stations. A larger value lets soil before a full bucket come in lumps. A
+/// smaller one settles more soil that moves again at once.
+inline constexpr double kStationRadiusShare = 0.1, kMinStationVoxels = 2;
+/// Stations of a digging bucket from one rest of the soil behind it to the next. With more, that
+/// soil stands too steep for longer. With fewer, more soil slides that moves again at once.
+inline constexpr int kStationsPerRest = 5;
+/// Turn between two rows of a motion after which a bucket loses soil that it can't hold, rad. With
+/// a larger value, soil tipped on the way depends on where updates end. A smaller one makes an
+/// update cost more.
+inline constexpr double kSpillTurnRad = 0.05;
+/// Amount of spilled soil that falls before the next station, share of the struck capacity. With a
+/// larger value soil that is tipped at once hangs in the air. With a smaller one dense rows make
+/// many small piles.
+inline constexpr double kMinSpillShare = 0.02;
+/// Smallest way in plan since the last station along which the body pushes soil, radii of the
+/// bucket. After a shorter way the soil goes before the mouth.
+inline constexpr double kMinPushWay = 0.01;
+/// Volume of a part of a pour, cells, and smallest and largest number of parts. Parts fall evenly
+/// over the pour's time. Each part looks at the pile anew, so more take longer. With fewer a truck
+/// tips all its soil at the end.
+inline constexpr double kPourPartCells = 400;
+inline constexpr std::int64_t kMinPourParts = 16, kMaxPourParts = 128;
+/// Largest number of rounds in which soil comes to rest around all machines in turn. They end
+/// sooner when no soil moves.
+inline constexpr int kMaxRestRounds = 32;
 
-// ---- Comparing ----------------------------------------------------------------------------------
+// ---- Ground as heights of columns (core/settle) -------------------------------------------------
 
-/// Standard deviations of counts beyond which a box surely changed.
-inline constexpr double kCertain = 3;
-
-// ---- Soil that comes to rest (core/settle) ------------------------------------------------------
-
-/// Travel from one station, where soil comes to rest, to the next: shares of the bucket's radius,
-/// and voxels at least. More: soil in front of a full bucket comes in lumps. Less: more is settled
-/// that moves again at once.
-inline constexpr double kStationShare = 0.1, kStationVoxels = 2;
-/// Stations from one at which what a bucket left comes to rest to the next, while it digs. More:
-/// soil stands too steep behind it for longer. Less: more of it slides that is moved again at once.
-inline constexpr int kRestStations = 5;
-/// Turn between two rows of a motion after which a bucket loses what it holds too much of, rad.
-/// More: what it tips on the way depends on where updates end. Less: an update costs more.
-inline constexpr double kSpillTurn = 0.05;
-/// Share of a bucket's struck capacity that leaves it in a turn and comes down before the next
-/// station. More: what is tipped at once hangs in the air. Less: dense rows make many small piles.
-inline constexpr double kLeastSpill = 0.02;
-/// A pour comes down in parts, evenly over its time: of so many cells, but no fewer and no more
-/// parts than that. More: each looks at the pile anew. Fewer: a truck tips all its soil at the end.
-inline constexpr double kPourCells = 400;
-inline constexpr std::int64_t kLeastPourParts = 16, kMostPourParts = 128;
-/// Way in plan from one station to the next that says where the body pushes soil to, radii.
-inline constexpr double kLeastPush = 0.01;
-
-/// Cells beyond what was dug, and beyond a pile, that are looked at first; more if soil comes
-/// there.
+/// First margin of a window around the changed columns, and around a pile, cells. It doubles when
+/// soil comes to the window's border. A larger value reads columns in vain, a smaller one reads
+/// columns twice.
 inline constexpr int kWindowMargin = 8, kPourMargin = 2;
-/// Cells along a side of what is looked at, 50 m at 5 cm, from which on what slides beyond does so
-/// in another such square, and how many there may be.
-inline constexpr int kMostWindow = 1024, kMostSlideWindows = 20;
-/// Cells of a pile's radius that fit into one.
-inline constexpr int kMostPile = 480;
-/// Columns of chunks of which is kept what the base surface has there: 600 bytes each. Less: sites
-/// with many machines ask it anew.
-inline constexpr std::size_t kMostBaseColumns = 8192;
-/// Cells along a side of what is looked at from which on soil that runs on beyond does so to
-/// another such square. Less: piles that would fill what they run down from don't know it. More:
-/// soil on long steep slopes takes longer. And how many squares there may be.
-inline constexpr int kRunOnWindow = 256, kMostPourWindows = 200;
-/// Cells above a column's surface, and below its bank, in which samples of it may lie: bank that
+/// Largest side of a window, cells: 50 m at 5 cm. Soil that slides farther does so in a next
+/// window.
+inline constexpr int kMaxWindowCells = 1024;
+/// Largest number of windows through which soil slides in one call.
+inline constexpr int kMaxSlideWindows = 20;
+/// Largest radius of a pile, cells: it fits into the largest window.
+inline constexpr int kMaxPileCells = 480;
+/// Side of a window from which on soil runs on in a next window, cells. In a smaller window a pile
+/// that would fill the slope above it doesn't know that slope. In a larger one soil on long steep
+/// slopes takes longer.
+inline constexpr int kRunOnWindowCells = 256;
+/// Largest number of windows through which poured soil runs on.
+inline constexpr int kMaxPourWindows = 200;
+/// Half side of the window into which soil runs on, radii of its pile with margin.
+inline constexpr int kRunOnRadii = 4;
+/// Largest number of columns of chunks whose base surface is kept, 600 bytes each. With fewer,
+/// sites with many machines ask the surface anew.
+inline constexpr std::size_t kMaxBaseColumns = 8192;
+/// Chunks from the top of the base surface downwards whose samples are counted for heights of
+/// columns. Columns of higher cliffs have the mean of a few heights, which is less exact.
+inline constexpr int kMaxCountedChunks = 4;
+/// Distance from the middle of a column along both axes at which its corners are asked for ground,
+/// cells. It is just inside, so that a neighbour's hole doesn't count.
+inline constexpr double kColumnCorner = 0.499;
+/// Cells below the height of the base surface in which a column may have air, for the ground
+/// slopes. With fewer, soil can't fill that air. With more, samples are searched in vain.
+inline constexpr int kSlopeCells = 2;
+/// Cells above a column's surface, and below its bank, in which its samples may lie. Bank that
 /// fills a part of a column puts its soil higher than the mean.
 inline constexpr int kFillCells = 16;
-/// Chunks and columns from which on they are changed in parallel.
-inline constexpr std::size_t kParallelFill = 64, kParallelColumns = 400;
-/// Soil slides where it drops more than repose allows by so many cells: to the next column, and to
-/// the third. Heights err by 0.03 where soil was cut. Less: what counts err by slides to and
-/// fro. More: heaps stand too steep.
-inline constexpr double kSteepStep = 0.2, kSteepDrop = 0.08;
-inline constexpr int kSteepColumns = 3;
-/// What it comes to rest at is steeper than repose by so much, a quarter of a degree, so that
-/// little of what counts err by slides along.
-inline constexpr double kNoiseSlope = 0.005;
-/// m/s2, standard.
-inline constexpr double kGravity = 9.80665;
-/// Cells about what was dug in which ledges are looked for first; more if they reach farther.
-inline constexpr int kLedgeMargin = 4;
-/// The same below it, for the ground that falls are to come to.
-inline constexpr int kLedgeDepth = 2;
-/// Cells below the terrain at which a column was surely dug.
-inline constexpr double kDug = 0.25;
-/// Times that soil comes to rest around all machines, one after the other, until none moves.
-inline constexpr int kMostRests = 32;
-/// Failures of a bank, one after the other at one station, before the next station goes on with it.
-inline constexpr int kMostFailures = 32;
-/// Change of height that is worth moving samples for, cells. Less than what a count errs by.
-inline constexpr double kLeastChange = 1e-3;
-/// Cells between points of a bucket that are looked at for what it stands in the way of, and how
-/// far above the ground it still does: soil that is less deep there is moved by the next stroke.
+/// Chunks, and columns, from which on several threads change them.
+inline constexpr std::size_t kParallelFillChunks = 64, kParallelFillColumns = 400;
+/// Room for rounding in the height by which a surface differs over a column, cells.
+inline constexpr float kTiltRounding = 1e-3f;
+/// Fixed-point units in a cell, for the order of samples by height. It makes the order the same on
+/// all CPUs. A smaller value makes ties, a larger one overflows in high columns.
+inline constexpr float kHeightUnits = 65536;
+/// A search for a level or a count bisects at each n-th step and interpolates at the others.
+/// Interpolation alone may creep. A smaller n takes more steps on smooth ground.
+inline constexpr int kBisectEvery = 4;
+/// Distance between the points by which a bucket or tool blocks columns, cells. From 1 on columns
+/// between them are missed, and a smaller value takes longer.
 inline constexpr double kObstacleStep = 0.7;
-inline constexpr float kObstacleAbove = 2;
+/// Height of a bucket above the ground up to which it blocks columns, cells. The next stroke moves
+/// soil that would lie below it.
+inline constexpr float kObstacleClearance = 2;
 
-// ---- Pouring (core/settle) ----------------------------------------------------------------------
+// ---- Slides (core/settle/earthworks.cc) ---------------------------------------------------------
 
-/// Drop below what repose allows from which soil runs on instead of lying there, columns' sides.
-/// More: ledges stay on scarps. Less: noise of counted heights is a thousand small lips.
-inline constexpr double kLooseStep = 0.25;
-/// The same where soil comes over the edge of a step, columns' sides. More: soil rises above edges
-/// while what it runs down to is still lower.
-inline constexpr double kLooseDrop = 0.01;
-/// Share of the drop between two columns that must be left when the ground on either side goes on
-/// as it came: then there is a step between them with an edge to run over, else a slope. More:
-/// walls are slopes and their edges half a column off. Less: slopes are stairs.
-inline constexpr double kStepShare = 0.6;
-/// How far loose soil with a step of its own stands above a firm edge below it, columns' sides.
-/// Less: what is wrong with heights at faces, which are guessed, lifts edges.
-inline constexpr double kCovered = 0.05;
-/// Levels this near are one, columns' sides. More: soil poured in parts lies elsewhere than soil
-/// poured at once. Less: more fronts are looked at to find a lip.
-inline constexpr double kLevelStep = 1e-6;
-/// Most levels that are tried for one pile, and most piles of one pour: never reached but by ground
-/// that isn't any.
-inline constexpr int kMostLevels = 200, kMostRuns = 10000;
+/// Drop beyond repose from which on soil slides, cells: to the next column, and to one so many
+/// columns away. Heights err by 0.03 where soil was cut. With smaller values that error slides to
+/// and fro, with larger ones heaps stand too steep.
+inline constexpr double kSteepDropNext = 0.2, kSteepDropFar = 0.08;
+inline constexpr int kSteepFarColumns = 3;
+/// Slope beyond repose at which sliding soil comes to rest, a quarter of a degree. It keeps most of
+/// the error of heights from sliding along.
+inline constexpr double kRestSlopeMargin = 0.005;
+/// Smallest change of a column's height that moves samples, cells. It is less than the error of a
+/// count.
+inline constexpr double kMinHeightChange = 1e-3;
 
-// ---- Collapse of what is too steep (core/settle) ------------------------------------------------
+// ---- Bank that fails (core/settle/bank_failure.cc, earthworks_bank.cc) --------------------------
 
-/// Step along fluxes between columns, soil for each side of drop. The steepest mode has 32, where
-/// soil flows both ways between columns, and momentum is stable up to 4/3 of its inverse. More: it
-/// runs away on ground as rough as its columns. Less: more steps.
+/// Acceleration of free fall, m/s2, standard.
+inline constexpr double kGravity = 9.80665;
+/// First margin around the dug cells in which ledges are looked for, cells. It doubles for ledges
+/// that reach farther.
+inline constexpr int kLedgeMargin = 4;
+/// First margin below the dug cells, for the ground that ledges fall to, cells, and the factor by
+/// which it grows.
+inline constexpr int kLedgeDepth = 2, kLedgeDepthFactor = 4;
+/// Cells above the dug cells and above the ground in which ledges are looked for.
+inline constexpr int kLedgeHeadroom = 2;
+/// Smallest depth below the terrain of a column that was surely dug, cells. With a smaller value
+/// errors of counts are feet of cuts.
+inline constexpr double kMinDugDepth = 0.25;
+/// Largest height of a column of level ground above its topmost full cell, cells. A column with
+/// more is partly of one height and partly of another, so its mean is no ground.
+inline constexpr double kMaxPartialCells = 3.5;
+/// Largest number of failures of a bank at one station. The next station goes on with the rest.
+inline constexpr int kMaxBankFailures = 32;
+/// Directions from a foot of a cut in which vertical slices are searched. With fewer, a cut askew
+/// to them fails too late. More take longer.
+inline constexpr int kSliceDirections = 32;
+/// Planes that are tried through each column where the ground falls off behind a cut.
+inline constexpr int kSlicePlanes = 4;
+/// Fall from one column to the next from which on the ground falls off there, sides.
+inline constexpr double kFallOff = 1;
+/// Share of the bank's cohesion from which on a slice fails together with a failing one. Slices at
+/// different angles to a cut need the same cohesion, apart from errors of heights.
+inline constexpr double kSameCohesionShare = 0.95;
+/// Longest plane along which bank fails, depths dug at its foot. With a larger value slopes that
+/// stood before a small cut fail after it.
+inline constexpr double kMaxPlaneDepths = 16;
+/// Columns before a window's border over which the ground must rise more steeply than friction to
+/// ask for a larger window.
+inline constexpr int kBorderRiseColumns = 4;
+/// Farthest foot of a cut from the middle of the column that shows it, sides.
+inline constexpr double kMaxFootOffset = 2;
+/// Smallest way from the foot to a column that bounds the plane's slope, sides. Nearer columns are
+/// the foot's own.
+inline constexpr double kMinFootWay = 0.25;
+/// Smallest wedge of a slice that fails, sides squared. A smaller one is the error of heights.
+inline constexpr double kMinWedge = 0.5;
+/// Lowest cut that can be told from a slope, sides. Bank that fails in a lower cut is taken for
+/// cohesionless and fails along the flattest plane. Otherwise the rest of a wedge would fail again
+/// and again.
+inline constexpr double kMinCutHeight = 1;
+/// Variance of the place of an upright cut that is due to the columns' width, sides squared.
+inline constexpr double kUprightSpread = 0.4;
+
+// ---- Pouring (core/settle/pour.cc, front.cc, fall_line.cc) --------------------------------------
+
+/// Drop beyond repose from which on soil runs on instead of lying there, sides. With a larger value
+/// ledges stay on scarps. With a smaller one the error of counted heights is a thousand small lips.
+inline constexpr double kRunOnDrop = 0.25;
+/// The same where soil comes over the edge of a step, sides. With a larger value soil rises above
+/// edges while the ground below the step is still lower.
+inline constexpr double kEdgeRunOnDrop = 0.01;
+/// Smallest share of a step in the drop between two columns. The rest of the drop is the ground on
+/// either side, continued to the face between them. A drop with a smaller share is a slope without
+/// an edge. With a larger value walls are slopes, and their edges are half a column off. With a
+/// smaller one slopes are stairs.
+inline constexpr double kMinStepShare = 0.6;
+/// Smallest height of loose soil above a firm edge at which the soil covers it, sides. Heights at
+/// faces are guesses, and with a smaller value their errors lift edges.
+inline constexpr double kMinEdgeCover = 0.05;
+/// Difference up to which levels are one, sides. With a larger value soil that is poured in parts
+/// lies elsewhere than soil poured at once. A smaller one looks at more fronts to find a lip.
+inline constexpr double kLevelTolerance = 1e-6;
+/// Step past the level at which a lip opens, sides.
+inline constexpr double kLipStep = kLevelTolerance / 4;
+/// Volume at which a front is broken off, pours. With a larger value fronts that hold too much take
+/// longer. With a smaller one they say less about the next level.
+inline constexpr double kMaxFrontPours = 1.5;
+/// Largest number of levels that are tried for one pile, and of piles of one pour. Real ground
+/// never takes so many.
+inline constexpr int kMaxPourLevels = 200, kMaxPourPiles = 10000;
+/// Distance from the ground's border at which soil leaves it to run on: columns, and cube roots of
+/// volume over slope. Soil comes down a slope by some columns at a time.
+inline constexpr int kExitColumns = 6, kExitPiles = 2;
+/// Distance up to which two places are one, columns. A ray so near to a corner passes through it.
+inline constexpr double kSamePlace = 1e-9;
+
+// ---- Collapse of soil that is too steep (core/settle/collapse.cc, flux_grid.cc, flux_row.cc) ----
+
+/// Smallest angle beyond repose at which soil begins to move, rad: one degree.
+inline constexpr double kCollapseStartRad = 0.0175;
+/// Step along the fluxes between columns, soil for each side of drop. The largest eigenvalue is 32,
+/// of soil that flows both ways between columns. Momentum is stable up to 4/3 of its inverse. A
+/// larger step runs away on ground as rough as its columns, a smaller one takes more steps.
 inline constexpr float kFluxStep = 1.0f / 24;
-/// Drop beyond repose that counts for each side of soil on support that is steeper: how fast it
-/// leaves. From 8 on it runs away, at 1 it takes longer.
-inline constexpr float kDrain = 4;
-/// Soil that may stay on steep support, or lack in a column until the end, sides.
-inline constexpr float kFilm = 0.05f;
-/// How far beyond repose a slope may be at rest, rad: half a degree; most steps until soil is where
-/// they brought it and they begin again, and how often that is. Random ground 100 columns wide
-/// needs 600, a wall 20. Where soil runs over brinks thousands don't bring rest, the second
-/// beginning does.
-inline constexpr double kRestTolerance = 0.0087;
-inline constexpr int kMostSteps = 500, kMostTries = 3;
-/// How far drops and fluxes may still be from each other at rest, as share of repose. More: soil
-/// may have gone farther than it would.
+/// Drop beyond repose as which a depth of soil on steeper support counts, per depth. It is the
+/// speed of that soil. From 8 on the steps run away, and at 1 they take longer.
+inline constexpr float kDrainFactor = 4;
+/// Depth of soil that may stay on steep support, or lack in a column until the end, sides.
+inline constexpr float kFilmDepth = 0.05f;
+/// Share of the square of repose below which a slope surely doesn't start to flow. A larger share
+/// may miss one by rounding.
+inline constexpr float kStillShare = 0.999f;
+/// Largest angle of a slope beyond repose at rest, rad: half a degree.
+inline constexpr double kRestToleranceRad = 0.0087;
+/// Largest number of steps of one try, and of tries. A try begins with the soil where the last one
+/// brought it. Random ground 100 columns wide needs 600 steps, a wall 20. Where soil runs over
+/// brinks, thousands of steps don't bring rest, but the second try does.
+inline constexpr int kMaxFluxSteps = 500, kMaxCollapseTries = 3;
+/// Largest difference of drops and fluxes at rest, share of repose. With a larger value soil may
+/// have gone too far.
 inline constexpr float kFluxTolerance = 0.04f;
-/// The same of coarser columns, of which only a start is asked, but one that is near: each side
-/// there is two here.
-inline constexpr double kCoarseTolerance = 0.002;
-inline constexpr int kMostCoarseSteps = 300;
-/// Steps after which rest is looked for, which takes as long as a step.
-inline constexpr int kRestSteps = 10;
-/// Columns of a side from which on coarser ones are tried first.
-inline constexpr int kLeastToCoarsen = 24;
-/// Share of what a column had that it may owe in the end, which rounding leaves, and times that it
-/// is asked to give less before it gives nothing.
-inline constexpr double kOwed = 1e-13;
-inline constexpr int kMostRounds = 100;
-/// Change of height at a grid's edge that counts, sides.
-inline constexpr double kNoticed = 0.1;
-/// Rows and columns that a thread works on at least. Less: threads wait for each other, and where
-/// something else has the other core, for that.
-inline constexpr int kLeastBandRows = 24, kLeastBandColumns = 3000;
+/// Largest angle beyond repose, rad, and number of steps on coarser columns. These only give a
+/// start. It must be near, for one of their sides is two of the finer.
+inline constexpr double kCoarseToleranceRad = 0.002;
+inline constexpr int kMaxCoarseSteps = 300;
+/// Steps between two checks for rest. A check takes as long as a step.
+inline constexpr int kRestCheckSteps = 10;
+/// Columns of a side from which on coarser columns are tried first.
+inline constexpr int kMinColumnsToCoarsen = 24;
+/// Smallest number of finer columns, of four, in a coarser column. One with fewer is missing.
+inline constexpr int kMinFineColumns = 2;
+/// Share of its soil that a column may lack in the end. It is rounding.
+inline constexpr double kMaxOwedShare = 1e-13;
+/// Times that a column is asked to give less before it gives nothing.
+inline constexpr int kMaxOwedRounds = 100;
+/// Smallest change of height that counts at a grid's edge, sides. Then the grid is too small.
+inline constexpr double kMinEdgeChange = 0.1;
+/// Smallest number of rows, and of columns, in one thread's part of a grid. With smaller parts
+/// threads wait for each other, and for other work on their core.
+inline constexpr int kMinBandRows = 24, kMinBandColumns = 3000;
+
+// ---- Planes of cells (core/cell/cell_plane.cc) --------------------------------------------------
+
+/// Gauss-Newton steps of a fit. Two steps are nearly always enough. The third is for starts that
+/// are 20 degrees off.
+inline constexpr int kFitSteps = 3;
+/// Share of wrong samples near the plane beyond which a cell has no plane, after one step.
+inline constexpr float kHopelessWrongShare = 0.5f;
+/// Largest share of wrong samples near the plane of a smooth surface, and largest number in one
+/// cell. Curvature leaves some everywhere, and most at the window's corners. A surface that bends
+/// with a radius of six voxels is a fifth of a voxel off its plane there. With larger values
+/// creases are rounded off, with smaller ones curved ground is made of facets.
+inline constexpr float kSmoothWrongShare = 0.1f;
+inline constexpr int kSmoothWrongInCell = 14;
+/// Reach of the heights from which a fit starts, cells above and below the middle one. Within it
+/// each column must go from soil to air.
+inline constexpr int kHeightFitReach = 2;
+/// Half thickness of the slab in which one side of a wall is fitted, voxels. A wall one voxel thick
+/// has its other side just beyond.
+inline constexpr float kSideFitHalfSlab = 0.5f;
+/// Smallest area of the plane in such a fit, voxels^2. The window has nine.
+inline constexpr float kMinSideFitArea = 4;
+/// Samples of soil from which on a cell isn't air beside a thin wall. The same holds for air beside
+/// a thin slot.
+inline constexpr int kThinWallOutside = 16;
+/// Smallest number of samples of soil in two cells of a thin wall that share a face. The same holds
+/// for air in a thin slot.
+inline constexpr int kThinWallInside = 64;
+/// Largest shift, voxels, and tilt of a plane in one step. It holds fits that run away.
+inline constexpr float kMaxFitStep = 0.5f;
+/// Distance beyond a cell up to which a plane still asks the cell's samples one by one, voxels. It
+/// exceeds the distance of sample points from a cell's faces. A smaller value misses bits of the
+/// neighbours.
+inline constexpr float kCellFaceMargin = 0.04f;
+/// Smallest squared length of a sum that gives a normal. Shorter sums are rounding.
+inline constexpr float kMinNormalSquare = 1e-6f;
+/// Smallest determinant of a fit's moments. Below it the plane stays as it is.
+inline constexpr float kMinFitDeterminant = 1e-4f;
+/// Fits and creases that a memo of cells remembers, powers of two. A block that was dug has 5000
+/// fits and 1500 creases, so six blocks that are dug at once are remembered.
+inline constexpr std::size_t kMemoFits = std::size_t{1} << 15, kMemoCreases = std::size_t{1} << 14;
+
+// ---- Creases (core/cell/crease.cc) --------------------------------------------------------------
+
+/// Largest number of planes that are tried together. Six have 15 pairs and 20 triples. A corner has
+/// three.
+inline constexpr int kMaxCandidates = 6;
+/// Cosine between normals (10 degrees) and difference of offsets, voxels, from which on two planes
+/// are one.
+inline constexpr float kSamePlaneCosine = 0.985f, kSamePlaneGap = 0.25f;
+/// Largest distance of a candidate plane beyond the cell, voxels.
+inline constexpr float kCandidateReach = 1.0f;
+/// Wrong samples of a neighbour without any cost, and largest number that counts. A neighbour may
+/// see another surface.
+inline constexpr int kFreeNeighbourWrong = 2, kMaxNeighbourWrong = 24;
+/// Wrong samples that each further plane must save. With fewer, errors of counts make creases of
+/// planes.
+inline constexpr int kPlaneCost = 8;
+/// Largest number of wrong samples of a pair of planes that needs no third.
+inline constexpr int kGoodPairWrong = 14;
+/// Wrong samples, planes' costs included, from which on planes are no model.
+inline constexpr int kUnsolvedScore = 160;
+/// Joint Gauss-Newton steps of a model's planes, and the largest of them, voxels.
+inline constexpr int kCreaseFitSteps = 2;
+inline constexpr float kMaxCreaseFitStep = 0.35f;
+/// Stiffness of a model's planes against tilts and against shifts in these steps, voxels^2.
+inline constexpr float kTiltStiffness = 0.6f, kShiftStiffness = kTiltStiffness / 4;
+/// Largest distance of a wrong sample from the model that moves a plane, voxels. Farther ones are
+/// of another surface.
+inline constexpr float kCreaseFitReach = 0.5f;
+
+// ---- Models of cells (core/cell/cell_models.cc, cell_model.h, cell_volume.cc) -------------------
+
+/// Times that creases are solved: as many as CellModels::solve_creases() has. The second time they
+/// know their neighbours' models, so each time needs models one voxel farther out.
+inline constexpr int kCreaseSweeps = 2;
+/// Distance from which a crease takes planes of other cells, and the base surface's, voxels.
+inline constexpr int kPlaneSight = 2;
+inline constexpr float kBasePlaneSight = 2;
+/// Voxels beyond the models in which fits are needed for curvatures, and models to conserve
+/// volumes.
+inline constexpr int kBendHalo = 1, kVolumeHalo = 1;
+/// Largest number of wrong samples with which a crease isn't solved again.
+inline constexpr int kExplainedWrong = 4;
+/// Smallest cosine between normals of neighbours that give a surface's curvature: 37 degrees.
+inline constexpr float kCurvatureCosine = 0.8f;
+/// Largest curvature, 1/voxel.
+inline constexpr float kMaxCurvature = 0.4f;
+/// Smallest determinant of the spread of neighbours for a curvature, voxels^4.
+inline constexpr float kMinCurvatureSpread = 0.5f;
+/// Offset of the surface along the normal from a plane fitted to 27 cells, voxels, for a trace of
+/// curvature of 1/voxel. It is the mean of (u^2 + v^2) / 4 over the window. With another value
+/// curved floors lie too high or too low.
+inline constexpr float kCurvatureOffset = 0.375f;
+/// Largest shift of planes that conserves the volume of the samples around, voxels, and smallest
+/// area that it is divided by, voxels^2.
+inline constexpr float kMaxVolumeShift = 0.1f, kMinVolumeArea = 1;
+/// Distance of a voxel's centre outside of a thin wall at which it still counts as in it, voxels.
+/// Else a wall one voxel thick is lost where both its faces run through centres. The same holds for
+/// slots.
+inline constexpr float kThinWallTie = 0.04f;
+/// Largest thickness of such a wall or slot, voxels.
+inline constexpr float kThinWallThickness = 1 + 2 * kThinWallTie;
+/// Largest cosine between the normals of its two faces.
+inline constexpr float kOppositeCosine = -0.9f;
+/// Patterns of samples that are weighed where planes meet: the cell's own and others. Errors of a
+/// pattern that all cells had would add up along a crease.
+inline constexpr int kVolumePatterns = 4;
+/// Distance from the surface within which a sample counts in part, voxels. The number of such
+/// samples is the area.
+inline constexpr float kVolumeSoftness = 0.05f;
+/// Smallest component of a normal. The volume below a plane is divided by it.
+inline constexpr double kMinVolumeNormal = 1e-4;
+
+// ---- Vertices and triangles (core/surface) ------------------------------------------------------
+
+/// Distance beyond an edge's end up to which a model's crossing still counts, voxels.
+inline constexpr float kCrossingSlack = 1e-3f;
+/// Smallest cosine between an edge and the normal of a plane that crosses it.
+inline constexpr float kMinCrossingCosine = 1e-6f;
+/// Largest distance of a vertex outside of its dual cell, voxels. With a larger value triangles
+/// turn over.
+inline constexpr float kMaxVertexOutside = 0.25f;
+/// Distance inside a dual cell's faces at which a vertex is held that would be farther out, voxels.
+inline constexpr float kVertexInset = 1e-3f;
+/// Smallest cosine between normals without a crease: 14 degrees.
+inline constexpr float kSmoothCosine = 0.97f;
+/// Smallest eigenvalue along which a vertex leaves the mean, share of the largest. A smaller value
+/// sends vertices along nearly flat creases.
+inline constexpr float kMinEigenvalueShare = 0.06f;
+/// Sweeps of Jacobi's rotations for eigenvalues, and smallest entry that is rotated.
+inline constexpr int kJacobiSweeps = 5;
+inline constexpr float kMinJacobiEntry = 1e-9f;
+/// Share of the way from the mean of crossings to the middle of their planes by which a vertex
+/// moves. On a surface of curvature k the mean is r^2 k / 2 below it, and the middle as much above.
+/// The mean square distance r^2 is 1/4. The chords of such a mesh want the vertex k / 12 above: 5/6
+/// of the way. With another value meshes of curved floors lose or gain volume.
+inline constexpr float kCurvedVertexShare = 5.0f / 6;
+/// Shift of a vertex by which odd and even cells lean apart, voxels. Without it the vertices of
+/// neighbours may be welded at a crease that lies on the lattice.
+inline constexpr float kVertexLean = 1e-4f;
+/// Smallest distance of two sheets' vertices in a dual cell, voxels.
+inline constexpr float kMinSheetGap = 0.02f;
+/// Difference of distances to a crossing up to which the shorter diagonal splits a polygon, voxels.
+inline constexpr double kDiagonalTolerance = 1e-4;
+/// Smallest cross product of two sides of a triangle that has area, voxels^2.
+inline constexpr double kMinSplitArea = 1e-3;
+
+// ---- Distances and level sets (core/surface) ----------------------------------------------------
+
+/// Reach of a polygon about the lower end of its edge, voxels: the side of a dual cell and the
+/// distance of a vertex outside of it.
+inline constexpr float kPolygonReach = 1 + kMaxVertexOutside;
+/// Voxels between a voxel and the lower end of the edge of any polygon within the band around it:
+/// the band's three and a polygon's reach.
+inline constexpr int kPolygonsSeen = 4;
+/// Twice the area below which a triangle has no plane of its own, voxels^2. Its distance is the one
+/// to its edges.
+inline constexpr float kSliverArea = 1e-4f;
+/// Room for rounding in the radius of a ball around a triangle, voxels, and smallest squared length
+/// of its edges, voxels^2.
+inline constexpr float kTriangleRounding = 1e-3f, kMinEdgeSquare = 1e-12f;
+/// Smallest distance of a voxel from the surface, voxels. It keeps the distance's sign.
+inline constexpr float kMinDistance = 1e-4f;
+/// Largest difference between the base surface's own distance and the contour's at which the former
+/// is given, voxels.
+inline constexpr float kBaseDistanceTolerance = 0.1f;
+/// Side of the cubes in which many chunks share work, voxels. Larger cubes look at less twice, but
+/// leave the caches.
+inline constexpr int kSharedSide = 64;
+/// Largest number of chunks in the box of a level set: 32 GB of leaves.
+inline constexpr double kMaxLevelSetChunks = 1.6e7;
+
+// ---- Heights (core/surface/surface_height.cc) ---------------------------------------------------
+
+/// Largest number of patches that a look at many places keeps. Each takes some 100 kB.
+inline constexpr std::size_t kMaxHeightPatches = 4096;
+/// Largest number of patches that one thread with a memo of cells makes sooner than several threads
+/// without one.
+inline constexpr std::size_t kMemoPatches = 4;
+/// Heights that one thread looks up in a row. A smaller number costs more for tasks.
+inline constexpr std::size_t kHeightsPerThread = 256;
+
+// ---- Dug ground as base surface (core/surface/soil_surface.cc) ----------------------------------
+
+/// Bytes of distances that the surface keeps at least. It keeps more if its soil takes more. With
+/// fewer, distances are made again and again along a cut.
+inline constexpr std::uint64_t kMinTileBytes = std::uint64_t{64} << 20;
+/// Largest number of voxels that are read at once. In a larger box the voxels about each point are
+/// read.
+inline constexpr double kMaxWindowVoxels = 70 * 70 * 70;
+/// Largest number of chunks that are looked at to classify a box. A larger box is mixed, unless it
+/// is air.
+inline constexpr double kMaxClassifyChunks = 4096;
+/// Room for rounding by which a window is larger than its box, voxels.
+inline constexpr double kWindowRounding = 0.01;
+
+// ---- Comparing (core/compare) -------------------------------------------------------------------
+
+/// Change of a box from which on it is certain, standard deviations of counts.
+inline constexpr double kCertainSigmas = 3;
+/// Error of a volume that is given with it, standard deviations of counts.
+inline constexpr double kErrorSigmas = 2;
+/// Difference of thickness from which on it is a slope, errors of a count.
+inline constexpr double kClearSigmas = 2;
+/// Boxes along x, and chunks, that are compared at a time. More take memory.
+inline constexpr int kSlabBoxes = 64;
+inline constexpr std::size_t kGainChunks = 4096;
+/// Margin by which a cell counts as smaller, sides of a box. Without it rounding gives slivers of
+/// the cell to boxes beside it.
+inline constexpr double kBoxInset = 1e-6;
+/// Number of changed levels in a column from which on one surely changed from top to bottom.
+inline constexpr int kSteepLevels = 3;
+/// Halvings in the search for the depth of a wedge at the rim of a change.
+inline constexpr int kWedgeHalvings = 30;
+/// Smallest component of a wedge's direction. Its integrals are divided by it.
+inline constexpr double kMinWedgeNormal = 0.01;
+
+// ---- Background work (core/site/background.cc) --------------------------------------------------
+
+/// Nice value of the background thread. A smaller one takes time from updates.
+inline constexpr int kBackgroundNice = 10;
 
 }  // namespace soilvdb::inline v0

@@ -14,6 +14,7 @@
 #include <cmath>
 
 #include "bench/engine.h"
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -33,7 +34,7 @@ class OctoMap : public Engine {
           task.ground->distance(centre({x, y, z}), h, 3 * h, phi);
           for (int n = 0; n < kChunkVoxels; ++n) {
             if (phi[n] < 0) {
-              tree_.setNodeValue(key(Coord3(x, y, z) + Coord3(n >> 6, n >> 3 & 7, n & 7)),
+              tree_.setNodeValue(key(Coord3(x, y, z) + numbered_voxel(n)),
                                  tree_.getClampingThresMaxLog(), true);
             }
           }

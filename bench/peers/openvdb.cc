@@ -28,6 +28,7 @@
 #include <cmath>
 
 #include "bench/engine.h"
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -91,7 +92,7 @@ class Slab {
         new Tree::LeafNodeType(Coord(origin.x(), origin.y(), origin.z()), static_cast<float>(band));
     bool surface = false;
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 p = local_ + h * (origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
+      const Vec3 p = local_ + h * (origin + numbered_voxel(n)).cast<double>();
       const double d = std::clamp(std::max<double>(phi[n], outside(p)), -band, band);
       leaf->setValueOnly(static_cast<openvdb::Index>(n), static_cast<float>(d));
       if (std::abs(d) < band) {

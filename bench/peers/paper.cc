@@ -15,7 +15,6 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_reduce.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "core/lattice/chunk_math.h"
 #include "core/surface/sheet_vertex.h"
 #include "core/surface/surface.h"
 
@@ -153,7 +154,7 @@ class Block {
       float phi[kChunkVoxels];
       if (surface) surface->distance(chunks[i], phi);
       for (int n = 0; models_ && n < kChunkVoxels; ++n) {
-        const Coord3 c = near[i] + Coord3(n >> 6, n >> 3 & 7, n & 7);
+        const Coord3 c = near[i] + numbered_voxel(n);
         phi[n] = soil_at_[static_cast<std::size_t>(cells_.id(c.x(), c.y(), c.z()))] ? -1.0f : 1.0f;
       }
       add(near[i], phi, far);

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
@@ -40,6 +41,12 @@ class CellGrid {
   /// Steps of ids along the axes.
   int step(int axis) const {
     return axis == 0 ? sides_.y() * sides_.z() : axis == 1 ? sides_.z() : 1;
+  }
+
+  /// The cell a step_around() from one.
+  int beside(int id, int n) const {
+    const Coord3 by = step_around(n);
+    return id + by.x() * step(0) + by.y() * step(1) + by.z();
   }
 
   const std::uint64_t* words() const { return words_; }

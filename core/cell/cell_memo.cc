@@ -5,14 +5,11 @@
 #include <bit>
 #include <cstddef>
 
+#include "core/constants.h"
 #include "core/lattice/splitmix64.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-// Entries; powers of two. A block that was dug has 5000 cells with a fit and 1500 with a crease, so
-// six blocks that are dug at once are remembered.
-constexpr std::size_t kFits = std::size_t{1} << 15, kCreases = std::size_t{1} << 14;
 
 /// One of several values that are added up: which one it is matters. All bits of a value are mixed,
 /// else changes of two words' last samples would cancel.
@@ -25,10 +22,7 @@ std::uint64_t mixed(std::uint64_t value, int place) {
 std::uint64_t key_of(const CellGrid& grid, int id) {
   const int steps[3] = {grid.step(0), grid.step(1), grid.step(2)};
   std::uint64_t sum = 0;
-  for (int k = 0; k < 27; ++k) {
-    const int at = id + (k / 9 - 1) * steps[0] + (k / 3 % 3 - 1) * steps[1] + (k % 3 - 1);
-    sum += mixed(grid.word(at), k);
-  }
+  for (int k = 0; k < 27; ++k) sum += mixed(grid.word(grid.beside(id, k)), k);
   // Of the cells beyond on each side, their counts.
   for (int side = 0; side < 6; ++side) {
     const int axis = side / 2, middle = id + (side % 2 * 4 - 2) * steps[axis];
@@ -46,11 +40,11 @@ std::uint64_t key_of(const CellGrid& grid, int id) {
 
 }  // namespace
 
-CellMemo::CellMemo() : fits_(kFits), creases_(kCreases) {}
+CellMemo::CellMemo() : fits_(kMemoFits), creases_(kMemoCreases) {}
 
 PlaneFit CellMemo::fit(const CellGrid& grid, int id) {
   const std::uint64_t key = key_of(grid, id);
-  Entry<PlaneFit>& entry = fits_[key >> 1 & (kFits - 1)];
+  Entry<PlaneFit>& entry = fits_[key >> 1 & (kMemoFits - 1)];
   if (entry.key != key) entry = {key, fit_plane(grid, id)};
   return entry.value;
 }
@@ -63,7 +57,7 @@ CellModel CellMemo::crease(const CellGrid& grid, int id, const Candidates& candi
       sum += mixed(std::bit_cast<std::uint32_t>(value), place++);
   }
   const std::uint64_t key = splitmix64(sum) | 1;
-  Entry<CellModel>& entry = creases_[key >> 1 & (kCreases - 1)];
+  Entry<CellModel>& entry = creases_[key >> 1 & (kMemoCreases - 1)];
   if (entry.key != key) entry = {key, solve_crease(grid, id, candidates)};
   return entry.value;
 }

@@ -3,7 +3,6 @@
 // Up to three planes that say where soil is in and about a cell.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -54,14 +53,13 @@ struct CellModel {
 
   /// Is the centre of the cell in soil?
   bool soil() const {
-    constexpr float kOpposite = -0.9f, kThin = 1 + 2 * kTie;
     const Active here = at(0, 0, 0);
-    if (std::abs(here.beyond) < kTie) {
+    if (std::abs(here.beyond) < kThinWallTie) {
       const CellPlane& face = plane[here.plane];
       for (int p = 0; p < planes(); ++p) {
-        if (face.along(plane[p].nx, plane[p].ny, plane[p].nz) > kOpposite) continue;
+        if (face.along(plane[p].nx, plane[p].ny, plane[p].nz) > kOppositeCosine) continue;
         const float thickness = face.d + plane[p].d;  // of a slot below zero
-        if (std::abs(thickness) < kThin) return thickness > 0;
+        if (std::abs(thickness) < kThinWallThickness) return thickness > 0;
       }
     }
     return here.beyond < 0;

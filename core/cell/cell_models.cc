@@ -11,15 +11,15 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// The cells within kSight, the nearest first.
+/// The cells within kPlaneSight, the nearest first.
 struct Sight {
   std::array<std::array<std::int8_t, 3>, 124> at{};
   constexpr Sight() {
     std::size_t n = 0;
-    for (int square = 1; square <= 3 * kSight * kSight; ++square) {
-      for (int x = -kSight; x <= kSight; ++x) {
-        for (int y = -kSight; y <= kSight; ++y) {
-          for (int z = -kSight; z <= kSight; ++z) {
+    for (int square = 1; square <= 3 * kPlaneSight * kPlaneSight; ++square) {
+      for (int x = -kPlaneSight; x <= kPlaneSight; ++x) {
+        for (int y = -kPlaneSight; y <= kPlaneSight; ++y) {
+          for (int z = -kPlaneSight; z <= kPlaneSight; ++z) {
             if (x * x + y * y + z * z == square) {
               at[n++] = {static_cast<std::int8_t>(x), static_cast<std::int8_t>(y),
                          static_cast<std::int8_t>(z)};
@@ -39,7 +39,7 @@ CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
   const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
   const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
   const float du = cell.bend.uu * u + cell.bend.uv * v, dv = cell.bend.uv * u + cell.bend.vv * v;
-  const float inwards = kWindowBend * (cell.bend.uu + cell.bend.vv);
+  const float inwards = kCurvatureOffset * (cell.bend.uu + cell.bend.vv);
   const float beyond = cell.plane.beyond(fx, fy, fz) - inwards + (du * u + dv * v) / 2;
   const float scale = 1 / std::sqrt(1 + (du * du + dv * dv));
   return {(cell.plane.nx + (du * t.u[0] + dv * t.v[0])) * scale,
@@ -54,7 +54,7 @@ CellModels::CellModels(const CellGrid& grid, int wanted, CellMemo* memo)
   index_.assign(grid.cells(), -1);
   const int range = wanted + kVolumeHalo;
   const std::vector<CellGrid::Cell> surface =
-      grid.surface_cells(range + kSweeps - 1 + kSight + kBendHalo);
+      grid.surface_cells(range + kCreaseSweeps - 1 + kPlaneSight + kBendHalo);
   cells_.reserve(surface.size());
   for (const CellGrid::Cell& c : surface) {
     index_[static_cast<std::size_t>(c.id)] = static_cast<int>(cells_.size());
@@ -107,12 +107,10 @@ void CellModels::solve_creases(int range) {
       list(k);
     }
   }
-  const int sx = grid_.step(0), sy = grid_.step(1);
   for (const int k : wanted) {
     const int id = cells_[static_cast<std::size_t>(k)].id;
     for (int n = 0; n < 27; ++n) {
-      const int other = index_[static_cast<std::size_t>(id + (n / 9 - 1) * sx +
-                                                        (n / 3 % 3 - 1) * sy + n % 3 - 1)];
+      const int other = index_[static_cast<std::size_t>(grid_.beside(id, n))];
       if (other >= 0) list(other);
     }
   }
@@ -128,7 +126,7 @@ void CellModels::solve_creases(int range) {
   for (const int k : wanted) {
     const Cell& cell = cells_[static_cast<std::size_t>(k)];
     models.push_back(cell.model);
-    if (cell.model.solved && cell.model.wrong <= kExplained) continue;
+    if (cell.model.solved && cell.model.wrong <= kExplainedWrong) continue;
     models.back() = crease(cell);
   }
   for (std::size_t n = 0; n < wanted.size(); ++n) {
@@ -173,8 +171,8 @@ void CellModels::conserve_volumes(int range) {
         }
       }
     }
-    const float shift = sum / std::max(area, kLeastArea);
-    shifts[k] = std::min(std::max(shift, -kMaxShift), kMaxShift);
+    const float shift = sum / std::max(area, kMinVolumeArea);
+    shifts[k] = std::min(std::max(shift, -kMaxVolumeShift), kMaxVolumeShift);
   }
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     for (CellPlane& plane : cells_[k].model.plane) plane.d -= shifts[k];
@@ -187,15 +185,7 @@ CellPlane CellModels::base_plane(int id) const {
   p.nx = grid_.base_distance(id + sx) - grid_.base_distance(id - sx);
   p.ny = grid_.base_distance(id + sy) - grid_.base_distance(id - sy);
   p.nz = grid_.base_distance(id + 1) - grid_.base_distance(id - 1);
-  const float square = p.nx * p.nx + (p.ny * p.ny + p.nz * p.nz);
-  if (square > 1e-6f) {
-    const float scale = 1 / std::sqrt(square);
-    p.nx *= scale;
-    p.ny *= scale;
-    p.nz *= scale;
-  } else {
-    p.nz = 1;
-  }
+  if (!normalise(p)) p.nz = 1;
   p.d = -grid_.base_distance(id);
   return p;
 }
@@ -213,7 +203,7 @@ void CellModels::find_bend(Cell& cell) {
         fit(*other);
         if (other->kind != Cell::kSmooth) continue;
         const CellPlane& q = other->plane;
-        if (cell.plane.along(q.nx, q.ny, q.nz) < kBendCosine) continue;
+        if (cell.plane.along(q.nx, q.ny, q.nz) < kCurvatureCosine) continue;
         const auto along = [](const float* e, float a, float b, float c) {
           return e[0] * a + (e[1] * b + e[2] * c);
         };
@@ -234,7 +224,7 @@ void CellModels::find_bend(Cell& cell) {
     }
   }
   const float det = xx * yy - xy * xy;
-  if (!(det > kLeastSpread)) return;
+  if (!(det > kMinCurvatureSpread)) return;
   const auto held = [&](float v) {
     return std::min(std::max(v / det, -kMaxCurvature), kMaxCurvature);
   };
@@ -243,7 +233,7 @@ void CellModels::find_bend(Cell& cell) {
 }
 
 void CellModels::gather(const Cell& cell, Candidates& candidates) {
-  if (std::abs(grid_.base_distance(cell.id)) < kBaseSight) candidates.add(base_plane(cell.id));
+  if (std::abs(grid_.base_distance(cell.id)) < kBasePlaneSight) candidates.add(base_plane(cell.id));
   if (cell.kind == Cell::kSided) candidates.add(cell.plane);
   if (cell.both) candidates.add(cell.opposite);
   for (const auto& [x, y, z] : kNearby.at) {

@@ -29,11 +29,11 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
   r.area = 0;
   std::fill_n(r.a, 6, 0.0f);
   r.wrong = r.most = r.size = 0;
-  const float half_range = plane.half_range() + kFaceMargin;
+  const float half_range = plane.half_range() + kCellFaceMargin;
   const float ax = std::abs(plane.nx), ay = std::abs(plane.ny), az = std::abs(plane.nz);
   const float most = std::max({ax, ay, az}), sum = ax + ay + az;
   // A plane in the face between two cells is half in each.
-  const float steepness = 1 / std::max(sum - most, 2 * kFaceMargin), largest = 1 / most;
+  const float steepness = 1 / std::max(sum - most, 2 * kCellFaceMargin), largest = 1 / most;
   const std::uint64_t* const words = grid.words();
   const int sx = grid.step(0), sy = grid.step(1);
   for (int x = -1; x <= 1; ++x) {
@@ -68,9 +68,9 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
           wrong = plane_mask(*points, here) ^ word;
           if (wrong != 0 && slab) {
             CellPlane side = here;
-            side.d = here.d - kSideSlab;
+            side.d = here.d - kSideFitHalfSlab;
             wrong &= ~plane_mask(*points, side);
-            side.d = here.d + kSideSlab;
+            side.d = here.d + kSideFitHalfSlab;
             wrong &= plane_mask(*points, side);
           }
         }
@@ -113,18 +113,7 @@ SOILVDB_INLINE void push_tangents(const Residual& r, const Tangents& t, float* b
 SOILVDB_INLINE void improve(const Residual& r, const Tangents& t, CellPlane& plane) {
   float b[3];
   push_tangents(r, t, b);
-  displace(plane, t, r.a, b, kMaxStep);
-}
-
-bool normalise(CellPlane& p) {
-  const float square = p.nx * p.nx + (p.ny * p.ny + p.nz * p.nz);
-  if (!(square > 1e-6f)) return false;
-  const float scale = 1 / std::sqrt(square);
-  p.nx *= scale;
-  p.ny *= scale;
-  p.nz *= scale;
-  p.d *= scale;
-  return true;
+  displace(plane, t, r.a, b, kMaxFitStep);
 }
 
 /// Normal by the gradient of counts (Youngs 1984), offset by the cell's own count.
@@ -152,7 +141,6 @@ CellPlane by_gradient(const CellGrid& grid, int id) {
 /// Plane through the heights of the nine columns along an axis, if each goes from soil to air
 /// within two cells on both sides.
 bool by_heights(const CellGrid& grid, int id, int axis, bool up, CellPlane& plane) {
-  constexpr int kReach = 2;
   const int step = up ? grid.step(axis) : -grid.step(axis);
   const int u = grid.step((axis + 1) % 3), v = grid.step((axis + 2) % 3);
   int all = 0, along_u = 0, along_v = 0;
@@ -162,16 +150,16 @@ bool by_heights(const CellGrid& grid, int id, int axis, bool up, CellPlane& plan
       // Out from the middle to a full cell below and an empty one above.
       int k = 0, height = 0;
       for (int n = 64; n != 0; --k) {
-        if (k < -kReach) return false;
+        if (k < -kHeightFitReach) return false;
         n = 64 - grid.count(middle + k * step);
         height -= n;
       }
-      for (k = 1; k <= kReach; ++k) {
+      for (k = 1; k <= kHeightFitReach; ++k) {
         const int n = grid.count(middle + k * step);
         height += n;
         if (n == 0) break;
       }
-      if (k > kReach) return false;
+      if (k > kHeightFitReach) return false;
       all += height;
       along_u += i * height;
       along_v += j * height;
@@ -192,8 +180,8 @@ SOILVDB_FOR_CPUS void refine(const CellGrid& grid, int id, PlaneFit& fit) {
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, false, r);
     const float share = static_cast<float>(r.wrong) / (64 * r.area);
-    fit.smooth = k > 0 && share <= kSmoothShare && r.most <= kSmoothInCell;
-    if (k > 0 && share > kHopelessShare) return;
+    fit.smooth = k > 0 && share <= kSmoothWrongShare && r.most <= kSmoothWrongInCell;
+    if (k > 0 && share > kHopelessWrongShare) return;
     if (k + 1 == kFitSteps && !fit.smooth) return;
     improve(r, t, fit.plane);
     if (fit.smooth) return;
@@ -206,8 +194,8 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, true, r);
     if (k == kFitSteps) {
-      fit.sided =
-          r.area >= kLeastSideArea && static_cast<float>(r.wrong) <= kSmoothShare * 64 * r.area;
+      fit.sided = r.area >= kMinSideFitArea &&
+                  static_cast<float>(r.wrong) <= kSmoothWrongShare * 64 * r.area;
       return;
     }
     improve(r, t, fit.plane);
@@ -217,14 +205,16 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
 /// The axis along which there is air on both sides within two voxels and half a cell of soil, or of
 /// two that share a face, between; or the same with air and soil swapped; -1.
 int thin_axis(const CellGrid& grid, int id) {
-  constexpr int kFew = 16;
   for (int axis = 0; axis < 3; ++axis) {
     const int step = grid.step(axis);
     const int below = grid.count(id - 2 * step), above = grid.count(id + 2 * step);
     const int a = grid.count(id - step), b = grid.count(id), c = grid.count(id + step);
     const auto [least, most] = std::minmax({2 * a, a + b, 2 * b, b + c, 2 * c});
-    if (below < kFew && above < kFew && most >= 64) return axis;
-    if (below > 64 - kFew && above > 64 - kFew && least <= 64) return axis;
+    if (below < kThinWallOutside && above < kThinWallOutside && most >= kThinWallInside)
+      return axis;
+    if (below > 64 - kThinWallOutside && above > 64 - kThinWallOutside &&
+        least <= 128 - kThinWallInside)
+      return axis;
   }
   return -1;
 }
@@ -256,7 +246,7 @@ void displace(CellPlane& plane, const Tangents& t, const float* a, const float* 
   const float c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5],
               c02 = a[1] * a[4] - a[2] * a[3];
   const float det = a[0] * c00 + (a[1] * c01 + a[2] * c02);
-  if (!(det > 1e-4f)) return;
+  if (!(det > kMinFitDeterminant)) return;
   const float c11 = a[0] * a[5] - a[2] * a[2], c12 = a[1] * a[2] - a[0] * a[4],
               c22 = a[0] * a[3] - a[1] * a[1];
   const float scale = 1 / (64 * det);

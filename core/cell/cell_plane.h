@@ -3,9 +3,7 @@
 // The plane through a cell that its samples and those around it show.
 #pragma once
 
-#include <array>
 #include <cmath>
-#include <cstdint>
 
 #include "core/cell/cell_grid.h"
 
@@ -26,6 +24,18 @@ struct CellPlane {
   /// Half the width of a cell along n: how far the plane may be from the centre of a cell it meets.
   float half_range() const { return (std::abs(nx) + std::abs(ny) + std::abs(nz)) / 2; }
 };
+
+/// Makes the normal's length 1. @return false if it has none; then the plane stays
+inline bool normalise(CellPlane& p) {
+  const float square = p.nx * p.nx + (p.ny * p.ny + p.nz * p.nz);
+  if (!(square > 1e-6f)) return false;
+  const float scale = 1 / std::sqrt(square);
+  p.nx *= scale;
+  p.ny *= scale;
+  p.nz *= scale;
+  p.d *= scale;
+  return true;
+}
 
 /// Two unit vectors that make a right-handed frame with n (Duff et al. 2017).
 struct Tangents {

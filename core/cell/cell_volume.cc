@@ -7,23 +7,18 @@
 #include <utility>
 
 #include "core/cell/plane_mask.h"
+#include "core/constants.h"
 #include "soilvdb/base_surface.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Patterns of samples that are weighed where planes meet: the cell's own and others, not the same
-/// for all cells, or what they have wrong would add up along a crease.
-constexpr int kWeighed = 4;
-/// Samples this near to the surface count in part, voxels: area is their number.
-constexpr float kSoft = 0.05f;
-
 /// Below one plane: the cut-off corner's pyramid less those beyond the cell (Scardovelli and
 /// Zaleski 2000), two by two so that a normal along an axis does no harm.
 CellVolume below_plane(const CellPlane& p) {
-  constexpr double kLeast = 1e-4;
-  double a = std::max(std::abs(double{p.nx}), kLeast), b = std::max(std::abs(double{p.ny}), kLeast),
-         c = std::max(std::abs(double{p.nz}), kLeast);
+  double a = std::max(std::abs(double{p.nx}), kMinVolumeNormal),
+         b = std::max(std::abs(double{p.ny}), kMinVolumeNormal),
+         c = std::max(std::abs(double{p.nz}), kMinVolumeNormal);
   if (a > b) std::swap(a, b);
   if (a > c) std::swap(a, c);
   const double depth = (a + b + c) / 2 - std::abs(double{p.d});
@@ -53,13 +48,13 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
   const bool second_and = model.join == Join::kAndAnd || model.join == Join::kOrAnd;
   const int own = sample_pattern(voxel);
   Lanes volume = {}, area = {};
-  for (int k = 0; k < kWeighed; ++k) {
-    const CellPoints& points = pattern_points((own + k * (kPatterns / kWeighed)) % kPatterns);
+  for (int k = 0; k < kVolumePatterns; ++k) {
+    const CellPoints& points =
+        pattern_points((own + k * (kPatterns / kVolumePatterns)) % kPatterns);
     for (int row = 0; row < kChunkSide; ++row) {
-      Lanes x, y, z;
-      __builtin_memcpy(&x, points.x + kChunkSide * row, sizeof(x));
-      __builtin_memcpy(&y, points.y + kChunkSide * row, sizeof(y));
-      __builtin_memcpy(&z, points.z + kChunkSide * row, sizeof(z));
+      const int at = kChunkSide * row;
+      const Lanes x = lanes_at(points.x + at), y = lanes_at(points.y + at),
+                  z = lanes_at(points.z + at);
       Lanes s = beyond(model.plane[0], x, y, z);
       const Lanes b = beyond(model.plane[1], x, y, z);
       s = first_and ? max(s, b) : min(s, b);
@@ -67,7 +62,7 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
         const Lanes c = beyond(model.plane[2], x, y, z);
         s = second_and ? max(s, c) : min(s, c);
       }
-      const Lanes share = 0.5f - s / (2 * kSoft);
+      const Lanes share = 0.5f - s / (2 * kVolumeSoftness);
       volume += min(max(share, all_lanes(0)), all_lanes(1));
       area += (share > 0.0f && share < 1.0f) ? all_lanes(1) : all_lanes(0);
     }
@@ -77,8 +72,8 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
     soil += volume[lane];
     near += area[lane];
   }
-  constexpr float kShare = 1.0f / (64 * kWeighed);
-  return {soil * kShare, near * (kShare / (2 * kSoft))};
+  constexpr float kShare = 1.0f / (64 * kVolumePatterns);
+  return {soil * kShare, near * (kShare / (2 * kVolumeSoftness))};
 }
 
 }  // namespace

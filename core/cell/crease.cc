@@ -43,8 +43,9 @@ SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, con
             std::popcount(joined(join, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
   for (int k = 0; k < kCells && sum < most; ++k) {
     if (k == kOwn) continue;
-    const int wrong = std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFreeWrong;
-    sum += std::min(std::max(wrong, 0), kMaxWrong);
+    const int wrong =
+        std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFreeNeighbourWrong;
+    sum += std::min(std::max(wrong, 0), kMaxNeighbourWrong);
   }
   return sum;
 }
@@ -68,7 +69,7 @@ struct Window {
 };
 
 SOILVDB_INLINE void make_masks(const Window& window, const CellPlane& plane, Masks& masks) {
-  const float half_range = plane.half_range() + kFaceMargin;
+  const float half_range = plane.half_range() + kCellFaceMargin;
   for (int k = 0; k < kCells; ++k) {
     const CellPlane here = plane.from(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
     masks[k] = here.d >= half_range    ? ~Mask{0}
@@ -139,14 +140,14 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
     const Mask all =
         joined(model.join, masks[0][k], planes > 1 ? masks[1][k] : 0, planes > 2 ? masks[2][k] : 0);
     Mask wrong = all ^ window.words[k];
-    if (std::popcount(wrong) > kMaxWrong) continue;  // of another surface
+    if (std::popcount(wrong) > kMaxNeighbourWrong) continue;  // of another surface
     for (; wrong != 0; wrong &= wrong - 1) {
       const int i = std::countr_zero(wrong);
       const CellPoints& points = *window.points[k];
       const float px = x + points.x[i] - 0.5f, py = y + points.y[i] - 0.5f,
                   pz = z + points.z[i] - 0.5f;
       const Active active = model.at(px, py, pz);
-      if (std::abs(active.beyond) > 0.5f) continue;
+      if (std::abs(active.beyond) > kCreaseFitReach) continue;
       const float sign = window.words[k] >> i & 1 ? 1.0f : -1.0f;
       Sums& sum = sums[active.plane];
       sum.more += sign;
@@ -163,10 +164,10 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
       return e[0] * sums[p].x + (e[1] * sums[p].y + e[2] * sums[p].z);
     };
     const float b[3] = {sums[p].more, along(t.u), along(t.v)};
-    a[0] += kStiffness / 4;
-    a[3] += kStiffness;
-    a[5] += kStiffness;
-    displace(moved.plane[p], t, a, b, kMaxRefit);
+    a[0] += kShiftStiffness;
+    a[3] += kTiltStiffness;
+    a[5] += kTiltStiffness;
+    displace(moved.plane[p], t, a, b, kMaxCreaseFitStep);
   }
   return moved;
 }
@@ -185,7 +186,7 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
       attempt<Join::kOr>(words, masks, a, b, a, best);
     }
   }
-  if (best.score - kPlaneCost * planes_of(best.join) > kGoodPair) {
+  if (best.score - kPlaneCost * planes_of(best.join) > kGoodPairWrong) {
     for (int a = 0; a < n; ++a) {
       for (int b = a + 1; b < n; ++b) {
         for (int c = b + 1; c < n; ++c) {
@@ -207,7 +208,7 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
     model.plane[p] = planes[static_cast<std::size_t>(best.plane[p])];
     std::copy_n(masks[best.plane[p]], kCells, fitted[0][p]);
   }
-  for (int k = 0; k < kRefits; ++k) {
+  for (int k = 0; k < kCreaseFitSteps; ++k) {
     const CellModel moved = refitted(model, fitted[k & 1], window);
     Masks* const then = fitted[1 - (k & 1)];
     for (int p = 0; p < moved.planes(); ++p) make_masks(window, moved.plane[p], then[p]);
@@ -217,17 +218,17 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
     model = moved;
   }
   model.wrong = best.score - kPlaneCost * planes_of(best.join);
-  model.solved = best.score < kUnsolved;
+  model.solved = best.score < kUnsolvedScore;
 }
 
 }  // namespace
 
 void Candidates::add(const CellPlane& plane) {
-  if (full() || std::abs(plane.d) > plane.half_range() + kFarPlane) return;
+  if (full() || std::abs(plane.d) > plane.half_range() + kCandidateReach) return;
   for (int k = 0; k < size_; ++k) {
     const CellPlane& other = planes_[k];
-    if (plane.along(other.nx, other.ny, other.nz) > kAlikeCosine &&
-        std::abs(plane.d - other.d) < kAlikeGap) {
+    if (plane.along(other.nx, other.ny, other.nz) > kSamePlaneCosine &&
+        std::abs(plane.d - other.d) < kSamePlaneGap) {
       return;
     }
   }
@@ -239,9 +240,9 @@ CellModel solve_crease(const CellGrid& grid, int id, const Candidates& candidate
   if (candidates.planes().empty()) return model;
   Window window;
   for (int k = 0; k < kCells; ++k) {
-    const int x = k / 9 - 1, y = k / 3 % 3 - 1, z = k % 3 - 1;
-    window.words[k] = grid.word(id + x * grid.step(0) + y * grid.step(1) + z);
-    window.points[k] = &grid.points(id + x * grid.step(0) + y * grid.step(1) + z);
+    const int at = grid.beside(id, k);
+    window.words[k] = grid.word(at);
+    window.points[k] = &grid.points(at);
   }
   solve(window, candidates.planes(), model);
   return model;

@@ -6,7 +6,6 @@
 #include <cstdint>
 
 #include "core/cell/cell_plane.h"
-#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
 
@@ -28,10 +27,9 @@ SOILVDB_INLINE std::uint64_t plane_mask(const CellPoints& points, const CellPlan
   const Lanes d = all_lanes(p.d + (p.nx + p.ny + p.nz) / 2);
   LaneMask rows = {};
   for (int k = 0; k < kChunkSide; ++k) {
-    Lanes x, y, z;
-    __builtin_memcpy(&x, points.x + kChunkSide * k, sizeof(x));
-    __builtin_memcpy(&y, points.y + kChunkSide * k, sizeof(y));
-    __builtin_memcpy(&z, points.z + kChunkSide * k, sizeof(z));
+    const int at = kChunkSide * k;
+    const Lanes x = lanes_at(points.x + at), y = lanes_at(points.y + at),
+                z = lanes_at(points.z + at);
     rows |= (nx * x + (ny * y + nz * z) < d) & (1 << k);
   }
   // Bit k of lane j is point 8 k + j.

@@ -10,14 +10,13 @@
 
 #include "core/compare/changed_area.h"
 #include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/column_gains.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
 using Box = GainGrid::Box;
-
-constexpr int kBoxSlab = 64;  // boxes along x that are compared at a time
 
 const Soil& coarsest(const Soil& a, const Soil& b) {
   const Soil* found = &a;
@@ -33,7 +32,7 @@ struct Change {
   double before_m3 = 0, after_m3 = 0, variance = 0;
 
   double m3() const { return after_m3 - before_m3; }
-  bool certain() const { return std::abs(m3()) > kCertain * std::sqrt(variance); }
+  bool certain() const { return std::abs(m3()) > kCertainSigmas * std::sqrt(variance); }
   /// Most that may have been cut and filled beside what it gained in all.
   double hidden_m3(double box_m3) const {
     const double a = std::abs(before_m3), b = std::abs(after_m3);
@@ -107,7 +106,7 @@ ColumnChange in_column(const Change* first, const Change* last, double box_m3) {
   }
   const double thick = certain + (net < 0 ? -uncertain : uncertain);
   return changed_column(thick / box_m3, most / box_m3, levels,
-                        thick > kCertain * std::sqrt(variance));
+                        thick > kCertainSigmas * std::sqrt(variance));
 }
 
 /// Slabs of boxes in which there may be changes.
@@ -115,7 +114,7 @@ std::set<int> slabs(const Soil& before, const Soil& after, const GainGrid& grid)
   std::set<int> all;
   const auto slab = [&](const Soil& soil, const Vec3& index) {
     const double x = grid.at(soil.world_from_index(index))[0];
-    return static_cast<int>(std::floor(x / kBoxSlab));
+    return static_cast<int>(std::floor(x / kSlabBoxes));
   };
   for (const Soil* top : {&before, &after})
     for (const Soil* soil = top; soil != nullptr; soil = soil->base().soil())
@@ -137,13 +136,13 @@ Difference box_difference(const Soil& before, const Soil& after) {
   double variance = 0;
   ColumnChanges columns;
   for (const int slab : slabs(before, after, grid)) {
-    const int first = slab * kBoxSlab;
+    const int first = slab * kSlabBoxes;
     // With a box beyond on either side, where those at the sides look.
-    const std::vector<Change> all = changes(before, after, grid, first - 1, first + kBoxSlab + 1);
+    const std::vector<Change> all = changes(before, after, grid, first - 1, first + kSlabBoxes + 1);
     for (std::size_t i = 0, next = 0; i < all.size(); i = next) {
       const auto [x, y, z] = all[i].box;
       for (next = i; next < all.size() && all[next].box[0] == x && all[next].box[1] == y;) ++next;
-      if (x < first || x >= first + kBoxSlab) continue;
+      if (x < first || x >= first + kSlabBoxes) continue;
       for (std::size_t k = i; k < next; ++k) {
         const Change& c = all[k];
         (c.m3() < 0 ? d.cut_m3 : d.fill_m3) += std::abs(c.m3());
@@ -154,14 +153,15 @@ Difference box_difference(const Soil& before, const Soil& after) {
         if (hidden_m3 > 0) d.error_m3 += std::min(hidden_m3, both_m3(all, c.box));
       }
       const ColumnChange change = in_column(&all[i], &all[i] + (next - i), box_m3);
-      columns[{x & ~7, y & ~7}][static_cast<std::size_t>((x & 7) * 8 + (y & 7))] = change;
+      columns[{floor_to(x, 8), floor_to(y, 8)}][static_cast<std::size_t>((x & 7) * 8 + (y & 7))] =
+          change;
       if (!change.certain) continue;
       const Vec2 middle = grid.origin.head<2>() + side_m * Vec2(x, y);
       const Vec2 half = Vec2::Constant(side_m / 2);
       d.box.extend(Eigen::AlignedBox2d(middle - half, middle + half));
     }
   }
-  d.error_m3 += 2 * std::sqrt(variance);
+  d.error_m3 += kErrorSigmas * std::sqrt(variance);
   d.area_m2 = changed_columns(columns) * side_m * side_m;
   return d;
 }

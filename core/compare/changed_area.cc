@@ -8,14 +8,13 @@
 #include <cmath>
 #include <vector>
 
-#include "soilvdb/column_gains.h"
+#include "core/constants.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
 constexpr int kSide = 8;
-constexpr double kClear = 2 * kCountError;
-constexpr int kSteepLevels = 3;  // that changed in a column: one of them surely from top to bottom
+constexpr double kClear = kClearSigmas * kWorstCountError;
 
 /// A unit square into which thickness that rises straight along `normal` reaches, from its farthest
 /// corner on by `depth`.
@@ -25,7 +24,7 @@ class Wedge {
   Wedge(double ratio, const Vec2& normal, double step) : normal_(normal) {
     const double across = normal.sum(), beyond = step - across / 2;
     double low = std::max(0.0, -beyond), high = across;
-    for (int i = 0; i < 30; ++i) {
+    for (int i = 0; i < kWedgeHalvings; ++i) {
       depth_ = (low + high) / 2;
       (integral(3) < ratio * (depth_ + beyond) ? low : high) = depth_;
     }
@@ -105,7 +104,7 @@ class Patch {
     const double slope = far - near > kClear ? far - near : 0, edge = near - slope / 2;
     const Vec2 normal = inwards.normalized();
     const double step = std::max(0.5, normal.dot(offset) / count);
-    const Wedge wedge(here / near, normal.cwiseAbs().cwiseMax(0.01), step);
+    const Wedge wedge(here / near, normal.cwiseAbs().cwiseMax(kMinWedgeNormal), step);
     if (slope / step > near / wedge.run() / 2) return wedge.area();
     const double left = std::max(0.0, edge * edge - 2 * slope * here);
     const double part = 2 * here / (edge + std::sqrt(left));

@@ -6,17 +6,17 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <map>
 #include <vector>
+
+#include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
 using Box = GainGrid::Box;
 using Gains = std::map<Box, Gain>;
-
-constexpr double kBoxInset = 1e-6;  // of a box, so that rounding shares no cell out
 
 /// A cell that changed whole, by volume.
 void share_by_volume(const GainGrid& grid, const Vec3& middle, double h, double m3, Gains& gains) {
@@ -38,12 +38,12 @@ void share_by_volume(const GainGrid& grid, const Vec3& middle, double h, double 
 Gains gains_of(const Soil& soil, const Coord3& origin, const SampleWords& before,
                const SampleWords& after, const GainGrid& grid) {
   Gains gains;
-  const double h = soil.voxel_size_m(), error_m3 = kCountError * h * h * h;
+  const double h = soil.voxel_size_m(), error_m3 = kWorstCountError * h * h * h;
   for (int n = 0; n < kChunkVoxels; ++n) {
     const std::uint64_t a = before[static_cast<std::size_t>(n)];
     const std::uint64_t b = after[static_cast<std::size_t>(n)];
     if (a == b) continue;
-    const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+    const Coord3 voxel = origin + numbered_voxel(n);
     const Vec3 middle = soil.world_from_index(voxel.cast<double>());
     if ((a ^ b) == kAllSoil && (a == 0 || b == 0)) {
       share_by_volume(grid, middle, h, b == 0 ? -h * h * h : h * h * h, gains);
@@ -87,9 +87,8 @@ void Gain::add(const Gain& other) {
 
 void for_each_gain(const Soil& soil, const std::vector<Coord3>& chunks, const ReadChange& read,
                    const GainGrid& grid, const GainFunction& f) {
-  constexpr std::size_t kBatch = 4096;  // chunks
-  for (std::size_t first = 0; first < chunks.size(); first += kBatch) {
-    std::vector<Gains> batch(std::min(kBatch, chunks.size() - first));
+  for (std::size_t first = 0; first < chunks.size(); first += kGainChunks) {
+    std::vector<Gains> batch(std::min(kGainChunks, chunks.size() - first));
     tbb::parallel_for(std::size_t{0}, batch.size(), [&](std::size_t i) {
       SampleWords before, after;
       read(chunks[first + i], before, after);

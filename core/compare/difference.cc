@@ -14,6 +14,8 @@
 
 #include "core/compare/box_difference.h"
 #include "core/compare/changed_area.h"
+#include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/column_gains.h"
@@ -29,11 +31,9 @@ class Pair {
 
   const Soil& first() const { return a_; }
   std::vector<Coord3> chunks() const {
-    std::vector<Coord3> all;
-    for (const Chunk* chunk : a_.chunks()) all.push_back(chunk->origin);
+    std::vector<Coord3> all = a_.origins();
     for (const Chunk* chunk : b_.chunks()) all.push_back(chunk->origin + shift_);
-    std::sort(all.begin(), all.end(), before);
-    all.erase(std::unique(all.begin(), all.end()), all.end());
+    sort_once(all);
     return all;
   }
   /// With other origins the base surface may fall on the other side of a sample by rounding: what
@@ -111,8 +111,7 @@ Stack compare(const Pair& soils, const Inside& boundary, const Coord3* first, co
       if (a[n] == b[n]) continue;
       if (part == Inside::Part::kSome) {
         const int i = static_cast<int>(n);
-        const std::uint64_t in =
-            boundary.at(*first + Coord3(i >> 6, i >> 3 & 7, i & 7), a[n] ^ b[n]);
+        const std::uint64_t in = boundary.at(*first + numbered_voxel(i), a[n] ^ b[n]);
         b[n] = a[n] ^ in;
       }
       const int cut = std::popcount(a[n] & ~b[n]), fill = std::popcount(b[n] & ~a[n]);
@@ -164,7 +163,7 @@ Difference by_samples(const Pair& soils, const std::vector<Vec2>* boundary = nul
   d.cut_m3 = static_cast<double>(cut) * soil.sample_m3();
   d.fill_m3 = static_cast<double>(fill) * soil.sample_m3();
   d.net_m3 = static_cast<double>(fill - cut) * soil.sample_m3();
-  d.error_m3 = 2 * kCountError * h * h * h * std::sqrt(static_cast<double>(mixed));
+  d.error_m3 = kErrorSigmas * kWorstCountError * h * h * h * std::sqrt(static_cast<double>(mixed));
   d.exact = true;
   return d;
 }

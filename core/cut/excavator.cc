@@ -9,6 +9,7 @@
 
 #include "core/constants.h"
 #include "core/cut/tool_cut.h"
+#include "core/lattice/chunk_math.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/chunk_range.h"
 
@@ -49,7 +50,8 @@ Excavator::Station Excavator::station(const Soil& soil, const Facet& facet,
     }
   }
   for (int a = 0; a < 3; ++a) {
-    s.half_range[a] = static_cast<float>(s.axes.col(a).cwiseAbs().sum() * kChunkSide / 2) + 1e-3f;
+    s.half_range[a] =
+        static_cast<float>(s.axes.col(a).cwiseAbs().sum() * kChunkSide / 2) + kChunkRounding;
   }
   return s;
 }
@@ -65,7 +67,6 @@ Eigen::AlignedBox3d Excavator::box(std::size_t pose) const {
 /// Only boxes of single poses are refused: that of a segment reaches far beyond what the bucket
 /// passes.
 void Excavator::require_known(const Soil& soil, std::span<const Pose> path) const {
-  constexpr int kPoses = 8;
   const auto check = [&](const Pose& pose) {
     for (const Facet& facet : facets_) {
       const Eigen::AlignedBox3d world = in_world(soil, station(soil, facet, pose).box);
@@ -80,8 +81,8 @@ void Excavator::require_known(const Soil& soil, std::span<const Pose> path) cons
   if (path.size() == 1) return check(path.front());
   for (std::size_t i = 1; i < path.size(); ++i) {
     if (soil.base().known(in_world(soil, box(i - 1).merged(box(i))))) continue;
-    for (int k = 0; k <= kPoses; ++k)
-      check(interpolate(path[i - 1], path[i], static_cast<double>(k) / kPoses));
+    for (int k = 0; k <= kGroundCheckParts; ++k)
+      check(interpolate(path[i - 1], path[i], static_cast<double>(k) / kGroundCheckParts));
   }
 }
 
@@ -161,7 +162,7 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
     work_.push_back({before, strokes_.size(), {}});
   });
   SoilWriter(soil).edit(
-      SoilWriter::Operation::kRemove, edits_, kParallelWork,
+      SoilWriter::Operation::kRemove, edits_, kParallelCutWork,
       [&](std::size_t i, Samples& samples, Samples& loose) { return dig(i, samples, loose, h); });
   for (const Work& work : work_) {
     cut.all += work.cut.all;
@@ -203,7 +204,7 @@ Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
     Eigen::AlignedBox3d whole = box(first).merged(box(last));
     while (last + 2 < path.size()) {
       const Eigen::AlignedBox3d more = whole.merged(box(last + 2));
-      if (chunks_in(more) > kPartChunks) break;
+      if (chunks_in(more) > kMaxPartChunks) break;
       whole = more;
       last += 2;
     }
@@ -220,7 +221,7 @@ std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const
   for (int n = 0; n < kChunkVoxels; ++n) {
     const std::uint64_t word = samples.word(n);
     if (word == 0) continue;
-    const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+    const Coord3 voxel = origin + numbered_voxel(n);
     const CellPoints& points = sample_points(voxel);
     const Vec3 low = voxel.cast<double>() - Vec3::Constant(0.5);
     std::uint64_t hit = 0;
@@ -257,7 +258,7 @@ Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
     cuts[e].loose.displaced = clear_of(loose);
     return cuts[e].all.displaced > 0;
   };
-  SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits_, kParallelWork, clear);
+  SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits_, kParallelCutWork, clear);
   for (const Cut& part : cuts) {
     cut.all += part.all;
     cut.loose += part.loose;

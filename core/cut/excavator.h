@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "core/constants.h"
 #include "core/cut/facet.h"
 #include "core/ground/soil_writer.h"
 

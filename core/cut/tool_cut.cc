@@ -12,16 +12,13 @@
 
 #include "core/constants.h"
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Distances change by no more than a length over it; where planes meet, interpolated ones by more.
-constexpr double kSteepest = 1.25;
-/// Least step along a path in which the tool is looked for, voxels: it stays as near as that.
-constexpr double kLeastStep = kMaxBend;
 /// From a cell's middle to its corners, voxels.
 const double kCellRadius = std::sqrt(3.0) / 2;
 
@@ -52,7 +49,7 @@ std::optional<double> when_near(const ToolShape& tool, const Segment& segment, c
     const double left = tool.distance_m(middle + t * (linear + t * square)) - near_m;
     if (left < 0) return t;
     if (t >= 1 || most == 0) return std::nullopt;
-    t = std::min(1.0, t + std::max(left / kSteepest, least_m) / most);
+    t = std::min(1.0, t + std::max(left / kToolSteepness, least_m) / most);
   }
 }
 
@@ -84,11 +81,11 @@ class Sweep {
                    [&](const Coord3& origin) {
                      std::vector<Near> some = near_chunk(origin);
                      if (some.empty()) return;
-                     edits.push_back({origin, 64});
+                     edits.push_back({origin, kToolChunkWork});
                      near.push_back(std::move(some));
                    });
     std::vector<ToolCut> cuts(edits.size());
-    SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits, kParallelWork,
+    SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits, kParallelCutWork,
                           [&](std::size_t i, Samples& samples, Samples& loose) {
                             clear(edits[i].origin, kChunkSide, near[i], samples, loose, cuts[i]);
                             return cuts[i].samples > 0;
@@ -105,7 +102,7 @@ class Sweep {
   std::optional<double> when_near(const Segment& segment, const Vec3& index, double near,
                                   double from = -1) const {
     const double h = soil_.voxel_size_m();
-    return soilvdb::when_near(tool_, segment, index, near * h, kLeastStep * h, from);
+    return soilvdb::when_near(tool_, segment, index, near * h, kMinToolStep * h, from);
   }
 
   /// A segment that comes near to a block of cells, and not before a time.
@@ -118,7 +115,8 @@ class Sweep {
   std::vector<Near> near_block(const Coord3& low, int side, std::vector<Near> near) const {
     const Vec3 middle = low.cast<double>() + Vec3::Constant((side - 1) / 2.0);
     std::erase_if(near, [&](Near& one) {
-      const auto from = when_near(*one.segment, middle, kSteepest * kCellRadius * side, one.from);
+      const auto from =
+          when_near(*one.segment, middle, kToolSteepness * kCellRadius * side, one.from);
       if (from) one.from = *from;
       return !from;
     });
@@ -149,7 +147,7 @@ class Sweep {
 
   void clear_cell(const Coord3& voxel, const std::vector<Near>& near, Samples& samples,
                   Samples& loose, ToolCut& cut) const {
-    const int n = (voxel.x() & 7) << 6 | (voxel.y() & 7) << 3 | (voxel.z() & 7);
+    const int n = cell_number(voxel);
     const std::uint64_t word = samples.word(n);
     if (word == 0) return;
     const std::uint64_t hit = passed(voxel, near, word);
@@ -166,7 +164,7 @@ class Sweep {
     const CellPoints& points = sample_points(voxel);
     std::uint64_t hit = 0;
     for (const Near& one : near) {
-      if (when_near(*one.segment, centre, -kSteepest * kCellRadius, one.from)) return word;
+      if (when_near(*one.segment, centre, -kToolSteepness * kCellRadius, one.from)) return word;
       for (std::uint64_t left = word & ~hit; left != 0; left &= left - 1) {
         const int i = std::countr_zero(left);
         const Vec3 at(points.x[i], points.y[i], points.z[i]);
@@ -196,7 +194,6 @@ void require_ground(const Soil& soil, const ToolShape& tool, std::span<const Pos
 }
 
 ToolCut subtract_traced(Soil& soil, const ToolShape& tool, std::span<const Pose> path) {
-  constexpr std::size_t kAtOnce = 16;  // segments
   const auto dig = [&](std::size_t first, std::size_t last) {
     Sweep sweep(soil, tool);
     for (std::size_t i = first; i + 2 <= last; i += 2) sweep.add(path[i], path[i + 1], path[i + 2]);
@@ -205,8 +202,8 @@ ToolCut subtract_traced(Soil& soil, const ToolShape& tool, std::span<const Pose>
   };
   if (path.size() == 1) return dig(0, 0);
   ToolCut sum;
-  for (std::size_t first = 0; first + 2 < path.size(); first += 2 * kAtOnce) {
-    const ToolCut cut = dig(first, std::min(first + 2 * kAtOnce, path.size() - 1));
+  for (std::size_t first = 0; first + 2 < path.size(); first += 2 * kToolSegments) {
+    const ToolCut cut = dig(first, std::min(first + 2 * kToolSegments, path.size() - 1));
     sum.samples += cut.samples;
     sum.loose += cut.loose;
   }
@@ -240,7 +237,7 @@ std::int64_t unite(Soil& soil, const ToolShape& body, const Pose& world_from_bod
                  [&](const Coord3& origin) {
                    SampleWords words;
                    for (int n = 0; n < kChunkVoxels; ++n) {
-                     const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+                     const Coord3 voxel = origin + numbered_voxel(n);
                      const CellPoints& points = sample_points(voxel);
                      std::uint64_t in = 0;
                      for (int i = 0; i < 64; ++i) {

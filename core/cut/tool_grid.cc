@@ -5,22 +5,19 @@
 #include <openvdb/tools/MeshToVolume.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
+#include "core/constants.h"
 #include "core/lattice/text.h"
 #include "soilvdb/soil_grids.h"
 #include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr double kMostDistances = 1 << 27;  // half a gigabyte
-constexpr float kToolBand = 3;              // voxels of the tool's own
 
 /// Has each edge of a mesh as many triangles on one side as on the other?
 bool is_closed(const Mesh& mesh) {
@@ -42,19 +39,18 @@ openvdb::FloatGrid::Ptr grid_of(const Mesh& mesh, double voxel_size_m) {
     throw std::invalid_argument(
         "the tool's mesh isn't closed: an edge has no triangle beyond it, or one that is turned "
         "over");
-  constexpr float kFarthest_m = 40;  // which no machine's tool is from its frame's origin
   Eigen::AlignedBox3f box;
   for (const Eigen::Vector3f& p : mesh.points) {
     if (!p.allFinite())
       throw std::invalid_argument("the tool's mesh has a point that is no number");
-    if (p.cwiseAbs().maxCoeff() > kFarthest_m)
+    if (p.cwiseAbs().maxCoeff() > kMaxToolReachM)
       throw std::invalid_argument("the tool's mesh reaches " +
                                   text(double{p.cwiseAbs().maxCoeff()}) +
                                   " m from its own origin, which is where the tool's frame is; "
                                   "bring it within 40 m, and its points to metres");
     box.extend(p);
   }
-  if ((box.sizes().cast<double>() / voxel_size_m).array().max(1).prod() > kMostDistances)
+  if ((box.sizes().cast<double>() / voxel_size_m).array().max(1).prod() > kMaxToolVoxels)
     throw std::invalid_argument("the tool is too large for voxels of " + text(voxel_size_m) +
                                 " m; give it larger ones");
   openvdb::initialize();
@@ -76,14 +72,14 @@ ToolShape make_tool_shape(const openvdb::FloatGrid& grid) {
   bool cubic = size[0] > 0;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j)
-      cubic &= std::abs(m[i][j] - (i == j ? size[0] : 0)) <= 1e-6 * size[0];
+      cubic &= std::abs(m[i][j] - (i == j ? size[0] : 0)) <= kCubicTolerance * size[0];
   if (grid.getGridClass() != openvdb::GRID_LEVEL_SET || !cubic)
     throw std::invalid_argument(
         "a tool must be a level set with cubic voxels along the axes of its frame");
   openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   if (box.empty()) throw std::invalid_argument("the tool has no inside");
   box.expand(1);
-  if (static_cast<double>(box.volume()) > kMostDistances)
+  if (static_cast<double>(box.volume()) > kMaxToolVoxels)
     throw std::invalid_argument("the tool has too many voxels; resample it to larger ones");
   openvdb::tools::Dense<float, openvdb::tools::LayoutZYX> dense(box);
   openvdb::tools::copyToDense(grid, dense);
@@ -103,16 +99,9 @@ std::string lost_by(const ToolShape& shape, const Mesh& mesh) {
     mesh_m3 += a.dot(b.cross(c)) / 6;
   }
   mesh_m3 = std::abs(mesh_m3);
-  constexpr double kTold = 0.01;
   const double shape_m3 = shape.volume_m3();
-  if (std::abs(shape_m3 - mesh_m3) <= kTold * mesh_m3) return "";
-  const auto short_text = [](double v) {  // four digits
-    char buffer[32];
-    return std::string(
-        buffer,
-        std::to_chars(buffer, buffer + sizeof(buffer), v, std::chars_format::general, 4).ptr);
-  };
-  return "the tool holds " + short_text(shape_m3) + " m3 and its mesh " + short_text(mesh_m3) +
+  if (std::abs(shape_m3 - mesh_m3) <= kToolVolumeTolerance * mesh_m3) return "";
+  return "the tool holds " + text(shape_m3, 4) + " m3 and its mesh " + text(mesh_m3, 4) +
          " m3: its voxels are too large for it, or the mesh overlaps itself or is hollow";
 }
 

@@ -3,10 +3,10 @@
 #include "soilvdb/tool_shape.h"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <utility>
 
+#include "core/constants.h"
 #include "core/lattice/bytes.h"
 
 namespace soilvdb::inline v0 {
@@ -53,7 +53,6 @@ double ToolShape::beyond_m(const Vec3& at) const {
 }
 
 double ToolShape::volume_m3() const {
-  constexpr int kParts = 4;  // along an axis of a cell that the surface runs through
   double cells = 0;
   for (int x = 0; x + 1 < n_.x(); ++x)
     for (int y = 0; y + 1 < n_.y(); ++y)
@@ -66,12 +65,14 @@ double ToolShape::volume_m3() const {
           continue;
         }
         double parts = 0;  // each as a plane of that distance cuts it
-        for (int k = 0; k < kParts * kParts * kParts; ++k) {
-          const Vec3 part(k % kParts, k / kParts % kParts, k / kParts / kParts);
-          const double distance = between(low + (part + Vec3::Constant(0.5)) / kParts) / h_m_;
-          parts += std::clamp(0.5 - kParts * distance, 0.0, 1.0);
+        for (int k = 0; k < kToolVolumeParts * kToolVolumeParts * kToolVolumeParts; ++k) {
+          const Vec3 part(k % kToolVolumeParts, k / kToolVolumeParts % kToolVolumeParts,
+                          k / kToolVolumeParts / kToolVolumeParts);
+          const double distance =
+              between(low + (part + Vec3::Constant(0.5)) / kToolVolumeParts) / h_m_;
+          parts += std::clamp(0.5 - kToolVolumeParts * distance, 0.0, 1.0);
         }
-        cells += parts / (kParts * kParts * kParts);
+        cells += parts / (kToolVolumeParts * kToolVolumeParts * kToolVolumeParts);
       }
   return cells * h_m_ * h_m_ * h_m_;
 }

@@ -5,16 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-/// Gauss-Newton's error falls by twist * distance / area at each step; borders take one of their
-/// own.
-constexpr int kIterations = 3, kTwistedIterations = 6;
-constexpr float kTwisted = 0.02f;
 
 /// A patch seen from the foot of the points, of which only small differences are left: float will
 /// do. (u, v) are fractions of the patch's sides from the foot.
@@ -46,8 +42,8 @@ SOILVDB_FOR_CPUS void nearest(const PatchSeen& s, float* best) {
   const Lanes v_low = all_lanes(s.v_low), v_high = all_lanes(s.v_high);
   float farthest = 0;
   for (int k = 0; k < kChunkSide; ++k) farthest = std::max(farthest, best[k]);
-  const bool twisted = std::abs(s.twist) * farthest > kTwisted * s.dx * s.dy;
-  const int iterations = twisted ? kTwistedIterations : kIterations;
+  const bool twisted = std::abs(s.twist) * farthest > kTwistedPatch * s.dx * s.dy;
+  const int iterations = twisted ? kTwistedPatchSteps : kPatchSteps;
   Lanes u = {}, v = {};
   for (int i = 0;; ++i) {
     const Lanes su = s.su + v * s.twist, sv = s.sv + u * s.twist;

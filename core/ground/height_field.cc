@@ -5,14 +5,15 @@
 #include <cmath>
 #include <limits>
 
+#include "core/constants.h"
 #include "core/ground/bilinear_patch.h"
 #include "core/ground/height_tiles.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/base_surface.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr int kSearch = 64;     // posts around unknown ground in which a height is looked for
 constexpr double kCliff = 1e9;  // a slope that bounds nothing
 constexpr double kNoHeight = std::numeric_limits<double>::quiet_NaN();
 
@@ -31,7 +32,7 @@ class HeightField final : public BaseSurface {
   bool known(const Eigen::AlignedBox3d& box) const override {
     HeightTiles::Bounds b = tiles_.bounds(box.min().head<2>(), box.max().head<2>(), 0);
     if (b.complete) return true;
-    for (int margin = 4; margin <= kSearch && b.low > b.high; margin *= 2) {
+    for (int margin = kNearPosts; margin <= kFarPosts && b.low > b.high; margin *= 2) {
       b = tiles_.bounds(box.min().head<2>(), box.max().head<2>(), margin);
     }
     return b.low <= b.high && box.min().z() >= b.high;
@@ -80,7 +81,7 @@ class HeightField final : public BaseSurface {
     // Over a cell the ground is within this of its height in the middle.
     const double half_range = h / 2 * (1 + steepest_x(w) + steepest_y(w));
     for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
-      const Vec3 bottom = first + h * Vec3(column >> 6, column >> 3 & 7, 0);
+      const Vec3 bottom = first + h * numbered_voxel(column).cast<double>();
       const double ground = at(w, bottom.x(), bottom.y());
       for (int z = 0; z < kChunkSide; ++z) {
         const double gap = bottom.z() + h * z - ground;
@@ -89,7 +90,7 @@ class HeightField final : public BaseSurface {
           word = gap < 0 ? kAllSoil : 0;
           continue;
         }
-        const CellPoints& points = sample_points(chunk + Coord3(column >> 6, column >> 3 & 7, z));
+        const CellPoints& points = sample_points(chunk + numbered_voxel(column + z));
         word = occupancy(w, bottom + Vec3(-h / 2, -h / 2, h * z - h / 2), h, points);
       }
     }

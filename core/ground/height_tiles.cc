@@ -6,18 +6,15 @@
 #include <cmath>
 #include <limits>
 
+#include "core/constants.h"
+
 namespace soilvdb::inline v0 {
-namespace {
-
-constexpr int kTile = 64;  // posts per side of a tile, read at once
-
-}  // namespace
 
 HeightTiles::HeightTiles(const HeightGrid& grid, std::shared_ptr<const HeightSource> source)
     : grid_(grid),
       source_(std::move(source)),
-      tiles_x_((grid.nx + kTile - 1) / kTile),
-      tiles_y_((grid.ny + kTile - 1) / kTile),
+      tiles_x_((grid.nx + kHeightTileSide - 1) / kHeightTileSide),
+      tiles_y_((grid.ny + kHeightTileSide - 1) / kHeightTileSide),
       tiles_(std::size_t(tiles_x_) * tiles_y_) {}
 
 void HeightTiles::forget() const {
@@ -31,10 +28,10 @@ const HeightTiles::Tile& HeightTiles::tile(int tx, int ty) const {
   const std::lock_guard lock(mutex_);
   if (Tile* t = slot.load(std::memory_order_acquire)) return *t;
   auto t = std::make_unique<Tile>();
-  const int nx = std::min(kTile, grid_.nx - tx * kTile),
-            ny = std::min(kTile, grid_.ny - ty * kTile);
+  const int nx = std::min(kHeightTileSide, grid_.nx - tx * kHeightTileSide),
+            ny = std::min(kHeightTileSide, grid_.ny - ty * kHeightTileSide);
   t->posts.resize(std::size_t(nx) * ny);
-  source_->read(tx * kTile, ty * kTile, nx, ny, t->posts.data());
+  source_->read(tx * kHeightTileSide, ty * kHeightTileSide, nx, ny, t->posts.data());
   t->low = std::numeric_limits<float>::infinity();
   t->high = -t->low;
   t->complete = true;
@@ -74,18 +71,20 @@ HeightTiles::Bounds HeightTiles::bounds(const Vec2& low, const Vec2& high, int m
   range(low, high, margin, x0, y0, x1, y1, complete);
   float least = std::numeric_limits<float>::infinity(), most = -least;
   if (x1 < x0 || y1 < y0) return {least, most, false};
-  for (int ty = y0 / kTile; ty <= y1 / kTile; ++ty) {
-    for (int tx = x0 / kTile; tx <= x1 / kTile; ++tx) {
+  for (int ty = y0 / kHeightTileSide; ty <= y1 / kHeightTileSide; ++ty) {
+    for (int tx = x0 / kHeightTileSide; tx <= x1 / kHeightTileSide; ++tx) {
       const Tile& t = tile(tx, ty);
-      const int ax = std::max(x0 - tx * kTile, 0), bx = std::min(x1 - tx * kTile, kTile - 1);
-      const int ay = std::max(y0 - ty * kTile, 0), by = std::min(y1 - ty * kTile, kTile - 1);
-      if (t.complete &&
-          (bx - ax) * (by - ay) > kTile * kTile / 4) {  // a looser bound is quick and safe
+      const int ax = std::max(x0 - tx * kHeightTileSide, 0),
+                bx = std::min(x1 - tx * kHeightTileSide, kHeightTileSide - 1);
+      const int ay = std::max(y0 - ty * kHeightTileSide, 0),
+                by = std::min(y1 - ty * kHeightTileSide, kHeightTileSide - 1);
+      // A looser bound is quick and safe.
+      if (t.complete && (bx - ax) * (by - ay) > kTileBoundsPosts) {
         least = std::min(least, t.low);
         most = std::max(most, t.high);
         continue;
       }
-      const int nx = std::min(kTile, grid_.nx - tx * kTile);
+      const int nx = std::min(kHeightTileSide, grid_.nx - tx * kHeightTileSide);
       for (int y = ay; y <= by; ++y) {
         for (int x = ax; x <= bx; ++x) {
           const float z = t.posts[std::size_t(y) * nx + x];
@@ -114,9 +113,9 @@ const HeightTiles::Window& HeightTiles::window(const Vec2& low, const Vec2& high
   for (int y = 0; y < w.ny; ++y) {
     for (int x = 0; x < w.nx; ++x) {
       const int gx = w.x0 + x, gy = w.y0 + y;
-      const Tile& t = tile(gx / kTile, gy / kTile);
-      const int nx = std::min(kTile, grid_.nx - gx / kTile * kTile);
-      const float z = t.posts[std::size_t(gy % kTile) * nx + gx % kTile];
+      const Tile& t = tile(gx / kHeightTileSide, gy / kHeightTileSide);
+      const int nx = std::min(kHeightTileSide, grid_.nx - gx / kHeightTileSide * kHeightTileSide);
+      const float z = t.posts[std::size_t(gy % kHeightTileSide) * nx + gx % kHeightTileSide];
       w.posts[std::size_t(y) * w.nx + x] = z;
       if (std::isnan(z)) {
         w.complete = false;

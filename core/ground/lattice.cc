@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/lattice.h"
 
-#include <cmath>
+#include "core/constants.h"
 
 namespace soilvdb::inline v0 {
 
@@ -13,12 +13,11 @@ Vec3 lattice_origin(double voxel_size_m, const Vec3& near_m) {
 }
 
 std::optional<Coord3> lattice_shift(const Soil& a, const Soil& b) {
-  constexpr double kMost = 1 << 29, kSame = 1e-3;  // voxels
   if (a.voxel_size_m() != b.voxel_size_m()) return std::nullopt;
   const Vec3 apart = (b.origin() - a.origin()) / (kLatticePeriod * a.voxel_size_m());
   const Vec3 periods = apart.array().round();
-  if (!((apart - periods).cwiseAbs().maxCoeff() * kLatticePeriod < kSame) ||
-      !(periods.cwiseAbs().maxCoeff() * kLatticePeriod < kMost))
+  if (!((apart - periods).cwiseAbs().maxCoeff() * kLatticePeriod < kLatticeTolerance) ||
+      !(periods.cwiseAbs().maxCoeff() * kLatticePeriod < kMaxPlaceIndex))
     return std::nullopt;
   return Coord3((periods * kLatticePeriod).cast<int>());
 }

@@ -11,6 +11,8 @@
 #include <unordered_map>
 #include <utility>
 
+#include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/soil_grids.h"
 
 namespace soilvdb::inline v0 {
@@ -37,8 +39,7 @@ class LevelSetSurface final : public BaseSurface {
     if (!box_.intersects(box)) return Content::kAir;
     const openvdb::Vec3d low = index(box.min()), high = index(box.max());
     const openvdb::CoordBBox cells(openvdb::Coord::floor(low), openvdb::Coord::ceil(high));
-    constexpr openvdb::Index64 kMost = 64 * 64 * 64;
-    if (cells.volume() > kMost) return Content::kMixed;
+    if (cells.volume() > kMaxClassifyVoxels) return Content::kMixed;
     auto values = grid_->getConstUnsafeAccessor();
     bool soil = false, air = false;
     for (auto c = cells.begin(); c != cells.end() && !(soil && air); ++c) {
@@ -55,7 +56,7 @@ class LevelSetSurface final : public BaseSurface {
     const openvdb::CoordBBox cells(openvdb::Coord::floor(low), openvdb::Coord::ceil(high));
     Ground ground = look(cells, 0);
     if (ground.complete && low.z() >= ground.lowest) return true;
-    for (int margin = kSide; margin <= kSearch && ground.high == kNone; margin *= 2)
+    for (int margin = kSide; margin <= kFarVoxels && ground.high == kNone; margin *= 2)
       ground = look(cells, margin);
     return ground.high != kNone && low.z() >= ground.high + 1;
   }
@@ -63,7 +64,7 @@ class LevelSetSurface final : public BaseSurface {
   void distance(const Vec3& first, double h, double band, float* phi) const override {
     const Sampler sampler(*grid_);
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const double d = at(sampler, first + h * Vec3(n >> 6, n >> 3 & 7, n & 7));
+      const double d = at(sampler, first + h * numbered_voxel(n).cast<double>());
       phi[n] = static_cast<float>(std::clamp(d, -band, band));
     }
   }
@@ -73,13 +74,13 @@ class LevelSetSurface final : public BaseSurface {
     const Sampler sampler(*grid_);
     // A cell whose middle is farther from the surface than its corners are is all one; where the
     // band is narrower than that, each point counts.
-    const double clear = h * 0.9;
+    const double clear = h * kClearDistance;
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 middle = first + h * Vec3(n >> 6, n >> 3 & 7, n & 7);
+      const Vec3 middle = first + h * numbered_voxel(n).cast<double>();
       const double d = at(sampler, middle);
       std::uint64_t bits = d < 0 ? kAllSoil : 0;
       if (std::abs(d) <= clear) {
-        const CellPoints& points = sample_points(chunk + Coord3(n >> 6, n >> 3 & 7, n & 7));
+        const CellPoints& points = sample_points(chunk + numbered_voxel(n));
         bits = 0;
         for (int i = 0; i < 64; ++i) {
           const Vec3 q(points.x[i] - 0.5, points.y[i] - 0.5, points.z[i] - 0.5);
@@ -102,7 +103,7 @@ class LevelSetSurface final : public BaseSurface {
   }
 
  private:
-  static constexpr int kSide = 8, kSearch = 512;  // voxels
+  static constexpr int kSide = 8;  // voxels of a leaf
   static constexpr int kNone = std::numeric_limits<int>::min();
 
   /// The 8 x 8 columns of voxels of leaves that stand above each other.
@@ -149,8 +150,8 @@ class LevelSetSurface final : public BaseSurface {
   Ground look(const openvdb::CoordBBox& cells, int margin) const {
     Ground ground;
     const openvdb::Coord low = cells.min().offsetBy(-margin), high = cells.max().offsetBy(margin);
-    for (int x = low.x() & ~7; x <= high.x(); x += kSide) {
-      for (int y = low.y() & ~7; y <= high.y(); y += kSide) {
+    for (int x = floor_to(low.x(), kSide); x <= high.x(); x += kSide) {
+      for (int y = floor_to(low.y(), kSide); y <= high.y(); y += kSide) {
         const auto found = columns_.find(key(x, y));
         const Columns columns = found == columns_.end() ? Columns{} : found->second;
         ground.lowest = std::max(ground.lowest, columns.lowest);

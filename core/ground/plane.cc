@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/ground/bilinear_patch.h"
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -40,7 +41,7 @@ class Plane final : public BaseSurface {
                SampleWords& words) const override {
     const double half_range = h / 2 * (1 + slope_.cwiseAbs().sum());
     for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
-      const Coord3 at_bottom(column >> 6, column >> 3 & 7, 0);
+      const Coord3 at_bottom = numbered_voxel(column);
       const Vec3 bottom = first + h * at_bottom.cast<double>();
       const double ground = at(bottom.x(), bottom.y());
       for (int z = 0; z < kChunkSide; ++z) {

@@ -67,14 +67,6 @@ const Chunk* Soil::find(const Coord3& origin) const {
 
 const SampleGrid& Soil::grid() const { return *state_->grid; }
 
-std::vector<Coord3> Soil::take_touched() {
-  std::vector<Coord3> touched = state_->touched.take();
-  for (const Coord3& origin : touched) {
-    if (SampleLeaf* leaf = state_->find(origin)) leaf->chunk.touched = false;
-  }
-  return touched;
-}
-
 Content Soil::classify(const Coord3& origin) const {
   const Vec3 low = world_from_index(origin.cast<double>() - Vec3::Constant(0.5));
   return base_->classify({low, low + Vec3::Constant(h_ * kChunkSide)});
@@ -137,6 +129,12 @@ std::vector<const Chunk*> Soil::chunks() const {
   for (auto leaf = state_->tree.cbeginLeaf(); leaf; ++leaf) all.push_back(&leaf->chunk);
   std::sort(all.begin(), all.end(),
             [](const Chunk* a, const Chunk* b) { return before(a->origin, b->origin); });
+  return all;
+}
+
+std::vector<Coord3> Soil::origins() const {
+  std::vector<Coord3> all;
+  for (const Chunk* chunk : chunks()) all.push_back(chunk->origin);
   return all;
 }
 

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // What the ground holds of memory, and how it keeps to a limit.
-#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -51,10 +50,11 @@ void Soil::page_out() {
   const auto held = [&] { return state.bytes() + base_->memory_bytes() + state.idle_bytes; };
   if (held() <= limit_bytes_) return;
   // Unless others may be reading it.
-  if (base_->memory_bytes() > limit_bytes_ / kBaseShare && base_.use_count() == 1) base_->forget();
+  if (base_->memory_bytes() > limit_bytes_ / kBaseMemoryDivisor && base_.use_count() == 1)
+    base_->forget();
   const std::vector<SampleLeaf*> leaves = state.leaves();
   for (std::size_t seen = 0; seen < 2 * leaves.size(); ++seen) {
-    if (held() <= limit_bytes_ - limit_bytes_ / kPagedShare) return;
+    if (held() <= limit_bytes_ - limit_bytes_ / kPageOutDivisor) return;
     state.hand = state.hand + 1 < leaves.size() ? state.hand + 1 : 0;
     Chunk& chunk = leaves[state.hand]->chunk;
     const std::size_t bytes = chunk.heap_bytes();

@@ -4,7 +4,7 @@
 #pragma once
 
 #include <atomic>
-#include <mutex>
+#include <memory>
 #include <shared_mutex>
 #include <vector>
 
@@ -25,7 +25,8 @@ struct Soil::State {
   const SampleGrid::Ptr grid = SampleGrid::create();
   SampleTree& tree = grid->tree();
   std::size_t chunks = 0, lower_nodes = 0, upper_nodes = 0;
-  ChunkList touched;
+  ChunkList touched;                                          // since followers were told
+  std::vector<std::weak_ptr<std::vector<Coord3>>> followers;  // ChangeFollower's lists
   /// Cells of chunks with soil above the base surface's, index space; empty if there are none.
   Eigen::AlignedBox3i above;
   std::atomic<bool> any_above = false;

@@ -14,10 +14,10 @@ namespace soilvdb::inline v0 {
 /// Adds samples to a Soil and removes them.
 ///
 /// Guarantees: counts, the tree's active voxels and what Soil::is_air() knows agree with the
-/// samples; what is loose is soil; every chunk that came, went or changed is on
-/// Soil::take_touched()'s list; chunks come back from the cold store before they change. Removing
-/// what is there and adding it again, or the other way round, leaves the samples as they were, bit
-/// for bit. The result of a call is the same for any number of threads.
+/// samples; what is loose is soil; every ChangeFollower
+/// lists each chunk that came, went or changed; chunks come back from the cold store before they
+/// change. Removing what is there and adding it again, or the other way round, leaves the samples
+/// as they were, bit for bit. The result of a call is the same for any number of threads.
 ///
 /// Several writers of one soil may edit() at once where they change different chunks: leaves are
 /// made and filled apart from the tree, each by one thread, and added to it under a lock. All other

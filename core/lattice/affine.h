@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/constants.h"
 #include "soilvdb/types.h"
 
 // Compiled for any x86-64, for AVX2 and for AVX-512, chosen when the program starts. All give the
@@ -37,7 +38,7 @@ struct Affine {
   float at(float x, float y, float z) const { return c + (nx * x + (ny * y + nz * z)); }
   /// The most it differs over a box with these half sides, with room for rounding.
   float half_range(float half_x, float half_y, float half_z) const {
-    return half_x * std::abs(nx) + half_y * std::abs(ny) + half_z * std::abs(nz) + 1e-4f;
+    return half_x * std::abs(nx) + half_y * std::abs(ny) + half_z * std::abs(nz) + kBoxRounding;
   }
   friend Affine operator+(const Affine& a, const Affine& b) {
     return {a.c + b.c, a.nx + b.nx, a.ny + b.ny, a.nz + b.nz};

@@ -29,13 +29,20 @@ inline void put_text(std::string& out, std::string_view text) {
   out.append(text);
 }
 
-/// Takes it off again. @throw std::invalid_argument if there is less
+/// Takes it off again. @return false if there is less
+template <typename T>
+requires std::is_arithmetic_v<T>
+bool try_take(std::string_view& in, T& value) {
+  if (in.size() < sizeof(value)) return false;
+  std::memcpy(&value, in.data(), sizeof(value));
+  in.remove_prefix(sizeof(value));
+  return true;
+}
+/// The same. @throw std::invalid_argument if there is less
 template <typename T>
 requires std::is_arithmetic_v<T>
 void take(std::string_view& in, T& value) {
-  if (in.size() < sizeof(value)) throw std::invalid_argument("the state ends too early");
-  std::memcpy(&value, in.data(), sizeof(value));
-  in.remove_prefix(sizeof(value));
+  if (!try_take(in, value)) throw std::invalid_argument("the state ends too early");
 }
 inline void take(std::string_view& in, bool& value) {
   std::uint8_t byte = 0;

@@ -3,39 +3,34 @@
 // Which chunks something happened to, noted as it happens.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <utility>
 #include <vector>
 
+#include "core/constants.h"
 #include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 
-/// Origins of chunks. A chunk may be added any number of times: at most 4096 more than twice the
-/// different ones are held.
+/// Origins of chunks. A chunk may be added any number of times: at most kChunkListSlack more
+/// than twice the different ones are held.
 class ChunkList {
  public:
   void add(const Coord3& origin) {
     origins_.push_back(origin);
-    if (origins_.size() < 2 * different_ + 4096) return;
-    thin();
+    if (origins_.size() < 2 * different_ + kChunkListSlack) return;
+    sort_once(origins_);
     different_ = origins_.size();
   }
   /// All of them, sorted, each once; none are left.
   std::vector<Coord3> take() {
-    thin();
+    sort_once(origins_);
     different_ = 0;
     return std::exchange(origins_, {});
   }
   std::size_t bytes() const { return origins_.capacity() * sizeof(Coord3); }
 
  private:
-  void thin() {
-    std::sort(origins_.begin(), origins_.end(), before);
-    origins_.erase(std::unique(origins_.begin(), origins_.end()), origins_.end());
-  }
-
   std::vector<Coord3> origins_;
   std::size_t different_ = 0;  // when they were last counted
 };

@@ -3,6 +3,7 @@
 // Eight floats at once, one for each voxel of a row. Compilers make of them what the CPU has.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
@@ -28,6 +29,17 @@ SOILVDB_INLINE Lanes sqrt(Lanes v) {
   Lanes root;
   for (int k = 0; k < kChunkSide; ++k) root[k] = std::sqrt(v[k]);
   return root;
+}
+
+SOILVDB_INLINE Lanes lanes_at(const float* from) {
+  Lanes v;
+  __builtin_memcpy(&v, from, sizeof(v));
+  return v;
+}
+SOILVDB_INLINE float largest(Lanes v) {
+  float most = v[0];
+  for (int k = 1; k < kChunkSide; ++k) most = std::max(most, v[k]);
+  return most;
 }
 
 /// Bit k is set where lane k is.

@@ -11,10 +11,10 @@ namespace {
 
 /// The rank-1 lattice i * (1, 7, 18) / 64 mod 1, turned and mirrored in 24 ways and shifted in 64.
 ///
-/// A cell cut by a plane is counted with a root mean square error of 0.0168 of a cell over all
-/// directions of the plane, 0.022 in the worst (random points: 0.042 and 0.054; a shifted 4 x 4 x 4
-/// grid: 0.018 and 0.072; the lattice without turns: 0.017 and 0.049). The shifts are points of the
-/// Kronecker sequence of the plastic number (Roberts 2018), which fills the cell evenly.
+/// A cell cut by a plane is counted with an error of kCountError, kWorstCountError in the worst
+/// direction (random points: 0.042 and 0.054; a shifted 4 x 4 x 4 grid: 0.018 and 0.072; the
+/// lattice without turns: 0.017 and 0.049). The shifts are points of the Kronecker sequence of the
+/// plastic number (Roberts 2018), which fills the cell evenly.
 struct Patterns {
   CellPoints points[kPatterns];
   Patterns() {

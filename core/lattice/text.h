@@ -14,4 +14,11 @@ inline std::string text(double value) {
   return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
 }
 
+/// `value` rounded to so many digits.
+inline std::string text(double value, int digits) {
+  char buffer[32];
+  char* const end = buffer + sizeof(buffer);
+  return {buffer, std::to_chars(buffer, end, value, std::chars_format::general, digits).ptr};
+}
+
 }  // namespace soilvdb::inline v0

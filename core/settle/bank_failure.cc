@@ -11,21 +11,18 @@
 #include <tuple>
 #include <utility>
 
+#include "core/constants.h"
+
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr int kDirections = 32;
-constexpr double kHalfSector = std::numbers::pi / kDirections;
-constexpr int kDropAngles = 4;  // looked at where ground falls off behind a cut
-constexpr double kAlike = 0.95;
-constexpr double kLongest = 16;  // planes, of the depth dug at their foot
-constexpr int kRiseColumns = 4;  // over which ground is said to rise at the border
+constexpr double kHalfSector = std::numbers::pi / kSliceDirections;
 
 /// Unit vectors. Rounded, as C libraries differ in the last bits.
-const std::array<Vec2, kDirections>& directions() {
-  static const std::array<Vec2, kDirections> all = [] {
-    std::array<Vec2, kDirections> made;
-    for (std::size_t i = 0; i < kDirections; ++i) {
+const std::array<Vec2, kSliceDirections>& directions() {
+  static const std::array<Vec2, kSliceDirections> all = [] {
+    std::array<Vec2, kSliceDirections> made;
+    for (std::size_t i = 0; i < kSliceDirections; ++i) {
       const double angle = 2 * kHalfSector * static_cast<double>(i);
       made[i] = {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
     }
@@ -106,7 +103,7 @@ class Slice {
         const Vec2 at = Vec2(x_, y_) + k * direction_;
         const bool outside = !ground_.has(static_cast<int>(std::lround(at.x())),
                                           static_cast<int>(std::lround(at.y())));
-        const int before = std::max(0, last() - kRiseColumns);
+        const int before = std::max(0, last() - kBorderRiseColumns);
         const bool rises = rise(last()) - rise(before) > strength_.friction * (last() - before);
         at_border = at_border || (outside && (rises || highest_ > strength_.least_height()));
         return;
@@ -117,7 +114,7 @@ class Slice {
       highest_ = std::max(highest_, weights_.back());
       // The wedge on a plane weighs less than the highest of it all along: flatter ones hold.
       const double flattest = strength_.friction + strength_.cohesion / highest_;
-      if (k > 1 && firm <= flattest * (k - kFarthestFoot)) return;
+      if (k > 1 && firm <= flattest * (k - kMaxFootOffset)) return;
     }
   }
 
@@ -133,18 +130,18 @@ class Slice {
       square += share * (k - 0.5) * (k - 0.5);
     }
     const double spread = std::max(0.0, square - mean * mean - kUprightSpread);
-    foot_ = std::clamp(mean - std::sqrt(3 * spread), 0.0, kFarthestFoot);
+    foot_ = std::clamp(mean - std::sqrt(3 * spread), 0.0, kMaxFootOffset);
   }
 
   std::optional<FailurePlane> weakest_plane() const {
     std::optional<FailurePlane> weakest;
     // Else what is left of a wedge would fail, and so on, until it is as flat as friction holds.
-    const bool cohesionless = strength_.least_height() < kLeastHeight;
+    const bool cohesionless = strength_.least_height() < kMinCutHeight;
     double most = 0, weight = 0;
     double steepest = std::numeric_limits<double>::infinity();  // that is below all ground so far
     for (int k = 1; k < last(); ++k) {
       weight += weights_[static_cast<std::size_t>(k)];
-      if (k - foot_ < kLeastWay) continue;
+      if (k - foot_ < kMinFootWay) continue;
       steepest = std::min(steepest, rise(k) / (k - foot_));
       const double end = k + 0.5, way = end - foot_;
       const double least = std::max(strength_.friction, rise(k + 1) / (k + 1 - foot_));
@@ -152,26 +149,20 @@ class Slice {
       if (least >= steepest) continue;  // it doesn't come out here
       const auto look = [&](double slope) {
         const double wedge = weight - slope / 2 * way * way;
-        if (wedge < kLeastWedge) return;
+        if (wedge < kMinWedge) return;
         const double needed = wedge * (slope - strength_.friction) / ((1 + slope * slope) * way);
         if (cohesionless ? weakest && slope >= weakest->slope : needed <= most) return;
         most = needed;
         weakest = FailurePlane{foot_, end, slope, needed};
       };
-      if (rise(k) - rise(k + 1) <= 1) {
+      if (rise(k) - rise(k + 1) <= kFallOff) {
         look(std::clamp((rise(k) + rise(k + 1)) / 2 / way, least, steepest));
       } else {
-        for (int i = 1; i <= kDropAngles; ++i) look(least + (steepest - least) * i / kDropAngles);
+        for (int i = 1; i <= kSlicePlanes; ++i) look(least + (steepest - least) * i / kSlicePlanes);
       }
     }
     return weakest;
   }
-
-  static constexpr double kFarthestFoot = 2, kLeastWay = 0.25;
-  static constexpr double kLeastWedge = 0.5;  // sides squared: less is what heights err by
-  static constexpr double kLeastHeight =
-      1;  // sides: cuts lower than that can't be told from slopes
-  static constexpr double kUprightSpread = 0.4;  // that an upright cut has by the columns' width
 
   const Columns& ground_;
   int x_, y_;
@@ -227,7 +218,7 @@ BankFailure find_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
   for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
     for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
       if (!ground.open(x, y) || !rises(x, y)) continue;
-      const int most = static_cast<int>(kLongest * dug(x, y));
+      const int most = static_cast<int>(kMaxPlaneDepths * dug(x, y));
       planes.clear();
       bool fails = false;
       for (const Vec2& direction : directions()) {
@@ -239,7 +230,8 @@ BankFailure find_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
       }
       // Slices at different angles to a cut need the same but for what columns err by.
       for (const auto& [direction, plane] : planes)
-        if (fails && plane.cohesion > kAlike * strength.cohesion) lower(x, y, direction, plane);
+        if (fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
+          lower(x, y, direction, plane);
     }
   }
   return failure;

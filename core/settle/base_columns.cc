@@ -10,6 +10,8 @@
 
 #include "core/constants.h"
 #include "core/lattice/cell_counts.h"
+#include "core/lattice/chunk_math.h"
+#include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -28,23 +30,21 @@ double mean_height(const Soil& soil, int x, int y) {
 }
 
 bool all_ground(const Soil& soil, int x, int y) {
-  constexpr double kInside = 0.499;
   const auto has = [&](double u, double v) { return height(soil, x + u, y + v).has_value(); };
-  return has(0, 0) && has(-kInside, -kInside) && has(-kInside, kInside) && has(kInside, -kInside) &&
-         has(kInside, kInside);
+  return has(0, 0) && has(-kColumnCorner, -kColumnCorner) && has(-kColumnCorner, kColumnCorner) &&
+         has(kColumnCorner, -kColumnCorner) && has(kColumnCorner, kColumnCorner);
 }
 
 /// Heights by counting, as those of ground that was touched are: then soil that comes onto it or
 /// goes finds the height that it had. NaN where cliffs take more chunks than are looked at.
 void count_heights(const Soil& soil, int cx, int cy, BaseColumn& column) {
-  constexpr int kMostChunks = 4;
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   column.heights.fill(kNone);
   std::array<double, BaseColumn::kCells> above{};
   int left = BaseColumn::kCells;
   SampleWords words;
   CellCounts counts;
-  for (int n = 0, z = column.highest; n < kMostChunks && left > 0; ++n, z -= kChunkSide) {
+  for (int n = 0, z = column.highest; n < kMaxCountedChunks && left > 0; ++n, z -= kChunkSide) {
     soil.read_base({cx, cy, z}, words);
     count_cells(words, counts);
     for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
@@ -68,8 +68,7 @@ BaseColumn column_of(const Soil& soil, int cx, int cy) {
     if (!height_m) return;
     low_m = std::min(low_m, *height_m);
     const int chunk =
-        static_cast<int>(std::floor((*height_m - soil.origin().z()) / soil.voxel_size_m() + 0.5)) &
-        ~(kChunkSide - 1);
+        floor_to(cell_of((*height_m - soil.origin().z()) / soil.voxel_size_m()), kChunkSide);
     column.highest = column.some ? std::max(column.highest, chunk) : chunk;
     column.some = true;
   };
@@ -105,12 +104,12 @@ std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, in
   }
   auto column = std::make_shared<const BaseColumn>(column_of(soil_, cx, cy));
   const std::lock_guard lock(told_->mutex);
-  if (told_->columns.size() >= kMostBaseColumns) told_->columns.clear();
+  if (told_->columns.size() >= kMaxBaseColumns) told_->columns.clear();
   return told_->columns.try_emplace(key, std::move(column)).first->second;
 }
 
 const BaseColumn& BaseColumns::at(int cx, int cy) {
-  if (columns_.size() >= kMostBaseColumns) columns_.clear();
+  if (columns_.size() >= kMaxBaseColumns) columns_.clear();
   const std::uint64_t key =
       std::uint64_t{static_cast<std::uint32_t>(cx)} << 32 | static_cast<std::uint32_t>(cy);
   auto& column = columns_[key];
@@ -119,9 +118,8 @@ const BaseColumn& BaseColumns::at(int cx, int cy) {
 }
 
 double BaseColumns::height(const Eigen::Vector2i& cell) {
-  constexpr int kMask = kChunkSide - 1;
-  const int in_chunk = (cell.x() & kMask) * kChunkSide + (cell.y() & kMask);
-  return at(cell.x() & ~kMask, cell.y() & ~kMask).heights[static_cast<std::size_t>(in_chunk)];
+  const Eigen::Vector2i chunk = floor_to(cell, kChunkSide), in = cell - chunk;
+  return at(chunk.x(), chunk.y()).heights[static_cast<std::size_t>(in.x() * kChunkSide + in.y())];
 }
 
 }  // namespace soilvdb::inline v0

@@ -28,7 +28,7 @@ struct BaseColumn {
   std::array<double, kCells> heights;
 };
 
-/// Keeps what was asked for, up to kMostBaseColumns. Not for several threads; but those of clones
+/// Keeps what was asked for, up to kMaxBaseColumns. Not for several threads; but those of clones
 /// may be used at once, and tell each other.
 class BaseColumns {
  public:

@@ -19,19 +19,11 @@ double tangent(double rad) {
   const double a2 = rad * rad;
   return rad / (1 - a2 / (3 - a2 / (5 - a2 / (7 - a2 / 9))));
 }
-double arc_tangent(double tangent) {
-  for (int i = 0; i < 3; ++i) tangent /= 1 + std::sqrt(1 + tangent * tangent);  // of half of it
-  const double t2 = tangent * tangent;
-  return 8 * tangent / (1 + t2 / (3 + 4 * t2 / (5 + 9 * t2 / (7 + 16 * t2 / 9))));
-}
-/// Slope beyond another that is steeper by an angle; and the angle.
+/// Slope beyond another that is steeper by an angle.
 float slope_beyond(double slope, double rad) {
   const double t = tangent(rad), rest = 1 - slope * t;
   return rest <= 0 ? std::numeric_limits<float>::max()
                    : static_cast<float>(t * (1 + slope * slope) / rest);
-}
-double angle_beyond(double slope, float more) {
-  return arc_tangent(more / (1 + (slope + more) * slope));
 }
 
 /// What a column holds above what stands, in its sides: depths, and soil as loose volume.
@@ -95,7 +87,8 @@ class Ground {
 /// Grids with columns twice as wide each, until they are few.
 std::deque<FluxGrid> coarser_grids(const FluxGrid& grid) {
   std::deque<FluxGrid> all;
-  for (const FluxGrid* g = &grid; std::max(g->nx(), g->ny()) >= kLeastToCoarsen; g = &all.back()) {
+  for (const FluxGrid* g = &grid; std::max(g->nx(), g->ny()) >= kMinColumnsToCoarsen;
+       g = &all.back()) {
     all.push_back(g->coarser());
   }
   return all;
@@ -117,8 +110,8 @@ std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::
       const FluxGrid::Flow flow = grid.flow(i, share);
       const double had = ground[c].soil() + flow.in;
       soil[c] = had - share[i] * flow.out;
-      if (soil[c] >= -kOwed * had) return;
-      next[i] = round < kMostRounds ? had / flow.out : 0;
+      if (soil[c] >= -kMaxOwedShare * had) return;
+      next[i] = round < kMaxOwedRounds ? had / flow.out : 0;
       again = true;
     });
     share.swap(next);
@@ -126,45 +119,37 @@ std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::
   return soil;
 }
 
-struct Flowed {
-  int steps = 0;            ///< on the columns themselves; 0: nothing was too steep
-  double steepest_rad = 0;  ///< by how much soil is still steeper than repose
-};
-
 /// Lets soil flow until it is at rest, or for long enough. @param columns then hold what came of it
-Flowed flow(SoilColumns& columns, const Repose& repose) {
+/// @return steps on the columns themselves; 0: nothing was too steep
+int flow(SoilColumns& columns, const Repose& repose) {
   const Ground ground(columns, repose.swell);
   FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
                 static_cast<float>(repose.swell));
-  const auto set = [&](std::size_t c, std::size_t i, double soil) {
+  ground.each(grid, [&](std::size_t c, std::size_t i) {
     const SoilStack& s = ground[c];
     grid.set_column(i, static_cast<float>(s.base()), static_cast<float>(s.bank_soil()),
-                    static_cast<float>(soil));
-  };
-  ground.each(grid, [&](std::size_t c, std::size_t i) { set(c, i, ground[c].soil()); });
+                    static_cast<float>(s.soil()));
+  });
   grid.find_brinks();
   const auto beyond = [&](double rad) { return slope_beyond(repose.slope, rad); };
-  const float steep = grid.unrest().steep;
-  if (steep <= beyond(repose.start_rad)) return {0, angle_beyond(repose.slope, steep)};
+  if (grid.unrest().steep <= beyond(kCollapseStartRad)) return 0;
 
   std::deque<FluxGrid> coarse = coarser_grids(grid);
   for (std::size_t k = coarse.size(); k-- > 0;) {
     const auto sides = static_cast<float>(2 << k);  // of ours in one of theirs
-    coarse[k].relax(kMostCoarseSteps, sides * beyond(kCoarseTolerance));
+    coarse[k].relax(kMaxCoarseSteps, sides * beyond(kCoarseToleranceRad));
     (k > 0 ? coarse[k - 1] : grid).start_from(coarse[k]);
   }
-  const int steps = grid.relax(kMostSteps, beyond(kRestTolerance));
+  const int steps = grid.relax(kMaxFluxSteps, beyond(kRestToleranceRad));
 
   const std::vector<double> soil = soil_after(ground, grid, columns.top_m.size());
-  ground.each(grid, [&](std::size_t c, std::size_t i) {
+  ground.each(grid, [&](std::size_t c, std::size_t) {
     const double after = std::max(soil[c], 0.0);
-    set(c, i, after);
     if (after == ground[c].soil()) return;
     columns.top_m[c] = std::max(ground.top_m(c, after), columns.base_m[c]);
     columns.bank_m[c] = std::min(columns.bank_m[c], columns.top_m[c]);
   });
-  grid.forget_flux();
-  return {steps, angle_beyond(repose.slope, grid.unrest().steep)};
+  return steps;
 }
 
 }  // namespace
@@ -172,29 +157,20 @@ Flowed flow(SoilColumns& columns, const Repose& repose) {
 Collapse collapse(const SoilColumns& columns, const Repose& repose) {
   SoilColumns now = columns;
   Collapse result;
-  for (int tries = 0; tries < kMostTries; ++tries) {
-    const Flowed flowed = flow(now, repose);
-    result.iterations += flowed.steps;
-    result.steepest_rad = flowed.steepest_rad;
-    if (flowed.steps < kMostSteps) break;
+  for (int tries = 0; tries < kMaxCollapseTries; ++tries) {
+    const int steps = flow(now, repose);
+    result.iterations += steps;
+    if (steps < kMaxFluxSteps) break;
   }
   result.top_m = std::move(now.top_m);
   result.bank_m = std::move(now.bank_m);
-  double bank = 0, loose = 0, fill = 0;
   for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
-    const double risen = result.top_m[c] - columns.top_m[c];
-    if (risen == 0 || (!columns.missing.empty() && columns.missing[c])) continue;
-    const double bank_gone = columns.bank_m[c] - result.bank_m[c];
-    bank += bank_gone;
-    (risen + bank_gone > 0 ? fill : loose) += std::abs(risen + bank_gone);
+    if (!columns.missing.empty() && columns.missing[c]) continue;
     const int x = static_cast<int>(c) % columns.nx, y = static_cast<int>(c) / columns.nx;
     const bool edge = x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1;
-    result.at_edge |= edge && std::abs(risen) > kNoticed * columns.side_m;
+    result.at_edge |=
+        edge && std::abs(result.top_m[c] - columns.top_m[c]) > kMinEdgeChange * columns.side_m;
   }
-  const double area_m2 = columns.side_m * columns.side_m;
-  result.bank_m3 = bank * area_m2;
-  result.loose_m3 = loose * area_m2;
-  result.fill_m3 = fill * area_m2;
   return result;
 }
 

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/constants.h"
+
 namespace soilvdb::inline v0 {
 
 /// Square columns of ground, row by row: column (x, y) is entry y * nx + x of each list. From
@@ -23,19 +25,13 @@ struct SoilColumns {
 struct Repose {
   double slope = 0;  ///< tangent of the angle of repose, > 0
   double swell = 1;  ///< loose volume over bank volume, >= 1
-  /// Nothing moves unless soil stands steeper than repose by more than this, rad.
-  double start_rad = 0.0175;
 };
 
 struct Collapse {
   std::vector<double> top_m;   ///< of each column; to the bit as it was where nothing moved
   std::vector<double> bank_m;  ///< what is above, and wasn't before, is loose
-  /// What left its column as bank or as loose soil, in place, and what came to others, loose:
-  /// swell * bank + loose = fill, but for rounding.
-  double bank_m3 = 0, loose_m3 = 0, fill_m3 = 0;
-  double steepest_rad = 0;  ///< by how much soil is still steeper than repose anywhere
-  int iterations = 0;       ///< on the columns themselves; 0: nothing was too steep
-  bool at_edge = false;     ///< soil came to or left the grid's outermost columns: it was too small
+  int iterations = 0;          ///< on the columns themselves; 0: nothing was too steep
+  bool at_edge = false;  ///< soil came to or left the grid's outermost columns: it was too small
 };
 
 /// The ground after all that is too steep came to rest: heights nearest to the old ones, in the
@@ -48,15 +44,16 @@ struct Collapse {
 /// Guarantees: mass is conserved to rounding; no soil comes from where there is none, and none goes
 /// below the base; the same bits for any number of threads, build and CPU; grids mirrored or turned
 /// give mirrored or turned heights (to 0.1 sides where a side can't be halved evenly until less
-/// than kLeastToCoarsen columns are left). A ground at rest is returned as it is. Where support is
-/// no steeper than repose, slopes are within kRestTolerance of it, so that collapsing twice is
-/// collapsing once, and heights within about 0.1 column sides (0.02 rms) of the exact projection.
+/// than kMinColumnsToCoarsen columns are left). A ground at rest is returned as it is. Where
+/// support is no steeper than repose, slopes are within kRestToleranceRad of it, so that collapsing
+/// twice is collapsing once, and heights within about 0.1 column sides (0.02 rms) of the exact
+/// projection.
 ///
 /// Caveats: where soil could run either way over a brink, the grid's directions decide. Soil
 /// thinner than what a slope drops across a column may stay on brinks, however steep. Where soil
-/// runs over a steep brink at an angle to the grid, it comes to rest in several goes of kMostSteps,
-/// and is 0.2 to 0.8 side root mean square from the truth on the slope that ends there: columns
-/// that a brink cuts are only means. kMostTries may end it before: steepest_rad tells.
+/// runs over a steep brink at an angle to the grid, it comes to rest in several goes of
+/// kMaxFluxSteps, and is 0.2 to 0.8 side root mean square from the truth on the slope that ends
+/// there: columns that a brink cuts are only means. kMaxCollapseTries may end it before.
 ///
 /// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, 60 where it takes all tries.
 Collapse collapse(const SoilColumns& columns, const Repose& repose);

@@ -14,15 +14,14 @@
 #include "core/constants.h"
 #include "core/ground/soil_writer.h"
 #include "core/lattice/cell_counts.h"
+#include "core/lattice/chunk_math.h"
 #include "core/settle/sample_ranking.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr int kSideMask = kChunkSide - 1;
-
-int cell_number(const ColumnEdit& c, int z) {
-  return (c.cell.x() & kSideMask) << 6 | (c.cell.y() & kSideMask) << 3 | (z & kSideMask);
+std::size_t number_of(const ColumnEdit& c, int z) {
+  return static_cast<std::size_t>(cell_number({c.cell.x(), c.cell.y(), z}));
 }
 
 /// The chunks over and under each other in which some columns change, and what does. Chunks are
@@ -36,8 +35,8 @@ class SampleStack {
       low = std::min(low, c.low);
       high = std::max(high, c.high);
     }
-    const Coord2 corner = changes_.front().cell.unaryExpr([](int v) { return v & ~kSideMask; });
-    first_ = {corner.x(), corner.y(), low & ~kSideMask};
+    const Coord2& cell = changes_.front().cell;
+    first_ = floor_to(Coord3(cell.x(), cell.y(), low), kChunkSide);
     pieces_.resize(static_cast<std::size_t>((high - first_.z()) / kChunkSide + 1));
   }
 
@@ -73,12 +72,10 @@ class SampleStack {
     }
     return *pieces_[i];
   }
-  std::uint64_t may(const ColumnEdit& c, int z) {
-    return piece(z).may[static_cast<std::size_t>(cell_number(c, z))];
-  }
+  std::uint64_t may(const ColumnEdit& c, int z) { return piece(z).may[number_of(c, z)]; }
   void take(const ColumnEdit& c, int z, std::uint64_t samples) {
     Piece& p = piece(z);
-    p.chosen[static_cast<std::size_t>(cell_number(c, z))] |= samples;
+    p.chosen[number_of(c, z)] |= samples;
     p.some |= samples != 0;
   }
 
@@ -98,8 +95,7 @@ class SampleStack {
     const float tilt = c.cone ? 0.70711f * slope : 0.5f * (std::abs(c.a) + std::abs(c.b));
     // So what is more cells than twice that before the last one comes before all of that, and what
     // is more cells behind it comes after.
-    constexpr float kRounding = 1e-3f;
-    const int unsure = static_cast<int>(std::ceil(2 * tilt + kRounding));
+    const int unsure = static_cast<int>(std::ceil(2 * tilt + kTiltRounding));
     std::int64_t left = c.samples;
     int z = from;
     for (; step * (last - z) > unsure; z += step) {
@@ -132,7 +128,7 @@ class Stacks {
   Stacks(const Soil& soil, std::span<const ColumnEdit> changes, double slope, bool adds, bool bank)
       : sorted_(changes.begin(), changes.end()) {
     const auto corner = [](const ColumnEdit& c) {
-      return std::pair(c.cell.x() & ~kSideMask, c.cell.y() & ~kSideMask);
+      return std::pair(floor_to(c.cell.x(), kChunkSide), floor_to(c.cell.y(), kChunkSide));
     };
     std::stable_sort(sorted_.begin(), sorted_.end(),
                      [&](const auto& a, const auto& b) { return corner(a) < corner(b); });
@@ -143,7 +139,7 @@ class Stacks {
       from = to;
     }
     const auto run = [&](std::size_t i) { stacks_[i].choose(static_cast<float>(slope)); };
-    if (changes.size() >= kParallelColumns) {
+    if (changes.size() >= kParallelFillColumns) {
       tbb::parallel_for(std::size_t{0}, stacks_.size(), run);
     } else {
       for (std::size_t i = 0; i < stacks_.size(); ++i) run(i);
@@ -171,7 +167,7 @@ template <typename F>
 void edit(Soil& soil, const Stacks& stacks, SoilWriter::Operation operation, const F& f) {
   std::vector<SoilWriter::Edit> edits;
   for (const Stacks::Chosen& c : stacks.chosen()) edits.push_back({c.origin});
-  SoilWriter(soil).edit(operation, edits, kParallelFill,
+  SoilWriter(soil).edit(operation, edits, kParallelFillChunks,
                         [&](std::size_t i, Samples& samples, Samples& loose) {
                           f(*stacks.chosen()[i].words, samples, loose);
                           return true;

@@ -3,7 +3,6 @@
 // Ground as heights of square columns, as soil that falls and slides sees it.
 #pragma once
 
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>

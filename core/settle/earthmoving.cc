@@ -2,11 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/earthmoving.h"
 
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
 #include <string>
+
+#include "core/constants.h"
+#include "core/lattice/text.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -15,22 +17,15 @@ void require_given(bool good, const std::string& what) {
   if (!good) throw std::invalid_argument(what);
 }
 
-std::string digits_text(double value, int digits) {
-  char buffer[32];
-  return {buffer,
-          std::to_chars(buffer, buffer + sizeof(buffer), value, std::chars_format::general, digits)
-              .ptr};
-}
-
 /// An angle, from 0 on or more than 0.
 void check_angle(const std::string& name, double angle_rad, bool zero_is_good) {
   constexpr double kRightAngle = std::numbers::pi / 2;
   if ((angle_rad > 0 || (zero_is_good && angle_rad == 0)) && angle_rad < kRightAngle) return;
   const bool degrees = angle_rad > kRightAngle && angle_rad < 90;
-  require_given(false, name + " is " + digits_text(angle_rad, 6) + "; it must be in radians, " +
+  require_given(false, name + " is " + text(angle_rad, 6) + "; it must be in radians, " +
                            (zero_is_good ? "at least" : "more than") + " 0 and less than 1.5708" +
-                           (degrees ? ": " + digits_text(angle_rad, 6) + " degrees are " +
-                                          digits_text(angle_rad * kRightAngle / 90, 3)
+                           (degrees ? ": " + text(angle_rad, 6) + " degrees are " +
+                                          text(angle_rad * kRightAngle / 90, 3)
                                     : ""));
 }
 
@@ -38,13 +33,11 @@ void check_given(const SoilProperties& soil) {
   check_angle("the angle of repose", soil.repose_rad, /*zero_is_good=*/false);
   if (soil.friction_rad)
     check_angle("the angle of friction", *soil.friction_rad, /*zero_is_good=*/true);
-  constexpr double kMostSwell = 3;  // twice what any rock has
-  require_given(soil.swell >= 0 && soil.swell <= kMostSwell,
-                "swell is " + digits_text(soil.swell, 6) +
+  require_given(soil.swell >= 0 && soil.swell <= kMaxSwell,
+                "swell is " + text(soil.swell, 6) +
                     "; it must be loose over bank volume less 1, a share from 0 to 3");
-  require_given(
-      soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
-      "density is " + digits_text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
+  require_given(soil.density_kg_m3 > 0 && std::isfinite(soil.density_kg_m3),
+                "density is " + text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
   const double cohesion_pa = soil.cohesion_pa.value_or(0);
   require_given(cohesion_pa >= 0 && std::isfinite(cohesion_pa), "cohesion must be 0 or more");
 }

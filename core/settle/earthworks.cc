@@ -4,10 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
 #include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include "core/constants.h"
@@ -66,14 +63,15 @@ Eigen::AlignedBox2i steep_part(const GroundWindow& window, const BlockedColumns&
   for (int x = 0; x < window.nx(); ++x) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
-      if (!c.known || c.top - c.bank < kFilm) continue;
+      if (!c.known || c.top - c.bank < kFilmDepth) continue;
       const auto steep = [&](int far, double noise) {
         const double along_x = std::max(drop(c, x - far, y), drop(c, x + far, y));
         const double along_y = std::max(drop(c, x, y - far), drop(c, x, y + far));
         const double most = far * slope + noise;
         return along_x * along_x + along_y * along_y > most * most;
       };
-      if (steep(1, kSteepStep) || steep(kSteepColumns, kSteepDrop)) box.extend(Coord2(x, y));
+      if (steep(1, kSteepDropNext) || steep(kSteepFarColumns, kSteepDropFar))
+        box.extend(Coord2(x, y));
     }
   }
   return box;
@@ -124,7 +122,7 @@ bool Earthworks::settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obs
 bool Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle,
                                 bool bank_fails) {
   int axis;
-  if (changed.sizes().maxCoeff(&axis) > kMostWindow / 2) {
+  if (changed.sizes().maxCoeff(&axis) > kMaxWindowCells / 2) {
     Eigen::AlignedBox2i low = changed, high = changed;
     low.max()[axis] = changed.center()[axis];
     high.min()[axis] = low.max()[axis] + 1;
@@ -132,13 +130,12 @@ bool Earthworks::settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obs
     return settle_columns(high, obstacle, bank_fails) && low_rests;
   }
   int margin = kWindowMargin;
-  for (int failures = 0, windows = 0; failures < kMostFailures && windows < kMostSlideWindows;) {
+  for (int failures = 0, windows = 0; failures < kMaxBankFailures && windows < kMaxSlideWindows;) {
     const Coord2 wide = Coord2::Constant(margin);
-    const Coord2 first = (changed.min() - wide).unaryExpr(&chunk_floor);
-    const Coord2 end =
-        (changed.max() + wide).unaryExpr(&chunk_floor) + Coord2::Constant(kChunkSide);
+    const Coord2 first = floor_to(changed.min() - wide, kChunkSide);
+    const Coord2 end = floor_to(changed.max() + wide, kChunkSide) + Coord2::Constant(kChunkSide);
     const Coord2 size = end - first;
-    const bool last = size.maxCoeff() >= kMostWindow;
+    const bool last = size.maxCoeff() >= kMaxWindowCells;
     std::optional<GroundWindow> window(std::in_place, base_, first, size.x(), size.y());
     const auto failed =
         strength_ && bank_fails ? fail(*window, changed, obstacle, last) : std::optional(false);
@@ -179,7 +176,8 @@ bool Earthworks::slide(const GroundWindow& window, const Obstacle& obstacle, boo
     const Eigen::AlignedBox2i around(steep.min() - wide, steep.max() + wide);
     const Eigen::AlignedBox2i part = whole.intersection(around);
     const Slope before(window, part, blocked);
-    const Collapse after = collapse(before.columns, {slope_ + kNoiseSlope, 1 + properties_.swell});
+    const Collapse after =
+        collapse(before.columns, {slope_ + kRestSlopeMargin, 1 + properties_.swell});
     if (after.iterations == 0) return true;
     if (after.at_edge && !whole.contains(around) && !last) return false;
     if (after.at_edge && part.sizes() != whole.sizes()) continue;
@@ -222,7 +220,7 @@ Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& c
   for (int y = 0; y < before.ny; ++y) {
     for (int x = 0; x < before.nx; ++x) {
       const double now = after.top_m[at(x, y)], was = before.top_m[at(x, y)];
-      if (before.missing[at(x, y)] != 0 || std::abs(now - was) < kLeastChange) continue;
+      if (before.missing[at(x, y)] != 0 || std::abs(now - was) < kMinHeightChange) continue;
       const auto rise = [&](int dx, int dy) {
         const int i = x + dx, j = y + dy;
         if (i < 0 || j < 0 || i >= before.nx || j >= before.ny || before.missing[at(i, j)] != 0)
@@ -260,7 +258,7 @@ Eigen::AlignedBox2i Earthworks::move(const GroundWindow& window, const Coord2& c
     const Coord2 to_border =
         (c.cell - window.first())
             .cwiseMin(window.first() + Coord2(window.nx(), window.ny()) - Coord2::Ones() - c.cell);
-    if (to_border.minCoeff() == 0 && rise > kFilm) at_border.extend(c.cell);
+    if (to_border.minCoeff() == 0 && rise > kFilmDepth) at_border.extend(c.cell);
   }
   const std::int64_t added = add_loose(soil_, raised, slope_);
   books_.in_flight -= added * units_.loose;

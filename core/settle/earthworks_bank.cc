@@ -10,11 +10,6 @@
 #include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
-namespace {
-
-constexpr double kLevelCells = 3.5;  // that a column of level ground may reach above full cells
-
-}  // namespace
 
 /// Makes what is in columns loose: it is taken out, and put back where it falls to.
 void Earthworks::loosen(Loosening& loosening) {
@@ -35,13 +30,13 @@ void Earthworks::loosen(Loosening& loosening) {
 void Earthworks::break_ledges(const Eigen::AlignedBox3i& around, const Obstacle& obstacle) {
   for (int margin = kLedgeMargin, depth = kLedgeDepth;;) {
     Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, depth),
-                            around.max() + Coord3(margin, margin, 2));
+                            around.max() + Coord3(margin, margin, kLedgeHeadroom));
     const Coord2 size = box.sizes().head<2>() + Coord2::Ones();
     const GroundWindow window(base_, box.min().head<2>(), size.x(), size.y());
     for (int x = 0; x < size.x(); ++x)
       for (int y = 0; y < size.y(); ++y)
         if (const auto& c = window.at(x, y); c.known)
-          box.max().z() = std::max(box.max().z(), cell_of(c.top) + 2);
+          box.max().z() = std::max(box.max().z(), cell_of(c.top) + kLedgeHeadroom);
     BeyondBox beyond;
     Loosening falls;
     for (const Loosened& piece :
@@ -56,10 +51,10 @@ void Earthworks::break_ledges(const Eigen::AlignedBox3i& around, const Obstacle&
     }
     if (!falls.from.empty()) {
       loosen(falls);
-    } else if (beyond.holds && size.maxCoeff() < kMostWindow) {
+    } else if (beyond.holds && size.maxCoeff() < kMaxWindowCells) {
       margin *= 2;
-    } else if (beyond.ground && depth < kMostWindow) {
-      depth *= 4;
+    } else if (beyond.ground && depth < kMaxWindowCells) {
+      depth *= kLedgeDepthFactor;
     } else {
       return;
     }
@@ -91,9 +86,9 @@ std::optional<bool> Earthworks::fail(const GroundWindow& window, Eigen::AlignedB
         const Coord2 cell = window.first() + Coord2(x, y);
         const GroundWindow::Column& c = window.at(x, y);
         // Where a column is partly of one height and partly of another its mean is no ground.
-        if (c.bank - c.bank_full > kLevelCells) return 0.0;
+        if (c.bank - c.bank_full > kMaxPartialCells) return 0.0;
         const double depth = base_.height(cell) - c.bank;
-        return depth > kDug ? depth : 0;
+        return depth > kMinDugDepth ? depth : 0;
       });
   if (failure.at_border && !last) return std::nullopt;
   if (failure.failed.isEmpty()) return false;

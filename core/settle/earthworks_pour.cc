@@ -70,7 +70,7 @@ bool deposit_at_border(const Deposit& deposit, const Columns& columns) {
   for (const Cone& cone : deposit.cones) {
     for (const RaisedColumn& c : cone.columns) {
       const int x = c.column / columns.ny, y = c.column % columns.ny;
-      if (c.after_m - c.before_m < kFilm) continue;
+      if (c.after_m - c.before_m < kFilmDepth) continue;
       if (x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1) return true;
     }
   }
@@ -93,27 +93,27 @@ void Earthworks::drop(const Vec3& from_m, std::int64_t mass, double time_s,
   const std::int64_t samples = books_.in_flight / units_.loose;
   if (samples == 0) return;
   Vec2 at = soil_.index_from_world(from_m).head<2>();
-  constexpr int kMost = kMostWindow / 2;
+  constexpr int kMaxHalf = kMaxWindowCells / 2;
   const int radius = cone_radius(static_cast<double>(samples), slope_);
-  int half = radius + kPourMargin + heap_radius(at), most_run = kRunOnWindow / 2;
-  for (int windows = 0; windows < kMostPourWindows; ++windows) {
+  int half = radius + kPourMargin + heap_radius(at), most_run = kRunOnWindowCells / 2;
+  for (int windows = 0; windows < kMaxPourWindows; ++windows) {
     const Vec2 before = at;
-    if (!pour(at, std::min(half, kMost), half >= most_run, obstacle)) {
+    if (!pour(at, std::min(half, kMaxHalf), half >= most_run, obstacle)) {
       half *= 2;
     } else if (at == before) {
       return;
     } else {
-      half = most_run = 4 * (radius + kWindowMargin);
+      half = most_run = kRunOnRadii * (radius + kWindowMargin);
     }
   }
-  pour(at, kMost, false, obstacle);  // it lies at the border
+  pour(at, kMaxHalf, false, obstacle);  // it lies at the border
 }
 
 /// About how far the heap that lies at a place reaches: more soil spreads over all of it.
 int Earthworks::heap_radius(const Vec2& at) {
   const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
   const GroundWindow::Column column = GroundWindow(base_, cell, 1, 1).at(0, 0);
-  return std::min(kMostWindow, static_cast<int>((column.top - column.bank) / slope_));
+  return std::min(kMaxWindowCells, static_cast<int>((column.top - column.bank) / slope_));
 }
 
 /// Pours what is in flight within a window. @param at where soil falls, index space; then where it
@@ -121,12 +121,12 @@ int Earthworks::heap_radius(const Vec2& at) {
 /// @return false if the window is too small, and nothing was done
 bool Earthworks::pour(Vec2& at, int half, bool may_run_on, const Obstacle& obstacle) {
   const std::int64_t samples = books_.in_flight / units_.loose;
-  const Coord2 first(chunk_floor(cell_of(at.x()) - half), chunk_floor(cell_of(at.y()) - half));
+  const Coord2 first = floor_to(at.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
   const int side = 2 * half + kChunkSide;
   const GroundWindow window(base_, first, side, side);
   PourGround ground(window, obstacle);
   const auto source = ground.nearest_open(at + Vec2(0.5, 0.5) - first.cast<double>());
-  const bool last = half >= kMostWindow / 2;
+  const bool last = half >= kMaxWindowCells / 2;
   if (!source) {
     if (last) go_astray(static_cast<double>(samples));
     return last;

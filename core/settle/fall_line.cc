@@ -56,7 +56,7 @@ Descent descent(const FrontFinder& finder, const Columns& c, int x, int y) {
 void FallLine::find(const FrontFinder& finder, const Columns& columns, double slope,
                     const Source& from, double level) {
   nodes_.clear();
-  const double steep = (slope + kLooseStep) * columns.side_m;
+  const double steep = (slope + kRunOnDrop) * columns.side_m;
   int x = from.column / columns.ny, y = from.column % columns.ny;
   Vec2 at = from.at;
   nodes_.push_back({at, level, from.column});

@@ -81,7 +81,7 @@ FluxGrid FluxGrid::coarser() const {
         bank += double{bank_[i]};
         soil += double{soil_[i]};
       }
-      if (n < 2) continue;
+      if (n < kMinFineColumns) continue;
       coarse.set_column(coarse.at(x, y), static_cast<float>(base / n), static_cast<float>(bank / n),
                         static_cast<float>(soil / n));
     }
@@ -153,7 +153,7 @@ FluxRow FluxGrid::row(int y) {
 }
 
 int FluxGrid::count_bands() const {
-  return std::max(1, std::min(ny_ / kLeastBandRows, nx_ * ny_ / kLeastBandColumns));
+  return std::max(1, std::min(ny_ / kMinBandRows, nx_ * ny_ / kMinBandColumns));
 }
 
 template <class F>
@@ -238,7 +238,7 @@ int FluxGrid::relax(int most, float tolerance) {
     const double next = (1 + std::sqrt(1 + 4 * lead * lead)) / 2;
     const double uphill = step(static_cast<float>((lead - 1) / next));
     lead = uphill > 0 ? 1 : next;
-    if (done % kRestSteps != 0 && done < most) continue;
+    if (done % kRestCheckSteps != 0 && done < most) continue;
     const Unrest now = unrest(false);
     if (done == most ||
         (now.steep <= tolerance && now.flux <= kFluxTolerance * limit_ && now.hollow <= tolerance))

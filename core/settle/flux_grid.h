@@ -3,7 +3,6 @@
 // Soil that flows between columns until nothing is steeper than it may be.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -47,9 +46,6 @@ class FluxGrid {
     double in, out;
   };
   Flow flow(std::size_t i, const std::vector<double>& share) const;
-  void forget_flux() {
-    for (Array& f : flux_) std::fill(f.begin(), f.end(), 0.0f);
-  }
 
   /// Columns twice as wide, each with the mean of four; and their flux as a start for ours.
   FluxGrid coarser() const;

@@ -12,17 +12,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-SOILVDB_INLINE Lanes load(const float* from) {
-  Lanes v;
-  std::memcpy(&v, from, sizeof(v));
-  return v;
-}
 SOILVDB_INLINE void store(float* to, Lanes v) { std::memcpy(to, &v, sizeof(v)); }
-SOILVDB_INLINE float most(Lanes v) {
-  float m = v[0];
-  for (int k = 1; k < kChunkSide; ++k) m = std::max(m, v[k]);
-  return m;
-}
 
 SOILVDB_INLINE bool any(LaneMask mask) {
   using Quarters = std::uint64_t __attribute__((vector_size(sizeof(LaneMask))));
@@ -38,10 +28,10 @@ struct Drops {
 
 SOILVDB_INLINE Drops drops(const FluxRow& r, int x) {
   Drops d;
-  const Lanes top = load(r.top + x);
+  const Lanes top = lanes_at(r.top + x);
   const std::ptrdiff_t to[4] = {1, -1, r.stride, -r.stride};
   for (int n = 0; n < 4; ++n) {
-    d.by[n] = top - load(r.top + x + to[n]);
+    d.by[n] = top - lanes_at(r.top + x + to[n]);
     const Lanes down = max(d.by[n], Lanes{});
     d.down2[n] = down * down;
   }
@@ -51,8 +41,8 @@ SOILVDB_INLINE Drops drops(const FluxRow& r, int x) {
 /// What columns have to give down a quadrant, as a drop: what lies on support that is steeper than
 /// repose goes the quicker the more it is.
 SOILVDB_INLINE Lanes spare(const FluxRow& r, int x, int t) {
-  const Lanes held = max(load(r.brink[t & 1] + x), load(r.brink[2 + (t >> 1)] + x));
-  return kDrain * (load(r.depth + x) - held);
+  const Lanes held = max(lanes_at(r.brink[t & 1] + x), lanes_at(r.brink[2 + (t >> 1)] + x));
+  return kDrainFactor * (lanes_at(r.depth + x) - held);
 }
 
 /// Steps a quadrant's pair of fluxes. @return the drop that is allowed: repose, or what there is
@@ -85,12 +75,12 @@ SOILVDB_INLINE bool push_lanes(const FluxRow& r, const Drops& d, int x, float mo
   constexpr int kAlong[2] = {t & 1, 2 + (t >> 1)};
   float* const flux[2] = {r.flux[2 * t] + x, r.flux[2 * t + 1] + x};
   float* const ahead[2] = {r.ahead[2 * t] + x, r.ahead[2 * t + 1] + x};
-  const Lanes was[2] = {load(flux[0]), load(flux[1])};
-  const Lanes from[2] = {load(ahead[0]), load(ahead[1])};
+  const Lanes was[2] = {lanes_at(flux[0]), lanes_at(flux[1])};
+  const Lanes from[2] = {lanes_at(ahead[0]), lanes_at(ahead[1])};
   const LaneMask flowed = (was[0] != 0) | (was[1] != 0) | (from[0] != 0) | (from[1] != 0);
   // Surely less steep than what would start to flow.
   const Lanes steep2 = d.down2[kAlong[0]] + d.down2[kAlong[1]];
-  if (!any(flowed | (steep2 > 0.999f * r.limit * r.limit))) return false;
+  if (!any(flowed | (steep2 > kStillShare * r.limit * r.limit))) return false;
   Lanes to[2] = {from[0], from[1]};
   // What slides down steep support goes one way only: momentum would let it run away.
   const Lanes allowed = step(r, d, x, t, to[0], to[1]);
@@ -136,14 +126,14 @@ SOILVDB_FOR_CPUS void settle(const FluxRow& r, bool all) {
     const std::uint8_t* here = r.flows + x / kChunkSide;
     const std::ptrdiff_t above = r.stride / kChunkSide;
     if (!all && (here[0] | here[-1] | here[1] | here[-above] | here[above]) == 0) continue;
-    const Lanes out =
-        (load(r.out[0] + x) + load(r.out[1] + x)) + (load(r.out[2] + x) + load(r.out[3] + x));
-    const Lanes in = (load(r.out[0] + x - 1) + load(r.out[1] + x + 1)) +
-                     (load(r.out[2] + x - r.stride) + load(r.out[3] + x + r.stride));
-    const Lanes soil = load(r.soil + x) + (in - out);
-    const Lanes depth = soil - shrunk * min(soil, load(r.bank + x));
+    const Lanes out = (lanes_at(r.out[0] + x) + lanes_at(r.out[1] + x)) +
+                      (lanes_at(r.out[2] + x) + lanes_at(r.out[3] + x));
+    const Lanes in = (lanes_at(r.out[0] + x - 1) + lanes_at(r.out[1] + x + 1)) +
+                     (lanes_at(r.out[2] + x - r.stride) + lanes_at(r.out[3] + x + r.stride));
+    const Lanes soil = lanes_at(r.soil + x) + (in - out);
+    const Lanes depth = soil - shrunk * min(soil, lanes_at(r.bank + x));
     store(r.depth + x, depth);
-    store(r.top + x, load(r.base + x) + depth);
+    store(r.top + x, lanes_at(r.base + x) + depth);
   }
 }
 
@@ -152,18 +142,18 @@ SOILVDB_FOR_CPUS Unrest unrest(const FluxRow& r) {
   for (int x = 0; x < r.columns; x += kChunkSide) {
     const Drops d = drops(r, x);
     if (at_rest(r, d, x)) continue;  // and no less deep than at first
-    const Lanes lack = -load(r.depth + x);
-    hollow = max(hollow, load(r.soil + x) < 0 ? Lanes{} : lack);
+    const Lanes lack = -lanes_at(r.depth + x);
+    hollow = max(hollow, lanes_at(r.soil + x) < 0 ? Lanes{} : lack);
     for (int t = 0; t < 4; ++t) {
-      const Lanes from[2] = {load(r.flux[2 * t] + x), load(r.flux[2 * t + 1] + x)};
+      const Lanes from[2] = {lanes_at(r.flux[2 * t] + x), lanes_at(r.flux[2 * t + 1] + x)};
       Lanes to[2] = {from[0], from[1]};
       const LaneMask slides = step(r, d, x, t, to[0], to[1]) > r.limit;
       const Lanes beyond = sqrt(d.down2[t & 1] + d.down2[2 + (t >> 1)]) - r.limit;
-      steep = max(steep, min(beyond, spare(r, x, t) - kDrain * kFilm));
+      steep = max(steep, min(beyond, spare(r, x, t) - kDrainFactor * kFilmDepth));
       for (int c = 0; c < 2; ++c) off = max(off, slides ? Lanes{} : abs(to[c] - from[c]));
     }
   }
-  return {most(steep), most(off) / kFluxStep, most(hollow)};
+  return {largest(steep), largest(off) / kFluxStep, largest(hollow)};
 }
 
 }  // namespace soilvdb::inline v0

@@ -10,8 +10,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr double kHair = 1e-9;  // columns: rays this near to a corner pass through it
-
 Vec2 middle(int x, int y) { return {x + 0.5, y + 0.5}; }
 
 }  // namespace
@@ -47,7 +45,7 @@ double Front::level_of(double volume) const {
 void FrontFinder::look_at(const Columns& columns, double slope) {
   columns_ = &columns;
   slope_ = slope * columns.side_m;
-  tau_ = kLooseStep * columns.side_m;
+  tau_ = kRunOnDrop * columns.side_m;
   labels_.resize(columns.height_m.size());
 }
 
@@ -163,14 +161,14 @@ void FrontFinder::relax(int column, int x, int y, int to_x, int to_y) {
   const Anchor from = anchor(here.anchor);
   const Vec2 goal = middle(to_x, to_y);
   const double direct = from.distance + (goal - from.at).norm();
-  if (labelled(to) && label(to).distance <= direct + kHair) return;
+  if (labelled(to) && label(to).distance <= direct + kSamePlace) return;
   const double level = growing_ ? std::max(level_, columns_->at(to) + slope_ * direct) : level_;
   if (sees(here.anchor, to_x, to_y, level)) return reach(to, direct, here.anchor);
   double edge;
   if ((x == to_x || y == to_y) && step(x, y, to_x, to_y, edge)) return;  // over_lips_of()
   // Round a corner: distances go on from the middle of this column.
   const double bent = here.distance + (goal - middle(x, y)).norm();
-  if (labelled(to) && label(to).distance <= bent + kHair) return;
+  if (labelled(to) && label(to).distance <= bent + kSamePlace) return;
   const double level_here = growing_ ? std::max(level_, columns_->at(to) + slope_ * bent) : level_;
   if (here.corner < 0) label(column).corner = add_anchor(middle(x, y), here.distance);
   if (sees(label(column).corner, to_x, to_y, level_here)) reach(to, bent, label(column).corner);
@@ -181,7 +179,7 @@ void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const 
   const Vec2 across(to_x - x, to_y - y), along(-across.y(), across.x());
   const Vec2 face = middle(x, y) + across / 2;
   const double ahead = (face - from.at).dot(across), beside = (from.at - face).dot(along);
-  if (ahead < -kHair) return;
+  if (ahead < -kSamePlace) return;
   const double nearest = std::clamp(beside, -0.5, 0.5);
   const double opens = edge + slope_ * (from.distance + (face + nearest * along - from.at).norm());
   const double reach_there = (level_ - edge) / slope_ - from.distance;
@@ -199,11 +197,11 @@ void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const 
   // The soil stands above the edge where it is near enough to the anchor.
   const double half = std::sqrt(std::max(0.0, reach_there * reach_there - ahead * ahead));
   const double low = std::max(-0.5, beside - half), high = std::min(0.5, beside + half);
-  const double straight = ahead > kHair ? beside * 0.5 / (ahead + 0.5) : nearest;
+  const double straight = ahead > kSamePlace ? beside * 0.5 / (ahead + 0.5) : nearest;
   const int i = to_x - x, j = to_y - y;
   const Vec2 over = face + std::min(std::max(straight, low), high) * along;
   // What counted heights err by doesn't widen what soil runs over.
-  const bool barely = level_ - opens < kCovered * columns_->side_m;
+  const bool barely = level_ - opens < kMinEdgeCover * columns_->side_m;
   over_lip_to(to_x, to_y, over, barely ? Vec2(face + nearest * along) : over, from);
   const Vec2 left = face + low * along, right = face + high * along;
   over_lip_to(to_x + j, to_y - i, left, left, from);
@@ -216,7 +214,7 @@ void FrontFinder::over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens,
   const int to = columns_->index(x, y);
   const double to_lip = from.distance + (lip - from.at).norm();
   const double distance = to_lip + (middle(x, y) - lip).norm();
-  if (labelled(to) && label(to).distance <= distance + kHair) return;
+  if (labelled(to) && label(to).distance <= distance + kSamePlace) return;
   if (!(columns_->at(to) + slope_ * distance < level_)) return;
   front_->anchors.push_back({lip, to_lip, true, opens});
   const int at_lip = static_cast<int>(front_->anchors.size()) - 1;
@@ -275,14 +273,14 @@ bool FrontFinder::step(int x, int y, int to_x, int to_y, double& edge) const {
   const double loose =
       c.at(high) > c.firm_at(high) ? at_face(c.at(high), c.at(high) - c.at(behind), most) : firm;
   const double foot = foot_at_face(c.at(low), c.at(low) - c.at(beyond), most);
-  const bool steps = drop > slope_ + tau_ && std::max(firm, loose) - foot > kStepShare * drop;
+  const bool steps = drop > slope_ + tau_ && std::max(firm, loose) - foot > kMinStepShare * drop;
   edge = std::max(firm, loose);
-  if (firm_drop > slope_ + tau_ && !(steps && loose > firm + kCovered * c.side_m)) {
+  if (firm_drop > slope_ + tau_ && !(steps && loose > firm + kMinEdgeCover * c.side_m)) {
     // Whatever lies on firm ground and before it, nothing passes below its edge.
     const double firm_foot =
         foot_at_face(c.firm_at(low), c.firm_at(low) - c.firm_at(beyond), firm_most);
     edge = firm;
-    return firm - firm_foot > kStepShare * firm_drop;
+    return firm - firm_foot > kMinStepShare * firm_drop;
   }
   return steps;
 }
@@ -322,9 +320,9 @@ bool FrontFinder::sees(int seen_from, int x, int y, double level) const {
   double next_x = every_x / 2, next_y = every_y / 2;
   for (;;) {
     const double t = std::min(next_x, next_y);
-    if (t >= 1 - kHair) return true;
+    if (t >= 1 - kSamePlace) return true;
     const double surface = level - slope_ * (from.distance + (1 - t) * length);
-    if (std::abs(next_x - next_y) < kHair) {
+    if (std::abs(next_x - next_y) < kSamePlace) {
       const bool by_x =
           passes(x, y, x + sx, y, surface) && passes(x + sx, y, x + sx, y + sy, surface);
       if (!by_x &&

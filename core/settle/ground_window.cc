@@ -6,16 +6,12 @@
 #include <bit>
 #include <cmath>
 
+#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/chunk_math.h"
 #include "soilvdb/sample_tree.h"
 
 namespace soilvdb::inline v0 {
-namespace {
-
-constexpr int kSlopeCells = 2;  // below its middle in which ground may have air
-
-}  // namespace
 
 /// Goes down columns of chunks until all their columns of cells have come to bank soil.
 class GroundWindow::Descent {
@@ -37,7 +33,7 @@ class GroundWindow::Descent {
     int z = base_->some ? base_->highest : above_.max().z();
     if (raised) z = std::max(z, above_.max().z());
     begin();
-    for (z = chunk_floor(z); open_ > 0; z -= kChunkSide) {
+    for (z = floor_to(z, kChunkSide); open_ > 0; z -= kChunkSide) {
       const SampleLeaf* leaf = leaves_.probeConstLeaf({cx, cy, z});
       const Chunk* chunk = leaf != nullptr ? &leaf->chunk : nullptr;
       if (chunk == nullptr && !(base_->whole && z > base_->highest)) {
@@ -200,8 +196,8 @@ class GroundWindow::Descent {
 GroundWindow::GroundWindow(BaseColumns& base, const Coord2& first, int nx, int ny)
     : first_(first), nx_(nx), ny_(ny), columns_(static_cast<std::size_t>(nx * ny)) {
   Descent descent(*this, base);
-  for (int cx = chunk_floor(first.x()); cx < first.x() + nx; cx += kChunkSide)
-    for (int cy = chunk_floor(first.y()); cy < first.y() + ny; cy += kChunkSide)
+  for (int cx = floor_to(first.x(), kChunkSide); cx < first.x() + nx; cx += kChunkSide)
+    for (int cy = floor_to(first.y(), kChunkSide); cy < first.y() + ny; cy += kChunkSide)
       descent.read(cx, cy);
 }
 

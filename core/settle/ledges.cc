@@ -9,6 +9,7 @@
 #include <deque>
 
 #include "core/lattice/chunk_math.h"
+#include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -69,7 +70,7 @@ class ColumnSet {
 /// Columns with soil above air, which are few, and those beside them, which that may hang on.
 ColumnSet hanging_columns(const Soil& soil, const Eigen::AlignedBox3i& box) {
   ColumnSet hanging(box);
-  const Coord3 first = box.min().unaryExpr(&chunk_floor);
+  const Coord3 first = floor_to(box.min(), kChunkSide);
   for (int x = first.x(); x <= box.max().x(); x += kChunkSide) {
     for (int y = first.y(); y <= box.max().y(); y += kChunkSide) {
       std::array<bool, std::tuple_size_v<Rows>> air{};  // of columns, somewhere below
@@ -100,10 +101,8 @@ class Runs {
         nx_(cells.sizes().x() + 1),
         ny_(cells.sizes().y() + 1),
         columns_(static_cast<std::size_t>(nx_ * ny_)) {
-    for (int x = chunk_floor(box_.min().x()); x <= box_.max().x(); x += kChunkSide)
-      for (int y = chunk_floor(box_.min().y()); y <= box_.max().y(); y += kChunkSide)
-        for (int z = chunk_floor(box_.min().z()); z <= box_.max().z(); z += kChunkSide)
-          read(soil, {x, y, z});
+    for_each_chunk(floor_to(box_.min(), kChunkSide), box_.max(),
+                   [&](const Coord3& origin) { read(soil, origin); });
   }
 
   int columns() const { return nx_ * ny_; }

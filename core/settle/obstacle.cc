@@ -77,7 +77,7 @@ Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const So
 bool Obstacle::blocks(int x, int y, double top) const {
   const int i = x - first_.x(), j = y - first_.y();
   if (i < 0 || j < 0 || i >= nx_ || j >= ny_) return false;
-  return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleAbove;
+  return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleClearance;
 }
 
 BlockedColumns::BlockedColumns(const GroundWindow& window, const Obstacle& obstacle)

@@ -11,16 +11,13 @@
 #include "core/settle/front.h"
 
 namespace soilvdb::inline v0 {
-namespace {}  // namespace
-
 namespace {
 
 /// Is a column so near to the ground's border that so much soil might lean on it?
 bool at_border(const Columns& ground, int column, double volume, double slope) {
   const int x = column / ground.ny, y = column % ground.ny;
   const int far = std::min({x, y, ground.nx - 1 - x, ground.ny - 1 - y});
-  constexpr int kLeast = 6;  // columns: soil comes down a slope by some at a time
-  return far < kLeast + 2 * std::cbrt(volume / slope);
+  return far < kExitColumns + kExitPiles * std::cbrt(volume / slope);
 }
 
 }  // namespace
@@ -44,7 +41,7 @@ struct Pourer::Work {
   Vec2 entrance(const Vec2& middle, const Anchor& from) const;
   bool runs_on(Source& lip, double& lip_level);
   double next_level(double volume, int n, bool bounded) const;
-  double commit(const Front& front, double level, const Source& apex, Deposit& deposit);
+  double commit(const Front& front, double level, Deposit& deposit);
 };
 
 /// Where the straight way from an anchor comes into a column below: through which side, and where
@@ -63,7 +60,7 @@ Vec2 Pourer::Work::entrance(const Vec2& middle, const Anchor& from) const {
                    static_cast<int>(middle.x()), static_cast<int>(middle.y()), edge))
     return straight;
   const double there = high.level - slope * side * (from.distance + (first - from.at).norm());
-  return there - edge < kCovered * side ? first : straight;
+  return there - edge < kMinEdgeCover * side ? first : straight;
 }
 
 /// Where soil that the low front doesn't hold runs on to in the high one: its first column that is
@@ -74,7 +71,7 @@ bool Pourer::Work::runs_on(Source& lip, double& lip_level) {
     for (Before& b : before) b.epoch = 0;
     epoch = 1;
   }
-  const double fall = slope * side, noise = kLooseStep * side, edge_noise = kLooseDrop * side;
+  const double fall = slope * side, noise = kRunOnDrop * side, edge_noise = kEdgeRunOnDrop * side;
   for (const Front::Part& p : low.parts)
     before[static_cast<std::size_t>(p.column)] = {epoch, low.level - fall * p.distance};
   for (const Front::Part& p : high.parts) {
@@ -95,17 +92,17 @@ bool Pourer::Work::runs_on(Source& lip, double& lip_level) {
 
 /// The next level to look at between the two fronts.
 double Pourer::Work::next_level(double volume, int n, bool bounded) const {
-  const double tolerance = kLevelStep * side;
+  const double tolerance = kLevelTolerance * side;
   const double middle = (low.level + high.level) / 2;
   // Just below where a lip opens, then just above.
-  if (low.lip > low.level && low.lip < (bounded ? high.level : kInfinity) && n % 4 == 0)
-    return low.lip + (low.lip - low.level > tolerance ? -tolerance / 4 : tolerance / 4);
+  if (low.lip > low.level && low.lip < (bounded ? high.level : kInfinity) && n % kBisectEvery == 0)
+    return low.lip + (low.lip - low.level > tolerance ? -kLipStep : kLipStep) * side;
   if (!bounded) {
     const double more =
         (volume - low.filled) / std::max(1.0, static_cast<double>(low.parts.size()));
     return low.level + std::min(more, std::max(side, low.level - way.lowest()));
   }
-  if (!high.whole || n % 4 == 3) return middle;
+  if (!high.whole || n % kBisectEvery == kBisectEvery - 1) return middle;
   // Either is exact if the same columns are raised there, at the same distances.
   const auto parts = static_cast<double>(low.parts.size());
   for (const double level : {high.level_of(volume), low.level + (volume - low.filled) / parts})
@@ -116,7 +113,7 @@ double Pourer::Work::next_level(double volume, int n, bool bounded) const {
 /// Finds the level at which the pile on the way holds the volume (in `low`), or up to which it does
 /// before it runs over a lip, or is as high as what it runs down from.
 Pourer::Work::Rest Pourer::Work::settle(double volume, double cap, Source& lip, double& lip_level) {
-  const double tolerance = kLevelStep * side;
+  const double tolerance = kLevelTolerance * side;
   if (cap < kInfinity) {
     finder.fill(way.at(cap), cap, volume, low);
     if (low.whole) return kFull;
@@ -128,10 +125,10 @@ Pourer::Work::Rest Pourer::Work::settle(double volume, double cap, Source& lip, 
   if (way.upright() > way.lowest()) {
     finder.grow(way.at(way.lowest()), volume, way.upright(), low);
     if (low.fits) return kAll;
-    level = low.level + tolerance / 4;
+    level = low.level + kLipStep * side;
   }
-  for (int n = 0; n < kMostLevels; ++n) {
-    finder.fill(way.at(level), level, 1.5 * volume, tried);
+  for (int n = 0; n < kMaxPourLevels; ++n) {
+    finder.fill(way.at(level), level, kMaxFrontPours * volume, tried);
     const bool fits = tried.filled <= volume;
     const bool near =
         tried.whole && !tried.parts.empty() &&
@@ -159,11 +156,8 @@ Pourer::Work::Rest Pourer::Work::settle(double volume, double cap, Source& lip, 
 }
 
 /// Raises the ground. @return what that took, in metres of a column.
-double Pourer::Work::commit(const Front& front, double level, const Source& apex,
-                            Deposit& deposit) {
+double Pourer::Work::commit(const Front& front, double level, Deposit& deposit) {
   Cone cone;
-  cone.apex_m = apex.at * side;
-  cone.level_m = level;
   double raised = 0;
   for (const Front::Part& p : front.parts) {
     const double before_m = ground->at(p.column);
@@ -172,7 +166,7 @@ double Pourer::Work::commit(const Front& front, double level, const Source& apex
     raised += after_m - before_m;
     ground->at(p.column) = after_m;
     const Anchor& from = front.anchors[static_cast<std::size_t>(p.anchor)];
-    cone.columns.push_back({p.column, before_m, after_m, from.at * side, from.distance * side});
+    cone.columns.push_back({p.column, before_m, after_m, from.at * side});
   }
   cone.volume_m3 = raised * side * side;
   if (!cone.columns.empty()) deposit.cones.push_back(std::move(cone));
@@ -204,7 +198,7 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
   const Source top{at, ground.index(x, y)};
   Source from = top;
   double level = kInfinity;  // of the soil that falls: at first it comes from above
-  for (int n = 0; n < kMostRuns && left > 0; ++n) {
+  for (int n = 0; n < kMaxPourPiles && left > 0; ++n) {
     w.way.find(w.finder, ground, slope, from, level);
     Source lip = w.way.end();
     if (leaves && lip.column != from.column && at_border(ground, lip.column, left, slope)) {
@@ -212,8 +206,7 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
       break;
     }
     const auto rest = w.settle(left, level, lip, level);
-    const Source apex = w.way.at(w.low.level);
-    const double raised = w.commit(w.low, w.low.level, apex, deposit);
+    const double raised = w.commit(w.low, w.low.level, deposit);
     if (rest == Work::kAll) return deposit;
     left -= raised;
     if (leaves && rest == Work::kRunsOn && at_border(ground, lip.column, left, slope)) {

@@ -11,19 +11,16 @@
 
 namespace soilvdb::inline v0 {
 
-/// A column that a cone raised. Its surface in the column is that cone's level less slope times
-/// (distance_m + the way from `from_m`): distances go round corners and through gaps.
+/// A column that a cone raised. The cone's surface falls in it with the way from `from_m`: ways go
+/// round corners and through gaps.
 struct RaisedColumn {
   int column;
   double before_m, after_m;
-  Vec2 from_m;        ///< the last corner on the way from the apex, or the apex
-  double distance_m;  ///< from the apex to there
+  Vec2 from_m;  ///< the last corner on the way from the apex, or the apex
 };
 
 /// Soil that came to rest around one point.
 struct Cone {
-  Vec2 apex_m;
-  double level_m;  ///< of the surface over the apex
   double volume_m3;
   std::vector<RaisedColumn> columns;  ///< each once; those nearest to the apex first, mostly
 };

@@ -13,9 +13,9 @@ PourParts::PourParts(const Pour& pour, double voxel_size_m)
     : begin_s_(pour.begin_s), end_s_(pour.end_s) {
   if (end_s_ <= begin_s_) return;
   const double cells = pour.volume_m3 / (voxel_size_m * voxel_size_m * voxel_size_m);
-  const double most = static_cast<double>(kMostPourParts);
-  count_ = std::max(kLeastPourParts,
-                    static_cast<std::int64_t>(std::min(std::ceil(cells / kPourCells), most)));
+  const double most = static_cast<double>(kMaxPourParts);
+  count_ = std::max(kMinPourParts,
+                    static_cast<std::int64_t>(std::min(std::ceil(cells / kPourPartCells), most)));
 }
 
 double PourParts::falls_s(std::int64_t part) const {

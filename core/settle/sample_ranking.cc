@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/lanes.h"
 
@@ -27,12 +28,12 @@ SOILVDB_FOR_CPUS Range heights_of(const CellPoints& points, float low, const Col
     for (std::size_t i = 0; i < kSamples; ++i) {
       const float x = points.x[i] - a, y = points.y[i] - b;
       const float height = low + points.z[i] - -slope * std::sqrt(x * x + y * y);
-      out[i] = static_cast<std::int32_t>(up * height * 65536.0f);
+      out[i] = static_cast<std::int32_t>(up * height * kHeightUnits);
     }
   } else {
     for (std::size_t i = 0; i < kSamples; ++i) {
       const float height = low + points.z[i] - (a * points.x[i] + b * points.y[i]);
-      out[i] = static_cast<std::int32_t>(up * height * 65536.0f);
+      out[i] = static_cast<std::int32_t>(up * height * kHeightUnits);
     }
   }
   std::int32_t lowest = kNever, highest = std::numeric_limits<std::int32_t>::min();
@@ -87,7 +88,9 @@ std::span<const std::uint64_t> SampleRanking::first(std::int64_t count) {
   std::int64_t low = std::int64_t{lowest_} - 1, high = highest_, at_low = 0, at_high = samples_;
   for (int n = 0; at_high != count && high - low > 1; ++n) {
     const std::int64_t linear = low + (high - low) * (count - at_low) / (at_high - at_low);
-    const std::int64_t at = n % 4 == 3 ? (low + high) / 2 : std::clamp(linear, low + 1, high - 1);
+    const std::int64_t at = n % kBisectEvery == kBisectEvery - 1
+                                ? (low + high) / 2
+                                : std::clamp(linear, low + 1, high - 1);
     const int here = count_up_to(heights_.data(), heights_.size(), static_cast<std::int32_t>(at));
     (here < count ? low : high) = at;
     (here < count ? at_low : at_high) = here;

@@ -5,16 +5,19 @@
 #include <sys/resource.h>
 #include <tbb/task_arena.h>
 
+#include <stdexcept>
 #include <utility>
+
+#include "core/constants.h"
 
 namespace soilvdb::inline v0 {
 
-Background::Background(bool thread, std::function<bool()> idle)
-    : thread_used_(thread), idle_(std::move(idle)) {
+Background::Background(bool thread, std::size_t most) : thread_used_(thread), most_(most) {
+  if (most_ == 0) throw std::invalid_argument("one job at least must be let wait");
   if (!thread_used_) return;
   thread_ = std::thread([this] {
-    constexpr int kNice = 10;
-    setpriority(PRIO_PROCESS, 0, kNice);  // of this thread alone on Linux; in vain elsewhere
+    // Of this thread alone on Linux; in vain elsewhere.
+    setpriority(PRIO_PROCESS, 0, kBackgroundNice);
     tbb::task_arena(1).execute([this] { serve(); });
   });
 }
@@ -30,24 +33,38 @@ Background::~Background() {
 }
 
 void Background::run(std::function<void()> job) {
+  if (thread_used_) {
+    std::unique_lock lock(mutex_);
+    came_along_.wait(lock, [&] { return jobs_.size() < most_; });
+  }
+  try_run(std::move(job));
+  rethrow();
+}
+
+bool Background::try_run(std::function<void()> job) {
   if (!thread_used_) {
     guarded(job);
-    while (rest()) {
-    }
-    return rethrow();
+    return true;
   }
   {
     const std::lock_guard lock(mutex_);
+    if (jobs_.size() >= most_) return false;
     jobs_.push_back(std::move(job));
   }
   wake_.notify_one();
-  rethrow();
+  return true;
+}
+
+void Background::drop() {
+  std::deque<std::function<void()>> dropped;  // what they hold goes without the lock
+  const std::lock_guard lock(mutex_);
+  dropped.swap(jobs_);
 }
 
 void Background::wait() {
   if (thread_used_) {
     std::unique_lock lock(mutex_);
-    all_done_.wait(lock, [&] { return !busy_ && jobs_.empty(); });
+    came_along_.wait(lock, [&] { return !busy_ && jobs_.empty(); });
   }
   rethrow();
 }
@@ -70,40 +87,26 @@ void Background::rethrow() {
 
 void Background::serve() {
   std::unique_lock lock(mutex_);
-  for (bool more = false;;) {
-    if (!jobs_.empty()) {
-      busy_ = more = true;
-      {
-        const std::function<void()> job = std::move(jobs_.front());
-        jobs_.pop_front();
-        lock.unlock();
-        guarded(job);
-      }  // what it holds goes before it counts as done
-      lock.lock();
-    } else if (ending_) {
-      return;
-    } else if (more) {
+  for (;;) {
+    wake_.wait(lock, [&] { return ending_ || !jobs_.empty(); });
+    if (jobs_.empty()) return;
+    busy_ = true;
+    {
+      const std::function<void()> job = std::move(jobs_.front());
+      jobs_.pop_front();
+      came_along_.notify_all();
       lock.unlock();
-      more = rest();
-      lock.lock();
-    } else {
-      busy_ = false;
-      all_done_.notify_all();
-      wake_.wait(lock, [&] { return ending_ || !jobs_.empty(); });
-    }
+      guarded(job);
+    }  // what it holds goes before it counts as done
+    lock.lock();
+    busy_ = false;
+    came_along_.notify_all();
   }
 }
 
-/// @return whether there may be more to do
-bool Background::rest() {
-  bool more = idle_ != nullptr;  // after an error, too
-  if (more) guarded([&] { more = idle_(); });
-  return more;
-}
-
-void Background::guarded(const std::function<void()>& work) {
+void Background::guarded(const std::function<void()>& job) {
   try {
-    work();
+    job();
   } catch (...) {
     const std::lock_guard lock(mutex_);
     errors_.push_back(std::current_exception());

@@ -14,8 +14,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr double kFar = 1e300;
-
 /// How far below the horizontal the mouth looks, rad.
 double looks_down(const Pose& world_from_bucket) {
   return std::asin(std::clamp(-(world_from_bucket.rotation * Vec3::UnitX()).z(), -1.0, 1.0));
@@ -46,7 +44,7 @@ Update Machine::move(Soil& soil, const Pose& to) {
     if (travel_m(current_, to) == 0) stop(soil, kNoTime, true);
     for (const Pose& station : stations(soil, to)) {
       follow(soil, plan(soil, station), kNoTime);
-      stop(soil, kNoTime, ++stations_ >= kRestStations);
+      stop(soil, kNoTime, ++stations_ >= kStationsPerRest);
     }
   }
   follow(soil, plan(soil, to), kNoTime);
@@ -71,7 +69,7 @@ Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double en
       if (kind == Stop::Kind::kTurn)
         pass_turn(soil, time_s);
       else
-        stop(soil, time_s, kind == Stop::Kind::kStandstill || ++stations_ >= kRestStations);
+        stop(soil, time_s, kind == Stop::Kind::kStandstill || ++stations_ >= kStationsPerRest);
       from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);
@@ -151,8 +149,8 @@ bool Machine::plan(const Soil& soil, const Pose& to) {
 bool Machine::plan(const Soil& soil, const Motion& motion, double begin_s, double end_s) {
   const double h = soil.voxel_size_m();
   if (placed_) {
-    path_ = motion.trace(begin_s, end_s, bucket_, h, kFar);
-    if (stays_in_air(soil, path_, h)) return false;
+    path_ = motion.trace(begin_s, end_s, bucket_, kCoarseBend * h, kAnyStride);
+    if (stays_in_air(soil, path_, kCoarseBend * h)) return false;
   }
   path_ = motion.trace(begin_s, end_s, bucket_, kMaxBend * h, kPathStride * h);
   return true;

@@ -21,7 +21,7 @@ double half_turn(const Pose& from, const Pose& to) {
 }  // namespace
 
 double Machine::station_travel_m(const Soil& soil) const {
-  return std::max(kStationVoxels * soil.voxel_size_m(), kStationShare * radius_m_);
+  return std::max(kMinStationVoxels * soil.voxel_size_m(), kStationRadiusShare * radius_m_);
 }
 
 /// About how far the fastest point of the bucket goes.
@@ -62,7 +62,7 @@ std::vector<Machine::Stop> Machine::stops(const Soil& soil, const Motion& motion
     if (!capacity_) continue;
     const double turn_rad =  // or a bit more
         std::numbers::pi * half_turn(motion.row(row - 1), motion.row(row));
-    const int turns = static_cast<int>(std::ceil(turn_rad / kSpillTurn));
+    const int turns = static_cast<int>(std::ceil(turn_rad / kSpillTurnRad));
     for (int i = 1; i <= turns; ++i) {
       const double at_s = i == turns ? to_s : from_s + (to_s - from_s) * i / turns;
       if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Stop::Kind::kTurn});
@@ -132,7 +132,7 @@ void Machine::let_go() {
 void Machine::pass_turn(Soil& soil, double time_s) {
   let_go();
   if (!capacity_ || ledger_.units.loose_samples(falling_) * ledger_.sample_m3 <
-                        kLeastSpill * capacity_->struck_m3())
+                        kMinSpillShare * capacity_->struck_m3())
     return;
   drop_falling(time_s, Obstacle(bucket_, current_, soil));
   note_leaning(soil, current_);
@@ -146,7 +146,7 @@ void Machine::drop_falling(double time_s, const Obstacle& obstacle) {
 /// Soil that leans on the bucket does so until that has gone.
 void Machine::note_leaning(const Soil& soil, const Pose& at) {
   const Pose here[] = {at};
-  if (!stays_in_air(soil, here, kObstacleAbove * soil.voxel_size_m()))
+  if (!stays_in_air(soil, here, kObstacleClearance * soil.voxel_size_m()))
     unsettled_m_.extend(box_around(here));
 }
 
@@ -162,7 +162,7 @@ Vec3 Machine::spill_point(const Pose& at) const {
 Vec3 Machine::push_point(const Pose& at) const {
   Vec3 way = at.position - station_.position;
   way.z() = 0;
-  if (way.norm() < kLeastPush * radius_m_) way = at.rotation * Vec3::UnitX();
+  if (way.norm() < kMinPushWay * radius_m_) way = at.rotation * Vec3::UnitX();
   const auto along = [&](const Vec3& p) { return way.dot(at.rotation * p); };
   // The middles of the faces' edges across the lip: what is pushed isn't at a corner.
   const double across = bucket_.shape ? bucket_.shape->box_m().center().y() : 0;

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -21,6 +20,8 @@ namespace soilvdb::inline v0 {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr double kAnyTime = std::numeric_limits<double>::quiet_NaN();  // all hoppers are there
 
 double us_since(Clock::time_point begin) {
   return std::chrono::duration<double, std::micro>(Clock::now() - begin).count();
@@ -84,8 +85,8 @@ Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmovin
   for (const Pour& pour : earthmoving_.pours) {
     const double mass =
         pour.volume_m3 / soil.sample_m3() * static_cast<double>(works_->units().loose);
-    constexpr double kMost = 1 << 29;  // voxels from the origin; an index is an int
-    if (!((pour.at_m - soil.origin()).cwiseAbs().maxCoeff() <= kMost * soil.voxel_size_m()))
+    if (!((pour.at_m - soil.origin()).cwiseAbs().maxCoeff() <=
+          kMaxPlaceIndex * soil.voxel_size_m()))
       throw std::invalid_argument("pour '" + pour.name + "': its place is not on this site");
     if (!(mass < 0x1p62))
       throw std::invalid_argument("pour '" + pour.name +
@@ -208,8 +209,8 @@ std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves
       path.push_back(move.to);
     } else {
       const Bucket& bucket = machines_[move.machine]->bucket();
-      const auto traced =
-          move.motion->trace(move.begin_s, move.end_s, bucket, soil_.voxel_size_m(), 1e300);
+      const auto traced = move.motion->trace(move.begin_s, move.end_s, bucket,
+                                             kCoarseBend * soil_.voxel_size_m(), kAnyStride);
       path.insert(path.end(), traced.begin(), traced.end());
     }
   }
@@ -272,16 +273,16 @@ double Tracker::slid_m3(std::int64_t before) const {
   return works_->units().loose_samples(works_->books().slid - before) * soil_.sample_m3();
 }
 
-Update Tracker::come_to_rest(double time_s) {
+Update Tracker::come_to_rest(std::optional<double> time_s) {
   return timed([&] {
     Update update;
     if (works_ == nullptr) return update;
     const std::int64_t slid_before = works_->books().slid, spilled_before = total().spilled;
     // What one machine leaves may come to lie where another's rested already.
     std::int64_t moved = -1;
-    for (int n = 0; n < kMostRests && moved != works_->books().moved(); ++n) {
+    for (int n = 0; n < kMaxRestRounds && moved != works_->books().moved(); ++n) {
       moved = works_->books().moved();
-      for (const auto& machine : machines_) machine->come_to_rest(soil_, time_s);
+      for (const auto& machine : machines_) machine->come_to_rest(soil_, time_s.value_or(kAnyTime));
     }
     update.slid_m3 = slid_m3(slid_before);
     update.spilled_m3 =
@@ -317,8 +318,6 @@ SiteLedger Tracker::booked() const {
   site.gone_samples = books.gone_samples;
   return site;
 }
-
-std::vector<Coord3> Tracker::take_changed() { return soil_.take_touched(); }
 
 double Tracker::tolerance_m() const { return Machine::tolerance_m(soil_); }
 

@@ -6,9 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <stdexcept>
 
+#include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/soil_grids.h"
@@ -16,12 +17,9 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Chunks in a box above which it is refused: 32 GB of leaves.
-constexpr double kMostChunks = 1.6e7;
-
 /// @throw std::invalid_argument if there are too many
 std::vector<Coord3> chunks_of(const Eigen::AlignedBox3d& cells) {
-  if ((cells.sizes() / kChunkSide).prod() > kMostChunks)
+  if ((cells.sizes() / kChunkSide).prod() > kMaxLevelSetChunks)
     throw std::invalid_argument("the region is too large at this voxel size; choose a smaller one");
   std::vector<Coord3> origins;
   for_each_chunk(cells, [&](const Coord3& origin) { origins.push_back(origin); });
@@ -80,8 +78,7 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
     std::array<float, kChunkVoxels> phi;
     bool air = true;
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 p =
-          soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
+      const Vec3 p = soil.world_from_index((origin + numbered_voxel(n)).cast<double>());
       phi[n] = std::max(phi_m[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
       air &= phi[n] >= band;
     }
@@ -117,7 +114,7 @@ openvdb::FloatGrid::Ptr occupancy_grid(const Soil& soil, const Eigen::AlignedBox
     auto leaf = std::make_unique<FloatLeaf>(openvdb::Coord(origin.x(), origin.y(), origin.z()));
     for (int n = 0; n < kChunkVoxels; ++n) {
       const std::uint64_t word = words[static_cast<std::size_t>(n)];
-      if (word != 0 && within(origin + Coord3(n >> 6, n >> 3 & 7, n & 7)))
+      if (word != 0 && within(origin + numbered_voxel(n)))
         leaf->setValueOn(static_cast<openvdb::Index>(n),
                          static_cast<float>(std::popcount(word)) / 64);
     }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/constants.h"
 #include "core/surface/dual_cell.h"
 #include "core/surface/edge_crossing.h"
 
@@ -140,8 +141,7 @@ class Contouring {
       if (!base) {
         // Neighbours' vertices may be at one point of a crease that lies on the lattice, and would
         // be welded: odd and even cells lean apart.
-        constexpr float kLean = 1e-4f;
-        for (int a = 0; a < 3; ++a) v.in[a] += v.cell[a] & 1 ? kLean : -kLean;
+        for (int a = 0; a < 3; ++a) v.in[a] += v.cell[a] & 1 ? kVertexLean : -kVertexLean;
       }
       out_.vertices.push_back(v);
       ++groups;
@@ -153,13 +153,12 @@ class Contouring {
   /// Sheets of one dual cell don't share a place: half-way to the middle of its own crossings then.
   void keep_apart(const Crossing* crossings, int count, std::uint32_t first,
                   ContourVertex& v) const {
-    constexpr float kApart = 0.02f;  // voxels
     bool close = false;
     for (std::size_t k = first; k < out_.vertices.size(); ++k) {
       const float* const other = out_.vertices[k].in;
       float most = 0;
       for (int a = 0; a < 3; ++a) most = std::max(most, std::abs(v.in[a] - other[a]));
-      close |= most < kApart;
+      close |= most < kMinSheetGap;
     }
     if (!close) return;
     for (int a = 0; a < 3; ++a) {
@@ -280,12 +279,11 @@ class Contouring {
       gap[d] = length > 0 ? std::abs(n.dot(a)) / length : 1;
       least[d] = std::min(first.squaredNorm(), second.squaredNorm());
     }
-    constexpr double kLeastArea = 1e-3, kSame = 1e-4;  // voxels
-    int d = gap[1] < gap[0] - kSame ? 1 : 0;
-    if (std::abs(gap[1] - gap[0]) <= kSame) {
+    int d = gap[1] < gap[0] - kDiagonalTolerance ? 1 : 0;
+    if (std::abs(gap[1] - gap[0]) <= kDiagonalTolerance) {
       d = (v[1] - v[3]).squaredNorm() < (v[0] - v[2]).squaredNorm() ? 1 : 0;
     }
-    if (least[d] < kLeastArea * kLeastArea && least[1 - d] > least[d]) d = 1 - d;
+    if (least[d] < kMinSplitArea * kMinSplitArea && least[1 - d] > least[d]) d = 1 - d;
     out_.triangles.push_back({ring[d], ring[d + 1], ring[d + 2]});
     out_.triangles.push_back({ring[d], ring[d + 2], ring[(d + 3) & 3]});
   }

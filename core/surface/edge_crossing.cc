@@ -19,14 +19,14 @@ bool seen_from(const CellModels& models, const std::uint8_t* soil, int id, int a
   const Active centre = m->at(0, 0, 0);
   // A centre that counts as in a thin wall lies just outside of its face.
   const bool tied = (centre.beyond < 0) != (soil[here] != 0);
-  const float slack = tied ? kTie : 1e-3f, from = static_cast<float>(end);
+  const float slack = tied ? kThinWallTie : kCrossingSlack, from = static_cast<float>(end);
   float best = 2;
   for (int p = 0; p < m->planes(); ++p) {
     const CellPlane& plane = m->plane[p];
     const float slope[3] = {plane.nx, plane.ny, plane.nz};
     // Out of soil in the direction in which the signs say so.
     const float outwards = soil[id] ? slope[axis] : -slope[axis];
-    if (!(outwards > 1e-6f)) continue;
+    if (!(outwards > kMinCrossingCosine)) continue;
     const float along = plane.d / slope[axis];
     if (!(std::abs(along + from - 0.5f) <= 0.5f + slack)) continue;
     float q[3] = {0, 0, 0};
@@ -63,7 +63,7 @@ Crossing edge_crossing(const CellModels& models, const std::uint8_t* soil, int i
       c.n[a] = seen[0].n[a] + seen[1].n[a];
       square += c.n[a] * c.n[a];
     }
-    const float scale = 1 / std::sqrt(std::max(square, 1e-6f));
+    const float scale = 1 / std::sqrt(std::max(square, kMinNormalSquare));
     for (float& v : c.n) v *= scale;
     return c;
   }

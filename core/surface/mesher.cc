@@ -4,22 +4,16 @@
 
 #include <tbb/parallel_for.h>
 
-#include <algorithm>
-#include <array>
 #include <bit>
-#include <cmath>
 #include <set>
 #include <unordered_map>
 
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-Coord3 floor_to(const Coord3& c, int side) {
-  return {c.x() & ~(side - 1), c.y() & ~(side - 1), c.z() & ~(side - 1)};
-}
 
 /// A vertex by its bits.
 struct PointHash {
@@ -64,12 +58,10 @@ Mesh CachedMesher::block(const Coord3& block) {
 
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
   // A chunk's samples are looked at from as far as a chunk.
-  std::set<Coord3, SurfaceMesh::Less> blocks;
+  std::set<Coord3, Before> blocks;
   for (const Coord3& c : chunks) {
-    for (int n = 0; n < 27; ++n) {
-      blocks.insert(
-          floor_to(c + kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1), kBlockSide));
-    }
+    for (int n = 0; n < 27; ++n)
+      blocks.insert(floor_to(c + kChunkSide * step_around(n), kBlockSide));
   }
   return {blocks.begin(), blocks.end()};
 }
@@ -89,7 +81,7 @@ std::vector<Coord3> SurfaceMesh::update(std::span<const Coord3> changed_chunks) 
   return blocks;
 }
 
-Mesh weld(const std::map<Coord3, Mesh, SurfaceMesh::Less>& patches) {
+Mesh weld(const std::map<Coord3, Mesh, Before>& patches) {
   Mesh whole;
   std::unordered_map<Eigen::Vector3f, std::uint32_t, PointHash> index;
   for (const auto& [block, patch] : patches) {
@@ -108,9 +100,7 @@ Mesh weld(const std::map<Coord3, Mesh, SurfaceMesh::Less>& patches) {
 
 Mesh mesh_all(const Soil& soil) {
   SurfaceMesh mesh(soil);
-  std::vector<Coord3> origins;
-  for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
-  mesh.update(origins);
+  mesh.update(soil.origins());
   return weld(mesh.patches());
 }
 

@@ -15,10 +15,10 @@ void eigen(float a[3][3], float v[3][3]) {
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) v[i][j] = i == j ? 1.0f : 0.0f;
   }
-  for (int sweep = 0; sweep < 5; ++sweep) {
+  for (int sweep = 0; sweep < kJacobiSweeps; ++sweep) {
     for (int p = 0; p < 2; ++p) {
       for (int q = p + 1; q < 3; ++q) {
-        if (std::abs(a[p][q]) < 1e-9f) continue;
+        if (std::abs(a[p][q]) < kMinJacobiEntry) continue;
         const float theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
         const float t =
             (theta < 0 ? -1.0f : 1.0f) / (std::abs(theta) + std::sqrt(theta * theta + 1));
@@ -67,7 +67,7 @@ void place_vertex(const Crossing* crossings, int count, float* at) {
   }
   float x[3];
   if (cosine > kSmoothCosine) {
-    for (int a = 0; a < 3; ++a) x[a] = m[a] + kVolumeShare * share * mean * n[a];
+    for (int a = 0; a < 3; ++a) x[a] = m[a] + kCurvedVertexShare * share * mean * n[a];
   } else {
     float A[3][3] = {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, b[3] = {0, 0, 0}, v[3][3];
     for (int k = 0; k < count; ++k) {
@@ -92,19 +92,19 @@ void place_vertex(const Crossing* crossings, int count, float* at) {
       for (const float c : x) far = std::max({far, -c, c - 1});
       return far;
     };
-    solve(kLeastEigenvalue * most);
-    if (outside() > kOutside) {
+    solve(kMinEigenvalueShare * most);
+    if (outside() > kMaxVertexOutside) {
       const float middle =
           A[0][0] + A[1][1] + A[2][2] - most - std::min({A[0][0], A[1][1], A[2][2]});
-      solve(std::max(middle, kLeastEigenvalue * most));
+      solve(std::max(middle, kMinEigenvalueShare * most));
     }
-    if (outside() > kOutside) solve(most);
-    if (outside() <= kOutside) {
+    if (outside() > kMaxVertexOutside) solve(most);
+    if (outside() <= kMaxVertexOutside) {
       for (int a = 0; a < 3; ++a) at[a] = x[a];
       return;
     }
   }
-  for (int a = 0; a < 3; ++a) at[a] = std::min(std::max(x[a], kInside), 1 - kInside);
+  for (int a = 0; a < 3; ++a) at[a] = std::min(std::max(x[a], kVertexInset), 1 - kVertexInset);
 }
 
 }  // namespace soilvdb::inline v0

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
 
@@ -32,11 +33,9 @@ std::unique_ptr<FloatLeaf> level_set_leaf(const Coord3& origin, const float* phi
 std::vector<Coord3> chunks_with_surface(const Soil& soil) {
   std::vector<Coord3> all;
   for (const Chunk* chunk : soil.chunks()) {
-    for (int n = 0; n < 27; ++n)
-      all.push_back(chunk->origin + kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1));
+    for (int n = 0; n < 27; ++n) all.push_back(chunk->origin + kChunkSide * step_around(n));
   }
-  std::sort(all.begin(), all.end(), before);
-  all.erase(std::unique(all.begin(), all.end()), all.end());
+  sort_once(all);
   return all;
 }
 

@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/soil_window.h"
 #include "soilvdb/base_surface.h"
 #include "soilvdb/chunk_range.h"
@@ -14,9 +16,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Cells that are read at once; of more, those about each point.
-constexpr double kMostCells = 70 * 70 * 70;
-
 class SoilSurface final : public BaseSurface {
  public:
   explicit SoilSurface(std::shared_ptr<const Soil> ground)
@@ -24,16 +23,15 @@ class SoilSurface final : public BaseSurface {
         ground_bytes_(ground_->memory_bytes() - ground_->base().memory_bytes()),
         tiles_(*ground_),
         heights_(surface_heights(*ground_)) {
-    for (const Chunk* chunk : ground_->chunks()) resident_.push_back(chunk->origin);
+    resident_ = ground_->origins();
   }
 
   Content classify(const Eigen::AlignedBox3d& box) const override {
-    constexpr double kMost = 4096;  // chunks that are looked at
     const Content base = ground_->base().classify(box);
     // The surface leaves the cells that hold it by less than a voxel.
     const Eigen::AlignedBox3d cells = indices(box, 1);
     if (!any_resident(cells)) return base;
-    if ((cells.sizes() / kChunkSide).array().ceil().prod() > kMost)
+    if ((cells.sizes() / kChunkSide).array().ceil().prod() > kMaxClassifyChunks)
       return base == Content::kAir && ground_->is_air(box) ? base : Content::kMixed;
     bool soil = false, air = false;
     for_each_chunk(cells, [&](const Coord3& at) {
@@ -50,7 +48,7 @@ class SoilSurface final : public BaseSurface {
     if (!is_dug(box)) return;
     View view(tiles_, box);
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 p = ground_->index_from_world(first + h * Vec3(n >> 6, n >> 3 & 7, n & 7));
+      const Vec3 p = ground_->index_from_world(first + h * numbered_voxel(n).cast<double>());
       const SoilWindow::Value value = view.at(p);
       if ((value.flags & (SoilWindow::kDifferent | SoilWindow::kMissing)) != SoilWindow::kDifferent)
         continue;
@@ -68,7 +66,7 @@ class SoilSurface final : public BaseSurface {
     if (!is_dug(box)) return;
     View view(tiles_, box);
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Coord3 cell(n >> 6, n >> 3 & 7, n & 7);
+      const Coord3 cell = numbered_voxel(n);
       const Vec3 low = first + h * (cell.cast<double>() - Vec3::Constant(0.5));
       const Vec3 from = ground_->index_from_world(low),
                  to = ground_->index_from_world(low + Vec3::Constant(h));
@@ -119,7 +117,7 @@ class SoilSurface final : public BaseSurface {
     bool whole;
 
     View(const SoilTiles& all, const Eigen::AlignedBox3d& box)
-        : tiles(all), whole(SoilWindow::cells(box) <= kMostCells) {
+        : tiles(all), whole(SoilWindow::cells(box) <= kMaxWindowVoxels) {
       if (whole) window.read(tiles, box);
     }
     SoilWindow::Value at(const Vec3& index) {

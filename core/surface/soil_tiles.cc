@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 
 namespace soilvdb::inline v0 {
@@ -34,7 +35,7 @@ std::uint8_t unequal(const T* a, const T* b) {
 }  // namespace
 
 SoilTiles::SoilTiles(const Soil& ground)
-    : ground_(ground), most_bytes_(std::max(kTileBytes, ground.memory_bytes())) {}
+    : ground_(ground), most_bytes_(std::max(kMinTileBytes, ground.memory_bytes())) {}
 
 std::shared_ptr<const SoilTiles::Block> SoilTiles::block(const Coord3& origin) const {
   std::shared_ptr<Entry> entry;
@@ -82,7 +83,10 @@ std::shared_ptr<const SoilTiles::Block> SoilTiles::make(const Coord3& origin) co
     for (int y = 1; y <= kChunks + 2; ++y)
       for (int z = 1; z <= kChunks + 2; ++z) {
         if (ground_.find(origin + kChunkSide * Coord3(x - 2, y - 2, z - 2)) == nullptr) continue;
-        for (int n = 0; n < 27; ++n) near[x + n / 9 - 1][y + n / 3 % 3 - 1][z + n % 3 - 1] = true;
+        for (int n = 0; n < 27; ++n) {
+          const Coord3 c = Coord3(x, y, z) + step_around(n);
+          near[c.x()][c.y()][c.z()] = true;
+        }
       }
   auto block = std::make_shared<Block>();
   block->place.fill(-1);
@@ -119,7 +123,7 @@ const SoilTiles::Tile* SoilTiles::Reader::tile(const Coord3& chunk) {
   Slot& slot = slots_[static_cast<std::size_t>(parity.x() * 4 + parity.y() * 2 + parity.z())];
   if (slot.block && slot.chunk == chunk) return slot.tile;
   slot.chunk = chunk;
-  slot.block = tiles_.block(chunk.unaryExpr([](int v) { return v & kBlockMask; }));
+  slot.block = tiles_.block(floor_to(chunk, kBlockSide));
   const int place = slot.block->place[number(chunk)];
   slot.tile = place < 0 ? nullptr : &slot.block->tiles[static_cast<std::size_t>(place)];
   return slot.tile;

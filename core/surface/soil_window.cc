@@ -3,16 +3,15 @@
 #include "core/surface/soil_window.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/chunk_math.h"
 #include "core/lattice/lanes.h"
+#include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr double kRounding = 0.01;  // voxels: more than places leave their box by
 
 Coord3 floor(const Vec3& p) { return p.array().floor().matrix().cast<int>(); }
 
@@ -62,15 +61,12 @@ SOILVDB_FOR_CPUS void blend(const float* distances, const Coord3& step, const Po
 }  // namespace
 
 void SoilWindow::read(SoilTiles::Reader& tiles, const Eigen::AlignedBox3d& box) {
-  first_ = floor(box.min() - Vec3::Constant(kRounding));
-  size_ = floor(box.max() + Vec3::Constant(kRounding)) - first_ + Coord3::Constant(2);
+  first_ = floor(box.min() - Vec3::Constant(kWindowRounding));
+  size_ = floor(box.max() + Vec3::Constant(kWindowRounding)) - first_ + Coord3::Constant(2);
   distances_.resize(static_cast<std::size_t>(size_.prod()));
   flags_.resize(distances_.size());
-  const Coord3 low = first_.unaryExpr(&chunk_floor);
-  const Coord3 end = first_ + size_;
-  for (int x = low.x(); x < end.x(); x += kChunkSide)
-    for (int y = low.y(); y < end.y(); y += kChunkSide)
-      for (int z = low.z(); z < end.z(); z += kChunkSide) copy(tiles.tile({x, y, z}), {x, y, z});
+  for_each_chunk(floor_to(first_, kChunkSide), first_ + size_ - Coord3::Ones(),
+                 [&](const Coord3& chunk) { copy(tiles.tile(chunk), chunk); });
   for (const int step : {size_.y() * size_.z(), size_.z(), 1})
     for (std::size_t n = 0, to = static_cast<std::size_t>(step); to < flags_.size(); ++n, ++to)
       flags_[n] = static_cast<std::uint8_t>(flags_[n] | flags_[to]);

@@ -4,26 +4,23 @@
 
 #include <tbb/parallel_for.h>
 
-#include <algorithm>
 #include <map>
 
+#include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
 constexpr int kChunksPerBlock = kBlockSide / kChunkSide;
-/// Side of the cubes in which many chunks share what is known around them, voxels: larger ones look
-/// at less twice, and leave the caches.
-constexpr int kShare = 64;
 
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
 /// Is a chunk farther from resident ground than the band reaches?
 bool untouched_around(const Soil& soil, const Coord3& chunk) {
   for (int n = 0; n < 27; ++n) {
-    if (soil.find(chunk + kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) != nullptr)
-      return false;
+    if (soil.find(chunk + kChunkSide * step_around(n)) != nullptr) return false;
   }
   return true;
 }
@@ -54,7 +51,7 @@ void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
     std::vector<Coord3> chunks;
     std::vector<std::size_t> numbers;
   };
-  std::map<std::array<int, 3>, Piece> by_block;
+  std::map<Coord3, Piece, Before> by_block;
   std::vector<std::size_t> untouched;
   for (std::size_t i = 0; i < chunks.size(); ++i) {
     const Coord3& c = chunks[i];
@@ -62,8 +59,7 @@ void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
       untouched.push_back(i);
       continue;
     }
-    constexpr int kMask = ~(kShare - 1);
-    Piece& piece = by_block[{c.x() & kMask, c.y() & kMask, c.z() & kMask}];
+    Piece& piece = by_block[floor_to(c, kSharedSide)];
     piece.chunks.push_back(c);
     piece.numbers.push_back(i);
   }

@@ -16,9 +16,6 @@
 
 namespace soilvdb::inline v0 {
 
-/// Of a voxel's index it leaves that of its block's first voxel.
-inline constexpr int kBlockMask = ~(kBlockSide - 1);
-
 /// The surface in some chunks: what their samples, and those of a chunk or two around them, show.
 ///
 /// Invariant: what comes out for a place depends on the words around it and not on the block, the

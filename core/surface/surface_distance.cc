@@ -7,6 +7,7 @@
 
 #include "core/constants.h"
 #include "core/lattice/affine.h"
+#include "core/lattice/chunk_math.h"
 #include "core/lattice/lanes.h"
 
 namespace soilvdb::inline v0 {
@@ -14,10 +15,7 @@ namespace {
 
 using Triangle = ContourDistance::Triangle;
 
-constexpr float kBand = 3;              // voxels
-constexpr float kPolygonReach = 1.25f;  // of a polygon about the lower end of its edge, voxels
-constexpr float kLeast = 1e-4f;         // voxels: no voxel is on the surface, for its sign's sake
-constexpr float kSliver = 1e-4f;        // voxels^2: twice the area of what has no plane of its own
+constexpr float kBand = Soil::kBandVoxels;
 
 using Float3 = Eigen::Vector3f;
 
@@ -38,16 +36,17 @@ Triangle triangle(const Coord3& cell, const ContourVertex* const* vertices) {
   put_vector(t.middle, middle);
   const Float3 across = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
   const float twice_area = across.norm();
-  const Float3 normal = twice_area > kSliver ? Float3(across / twice_area) : Float3(Float3::Zero());
+  const Float3 normal =
+      twice_area > kSliverArea ? Float3(across / twice_area) : Float3(Float3::Zero());
   // A sliver's distance is that to its edges.
-  t.beside = twice_area > kSliver ? 0.0f : 2 * kBand;
+  t.beside = twice_area > kSliverArea ? 0.0f : 2 * kBand;
   put_vector(t.normal, normal);
   for (int k = 0; k < 3; ++k) {
     const Float3 edge = corner[(k + 1) % 3] - corner[k];
     put_vector(t.edge[k], edge);
     put_vector(t.inwards[k], normal.cross(edge));
-    t.inverse_square[k] = 1 / std::max(edge.squaredNorm(), 1e-12f);
-    t.radius = std::max(t.radius, (corner[k] - middle).norm() + 1e-3f);
+    t.inverse_square[k] = 1 / std::max(edge.squaredNorm(), kMinEdgeSquare);
+    t.radius = std::max(t.radius, (corner[k] - middle).norm() + kTriangleRounding);
   }
   return t;
 }
@@ -73,12 +72,6 @@ SOILVDB_INLINE Lanes squared_distance(const Triangle& t, float x, float y, Lanes
       ((x - t.corner[0][0]) * n[0] + (y - t.corner[0][1]) * n[1]) + (z - t.corner[0][2]) * n[2];
   const Lanes plane = off * off + t.beside * t.beside;
   return above ? min(plane, nearest) : nearest;
-}
-
-SOILVDB_INLINE float largest(Lanes v) {
-  float most = v[0];
-  for (int k = 1; k < kChunkSide; ++k) most = std::max(most, v[k]);
-  return most;
 }
 
 /// What is nearest to a row of eight voxels.
@@ -137,7 +130,7 @@ void ContourDistance::chunk(const Coord3& origin, float* phi_m) const {
   const float h = static_cast<float>(soil_.voxel_size_m()),
               band = static_cast<float>(soil_.band_m());
   for (int n = 0; n < kChunkVoxels; n += kChunkSide) {
-    const Coord3 row = low + Coord3(n >> 6, n >> 3 & 7, 0);
+    const Coord3 row = low + numbered_voxel(n);
     Nearest nearest;
     float reached = kBand;
     const auto column = [&](int x, int y) {
@@ -160,10 +153,10 @@ void ContourDistance::chunk(const Coord3& origin, float* phi_m) const {
       const float distance = std::sqrt(nearest.square[z]);
       float& phi = phi_m[n + z];
       if (nearest.base[z] != 0 && (phi < 0) == in_soil &&
-          std::abs(std::abs(phi) - distance * h) <= kAgree * h) {
+          std::abs(std::abs(phi) - distance * h) <= kBaseDistanceTolerance * h) {
         continue;
       }
-      const float metres = std::min(std::max(distance, kLeast) * h, band);
+      const float metres = std::min(std::max(distance, kMinDistance) * h, band);
       phi = in_soil ? -metres : metres;
     }
   }

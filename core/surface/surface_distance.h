@@ -9,10 +9,6 @@
 
 namespace soilvdb::inline v0 {
 
-/// Voxels between a voxel and the lower end of the edge of any polygon within the band around it:
-/// the band's three and a polygon's reach.
-inline constexpr int kPolygonsSeen = 4;
-
 /// phi at voxel centres: to the nearest of the polygons within the band, all of which are looked
 /// at, so that their order is no matter. Where the nearest is of undug ground and the base
 /// surface agrees it is the base surface's own distance.

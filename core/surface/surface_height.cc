@@ -14,16 +14,12 @@
 #include <utility>
 
 #include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
+#include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr std::size_t kMostPatches = 4096;  // kept by a look at many places: some 100 kB each
-constexpr std::size_t kFewPatches = 4;      // that a memory of cells makes quicker than threads
-constexpr std::size_t kFewHeights = 256;    // that one thread looks at
-
-int block_of(int voxel) { return voxel & kBlockMask; }
 
 /// The column of voxels whose corners' middles are around a place.
 Eigen::Vector2i column_at(const Soil& soil, double x, double y) {
@@ -39,8 +35,8 @@ Eigen::Vector2i column_at(const Soil& soil, double x, double y) {
 /// Columns of one part, which are at the same border of a block or at none, have the same blocks.
 Eigen::Vector2i part_of(const Eigen::Vector2i& column) {
   return column.unaryExpr([](int v) {
-    const int in_block = v & ~kBlockMask;
-    return (v & kBlockMask) + (in_block == 0 ? 0 : in_block == kBlockSide - 1 ? 2 : 1);
+    const int block = floor_to(v, kBlockSide), in_block = v - block;
+    return block + (in_block == 0 ? 0 : in_block == kBlockSide - 1 ? 2 : 1);
   });
 }
 
@@ -62,9 +58,10 @@ SurfaceHeight::SurfaceHeight(const Soil& soil) : soil_(soil) {
 }
 
 void SurfaceHeight::add(const Coord3& chunk) {
-  std::vector<int>& blocks = blocks_[{chunk.x() & kBlockMask, chunk.y() & kBlockMask, 0}];
-  const int z = chunk.z() & kBlockMask;
-  if (std::find(blocks.begin(), blocks.end(), z) == blocks.end()) blocks.push_back(z);
+  const Coord3 block = floor_to(chunk, kBlockSide);
+  std::vector<int>& blocks = blocks_[{block.x(), block.y(), 0}];
+  if (std::find(blocks.begin(), blocks.end(), block.z()) == blocks.end())
+    blocks.push_back(block.z());
 }
 
 void SurfaceHeight::update(std::span<const Coord3> changed_chunks) {
@@ -110,8 +107,8 @@ void SurfaceHeight::make(const Coord3& block, Patch& patch, CachedMesher* mesher
 template <typename F>
 void SurfaceHeight::each_block(double x, double y, const F& f) const {
   const Eigen::Vector2i column = column_at(soil_, x, y);
-  const Eigen::Vector2i low = (column - Eigen::Vector2i::Ones()).unaryExpr(&block_of);
-  const Eigen::Vector2i high = (column + Eigen::Vector2i::Ones()).unaryExpr(&block_of);
+  const Eigen::Vector2i low = floor_to(column - Eigen::Vector2i::Ones(), kBlockSide);
+  const Eigen::Vector2i high = floor_to(column + Eigen::Vector2i::Ones(), kBlockSide);
   for (int bx = low.x(); bx <= high.x(); bx += kBlockSide) {
     for (int by = low.y(); by <= high.y(); by += kBlockSide) {
       const auto blocks = blocks_.find({bx, by, 0});
@@ -142,10 +139,7 @@ std::optional<double> SurfaceHeight::look(double x, double y) const {
   // Ground that isn't resident may be on top of what is: the roof of a hollow.
   const std::optional<double> base = soil_.base().height(x, y);
   const auto resident = [&](double z) {
-    const Vec3 p = soil_.index_from_world({x, y, z});
-    const Coord3 voxel = (p.array() + 0.5).floor().matrix().cast<int>();
-    constexpr int kChunk = ~(kChunkSide - 1);
-    return soil_.find({voxel.x() & kChunk, voxel.y() & kChunk, voxel.z() & kChunk}) != nullptr;
+    return soil_.find(chunk_of(soil_.index_from_world({x, y, z}))) != nullptr;
   };
   if (!top) return base;
   const double height = *top + soil_.origin().z();
@@ -165,10 +159,10 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
   const std::size_t count = std::min(xy_m.size(), heights_m.size());
   std::vector<std::pair<Coord3, Patch*>> missing;
   for (std::size_t from = 0, to = 0; from < count; from = to) {
-    if (patches_.size() > kMostPatches) patches_.clear();
+    if (patches_.size() > kMaxHeightPatches) patches_.clear();
     missing.clear();
     Eigen::Vector2i known(-1, -1);  // part whose blocks are there; none is that one
-    for (; to < count && missing.size() < kMostPatches; ++to) {
+    for (; to < count && missing.size() < kMaxHeightPatches; ++to) {
       const Eigen::Vector2i part = part_of(column_at(soil_, xy_m[to].x(), xy_m[to].y()));
       if (part == known) continue;
       known = part;
@@ -177,7 +171,7 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
         if (fresh) missing.emplace_back(block, &patch->second);
       });
     }
-    if (mesher_ && missing.size() <= kFewPatches) {
+    if (mesher_ && missing.size() <= kMemoPatches) {
       for (const auto& [block, patch] : missing) make(block, *patch, &*mesher_);
     } else {
       tbb::parallel_for(std::size_t{0}, missing.size(), [&](std::size_t i) {
@@ -185,7 +179,7 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
       });
     }
     tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(from, to, kFewHeights),
+        tbb::blocked_range<std::size_t>(from, to, kHeightsPerThread),
         [&](const tbb::blocked_range<std::size_t>& range) {
           for (std::size_t i = range.begin(); i < range.end(); ++i)
             heights_m[i] =

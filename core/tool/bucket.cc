@@ -4,29 +4,24 @@
 // field.
 #include "soilvdb/bucket.h"
 
-#include <numbers>
 #include <stdexcept>
 #include <string>
 
+#include "core/constants.h"
 #include "core/lattice/text.h"
 #include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr double kMinSideM = 1e-3;
-constexpr double kMaxSideM = 100.0;  // the largest buckets are 6 m wide
-constexpr std::size_t kMaxProfilePoints = 1000;
-constexpr double kSamePointM = 1e-9;  // rounding of decimal input
-
 [[noreturn]] void refuse(const std::string& message) { throw std::invalid_argument(message); }
 
 std::string plane_point_text(const Vec2& p) { return "[" + text(p.x()) + ", " + text(p.y()) + "]"; }
 
 void check_side(const std::string& name, double side_m) {
-  if (side_m >= kMinSideM && side_m <= kMaxSideM) return;
-  refuse(name + " is " + text(side_m) + " m; it must be from " + text(kMinSideM) + " to " +
-         text(kMaxSideM) + " m");
+  if (side_m >= kMinBucketSideM && side_m <= kMaxBucketSideM) return;
+  refuse(name + " is " + text(side_m) + " m; it must be from " + text(kMinBucketSideM) + " to " +
+         text(kMaxBucketSideM) + " m");
 }
 
 double turn(const Vec2& a, const Vec2& b) { return a.x() * b.y() - a.y() * b.x(); }
@@ -60,9 +55,9 @@ void check_profile(const std::vector<Vec2>& profile, double height_m) {
            std::to_string(kMaxProfilePoints));
   }
   for (const Vec2& p : profile) {
-    if (!(p.cwiseAbs().maxCoeff() <= kMaxSideM)) {
+    if (!(p.cwiseAbs().maxCoeff() <= kMaxBucketSideM)) {
       refuse("profile has the point " + plane_point_text(p) + "; coordinates must be within " +
-             text(kMaxSideM) + " m");
+             text(kMaxBucketSideM) + " m");
     }
     if (p.x() > 0) {
       refuse("profile has the point " + plane_point_text(p) +

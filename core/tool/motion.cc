@@ -8,14 +8,11 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/constants.h"
 #include "core/lattice/text.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr int kMaxBisections = 40;
-constexpr double kFarthest = 1e9;          // m or rad: beyond any site, and any machine
-constexpr std::size_t kMostPieces = 1000;  // of one row: what is surely a slip takes forever
 
 std::string point_text(const Vec3& p) {
   return "(" + text(p.x()) + ", " + text(p.y()) + ", " + text(p.z()) + ")";
@@ -26,8 +23,7 @@ bool is_within(const Vec3& position_m, const Vec3& middle_m, double farthest_m) 
 }
 
 bool is_unit(const Eigen::Quaterniond& rotation) {
-  constexpr double kUnit = 1e-3;  // rotations are made unit elsewhere
-  return std::abs(rotation.squaredNorm() - 1) <= kUnit;
+  return std::abs(rotation.squaredNorm() - 1) <= kMaxUnitError;
 }
 
 [[noreturn]] void refuse_row(std::size_t i, const char* what) {
@@ -96,7 +92,7 @@ void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
             const Closeness& close, int depth, std::vector<Pose>& out) {
   const double sm = (sa + sb) / 2;
   const Frame m = at(sm);
-  if (depth < kMaxBisections && sm > sa && sm < sb) {
+  if (depth < kMaxHalvings && sm > sa && sm < sb) {
     if (!close.holds(a, m, b)) {
       bisect(a, sa, m, sm, at, close, depth + 1, out);
       bisect(m, sm, b, sb, at, close, depth + 1, out);
@@ -110,7 +106,7 @@ void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
 }  // namespace
 
 bool is_sane(const Pose& pose) {
-  return is_within(pose.position, Vec3::Zero(), kFarthest) && is_unit(pose.rotation);
+  return is_within(pose.position, Vec3::Zero(), kMaxMotionValue) && is_unit(pose.rotation);
 }
 
 std::string fault(const Vec3& position_m, const Vec3& middle_m, double farthest_m) {
@@ -121,7 +117,7 @@ std::string fault(const Vec3& position_m, const Vec3& middle_m, double farthest_
 }
 
 std::string fault(const Pose& pose) {
-  std::string position = fault(pose.position, Vec3::Zero(), kFarthest);
+  std::string position = fault(pose.position, Vec3::Zero(), kMaxMotionValue);
   if (!position.empty() || is_unit(pose.rotation)) return position;
   return "the rotation is a quaternion of length " + text(pose.rotation.norm()) +
          "; it must be of length 1";
@@ -146,10 +142,10 @@ Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Ch
   check_times(times_s_, times_s_.size());
   for (std::size_t i = 0; i < times_s_.size(); ++i) {
     for (std::size_t k = i * joints; k < (i + 1) * joints; ++k) {
-      if (!(std::abs(joint_values_[k]) <= kFarthest))
+      if (!(std::abs(joint_values_[k]) <= kMaxMotionValue))
         refuse_row(i, "a joint that isn't finite, or beyond 1e9");
     }
-    if (row_pieces(i) > kMostPieces) refuse_row(i, "a joint that jumps");
+    if (row_pieces(i) > kMaxRowPieces) refuse_row(i, "a joint that jumps");
   }
 }
 
@@ -165,10 +161,9 @@ Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
   const double s = span > 0 ? std::clamp((time_s - times_s_[i]) / span, 0.0, 1.0) : 0.0;
   if (!poses_.empty()) return interpolate(poses_[i], poses_[j], s);
   const std::size_t n = joints();
-  constexpr std::size_t kFew = 16;
-  std::array<double, kFew> few;
-  std::vector<double> many(n > kFew ? n : 0);
-  double* q = n > kFew ? many.data() : few.data();
+  std::array<double, kStackJoints> few;
+  std::vector<double> many(n > kStackJoints ? n : 0);
+  double* q = n > kStackJoints ? many.data() : few.data();
   for (std::size_t k = 0; k < n; ++k) {
     const double a = joint_values_[i * n + k], b = joint_values_[j * n + k];
     q[k] = a + s * (b - a);

@@ -3,7 +3,6 @@
 // Closed polygons in the plane.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <vector>
 

@@ -3,7 +3,6 @@
 #include "io/draw/canvas.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <stdexcept>
 

@@ -4,7 +4,6 @@
 #pragma once
 
 #include <functional>
-#include <string>
 
 #include "io/draw/relief.h"
 #include "soilvdb/io/picture.h"

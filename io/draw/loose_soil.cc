@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <limits>
 #include <vector>
 
+#include "core/lattice/chunk_math.h"
 #include "core/lattice/splitmix64.h"
 #include "soilvdb/io/picture.h"
 
@@ -28,13 +28,10 @@ struct Cell {
 };
 
 Cell cell_at(const Soil& soil, const Coord3& voxel) {
-  constexpr int kChunk = ~(kChunkSide - 1);
-  const Coord3 origin(voxel.x() & kChunk, voxel.y() & kChunk, voxel.z() & kChunk);
+  const Coord3 origin = floor_to(voxel, kChunkSide);
   const Chunk* chunk = soil.find(origin);
   if (chunk == nullptr) return {soil.classify(origin) == Content::kAir ? 0 : 64, 0};
-  const Coord3 in = voxel - origin;
-  const int n = (in.x() * kChunkSide + in.y()) * kChunkSide + in.z();
-  const auto count = [n](const Chunk& c) {
+  const auto count = [n = cell_number(voxel)](const Chunk& c) {
     return Cell{std::popcount(c.samples.word(n)), std::popcount(c.loose.word(n))};
   };
   return chunk->cold_record == 0 ? count(*chunk) : count(soil.copy(*chunk));

@@ -2,11 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/draw/view.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "io/draw/cutout.h"

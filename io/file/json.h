@@ -6,12 +6,16 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace soilvdb::inline v0::io {
 
 /// JSON text; bytes that aren't UTF-8 are replaced. @param indent spaces a level; -1: on one line
 std::string to_text(const nlohmann::json& json, int indent = -1);
 std::string to_text(const nlohmann::ordered_json& json, int indent = -1);
+
+/// Numbers of a vector as JSON of any kind takes them.
+std::vector<double> numbers(const auto& values) { return {values.begin(), values.end()}; }
 
 bool is_utf8(std::string_view text);
 

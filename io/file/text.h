@@ -4,6 +4,7 @@
 // messages.
 #pragma once
 
+#include <charconv>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -24,9 +25,25 @@ void check_readable(const std::filesystem::path& file);
 /// The whole file. @throw InputError also if it is empty, larger than `max_bytes` or not text.
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes);
 
-/// The number that fills all of `text`; nothing otherwise. Independent of the locale. May be NaN or
-/// infinite.
+/// The number of a type that fills all of `text`; nothing otherwise. Independent of the locale. May
+/// be NaN or infinite.
+template <typename T>
+std::optional<T> parsed(std::string_view text) {
+  T value{};
+  const char* end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc() || stop != end) return std::nullopt;
+  return value;
+}
+
+/// The same, where a number may have a plus.
 std::optional<double> parse_number(std::string_view text);
+
+/// `text` with ASCII's capital letters made small, whatever the locale.
+std::string lower_case(std::string text);
+
+/// The file's suffix with its dot, in small letters: ".obj".
+std::string suffix_of(const std::filesystem::path& file);
 
 /// `text` on one line, without control characters, cut to a length fit for a message.
 std::string printable(std::string_view text);

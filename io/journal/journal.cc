@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <stdexcept>
 
 #include "io/file/atomic_file.h"
@@ -26,7 +25,7 @@ constexpr std::size_t kBatch = std::size_t{256} << 10;  // bytes that are writte
 constexpr std::size_t kMostPending = std::size_t{64} << 20;  // where add() waits for a slow disk
 
 void append_text(std::string& bytes, std::string_view text) {
-  append_raw(bytes, static_cast<std::uint32_t>(text.size()));
+  put(bytes, static_cast<std::uint32_t>(text.size()));
   bytes += text;
 }
 
@@ -86,7 +85,7 @@ void JournalWriter::add(const JournalUpdate& update) {
 void JournalWriter::add(const JournalFile& file) {
   std::unique_lock lock(mutex_);
   pending_ += kFileTag;
-  for (const std::uint64_t value : {file.updates, file.size, file.crc}) append_raw(pending_, value);
+  for (const std::uint64_t value : {file.updates, file.size, file.crc}) put(pending_, value);
   append_text(pending_, file.name);
   append_text(pending_, file.parent);
   added(lock);

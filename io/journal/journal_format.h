@@ -5,11 +5,10 @@
 
 #include <bit>
 #include <cstdint>
-#include <cstring>
 #include <string>
 #include <string_view>
-#include <type_traits>
 
+#include "core/lattice/bytes.h"
 #include "soilvdb/io/checksum.h"
 
 namespace soilvdb::inline v0::io {
@@ -23,22 +22,6 @@ inline constexpr char kConfigTag = 'C', kUpdateTag = 'U', kFileTag = 'F', kGoneT
 
 inline constexpr std::uint32_t kMostMachines = 100'000;
 
-template <typename T>
-void append_raw(std::string& bytes, const T& value) {
-  static_assert(std::is_arithmetic_v<T>);
-  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-/// Takes a number off the front of `bytes`; false if there are too few.
-template <typename T>
-bool take_raw(std::string_view& bytes, T& value) {
-  static_assert(std::is_arithmetic_v<T>);
-  if (bytes.size() < sizeof value) return false;
-  std::memcpy(&value, bytes.data(), sizeof value);
-  bytes.remove_prefix(sizeof value);
-  return true;
-}
-
 /// What stands before a frame's content.
 struct FrameHead {
   std::uint32_t length = 0;  ///< of the content, bytes
@@ -49,11 +32,11 @@ struct FrameHead {
   /// @param place of the frame in the file
   std::string bytes(std::uint64_t place) const {
     std::string head;
-    append_raw(head, kFrameMark);
-    append_raw(head, length);
-    append_raw(head, synced);
-    append_raw(head, crc);
-    append_raw(head, checksum(head, place));
+    put(head, kFrameMark);
+    put(head, length);
+    put(head, synced);
+    put(head, crc);
+    put(head, checksum(head, place));
     return head;
   }
   /// @return is it the head of a frame at this place?
@@ -61,15 +44,15 @@ struct FrameHead {
     std::uint32_t mark = 0;
     std::uint64_t own = 0;
     const std::string_view all = head;
-    return head.size() >= kSize && take_raw(head, mark) && mark == kFrameMark &&
-           take_raw(head, length) && take_raw(head, synced) && take_raw(head, crc) &&
-           take_raw(head, own) && own == checksum(all.substr(0, kSize - sizeof own), place);
+    return head.size() >= kSize && try_take(head, mark) && mark == kFrameMark &&
+           try_take(head, length) && try_take(head, synced) && try_take(head, crc) &&
+           try_take(head, own) && own == checksum(all.substr(0, kSize - sizeof own), place);
   }
 
  private:
   static std::uint64_t checksum(std::string_view head, std::uint64_t place) {
     std::string text(head);
-    append_raw(text, place);
+    put(text, place);
     return crc64(text);
   }
 };

@@ -19,7 +19,7 @@ namespace {
 
 bool take_string(std::string_view& bytes, std::string& text) {
   std::uint32_t size = 0;
-  if (!take_raw(bytes, size) || bytes.size() < size) return false;
+  if (!try_take(bytes, size) || bytes.size() < size) return false;
   text = bytes.substr(0, size);
   bytes.remove_prefix(size);
   return true;
@@ -48,7 +48,7 @@ bool add_rows(MotionRows& rows, const MotionRows& fresh, bool anew, double begin
 }
 
 bool take_file(std::string_view& bytes, JournalFile& file) {
-  return take_raw(bytes, file.updates) && take_raw(bytes, file.size) && take_raw(bytes, file.crc) &&
+  return try_take(bytes, file.updates) && try_take(bytes, file.size) && try_take(bytes, file.crc) &&
          take_string(bytes, file.name) && take_string(bytes, file.parent);
 }
 

@@ -9,8 +9,6 @@
 #include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
-#include <system_error>
 
 #include "io/file/atomic_file.h"
 #include "io/file/json.h"

@@ -67,7 +67,7 @@ bool take_count(std::string_view& bytes, std::uint64_t& count) {
   count = 0;
   for (int shift = 0; shift < 64; shift += 7) {
     std::uint8_t byte = 0;
-    if (!take_raw(bytes, byte)) return false;
+    if (!try_take(bytes, byte)) return false;
     count |= static_cast<std::uint64_t>(byte & 127) << shift;
     if (byte < 128) return true;
   }
@@ -115,14 +115,14 @@ void Series::append(std::string& bytes, double value) {
     return;
   }
   append_count(bytes, kRaw);
-  append_raw(bytes, value);
+  put(bytes, value);
 }
 
 bool Series::take(std::string_view& bytes, double& value) {
   std::uint64_t how = 0;
   if (!take_count(bytes, how)) return false;
   if (how == kRaw) {
-    if (!take_raw(bytes, last_)) return false;
+    if (!try_take(bytes, last_)) return false;
   } else if (how == kDecimals) {
     std::uint64_t decimals = 0;
     if (!take_count(bytes, decimals) || decimals >= kPowers.size() ||
@@ -162,7 +162,7 @@ void append_update(std::string& bytes, const JournalUpdate& update,
     before.joints = rows.joints;
     before.values.resize(rows.columns);
   }
-  if (!begins_at_end && !no_begin) append_raw(bytes, update.begin_s);
+  if (!begins_at_end && !no_begin) put(bytes, update.begin_s);
   before.ends_s.append(bytes, update.end_s);
   append_difference(bytes, 0, update.cut_samples);
   append_difference(bytes, before.bucket_samples, update.bucket_samples);
@@ -207,7 +207,7 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
     before.values.resize(columns);
   }
   if (flags & kBeginsAtEnd) update.begin_s = before.end_s;
-  if (!(flags & (kBeginsAtEnd | kNoBegin)) && !take_raw(bytes, update.begin_s)) return false;
+  if (!(flags & (kBeginsAtEnd | kNoBegin)) && !try_take(bytes, update.begin_s)) return false;
   if (!before.ends_s.take(bytes, update.end_s) || !take_samples(bytes, 0, update.cut_samples) ||
       !take_samples(bytes, before.bucket_samples, update.bucket_samples))
     return false;

@@ -15,8 +15,8 @@ namespace {
 constexpr std::size_t kStep = std::size_t{1} << 20;
 constexpr int kZstdLevel = 3;
 
-/// Calls `step(to, room)`, which fills some of it and says how much, until `size` bytes are there
-/// or it has no more.
+/// Calls `step(to, room)`, which fills some of it and says how much, until `size` bytes are there.
+/// @throw std::invalid_argument if it has less, or more
 template <typename F>
 std::string grow(std::size_t size, F step) {
   std::string out;
@@ -30,6 +30,8 @@ std::string grow(std::size_t size, F step) {
       end += made;
     }
   }
+  char more = 0;
+  if (step(&more, 1) > 0) throw std::invalid_argument("hold more than they say");
   return out;
 }
 
@@ -39,7 +41,7 @@ std::string decompress_zstd(std::string_view bytes, std::size_t size) {
   const std::unique_ptr<ZSTD_DCtx, decltype(&ZSTD_freeDCtx)> context(ZSTD_createDCtx(),
                                                                      &ZSTD_freeDCtx);
   ZSTD_inBuffer in{bytes.data(), bytes.size(), 0};
-  const auto step = [&](char* to, std::size_t room) {
+  return grow(size, [&](char* to, std::size_t room) {
     ZSTD_outBuffer out{to, room, 0};
     while (out.pos == 0) {
       const std::size_t before = in.pos;
@@ -48,11 +50,7 @@ std::string decompress_zstd(std::string_view bytes, std::size_t size) {
       if (out.pos == 0 && in.pos == before) break;
     }
     return out.pos;
-  };
-  std::string whole = grow(size, step);
-  char more = 0;
-  if (step(&more, 1) > 0) throw std::invalid_argument("hold more than they say");
-  return whole;
+  });
 }
 
 std::string decompress_lz4(std::string_view bytes, std::size_t size) {
@@ -60,7 +58,7 @@ std::string decompress_lz4(std::string_view bytes, std::size_t size) {
   if (LZ4F_isError(LZ4F_createDecompressionContext(&made, LZ4F_VERSION))) throw std::bad_alloc();
   const std::unique_ptr<LZ4F_dctx, decltype(&LZ4F_freeDecompressionContext)> context(
       made, &LZ4F_freeDecompressionContext);
-  const auto step = [&](char* to, std::size_t room) {
+  return grow(size, [&](char* to, std::size_t room) {
     while (true) {
       std::size_t out = room, in = bytes.size();
       if (LZ4F_isError(LZ4F_decompress(context.get(), to, &out, bytes.data(), &in, nullptr)))
@@ -68,11 +66,7 @@ std::string decompress_lz4(std::string_view bytes, std::size_t size) {
       bytes.remove_prefix(in);
       if (out > 0 || in == 0) return out;
     }
-  };
-  std::string whole = grow(size, step);
-  char more = 0;
-  if (step(&more, 1) > 0) throw std::invalid_argument("hold more than they say");
-  return whole;
+  });
 }
 
 std::string compress_zstd(std::string_view bytes) {

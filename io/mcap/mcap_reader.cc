@@ -134,16 +134,15 @@ bool McapReader::take(McapOp op, std::string_view content, Message& message) {
   McapFields fields(content);
   if (op == McapOp::kSchema) {
     const auto id = fields.number<std::uint16_t>();
-    const std::string_view name = fields.text();
-    schemas_[id] = {std::string(name), std::string(fields.text())};
+    schemas_[id] = fields.text();
+    fields.text();  // its encoding
   } else if (op == McapOp::kChannel) {
     const auto id = fields.number<std::uint16_t>();
     const auto schema = schemas_.find(fields.number<std::uint16_t>());
     McapChannel channel;
     channel.topic = fields.text();
     channel.encoding = fields.text();
-    if (schema != schemas_.end())
-      std::tie(channel.schema, channel.schema_encoding) = schema->second;
+    if (schema != schemas_.end()) channel.schema = schema->second;
     channels_.try_emplace(id, std::move(channel));  // once more: the same, which may be in use
   } else if (op == McapOp::kMessage) {
     const auto id = fields.number<std::uint16_t>();

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -20,8 +19,9 @@ namespace soilvdb::inline v0::io {
 inline constexpr std::int64_t kLastLog_ns = 4'000'000'000'000'000'000;
 
 struct McapChannel {
-  std::string topic, encoding;          ///< of its messages, "cdr" for one
-  std::string schema, schema_encoding;  ///< "sensor_msgs/msg/JointState" and "ros2msg", for one
+  std::string topic;
+  std::string encoding;  ///< of its messages, "cdr" for one
+  std::string schema;    ///< "sensor_msgs/msg/JointState" for one
 };
 using McapChannels = std::map<std::uint16_t, McapChannel>;
 
@@ -75,7 +75,7 @@ class McapReader {
   std::string record_, unpacked_;  // content of the record, of the chunk
   std::string_view chunk_;         // the same as it is without compression; empty: in none
   std::size_t chunk_at_ = 0;
-  std::map<std::uint16_t, std::pair<std::string, std::string>> schemas_;  // name and encoding
+  std::map<std::uint16_t, std::string> schemas_;  // names
   McapChannels channels_;
   std::optional<std::int64_t> torn_at_;
   std::uint32_t crc_ = 0;  // of all bytes up to record_at_, while it is known

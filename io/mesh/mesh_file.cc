@@ -5,9 +5,7 @@
 #include <assimp/scene.h>
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <assimp/Exporter.hpp>
-#include <cctype>
 #include <cstdint>
 #include <cstring>
 #include <memory>
@@ -15,6 +13,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "core/lattice/bytes.h"
 #include "io/file/atomic_file.h"
 #include "io/file/json.h"
 #include "io/file/text.h"
@@ -25,9 +24,7 @@ namespace {
 enum class Format { kPly, kObj, kStl, kGlb };
 
 Format format_of(const std::filesystem::path& file) {
-  std::string suffix = file.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string suffix = suffix_of(file);
   if (suffix == ".ply") return Format::kPly;
   if (suffix == ".obj") return Format::kObj;
   if (suffix == ".stl") return Format::kStl;
@@ -89,18 +86,15 @@ std::string stl_bytes(const Mesh& mesh, const Vec3& origin) {
   constexpr std::size_t kHeader = 80;
   std::string bytes = "soilvdb origin " + origin_text(origin);
   bytes.resize(kHeader, '\0');
-  const auto put = [&bytes](const auto& value) {
-    bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-  };
   bytes.reserve(kHeader + 4 + 50 * mesh.triangles.size());
-  put(static_cast<std::uint32_t>(mesh.triangles.size()));
+  put(bytes, static_cast<std::uint32_t>(mesh.triangles.size()));
   for (const auto& t : mesh.triangles) {
     const Eigen::Vector3f &a = mesh.points[t[0]], &b = mesh.points[t[1]], &c = mesh.points[t[2]];
     const Vec3 normal = (b - a).cast<double>().cross((c - a).cast<double>()).stableNormalized();
     for (const Eigen::Vector3f& v : {Eigen::Vector3f(normal.cast<float>()), a, b, c}) {
-      for (int i = 0; i < 3; ++i) put(v[i]);
+      for (int i = 0; i < 3; ++i) put(bytes, v[i]);
     }
-    put(std::uint16_t{0});
+    put(bytes, std::uint16_t{0});
   }
   return bytes;
 }

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
@@ -71,9 +70,9 @@ class MeshWords {
     MeshPoint p;
     for (float& v : p) {
       const std::string_view text = word();
-      const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), v);
-      if (text.empty() || error != std::errc() || end != text.data() + text.size())
-        fail(fmt::format("'{}' is no coordinate", printable(std::string(text))));
+      const auto value = parsed<float>(text);
+      if (!value) fail(fmt::format("'{}' is no coordinate", printable(text)));
+      v = *value;
     }
     return p;
   }
@@ -96,13 +95,12 @@ Mesh read_obj(const std::filesystem::path& file, std::string_view text) {
     face.clear();
     for (std::string_view one = words.word(); !one.empty(); one = words.word()) {
       one = one.substr(0, one.find('/'));
-      std::int64_t k = 0;
-      const auto [end, error] = std::from_chars(one.data(), one.data() + one.size(), k);
+      std::int64_t k = parsed<std::int64_t>(one).value_or(0);
       const auto count = static_cast<std::int64_t>(numbers.size());
       if (k < 0) k += count + 1;
-      if (error != std::errc() || end != one.data() + one.size() || k < 1 || k > count)
+      if (k < 1 || k > count)
         words.fail(fmt::format("a face has the corner '{}'; there are {} vertices before it",
-                               printable(std::string(one)), count));
+                               printable(one), count));
       face.push_back(numbers[static_cast<std::size_t>(k - 1)]);
     }
     for (std::size_t k = 2; k < face.size(); ++k) corners.triangle(face[0], face[k - 1], face[k]);
@@ -148,9 +146,7 @@ Mesh read_stl(const std::filesystem::path& file, std::string_view bytes) {
 
 Mesh read_mesh(const std::filesystem::path& file) {
   check_readable(file);
-  std::string suffix = file.extension().string();
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string suffix = suffix_of(file);
   if (suffix != ".obj" && suffix != ".stl")
     throw InputError(file, "is no mesh that is read; .stl or .obj would do");
   if (std::filesystem::file_size(file) > kMostMeshBytes)

@@ -9,6 +9,7 @@
 
 #include "io/file/text.h"
 #include "io/motion/motion_angles.h"
+#include "soilvdb/io/motion_rows.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -165,13 +166,8 @@ void check_number(const RowPlace& lines, const std::string& name, double value) 
 }
 
 Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaternion) {
-  Pose pose;
-  pose.position = {v[1], v[2], v[3]};
-  if (!quaternion) {
-    pose.rotation = from_rpy(v[4], v[5], v[6]);
-    return pose;
-  }
-  pose.rotation = Eigen::Quaterniond(v[7], v[4], v[5], v[6]);
+  if (!quaternion) return {{v[1], v[2], v[3]}, from_rpy(v[4], v[5], v[6])};
+  Pose pose = pose_of(&v[1]);
   const double norm = pose.rotation.norm();
   if (!(std::abs(norm - 1) <= kQuaternionTolerance)) {
     lines.fail(fmt::format("the quaternion qx,qy,qz,qw has the norm {:.6g}; it must be 1", norm));

@@ -3,7 +3,6 @@
 // What a row of a motion may say, by itself and after the row before it.
 #pragma once
 
-#include <filesystem>
 #include <limits>
 #include <optional>
 #include <span>

@@ -116,12 +116,6 @@ class Header {
   std::vector<std::string> names_;
 };
 
-bool same_but_for_case(const std::string& a, const std::string& b) {
-  const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : int{c}; };
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [&](char c, char d) { return lower(c) == lower(d); });
-}
-
 }  // namespace
 
 std::string other_case(const std::vector<std::string>& wanted,
@@ -129,7 +123,7 @@ std::string other_case(const std::vector<std::string>& wanted,
   std::string hint;
   for (const std::string& name : wanted) {
     const auto it = std::find_if(there.begin(), there.end(),
-                                 [&](const auto& n) { return same_but_for_case(n, name); });
+                                 [&](const auto& n) { return lower_case(n) == lower_case(name); });
     if (it == there.end()) continue;
     hint += fmt::format("{} '{}' by '{}'", hint.empty() ? "; did you mean" : ",", printable(name),
                         printable(*it));

@@ -35,9 +35,8 @@ MotionRows rows_between(const Motion& motion, double begin_s, double end_s) {
   }
   rows.columns = kPoseColumns;
   for (const Pose& pose : motion.poses().subspan(first, last + 1 - first)) {
-    const Vec3& p = pose.position;
-    const auto& q = pose.rotation.coeffs();
-    rows.values.insert(rows.values.end(), {p[0], p[1], p[2], q[0], q[1], q[2], q[3]});
+    const auto row = row_of(pose);
+    rows.values.insert(rows.values.end(), row.begin(), row.end());
   }
   return rows;
 }
@@ -48,7 +47,7 @@ Motion motion_of(const MotionRows& rows, const Chain& chain) {
     throw std::invalid_argument("a pose has seven numbers");
   std::vector<Pose> poses;
   for (const double* v = rows.values.data(); v < rows.values.data() + rows.values.size(); v += 7)
-    poses.push_back({{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])});
+    poses.push_back(pose_of(v));
   return {rows.times_s, std::move(poses)};
 }
 

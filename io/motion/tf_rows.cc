@@ -11,6 +11,7 @@
 #include "io/file/text.h"
 #include "io/motion/mcap_rows.h"
 #include "io/motion/motion_checks.h"
+#include "soilvdb/io/motion_rows.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -24,10 +25,6 @@ struct Link {
   std::uint32_t stream = 0;
   bool fixed = false;  ///< it is where its stream has it, at all times
 };
-
-Pose pose_of(const double* v) {
-  return {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
-}
 
 /// The frames that hang on others, each with its streams.
 using Frames = std::map<std::string, std::vector<std::uint32_t>, std::less<>>;
@@ -136,10 +133,8 @@ class TfRows : public TrackRows {
       pose = i == 0 ? up : up * pose;
     }
     v[0] = stamp_s(row_.time_ns);
-    const Vec3& p = pose.position;
-    const auto& q = pose.rotation.coeffs();
-    std::copy_n(p.data(), 3, v.begin() + 1);
-    std::copy_n(q.data(), 4, v.begin() + 4);
+    const Values row = row_of(pose);
+    std::copy(row.begin(), row.end(), v.begin() + 1);
     for (std::size_t i = 0; i < v.size(); ++i) check_number(place_, columns_.names[i], v[i]);
     seal(v);
   }
@@ -170,10 +165,7 @@ class TfRows : public TrackRows {
   }
 
   Values between(const Track&, const Values& a, const Values& b, double s) const override {
-    const Pose pose = interpolate(pose_of(a.data()), pose_of(b.data()), s);
-    const Vec3& p = pose.position;
-    const auto& q = pose.rotation.coeffs();
-    return {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+    return row_of(interpolate(pose_of(a.data()), pose_of(b.data()), s));
   }
 
   std::vector<Link> links_;

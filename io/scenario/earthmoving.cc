@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <numbers>
 
+#include "core/constants.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -17,7 +18,6 @@ namespace {
 constexpr double kRightAngle = std::numbers::pi / 2;
 constexpr double kRadPerDegree = std::numbers::pi / 180;
 constexpr double kSteepRepose = 60 * kRadPerDegree;  // no loose soil stands so steep
-constexpr double kMostSwell = 3;                     // twice what any rock has
 constexpr double kNoAreaM2 = 1e-9;
 constexpr std::size_t kMostHoppers = 10'000;  // each is compared with each
 
@@ -92,10 +92,10 @@ void read_soil(const YamlMap& scenario, Scenario& result) {
   SoilProperties soil;
   soil.repose_rad = read_angle(map, "repose_angle", /*zero_is_good=*/false);
   if (map.has("swell")) soil.swell = map.number("swell");
-  if (soil.swell < 0 || soil.swell > kMostSwell) {
+  if (soil.swell < 0 || soil.swell > kMaxSwell) {
     map.fail("swell", fmt::format("swell is {}; it must be loose over bank volume less 1, a share "
                                   "from 0 to {:g}{}",
-                                  soil.swell, kMostSwell,
+                                  soil.swell, kMaxSwell,
                                   soil.swell > 0 ? fmt::format(": {:g} percent are {:g}",
                                                                soil.swell, soil.swell / 100)
                                                  : ""));

@@ -69,14 +69,15 @@ void check_pours(const Scenario& scenario, const Site& site) {
                       at, far_m, kMaxIndex * h, h, 1.05 * far_m / kMaxIndex));
     }
     // What a pile that wide lies on is more than is looked at together.
-    const double slope = std::tan(scenario.soil->repose_rad), most_m = kMostPile * h;
+    const double slope = std::tan(scenario.soil->repose_rad), most_m = kMaxPileCells * h;
     if (const double radius_m = std::cbrt(3 * pour.volume_m3 / (std::numbers::pi * slope));
         radius_m > most_m) {
       throw InputError(
           scenario.file,
           fmt::format("pour '{}' of {:g} m3 makes a cone with a radius of {:.1f} m; voxels of {:g} "
                       "m can have one of {:.1f} m: a voxel_size of {:.2g} or more would do",
-                      pour.name, pour.volume_m3, radius_m, h, most_m, 1.05 * radius_m / kMostPile));
+                      pour.name, pour.volume_m3, radius_m, h, most_m,
+                      1.05 * radius_m / kMaxPileCells));
     }
     const std::optional<double> height_m = ground->height(p.x(), p.y());
     if (!height_m) {

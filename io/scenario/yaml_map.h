@@ -6,7 +6,6 @@
 #include <yaml-cpp/yaml.h>
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 

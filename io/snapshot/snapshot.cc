@@ -10,7 +10,6 @@
 #include "io/file/atomic_file.h"
 #include "io/snapshot/snapshot_format.h"
 #include "io/snapshot/snapshot_samples.h"
-#include "soilvdb/io/checksum.h"
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/soil_grids.h"
 #include "soilvdb/version.h"
@@ -93,12 +92,8 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   openvdb::initialize();
   MetaMap meta;
   put_all(meta, file, site, info);
-  std::vector<Coord3> chunks;
-  if (info.parent) {
-    for (const Chunk* chunk : site.soil->chunks()) chunks.push_back(chunk->origin);
-  } else {
-    chunks = chunks_with_surface(*site.soil);
-  }
+  const std::vector<Coord3> chunks =
+      info.parent ? site.soil->origins() : chunks_with_surface(*site.soil);
   const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.soil, chunks);
   for (auto item = meta.beginMeta(); item != meta.endMeta(); ++item) {
     surface->insertMeta(item->first, *item->second);

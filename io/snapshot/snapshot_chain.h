@@ -7,7 +7,6 @@
 #include <openvdb/openvdb.h>
 
 #include <filesystem>
-#include <memory>
 #include <new>
 #include <optional>
 #include <string>

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <memory>
-#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -15,7 +14,6 @@
 #include "io/snapshot/snapshot_samples.h"
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/soil_grids.h"
 
 namespace soilvdb::inline v0::io {
 namespace {

@@ -6,9 +6,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
-#include <memory>
 #include <numbers>
 #include <optional>
 
@@ -21,9 +19,8 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 /// Length of a unit by its name, m; nothing for names that mean nothing to us.
-std::optional<double> unit_metres(std::string name) {
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+std::optional<double> unit_metres(const std::string& unit) {
+  const std::string name = lower_case(unit);
   if (name.find("foot") != std::string::npos || name.find("feet") != std::string::npos ||
       name.starts_with("ft") || name == "us-ft" || name == "usft") {
     const bool survey =

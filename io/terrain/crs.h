@@ -3,7 +3,6 @@
 // Coordinate reference systems: which ones a site can be in, and how to get there from the others.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 

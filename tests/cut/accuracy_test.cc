@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <map>
 #include <numbers>
 #include <random>
 
@@ -28,9 +27,6 @@ constexpr std::array<Resolution, 3> kResolutions{
 constexpr double kRequiredOrder = 1.8;
 constexpr double kRequiredSpread = 3e-4;  // over numbers of updates
 
-/// Root mean square error of 64 samples on a cell that a plane cuts, in cells: over all directions,
-/// and in the direction worst for the lattice. Random samples would have 0.042 and 0.054.
-constexpr double kCellError = 0.0168, kWorstCellError = 0.0225;
 constexpr double kSigmas = 5;
 /// What the parabola of a segment leaves out of a point's path, voxels: sqrt(3) / 216 of its third
 /// derivative, at most 1.5 times the turn (0.13 rad with kMaxBend on a bucket of ten voxels) times
@@ -65,10 +61,9 @@ const std::vector<Result>& results() {
         const double h = r.voxel_size_m;
         const Dug dug(dig, h, kUpdates);
         const double cells = static_cast<double>(border_cells(dug.soil));
-        const double sigma = kCellError * h * h * h * std::sqrt(cells);
+        const double sigma = count_error_m3(h, cells, kCountError);
         const double bend = kPathBend * h * cells * h * h;
-        const double bound =
-            kSigmas * kWorstCellError / kCellError * sigma + bend + dig.uncertainty_m3;
+        const double bound = kSigmas * count_error_m3(h, cells) + bend + dig.uncertainty_m3;
         list.push_back({fmt::format("{} at {:.1f} degrees", dig.family,
                                     dig.placement.yaw_rad * 180 / std::acos(-1.0)),
                         h, dug.cut_m3() / dig.exact_m3 - 1,

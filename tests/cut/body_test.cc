@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 
 #include "core/tool/polygon.h"
 #include "tests/support/dig_runner.h"
@@ -16,7 +15,6 @@ namespace body_test {
 constexpr double kVoxel = 0.025;
 constexpr double kWidth = 0.6, kHeight = 0.4;
 constexpr double kSigmas = 5;
-constexpr double kWorstCellError = 0.0225;  // root mean square in the worst direction, in cells
 
 const std::vector<Vec2> kCleared{{0, 0}, {-0.3, 0.08}, {-0.35, 0.3}, {0, kHeight}};
 const std::vector<Vec2> kHeel{{0, 0}, {-0.3, -0.06}, {-0.35, 0.3}, {0, kHeight}};
@@ -35,10 +33,7 @@ struct Site {
   void go(const Pose& pose) { tracker.update(0, kWorld * pose); }
   const Ledger& ledger() const { return tracker.ledger(0); }
   /// Five standard errors of what sampling gets wrong.
-  double tolerance_m3() const {
-    return kSigmas * kWorstCellError * std::pow(soil.voxel_size_m(), 3) *
-           std::sqrt(static_cast<double>(border_cells(soil)));
-  }
+  double tolerance_m3() const { return kSigmas * count_error_m3(soil); }
 };
 
 const Terrain kFlat{[](const Vec2&) { return 0.0; }, true};
@@ -108,8 +103,7 @@ TEST(Body, DisplacesOnlyWhatTheMouthDidNotReachFirst) {
   const double captured = kWidth * travel * 0.15;
   // The heel's lowest point trails by 0.3 m; before it the bottom rises to the lip.
   const double displaced = kWidth * (0.06 * (travel - 0.3) + 0.06 * 0.3 / 2);
-  const double tolerance = kSigmas * kWorstCellError * std::pow(kVoxel, 3) *
-                           std::sqrt(static_cast<double>(border_cells(soil)));
+  const double tolerance = kSigmas * count_error_m3(soil);
   EXPECT_NEAR(tracker.ledger(1).captured_m3(), captured, tolerance);
   EXPECT_NEAR(tracker.ledger(1).displaced_m3(), displaced, tolerance);
 }
@@ -152,8 +146,7 @@ TEST(Body, SwungSidewaysCutsWithItsSides) {
     area += (q.x() * p.y() - p.x() * q.y()) / 2;
   }
   area = std::abs(area);
-  const double tolerance = kSigmas * kWorstCellError * std::pow(kVoxel, 3) *
-                           std::sqrt(2 * static_cast<double>(border_cells(soil)));
+  const double tolerance = kSigmas * std::sqrt(2) * count_error_m3(soil);
   EXPECT_NEAR(tracker.ledger(0).displaced_m3(), kWidth * area, tolerance) << "where it starts";
   tracker.update(0, Pose{{0.0131, 1.0077, 0.003}, Eigen::Quaterniond::Identity()});
   EXPECT_EQ(tracker.ledger(0).captured, 0);
@@ -209,8 +202,7 @@ TEST(Body, PlacedInTheGroundTakesItsOwnVolume) {
   Tracker tracker(soil, {b});
   tracker.update(0, deep);
   const double area = (0.3 * 0.3 + 0.35 * (0.4 - 0.08)) / 2;  // half the diagonals' cross product
-  const double tolerance = kSigmas * kWorstCellError * std::pow(kVoxel, 3) *
-                           std::sqrt(static_cast<double>(border_cells(soil)));
+  const double tolerance = kSigmas * count_error_m3(soil);
   EXPECT_NEAR(tracker.ledger(0).displaced_m3(), kWidth * area, tolerance);
   EXPECT_EQ(tracker.ledger(0).captured, 0);
   EXPECT_EQ(tracker.update(0, deep).cut_m3, 0) << "it is there already";

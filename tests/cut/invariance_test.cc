@@ -5,12 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <functional>
 #include <map>
-#include <numbers>
-#include <optional>
 #include <utility>
 
 #include "core/constants.h"
@@ -25,13 +21,7 @@ namespace invariance_test {
 constexpr double kVoxel = 0.05;
 constexpr int kUpdates = 40;
 /// Standard errors that two counts of one cut, on other cells, may differ by.
-constexpr double kSigmas = 5;
-constexpr double kWorstCellError = 0.0225;  // root mean square in the worst direction, in cells
-
-double count_error(const Soil& soil) {
-  return kSigmas * kWorstCellError * std::pow(soil.voxel_size_m(), 3) *
-         std::sqrt(2 * static_cast<double>(border_cells(soil)));
-}
+const double kSigmas = 5 * std::sqrt(2);
 
 TEST(Cut, IsTheSameSamplesAtUtmCoordinates) {
   for (const char* family : {"half_sine", "drag_curl", "raster", "steep"}) {
@@ -48,7 +38,7 @@ TEST(Cut, HardlyDependsOnYaw) {
   const Dug ahead(make_dig("drag", {0, {0.013, 0.021, 0.007}}), kVoxel, kUpdates);
   for (const double yaw : {0.2, 0.9, 1.3, 2.6, 4.4}) {
     const Dug turned(make_dig("drag", {yaw, {0.013, 0.021, 0.007}}), kVoxel, kUpdates);
-    EXPECT_NEAR(turned.cut_m3(), ahead.cut_m3(), count_error(ahead.soil)) << yaw;
+    EXPECT_NEAR(turned.cut_m3(), ahead.cut_m3(), kSigmas * count_error_m3(ahead.soil)) << yaw;
   }
 }
 
@@ -74,7 +64,7 @@ TEST(Cut, TheSamePathAgainRemovesNothing) {
   for (const std::string& family : families()) {
     const Dig dig = make_dig(family, placements()[1]);
     Soil soil(kVoxel, dig.origin, dig.ground);
-    const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * kMaxBend, kVoxel * 16);
+    const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * kMaxBend, kVoxel * kPathStride);
     Excavator excavator(dig.bucket);
     EXPECT_GT(excavator.sweep(soil, path).all.captured, 0) << family;
     EXPECT_EQ(excavator.sweep(soil, path).all.captured, 0) << family << " again";

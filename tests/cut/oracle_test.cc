@@ -5,8 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "tests/support/families.h"
 #include "tests/support/scenarios.h"
 

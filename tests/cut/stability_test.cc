@@ -8,19 +8,15 @@
 #include <numbers>
 
 #include "core/surface/surface.h"
-#include "soilvdb/tracker.h"
+#include "tests/support/dig_runner.h"
 
 namespace soilvdb {
 namespace stability_test {
 
-/// Volume is counted on lattice points, 64 to a cell, random with respect to the swept surface; in
-/// a cell that the surface cuts, the count has a variance of kCellVariance cells squared (measured
-/// for this lattice on random planes, core/lattice/sample_points.cc). Errors of the cells are
-/// independent, so four standard deviations of their sum bound the error of a cut with `surface_m2`
-/// of surface. A plane cuts at most 3 cells per face of a cell.
+/// Four standard errors of a cut with `surface_m2` of surface in all directions. A plane cuts at
+/// most 3 cells per face of a cell.
 double sampling_bound_m3(double surface_m2, double h) {
-  constexpr double kCellVariance = 0.0137 * 0.0137, kCellsPerFace = 3;
-  return 4 * h * h * h * std::sqrt(kCellsPerFace * kCellVariance * surface_m2 / (h * h));
+  return 4 * test::count_error_m3(h, 3 * surface_m2 / (h * h), kCountError);
 }
 
 constexpr double kWidth_m = 0.6, kHeight_m = 0.4, kDepth_m = 0.2, kLength_m = 1;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <random>
 
+#include "core/constants.h"
 #include "soilvdb/motion.h"
 #include "tests/support/swept_samples.h"
 
@@ -98,7 +99,7 @@ TEST(Sweep, OfARolledBucketTakesWhatItsFacesPass) {
     const Eigen::AngleAxisd turn(between(random, 0, 0.4), in_cube(random, 1).normalized());
     const Pose to{from.position + kVoxel * in_cube(random, 12), turn * from.rotation};
     std::vector<Pose> path{from};
-    trace(from, to, bucket, kMaxBend * kVoxel, 16 * kVoxel, path);
+    trace(from, to, bucket, kMaxBend * kVoxel, kPathStride * kVoxel, path);
     expect_as_asked(bucket, path);
   }
 }

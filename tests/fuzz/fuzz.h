@@ -10,7 +10,6 @@
 #include <cstdlib>
 #include <ctime>
 #include <iostream>
-#include <string>
 #include <string_view>
 
 #include "soilvdb/io/error.h"

@@ -41,8 +41,8 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
     const std::size_t left = size - at - FrameHead::kSize;
     FrameHead head;
     std::string_view fields = rest;
-    io::take_raw(fields, head.length);
-    io::take_raw(fields, head.synced);
+    try_take(fields, head.length);
+    try_take(fields, head.synced);
     if (head.length == 0 || head.length > left) head.length = static_cast<std::uint32_t>(left);
     head.crc = io::crc64(fuzz::text(data + at + FrameHead::kSize, head.length));
     const std::string bytes = head.bytes(at);

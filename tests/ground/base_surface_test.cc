@@ -10,6 +10,7 @@
 #include <memory>
 #include <random>
 
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/soil_grids.h"
 #include "soilvdb/tracker.h"
@@ -34,7 +35,7 @@ TEST(HeightField, BeneathAHoleThereIsNoSoilHoweverDeep) {
     const Vec3 first(8.8, 9.9, z);
     ground->distance(first, 0.1, 0.3, phi);
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 p = first + 0.1 * Coord3(n >> 6, n >> 3 & 7, n & 7).cast<double>();
+      const Vec3 p = first + 0.1 * numbered_voxel(n).cast<double>();
       const auto height = ground->height(p.x(), p.y());
       EXPECT_EQ(phi[n] < 0, height && p.z() < *height) << p.transpose();
     }
@@ -80,7 +81,7 @@ TEST(Plane, SamplesAreSoilBelowAPlaneAndNowhereElse) {
       plane->samples(chunk, h * chunk.cast<double>(), h, words);
       int wrong = 0;
       for (int n = 0; n < kChunkVoxels; ++n) {
-        const Coord3 voxel = chunk + Coord3(n >> 6, n >> 3 & 7, n & 7);
+        const Coord3 voxel = chunk + numbered_voxel(n);
         const CellPoints& points = sample_points(voxel);
         for (int i = 0; i < 64; ++i) {
           const Vec3 p = h * (voxel.cast<double>() - Vec3::Constant(0.5) +

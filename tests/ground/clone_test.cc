@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "io/snapshot/cold_file.h"
+#include "soilvdb/change_follower.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/temp_folder.h"
@@ -128,21 +129,23 @@ struct Branch {
 TEST(Clone, GoesOnAsTheOriginalWouldToTheLastBit) {
   for (std::size_t g = 0; g < 3; ++g) {
     Branch original = Branch::begin(g);
+    ChangeFollower changes(original.work->soil);
     for (std::uint64_t i = 0; i < 120; ++i) {
       original.step(i);
-      if (i == 60) original.work->tracker.take_changed();
+      if (i == 60) changes.take();
     }
     EXPECT_GT(loose_samples(original.work->soil), 0);
     Branch clone = original.clone();
+    ChangeFollower of_clone(clone.work->soil, changes);
     expect_same(*original.work, *clone.work);
     EXPECT_EQ(original.work->at.size(), clone.work->at.size());
     for (std::uint64_t i = 200; i < 260; ++i) original.step(i);
     for (std::uint64_t i = 200; i < 260; ++i) clone.step(i);
     expect_same(*original.work, *clone.work);
     expect_same(*original.work, *original.again(g).work);
-    const std::vector<Coord3> changed = original.work->tracker.take_changed();
+    const std::vector<Coord3> changed = changes.take();
     EXPECT_FALSE(changed.empty());
-    EXPECT_EQ(clone.work->tracker.take_changed(), changed) << "since the original's last call";
+    EXPECT_EQ(of_clone.take(), changed) << "since the original's last call";
   }
 }
 
@@ -280,7 +283,7 @@ TEST(Clone, TakesTheMemoryOfItsLeavesAndSaysWhatItWouldHold) {
   Tracker tracker(soil, {digger()});
   for (int lane = 0; lane < 4; ++lane)
     for (const Pose& pose : drag({0, 1.2 * lane, 0}, 4, 0.6, 60)) tracker.update(0, pose);
-  soil.take_touched();
+  ChangeFollower(soil).take();
   double samples = 0;
   for (const Chunk* chunk : soil.chunks()) samples += static_cast<double>(chunk->heap_bytes());
   const auto whole = static_cast<double>(soil.memory_bytes());

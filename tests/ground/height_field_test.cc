@@ -11,6 +11,7 @@
 #include <random>
 #include <vector>
 
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/base_surface.h"
 
 namespace soilvdb::test {
@@ -124,7 +125,7 @@ TEST(HeightField, SamplesAreSoilBelowTheHeightAndNowhereElse) {
     ground->samples(chunk, first, kVoxel, words);
     std::int64_t wrong = 0;
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Coord3 cell(n >> 6, n >> 3 & 7, n & 7);
+      const Coord3 cell = numbered_voxel(n);
       const CellPoints& points = sample_points(chunk + cell);
       for (int i = 0; i < 64; ++i) {
         const Vec3 in_cell(points.x[i], points.y[i], points.z[i]);
@@ -173,7 +174,7 @@ TEST(HeightField, DistanceIsThatToTheNearestPatchOnBothSidesOfABorder) {
     float phi[kChunkVoxels];
     ground->distance(first, kVoxel, kBand, phi);
     for (int n = 0; n < kChunkVoxels; n += 3) {
-      const Vec3 p = first + kVoxel * Coord3(n >> 6, n >> 3 & 7, n & 7).cast<double>();
+      const Vec3 p = first + kVoxel * numbered_voxel(n).cast<double>();
       const Vec2 at = (p.head<2>() - posts->grid.first).cwiseQuotient(posts->grid.spacing);
       const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
       double distance = kBand;

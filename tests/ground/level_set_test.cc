@@ -13,6 +13,7 @@
 #include <string>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
@@ -166,8 +167,8 @@ TEST(Occupancy, IsTheShareOfEachVoxelInABoxThatItsSamplesCount) {
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
       for (int z = low.z(); z <= high.z(); ++z) {
-        soil.read_samples({x & ~7, y & ~7, z & ~7}, words);
-        const auto word = words[static_cast<std::size_t>((x & 7) << 6 | (y & 7) << 3 | (z & 7))];
+        soil.read_samples(floor_to(Coord3(x, y, z), kChunkSide), words);
+        const auto word = words[static_cast<std::size_t>(cell_number({x, y, z}))];
         float value = -1;
         ASSERT_EQ(grid->tree().probeValue({x, y, z}, value), word != 0);
         ASSERT_EQ(value, static_cast<float>(std::popcount(word)) / 64);

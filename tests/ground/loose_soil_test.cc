@@ -21,10 +21,6 @@ namespace loose_soil_test {
 
 constexpr double kVoxel = 0.1;
 
-struct Less {
-  bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
-};
-
 SampleWords random_set(std::mt19937_64& random) {
   SampleWords words;
   for (std::uint64_t& word : words) {
@@ -38,7 +34,7 @@ SampleWords random_set(std::mt19937_64& random) {
 struct Heaps {
   Soil soil{kVoxel, Vec3::Zero(), make_plane(0.13, {0.2, -0.1})};
   SoilWriter writer{soil};
-  std::map<Coord3, SampleWords, Less> loose;
+  std::map<Coord3, SampleWords, Before> loose;
 
   void change(std::mt19937_64& random) {
     const auto at = [&] { return static_cast<int>(random() % 4) * 8 - 16; };
@@ -58,7 +54,7 @@ struct Heaps {
   }
 };
 
-void expect_loose(const Soil& soil, const std::map<Coord3, SampleWords, Less>& model) {
+void expect_loose(const Soil& soil, const std::map<Coord3, SampleWords, Before>& model) {
   SampleWords words, samples;
   for (const auto& [origin, expected] : model) {
     soil.read_loose(origin, words);
@@ -120,7 +116,7 @@ TEST(LooseSoil, IsInSnapshots) {
   const test::TempFolder folder;
   const io::Site site = io::site_on(io::PlaneTerrain{100, {0.1, -0.2}});
   SoilWriter writer(*site.soil);
-  std::map<Coord3, SampleWords, Less> model;
+  std::map<Coord3, SampleWords, Before> model;
   for (int x = 0; x < 80; x += 8) {
     const SampleWords set = random_set(random);
     if (x % 16 == 0) {

@@ -16,8 +16,9 @@
 #include <random>
 #include <set>
 
-#include "core/cut/excavator.h"
+#include "core/lattice/chunk_math.h"
 #include "io/snapshot/cold_file.h"
+#include "soilvdb/change_follower.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/sample_tree.h"
 #include "soilvdb/tracker.h"
@@ -27,10 +28,6 @@ namespace soilvdb::test {
 namespace soil_writer_test {
 
 constexpr double kVoxel = 0.1;
-
-struct Less {
-  bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
-};
 
 SampleWords random_set(std::mt19937_64& random) {
   SampleWords words;
@@ -46,8 +43,8 @@ SampleWords random_set(std::mt19937_64& random) {
 struct Modelled {
   Soil soil{kVoxel, Vec3::Zero(), make_plane(0.13, {0.2, -0.1})};
   SoilWriter writer{soil};
-  std::map<Coord3, SampleWords, Less> model;
-  std::set<Coord3, Less> changed;
+  std::map<Coord3, SampleWords, Before> model;
+  std::set<Coord3, Before> changed;
 
   Modelled() {
     for (int x = -16; x < 16; x += 8)
@@ -99,8 +96,7 @@ struct Modelled {
   void expect_bounds(const Coord3& origin, const SampleWords& words) const {
     for (int n = 0; n < kChunkVoxels; n += 5) {
       if (words[static_cast<std::size_t>(n)] == 0) continue;
-      const Vec3 middle =
-          soil.world_from_index((origin + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>());
+      const Vec3 middle = soil.world_from_index((origin + numbered_voxel(n)).cast<double>());
       const Vec3 part = Vec3::Constant(0.5 * kVoxel);
       EXPECT_FALSE(soil.is_air({middle - part, middle + part}));
     }
@@ -130,6 +126,7 @@ TEST(SoilWriter, RandomSetsComeAndGoAsInAPlainModel) {
     std::mt19937_64 random(2);
     const test::TempFolder folder;
     Modelled m;
+    ChangeFollower changes(m.soil);
     if (limited) m.soil.limit_memory(90'000, std::make_shared<io::ColdFile>(folder.path()));
     int cold = 0;
     for (int i = 0; i < 2000; ++i) {
@@ -142,18 +139,19 @@ TEST(SoilWriter, RandomSetsComeAndGoAsInAPlainModel) {
     }
     EXPECT_EQ(cold > 0, limited);
     m.expect_same();
-    const std::vector<Coord3> touched = m.soil.take_touched();
+    const std::vector<Coord3> touched = changes.take();
     EXPECT_TRUE(std::is_sorted(touched.begin(), touched.end(), before));
     EXPECT_TRUE(
         std::includes(touched.begin(), touched.end(), m.changed.begin(), m.changed.end(), before));
-    EXPECT_TRUE(m.soil.take_touched().empty());
+    EXPECT_TRUE(changes.take().empty());
   }
 }
 
 TEST(SoilWriter, WhatComesGoesOrChangesIsTouched) {
   std::mt19937_64 random(3);
   Modelled m;
-  m.soil.take_touched();
+  ChangeFollower changes(m.soil);
+  changes.take();
   for (int i = 0; i < 300; ++i) {
     const Coord3 origin = m.any(random);
     const std::uint64_t kind = random() % 4;
@@ -165,7 +163,7 @@ TEST(SoilWriter, WhatComesGoesOrChangesIsTouched) {
     } else {
       m.change(origin, random_set(random), kind % 2 == 0);
     }
-    const std::vector<Coord3> touched = m.soil.take_touched();
+    const std::vector<Coord3> touched = changes.take();
     for (const Coord3& c : m.changed) EXPECT_EQ(std::count(touched.begin(), touched.end(), c), 1);
     EXPECT_LE(touched.size(), 1u) << "nothing else happened";
   }
@@ -235,6 +233,7 @@ TEST(SoilWriter, SeveralInDifferentChunksAtOnceGiveTheSameBits) {
 
 TEST(SoilWriter, AnErrorOnTheWayLeavesWhatWasChangedListedAndCounted) {
   Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  ChangeFollower changes(soil);
   const std::vector<SoilWriter::Edit> edits = {{{0, 0, -8}}, {{8, 0, -8}}, {{16, 0, -8}}};
   const auto change = [](std::size_t i, Samples& samples, Samples&) {
     if (i == 1) throw std::runtime_error("no more");
@@ -243,7 +242,7 @@ TEST(SoilWriter, AnErrorOnTheWayLeavesWhatWasChangedListedAndCounted) {
   };
   EXPECT_THROW(SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits, 100, change),
                std::runtime_error);
-  EXPECT_EQ(soil.take_touched(), (std::vector<Coord3>{edits[0].origin, edits[1].origin}));
+  EXPECT_EQ(changes.take(), (std::vector<Coord3>{edits[0].origin, edits[1].origin}));
   EXPECT_EQ(soil.change_m3(), -64 * soil.sample_m3());
 }
 
@@ -260,8 +259,8 @@ TEST(SampleTree, WorksWithWhatOpenVdbHasForTrees) {
   std::uint64_t on = 0;
   for (const auto& [origin, words] : m.model) {
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const openvdb::Coord at(origin.x() + (n >> 6), origin.y() + (n >> 3 & 7),
-                              origin.z() + (n & 7));
+      const Coord3 voxel = origin + numbered_voxel(n);
+      const openvdb::Coord at(voxel.x(), voxel.y(), voxel.z());
       const bool soil = m.soil.find(origin) != nullptr && words[static_cast<std::size_t>(n)] != 0;
       ASSERT_EQ(values.isValueOn(at), soil);
       on += soil;

@@ -12,7 +12,6 @@
 #include <iterator>
 #include <limits>
 #include <memory>
-#include <numbers>
 #include <random>
 #include <vector>
 

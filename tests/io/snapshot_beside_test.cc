@@ -6,7 +6,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "soilvdb/ground_service.h"
+#include "soilvdb/change_follower.h"
+#include "soilvdb/ground_copy.h"
 #include "soilvdb/io/snapshot.h"
 #include "tests/support/dig_runner.h"
 #include "tests/support/temp_folder.h"
@@ -33,20 +34,21 @@ TEST_P(SnapshotsBeside, UpdatesHaveTheBytesOfThoseWrittenAtOnce) {
   site.crs_wkt = "LOCAL_CS[\"site\"]";
   const io::Site copy = io::undug_site(site);
   Tracker tracker(*site.soil, {dig.bucket});
+  ChangeFollower changes(*site.soil);
   std::vector<std::filesystem::path> files;
   std::vector<std::string> expected;
   {
-    GroundService service(*copy.soil, {GetParam(), false, 2});
+    GroundCopy ground(*copy.soil, GetParam(), 2);
     constexpr int kUpdates = 60;
     const double end = dig.motion.end_s();
     for (int i = 0; i < kUpdates; ++i) {
       tracker.update(0, dig.motion, end * i / kUpdates, end * (i + 1) / kUpdates);
       if (i % 10 != 9) continue;
-      service.post(*site.soil, tracker.take_changed());
+      ground.post(*site.soil, changes.take());
       files.push_back(folder / (std::to_string(i) + ".vdb"));
       const io::SnapshotInfo info{"dig", double(i), tracker.total().cut_m3()};
       expected.push_back(io::snapshot_bytes(files.back(), site, info));
-      service.run([&copy, file = files.back(), info] { io::write_snapshot(file, copy, info); });
+      ground.run([&copy, file = files.back(), info] { io::write_snapshot(file, copy, info); });
     }
   }  // with snapshots still to be written
   ASSERT_GT(tracker.total().captured, 0);
@@ -58,13 +60,13 @@ TEST(SnapshotBeside, AFolderThatIsNotThereIsReported) {
   io::Site site;
   site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
   const io::Site copy = io::undug_site(site);
-  GroundService service(*copy.soil, {});
+  GroundCopy ground(*copy.soil);
   const auto write = [&] {  // run() itself says so where the job was that fast
-    service.run([&] { io::write_snapshot(folder / "not" / "there.vdb", copy, {}); });
-    service.finish();
+    ground.run([&] { io::write_snapshot(folder / "not" / "there.vdb", copy, {}); });
+    ground.finish();
   };
   EXPECT_THROW(write(), std::runtime_error);
-  EXPECT_NO_THROW(service.finish());
+  EXPECT_NO_THROW(ground.finish());
 }
 
 }  // namespace snapshot_beside_test

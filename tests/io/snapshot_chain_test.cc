@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "core/ground/soil_writer.h"
+#include "soilvdb/change_follower.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/io/snapshot.h"
 #include "soilvdb/tracker.h"
@@ -38,6 +39,7 @@ class SnapshotChain : public ::testing::Test {
     site_ = {std::make_unique<Soil>(0.05, Vec3::Zero(), base.surface), base.reference, "",
              base.bounds};
     tracker_ = std::make_unique<Tracker>(*site_.soil, std::vector{bucket()});
+    changes_.emplace(*site_.soil);
   }
 
   static Bucket bucket() {
@@ -64,7 +66,7 @@ class SnapshotChain : public ::testing::Test {
   void write_whole() {
     write_snapshot(file(count_), site_, info());
     ++count_;
-    tracker_->take_changed();
+    changes_->take();
   }
   /// What the file must hold.
   struct Changes {
@@ -76,7 +78,7 @@ class SnapshotChain : public ::testing::Test {
                                  file_digest(file(count_ - 1))};
     Site part = undug_site(site_);
     Changes changes;
-    for (const Coord3& origin : tracker_->take_changed()) {
+    for (const Coord3& origin : changes_->take()) {
       SoilWriter(*part.soil).copy_from(*site_.soil, origin);
       (site_.soil->find(origin) ? changes.held : changes.dropped).push_back(origin);
     }
@@ -112,6 +114,7 @@ class SnapshotChain : public ::testing::Test {
   TempFolder folder_;
   Site site_;
   std::unique_ptr<Tracker> tracker_;
+  std::optional<ChangeFollower> changes_;
   std::size_t count_ = 0;
 };
 
@@ -131,7 +134,8 @@ TEST_F(SnapshotChain, GivesTheBitsOfAWholeOneAndTheTrackerGoesOn) {
   site_ = read_snapshot(file(2), &info);
   tracker_ = std::make_unique<Tracker>(*site_.soil, std::vector{bucket()});
   tracker_->restore(info.tracker_state);
-  tracker_->take_changed();
+  changes_.emplace(*site_.soil);
+  changes_->take();
   count_ = 3;
   dig(3 / 5.0, 4 / 5.0);
   write_incremental();

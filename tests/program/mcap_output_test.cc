@@ -4,12 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <random>
 
 #include "io/mcap/mcap_reader.h"
 #include "io/mcap/mcap_writer.h"
 #include "soilvdb/base_surface.h"
+#include "soilvdb/change_follower.h"
 #include "soilvdb/surface_height.h"
 #include "soilvdb/tracker.h"
 #include "tests/program/resume_fixture.h"
@@ -117,6 +117,7 @@ TEST(ElevationMap, HasTheHeightsOfTheGroundAsItIs) {
   bucket.height_m = 0.5;
   Tracker tracker(soil, {bucket});
   tools::ElevationMap map(soil);
+  ChangeFollower changes(soil);
   std::mt19937 random(1);
   std::uniform_real_distribution<double> place(-1, 1);
   double cell_m = 0;
@@ -129,7 +130,7 @@ TEST(ElevationMap, HasTheHeightsOfTheGroundAsItIs) {
       pose.position = from + Vec3(x, 0, 0);
       tracker.update(0, pose);
     }
-    map.update(tracker.take_changed());
+    map.update(changes.take());
     const auto heights_m = map.heights_m();
     SurfaceHeight surface(soil);
     std::size_t dug = 0;

@@ -4,7 +4,6 @@
 // paged, looked at and interrupted, and hardly depend on how many updates there are. crash_test.cc
 // kills them.
 #include <algorithm>
-#include <cmath>
 #include <random>
 
 #include "io/snapshot/cold_file.h"

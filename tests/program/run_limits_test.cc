@@ -3,8 +3,6 @@
 // soilvdb run where something runs short, stops it or looks on: memory, disks, signals, terminals.
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <set>
 
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/raster.h"

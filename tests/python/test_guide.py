@@ -100,6 +100,7 @@ def test_its_programs_in_cpp_run(prefix, tmp_path):
     load = float(re.search(r"^load ([0-9.]+) m3 after", out, flags=re.M).group(1))
     assert 0.1 <= load < 0.12, "stops at the load that it was given"
     assert "load 0.480 m3, ground at -0.20 m" in out, "1.2 m x 0.2 m x 2 m"
+    assert re.search(r"^[1-9][0-9]* blocks meshed beside updates$", out, flags=re.M)
 
 
 def test_readme_runs(prefix, tmp_path):

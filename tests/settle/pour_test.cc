@@ -3,7 +3,6 @@
 // Piles of poured soil against the truth: closed forms, or distances in closed form with the level
 // that holds the volume found on a finer grid. With the environment variable SOILVDB_TABLE set,
 // prints every error and time.
-#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <chrono>

@@ -3,6 +3,9 @@
 // Runs a dig through a tracker, its motion split evenly into updates.
 #pragma once
 
+#include <cmath>
+
+#include "core/constants.h"
 #include "soilvdb/tracker.h"
 #include "tests/support/scenarios.h"
 
@@ -43,6 +46,16 @@ inline std::int64_t border_cells(const Soil& soil) {
     }
   }
   return cells;
+}
+
+/// Standard error of a volume counted on so many cells that surfaces cut.
+/// @param error of one, as in the worst direction unless directions are many
+inline double count_error_m3(double voxel_size_m, double cells, double error = kWorstCountError) {
+  return error * std::pow(voxel_size_m, 3) * std::sqrt(cells);
+}
+/// That of what was cut from a soil.
+inline double count_error_m3(const Soil& soil) {
+  return count_error_m3(soil.voxel_size_m(), static_cast<double>(border_cells(soil)));
 }
 
 }  // namespace soilvdb::test

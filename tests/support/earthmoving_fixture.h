@@ -6,9 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <memory>
-#include <numbers>
 #include <optional>
 #include <random>
 #include <vector>

@@ -9,7 +9,6 @@
 #include <cstddef>
 #include <cstdlib>
 #include <string>
-#include <string_view>
 
 #include "tests/support/sanitized.h"
 

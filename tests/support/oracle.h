@@ -5,8 +5,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
-#include <utility>
 #include <vector>
 
 #include "soilvdb/bucket.h"

@@ -19,7 +19,6 @@
 #include <numbers>
 #include <sstream>
 #include <string>
-#include <vector>
 
 #include "tests/support/temp_folder.h"
 

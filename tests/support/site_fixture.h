@@ -3,8 +3,6 @@
 // Scenarios on a terrain, and why one is refused.
 #pragma once
 
-#include <cstdlib>
-#include <filesystem>
 #include <string>
 
 #include "soilvdb/io/site.h"

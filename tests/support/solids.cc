@@ -11,6 +11,7 @@
 #include <numbers>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::test {
 namespace {
@@ -126,7 +127,7 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
         const SampleWords before = words;
         for (std::size_t n = 0; n < words.size(); ++n) {
           const int k = static_cast<int>(n);
-          const Coord3 voxel = origin + Coord3(k >> 6, k >> 3 & 7, k & 7);
+          const Coord3 voxel = origin + numbered_voxel(k);
           const CellPoints& points = sample_points(voxel);
           for (std::uint64_t left = words[n]; left != 0; left &= left - 1) {
             const int i = std::countr_zero(left);
@@ -146,11 +147,11 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
 std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f) {
   auto soil = std::make_unique<Soil>(1, Vec3::Zero(), make_plane(100, {0, 0}));
   for (int c = 0; c < 27; ++c) {
-    const Coord3 origin = kChunkSide * Coord3(c / 9 - 1, c / 3 % 3 - 1, c % 3 - 1);
+    const Coord3 origin = kChunkSide * step_around(c);
     SampleWords air;
     for (std::size_t k = 0; k < air.size(); ++k) {
       const int v = static_cast<int>(k);
-      const Coord3 voxel = origin + Coord3(v >> 6, v >> 3 & 7, v & 7);
+      const Coord3 voxel = origin + numbered_voxel(v);
       const CellPoints& p = sample_points(voxel);
       air[k] = 0;
       for (int s = 0; s < 64; ++s) {
@@ -224,7 +225,7 @@ Faults faults(const Mesh& mesh, const Soil& soil) {
     const Vec3 index = (mesh.points[edge.first] + mesh.points[edge.second]).cast<double>() / 2 / h;
     bool rim = false;
     for (int k = 0; k < 27; ++k) {
-      const Vec3 step = 1.5 * Vec3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+      const Vec3 step = 1.5 * step_around(k).cast<double>();
       const Coord3 chunk =
           ((index + step) / kChunkSide).array().floor().matrix().cast<int>() * kChunkSide;
       rim |= soil.find(chunk) == nullptr;

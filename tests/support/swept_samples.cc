@@ -3,8 +3,9 @@
 #include "tests/support/swept_samples.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+
+#include "core/lattice/chunk_math.h"
 
 namespace soilvdb::test {
 namespace {
@@ -130,7 +131,7 @@ Swept sweep_by_sample(const Bucket& bucket, double h, std::span<const Pose> path
   for_each_chunk({box.min() - beside, box.max() + beside}, [&](const Coord3& origin) {
     SampleWords surely{}, perhaps{};
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Coord3 voxel = origin + Coord3(n >> 6, n >> 3 & 7, n & 7);
+      const Coord3 voxel = origin + numbered_voxel(n);
       const Vec3 cell = voxel.cast<double>();
       const CellPoints& points = sample_points(voxel);
       const auto word = static_cast<std::size_t>(n);

@@ -6,12 +6,12 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <latch>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
-#include <vector>
 
 namespace soilvdb {
 namespace background_test {
@@ -20,36 +20,25 @@ class WithOrWithoutThread : public ::testing::TestWithParam<bool> {};
 INSTANTIATE_TEST_SUITE_P(Background, WithOrWithoutThread, ::testing::Bool(),
                          [](const auto& thread) { return thread.param ? "Thread" : "None"; });
 
-TEST_P(WithOrWithoutThread, RunsJobsInOrderAndIdlesAfterThem) {
-  std::vector<std::string> seen;
-  int left = 0;
+TEST_P(WithOrWithoutThread, RunsAllJobsInOrder) {
+  std::string seen;
   {
-    Background background(GetParam(), [&] {
-      if (left == 0) return false;
-      seen.push_back("idle");
-      return --left > 0;
-    });
-    background.wait();
-    EXPECT_TRUE(seen.empty()) << "no job, nothing to do";
-    background.run([&] {
-      seen.push_back("a");
-      left = 2;
-    });
+    Background background(GetParam());
     background.wait();
     EXPECT_TRUE(background.done());
-    EXPECT_EQ(seen, (std::vector<std::string>{"a", "idle", "idle"}));
-    background.run([&] { seen.push_back("b"); });
-    background.run([&] { seen.push_back("c"); });
+    background.run([&] { seen += 'a'; });
+    background.wait();
+    EXPECT_TRUE(background.done());
+    EXPECT_EQ(seen, "a");
+    background.run([&] { seen += 'b'; });
+    EXPECT_TRUE(background.try_run([&] { seen += 'c'; }));
   }
-  EXPECT_EQ(seen, (std::vector<std::string>{"a", "idle", "idle", "b", "c"}));
+  EXPECT_EQ(seen, "abc");
 }
 
 TEST_P(WithOrWithoutThread, ThrowsEachErrorOnceAndGoesOn) {
-  std::atomic<int> ran = 0, rests = 0;
-  Background background(GetParam(), [&]() -> bool {
-    if (++rests == 2) throw std::runtime_error("idle");
-    return rests < 3;
-  });
+  std::atomic<int> ran = 0;
+  Background background(GetParam());
   int errors = 0;
   const auto counting = [&](const auto& call) {
     try {
@@ -58,12 +47,57 @@ TEST_P(WithOrWithoutThread, ThrowsEachErrorOnceAndGoesOn) {
       ++errors;
     }
   };
-  counting([&] { background.run([] { throw std::runtime_error("job"); }); });
+  const auto fail = [] { throw std::runtime_error("job"); };
+  counting([&] { background.run(fail); });
+  EXPECT_TRUE(background.try_run(fail)) << "throws nothing itself";
   counting([&] { background.run([&] { ++ran; }); });
   for (int i = 0; i < 4; ++i) counting([&] { background.wait(); });
-  EXPECT_EQ(errors, 2) << "the job's and idle()'s";
+  EXPECT_EQ(errors, 2);
   EXPECT_EQ(ran, 1);
-  EXPECT_GE(rests, 3) << "an error of idle() doesn't end it";
+}
+
+/// One that waits for what holds it up, once it is at work.
+struct HeldUp {
+  std::latch started{1}, go{1};
+  Background background;
+  explicit HeldUp(std::size_t most) : background(true, most) {
+    background.run([&] {
+      started.count_down();
+      go.wait();
+    });
+    started.wait();
+  }
+};
+
+TEST(Background, TakesNoMoreThanMayWait) {
+  EXPECT_THROW(Background(true, 0), std::invalid_argument);
+  std::atomic<int> ran = 0;
+  std::atomic<bool> gone = false;
+  HeldUp held(2);
+  for (int i = 0; i < 4; ++i) EXPECT_EQ(held.background.try_run([&] { ++ran; }), i < 2);
+  std::thread opener([&] {
+    gone = true;
+    held.go.count_down();
+  });
+  held.background.run([&] { ++ran; });
+  EXPECT_TRUE(gone) << "there was no room before";
+  opener.join();
+  held.background.wait();
+  EXPECT_EQ(ran, 3);
+}
+
+TEST(Background, ForgetsWhatHasNotBegun) {
+  std::atomic<int> ran = 0;
+  auto counted = std::make_shared<int>(1);
+  const std::weak_ptr<int> watched = counted;
+  HeldUp held(3);
+  held.background.run([&ran, counted = std::move(counted)] { ++ran; });
+  held.background.drop();
+  EXPECT_TRUE(watched.expired());
+  EXPECT_FALSE(held.background.done()) << "one is at work";
+  held.go.count_down();
+  held.background.wait();
+  EXPECT_EQ(ran, 0);
 }
 
 TEST(Background, LetsNobodyWaitForWhatRunsBeside) {

@@ -11,6 +11,7 @@
 
 #include "core/cell/crease.h"
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "tests/support/solids.h"
 
 namespace soilvdb::test {
@@ -62,7 +63,7 @@ TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
     Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
     SampleWords words{};  // those that are removed
     for (int k = 0; k < kChunkVoxels; ++k) {
-      const Coord3 at(k >> 6, k >> 3 & 7, k & 7), from = at - voxel;
+      const Coord3 at = numbered_voxel(k), from = at - voxel;
       const CellPoints& p = sample_points(at);
       for (int s = 0; s < 64; ++s) {
         const Vec3 q = from.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
@@ -84,8 +85,8 @@ TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
 }
 
 TEST(Crease, OfAThinWallOrSlotHoldsACentreJustOutsideOfIt) {
-  constexpr float kOutside = 0.75f * kTie;
-  for (const float thickness : {0.9f, 1.0f, 1 + 1.75f * kTie, 2.0f}) {
+  constexpr float kOutside = 0.75f * kThinWallTie;
+  for (const float thickness : {0.9f, 1.0f, 1 + 1.75f * kThinWallTie, 2.0f}) {
     CellModel wall, slot;
     wall.join = Join::kAnd;
     wall.plane[0] = {0, 0, 1, -kOutside};

@@ -9,11 +9,11 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
-#include <map>
 #include <memory>
 #include <vector>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/tracker.h"
@@ -136,7 +136,7 @@ TEST_F(DugGround, IsTheBaseSurfaceToTheBitBesideWhatWasDug) {
   for (const Coord3& chunk : chunks(h)) {
     const Said now(*dug, h, chunk), was(*base_, h, chunk);
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 p = h * (chunk + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
+      const Vec3 p = h * (chunk + numbered_voxel(n)).cast<double>();
       // The trench is within 0.3 m of its axis, and a bucket's tilt.
       const double across = std::abs(p.y() * std::cos(0.464) - p.x() * std::sin(0.464));
       const bool far = across > 0.3 + 0.1 + 8 * kVoxel;
@@ -159,7 +159,7 @@ TEST(SoilSurface, HasTheGroundsOwnDistancesInItsVoxelsOnAllSidesOfWhatWasDug) {
   SoilWriter(*ground).remove(Coord3::Zero(), all);
   const auto dug = make_soil_surface(ground);
   for (int n = 0; n < 27; ++n) {
-    const Coord3 chunk = kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    const Coord3 chunk = kChunkSide * step_around(n);
     std::array<float, kChunkVoxels> own, now;
     surface_distance(*ground, chunk, own.data());
     dug->distance(chunk.cast<double>(), 1, ground->band_m(), now.data());

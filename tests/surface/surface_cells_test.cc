@@ -95,8 +95,7 @@ TEST(SurfaceCells, VerticesOfUndugCellsStayOnTheBaseSurface) {
   Tracker tracker(soil, {Bucket{0.6, 1, {}, {}}});
   for (int i = 0; i <= 20; ++i)
     tracker.update(0, {{0.1 * i, 0.05 * i, -0.02 * i}, from_rpy(0.1, 0.2, 0.4)});
-  std::vector<Coord3> chunks;
-  for (const Chunk* chunk : soil.chunks()) chunks.push_back(chunk->origin);
+  const std::vector<Coord3> chunks = soil.origins();
   int base = 0;
   double most = 0;
   for (const Coord3& chunk : chunks) {

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/surface_height.h"
 #include "tests/support/dig_runner.h"
@@ -30,7 +31,7 @@ TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
     // A chunk of which, and of whose neighbours, no sample was changed.
     bool untouched = true;
     for (int k = 0; k < 27; ++k) {
-      const Coord3 c = chunk->origin + kChunkSide * Coord3(k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1);
+      const Coord3 c = chunk->origin + kChunkSide * step_around(k);
       SampleWords now, then;
       dug.soil.read_samples(c, now);
       before.read_samples(c, then);
@@ -52,8 +53,7 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
   for (const Solid& solid : known_solids()) {
     constexpr double h = 0.05;
     const auto soil = sampled(solid, h);
-    std::vector<Coord3> chunks;
-    for (const Chunk* chunk : soil->chunks()) chunks.push_back(chunk->origin);
+    const std::vector<Coord3> chunks = soil->origins();
     std::vector<std::array<float, kChunkVoxels>> all(chunks.size());
     surface_distances(*soil, chunks, [&](std::size_t i, const float* phi) {
       std::copy_n(phi, kChunkVoxels, all[i].begin());
@@ -69,7 +69,7 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
       for (int n = 0; n < kChunkVoxels; ++n) {
         const double phi = all[i][static_cast<std::size_t>(n)];
         if (random() % 16 != 0 || std::abs(phi) > 2.5 * h) continue;
-        const Vec3 p = h * (chunks[i] + Coord3(n >> 6, n >> 3 & 7, n & 7)).cast<double>();
+        const Vec3 p = h * (chunks[i] + numbered_voxel(n)).cast<double>();
         const double truth = distance_m(solid, p, 0.02 * h);
         bad += std::abs(std::abs(phi) - truth) > kError * h;
         bad += (phi < 0) != (solid.f(p) < 0) && truth > kVertexError * h;
@@ -119,11 +119,11 @@ TEST(SurfaceDistance, IsTheTrueOneOnAllSidesOfAChunkThatWasDug) {
   all.fill(kAllSoil);
   SoilWriter(soil).remove(Coord3::Zero(), all);
   for (int n = 0; n < 27; ++n) {
-    const Coord3 chunk = kChunkSide * Coord3(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    const Coord3 chunk = kChunkSide * step_around(n);
     float phi[kChunkVoxels];
     surface_distance(soil, chunk, phi);
     for (int k = 0; k < kChunkVoxels; ++k) {
-      const Vec3 p = (chunk + Coord3(k >> 6, k >> 3 & 7, k & 7)).cast<double>();
+      const Vec3 p = (chunk + numbered_voxel(k)).cast<double>();
       const Vec3 beyond = (p.array() - 3.5).abs() - 4;
       const double most = beyond.maxCoeff(), truth = most < 0 ? -most : -beyond.cwiseMax(0).norm();
       EXPECT_NEAR(phi[k], std::clamp(truth, -soil.band_m(), soil.band_m()), kVertexError)

@@ -5,10 +5,10 @@
 #include <tbb/global_control.h>
 
 #include <algorithm>
-#include <cmath>
 #include <random>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "tests/support/dig_runner.h"
 #include "tests/support/sanitized.h"
@@ -55,7 +55,7 @@ TEST(SurfaceMeshOfADig, PatchesAreTheSameWhateverElseIsMeshed) {
   int compared = 0;
   for (const Chunk* chunk : dug.soil.chunks()) {
     const Coord3& origin = chunk->origin;
-    const Coord3 block(origin.x() & ~31, origin.y() & ~31, origin.z() & ~31);
+    const Coord3 block = floor_to(origin, kBlockSide);
     const std::vector<Coord3> all = resident_chunks(dug.soil, block);
     const SurfaceBlock whole(dug.soil, all, SurfaceBlock::kMesh);
     const SurfaceBlock part(dug.soil, {&origin, 1}, SurfaceBlock::kMesh);
@@ -84,8 +84,7 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterEachChange) {
   SoilWriter writer(soil);
   CachedMesher mesher(soil);
   std::mt19937 random(4);
-  std::vector<Coord3> chunks;
-  for (const Chunk* chunk : end.soil.chunks()) chunks.push_back(chunk->origin);
+  std::vector<Coord3> chunks = end.soil.origins();
   std::shuffle(chunks.begin(), chunks.end(), random);
   int meshed = 0;
   // Each chunk comes as it is in the end, goes, and comes again: what is remembered is of other
@@ -127,7 +126,7 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterTwoSamplesAlikeCha
                           words[cell + 1] == kAllSoil || (words[cell + 1] & sample) == 0))
       ++cell;
     if (cell == 511) continue;
-    const Coord3 block(origin.x() & ~31, origin.y() & ~31, origin.z() & ~31);
+    const Coord3 block = floor_to(origin, kBlockSide);
     mesher.block(block);
     SampleWords set{};
     set[cell] = set[cell + 1] = sample;

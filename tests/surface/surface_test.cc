@@ -12,9 +12,9 @@
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
-#include <random>
 
 #include "core/ground/soil_writer.h"
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/surface_height.h"
 #include "tests/support/dig_runner.h"
 #include "tests/support/sanitized.h"
@@ -160,7 +160,7 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
     float phi[kChunkVoxels];
     surface_distance(soil, middle, phi);
     for (int k = 0; k < kChunkVoxels; ++k) {
-      const double truth = n.dot(Vec3(k >> 6, k >> 3 & 7, k & 7) - Vec3::Constant(3.3));
+      const double truth = n.dot(numbered_voxel(k).cast<double>() - Vec3::Constant(3.3));
       distance = std::max(distance, std::abs(phi[k] - std::clamp(truth, -3.0, 3.0)));
     }
     const SurfaceBlock surface(soil, {&middle, 1}, SurfaceBlock::kMesh);

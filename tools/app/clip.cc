@@ -65,10 +65,8 @@ Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
   // A block's vertices lie within a voxel of its cells.
   const Vec2 low = (box.min() - soil.origin().head<2>()) / soil.voxel_size_m();
   const Vec2 high = (box.max() - soil.origin().head<2>()) / soil.voxel_size_m();
-  std::vector<Coord3> chunks;
-  for (const Chunk* chunk : soil.chunks()) chunks.push_back(chunk->origin);
-  std::map<Coord3, Mesh, SurfaceMesh::Less> patches;
-  for (const Coord3& block : blocks_touched(chunks)) {
+  std::map<Coord3, Mesh, Before> patches;
+  for (const Coord3& block : blocks_touched(soil.origins())) {
     bool meets = true;
     for (int axis = 0; axis < 2; ++axis)
       meets &= block[axis] + kBlockSide + 1 >= low[axis] && block[axis] - 1 <= high[axis];

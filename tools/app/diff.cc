@@ -91,8 +91,8 @@ void write_raster(const fs::path& to, const Snapshot& a, const Snapshot& b,
 }  // namespace
 
 void diff(const DiffOptions& options) {
-  const std::string suffix = options.to ? suffix_of(*options.to) : "";
-  if (options.to && suffix != "tif" && suffix != "png")
+  const std::string suffix = options.to ? io::suffix_of(*options.to) : "";
+  if (options.to && suffix != ".tif" && suffix != ".png")
     throw io::InputError(*options.to, fmt::format("the suffix '{}' is neither .tif nor .png",
                                                   options.to->extension().string()));
   for (const fs::path& input : {options.before, options.after}) io::check_readable(input);
@@ -105,8 +105,8 @@ void diff(const DiffOptions& options) {
       difference(*a.site.soil, *b.site.soil, same_base(a.site.reference, b.site.reference));
   if (options.to) {
     const Eigen::AlignedBox2d box = box_to_show(change, a.site, b.site);
-    if (suffix == "tif") write_raster(*options.to, a, b, box);
-    if (suffix == "png")
+    if (suffix == ".tif") write_raster(*options.to, a, b, box);
+    if (suffix == ".png")
       io::write_change_plan(
           *options.to, *a.site.soil, *b.site.soil, box, change.fill_m3 > change.error_m3,
           {fmt::format("{}: {} s to {} s", b.info.scenario, time_text(a.info.time_s),

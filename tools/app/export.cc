@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <stdexcept>
@@ -28,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 using Box2 = Eigen::AlignedBox2d;
 
-constexpr std::array kMeshes = {"ply", "obj", "stl", "glb"};
+constexpr std::array kMeshes = {".ply", ".obj", ".stl", ".glb"};
 
 bool is_mesh(const std::string& suffix) {
   return std::find(kMeshes.begin(), kMeshes.end(), suffix) != kMeshes.end();
@@ -79,14 +78,14 @@ void export_vdb(const fs::path& to, const io::Site& site, const std::optional<Bo
 }  // namespace
 
 void export_file(const ExportOptions& options) {
-  const std::string suffix = suffix_of(options.to);
-  if (!is_mesh(suffix) && suffix != "tif" && suffix != "png" && suffix != "vdb")
+  const std::string suffix = io::suffix_of(options.to);
+  if (!is_mesh(suffix) && suffix != ".tif" && suffix != ".png" && suffix != ".vdb")
     throw io::InputError(options.to, fmt::format("the suffix '{}' is none of .ply .obj .stl .glb "
                                                  ".tif .png .vdb",
                                                  options.to.extension().string()));
-  if (options.view && suffix != "png")
+  if (options.view && suffix != ".png")
     throw io::InputError(options.to, "--view is for pictures; leave it out, or give a .png");
-  if (options.occupancy && suffix != "vdb")
+  if (options.occupancy && suffix != ".vdb")
     throw io::InputError(options.to, "--occupancy is for grids; leave it out, or give a .vdb");
   std::optional<Box2> region;
   if (options.region) region = parse_region(*options.region);
@@ -111,10 +110,10 @@ void export_file(const ExportOptions& options) {
                     resident.max().y()));
   try {
     if (is_mesh(suffix)) export_mesh(options.to, site, region);
-    if (suffix == "tif") export_raster(options.to, site, region);
-    if (suffix == "png")
+    if (suffix == ".tif") export_raster(options.to, site, region);
+    if (suffix == ".png")
       export_picture(options.to, site, info, region, options.view == "perspective");
-    if (suffix == "vdb") export_vdb(options.to, site, region, options.occupancy);
+    if (suffix == ".vdb") export_vdb(options.to, site, region, options.occupancy);
   } catch (const std::invalid_argument& e) {
     const std::string where =
         options.region ? "--region " + *options.region : options.file.string();

@@ -25,7 +25,6 @@
 #include "soilvdb/tool_shape.h"
 #include "tools/app/child.h"
 #include "tools/app/commands.h"
-#include "tools/run/outputs.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/text.h"
 
@@ -267,8 +266,8 @@ std::string head_of(const fs::path& file) {
 }
 
 bool looks_like_scenario(const fs::path& file, const std::string& head) {
-  const std::string suffix = suffix_of(file);
-  return suffix == "yaml" || suffix == "yml" || head.starts_with("soilvdb:") ||
+  const std::string suffix = io::suffix_of(file);
+  return suffix == ".yaml" || suffix == ".yml" || head.starts_with("soilvdb:") ||
          head.find("\nsoilvdb:") != std::string::npos;
 }
 
@@ -279,14 +278,14 @@ void info(const InfoOptions& options) {
   const fs::path& file = options.file;
   io::check_readable(file);
   const std::string head = head_of(file);
-  if (head.starts_with(kVdbMagic) || suffix_of(file) == "vdb") {
+  if (head.starts_with(kVdbMagic) || io::suffix_of(file) == ".vdb") {
     if (io::is_snapshot(file)) return info_snapshot(file);
     fmt::print("{}", read_in_child(kText, file));
     return;
   }
   if (looks_like_scenario(file, head)) return info_scenario(file);
-  const std::string suffix = suffix_of(file);
-  if (suffix == "mcap" || suffix == "db3" || suffix == "csv")
+  const std::string suffix = io::suffix_of(file);
+  if (suffix == ".mcap" || suffix == ".db3" || suffix == ".csv")
     throw io::InputError(file,
                          "is a motion, if anything; a scenario that has it as a machine's motion "
                          "can be looked at");

@@ -46,45 +46,44 @@ std::vector<RunFile> take_faulty(const fs::path& folder, io::JournalContent& jou
 
 /// The newest good ground that the journal knows of. Where the run is finished it is about faulty
 /// files, and the newest before those.
-Start find_start(const fs::path& folder, const io::JournalContent& journal,
-                 const std::vector<RunFile>& faulty, const io::Scenario& scenario,
-                 const RunConfig& config) {
+ResumePoint find_start(const fs::path& folder, const io::JournalContent& journal,
+                       const std::vector<RunFile>& faulty, const io::Scenario& scenario,
+                       const RunConfig& config) {
+  const auto from_the_beginning = [&] {
+    return ResumePoint{std::make_unique<SiteState>(model_of(scenario), io::open_site(scenario))};
+  };
+  const auto updates = static_cast<std::uint64_t>(
+      Schedule(scenario, config.options.updates, config.ends_s, 0).total());
+  if (!recording_is_whole(scenario, journal, updates)) {
+    fmt::print("going on from the beginning, for {} to have all\n", kMcapName);
+    return from_the_beginning();
+  }
   std::uint64_t end = std::numeric_limits<std::uint64_t>::max();
   for (auto file = faulty.rbegin(); file != faulty.rend(); ++file) {
     if (journal.ended && is_periodic(file->known.name)) end = file->known.updates;
   }
-  const auto start_from = [&](const io::JournalFile& file) {
-    io::SnapshotInfo info;
-    auto state =
-        std::make_unique<SiteState>(scenario, io::read_snapshot(folder / file.name, &info));
-    state->set_progress(info.tracker_state);
-    return Start{std::move(state), file.updates, file.name, info.parent};
-  };
-  const std::int64_t updates = Schedule(scenario, config.options.updates, config.ends_s, 0).total();
-  if (!recording_is_whole(scenario, journal, updates)) {
-    fmt::print("going on from the beginning, for {} to have all\n", kMcapName);
-    return {std::make_unique<SiteState>(scenario, io::open_site(scenario))};
-  }
-  for (auto file = journal.files.rbegin(); file != journal.files.rend(); ++file) {
+  std::vector<io::JournalFile> snapshots = journal.files;
+  std::erase_if(snapshots, [&](const io::JournalFile& file) {
     // Nothing goes on from the last one of a run that was stopped.
     const bool usable =
-        is_periodic(file->name) || (file->name == kFinalName && !scenario.incremental_snapshots);
-    if (!usable || file->updates == 0 || file->updates >= end) continue;
-    try {
-      Start start = start_from(*file);
-      // A motion may go on by now where the run came to its end: not from ground at rest.
-      if (start.state->at_rest && updates != static_cast<std::int64_t>(start.updates)) continue;
-      fmt::print("going on from {}\n", file->name);
-      return start;
-    } catch (const io::InputError& e) {
-      say(fmt::format("warning: {}; going on from what came before it", e.what()));
-    }
-  }
-  fmt::print("going on from the beginning\n");
-  return {std::make_unique<SiteState>(scenario, io::open_site(scenario))};
+        is_periodic(file.name) || (file.name == kFinalName && !scenario.incremental_snapshots);
+    return !usable || file.updates >= end;
+  });
+  // A motion may go on by now where the run came to its end: not from ground at rest.
+  const auto fits = [&](const SiteState& state, std::uint64_t seen) {
+    return !state.rests_at_end() || seen == updates;
+  };
+  const auto refused = [](const std::string& why) {
+    say(fmt::format("warning: {}; going on from what came before it", why));
+  };
+  std::optional<ResumePoint> start =
+      newest_snapshot(folder, snapshots, model_of(scenario), fits, refused);
+  if (!start) start = from_the_beginning();
+  fmt::print("going on from {}\n", start->snapshot.empty() ? "the beginning" : start->snapshot);
+  return std::move(*start);
 }
 
-void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const Start& start) {
+void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const ResumePoint& start) {
   for (const RunFile& file : faulty) {
     if (file.outdated) continue;
     const bool anew = file.known.updates >= start.updates;
@@ -132,11 +131,11 @@ void resume(const ResumeOptions& options) {
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
   folder.clear();
   with_threads(config.options.threads, [&](int threads) {
-    Start start = find_start(path, journal, faulty, scenario, config);
+    ResumePoint start = find_start(path, journal, faulty, scenario, config);
     warn_of(faulty, path, start);
     if (journal.damaged) keep_damaged(path, journal);
     Run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin)
-        .resume(journal);
+        .resume(std::move(journal));
   });
 }
 

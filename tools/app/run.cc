@@ -105,7 +105,7 @@ void run(const RunOptions& options) {
   io::Scenario scenario = read_to_dig(options);
   RunFolder folder(folder_of(options, scenario));
   with_threads(options.threads, [&](int threads) {
-    Start start{std::make_unique<SiteState>(scenario, io::open_site(scenario))};
+    ResumePoint start{std::make_unique<SiteState>(model_of(scenario), io::open_site(scenario))};
     scenario.warnings.insert(scenario.warnings.end(), start.state->site.warnings.begin(),
                              start.state->site.warnings.end());
     warn_of_underground(scenario, *start.state->site.soil);

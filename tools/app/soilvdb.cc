@@ -15,7 +15,6 @@
 #include <new>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "io/file/text.h"
 #include "soilvdb/io/error.h"
@@ -126,6 +125,14 @@ class CommandLine {
             fmt::format("a whole number of MB from {} to {}", kLeastMemory_mb, kMostMemory_mb)));
   }
 
+  /// What is called for ends at a signal with all it has done.
+  void stoppable(const std::function<void()>& command) {
+    command_ = [command] {
+      stop_on_signals();
+      command();
+    };
+  }
+
   void add_run() {
     CLI::App* sub = app_.add_subcommand("run", "dig a scenario");
     sub->add_option("SCENARIO", run_.scenario, "scenario file (YAML)")->required();
@@ -150,10 +157,7 @@ class CommandLine {
     sub->callback([this] {
       run_.mesh = !no_mesh_;
       run_.snapshots = !no_snapshots_;
-      command_ = [this] {
-        stop_on_signals();
-        run(run_);
-      };
+      stoppable([this] { run(run_); });
     });
   }
 
@@ -161,12 +165,7 @@ class CommandLine {
     CLI::App* sub = app_.add_subcommand("resume", "go on with an interrupted run to its end");
     sub->add_option("DIR", resume_.folder, "folder the run writes to")->required();
     add_memory(sub, resume_.memory_mb, "as for the run");
-    sub->callback([this] {
-      command_ = [this] {
-        stop_on_signals();
-        resume(resume_);
-      };
-    });
+    sub->callback([this] { stoppable([this] { resume(resume_); }); });
   }
 
   void add_serve() {
@@ -200,12 +199,7 @@ class CommandLine {
         ->type_name("FILE");
     sub->add_flag("--stdin", serve_.feed_stdin,
                   "feed lines from standard input, too; answers go to standard output");
-    sub->callback([this] {
-      command_ = [this] {
-        stop_on_signals();
-        serve(serve_);
-      };
-    });
+    sub->callback([this] { stoppable([this] { serve(serve_); }); });
   }
 
   void add_verify() {

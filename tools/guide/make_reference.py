@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes python_reference.md of the module's docstrings and stubs, which a test compares.
+"""Makes python_reference.md from the docstrings and stubs of the module; a test compares them.
 
     PYTHONPATH=build/python python3 tools/guide/make_reference.py > tools/guide/python_reference.md
 """
@@ -19,7 +19,7 @@ def text_of(thing):
     lines = "\n".join(p for p in paragraphs if not p.startswith("    ")).splitlines()
     if lines and "->" in lines[0] and "(" in lines[0]:
         lines = lines[1:]
-    return textwrap.fill(" ".join(" ".join(lines).split()), 120)
+    return textwrap.fill(" ".join(" ".join(lines).split()), 100)
 
 
 def signature(name, function):
@@ -71,16 +71,17 @@ def arguments_of(function):
 def main():
     stub = ast.parse((Path(soilvdb.__file__).parent / "_soilvdb.pyi").read_text())
     print("# Reference of the Python module\n")
-    print("Made of its docstrings by `make_reference.py`; `help(soilvdb.Site)` says the same.\n")
+    print("`make_reference.py` makes this page from the docstrings; `help(soilvdb.Site)` shows them "
+          "too.\n")
     last = (soilvdb.__doc__ or "").strip().split("\n\n")[-1]
-    print(textwrap.fill(" ".join(last.split()), 120) + "\n")
+    print(textwrap.fill(" ".join(last.split()), 100) + "\n")
     for node in stub.body:
         if isinstance(node, ast.ClassDef):
             thing = getattr(soilvdb, node.name)
             print(f"## {node.name}\n")
             init = [n for n in node.body if isinstance(n, ast.FunctionDef) and n.name == "__init__"]
             if node.name == "NoGroundError":
-                print("The bucket would reach ground that the terrain has no height for; nothing has "
+                print("The bucket would reach ground where the terrain has no height. Nothing has "
                       "moved.\n")
                 continue
             print(text_of(thing) + "\n")

@@ -7,7 +7,6 @@
 #include <pybind11/pybind11.h>
 
 #include <cstddef>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>

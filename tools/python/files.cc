@@ -158,20 +158,21 @@ void write_raster(const std::filesystem::path& file, const py::object& heights,
 void bind_files(py::module_& m) {
   m.def("_bad_rows", &bad_rows, py::arg("scenario"));
   m.def("motions", &motions, py::arg("scenario"),
-        "The rows that `soilvdb run` goes along, of each machine that has a motion, by its name: a "
-        "dict of times (N,), s, and either joints (N, k), rad or m, or positions (N, 3), m, and "
-        "rotations (N, 4) x, y, z, w. They are what Site.update_path() takes: "
-        "site.update_path(name, **motions[name]). Raises ValueError as the program says it.");
+        "Returns the rows that `soilvdb run` follows, by the name of each machine with a motion. "
+        "Each is a dict of times (N,), s, and either joints (N, k), rad or m, or positions (N, 3), "
+        "m, and rotations (N, 4) x, y, z, w. Site.update_path() takes them: site.update_path(name, "
+        "**motions[name]). Raises ValueError with the program's message.");
   m.def("read_raster", &read_raster, py::arg("file"), py::arg("box") = py::none(),
-        "Heights of a file that soilvdb.raster() takes: (heights, first, spacing, crs), heights "
-        "(ny, nx) float32, m, NaN where there is none, row 0 the one with the lowest y; first (x, "
-        "y) where heights[0, 0] is, spacing (dx, dy), m; crs as WKT, empty where it isn't known. "
-        "box: (xmin, ymin, xmax, ymax) of what is to be read. Raises ValueError where it is no "
-        "raster of heights.");
+        "Reads a file that soilvdb.raster() takes: (heights, first, spacing, crs). heights: (ny, "
+        "nx) float32, m, NaN where there is no height; row 0 has the lowest y. first: (x, y) of "
+        "heights[0, 0]. spacing: (dx, dy), m. crs: WKT, empty if it is not known. box: the part to "
+        "read, (xmin, ymin, xmax, ymax). Raises ValueError for a file that is not a raster of "
+        "heights.");
   m.def("write_raster", &write_raster, py::arg("file"), py::arg("heights"), py::arg("first"),
         py::arg("spacing"), py::arg("crs") = "", py::arg("band") = "surface",
-        "Writes a GeoTIFF of 32-bit floats, whole or not at all. Arguments as read_raster() gives "
-        "them; band: its name. Raises RuntimeError where it can't be written.");
+        "Writes a GeoTIFF of 32-bit floats, completely or not at all. read_raster() returns these "
+        "arguments, except band: the band's name. Raises RuntimeError if it cannot write the "
+        "file.");
 }
 
 }  // namespace soilvdb::python

@@ -3,8 +3,6 @@
 // The Python module's compiled part.
 #include <pybind11/pybind11.h>
 
-#include <stdexcept>
-
 #include "soilvdb/io/error.h"
 #include "soilvdb/version.h"
 #include "tools/python/values.h"

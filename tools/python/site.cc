@@ -26,7 +26,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
 constexpr auto kSignalsEvery = std::chrono::milliseconds(50);
 
 py::handle no_ground_error;
@@ -136,17 +135,12 @@ std::size_t machine_of(Session& session, const std::variant<std::ptrdiff_t, std:
 
 using MachineName = std::variant<std::ptrdiff_t, std::string>;
 
-double time_of(std::optional<double> time) {
-  if (time && std::isnan(*time)) throw py::value_error("time is nan; it must be a number or None");
-  return time.value_or(kNoTime);
-}
-
 Update update(Site& site, const MachineName& machine, const py::object& position,
               const py::object& rotation, const py::object& matrix, const py::object& joints,
               std::optional<double> time) {
   MachineState state;
   std::vector<double> values;
-  state.time_s = time_of(time);
+  state.time_s = time;
   if (joints.is_none()) {
     state.pose = pose(position, rotation, matrix);
   } else {
@@ -233,7 +227,7 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
         if (!rotation.empty())
           state.pose.rotation = quaternion(std::span(rotation).subspan(4 * done, 4));
       }
-      state.time_s = time.empty() ? kNoTime : time[done];
+      if (!time.empty()) state.time_s = time[done];
       step = session.update(state);
       if (!step.ok()) return;
       const Update& u = step.update;
@@ -376,7 +370,7 @@ std::vector<Update> update_sites(const py::object& given, const MachineName& mac
   require_own_process();
   std::vector<MachineState> states(sites.size());
   for (std::size_t i = 0; i < sites.size(); ++i) {
-    states[i].time_s = time_of(time);
+    states[i].time_s = time;
     states[i].pose.position = Vec3(places.data() + 3 * i);
     if (!rotations.is_none()) states[i].pose.rotation = quaternion({turns.data() + 4 * i, 4});
   }
@@ -436,12 +430,12 @@ void bind_site(py::module_& m) {
   static py::exception<NoGroundError> no_ground(m, "NoGroundError", PyExc_RuntimeError);
   no_ground_error = no_ground;
 
-  py::class_<Update>(m, "Update", "What one update did.")
-      .def_readonly("cut_m3", &Update::cut_m3, "taken out of the ground in it, in place")
-      .def_readonly("bucket_m3", &Update::bucket_m3, "in the bucket after it, loose")
-      .def_readonly("spilled_m3", &Update::spilled_m3, "that left the bucket in it, loose")
-      .def_readonly("slid_m3", &Update::slid_m3, "of slopes that came down in it, loose")
-      .def_readonly("us", &Update::us, "microseconds that it took")
+  py::class_<Update>(m, "Update", "The result of one update.")
+      .def_readonly("cut_m3", &Update::cut_m3, "volume cut from the ground, in place")
+      .def_readonly("bucket_m3", &Update::bucket_m3, "load of the bucket after the update, loose")
+      .def_readonly("spilled_m3", &Update::spilled_m3, "volume that left the bucket, loose")
+      .def_readonly("slid_m3", &Update::slid_m3, "volume of the slopes that failed, loose")
+      .def_readonly("us", &Update::us, "duration, microseconds")
       .def("__repr__",
            [](const Update& u) {
              return fmt::format("soilvdb.Update(cut_m3={:.6g}, bucket_m3={:.6g})", u.cut_m3,
@@ -457,7 +451,7 @@ void bind_site(py::module_& m) {
           }));
 
   py::class_<Patch>(m, "Patch",
-                    "A block's part of the surface; without points there is none any more.")
+                    "A block's part of the surface. Without points the block has no surface.")
       .def_readonly("block", &Patch::block, "(i, j, k), index of the block's first voxel")
       .def_readonly("points", &Patch::points, "(n, 3) float64, m, world")
       .def_readonly("triangles", &Patch::triangles, "(m, 3) uint32, counter-clockwise from the air")
@@ -469,7 +463,7 @@ void bind_site(py::module_& m) {
                       }));
 
   const auto none = py::none();
-  py::class_<Site>(m, "Site", "A site: ground, and machines that dig it. World frame, m, rad, s.")
+  py::class_<Site>(m, "Site", "The ground and the machines that dig it. World frame, m, rad, s.")
       .def(py::init([](double voxel_size, const TerrainValue& terrain, const py::object& machines,
                        const std::optional<SoilProperties>& soil, const py::object& pours,
                        const py::object& hoppers, const py::object& near) {
@@ -487,9 +481,9 @@ void bind_site(py::module_& m) {
            py::arg("voxel_size"), py::arg("terrain"), py::arg("machines"), py::kw_only(),
            py::arg("soil") = none, py::arg("pours") = py::tuple(), py::arg("hoppers") = py::tuple(),
            py::arg("near") = none,
-           "voxel_size: m. machines: Bucket or Machine each. soil: how it moves; without, it is "
-           "rigid. near: (x, y, z) where work begins, on terrains wider than 2**16 voxels. Raises "
-           "ValueError for what can't be a site.")
+           "voxel_size: m. machines: each a Bucket or a Machine. soil: properties of moving soil; "
+           "default: soil is rigid. near: (x, y, z) where work begins, for terrains wider than "
+           "2**16 voxels. Raises ValueError for an invalid site.")
       .def_static(
           "open",
           [](const std::filesystem::path& scenario) {
@@ -501,28 +495,27 @@ void bind_site(py::module_& m) {
             };
             return made(open(), py::make_tuple(scenario));
           },
-          py::arg("scenario"), "The site, machines and soil of a scenario, before anything moved.")
+          py::arg("scenario"),
+          "Opens a scenario: its site, machines and soil, before any machine "
+          "moves.")
       .def(
           "update", &update, py::arg("machine"), py::kw_only(), py::arg("position") = none,
           py::arg("rotation") = none, py::arg("pose") = none, py::arg("joints") = none,
           py::arg("time") = none,
-          "Moves a machine (its number or name) to a state; its first places it. position: (x, y, "
-          "z) "
-          "of the lip's middle, m. rotation: quaternion (x, y, z, w), default not turned. pose: "
-          "4x4 "
-          "array instead, world from bucket. joints: values in the chain's order instead, rad or "
-          "m. "
-          "time: s, never back; where states have it, joints go evenly from one to the next, pours "
-          "come down and hoppers come and go. Raises ValueError for what is no state, "
-          "NoGroundError "
-          "where the terrain has no height; nothing has moved then.")
+          "Moves a machine (number or name) to a state; the first state places it. position: (x, "
+          "y, z) of the middle of the lip, m. rotation: quaternion (x, y, z, w), default: no "
+          "rotation. pose: 4x4 array in place of these, world from bucket. joints: values in the "
+          "chain's order in place of a pose, rad or m. time: s, must not go back. If states have "
+          "times, joints move evenly between states, pours fall, and hoppers come and go. Raises "
+          "ValueError for an invalid state, NoGroundError where the terrain has no height; nothing "
+          "has moved then.")
       .def("update_path", &update_path, py::arg("machine"), py::kw_only(),
            py::arg("positions") = none, py::arg("rotations") = none, py::arg("poses") = none,
            py::arg("joints") = none, py::arg("times") = none,
            "update() for many states in one call: positions (N, 3) with rotations (N, 4), poses "
            "(N, 4, 4) or joints (N, joints). Returns arrays (N,) by name: cut_m3, bucket_m3, "
-           "spilled_m3, slid_m3, us. Ends at the first bad state with the error of update(), which "
-           "says its number; those before it have moved.")
+           "spilled_m3, slid_m3, us. Stops at the first bad state with the error of update() and "
+           "the state's number; the machine has moved through the states before.")
       .def(
           "joints",
           [](Site& s, const MachineName& machine) {
@@ -531,12 +524,12 @@ void bind_site(py::module_& m) {
               return chain ? chain->movable() : std::vector<std::string>();
             });
           },
-          py::arg("machine"), "Names of a machine's joints, in their order; empty: it has none.")
+          py::arg("machine"), "Names of a machine's joints, in order; empty if it has no joints.")
       .def(
           "base",
           [](Site& s, const MachineName& machine) {
             const Pose base = s.with([&](Session& session) {
-              const SessionMachine& one = session.machines()[machine_of(session, machine)];
+              const SiteMachine& one = session.machines()[machine_of(session, machine)];
               if (!one.chain)
                 throw std::invalid_argument("machine '" + one.name + "' has no joints");
               return one.chain->world_from_root;
@@ -546,19 +539,19 @@ void bind_site(py::module_& m) {
                                   Array(py::ssize_t{4}, xyzw.data()));
           },
           py::arg("machine"),
-          "Where the root of a machine's joints is: (position, rotation), (3,) and x, y, z, w, "
-          "(4,), world. Raises ValueError for a machine without joints.")
+          "World pose of the root of a machine's joints: (position, rotation), (3,) and x, y, z, "
+          "w, (4,). Raises ValueError for a machine without joints.")
       .def("pose", &pose_by_joints, py::arg("machine"), py::arg("joints"),
-           "Where joints bring a bucket, without moving it. joints: (joints,), rad or m, or (N, "
-           "joints). Returns (position, rotation), (3,) and x, y, z, w, (4,), or (N, 3) and (N, "
-           "4), world. Raises ValueError for a machine without joints, or with another number of "
-           "them.")
+           "World pose of the bucket at given joints; the bucket does not move. joints: (joints,), "
+           "rad or m, or (N, joints). Returns (position, rotation), (3,) and x, y, z, w, (4,), or "
+           "(N, 3) and (N, 4). Raises ValueError for a machine without joints, or for another "
+           "number of joints.")
       .def(
           "pour",
           [](Site& s, double until) {
             require_good(s.with([&](Session& session) { return session.pour(until); }));
           },
-          py::arg("until"), "Pours come down up to a time, s; update() with a time does it, too.")
+          py::arg("until"), "Lets pours fall up to a time, s. update() with a time does so too.")
       .def(
           "reset_clock",
           [](Site& s, const std::variant<std::ptrdiff_t, std::string>& machine) {
@@ -567,17 +560,17 @@ void bind_site(py::module_& m) {
             }));
           },
           py::arg("machine"),
-          "The clock of a machine was wrong and is set: the time of its next state may be earlier "
-          "than the last.")
+          "Call it after a machine's wrong clock was set right: the machine's next time may be "
+          "earlier than its last time.")
       .def(
           "come_to_rest",
           [](Site& s) {
             require_good(s.with([](Session& session) { return session.come_to_rest(); }));
           },
-          "Soil that stands or hangs too steep comes to rest, as at the end of a run.")
+          "Lets soil that is too steep or overhangs come to rest, as at the end of a run.")
       .def("heights", &heights, py::arg("xy"),
-           "Heights of the topmost soil at xy (N, 2), m; returns (N,) float64, NaN where there is "
-           "none.")
+           "Returns heights of the topmost soil at xy (N, 2), m: (N,) float64, NaN where there is "
+           "no soil.")
       .def(
           "mesh",
           [](Site& s) {
@@ -588,24 +581,24 @@ void bind_site(py::module_& m) {
             });
             return arrays_of(mesh, origin);
           },
-          "The surface of all ground that was touched: points (n, 3) float64, m, world, and "
+          "Returns the surface of all touched ground: points (n, 3) float64, m, world, and "
           "triangles (m, 3) uint32.")
       .def("changed_patches", &changed_patches,
-           "Patches of the surface that changed since the last call, at first all of them.")
+           "Returns the patches of the surface that changed since the last call; the first call "
+           "returns all.")
       .def("ledger", &ledger_of, py::arg("machine") = none,
-           "Volumes booked for a machine, or for all: cut, captured and displaced in place, the "
-           "bucket's load, what was spilled and dumped loose, m3. For one also bucket_kg; for all "
-           "what "
-           "was added to the ground by soil that moves, fill_m3, and loose what pours brought, "
-           "hoppers took and slopes lost: poured_m3, hauled_m3, slid_m3.")
+           "Volumes of a machine, or of all machines, m3. In place: cut, captured and displaced. "
+           "Loose: the bucket's load, spilled and dumped. One machine also has bucket_kg. All "
+           "machines also have fill_m3, which moving soil added to the ground. They also have "
+           "loose volumes of pours, hoppers and failed slopes: poured_m3, hauled_m3, slid_m3.")
       .def(
           "change_m3",
           [](Site& s) { return s.with([](Session& session) { return session.change_m3(); }); },
-          "Volume of the ground less that of the terrain, counted anew, m3.")
+          "Volume of the ground minus that of the terrain, counted anew, m3.")
       .def(
           "ground_hash",
           [](Site& s) { return s.with([](Session& session) { return session.ground_hash(); }); },
-          "Digest of the ground: `state_hash` of a run's summary.json, as a number.")
+          "Hash of the ground: `state_hash` of a run's summary.json, as a number.")
       .def_property_readonly(
           "voxel_size",
           [](Site& s) { return s.with([](Session& session) { return session.voxel_size_m(); }); })
@@ -614,27 +607,25 @@ void bind_site(py::module_& m) {
           [](Site& s) {
             std::vector<std::string> names;
             s.with([&](Session& session) {
-              for (const SessionMachine& machine : session.machines())
-                names.push_back(machine.name);
+              for (const SiteMachine& machine : session.machines()) names.push_back(machine.name);
             });
             return names;
           },
-          "The machines' names.")
+          "Names of the machines.")
       .def(
           "write",
           [](Site& s, const std::filesystem::path& file) {
             s.with([&](Session& session) { session.write(file); });
           },
           py::arg("file"),
-          "Writes a snapshot that soilvdb and other programs open; its name ends with .vdb. "
-          "`soilvdb "
-          "export` makes rasters and meshes of it.")
+          "Writes a snapshot for soilvdb and other programs; its name must end with .vdb. `soilvdb "
+          "export` makes rasters and meshes from it.")
       .def(
           "save",
           [](Site& s) {
             return py::bytes(s.with([](Session& session) { return session.save(); }));
           },
-          "All that the next update depends on, as bytes for restore().")
+          "Returns the complete state that the next update depends on, as bytes for restore().")
       .def(
           "restore",
           [](Site& s, const py::bytes& state) {
@@ -646,41 +637,39 @@ void bind_site(py::module_& m) {
             s.with([&](Session& session) { session.restore(bytes); });
           },
           py::arg("state"),
-          "Takes back a state of the same site. Raises ValueError for any other bytes, and while "
-          "the "
-          "site is recorded: clone() it, or stop_recording() first. Nothing has changed then.")
+          "Restores a state of the same site. Raises ValueError for any other bytes, and for a "
+          "site that is recorded: clone() it, or stop_recording() first. An error changes nothing.")
       .def(
           "clone",
           [](Site& s) {
             return std::make_unique<Site>(s.with([](Session& session) { return session.clone(); }),
                                           s.made_from());
           },
-          "Another site that goes on as this one would.")
+          "Returns another site in the same state: the same updates give the same results in both.")
       .def(
           "record", &record, py::arg("folder"), py::kw_only(), py::arg("sync") = none,
           py::arg("snapshot_every") = none, py::arg("incremental") = none, py::arg("keep") = none,
-          "Keeps what is fed from here on in a folder, before the first state. A folder that holds "
-          "a recording of the same site is gone on with: the site is then where that was. sync: "
-          "s, at most so long until a state is on disk, 0: before it is answered. snapshot_every: "
-          "s between snapshots, which make going on quick; they are written beside updates, and "
-          "one "
-          "that comes due before the last is on disk waits for that. incremental: of what changed. "
-          "keep: how many stay. Defaults: what the scenario says, else sync 1 and no snapshots. "
-          "Returns "
-          "(updates, time) that the folder held. Raises ValueError for a folder of another site.")
+          "Records all states in a folder; call it before the first state. If the folder holds a "
+          "recording of the same site, the site continues from its end. sync: longest time until a "
+          "state is on disk, s; 0: before update() returns. snapshot_every: s between snapshots, "
+          "which make it quick to continue. They are written beside updates; a snapshot waits "
+          "until the last one is on disk. incremental: snapshots of the changes only. keep: number "
+          "of snapshots that stay. Defaults: those of the scenario, else sync 1 and no snapshots. "
+          "Returns (updates, time) that the folder held. Raises ValueError for a folder of another "
+          "site.")
       .def_property_readonly(
           "acknowledged",
           [](Site& s) {
             return pair(s.with([](Session& session) { return session.acknowledged(); }));
           },
-          "(updates, time) of what was recorded, as far as it is on disk for sure.")
+          "(updates, time) of the part of the recording that is on disk for certain.")
       .def(
           "flush", [](Site& s) { s.with([](Session& session) { session.flush(); }); },
-          "Returns when all that was recorded is on disk.")
+          "Waits until the whole recording is on disk.")
       .def(
           "stop_recording",
           [](Site& s) { s.with([](Session& session) { session.stop_recording(); }); },
-          "flush(), and lets go of the folder.")
+          "Calls flush() and releases the folder.")
       .def(
           "limit_memory",
           [](Site& s, double megabytes, const std::filesystem::path& folder) {
@@ -692,11 +681,11 @@ void bind_site(py::module_& m) {
             });
           },
           py::arg("megabytes"), py::arg("folder"),
-          "Keeps the ground's memory to a limit: what wasn't used for longest goes to a file "
-          "without "
-          "a name in the folder. Updates give the same bits. A limited site can't be cloned.")
+          "Limits the memory of the ground: ground that was unused for longest goes to a file "
+          "without a name in the folder. Updates give the same bits. A limited site cannot be "
+          "cloned.")
       .def("close", &Site::close,
-           "Flushes what is recorded, if anything, and gives its memory back; all else then raises "
+           "Flushes the recording, if any, and frees the site's memory. All later calls raise "
            "RuntimeError.")
       .def("__enter__", [](py::object self) { return self; })
       .def("__exit__", [](Site& s, const py::args&) { s.close(); })
@@ -711,7 +700,7 @@ void bind_site(py::module_& m) {
       "update_many", &update_sites, py::arg("sites"), py::arg("machine"), py::kw_only(),
       py::arg("positions"), py::arg("rotations") = none, py::arg("time") = none,
       "One update for each of many sites, on all cores: positions (N, 3), rotations (N, 4). Raises "
-      "the error of the first that is bad; the others have moved.");
+      "the error of the first bad site; the others have moved.");
 }
 
 }  // namespace soilvdb::python

@@ -8,7 +8,6 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <array>
-#include <limits>
 
 #include "soilvdb/capacity.h"
 #include "soilvdb/io/mesh_file.h"
@@ -48,9 +47,9 @@ Pose base_of(const py::object& base) {
 
 void bind_values(py::module_& m) {
   py::class_<Bucket>(m, "Bucket",
-                     "A digging tool in its own frame: origin at the middle of the lip, "
-                     "y along the lip, z from the lip to the upper edge of the mouth, x "
-                     "out of the mouth. Metres.")
+                     "A digging tool in its own frame, in metres: origin at the middle of the lip, "
+                     "y along the lip, z from the lip to the upper edge of the mouth, x out of the "
+                     "mouth.")
       .def(py::init([](double width, double height, const py::object& profile,
                        std::optional<double> dump_angle) {
              Bucket bucket{width, height, outline(profile), dump_angle};
@@ -60,8 +59,8 @@ void bind_values(py::module_& m) {
            py::arg("width"), py::arg("height"), py::arg("profile") = py::none(),
            py::arg("dump_angle") = py::none(),
            "profile: (N, 2) points (x, z) of the body's side from the lip (0, 0) to the upper edge "
-           "(0, height), x <= 0; without it the mouth alone digs. dump_angle: rad below the "
-           "horizontal at which all leaves the bucket at once.")
+           "(0, height), x <= 0; default: the mouth alone digs. dump_angle: angle below the "
+           "horizontal at which the whole load leaves at once, rad.")
       .def_readonly("width", &Bucket::width_m)
       .def_readonly("height", &Bucket::height_m)
       .def_property_readonly("profile", [](const Bucket& b) { return outline(b.profile); })
@@ -73,10 +72,10 @@ void bind_values(py::module_& m) {
             if (!capacity) return py::none();
             return py::make_tuple(capacity->struck_m3(), capacity->heaped_m3());
           },
-          "(struck, heaped), m3: what it holds with its mouth level, up to the mouth and heaped at "
-          "1:1 above it. Only soil that moves is held to what the bucket's attitude and "
-          "repose_angle "
-          "allow, which may be more or less. None without a profile: it holds any amount.")
+          "(struck, heaped), m3, with the mouth level: up to the mouth, and heaped at 1:1 above "
+          "it. Rigid soil has no limit. The limit of moving soil depends on the bucket's attitude "
+          "and repose_angle, and may be more or less. None without a profile: the bucket holds any "
+          "amount.")
       .def("__repr__",
            [](const Bucket& b) {
              return fmt::format("soilvdb.Bucket(width={}, height={}{})", b.width_m, b.height_m,
@@ -109,14 +108,13 @@ void bind_values(py::module_& m) {
         return bucket;
       },
       py::arg("mesh"), py::arg("voxel"),
-      "A tool of any closed shape in place of a bucket: blade, auger, ripper. It holds nothing and "
-      "pushes aside what it passes. mesh: an .stl or .obj file, m, whose own frame is "
-      "the tool's. voxel: m, of its distances; flat faces are exact at any, what is thinner than "
-      "two is lost: a UserWarning tells of more than 1 % of its volume. Raises ValueError for a "
-      "mesh "
-      "that isn't closed.");
+      "A tool of any closed shape in place of a bucket: blade, auger, ripper. It holds no soil and "
+      "pushes aside the soil that it passes. mesh: an .stl or .obj file in the tool's frame, m. "
+      "voxel: voxel size of the tool's distance field, m. Flat faces are exact at any size. Parts "
+      "thinner than two voxels are lost; a UserWarning names a loss above 1 % of the volume. "
+      "Raises ValueError if the mesh is not closed.");
 
-  py::class_<MachineValue>(m, "Machine", "A bucket with a name and, with a URDF, joints.")
+  py::class_<MachineValue>(m, "Machine", "A bucket with a name and, if it has a URDF, joints.")
       .def(py::init([](const Bucket& bucket, std::string name,
                        const std::optional<std::filesystem::path>& urdf, const std::string& link,
                        const py::object& base) {
@@ -124,10 +122,9 @@ void bind_values(py::module_& m) {
            }),
            py::arg("bucket"), py::arg("name") = "machine", py::kw_only(),
            py::arg("urdf") = py::none(), py::arg("link") = "bucket", py::arg("base") = py::none(),
-           "urdf: a file whose chain of joints ends with `link`, whose frame is the bucket's; "
-           "without "
-           "link it is the one named bucket. base: 4x4 array, the URDF's root in the world. Raises "
-           "ValueError where the file has no such link.")
+           "urdf: a file with a chain of joints that ends at `link`. The frame of link is the "
+           "bucket frame; default: the link named bucket. base: 4x4 array, the URDF's root in the "
+           "world. Raises ValueError if the file has no such link.")
       .def_property_readonly("name", [](const MachineValue& v) { return v.machine.name; })
       .def_property_readonly("bucket", [](const MachineValue& v) { return v.machine.bucket; })
       .def_property_readonly("joints",
@@ -156,7 +153,7 @@ void bind_values(py::module_& m) {
           }));
 
   py::class_<TerrainValue>(m, "Terrain",
-                           "Ground before anyone dug: soilvdb.plane(), raster() or "
+                           "The ground before the first update: soilvdb.plane(), raster() or "
                            "snapshot().")
       .def("__repr__", [](const TerrainValue& t) { return t.text; })
       .def(py::pickle(
@@ -182,13 +179,13 @@ void bind_values(py::module_& m) {
         return plane(z, rise);
       },
       py::arg("z") = 0.0, py::arg("slope") = py::none(),
-      "A plane at height z (m) over x = y = 0 that rises by slope (dz/dx, dz/dy).");
+      "A plane with height z (m) at x = y = 0 and slope (dz/dx, dz/dy).");
   m.def("raster", &raster, py::arg("file"),
-        "Heights from a file that GDAL reads: a GeoTIFF, .asc.");
+        "Heights from a file that GDAL reads, such as GeoTIFF or .asc.");
   m.def("snapshot", &snapshot, py::arg("file"),
         "The ground of a snapshot (.vdb), or a closed level set.");
 
-  py::class_<SoilProperties>(m, "Soil", "How soil moves once it was dug.")
+  py::class_<SoilProperties>(m, "Soil", "Properties of moving soil.")
       .def(py::init([](double repose_angle, double swell, double density,
                        std::optional<double> cohesion, std::optional<double> friction_angle) {
              Earthmoving all;
@@ -198,12 +195,10 @@ void bind_values(py::module_& m) {
            }),
            py::arg("repose_angle"), py::arg("swell") = 0.0, py::arg("density") = 1800.0,
            py::arg("cohesion") = py::none(), py::arg("friction_angle") = py::none(),
-           "repose_angle: rad, steepest that loose soil stands; most is from 0.44 to 0.79. swell: "
-           "loose over bank volume, less 1; most is from 0.1 to 0.7, more than 3 is refused. "
-           "density: "
-           "kg/m3 of bank soil, more than 0; most is from 1200 to 2700. cohesion: Pa of bank soil; "
-           "without it cuts stand as made. friction_angle: rad of bank soil; without it "
-           "repose_angle.")
+           "repose_angle: steepest slope of loose soil, rad; usually 0.44 to 0.79. swell: loose "
+           "volume / bank volume - 1; usually 0.1 to 0.7, at most 3. density: kg/m3 of bank soil, "
+           "more than 0; usually 1200 to 2700. cohesion: Pa of bank soil; default: cuts stand as "
+           "made. friction_angle: rad, of bank soil; default: repose_angle.")
       .def_readonly("repose_angle", &SoilProperties::repose_rad)
       .def_readonly("swell", &SoilProperties::swell)
       .def_readonly("density", &SoilProperties::density_kg_m3)
@@ -220,15 +215,17 @@ void bind_values(py::module_& m) {
                                   t[4].cast<std::optional<double>>()};
           }));
 
-  py::class_<Pour>(m, "Pour", "Soil brought from elsewhere: a truck that tips, a conveyor.")
+  py::class_<Pour>(m, "Pour",
+                   "A source of soil from outside the site: a truck that tips, a "
+                   "conveyor.")
       .def(py::init(
                [](const py::object& at, double volume, const py::object& time, std::string name) {
                  const auto [begin, end] = span_of(time, "time");
                  return Pour{std::move(name), vector3(at, "at"), begin, end, volume};
                }),
            py::arg("at"), py::arg("volume"), py::arg("time"), py::arg("name") = "pour",
-           "at: (x, y, z), m, where it falls from. volume: m3, loose, evenly over time (begin, "
-           "end), s.")
+           "at: (x, y, z), m, the point from which the soil falls. volume: m3, loose, even over "
+           "time (begin, end), s.")
       .def(py::pickle(
           [](const Pour& p) {
             return py::make_tuple(p.name, p.at_m.x(), p.at_m.y(), p.at_m.z(), p.begin_s, p.end_s,
@@ -242,7 +239,9 @@ void bind_values(py::module_& m) {
                         t[6].cast<double>()};
           }));
 
-  py::class_<Hopper>(m, "Hopper", "What falls into it leaves the site: a truck's bed, a crusher.")
+  py::class_<Hopper>(m, "Hopper",
+                     "A truck's bed or a crusher: soil that falls into it leaves the "
+                     "site.")
       .def(
           py::init([](const py::object& box, double top, const py::object& time, std::string name) {
             double sides[4];
@@ -253,9 +252,8 @@ void bind_values(py::module_& m) {
             return hopper;
           }),
           py::arg("box"), py::arg("top"), py::arg("time") = py::none(), py::arg("name") = "hopper",
-          "box: (xmin, ymin, xmax, ymax), m. top: height of its rim, m. time: it is there from, "
-          "to, "
-          "s; without it always.")
+          "box: (xmin, ymin, xmax, ymax), m. top: height of the rim, m. time: (begin, end) of its "
+          "presence, s; default: always.")
       .def(py::pickle(
           [](const Hopper& h) {
             return py::make_tuple(h.name, h.box_m.min().x(), h.box_m.min().y(), h.box_m.max().x(),

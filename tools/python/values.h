@@ -24,7 +24,7 @@ TerrainValue snapshot(const std::filesystem::path& file);
 struct MachineValue {
   MachineValue(const Bucket& bucket, std::string name, std::optional<std::filesystem::path> file,
                std::string link_name, const Pose& world_from_root);
-  SessionMachine machine;
+  SiteMachine machine;
   std::optional<std::filesystem::path> urdf;
   std::string link;
   Pose base;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "core/lattice/chunk_math.h"
 #include "soilvdb/samples.h"
 
 namespace soilvdb::tools {
@@ -13,8 +14,6 @@ namespace {
 constexpr int kTile = 32;               // cells that the grid grows by
 constexpr int kReach = kChunkSide + 2;  // of a chunk, on the surface around it, voxels
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
-
-int floor_to(int v, int step) { return v - ((v % step) + step) % step; }
 
 }  // namespace
 

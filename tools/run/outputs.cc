@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <string_view>
 #include <vector>
@@ -74,14 +73,6 @@ void write_surface_raster(const fs::path& file, const Soil& soil, const Eigen::A
   const io::SurfaceRaster raster = io::rasterise(soil, box, cell_m);
   io::write_geotiff(file, raster.grid, {{"surface", raster.surface}, {"change", raster.change}},
                     crs_wkt);
-}
-
-std::string suffix_of(const fs::path& file) {
-  std::string suffix = file.extension().string();
-  if (!suffix.empty()) suffix.erase(0, 1);
-  std::transform(suffix.begin(), suffix.end(), suffix.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return suffix;
 }
 
 void check_output(const fs::path& to, const fs::path& input) {

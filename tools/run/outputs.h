@@ -23,9 +23,6 @@ void write_surface_raster(const std::filesystem::path& file, const Soil& soil,
                           const Eigen::AlignedBox2d& box, double cell_m,
                           const std::string& crs_wkt);
 
-/// The file's suffix in small letters, without the dot.
-std::string suffix_of(const std::filesystem::path& file);
-
 /// @throw io::InputError if `to` can't be written: it is one of the inputs, a folder, or its folder
 ///        isn't there.
 void check_output(const std::filesystem::path& to, const std::filesystem::path& input);

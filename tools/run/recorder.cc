@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -12,85 +13,117 @@
 
 namespace soilvdb::tools {
 
-Recorder::Recorder(std::unique_ptr<RunFolder> folder, const Recording& recording,
-                   std::uint64_t journal_bytes, io::JournalExtent done, SnapshotSchedule schedule)
-    : folder_(std::move(folder)),
-      recording_(recording),
-      journal_(folder_->path() / kJournalName, journal_bytes, done, recording.sync_s),
-      schedule_(schedule),
-      updates_(done.updates),
-      snapshots_(*folder_, {recording.incremental, recording.keep, true}) {}
-
-void Recorder::go_on(std::vector<io::JournalFile> files,
-                     const std::optional<io::SnapshotParent>& parent,
-                     const std::vector<std::string>& removed) {
-  for (const io::JournalFile& file : files) names_.insert(file.name);
-  snapshots_.go_on(std::move(files), parent);
-  folder_->remove(removed);
-  snapshots_.delete_old(journal_);
+Recorder::Recorder(RunFolder& folder, Soil& soil, double sync_s,
+                   const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule)
+    : folder_(folder), sync_s_(sync_s), options_(snapshots), schedule_(schedule) {
+  if (!options_.incremental) return;
+  changes_.emplace(soil);
+  changes_->take();  // the first snapshot is whole, or goes on from what the ground was read from
 }
 
-void Recorder::failed(const char* why) noexcept {
-  try {
-    error_ = fmt::format("{}; {} is good to {} s; stop recording or mend that and open it again",
-                         why, folder_->path().string(), time_text(acknowledged().time_s));
-  } catch (...) {
-    error_ = "no memory";  // short enough to need none
-  }
+void Recorder::open(std::uint64_t bytes, const io::JournalExtent& done) {
+  journal_.emplace(folder_.path() / kJournalName, bytes, done, sync_s_);
+  snapshots_.emplace(folder_, *journal_, options_);
 }
 
-void Recorder::check() {
-  if (error_.empty()) {
-    try {
-      journal_.check();
-      snapshots_.check();
-    } catch (const std::exception& e) {
-      failed(e.what());
-    }
+void Recorder::begin(const io::JournalConfig& config) {
+  open(io::begin_journal(folder_.path() / kJournalName, config, folder_.replaced()), {});
+  folder_.remove(folder_.replaced());
+}
+
+void Recorder::go_on(const io::JournalContent& journal, std::span<const io::JournalFile> good,
+                     const ResumePoint& from) {
+  open(journal.good_bytes, journal.done);
+  std::vector<io::JournalFile> seen;
+  for (const io::JournalFile& file : good) {
+    const bool before = file.updates < from.updates || file.name == from.snapshot;
+    (before ? seen : later_).push_back(file);
+    if (!before) continue;
+    names_.insert(file.name);
+    folder_.done(file.name);
   }
-  if (!error_.empty()) throw std::runtime_error(error_);
+  snapshots_->go_on(std::move(seen), from.parent);
+  folder_.remove(journal.removed);
+  snapshots_->delete_old();
+}
+
+void Recorder::note(const io::JournalUpdate& update) {
+  using Kind = io::JournalUpdate::Kind;
+  updates_ += update.ends_update;
+  if (update.kind == Kind::kClock) schedule_.begin_again();
 }
 
 bool Recorder::add(const io::JournalUpdate& update) noexcept {
   try {
-    journal_.add(update);
-    ++updates_;
+    journal_->add(update);
+    note(update);
   } catch (const std::exception& e) {
-    failed(e.what());
+    error_ = e.what();
   }
   return error_.empty();
 }
 
-bool Recorder::wants_snapshot(double time_s) {
-  if (!error_.empty() || !std::isfinite(time_s)) return false;
-  if (schedule_.would_be_due(time_s) && snapshots_.is_busy()) return false;  // a later one takes it
-  return schedule_.due(time_s);
+void Recorder::check() {
+  if (!error_.empty()) throw std::runtime_error(error_);
+  if (!journal_) return;
+  try {
+    journal_->check();
+    snapshots_->check();
+  } catch (const std::exception& e) {
+    error_ = e.what();
+    throw;
+  }
 }
 
-void Recorder::write_snapshot(const std::vector<Coord3>& changed, const io::Site& site,
-                              io::SnapshotInfo info) noexcept {
+/// Times may differ by less than a name tells, or come again when a clock was set.
+std::string Recorder::name_of_next(double time_s) {
+  std::string time = time_text(time_s);
+  constexpr std::size_t kLongest = 32;  // names of files end somewhere, too
+  if (time.size() > kLongest) time = fmt::format("{}", time_s);
+  std::string name = fmt::format("soil_{}.vdb", time);
+  if (!names_.insert(name).second) name = fmt::format("soil_{}_{}.vdb", time, updates_);
+  return name;
+}
+
+void Recorder::write_snapshot(const io::Site& site, io::SnapshotInfo info) noexcept {
   try {
-    std::string time = time_text(info.time_s);
-    constexpr std::size_t kLongest = 32;  // names of files end somewhere, too
-    if (time.size() > kLongest) time = fmt::format("{}", info.time_s);
-    // Times may differ by less than such a name tells, or come again when a clock was set.
-    io::JournalFile file{fmt::format("soil_{}.vdb", time), updates_};
-    if (!names_.insert(file.name).second) file.name = fmt::format("soil_{}_{}.vdb", time, updates_);
-    snapshots_.write(file, false, changed, site, std::move(info), journal_);
+    io::JournalFile file{name_of_next(info.time_s), updates_};
+    const auto there = std::find_if(later_.begin(), later_.end(), [&](const auto& known) {
+      return known.name == file.name && known.updates == file.updates;
+    });
+    if (there != later_.end()) file = *there;
+    const std::vector<Coord3> changed = changes_ ? changes_->take() : std::vector<Coord3>();
+    snapshots_->write(std::move(file), there != later_.end(), changed, site, std::move(info));
   } catch (const std::exception& e) {
-    failed(e.what());
+    error_ = e.what();
   }
 }
 
 void Recorder::flush() {
+  if (!journal_) return;
   check();
   try {
-    snapshots_.finish();
-    journal_.flush();
+    snapshots_->finish();
+    journal_->flush();
   } catch (const std::exception& e) {
-    failed(e.what());
-    throw std::runtime_error(error_);
+    error_ = e.what();
+    throw;
   }
+}
+
+void Recorder::save_what_can_be() noexcept {
+  try {
+    snapshots_->finish();
+  } catch (const std::exception&) {  // what went wrong, or as bad
+  }
+  try {
+    journal_->flush();
+  } catch (const std::exception&) {  // the disk may be full
+  }
+}
+
+io::JournalExtent Recorder::acknowledged() const {
+  return journal_ ? journal_->acknowledged() : io::JournalExtent{};
 }
 
 }  // namespace soilvdb::tools

@@ -1,66 +1,81 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a session is recorded by: the journal of what it was fed, and snapshots.
+// What a run or a session is recorded by: the journal of its updates, and snapshots on the way.
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "soilvdb/change_follower.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/session.h"
+#include "tools/run/replay.h"
 #include "tools/run/run_folder.h"
 #include "tools/run/snapshot_schedule.h"
 #include "tools/run/snapshot_writer.h"
 
 namespace soilvdb::tools {
 
-/// Records a session into its folder, which it keeps others out of. For one thread.
+/// Records into a folder. For one thread.
 class Recorder {
  public:
-  /// @param journal_bytes that are good of the journal in the folder
-  /// @param done how far that goes
-  /// @param schedule as it is by then
-  /// @throw std::runtime_error if the journal can't be written
-  Recorder(std::unique_ptr<RunFolder> folder, const Recording& recording,
-           std::uint64_t journal_bytes, io::JournalExtent done, SnapshotSchedule schedule);
+  /// @param folder is locked, and outlives the recorder; `soil` does, too
+  /// @param sync_s as io::JournalWriter has it
+  Recorder(RunFolder& folder, Soil& soil, double sync_s, const SnapshotWriter::Options& snapshots,
+           SnapshotSchedule schedule);
 
-  /// @param files snapshots that lead to where the ground is, `parent` what reading the last gave
-  /// @param removed files that go
-  void go_on(std::vector<io::JournalFile> files, const std::optional<io::SnapshotParent>& parent,
-             const std::vector<std::string>& removed);
+  /// Begins a journal in place of what the folder held.
+  /// @throw std::runtime_error if it can't be written
+  void begin(const io::JournalConfig& config);
+  /// Goes on with the folder's journal and snapshots.
+  /// @param good its snapshots that are intact, by updates
+  /// @throw std::runtime_error if it can't be written
+  void go_on(const io::JournalContent& journal, std::span<const io::JournalFile> good,
+             const ResumePoint& from);
+  bool has_begun() const { return journal_.has_value(); }
 
-  /// Throws what went wrong; then nothing is recorded any more.
-  void check();
+  /// An update that the journal holds already: snapshots come due by its time.
+  void note(const io::JournalUpdate& update);
   /// @return is it recorded, as far as is known? error() says why not.
   bool add(const io::JournalUpdate& update) noexcept;
-  /// A machine's clock was set: snapshots come due by what it says from then on.
-  void begin_schedule_again() { schedule_.begin_again(); }
-  /// Is one due after a state at this time? Not before the last is safe: nothing waits for that.
-  bool wants_snapshot(double time_s);
-  /// @param changed chunks since the last one, where they are incremental
-  void write_snapshot(const std::vector<Coord3>& changed, const io::Site& site,
-                      io::SnapshotInfo info) noexcept;
+  /// Throws what went wrong; then nothing is recorded any more.
+  void check();
+  const std::string& error() const { return error_; }
+
+  bool would_be_due(double time_s) const { return schedule_.would_be_due(time_s); }
+  /// Is a snapshot due at a time?
+  bool due(double time_s) { return schedule_.due(time_s); }
+  /// Would a snapshot wait for the one before it?
+  bool is_busy() const { return snapshots_->is_busy(); }
+  /// A snapshot of now, unless an intact one is there.
+  void write_snapshot(const io::Site& site, io::SnapshotInfo info) noexcept;
+
   /// Returns when all that was added, snapshots as well, can't be lost any more.
   void flush();
-  const std::string& error() const { return error_; }
-  io::JournalExtent acknowledged() const { return journal_.acknowledged(); }
+  /// The same after an error, as far as it goes.
+  void save_what_can_be() noexcept;
+  io::JournalExtent acknowledged() const;
+  io::JournalWriter& journal() { return *journal_; }
 
  private:
-  void failed(const char* why) noexcept;
+  void open(std::uint64_t bytes, const io::JournalExtent& done);
+  std::string name_of_next(double time_s);
 
-  std::unique_ptr<RunFolder> folder_;
-  Recording recording_;
-  io::JournalWriter journal_;
+  RunFolder& folder_;
+  const double sync_s_;
+  const SnapshotWriter::Options options_;
   SnapshotSchedule schedule_;
-  std::uint64_t updates_;
-  SnapshotWriter snapshots_;          // writes to the journal, too
-  std::set<std::string> names_ = {};  // of snapshots: none takes the place of another
+  std::optional<ChangeFollower> changes_;     // since the last snapshot, if they are incremental
+  std::optional<io::JournalWriter> journal_;  // from begin() or go_on() on
+  std::optional<SnapshotWriter> snapshots_;   // writes to the journal
+  std::uint64_t updates_ = 0;                 // that were added or noted
+  std::set<std::string> names_;               // of snapshots: each is written once
+  std::vector<io::JournalFile> later_;        // intact, of updates that are yet to come
   std::string error_;
 };
 

@@ -3,8 +3,6 @@
 // A session as a snapshot, as bytes and as another session.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -29,15 +27,14 @@ void Session::write(const std::filesystem::path& file) const {
   if (file.extension() != ".vdb")
     throw std::invalid_argument(
         fmt::format("{}: a session writes a snapshot; its name must end with .vdb", file.string()));
-  const double last_s = state_->last_s();
-  io::SnapshotInfo info = state_->snapshot_info(std::isnan(last_s) ? 0 : last_s);
+  io::SnapshotInfo info = state_->snapshot_info(state_->last_s().value_or(0));
   info.tracker_state.clear();
   io::write_snapshot(file, state_->site, info);
 }
 
 std::string Session::save() const {
   const State& s = *state_;
-  if (!s.broken.empty()) throw std::runtime_error(s.broken);
+  if (!s.broken_.empty()) throw std::runtime_error(s.broken_);
   std::string rest;
   put_text(rest, io::to_cbor(s.description(/*ground=*/false)));
   put_text(rest, s.progress());
@@ -69,7 +66,7 @@ void Session::restore(std::string_view bytes) {
     throw std::invalid_argument(
         fmt::format("the state is of another site, {} isn't the same", what));
   const std::string_view progress = take_text(bytes);
-  tools::SiteState restored(s.machines, s.earthmoving, io::undug_site(s.site));
+  tools::SiteState restored(s.model(), io::undug_site(s.site));
   try {
     io::restore_samples(take_text(bytes), *restored.site.soil);
   } catch (const std::bad_alloc&) {
@@ -80,12 +77,11 @@ void Session::restore(std::string_view bytes) {
   restored.set_progress(progress);
   s.become(std::move(restored));
   ++s.fed_count;
-  s.broken.clear();
 }
 
 Session Session::clone() const {
   const State& s = *state_;
-  if (!s.broken.empty()) throw std::runtime_error(s.broken);
+  if (!s.broken_.empty()) throw std::runtime_error(s.broken_);
   if (s.settings.memory_bytes != 0)
     throw std::runtime_error("a session whose memory is limited can't be cloned");
   return Session(std::make_unique<State>(s));

@@ -26,8 +26,8 @@ using Json = nlohmann::json;
 using tools::kJournalName;
 
 constexpr int kRecordFormat = 1;
-/// Updates that are made again at once.
-constexpr std::size_t kReplayBatch = 256;
+
+bool ends_no_batch(const io::JournalUpdate&) { return false; }
 
 /// @throw io::InputError unless a journal is of a session of this site
 void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
@@ -49,75 +49,21 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
 
 }  // namespace
 
-/// The newest good ground of a recording, and what leads there.
-struct Session::State::Found {
-  std::uint64_t updates = 0;
-  std::vector<io::JournalFile> files = {};
-  std::optional<io::SnapshotParent> parent = {};
-};
-
 /// Goes on to the newest snapshot that is good, if there is one.
-/// @param files snapshots, by updates
-/// @param whole may it be of soil at rest, as at a run's end?
-Session::State::Found Session::State::find_start(const fs::path& folder,
-                                                 std::vector<io::JournalFile> files, bool whole) {
-  for (; !files.empty(); files.pop_back()) {
-    const io::JournalFile& file = files.back();
-    if (file.updates == 0 || !tools::fault_of(folder / file.name, file).empty()) continue;
-    try {
-      io::SnapshotInfo info;
-      SiteState there(machines, earthmoving, io::read_snapshot(folder / file.name, &info));
-      there.set_progress(info.tracker_state);
-      if (there.at_rest && !whole) continue;
-      become(std::move(there));
-      const std::uint64_t updates = file.updates;
-      return {updates, std::move(files), info.parent};
-    } catch (const io::InputError&) {
-    } catch (const std::invalid_argument&) {
-    }  // the journal holds what it held, too
-  }
-  return {};
-}
-
-/// Does what a journal holds beyond a snapshot, up to so many updates.
-void Session::State::replay(const fs::path& journal, std::uint64_t from, std::uint64_t to,
-                            tools::SnapshotSchedule& schedule,
-                            const std::function<void(const io::JournalExtent&)>& progress) {
-  io::JournalReader reader(journal);
-  io::JournalExtent at;
-  std::vector<io::JournalUpdate> batch;
-  std::uint64_t before = 0;  // updates before the batch
-  const auto make = [&] {
-    try {
-      redo(batch);
-    } catch (const tools::UpdateDiffers& e) {
-      const auto bad = batch.begin() + static_cast<std::ptrdiff_t>(e.index);
-      before += static_cast<std::uint64_t>(std::count_if(
-          batch.begin(), bad, [](const io::JournalUpdate& made) { return made.ends_update; }));
-      throw tools::differs(journal, before + 1, bad->end_s, e);
-    }
-    if (!batch.empty() && progress) progress(at);
-    batch.clear();
-    before = at.updates;
+/// @param snapshots intact, by updates
+/// @param may_rest may it be of soil at rest, as at a run's end?
+tools::ResumePoint Session::State::find_start(const fs::path& recording,
+                                              std::span<const io::JournalFile> snapshots,
+                                              bool may_rest) {
+  const auto fits = [&](const SiteState& there, std::uint64_t) {
+    return may_rest || !there.rests_at_end();
   };
-  while (std::optional<io::JournalRecord> record = reader.next()) {
-    auto* update = std::get_if<io::JournalUpdate>(&*record);
-    if (update == nullptr) continue;  // a file
-    if (at.updates == to) break;
-    const bool known = at.updates < from;
-    at.add(*update);
-    if (update->kind == io::JournalUpdate::Kind::kClock) schedule.begin_again();
-    if (std::isfinite(update->end_s) && update->kind != io::JournalUpdate::Kind::kRest)
-      schedule.due(update->end_s);
-    if (known) {
-      if (update->machine < machines.size()) follow(*update);
-      before = at.updates;
-      continue;
-    }
-    batch.push_back(std::move(*update));
-    if (batch.size() == kReplayBatch) make();
-  }
-  make();
+  std::optional<tools::ResumePoint> start =
+      tools::newest_snapshot(recording, snapshots, model(), fits,
+                             [](const std::string&) {});  // the journal holds what it held, too
+  if (!start) return {};
+  become(std::move(*start->state));
+  return std::move(*start);
 }
 
 const Recording& Session::recording() const { return state_->settings.recording; }
@@ -126,7 +72,7 @@ io::JournalExtent Session::record(const Recording& given,
                                   const std::function<void(const io::JournalExtent&)>& progress) {
   State& s = *state_;
   Recording recording = given;
-  if (!s.broken.empty()) throw std::runtime_error(s.broken);
+  if (!s.broken_.empty()) throw std::runtime_error(s.broken_);
   if (s.recorder) throw std::invalid_argument("the session is recorded already");
   if (s.fed_count > 0)
     throw std::invalid_argument("a recording begins before the first state; this session has some");
@@ -151,16 +97,23 @@ io::JournalExtent Session::record(const Recording& given,
     State& n = *next.state_;
     n.settings.recording = recording;
     n.limit_memory();
-    tools::SnapshotSchedule schedule(recording.snapshot_every_s);
+    const auto open_recorder = [&] {
+      n.recorder = std::make_unique<tools::Recorder>(
+          *folder, *n.site.soil, recording.sync_s,
+          tools::SnapshotWriter::Options{recording.incremental, recording.keep, true},
+          tools::SnapshotSchedule(recording.snapshot_every_s));
+    };
+    const auto become_next = [&] {
+      n.folder = std::move(folder);
+      *this = std::move(next);
+    };
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
       Json all = {{"session", kRecordFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
       if (!s.settings.scenario.empty()) all["scenario"] = s.settings.scenario.string();
-      const std::uint64_t size = io::begin_journal(journal, {io::to_cbor(all)});
-      if (recording.incremental) n.unsaved.emplace();
-      n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, size,
-                                                     io::JournalExtent{}, schedule);
-      *this = std::move(next);
+      open_recorder();
+      n.recorder->begin({io::to_cbor(all)});
+      become_next();
       return {};
     }
     const io::JournalContent content = io::read_journal(journal);
@@ -177,17 +130,25 @@ io::JournalExtent Session::record(const Recording& given,
     std::vector<io::JournalFile> good;
     for (const tools::RunFile& file : tools::check_files(recording.folder, content))
       if (file.fault.empty() && tools::is_periodic(file.known.name)) good.push_back(file.known);
-    const State::Found start = n.find_start(recording.folder, std::move(good), false);
-    if (recording.incremental) n.unsaved.emplace();
-    n.replay(journal, start.updates, content.done.updates, schedule, progress);
+    const tools::ResumePoint start = n.find_start(recording.folder, good, /*may_rest=*/false);
+    open_recorder();
+    n.recorder->go_on(content, good, start);
+    io::JournalExtent at;
+    const auto made = [&](std::span<const io::JournalUpdate> updates) {
+      for (const io::JournalUpdate& update : updates) {
+        at.add(update);
+        n.recorder->note(update);
+        if (std::isfinite(update.end_s) && update.kind != io::JournalUpdate::Kind::kRest)
+          n.recorder->due(update.end_s);
+      }
+      if (progress && at.updates > start.updates) progress(at);
+    };
+    tools::replay(journal, start.updates, content.done.updates, n, ends_no_batch, made);
     n.fed_count = content.done.updates;
-    n.recorder = std::make_unique<tools::Recorder>(std::move(folder), recording, content.good_bytes,
-                                                   content.done, schedule);
-    n.recorder->go_on(start.files, start.parent, content.removed);
-    *this = std::move(next);
+    become_next();
     return content.done;
   } catch (...) {
-    if (folder) folder->unmake();
+    folder->unmake();
     throw;
   }
 }
@@ -197,23 +158,24 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
   if (s.fed_count > 0)
     throw std::invalid_argument("a recording is gone along from before the first state");
   const fs::path journal = folder / kJournalName;
-  io::JournalContent content = io::read_journal(journal);
+  const io::JournalContent content = io::read_journal(journal);
   if (tools::is_of_session(content.config.text))
     require_same_site(content.config.text, s.description(/*ground=*/true), folder);
   else
     tools::parse_run_config(content.config.text, folder);  // its inputs are as they were
   const std::uint64_t until = io::updates_until(journal, time_s);
   const bool whole = content.ended && until == content.done.updates;
-  std::erase_if(content.files, [&](const io::JournalFile& file) {
-    return file.updates > until ||
-           !(tools::is_periodic(file.name) || file.name == tools::kFinalName);
-  });
+  std::vector<io::JournalFile> snapshots;
+  for (const io::JournalFile& file : content.files) {
+    const bool is_snapshot = tools::is_periodic(file.name) || file.name == tools::kFinalName;
+    if (is_snapshot && file.updates <= until) snapshots.push_back(file);
+  }
   Session there(std::make_unique<State>(s));
   State& t = *there.state_;
-  const State::Found start = t.find_start(folder, std::move(content.files), whole);
-  tools::SnapshotSchedule none({});
-  t.replay(journal, start.updates, until, none, {});
-  if (whole && t.earthmoving.soil && !t.at_rest) t.tracker->come_to_rest(content.done.time_s);
+  const tools::ResumePoint start = t.find_start(folder, snapshots, whole);
+  tools::replay(journal, start.updates, until, t, ends_no_batch,
+                [](std::span<const io::JournalUpdate>) {});
+  if (whole) t.rest_at_end(content.done.time_s);
   t.fed_count = until;
   return there;
 }
@@ -223,13 +185,26 @@ io::JournalExtent Session::acknowledged() const {
 }
 
 void Session::flush() {
-  if (state_->recorder) state_->recorder->flush();
+  State& s = *state_;
+  if (!s.recorder) return;
+  try {
+    s.recorder->flush();
+  } catch (const std::exception& e) {
+    throw std::runtime_error(s.recording_error(e.what()));
+  }
 }
 
 void Session::stop_recording() {
-  const std::unique_ptr<tools::Recorder> recorder = std::move(state_->recorder);
-  state_->unsaved.reset();
-  if (recorder) recorder->flush();
+  State& s = *state_;
+  std::string error;
+  try {
+    flush();
+  } catch (const std::exception& e) {
+    error = e.what();
+  }
+  s.recorder.reset();
+  s.folder.reset();
+  if (!error.empty()) throw std::runtime_error(error);
 }
 
 void Session::limit_memory(std::uint64_t bytes, const fs::path& folder) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/file/json.h"
 #include "soilvdb/io/checksum.h"
 #include "soilvdb/tool_shape.h"
 #include "tools/run/session_state.h"
@@ -16,12 +17,6 @@ namespace {
 
 using Json = nlohmann::json;
 
-Json numbers(const auto& values) {
-  Json all = Json::array();
-  for (const double value : values) all.push_back(value);
-  return all;
-}
-
 /// What a chain is, by where it brings a bucket: each joint's axis shows where that moves alone.
 Json places(const Chain& chain) {
   const std::vector<std::string> names = chain.movable();
@@ -30,7 +25,7 @@ Json places(const Chain& chain) {
     std::vector<double> joints(names.size(), 0.0);
     if (moved > 0) joints[moved - 1] = 1;
     const Pose pose = chain.world_from_bucket(joints);
-    all["at"].push_back({numbers(pose.position), numbers(pose.rotation.coeffs())});
+    all["at"].push_back({io::numbers(pose.position), io::numbers(pose.rotation.coeffs())});
   }
   return all;
 }
@@ -40,30 +35,31 @@ Json places(const Chain& chain) {
 nlohmann::json Session::State::description(bool ground) const {
   const Soil& soil = *site.soil;
   const io::BaseReference& base = site.reference;
-  Json all = {{"voxel_size_m", soil.voxel_size_m()}, {"origin_m", numbers(soil.origin())}};
+  Json all = {{"voxel_size_m", soil.voxel_size_m()}, {"origin_m", io::numbers(soil.origin())}};
   if (const auto* plane = std::get_if<io::PlaneTerrain>(&base.terrain))
-    all["plane"] = {plane->height_m, numbers(plane->slope)};
+    all["plane"] = {plane->height_m, io::numbers(plane->slope)};
   else
     all["terrain"] = base.checksum;
   if (ground && !soil.chunks().empty()) all["ground"] = fmt::format("{:016x}", soil.state_hash());
-  for (const SessionMachine& machine : machines) {
+  for (const SiteMachine& machine : model().machines) {
     const Bucket& bucket = machine.bucket;
     Json one = {{"name", machine.name},
                 {"bucket", {bucket.width_m, bucket.height_m}},
                 {"profile", Json::array()}};
-    for (const Vec2& point : bucket.profile) one["profile"].push_back(numbers(point));
+    for (const Vec2& point : bucket.profile) one["profile"].push_back(io::numbers(point));
     if (bucket.shape) one["tool"] = fmt::format("{:016x}", io::crc64(bucket.shape->save()));
     if (bucket.dump_angle_rad) one["dump_angle_rad"] = *bucket.dump_angle_rad;
     if (machine.chain) one["chain"] = places(*machine.chain);
     all["machines"].push_back(std::move(one));
   }
+  const Earthmoving& earthmoving = model().earthmoving;
   if (const auto& soil_moves = earthmoving.soil) {
     all["soil"] = {soil_moves->repose_rad, soil_moves->swell, soil_moves->density_kg_m3,
                    soil_moves->cohesion_pa.value_or(-1), soil_moves->friction_rad.value_or(-1)};
     for (const Pour& pour : earthmoving.pours)
-      all["pours"].push_back({numbers(pour.at_m), pour.begin_s, pour.end_s, pour.volume_m3});
+      all["pours"].push_back({io::numbers(pour.at_m), pour.begin_s, pour.end_s, pour.volume_m3});
     for (const Hopper& hopper : earthmoving.hoppers)
-      all["hoppers"].push_back({numbers(hopper.box_m.min()), numbers(hopper.box_m.max()),
+      all["hoppers"].push_back({io::numbers(hopper.box_m.min()), io::numbers(hopper.box_m.max()),
                                 hopper.top_m, fmt::format("{} {}", hopper.begin_s, hopper.end_s)});
   }
   return all;

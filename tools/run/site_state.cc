@@ -6,24 +6,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 #include <utility>
 
-#include "core/lattice/bytes.h"
-#include "soilvdb/pour_parts.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
 namespace {
-
-constexpr double kNever = std::numeric_limits<double>::infinity();
-
-std::vector<SessionMachine> machines_of(const io::Scenario& scenario) {
-  std::vector<SessionMachine> machines;
-  for (const io::MachineInput& machine : scenario.machines)
-    machines.push_back({machine.name, machine.bucket, machine.chain});
-  return machines;
-}
 
 /// Joints at a time between two rows, or those of the last row.
 std::vector<double> joints_at(const io::MotionRows& rows, double time_s) {
@@ -44,6 +32,13 @@ std::vector<double> joints_at(const io::MotionRows& rows, double time_s) {
 
 }  // namespace
 
+SiteModel model_of(const io::Scenario& scenario) {
+  SiteModel model{{}, {scenario.soil, scenario.pours, scenario.hoppers}};
+  for (const io::MachineInput& machine : scenario.machines)
+    model.machines.push_back({machine.name, machine.bucket, machine.chain});
+  return model;
+}
+
 std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t update,
                            double time_s, const UpdateDiffers& why) {
   const std::string at = std::isnan(time_s) ? "" : fmt::format(", at {} s", time_text(time_s));
@@ -53,49 +48,16 @@ std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t u
       journal.string(), update, at, why.what()));
 }
 
-SiteState::SiteState(std::vector<SessionMachine> machines_, Earthmoving earthmoving_,
-                     io::Site site_)
-    : machines(std::move(machines_)),
-      earthmoving(std::move(earthmoving_)),
-      site(std::move(site_)),
-      fed(machines.size()) {
-  std::set<std::string> names;
-  std::vector<Bucket> buckets;
-  for (const SessionMachine& machine : machines) {
-    if (!names.insert(machine.name).second)
-      throw std::invalid_argument(
-          fmt::format("machine '{}' is there twice; names must differ", machine.name));
-    buckets.push_back(machine.bucket);
-  }
-  tracker = std::make_unique<Tracker>(*site.soil, std::move(buckets), earthmoving);
-  if (earthmoving.soil) units = MassUnits(*earthmoving.soil);
+SiteState::SiteState(SiteModel model, io::Site ground)
+    : Site(ground.soil, std::move(model)), site(std::move(ground)) {
+  if (const auto& soil = model_->earthmoving.soil) units = MassUnits(*soil);
 }
-
-SiteState::SiteState(const io::Scenario& scenario, io::Site site_)
-    : SiteState(machines_of(scenario), {scenario.soil, scenario.pours, scenario.hoppers},
-                std::move(site_)) {}
 
 SiteState::SiteState(const SiteState& other)
-    : machines(other.machines),
-      earthmoving(other.earthmoving),
-      site{other.site.soil->clone(), other.site.reference, other.site.crs_wkt, other.site.bounds,
+    : Site(other),
+      site{ground_, other.site.reference, other.site.crs_wkt, other.site.bounds,
            other.site.beneath},
-      tracker(std::make_unique<Tracker>(*site.soil, *other.tracker)),
-      units(other.units),
-      fed(other.fed),
-      at_rest(other.at_rest),
-      poured_s(other.poured_s),
-      next_pour_s_(other.next_pour_s_) {}
-
-std::string SiteState::name(std::size_t machine) const {
-  return fmt::format("machine '{}'", machines[machine].name);
-}
-
-double SiteState::last_s() const {
-  double last_s = std::numeric_limits<double>::quiet_NaN();
-  for (const Fed& machine : fed) last_s = std::fmax(last_s, machine.time_s);
-  return last_s;
-}
+      units(other.units) {}
 
 std::int64_t SiteState::samples(double m3) const {
   return std::llround(m3 / site.soil->sample_m3());
@@ -114,31 +76,7 @@ double SiteState::loose_m3(std::int64_t mass) const {
 }
 
 double SiteState::kg(std::int64_t mass) const {
-  return units.kg(mass, site.soil->sample_m3(), *earthmoving.soil);
-}
-
-void SiteState::pour(double until_s) {
-  if (until_s >= next_pour_s_) {
-    std::vector<double> times_s;
-    next_pour_s_ = kNever;
-    for (const Pour& pour : earthmoving.pours) {
-      const PourParts parts(pour, site.soil->voxel_size_m());
-      for (std::int64_t part = 1; part <= parts.count(); ++part) {
-        const double falls_s = parts.falls_s(part);
-        if (falls_s > until_s) next_pour_s_ = std::min(next_pour_s_, falls_s);
-        if (falls_s > poured_s && falls_s <= until_s) times_s.push_back(falls_s);
-      }
-    }
-    std::sort(times_s.begin(), times_s.end());
-    times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
-    for (const double time_s : times_s)
-      for (std::size_t i = 0; i < earthmoving.pours.size(); ++i) tracker->pour(i, time_s);
-  }
-  poured_s = std::max(poured_s, until_s);
-}
-
-void SiteState::pour_before(double time_s) {
-  if (!earthmoving.pours.empty() && !std::isnan(time_s)) pour(std::nextafter(time_s, -kNever));
+  return units.kg(mass, site.soil->sample_m3(), *model_->earthmoving.soil);
 }
 
 /// @throw std::invalid_argument if it can't be
@@ -146,9 +84,9 @@ Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::s
   const std::span<const double> v(rows.values.data() + row * rows.columns, rows.columns);
   if (!rows.joints) {
     if (v.size() != 7) throw std::invalid_argument("a pose has seven numbers");
-    return {{v[0], v[1], v[2]}, Eigen::Quaterniond(v[6], v[3], v[4], v[5])};
+    return io::pose_of(v.data());
   }
-  const std::optional<Chain>& chain = machines[machine].chain;
+  const std::optional<Chain>& chain = model_->machines[machine].chain;
   if (!chain || chain->movable().size() != v.size())
     throw std::invalid_argument(fmt::format("{} has no {} joints", name(machine), v.size()));
   return chain->world_from_bucket(v);
@@ -156,18 +94,22 @@ Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::s
 
 void SiteState::follow(const io::JournalUpdate& update) {
   using Kind = io::JournalUpdate::Kind;
-  if (update.kind == Kind::kClock) fed[update.machine].time_s = std::nan("");
-  if (update.kind != Kind::kMove) return;
+  if (update.kind != Kind::kMove && update.kind != Kind::kClock) return;
+  std::optional<Input>& input = inputs_[update.machine];
+  if (update.kind == Kind::kClock) {
+    if (input) input->time_s.reset();
+    return;
+  }
   const io::MotionRows& rows = update.rows;
-  Fed& now = fed[update.machine];
+  Input now{input ? input->time_s : std::nullopt};
   const std::size_t last = rows.times_s.size() - 1;
   const bool to_last = !(rows.times_s[last] > update.end_s);
   now.pose = to_last ? row_pose(update.machine, rows, last)
-                     : io::motion_of(rows, machines[update.machine].chain.value_or(Chain()))
+                     : io::motion_of(rows, model_->machines[update.machine].chain.value_or(Chain()))
                            .pose(update.end_s);
-  now.joints.clear();
   if (rows.joints) now.joints = joints_at(rows, to_last ? rows.times_s[last] : update.end_s);
   if (std::isfinite(update.end_s)) now.time_s = update.end_s;
+  input = std::move(now);
 }
 
 /// @param motions keeps those that moves are along
@@ -178,11 +120,12 @@ Move SiteState::move_of(const io::JournalUpdate& update,
   move.machine = update.machine;
   if (rows.times_s.front() <= update.begin_s) {
     motions.push_back(std::make_unique<Motion>(
-        io::motion_of(rows, machines[update.machine].chain.value_or(Chain()))));
+        io::motion_of(rows, model_->machines[update.machine].chain.value_or(Chain()))));
   } else {
     move.to = row_pose(update.machine, rows, rows.times_s.size() - 1);
     if (std::isnan(update.begin_s)) return move;
-    const std::vector<Pose> ends = {fed[update.machine].pose, move.to};
+    if (!inputs_[update.machine]) throw std::invalid_argument("it begins nowhere");
+    const std::vector<Pose> ends = {inputs_[update.machine]->pose, move.to};
     motions.push_back(
         std::make_unique<Motion>(std::vector<double>{update.begin_s, update.end_s}, ends));
   }
@@ -192,10 +135,43 @@ Move SiteState::move_of(const io::JournalUpdate& update,
   return move;
 }
 
+std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
+  std::vector<io::JournalUpdate> made;
+  const auto record = [&](const Step& step, const Update& update) {
+    made.push_back(
+        {.machine = static_cast<std::uint32_t>(step.machine),
+         .ends_update = step.ends_update,
+         .begin_s = step.begin_s,
+         .end_s = step.end_s,
+         .cut_samples = samples(update.cut_m3),
+         .bucket_samples = mass(update.bucket_m3),
+         .ns = std::llround(1e3 * update.us),
+         .rows = step.motion ? io::rows_between(*step.motion, step.begin_s, step.end_s)
+                             : io::MotionRows(),
+         .spilled = mass(update.spilled_m3),
+         .slid = mass(update.slid_m3),
+         .kind = step.motion ? io::JournalUpdate::Kind::kMove : io::JournalUpdate::Kind::kPour});
+    follow(made.back());
+  };
+  for (std::size_t i = 0; i < steps.size();) {
+    if (!steps[i].motion) {
+      record(steps[i], tracker_->pour(steps[i].machine - model_->machines.size(), steps[i].end_s));
+      ++i;
+      continue;
+    }
+    std::vector<Move> moves;  // as many at once as there are between pours
+    for (std::size_t k = i; k < steps.size() && steps[k].motion; ++k)
+      moves.push_back(
+          {steps[k].machine, {}, steps[k].motion.get(), steps[k].begin_s, steps[k].end_s});
+    for (const Update& update : tracker_->update(moves)) record(steps[i++], update);
+  }
+  return made;
+}
+
 void SiteState::require_mover(std::size_t i, const io::JournalUpdate& update) const {
   const bool pours = update.kind == io::JournalUpdate::Kind::kPour;
-  const std::size_t first = pours ? machines.size() : 0;
-  const std::size_t count = pours ? earthmoving.pours.size() : machines.size();
+  const std::size_t first = pours ? model_->machines.size() : 0;
+  const std::size_t count = pours ? model_->earthmoving.pours.size() : model_->machines.size();
   if (update.machine < first || update.machine - first >= count)
     throw UpdateDiffers(i, "is of a machine or a pour that isn't there");
 }
@@ -224,25 +200,27 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
           std::vector<std::unique_ptr<Motion>> motions;
           std::vector<Move> moves;
           for (end = i; end < updates.size() && updates[end].kind == Kind::kMove &&
-                        (end == i || earthmoving.pours.empty());
+                        (end == i || model_->earthmoving.pours.empty());
                ++end) {
             require_mover(end, updates[end]);
             moves.push_back(move_of(updates[end], motions));
             follow(updates[end]);
           }
-          pour_before(first.end_s);
-          const std::vector<Update> made = tracker->update(moves);
+          if (!std::isnan(first.end_s)) pour_before(first.end_s);
+          const std::vector<Update> made = tracker_->update(moves);
           for (std::size_t k = i; k < end; ++k) require_same(k, updates[k], made[k - i]);
           break;
         }
         case Kind::kPour:
-          require_same(i, first, tracker->pour(first.machine - machines.size(), first.end_s));
+          require_same(i, first,
+                       tracker_->pour(first.machine - model_->machines.size(), first.end_s));
           break;
         case Kind::kPours:
-          pour(first.end_s);
+          pour_until(first.end_s);
           break;
         case Kind::kRest:
-          tracker->come_to_rest(first.end_s);
+          tracker_->come_to_rest(std::isnan(first.end_s) ? std::nullopt
+                                                         : std::optional(first.end_s));
           break;
         case Kind::kClock:
           follow(first);
@@ -256,52 +234,14 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
   }
 }
 
-std::string SiteState::progress() const {
-  std::string out;
-  put_text(out, tracker->state());
-  put(out, at_rest);
-  put(out, std::uint64_t{fed.size()});
-  for (const Fed& machine : fed) {
-    put(out, machine.time_s);
-    put(out, machine.pose);
-    put(out, std::uint64_t{machine.joints.size()});
-    for (const double value : machine.joints) put(out, value);
-  }
-  return out;
-}
-
-void SiteState::set_progress(std::string_view bytes) {
-  const std::string_view tracker_state = take_text(bytes);
-  bool rests = false;
-  std::uint64_t count = 0;
-  take(bytes, rests);
-  take(bytes, count);
-  if (count != machines.size())
-    throw std::invalid_argument(
-        fmt::format("the state is of {} machines; this site has {}", count, machines.size()));
-  std::vector<Fed> all;
-  for (const SessionMachine& machine : machines) {
-    Fed& now = all.emplace_back();
-    take(bytes, now.time_s);
-    take(bytes, now.pose);
-    std::uint64_t joints = 0;
-    take(bytes, joints);
-    if (joints != 0 && (!machine.chain || joints != machine.chain->movable().size()))
-      throw std::invalid_argument("the state is of a machine with other joints");
-    now.joints.resize(joints);
-    for (double& value : now.joints) take(bytes, value);
-    if (std::isinf(now.time_s) || !(now.pose.position.hasNaN() || is_sane(now.pose)) ||
-        !std::all_of(now.joints.begin(), now.joints.end(),
-                     [](double value) { return std::isfinite(value); }))
-      throw std::invalid_argument("the state has a machine that can't be");
-  }
-  tracker->restore(tracker_state);
-  fed = std::move(all);
-  at_rest = rests;
+void SiteState::rest_at_end(double time_s) {
+  if (!model_->earthmoving.soil || at_rest_) return;
+  tracker_->come_to_rest(time_s);
+  at_rest_ = true;
 }
 
 io::SnapshotInfo SiteState::snapshot_info(double time_s) const {
-  const Ledger total = tracker->total();
+  const Ledger total = tracker_->total();
   io::SnapshotInfo info;
   info.time_s = time_s;
   info.cut_m3 = total.cut_m3();

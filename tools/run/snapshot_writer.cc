@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <exception>
 #include <set>
 #include <stdexcept>
@@ -19,12 +18,6 @@
 namespace soilvdb::tools {
 namespace {
 
-std::vector<Coord3> all_chunks(const Soil& soil) {
-  std::vector<Coord3> origins;
-  for (const Chunk* chunk : soil.chunks()) origins.push_back(chunk->origin);
-  return origins;
-}
-
 /// The resident chunks within two chunks of some: what their surface is made of.
 std::vector<Coord3> chunks_around(const Soil& soil, const std::vector<Coord3>& chunks) {
   std::vector<Coord3> around;
@@ -34,15 +27,15 @@ std::vector<Coord3> chunks_around(const Soil& soil, const std::vector<Coord3>& c
       if (soil.find(other) != nullptr) around.push_back(other);
     }
   }
-  std::sort(around.begin(), around.end(), before);
-  around.erase(std::unique(around.begin(), around.end()), around.end());
+  sort_once(around);
   return around;
 }
 
 }  // namespace
 
-SnapshotWriter::SnapshotWriter(RunFolder& folder, const Options& options)
-    : folder_(folder), options_(options) {}
+SnapshotWriter::SnapshotWriter(RunFolder& folder, io::JournalWriter& journal,
+                               const Options& options)
+    : folder_(folder), journal_(journal), options_(options) {}
 
 void SnapshotWriter::go_on(std::vector<io::JournalFile> files,
                            const std::optional<io::SnapshotParent>& parent) {
@@ -52,8 +45,7 @@ void SnapshotWriter::go_on(std::vector<io::JournalFile> files,
 }
 
 void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
-                           const io::Site& site, io::SnapshotInfo info,
-                           io::JournalWriter& journal) {
+                           const io::Site& site, io::SnapshotInfo info) {
   finish();
   const Soil& soil = *site.soil;
   const bool whole = !options_.incremental || files_.empty() || depth_ == io::kMaxChainLength ||
@@ -65,7 +57,7 @@ void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<C
   if (there && !anew_) {
     files_.push_back(std::move(file));
     done_.push_back(files_.back().name);
-    delete_old(journal);
+    delete_old();
     return finish();
   }
   anew_ = true;
@@ -76,11 +68,11 @@ void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<C
     file.parent = last.name;
   }
   io::Site copy = io::undug_site(site);
-  for (const Coord3& origin : whole ? all_chunks(soil) : changed) {
+  for (const Coord3& origin : whole ? soil.origins() : changed) {
     SoilWriter(*copy.soil).copy_from(soil, origin);
     if (!whole && soil.find(origin) == nullptr) info.parent->dropped.push_back(origin);
   }
-  std::unique_ptr<Soil> ground;
+  std::shared_ptr<Soil> ground;
   if (!whole) {
     ground = io::undug_site(site).soil;
     for (const Coord3& origin : chunks_around(soil, changed)) {
@@ -89,27 +81,27 @@ void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<C
   }
   auto work = [this, file = std::move(file),
                copy = std::make_shared<const io::Site>(std::move(copy)),
-               ground = std::shared_ptr<const Soil>(std::move(ground)), info = std::move(info),
-               &journal] { save(file, *copy, ground.get(), info, journal); };
+               ground = std::shared_ptr<const Soil>(ground),
+               info = std::move(info)] { save(file, *copy, ground.get(), info); };
   if (!background_) background_.emplace(options_.beside);
   background_->run(std::move(work));
   if (!options_.beside) finish();
 }
 
 void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const Soil* ground,
-                          const io::SnapshotInfo& info, io::JournalWriter& journal) {
+                          const io::SnapshotInfo& info) {
   const std::filesystem::path path = folder_.path() / file.name;
   const std::string bytes = io::snapshot_bytes(path, site, info, ground);
   io::write_atomically(path, bytes);
   file.size = bytes.size();
   file.crc = io::crc64(bytes);
   done_.push_back(file.name);
-  journal.add(file);
+  journal_.add(file);
   files_.push_back(std::move(file));
-  delete_old(journal);
+  delete_old();
 }
 
-void SnapshotWriter::delete_old(io::JournalWriter& journal) {
+void SnapshotWriter::delete_old() {
   if (!options_.keep || files_.size() <= *options_.keep) return;
   std::set<std::string> needed;
   std::vector<io::JournalFile> stay, go;
@@ -119,8 +111,8 @@ void SnapshotWriter::delete_old(io::JournalWriter& journal) {
     (stays ? stay : go).push_back(*file);
   }
   if (go.empty()) return;
-  for (const io::JournalFile& file : go) journal.add(io::JournalRemoval{file.name});
-  journal.flush();  // the newest is in there, too
+  for (const io::JournalFile& file : go) journal_.add(io::JournalRemoval{file.name});
+  journal_.flush();  // the newest is in there, too
   for (const io::JournalFile& file : go) {
     std::error_code error;
     std::filesystem::remove(folder_.path() / file.name, error);

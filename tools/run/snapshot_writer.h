@@ -4,7 +4,6 @@
 // them stay.
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,8 +35,8 @@ class SnapshotWriter {
     bool beside = true;               ///< on a thread of its own, else within write()
   };
 
-  /// @param folder outlives it
-  SnapshotWriter(RunFolder& folder, const Options& options);
+  /// @param journal gets a record of each snapshot once it is safe; both outlive the writer
+  SnapshotWriter(RunFolder& folder, io::JournalWriter& journal, const Options& options);
 
   /// Goes on with a run.
   /// @param files its snapshots up to where the ground is; if they are incremental the last is the
@@ -49,13 +48,12 @@ class SnapshotWriter {
   /// @param file its name and updates; if it is `there` already, intact, then all of it
   /// @param changed chunks since the one before; for incremental ones
   /// @param info all but `parent`
-  /// @param journal gets a record once the file is safe; outlives the writer
   /// @throw std::runtime_error for the one before this, too.
   void write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
-             const io::Site& site, io::SnapshotInfo info, io::JournalWriter& journal);
+             const io::Site& site, io::SnapshotInfo info);
 
   /// Deletes what need not stay.
-  void delete_old(io::JournalWriter& journal);
+  void delete_old();
 
   /// Would write() wait for the one before?
   bool is_busy() const { return background_ && !background_->done(); }
@@ -66,9 +64,10 @@ class SnapshotWriter {
 
  private:
   void save(io::JournalFile file, const io::Site& site, const Soil* ground,
-            const io::SnapshotInfo& info, io::JournalWriter& journal);
+            const io::SnapshotInfo& info);
 
   RunFolder& folder_;
+  io::JournalWriter& journal_;
   const Options options_;
   std::vector<io::JournalFile> files_;       // that stay
   std::size_t depth_ = 0, chunks_ = 0;       // as io::SnapshotParent has them, of the last one

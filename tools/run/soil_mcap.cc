@@ -5,9 +5,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <nlohmann/json.hpp>
+#include <utility>
 
+#include "io/file/atomic_file.h"
 #include "io/file/json.h"
 #include "io/mcap/cdr.h"
 #include "tools/run/mcap_schemas.h"
@@ -15,9 +19,9 @@
 namespace soilvdb::tools {
 namespace {
 
-constexpr double kLoadsPerS = 10;
+constexpr double kGroundEvery_s = 0.5, kMapEvery_s = 1, kLoadsPerS = 10;
 constexpr double kMostTimeS = 2147483647;  // what a stamp holds
-constexpr std::size_t kMostBlocks = 32;    // of a message
+constexpr std::size_t kMostBlocks = 32;    // of a message, and in memory at once
 constexpr std::string_view kFrame = "site", kWorld = "world";
 
 std::uint64_t ns_of(double time_s) {
@@ -45,12 +49,11 @@ void put_deletion(io::CdrWriter& cdr, double time_s, const Coord3& block) {
   cdr.put(id_of(block));
 }
 
-void put_entity(io::CdrWriter& cdr, double time_s, const GroundService::Patch& patch) {
+void put_entity(io::CdrWriter& cdr, double time_s, const Coord3& block, const Mesh& mesh) {
   constexpr std::uint32_t kNone = 0, kOne = 1;
-  const Mesh& mesh = patch.mesh;
   put_stamp(cdr, time_s);
   cdr.put(kFrame);
-  cdr.put(id_of(patch.block));
+  cdr.put(id_of(block));
   cdr.put_all(std::int32_t{0}, std::uint32_t{0});  // it stays
   cdr.put(std::uint8_t{0});                        // in the frame as it was then
   for (int i = 0; i < 6; ++i) cdr.put(kNone);      // metadata, arrows, ..., lines
@@ -65,14 +68,29 @@ void put_entity(io::CdrWriter& cdr, double time_s, const GroundService::Patch& p
   cdr.put_all(kNone, kNone);  // texts, models
 }
 
+std::filesystem::path part_of(std::filesystem::path file) { return file += ".part"; }
+
+SnapshotSchedule schedule_of(double every_s, double begin_s, std::optional<double> end_s) {
+  return end_s ? SnapshotSchedule(every_s, begin_s, *end_s) : SnapshotSchedule(every_s);
+}
+
 }  // namespace
 
-SoilMcap::SoilMcap(const std::filesystem::path& file, const Site& site, double time_s)
-    : writer_(file) {
+SoilMcap::SoilMcap(std::filesystem::path file, const Soil& soil, const std::string& crs_wkt,
+                   const std::vector<std::string>& machines, double begin_s,
+                   std::optional<double> end_s)
+    : file_(std::move(file)),
+      part_(end_s ? part_of(file_) : file_),
+      writer_(part_),
+      schedule_(schedule_of(kGroundEvery_s, begin_s, end_s)),
+      map_schedule_(schedule_of(kMapEvery_s, begin_s, end_s)),
+      mesher_(soil),
+      map_(soil) {
+  for (const Chunk* chunk : soil.chunks()) changed_.insert(changed_.end(), chunk->origin);
   ground_ = writer_.add_channel("/ground", scene_update_schema(), "cdr");
   elevation_ = writer_.add_channel("/elevation", grid_map_schema(), "cdr");
   const std::uint16_t transforms = writer_.add_channel("/tf_static", transforms_schema(), "cdr");
-  for (const std::string& name : site.machines) {
+  for (const std::string& name : machines) {
     // Names come from the user's files and need not be UTF-8.
     const std::string json = io::to_text(nlohmann::json(name));
     loads_.push_back({});
@@ -80,47 +98,76 @@ SoilMcap::SoilMcap(const std::filesystem::path& file, const Site& site, double t
                                            load_schema(), "json");
     loads_.back().name = json;
   }
-  const Vec3& o = site.origin;
+  const Vec3& o = soil.origin();
   writer_.add_metadata("soilvdb", {{"origin", fmt::format("{} {} {}", o.x(), o.y(), o.z())},
-                                   {"voxel_size_m", fmt::format("{}", site.voxel_size_m)},
-                                   {"crs_wkt", site.crs_wkt}});
+                                   {"voxel_size_m", fmt::format("{}", soil.voxel_size_m())},
+                                   {"crs_wkt", crs_wkt}});
   io::CdrWriter cdr;
   cdr.put(std::uint32_t{1});
-  put_stamp(cdr, time_s);
+  put_stamp(cdr, begin_s);
   cdr.put(kWorld);
   cdr.put(kFrame);
   put_pose(cdr, o);
-  writer_.write(transforms, ns_of(time_s), cdr.bytes());
+  writer_.write(transforms, ns_of(begin_s), cdr.bytes());
 }
 
-void SoilMcap::blocks(double time_s, std::span<const GroundService::Patch> patches) {
-  while (!patches.empty()) {
-    const auto some = patches.first(std::min(patches.size(), kMostBlocks));
-    patches = patches.subspan(some.size());
-    std::vector<const GroundService::Patch*> gone, there;
-    for (const GroundService::Patch& patch : some) {
-      if (!patch.mesh.triangles.empty()) {
-        shown_.insert(patch.block);
-        there.push_back(&patch);
-      } else if (shown_.erase(patch.block) > 0) {
-        gone.push_back(&patch);
-      }
-    }
-    if (gone.empty() && there.empty()) continue;
-    io::CdrWriter cdr;
-    cdr.put(static_cast<std::uint32_t>(gone.size()));
-    for (const auto* patch : gone) put_deletion(cdr, time_s, patch->block);
-    cdr.put(static_cast<std::uint32_t>(there.size()));
-    for (const auto* patch : there) put_entity(cdr, time_s, *patch);
-    writer_.write(ground_, ns_of(time_s), cdr.bytes());
+SoilMcap::~SoilMcap() {
+  if (part_ != file_) std::remove(part_.c_str());
+}
+
+bool SoilMcap::due(double time_s) {
+  if (!schedule_.due(time_s)) return false;
+  map_due_ |= map_schedule_.due(time_s);
+  return true;
+}
+
+bool SoilMcap::ground(double time_s, std::size_t most) {
+  std::vector<Coord3> chunks;
+  for (auto next = changed_.upper_bound(last_changed_); chunks.size() < most && !changed_.empty();
+       next = changed_.erase(next)) {
+    if (next == changed_.end()) next = changed_.begin();
+    chunks.push_back(last_changed_ = *next);
   }
+  const std::vector<Coord3> blocks = blocks_touched(chunks);
+  for (std::span<const Coord3> left = blocks; !left.empty();) {
+    const auto some = left.first(std::min(left.size(), kMostBlocks));
+    put_blocks(time_s, some);
+    left = left.subspan(some.size());
+  }
+  not_in_map_.insert(not_in_map_.end(), chunks.begin(), chunks.end());
+  if (std::exchange(map_due_, false)) put_map(time_s);
+  return !changed_.empty();
 }
 
-void SoilMcap::elevation(double time_s, const ElevationMap& map) {
-  const std::size_t nx = map.size_x(), ny = map.size_y();
-  const double cell_m = map.cell_m();
+/// Meshes of blocks in place of those before; where there is none any more the entity goes.
+void SoilMcap::put_blocks(double time_s, std::span<const Coord3> blocks) {
+  std::vector<Coord3> gone;
+  std::vector<std::pair<Coord3, Mesh>> there;
+  for (const Coord3& block : blocks) {
+    Mesh mesh = mesher_.block(block);
+    if (!mesh.triangles.empty()) {
+      shown_.insert(block);
+      there.emplace_back(block, std::move(mesh));
+    } else if (shown_.erase(block) > 0) {
+      gone.push_back(block);
+    }
+  }
+  if (gone.empty() && there.empty()) return;
+  io::CdrWriter cdr;
+  cdr.put(static_cast<std::uint32_t>(gone.size()));
+  for (const Coord3& block : gone) put_deletion(cdr, time_s, block);
+  cdr.put(static_cast<std::uint32_t>(there.size()));
+  for (const auto& [block, mesh] : there) put_entity(cdr, time_s, block, mesh);
+  writer_.write(ground_, ns_of(time_s), cdr.bytes());
+}
+
+void SoilMcap::put_map(double time_s) {
+  if (not_in_map_.empty()) return;
+  map_.update(std::exchange(not_in_map_, {}));
+  const std::size_t nx = map_.size_x(), ny = map_.size_y();
+  const double cell_m = map_.cell_m();
   const Vec2 size_m(static_cast<double>(nx) * cell_m, static_cast<double>(ny) * cell_m);
-  const Vec2 middle_m = map.corner_m() + size_m / 2;
+  const Vec2 middle_m = map_.corner_m() + size_m / 2;
   io::CdrWriter cdr;
   put_stamp(cdr, time_s);
   cdr.put(kFrame);
@@ -140,7 +187,7 @@ void SoilMcap::elevation(double time_s, const ElevationMap& map) {
   cdr.put_all(rows, rows);
   cdr.put(std::uint32_t{0});
   cdr.put(columns * rows);
-  const auto heights_m = map.heights_m();
+  const auto heights_m = map_.heights_m();
   for (std::size_t y = ny; y-- > 0;)
     for (std::size_t x = nx; x-- > 0;) cdr.put(heights_m[y * nx + x]);
   cdr.put_all(std::uint16_t{0}, std::uint16_t{0});
@@ -166,10 +213,16 @@ void SoilMcap::load(double time_s, std::size_t machine, const Load& load) {
   channel.newest_s = time_s;
 }
 
-void SoilMcap::close() {
+void SoilMcap::close(double time_s) {
+  map_due_ = true;
+  ground(time_s);
   for (Channel& channel : loads_)
     if (channel.newest) put(channel.newest_s, channel, Load(*channel.newest));
   writer_.close();
+  if (part_ == file_) return;
+  if (std::rename(part_.c_str(), file_.c_str()) != 0) io::fail_to_write(file_, errno);
+  part_ = file_;
+  io::sync_folder(file_);
 }
 
 }  // namespace soilvdb::tools

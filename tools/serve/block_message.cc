@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "core/lattice/bytes.h"
+#include "core/lattice/chunk_math.h"
 #include "io/draw/loose_soil.h"
 #include "soilvdb/chunk_range.h"
 
@@ -110,13 +111,10 @@ class Unchanged {
   using Cells = std::bitset<kChunkVoxels>;
 
   bool changed(const Coord3& cell) {
-    constexpr int kChunk = ~(kChunkSide - 1), kInside = kChunkSide - 1;
-    const Coord3 chunk(cell.x() & kChunk, cell.y() & kChunk, cell.z() & kChunk);
+    const Coord3 chunk = floor_to(cell, kChunkSide);
     const auto [found, first] = chunks_.try_emplace(chunk);
     if (first) found->second = changes_of(chunk);
-    const int n = ((cell.x() & kInside) * kChunkSide + (cell.y() & kInside)) * kChunkSide +
-                  (cell.z() & kInside);
-    return found->second[static_cast<std::size_t>(n)];
+    return found->second[static_cast<std::size_t>(cell_number(cell))];
   }
 
   Cells changes_of(const Coord3& chunk) const {

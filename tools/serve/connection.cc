@@ -9,7 +9,6 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
-#include <cctype>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -42,9 +41,7 @@ struct Authority {
     const std::size_t colon = text.rfind(':');
     const bool has_port = colon != std::string_view::npos && !text.ends_with(']');
     if (has_port) port = text.substr(colon + 1);
-    host = text.substr(0, has_port ? colon : text.size());
-    std::transform(host.begin(), host.end(), host.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    host = io::lower_case(std::string(text.substr(0, has_port ? colon : text.size())));
   }
   std::string host, port;  ///< empty: the scheme's own
 };

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/lattice/chunk_math.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/difference.h"
 
@@ -63,13 +64,10 @@ Heights heights_of(const BaseSurface& surface) {
 std::vector<Coord3> resident_blocks(const Soil& soil) {
   std::vector<Coord3> origins;
   for (const Chunk* chunk : soil.chunks()) {
-    const Coord3& c = chunk->origin;
-    constexpr int kBlock = ~(kBlockSide - 1);
-    const Coord3 block(c.x() & kBlock, c.y() & kBlock, c.z() & kBlock);
+    const Coord3 block = floor_to(chunk->origin, kBlockSide);
     if (origins.empty() || origins.back() != block) origins.push_back(block);
   }
-  std::sort(origins.begin(), origins.end(), before);
-  origins.erase(std::unique(origins.begin(), origins.end()), origins.end());
+  sort_once(origins);
   return origins;
 }
 

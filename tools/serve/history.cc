@@ -2,13 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/history.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <utility>
 
 #include "io/file/json.h"

@@ -49,7 +49,7 @@ std::array<double, N> array_of(const Line& json, const std::string& what) {
   return all;
 }
 
-Pose pose_of(const Line& position, const Line& rotation) {
+Pose line_pose(const Line& position, const Line& rotation) {
   const auto p = array_of<3>(position, "position");
   const auto q = array_of<4>(rotation, "rotation");
   Pose pose{{p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2])};
@@ -100,17 +100,17 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
   state.machine = session_.machine(machine_in(json).get<std::string>());
   if (json.contains("time") && !json["time"].is_null())
     state.time_s = number_of(json["time"], "'time'");
-  if (std::abs(state.time_s) > kMostTime_s)
+  if (state.time_s && std::abs(*state.time_s) > kMostTime_s)
     throw std::invalid_argument(
         fmt::format("'time' is {:.6g} s; it must be within {:g} s of 0; are these milliseconds?",
-                    state.time_s, kMostTime_s));
+                    *state.time_s, kMostTime_s));
   const bool has_pose = json.contains("position") || json.contains("rotation");
   if (has_pose == json.contains("joints"))
     throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");
   if (has_pose) {
     if (!json.contains("position") || !json.contains("rotation"))
       throw std::invalid_argument("'position' and 'rotation' come together");
-    state.pose = pose_of(json["position"], json["rotation"]);
+    state.pose = line_pose(json["position"], json["rotation"]);
     return state;
   }
   const Line& values = json["joints"];
@@ -138,7 +138,7 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
 /// what rows of a motion are.
 void LiveSite::require_likely(const MachineState& state) const {
   const std::optional<MachineState> last = session_.last(state.machine);
-  const SessionMachine& machine = session_.machines()[state.machine];
+  const SiteMachine& machine = session_.machines()[state.machine];
   const auto require = [&](const std::string& fault) {
     if (!fault.empty())
       throw std::invalid_argument(fmt::format("machine '{}': {}", machine.name, fault));
@@ -152,8 +152,9 @@ void LiveSite::require_likely(const MachineState& state) const {
         "machine '{}' would go {:.6g} m straight on in one state; are these metres? States on its "
         "way are at most {} m apart",
         machine.name, way_m, kFarthestMove_m));
-  const double after_s = state.time_s - last->time_s;
-  if (!(after_s >= 0)) return;  // no time is known, or it goes back, which the session says
+  if (!state.time_s || !last->time_s) return;
+  const double after_s = *state.time_s - *last->time_s;
+  if (after_s < 0) return;  // the session refuses it
   if (!state.joints.empty() && !last->joints.empty())
     require(io::state_fault(*machine.chain, last->joints, state.joints, after_s));
   else
@@ -178,8 +179,8 @@ std::string LiveSite::how_to_set_clock(std::size_t machine) const {
 
 /// After a slip of a clock no state of its machine would be taken, so it needs another that agrees.
 void LiveSite::require_soon(const MachineState& state) {
-  const double latest_s = log_.time_s(), time_s = state.time_s;
-  if (std::isnan(time_s) || log_.machines()[state.machine].clock_is_set) return;
+  if (!state.time_s || log_.machines()[state.machine].clock_is_set) return;
+  const double latest_s = log_.time_s(), time_s = *state.time_s;
   const double doubted_s =
       std::exchange(doubted_s_[state.machine], std::numeric_limits<double>::quiet_NaN());
   if (time_s - latest_s <= kFarthestAhead_s) return;

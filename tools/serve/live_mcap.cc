@@ -4,11 +4,10 @@
 
 #include <fmt/format.h>
 
-#include <atomic>
 #include <cmath>
+#include <exception>
 #include <limits>
 #include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include "tools/run/run_folder.h"
@@ -19,8 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::chrono::milliseconds kEvery{500};
-constexpr std::chrono::seconds kMapEvery{1};
 /// Chunks whose blocks are written at once: the rest, and loads that come meanwhile, don't wait.
 constexpr std::size_t kMostChunks = 32;
 
@@ -32,53 +29,16 @@ fs::path free_name(const fs::path& folder) {
   return file;
 }
 
-SoilMcap::Site site_of(const Session& session) {
-  SoilMcap::Site all{session.origin(), session.voxel_size_m(), session.site().crs_wkt};
-  for (const SessionMachine& machine : session.machines()) all.machines.push_back(machine.name);
-  return all;
-}
-
 }  // namespace
 
-struct LiveMcap::Writer {
-  void write(double time_s, std::span<const Coord3> changed, std::span<const LoadAt> loads,
-             bool last) {
-    if (failed) return;
-    try {
-      if (!mcap) mcap.emplace(free_name(folder), site, copy, time_s);
-      for (const LoadAt& at : loads) mcap->load(at.time_s, at.machine, at.load);
-      if (!loads.empty()) mcap->flush();  // before what may take its time
-      mcap->blocks(time_s, changed);
-      if (last || Clock::now() - mapped >= kMapEvery) {
-        mcap->elevation(time_s);
-        mapped = Clock::now();
-      }
-      if (last)
-        mcap->close();
-      else
-        mcap->flush();
-    } catch (const std::exception& e) {
-      failed = true;
-      say(fmt::format("warning: {}; the site goes on without", e.what()));
-    }
-  }
-
-  const fs::path folder;
-  const SoilMcap::Site site;
-  const Soil& copy;
-  std::atomic<bool> busy = false;
-  std::optional<GroundMcap> mcap = {};
-  Clock::time_point mapped{};
-  bool failed = false;
-};
-
 LiveMcap::LiveMcap(const fs::path& folder, const LiveSite& site, const Soil& copy)
-    : site_(site), writer_(new Writer{folder, site_of(site.session()), copy}) {
+    : site_(site), folder_(folder), copy_(copy), crs_wkt_(site.session().site().crs_wkt) {
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-  noted_.assign(site.session().machines().size(), {kNaN, 0, {kNaN, kNaN, {}}});
+  for (const SiteMachine& machine : site.session().machines()) {
+    noted_.push_back({kNaN, noted_.size(), {kNaN, kNaN, {}}});
+    machines_.push_back(machine.name);
+  }
 }
-
-LiveMcap::~LiveMcap() = default;
 
 /// What a message is stamped with: of the site, else since it began.
 double LiveMcap::now_s() const {
@@ -88,60 +48,63 @@ double LiveMcap::now_s() const {
 
 void LiveMcap::note_loads() {
   const Session& session = site_.session();
-  for (std::size_t i = 0; i < noted_.size(); ++i) {
+  for (LoadAt& noted : noted_) {
+    const std::size_t i = noted.machine;
     const std::optional<MachineState> last = session.last(i);
     if (!last) continue;
-    LoadAt now{std::isfinite(last->time_s) ? last->time_s : now_s(),
+    LoadAt now{last->time_s ? *last->time_s : now_s(),
                i,
                {session.ledger(i).bucket_m3(), session.ledger(i).cut_m3(), {}}};
     if (session.earthmoving().soil) now.load.bucket_kg = session.bucket_kg(i);
-    LoadAt& before = noted_[i];
-    const bool same = now.load.bucket_m3 == before.load.bucket_m3 &&
-                      now.load.cut_m3 == before.load.cut_m3 &&
-                      (now.time_s == before.time_s || !std::isfinite(last->time_s));
+    const bool same = now.load.bucket_m3 == noted.load.bucket_m3 &&
+                      now.load.cut_m3 == noted.load.cut_m3 &&
+                      (now.time_s == noted.time_s || !last->time_s);
     if (same) continue;
-    before = now;
-    loads_.push_back(now);
+    noted = now;
+    news_.loads.push_back(now);
   }
 }
 
-/// Some of the chunks that changed, in turn.
-std::vector<Coord3> LiveMcap::take_changed(std::size_t most) {
-  std::vector<Coord3> some;
-  auto next = changed_.upper_bound(last_taken_);
-  while (some.size() < most && !changed_.empty()) {
-    if (next == changed_.end()) next = changed_.begin();
-    some.push_back(*next);
-    next = changed_.erase(next);
-  }
-  if (!some.empty()) last_taken_ = some.back();
-  return some;
+void LiveMcap::tick(std::span<const Coord3> changed, GroundCopy& beside) {
+  news_.changed.insert(news_.changed.end(), changed.begin(), changed.end());
+  if (site_.fed() == 0) return;
+  note_loads();
+  if (!busy_) hand_over(beside, /*last=*/false);
 }
 
-void LiveMcap::write(GroundService& service, bool last) {
-  if (written_ == Clock::time_point())  // what there is of an earlier recording
-    for (const Chunk* chunk : site_.session().site().soil->chunks()) changed_.insert(chunk->origin);
-  written_ = Clock::now();
-  writer_->busy = true;
-  service.run([writer = writer_, time_s = now_s(), last, loads = std::exchange(loads_, {}),
-               changed = take_changed(last ? changed_.size() : kMostChunks)] {
-    writer->write(time_s, changed, loads, last);
-    writer->busy = false;
+void LiveMcap::finish(GroundCopy& beside) {
+  if (site_.fed() > 0) hand_over(beside, /*last=*/true);
+}
+
+void LiveMcap::hand_over(GroundCopy& beside, bool last) {
+  busy_ = true;
+  news_.time_s = now_s();
+  news_.last = last;
+  beside.run([this, news = std::exchange(news_, {})] {
+    record(news);
+    busy_ = false;
   });
 }
 
-void LiveMcap::tick(std::span<const Coord3> changed, GroundService& service) {
-  changed_.insert(changed.begin(), changed.end());
-  if (site_.fed() == 0) return;
-  note_loads();
-  if (writer_->busy) return;
-  const bool behind = changed_.size() > kMostChunks;
-  if (!behind && Clock::now() - written_ < kEvery) return;
-  if (!changed_.empty() || !loads_.empty()) write(service, /*last=*/false);
-}
-
-void LiveMcap::finish(GroundService& service) {
-  if (site_.fed() > 0) write(service, /*last=*/true);
+void LiveMcap::record(const News& news) {
+  if (failed_) return;
+  try {
+    if (!mcap_)
+      mcap_.emplace(free_name(folder_), copy_, crs_wkt_, machines_, news.time_s,
+                    /*end_s=*/std::nullopt);
+    mcap_->changed(news.changed);
+    for (const LoadAt& at : news.loads) mcap_->load(at.time_s, at.machine, at.load);
+    // Times of machines may stand still, or go back where a clock was wrong.
+    const double clock_s = std::chrono::duration<double>(Clock::now() - begin_).count();
+    if (!mcap_->due(clock_s) && !behind_ && !news.last) return;
+    mcap_->flush();  // before what may take its time
+    if (news.last) return mcap_->close(news.time_s);
+    behind_ = mcap_->ground(news.time_s, kMostChunks);
+    mcap_->flush();
+  } catch (const std::exception& e) {
+    failed_ = true;
+    say(fmt::format("warning: {}; the site goes on without", e.what()));
+  }
 }
 
 }  // namespace soilvdb::tools

@@ -3,38 +3,34 @@
 // soil.mcap of a live site, written beside its feeds.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
-#include <memory>
-#include <set>
+#include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
-#include "soilvdb/chunk_range.h"
-#include "soilvdb/ground_service.h"
-#include "tools/run/ground_mcap.h"
+#include "soilvdb/ground_copy.h"
+#include "tools/run/soil_mcap.h"
 #include "tools/serve/live_site.h"
 
 namespace soilvdb::tools {
 
-/// Gathers what changed on the thread that feeds the site, and writes it twice a second on that of
-/// a GroundService, which reads the copy of the ground there; more often, some at a time, where
-/// much has changed. What can't be written ends the
-/// recording with a warning; the site goes on.
+/// Gathers what changed on the thread that feeds the site, and has it recorded in jobs on the copy
+/// of the ground there. Where much has changed it is written some at a time, more often: others
+/// have jobs there, too. What can't be written ends the recording with a warning; the site goes on.
 class LiveMcap {
  public:
   /// Begins with the first state that is fed, in a file of a name that is free: soil.mcap,
   /// soil_1.mcap and so on.
-  /// @param copy the service's
+  /// @param copy what the jobs read. They end before this does
   LiveMcap(const std::filesystem::path& folder, const LiveSite& site, const Soil& copy);
-  ~LiveMcap();
-  LiveMcap(const LiveMcap&) = delete;
-  LiveMcap& operator=(const LiveMcap&) = delete;
 
-  /// Notes what changed, which the service was told, and has it written when it is time.
-  void tick(std::span<const Coord3> changed, GroundService& service);
-  /// Has the rest written and ends the file, by the time that the service has ended.
-  void finish(GroundService& service);
+  /// Notes loads and what changed of the ground, and has them recorded.
+  void tick(std::span<const Coord3> changed, GroundCopy& beside);
+  /// Has the rest written and ends the file, by the time that the jobs have ended.
+  void finish(GroundCopy& beside);
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -43,21 +39,32 @@ class LiveMcap {
     std::size_t machine = 0;
     SoilMcap::Load load;
   };
-  struct Writer;  // on the service's thread
+  /// What is new, to be recorded.
+  struct News {
+    double time_s = 0;
+    std::vector<Coord3> changed = {};
+    std::vector<LoadAt> loads = {};
+    bool last = false;
+  };
 
   double now_s() const;
   void note_loads();
-  std::vector<Coord3> take_changed(std::size_t most);
-  void write(GroundService& service, bool last);
+  void hand_over(GroundCopy& beside, bool last);
+  void record(const News& news);
 
   const LiveSite& site_;
   const Clock::time_point begin_ = Clock::now();
-  Clock::time_point written_{};
-  std::set<Coord3, Before> changed_;
-  Coord3 last_taken_ = Coord3::Zero();
-  std::vector<LoadAt> loads_;  // that aren't written
   std::vector<LoadAt> noted_;  // the last of each machine
-  std::shared_ptr<Writer> writer_;
+  News news_;
+  std::atomic<bool> busy_ = false;
+
+  // Of the jobs.
+  const std::filesystem::path folder_;
+  const Soil& copy_;
+  std::vector<std::string> machines_;
+  const std::string crs_wkt_;
+  std::optional<SoilMcap> mcap_;
+  bool behind_ = false, failed_ = false;
 };
 
 }  // namespace soilvdb::tools

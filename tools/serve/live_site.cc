@@ -2,11 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/live_site.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <utility>
 
 #include "io/file/json.h"
@@ -17,12 +15,6 @@ namespace soilvdb::tools {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-Json numbers_json(const auto& values) {
-  Json all = Json::array();
-  for (const double value : values) all.push_back(value);
-  return all;
-}
 
 std::string line_of(const Json& json) { return io::to_text(json); }
 
@@ -35,7 +27,7 @@ LiveSite::LiveSite(Session session, std::string name)
       moved_(session_.machines().size()),
       doubted_s_(session_.machines().size(), std::numeric_limits<double>::quiet_NaN()),
       before_{session_.change_m3(), session_.books().ground} {
-  for (const SessionMachine& machine : session_.machines())
+  for (const SiteMachine& machine : session_.machines())
     joints_.push_back(machine.chain ? machine.chain->movable() : std::vector<std::string>());
 }
 
@@ -65,15 +57,15 @@ StepResult LiveSite::feed(const MachineState& state) {
   StepResult step = session_.update(state);
   if (!step.ok()) return step;
   ++fed_;
-  clocks_set_ += log_.machines()[state.machine].clock_is_set && std::isfinite(state.time_s);
+  clocks_set_ += log_.machines()[state.machine].clock_is_set && state.time_s;
   durations_.add(step.update.us);
   std::vector<double> at(state.joints.begin(), state.joints.end());
   if (at.empty()) {
-    const Vec3& p = state.pose.position;
-    const auto& q = state.pose.rotation.coeffs();
-    at = {p[0], p[1], p[2], q[0], q[1], q[2], q[3]};
+    const auto row = io::row_of(state.pose);
+    at.assign(row.begin(), row.end());
   }
-  if (log_.add(state.machine, state.time_s, std::move(at), step.update.bucket_m3))
+  if (log_.add(state.machine, state.time_s.value_or(std::nan("")), std::move(at),
+               step.update.bucket_m3))
     moved_[state.machine] = Clock::now();
   return step;
 }
@@ -91,7 +83,7 @@ std::string LiveSite::feed(std::string_view line) {
     require_soon(state);
     const auto last = session_.last(state.machine);
     const StepResult step = feed(state);
-    if (last && state.time_s < last->time_s && !step.ok())
+    if (last && last->time_s && state.time_s && *state.time_s < *last->time_s && !step.ok())
       return line_of({{"error", step.why + "; if its clock was ahead and is right now, " +
                                     how_to_set_clock(state.machine)}});
     if (!step.ok()) return line_of({{"error", step.why}});
@@ -126,7 +118,7 @@ Json LiveSite::description() const {
   const Soil& soil = *session_.site().soil;
   Json machines = Json::array();
   for (std::size_t i = 0; i < moved_.size(); ++i) {
-    const SessionMachine& machine = session_.machines()[i];
+    const SiteMachine& machine = session_.machines()[i];
     const double capacity_m3 = log_.machines()[i].capacity_m3;
     Bucket drawn = machine.bucket;
     if (drawn.shape) {  // by the box around it
@@ -140,13 +132,13 @@ Json LiveSite::description() const {
                 {"width_m", drawn.width_m},
                 {"height_m", drawn.height_m},
                 {"capacity_m3", capacity_m3 > 0 ? Json(capacity_m3) : Json()}};
-    for (const Vec2& point : drawn.profile) one["profile"].push_back(numbers_json(point));
+    for (const Vec2& point : drawn.profile) one["profile"].push_back(io::numbers(point));
     machines.push_back(std::move(one));
   }
   Json all = {{"type", "site"},
               {"name", name_},
               {"voxel_size_m", soil.voxel_size_m()},
-              {"origin", numbers_json(soil.origin())},
+              {"origin", io::numbers(soil.origin())},
               {"block_side", kBlockSide},
               {"machines", machines},
               {"soil", nullptr}};

@@ -23,7 +23,7 @@ Player::Player(LiveSite& site, const io::Scenario& scenario, double speed)
     if (track.done) continue;
     track.rows = motion.part(0);
     const auto last = site.session().last(i);
-    if (last) track.fed_s = last->time_s;
+    if (last && last->time_s) track.fed_s = *last->time_s;
     while (!track.done && track.rows->times_s()[track.row] <= track.fed_s) next_row(track);
     begin_s_ = std::min(begin_s_, motion.begin_s());
   }

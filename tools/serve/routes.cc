@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is answered to which request.
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <boost/asio/post.hpp>
@@ -126,16 +125,21 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
                                    *asked_s, time_text(latest_s))));
   std::shared_ptr<Session> live;
   if (!time_s) live = std::make_shared<Session>(site.session().clone());
-  const bool taken = worker->post([this, time_s, against_s, clocks = site.clocks_set(),
-                                   live = std::move(live), use, done]() mutable {
-    Reply reply;
-    try {
-      // On one thread: the other is for what feeds do.
-      tbb::task_arena(1).execute([&] {
+  query(
+      [this, time_s, against_s, clocks = site.clocks_set(), live = std::move(live),
+       use = std::move(use)] {
         const Past now = time_s ? past(*time_s, clocks) : Past{live, nullptr};
         GroundView ground(now, against_s ? past(*against_s, clocks).site : nullptr, design);
-        reply = use(ground);
-      });
+        return use(ground);
+      },
+      std::move(done));
+}
+
+void ServerState::query(std::function<Reply()> make, std::function<void(Reply)> done) {
+  const bool taken = queries.try_run([this, make = std::move(make), done]() mutable {
+    Reply reply;
+    try {
+      reply = make();
     } catch (const std::invalid_argument& e) {
       reply = refusal(400, e.what());
     } catch (const std::exception& e) {
@@ -167,12 +171,13 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
     const std::optional<Target> target = parse_target(text);
     if (!target) return done(refusal(400, "the address can't be read"));
     const std::string& path = target->path;
+    const auto look = [&](const Values& values, const std::function<Reply(GroundView&)>& use) {
+      with_ground(values.number_if("time"), values.number_if("against"), use, done);
+    };
     if (path == "/height") {
       const Values values(*target, {"x", "y", "time", "against"});
       const Vec2 at(values.number("x"), values.number("y"));
-      return with_ground(
-          values.number_if("time"), values.number_if("against"),
-          [at](GroundView& ground) { return json_reply(ground.height(at)); }, done);
+      return look(values, [at](GroundView& ground) { return json_reply(ground.height(at)); });
     }
     if (path == "/section") {
       const Values values(*target, {"from", "to", "points", "time", "against"});
@@ -180,12 +185,9 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
       const double points = values.number_if("points").value_or(500);
       if (!(points >= 2 && points <= kMostPoints && points == std::floor(points)))
         throw std::invalid_argument(fmt::format("'points' must be 2 to {}", kMostPoints));
-      return with_ground(
-          values.number_if("time"), values.number_if("against"),
-          [=](GroundView& ground) {
-            return json_reply(ground.section(from, to, static_cast<int>(points)));
-          },
-          done);
+      return look(values, [=](GroundView& ground) {
+        return json_reply(ground.section(from, to, static_cast<int>(points)));
+      });
     }
     if (path == "/volume") {
       const Values values(*target, {"boundary", "time", "against"});
@@ -196,9 +198,8 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
       std::vector<Vec2> boundary;
       for (std::size_t i = 0; i < numbers.size(); i += 2)
         boundary.emplace_back(numbers[i], numbers[i + 1]);
-      return with_ground(
-          values.number_if("time"), values.number_if("against"),
-          [boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); }, done);
+      return look(values,
+                  [boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); });
     }
     if (path == "/terrain") {
       const Values values(*target, {"level", "tile", "surface"});
@@ -210,75 +211,60 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
         return value == std::floor(value) && std::abs(value) < 1e6 ? static_cast<int>(value) : -1;
       };
       const int level = whole(values.number("level")), i = whole(tile.x()), j = whole(tile.y());
-      const bool taken = worker->post([this, level, i, j, designed, done]() mutable {
-        Reply reply = refusal(404, "there is no such tile");
-        if (const auto bytes = terrain->tile(level, i, j, designed ? design.get() : nullptr))
-          reply = {200, "application/octet-stream", deflated(*bytes), {}, true};
-        boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
-      });
-      if (!taken) done(refusal(429, "too much was asked at once; ask again later"));
-      return;
+      return query(
+          [this, level, i, j, designed] {
+            const auto bytes = terrain->tile(level, i, j, designed ? design.get() : nullptr);
+            if (!bytes) return refusal(404, "there is no such tile");
+            return Reply{200, "application/octet-stream", deflated(*bytes), {}, true};
+          },
+          done);
     }
     if (path == "/machines.csv") {
       const Values values(*target, {"time"});
       const auto csv = [](const Json& state) {
         return Reply{200, "text/csv; charset=utf-8", machines_csv(state), "machines.csv", false};
       };
-      const auto time_s = values.number_if("time");
-      if (!time_s) return done(csv(site.state()));
-      return with_ground(
-          time_s, {}, [csv](GroundView& ground) { return csv(ground.state()); }, done);
+      if (!values.number_if("time")) return done(csv(site.state()));
+      return look(values, [csv](GroundView& ground) { return csv(ground.state()); });
     }
     if (path == "/summary.json") {
       const Values values(*target, {"time"});
       io::Summary summary = site.summary();
-      return with_ground(
-          values.number_if("time"), {},
-          [this, summary](GroundView& ground) {
-            io::Summary all = summary;
-            put_books(site.books(ground.now()), all);
-            return Reply{200, "application/json", io::to_json(all), {}, false};
-          },
-          done);
+      return look(values, [this, summary](GroundView& ground) {
+        io::Summary all = summary;
+        put_books(site.books(ground.now()), all);
+        return Reply{200, "application/json", io::to_json(all), {}, false};
+      });
     }
     if (path == "/surface.tif") {
       const Values values(*target, {"time"});
-      return with_ground(
-          values.number_if("time"), {},
-          [this](GroundView& ground) {
-            require_dug(ground.now());
-            const io::Site& of = ground.now().site();
-            const auto box = io::footprint(*of.soil, false);
-            const double cell_m =
-                options.raster_cell_m.value_or(affordable_cell_m(box, of.soil->voxel_size_m()));
-            return file_reply("surface.tif", "image/tiff", [&](const fs::path& file) {
-              write_surface_raster(file, *of.soil, box, cell_m, of.crs_wkt);
-            });
-          },
-          done);
+      return look(values, [this](GroundView& ground) {
+        require_dug(ground.now());
+        const io::Site& of = ground.now().site();
+        const auto box = io::footprint(*of.soil, false);
+        const double cell_m =
+            options.raster_cell_m.value_or(affordable_cell_m(box, of.soil->voxel_size_m()));
+        return file_reply("surface.tif", "image/tiff", [&](const fs::path& file) {
+          write_surface_raster(file, *of.soil, box, cell_m, of.crs_wkt);
+        });
+      });
     }
     if (path == "/soil.vdb") {
       const Values values(*target, {"time"});
-      return with_ground(
-          values.number_if("time"), {},
-          [](GroundView& ground) {
-            return file_reply("soil.vdb", "application/octet-stream",
-                              [&](const fs::path& file) { ground.now().write(file); });
-          },
-          done);
+      return look(values, [](GroundView& ground) {
+        return file_reply("soil.vdb", "application/octet-stream",
+                          [&](const fs::path& file) { ground.now().write(file); });
+      });
     }
     if (path == "/mesh.glb") {
       const Values values(*target, {"time"});
-      return with_ground(
-          values.number_if("time"), {},
-          [](GroundView& ground) {
-            require_dug(ground.now());
-            const io::Site& of = ground.now().site();
-            return file_reply("mesh.glb", "model/gltf-binary", [&](const fs::path& file) {
-              io::write_mesh(file, ground.now().mesh(), of.soil->origin(), of.crs_wkt);
-            });
-          },
-          done);
+      return look(values, [](GroundView& ground) {
+        require_dug(ground.now());
+        const io::Site& of = ground.now().site();
+        return file_reply("mesh.glb", "model/gltf-binary", [&](const fs::path& file) {
+          io::write_mesh(file, ground.now().mesh(), of.soil->origin(), of.crs_wkt);
+        });
+      });
     }
     done(refusal(404,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "

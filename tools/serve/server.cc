@@ -31,7 +31,7 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::chrono::milliseconds kTick{50}, kPlay{20}, kTellSoon{100};
 constexpr std::chrono::seconds kTellAgain{1}, kAskTimes{2};
-constexpr std::size_t kMostJobs = 32;
+constexpr std::size_t kMostQueries = 32;
 constexpr std::size_t kMostConnections = 512;
 constexpr std::size_t kMostCacheBytes = 64 << 20;
 constexpr std::size_t kBlocksAtOnce = 8;
@@ -73,11 +73,11 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
       copy(std::make_unique<Soil>(site.session().voxel_size_m(), site.session().origin(),
                                   site.session().site().soil->shared_base())),
       mesher(std::make_unique<CachedMesher>(*copy)),
-      worker(std::make_unique<Worker>(kMostJobs)),
-      service(std::make_unique<GroundService>(*copy, GroundService::Options{.meshes = false})),
       recording(options.mcap_folder.empty()
                     ? nullptr
-                    : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)) {
+                    : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
+      queries(/*thread=*/true, kMostQueries),
+      beside(std::make_unique<GroundCopy>(*copy)) {
   try {
     const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
     acceptor.open(endpoint.protocol());
@@ -116,7 +116,7 @@ Bytes ServerState::block(const Coord3& block) {
   return nullptr;
 }
 
-/// Some at a time, on the thread of the service: what is newest by then is what is made.
+/// Some at a time, in jobs beside: what is newest by then is what is made.
 void ServerState::make_blocks() {
   if (making || wanted.empty()) return;
   making = true;
@@ -124,7 +124,7 @@ void ServerState::make_blocks() {
   while (!wanted.empty() && blocks.size() < kBlocksAtOnce)
     blocks.push_back(wanted.extract(wanted.begin()).value());
   const bool soil_moves = site.session().earthmoving().soil.has_value();
-  service->run([this, blocks = std::move(blocks), soil_moves, tick = ticks] {
+  beside->run([this, blocks = std::move(blocks), soil_moves, tick = ticks] {
     const Soil& soil = *copy;
     std::vector<std::pair<Coord3, Bytes>> made;
     for (const Coord3& block : blocks)
@@ -166,13 +166,13 @@ Bytes ServerState::description() {
 void ServerState::follow_ground() {
   ++ticks;
   const std::vector<Coord3> chunks = site.session().changed_chunks();
-  if (!chunks.empty()) service->post(*site.session().site().soil, chunks);
+  if (!chunks.empty()) beside->post(*site.session().site().soil, chunks);
   for (const Coord3& block : blocks_touched(chunks)) {
     changed_at[block] = ticks;
     if (const auto cached = cache.find(block); cached != cache.end()) drop(cached);
     for (Viewer* viewer : viewers) viewer->changed(block);
   }
-  if (recording) recording->tick(chunks, *service);
+  if (recording) recording->tick(chunks, *beside);
 }
 
 /// Tells viewers what changed, and of the machines.
@@ -196,7 +196,7 @@ void ServerState::tick() {
   for (Viewer* viewer : viewers) viewer->go_on();
   if (history && now - asked_times >= kAskTimes && !viewers.empty()) {
     asked_times = now;
-    worker->post([this] {
+    queries.try_run([this] {
       try {
         net::post(io, [this, found = history->times()] { known_times = found; });
       } catch (const std::exception&) {  // a folder that can't be read now
@@ -264,12 +264,13 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   if (play) keep_playing();
   s.tick();
   s.io.run();
-  s.worker.reset();
+  s.queries.drop();
+  s.queries.wait();
   if (s.recording) {
     s.follow_ground();
-    s.recording->finish(*s.service);
+    s.recording->finish(*s.beside);
   }
-  s.service.reset();
+  s.beside.reset();
 }
 
 std::string Server::feed(std::string line) {

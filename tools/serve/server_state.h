@@ -15,17 +15,16 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <vector>
 
+#include "soilvdb/background.h"
 #include "soilvdb/chunk_range.h"
-#include "soilvdb/ground_service.h"
+#include "soilvdb/ground_copy.h"
 #include "soilvdb/mesher.h"
 #include "tools/serve/ground_view.h"
 #include "tools/serve/live_mcap.h"
 #include "tools/serve/server.h"
 #include "tools/serve/target.h"
 #include "tools/serve/terrain_tiles.h"
-#include "tools/serve/worker.h"
 
 namespace soilvdb::tools {
 
@@ -49,6 +48,7 @@ struct ServerState {
 
   ServerState(LiveSite& site, std::unique_ptr<History> history,
               std::shared_ptr<const BaseSurface> design, const ServerOptions& options);
+  ~ServerState() { queries.drop(); }
 
   /// Answers a GET by calling `done` once, at once or later, on the thread of `io`.
   void answer(const std::string& target, std::function<void(Reply)> done);
@@ -57,12 +57,14 @@ struct ServerState {
   /// May who sent this see more than the page?
   bool has_token(const std::string& target, const std::string& authorization) const;
 
-  /// Calls `use` on the worker with the ground at times, and `done` here with what comes of it.
+  /// Calls `make` on the thread of queries, and `done` here with what comes of it.
+  void query(std::function<Reply()> make, std::function<void(Reply)> done);
+  /// The same, of the ground at times.
   /// @param time_s nothing: live
   /// @param against_s nothing: before digging
   void with_ground(std::optional<double> time_s, std::optional<double> against_s,
                    std::function<Reply(GroundView&)> use, std::function<void(Reply)> done);
-  /// On the worker. @param clocks_set the site's, of when it was asked
+  /// On the thread of queries. @param clocks_set the site's, of when it was asked
   /// @throw std::invalid_argument if there is no such time
   Past past(double time_s, std::uint64_t clocks_set);
 
@@ -75,7 +77,7 @@ struct ServerState {
   Bytes description();
 
   LiveSite& site;
-  std::unique_ptr<History> history;  ///< on the worker, once that runs
+  std::unique_ptr<History> history;  ///< on the thread of queries, once it runs
   std::shared_ptr<const BaseSurface> design;
   const ServerOptions options;
   std::map<std::string, Reply> page;    ///< by path
@@ -110,13 +112,13 @@ struct ServerState {
 
   std::uint64_t told_fed = 0;
   Clock::time_point told{}, asked_times{};
-  History::Times known_times;                ///< as the worker found them
-  std::list<std::pair<double, Past>> pasts;  ///< on the worker, newest first
+  History::Times known_times;                ///< as a query found them
+  std::list<std::pair<double, Past>> pasts;  ///< of queries, newest first
   std::uint64_t pasts_clocks_set = 0;        ///< that those are by
   // Last, so that these end first.
-  std::unique_ptr<Worker> worker;
-  std::unique_ptr<GroundService> service;
   std::unique_ptr<LiveMcap> recording;  ///< null: there is none
+  Background queries;                   ///< what hasn't begun in the end isn't answered
+  std::unique_ptr<GroundCopy> beside;   ///< keeps `copy`
 };
 
 /// Goes on with a connection that asked for /feed or /view.

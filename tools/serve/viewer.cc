@@ -193,7 +193,7 @@ void Viewer::go_on() {
     return send(message_of_block, false);
   }
   sending_ = true;
-  const bool taken = state_.worker->post(
+  const bool taken = state_.queries.try_run(
       [self = shared_from_this(), ground = ground_, view = view_, at = *block]() mutable {
         Bytes bytes;
         try {

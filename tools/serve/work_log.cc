@@ -25,14 +25,8 @@ double struck_m3(const Bucket& bucket) {
   return capacity ? capacity->struck_m3() : 0;
 }
 
-Json numbers(const auto& values) {
-  Json all = Json::array();
-  for (const double value : values) all.push_back(value);
-  return all;
-}
-
 Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& work, bool works) {
-  const SessionMachine& machine = site.machines()[i];
+  const SiteMachine& machine = site.machines()[i];
   const Ledger& ledger = site.ledger(i);
   const std::optional<double> last_m3 = work.cycles.last_load_m3();
   Json json = {
@@ -49,11 +43,11 @@ Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& w
       {"state", "unseen"}};
   const std::optional<MachineState> last = site.last(i);
   if (!last) return json;
-  json["position"] = numbers(last->pose.position);
-  json["rotation"] = numbers(last->pose.rotation.coeffs());
+  json["position"] = io::numbers(last->pose.position);
+  json["rotation"] = io::numbers(last->pose.rotation.coeffs());
   if (!last->joints.empty())
     for (const Vec3& place : machine.chain->joint_places(last->joints))
-      json["links"].push_back(numbers(place));
+      json["links"].push_back(io::numbers(place));
   json["state"] = works ? "working" : "idle";
   return json;
 }
@@ -79,7 +73,7 @@ WorkLog::WorkLog(const Session& site)
     : loose_m3_(site.site().soil->sample_m3() /
                 static_cast<double>(
                     site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)) {
-  for (const SessionMachine& machine : site.machines()) {
+  for (const SiteMachine& machine : site.machines()) {
     const Bucket& bucket = machine.bucket;
     Machine& work = machines_.emplace_back();
     work.capacity_m3 = struck_m3(bucket);

@@ -4,9 +4,11 @@
 #pragma once
 
 #include <condition_variable>
+#include <cstddef>
 #include <deque>
 #include <exception>
 #include <functional>
+#include <limits>
 #include <mutex>
 #include <thread>
 
@@ -25,16 +27,21 @@ namespace soilvdb::inline v0 {
 class Background {
  public:
   /// @param thread else run() does its work before it returns
-  /// @param idle called while no job waits, until it says that there is nothing to do: the next
-  ///        time is after a job. Its errors are as those of jobs
-  explicit Background(bool thread, std::function<bool()> idle = {});
-  /// Runs the jobs that wait, and idle() no more. Errors not thrown yet are lost: wait() first.
+  /// @param most jobs that may wait, 1 or more
+  explicit Background(bool thread, std::size_t most = std::numeric_limits<std::size_t>::max());
+  /// Runs the jobs that wait. Errors not thrown yet are lost: wait() first.
   ~Background();
   Background(const Background&) = delete;
   Background& operator=(const Background&) = delete;
 
+  /// Waits until there is room for it.
   void run(std::function<void()> job);
-  /// Waits until all is done, idle() too.
+  /// The same without waiting, for who can do without. Throws no errors of jobs.
+  /// @return false: so many wait already that it isn't taken
+  bool try_run(std::function<void()> job);
+  /// Forgets the jobs that haven't begun.
+  void drop();
+  /// Waits until all is done.
   void wait();
   /// Is all done?
   bool done() const;
@@ -43,13 +50,12 @@ class Background {
 
  private:
   void serve();
-  bool rest();
-  void guarded(const std::function<void()>& work);
+  void guarded(const std::function<void()>& job);
 
   const bool thread_used_;
-  const std::function<bool()> idle_;
-  mutable std::mutex mutex_;  // for all below
-  std::condition_variable wake_, all_done_;
+  const std::size_t most_;
+  mutable std::mutex mutex_;                   // for all below
+  std::condition_variable wake_, came_along_;  // for the thread; for who waits for it
   std::deque<std::function<void()>> jobs_;
   bool busy_ = false, ending_ = false;
   std::deque<std::exception_ptr> errors_;

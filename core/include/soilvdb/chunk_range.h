@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <vector>
 
 #include "soilvdb/base_surface.h"
 #include "soilvdb/types.h"
@@ -19,21 +20,32 @@ struct Before {
   bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
 };
 
+/// Sorts origins, and leaves each of them once.
+inline void sort_once(std::vector<Coord3>& origins) {
+  std::sort(origins.begin(), origins.end(), before);
+  origins.erase(std::unique(origins.begin(), origins.end()), origins.end());
+}
+
 /// Origin of the chunk whose cells hold a point of index space.
 inline Coord3 chunk_of(const Vec3& index) {
   return ((index + Vec3::Constant(0.5)) / kChunkSide).array().floor().matrix().cast<int>() *
          kChunkSide;
 }
 
-/// Calls `f(origin)` for each chunk whose cells meet a box in index space, in order.
+/// Calls `f(origin)` for each chunk from one to another, or to that of a voxel, in order.
 template <typename F>
-void for_each_chunk(const Eigen::AlignedBox3d& box, F f) {
-  const Coord3 first = chunk_of(box.min()), last = chunk_of(box.max());
+void for_each_chunk(const Coord3& first, const Coord3& last, F f) {
   for (int x = first.x(); x <= last.x(); x += kChunkSide) {
     for (int y = first.y(); y <= last.y(); y += kChunkSide) {
       for (int z = first.z(); z <= last.z(); z += kChunkSide) f(Coord3(x, y, z));
     }
   }
+}
+
+/// Calls `f(origin)` for each chunk whose cells meet a box in index space, in order.
+template <typename F>
+void for_each_chunk(const Eigen::AlignedBox3d& box, F f) {
+  for_each_chunk(chunk_of(box.min()), chunk_of(box.max()), f);
 }
 
 }  // namespace soilvdb::inline v0

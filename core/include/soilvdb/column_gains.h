@@ -12,10 +12,6 @@
 
 namespace soilvdb::inline v0 {
 
-/// By which the count of a cell that a surface cuts is wrong, root mean square in the worst
-/// direction, of the cell (core/lattice/sample_points.cc).
-inline constexpr double kCountError = 0.022;
-
 /// Boxes that tile the world: columns where they are as high as it is.
 struct GainGrid {
   Vec3 origin;  ///< middle of box (0, 0, 0), world, m

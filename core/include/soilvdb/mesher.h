@@ -57,16 +57,15 @@ class SurfaceMesh {
   /// Meshes again what these chunks can have changed. @return the blocks meshed.
   std::vector<Coord3> update(std::span<const Coord3> changed_chunks);
   /// Patches by block origin.
-  using Less = Before;
-  const std::map<Coord3, Mesh, Less>& patches() const { return patches_; }
+  const std::map<Coord3, Mesh, Before>& patches() const { return patches_; }
 
  private:
   const Soil& soil_;
-  std::map<Coord3, Mesh, Less> patches_;
+  std::map<Coord3, Mesh, Before> patches_;
 };
 
 /// One mesh of many patches, vertices with equal coordinates made one.
-Mesh weld(const std::map<Coord3, Mesh, SurfaceMesh::Less>& patches);
+Mesh weld(const std::map<Coord3, Mesh, Before>& patches);
 
 /// All resident ground in one welded mesh.
 Mesh mesh_all(const Soil& soil);

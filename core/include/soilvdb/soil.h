@@ -27,7 +27,7 @@ struct Chunk {
   std::uint16_t base_count = 0;   ///< samples of soil in the base surface
   std::uint16_t soil_count = 0;   ///< samples of soil now
   std::uint16_t loose_count = 0;  ///< those of them that are loose
-  bool touched : 1 = false;       ///< listed for Soil::take_touched()
+  bool touched : 1 = false;       ///< listed for ChangeFollower
   bool above : 1 = false;         ///< soil was added that the base surface doesn't have
   std::uint8_t used : 2 = 0;  ///< how lately, where memory is limited: 2: since the last page_out()
   Samples samples;            ///< of soil
@@ -46,8 +46,8 @@ struct Chunk {
 /// members read them there.
 ///
 /// Const members may run together with each other, and not while anyone changes the ground, but for
-/// is_air(). take_touched(), limit_memory() and page_out() run beside nothing. A clone() is a soil
-/// of its own to all of this.
+/// is_air(). limit_memory() and page_out() run beside nothing. A clone() is a soil of its own to
+/// all of this.
 class Soil {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0.
@@ -56,8 +56,7 @@ class Soil {
   /// The same ground, to be changed apart from this: neither sees what becomes of the other, and
   /// either may go first. They share the base surface, and the samples of each chunk until one of
   /// them changes it: it takes some tenths of a microsecond a chunk, and its memory what the leaves
-  /// do. What take_touched() would list it lists of both, so who follows this ground can go on with
-  /// either.
+  /// do. A ChangeFollower of this ground can be copied to follow the clone.
   /// @throw std::logic_error where some of it is in a cold store, which has one owner. The other's
   ///        memory isn't limited
   std::unique_ptr<Soil> clone() const;
@@ -66,8 +65,9 @@ class Soil {
 
   double voxel_size_m() const { return h_; }
   const Vec3& origin() const { return origin_; }
-  /// Where distances to the surface are clamped.
-  double band_m() const { return 3 * h_; }
+  /// Distance from the surface beyond which distances are clamped, voxels and metres.
+  static constexpr int kBandVoxels = 3;
+  double band_m() const { return kBandVoxels * h_; }
   /// Volume that one sample stands for, m^3.
   double sample_m3() const { return h_ * h_ * h_ / 64; }
   const BaseSurface& base() const { return *base_; }
@@ -84,6 +84,8 @@ class Soil {
   const Chunk* find(const Coord3& origin) const;
   /// Resident chunks, ordered by origin (x, then y, then z).
   std::vector<const Chunk*> chunks() const;
+  /// Where they are, in that order.
+  std::vector<Coord3> origins() const;
   std::size_t chunk_count() const;
   /// The resident ground as OpenVDB has it: a voxel is active where its cell holds soil. The grid's
   /// transform is relative to origin(). Its users include soilvdb/sample_tree.h.
@@ -107,9 +109,6 @@ class Soil {
   /// A chunk as it is, cold or not.
   Chunk copy(const Chunk& chunk) const;
 
-  /// Origins of the chunks that came, went or changed since the last call, sorted.
-  std::vector<Coord3> take_touched();
-
   /// Volume of the ground now less that of the base surface, counted anew, m^3.
   double change_m3() const;
   std::uint64_t active_voxels() const;  ///< cells of resident chunks that hold soil
@@ -129,7 +128,9 @@ class Soil {
 
  private:
   friend class SoilWriter;
+  friend class ChangeFollower;
   struct State;  // core/ground/soil_state.h
+  void tell_followers();
   std::size_t load(Chunk& chunk) const;
   void store(Chunk& chunk);
   double h_;

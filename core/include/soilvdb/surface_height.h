@@ -27,7 +27,7 @@ class SurfaceHeight {
   /// The same of many places, NaN where there is none; in the caller's TBB arena. The same bits for
   /// any number of threads, and whichever places come together.
   void at(std::span<const Vec2> xy_m, std::span<double> heights_m);
-  /// To be told what changed of the soil, as Soil::take_touched() lists it, before the next look.
+  /// To be told what changed of the soil, as a ChangeFollower lists it, before the next look.
   void update(std::span<const Coord3> changed_chunks);
 
  private:

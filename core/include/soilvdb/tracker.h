@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -127,8 +126,8 @@ class Tracker {
   /// lie. The result doesn't depend on how often this is called.
   Update pour(std::size_t pour, double until_s);
   /// All that is under way comes to rest, as at the next standstill. @param time_s says which
-  /// hoppers are there; NaN: all
-  Update come_to_rest(double time_s = std::numeric_limits<double>::quiet_NaN());
+  /// hoppers are there; without: all
+  Update come_to_rest(std::optional<double> time_s = {});
 
   const Ledger& ledger(std::size_t machine) const;
   /// Where soil is besides the ground and the buckets; zeros where it doesn't move.
@@ -136,9 +135,6 @@ class Tracker {
   /// The same but for `ground`, whose chunks are counted: in microseconds, however many they are.
   SiteLedger booked() const;
   Ledger total() const;
-  /// Origins of the chunks that came, went or may have changed since the last call,
-  /// sorted.
-  std::vector<Coord3> take_changed();
 
   /// How far the path that is dug may be from a machine's own: no more than this over the bucket.
   double tolerance_m() const;

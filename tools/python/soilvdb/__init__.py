@@ -7,8 +7,8 @@
     for position, rotation in poses:
         load_m3 = site.update(0, position=position, rotation=rotation).bucket_m3
 
-World frame: right-handed, metres, radians, seconds, z up. What can't be is a ValueError of one
-line; a site is then as it was.
+World frame: right-handed, metres, radians, seconds, z up. Invalid input raises a ValueError with a
+one-line message and leaves the site unchanged.
 """
 
 from typing import Any as _Any

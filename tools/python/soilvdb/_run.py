@@ -23,12 +23,12 @@ def _program() -> str:
 def run(scenario: str | os.PathLike[str], out: str | os.PathLike[str], *,
         voxel: float | None = None, threads: int | None = None, updates: int | None = None,
         memory: int | None = None, mesh: bool = True, snapshots: bool = True) -> dict[str, Any]:
-    """Runs a scenario into the folder `out` as `soilvdb run` does and returns its summary.json.
+    """Runs a scenario into the folder `out` as `soilvdb run` does, and returns its summary.json.
 
-    voxel: m, instead of the scenario's. threads: default one per core. updates: of each machine,
-    default one per row. memory: MB for the ground. Raises ValueError with the program's words where
-    the input is wrong (nothing is written then), RuntimeError where something else went wrong;
-    KeyboardInterrupt leaves a run that `soilvdb resume` goes on with.
+    voxel: m, in place of the scenario's. threads: default: one per core. updates: number for each
+    machine, default: one per row. memory: MB for the ground. Raises ValueError with the program's
+    message for wrong input (nothing is written then), and RuntimeError for other failures. After a
+    KeyboardInterrupt `soilvdb resume` can continue the run.
     """
     command = [_program(), "run", os.fspath(scenario), "--out", os.fspath(out)]
     for name, value in (("voxel", voxel), ("threads", threads), ("updates", updates),

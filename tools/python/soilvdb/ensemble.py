@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""How well a load is known while a machine digs: clones of a site, each fed what may be true."""
+"""Uncertainty of a load while a machine digs: clones of a site, each fed states with errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Numbers = Sequence[float] | npt.NDArray[np.floating[Any]]
 
 @dataclasses.dataclass(frozen=True)
 class Spread:
-    """What a site has of something, and what its clones have, m3."""
+    """One volume of a site, and its statistics over the clones, m3."""
 
     recorded: float
     mean: float
@@ -82,18 +82,19 @@ class _Machine:
 
 
 class Ensemble:
-    """A site beside clones of it that are fed the same states with errors: how far their loads are
-    apart is how well its load is known.
+    """A site and clones of it. The clones receive the same states with errors; the spread of their
+    loads is the uncertainty of the site's load.
 
         ensemble = soilvdb.Ensemble(site, {"position": {"bias": 0.01, "white": 0.002}})
         update = ensemble.update("digger", position=position, rotation=rotation, time=t)
         update.bucket_m3, ensemble.load("digger").sigma
 
-    noise: soilvdb.noise.Noise, or a dict with a noise file's keys position, rotation and joints.
-    Position errs along the world's axes, rotation about the bucket's; where joints move a machine
-    both are its base's. Terrain, bucket and soil are what clones share; `python3 -m soilvdb.fleet
-    uncertainty` draws those, too. The same seed gives the same errors. An update costs that of the
-    site and its clones', these on both cores. For one thread.
+    noise: soilvdb.noise.Noise, or a dict with the keys position, rotation and joints of a noise
+    file. Position errors are along the world's axes, rotation errors about the bucket's axes; for a
+    machine that joints move, both are errors of its base. The clones share terrain, bucket and
+    soil; `python3 -m soilvdb.fleet uncertainty` varies those too. The same seed gives the same
+    errors. An update costs one update of the site and one of each clone; the clones use both cores.
+    Only one thread may use an ensemble.
     """
 
     def __init__(self, site: Site, noise: Noise | Mapping[str, Any], *, clones: int = 16,
@@ -127,10 +128,10 @@ class Ensemble:
     def update(self, machine: int | str, *, position: _Numbers | None = None,
                rotation: _Numbers | None = None, joints: _Numbers | None = None,
                time: float | None = None) -> Update:
-        """Site.update() of the site, and of each clone with its errors. Without time, what drifts
-        stays as it is. A clone that can't go there, where terrain ends, waits for the next state.
+        """Site.update() of the site, and of each clone with its errors. Without time, drifting
+        errors stay constant. A clone that would leave the terrain waits for the next state.
 
-        Raises as Site.update(); then no clone has moved either.
+        Raises the errors of Site.update(); then no clone has moved either.
         """
         update = self._site.update(machine, position=position, rotation=rotation, joints=joints,
                                    time=time)
@@ -156,11 +157,11 @@ class Ensemble:
         return update
 
     def load(self, machine: int | str) -> Spread:
-        """What its bucket holds, loose, m3."""
+        """The load of the machine's bucket, loose, m3."""
         return self._spread(machine, "bucket_m3")
 
     def cut(self, machine: int | str | None = None) -> Spread:
-        """What it has cut, in place, m3; without a machine all of them."""
+        """The cut of the machine, in place, m3; default: of all machines."""
         return self._spread(machine, "cut_m3")
 
     def _spread(self, machine: int | str | None, key: str) -> Spread:

@@ -3,7 +3,6 @@
 // Lines and fields of a CSV file, one line in memory at a time.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>

@@ -8,7 +8,6 @@
 // crash leaves, the end of the journal; a bad frame before that is damage.
 #pragma once
 
-#include <atomic>
 #include <cmath>
 #include <condition_variable>
 #include <cstdint>

@@ -38,7 +38,7 @@ Base open_base(const Terrain& terrain);
 
 /// The ground of a site, and what goes with it into a snapshot.
 struct Site {
-  std::unique_ptr<Soil> soil;
+  std::shared_ptr<Soil> soil;
   BaseReference reference;
   std::string crs_wkt;
   Eigen::AlignedBox2d bounds;

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -14,27 +13,18 @@
 #include <string_view>
 #include <vector>
 
-#include "soilvdb/bucket.h"
-#include "soilvdb/earthmoving.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
-#include "soilvdb/kinematics.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/tracker.h"
+#include "soilvdb/site.h"
 
 namespace soilvdb::inline v0 {
-
-struct SessionMachine {
-  std::string name;
-  Bucket bucket;
-  std::optional<Chain> chain = {};  ///< for states that are joints
-};
 
 /// What a session is made of.
 struct SessionSite {
   double voxel_size_m = 0;   ///< > 0
   io::Terrain terrain = {};  ///< a snapshot: its ground, with its voxels if they are as large
-  std::vector<SessionMachine> machines = {};
+  std::vector<SiteMachine> machines = {};
   Earthmoving earthmoving = {};  ///< without `soil` soil is rigid
   /// Where work begins, world; voxels within 2^15 of it are numbered exactly. Without: the
   /// terrain's middle, or the world's origin.
@@ -48,44 +38,6 @@ struct Recording {
   std::optional<double> snapshot_every_s = {};  ///< of the states' times; without: none on the way
   bool incremental = false;                     ///< snapshots of what changed since the one before
   std::optional<std::size_t> keep = {};         ///< that many of them stay; without: all
-};
-
-/// Where a machine is at a time; its first state places it. Between states with times its joints,
-/// or its position and rotation, go evenly, as between rows of a motion; else its bucket goes
-/// straight.
-struct MachineState {
-  std::size_t machine = 0;
-  /// s, in any frame of time that all share; NaN: none is known. A machine's must not go back,
-  /// but after Session::reset_clock().
-  double time_s = std::numeric_limits<double>::quiet_NaN();
-  /// world_from_bucket, unless there are `joints`.
-  Pose pose = {};
-  /// rad or m, of the machine's chain, one for each movable joint.
-  std::span<const double> joints = {};
-};
-
-enum class Status {
-  kOk,
-  kBadState,  ///< no such machine, a pose or joints that are none, or time that goes back
-  kNoGround,  ///< the bucket would reach ground that the terrain has no height for
-  kFailed,    ///< something else went wrong, on the way or with the recording: see `why`
-};
-
-/// What came of a state. Unless `status` is kOk nothing has changed, and `why` is one line.
-struct StepResult {
-  Status status = Status::kOk;
-  std::string why = {};
-  Update update = {};
-  bool ok() const { return status == Status::kOk; }
-};
-
-/// What came of several: all, or `bad` says which one was the first that couldn't be.
-struct BatchResult {
-  Status status = Status::kOk;
-  std::string why = {};
-  std::size_t bad = 0;
-  std::vector<Update> updates = {};  ///< one for each state
-  bool ok() const { return status == Status::kOk; }
 };
 
 /// A block's part of the surface.
@@ -123,7 +75,7 @@ class Session {
 
   double voxel_size_m() const;
   const Vec3& origin() const;
-  const std::vector<SessionMachine>& machines() const;
+  const std::vector<SiteMachine>& machines() const;
   const Earthmoving& earthmoving() const;
   /// The ground and where it comes from, to be looked at between updates.
   const io::Site& site() const;
@@ -167,8 +119,8 @@ class Session {
   Mesh mesh() const;
   /// The patches of it that changed since the last call, by block; at first all.
   std::vector<SurfacePatch> changed_patches();
-  /// Origins of the chunks that changed since the last call of this or the other, for who meshes by
-  /// themselves (GroundService).
+  /// Origins of the chunks that changed since the last call of this, for programs that mesh by
+  /// themselves; at first all.
   std::vector<Coord3> changed_chunks();
 
   /// Writes a snapshot that `soilvdb` goes on from and makes other files of.

@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Which chunks of the ground changed since somebody looked.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "soilvdb/soil.h"
+
+namespace soilvdb::inline v0 {
+
+/// Lists the chunks that changed since its last look. A ground has any number of followers, each of
+/// which sees every change. A follower that doesn't look holds the origin of each chunk that
+/// changed, once.
+///
+/// All functions need exclusive access to the ground.
+class ChangeFollower {
+ public:
+  /// @param soil outlives the last take()
+  explicit ChangeFollower(Soil& soil);
+  /// Follows a clone as `other` follows the ground that it was cloned from.
+  ChangeFollower(Soil& clone, const ChangeFollower& other);
+
+  /// Origins of the chunks that came, went or changed since the last call, sorted. The first call
+  /// lists all resident chunks.
+  std::vector<Coord3> take();
+
+  /// Follows another ground of the same lattice: all chunks of both count as changed.
+  void switch_to(Soil& other);
+
+ private:
+  friend class Soil;
+  void follow(Soil& soil);
+  void add_all(const Soil& soil);
+
+  Soil* soil_ = nullptr;
+  std::shared_ptr<std::vector<Coord3>> changed_;  // sorted; the ground holds a weak reference
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,364 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/site.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <stdexcept>
+#include <utility>
+
+#include "core/lattice/bytes.h"
+#include "core/lattice/text.h"
+#include "soilvdb/pour_parts.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr double kUnknown_s = std::numeric_limits<double>::quiet_NaN();  // in progress()
+constexpr double kForever = std::numeric_limits<double>::infinity();
+
+std::string listed(const std::vector<std::string>& names) {
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  return all;
+}
+
+std::vector<Bucket> buckets_of(const SiteModel& model) {
+  std::set<std::string> names;
+  std::vector<Bucket> buckets;
+  for (const SiteMachine& machine : model.machines) {
+    if (!names.insert(machine.name).second)
+      throw std::invalid_argument("machine '" + machine.name +
+                                  "' is there twice; names must differ");
+    buckets.push_back(machine.bucket);
+  }
+  return buckets;
+}
+
+/// The reason in a result, or an empty one if there is no memory for it.
+template <typename Result>
+Result refused(Status status, const std::string& why) noexcept {
+  Result result;
+  result.status = status;
+  try {
+    result.why = why;
+  } catch (...) {
+  }
+  return result;
+}
+
+}  // namespace
+
+std::size_t SiteModel::machine(std::string_view name) const {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < machines.size(); ++i) {
+    if (machines[i].name == name) return i;
+    names.push_back(machines[i].name);
+  }
+  throw std::invalid_argument("there is no machine '" + std::string(name) +
+                              "'; there are: " + (names.empty() ? "none" : listed(names)));
+}
+
+Site::Site(std::shared_ptr<Soil> ground, SiteModel model)
+    : ground_(std::move(ground)),
+      model_(std::make_shared<SiteModel>(std::move(model))),
+      tracker_(std::make_unique<Tracker>(*ground_, buckets_of(*model_), model_->earthmoving)),
+      inputs_(model_->machines.size()) {}
+
+Site::Site(const Site& other)
+    : ground_(other.ground_->clone()),
+      model_(other.model_),
+      tracker_(std::make_unique<Tracker>(*ground_, *other.tracker_)),
+      inputs_(other.inputs_),
+      at_rest_(other.at_rest_),
+      broken_(other.broken_),
+      poured_s_(other.poured_s_),
+      next_pour_s_(other.next_pour_s_) {}
+
+std::string Site::name(std::size_t machine) const {
+  return "machine '" + model_->machines[machine].name + "'";
+}
+
+void Site::require(std::size_t machine) const {
+  const std::size_t count = model_->machines.size();
+  if (machine < count) return;
+  throw std::invalid_argument("there is no machine " + std::to_string(machine) + "; there are " +
+                              std::to_string(count) + ", numbered from 0");
+}
+
+Pose Site::pose(std::size_t machine, std::span<const double> joints) const {
+  require(machine);
+  const std::optional<Chain>& chain = model_->machines[machine].chain;
+  if (!chain) throw std::invalid_argument(name(machine) + " has no joints; give it a pose");
+  const std::vector<std::string> names = chain->movable();
+  if (joints.size() != names.size())
+    throw std::invalid_argument(name(machine) + " has " + std::to_string(names.size()) +
+                                " joints, not " + std::to_string(joints.size()) + ": " +
+                                listed(names));
+  for (std::size_t i = 0; i < joints.size(); ++i)
+    if (!std::isfinite(joints[i]))
+      throw std::invalid_argument(name(machine) + ": joint '" + names[i] + "' is " +
+                                  text(joints[i]) + "; it must be finite");
+  return chain->world_from_bucket(joints);
+}
+
+std::optional<MachineState> Site::last(std::size_t machine) const {
+  require(machine);
+  const std::optional<Input>& last = inputs_[machine];
+  if (!last) return {};
+  return MachineState{machine, last->time_s, last->pose, last->joints};
+}
+
+std::optional<double> Site::last_s() const {
+  std::optional<double> last_s;
+  for (const std::optional<Input>& input : inputs_)
+    if (input && input->time_s) last_s = std::max(last_s.value_or(-kForever), *input->time_s);
+  return last_s;
+}
+
+Site::Input Site::input(const MachineState& state) const {
+  require(state.machine);
+  if (state.time_s && !std::isfinite(*state.time_s))
+    throw std::invalid_argument(name(state.machine) + ": the time must be finite");
+  Input now{state.time_s, state.pose, {state.joints.begin(), state.joints.end()}};
+  if (!now.joints.empty()) now.pose = pose(state.machine, state.joints);
+  if (const std::string what = fault(now.pose); !what.empty())
+    throw std::invalid_argument(name(state.machine) + ": " + what);
+  return now;
+}
+
+/// The move to a state: along a motion of two rows, as a run's, where times are known.
+/// @param last of the machine before, then this
+/// @param motions keeps those that moves are along
+Move Site::move(const MachineState& state, std::optional<Input>& last,
+                std::deque<Motion>& motions) const {
+  Input now = input(state);
+  const std::optional<double> before_s = last ? last->time_s : std::nullopt;
+  if (now.time_s && before_s && *now.time_s < *before_s)
+    throw std::invalid_argument(name(state.machine) + ": time goes back from " + text(*before_s) +
+                                " s to " + text(*now.time_s) + " s");
+  Move move;
+  move.machine = state.machine;
+  move.to = now.pose;
+  if (now.time_s && before_s && *now.time_s > *before_s) {
+    const std::vector<double> times_s = {*before_s, *now.time_s};
+    if (!now.joints.empty() && !last->joints.empty()) {
+      std::vector<double> rows = last->joints;
+      rows.insert(rows.end(), now.joints.begin(), now.joints.end());
+      motions.emplace_back(times_s, std::move(rows), *model_->machines[state.machine].chain);
+    } else {
+      motions.emplace_back(times_s, std::vector<Pose>{last->pose, now.pose});
+    }
+    move.motion = &motions.back();
+    move.begin_s = *before_s;
+    move.end_s = *now.time_s;
+  }
+  if (!now.time_s) now.time_s = before_s;
+  last = std::move(now);
+  return move;
+}
+
+void Site::fail(const std::string& why) noexcept {
+  try {
+    broken_ = why + "; the ground is of no use any more, restore a state";
+  } catch (...) {
+    broken_ = "no memory";  // short enough to need none
+  }
+}
+
+/// Calls `work(moving)`, which sets `moving` before anything changes that it can't take back.
+template <typename Result, typename Work>
+Result Site::guarded(const Work& work) noexcept {
+  if (!broken_.empty()) return refused<Result>(Status::kFailed, broken_);
+  bool moving = false;
+  try {
+    return work(moving);
+  } catch (const NoGroundError& e) {
+    if (!moving) return refused<Result>(Status::kNoGround, e.what());
+    fail(e.what());
+  } catch (const std::invalid_argument& e) {
+    if (!moving) return refused<Result>(Status::kBadState, e.what());
+    fail(e.what());
+  } catch (const std::exception& e) {
+    if (!moving) return refused<Result>(Status::kFailed, e.what());
+    fail(e.what());
+  }
+  return refused<Result>(Status::kFailed, broken_);
+}
+
+BatchResult Site::update(std::span<const MachineState> states) noexcept {
+  std::size_t at = 0;
+  BatchResult result = guarded<BatchResult>([&](bool& moving) {
+    BatchResult made;
+    std::vector<std::optional<Input>> inputs = inputs_;
+    std::deque<Motion> motions;
+    std::vector<Move> moves;
+    for (; at < states.size(); ++at) {
+      require(states[at].machine);
+      moves.push_back(move(states[at], inputs[states[at].machine], motions));
+    }
+    if (const std::optional<BadMove> bad = tracker_->find_bad(moves)) {
+      at = bad->move;
+      made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
+      made.why = name(moves[at].machine) + ": " + bad->why;
+      return made;
+    }
+    ground_->page_out();
+    moving = true;
+    if (model_->earthmoving.pours.empty()) {
+      made.updates = tracker_->update(moves);
+    } else {
+      for (std::size_t i = 0; i < moves.size(); ++i) {
+        pour_before(states[i].time_s);
+        made.updates.push_back(tracker_->update(std::span(moves).subspan(i, 1)).front());
+      }
+    }
+    inputs_ = std::move(inputs);
+    return made;
+  });
+  result.bad = result.ok() ? 0 : at;
+  return result;
+}
+
+StepResult Site::update(const MachineState& state) noexcept {
+  return guarded<StepResult>([&](bool& moving) {
+    require(state.machine);
+    std::optional<Input> last = inputs_[state.machine];
+    std::deque<Motion> motions;
+    const Move next = move(state, last, motions);
+    ground_->page_out();
+    StepResult made;
+    // A stroke of rigid soil is refused before it digs; else what it does on the way is.
+    const SiteModel& m = *model_;
+    const bool one_stroke = !m.earthmoving.soil && !m.machines[state.machine].bucket.dump_angle_rad;
+    if (!one_stroke) {
+      if (const std::optional<BadMove> bad = tracker_->find_bad(std::span(&next, 1))) {
+        made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
+        made.why = name(state.machine) + ": " + bad->why;
+        return made;
+      }
+      moving = true;
+      pour_before(state.time_s);
+    }
+    try {
+      made.update = next.motion != nullptr
+                        ? tracker_->update(next.machine, *next.motion, next.begin_s, next.end_s)
+                        : tracker_->update(next.machine, next.to);
+    } catch (const NoGroundError& e) {
+      throw NoGroundError(name(state.machine) + ": " + e.what());
+    } catch (const std::invalid_argument& e) {
+      throw std::invalid_argument(name(state.machine) + ": " + e.what());
+    } catch (...) {
+      moving = true;
+      throw;
+    }
+    std::swap(inputs_[state.machine], last);
+    return made;
+  });
+}
+
+void Site::pour_until(double until_s) {
+  if (!next_pour_s_ || until_s >= *next_pour_s_) {
+    std::vector<double> times_s;
+    next_pour_s_ = kForever;
+    for (const Pour& pour : model_->earthmoving.pours) {
+      const PourParts parts(pour, ground_->voxel_size_m());
+      for (std::int64_t part = 1; part <= parts.count(); ++part) {
+        const double falls_s = parts.falls_s(part);
+        if (falls_s > until_s) next_pour_s_ = std::min(*next_pour_s_, falls_s);
+        if (!(poured_s_ && falls_s <= *poured_s_) && falls_s <= until_s) times_s.push_back(falls_s);
+      }
+    }
+    std::sort(times_s.begin(), times_s.end());
+    times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
+    for (const double time_s : times_s)
+      for (std::size_t i = 0; i < model_->earthmoving.pours.size(); ++i) tracker_->pour(i, time_s);
+  }
+  poured_s_ = std::max(poured_s_.value_or(until_s), until_s);
+}
+
+void Site::pour_before(std::optional<double> time_s) {
+  if (!model_->earthmoving.pours.empty() && time_s) pour_until(std::nextafter(*time_s, -kForever));
+}
+
+StepResult Site::pour(double until_s) noexcept {
+  return guarded<StepResult>([&](bool& moving) {
+    if (std::isnan(until_s)) throw std::invalid_argument("the time must be a number");
+    ground_->page_out();
+    moving = true;
+    pour_until(until_s);
+    return StepResult();
+  });
+}
+
+StepResult Site::reset_clock(std::size_t machine) noexcept {
+  return guarded<StepResult>([&](bool&) {
+    require(machine);
+    if (inputs_[machine]) inputs_[machine]->time_s.reset();
+    return StepResult();
+  });
+}
+
+StepResult Site::come_to_rest() noexcept {
+  return guarded<StepResult>([&](bool& moving) {
+    ground_->page_out();
+    StepResult made;
+    moving = true;
+    made.update = tracker_->come_to_rest(last_s());
+    return made;
+  });
+}
+
+std::string Site::progress() const {
+  std::string out;
+  put_text(out, tracker_->state());
+  put(out, at_rest_);
+  put(out, std::uint64_t{inputs_.size()});
+  for (const std::optional<Input>& input : inputs_) {
+    put(out, input && input->time_s ? *input->time_s : kUnknown_s);
+    put(out, input ? input->pose : Pose{Vec3::Constant(kUnknown_s), {1, 0, 0, 0}});
+    put(out, std::uint64_t{input ? input->joints.size() : 0});
+    if (!input) continue;
+    for (const double value : input->joints) put(out, value);
+  }
+  return out;
+}
+
+void Site::set_progress(std::string_view bytes) {
+  const std::string_view tracker = take_text(bytes);
+  bool at_rest = false;
+  std::uint64_t count = 0;
+  take(bytes, at_rest);
+  take(bytes, count);
+  if (count != model_->machines.size())
+    throw std::invalid_argument("the state is of " + std::to_string(count) +
+                                " machines; this site has " +
+                                std::to_string(model_->machines.size()));
+  std::vector<std::optional<Input>> inputs;
+  for (const SiteMachine& machine : model_->machines) {
+    Input now;
+    double time_s = kUnknown_s;
+    std::uint64_t joints = 0;
+    take(bytes, time_s);
+    take(bytes, now.pose);
+    take(bytes, joints);
+    if (joints != 0 && (!machine.chain || joints != machine.chain->movable().size()))
+      throw std::invalid_argument("the state is of a machine with other joints");
+    now.joints.resize(joints);
+    for (double& value : now.joints) take(bytes, value);
+    const bool placed = !now.pose.position.hasNaN();
+    if (std::isinf(time_s) || (placed && !is_sane(now.pose)) ||
+        !std::all_of(now.joints.begin(), now.joints.end(),
+                     [](double value) { return std::isfinite(value); }))
+      throw std::invalid_argument("the state has a machine that can't be");
+    if (!std::isnan(time_s)) now.time_s = time_s;
+    inputs.push_back(placed ? std::optional(std::move(now)) : std::nullopt);
+  }
+  tracker_->restore(tracker);
+  inputs_ = std::move(inputs);
+  at_rest_ = at_rest;
+}
+
+}  // namespace soilvdb::inline v0

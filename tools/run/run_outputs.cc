@@ -1,0 +1,204 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/run/run_outputs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "io/file/atomic_file.h"
+#include "io/file/text.h"
+#include "soilvdb/io/checksum.h"
+#include "soilvdb/io/mesh_file.h"
+#include "soilvdb/io/picture.h"
+#include "soilvdb/io/snapshot.h"
+#include "soilvdb/mesher.h"
+#include "tools/run/books.h"
+#include "tools/run/outputs.h"
+#include "tools/run/text.h"
+
+namespace soilvdb::tools {
+namespace {
+
+constexpr double kNsPerUs = 1e3;
+
+double seconds_since(RunOutputs::Clock::time_point begin) {
+  return std::chrono::duration<double>(RunOutputs::Clock::now() - begin).count();
+}
+
+}  // namespace
+
+RunOutputs::RunOutputs(const RunConfig& config, const io::Scenario& scenario, RunFolder& folder,
+                       SiteState& site, Span span, bool records_ground, int threads,
+                       Clock::time_point begin)
+    : config_(config),
+      scenario_(scenario),
+      folder_(folder),
+      site_(site),
+      begin_(begin),
+      under_way_(scenario.machines.size() + scenario.pours.size()) {
+  csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value());
+  if (scenario_.soil) most_load_.resize(under_way_.size());
+  summary_.scenario = scenario_.name;
+  summary_.voxel_size_m = scenario_.voxel_size_m;
+  summary_.threads = threads;
+  summary_.open_s = seconds_since(begin_);
+  if (!scenario_.mcap || !records_ground) return;
+  std::vector<std::string> names;
+  for (const io::MachineInput& machine : scenario_.machines) names.push_back(machine.name);
+  mcap_.emplace(folder_.path() / kMcapName, *site_.site.soil, site_.site.crs_wkt, names,
+                span.begin_s, span.end_s);
+  mcap_->ground(span.begin_s);
+  changes_.emplace(*site_.site.soil);
+  changes_->take();  // the recording begins with all that there is
+  cut_samples_.resize(scenario_.machines.size());
+}
+
+void RunOutputs::add(const io::JournalUpdate& update) {
+  PartialUpdate& sum = under_way_[update.machine];
+  sum.ns += update.ns;
+  sum.cut_samples += update.cut_samples;
+  sum.spilled += update.spilled;
+  sum.slid += update.slid;
+  if (!update.ends_update) return;
+  const double us = static_cast<double>(sum.ns) / kNsPerUs;
+  summary_.updates.add(us);
+  std::optional<io::UpdatesCsv::Moved> moved;
+  if (scenario_.soil) {
+    most_load_[update.machine] = std::max(most_load_[update.machine], update.bucket_samples);
+    moved = {site_.kg(update.bucket_samples), site_.loose_m3(sum.spilled),
+             site_.loose_m3(sum.slid)};
+  }
+  record_load(update, sum);
+  csv_->add(update.end_s, name_of(update.machine), site_.volume_m3(sum.cut_samples),
+            site_.loose_m3(update.bucket_samples), us, moved);
+  sum = {};
+}
+
+const std::string& RunOutputs::name_of(std::size_t mover) const {
+  const std::size_t machines = scenario_.machines.size();
+  return mover < machines ? scenario_.machines[mover].name : scenario_.pours[mover - machines].name;
+}
+
+void RunOutputs::record_load(const io::JournalUpdate& update, const PartialUpdate& sum) {
+  if (!mcap_ || update.machine >= cut_samples_.size()) return;
+  SoilMcap::Load load;
+  load.bucket_m3 = site_.loose_m3(update.bucket_samples);
+  load.cut_m3 = site_.volume_m3(cut_samples_[update.machine] += sum.cut_samples);
+  if (scenario_.soil) load.bucket_kg = site_.kg(update.bucket_samples);
+  mcap_->load(update.end_s, update.machine, load);
+}
+
+void RunOutputs::look(double time_s) {
+  if (!mcap_ || !mcap_->due(time_s)) return;
+  mcap_->changed(changes_->take());
+  mcap_->ground(time_s);
+}
+
+void RunOutputs::drop() {
+  csv_.reset();
+  mcap_.reset();
+}
+
+/// Calls `write_to(path)` for a file that is written once, at the end, unless it is there already.
+template <typename F>
+void RunOutputs::write(const std::string& name, F write_to) {
+  const auto updates = static_cast<std::uint64_t>(summary_.updates.count());
+  const bool there = std::any_of(known_.begin(), known_.end(), [&](const io::JournalFile& file) {
+    return file.name == name && file.updates == updates;
+  });
+  if (!there) {
+    const std::filesystem::path file = folder_.path() / name;
+    write_to(file);
+    const io::FileDigest digest = io::file_digest(file);
+    recorder_->journal().add(io::JournalFile{name, updates, digest.size, digest.crc});
+  }
+  folder_.done(name);
+}
+
+void RunOutputs::finish(Recorder& recorder, std::span<const io::JournalFile> known, double time_s,
+                        bool stopped) {
+  recorder_ = &recorder;
+  known_ = known;
+  recorder.flush();  // what is written over here is outdated by it
+  write(kUpdatesName, [&](const auto&) { csv_->close(); });
+  csv_.reset();
+  if (mcap_)
+    write(kMcapName, [&](const auto&) {
+      mcap_->changed(changes_->take());
+      mcap_->close(time_s);
+    });
+  else if (scenario_.mcap)
+    folder_.done(kMcapName);
+  mcap_.reset();
+  write_ground(time_s);
+  summarise(stopped);
+  summary_.files = folder_.files();
+  summary_.files.insert(summary_.files.end(), {kJournalName, kSummaryName});
+  recorder.flush();
+  summary_.acknowledged_updates = recorder.acknowledged().updates;
+  summary_.acknowledged_s = recorder.acknowledged().time_s;
+  summary_.total_s = seconds_since(begin_);
+  write(kSummaryName, [&](const auto& file) { io::write_atomically(file, io::to_json(summary_)); });
+}
+
+void RunOutputs::write_ground(double time_s) {
+  const io::Site& site = site_.site;
+  if (config_.options.snapshots)
+    write(kFinalName, [&](const auto& file) {
+      io::SnapshotInfo info = site_.snapshot_info(time_s);
+      info.scenario = scenario_.name;
+      io::write_snapshot(file, site, info);
+    });
+  const bool mesh = config_.options.mesh && scenario_.mesh;
+  if (site.soil->chunks().empty()) {
+    say(fmt::format(
+        "warning: {}{}",
+        scenario_.machines.empty() ? "no soil came to lie on the ground" : "no bucket met any soil",
+        mesh || scenario_.raster_cell_m ? "; there is no ground to make meshes or rasters of"
+                                        : ""));
+    return;
+  }
+  if (mesh)
+    write("soil_final." + *scenario_.mesh, [&](const auto& file) {
+      io::write_mesh(file, mesh_all(*site.soil), site.soil->origin(), site.crs_wkt);
+    });
+  if (scenario_.raster_cell_m)
+    write("soil_final.tif", [&](const auto& file) {
+      write_surface_raster(file, *site.soil, io::footprint(*site.soil, false),
+                           *scenario_.raster_cell_m, site.crs_wkt);
+    });
+}
+
+void RunOutputs::summarise(bool stopped) {
+  const Tracker& tracker = site_.tracker();
+  Books books{*site_.site.soil,         scenario_.soil,     tracker.total(), tracker.site(), {},
+              config_.change_before_m3, config_.mass_before};
+  for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
+    const io::MachineInput& machine = scenario_.machines[i];
+    books.machines.push_back(
+        {machine.name, machine.bucket, tracker.ledger(i), machine.motion.bad_rows().count});
+  }
+  put_books(books, summary_);
+  if (scenario_.soil) warn_of_soil(stopped);
+}
+
+void RunOutputs::warn_of_soil(bool stopped) const {
+  const Tracker& tracker = site_.tracker();
+  if (const std::int64_t astray = tracker.site().astray; astray > 0)
+    say(fmt::format("warning: {} m³ fell where the terrain has no ground and are lost to the site",
+                    number(site_.loose_m3(astray))));
+  for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
+    const Ledger& ledger = tracker.ledger(i);
+    // What stays in a bucket that was tipped is less. One that never dumps was warned of already.
+    const Bucket& bucket = scenario_.machines[i].bucket;
+    const bool dumps = !bucket.profile.empty() || bucket.dump_angle_rad;
+    if (!stopped && dumps && ledger.load > most_load_[i] / 2)
+      say(fmt::format(
+          "warning: {} carries its load to the end, {} m³; it was not tipped far enough "
+          "to dump that",
+          io::printable(scenario_.machines[i].name), number(ledger.bucket_m3())));
+  }
+}
+
+}  // namespace soilvdb::tools
