@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/cell/cell_grid.h"
+#include "core/constants.h"
 
 namespace soilvdb::inline v0 {
 
@@ -28,7 +29,7 @@ struct CellPlane {
 /// Makes the normal's length 1. @return false if it has none; then the plane stays
 inline bool normalise(CellPlane& p) {
   const float square = p.nx * p.nx + (p.ny * p.ny + p.nz * p.nz);
-  if (!(square > 1e-6f)) return false;
+  if (!(square > kMinNormalSquare)) return false;
   const float scale = 1 / std::sqrt(square);
   p.nx *= scale;
   p.ny *= scale;

@@ -2,26 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/change_follower.h"
 
-#include <algorithm>
-#include <iterator>
-#include <utility>
-
 #include "core/ground/soil_state.h"
-#include "soilvdb/chunk_range.h"
 
 namespace soilvdb::inline v0 {
-namespace {
-
-/// @param all,more sorted
-void merge_into(std::vector<Coord3>& all, const std::vector<Coord3>& more) {
-  std::vector<Coord3> sum;
-  sum.reserve(all.size() + more.size());
-  std::set_union(all.begin(), all.end(), more.begin(), more.end(), std::back_inserter(sum), before);
-  all = std::move(sum);
-}
-
-}  // namespace
-
 /// Hands on what was touched since the last call.
 void Soil::tell_followers() {
   const std::vector<Coord3> touched = state_->touched.take();
@@ -30,16 +13,17 @@ void Soil::tell_followers() {
   std::erase_if(state_->followers, [](const auto& follower) { return follower.expired(); });
   if (touched.empty()) return;
   for (const auto& follower : state_->followers)
-    if (const auto changed = follower.lock()) merge_into(*changed, touched);
+    if (const auto changed = follower.lock())
+      for (const Coord3& origin : touched) changed->add(origin);
 }
 
-ChangeFollower::ChangeFollower(Soil& soil) : changed_(std::make_shared<std::vector<Coord3>>()) {
+ChangeFollower::ChangeFollower(Soil& soil) : changed_(std::make_shared<ChunkList>()) {
   follow(soil);
   add_all(soil);
 }
 
 ChangeFollower::ChangeFollower(Soil& clone, const ChangeFollower& other)
-    : changed_(std::make_shared<std::vector<Coord3>>(*other.changed_)) {
+    : changed_(std::make_shared<ChunkList>(*other.changed_)) {
   // Of the clone's list, which is the other ground's as well, nothing is lost.
   clone.state_->followers.push_back(changed_);
   soil_ = &clone;
@@ -52,14 +36,12 @@ void ChangeFollower::follow(Soil& soil) {
 }
 
 void ChangeFollower::add_all(const Soil& soil) {
-  std::vector<Coord3> all;
-  for (const Chunk* chunk : soil.chunks()) all.push_back(chunk->origin);
-  merge_into(*changed_, all);
+  for (const Coord3& origin : soil.origins()) changed_->add(origin);
 }
 
 std::vector<Coord3> ChangeFollower::take() {
   soil_->tell_followers();
-  return std::exchange(*changed_, {});
+  return changed_->take();
 }
 
 void ChangeFollower::switch_to(Soil& other) {

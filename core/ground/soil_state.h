@@ -25,8 +25,8 @@ struct Soil::State {
   const SampleGrid::Ptr grid = SampleGrid::create();
   SampleTree& tree = grid->tree();
   std::size_t chunks = 0, lower_nodes = 0, upper_nodes = 0;
-  ChunkList touched;                                          // since followers were told
-  std::vector<std::weak_ptr<std::vector<Coord3>>> followers;  // ChangeFollower's lists
+  ChunkList touched;                                // since followers were told
+  std::vector<std::weak_ptr<ChunkList>> followers;  // ChangeFollower's lists
   /// Cells of chunks with soil above the base surface's, index space; empty if there are none.
   Eigen::AlignedBox3i above;
   std::atomic<bool> any_above = false;

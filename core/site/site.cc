@@ -3,7 +3,9 @@
 #include "soilvdb/site.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <set>
 #include <stdexcept>
@@ -23,6 +25,14 @@ std::string listed(const std::vector<std::string>& names) {
   std::string all;
   for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
   return all;
+}
+
+/// Without an exponent, where a time can be.
+std::string time_text(double time_s) {
+  constexpr double kLongest = 1e15;
+  char buffer[64];
+  if (std::abs(time_s) > kLongest) return text(time_s);
+  return {buffer, std::to_chars(buffer, std::end(buffer), time_s, std::chars_format::fixed).ptr};
 }
 
 std::vector<Bucket> buckets_of(const SiteModel& model) {
@@ -137,8 +147,8 @@ Move Site::move(const MachineState& state, std::optional<Input>& last,
   Input now = input(state);
   const std::optional<double> before_s = last ? last->time_s : std::nullopt;
   if (now.time_s && before_s && *now.time_s < *before_s)
-    throw std::invalid_argument(name(state.machine) + ": time goes back from " + text(*before_s) +
-                                " s to " + text(*now.time_s) + " s");
+    throw std::invalid_argument(name(state.machine) + ": time goes back from " +
+                                time_text(*before_s) + " s to " + time_text(*now.time_s) + " s");
   Move move;
   move.machine = state.machine;
   move.to = now.pose;

@@ -320,8 +320,6 @@ MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
 MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
     : name(std::move(n)), bucket(std::move(b)), chain(std::move(c)) {}
 
-namespace {}  // namespace
-
 Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
                        Motions motions) {
   const YamlMap map = YamlMap::load(file, "scenario",

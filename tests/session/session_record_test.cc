@@ -472,6 +472,29 @@ TEST_P(Sessions, WriteSnapshotsWhenTheyAreDueHoweverOftenTheyAreStopped) {
   }
 }
 
+TEST_P(Sessions, ThatCantGoOnLeaveTheFolderAsItWas) {
+  const TempFolder temp;
+  Recording recording = to(temp / "site");
+  recording.snapshot_every_s = 3;
+  Session session(site());
+  session.record(recording);
+  for (const MachineState& state : part(states(), 0, 0.8)) {
+    feed(session, {state});
+    session.flush();
+  }
+  session.stop_recording();
+  const std::set<std::string> before = snapshots_in(temp / "site");
+  ASSERT_GT(before.size(), 4u);
+  recording.keep = 2;
+  Session again(site());
+  const auto give_up = [](const io::JournalExtent&) { throw std::runtime_error("no more"); };
+  EXPECT_THROW(again.record(recording, give_up), std::runtime_error);
+  EXPECT_EQ(snapshots_in(temp / "site"), before);
+  again.record(recording);
+  EXPECT_EQ(again.save(), session.save());
+  EXPECT_EQ(snapshots_in(temp / "site").size(), 2u);
+}
+
 TEST_P(Sessions, WriteASnapshotThatCameDueTooEarlyOnceTheLastIsSafe) {
   const TempFolder temp;
   Recording recording = to(temp / "site");

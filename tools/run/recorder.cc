@@ -26,8 +26,8 @@ void Recorder::open(std::uint64_t bytes, const io::JournalExtent& done) {
   snapshots_.emplace(folder_, *journal_, options_);
 }
 
-void Recorder::begin(const io::JournalConfig& config) {
-  open(io::begin_journal(folder_.path() / kJournalName, config, folder_.replaced()), {});
+void Recorder::begin(const io::JournalConfig& config, double begin_s) {
+  open(io::begin_journal(folder_.path() / kJournalName, config, folder_.replaced()), {0, begin_s});
   folder_.remove(folder_.replaced());
 }
 
@@ -58,7 +58,7 @@ bool Recorder::add(const io::JournalUpdate& update) noexcept {
     journal_->add(update);
     note(update);
   } catch (const std::exception& e) {
-    error_ = e.what();
+    if (error_.empty()) error_ = e.what();
   }
   return error_.empty();
 }

@@ -29,9 +29,9 @@ class Recorder {
   Recorder(RunFolder& folder, Soil& soil, double sync_s, const SnapshotWriter::Options& snapshots,
            SnapshotSchedule schedule);
 
-  /// Begins a journal in place of what the folder held.
+  /// Begins a journal in place of what the folder held. @param begin_s before the first update
   /// @throw std::runtime_error if it can't be written
-  void begin(const io::JournalConfig& config);
+  void begin(const io::JournalConfig& config, double begin_s);
   /// Goes on with the folder's journal and snapshots.
   /// @param good its snapshots that are intact, by updates
   /// @throw std::runtime_error if it can't be written

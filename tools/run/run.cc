@@ -113,12 +113,13 @@ void Run::replay_and_dig() {
   }
   Step now;
   const auto ends = [&](const io::JournalUpdate&) {
+    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
     now = step_.value();
     step_ = schedule_.next();
-    return ends_batch(now);
+    // As it was dug: memory is kept to a limit between the batches.
+    return scenario_.machines.size() == 1 || ends_batch(now);
   };
   const auto made = [&](std::span<const io::JournalUpdate> updates) {
-    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
     for (const io::JournalUpdate& update : updates) {
       recorder_.note(update);
       outputs_.add(update);
@@ -148,7 +149,7 @@ void Run::dig() {
 
 /// From here on the folder is this run's.
 void Run::begin_recording() {
-  recorder_.begin({to_bytes(config_, scenario_)});
+  recorder_.begin({to_bytes(config_, scenario_)}, schedule_.begin_s());
   folder_.remove({kSummaryName});  // without its journal
 }
 

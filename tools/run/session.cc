@@ -94,6 +94,7 @@ Result Session::State::recorded(const Work& work, const Record& record_made) noe
   } catch (const std::exception& e) {
     fail(e.what());
     made.status = Status::kFailed;
+    made.why = broken_;
   }
   return made;
 }
@@ -149,10 +150,14 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
   std::vector<std::optional<State::Input>> inputs;  // before each state
   return s.recorded<BatchResult>(
       [&] {
-        inputs = s.inputs_;
+        if (s.recorder) inputs = s.inputs_;
         return static_cast<Site&>(s).update(states);
       },
       [&](BatchResult& made) {
+        if (!s.recorder) {
+          s.fed_count += states.size();
+          return;
+        }
         std::optional<double> due_s;  // as one by one, but all of them are in it
         for (std::size_t i = 0; i < states.size(); ++i) {
           const std::optional<double> time_s = states[i].time_s;
@@ -241,9 +246,14 @@ std::vector<SurfacePatch> Session::changed_patches() {
   State& s = *state_;
   std::vector<SurfacePatch> patches;
   for (const Coord3& block : blocks_touched(s.patches.take())) patches.push_back({block, {}});
-  tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
-    patches[i].mesh = mesh_block(*s.site.soil, patches[i].block);
-  });
+  try {
+    tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
+      patches[i].mesh = mesh_block(*s.site.soil, patches[i].block);
+    });
+  } catch (...) {
+    s.patches = ChangeFollower(*s.site.soil);  // all of them again
+    throw;
+  }
   return patches;
 }
 
@@ -268,7 +278,7 @@ std::vector<StepResult> update_many(std::span<Session* const> sessions,
       tbb::this_task_arena::isolate([&] { results[i] = sessions[i]->update(states[i]); });
     });
   } catch (const std::exception& e) {
-    for (StepResult& result : results) result.status = Status::kFailed;
+    for (StepResult& result : results) result = {Status::kFailed, e.what(), {}};
   }
   return results;
 }

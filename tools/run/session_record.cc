@@ -112,7 +112,7 @@ io::JournalExtent Session::record(const Recording& given,
       Json all = {{"session", kRecordFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
       if (!s.settings.scenario.empty()) all["scenario"] = s.settings.scenario.string();
       open_recorder();
-      n.recorder->begin({io::to_cbor(all)});
+      n.recorder->begin({io::to_cbor(all)}, /*begin_s=*/0);
       become_next();
       return {};
     }
@@ -132,7 +132,6 @@ io::JournalExtent Session::record(const Recording& given,
       if (file.fault.empty() && tools::is_periodic(file.known.name)) good.push_back(file.known);
     const tools::ResumePoint start = n.find_start(recording.folder, good, /*may_rest=*/false);
     open_recorder();
-    n.recorder->go_on(content, good, start);
     io::JournalExtent at;
     const auto made = [&](std::span<const io::JournalUpdate> updates) {
       for (const io::JournalUpdate& update : updates) {
@@ -144,6 +143,7 @@ io::JournalExtent Session::record(const Recording& given,
       if (progress && at.updates > start.updates) progress(at);
     };
     tools::replay(journal, start.updates, content.done.updates, n, ends_no_batch, made);
+    n.recorder->go_on(content, good, start);  // from here on the folder changes
     n.fed_count = content.done.updates;
     become_next();
     return content.done;

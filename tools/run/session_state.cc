@@ -16,7 +16,9 @@ void Session::State::become(SiteState&& other) {
   patches.switch_to(*other.site.soil);
   chunks.switch_to(*other.site.soil);
   heights.reset();
+  const std::shared_ptr<const SiteModel> model = model_;  // references to it stay good
   SiteState::operator=(std::move(other));
+  model_ = model;
   limit_memory();
 }
 

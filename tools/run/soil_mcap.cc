@@ -116,9 +116,10 @@ SoilMcap::~SoilMcap() {
 }
 
 bool SoilMcap::due(double time_s) {
-  if (!schedule_.due(time_s)) return false;
-  map_due_ |= map_schedule_.due(time_s);
-  return true;
+  const bool first = !std::exchange(asked_, true) && part_ == file_;  // of a live site
+  const bool due = schedule_.due(time_s) || first;
+  if (due) map_due_ |= map_schedule_.due(time_s) || first;
+  return due;
 }
 
 bool SoilMcap::ground(double time_s, std::size_t most) {

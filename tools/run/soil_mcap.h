@@ -82,7 +82,7 @@ class SoilMcap {
   std::filesystem::path file_, part_;  // the same once it is closed, and of a live site
   io::McapWriter writer_;
   SnapshotSchedule schedule_, map_schedule_;
-  bool map_due_ = false;
+  bool map_due_ = false, asked_ = false;
   CachedMesher mesher_;
   ElevationMap map_;
   std::uint16_t ground_ = 0, elevation_ = 0;

@@ -265,7 +265,10 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   s.tick();
   s.io.run();
   s.queries.drop();
-  s.queries.wait();
+  try {
+    s.queries.wait();
+  } catch (const std::exception&) {  // of a query: nobody waits for its answer any more
+  }
   if (s.recording) {
     s.follow_ground();
     s.recording->finish(*s.beside);

@@ -10,6 +10,8 @@
 
 namespace soilvdb::inline v0 {
 
+class ChunkList;  // core/lattice/chunk_list.h
+
 /// Lists the chunks that changed since its last look. A ground has any number of followers, each of
 /// which sees every change. A follower that doesn't look holds the origin of each chunk that
 /// changed, once.
@@ -21,6 +23,8 @@ class ChangeFollower {
   explicit ChangeFollower(Soil& soil);
   /// Follows a clone as `other` follows the ground that it was cloned from.
   ChangeFollower(Soil& clone, const ChangeFollower& other);
+  ChangeFollower(ChangeFollower&&) = default;
+  ChangeFollower& operator=(ChangeFollower&&) = default;
 
   /// Origins of the chunks that came, went or changed since the last call, sorted. The first call
   /// lists all resident chunks.
@@ -35,7 +39,7 @@ class ChangeFollower {
   void add_all(const Soil& soil);
 
   Soil* soil_ = nullptr;
-  std::shared_ptr<std::vector<Coord3>> changed_;  // sorted; the ground holds a weak reference
+  std::shared_ptr<ChunkList> changed_;  // the ground holds a weak reference
 };
 
 }  // namespace soilvdb::inline v0
