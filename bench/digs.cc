@@ -12,7 +12,7 @@ Task task_of(const test::Dig& dig, double voxel_m) {
   task.origin = dig.origin;
   task.bucket = dig.bucket;
   task.motion = &dig.motion;
-  task.ground = dig.ground;
+  task.terrain = dig.terrain;
   const double begin = dig.motion.begin_s(), length = dig.motion.end_s() - begin;
   constexpr int kPoses = 1000;
   for (int i = 0; i <= kPoses; ++i) {

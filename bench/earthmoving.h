@@ -27,13 +27,13 @@ std::int64_t residual(const Tracker& tracker);
 
 using Shape = std::function<double(double x_m, double y_m)>;
 /// Posts over a rectangle of the plan: the ground, where it has no steps.
-std::shared_ptr<const BaseSurface> posts(const Shape& shape, const Eigen::AlignedBox2d& box_m,
-                                         double spacing_m);
+std::shared_ptr<const InitialTerrain> posts(const Shape& shape, const Eigen::AlignedBox2d& box_m,
+                                            double spacing_m);
 /// Makes bank soil of what is below a shape in a box of the world, to the sample, and air of the
 /// rest.
-void carve(Soil& soil, const Eigen::AlignedBox3d& box_m, const Shape& shape_m);
+void carve(Ground& ground, const Eigen::AlignedBox3d& box_m, const Shape& shape_m);
 /// Makes loose soil of what is below a shape in a box, where there is none.
-void add_loose(Soil& soil, const Eigen::AlignedBox3d& box_m, const Shape& shape_m);
+void add_loose(Ground& ground, const Eigen::AlignedBox3d& box_m, const Shape& shape_m);
 
 /// Heights of columns of voxels, cells: column (x, y) is entry x * ny + y.
 struct Heights {
@@ -43,9 +43,9 @@ struct Heights {
   double cell(int x, int y) const { return z[static_cast<std::size_t>((x - x0) * ny + y - y0)]; }
   double at(double x, double y) const;  ///< bilinear
 };
-Heights heights(const Soil& soil, int x0, int y0, int nx, int ny);
+Heights heights(const Ground& ground, int x0, int y0, int nx, int ny);
 /// Of columns about (0, 0).
-Heights heights(const Soil& soil, int half);
+Heights heights(const Ground& ground, int half);
 
 /// How far heights are from the truth, cells.
 struct Off {

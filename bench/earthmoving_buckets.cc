@@ -36,8 +36,8 @@ void capacities(const Options& options, Goals& goals) {
 double dug_m3(const Bucket& bucket, double repose_rad, double voxel_m) {
   Earthmoving earthmoving = loam();
   earthmoving.soil->repose_rad = repose_rad;
-  Soil soil(voxel_m, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {bucket}, earthmoving);
+  Ground ground(voxel_m, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {bucket}, earthmoving);
   const double level = -std::numbers::pi / 2;
   const struct {
     double s, x, z, pitch;

@@ -11,7 +11,7 @@
 
 #include "bench/earthmoving.h"
 #include "bench/peers/neighbour_rules.h"
-#include "core/settle/earthworks.h"
+#include "core/settle/settler.h"
 #include "tests/support/collapse_scenes.h"
 #include "tests/support/collapse_truths.h"
 #include "tests/support/convex_heights.h"
@@ -65,8 +65,8 @@ void columns(Goals& goals) {
 /// Loose soil on a floor between rigid walls, in samples.
 struct Box {
   static constexpr double kHalf_m = kSides * kSideVoxel / 2;
-  Soil soil{kSideVoxel, Vec3(kSideVoxel / 2, kSideVoxel / 2, 0), make_plane(0, {0, 0})};
-  Earthworks works{soil, *loam().soil, {}};
+  Ground ground{kSideVoxel, Vec3(kSideVoxel / 2, kSideVoxel / 2, 0), make_plane(0, {0, 0})};
+  Settler settler{ground, *loam().soil, {}};
 
   explicit Box(const Shape& height) {
     constexpr double kHigh = 2.4;
@@ -74,25 +74,25 @@ struct Box {
     const auto inside = [](double x, double y) {
       return std::max(std::abs(x), std::abs(y)) < kHalf_m;
     };
-    carve(soil, {Vec3(-wide, -wide, 0), Vec3(wide, wide, kHigh)},
+    carve(ground, {Vec3(-wide, -wide, 0), Vec3(wide, wide, kHigh)},
           [&](double x, double y) { return inside(x, y) ? 0.0 : kHigh; });
-    add_loose(soil, {Vec3(-wide, -wide, 0), Vec3(wide, wide, kHigh)}, [&](double x, double y) {
+    add_loose(ground, {Vec3(-wide, -wide, 0), Vec3(wide, wide, kHigh)}, [&](double x, double y) {
       return inside(x, y) ? kSideVoxel * height(x / kSideVoxel, y / kSideVoxel) : 0;
     });
   }
   double settle_us() {
     const Stopwatch watch;
-    works.settle({Vec3(-kHalf_m, -kHalf_m, 0), Vec3(kHalf_m, kHalf_m, 1)}, Obstacle{}, true);
+    settler.settle({Vec3(-kHalf_m, -kHalf_m, 0), Vec3(kHalf_m, kHalf_m, 1)}, Obstacle{}, true);
     return watch.us();
   }
-  Heights columns() const { return heights(soil, -kSides / 2, -kSides / 2, kSides, kSides); }
+  Heights columns() const { return heights(ground, -kSides / 2, -kSides / 2, kSides, kSides); }
 };
 
 void samples(Goals& goals) {
   for (const Failure& f : failures(1)) {
     Box box(f.height);
     const Heights before = box.columns();
-    const double mass = box.soil.change_m3() / box.soil.sample_m3();
+    const double mass = box.ground.change_m3() / box.ground.sample_m3();
     box.settle_us();
     const Heights after = box.columns();
     std::vector<double> differences;
@@ -104,8 +104,8 @@ void samples(Goals& goals) {
       }
     }
     const double flying =
-        static_cast<double>(box.works.books().in_flight / box.works.units().loose);
-    const double lost = mass - flying - box.soil.change_m3() / box.soil.sample_m3();
+        static_cast<double>(box.settler.totals().pending / box.settler.units().loose);
+    const double lost = mass - flying - box.ground.change_m3() / box.ground.sample_m3();
     add(goals, "collapsed " + f.name + " of loose soil, in samples", off(std::move(differences)),
         kRms, kP99);
     goals.add({"the same, samples lost", std::abs(std::round(lost)), "", 0.0});

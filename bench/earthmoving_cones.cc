@@ -78,8 +78,8 @@ void compare_peers(const Options& options, Goals& goals) {
   constexpr double kRadius = 24;
   constexpr int kParts = 100, kHalf = 40, kDirections = 192;
   const double cells = cone_cells(kRadius), part_m3 = cells * std::pow(kConeVoxel, 3) / kParts;
-  Soil soil(kConeVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {}, loam(std::vector<Pour>(kParts, {"part", {0, 0, 5}, 0, 0, part_m3})));
+  Ground ground(kConeVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {}, loam(std::vector<Pour>(kParts, {"part", {0, 0, 5}, 0, 0, part_m3})));
   NeighbourRule four(flat(kHalf), 4, kSlope), eight(flat(kHalf), 8, kSlope);
   Csv csv(options.out / "cone_error.csv", "poured_m3,soilvdb,four,eight");
   for (int part = 1; part <= kParts; ++part) {
@@ -90,10 +90,10 @@ void compare_peers(const Options& options, Goals& goals) {
     }
     const double radius = cone_radius(cells * part / kParts);
     csv.row(fmt::format("{:.5g},{:.4g},{:.4g},{:.4g}", part * part_m3,
-                        off_cone(heights(soil, kHalf), radius).rms,
+                        off_cone(heights(ground, kHalf), radius).rms,
                         off_cone(four.ground(), radius).rms, off_cone(eight.ground(), radius).rms));
   }
-  const Heights ours = heights(soil, kHalf);
+  const Heights ours = heights(ground, kHalf);
   Csv outlines(options.out / "outlines.csv", "turn_deg,circle,soilvdb,four,eight");
   for (int i = 0; i <= kDirections; ++i) {
     const double turn = 2 * std::numbers::pi * i / kDirections;
@@ -126,13 +126,14 @@ void measure_cones(const Options& options, Goals& goals) {
           "radius_voxels,slope_error_deg,height_rms_voxels,height_p99_voxels,residual_samples,us");
   for (const double radius : {6.0, 8.0, 12.0, 18.0, 24.0}) {
     const double volume = cone_cells(radius) * std::pow(kConeVoxel, 3);
-    Soil soil(kConeVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Tracker tracker(soil, {}, loam({{"pour", {0, 0, 5}, 0, 0, volume}}));
+    Ground ground(kConeVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, {}, loam({{"pour", {0, 0, 5}, 0, 0, volume}}));
     const Update update = tracker.pour(0, 0);
-    const Heights h = heights(soil, static_cast<int>(1.1 * radius) + 4);
+    const Heights h = heights(ground, static_cast<int>(1.1 * radius) + 4);
     const Off error = off_cone(h, radius);
     const double worst = worst_slope_deg(h, radius);
-    const double lost = soil.change_m3() / soil.sample_m3() - std::floor(volume / soil.sample_m3());
+    const double lost =
+        ground.change_m3() / ground.sample_m3() - std::floor(volume / ground.sample_m3());
     csv.row(fmt::format("{},{:.4f},{:.4f},{:.4f},{},{:.1f}", radius, worst, error.rms, error.p99,
                         lost, update.us));
     const std::string name = fmt::format("cone of {} voxels", radius);

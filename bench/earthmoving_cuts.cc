@@ -31,11 +31,11 @@ struct Failed {
 /// bench is lower than all of it from the start, so that there is no other face.
 std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
   constexpr double kHalf = 3, kBench = 3, kBeyond = 2, kDeep = 12;
-  const Shape ground = [](double x, double y) {
+  const Shape shape = [](double x, double y) {
     return x > kBench || (x > 0 && std::abs(y) > kHalf) ? -kDeep : 0.0;
   };
-  Soil soil(kBankVoxel, Vec3(kBankVoxel / 2, kBankVoxel / 2, kBankVoxel / 2),
-            posts(ground, {Vec2(-10, -10), Vec2(10, 10)}, kBankVoxel / 2));
+  Ground ground(kBankVoxel, Vec3(kBankVoxel / 2, kBankVoxel / 2, kBankVoxel / 2),
+                posts(shape, {Vec2(-10, -10), Vec2(10, 10)}, kBankVoxel / 2));
   Earthmoving earthmoving = loam();
   earthmoving.soil->cohesion_pa = s.cohesion_pa;
   earthmoving.soil->friction_rad = s.friction_deg * kDegree;
@@ -43,8 +43,8 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
   Bucket plate;
   plate.width_m = kBench;
   plate.height_m = 2 * kBankVoxel;
-  Tracker tracker(soil, {plate}, earthmoving);
-  const auto slid = [&] { return tracker.site().slid; };
+  Tracker tracker(ground, {plate}, earthmoving);
+  const auto slid = [&] { return tracker.mass_balance().slid; };
   for (int stage = 1; stage * kBankVoxel <= until_m; ++stage) {
     const double z = -stage * kBankVoxel;
     const auto pose = [&](double y, double at_z) {
@@ -57,7 +57,7 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
     tracker.come_to_rest();
     if (slid() == 0) continue;
     // From the face back to where the bank still stands as it was.
-    const GroundWindow window(soil, {-90, 0}, 90, 1);
+    const GroundWindow window(ground, {-90, 0}, 90, 1);
     int standing = window.nx() - 1;
     while (standing > 0 && window.at(standing, 0).bank < -1) --standing;
     return Failed{-z - kBankVoxel, -z, (window.nx() - 1 - standing) * kBankVoxel};

@@ -42,10 +42,11 @@ struct Work {
   Heights ground;
 };
 
-Work dig_cycles(double voxel_m, int cycles, int updates, std::shared_ptr<const BaseSurface> base) {
+Work dig_cycles(double voxel_m, int cycles, int updates,
+                std::shared_ptr<const InitialTerrain> base) {
   constexpr double kReach_m = 9;
-  Soil soil(voxel_m, Vec3::Zero(), std::move(base));
-  Tracker tracker(soil, {digger()}, loam());
+  Ground ground(voxel_m, Vec3::Zero(), std::move(base));
+  Tracker tracker(ground, {digger()}, loam());
   Work work;
   for (int n = 0; n < cycles; ++n) {
     const Motion motion = cycle(n);
@@ -60,7 +61,7 @@ Work dig_cycles(double voxel_m, int cycles, int updates, std::shared_ptr<const B
   }
   tracker.come_to_rest();
   work.residual |= residual(tracker);
-  work.ground = heights(soil, static_cast<int>(kReach_m / voxel_m));
+  work.ground = heights(ground, static_cast<int>(kReach_m / voxel_m));
   return work;
 }
 
@@ -111,8 +112,8 @@ void measure_shift(const Options& options, Goals& goals) {
   // A shift that would take longer is broken off, and what is left of it reckoned.
   const double most_s = options.quick ? 1 : 240;
   const std::vector<DigCycles> machines = fleet();
-  Soil soil(0.05, Vec3::Zero(), make_hills(1000));
-  Tracker tracker(soil, std::vector<Bucket>(machines.size(), digger()), loam());
+  Ground ground(0.05, Vec3::Zero(), make_hills(1000));
+  Tracker tracker(ground, std::vector<Bucket>(machines.size(), digger()), loam());
   constexpr auto kTicks = static_cast<std::size_t>(kHours * 3600 * kRate_hz);
   const Stopwatch watch;
   std::vector<Move> moves;

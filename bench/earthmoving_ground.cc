@@ -6,7 +6,7 @@
 
 #include "bench/earthmoving.h"
 #include "bench/site.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/settle/ground_window.h"
 
 namespace soilvdb::bench {
@@ -30,10 +30,11 @@ class Posts final : public HeightSource {
 
 /// Calls f(chunk, below, above) with the samples of a box below and above a shape.
 template <class F>
-void each_chunk(const Soil& soil, const Eigen::AlignedBox3d& box_m, const Shape& shape_m,
+void each_chunk(const Ground& ground, const Eigen::AlignedBox3d& box_m, const Shape& shape_m,
                 const F& f) {
   const auto chunk_of = [&](const Vec3& p) {
-    return Coord3((soil.index_from_world(p) / kChunkSide).array().floor().cast<int>() * kChunkSide);
+    return Coord3((ground.index_from_world(p) / kChunkSide).array().floor().cast<int>() *
+                  kChunkSide);
   };
   const Coord3 low = chunk_of(box_m.min()), high = chunk_of(box_m.max());
   for (int x = low.x(); x <= high.x(); x += kChunkSide) {
@@ -47,7 +48,7 @@ void each_chunk(const Soil& soil, const Eigen::AlignedBox3d& box_m, const Shape&
           for (int i = 0; i < 64; ++i) {
             const Vec3 in_cell(points.x[i], points.y[i], points.z[i]);
             const Vec3 p =
-                soil.world_from_index(voxel.cast<double>() + in_cell - Vec3::Constant(0.5));
+                ground.world_from_index(voxel.cast<double>() + in_cell - Vec3::Constant(0.5));
             if (!box_m.contains(p)) continue;
             (p.z() < shape_m(p.x(), p.y()) ? below : above)[v] |= std::uint64_t{1} << i;
           }
@@ -74,12 +75,12 @@ Bucket digger() {
 }
 
 std::int64_t residual(const Tracker& tracker) {
-  const SiteLedger site = tracker.site();
-  return site.ground + tracker.total().load + site.in_flight + site.hauled - site.poured;
+  const MassBalance balance = tracker.mass_balance();
+  return balance.ground + tracker.total().load + balance.pending + balance.hauled - balance.poured;
 }
 
-std::shared_ptr<const BaseSurface> posts(const Shape& shape, const Eigen::AlignedBox2d& box_m,
-                                         double spacing_m) {
+std::shared_ptr<const InitialTerrain> posts(const Shape& shape, const Eigen::AlignedBox2d& box_m,
+                                            double spacing_m) {
   HeightGrid grid;
   grid.nx = static_cast<int>(std::ceil(box_m.sizes().x() / spacing_m)) + 1;
   grid.ny = static_cast<int>(std::ceil(box_m.sizes().y() / spacing_m)) + 1;
@@ -88,18 +89,19 @@ std::shared_ptr<const BaseSurface> posts(const Shape& shape, const Eigen::Aligne
   return make_height_field(grid, std::make_shared<Posts>(grid, shape));
 }
 
-void carve(Soil& soil, const Eigen::AlignedBox3d& box_m, const Shape& shape_m) {
-  SoilWriter writer(soil);
-  each_chunk(soil, box_m, shape_m, [&](const Coord3& chunk, SampleWords below, SampleWords above) {
-    writer.remove(chunk, above);
-    writer.add(chunk, below);
-  });
+void carve(Ground& ground, const Eigen::AlignedBox3d& box_m, const Shape& shape_m) {
+  GroundWriter writer(ground);
+  each_chunk(ground, box_m, shape_m,
+             [&](const Coord3& chunk, SampleWords below, SampleWords above) {
+               writer.remove(chunk, above);
+               writer.add(chunk, below);
+             });
 }
 
-void add_loose(Soil& soil, const Eigen::AlignedBox3d& box_m, const Shape& shape_m) {
-  SoilWriter writer(soil);
-  each_chunk(soil, box_m, shape_m, [&](const Coord3& chunk, SampleWords below, SampleWords) {
-    writer.add(chunk, below, SoilWriter::Kind::kLoose);
+void add_loose(Ground& ground, const Eigen::AlignedBox3d& box_m, const Shape& shape_m) {
+  GroundWriter writer(ground);
+  each_chunk(ground, box_m, shape_m, [&](const Coord3& chunk, SampleWords below, SampleWords) {
+    writer.add(chunk, below, GroundWriter::Kind::kLoose);
   });
 }
 
@@ -110,16 +112,16 @@ double Heights::at(double x, double y) const {
          u * ((1 - v) * cell(i + 1, j) + v * cell(i + 1, j + 1));
 }
 
-Heights heights(const Soil& soil, int x0, int y0, int nx, int ny) {
-  const GroundWindow window(soil, {x0, y0}, nx, ny);
+Heights heights(const Ground& ground, int x0, int y0, int nx, int ny) {
+  const GroundWindow window(ground, {x0, y0}, nx, ny);
   Heights all{x0, y0, nx, ny, {}};
   for (int x = 0; x < nx; ++x)
     for (int y = 0; y < ny; ++y) all.z.push_back(window.at(x, y).top);
   return all;
 }
 
-Heights heights(const Soil& soil, int half) {
-  return heights(soil, -half, -half, 2 * half + 1, 2 * half + 1);
+Heights heights(const Ground& ground, int half) {
+  return heights(ground, -half, -half, 2 * half + 1, 2 * half + 1);
 }
 
 Off off(std::vector<double> differences) {

@@ -25,17 +25,17 @@ Heights poured(const Scene& scene, int parts) {
   const double side = scene.ground.side_m;
   const Vec2 size(scene.ground.nx * side, scene.ground.ny * side), wide(side, side);
   // Columns of voxels are the scene's.
-  Soil soil(side, Vec3(side / 2, side / 2, 0),
-            scene.steps ? make_plane(0, {0, 0})
-                        : posts(scene.shape, {-wide, size + wide}, side / kPosts));
+  Ground ground(side, Vec3(side / 2, side / 2, 0),
+                scene.steps ? make_plane(0, {0, 0})
+                            : posts(scene.shape, {-wide, size + wide}, side / kPosts));
   if (scene.steps)
-    carve(soil, {Vec3(0, 0, kLow_m), Vec3(size.x(), size.y(), kHigh_m)}, scene.shape);
+    carve(ground, {Vec3(0, 0, kLow_m), Vec3(size.x(), size.y(), kHigh_m)}, scene.shape);
   const Vec3 from(scene.source.x(), scene.source.y(), kFall);
-  Tracker tracker(soil, {},
+  Tracker tracker(ground, {},
                   loam(std::vector<Pour>(static_cast<std::size_t>(parts),
                                          {"part", from, 0, 0, scene.volume_m3 / parts})));
   for (int part = 0; part < parts; ++part) tracker.pour(static_cast<std::size_t>(part), 0);
-  return heights(soil, 0, 0, scene.ground.nx, scene.ground.ny);
+  return heights(ground, 0, 0, scene.ground.nx, scene.ground.ny);
 }
 
 /// How far columns are from others that were raised, or should have been.
@@ -75,12 +75,12 @@ void ridge(const Options& options, Goals& goals) {
       all += m3;
     }
   }
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {}, loam(pours));
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {}, loam(pours));
   for (std::size_t i = 0; i < pours.size(); ++i) tracker.pour(i, 0);
   const int beyond = static_cast<int>(1.2 * kHeight / kSlope / kVoxel);
   const int nx = static_cast<int>(kLength / kVoxel) + 2 * beyond + 1;
-  const Heights h = heights(soil, -beyond, -beyond, nx, 2 * beyond + 1);
+  const Heights h = heights(ground, -beyond, -beyond, nx, 2 * beyond + 1);
   std::vector<double> differences;
   for (int x = h.x0; x < h.x0 + h.nx; ++x) {
     for (int y = h.y0; y < h.y0 + h.ny; ++y) {
@@ -95,8 +95,8 @@ void ridge(const Options& options, Goals& goals) {
 
 void times(const Options& options, Goals& goals) {
   const auto pour_us = [](double voxel_m, double volume_m3) {
-    Soil soil(voxel_m, Vec3::Zero(), make_plane(0.013, {0, 0}));
-    Tracker tracker(soil, {}, loam({{"pour", {0.01, 0.02, 5}, 0, 0, volume_m3}}));
+    Ground ground(voxel_m, Vec3::Zero(), make_plane(0.013, {0, 0}));
+    Tracker tracker(ground, {}, loam({{"pour", {0.01, 0.02, 5}, 0, 0, volume_m3}}));
     return tracker.pour(0, 0).us;
   };
   const int n = options.quick ? 5 : 51;

@@ -25,8 +25,8 @@ void mass(const Options& options, Goals& goals) {
     pours.push_back({"", {draw(-4, 4), draw(-4, 4), 4}, 0, 0, draw(0.001, 0.1)});
   Earthmoving earthmoving = loam(std::move(pours));
   earthmoving.hoppers.push_back({"truck", {Vec2(-5, -1), Vec2(-3, 1)}, 1.2});
-  Soil soil(0.1, Vec3::Zero(), make_plane(0, {0.1, 0.05}));
-  Tracker tracker(soil, {digger()}, earthmoving);
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0.1, 0.05}));
+  Tracker tracker(ground, {digger()}, earthmoving);
   std::int64_t worst = 0;
   Vec3 at(0, 0, 1), rpy(0, 0, 0);
   for (int i = 0; i < operations; ++i) {
@@ -56,7 +56,7 @@ void steepness(const Options& options, Goals& goals) {
   for (std::size_t m = 0; m < work.at.size(); ++m)  // out of the way
     work.tracker.update(m, {{0, 0, 9}, work.at[m].rotation});
   work.tracker.come_to_rest();
-  std::vector<double> over = test::over_repose(test::all_of(work.soil));
+  std::vector<double> over = test::over_repose(test::all_of(work.ground));
   const auto steep = static_cast<double>(
       over.end() - std::upper_bound(over.begin(), over.end(), kMost_deg * kDegree));
   const std::string name =

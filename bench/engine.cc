@@ -62,7 +62,7 @@ Eigen::AlignedBox3d soil_reach(const Task& task) {
   for (int i = 0; i <= kPosts; ++i) {
     for (int j = 0; j <= kPosts; ++j) {
       const Vec3 p = box.min() + (box.sizes().array() * Eigen::Array3d(i, j, 0) / kPosts).matrix();
-      if (const auto z = task.ground->height(p.x(), p.y())) top = std::max(top, *z);
+      if (const auto z = task.terrain->height(p.x(), p.y())) top = std::max(top, *z);
     }
   }
   box.max().z() = std::min(box.max().z(), top);

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
 #include "soilvdb/bucket.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/motion.h"
 
 namespace soilvdb::bench {
@@ -27,7 +27,7 @@ struct Task {
   Vec3 origin = Vec3::Zero();  ///< engines put a lattice point here
   Bucket bucket;
   const Motion* motion = nullptr;
-  std::shared_ptr<const BaseSurface> ground;
+  std::shared_ptr<const InitialTerrain> terrain;
   Eigen::AlignedBox3d reach;  ///< of the mouth over the whole motion
   Eigen::AlignedBox3d site;   ///< ground that engines without a base surface represent
 };

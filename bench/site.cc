@@ -40,7 +40,7 @@ double hill_height(double x, double y) {
          0.3 * std::sin(x / 3.1) * std::sin(y / 2.7);
 }
 
-std::shared_ptr<const BaseSurface> make_hills(double side_m) {
+std::shared_ptr<const InitialTerrain> make_hills(double side_m) {
   HeightGrid grid;
   grid.nx = grid.ny = static_cast<int>(std::ceil(side_m / kPost_m)) + 1;
   grid.first = Vec2::Constant(-side_m / 2);

@@ -6,15 +6,15 @@
 #include <memory>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
 #include "soilvdb/bucket.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::bench {
 
 /// Height of the hills, +-6 m, slopes up to about 20 degrees, m.
 double hill_height(double x, double y);
 /// The same as posts 0.5 m apart about (0, 0), read by tile. @param side_m of the square it covers
-std::shared_ptr<const BaseSurface> make_hills(double side_m);
+std::shared_ptr<const InitialTerrain> make_hills(double side_m);
 
 /// The bucket of a 20 t excavator, mouth only.
 Bucket excavator_bucket();

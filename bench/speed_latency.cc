@@ -14,7 +14,7 @@
 
 #include "bench/site.h"
 #include "bench/speed.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "soilvdb/change_follower.h"
 #include "soilvdb/ground_copy.h"
 #include "soilvdb/io/snapshot.h"
@@ -34,7 +34,7 @@ double us_since(Clock::time_point then) {
 
 io::Site hilly_site() {
   io::Site site;
-  site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), make_hills(1000));
+  site.ground = std::make_unique<Ground>(0.05, Vec3::Zero(), make_hills(1000));
   return site;
 }
 
@@ -52,7 +52,7 @@ struct Latencies {
 /// Meshes blocks that changed in jobs on a copy, some at a time, as who shows them would.
 class Patches {
  public:
-  explicit Patches(const Soil& copy) : mesher_(copy) {}
+  explicit Patches(const Ground& copy) : mesher_(copy) {}
 
   /// @param posted when those chunks were
   void want(std::span<const Coord3> chunks, Clock::time_point posted) {
@@ -62,9 +62,9 @@ class Patches {
   /// Takes what has been meshed, and asks for the next.
   /// @param us gets how long ago the oldest post was that each brings news of
   /// @return whether there is more to come
-  bool go_on(GroundCopy& ground, std::vector<double>& us) {
+  bool go_on(GroundCopy& ground_copy, std::vector<double>& us) {
     constexpr std::size_t kAtOnce = 8;
-    if (!ground.done()) return true;
+    if (!ground_copy.done()) return true;
     for (const Clock::time_point posted : under_way_) us.push_back(us_since(posted));
     under_way_.clear();
     std::vector<Coord3> blocks;
@@ -73,7 +73,7 @@ class Patches {
       under_way_.push_back(posted_.extract(wanted_.front()).mapped());
     }
     if (blocks.empty()) return false;
-    ground.run([this, blocks] {
+    ground_copy.run([this, blocks] {
       for (const Coord3& block : blocks) mesher_.block(block);
     });
     return true;
@@ -91,16 +91,16 @@ class Patches {
 Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
   Latencies times;
   const io::Site site = hilly_site(), copy = io::undug_site(site);
-  Tracker tracker(*site.soil, {excavator_bucket()});
-  ChangeFollower changes(*site.soil);
-  Patches patches(*copy.soil);
-  GroundCopy ground(*copy.soil);
+  Tracker tracker(*site.ground, {excavator_bucket()});
+  ChangeFollower changes(*site.ground);
+  Patches patches(*copy.ground);
+  GroundCopy ground_copy(*copy.ground);
   const DigCycles machine = fleet().front();
   const Clock::time_point start = Clock::now();
   for (int tick = 0; tick < kRate_hz * seconds; ++tick) {
     const auto due = start + tick * std::chrono::microseconds(1000000 / kRate_hz);
     while (Clock::now() + std::chrono::milliseconds(1) < due) {
-      patches.go_on(ground, times.patch);
+      patches.go_on(ground_copy, times.patch);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     std::this_thread::sleep_until(due);
@@ -116,7 +116,7 @@ Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
       const std::vector<Coord3> changed = changes.take();
       times.listing.push_back(us_since(updated));
       const Stopwatch posting;
-      ground.post(*site.soil, changed);
+      ground_copy.post(*site.ground, changed);
       times.post.push_back(posting.us());
       times.with_post.push_back(since.us());
       times.posted_chunks += changed.size();
@@ -124,7 +124,7 @@ Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
     }
     if (comes(kSnapshots_hz)) {
       const Stopwatch asking;
-      ground.run([&] {
+      ground_copy.run([&] {
         const Stopwatch watch;
         io::write_snapshot(folder / "latency.vdb", copy, {});
         times.snapshot.push_back(watch.us());
@@ -132,7 +132,7 @@ Latencies work(const std::filesystem::path& folder, int seconds, bool beside) {
       times.ask.push_back(asking.us());
     }
   }
-  while (patches.go_on(ground, times.patch)) ground.finish();
+  while (patches.go_on(ground_copy, times.patch)) ground_copy.finish();
   return times;
 }
 
@@ -206,14 +206,14 @@ struct Cost {
 Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
   constexpr int kStrokes = 5, kDigUpdates = 50, kUpdatesPerCycle = 200;
   const io::Site site = hilly_site(), copy = io::undug_site(site);
-  Tracker tracker(*site.soil, {excavator_bucket()});
-  ChangeFollower changes(*site.soil);
-  CachedMesher mesher(*copy.soil);
-  GroundCopy ground(*copy.soil, /*thread=*/false);
+  Tracker tracker(*site.ground, {excavator_bucket()});
+  ChangeFollower changes(*site.ground);
+  CachedMesher mesher(*copy.ground);
+  GroundCopy ground_copy(*copy.ground, /*thread=*/false);
   std::size_t blocks = 0;
   const auto follow = [&](const std::vector<Coord3>& changed) {
-    ground.post(*site.soil, changed);
-    ground.run([&] {
+    ground_copy.post(*site.ground, changed);
+    ground_copy.run([&] {
       for (const Coord3& block : blocks_touched(changed)) {
         mesher.block(block);
         ++blocks;
@@ -242,8 +242,8 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
     info.parent = io::SnapshotParent{"before.vdb", {}};
     const io::Site part = io::undug_site(site);
     for (const Coord3& origin : changed) {
-      SoilWriter(*part.soil).copy_from(*site.soil, origin);
-      if (site.soil->find(origin) == nullptr) info.parent->dropped.push_back(origin);
+      GroundWriter(*part.ground).copy_from(*site.ground, origin);
+      if (site.ground->find(origin) == nullptr) info.parent->dropped.push_back(origin);
     }
     io::snapshot_bytes(folder / "service.vdb", part, info);
     part_us += save_part.us();
@@ -252,11 +252,11 @@ Cost cost_after(int cycles, const std::filesystem::path& folder, Csv& csv) {
   Cost cost;
   cost.mesh_us = mesh_us / static_cast<double>(blocks);
   const Stopwatch save;
-  ground.run([&] { io::snapshot_bytes(folder / "service.vdb", copy, {}); });
+  ground_copy.run([&] { io::snapshot_bytes(folder / "service.vdb", copy, {}); });
   cost.snapshot_us = save.us();
   cost.part_us = part_us / static_cast<double>(changed_chunks);
-  csv.row(fmt::format("{:.6g},{},{},{},{:.6g},{:.6g},{:.6g}", site.soil->resident_m2(),
-                      site.soil->chunks().size(), changed_chunks, blocks, cost.mesh_us,
+  csv.row(fmt::format("{:.6g},{},{},{},{:.6g},{:.6g},{:.6g}", site.ground->resident_m2(),
+                      site.ground->chunks().size(), changed_chunks, blocks, cost.mesh_us,
                       cost.snapshot_us, cost.part_us));
   return cost;
 }

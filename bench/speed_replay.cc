@@ -31,8 +31,8 @@ Replay replay(double voxel_m, double hours, int threads) {
   constexpr std::size_t kBatchTicks = 100;
   const double rss = rss_bytes();
   const std::vector<DigCycles> machines = fleet();
-  Soil soil(voxel_m, Vec3::Zero(), make_hills(1000));
-  Tracker tracker(soil, std::vector<Bucket>(machines.size(), excavator_bucket()));
+  Ground ground(voxel_m, Vec3::Zero(), make_hills(1000));
+  Tracker tracker(ground, std::vector<Bucket>(machines.size(), excavator_bucket()));
   Replay r;
   const auto ticks = static_cast<std::size_t>(hours * 3600 * kStates_hz);
   const Stopwatch watch;
@@ -53,10 +53,10 @@ Replay replay(double voxel_m, double hours, int threads) {
   }
   r.seconds = watch.seconds();
   r.cut_m3 = tracker.total().cut_m3();
-  r.memory_bytes = static_cast<double>(soil.memory_bytes());
-  r.resident_m2 = soil.resident_m2();
+  r.memory_bytes = static_cast<double>(ground.memory_bytes());
+  r.resident_m2 = ground.resident_m2();
   r.rss_bytes = rss_bytes() - rss;
-  r.hash = soil.state_hash();
+  r.hash = ground.state_hash();
   return r;
 }
 

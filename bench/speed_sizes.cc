@@ -38,11 +38,11 @@ struct DepthCost {
 };
 
 /// Strokes side by side on a site, each as 100 updates. The first, which warms up, doesn't count.
-DepthCost dig(Soil& soil, const Bucket& bucket, int strokes, double depth_m) {
+DepthCost dig(Ground& ground, const Bucket& bucket, int strokes, double depth_m) {
   constexpr int kUpdates = 100;
   DepthCost cost;
   std::vector<double> us;
-  Tracker tracker(soil, {bucket});
+  Tracker tracker(ground, {bucket});
   for (int n = 0; n <= strokes; ++n) {
     const double cut_before = tracker.total().cut_m3();
     const Motion motion = stroke({-1.5, 1.3 * bucket.width_m * (n - strokes / 2)}, depth_m);
@@ -71,7 +71,7 @@ double stock_us(double side_m, double voxel_m, int updates) {
   task.voxel_m = voxel_m;
   task.bucket = excavator_bucket();
   task.motion = &motion;
-  task.ground = make_hills(side_m + 10);
+  task.terrain = make_hills(side_m + 10);
   for (const double t : {0.0, 2.5, 5.0}) {
     for (const Vec3& corner : mouth_outline(task.bucket, motion.pose(t))) task.reach.extend(corner);
   }
@@ -95,9 +95,9 @@ void measure_site_sizes(const Options& options, Goals& goals) {
     for (const double side : sides) {
       double best = 1e300, memory = 0;
       for (int repeat = 0; repeat < (options.quick ? 1 : 5); ++repeat) {
-        Soil soil(kVoxel_m, Vec3::Zero(), hills ? make_hills(side) : make_plane(0, {0, 0}));
-        best = std::min(best, dig(soil, excavator_bucket(), options.quick ? 1 : 10, 0.4).us);
-        memory = static_cast<double>(soil.memory_bytes());
+        Ground ground(kVoxel_m, Vec3::Zero(), hills ? make_hills(side) : make_plane(0, {0, 0}));
+        best = std::min(best, dig(ground, excavator_bucket(), options.quick ? 1 : 10, 0.4).us);
+        memory = static_cast<double>(ground.memory_bytes());
       }
       csv.row(fmt::format("soilvdb_{},{},{},{:.6g},{:.0f}", hills ? "hills" : "plane", side,
                           kVoxel_m, best, memory));
@@ -122,11 +122,11 @@ void measure_voxel_sizes(const Options& options, Goals& goals) {
   const auto cost = [&](double voxel, double width, int threads, double height, double depth) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(threads));
-    Soil soil(voxel, Vec3::Zero(), make_hills(1000));
+    Ground ground(voxel, Vec3::Zero(), make_hills(1000));
     Bucket bucket = excavator_bucket();
     bucket.width_m = width;
     bucket.height_m = height;
-    const DepthCost c = dig(soil, bucket, options.quick ? 1 : 6, depth);
+    const DepthCost c = dig(ground, bucket, options.quick ? 1 : 6, depth);
     const double voxels = c.cut_m3 / std::pow(voxel, 3) / c.updates;
     csv.row(fmt::format("{},{},{},{:.6g},{:.6g},{:.6g}", voxel, width, threads, c.us, 1e6 / c.us,
                         voxels / c.us * 1e6));

@@ -44,12 +44,12 @@ class Creep {
 
 /// One ground and one bucket.
 struct Site {
-  Soil soil;
+  Ground ground;
   Tracker tracker;
   Creep creep;
-  Site(double voxel_m, const Vec3& origin, std::unique_ptr<BaseSurface> ground)
-      : soil(voxel_m, origin, std::move(ground)), tracker(soil, {small_bucket()}) {}
-  explicit Site(const Drag& drag) : Site(drag.voxel_m, drag.origin(), drag.ground()) {}
+  Site(double voxel_m, const Vec3& origin, std::unique_ptr<InitialTerrain> terrain)
+      : ground(voxel_m, origin, std::move(terrain)), tracker(ground, {small_bucket()}) {}
+  explicit Site(const Drag& drag) : Site(drag.voxel_m, drag.origin(), drag.terrain()) {}
   void timed(const Pose& pose) {
     const Stopwatch watch;
     tracker.update(0, pose);
@@ -143,7 +143,8 @@ class Stability {
   void counted(const std::string& which, const std::vector<Pose>& path) {
     Site site(0.05, Vec3::Zero(), make_plane(0, {0.1, -0.05}));
     for (const Pose& pose : path) site.tracker.update(0, pose);
-    const Count count = count_swept(small_bucket(), path, site.soil.base(), quick_ ? 0.06 : 0.03);
+    const Count count =
+        count_swept(small_bucket(), path, site.ground.terrain(), quick_ ? 0.06 : 0.03);
     const double error = site.cut_m3() / count.m3 - 1;
     const double uncertainty = 3 * count.sigma_m3 / count.m3;
     worst_counted_ = std::max(worst_counted_, std::abs(error));
@@ -257,7 +258,7 @@ class Stability {
 
   void report(const std::string& what, const std::string& which, Site& site,
               std::optional<double> error, double uncertainty = 0) {
-    const Health h = health(site.soil, site.tracker);
+    const Health h = health(site.ground, site.tracker);
     not_finite_ += h.not_finite;
     grown_ += h.grown;
     residual_m3_ = std::max(residual_m3_, std::abs(h.residual_m3));

@@ -58,18 +58,18 @@ void excavate(benchmark::State& state) {
   const Bucket bucket = excavator_bucket();
   Excavator excavator(bucket);
   const double h = voxel_m(state);
-  std::unique_ptr<Soil> soil;
+  std::unique_ptr<Ground> ground;
   int i = 0;
   std::int64_t samples = 0;
   for (auto _ : state) {
     if (i == 0) {
       state.PauseTiming();
-      soil = std::make_unique<Soil>(h, Vec3::Zero(), make_hills(site_m(state)));
+      ground = std::make_unique<Ground>(h, Vec3::Zero(), make_hills(site_m(state)));
       state.ResumeTiming();
     }
     const auto path =
         motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, kPathStride * h);
-    samples += excavator.sweep(*soil, path).all.captured;
+    samples += excavator.sweep(*ground, path).all.captured;
     i = (i + 1) % kUpdates;
   }
   state.counters["cut_voxels"] =
@@ -82,14 +82,14 @@ void excavate_again(benchmark::State& state) {
   const Bucket bucket = excavator_bucket();
   Excavator excavator(bucket);
   const double h = voxel_m(state);
-  Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
+  Ground ground(h, Vec3::Zero(), make_hills(site_m(state)));
   const auto whole = motion.trace(0, 1, bucket, kMaxBend * h, kPathStride * h);
-  excavator.sweep(soil, whole);
+  excavator.sweep(ground, whole);
   int i = 0;
   for (auto _ : state) {
     const auto path =
         motion.trace(i / 100.0, (i + 1) / 100.0, bucket, kMaxBend * h, kPathStride * h);
-    benchmark::DoNotOptimize(excavator.sweep(soil, path));
+    benchmark::DoNotOptimize(excavator.sweep(ground, path));
     i = (i + 1) % kUpdates;
   }
 }
@@ -97,8 +97,8 @@ void excavate_again(benchmark::State& state) {
 /// A stroke in the air.
 void miss(benchmark::State& state) {
   const double h = voxel_m(state);
-  Soil soil(h, Vec3::Zero(), make_hills(site_m(state)));
-  Tracker tracker(soil, {excavator_bucket()});
+  Ground ground(h, Vec3::Zero(), make_hills(site_m(state)));
+  Tracker tracker(ground, {excavator_bucket()});
   Pose pose;
   pose.position.z() = 12;
   int i = 0;
@@ -114,7 +114,7 @@ void cut(benchmark::State& state, const MakeEngine& make) {
   task.voxel_m = voxel_m(state);
   task.bucket = excavator_bucket();
   task.motion = &motion;
-  task.ground = make_hills(site_m(state));
+  task.terrain = make_hills(site_m(state));
   for (const double t : {0.0, 0.5, 1.0}) {
     for (const Vec3& corner : mouth_outline(task.bucket, motion.pose(t))) task.reach.extend(corner);
   }
@@ -185,20 +185,20 @@ void cut_samples(benchmark::State& state, double width_m, double cells) {
 void cut_inner_cells(benchmark::State& state) { cut_samples(state, 40, 64); }
 void cut_edge_cells(benchmark::State& state) { cut_samples(state, 1, 16); }
 
-void make_chunks(benchmark::State& state, const std::shared_ptr<const BaseSurface>& ground,
+void make_chunks(benchmark::State& state, const std::shared_ptr<const InitialTerrain>& terrain,
                  double z_m) {
   const double h = voxel_m(state);
-  std::unique_ptr<Soil> soil;
+  std::unique_ptr<Ground> ground;
   int i = 0;
   const int z = static_cast<int>(std::floor(z_m / h / 8)) * 8;
   for (auto _ : state) {
     if (i == 0) {
       state.PauseTiming();
-      soil = std::make_unique<Soil>(h, Vec3::Zero(), ground);
+      ground = std::make_unique<Ground>(h, Vec3::Zero(), terrain);
       state.ResumeTiming();
     }
     const Coord3 origin(8 * (i % 64), 8 * (i / 64), z);
-    benchmark::DoNotOptimize(SoilWriter(*soil).remove(origin, {}));
+    benchmark::DoNotOptimize(GroundWriter(*ground).remove(origin, {}));
     i = (i + 1) % 4096;
   }
 }
@@ -210,8 +210,8 @@ void make_chunk_height_field(benchmark::State& state) {
 /// A site with some digging behind it.
 io::Site dug_site(double h, double side_m) {
   io::Site site;
-  site.soil = std::make_unique<Soil>(h, Vec3::Zero(), make_hills(side_m));
-  Tracker tracker(*site.soil, {excavator_bucket()});
+  site.ground = std::make_unique<Ground>(h, Vec3::Zero(), make_hills(side_m));
+  Tracker tracker(*site.ground, {excavator_bucket()});
   const DigCycles machine({0, 0}, 0.4);
   for (int tick = 0; tick < 2000; ++tick) tracker.update(0, machine.world_from_bucket(0.1 * tick));
   return site;
@@ -219,10 +219,10 @@ io::Site dug_site(double h, double side_m) {
 
 void mesh_one_block(benchmark::State& state) {
   const io::Site site = dug_site(voxel_m(state), site_m(state));
-  const std::vector<Coord3> blocks = blocks_touched(site.soil->origins());
+  const std::vector<Coord3> blocks = blocks_touched(site.ground->origins());
   std::size_t i = 0;
   for (auto _ : state)
-    benchmark::DoNotOptimize(mesh_block(*site.soil, blocks[i++ % blocks.size()]));
+    benchmark::DoNotOptimize(mesh_block(*site.ground, blocks[i++ % blocks.size()]));
   state.counters["blocks"] = static_cast<double>(blocks.size());
 }
 
@@ -231,7 +231,7 @@ void snapshot(benchmark::State& state) {
   std::size_t bytes = 0;
   for (auto _ : state) bytes = io::snapshot_bytes("stages.vdb", site, {}).size();
   state.counters["bytes"] = static_cast<double>(bytes);
-  state.counters["chunks"] = static_cast<double>(site.soil->chunks().size());
+  state.counters["chunks"] = static_cast<double>(site.ground->chunks().size());
 }
 
 void sizes(benchmark::internal::Benchmark* b) {

@@ -38,7 +38,7 @@ void dig_pit(Tracker& tracker) {
 
 /// A copy of ground and tracker. @param moves the soil does @param drops its end counts, too
 void clone(benchmark::State& state, bool moves, bool drops) {
-  Soil soil(kVoxel, Vec3::Zero(), make_hills(100));
+  Ground ground(kVoxel, Vec3::Zero(), make_hills(100));
   Bucket bucket = excavator_bucket();
   Earthmoving earthmoving;
   if (moves) {
@@ -47,15 +47,16 @@ void clone(benchmark::State& state, bool moves, bool drops) {
     earthmoving.soil->repose_rad = 0.61;
     earthmoving.soil->swell = 0.25;
   }
-  Tracker tracker(soil, {bucket}, earthmoving);
+  Tracker tracker(ground, {bucket}, earthmoving);
   dig_pit(tracker);
   struct Clone {
-    std::unique_ptr<Soil> soil;
+    std::unique_ptr<Ground> ground;
     Tracker tracker;
-    explicit Clone(const Soil& of, const Tracker& on) : soil(of.clone()), tracker(*soil, on) {}
+    explicit Clone(const Ground& of, const Tracker& on)
+        : ground(of.clone()), tracker(*ground, on) {}
   };
   std::vector<std::unique_ptr<Clone>> clones;
-  const auto make = [&] { clones.push_back(std::make_unique<Clone>(soil, tracker)); };
+  const auto make = [&] { clones.push_back(std::make_unique<Clone>(ground, tracker)); };
   const std::size_t before = mallinfo2().uordblks;
   for (int i = 0; i < 100; ++i) make();
   const auto bytes = static_cast<double>(mallinfo2().uordblks - before) / 100;
@@ -68,10 +69,10 @@ void clone(benchmark::State& state, bool moves, bool drops) {
     clones.clear();
     state.ResumeTiming();
   }
-  state.counters["chunks"] = static_cast<double>(soil.chunk_count());
-  state.counters["m2"] = soil.resident_m2();
+  state.counters["chunks"] = static_cast<double>(ground.chunk_count());
+  state.counters["m2"] = ground.resident_m2();
   state.counters["kB"] = bytes / 1000;
-  state.counters["of_whole"] = bytes / static_cast<double>(soil.memory_bytes());
+  state.counters["of_whole"] = bytes / static_cast<double>(ground.memory_bytes());
 }
 
 BENCHMARK_CAPTURE(clone, rigid, false, false)->Name("Clone/soilvdb/rigid")->Unit(kUs);

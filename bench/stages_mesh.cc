@@ -26,55 +26,55 @@ namespace {
 
 using test::Solid;
 
-struct Ground {
-  std::shared_ptr<Soil> soil;
+struct MeshedGround {
+  std::shared_ptr<Ground> ground;
   std::optional<Solid> solid;
   std::shared_ptr<void> keeps = {};
 };
 
-Ground ground(Solid solid, double h) {
-  std::shared_ptr<Soil> soil = test::sampled(solid, h);
-  return {std::move(soil), std::move(solid)};
+MeshedGround meshed(Solid solid, double h) {
+  std::shared_ptr<Ground> ground = test::sampled(solid, h);
+  return {std::move(ground), std::move(solid)};
 }
 
 /// Digs data/excavator.yaml at 10 Hz.
 /// @param after each update
-std::shared_ptr<Soil> dig_excavator(double h, const std::function<void(Soil&)>& after) {
+std::shared_ptr<Ground> dig_excavator(double h, const std::function<void(Ground&)>& after) {
   io::Scenario scenario = io::read_scenario(SOILVDB_SOURCE_DIR "/data/excavator.yaml");
   scenario.voxel_size_m = h;
-  std::shared_ptr<Soil> soil = io::open_site(scenario).soil;
+  std::shared_ptr<Ground> ground = io::open_site(scenario).ground;
   const io::MachineInput& machine = scenario.machines[0];
-  Tracker tracker(*soil, {machine.bucket});
+  Tracker tracker(*ground, {machine.bucket});
   for (std::size_t i = 0; i < machine.motion.parts(); ++i) {
     const auto motion = machine.motion.part(i);
     for (double t = motion->begin_s(), next; t < motion->end_s(); t = next) {
       next = std::min(t + 0.1, motion->end_s());
       tracker.update(0, *motion, t, next);
-      after(*soil);
+      after(*ground);
     }
   }
-  return soil;
+  return ground;
 }
 
-std::vector<Ground> excavator(double h) {
-  return {{dig_excavator(h, [](Soil&) {}), {}}};
+std::vector<MeshedGround> excavator(double h) {
+  return {{dig_excavator(h, [](Ground&) {}), {}}};
 }
 
-std::vector<Ground> digs(double h) {
-  std::vector<Ground> all;
+std::vector<MeshedGround> digs(double h) {
+  std::vector<MeshedGround> all;
   const auto add = [&](const test::Dig& dig) {
     const auto dug = std::make_shared<test::Dug>(dig, h, 50);
-    all.push_back({{dug, &dug->soil}, {}});
+    all.push_back({{dug, &dug->ground}, {}});
   };
   for (const std::string& family : test::families()) add(make_dig(family, test::placements()[1]));
   for (std::uint64_t seed = 1; seed <= 10; ++seed) add(test::random_dig(seed));
   return all;
 }
 
-std::vector<Ground> trenches(double h) {
-  std::vector<Ground> all;
+std::vector<MeshedGround> trenches(double h) {
+  std::vector<MeshedGround> all;
   for (const double yaw : {0.0, 33.0, 61.0})
-    all.push_back(ground(test::half_sine_trench(yaw * std::numbers::pi / 180), h));
+    all.push_back(meshed(test::half_sine_trench(yaw * std::numbers::pi / 180), h));
   return all;
 }
 
@@ -82,36 +82,36 @@ const Pose kTurned{Vec3(0.013, 0.008, 0.009), from_rpy(0.1, 0.15, 0.5)};
 const Pose kYawed{Vec3(0.013, 0.008, 0.009), from_rpy(0, 0, 0.3)};
 const Pose kBelow{Vec3(0.5, 0.1, -0.2), from_rpy(0, 0, 0.3)};
 
-std::vector<Ground> box(double h) {
-  return {ground(test::ground_less("box", {0.2, 0.1}, {{kTurned, {0.5, 0.3, 0.3}}}), h)};
+std::vector<MeshedGround> box(double h) {
+  return {meshed(test::ground_less("box", {0.2, 0.1}, {{kTurned, {0.5, 0.3, 0.3}}}), h)};
 }
-std::vector<Ground> undercut(double h) {
-  return {ground(
+std::vector<MeshedGround> undercut(double h) {
+  return {meshed(
       test::ground_less("undercut", {0, 0}, {{kYawed, {0.4, 0.3, 0.3}}, {kBelow, {0.4, 0.2, 0.1}}}),
       h)};
 }
-std::vector<Ground> walls(double h) {
-  std::vector<Ground> all;
+std::vector<MeshedGround> walls(double h) {
+  std::vector<MeshedGround> all;
   for (const auto& [roll, yaw] : {std::pair{0.0, 0.0}, {0.0, 0.5}, {0.2, 0.3}, {0.0, 0.785}})
-    all.push_back(ground(test::thin_wall(h, roll, yaw, 0.0077), h));
+    all.push_back(meshed(test::thin_wall(h, roll, yaw, 0.0077), h));
   return all;
 }
 /// Walls, or slots, so many voxels thick, in twenty attitudes.
-std::vector<Ground> turned(bool wall, double h, double voxels) {
-  std::vector<Ground> all;
+std::vector<MeshedGround> turned(bool wall, double h, double voxels) {
+  std::vector<MeshedGround> all;
   for (int k = 0; k < 20; ++k) {
     const double thick = voxels * h, roll = 0.022 * k, yaw = 0.074 * k;
-    all.push_back(ground((wall ? test::thin_wall : test::thin_slot)(thick, roll, yaw, 0.0077), h));
+    all.push_back(meshed((wall ? test::thin_wall : test::thin_slot)(thick, roll, yaw, 0.0077), h));
   }
   return all;
 }
-std::vector<Ground> walls_turned(double h) { return turned(true, h, 1); }
-std::vector<Ground> walls_thinner(double h) { return turned(true, h, 0.8); }
-std::vector<Ground> slots_turned(double h) { return turned(false, h, 1); }
-std::vector<Ground> slots_thinner(double h) { return turned(false, h, 0.8); }
+std::vector<MeshedGround> walls_turned(double h) { return turned(true, h, 1); }
+std::vector<MeshedGround> walls_thinner(double h) { return turned(true, h, 0.8); }
+std::vector<MeshedGround> slots_turned(double h) { return turned(false, h, 1); }
+std::vector<MeshedGround> slots_thinner(double h) { return turned(false, h, 0.8); }
 
 /// What boxes of one to three voxels leave that lie and turn at random.
-std::vector<Ground> rubble(double h) {
+std::vector<MeshedGround> rubble(double h) {
   std::mt19937 random(1);
   const auto between = [&](double low, double high) {
     return low + (high - low) * static_cast<double>(random()) * 0x1p-32;
@@ -126,14 +126,14 @@ std::vector<Ground> rubble(double h) {
 }
 
 /// Volume between a mesh and the base surface.
-double dug_m3(const Mesh& mesh, const Soil& soil) {
+double dug_m3(const Mesh& mesh, const Ground& ground) {
   double sum = 0;
   for (const auto& t : mesh.triangles) {
     Vec3 p[3];
     for (std::size_t k = 0; k < 3; ++k) {
-      const Vec3 world = soil.origin() + mesh.points[t[k]].cast<double>();
+      const Vec3 world = ground.origin() + mesh.points[t[k]].cast<double>();
       p[k] = mesh.points[t[k]].cast<double>();
-      p[k].z() += soil.origin().z() - soil.base().height(world.x(), world.y()).value_or(0);
+      p[k].z() += ground.origin().z() - ground.terrain().height(world.x(), world.y()).value_or(0);
     }
     const Vec3 a = p[1] - p[0], b = p[2] - p[0];
     sum -= (a.x() * b.y() - a.y() * b.x()) / 2 * (p[0].z() + p[1].z() + p[2].z()) / 3;
@@ -162,30 +162,30 @@ void add_errors(const Mesh& mesh, const Solid& solid, double h, std::vector<doub
   }
 }
 
-using MeshBlock = std::function<Mesh(const Soil&, const Coord3&)>;
+using MeshBlock = std::function<Mesh(const Ground&, const Coord3&)>;
 using Patches = std::map<Coord3, Mesh, Before>;
 
-void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, double h,
+void mesh_blocks(benchmark::State& state, const std::vector<MeshedGround>& grounds, double h,
                  const MeshBlock& mesh_block) {
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
-  std::vector<std::pair<const Soil*, Coord3>> blocks;
+  std::vector<std::pair<const Ground*, Coord3>> blocks;
   test::Faults faults;
   double worst = 0, topology = 0;
   std::vector<double> errors, us;
-  for (const Ground& g : grounds) {
+  for (const MeshedGround& g : grounds) {
     Patches patches;
-    for (const Coord3& block : blocks_touched(g.soil->origins())) {
-      Mesh patch = mesh_block(*g.soil, block);
+    for (const Coord3& block : blocks_touched(g.ground->origins())) {
+      Mesh patch = mesh_block(*g.ground, block);
       if (patch.triangles.empty()) continue;
       patches[block] = std::move(patch);
-      blocks.push_back({g.soil.get(), block});
+      blocks.push_back({g.ground.get(), block});
     }
     const Mesh mesh = weld(patches);
-    const test::Faults found = test::faults(mesh, *g.soil);
+    const test::Faults found = test::faults(mesh, *g.ground);
     faults.without_area += found.without_area;
     faults.crowded += found.crowded;
     faults.torn += found.torn;
-    const double error = dug_m3(mesh, *g.soil) / -g.soil->change_m3() - 1;
+    const double error = dug_m3(mesh, *g.ground) / -g.ground->change_m3() - 1;
     if (std::abs(error) > std::abs(worst)) worst = error;
     if (!g.solid) continue;
     topology += euler(mesh) != 1;
@@ -193,9 +193,9 @@ void mesh_blocks(benchmark::State& state, const std::vector<Ground>& grounds, do
   }
   std::size_t i = 0;
   for (auto _ : state) {
-    const auto& [soil, block] = blocks[i++ % blocks.size()];
+    const auto& [ground, block] = blocks[i++ % blocks.size()];
     const std::clock_t begin = std::clock();
-    benchmark::DoNotOptimize(mesh_block(*soil, block));
+    benchmark::DoNotOptimize(mesh_block(*ground, block));
     us.push_back(1e6 * static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
   }
   state.counters["blocks"] = static_cast<double>(blocks.size());
@@ -223,14 +223,14 @@ void mesh_changed_blocks(benchmark::State& state) {
     std::optional<CachedMesher> mesher;
     std::optional<ChangeFollower> changes;
     bool first = false;  // which goes first: it has the colder caches
-    dig_excavator(h, [&](Soil& soil) {
-      if (!mesher) mesher.emplace(soil);
-      if (!changes) changes.emplace(soil);
+    dig_excavator(h, [&](Ground& ground) {
+      if (!mesher) mesher.emplace(ground);
+      if (!changes) changes.emplace(ground);
       for (const Coord3& block : blocks_touched(changes->take())) {
-        if (resident_chunks(soil, block).empty()) continue;
+        if (resident_chunks(ground, block).empty()) continue;
         first = !first;
         if (first) timed(us, [&] { return mesher->block(block); });
-        timed(anew_us, [&] { return mesh_block(soil, block); });
+        timed(anew_us, [&] { return mesh_block(ground, block); });
         if (!first) timed(us, [&] { return mesher->block(block); });
       }
     });
@@ -244,7 +244,7 @@ void mesh_changed_blocks(benchmark::State& state) {
 }  // namespace
 
 void register_mesh_blocks() {
-  using Make = std::vector<Ground> (*)(double);
+  using Make = std::vector<MeshedGround> (*)(double);
   static const std::vector<std::pair<const char*, Make>> kScenes{{"excavator", excavator},
                                                                  {"digs", digs},
                                                                  {"trenches", trenches},
@@ -262,14 +262,14 @@ void register_mesh_blocks() {
       ->Iterations(1)
       ->Arg(50)
       ->Arg(100);
-  static std::map<std::pair<std::string, std::int64_t>, std::vector<Ground>> known;
+  static std::map<std::pair<std::string, std::int64_t>, std::vector<MeshedGround>> known;
   for (const auto& scene : kScenes) {
     const auto add = [&](const std::string& mesher, const auto& mesh_block) {
       auto* b = benchmark::RegisterBenchmark(
           ("MeshBlock/" + mesher + "/" + scene.first).c_str(),
           [make = scene.second, name = scene.first, mesh_block](benchmark::State& state) {
             const double h = static_cast<double>(state.range(0)) / 1000;
-            std::vector<Ground>& grounds = known[{name, state.range(0)}];
+            std::vector<MeshedGround>& grounds = known[{name, state.range(0)}];
             if (grounds.empty()) grounds = make(h);
             VolumeToMeshTimes times;
             mesh_blocks(state, grounds, h, mesh_block(times));
@@ -285,8 +285,8 @@ void register_mesh_blocks() {
     add("soilvdb", [](VolumeToMeshTimes&) -> MeshBlock { return mesh_block; });
     const auto add_peer = [&](const std::string& name, VolumeToMesh how) {
       add(name, [how](VolumeToMeshTimes& times) -> MeshBlock {
-        return [how, &times](const Soil& soil, const Coord3& block) {
-          return volume_to_mesh(soil, block, how, times);
+        return [how, &times](const Ground& ground, const Coord3& block) {
+          return volume_to_mesh(ground, block, how, times);
         };
       });
     };

@@ -14,25 +14,26 @@
 
 namespace soilvdb::bench {
 
-Health health(const Soil& soil, const Tracker& tracker) {
+Health health(const Ground& ground, const Tracker& tracker) {
   Health h;
-  const float band = static_cast<float>(soil.band_m());
-  const Soil untouched(soil.voxel_size_m(), soil.origin(),
-                       std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
+  const float band = static_cast<float>(ground.band_m());
+  const Ground untouched(
+      ground.voxel_size_m(), ground.origin(),
+      std::shared_ptr<const InitialTerrain>(&ground.terrain(), [](const InitialTerrain*) {}));
   SampleWords before, now;
   float phi_m[kChunkVoxels];
-  for (const Chunk* chunk : soil.chunks()) {
+  for (const Chunk* chunk : ground.chunks()) {
     untouched.read_samples(chunk->origin, before);
-    soil.read_samples(chunk->origin, now);
-    surface_distance(soil, chunk->origin, phi_m);
+    ground.read_samples(chunk->origin, now);
+    surface_distance(ground, chunk->origin, phi_m);
     for (std::size_t i = 0; i < kChunkVoxels; ++i) {
       h.not_finite += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       h.grown += (now[i] & ~before[i]) != 0;
     }
     ++h.chunks;
   }
-  h.residual_m3 = soil.change_m3() + tracker.total().cut_m3();
-  h.memory_bytes = static_cast<double>(soil.memory_bytes());
+  h.residual_m3 = ground.change_m3() + tracker.total().cut_m3();
+  h.memory_bytes = static_cast<double>(ground.memory_bytes());
   return h;
 }
 
@@ -48,7 +49,7 @@ Vec3 Drag::origin() const {
   return (offset / step).array().round().matrix() * step;
 }
 
-std::unique_ptr<BaseSurface> Drag::ground() const {
+std::unique_ptr<InitialTerrain> Drag::terrain() const {
   const double slope = std::tan(slope_rad);
   return make_plane(offset.z() - slope * offset.x(), {slope, 0});
 }
@@ -62,8 +63,8 @@ Pose Drag::pose(double s) const {
 }
 
 double Drag::cut_m3() const {
-  Soil soil(voxel_m, origin(), ground());
-  Tracker tracker(soil, {small_bucket(scale)});
+  Ground ground(voxel_m, origin(), terrain());
+  Tracker tracker(ground, {small_bucket(scale)});
   for (int i = 0; i <= updates; ++i) tracker.update(0, pose(static_cast<double>(i) / updates));
   return tracker.total().cut_m3();
 }
@@ -89,8 +90,8 @@ Pose RandomStrokes::next(double sunk_m) {
   return {position_, from_rpy(roll_rad_, pitch_rad_, yaw_rad_)};
 }
 
-Count count_swept(const Bucket& bucket, const std::vector<Pose>& path, const BaseSurface& ground,
-                  double box_m) {
+Count count_swept(const Bucket& bucket, const std::vector<Pose>& path,
+                  const InitialTerrain& terrain, double box_m) {
   struct Stroke {
     test::Sweep sweep;
     Eigen::AlignedBox3d box;
@@ -112,7 +113,7 @@ Count count_swept(const Bucket& bucket, const std::vector<Pose>& path, const Bas
     strokes.push_back(std::move(stroke));
   }
   const auto swept = [&](const Vec3& p) {
-    const auto z = ground.height(p.x(), p.y());
+    const auto z = terrain.height(p.x(), p.y());
     if (!z || p.z() >= *z) return false;
     return std::any_of(strokes.begin(), strokes.end(), [&p](const Stroke& s) {
       return s.box.contains(p) && test::passes_through(s.sweep, p);

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "soilvdb/bucket.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::bench {
@@ -21,7 +21,7 @@ struct Health {
   std::uint64_t chunks = 0;
   double memory_bytes = 0;
 };
-Health health(const Soil& soil, const Tracker& tracker);
+Health health(const Ground& ground, const Tracker& tracker);
 
 /// A bucket of 0.6 m x 0.4 m times `scale`.
 Bucket small_bucket(double scale = 1);
@@ -37,7 +37,7 @@ struct Drag {
   int updates = 50;
 
   Vec3 origin() const;  ///< near the offset, a multiple of 100 m and of the scale
-  std::unique_ptr<BaseSurface> ground() const;
+  std::unique_ptr<InitialTerrain> terrain() const;
   Pose pose(double s) const;  ///< lip at fraction s of the way
   double exact_m3() const { return 0.6 * depth_m * 1.0 * scale * scale * scale; }
   double cut_m3() const;  ///< of a drag on fresh ground
@@ -75,7 +75,7 @@ struct Count {
 
 /// The soil that a mouth passes through along a path, by the tests' oracle: membership of two
 /// points at random in each box of `box_m`.
-Count count_swept(const Bucket& bucket, const std::vector<Pose>& path, const BaseSurface& ground,
-                  double box_m);
+Count count_swept(const Bucket& bucket, const std::vector<Pose>& path,
+                  const InitialTerrain& terrain, double box_m);
 
 }  // namespace soilvdb::bench

@@ -5,8 +5,8 @@
 // value. Groups follow the data from input to output.
 //
 // Numbers of the interface stand in its headers, below include/soilvdb. Those are sides of chunks
-// (base_surface.h) and blocks (mesher.h), sample points, the band of distances (soil.h), the error
-// of a count (column_gains.h) and steps of heap sizes (heap_block.h).
+// (initial_terrain.h) and blocks (mesher.h), sample points, the band of distances (ground.h), the
+// error of a count (volume_changes.h) and steps of heap sizes (heap_block.h).
 #pragma once
 
 #include <cstddef>
@@ -91,7 +91,7 @@ inline constexpr double kClearDistance = 0.9;
 /// memory, a smaller one sorts more often.
 inline constexpr std::size_t kChunkListSlack = 4096;
 
-// ---- Memory (core/ground/soil_memory.cc) --------------------------------------------------------
+// ---- Memory (core/ground/ground_memory.cc) ------------------------------------------------------
 
 /// Part of a memory limit (1 / n) that paging out frees at once. A smaller part frees a little at
 /// every update.
@@ -240,7 +240,7 @@ inline constexpr double kObstacleStep = 0.7;
 /// soil that would lie below it.
 inline constexpr float kObstacleClearance = 2;
 
-// ---- Slides (core/settle/earthworks.cc) ---------------------------------------------------------
+// ---- Slides (core/settle/settler.cc) ------------------------------------------------------------
 
 /// Drop beyond repose from which on soil slides, cells: to the next column, and to one so many
 /// columns away. Heights err by 0.03 where soil was cut. With smaller values that error slides to
@@ -254,7 +254,7 @@ inline constexpr double kRestSlopeMargin = 0.005;
 /// count.
 inline constexpr double kMinHeightChange = 1e-3;
 
-// ---- Bank that fails (core/settle/bank_failure.cc, earthworks_bank.cc) --------------------------
+// ---- Bank that fails (core/settle/wall_failure.cc, settler_bank.cc) -----------------------------
 
 /// Acceleration of free fall, m/s2, standard.
 inline constexpr double kGravity = 9.80665;
@@ -564,7 +564,7 @@ inline constexpr std::size_t kMemoPatches = 4;
 /// Heights that one thread looks up in a row. A smaller number costs more for tasks.
 inline constexpr std::size_t kHeightsPerThread = 256;
 
-// ---- Dug ground as base surface (core/surface/soil_surface.cc) ----------------------------------
+// ---- Dug ground as base surface (core/surface/ground_terrain.cc) --------------------------------
 
 /// Bytes of distances that the surface keeps at least. It keeps more if its soil takes more. With
 /// fewer, distances are made again and again along a cut.

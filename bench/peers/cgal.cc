@@ -83,7 +83,7 @@ class Cgal : public Engine {
     box_ = Eigen::AlignedBox3d(task.reach.min() - margin, task.reach.max() + margin);
     if (!task.site.isEmpty()) box_.extend(task.site);
     make_ground();
-    initial_m3_ = now_m3_ = pmp::volume(soil_);
+    initial_m3_ = now_m3_ = pmp::volume(ground_);
   }
 
   void advance(const Step& step) override {
@@ -96,7 +96,7 @@ class Cgal : public Engine {
       }
       failures_ += !done;
     }
-    now_m3_ = pmp::volume(soil_);
+    now_m3_ = pmp::volume(ground_);
     pose_ = next;
   }
   double cut_m3() override { return initial_m3_ - now_m3_; }
@@ -106,7 +106,7 @@ class Cgal : public Engine {
   bool is_plane() const {
     const Vec3 size = box_.sizes();
     const auto height = [&](double s, double t) {
-      return task_.ground->height(box_.min().x() + s * size.x(), box_.min().y() + t * size.y())
+      return task_.terrain->height(box_.min().x() + s * size.x(), box_.min().y() + t * size.y())
           .value_or(box_.min().z());
     };
     const double z00 = height(0, 0), dx = height(1, 0) - z00, dy = height(0, 1) - z00;
@@ -131,15 +131,15 @@ class Cgal : public Engine {
     for (int i = 0; i <= nx; ++i) {
       for (int j = 0; j <= ny; ++j) {
         const double x = box_.min().x() + i * size.x() / nx, y = box_.min().y() + j * size.y() / ny;
-        const double z = task_.ground->height(x, y).value_or(box_.min().z());
+        const double z = task_.terrain->height(x, y).value_or(box_.min().z());
         lowest = std::min(lowest, z - 4 * task_.voxel_m);
-        top.push_back(soil_.add_vertex(local({x, y, z})));
+        top.push_back(ground_.add_vertex(local({x, y, z})));
       }
     }
     const auto id = [ny](int i, int j) { return static_cast<std::size_t>(i * (ny + 1) + j); };
     const auto quad = [this](Vertex a, Vertex b, Vertex c, Vertex d) {
-      soil_.add_face(a, b, c);
-      soil_.add_face(a, c, d);
+      ground_.add_face(a, b, c);
+      ground_.add_face(a, c, d);
     };
     std::vector<Vertex> rim;  // counter-clockwise from above
     for (int i = 0; i < nx; ++i) rim.push_back(top[id(i, 0)]);
@@ -153,13 +153,13 @@ class Cgal : public Engine {
     }
     std::vector<Vertex> foot;
     for (const Vertex v : rim) {
-      const Vec3 p = vec(soil_.point(v)) + middle_;
-      foot.push_back(soil_.add_vertex(local({p.x(), p.y(), lowest})));
+      const Vec3 p = vec(ground_.point(v)) + middle_;
+      foot.push_back(ground_.add_vertex(local({p.x(), p.y(), lowest})));
     }
     for (std::size_t i = 0; i < rim.size(); ++i) {
       const std::size_t j = (i + 1) % rim.size();
       quad(foot[i], foot[j], rim[j], rim[i]);
-      if (i > 0 && j > 0) soil_.add_face(foot[0], foot[j], foot[i]);
+      if (i > 0 && j > 0) ground_.add_face(foot[0], foot[j], foot[i]);
     }
   }
 
@@ -188,11 +188,11 @@ class Cgal : public Engine {
 
   bool subtract(const std::vector<Kernel::Point_3>& points) {
     if (points.empty()) return true;
-    SurfaceMesh tool, before = soil_;
+    SurfaceMesh tool, before = ground_;
     CGAL::convex_hull_3(points.begin(), points.end(), tool);
     try {
       if (pmp::corefine_and_compute_difference(
-              soil_, tool, soil_, CGAL::parameters::throw_on_self_intersection(true))) {
+              ground_, tool, ground_, CGAL::parameters::throw_on_self_intersection(true))) {
         Eigen::AlignedBox3d box;
         for (const auto& p : points) box.extend(vec(p));
         collapse({box.min() - Vec3::Constant(kHair_m), box.max() + Vec3::Constant(kHair_m)});
@@ -200,18 +200,18 @@ class Cgal : public Engine {
       }
     } catch (const std::exception&) {
     }
-    soil_ = std::move(before);
+    ground_ = std::move(before);
     return false;
   }
 
   /// Would the surface stay as it is if the edge's target were moved to its source?
   bool redundant(Halfedge edge) const {
-    const Vertex source = soil_.source(edge);
-    const Vec3 from = vec(soil_.point(soil_.target(edge))), to = vec(soil_.point(source));
-    for (const Halfedge h : CGAL::halfedges_around_target(edge, soil_)) {
-      const Vertex a = soil_.source(h), b = soil_.target(soil_.next(h));
+    const Vertex source = ground_.source(edge);
+    const Vec3 from = vec(ground_.point(ground_.target(edge))), to = vec(ground_.point(source));
+    for (const Halfedge h : CGAL::halfedges_around_target(edge, ground_)) {
+      const Vertex a = ground_.source(h), b = ground_.target(ground_.next(h));
       if (a == source || b == source) continue;
-      const Vec3 p = vec(soil_.point(a)), q = vec(soil_.point(b));
+      const Vec3 p = vec(ground_.point(a)), q = vec(ground_.point(b));
       const Vec3 n = (q - from).cross(p - from), m = (q - to).cross(p - to);
       if (std::abs(n.dot(to - from)) > kFlat_m * n.norm()) return false;  // out of its plane
       if (n.dot(m) <= 0.9 * n.norm() * m.norm()) return false;            // turned over
@@ -222,30 +222,30 @@ class Cgal : public Engine {
 
   void collapse(const Eigen::AlignedBox3d& box) {
     std::vector<Vertex> near;
-    for (const Vertex v : soil_.vertices()) {
-      if (box.contains(vec(soil_.point(v)))) near.push_back(v);
+    for (const Vertex v : ground_.vertices()) {
+      if (box.contains(vec(ground_.point(v)))) near.push_back(v);
     }
     for (bool more = true; more;) {
       more = false;
       for (const Vertex v : near) {
-        if (soil_.is_removed(v)) continue;
-        for (const Halfedge h : CGAL::halfedges_around_target(v, soil_)) {
-          const auto edge = soil_.edge(h);
-          if (!redundant(h) || !CGAL::Euler::does_satisfy_link_condition(edge, soil_)) continue;
-          const auto to = soil_.point(soil_.source(h));
-          soil_.point(CGAL::Euler::collapse_edge(edge, soil_)) = to;
+        if (ground_.is_removed(v)) continue;
+        for (const Halfedge h : CGAL::halfedges_around_target(v, ground_)) {
+          const auto edge = ground_.edge(h);
+          if (!redundant(h) || !CGAL::Euler::does_satisfy_link_condition(edge, ground_)) continue;
+          const auto to = ground_.point(ground_.source(h));
+          ground_.point(CGAL::Euler::collapse_edge(edge, ground_)) = to;
           more = true;
           break;
         }
       }
     }
-    soil_.collect_garbage();
+    ground_.collect_garbage();
   }
 
   Task task_;
   Vec3 middle_;
   Eigen::AlignedBox3d box_;
-  SurfaceMesh soil_;
+  SurfaceMesh ground_;
   Pose pose_;
   double initial_m3_ = 0, now_m3_ = 0;
   int steps_ = 0, failures_ = 0;

@@ -31,7 +31,7 @@ class OctoMap : public Engine {
     for (int x = first.x(); x <= last.x(); x += kChunkSide) {
       for (int y = first.y(); y <= last.y(); y += kChunkSide) {
         for (int z = first.z(); z <= last.z(); z += kChunkSide) {
-          task.ground->distance(centre({x, y, z}), h, 3 * h, phi);
+          task.terrain->distance(centre({x, y, z}), h, 3 * h, phi);
           for (int n = 0; n < kChunkVoxels; ++n) {
             if (phi[n] < 0) {
               tree_.setNodeValue(key(Coord3(x, y, z) + numbered_voxel(n)),

@@ -83,11 +83,11 @@ class Slab {
     const double half = 3.5 * h, side_at_centre = outside(centre);
     if (side_at_centre - half > band) return;
     const Vec3 reach = Vec3::Constant(half + 2 * band);
-    const Content content = task_.ground->classify({centre - reach, centre + reach});
+    const Content content = task_.terrain->classify({centre - reach, centre + reach});
     if (content == Content::kAir || (content == Content::kSoil && side_at_centre + half < -band))
       return;
     float phi[kChunkVoxels];
-    task_.ground->distance(local_ + h * origin.cast<double>(), h, band, phi);
+    task_.terrain->distance(local_ + h * origin.cast<double>(), h, band, phi);
     auto* leaf =
         new Tree::LeafNodeType(Coord(origin.x(), origin.y(), origin.z()), static_cast<float>(band));
     bool surface = false;
@@ -125,7 +125,7 @@ class OpenVdb : public Engine {
     const double h = task.voxel_m;
     const Vec3 middle = (task.reach.center() - task.origin) / h;
     local_ = task.origin + h * middle.array().round().matrix();
-    soil_ = Slab(task_, local_).build();
+    ground_ = Slab(task_, local_).build();
     path_ = {task.motion->pose(task.motion->begin_s())};
     initial_m3_ = volume();
     now_m3_ = initial_m3_;
@@ -136,11 +136,11 @@ class OpenVdb : public Engine {
   }
   void advance(const Step& step) override {
     if (stock_) make_tool(step);
-    openvdb::tools::csgDifference(*soil_, *tool_, stock_);
+    openvdb::tools::csgDifference(*ground_, *tool_, stock_);
     if (stock_) now_m3_ = volume();
   }
   double cut_m3() override { return initial_m3_ - (stock_ ? now_m3_ : volume()); }
-  double memory_bytes() const override { return static_cast<double>(soil_->memUsage()); }
+  double memory_bytes() const override { return static_cast<double>(ground_->memUsage()); }
 
  private:
   /// The mouth swept along the path, closed at both ends.
@@ -172,16 +172,19 @@ class OpenVdb : public Engine {
       for (Index i = 0, j = 3; i < 4; j = i++) quad(k + 4 + j, k + 4 + i, k + i, k + j);
     }
     quad(last + 3, last + 2, last + 1, last);
-    tool_ = openvdb::tools::meshToLevelSet<FloatGrid>(soil_->transform(), points, triangles, kBand);
+    tool_ =
+        openvdb::tools::meshToLevelSet<FloatGrid>(ground_->transform(), points, triangles, kBand);
   }
 
-  double volume() const { return stock_ ? openvdb::tools::levelSetVolume(*soil_) : mesh_volume(); }
+  double volume() const {
+    return stock_ ? openvdb::tools::levelSetVolume(*ground_) : mesh_volume();
+  }
 
   /// Of the mesh of the zero level, by the divergence theorem.
   double mesh_volume() const {
     std::vector<openvdb::Vec3s> points;
     std::vector<openvdb::Vec4I> quads;
-    openvdb::tools::volumeToMesh(*soil_, points, quads);
+    openvdb::tools::volumeToMesh(*ground_, points, quads);
     double six_volumes = 0;
     for (const auto& q : quads) {
       const openvdb::Vec3d a = points[q[0]], b = points[q[1]], c = points[q[2]], d = points[q[3]];
@@ -193,7 +196,7 @@ class OpenVdb : public Engine {
   Task task_;
   bool stock_;
   Vec3 local_;
-  FloatGrid::Ptr soil_, tool_;
+  FloatGrid::Ptr ground_, tool_;
   std::vector<Pose> path_;  // that the next tool begins with
   double initial_m3_ = 0, now_m3_ = 0;
 };

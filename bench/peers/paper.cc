@@ -72,7 +72,7 @@ class Paper : public Engine {
     for (int x = 0; x < size_.x(); x += kChunkSide) {
       for (int y = 0; y < size_.y(); y += kChunkSide) {
         for (int z = 0; z < size_.z(); z += kChunkSide) {
-          task_.ground->distance(world(x, y, z), h, 3 * h, phi);
+          task_.terrain->distance(world(x, y, z), h, 3 * h, phi);
           const Coord3 end = (size_ - Coord3(x, y, z)).cwiseMin(kChunkSide);
           for (int i = 0; i < end.x(); ++i) {
             for (int j = 0; j < end.y(); ++j) {

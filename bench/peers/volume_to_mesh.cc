@@ -40,7 +40,7 @@ Crossing crossing(const CellModels& models, const Signs& soil, int id, int axis)
     const CellModel* const m = models.find(here);
     float slack = 1e-3f;
     if (m != nullptr) {
-      const float centre = m->at(0, 0, 0).beyond;
+      const float centre = m->at(0, 0, 0).signed_distance;
       if ((centre < 0) != (soil[static_cast<std::size_t>(here)] != 0))
         slack = std::abs(centre) + 1e-3f;
     }
@@ -51,7 +51,7 @@ Crossing crossing(const CellModels& models, const Signs& soil, int id, int axis)
       q[axis] = m->plane[k].d / n[axis];
       const float at = q[axis] + static_cast<float>(end);
       if (!(at >= -slack && at <= 1 + slack) || std::abs(q[axis]) >= nearest ||
-          std::abs(m->at(q[0], q[1], q[2]).beyond) > 1e-3f)
+          std::abs(m->at(q[0], q[1], q[2]).signed_distance) > 1e-3f)
         continue;
       nearest = std::abs(q[axis]);
       c.p[axis] = std::min(std::max(at, -slack), 1.0f + slack);
@@ -63,9 +63,9 @@ Crossing crossing(const CellModels& models, const Signs& soil, int id, int axis)
 
 class Block {
  public:
-  Block(const Soil& soil, std::span<const Coord3> chunks, VolumeToMesh how,
+  Block(const Ground& ground, std::span<const Coord3> chunks, VolumeToMesh how,
         VolumeToMeshTimes& times)
-      : soil_(soil), cells_(soil, chunks, 1) {
+      : ground_(ground), cells_(ground, chunks, 1) {
     std::clock_t last = std::clock();
     const auto took = [&](double& sum) {
       const std::clock_t now = std::clock();
@@ -127,11 +127,11 @@ class Block {
       const bool far_u = k == 1 || k == 2, far_v = k >= 2;
       p[u] = (face & 1 ? 0.5f : -0.5f) * (far_u ? -1.0f : 1.0f);
       p[v] = (face & 2 ? 0.5f : -0.5f) * (far_v ? -1.0f : 1.0f);
-      sum += std::clamp(models_->beyond(corners[k], p[0], p[1], p[2]), -0.5f, 0.5f);
+      sum += std::clamp(models_->signed_distance(corners[k], p[0], p[1], p[2]), -0.5f, 0.5f);
     }
     if (soil(0) == (sum < 0)) return;  // like the middle
-    const float here = std::abs(models_->beyond(corners[0], 0, 0, 0)),
-                there = std::abs(models_->beyond(corners[2], 0, 0, 0));
+    const float here = std::abs(models_->signed_distance(corners[0], 0, 0, 0)),
+                there = std::abs(models_->signed_distance(corners[2], 0, 0, 0));
     if (here < there || (here == there && corners[0] < corners[2]))
       if (changed.empty() || changed.back() != id) changed.push_back(id);
   }
@@ -146,8 +146,9 @@ class Block {
     }
     // Together: surface_distances() would look around each of 27 blocks anew.
     std::unique_ptr<SurfaceBlock> surface;
-    if (!models_) surface = std::make_unique<SurfaceBlock>(soil_, chunks, SurfaceBlock::kDistance);
-    const float far = models_ ? 1.0f : static_cast<float>(soil_.band_m());
+    if (!models_)
+      surface = std::make_unique<SurfaceBlock>(ground_, chunks, SurfaceBlock::kDistance);
+    const float far = models_ ? 1.0f : static_cast<float>(ground_.band_m());
     grid_ = openvdb::Grid<Tree>::create(far);
     grid_->setGridClass(openvdb::GRID_LEVEL_SET);
     for (std::size_t i = 0; i < near.size(); ++i) {
@@ -226,7 +227,7 @@ class Block {
         if (models_) move(k, v);
         number[k] = static_cast<std::uint32_t>(mesh_.points.size());
         const Vec3 p = (cells_.first() + cell(k)).cast<double>() + in_[k].cast<double>();
-        if (edges_[k].used) mesh_.points.push_back((soil_.voxel_size_m() * p).cast<float>());
+        if (edges_[k].used) mesh_.points.push_back((ground_.voxel_size_m() * p).cast<float>());
       }
     }
     for (const auto& [edge, q] : kept) {
@@ -283,7 +284,7 @@ class Block {
     int n = 0, edge[12];
     bool used = false;  // by a quad that is kept
   };
-  const Soil& soil_;
+  const Ground& ground_;
   CellGrid cells_;
   std::unique_ptr<CellModels> models_;
   Signs soil_at_;
@@ -297,10 +298,10 @@ class Block {
 
 }  // namespace
 
-Mesh volume_to_mesh(const Soil& soil, const Coord3& block, VolumeToMesh how,
+Mesh volume_to_mesh(const Ground& ground, const Coord3& block, VolumeToMesh how,
                     VolumeToMeshTimes& times) {
-  const std::vector<Coord3> chunks = resident_chunks(soil, block);
-  return chunks.empty() ? Mesh{} : Block(soil, chunks, how, times).mesh();
+  const std::vector<Coord3> chunks = resident_chunks(ground, block);
+  return chunks.empty() ? Mesh{} : Block(ground, chunks, how, times).mesh();
 }
 
 }  // namespace soilvdb::bench

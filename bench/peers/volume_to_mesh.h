@@ -19,7 +19,7 @@ struct VolumeToMeshTimes {
 };
 
 /// What mesh_block() makes, with volumeToMesh's topology. Patches join bit for bit.
-Mesh volume_to_mesh(const Soil& soil, const Coord3& block, VolumeToMesh how,
+Mesh volume_to_mesh(const Ground& ground, const Coord3& block, VolumeToMesh how,
                     VolumeToMeshTimes& times);
 
 }  // namespace soilvdb::bench

@@ -18,8 +18,8 @@ SOILVDB_FOR_CPUS void count_row(const std::uint64_t* words, std::uint8_t* counts
 
 }  // namespace
 
-CellGrid::CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo)
-    : soil_(soil), first_(asked.front()) {
+CellGrid::CellGrid(const Ground& ground, std::span<const Coord3> asked, int halo)
+    : ground_(ground), first_(asked.front()) {
   Coord3 last = first_;
   for (const Coord3& origin : asked) {
     first_ = first_.cwiseMin(origin);
@@ -67,7 +67,7 @@ CellGrid::CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo)
     for (int y = 0; y < chunks_.y(); ++y) {
       for (int z = 0; z < chunks_.z(); ++z, ++n) {
         if (wanted[static_cast<std::size_t>(n)])
-          read(soil, n, first_ + kChunkSide * Coord3(x, y, z));
+          read(ground, n, first_ + kChunkSide * Coord3(x, y, z));
       }
     }
   }
@@ -84,12 +84,12 @@ std::vector<std::unique_ptr<CellGrid::Buffers>>& CellGrid::buffer_pool() {
   return pool;
 }
 
-void CellGrid::read(const Soil& soil, int chunk, const Coord3& origin) {
+void CellGrid::read(const Ground& ground, int chunk, const Coord3& origin) {
   SampleWords words, base;
-  soil.read_samples(origin, words);
-  const bool resident = soil.find(origin) != nullptr;
+  ground.read_samples(origin, words);
+  const bool resident = ground.find(origin) != nullptr;
   resident_[static_cast<std::size_t>(chunk)] = resident;
-  if (resident) soil.read_base(origin, base);
+  if (resident) ground.read_base(origin, base);
   std::uint64_t any = 0, all = ~std::uint64_t{0};
   const Coord3 low = origin - first_;
   for (int x = 0; x < kChunkSide; ++x) {
@@ -145,9 +145,9 @@ float CellGrid::base_distance(int id) const {
   if (!values) {
     values.reset(new float[kChunkVoxels]);
     const Coord3 origin = first_ + kChunkSide * chunk;
-    soil_.base().distance(soil_.world_from_index(origin.cast<double>()), soil_.voxel_size_m(),
-                          soil_.band_m(), values.get());
-    const float scale = static_cast<float>(1 / soil_.voxel_size_m());
+    ground_.terrain().distance(ground_.world_from_index(origin.cast<double>()),
+                               ground_.voxel_size_m(), ground_.band_m(), values.get());
+    const float scale = static_cast<float>(1 / ground_.voxel_size_m());
     for (int n = 0; n < kChunkVoxels; ++n) values[static_cast<std::size_t>(n)] *= scale;
   }
   return values[static_cast<std::size_t>(in.x() * 64 + in.y() * 8 + in.z())];

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
 
@@ -27,7 +27,7 @@ class CellGrid {
   /// The smallest box that holds what is read.
   /// @param asked for: chunks, at least one
   /// @param halo chunks read around each of them
-  CellGrid(const Soil& soil, std::span<const Coord3> asked, int halo);
+  CellGrid(const Ground& ground, std::span<const Coord3> asked, int halo);
   ~CellGrid();
   CellGrid(const CellGrid&) = delete;
   CellGrid& operator=(const CellGrid&) = delete;
@@ -91,9 +91,9 @@ class CellGrid {
   /// Low corners of the chunks asked for that are no farther from one than two chunks.
   const std::vector<Coord3>& asked_near(const Coord3& chunk) const;
   static int away(const Coord3& cell, const std::vector<Coord3>& asked);
-  void read(const Soil& soil, int chunk, const Coord3& origin);
+  void read(const Ground& ground, int chunk, const Coord3& origin);
 
-  const Soil& soil_;
+  const Ground& ground_;
   Coord3 first_;
   Coord3 sides_, chunks_;
   std::size_t cells_;

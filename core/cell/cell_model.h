@@ -12,7 +12,7 @@
 namespace soilvdb::inline v0 {
 
 /// How soil is made of the half spaces a, b, c below planes.
-enum class Join : std::uint8_t {
+enum class BooleanOp : std::uint8_t {
   kOne,     ///< a
   kAnd,     ///< a and b
   kOr,      ///< a or b
@@ -22,39 +22,47 @@ enum class Join : std::uint8_t {
   kOrAnd,   ///< (a or b) and c
 };
 
-/// How many planes a join takes.
-constexpr int planes_of(Join join) { return join == Join::kOne ? 1 : join <= Join::kOr ? 2 : 3; }
+/// How many planes an operation takes.
+constexpr int planes_of(BooleanOp op) {
+  return op == BooleanOp::kOne ? 1 : op <= BooleanOp::kOr ? 2 : 3;
+}
 
 /// Signed distance to soil made of planes, negative in soil, and which plane says so.
-struct Active {
-  float beyond;
+struct ActivePlane {
+  float signed_distance;
   int plane;
 };
 
 struct CellModel {
-  Join join = Join::kOne;
+  BooleanOp op = BooleanOp::kOne;
   bool solved = false;  ///< else the cell's planes are not known
   int wrong = 0;        ///< samples of the 27 cells around that it doesn't explain
   CellPlane plane[3];
 
-  int planes() const { return planes_of(join); }
+  int planes() const { return planes_of(op); }
 
-  Active at(float x, float y, float z) const {
-    Active a{plane[0].beyond(x, y, z), 0};
-    if (join == Join::kOne) return a;
-    const Active b{plane[1].beyond(x, y, z), 1};
-    const bool first_and = join == Join::kAnd || join == Join::kAndAnd || join == Join::kAndOr;
-    a = (first_and ? b.beyond > a.beyond : b.beyond < a.beyond) ? b : a;
-    if (join <= Join::kOr) return a;
-    const Active c{plane[2].beyond(x, y, z), 2};
-    const bool second_and = join == Join::kAndAnd || join == Join::kOrAnd;
-    return (second_and ? c.beyond > a.beyond : c.beyond < a.beyond) ? c : a;
+  ActivePlane at(float x, float y, float z) const {
+    ActivePlane a{plane[0].signed_distance(x, y, z), 0};
+    if (op == BooleanOp::kOne) return a;
+    const ActivePlane b{plane[1].signed_distance(x, y, z), 1};
+    const bool first_and =
+        op == BooleanOp::kAnd || op == BooleanOp::kAndAnd || op == BooleanOp::kAndOr;
+    a = (first_and ? b.signed_distance > a.signed_distance : b.signed_distance < a.signed_distance)
+            ? b
+            : a;
+    if (op <= BooleanOp::kOr) return a;
+    const ActivePlane c{plane[2].signed_distance(x, y, z), 2};
+    const bool second_and = op == BooleanOp::kAndAnd || op == BooleanOp::kOrAnd;
+    return (second_and ? c.signed_distance > a.signed_distance
+                       : c.signed_distance < a.signed_distance)
+               ? c
+               : a;
   }
 
   /// Is the centre of the cell in soil?
   bool soil() const {
-    const Active here = at(0, 0, 0);
-    if (std::abs(here.beyond) < kThinWallTie) {
+    const ActivePlane here = at(0, 0, 0);
+    if (std::abs(here.signed_distance) < kThinWallTie) {
       const CellPlane& face = plane[here.plane];
       for (int p = 0; p < planes(); ++p) {
         if (face.along(plane[p].nx, plane[p].ny, plane[p].nz) > kOppositeCosine) continue;
@@ -62,7 +70,7 @@ struct CellModel {
         if (std::abs(thickness) < kThinWallThickness) return thickness > 0;
       }
     }
-    return here.beyond < 0;
+    return here.signed_distance < 0;
   }
 };
 

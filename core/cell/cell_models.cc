@@ -33,24 +33,25 @@ struct Sight {
 constexpr Sight kNearby;
 
 /// The tangent plane of a curved surface, from its plane in one cell, at the cell so far away.
-CellPlane carried(const CellModels::Cell& cell, int x, int y, int z) {
+CellPlane extrapolated(const CellModels::Cell& cell, int x, int y, int z) {
   const Tangents t(cell.plane);
   const float fx = static_cast<float>(x), fy = static_cast<float>(y), fz = static_cast<float>(z);
   const float u = t.u[0] * fx + (t.u[1] * fy + t.u[2] * fz);
   const float v = t.v[0] * fx + (t.v[1] * fy + t.v[2] * fz);
-  const float du = cell.bend.uu * u + cell.bend.uv * v, dv = cell.bend.uv * u + cell.bend.vv * v;
-  const float inwards = kCurvatureOffset * (cell.bend.uu + cell.bend.vv);
-  const float beyond = cell.plane.beyond(fx, fy, fz) - inwards + (du * u + dv * v) / 2;
+  const float du = cell.curvature.uu * u + cell.curvature.uv * v,
+              dv = cell.curvature.uv * u + cell.curvature.vv * v;
+  const float inwards = kCurvatureOffset * (cell.curvature.uu + cell.curvature.vv);
+  const float distance = cell.plane.signed_distance(fx, fy, fz) - inwards + (du * u + dv * v) / 2;
   const float scale = 1 / std::sqrt(1 + (du * du + dv * dv));
   return {(cell.plane.nx + (du * t.u[0] + dv * t.v[0])) * scale,
           (cell.plane.ny + (du * t.u[1] + dv * t.v[1])) * scale,
-          (cell.plane.nz + (du * t.u[2] + dv * t.v[2])) * scale, -beyond * scale};
+          (cell.plane.nz + (du * t.u[2] + dv * t.v[2])) * scale, -distance * scale};
 }
 
 }  // namespace
 
-CellModels::CellModels(const CellGrid& grid, int wanted, CellMemo* memo)
-    : grid_(grid), memo_(memo) {
+CellModels::CellModels(const CellGrid& grid, int wanted, FitCache* cache)
+    : grid_(grid), cache_(cache) {
   index_.assign(grid.cells(), -1);
   const int range = wanted + kVolumeHalo;
   const std::vector<CellGrid::Cell> surface =
@@ -71,8 +72,8 @@ CellModels::CellModels(const CellGrid& grid, int wanted, CellMemo* memo)
     } else if (cell.away <= range) {
       fit(cell);
       if (cell.kind != Cell::kSmooth) continue;
-      find_bend(cell);
-      cell.model.plane[0] = carried(cell, 0, 0, 0);
+      find_curvature(cell);
+      cell.model.plane[0] = extrapolated(cell, 0, 0, 0);
       cell.model.solved = true;
     }
   }
@@ -82,11 +83,11 @@ CellModels::CellModels(const CellGrid& grid, int wanted, CellMemo* memo)
 
 void CellModels::fit(Cell& cell) {
   if (cell.kind != Cell::kUnfitted) return;
-  const PlaneFit fit = memo_ != nullptr ? memo_->fit(grid_, cell.id) : fit_plane(grid_, cell.id);
+  const PlaneFit fit = cache_ != nullptr ? cache_->fit(grid_, cell.id) : fit_plane(grid_, cell.id);
   cell.plane = fit.plane;
   cell.opposite = fit.opposite;
-  cell.both = fit.both;
-  cell.kind = fit.smooth ? Cell::kSmooth : fit.sided ? Cell::kSided : Cell::kOther;
+  cell.has_opposite = fit.has_opposite;
+  cell.kind = fit.smooth ? Cell::kSmooth : fit.one_sided ? Cell::kOneSided : Cell::kOther;
 }
 
 void CellModels::solve_creases(int range) {
@@ -98,11 +99,11 @@ void CellModels::solve_creases(int range) {
     fit(cell);
     if (listed[static_cast<std::size_t>(k)]) return;
     listed[static_cast<std::size_t>(k)] = 1;
-    if (cell.kind == Cell::kSided || cell.kind == Cell::kOther) all.push_back(k);
+    if (cell.kind == Cell::kOneSided || cell.kind == Cell::kOther) all.push_back(k);
   };
   for (int k = 0; k < static_cast<int>(cells_.size()); ++k) {
     const Cell& cell = cells_[static_cast<std::size_t>(k)];
-    if (cell.away <= range && (cell.kind == Cell::kSided || cell.kind == Cell::kOther)) {
+    if (cell.away <= range && (cell.kind == Cell::kOneSided || cell.kind == Cell::kOther)) {
       wanted.push_back(k);
       list(k);
     }
@@ -137,8 +138,8 @@ void CellModels::solve_creases(int range) {
 CellModel CellModels::crease(const Cell& cell) {
   Candidates candidates;
   gather(cell, candidates);
-  return memo_ != nullptr ? memo_->crease(grid_, cell.id, candidates)
-                          : solve_crease(grid_, cell.id, candidates);
+  return cache_ != nullptr ? cache_->crease(grid_, cell.id, candidates)
+                           : solve_crease(grid_, cell.id, candidates);
 }
 
 void CellModels::conserve_volumes(int range) {
@@ -190,9 +191,9 @@ CellPlane CellModels::base_plane(int id) const {
   return p;
 }
 
-void CellModels::find_bend(Cell& cell) {
-  if (cell.bent) return;
-  cell.bent = true;
+void CellModels::find_curvature(Cell& cell) {
+  if (cell.has_curvature) return;
+  cell.has_curvature = true;
   const Tangents t(cell.plane);
   float xx = 0, xy = 0, yy = 0, ux = 0, uy = 0, vx = 0, vy = 0;
   for (int x = -1; x <= 1; ++x) {
@@ -228,26 +229,26 @@ void CellModels::find_bend(Cell& cell) {
   const auto held = [&](float v) {
     return std::min(std::max(v / det, -kMaxCurvature), kMaxCurvature);
   };
-  cell.bend = {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
-               held(vy * xx - vx * xy)};
+  cell.curvature = {held(ux * yy - uy * xy), held(((uy * xx - ux * xy) + (vx * yy - vy * xy)) / 2),
+                    held(vy * xx - vx * xy)};
 }
 
 void CellModels::gather(const Cell& cell, Candidates& candidates) {
   if (std::abs(grid_.base_distance(cell.id)) < kBasePlaneSight) candidates.add(base_plane(cell.id));
-  if (cell.kind == Cell::kSided) candidates.add(cell.plane);
-  if (cell.both) candidates.add(cell.opposite);
+  if (cell.kind == Cell::kOneSided) candidates.add(cell.plane);
+  if (cell.has_opposite) candidates.add(cell.opposite);
   for (const auto& [x, y, z] : kNearby.at) {
     if (candidates.full()) return;
     Cell* const other = neighbour(cell, x, y, z);
     if (other == nullptr || other->kind == Cell::kBase) continue;
     fit(*other);
     if (other->kind == Cell::kSmooth) {
-      find_bend(*other);
-      candidates.add(carried(*other, -x, -y, -z));
+      find_curvature(*other);
+      candidates.add(extrapolated(*other, -x, -y, -z));
       continue;
     }
-    if (other->kind == Cell::kSided) candidates.add(other->plane.from(-x, -y, -z));
-    if (other->both) candidates.add(other->opposite.from(-x, -y, -z));
+    if (other->kind == Cell::kOneSided) candidates.add(other->plane.from(-x, -y, -z));
+    if (other->has_opposite) candidates.add(other->opposite.from(-x, -y, -z));
     if (!other->model.solved || std::max({std::abs(x), std::abs(y), std::abs(z)}) > 1) continue;
     for (int p = 0; p < other->model.planes(); ++p) {
       candidates.add(other->model.plane[p].from(-x, -y, -z));

@@ -5,13 +5,13 @@
 
 #include <vector>
 
-#include "core/cell/cell_memo.h"
 #include "core/cell/crease.h"
+#include "core/cell/fit_cache.h"
 
 namespace soilvdb::inline v0 {
 
 /// How a surface curves: what its normal changes by, along and across, in a plane's tangents.
-struct Bend {
+struct Curvature {
   float uu = 0, uv = 0, vv = 0;  ///< 1/voxel; of a ball of soil positive
 };
 
@@ -22,8 +22,8 @@ struct Bend {
 class CellModels {
  public:
   /// @param range models are made for cells so far from a chunk asked for, voxels
-  /// @param memo of grids before, of any ground; may be null
-  CellModels(const CellGrid& grid, int range, CellMemo* memo = nullptr);
+  /// @param cache of grids before, of any ground; may be null
+  CellModels(const CellGrid& grid, int range, FitCache* cache = nullptr);
 
   /// The model of a cell, or null where it is all soil, all air or not explained.
   const CellModel* find(int id) const {
@@ -38,9 +38,9 @@ class CellModels {
     return m != nullptr ? m->soil() : grid_.count(id) > 32;
   }
   /// Signed distance at a point relative to a cell's centre, as far as the cell knows.
-  float beyond(int id, float x, float y, float z) const {
+  float signed_distance(int id, float x, float y, float z) const {
     const CellModel* m = find(id);
-    return m != nullptr ? m->at(x, y, z).beyond : soil(id) ? -0.5f : 0.5f;
+    return m != nullptr ? m->at(x, y, z).signed_distance : soil(id) ? -0.5f : 0.5f;
   }
   /// Is the cell undug, or without a surface?
   bool base(int id) const {
@@ -54,16 +54,16 @@ class CellModels {
     int away = 0;
     enum Kind : std::uint8_t {
       kUnfitted,
-      kBase,    ///< undug
-      kSmooth,  ///< one plane
-      kSided,   ///< of a thin wall
+      kBase,      ///< undug
+      kSmooth,    ///< one plane
+      kOneSided,  ///< of a thin wall
       kOther
     } kind = kUnfitted;
-    bool bent = false;   ///< bend is known
-    bool both = false;   ///< opposite is known
-    CellPlane plane;     ///< as fitted: where the surface bends, too far inwards
-    CellPlane opposite;  ///< the other face of a wall that fills the cell
-    Bend bend;
+    bool has_curvature = false;  ///< curvature is known
+    bool has_opposite = false;   ///< opposite is known
+    CellPlane plane;             ///< as fitted: where the surface bends, too far inwards
+    CellPlane opposite;          ///< the other face of a wall that fills the cell
+    Curvature curvature;
     CellModel model;
   };
   const std::vector<Cell>& cells() const { return cells_; }
@@ -77,7 +77,7 @@ class CellModels {
     return at(cell.id + x * grid_.step(0) + y * grid_.step(1) + z);
   }
   void fit(Cell& cell);
-  void find_bend(Cell& cell);
+  void find_curvature(Cell& cell);
   CellPlane base_plane(int id) const;
   void gather(const Cell& cell, Candidates& candidates);
   CellModel crease(const Cell& cell);
@@ -86,7 +86,7 @@ class CellModels {
   void conserve_volumes(int range);
 
   const CellGrid& grid_;
-  CellMemo* const memo_;
+  FitCache* const cache_;
   std::vector<int> index_;
   std::vector<Cell> cells_;
 };

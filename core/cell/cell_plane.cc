@@ -41,7 +41,7 @@ SOILVDB_INLINE void evaluate(const CellGrid& grid, int id, const CellPlane& plan
       for (int z = -1; z <= 1; ++z) {
         const float fx = static_cast<float>(x), fy = static_cast<float>(y),
                     fz = static_cast<float>(z);
-        const float s = plane.beyond(fx, fy, fz);
+        const float s = plane.signed_distance(fx, fy, fz);
         const int here_id = id + x * sx + y * sy + z;
         const std::uint64_t word = words[here_id];
         const CellPoints* points = nullptr;
@@ -194,8 +194,8 @@ SOILVDB_FOR_CPUS void refine_one_side(const CellGrid& grid, int id, PlaneFit& fi
     const Tangents t(fit.plane);
     evaluate(grid, id, fit.plane, t, true, r);
     if (k == kFitSteps) {
-      fit.sided = r.area >= kMinSideFitArea &&
-                  static_cast<float>(r.wrong) <= kSmoothWrongShare * 64 * r.area;
+      fit.one_sided = r.area >= kMinSideFitArea &&
+                      static_cast<float>(r.wrong) <= kSmoothWrongShare * 64 * r.area;
       return;
     }
     improve(r, t, fit.plane);
@@ -277,15 +277,15 @@ PlaneFit fit_plane(const CellGrid& grid, int id) {
   PlaneFit side;
   side.plane = start;
   refine_one_side(grid, id, side);
-  if (side.sided) return side;
+  if (side.one_sided) return side;
   PlaneFit other;  // the gradient says nothing where both sides are alike
   side.plane = face_across(grid, id, across, 1);
   other.plane = face_across(grid, id, across, -1);
   refine_one_side(grid, id, side);
   refine_one_side(grid, id, other);
-  if (!side.sided || !other.sided) return fit;
+  if (!side.one_sided || !other.one_sided) return fit;
   side.opposite = other.plane;
-  side.both = true;
+  side.has_opposite = true;
   return side;
 }
 

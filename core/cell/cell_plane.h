@@ -16,7 +16,7 @@ struct CellPlane {
 
   float along(float x, float y, float z) const { return nx * x + (ny * y + nz * z); }
   /// Signed distance of a point, negative in soil.
-  float beyond(float x, float y, float z) const { return along(x, y, z) - d; }
+  float signed_distance(float x, float y, float z) const { return along(x, y, z) - d; }
   /// The same plane seen from the cell that is so many voxels away.
   CellPlane from(int x, int y, int z) const {
     return {nx, ny, nz,
@@ -52,10 +52,10 @@ void displace(CellPlane& plane, const Tangents& t, const float* a, const float* 
 /// A fit and how good it is.
 struct PlaneFit {
   CellPlane plane;
-  bool smooth = false;  ///< the 27 cells around show nothing but this plane
-  bool sided = false;   ///< they do within half a voxel of it, as on the face of a thin wall
-  CellPlane opposite;   ///< of a wall or slot as thin as the cell: its other face
-  bool both = false;    ///< there is one
+  bool smooth = false;        ///< the 27 cells around show nothing but this plane
+  bool one_sided = false;     ///< they do within half a voxel of it, as on the face of a thin wall
+  CellPlane opposite;         ///< of a wall or slot as thin as the cell: its other face
+  bool has_opposite = false;  ///< there is one
 };
 
 /// Fits a plane to the words of the 27 cells around a cell: from the counts where columns go from

@@ -8,7 +8,7 @@
 
 #include "core/cell/plane_mask.h"
 #include "core/constants.h"
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -36,16 +36,16 @@ CellVolume below_plane(const CellPlane& p) {
   return {static_cast<float>(p.d > 0 ? 1 - volume : volume), static_cast<float>(area * share)};
 }
 
-SOILVDB_INLINE Lanes beyond(const CellPlane& p, Lanes x, Lanes y, Lanes z) {
+SOILVDB_INLINE Lanes signed_distance(const CellPlane& p, Lanes x, Lanes y, Lanes z) {
   const float d = p.d + (p.nx + p.ny + p.nz) / 2;
   return p.nx * x + (p.ny * y + p.nz * z) - d;
 }
 
 SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel) {
   const int planes = model.planes();
-  const bool first_and =
-      model.join == Join::kAnd || model.join == Join::kAndAnd || model.join == Join::kAndOr;
-  const bool second_and = model.join == Join::kAndAnd || model.join == Join::kOrAnd;
+  const bool first_and = model.op == BooleanOp::kAnd || model.op == BooleanOp::kAndAnd ||
+                         model.op == BooleanOp::kAndOr;
+  const bool second_and = model.op == BooleanOp::kAndAnd || model.op == BooleanOp::kOrAnd;
   const int own = sample_pattern(voxel);
   Lanes volume = {}, area = {};
   for (int k = 0; k < kVolumePatterns; ++k) {
@@ -55,11 +55,11 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
       const int at = kChunkSide * row;
       const Lanes x = lanes_at(points.x + at), y = lanes_at(points.y + at),
                   z = lanes_at(points.z + at);
-      Lanes s = beyond(model.plane[0], x, y, z);
-      const Lanes b = beyond(model.plane[1], x, y, z);
+      Lanes s = signed_distance(model.plane[0], x, y, z);
+      const Lanes b = signed_distance(model.plane[1], x, y, z);
       s = first_and ? max(s, b) : min(s, b);
       if (planes > 2) {
-        const Lanes c = beyond(model.plane[2], x, y, z);
+        const Lanes c = signed_distance(model.plane[2], x, y, z);
         s = second_and ? max(s, c) : min(s, c);
       }
       const Lanes share = 0.5f - s / (2 * kVolumeSoftness);
@@ -79,7 +79,7 @@ SOILVDB_FOR_CPUS CellVolume weighed(const CellModel& model, const Coord3& voxel)
 }  // namespace
 
 CellVolume cell_volume(const CellModel& model, const Coord3& voxel) {
-  return model.join == Join::kOne ? below_plane(model.plane[0]) : weighed(model, voxel);
+  return model.op == BooleanOp::kOne ? below_plane(model.plane[0]) : weighed(model, voxel);
 }
 
 }  // namespace soilvdb::inline v0

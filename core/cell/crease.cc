@@ -15,36 +15,35 @@ constexpr int kCells = 27, kOwn = 13;
 using Mask = std::uint64_t;
 using Masks = Mask[kCells];
 
-SOILVDB_INLINE Mask joined(Join join, Mask a, Mask b, Mask c) {
-  switch (join) {
-    case Join::kOne:
+SOILVDB_INLINE Mask joined(BooleanOp op, Mask a, Mask b, Mask c) {
+  switch (op) {
+    case BooleanOp::kOne:
       return a;
-    case Join::kAnd:
+    case BooleanOp::kAnd:
       return a & b;
-    case Join::kOr:
+    case BooleanOp::kOr:
       return a | b;
-    case Join::kAndAnd:
+    case BooleanOp::kAndAnd:
       return a & b & c;
-    case Join::kOrOr:
+    case BooleanOp::kOrOr:
       return a | b | c;
-    case Join::kAndOr:
+    case BooleanOp::kAndOr:
       return (a & b) | c;
-    case Join::kOrAnd:
+    case BooleanOp::kOrAnd:
       return (a | b) & c;
   }
   return a;
 }
 
 /// What a model has wrong, up to `most`.
-template <Join join>
+template <BooleanOp op>
 SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, const Masks& c,
                          int most) {
-  int sum = kPlaneCost * planes_of(join) +
-            std::popcount(joined(join, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
+  int sum = kPlaneCost * planes_of(op) +
+            std::popcount(joined(op, a[kOwn], b[kOwn], c[kOwn]) ^ words[kOwn]);
   for (int k = 0; k < kCells && sum < most; ++k) {
     if (k == kOwn) continue;
-    const int wrong =
-        std::popcount(joined(join, a[k], b[k], c[k]) ^ words[k]) - kFreeNeighbourWrong;
+    const int wrong = std::popcount(joined(op, a[k], b[k], c[k]) ^ words[k]) - kFreeNeighbourWrong;
     sum += std::min(std::max(wrong, 0), kMaxNeighbourWrong);
   }
   return sum;
@@ -52,15 +51,15 @@ SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, con
 
 struct Best {
   int score = 1 << 20;
-  Join join = Join::kOne;
+  BooleanOp op = BooleanOp::kOne;
   int plane[3] = {0, 0, 0};
 };
 
-template <Join join>
+template <BooleanOp op>
 SOILVDB_INLINE void attempt(const Masks& words, const Masks* masks, int a, int b, int c,
                             Best& best) {
-  const int s = score<join>(words, masks[a], masks[b], masks[c], best.score);
-  if (s < best.score) best = {s, join, {a, b, c}};
+  const int s = score<op>(words, masks[a], masks[b], masks[c], best.score);
+  if (s < best.score) best = {s, op, {a, b, c}};
 }
 
 struct Window {
@@ -79,25 +78,25 @@ SOILVDB_INLINE void make_masks(const Window& window, const CellPlane& plane, Mas
 }
 
 /// What a join of masks has wrong.
-SOILVDB_INLINE int score_of(Join join, const Masks& words, const Masks* m) {
-  const int planes = planes_of(join);
+SOILVDB_INLINE int score_of(BooleanOp op, const Masks& words, const Masks* m) {
+  const int planes = planes_of(op);
   const Masks &a = m[0], &b = m[planes > 1 ? 1 : 0], &c = m[planes > 2 ? 2 : 0];
   constexpr int kAny = 1 << 20;
-  switch (join) {
-    case Join::kOne:
-      return score<Join::kOne>(words, a, b, c, kAny);
-    case Join::kAnd:
-      return score<Join::kAnd>(words, a, b, c, kAny);
-    case Join::kOr:
-      return score<Join::kOr>(words, a, b, c, kAny);
-    case Join::kAndAnd:
-      return score<Join::kAndAnd>(words, a, b, c, kAny);
-    case Join::kOrOr:
-      return score<Join::kOrOr>(words, a, b, c, kAny);
-    case Join::kAndOr:
-      return score<Join::kAndOr>(words, a, b, c, kAny);
-    case Join::kOrAnd:
-      return score<Join::kOrAnd>(words, a, b, c, kAny);
+  switch (op) {
+    case BooleanOp::kOne:
+      return score<BooleanOp::kOne>(words, a, b, c, kAny);
+    case BooleanOp::kAnd:
+      return score<BooleanOp::kAnd>(words, a, b, c, kAny);
+    case BooleanOp::kOr:
+      return score<BooleanOp::kOr>(words, a, b, c, kAny);
+    case BooleanOp::kAndAnd:
+      return score<BooleanOp::kAndAnd>(words, a, b, c, kAny);
+    case BooleanOp::kOrOr:
+      return score<BooleanOp::kOrOr>(words, a, b, c, kAny);
+    case BooleanOp::kAndOr:
+      return score<BooleanOp::kAndOr>(words, a, b, c, kAny);
+    case BooleanOp::kOrAnd:
+      return score<BooleanOp::kOrAnd>(words, a, b, c, kAny);
   }
   return kAny;
 }
@@ -120,7 +119,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
     bool near = false;
     for (int p = 0; p < planes; ++p) {
       const CellPlane& plane = model.plane[p];
-      const float s = plane.beyond(x, y, z);
+      const float s = plane.signed_distance(x, y, z);
       if (std::abs(s) >= half_range[p]) continue;
       near = true;
       const float fx = x - s * plane.nx, fy = y - s * plane.ny, fz = z - s * plane.nz;
@@ -138,7 +137,7 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
     }
     if (!near) continue;
     const Mask all =
-        joined(model.join, masks[0][k], planes > 1 ? masks[1][k] : 0, planes > 2 ? masks[2][k] : 0);
+        joined(model.op, masks[0][k], planes > 1 ? masks[1][k] : 0, planes > 2 ? masks[2][k] : 0);
     Mask wrong = all ^ window.words[k];
     if (std::popcount(wrong) > kMaxNeighbourWrong) continue;  // of another surface
     for (; wrong != 0; wrong &= wrong - 1) {
@@ -146,8 +145,8 @@ SOILVDB_INLINE CellModel refitted(const CellModel& model, const Masks* masks,
       const CellPoints& points = *window.points[k];
       const float px = x + points.x[i] - 0.5f, py = y + points.y[i] - 0.5f,
                   pz = z + points.z[i] - 0.5f;
-      const Active active = model.at(px, py, pz);
-      if (std::abs(active.beyond) > kCreaseFitReach) continue;
+      const ActivePlane active = model.at(px, py, pz);
+      if (std::abs(active.signed_distance) > kCreaseFitReach) continue;
       const float sign = window.words[k] >> i & 1 ? 1.0f : -1.0f;
       Sums& sum = sums[active.plane];
       sum.more += sign;
@@ -179,30 +178,30 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
   for (int p = 0; p < n; ++p) make_masks(window, planes[static_cast<std::size_t>(p)], masks[p]);
   Best best;
   const Masks& words = window.words;
-  for (int a = 0; a < n; ++a) attempt<Join::kOne>(words, masks, a, a, a, best);
+  for (int a = 0; a < n; ++a) attempt<BooleanOp::kOne>(words, masks, a, a, a, best);
   for (int a = 0; a < n; ++a) {
     for (int b = a + 1; b < n; ++b) {
-      attempt<Join::kAnd>(words, masks, a, b, a, best);
-      attempt<Join::kOr>(words, masks, a, b, a, best);
+      attempt<BooleanOp::kAnd>(words, masks, a, b, a, best);
+      attempt<BooleanOp::kOr>(words, masks, a, b, a, best);
     }
   }
-  if (best.score - kPlaneCost * planes_of(best.join) > kGoodPairWrong) {
+  if (best.score - kPlaneCost * planes_of(best.op) > kGoodPairWrong) {
     for (int a = 0; a < n; ++a) {
       for (int b = a + 1; b < n; ++b) {
         for (int c = b + 1; c < n; ++c) {
-          attempt<Join::kAndAnd>(words, masks, a, b, c, best);
-          attempt<Join::kOrOr>(words, masks, a, b, c, best);
-          attempt<Join::kAndOr>(words, masks, a, b, c, best);
-          attempt<Join::kAndOr>(words, masks, a, c, b, best);
-          attempt<Join::kAndOr>(words, masks, b, c, a, best);
-          attempt<Join::kOrAnd>(words, masks, a, b, c, best);
-          attempt<Join::kOrAnd>(words, masks, a, c, b, best);
-          attempt<Join::kOrAnd>(words, masks, b, c, a, best);
+          attempt<BooleanOp::kAndAnd>(words, masks, a, b, c, best);
+          attempt<BooleanOp::kOrOr>(words, masks, a, b, c, best);
+          attempt<BooleanOp::kAndOr>(words, masks, a, b, c, best);
+          attempt<BooleanOp::kAndOr>(words, masks, a, c, b, best);
+          attempt<BooleanOp::kAndOr>(words, masks, b, c, a, best);
+          attempt<BooleanOp::kOrAnd>(words, masks, a, b, c, best);
+          attempt<BooleanOp::kOrAnd>(words, masks, a, c, b, best);
+          attempt<BooleanOp::kOrAnd>(words, masks, b, c, a, best);
         }
       }
     }
   }
-  model.join = best.join;
+  model.op = best.op;
   Masks fitted[2][3];
   for (int p = 0; p < 3; ++p) {
     model.plane[p] = planes[static_cast<std::size_t>(best.plane[p])];
@@ -212,12 +211,12 @@ SOILVDB_FOR_CPUS void solve(const Window& window, std::span<const CellPlane> pla
     const CellModel moved = refitted(model, fitted[k & 1], window);
     Masks* const then = fitted[1 - (k & 1)];
     for (int p = 0; p < moved.planes(); ++p) make_masks(window, moved.plane[p], then[p]);
-    const int s = score_of(moved.join, words, then);
+    const int s = score_of(moved.op, words, then);
     if (s > best.score) break;
     best.score = s;
     model = moved;
   }
-  model.wrong = best.score - kPlaneCost * planes_of(best.join);
+  model.wrong = best.score - kPlaneCost * planes_of(best.op);
   model.solved = best.score < kUnsolvedScore;
 }
 

@@ -11,22 +11,22 @@
 #include "core/compare/changed_area.h"
 #include "core/constants.h"
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/column_gains.h"
+#include "soilvdb/volume_changes.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-using Box = GainGrid::Box;
+using Box = VolumeBins::Box;
 
-const Soil& coarsest(const Soil& a, const Soil& b) {
-  const Soil* found = &a;
-  for (const Soil* top : {&a, &b})
-    for (const Soil* soil = top; soil != nullptr; soil = soil->base().soil())
-      if (soil->voxel_size_m() > found->voxel_size_m()) found = soil;
+const Ground& coarsest(const Ground& a, const Ground& b) {
+  const Ground* found = &a;
+  for (const Ground* top : {&a, &b})
+    for (const Ground* ground = top; ground != nullptr; ground = ground->terrain().ground())
+      if (ground->voxel_size_m() > found->voxel_size_m()) found = ground;
   return *found;
 }
 
-/// What two soils gained in a box against the ground beneath both.
+/// What two grounds gained in a box against the ground beneath both.
 struct Change {
   Box box;
   double before_m3 = 0, after_m3 = 0, variance = 0;
@@ -41,17 +41,17 @@ struct Change {
 };
 
 /// Changes of boxes from x = `first` on, in order.
-std::vector<Change> changes(const Soil& before, const Soil& after, const GainGrid& grid, int first,
-                            int last) {
-  const std::array<double, 2> range = {grid.origin.x() + (first - 0.5) * grid.side_m.x(),
-                                       grid.origin.x() + (last - 0.5) * grid.side_m.x()};
+std::vector<Change> changes(const Ground& before, const Ground& after, const VolumeBins& bins,
+                            int first, int last) {
+  const std::array<double, 2> range = {bins.origin.x() + (first - 0.5) * bins.side_m.x(),
+                                       bins.origin.x() + (last - 0.5) * bins.side_m.x()};
   std::vector<Change> all;
   for (const bool is_after : {false, true}) {
-    for (const Soil* soil = is_after ? &after : &before; soil != nullptr;
-         soil = soil->base().soil()) {
-      for_each_gain(
-          *soil, grid,
-          [&](const Box& box, const Gain& gain) {
+    for (const Ground* ground = is_after ? &after : &before; ground != nullptr;
+         ground = ground->terrain().ground()) {
+      for_each_volume_change(
+          *ground, bins,
+          [&](const Box& box, const VolumeChange& gain) {
             if (box[0] < first || box[0] >= last) return;
             all.push_back({box, is_after ? 0 : gain.m3, is_after ? gain.m3 : 0, gain.variance});
           },
@@ -110,35 +110,35 @@ ColumnChange in_column(const Change* first, const Change* last, double box_m3) {
 }
 
 /// Slabs of boxes in which there may be changes.
-std::set<int> slabs(const Soil& before, const Soil& after, const GainGrid& grid) {
+std::set<int> slabs(const Ground& before, const Ground& after, const VolumeBins& bins) {
   std::set<int> all;
-  const auto slab = [&](const Soil& soil, const Vec3& index) {
-    const double x = grid.at(soil.world_from_index(index))[0];
+  const auto slab = [&](const Ground& ground, const Vec3& index) {
+    const double x = bins.at(ground.world_from_index(index))[0];
     return static_cast<int>(std::floor(x / kSlabBoxes));
   };
-  for (const Soil* top : {&before, &after})
-    for (const Soil* soil = top; soil != nullptr; soil = soil->base().soil())
-      for (const Chunk* chunk : soil->chunks()) {
+  for (const Ground* top : {&before, &after})
+    for (const Ground* ground = top; ground != nullptr; ground = ground->terrain().ground())
+      for (const Chunk* chunk : ground->chunks()) {
         const Vec3 low = chunk->origin.cast<double>() - Vec3::Constant(0.5);
-        const int last = slab(*soil, low + Vec3::Constant(kChunkSide));
-        for (int n = slab(*soil, low); n <= last; ++n) all.insert(n);
+        const int last = slab(*ground, low + Vec3::Constant(kChunkSide));
+        for (int n = slab(*ground, low); n <= last; ++n) all.insert(n);
       }
   return all;
 }
 
 }  // namespace
 
-Difference box_difference(const Soil& before, const Soil& after) {
-  const Soil& coarse = coarsest(before, after);
+Difference box_difference(const Ground& before, const Ground& after) {
+  const Ground& coarse = coarsest(before, after);
   const double side_m = coarse.voxel_size_m(), box_m3 = side_m * side_m * side_m;
-  const GainGrid grid{coarse.origin(), Vec3::Constant(side_m)};
+  const VolumeBins bins{coarse.origin(), Vec3::Constant(side_m)};
   Difference d;
   double variance = 0;
   ColumnChanges columns;
-  for (const int slab : slabs(before, after, grid)) {
+  for (const int slab : slabs(before, after, bins)) {
     const int first = slab * kSlabBoxes;
     // With a box beyond on either side, where those at the sides look.
-    const std::vector<Change> all = changes(before, after, grid, first - 1, first + kSlabBoxes + 1);
+    const std::vector<Change> all = changes(before, after, bins, first - 1, first + kSlabBoxes + 1);
     for (std::size_t i = 0, next = 0; i < all.size(); i = next) {
       const auto [x, y, z] = all[i].box;
       for (next = i; next < all.size() && all[next].box[0] == x && all[next].box[1] == y;) ++next;
@@ -156,7 +156,7 @@ Difference box_difference(const Soil& before, const Soil& after) {
       columns[{floor_to(x, 8), floor_to(y, 8)}][static_cast<std::size_t>((x & 7) * 8 + (y & 7))] =
           change;
       if (!change.certain) continue;
-      const Vec2 middle = grid.origin.head<2>() + side_m * Vec2(x, y);
+      const Vec2 middle = bins.origin.head<2>() + side_m * Vec2(x, y);
       const Vec2 half = Vec2::Constant(side_m / 2);
       d.box.extend(Eigen::AlignedBox2d(middle - half, middle + half));
     }

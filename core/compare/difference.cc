@@ -18,18 +18,18 @@
 #include "core/lattice/chunk_math.h"
 #include "core/tool/polygon.h"
 #include "soilvdb/chunk_range.h"
-#include "soilvdb/column_gains.h"
 #include "soilvdb/lattice.h"
+#include "soilvdb/volume_changes.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Two soils of one lattice, in the index space of the first.
+/// Two grounds of one lattice, in the index space of the first.
 class Pair {
  public:
-  Pair(const Soil& a, const Soil& b, const Coord3& shift) : a_(a), b_(b), shift_(shift) {}
+  Pair(const Ground& a, const Ground& b, const Coord3& shift) : a_(a), b_(b), shift_(shift) {}
 
-  const Soil& first() const { return a_; }
+  const Ground& first() const { return a_; }
   std::vector<Coord3> chunks() const {
     std::vector<Coord3> all = a_.origins();
     for (const Chunk* chunk : b_.chunks()) all.push_back(chunk->origin + shift_);
@@ -50,7 +50,7 @@ class Pair {
   }
 
  private:
-  const Soil &a_, &b_;
+  const Ground &a_, &b_;
   Coord3 shift_;
 };
 
@@ -64,10 +64,10 @@ struct Stack {
 class Inside {
  public:
   /// @param boundary null: all are
-  Inside(const Soil& soil, const std::vector<Vec2>* boundary) {
+  Inside(const Ground& ground, const std::vector<Vec2>* boundary) {
     if (boundary == nullptr) return;
     for (const Vec2& corner : *boundary)
-      polygon_.push_back(soil.index_from_world({corner.x(), corner.y(), 0}).head<2>());
+      polygon_.push_back(ground.index_from_world({corner.x(), corner.y(), 0}).head<2>());
   }
 
   /// Of a column of chunks: all, none, or those that at() says.
@@ -140,8 +140,8 @@ Difference by_samples(const Pair& soils, const std::vector<Vec2>* boundary = nul
     stacks[i] = compare(soils, in, &origins[firsts[i]], origins.data() + firsts[i + 1]);
   });
   std::int64_t cut = 0, fill = 0, mixed = 0;
-  const Soil& soil = soils.first();
-  const double h = soil.voxel_size_m();
+  const Ground& ground = soils.first();
+  const double h = ground.voxel_size_m();
   Difference d;
   ColumnChanges changes;
   for (std::size_t i = 0; i < stacks.size(); ++i) {
@@ -155,14 +155,14 @@ Difference by_samples(const Pair& soils, const std::vector<Vec2>* boundary = nul
     for (int n = 0; n < 64; ++n) {
       if (!stack.columns[static_cast<std::size_t>(n)].certain) continue;
       const Vec3 low(at.x() + (n >> 3) - 0.5, at.y() + (n & 7) - 0.5, 0);
-      d.box.extend(soil.world_from_index(low).head<2>());
-      d.box.extend(soil.world_from_index(low + Vec3::Ones()).head<2>());
+      d.box.extend(ground.world_from_index(low).head<2>());
+      d.box.extend(ground.world_from_index(low + Vec3::Ones()).head<2>());
     }
   }
   d.area_m2 = changed_columns(changes) * h * h;
-  d.cut_m3 = static_cast<double>(cut) * soil.sample_m3();
-  d.fill_m3 = static_cast<double>(fill) * soil.sample_m3();
-  d.net_m3 = static_cast<double>(fill - cut) * soil.sample_m3();
+  d.cut_m3 = static_cast<double>(cut) * ground.sample_m3();
+  d.fill_m3 = static_cast<double>(fill) * ground.sample_m3();
+  d.net_m3 = static_cast<double>(fill - cut) * ground.sample_m3();
   d.error_m3 = kErrorSigmas * kWorstCountError * h * h * h * std::sqrt(static_cast<double>(mixed));
   d.exact = true;
   return d;
@@ -170,7 +170,7 @@ Difference by_samples(const Pair& soils, const std::vector<Vec2>* boundary = nul
 
 }  // namespace
 
-Difference difference(const Soil& before, const Soil& after, bool same_base) {
+Difference difference(const Ground& before, const Ground& after, bool same_base) {
   if (same_base) {
     if (const auto shift = lattice_shift(before, after))
       return by_samples(Pair(before, after, *shift));
@@ -178,7 +178,8 @@ Difference difference(const Soil& before, const Soil& after, bool same_base) {
   return box_difference(before, after);
 }
 
-Difference difference(const Soil& before, const Soil& after, const std::vector<Vec2>& boundary) {
+Difference difference(const Ground& before, const Ground& after,
+                      const std::vector<Vec2>& boundary) {
   if (crosses_itself(boundary))
     throw std::invalid_argument(
         "the boundary crosses itself; its corners must be in order around what it encloses");
@@ -189,23 +190,24 @@ Difference difference(const Soil& before, const Soil& after, const std::vector<V
   return d;
 }
 
-void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,
-                   const GainFunction& f) {
+void for_each_volume_change(const Ground& before, const Ground& after, bool same_base,
+                            const VolumeBins& bins, const VolumeChangeFunction& f) {
   const auto shift = same_base ? lattice_shift(before, after) : std::nullopt;
   if (shift) {
     const Pair pair(before, after, *shift);
-    return for_each_gain(
+    return for_each_volume_change(
         before, pair.chunks(),
         [&](const Coord3& origin, SampleWords& a, SampleWords& b) { pair.read(origin, a, b); },
-        grid, f);
+        bins, f);
   }
-  // Against the ground that is no soil's, which is beneath both.
+  // Against the terrain that is no ground's surface, which is beneath both.
   for (const double sign : {1.0, -1.0}) {
-    const Soil* soil = sign > 0 ? &after : &before;
-    for (; soil != nullptr; soil = soil->base().soil())
-      for_each_gain(*soil, grid, [&](const GainGrid::Box& box, const Gain& gain) {
-        f(box, {sign * gain.m3, gain.variance});
-      });
+    const Ground* ground = sign > 0 ? &after : &before;
+    for (; ground != nullptr; ground = ground->terrain().ground())
+      for_each_volume_change(*ground, bins,
+                             [&](const VolumeBins::Box& box, const VolumeChange& gain) {
+                               f(box, {sign * gain.m3, gain.variance});
+                             });
   }
 }
 

@@ -20,8 +20,8 @@ double chunks_in(const Eigen::AlignedBox3d& box) {
   return ((box.sizes() / kChunkSide).array() + 1).prod();
 }
 
-Eigen::AlignedBox3d in_world(const Soil& soil, const Eigen::AlignedBox3d& box) {
-  return {soil.world_from_index(box.min()), soil.world_from_index(box.max())};
+Eigen::AlignedBox3d in_world(const Ground& ground, const Eigen::AlignedBox3d& box) {
+  return {ground.world_from_index(box.min()), ground.world_from_index(box.max())};
 }
 
 /// Do a facet's coordinates of a chunk's middle at both ends of a stroke allow that it cuts there?
@@ -38,15 +38,15 @@ bool may_cut(const float* a, const float* ra, const float* b, const float* rb, c
 
 }  // namespace
 
-Excavator::Station Excavator::station(const Soil& soil, const Facet& facet,
+Excavator::Station Excavator::station(const Ground& ground, const Facet& facet,
                                       const Pose& world_from_bucket) const {
   Station s;
   const Pose world_from_facet = world_from_bucket * facet.bucket_from_facet;
   s.axes = world_from_facet.rotation.toRotationMatrix();
-  s.position = soil.index_from_world(world_from_facet.position);
+  s.position = ground.index_from_world(world_from_facet.position);
   for (const double y : {facet.low.x(), facet.high.x()}) {
     for (const double z : {facet.low.y(), facet.high.y()}) {
-      s.box.extend(s.position + (y * s.axes.col(1) + z * s.axes.col(2)) / soil.voxel_size_m());
+      s.box.extend(s.position + (y * s.axes.col(1) + z * s.axes.col(2)) / ground.voxel_size_m());
     }
   }
   for (int a = 0; a < 3; ++a) {
@@ -66,11 +66,11 @@ Eigen::AlignedBox3d Excavator::box(std::size_t pose) const {
 
 /// Only boxes of single poses are refused: that of a segment reaches far beyond what the bucket
 /// passes.
-void Excavator::require_known(const Soil& soil, std::span<const Pose> path) const {
+void Excavator::require_known(const Ground& ground, std::span<const Pose> path) const {
   const auto check = [&](const Pose& pose) {
     for (const Facet& facet : facets_) {
-      const Eigen::AlignedBox3d world = in_world(soil, station(soil, facet, pose).box);
-      if (soil.base().known(world)) continue;
+      const Eigen::AlignedBox3d world = in_world(ground, station(ground, facet, pose).box);
+      if (ground.terrain().has_data(world)) continue;
       const Vec3 &low = world.min(), &high = world.max();
       throw NoGroundError("the bucket reaches ground without a height at x " +
                           std::to_string(low.x()) + " to " + std::to_string(high.x()) + ", y " +
@@ -80,7 +80,7 @@ void Excavator::require_known(const Soil& soil, std::span<const Pose> path) cons
   };
   if (path.size() == 1) return check(path.front());
   for (std::size_t i = 1; i < path.size(); ++i) {
-    if (soil.base().known(in_world(soil, box(i - 1).merged(box(i))))) continue;
+    if (ground.terrain().has_data(in_world(ground, box(i - 1).merged(box(i))))) continue;
     for (int k = 0; k <= kGroundCheckParts; ++k)
       check(interpolate(path[i - 1], path[i], static_cast<double>(k) / kGroundCheckParts));
   }
@@ -143,14 +143,14 @@ bool Excavator::dig(std::size_t edit, Samples& samples, Samples& loose, double h
 }
 
 /// Digs the path from its pose `first` to `last`.
-void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut) {
+void Excavator::sweep_part(Ground& ground, std::size_t first, std::size_t last, Cut& cut) {
   Eigen::AlignedBox3d whole;
   for (std::size_t i = first; i <= last; ++i) whole.extend(box(i));
   // A bend, a parabola, leaves the hull of its ends and middle by a quarter of it.
   const Vec3 bulge = Vec3::Constant(kMaxBend / 4);
   whole = {whole.min() - bulge, whole.max() + bulge};
-  if (soil.is_air(in_world(soil, whole))) return;
-  const double h = soil.voxel_size_m();
+  if (ground.is_air(in_world(ground, whole))) return;
+  const double h = ground.voxel_size_m();
   strokes_.clear();
   work_.clear();
   edits_.clear();
@@ -161,8 +161,8 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
     edits_.push_back({origin, strokes_.size() - before});
     work_.push_back({before, strokes_.size(), {}});
   });
-  SoilWriter(soil).edit(
-      SoilWriter::Operation::kRemove, edits_, kParallelCutWork,
+  GroundWriter(ground).edit(
+      GroundWriter::Operation::kRemove, edits_, kParallelCutWork,
       [&](std::size_t i, Samples& samples, Samples& loose) { return dig(i, samples, loose, h); });
   for (const Work& work : work_) {
     cut.all += work.cut.all;
@@ -170,35 +170,35 @@ void Excavator::sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut&
   }
 }
 
-void Excavator::find_stations(const Soil& soil, std::span<const Pose> path) {
+void Excavator::find_stations(const Ground& ground, std::span<const Pose> path) {
   stations_.clear();
   for (const Pose& pose : path) {
-    for (const Facet& facet : facets_) stations_.push_back(station(soil, facet, pose));
+    for (const Facet& facet : facets_) stations_.push_back(station(ground, facet, pose));
   }
 }
 
-void Excavator::require_ground(const Soil& soil, std::span<const Pose> path) {
-  if (bucket_.shape) return soilvdb::require_ground(soil, *bucket_.shape, path);
+void Excavator::require_ground(const Ground& ground, std::span<const Pose> path) {
+  if (bucket_.shape) return soilvdb::require_ground(ground, *bucket_.shape, path);
   if (path.size() == 1 && bucket_.profile.empty()) return;
-  find_stations(soil, path);
-  require_known(soil, path);
+  find_stations(ground, path);
+  require_known(ground, path);
 }
 
-Cut Excavator::cut_by_shape(Soil& soil, std::span<const Pose> path) const {
-  soilvdb::require_ground(soil, *bucket_.shape, path);
-  const ToolCut by_tool = subtract_traced(soil, *bucket_.shape, path);
+Cut Excavator::cut_by_shape(Ground& ground, std::span<const Pose> path) const {
+  soilvdb::require_ground(ground, *bucket_.shape, path);
+  const ToolCut by_tool = subtract_traced(ground, *bucket_.shape, path);
   Cut cut;
   cut.all.displaced = by_tool.samples;
   cut.loose.displaced = by_tool.loose;
   return cut;
 }
 
-Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
+Cut Excavator::sweep(Ground& ground, std::span<const Pose> path) {
   Cut cut;
   if (path.size() < 2) return cut;
-  if (bucket_.shape) return cut_by_shape(soil, path);
-  find_stations(soil, path);
-  require_known(soil, path);
+  if (bucket_.shape) return cut_by_shape(ground, path);
+  find_stations(ground, path);
+  require_known(ground, path);
   for (std::size_t first = 0; first + 2 < path.size();) {
     std::size_t last = first + 2;
     Eigen::AlignedBox3d whole = box(first).merged(box(last));
@@ -208,14 +208,14 @@ Cut Excavator::sweep(Soil& soil, std::span<const Pose> path) {
       whole = more;
       last += 2;
     }
-    sweep_part(soil, first, last, cut);
+    sweep_part(ground, first, last, cut);
     first = last;
   }
   return cut;
 }
 
 /// Takes the samples inside the body out of a chunk. @return how many
-std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const Soil& soil,
+std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const Ground& ground,
                                    const Pose& bucket_from_world) const {
   std::int64_t removed = 0;
   for (int n = 0; n < kChunkVoxels; ++n) {
@@ -227,7 +227,7 @@ std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const
     std::uint64_t hit = 0;
     for (int i = 0; i < 64; ++i) {
       const Vec3 p = bucket_from_world *
-                     soil.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
+                     ground.world_from_index(low + Vec3(points.x[i], points.y[i], points.z[i]));
       const bool in =
           std::abs(p.y()) <= bucket_.width_m / 2 && inside(bucket_.profile, {p.x(), p.z()});
       hit |= std::uint64_t{in} << i;
@@ -239,26 +239,26 @@ std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const
   return removed;
 }
 
-Cut Excavator::stamp(Soil& soil, const Pose& world_from_bucket) {
+Cut Excavator::stamp(Ground& ground, const Pose& world_from_bucket) {
   Cut cut;
-  if (bucket_.shape) return cut_by_shape(soil, {&world_from_bucket, 1});
+  if (bucket_.shape) return cut_by_shape(ground, {&world_from_bucket, 1});
   if (bucket_.profile.empty()) return cut;
-  require_known(soil, {&world_from_bucket, 1});
+  require_known(ground, {&world_from_bucket, 1});
   stations_.clear();
-  for (const Facet& facet : facets_) stations_.push_back(station(soil, facet, world_from_bucket));
+  for (const Facet& facet : facets_) stations_.push_back(station(ground, facet, world_from_bucket));
   const Pose bucket_from_world = world_from_bucket.inverse();
   edits_.clear();
   for_each_chunk(box(0), [&](const Coord3& origin) { edits_.push_back({origin}); });
   std::vector<Cut> cuts(edits_.size());
   const auto clear = [&](std::size_t e, Samples& samples, Samples& loose) {
     const auto clear_of = [&](Samples& of) {
-      return clear_body(of, edits_[e].origin, soil, bucket_from_world);
+      return clear_body(of, edits_[e].origin, ground, bucket_from_world);
     };
     cuts[e].all.displaced = clear_of(samples);
     cuts[e].loose.displaced = clear_of(loose);
     return cuts[e].all.displaced > 0;
   };
-  SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits_, kParallelCutWork, clear);
+  GroundWriter(ground).edit(GroundWriter::Operation::kRemove, edits_, kParallelCutWork, clear);
   for (const Cut& part : cuts) {
     cut.all += part.all;
     cut.loose += part.loose;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/cut/facet.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 
 namespace soilvdb::inline v0 {
 
@@ -21,7 +21,7 @@ struct Cut {
 /// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated; a
 /// copy begins without.
 ///
-/// One soil may be dug by several excavators at once where their strokes touch different chunks.
+/// One ground may be dug by several excavators at once where their strokes touch different chunks.
 class Excavator {
  public:
   explicit Excavator(const Bucket& bucket) : bucket_(bucket), facets_(facets(bucket)) {}
@@ -35,13 +35,13 @@ class Excavator {
   /// @param path world_from_bucket, as from Motion::trace(): ends of segments and, between them,
   ///        their middles in time; points bend less than kMaxBend. One pose alone removes nothing.
   /// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
-  Cut sweep(Soil& soil, std::span<const Pose> path);
+  Cut sweep(Ground& ground, std::span<const Pose> path);
 
   /// As sweep() and, for a path of one pose, stamp(), but removes nothing. @throw NoGroundError
-  void require_ground(const Soil& soil, std::span<const Pose> path);
+  void require_ground(const Ground& ground, std::span<const Pose> path);
 
   /// Removes every sample inside the body at one pose (a bucket that starts in the ground).
-  Cut stamp(Soil& soil, const Pose& world_from_bucket);
+  Cut stamp(Ground& ground, const Pose& world_from_bucket);
 
  private:
   /// Where a facet is at a pose of the path, in index space.
@@ -62,24 +62,24 @@ class Excavator {
     Cut cut;
   };
 
-  Cut cut_by_shape(Soil& soil, std::span<const Pose> path) const;
-  void find_stations(const Soil& soil, std::span<const Pose> path);
-  Station station(const Soil& soil, const Facet& facet, const Pose& world_from_bucket) const;
-  void require_known(const Soil& soil, std::span<const Pose> path) const;
+  Cut cut_by_shape(Ground& ground, std::span<const Pose> path) const;
+  void find_stations(const Ground& ground, std::span<const Pose> path);
+  Station station(const Ground& ground, const Facet& facet, const Pose& world_from_bucket) const;
+  void require_known(const Ground& ground, std::span<const Pose> path) const;
   Eigen::AlignedBox3d box(std::size_t pose) const;
   AffineFrame frame(std::size_t pose, std::size_t facet, const Coord3& origin) const;
   void find_strokes(const Coord3& origin, std::size_t first, std::size_t last, double voxel_size_m);
   Removed dig(Samples& samples, const Coord3& origin, const Work& work, double voxel_size_m) const;
   bool dig(std::size_t edit, Samples& samples, Samples& loose, double voxel_size_m);
-  std::int64_t clear_body(Samples& samples, const Coord3& origin, const Soil& soil,
+  std::int64_t clear_body(Samples& samples, const Coord3& origin, const Ground& ground,
                           const Pose& bucket_from_world) const;
-  void sweep_part(Soil& soil, std::size_t first, std::size_t last, Cut& cut);
+  void sweep_part(Ground& ground, std::size_t first, std::size_t last, Cut& cut);
 
   Bucket bucket_;
   std::vector<Facet> facets_;
   std::vector<Station> stations_;  // by pose, then facet
   std::vector<StrokeRef> strokes_;
-  std::vector<SoilWriter::Edit> edits_;  // by chunk, as work_ is
+  std::vector<GroundWriter::Edit> edits_;  // by chunk, as work_ is
   std::vector<Work> work_;
 };
 

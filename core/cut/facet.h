@@ -44,7 +44,7 @@ struct Stroke {
 /// segment.
 enum class Booking { kCaptured, kCapturedAhead, kDisplaced };
 
-/// What was taken out, in samples of Soil::sample_m3().
+/// What was taken out, in samples of Ground::sample_m3().
 struct Removed {
   std::int64_t captured = 0;   ///< through the mouth
   std::int64_t displaced = 0;  ///< by the body alone

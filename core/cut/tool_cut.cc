@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/constants.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/motion.h"
@@ -55,29 +55,29 @@ std::optional<double> when_near(const ToolShape& tool, const Segment& segment, c
 
 class Sweep {
  public:
-  Sweep(const Soil& soil, const ToolShape& tool) : soil_(soil), tool_(tool) {}
+  Sweep(const Ground& ground, const ToolShape& tool) : ground_(ground), tool_(tool) {}
 
   void add(const Pose& from, const Pose& middle, const Pose& to) {
     Segment segment;
     const Pose* const poses[] = {&from, &middle, &to};
     for (std::size_t k = 0; k < 3; ++k) {
       const Pose tool_from_world = poses[k]->inverse();
-      segment.axes[k] = soil_.voxel_size_m() * tool_from_world.rotation.toRotationMatrix();
-      segment.origin[k] = tool_from_world * soil_.origin();
+      segment.axes[k] = ground_.voxel_size_m() * tool_from_world.rotation.toRotationMatrix();
+      segment.origin[k] = tool_from_world * ground_.origin();
       segment.box.extend(box_at(tool_, *poses[k]));
     }
-    const Vec3 bulge = Vec3::Constant(kMaxBend * soil_.voxel_size_m());
+    const Vec3 bulge = Vec3::Constant(kMaxBend * ground_.voxel_size_m());
     segment.box = {segment.box.min() - bulge, segment.box.max() + bulge};
-    if (!soil_.is_air(segment.box)) segments_.push_back(segment);
+    if (!ground_.is_air(segment.box)) segments_.push_back(segment);
   }
 
-  ToolCut dig(Soil& soil) const {
-    std::vector<SoilWriter::Edit> edits;
+  ToolCut dig(Ground& ground) const {
+    std::vector<GroundWriter::Edit> edits;
     std::vector<std::vector<Near>> near;
     Eigen::AlignedBox3d whole;
     for (const Segment& segment : segments_) whole.extend(segment.box);
     if (segments_.empty()) return {};
-    for_each_chunk({soil.index_from_world(whole.min()), soil.index_from_world(whole.max())},
+    for_each_chunk({ground.index_from_world(whole.min()), ground.index_from_world(whole.max())},
                    [&](const Coord3& origin) {
                      std::vector<Near> some = near_chunk(origin);
                      if (some.empty()) return;
@@ -85,11 +85,12 @@ class Sweep {
                      near.push_back(std::move(some));
                    });
     std::vector<ToolCut> cuts(edits.size());
-    SoilWriter(soil).edit(SoilWriter::Operation::kRemove, edits, kParallelCutWork,
-                          [&](std::size_t i, Samples& samples, Samples& loose) {
-                            clear(edits[i].origin, kChunkSide, near[i], samples, loose, cuts[i]);
-                            return cuts[i].samples > 0;
-                          });
+    GroundWriter(ground).edit(GroundWriter::Operation::kRemove, edits, kParallelCutWork,
+                              [&](std::size_t i, Samples& samples, Samples& loose) {
+                                clear(edits[i].origin, kChunkSide, near[i], samples, loose,
+                                      cuts[i]);
+                                return cuts[i].samples > 0;
+                              });
     ToolCut sum;
     for (const ToolCut& cut : cuts) {
       sum.samples += cut.samples;
@@ -101,7 +102,7 @@ class Sweep {
  private:
   std::optional<double> when_near(const Segment& segment, const Vec3& index, double near,
                                   double from = -1) const {
-    const double h = soil_.voxel_size_m();
+    const double h = ground_.voxel_size_m();
     return soilvdb::when_near(tool_, segment, index, near * h, kMinToolStep * h, from);
   }
 
@@ -125,8 +126,8 @@ class Sweep {
 
   std::vector<Near> near_chunk(const Coord3& origin) const {
     const Vec3 low = origin.cast<double>() - Vec3::Constant(0.5);
-    const Eigen::AlignedBox3d chunk(soil_.world_from_index(low),
-                                    soil_.world_from_index(low + Vec3::Constant(kChunkSide)));
+    const Eigen::AlignedBox3d chunk(ground_.world_from_index(low),
+                                    ground_.world_from_index(low + Vec3::Constant(kChunkSide)));
     std::vector<Near> all;
     for (const Segment& segment : segments_)
       if (segment.box.intersects(chunk)) all.push_back({&segment});
@@ -175,17 +176,17 @@ class Sweep {
     return hit;
   }
 
-  const Soil& soil_;
+  const Ground& ground_;
   const ToolShape& tool_;
   std::vector<Segment> segments_;
 };
 
 }  // namespace
 
-void require_ground(const Soil& soil, const ToolShape& tool, std::span<const Pose> path) {
+void require_ground(const Ground& ground, const ToolShape& tool, std::span<const Pose> path) {
   for (const Pose& pose : path) {
     const Eigen::AlignedBox3d box = box_at(tool, pose);
-    if (!soil.base().known(box))
+    if (!ground.terrain().has_data(box))
       throw NoGroundError("the tool reaches ground without a height at x " +
                           std::to_string(box.min().x()) + " to " + std::to_string(box.max().x()) +
                           ", y " + std::to_string(box.min().y()) + " to " +
@@ -193,12 +194,12 @@ void require_ground(const Soil& soil, const ToolShape& tool, std::span<const Pos
   }
 }
 
-ToolCut subtract_traced(Soil& soil, const ToolShape& tool, std::span<const Pose> path) {
+ToolCut subtract_traced(Ground& ground, const ToolShape& tool, std::span<const Pose> path) {
   const auto dig = [&](std::size_t first, std::size_t last) {
-    Sweep sweep(soil, tool);
+    Sweep sweep(ground, tool);
     for (std::size_t i = first; i + 2 <= last; i += 2) sweep.add(path[i], path[i + 1], path[i + 2]);
     if (path.size() == 1) sweep.add(path[0], path[0], path[0]);
-    return sweep.dig(soil);
+    return sweep.dig(ground);
   };
   if (path.size() == 1) return dig(0, 0);
   ToolCut sum;
@@ -210,30 +211,31 @@ ToolCut subtract_traced(Soil& soil, const ToolShape& tool, std::span<const Pose>
   return sum;
 }
 
-ToolCut subtract(Soil& soil, const ToolShape& tool, std::span<const Pose> path) {
+ToolCut subtract(Ground& ground, const ToolShape& tool, std::span<const Pose> path) {
   for (const Pose& pose : path)
-    if (const std::string what = fault(pose); !what.empty()) throw std::invalid_argument(what);
+    if (const std::string what = validation_error(pose); !what.empty())
+      throw std::invalid_argument(what);
   if (path.empty()) return {};
-  const double h = soil.voxel_size_m();
+  const double h = ground.voxel_size_m();
   const Bucket bucket = tool_of(tool);
   std::vector<Pose> all = {path[0]};
   for (std::size_t i = 1; i < path.size(); ++i) {
     trace(path[i - 1], path[i], bucket, kMaxBend * h, kPathStride * h, all);
     all.back() = path[i];  // to the bit, wherever a way is split
   }
-  require_ground(soil, tool, all);
-  return subtract_traced(soil, tool, all);
+  require_ground(ground, tool, all);
+  return subtract_traced(ground, tool, all);
 }
 
-std::int64_t unite(Soil& soil, const ToolShape& body, const Pose& world_from_body) {
-  if (const std::string what = fault(world_from_body); !what.empty())
+std::int64_t unite(Ground& ground, const ToolShape& body, const Pose& world_from_body) {
+  if (const std::string what = validation_error(world_from_body); !what.empty())
     throw std::invalid_argument(what);
-  require_ground(soil, body, {&world_from_body, 1});
+  require_ground(ground, body, {&world_from_body, 1});
   const Pose body_from_world = world_from_body.inverse();
   const Eigen::AlignedBox3d box = box_at(body, world_from_body);
-  SoilWriter writer(soil);
+  GroundWriter writer(ground);
   std::int64_t added = 0;
-  for_each_chunk({soil.index_from_world(box.min()), soil.index_from_world(box.max())},
+  for_each_chunk({ground.index_from_world(box.min()), ground.index_from_world(box.max())},
                  [&](const Coord3& origin) {
                    SampleWords words;
                    for (int n = 0; n < kChunkVoxels; ++n) {
@@ -243,7 +245,7 @@ std::int64_t unite(Soil& soil, const ToolShape& body, const Pose& world_from_bod
                      for (int i = 0; i < 64; ++i) {
                        const Vec3 at(points.x[i], points.y[i], points.z[i]);
                        const Vec3 p =
-                           soil.world_from_index(voxel.cast<double>() + at - Vec3::Constant(0.5));
+                           ground.world_from_index(voxel.cast<double>() + at - Vec3::Constant(0.5));
                        in |= std::uint64_t{body.distance_m(body_from_world * p) < 0} << i;
                      }
                      words[static_cast<std::size_t>(n)] = in;

@@ -10,10 +10,10 @@
 namespace soilvdb::inline v0 {
 
 /// @throw NoGroundError where the terrain has no height at a pose
-void require_ground(const Soil& soil, const ToolShape& tool, std::span<const Pose> path);
+void require_ground(const Ground& ground, const ToolShape& tool, std::span<const Pose> path);
 
 /// As subtract(). @param path ends of segments and, between them, their middles, as from trace();
 /// or one pose. There is ground everywhere
-ToolCut subtract_traced(Soil& soil, const ToolShape& tool, std::span<const Pose> path);
+ToolCut subtract_traced(Ground& ground, const ToolShape& tool, std::span<const Pose> path);
 
 }  // namespace soilvdb::inline v0

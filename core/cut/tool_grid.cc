@@ -13,7 +13,7 @@
 
 #include "core/constants.h"
 #include "core/lattice/text.h"
-#include "soilvdb/soil_grids.h"
+#include "soilvdb/ground_grids.h"
 #include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {

@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/change_follower.h"
 
-#include "core/ground/soil_state.h"
+#include "core/ground/ground_state.h"
 
 namespace soilvdb::inline v0 {
 /// Hands on what was touched since the last call.
-void Soil::tell_followers() {
+void Ground::tell_followers() {
   const std::vector<Coord3> touched = state_->touched.take();
   for (const Coord3& origin : touched)
     if (SampleLeaf* leaf = state_->find(origin)) leaf->chunk.touched = false;
@@ -17,37 +17,37 @@ void Soil::tell_followers() {
       for (const Coord3& origin : touched) changed->add(origin);
 }
 
-ChangeFollower::ChangeFollower(Soil& soil) : changed_(std::make_shared<ChunkList>()) {
-  follow(soil);
-  add_all(soil);
+ChangeFollower::ChangeFollower(Ground& ground) : changed_(std::make_shared<ChunkList>()) {
+  follow(ground);
+  add_all(ground);
 }
 
-ChangeFollower::ChangeFollower(Soil& clone, const ChangeFollower& other)
+ChangeFollower::ChangeFollower(Ground& clone, const ChangeFollower& other)
     : changed_(std::make_shared<ChunkList>(*other.changed_)) {
   // Of the clone's list, which is the other ground's as well, nothing is lost.
   clone.state_->followers.push_back(changed_);
-  soil_ = &clone;
+  ground_ = &clone;
 }
 
-void ChangeFollower::follow(Soil& soil) {
-  soil.tell_followers();  // changes before this are of others only
-  soil.state_->followers.push_back(changed_);
-  soil_ = &soil;
+void ChangeFollower::follow(Ground& ground) {
+  ground.tell_followers();  // changes before this are of others only
+  ground.state_->followers.push_back(changed_);
+  ground_ = &ground;
 }
 
-void ChangeFollower::add_all(const Soil& soil) {
-  for (const Coord3& origin : soil.origins()) changed_->add(origin);
+void ChangeFollower::add_all(const Ground& ground) {
+  for (const Coord3& origin : ground.origins()) changed_->add(origin);
 }
 
 std::vector<Coord3> ChangeFollower::take() {
-  soil_->tell_followers();
+  ground_->tell_followers();
   return changed_->take();
 }
 
-void ChangeFollower::switch_to(Soil& other) {
-  soil_->tell_followers();
-  add_all(*soil_);
-  std::erase_if(soil_->state_->followers,
+void ChangeFollower::switch_to(Ground& other) {
+  ground_->tell_followers();
+  add_all(*ground_);
+  std::erase_if(ground_->state_->followers,
                 [&](const auto& follower) { return follower.lock() == changed_; });
   follow(other);
   add_all(other);

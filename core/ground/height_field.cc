@@ -9,7 +9,7 @@
 #include "core/ground/bilinear_patch.h"
 #include "core/ground/height_tiles.h"
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -17,7 +17,7 @@ namespace {
 constexpr double kCliff = 1e9;  // a slope that bounds nothing
 constexpr double kNoHeight = std::numeric_limits<double>::quiet_NaN();
 
-class HeightField final : public BaseSurface {
+class HeightField final : public InitialTerrain {
  public:
   HeightField(const HeightGrid& grid, std::shared_ptr<const HeightSource> source)
       : tiles_(grid, std::move(source)), grid_(tiles_.grid()) {}
@@ -29,7 +29,7 @@ class HeightField final : public BaseSurface {
     return Content::kMixed;
   }
 
-  bool known(const Eigen::AlignedBox3d& box) const override {
+  bool has_data(const Eigen::AlignedBox3d& box) const override {
     HeightTiles::Bounds b = tiles_.bounds(box.min().head<2>(), box.max().head<2>(), 0);
     if (b.complete) return true;
     for (int margin = kNearPosts; margin <= kFarPosts && b.low > b.high; margin *= 2) {
@@ -203,8 +203,8 @@ class HeightField final : public BaseSurface {
 
 }  // namespace
 
-std::unique_ptr<BaseSurface> make_height_field(const HeightGrid& grid,
-                                               std::shared_ptr<const HeightSource> source) {
+std::unique_ptr<InitialTerrain> make_height_field(const HeightGrid& grid,
+                                                  std::shared_ptr<const HeightSource> source) {
   if (grid.nx < 2 || grid.ny < 2 || !(grid.spacing.x() > 0) || !(grid.spacing.y() > 0)) {
     throw std::invalid_argument("a height field needs 2 x 2 posts or more, spacing above zero");
   }

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 

@@ -12,7 +12,7 @@ Vec3 lattice_origin(double voxel_size_m, const Vec3& near_m) {
   return (near_m.array() / step).round() * step + 0.0;
 }
 
-std::optional<Coord3> lattice_shift(const Soil& a, const Soil& b) {
+std::optional<Coord3> lattice_shift(const Ground& a, const Ground& b) {
   if (a.voxel_size_m() != b.voxel_size_m()) return std::nullopt;
   const Vec3 apart = (b.origin() - a.origin()) / (kLatticePeriod * a.voxel_size_m());
   const Vec3 periods = apart.array().round();

@@ -13,12 +13,12 @@
 
 #include "core/constants.h"
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/soil_grids.h"
+#include "soilvdb/ground_grids.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-class LevelSetSurface final : public BaseSurface {
+class LevelSetSurface final : public InitialTerrain {
  public:
   LevelSetSurface(openvdb::FloatGrid::ConstPtr grid, const Vec3& origin)
       : grid_(std::move(grid)),
@@ -50,11 +50,11 @@ class LevelSetSurface final : public BaseSurface {
 
   /// A closed surface's sides and underside are no surface of the ground: it is known in columns of
   /// voxels that hold soil, from the lowest of it upwards, and above all ground near.
-  bool known(const Eigen::AlignedBox3d& box) const override {
+  bool has_data(const Eigen::AlignedBox3d& box) const override {
     const openvdb::Vec3d low = index(box.min()), high = index(box.max());
     if (low.z() >= highest_ + 1) return true;
     const openvdb::CoordBBox cells(openvdb::Coord::floor(low), openvdb::Coord::ceil(high));
-    Ground ground = look(cells, 0);
+    GroundExtent ground = look(cells, 0);
     if (ground.complete && low.z() >= ground.lowest) return true;
     for (int margin = kSide; margin <= kFarVoxels && ground.high == kNone; margin *= 2)
       ground = look(cells, margin);
@@ -113,7 +113,7 @@ class LevelSetSurface final : public BaseSurface {
     int high = kNone;        ///< highest voxel of soil
   };
   /// What is known of the ground in columns about a box.
-  struct Ground {
+  struct GroundExtent {
     bool complete = true;  ///< soil in all of them
     int lowest = kNone, high = kNone;
   };
@@ -147,8 +147,8 @@ class LevelSetSurface final : public BaseSurface {
     }
   }
 
-  Ground look(const openvdb::CoordBBox& cells, int margin) const {
-    Ground ground;
+  GroundExtent look(const openvdb::CoordBBox& cells, int margin) const {
+    GroundExtent ground;
     const openvdb::Coord low = cells.min().offsetBy(-margin), high = cells.max().offsetBy(margin);
     for (int x = floor_to(low.x(), kSide); x <= high.x(); x += kSide) {
       for (int y = floor_to(low.y(), kSide); y <= high.y(); y += kSide) {
@@ -192,8 +192,8 @@ class LevelSetSurface final : public BaseSurface {
 
 }  // namespace
 
-std::unique_ptr<BaseSurface> make_level_set_surface(openvdb::FloatGrid::ConstPtr grid,
-                                                    const Vec3& origin) {
+std::unique_ptr<InitialTerrain> make_level_set_surface(openvdb::FloatGrid::ConstPtr grid,
+                                                       const Vec3& origin) {
   if (grid->getGridClass() != openvdb::GRID_LEVEL_SET) {
     throw std::invalid_argument("the grid must be a level set, not class '" +
                                 openvdb::GridBase::gridClassToString(grid->getGridClass()) + "'");

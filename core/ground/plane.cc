@@ -9,7 +9,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-class Plane final : public BaseSurface {
+class Plane final : public InitialTerrain {
  public:
   Plane(double height_m, Vec2 slope)
       : height_(height_m), slope_(std::move(slope)), cosine_(1 / std::hypot(1.0, slope_.norm())) {}
@@ -23,7 +23,7 @@ class Plane final : public BaseSurface {
     return Content::kMixed;
   }
 
-  bool known(const Eigen::AlignedBox3d&) const override { return true; }
+  bool has_data(const Eigen::AlignedBox3d&) const override { return true; }
 
   void distance(const Vec3& first, double h, double band, float* phi) const override {
     for (int x = 0; x < kChunkSide; ++x) {
@@ -73,7 +73,7 @@ class Plane final : public BaseSurface {
 
 }  // namespace
 
-std::unique_ptr<BaseSurface> make_plane(double height_m, Vec2 slope) {
+std::unique_ptr<InitialTerrain> make_plane(double height_m, Vec2 slope) {
   return std::make_unique<Plane>(height_m, std::move(slope));
 }
 

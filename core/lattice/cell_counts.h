@@ -6,7 +6,7 @@
 #include <array>
 #include <cstdint>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 

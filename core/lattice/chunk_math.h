@@ -3,7 +3,7 @@
 // Indices of voxels, and of the chunks and blocks that they are in.
 #pragma once
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/lattice/splitmix64.h"
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 namespace {

@@ -281,7 +281,8 @@ Vec3 Capacity::spill(const Vec3& up, double repose_slope) const {
                            [&](const Vec3& a, const Vec3& b) { return sum_m(a) < sum_m(b); });
 }
 
-Hold Capacity::at(const Eigen::Quaterniond& world_from_bucket, double repose_slope) const {
+BucketCapacity Capacity::at(const Eigen::Quaterniond& world_from_bucket,
+                            double repose_slope) const {
   const Vec3 up = world_from_bucket.toRotationMatrix().row(2);
   return {hold_m3(up, repose_slope), spill(up, repose_slope)};
 }

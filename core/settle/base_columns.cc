@@ -16,28 +16,28 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-std::optional<double> height(const Soil& soil, double x, double y) {
-  const double h = soil.voxel_size_m();
-  return soil.base().height(soil.origin().x() + h * x, soil.origin().y() + h * y);
+std::optional<double> height(const Ground& ground, double x, double y) {
+  const double h = ground.voxel_size_m();
+  return ground.terrain().height(ground.origin().x() + h * x, ground.origin().y() + h * y);
 }
 
-double mean_height(const Soil& soil, int x, int y) {
+double mean_height(const Ground& ground, int x, int y) {
   double sum = 0;
   for (const double u : {-0.25, 0.25})
     for (const double v : {-0.25, 0.25})
-      sum += height(soil, x + u, y + v).value_or(std::numeric_limits<double>::quiet_NaN());
-  return (sum / 4 - soil.origin().z()) / soil.voxel_size_m();
+      sum += height(ground, x + u, y + v).value_or(std::numeric_limits<double>::quiet_NaN());
+  return (sum / 4 - ground.origin().z()) / ground.voxel_size_m();
 }
 
-bool all_ground(const Soil& soil, int x, int y) {
-  const auto has = [&](double u, double v) { return height(soil, x + u, y + v).has_value(); };
+bool all_ground(const Ground& ground, int x, int y) {
+  const auto has = [&](double u, double v) { return height(ground, x + u, y + v).has_value(); };
   return has(0, 0) && has(-kColumnCorner, -kColumnCorner) && has(-kColumnCorner, kColumnCorner) &&
          has(kColumnCorner, -kColumnCorner) && has(kColumnCorner, kColumnCorner);
 }
 
 /// Heights by counting, as those of ground that was touched are: then soil that comes onto it or
 /// goes finds the height that it had. NaN where cliffs take more chunks than are looked at.
-void count_heights(const Soil& soil, int cx, int cy, BaseColumn& column) {
+void count_heights(const Ground& ground, int cx, int cy, BaseColumn& column) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   column.heights.fill(kNone);
   std::array<double, BaseColumn::kCells> above{};
@@ -45,7 +45,7 @@ void count_heights(const Soil& soil, int cx, int cy, BaseColumn& column) {
   SampleWords words;
   CellCounts counts;
   for (int n = 0, z = column.highest; n < kMaxCountedChunks && left > 0; ++n, z -= kChunkSide) {
-    soil.read_base({cx, cy, z}, words);
+    ground.read_base({cx, cy, z}, words);
     count_cells(words, counts);
     for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
       for (int k = kChunkSide - 1; k >= 0 && std::isnan(column.heights[c]); --k) {
@@ -60,36 +60,36 @@ void count_heights(const Soil& soil, int cx, int cy, BaseColumn& column) {
   }
 }
 
-BaseColumn column_of(const Soil& soil, int cx, int cy) {
+BaseColumn column_of(const Ground& ground, int cx, int cy) {
   BaseColumn column;
   double low_m = std::numeric_limits<double>::infinity();
   const auto look = [&](int x, int y) {
-    const auto height_m = height(soil, cx + x, cy + y);
+    const auto height_m = height(ground, cx + x, cy + y);
     if (!height_m) return;
     low_m = std::min(low_m, *height_m);
     const int chunk =
-        floor_to(cell_of((*height_m - soil.origin().z()) / soil.voxel_size_m()), kChunkSide);
+        floor_to(cell_of((*height_m - ground.origin().z()) / ground.voxel_size_m()), kChunkSide);
     column.highest = column.some ? std::max(column.highest, chunk) : chunk;
     column.some = true;
   };
   for (const auto& [x, y] : {std::pair(4, 4), {0, 0}, {7, 0}, {0, 7}, {7, 7}}) look(x, y);
-  const double h = soil.voxel_size_m();
-  const Vec3 corner = soil.world_from_index(Vec3(cx - 0.5, cy - 0.5, 0));
+  const double h = ground.voxel_size_m();
+  const Vec3 corner = ground.world_from_index(Vec3(cx - 0.5, cy - 0.5, 0));
   const Vec3 floor(corner.x(), corner.y(), low_m - h);
-  column.whole = column.some && soil.base().known({floor, floor + Vec3(8 * h, 8 * h, h)});
+  column.whole = column.some && ground.terrain().has_data({floor, floor + Vec3(8 * h, 8 * h, h)});
   for (int c = 0; c < BaseColumn::kCells; ++c) {
     const int x = c / kChunkSide, y = c % kChunkSide;
     if (!column.whole) {  // islands, cliffs at holes
       look(x, y);
-      if (!all_ground(soil, cx + x, cy + y)) column.all_ground &= ~(std::uint64_t{1} << c);
+      if (!all_ground(ground, cx + x, cy + y)) column.all_ground &= ~(std::uint64_t{1} << c);
     }
   }
-  while (column.some && soil.classify({cx, cy, column.highest + kChunkSide}) != Content::kAir)
+  while (column.some && ground.classify({cx, cy, column.highest + kChunkSide}) != Content::kAir)
     column.highest += kChunkSide;
-  if (column.some) count_heights(soil, cx, cy, column);
+  if (column.some) count_heights(ground, cx, cy, column);
   for (std::size_t c = 0; c < BaseColumn::kCells; ++c) {
     const int x = static_cast<int>(c) / kChunkSide, y = static_cast<int>(c) % kChunkSide;
-    if (std::isnan(column.heights[c])) column.heights[c] = mean_height(soil, cx + x, cy + y);
+    if (std::isnan(column.heights[c])) column.heights[c] = mean_height(ground, cx + x, cy + y);
   }
   return column;
 }
@@ -102,7 +102,7 @@ std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, in
     const auto known = told_->columns.find(key);
     if (known != told_->columns.end()) return known->second;
   }
-  auto column = std::make_shared<const BaseColumn>(column_of(soil_, cx, cy));
+  auto column = std::make_shared<const BaseColumn>(column_of(ground_, cx, cy));
   const std::lock_guard lock(told_->mutex);
   if (told_->columns.size() >= kMaxBaseColumns) told_->columns.clear();
   return told_->columns.try_emplace(key, std::move(column)).first->second;

@@ -9,7 +9,7 @@
 #include <mutex>
 #include <unordered_map>
 
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
 
@@ -32,12 +32,13 @@ struct BaseColumn {
 /// may be used at once, and tell each other.
 class BaseColumns {
  public:
-  /// @param soil outlives it
-  explicit BaseColumns(const Soil& soil) : soil_(soil), told_(std::make_shared<Told>()) {}
-  /// @param soil one with the base surface, voxel size and origin of the other's
-  BaseColumns(const Soil& soil, const BaseColumns& other) : soil_(soil), told_(other.told_) {}
+  /// @param ground outlives it
+  explicit BaseColumns(const Ground& ground) : ground_(ground), told_(std::make_shared<Told>()) {}
+  /// @param ground one with the base surface, voxel size and origin of the other's
+  BaseColumns(const Ground& ground, const BaseColumns& other)
+      : ground_(ground), told_(other.told_) {}
 
-  const Soil& soil() const { return soil_; }
+  const Ground& ground() const { return ground_; }
   /// @param cx, cy the chunks' lowest cell; valid until the next call
   const BaseColumn& at(int cx, int cy);
   /// Mean height over a column of cells, index space; NaN where there is none.
@@ -52,7 +53,7 @@ class BaseColumns {
   };
   std::shared_ptr<const BaseColumn> ask(std::uint64_t key, int cx, int cy);
 
-  const Soil& soil_;
+  const Ground& ground_;
   Columns columns_;  // at hand without a lock
   std::shared_ptr<Told> told_;
 };

@@ -46,9 +46,9 @@ class SoilStack {
 
 /// The columns that are there, from the lowest top upwards: soil never leaves a column without a
 /// lower neighbour, so how far down it goes there doesn't matter.
-class Ground {
+class StackedGround {
  public:
-  Ground(const SoilColumns& columns, double swell) : columns_(columns) {
+  StackedGround(const SoilColumns& columns, double swell) : columns_(columns) {
     zero_m_ = std::numeric_limits<double>::infinity();
     for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
       if (!missing(c)) zero_m_ = std::min(zero_m_, columns.top_m[c]);
@@ -100,7 +100,8 @@ std::deque<FluxGrid> coarser_grids(const FluxGrid& grid) {
 /// Where they aren't quite at rest a column may give a little more than it has. It then gives as
 /// much less, to all alike, and so do those that got it and passed it on; those that soil went
 /// round in circles between give nothing.
-std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::size_t size) {
+std::vector<double> soil_after(const StackedGround& ground, const FluxGrid& grid,
+                               std::size_t size) {
   std::vector<double> soil(size), share(grid.size(), 1.0), next;
   bool again = true;
   for (int round = 0; again; ++round) {
@@ -122,7 +123,7 @@ std::vector<double> soil_after(const Ground& ground, const FluxGrid& grid, std::
 /// Lets soil flow until it is at rest, or for long enough. @param columns then hold what came of it
 /// @return steps on the columns themselves; 0: nothing was too steep
 int flow(SoilColumns& columns, const Repose& repose) {
-  const Ground ground(columns, repose.swell);
+  const StackedGround ground(columns, repose.swell);
   FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
                 static_cast<float>(repose.swell));
   ground.each(grid, [&](std::size_t c, std::size_t i) {

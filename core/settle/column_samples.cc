@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/constants.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/cell_counts.h"
 #include "core/lattice/chunk_math.h"
 #include "core/settle/sample_ranking.h"
@@ -28,8 +28,8 @@ std::size_t number_of(const ColumnEdit& c, int z) {
 /// read when a column first comes to them.
 class SampleStack {
  public:
-  SampleStack(const Soil& soil, std::span<const ColumnEdit> changes, bool adds, bool bank)
-      : soil_(&soil), changes_(changes), adds_(adds), bank_(bank) {
+  SampleStack(const Ground& ground, std::span<const ColumnEdit> changes, bool adds, bool bank)
+      : ground_(&ground), changes_(changes), adds_(adds), bank_(bank) {
     int low = changes_.front().low, high = changes_.front().high;
     for (const ColumnEdit& c : changes_) {
       low = std::min(low, c.low);
@@ -64,7 +64,8 @@ class SampleStack {
     if (!pieces_[i]) {
       pieces_[i] = std::make_unique_for_overwrite<Piece>();
       Piece& p = *pieces_[i];
-      adds_ || bank_ ? soil_->read_samples(origin(i), p.may) : soil_->read_loose(origin(i), p.may);
+      adds_ || bank_ ? ground_->read_samples(origin(i), p.may)
+                     : ground_->read_loose(origin(i), p.may);
       if (adds_)
         for (std::uint64_t& word : p.may) word = ~word;
       p.chosen.fill(0);
@@ -114,7 +115,7 @@ class SampleStack {
     for (z = low; z <= high; ++z) take(c, z, first[static_cast<std::size_t>(z - low)]);
   }
 
-  const Soil* soil_;
+  const Ground* ground_;
   std::span<const ColumnEdit> changes_;
   bool adds_, bank_;
   Coord3 first_;
@@ -125,7 +126,8 @@ class SampleStack {
 /// Chooses what changes, in stacks of chunks side by side.
 class Stacks {
  public:
-  Stacks(const Soil& soil, std::span<const ColumnEdit> changes, double slope, bool adds, bool bank)
+  Stacks(const Ground& ground, std::span<const ColumnEdit> changes, double slope, bool adds,
+         bool bank)
       : sorted_(changes.begin(), changes.end()) {
     const auto corner = [](const ColumnEdit& c) {
       return std::pair(floor_to(c.cell.x(), kChunkSide), floor_to(c.cell.y(), kChunkSide));
@@ -135,7 +137,7 @@ class Stacks {
     for (auto from = sorted_.begin(); from != sorted_.end();) {
       const auto to = std::find_if(from, sorted_.end(),
                                    [&](const auto& c) { return corner(c) != corner(*from); });
-      stacks_.emplace_back(soil, std::span<const ColumnEdit>(from, to), adds, bank);
+      stacks_.emplace_back(ground, std::span<const ColumnEdit>(from, to), adds, bank);
       from = to;
     }
     const auto run = [&](std::size_t i) { stacks_[i].choose(static_cast<float>(slope)); };
@@ -164,14 +166,14 @@ class Stacks {
 
 /// Calls f(words, samples, loose) for each chunk of which something was chosen.
 template <typename F>
-void edit(Soil& soil, const Stacks& stacks, SoilWriter::Operation operation, const F& f) {
-  std::vector<SoilWriter::Edit> edits;
+void edit(Ground& ground, const Stacks& stacks, GroundWriter::Operation operation, const F& f) {
+  std::vector<GroundWriter::Edit> edits;
   for (const Stacks::Chosen& c : stacks.chosen()) edits.push_back({c.origin});
-  SoilWriter(soil).edit(operation, edits, kParallelFillChunks,
-                        [&](std::size_t i, Samples& samples, Samples& loose) {
-                          f(*stacks.chosen()[i].words, samples, loose);
-                          return true;
-                        });
+  GroundWriter(ground).edit(operation, edits, kParallelFillChunks,
+                            [&](std::size_t i, Samples& samples, Samples& loose) {
+                              f(*stacks.chosen()[i].words, samples, loose);
+                              return true;
+                            });
 }
 
 std::int64_t count(const SampleWords& words) {
@@ -182,15 +184,15 @@ std::int64_t count(const SampleWords& words) {
 
 }  // namespace
 
-std::int64_t add_loose(Soil& soil, std::span<const ColumnEdit> changes, double slope) {
-  const Stacks stacks(soil, changes, slope, true, false);
+std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope) {
+  const Stacks stacks(ground, changes, slope, true, false);
   const auto add = [](const SampleWords& more, Samples& to) {
     SampleWords words;
     to.expand(words);
     for (std::size_t n = 0; n < words.size(); ++n) words[n] |= more[n];
     to.assign(words);
   };
-  edit(soil, stacks, SoilWriter::Operation::kAdd,
+  edit(ground, stacks, GroundWriter::Operation::kAdd,
        [&](const SampleWords& more, Samples& samples, Samples& loose) {
          add(more, samples);
          add(more, loose);
@@ -200,12 +202,12 @@ std::int64_t add_loose(Soil& soil, std::span<const ColumnEdit> changes, double s
   return added;
 }
 
-Taken remove_top(Soil& soil, std::span<const ColumnEdit> changes, double slope, bool bank) {
-  const Stacks stacks(soil, changes, slope, false, bank);
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank) {
+  const Stacks stacks(ground, changes, slope, false, bank);
   Taken taken;
   SampleWords loose;
   for (const Stacks::Chosen& c : stacks.chosen()) {
-    soil.read_loose(c.origin, loose);
+    ground.read_loose(c.origin, loose);
     for (std::size_t n = 0; n < loose.size(); ++n) loose[n] &= (*c.words)[n];
     const std::int64_t loose_samples = count(loose);
     taken.loose += loose_samples;
@@ -217,7 +219,7 @@ Taken remove_top(Soil& soil, std::span<const ColumnEdit> changes, double slope, 
     for (std::size_t n = 0; n < words.size(); ++n) words[n] &= ~gone[n];
     from.assign(words);
   };
-  edit(soil, stacks, SoilWriter::Operation::kRemove,
+  edit(ground, stacks, GroundWriter::Operation::kRemove,
        [&](const SampleWords& gone, Samples& samples, Samples& loose_samples) {
          remove(gone, samples);
          remove(gone, loose_samples);

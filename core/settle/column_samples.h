@@ -7,7 +7,7 @@
 #include <span>
 
 #include "core/settle/ground_window.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
 
@@ -25,13 +25,13 @@ struct ColumnEdit {
 /// column.
 /// @param slope of cones
 /// @return how many were added: fewer only if there is no more room in the columns' cells
-std::int64_t add_loose(Soil& soil, std::span<const ColumnEdit> changes, double slope);
+std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope);
 
 /// Soil that was taken out, samples.
 struct Taken {
   std::int64_t bank = 0, loose = 0;
 };
 /// Removes samples from columns, the highest above surfaces first: loose soil, or with `bank` any.
-Taken remove_top(Soil& soil, std::span<const ColumnEdit> changes, double slope, bool bank);
+Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank);
 
 }  // namespace soilvdb::inline v0

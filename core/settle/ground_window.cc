@@ -19,9 +19,9 @@ class GroundWindow::Descent {
   Descent(GroundWindow& window, BaseColumns& base)
       : window_(window),
         base_columns_(base),
-        soil_(base.soil()),
-        leaves_(soil_.grid().tree()),
-        above_(soil_.above_base()) {}
+        ground_(base.ground()),
+        leaves_(ground_.grid().tree()),
+        above_(ground_.above_base()) {}
 
   void read(int cx, int cy) {
     cx_ = cx;
@@ -40,8 +40,8 @@ class GroundWindow::Descent {
         through_base(z);
       } else if (chunk == nullptr || chunk->soil_count == 0) {
         through_air(z);
-      } else if (chunk->cold_record != 0) {
-        const Chunk copy = soil_.copy(*chunk);
+      } else if (chunk->swap_record != 0) {
+        const Chunk copy = ground_.copy(*chunk);
         through_samples(copy, z);
       } else {
         through_samples(*chunk, z);
@@ -183,7 +183,7 @@ class GroundWindow::Descent {
 
   GroundWindow& window_;
   BaseColumns& base_columns_;
-  const Soil& soil_;
+  const Ground& ground_;
   openvdb::tree::ValueAccessor<const SampleTree, false> leaves_;
   const Eigen::AlignedBox3i above_;
   int cx_ = 0, cy_ = 0;
@@ -201,9 +201,9 @@ GroundWindow::GroundWindow(BaseColumns& base, const Coord2& first, int nx, int n
       descent.read(cx, cy);
 }
 
-GroundWindow::GroundWindow(const Soil& soil, const Coord2& first, int nx, int ny)
+GroundWindow::GroundWindow(const Ground& ground, const Coord2& first, int nx, int ny)
     : first_(first), nx_(nx), ny_(ny) {
-  BaseColumns base(soil);
+  BaseColumns base(ground);
   *this = GroundWindow(base, first, nx, ny);
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/settle/base_columns.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
 
@@ -33,7 +33,7 @@ class GroundWindow {
   /// @param first the lowest cell; nx, ny how many
   GroundWindow(BaseColumns& base, const Coord2& first, int nx, int ny);
   /// The same for one look.
-  GroundWindow(const Soil& soil, const Coord2& first, int nx, int ny);
+  GroundWindow(const Ground& ground, const Coord2& first, int nx, int ny);
 
   const Coord2& first() const { return first_; }
   int nx() const { return nx_; }

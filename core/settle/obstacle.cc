@@ -15,10 +15,10 @@ namespace {
 
 /// Calls `add` with points inside a tool, each less than a cell from the next, in index space.
 template <typename F>
-void add_shape(const ToolShape& shape, const Pose& world_from_tool, const Soil& soil,
+void add_shape(const ToolShape& shape, const Pose& world_from_tool, const Ground& ground,
                const F& add) {
   const Eigen::AlignedBox3d& box = shape.box_m();
-  const double step = kObstacleStep * soil.voxel_size_m();
+  const double step = kObstacleStep * ground.voxel_size_m();
   const Coord3 n = (box.sizes() / step).array().ceil().max(1).matrix().cast<int>();
   for (int x = 0; x <= n.x(); ++x)
     for (int y = 0; y <= n.y(); ++y)
@@ -26,15 +26,15 @@ void add_shape(const ToolShape& shape, const Pose& world_from_tool, const Soil& 
         const Vec3 p =
             box.min() + box.sizes().cwiseProduct(Vec3(x, y, z).cwiseQuotient(n.cast<double>()));
         // A thin blade may lie between two points: it is met by what is as near.
-        if (shape.distance_m(p) < step / 2) add(soil.index_from_world(world_from_tool * p));
+        if (shape.distance_m(p) < step / 2) add(ground.index_from_world(world_from_tool * p));
       }
 }
 
 }  // namespace
 
-Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Soil& soil) {
+Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Ground& ground) {
   Eigen::AlignedBox3d box;
-  for (const Vec3& p : extremes(bucket)) box.extend(soil.index_from_world(world_from_bucket * p));
+  for (const Vec3& p : extremes(bucket)) box.extend(ground.index_from_world(world_from_bucket * p));
   const auto cell = [](double at) { return static_cast<int>(std::floor(at + 0.5)); };
   first_ = {cell(box.min().x()), cell(box.min().y())};
   nx_ = cell(box.max().x()) - first_.x() + 1;
@@ -47,7 +47,7 @@ Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const So
     lowest = std::min(lowest, static_cast<float>(p.z()));
   };
   if (bucket.shape) {
-    add_shape(*bucket.shape, world_from_bucket, soil, add);
+    add_shape(*bucket.shape, world_from_bucket, ground, add);
     return;
   }
   // Points of the faces across the lip, each less than a cell from the next. The side plates' lower
@@ -55,18 +55,18 @@ Obstacle::Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const So
   std::vector<Vec2> outline = bucket.profile;
   if (outline.empty()) outline = {{0, 0}, {0, bucket.height_m}};
   outline.push_back(outline.front());
-  const double step = kObstacleStep * soil.voxel_size_m();
+  const double step = kObstacleStep * ground.voxel_size_m();
   const auto steps = [&](double length) {
     return std::max(1, static_cast<int>(std::ceil(length / step)));
   };
   const int across = steps(bucket.width_m);
-  const Vec3 along_lip = world_from_bucket.rotation * Vec3::UnitY() / soil.voxel_size_m();
+  const Vec3 along_lip = world_from_bucket.rotation * Vec3::UnitY() / ground.voxel_size_m();
   for (std::size_t i = 0; i + 1 < outline.size(); ++i) {
     const Vec2 edge = outline[i + 1] - outline[i];
     const int n = steps(edge.norm());
     for (int k = 0; k <= n; ++k) {
       const Vec2 at = outline[i] + edge * (static_cast<double>(k) / n);
-      const Vec3 middle = soil.index_from_world(world_from_bucket * Vec3(at.x(), 0, at.y()));
+      const Vec3 middle = ground.index_from_world(world_from_bucket * Vec3(at.x(), 0, at.y()));
       for (int j = 0; j <= across; ++j) {
         add(middle + along_lip * (bucket.width_m * (static_cast<double>(j) / across - 0.5)));
       }

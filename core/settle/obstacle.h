@@ -15,7 +15,7 @@ namespace soilvdb::inline v0 {
 class Obstacle {
  public:
   Obstacle() = default;
-  Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Soil& soil);
+  Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Ground& ground);
 
   /// Does it stand in soil whose surface is that high? @param x, y cell
   bool blocks(int x, int y, double top) const;

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 

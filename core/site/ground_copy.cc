@@ -5,14 +5,14 @@
 #include <memory>
 #include <utility>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 
 namespace soilvdb::inline v0 {
 
-void GroundCopy::post(const Soil& soil, std::span<const Coord3> changed) {
+void GroundCopy::post(const Ground& ground, std::span<const Coord3> changed) {
   for (const Coord3& origin : changed) {
-    const Chunk* const chunk = soil.find(origin);
-    changes_.insert_or_assign(origin, chunk ? std::optional(soil.copy(*chunk)) : std::nullopt);
+    const Chunk* const chunk = ground.find(origin);
+    changes_.insert_or_assign(origin, chunk ? std::optional(ground.copy(*chunk)) : std::nullopt);
   }
   background_.rethrow();
 }
@@ -28,7 +28,7 @@ void GroundCopy::run(std::function<void()> job) {
 void GroundCopy::apply(Changes& changes) {
   if (broken_) std::rethrow_exception(broken_);
   try {
-    SoilWriter writer(copy_);
+    GroundWriter writer(copy_);
     for (auto& [origin, now] : changes) {
       if (now) {
         writer.put(std::move(*now));

@@ -15,93 +15,94 @@ namespace soilvdb::inline v0 {
 namespace {
 
 /// How far below the horizontal the mouth looks, rad.
-double looks_down(const Pose& world_from_bucket) {
+double mouth_dip(const Pose& world_from_bucket) {
   return std::asin(std::clamp(-(world_from_bucket.rotation * Vec3::UnitX()).z(), -1.0, 1.0));
 }
 
 }  // namespace
 
-Machine::Machine(Bucket bucket, const Soil& soil, Earthworks* works)
+Machine::Machine(Bucket bucket, const Ground& ground, Settler* settler)
     : bucket_((bucket.validate(), std::move(bucket))),
       excavator_(bucket_),
       extremes_(extremes(bucket_)),
-      works_(works) {
+      settler_(settler) {
   for (const Vec3& p : extremes_) radius_m_ = std::max(radius_m_, p.norm());
-  ledger_.sample_m3 = soil.sample_m3();
-  if (works_ == nullptr) return;
-  ledger_.units = works_->units();
+  ledger_.sample_m3 = ground.sample_m3();
+  if (settler_ == nullptr) return;
+  ledger_.units = settler_->units();
   capacity_ = Capacity::of(bucket_);
 }
 
-double Machine::tolerance_m(const Soil& soil) { return kPathTolerance * soil.voxel_size_m(); }
+double Machine::tolerance_m(const Ground& ground) { return kPathTolerance * ground.voxel_size_m(); }
 
-Update Machine::move(Soil& soil, const Pose& to) {
+Update Machine::move(Ground& ground, const Pose& to) {
   const Ledger before = ledger_;
   const std::int64_t slid_before = slid();
   const bool turns = placed_ && to.rotation.coeffs() != current_.rotation.coeffs();
   constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
-  if (works_ != nullptr && placed_) {
-    if (travel_m(current_, to) == 0) stop(soil, kNoTime, true);
-    for (const Pose& station : stations(soil, to)) {
-      follow(soil, plan(soil, station), kNoTime);
-      stop(soil, kNoTime, ++stations_ >= kStationsPerRest);
+  if (settler_ != nullptr && placed_) {
+    if (travel_m(current_, to) == 0) stop(ground, kNoTime, true);
+    for (const Pose& station : stations(ground, to)) {
+      follow(ground, plan(ground, station), kNoTime);
+      stop(ground, kNoTime, ++stations_ >= kStationsPerRest);
     }
   }
-  follow(soil, plan(soil, to), kNoTime);
-  if (works_ != nullptr) {
-    way_m_.extend(box_around(std::span(&to, 1)));
+  follow(ground, plan(ground, to), kNoTime);
+  if (settler_ != nullptr) {
+    swept_box_.extend(box_around(std::span(&to, 1)));
     if (turns)
-      pass_turn(soil, kNoTime);
+      pass_turn(ground, kNoTime);
     else
       let_go();
   }
   return since(before, slid_before);
 }
 
-Update Machine::move(Soil& soil, const Motion& motion, double begin_s, double end_s) {
+Update Machine::move(Ground& ground, const Motion& motion, double begin_s, double end_s) {
   const Ledger before = ledger_;
   const std::int64_t slid_before = slid();
   double from_s = begin_s;
-  if (works_ != nullptr) {
-    for (const auto& [time_s, kind] : stops(soil, motion, begin_s, end_s)) {
+  if (settler_ != nullptr) {
+    for (const auto& [time_s, kind] : stops(ground, motion, begin_s, end_s)) {
       pass_rows(motion, from_s, time_s);
-      follow(soil, plan(soil, motion, from_s, time_s), time_s);
+      follow(ground, plan(ground, motion, from_s, time_s), time_s);
       if (kind == Stop::Kind::kTurn)
-        pass_turn(soil, time_s);
+        pass_turn(ground, time_s);
       else
-        stop(soil, time_s, kind == Stop::Kind::kStandstill || ++stations_ >= kStationsPerRest);
+        stop(ground, time_s, kind == Stop::Kind::kStandstill || ++stations_ >= kStationsPerRest);
       from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);
   }
-  follow(soil, plan(soil, motion, from_s, end_s), end_s);
+  follow(ground, plan(ground, motion, from_s, end_s), end_s);
   let_go();
   return since(before, slid_before);
 }
 
 /// Follows path_ without digging.
-void Machine::approach(const Soil& soil, bool digs) {
-  if (digs && !placed_) excavator_.require_ground(soil, std::span(path_).first(1));
-  if (digs) excavator_.require_ground(soil, path_);
+void Machine::approach(const Ground& ground, bool digs) {
+  if (digs && !placed_) excavator_.require_ground(ground, std::span(path_).first(1));
+  if (digs) excavator_.require_ground(ground, path_);
   placed_ = placed_ || digs;
   current_ = path_.back();
 }
 
-void Machine::require_ground(const Soil& soil, const Pose& to) {
-  if (works_ != nullptr && placed_)
-    for (const Pose& station : stations(soil, to)) approach(soil, plan(soil, station));
-  approach(soil, plan(soil, to));
+void Machine::require_ground(const Ground& ground, const Pose& to) {
+  if (settler_ != nullptr && placed_)
+    for (const Pose& station : stations(ground, to)) approach(ground, plan(ground, station));
+  approach(ground, plan(ground, to));
 }
 
-void Machine::require_ground(const Soil& soil, const Motion& motion, double begin_s, double end_s) {
+void Machine::require_ground(const Ground& ground, const Motion& motion, double begin_s,
+                             double end_s) {
   double from_s = begin_s;
-  if (works_ != nullptr) {
-    for (const Stop& stop : stops(soil, motion, begin_s, end_s)) {
-      approach(soil, plan(soil, motion, from_s, stop.time_s));
+  if (settler_ != nullptr) {
+    for (const Stop& stop : stops(ground, motion, begin_s, end_s)) {
+      approach(ground, plan(ground, motion, from_s, stop.time_s));
       from_s = stop.time_s;
     }
   }
-  approach(soil, plan(soil, motion, from_s, end_s));
+  approach(ground, plan(ground, motion, from_s, end_s));
 }
 
 Update Machine::since(const Ledger& before, std::int64_t slid_before) const {
@@ -117,40 +118,40 @@ Update Machine::since(const Ledger& before, std::int64_t slid_before) const {
 }
 
 /// Follows path_, books what it cuts. @param digs whether it may meet soil
-void Machine::follow(Soil& soil, bool digs, double time_s) {
+void Machine::follow(Ground& ground, bool digs, double time_s) {
   if (digs && !placed_) {
-    book(excavator_.stamp(soil, path_.front()));
+    book(excavator_.stamp(ground, path_.front()));
     current_ = station_ = path_.front();
-    way_m_ = box_around(std::span(path_).first(1));
+    swept_box_ = box_around(std::span(path_).first(1));
     placed_ = true;
   }
-  if (digs) dig(soil, time_s);
+  if (digs) dig(ground, time_s);
   current_ = path_.back();
 }
 
 /// Makes path_ the way on to a pose: the pose alone where nothing can be dug. @return whether it
 /// can
-bool Machine::plan(const Soil& soil, const Pose& to) {
+bool Machine::plan(const Ground& ground, const Pose& to) {
   path_.assign(1, to);
   if (!placed_) return true;
   if (to.position == current_.position && to.rotation.coeffs() == current_.rotation.coeffs())
     return false;
   const Pose ends[] = {current_, to};
   const double turn = current_.rotation.angularDistance(to.rotation);
-  const double h = soil.voxel_size_m();
+  const double h = ground.voxel_size_m();
   // A turning point leaves the chord between its ends by its arc's height at most.
-  if (stays_in_air(soil, ends, radius_m_ * (1 - std::cos(turn / 2)))) return false;
+  if (stays_in_air(ground, ends, radius_m_ * (1 - std::cos(turn / 2)))) return false;
   path_.assign(1, current_);
   trace(current_, to, bucket_, kMaxBend * h, kPathStride * h, path_);
   return true;
 }
 
 /// The same along a motion: first as coarsely as will do in the air.
-bool Machine::plan(const Soil& soil, const Motion& motion, double begin_s, double end_s) {
-  const double h = soil.voxel_size_m();
+bool Machine::plan(const Ground& ground, const Motion& motion, double begin_s, double end_s) {
+  const double h = ground.voxel_size_m();
   if (placed_) {
     path_ = motion.trace(begin_s, end_s, bucket_, kCoarseBend * h, kAnyStride);
-    if (stays_in_air(soil, path_, kCoarseBend * h)) return false;
+    if (stays_in_air(ground, path_, kCoarseBend * h)) return false;
   }
   path_ = motion.trace(begin_s, end_s, bucket_, kMaxBend * h, kPathStride * h);
   return true;
@@ -158,7 +159,7 @@ bool Machine::plan(const Soil& soil, const Motion& motion, double begin_s, doubl
 
 /// Is the bucket surely above the ground all along a path, and no load of it dumped?
 /// @param bend_m most that a point of the bucket leaves the straight way between two poses
-bool Machine::stays_in_air(const Soil& soil, std::span<const Pose> path, double bend_m) const {
+bool Machine::stays_in_air(const Ground& ground, std::span<const Pose> path, double bend_m) const {
   const bool may_dump = ledger_.load > 0 && bucket_.dump_angle_rad.has_value();
   Eigen::AlignedBox3d box;
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -166,25 +167,25 @@ bool Machine::stays_in_air(const Soil& soil, std::span<const Pose> path, double 
     for (const Vec3& p : extremes_) box.extend(path[i].position + axes * p);
     if (!may_dump || i == 0) continue;
     const double turn = path[i - 1].rotation.angularDistance(path[i].rotation);
-    if (std::max(looks_down(path[i - 1]), looks_down(path[i])) + turn >= *bucket_.dump_angle_rad)
+    if (std::max(mouth_dip(path[i - 1]), mouth_dip(path[i])) + turn >= *bucket_.dump_angle_rad)
       return false;
   }
-  const Vec3 wide = Vec3::Constant(soil.voxel_size_m() + bend_m);
+  const Vec3 wide = Vec3::Constant(ground.voxel_size_m() + bend_m);
   const Eigen::AlignedBox3d around(box.min() - wide, box.max() + wide);
-  return soil.is_air(around) && soil.base().known(around);
+  return ground.is_air(around) && ground.terrain().has_data(around);
 }
 
 /// Digs path_. A load leaves at a pose, so from each pose that dumps to the next.
-void Machine::dig(Soil& soil, double time_s) {
+void Machine::dig(Ground& ground, double time_s) {
   const std::span<const Pose> path = path_;
   const auto looks_far_down = [&](std::size_t i) {
-    return bucket_.dump_angle_rad && looks_down(path[i]) >= *bucket_.dump_angle_rad;
+    return bucket_.dump_angle_rad && mouth_dip(path[i]) >= *bucket_.dump_angle_rad;
   };
   for (std::size_t from = 0, i = 0; i < path.size(); i += 2) {
     const bool dumps = looks_far_down(i) || (i > 0 && looks_far_down(i - 1));
     if (!dumps && i + 1 < path.size()) continue;
-    book(excavator_.sweep(soil, path.subspan(from, i - from + 1)));
-    if (dumps && ledger_.load > 0) dump(soil, path[i], time_s);
+    book(excavator_.sweep(ground, path.subspan(from, i - from + 1)));
+    if (dumps && ledger_.load > 0) dump(ground, path[i], time_s);
     from = i;
   }
 }
@@ -196,29 +197,29 @@ void Machine::book(const Cut& cut) {
     return (all - loose) * ledger_.units.bank + loose * ledger_.units.loose;
   };
   ledger_.load += mass(cut.all.captured, cut.loose.captured);
-  if (works_ != nullptr) pushed_ += mass(cut.all.displaced, cut.loose.displaced);
+  if (settler_ != nullptr) pushed_ += mass(cut.all.displaced, cut.loose.displaced);
 }
 
 /// All leaves the bucket at once.
-void Machine::dump(const Soil& soil, const Pose& at, double time_s) {
+void Machine::dump(const Ground& ground, const Pose& at, double time_s) {
   const std::int64_t mass = std::exchange(ledger_.load, 0);
   ledger_.dumped += mass;
-  if (works_ == nullptr) return;
+  if (settler_ == nullptr) return;
   ledger_.spilled += mass;
-  works_->drop(at * spill_point(at), mass, time_s, Obstacle(bucket_, at, soil));
-  note_leaning(soil, at);
+  settler_->drop(at * spill_point(at), mass, time_s, Obstacle(bucket_, at, ground));
+  note_leaning(ground, at);
 }
 
-Eigen::AlignedBox3d Machine::workspace(const Soil& soil, std::span<const Pose> path) const {
+Eigen::AlignedBox3d Machine::workspace(const Ground& ground, std::span<const Pose> path) const {
   Eigen::AlignedBox3d box;
   const auto add = [&](const Pose& pose) {
-    for (const Vec3& p : extremes_) box.extend(soil.index_from_world(pose * p));
+    for (const Vec3& p : extremes_) box.extend(ground.index_from_world(pose * p));
   };
   if (placed_) add(current_);
   for (const Pose& pose : path) add(pose);
   if (box.isEmpty()) return box;
   // Arcs between poses, and the rest of a chunk.
-  const Vec3 wide = Vec3::Constant(radius_m_ / soil.voxel_size_m() + 2 * kChunkSide);
+  const Vec3 wide = Vec3::Constant(radius_m_ / ground.voxel_size_m() + 2 * kChunkSide);
   return {box.min() - wide, box.max() + wide};
 }
 

@@ -20,8 +20,8 @@ double half_turn(const Pose& from, const Pose& to) {
 
 }  // namespace
 
-double Machine::station_travel_m(const Soil& soil) const {
-  return std::max(kMinStationVoxels * soil.voxel_size_m(), kStationRadiusShare * radius_m_);
+double Machine::station_travel_m(const Ground& ground) const {
+  return std::max(kMinStationVoxels * ground.voxel_size_m(), kStationRadiusShare * radius_m_);
 }
 
 /// About how far the fastest point of the bucket goes.
@@ -30,9 +30,9 @@ double Machine::travel_m(const Pose& from, const Pose& to) const {
 }
 
 /// The stations on the straight way on to a pose.
-std::vector<Pose> Machine::stations(const Soil& soil, const Pose& to) {
+std::vector<Pose> Machine::stations(const Ground& ground, const Pose& to) {
   std::vector<Pose> found;
-  const double whole_m = travel_m(current_, to), every_m = station_travel_m(soil);
+  const double whole_m = travel_m(current_, to), every_m = station_travel_m(ground);
   for (double at_m = every_m - travel_m_; at_m <= whole_m; at_m += every_m)
     found.push_back(interpolate(current_, to, at_m / whole_m));
   travel_m_ = std::fmod(travel_m_ + whole_m, every_m);
@@ -41,9 +41,9 @@ std::vector<Pose> Machine::stations(const Soil& soil, const Pose& to) {
 
 /// Stations and ends of turns in (begin, end], and where the bucket comes to a standstill in
 /// [begin, end). They are counted from row to row: other updates have the same.
-std::vector<Machine::Stop> Machine::stops(const Soil& soil, const Motion& motion, double begin_s,
-                                          double end_s) {
-  const double every_m = station_travel_m(soil);
+std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& motion,
+                                          double begin_s, double end_s) {
+  const double every_m = station_travel_m(ground);
   const std::vector<double>& rows_s = motion.times_s();
   std::vector<Stop> found;
   auto next = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
@@ -79,46 +79,46 @@ void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
   auto row = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
   for (; row != rows_s.end() && *row <= end_s; ++row) {
     const Pose at[] = {motion.row(static_cast<std::size_t>(row - rows_s.begin()))};
-    way_m_.extend(box_around(at));
+    swept_box_.extend(box_around(at));
   }
 }
 
 /// What the bucket pushes and holds too much of falls. @param rests what it left comes to rest, as
 /// it does when the bucket leaves the ground @param ends cuts fail though it is in the ground
-void Machine::stop(Soil& soil, double time_s, bool rests, bool ends) {
+void Machine::stop(Ground& ground, double time_s, bool rests, bool ends) {
   if (!placed_) return;
   const Pose& at = current_;
   const Pose here[] = {at};
   if (ledger_.cut() != cut_before_) {
-    unsettled_m_.extend(way_m_);
-    unsettled_m_.extend(box_around(here));
+    unsettled_box_.extend(swept_box_);
+    unsettled_box_.extend(box_around(here));
   }
-  const bool in_air = stays_in_air(soil, here, 0), bank_fails = ends || in_air;
-  propped_m_.extend(unsettled_m_);
+  const bool in_air = stays_in_air(ground, here, 0), bank_fails = ends || in_air;
+  propped_box_.extend(unsettled_box_);
   let_go();
-  if (falling_ > 0 || pushed_ > 0 || !unsettled_m_.isEmpty() ||
-      (bank_fails && !propped_m_.isEmpty())) {
-    const Obstacle obstacle(bucket_, at, soil);
-    if (pushed_ > 0) works_->drop(push_point(at), std::exchange(pushed_, 0), time_s, obstacle);
+  if (falling_ > 0 || pushed_ > 0 || !unsettled_box_.isEmpty() ||
+      (bank_fails && !propped_box_.isEmpty())) {
+    const Obstacle obstacle(bucket_, at, ground);
+    if (pushed_ > 0) settler_->drop(push_point(at), std::exchange(pushed_, 0), time_s, obstacle);
     drop_falling(time_s, obstacle);
     if (rests || in_air) {
       const bool done =
-          works_->settle(bank_fails ? propped_m_ : unsettled_m_, obstacle, bank_fails);
-      if (done) unsettled_m_.setEmpty();
-      if (done && bank_fails) propped_m_.setEmpty();
+          settler_->settle(bank_fails ? propped_box_ : unsettled_box_, obstacle, bank_fails);
+      if (done) unsettled_box_.setEmpty();
+      if (done && bank_fails) propped_box_.setEmpty();
       stations_ = 0;
     }
-    note_leaning(soil, at);
+    note_leaning(ground, at);
   }
   station_ = at;
-  way_m_ = box_around(here);
+  swept_box_ = box_around(here);
   cut_before_ = ledger_.cut();
 }
 
 /// What the bucket holds too much of at its attitude leaves it, and is in the air from then on.
 void Machine::let_go() {
   if (!capacity_ || ledger_.load == 0) return;
-  const double hold_m3 = capacity_->at(current_.rotation, works_->slope()).volume_m3;
+  const double hold_m3 = capacity_->at(current_.rotation, settler_->slope()).volume_m3;
   const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
   const std::int64_t spill =
       std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
@@ -129,30 +129,30 @@ void Machine::let_go() {
 
 /// What left the bucket in a turn comes down if it is much, else at the next station: dense rows
 /// make no more piles than sparse ones.
-void Machine::pass_turn(Soil& soil, double time_s) {
+void Machine::pass_turn(Ground& ground, double time_s) {
   let_go();
   if (!capacity_ || ledger_.units.loose_samples(falling_) * ledger_.sample_m3 <
                         kMinSpillShare * capacity_->struck_m3())
     return;
-  drop_falling(time_s, Obstacle(bucket_, current_, soil));
-  note_leaning(soil, current_);
+  drop_falling(time_s, Obstacle(bucket_, current_, ground));
+  note_leaning(ground, current_);
 }
 
 void Machine::drop_falling(double time_s, const Obstacle& obstacle) {
   if (falling_ > 0)
-    works_->drop(current_ * spill_point(current_), std::exchange(falling_, 0), time_s, obstacle);
+    settler_->drop(current_ * spill_point(current_), std::exchange(falling_, 0), time_s, obstacle);
 }
 
 /// Soil that leans on the bucket does so until that has gone.
-void Machine::note_leaning(const Soil& soil, const Pose& at) {
+void Machine::note_leaning(const Ground& ground, const Pose& at) {
   const Pose here[] = {at};
-  if (!stays_in_air(soil, here, kObstacleClearance * soil.voxel_size_m()))
-    unsettled_m_.extend(box_around(here));
+  if (!stays_in_air(ground, here, kObstacleClearance * ground.voxel_size_m()))
+    unsettled_box_.extend(box_around(here));
 }
 
 /// Where soil leaves the bucket.
 Vec3 Machine::spill_point(const Pose& at) const {
-  if (capacity_) return capacity_->at(at.rotation, works_->slope()).spill;
+  if (capacity_) return capacity_->at(at.rotation, settler_->slope()).spill;
   const Vec3 lip = Vec3::Zero(), upper_edge(0, 0, bucket_.height_m);
   return (at * upper_edge).z() < (at * lip).z() ? upper_edge : lip;
 }
@@ -181,6 +181,6 @@ Eigen::AlignedBox3d Machine::box_around(std::span<const Pose> path) const {
   return box;
 }
 
-std::int64_t Machine::slid() const { return works_ != nullptr ? works_->books().slid : 0; }
+std::int64_t Machine::slid() const { return settler_ != nullptr ? settler_->totals().slid : 0; }
 
 }  // namespace soilvdb::inline v0

@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-void require_sane(bool good) {
+void require_valid(bool good) {
   if (!good) throw std::invalid_argument("the state has a machine that can't be");
 }
 
@@ -26,7 +26,7 @@ void Machine::save(std::string& out) const {
   put(out, ledger_.dumped);
   put(out, placed_);
   put(out, current_);
-  if (works_ == nullptr) return;
+  if (settler_ == nullptr) return;
   put(out, ledger_.load);
   put(out, ledger_.spilled);
   put(out, travel_m_);
@@ -35,16 +35,16 @@ void Machine::save(std::string& out) const {
   put(out, falling_);
   put(out, cut_before_);
   put(out, stations_);
-  for (const Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
+  for (const Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     for (const double v : box->min()) put(out, v);
     for (const double v : box->max()) put(out, v);
   }
 }
 
-void Machine::load(std::string_view& in, const Soil& soil) {
-  const double room_m = kMaxIndex * soil.voxel_size_m();
+void Machine::load(std::string_view& in, const Ground& ground) {
+  const double room_m = kMaxIndex * ground.voxel_size_m();
   const auto near = [&](const Vec3& p) {
-    return (p - soil.origin()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= room_m;
+    return (p - ground.origin()).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= room_m;
   };
   double width = 0, height = 0;
   std::uint64_t count = 0;
@@ -58,9 +58,9 @@ void Machine::load(std::string_view& in, const Soil& soil) {
   take_amount(in, ledger_.dumped);
   take(in, placed_);
   take(in, current_);
-  require_sane(is_sane(current_) && (!placed_ || near(current_.position)));
+  require_valid(is_valid(current_) && (!placed_ || near(current_.position)));
   ledger_.load = ledger_.captured - ledger_.dumped;  // where soil doesn't move
-  if (works_ == nullptr) return require_sane(ledger_.load >= 0);
+  if (settler_ == nullptr) return require_valid(ledger_.load >= 0);
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
   take(in, travel_m_);
@@ -69,12 +69,12 @@ void Machine::load(std::string_view& in, const Soil& soil) {
   take_amount(in, falling_);
   take_amount(in, cut_before_);
   take(in, stations_);
-  require_sane(is_sane(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
-  for (Eigen::AlignedBox3d* box : {&way_m_, &unsettled_m_, &propped_m_}) {
+  require_valid(is_valid(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
+  for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     for (double& v : box->min()) take(in, v);
     for (double& v : box->max()) take(in, v);
     const bool none = box->min() == Eigen::AlignedBox3d().min() && box->max() == -box->min();
-    require_sane(none || (near(box->min()) && near(box->max()) && !box->isEmpty()));
+    require_valid(none || (near(box->min()) && near(box->max()) && !box->isEmpty()));
   }
 }
 

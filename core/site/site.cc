@@ -71,7 +71,7 @@ std::size_t SiteModel::machine(std::string_view name) const {
                               "'; there are: " + (names.empty() ? "none" : listed(names)));
 }
 
-Site::Site(std::shared_ptr<Soil> ground, SiteModel model)
+Site::Site(std::shared_ptr<Ground> ground, SiteModel model)
     : ground_(std::move(ground)),
       model_(std::make_shared<SiteModel>(std::move(model))),
       tracker_(std::make_unique<Tracker>(*ground_, buckets_of(*model_), model_->earthmoving)),
@@ -134,7 +134,7 @@ Site::Input Site::input(const MachineState& state) const {
     throw std::invalid_argument(name(state.machine) + ": the time must be finite");
   Input now{state.time_s, state.pose, {state.joints.begin(), state.joints.end()}};
   if (!now.joints.empty()) now.pose = pose(state.machine, state.joints);
-  if (const std::string what = fault(now.pose); !what.empty())
+  if (const std::string what = validation_error(now.pose); !what.empty())
     throw std::invalid_argument(name(state.machine) + ": " + what);
   return now;
 }
@@ -209,13 +209,13 @@ BatchResult Site::update(std::span<const MachineState> states) noexcept {
       require(states[at].machine);
       moves.push_back(move(states[at], inputs[states[at].machine], motions));
     }
-    if (const std::optional<BadMove> bad = tracker_->find_bad(moves)) {
-      at = bad->move;
-      made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
-      made.why = name(moves[at].machine) + ": " + bad->why;
+    if (const std::optional<InvalidMove> invalid = tracker_->first_invalid(moves)) {
+      at = invalid->move;
+      made.status = invalid->no_ground ? Status::kNoGround : Status::kBadState;
+      made.why = name(moves[at].machine) + ": " + invalid->why;
       return made;
     }
-    ground_->page_out();
+    ground_->evict();
     moving = true;
     if (model_->earthmoving.pours.empty()) {
       made.updates = tracker_->update(moves);
@@ -238,15 +238,15 @@ StepResult Site::update(const MachineState& state) noexcept {
     std::optional<Input> last = inputs_[state.machine];
     std::deque<Motion> motions;
     const Move next = move(state, last, motions);
-    ground_->page_out();
+    ground_->evict();
     StepResult made;
     // A stroke of rigid soil is refused before it digs; else what it does on the way is.
     const SiteModel& m = *model_;
     const bool one_stroke = !m.earthmoving.soil && !m.machines[state.machine].bucket.dump_angle_rad;
     if (!one_stroke) {
-      if (const std::optional<BadMove> bad = tracker_->find_bad(std::span(&next, 1))) {
-        made.status = bad->no_ground ? Status::kNoGround : Status::kBadState;
-        made.why = name(state.machine) + ": " + bad->why;
+      if (const std::optional<InvalidMove> invalid = tracker_->first_invalid(std::span(&next, 1))) {
+        made.status = invalid->no_ground ? Status::kNoGround : Status::kBadState;
+        made.why = name(state.machine) + ": " + invalid->why;
         return made;
       }
       moving = true;
@@ -296,7 +296,7 @@ void Site::pour_before(std::optional<double> time_s) {
 StepResult Site::pour(double until_s) noexcept {
   return guarded<StepResult>([&](bool& moving) {
     if (std::isnan(until_s)) throw std::invalid_argument("the time must be a number");
-    ground_->page_out();
+    ground_->evict();
     moving = true;
     pour_until(until_s);
     return StepResult();
@@ -313,7 +313,7 @@ StepResult Site::reset_clock(std::size_t machine) noexcept {
 
 StepResult Site::come_to_rest() noexcept {
   return guarded<StepResult>([&](bool& moving) {
-    ground_->page_out();
+    ground_->evict();
     StepResult made;
     moving = true;
     made.update = tracker_->come_to_rest(last_s());
@@ -359,7 +359,7 @@ void Site::set_progress(std::string_view bytes) {
     now.joints.resize(joints);
     for (double& value : now.joints) take(bytes, value);
     const bool placed = !now.pose.position.hasNaN();
-    if (std::isinf(time_s) || (placed && !is_sane(now.pose)) ||
+    if (std::isinf(time_s) || (placed && !is_valid(now.pose)) ||
         !std::all_of(now.joints.begin(), now.joints.end(),
                      [](double value) { return std::isfinite(value); }))
       throw std::invalid_argument("the state has a machine that can't be");

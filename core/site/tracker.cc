@@ -37,25 +37,25 @@ Update timed(F f) {
 }
 
 /// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
-void check_move(const Soil& soil, const Machine& machine, const Pose& pose) {
-  const double room_m = kMaxIndex * soil.voxel_size_m() - machine.radius_m();
-  std::string what = fault(pose);
-  if (what.empty()) what = fault(pose.position, soil.origin(), std::floor(room_m));
+void check_move(const Ground& ground, const Machine& machine, const Pose& pose) {
+  const double room_m = kMaxIndex * ground.voxel_size_m() - machine.radius_m();
+  std::string what = validation_error(pose);
+  if (what.empty()) what = validation_error(pose.position, ground.origin(), std::floor(room_m));
   if (!what.empty()) throw std::invalid_argument(what);
 }
 
 /// The same for all of a path that its rows say.
-void check_move(const Soil& soil, const Machine& machine, const Motion& motion, double begin_s,
+void check_move(const Ground& ground, const Machine& machine, const Motion& motion, double begin_s,
                 double end_s) {
   if (!std::isfinite(begin_s) || !std::isfinite(end_s) || begin_s > end_s)
     throw std::invalid_argument("the times of an update must be finite and in order");
   const std::vector<double>& times = motion.times_s();
   auto row = static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), begin_s) -
                                       times.begin());
-  check_move(soil, machine, motion.pose(begin_s));
+  check_move(ground, machine, motion.pose(begin_s));
   for (; row < times.size() && times[row] < end_s; ++row)
-    check_move(soil, machine, motion.row(row));
-  check_move(soil, machine, motion.pose(end_s));
+    check_move(ground, machine, motion.row(row));
+  check_move(ground, machine, motion.pose(end_s));
 }
 
 /// Numbers groups of boxes that are connected by common points. Empty boxes are alone.
@@ -74,37 +74,39 @@ std::vector<std::size_t> groups_of(const std::vector<Eigen::AlignedBox3d>& boxes
 
 }  // namespace
 
-Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets)
-    : Tracker(soil, std::move(buckets), Earthmoving{}) {}
+Tracker::Tracker(Ground& ground, std::vector<Bucket> buckets)
+    : Tracker(ground, std::move(buckets), Earthmoving{}) {}
 
-Tracker::Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmoving)
-    : soil_(soil), earthmoving_(std::move(earthmoving)), poured_parts_(earthmoving_.pours.size()) {
+Tracker::Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthmoving)
+    : ground_(ground),
+      earthmoving_(std::move(earthmoving)),
+      poured_parts_(earthmoving_.pours.size()) {
   earthmoving_.validate();
   if (earthmoving_.soil)
-    works_ = std::make_unique<Earthworks>(soil, *earthmoving_.soil, earthmoving_.hoppers);
+    settler_ = std::make_unique<Settler>(ground, *earthmoving_.soil, earthmoving_.hoppers);
   for (const Pour& pour : earthmoving_.pours) {
     const double mass =
-        pour.volume_m3 / soil.sample_m3() * static_cast<double>(works_->units().loose);
-    if (!((pour.at_m - soil.origin()).cwiseAbs().maxCoeff() <=
-          kMaxPlaceIndex * soil.voxel_size_m()))
+        pour.volume_m3 / ground.sample_m3() * static_cast<double>(settler_->units().loose);
+    if (!((pour.at_m - ground.origin()).cwiseAbs().maxCoeff() <=
+          kMaxPlaceIndex * ground.voxel_size_m()))
       throw std::invalid_argument("pour '" + pour.name + "': its place is not on this site");
     if (!(mass < 0x1p62))
       throw std::invalid_argument("pour '" + pour.name +
                                   "': its volume is more than can be counted");
   }
   for (Bucket& bucket : buckets)
-    machines_.push_back(std::make_unique<Machine>(std::move(bucket), soil, works_.get()));
+    machines_.push_back(std::make_unique<Machine>(std::move(bucket), ground, settler_.get()));
 }
 
-Tracker::Tracker(Soil& clone, const Tracker& other)
-    : soil_(clone), earthmoving_(other.earthmoving_), poured_parts_(other.poured_parts_) {
-  const Soil& soil = other.soil_;
-  if (clone.shared_base() != soil.shared_base() || clone.origin() != soil.origin() ||
-      clone.voxel_size_m() != soil.voxel_size_m())
+Tracker::Tracker(Ground& clone, const Tracker& other)
+    : ground_(clone), earthmoving_(other.earthmoving_), poured_parts_(other.poured_parts_) {
+  const Ground& ground = other.ground_;
+  if (clone.shared_terrain() != ground.shared_terrain() || clone.origin() != ground.origin() ||
+      clone.voxel_size_m() != ground.voxel_size_m())
     throw std::invalid_argument("the soil is no clone of the one that the other tracker is on");
-  if (other.works_ != nullptr) works_ = std::make_unique<Earthworks>(clone, *other.works_);
+  if (other.settler_ != nullptr) settler_ = std::make_unique<Settler>(clone, *other.settler_);
   for (const auto& machine : other.machines_)
-    machines_.push_back(std::make_unique<Machine>(*machine, works_.get()));
+    machines_.push_back(std::make_unique<Machine>(*machine, settler_.get()));
 }
 
 Tracker::~Tracker() = default;
@@ -117,63 +119,64 @@ Machine& Tracker::at(std::size_t machine) const {
 Update Tracker::update(std::size_t machine, const Pose& world_from_bucket) {
   return timed([&] {
     Machine& m = at(machine);
-    check_move(soil_, m, world_from_bucket);
-    soil_.page_out();
-    return m.move(soil_, world_from_bucket);
+    check_move(ground_, m, world_from_bucket);
+    ground_.evict();
+    return m.move(ground_, world_from_bucket);
   });
 }
 
 Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s, double end_s) {
   return timed([&] {
     Machine& m = at(machine);
-    check_move(soil_, m, motion, begin_s, end_s);
-    soil_.page_out();
-    return m.move(soil_, motion, begin_s, end_s);
+    check_move(ground_, m, motion, begin_s, end_s);
+    ground_.evict();
+    return m.move(ground_, motion, begin_s, end_s);
   });
 }
 
 void Tracker::check(const Move& move) const {
   const Machine& machine = at(move.machine);
   if (move.motion != nullptr) {
-    check_move(soil_, machine, *move.motion, move.begin_s, move.end_s);
+    check_move(ground_, machine, *move.motion, move.begin_s, move.end_s);
   } else {
-    check_move(soil_, machine, move.to);
+    check_move(ground_, machine, move.to);
   }
 }
 
-std::optional<BadMove> Tracker::find_bad(std::span<const Move> moves) {
+std::optional<InvalidMove> Tracker::first_invalid(std::span<const Move> moves) {
   for (std::size_t i = 0; i < moves.size(); ++i) {
     try {
       check(moves[i]);
     } catch (const std::invalid_argument& e) {
-      return BadMove{i, false, e.what()};
+      return InvalidMove{i, false, e.what()};
     }
   }
   // They go from where they are to where these bring them, and are put back.
-  std::vector<std::pair<Machine*, Machine::Place>> before;
-  for (const auto& machine : machines_) before.emplace_back(machine.get(), machine->place());
-  std::optional<BadMove> bad;
-  for (std::size_t i = 0; i < moves.size() && !bad; ++i) {
+  std::vector<std::pair<Machine*, Machine::KinematicState>> before;
+  for (const auto& machine : machines_)
+    before.emplace_back(machine.get(), machine->kinematic_state());
+  std::optional<InvalidMove> invalid;
+  for (std::size_t i = 0; i < moves.size() && !invalid; ++i) {
     const Move& move = moves[i];
     Machine& machine = *machines_[move.machine];
     try {
       if (move.motion != nullptr) {
-        machine.require_ground(soil_, *move.motion, move.begin_s, move.end_s);
+        machine.require_ground(ground_, *move.motion, move.begin_s, move.end_s);
       } else {
-        machine.require_ground(soil_, move.to);
+        machine.require_ground(ground_, move.to);
       }
     } catch (const NoGroundError& e) {
-      bad = BadMove{i, true, e.what()};
+      invalid = InvalidMove{i, true, e.what()};
     }
   }
-  for (const auto& [machine, place] : before) machine->put_back(place);
-  return bad;
+  for (const auto& [machine, state] : before) machine->restore(state);
+  return invalid;
 }
 
 std::vector<Update> Tracker::update(std::span<const Move> moves) {
   const Clock::time_point begin = Clock::now();
   for (const Move& move : moves) check(move);
-  soil_.page_out();
+  ground_.evict();
   const std::vector<std::vector<std::size_t>> groups = apart(moves);
   const double planning_us =
       us_since(begin) / static_cast<double>(std::max<std::size_t>(moves.size(), 1));
@@ -182,8 +185,8 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
     const Move& move = moves[i];
     Machine& machine = *machines_[move.machine];
     updates[i] = timed([&] {
-      return move.motion != nullptr ? machine.move(soil_, *move.motion, move.begin_s, move.end_s)
-                                    : machine.move(soil_, move.to);
+      return move.motion != nullptr ? machine.move(ground_, *move.motion, move.begin_s, move.end_s)
+                                    : machine.move(ground_, move.to);
     });
     updates[i].us += planning_us;
   };
@@ -197,7 +200,7 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
 std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves) const {
   std::vector<std::vector<std::size_t>> groups(machines_.size());
   // Soil that moves may come from one machine to another.
-  if (machines_.size() == 1 || (works_ != nullptr && !machines_.empty())) {
+  if (machines_.size() == 1 || (settler_ != nullptr && !machines_.empty())) {
     groups.front().resize(moves.size());
     std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
     return groups;
@@ -210,13 +213,13 @@ std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves
     } else {
       const Bucket& bucket = machines_[move.machine]->bucket();
       const auto traced = move.motion->trace(move.begin_s, move.end_s, bucket,
-                                             kCoarseBend * soil_.voxel_size_m(), kAnyStride);
+                                             kCoarseBend * ground_.voxel_size_m(), kAnyStride);
       path.insert(path.end(), traced.begin(), traced.end());
     }
   }
   std::vector<Eigen::AlignedBox3d> workspaces;
   for (std::size_t m = 0; m < machines_.size(); ++m)
-    workspaces.push_back(machines_[m]->workspace(soil_, paths[m]));
+    workspaces.push_back(machines_[m]->workspace(ground_, paths[m]));
   const std::vector<std::size_t> group = groups_of(workspaces);
   for (std::size_t i = 0; i < moves.size(); ++i) groups[group[moves[i].machine]].push_back(i);
   std::erase_if(groups, [](const auto& list) { return list.empty(); });
@@ -227,7 +230,7 @@ const Ledger& Tracker::ledger(std::size_t machine) const { return machines_.at(m
 
 Ledger Tracker::total() const {
   Ledger sum;
-  sum.sample_m3 = soil_.sample_m3();
+  sum.sample_m3 = ground_.sample_m3();
   for (const auto& machine : machines_) {
     sum.captured += machine->ledger().captured;
     sum.displaced += machine->ledger().displaced;
@@ -241,27 +244,27 @@ Ledger Tracker::total() const {
 
 /// The whole of a pour, units of mass.
 std::int64_t Tracker::mass_of(const Pour& pour) const {
-  return std::llround(pour.volume_m3 / soil_.sample_m3() *
-                      static_cast<double>(works_->units().loose));
+  return std::llround(pour.volume_m3 / ground_.sample_m3() *
+                      static_cast<double>(settler_->units().loose));
 }
 
 /// What of a pour has come down after so many of its parts.
 std::int64_t Tracker::poured(const Pour& pour, std::int64_t parts) const {
-  const std::int64_t all = PourParts(pour, soil_.voxel_size_m()).count(), mass = mass_of(pour);
+  const std::int64_t all = PourParts(pour, ground_.voxel_size_m()).count(), mass = mass_of(pour);
   return mass / all * parts + mass % all * parts / all;
 }
 
 Update Tracker::pour(std::size_t pour, double until_s) {
   if (pour >= poured_parts_.size()) throw std::invalid_argument("there is no such pour");
   return timed([&] {
-    soil_.page_out();
+    ground_.evict();
     const Pour& source = earthmoving_.pours[pour];
-    const std::int64_t slid_before = works_->books().slid;
+    const std::int64_t slid_before = settler_->totals().slid;
     std::int64_t& parts = poured_parts_[pour];
-    const PourParts all(source, soil_.voxel_size_m());
+    const PourParts all(source, ground_.voxel_size_m());
     while (parts < all.count() && all.falls_s(parts + 1) <= until_s) {
       const std::int64_t before = poured(source, parts++);
-      works_->drop(source.at_m, poured(source, parts) - before, all.falls_s(parts), Obstacle{});
+      settler_->drop(source.at_m, poured(source, parts) - before, all.falls_s(parts), Obstacle{});
     }
     Update update;
     update.slid_m3 = slid_m3(slid_before);
@@ -270,62 +273,63 @@ Update Tracker::pour(std::size_t pour, double until_s) {
 }
 
 double Tracker::slid_m3(std::int64_t before) const {
-  return works_->units().loose_samples(works_->books().slid - before) * soil_.sample_m3();
+  return settler_->units().loose_samples(settler_->totals().slid - before) * ground_.sample_m3();
 }
 
 Update Tracker::come_to_rest(std::optional<double> time_s) {
   return timed([&] {
     Update update;
-    if (works_ == nullptr) return update;
-    const std::int64_t slid_before = works_->books().slid, spilled_before = total().spilled;
+    if (settler_ == nullptr) return update;
+    const std::int64_t slid_before = settler_->totals().slid, spilled_before = total().spilled;
     // What one machine leaves may come to lie where another's rested already.
     std::int64_t moved = -1;
-    for (int n = 0; n < kMaxRestRounds && moved != works_->books().moved(); ++n) {
-      moved = works_->books().moved();
-      for (const auto& machine : machines_) machine->come_to_rest(soil_, time_s.value_or(kAnyTime));
+    for (int n = 0; n < kMaxRestRounds && moved != settler_->totals().moved(); ++n) {
+      moved = settler_->totals().moved();
+      for (const auto& machine : machines_)
+        machine->come_to_rest(ground_, time_s.value_or(kAnyTime));
     }
     update.slid_m3 = slid_m3(slid_before);
     update.spilled_m3 =
-        works_->units().loose_samples(total().spilled - spilled_before) * soil_.sample_m3();
+        settler_->units().loose_samples(total().spilled - spilled_before) * ground_.sample_m3();
     return update;
   });
 }
 
-SiteLedger Tracker::site() const {
-  SiteLedger site = booked();
-  if (works_ == nullptr) return site;
-  for (const Chunk* chunk : soil_.chunks()) {
-    site.ground += (std::int64_t{chunk->soil_count} - chunk->loose_count - chunk->base_count) *
-                       site.units.bank +
-                   chunk->loose_count * site.units.loose;
+MassBalance Tracker::mass_balance() const {
+  MassBalance balance = mass_balance_without_ground();
+  if (settler_ == nullptr) return balance;
+  for (const Chunk* chunk : ground_.chunks()) {
+    balance.ground += (std::int64_t{chunk->soil_count} - chunk->loose_count - chunk->base_count) *
+                          balance.units.bank +
+                      chunk->loose_count * balance.units.loose;
   }
-  return site;
+  return balance;
 }
 
-SiteLedger Tracker::booked() const {
-  SiteLedger site;
-  if (works_ == nullptr) return site;
-  const Earthworks::Books& books = works_->books();
-  site.units = works_->units();
-  site.astray = books.astray;
-  site.in_flight = books.in_flight + books.astray;
-  for (const auto& machine : machines_) site.in_flight += machine->in_flight();
+MassBalance Tracker::mass_balance_without_ground() const {
+  MassBalance balance;
+  if (settler_ == nullptr) return balance;
+  const Settler::SettleTotals& totals = settler_->totals();
+  balance.units = settler_->units();
+  balance.lost_off_terrain = totals.lost_off_terrain;
+  balance.pending = totals.pending + totals.lost_off_terrain;
+  for (const auto& machine : machines_) balance.pending += machine->pending();
   for (std::size_t i = 0; i < poured_parts_.size(); ++i)
-    site.poured += poured(earthmoving_.pours[i], poured_parts_[i]);
-  site.hauled = books.hauled;
-  site.slid = books.slid;
-  site.fill_samples = books.fill_samples;
-  site.gone_samples = books.gone_samples;
-  return site;
+    balance.poured += poured(earthmoving_.pours[i], poured_parts_[i]);
+  balance.hauled = totals.hauled;
+  balance.slid = totals.slid;
+  balance.fill_samples = totals.fill_samples;
+  balance.failed_samples = totals.failed_samples;
+  return balance;
 }
 
-double Tracker::tolerance_m() const { return Machine::tolerance_m(soil_); }
+double Tracker::tolerance_m() const { return Machine::tolerance_m(ground_); }
 
 std::string Tracker::state() const {
   std::string bytes;
   for (const auto& machine : machines_) machine->save(bytes);
-  if (works_ == nullptr) return bytes;
-  works_->save(bytes);
+  if (settler_ == nullptr) return bytes;
+  settler_->save(bytes);
   for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   return bytes;
 }
@@ -333,23 +337,24 @@ std::string Tracker::state() const {
 void Tracker::restore(std::string_view state) {
   std::vector<std::unique_ptr<Machine>> machines;
   for (const auto& machine : machines_) {
-    machines.push_back(std::make_unique<Machine>(machine->bucket(), soil_, works_.get()));
-    machines.back()->load(state, soil_);
+    machines.push_back(std::make_unique<Machine>(machine->bucket(), ground_, settler_.get()));
+    machines.back()->load(state, ground_);
   }
-  Earthworks::Books books;
+  Settler::SettleTotals totals;
   std::vector<std::int64_t> parts(poured_parts_.size());
-  if (works_ != nullptr) {
-    books.load(state);
+  if (settler_ != nullptr) {
+    totals.load(state);
     for (std::size_t i = 0; i < parts.size(); ++i) {
       take(state, parts[i]);
-      if (parts[i] < 0 || parts[i] > PourParts(earthmoving_.pours[i], soil_.voxel_size_m()).count())
+      if (parts[i] < 0 ||
+          parts[i] > PourParts(earthmoving_.pours[i], ground_.voxel_size_m()).count())
         throw std::invalid_argument("the state is of another pour");
     }
   }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   machines_ = std::move(machines);
   poured_parts_ = std::move(parts);
-  if (works_ != nullptr) works_->restore(books);
+  if (settler_ != nullptr) settler_->restore(totals);
 }
 
 }  // namespace soilvdb::inline v0

@@ -12,7 +12,7 @@
 #include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/chunk_range.h"
-#include "soilvdb/soil_grids.h"
+#include "soilvdb/ground_grids.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -34,13 +34,13 @@ double box_distance(const Eigen::AlignedBox3d& box, const Vec3& p) {
 
 }  // namespace
 
-openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedBox3d& box) {
-  const float band = static_cast<float>(soil.band_m());
-  openvdb::FloatGrid::Ptr grid = empty_surface_grid(soil);
+openvdb::FloatGrid::Ptr closed_level_set(const Ground& ground, const Eigen::AlignedBox3d& box) {
+  const float band = static_cast<float>(ground.band_m());
+  openvdb::FloatGrid::Ptr grid = empty_surface_grid(ground);
 
-  const Vec3 margin = Vec3::Constant(soil.band_m() / soil.voxel_size_m());
-  const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()) - margin,
-                                  soil.index_from_world(box.max()) + margin);
+  const Vec3 margin = Vec3::Constant(ground.band_m() / ground.voxel_size_m());
+  const Eigen::AlignedBox3d cells(ground.index_from_world(box.min()) - margin,
+                                  ground.index_from_world(box.max()) + margin);
   const std::vector<Coord3> origins = chunks_of(cells);
 
   // Per chunk: a leaf, or a tile that is all soil, or nothing.
@@ -49,13 +49,13 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
   std::vector<Kind> kinds(origins.size(), kEmpty);
   tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
     const Coord3& origin = origins[i];
-    if (soil.find(origin) == nullptr) {
+    if (ground.find(origin) == nullptr) {
       // The band reaches beyond the chunk's own cells.
-      const Vec3 low = soil.world_from_index(origin.cast<double>()) - Vec3::Constant(band);
+      const Vec3 low = ground.world_from_index(origin.cast<double>()) - Vec3::Constant(band);
       const Vec3 high =
-          soil.world_from_index((origin + Coord3::Constant(kChunkSide)).cast<double>()) +
+          ground.world_from_index((origin + Coord3::Constant(kChunkSide)).cast<double>()) +
           Vec3::Constant(band);
-      const Content content = soil.base().classify({low, high});
+      const Content content = ground.terrain().classify({low, high});
       if (content == Content::kAir) return;
       const bool interior = (low.array() - band >= box.min().array()).all() &&
                             (high.array() + band <= box.max().array()).all();
@@ -73,12 +73,12 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
     mixed.push_back(i);
     mixed_origins.push_back(origins[i]);
   }
-  surface_distances(soil, mixed_origins, [&](std::size_t k, const float* phi_m) {
+  surface_distances(ground, mixed_origins, [&](std::size_t k, const float* phi_m) {
     const Coord3& origin = mixed_origins[k];
     std::array<float, kChunkVoxels> phi;
     bool air = true;
     for (int n = 0; n < kChunkVoxels; ++n) {
-      const Vec3 p = soil.world_from_index((origin + numbered_voxel(n)).cast<double>());
+      const Vec3 p = ground.world_from_index((origin + numbered_voxel(n)).cast<double>());
       phi[n] = std::max(phi_m[n], static_cast<float>(std::min(box_distance(box, p), double{band})));
       air &= phi[n] >= band;
     }
@@ -96,10 +96,10 @@ openvdb::FloatGrid::Ptr closed_level_set(const Soil& soil, const Eigen::AlignedB
   return grid;
 }
 
-openvdb::FloatGrid::Ptr occupancy_grid(const Soil& soil, const Eigen::AlignedBox3d& box) {
+openvdb::FloatGrid::Ptr occupancy_grid(const Ground& ground, const Eigen::AlignedBox3d& box) {
   openvdb::initialize();
-  const Eigen::AlignedBox3d cells(soil.index_from_world(box.min()),
-                                  soil.index_from_world(box.max()));
+  const Eigen::AlignedBox3d cells(ground.index_from_world(box.min()),
+                                  ground.index_from_world(box.max()));
   const std::vector<Coord3> origins = chunks_of(cells);
   const auto within = [&](const Coord3& voxel) { return cells.contains(voxel.cast<double>()); };
   std::vector<std::unique_ptr<FloatLeaf>> leaves(origins.size());
@@ -107,7 +107,7 @@ openvdb::FloatGrid::Ptr occupancy_grid(const Soil& soil, const Eigen::AlignedBox
   tbb::parallel_for(std::size_t{0}, origins.size(), [&](std::size_t i) {
     const Coord3& origin = origins[i];
     SampleWords words;
-    soil.read_samples(origin, words);
+    ground.read_samples(origin, words);
     solid[i] = within(origin) && within(origin + Coord3::Constant(kChunkSide - 1)) &&
                std::all_of(words.begin(), words.end(), [](auto word) { return word == kAllSoil; });
     if (solid[i]) return;
@@ -121,7 +121,7 @@ openvdb::FloatGrid::Ptr occupancy_grid(const Soil& soil, const Eigen::AlignedBox
     if (!leaf->isEmpty()) leaves[i] = std::move(leaf);
   });
   auto grid = openvdb::FloatGrid::create();
-  grid->setTransform(openvdb::math::Transform::createLinearTransform(soil.voxel_size_m()));
+  grid->setTransform(openvdb::math::Transform::createLinearTransform(ground.voxel_size_m()));
   grid->setGridClass(openvdb::GRID_FOG_VOLUME);
   grid->setName("occupancy");
   for (std::size_t i = 0; i < origins.size(); ++i) {

@@ -86,8 +86,8 @@ class Contouring {
       float p[3] = {0, 0, 0};
       p[u] = corner >> u & 1 ? -0.5f : 0.5f;
       p[v] = corner >> v & 1 ? -0.5f : 0.5f;
-      const float beyond = models_.beyond(corner_id(cell, corner), p[0], p[1], p[2]);
-      sum += std::min(std::max(beyond, -0.5f), 0.5f);
+      const float distance = models_.signed_distance(corner_id(cell, corner), p[0], p[1], p[2]);
+      sum += std::min(std::max(distance, -0.5f), 0.5f);
     }
     return sum < 0;
   }

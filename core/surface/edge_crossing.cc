@@ -16,9 +16,9 @@ bool seen_from(const CellModels& models, const std::uint8_t* soil, int id, int a
   const int here = id + end * models.grid().step(axis);
   const CellModel* const m = models.find(here);
   if (m == nullptr) return false;
-  const Active centre = m->at(0, 0, 0);
+  const ActivePlane centre = m->at(0, 0, 0);
   // A centre that counts as in a thin wall lies just outside of its face.
-  const bool tied = (centre.beyond < 0) != (soil[here] != 0);
+  const bool tied = (centre.signed_distance < 0) != (soil[here] != 0);
   const float slack = tied ? kThinWallTie : kCrossingSlack, from = static_cast<float>(end);
   float best = 2;
   for (int p = 0; p < m->planes(); ++p) {
@@ -31,7 +31,8 @@ bool seen_from(const CellModels& models, const std::uint8_t* soil, int id, int a
     if (!(std::abs(along + from - 0.5f) <= 0.5f + slack)) continue;
     float q[3] = {0, 0, 0};
     q[axis] = along;
-    if (std::abs(m->at(q[0], q[1], q[2]).beyond) > slack || std::abs(along) >= best) continue;
+    if (std::abs(m->at(q[0], q[1], q[2]).signed_distance) > slack || std::abs(along) >= best)
+      continue;
     best = std::abs(along);
     q[axis] = tied ? along + from : std::min(std::max(along + from, 0.0f), 1.0f);
     std::copy_n(q, 3, c.p);
@@ -40,7 +41,7 @@ bool seen_from(const CellModels& models, const std::uint8_t* soil, int id, int a
   if (best < 2 || !tied) return best < 2;
   const CellPlane& face = m->plane[centre.plane];
   const float n[3] = {face.nx, face.ny, face.nz};
-  for (int a = 0; a < 3; ++a) c.p[a] = -centre.beyond * n[a];
+  for (int a = 0; a < 3; ++a) c.p[a] = -centre.signed_distance * n[a];
   c.p[axis] += from;
   std::copy_n(n, 3, c.n);
   return true;

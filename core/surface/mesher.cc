@@ -24,14 +24,14 @@ struct PointHash {
   }
 };
 
-Mesh mesh_block_with(const Soil& soil, const Coord3& block, CellMemo* memo) {
+Mesh mesh_block_with(const Ground& ground, const Coord3& block, FitCache* cache) {
   Mesh mesh;
-  const std::vector<Coord3> chunks = resident_chunks(soil, block);
+  const std::vector<Coord3> chunks = resident_chunks(ground, block);
   if (chunks.empty()) return mesh;
-  const SurfaceBlock surface(soil, chunks, SurfaceBlock::kMesh, memo);
+  const SurfaceBlock surface(ground, chunks, SurfaceBlock::kMesh, cache);
   const Contour& contour = surface.contour();
   mesh.points.reserve(contour.vertices.size());
-  const double h = soil.voxel_size_m();
+  const double h = ground.voxel_size_m();
   for (const ContourVertex& v : contour.vertices) {
     const Coord3 cell = surface.first() + v.cell;
     mesh.points.emplace_back(static_cast<float>(h * (cell.x() + double{v.in[0]})),
@@ -44,16 +44,17 @@ Mesh mesh_block_with(const Soil& soil, const Coord3& block, CellMemo* memo) {
 
 }  // namespace
 
-Mesh mesh_block(const Soil& soil, const Coord3& block) {
-  return mesh_block_with(soil, block, nullptr);
+Mesh mesh_block(const Ground& ground, const Coord3& block) {
+  return mesh_block_with(ground, block, nullptr);
 }
 
-CachedMesher::CachedMesher(const Soil& soil) : soil_(&soil), memo_(std::make_unique<CellMemo>()) {}
+CachedMesher::CachedMesher(const Ground& ground)
+    : ground_(&ground), cache_(std::make_unique<FitCache>()) {}
 CachedMesher::~CachedMesher() = default;
 CachedMesher::CachedMesher(CachedMesher&&) noexcept = default;
 
 Mesh CachedMesher::block(const Coord3& block) {
-  return mesh_block_with(*soil_, block, memo_.get());
+  return mesh_block_with(*ground_, block, cache_.get());
 }
 
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
@@ -70,7 +71,7 @@ std::vector<Coord3> SurfaceMesh::update(std::span<const Coord3> changed_chunks) 
   const std::vector<Coord3> blocks = blocks_touched(changed_chunks);
   std::vector<Mesh> patches(blocks.size());
   tbb::parallel_for(std::size_t{0}, blocks.size(),
-                    [&](std::size_t i) { patches[i] = mesh_block(soil_, blocks[i]); });
+                    [&](std::size_t i) { patches[i] = mesh_block(ground_, blocks[i]); });
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     if (patches[i].triangles.empty()) {
       patches_.erase(blocks[i]);
@@ -98,9 +99,9 @@ Mesh weld(const std::map<Coord3, Mesh, Before>& patches) {
   return whole;
 }
 
-Mesh mesh_all(const Soil& soil) {
-  SurfaceMesh mesh(soil);
-  mesh.update(soil.origins());
+Mesh mesh_all(const Ground& ground) {
+  SurfaceMesh mesh(ground);
+  mesh.update(ground.origins());
   return weld(mesh.patches());
 }
 

@@ -18,34 +18,34 @@ constexpr int kChunksPerBlock = kBlockSide / kChunkSide;
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
 /// Is a chunk farther from resident ground than the band reaches?
-bool untouched_around(const Soil& soil, const Coord3& chunk) {
+bool untouched_around(const Ground& ground, const Coord3& chunk) {
   for (int n = 0; n < 27; ++n) {
-    if (soil.find(chunk + kChunkSide * step_around(n)) != nullptr) return false;
+    if (ground.find(chunk + kChunkSide * step_around(n)) != nullptr) return false;
   }
   return true;
 }
 
-void base_distance(const Soil& soil, const Coord3& chunk, float* phi_m) {
-  soil.base().distance(soil.world_from_index(chunk.cast<double>()), soil.voxel_size_m(),
-                       soil.band_m(), phi_m);
+void base_distance(const Ground& ground, const Coord3& chunk, float* phi_m) {
+  ground.terrain().distance(ground.world_from_index(chunk.cast<double>()), ground.voxel_size_m(),
+                            ground.band_m(), phi_m);
 }
 
 }  // namespace
 
-SurfaceBlock::SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need,
-                           CellMemo* memo)
-    : grid_(soil, chunks, halo(need)),
-      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1, memo),
+SurfaceBlock::SurfaceBlock(const Ground& ground, std::span<const Coord3> chunks, Need need,
+                           FitCache* cache)
+    : grid_(ground, chunks, halo(need)),
+      models_(grid_, need == kMesh ? 1 : kPolygonsSeen + 1, cache),
       contour_(soilvdb::contour(models_, need == kMesh ? 0 : kPolygonsSeen + 1)) {
-  if (need == kDistance) distance_.emplace(soil, models_, contour_);
+  if (need == kDistance) distance_.emplace(ground, models_, contour_);
 }
 
-void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m) {
-  if (untouched_around(soil, chunk_origin)) return base_distance(soil, chunk_origin, phi_m);
-  SurfaceBlock(soil, {&chunk_origin, 1}, SurfaceBlock::kDistance).distance(chunk_origin, phi_m);
+void surface_distance(const Ground& ground, const Coord3& chunk_origin, float* phi_m) {
+  if (untouched_around(ground, chunk_origin)) return base_distance(ground, chunk_origin, phi_m);
+  SurfaceBlock(ground, {&chunk_origin, 1}, SurfaceBlock::kDistance).distance(chunk_origin, phi_m);
 }
 
-void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
+void surface_distances(const Ground& ground, std::span<const Coord3> chunks,
                        const std::function<void(std::size_t, const float*)>& out) {
   struct Piece {
     std::vector<Coord3> chunks;
@@ -55,7 +55,7 @@ void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
   std::vector<std::size_t> untouched;
   for (std::size_t i = 0; i < chunks.size(); ++i) {
     const Coord3& c = chunks[i];
-    if (untouched_around(soil, c)) {
+    if (untouched_around(ground, c)) {
       untouched.push_back(i);
       continue;
     }
@@ -65,14 +65,14 @@ void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
   }
   tbb::parallel_for(std::size_t{0}, untouched.size(), [&](std::size_t i) {
     float phi_m[kChunkVoxels];
-    base_distance(soil, chunks[untouched[i]], phi_m);
+    base_distance(ground, chunks[untouched[i]], phi_m);
     out(untouched[i], phi_m);
   });
   std::vector<const Piece*> pieces;
   for (const auto& [block, piece] : by_block) pieces.push_back(&piece);
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
     const Piece& piece = *pieces[i];
-    const SurfaceBlock block(soil, piece.chunks, SurfaceBlock::kDistance);
+    const SurfaceBlock block(ground, piece.chunks, SurfaceBlock::kDistance);
     float phi_m[kChunkVoxels];
     for (std::size_t k = 0; k < piece.chunks.size(); ++k) {
       block.distance(piece.chunks[k], phi_m);
@@ -81,11 +81,11 @@ void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
   });
 }
 
-std::vector<Coord3> resident_chunks(const Soil& soil, const Coord3& block) {
+std::vector<Coord3> resident_chunks(const Ground& ground, const Coord3& block) {
   std::vector<Coord3> all;
   for (int n = 0; n < kChunksPerBlock * kChunksPerBlock * kChunksPerBlock; ++n) {
     const Coord3 origin = block + kChunkSide * Coord3(n / 16, n / 4 % 4, n % 4);
-    if (soil.find(origin) != nullptr) all.push_back(origin);
+    if (ground.find(origin) != nullptr) all.push_back(origin);
   }
   return all;
 }

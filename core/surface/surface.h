@@ -11,8 +11,8 @@
 #include "core/cell/cell_models.h"
 #include "core/surface/dual_contour.h"
 #include "core/surface/surface_distance.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
 
@@ -29,9 +29,9 @@ class SurfaceBlock {
  public:
   enum Need { kMesh, kDistance };
   /// @param chunks at least one; memory and time go with the cube around them
-  /// @param memo of blocks before; may be null
-  SurfaceBlock(const Soil& soil, std::span<const Coord3> chunks, Need need,
-               CellMemo* memo = nullptr);
+  /// @param cache of blocks before; may be null
+  SurfaceBlock(const Ground& ground, std::span<const Coord3> chunks, Need need,
+               FitCache* cache = nullptr);
 
   /// The triangles of the chunks; with kDistance also of those around.
   const Contour& contour() const { return contour_; }
@@ -48,18 +48,18 @@ class SurfaceBlock {
 };
 
 /// Signed distance at the 8x8x8 voxel centres of a chunk, made from its samples and those of two
-/// chunks around: m, negative in soil, clamped to +-Soil::band_m(); to the nearest point of the
+/// chunks around: m, negative in soil, clamped to +-Ground::band_m(); to the nearest point of the
 /// surface, base or cut. Where that is of the base surface and no sample around was changed it is
 /// the base surface's own distance, to the bit.
-/// @param phi_m 512 values. Safe to call from several threads while nothing writes to the soil.
-void surface_distance(const Soil& soil, const Coord3& chunk_origin, float* phi_m);
+/// @param phi_m 512 values. Safe to call from several threads while nothing writes to the ground.
+void surface_distance(const Ground& ground, const Coord3& chunk_origin, float* phi_m);
 
 /// The same for many chunks, which shares work: `out(i, phi_m)` is called once for each, from
 /// several threads.
-void surface_distances(const Soil& soil, std::span<const Coord3> chunks,
+void surface_distances(const Ground& ground, std::span<const Coord3> chunks,
                        const std::function<void(std::size_t, const float*)>& out);
 
 /// The resident chunks of a block.
-std::vector<Coord3> resident_chunks(const Soil& soil, const Coord3& block);
+std::vector<Coord3> resident_chunks(const Ground& ground, const Coord3& block);
 
 }  // namespace soilvdb::inline v0

@@ -15,7 +15,7 @@ namespace {
 
 using Triangle = ContourDistance::Triangle;
 
-constexpr float kBand = Soil::kBandVoxels;
+constexpr float kBand = Ground::kBandVoxels;
 
 using Float3 = Eigen::Vector3f;
 
@@ -104,8 +104,9 @@ SOILVDB_FOR_CPUS void look_at(const Triangle* begin, const Triangle* end, const 
 
 }  // namespace
 
-ContourDistance::ContourDistance(const Soil& soil, const CellModels& models, const Contour& contour)
-    : soil_(soil), models_(models) {
+ContourDistance::ContourDistance(const Ground& ground, const CellModels& models,
+                                 const Contour& contour)
+    : ground_(ground), models_(models) {
   const CellGrid& grid = models.grid();
   first_.assign(grid.cells() / static_cast<std::size_t>(grid.sides().z()) + 1, 0);
   triangles_.reserve(contour.triangles.size());
@@ -121,14 +122,14 @@ ContourDistance::ContourDistance(const Soil& soil, const CellModels& models, con
 void ContourDistance::chunk(const Coord3& origin, float* phi_m) const {
   const CellGrid& grid = models_.grid();
   const Coord3 low = origin - grid.first();
-  soil_.base().distance(soil_.world_from_index(origin.cast<double>()), soil_.voxel_size_m(),
-                        soil_.band_m(), phi_m);
+  ground_.terrain().distance(ground_.world_from_index(origin.cast<double>()),
+                             ground_.voxel_size_m(), ground_.band_m(), phi_m);
   if (!grid.any_change(low - Coord3::Constant(kPolygonsSeen + 1),
                        kChunkSide + 2 * (kPolygonsSeen + 1))) {
     return;
   }
-  const float h = static_cast<float>(soil_.voxel_size_m()),
-              band = static_cast<float>(soil_.band_m());
+  const float h = static_cast<float>(ground_.voxel_size_m()),
+              band = static_cast<float>(ground_.band_m());
   for (int n = 0; n < kChunkVoxels; n += kChunkSide) {
     const Coord3 row = low + numbered_voxel(n);
     Nearest nearest;

@@ -15,7 +15,7 @@ namespace soilvdb::inline v0 {
 class ContourDistance {
  public:
   /// @param contour with reach kPolygonsSeen + 1. Models must outlive it.
-  ContourDistance(const Soil& soil, const CellModels& models, const Contour& contour);
+  ContourDistance(const Ground& ground, const CellModels& models, const Contour& contour);
 
   /// 512 values for the voxels of a chunk, m.
   void chunk(const Coord3& origin, float* phi_m) const;
@@ -31,7 +31,7 @@ class ContourDistance {
   };
 
  private:
-  const Soil& soil_;
+  const Ground& ground_;
   const CellModels& models_;
   std::vector<Triangle> triangles_;  // by columns of the grid
   std::vector<int> first_;           // of each column, and the end

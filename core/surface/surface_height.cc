@@ -22,8 +22,8 @@ namespace soilvdb::inline v0 {
 namespace {
 
 /// The column of voxels whose corners' middles are around a place.
-Eigen::Vector2i column_at(const Soil& soil, double x, double y) {
-  const Vec3 index = soil.index_from_world({x, y, soil.origin().z()});
+Eigen::Vector2i column_at(const Ground& ground, double x, double y) {
+  const Vec3 index = ground.index_from_world({x, y, ground.origin().z()});
   // No chunk is as far as that, and no more would go into an int.
   const auto column = [](double v) {
     return static_cast<int>(
@@ -53,8 +53,8 @@ std::optional<double> height_on(const Vec3& a, const Vec3& b, const Vec3& c, con
 
 }  // namespace
 
-SurfaceHeight::SurfaceHeight(const Soil& soil) : soil_(soil) {
-  for (const Chunk* chunk : soil.chunks()) add(chunk->origin);
+SurfaceHeight::SurfaceHeight(const Ground& ground) : ground_(ground) {
+  for (const Chunk* chunk : ground.chunks()) add(chunk->origin);
 }
 
 void SurfaceHeight::add(const Coord3& chunk) {
@@ -66,14 +66,14 @@ void SurfaceHeight::add(const Coord3& chunk) {
 
 void SurfaceHeight::update(std::span<const Coord3> changed_chunks) {
   // Who looks again and again at what changes meshes blocks that are mostly as they were.
-  if (!mesher_ && !changed_chunks.empty() && !patches_.empty()) mesher_.emplace(soil_);
+  if (!mesher_ && !changed_chunks.empty() && !patches_.empty()) mesher_.emplace(ground_);
   for (const Coord3& chunk : changed_chunks) add(chunk);
   for (const Coord3& block : blocks_touched(changed_chunks)) patches_.erase(block);
 }
 
 void SurfaceHeight::make(const Coord3& block, Patch& patch, CachedMesher* mesher) const {
-  patch.mesh = mesher != nullptr ? mesher->block(block) : mesh_block(soil_, block);
-  const auto h = static_cast<float>(soil_.voxel_size_m());
+  patch.mesh = mesher != nullptr ? mesher->block(block) : mesh_block(ground_, block);
+  const auto h = static_cast<float>(ground_.voxel_size_m());
   const std::vector<std::array<std::uint32_t, 3>>& triangles = patch.mesh.triangles;
   std::vector<Eigen::AlignedBox2i> columns(triangles.size());
   Eigen::AlignedBox2i all;
@@ -106,7 +106,7 @@ void SurfaceHeight::make(const Coord3& block, Patch& patch, CachedMesher* mesher
 /// block of its edge's lower end, which may be a voxel beyond.
 template <typename F>
 void SurfaceHeight::each_block(double x, double y, const F& f) const {
-  const Eigen::Vector2i column = column_at(soil_, x, y);
+  const Eigen::Vector2i column = column_at(ground_, x, y);
   const Eigen::Vector2i low = floor_to(column - Eigen::Vector2i::Ones(), kBlockSide);
   const Eigen::Vector2i high = floor_to(column + Eigen::Vector2i::Ones(), kBlockSide);
   for (int bx = low.x(); bx <= high.x(); bx += kBlockSide) {
@@ -120,8 +120,8 @@ void SurfaceHeight::each_block(double x, double y, const F& f) const {
 
 /// Where all patches are there.
 std::optional<double> SurfaceHeight::look(double x, double y) const {
-  const Eigen::Vector2i column = column_at(soil_, x, y);
-  const Vec2 at = Vec2(x, y) - soil_.origin().head<2>();
+  const Eigen::Vector2i column = column_at(ground_, x, y);
+  const Vec2 at = Vec2(x, y) - ground_.origin().head<2>();
   std::optional<double> top;
   each_block(x, y, [&](const Coord3& block) {
     const Patch& p = patches_.find(block)->second;
@@ -137,12 +137,12 @@ std::optional<double> SurfaceHeight::look(double x, double y) const {
     }
   });
   // Ground that isn't resident may be on top of what is: the roof of a hollow.
-  const std::optional<double> base = soil_.base().height(x, y);
+  const std::optional<double> base = ground_.terrain().height(x, y);
   const auto resident = [&](double z) {
-    return soil_.find(chunk_of(soil_.index_from_world({x, y, z}))) != nullptr;
+    return ground_.find(chunk_of(ground_.index_from_world({x, y, z}))) != nullptr;
   };
   if (!top) return base;
-  const double height = *top + soil_.origin().z();
+  const double height = *top + ground_.origin().z();
   if (base && *base > height && !resident(*base)) return base;
   return height;
 }
@@ -163,7 +163,7 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
     missing.clear();
     Eigen::Vector2i known(-1, -1);  // part whose blocks are there; none is that one
     for (; to < count && missing.size() < kMaxHeightPatches; ++to) {
-      const Eigen::Vector2i part = part_of(column_at(soil_, xy_m[to].x(), xy_m[to].y()));
+      const Eigen::Vector2i part = part_of(column_at(ground_, xy_m[to].x(), xy_m[to].y()));
       if (part == known) continue;
       known = part;
       each_block(xy_m[to].x(), xy_m[to].y(), [&](const Coord3& block) {
@@ -188,14 +188,14 @@ void SurfaceHeight::at(std::span<const Vec2> xy_m, std::span<double> heights_m) 
   }
 }
 
-std::function<std::optional<double>(double x, double y)> surface_heights(const Soil& soil) {
+std::function<std::optional<double>(double x, double y)> surface_heights(const Ground& ground) {
   using Own = tbb::enumerable_thread_specific<SurfaceHeight>;
-  return [own = std::make_shared<Own>([&soil] { return SurfaceHeight(soil); })](
+  return [own = std::make_shared<Own>([&ground] { return SurfaceHeight(ground); })](
              double x, double y) { return own->local().at(x, y); };
 }
 
-std::optional<double> surface_height(const Soil& soil, double x, double y) {
-  return SurfaceHeight(soil).at(x, y);
+std::optional<double> surface_height(const Ground& ground, double x, double y) {
+  return SurfaceHeight(ground).at(x, y);
 }
 
 }  // namespace soilvdb::inline v0

@@ -105,19 +105,19 @@ void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
 
 }  // namespace
 
-bool is_sane(const Pose& pose) {
+bool is_valid(const Pose& pose) {
   return is_within(pose.position, Vec3::Zero(), kMaxMotionValue) && is_unit(pose.rotation);
 }
 
-std::string fault(const Vec3& position_m, const Vec3& middle_m, double farthest_m) {
+std::string validation_error(const Vec3& position_m, const Vec3& middle_m, double farthest_m) {
   if (is_within(position_m, middle_m, farthest_m)) return {};
   const std::string is = "the position is " + point_text(position_m) + " m; it must be ";
   if (!position_m.allFinite()) return is + "finite";
   return is + "within " + text(farthest_m) + " m of " + point_text(middle_m);
 }
 
-std::string fault(const Pose& pose) {
-  std::string position = fault(pose.position, Vec3::Zero(), kMaxMotionValue);
+std::string validation_error(const Pose& pose) {
+  std::string position = validation_error(pose.position, Vec3::Zero(), kMaxMotionValue);
   if (!position.empty() || is_unit(pose.rotation)) return position;
   return "the rotation is a quaternion of length " + text(pose.rotation.norm()) +
          "; it must be of length 1";
@@ -127,7 +127,7 @@ Motion::Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket)
     : times_s_(std::move(times_s)), poses_(std::move(world_from_bucket)) {
   check_times(times_s_, poses_.size());
   for (std::size_t i = 0; i < poses_.size(); ++i) {
-    if (!is_sane(poses_[i])) refuse_row(i, "a pose that is no place on a site, or no rotation");
+    if (!is_valid(poses_[i])) refuse_row(i, "a pose that is no place on a site, or no rotation");
   }
 }
 

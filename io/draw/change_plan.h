@@ -5,8 +5,8 @@
 
 #include <filesystem>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/io/picture.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0::io {
 
@@ -15,7 +15,7 @@ namespace soilvdb::inline v0::io {
 /// @param changed what changed, world, m; shown with a margin
 /// @param filled soil was added anywhere
 /// @throw std::runtime_error naming the file and the cause.
-void write_change_plan(const std::filesystem::path& file, const Soil& before, const Soil& after,
+void write_change_plan(const std::filesystem::path& file, const Ground& before, const Ground& after,
                        const Eigen::AlignedBox2d& changed, bool filled, const Caption& caption);
 
 }  // namespace soilvdb::inline v0::io

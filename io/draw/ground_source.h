@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0::io {
 
 /// Two surfaces and where they differ.
-struct Ground {
+struct DrawnGround {
   HeightFunction now, base;
   double voxel_size_m = 0;
   Eigen::AlignedBox2d changed;  ///< holds all that changed; empty where nothing did
@@ -23,22 +23,22 @@ struct Ground {
   double least_m() const { return 0.1 * voxel_size_m; }
 };
 
-Ground ground_of(const Soil& soil);
-/// Ground::loose of a soil.
-std::function<double(const Vec3&)> loose_of(const Soil& soil);
+DrawnGround ground_of(const Ground& ground);
+/// DrawnGround::loose of a ground.
+std::function<double(const Vec3&)> loose_of(const Ground& ground);
 
 /// Samples both surfaces at the centres of nx x ny cells.
-Relief relief_of(const Ground& ground, const Eigen::AlignedBox2d& box, int nx, int ny);
+Relief relief_of(const DrawnGround& ground, const Eigen::AlignedBox2d& box, int nx, int ny);
 
 /// One scale for every picture of a box, however coarse its pixels are.
-ChangeScale change_scale(const Ground& ground, const Eigen::AlignedBox2d& box);
+ChangeScale change_scale(const DrawnGround& ground, const Eigen::AlignedBox2d& box);
 
 /// A box that can be drawn: finite, and grown about its centre to at least twelve to one and 4
 /// voxels. @throw std::invalid_argument if it is empty or not finite.
 Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m);
 
 /// The picture write_plan() writes.
-Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& box, const Caption& caption);
+Canvas draw_plan(const DrawnGround& ground, const Eigen::AlignedBox2d& box, const Caption& caption);
 
 /// Writes the picture as PNG. @throw std::runtime_error naming the file and the cause.
 void save(const std::filesystem::path& file, Canvas& canvas);

@@ -27,20 +27,20 @@ struct Cell {
   int soil = 0, loose = 0;
 };
 
-Cell cell_at(const Soil& soil, const Coord3& voxel) {
+Cell cell_at(const Ground& ground, const Coord3& voxel) {
   const Coord3 origin = floor_to(voxel, kChunkSide);
-  const Chunk* chunk = soil.find(origin);
-  if (chunk == nullptr) return {soil.classify(origin) == Content::kAir ? 0 : 64, 0};
+  const Chunk* chunk = ground.find(origin);
+  if (chunk == nullptr) return {ground.classify(origin) == Content::kAir ? 0 : 64, 0};
   const auto count = [n = cell_number(voxel)](const Chunk& c) {
     return Cell{std::popcount(c.samples.word(n)), std::popcount(c.loose.word(n))};
   };
-  return chunk->cold_record == 0 ? count(*chunk) : count(soil.copy(*chunk));
+  return chunk->swap_record == 0 ? count(*chunk) : count(ground.copy(*chunk));
 }
 
 }  // namespace
 
-double looseness(const Soil& soil, const Vec3& point) {
-  const Vec3 at = soil.index_from_world(point);
+double looseness(const Ground& ground, const Vec3& point) {
+  const Vec3 at = ground.index_from_world(point);
   const Coord3 low = at.array().floor().matrix().cast<int>();
   const Vec3 f = at - low.cast<double>();
   double all = 0, loose = 0;
@@ -48,15 +48,15 @@ double looseness(const Soil& soil, const Vec3& point) {
     const Coord3 corner(n & 1, n >> 1 & 1, n >> 2 & 1);
     double weight = 1;
     for (int a = 0; a < 3; ++a) weight *= corner[a] == 1 ? f[a] : 1 - f[a];
-    const Cell cell = cell_at(soil, low + corner);
+    const Cell cell = cell_at(ground, low + corner);
     all += weight * cell.soil;
     loose += weight * cell.loose;
   }
   return all > 0 ? loose / all : 0;
 }
 
-bool has_loose(const Soil& soil) {
-  const std::vector<const Chunk*> chunks = soil.chunks();
+bool has_loose(const Ground& ground) {
+  const std::vector<const Chunk*> chunks = ground.chunks();
   return std::any_of(chunks.begin(), chunks.end(),
                      [](const Chunk* chunk) { return chunk->loose_count > 0; });
 }

@@ -4,14 +4,14 @@
 #pragma once
 
 #include "io/draw/canvas.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/types.h"
 
 namespace soilvdb::inline v0::io {
 
 /// Share of the soil about a point of the world that is loose, in [0, 1]: of the eight cells around
 /// it, weighted as a trilinear interpolation does. Several threads may ask at once.
-double looseness(const Soil& soil, const Vec3& point);
+double looseness(const Ground& ground, const Vec3& point);
 
 /// Side of a clod that can be seen in a picture of ground of this size, m. Never under a voxel.
 double clod_m(double picture_m, double voxel_size_m);

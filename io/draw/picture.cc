@@ -11,14 +11,14 @@
 #include "io/draw/ground_source.h"
 #include "io/draw/loose_soil.h"
 #include "io/file/atomic_file.h"
-#include "soilvdb/column_gains.h"
 #include "soilvdb/surface_height.h"
+#include "soilvdb/volume_changes.h"
 
 namespace soilvdb::inline v0::io {
 
-Eigen::AlignedBox2d footprint(const Soil& soil, bool changed_only) {
+Eigen::AlignedBox2d footprint(const Ground& ground, bool changed_only) {
   Eigen::AlignedBox2d box;
-  for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
+  for (const Ground* s = &ground; s != nullptr; s = s->terrain().ground())
     for (const Chunk* chunk : s->chunks()) {
       if (changed_only && chunk->soil_count >= chunk->base_count && chunk->loose_count == 0)
         continue;
@@ -30,11 +30,11 @@ Eigen::AlignedBox2d footprint(const Soil& soil, bool changed_only) {
   return box;
 }
 
-CutAndFill cut_and_fill(const Soil& soil) {
-  const GainGrid grid = GainGrid::columns(soil.origin().head<2>(), soil.voxel_size_m());
+CutAndFill cut_and_fill(const Ground& ground) {
+  const VolumeBins bins = VolumeBins::columns(ground.origin().head<2>(), ground.voxel_size_m());
   std::map<std::pair<int, int>, double> columns_m3;
-  for (const Soil* s = &soil; s != nullptr; s = s->base().soil()) {
-    for_each_gain(*s, grid, [&](const GainGrid::Box& box, const Gain& gain) {
+  for (const Ground* s = &ground; s != nullptr; s = s->terrain().ground()) {
+    for_each_volume_change(*s, bins, [&](const VolumeBins::Box& box, const VolumeChange& gain) {
       columns_m3[{box[0], box[1]}] += gain.m3;
     });
   }
@@ -45,11 +45,11 @@ CutAndFill cut_and_fill(const Soil& soil) {
   return sum;
 }
 
-Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
-  Eigen::AlignedBox2d box = footprint(soil, true);
-  if (box.isEmpty()) box = footprint(soil, false);
+Eigen::AlignedBox2d region_of_interest(const Ground& ground) {
+  Eigen::AlignedBox2d box = footprint(ground, true);
+  if (box.isEmpty()) box = footprint(ground, false);
   if (box.isEmpty()) {
-    const Vec2 centre = soil.origin().head<2>();
+    const Vec2 centre = ground.origin().head<2>();
     return {centre - Vec2::Constant(10), centre + Vec2::Constant(10)};
   }
   const double size_m = box.sizes().maxCoeff();
@@ -57,28 +57,28 @@ Eigen::AlignedBox2d region_of_interest(const Soil& soil) {
   return {box.min() - margin, box.max() + margin};
 }
 
-std::function<double(const Vec3&)> loose_of(const Soil& soil) {
-  if (!has_loose(soil)) return {};
-  return [&soil](const Vec3& point) { return looseness(soil, point); };
+std::function<double(const Vec3&)> loose_of(const Ground& ground) {
+  if (!has_loose(ground)) return {};
+  return [&ground](const Vec3& point) { return looseness(ground, point); };
 }
 
-Ground ground_of(const Soil& soil) {
+DrawnGround ground_of(const Ground& ground) {
   bool filled = false;
-  for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
+  for (const Ground* s = &ground; s != nullptr; s = s->terrain().ground())
     filled |= !s->above_base().isEmpty();
-  return {.now = surface_heights(soil),
-          .base = [&soil](double x, double y) { return soil.undug().height(x, y); },
-          .voxel_size_m = soil.voxel_size_m(),
-          .changed = footprint(soil, true),
+  return {.now = surface_heights(ground),
+          .base = [&ground](double x, double y) { return ground.initial_terrain().height(x, y); },
+          .voxel_size_m = ground.voxel_size_m(),
+          .changed = footprint(ground, true),
           .filled = filled,
-          .loose = loose_of(soil)};
+          .loose = loose_of(ground)};
 }
 
-Relief relief_of(const Ground& ground, const Eigen::AlignedBox2d& box, int nx, int ny) {
+Relief relief_of(const DrawnGround& ground, const Eigen::AlignedBox2d& box, int nx, int ny) {
   return sample_relief(ground.now, ground.base, box, nx, ny, ground.least_m(), ground.filled);
 }
 
-ChangeScale change_scale(const Ground& ground, const Eigen::AlignedBox2d& box) {
+ChangeScale change_scale(const DrawnGround& ground, const Eigen::AlignedBox2d& box) {
   const Eigen::AlignedBox2d part = box.intersection(ground.changed);
   if (ground.changed.isEmpty() || part.isEmpty() || !(part.sizes().minCoeff() > 0)) return {};
   const double cell = std::max(ground.voxel_size_m / 3, part.sizes().maxCoeff() / 700);

@@ -111,7 +111,8 @@ void draw_notes(Canvas& canvas, double x, double y, double width,
 
 }  // namespace
 
-Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const Caption& caption) {
+Canvas draw_plan(const DrawnGround& ground, const Eigen::AlignedBox2d& wanted,
+                 const Caption& caption) {
   const Eigen::AlignedBox2d box = drawable(wanted, ground.voxel_size_m);
   Canvas ruler(1, 1);
   // Tick steps need the map's size, and that the width of the labels: one round settles it.
@@ -205,9 +206,9 @@ Canvas draw_plan(const Ground& ground, const Eigen::AlignedBox2d& wanted, const 
   return canvas;
 }
 
-void write_plan(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
-                const Caption& caption) {
-  Canvas canvas = draw_plan(ground_of(soil), box, caption);
+void write_plan(const std::filesystem::path& file, const Ground& ground,
+                const Eigen::AlignedBox2d& box, const Caption& caption) {
+  Canvas canvas = draw_plan(ground_of(ground), box, caption);
   save(file, canvas);
 }
 

@@ -8,7 +8,7 @@
 
 #include "io/draw/cutout.h"
 #include "io/draw/loose_soil.h"
-#include "soilvdb/soil_grids.h"
+#include "soilvdb/ground_grids.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -26,7 +26,8 @@ constexpr Rgb kTopSoil{0.79, 0.725, 0.63}, kSection{0.50, 0.40, 0.31},
     kSectionDark{0.43, 0.335, 0.26};
 
 /// Square cells over the box: at most `most` along its longer side.
-Relief heights(const Ground& ground, const Eigen::AlignedBox2d& box, int most, double finest_m) {
+Relief heights(const DrawnGround& ground, const Eigen::AlignedBox2d& box, int most,
+               double finest_m) {
   const double cell = std::max(box.sizes().maxCoeff() / most, finest_m);
   const Vec2 cells = (box.sizes() / cell).array().round().max(2.0);
   const Vec2 half = cells * cell / 2;
@@ -140,7 +141,7 @@ void draw_ruler(Canvas& canvas, const Camera& camera, const Vec3& low, const Vec
 
 }  // namespace
 
-Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& origin,
+Canvas draw_view(const DrawnGround& ground, const MakeBlock& make_block, const Vec3& origin,
                  const Eigen::AlignedBox2d& wanted, const Caption& caption) {
   Eigen::AlignedBox2d box = drawable(wanted, ground.voxel_size_m);
   const double voxel = ground.voxel_size_m;
@@ -261,12 +262,12 @@ Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& 
   return canvas;
 }
 
-void write_view(const std::filesystem::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
-                const Caption& caption) {
+void write_view(const std::filesystem::path& file, const Ground& ground,
+                const Eigen::AlignedBox2d& box, const Caption& caption) {
   const MakeBlock make_block = [&](const Eigen::AlignedBox3d& space) {
-    return closed_level_set(soil, space);
+    return closed_level_set(ground, space);
   };
-  Canvas canvas = draw_view(ground_of(soil), make_block, soil.origin(), box, caption);
+  Canvas canvas = draw_view(ground_of(ground), make_block, ground.origin(), box, caption);
   save(file, canvas);
 }
 

@@ -15,7 +15,7 @@ namespace soilvdb::inline v0::io {
 using MakeBlock = std::function<openvdb::FloatGrid::ConstPtr(const Eigen::AlignedBox3d& box)>;
 
 /// The picture write_view() writes.
-Canvas draw_view(const Ground& ground, const MakeBlock& make_block, const Vec3& origin,
+Canvas draw_view(const DrawnGround& ground, const MakeBlock& make_block, const Vec3& origin,
                  const Eigen::AlignedBox2d& box, const Caption& caption);
 
 }  // namespace soilvdb::inline v0::io

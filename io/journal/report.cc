@@ -88,7 +88,7 @@ std::string to_json(const Summary& s) {
               {"buckets", m->buckets_kg},
               {"hauled", m->hauled_kg},
               {"poured", m->poured_kg},
-              {"in_flight", m->in_flight_kg},
+              {"in_flight", m->pending_kg},
               {"residual", m->residual_kg}};
   }
   Json json = {

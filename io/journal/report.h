@@ -48,7 +48,7 @@ struct Summary {
   /// Where soil moves.
   struct Moved {
     double spilled_m3 = 0, poured_m3 = 0, hauled_m3 = 0, slid_m3 = 0, fill_m3 = 0;
-    double ground_change_kg = 0, buckets_kg = 0, hauled_kg = 0, poured_kg = 0, in_flight_kg = 0,
+    double ground_change_kg = 0, buckets_kg = 0, hauled_kg = 0, poured_kg = 0, pending_kg = 0,
            residual_kg = 0;
   };
   std::string scenario;

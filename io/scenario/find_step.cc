@@ -15,11 +15,11 @@ bool is_long(const Box3& box) { return box.sizes().head<2>().maxCoeff() > kLonge
 }  // namespace
 
 bool surely_known(const Site& site, const Box3& box) {
-  return !is_long(box) && site.soil->base().known(box);
+  return !is_long(box) && site.ground->terrain().has_data(box);
 }
 
 bool surely_air(const Site& site, const Box3& box) {
-  return !is_long(box) && site.soil->base().classify(box) == Content::kAir;
+  return !is_long(box) && site.ground->terrain().classify(box) == Content::kAir;
 }
 
 bool find_step(const MachineInput& machine, const std::function<bool(const Box3&)>& wanted,

@@ -57,7 +57,7 @@ Base open_level_set_base(const LevelSetTerrain& terrain) {
 /// The surface of a snapshot's ground.
 Base base_of(Site site, const std::filesystem::path& file) {
   BaseReference beneath = site.undug();
-  return {make_soil_surface(std::move(site.soil)),
+  return {make_ground_terrain(std::move(site.ground)),
           {LevelSetTerrain{as_given(file)}, file_fingerprint(file, /*whole=*/true)},
           std::move(site.crs_wkt),
           site.bounds,
@@ -101,17 +101,18 @@ Site open_site(const Terrain& terrain, double voxel_size_m, const std::optional<
   if (level_set != nullptr && is_snapshot(level_set->file)) {
     check_grid_of_snapshot(*level_set);
     Site site = read_snapshot(level_set->file);
-    if (std::abs(h - site.soil->voxel_size_m()) <= kSameSize * h) return site;
+    if (std::abs(h - site.ground->voxel_size_m()) <= kSameSize * h) return site;
     base = base_of(std::move(site), level_set->file);
   } else {
     base = open_base(terrain);
   }
-  return {std::make_unique<Soil>(h, lattice_origin(h, near_m.value_or(middle(base))), base.surface),
-          std::move(base.reference),
-          std::move(base.crs_wkt),
-          base.bounds,
-          std::move(base.beneath),
-          std::move(base.warnings)};
+  return {
+      std::make_unique<Ground>(h, lattice_origin(h, near_m.value_or(middle(base))), base.surface),
+      std::move(base.reference),
+      std::move(base.crs_wkt),
+      base.bounds,
+      std::move(base.beneath),
+      std::move(base.warnings)};
 }
 
 Base open_base(const Terrain& terrain) {
@@ -126,8 +127,8 @@ Base open_base(const Terrain& terrain) {
 }
 
 Site undug_site(const Site& site) {
-  const Soil& soil = *site.soil;
-  return {std::make_unique<Soil>(soil.voxel_size_m(), soil.origin(), soil.shared_base()),
+  const Ground& ground = *site.ground;
+  return {std::make_unique<Ground>(ground.voxel_size_m(), ground.origin(), ground.shared_terrain()),
           site.reference, site.crs_wkt, site.bounds, site.beneath};
 }
 

@@ -15,16 +15,16 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 /// How far below the ground the bucket is, or more, m; nothing if it isn't at some row.
-std::optional<double> depth_m(const MachineInput& machine, const BaseSurface& ground) {
+std::optional<double> depth_m(const MachineInput& machine, const InitialTerrain& terrain) {
   const Corners corners = bucket_corners(machine.bucket);
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < machine.motion.parts(); ++i) {
     const std::shared_ptr<const Motion> part = machine.motion.part(i);
     for (std::size_t row = 0; row < part->times_s().size(); ++row) {
       const Box3 box = box_at(part->row(row), corners);
-      if (ground.classify(box) != Content::kSoil) return std::nullopt;
+      if (terrain.classify(box) != Content::kSoil) return std::nullopt;
       const Vec3 top(box.center().x(), box.center().y(), box.max().z());
-      least = std::min(least, ground.height(top.x(), top.y()).value_or(top.z()) - top.z());
+      least = std::min(least, terrain.height(top.x(), top.y()).value_or(top.z()) - top.z());
     }
   }
   return least;
@@ -32,10 +32,10 @@ std::optional<double> depth_m(const MachineInput& machine, const BaseSurface& gr
 
 }  // namespace
 
-void warn_of_underground(Scenario& scenario, const BaseSurface& ground) {
+void warn_of_underground(Scenario& scenario, const InitialTerrain& terrain) {
   for (const MachineInput& machine : scenario.machines) {
     if (!machine.has_motion()) continue;
-    const std::optional<double> depth = depth_m(machine, ground);
+    const std::optional<double> depth = depth_m(machine, terrain);
     if (!depth) continue;
     scenario.warnings.push_back(fmt::format(
         "{}: the bucket of {} is {:.3g} m or more below the ground all the time; heights of motion "

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "core/constants.h"
+#include "io/scenario/check_pours.h"
 #include "io/scenario/find_step.h"
-#include "io/scenario/pour_places.h"
 #include "soilvdb/io/raster.h"
 
 namespace soilvdb::inline v0::io {
@@ -63,11 +63,11 @@ void check_overlap(const Scenario& scenario, const Site& site) {
 
 void check_distance(const Scenario& scenario, const Site& site, const MachineInput& m) {
   if (!m.has_motion()) return;
-  const double h = site.soil->voxel_size_m();
+  const double h = site.ground->voxel_size_m();
   const Box3 whole = m.swept.whole();
-  const Vec3 far = (whole.min() - site.soil->origin())
+  const Vec3 far = (whole.min() - site.ground->origin())
                        .cwiseAbs()
-                       .cwiseMax((whole.max() - site.soil->origin()).cwiseAbs());
+                       .cwiseMax((whole.max() - site.ground->origin()).cwiseAbs());
   if (far.maxCoeff() < kMaxIndex * h) return;
   throw InputError(
       scenario.file,
@@ -108,7 +108,7 @@ void check_known(const Scenario& scenario, const Site& site, const MachineInput&
   find_step(m, unknown, [&](const Motion& part, const StepBox& step) {
     if (!unknown(step.box)) return false;
     const std::vector<double>& times = part.times_s();
-    for (const Box3& box : close_boxes(m, part, step.row, site.soil->voxel_size_m())) {
+    for (const Box3& box : close_boxes(m, part, step.row, site.ground->voxel_size_m())) {
       if (!unknown(box)) continue;
       throw InputError(
           scenario.file,
@@ -132,7 +132,7 @@ double memory_bytes() {
 /// Cells of a lattice, and how much room those take that are not all air.
 class SoilCells {
  public:
-  SoilCells(const Soil& soil, double cell_m) : soil_(soil), cell_m_(cell_m) {}
+  SoilCells(const Ground& ground, double cell_m) : ground_(ground), cell_m_(cell_m) {}
 
   double volume_m3() const { return volume_m3_; }
 
@@ -152,26 +152,26 @@ class SoilCells {
 
  private:
   Eigen::Array3d cell_of(const Vec3& p) const {
-    return ((p - soil_.origin()).array() / cell_m_).floor();
+    return ((p - ground_.origin()).array() / cell_m_).floor();
   }
   void mark_cell(const Eigen::Array3d& cell) {
     std::uint64_t key = 0;
     for (const double c : {cell.x(), cell.y(), cell.z()})
       key = key << kCellBits | static_cast<std::uint64_t>(c + (1 << (kCellBits - 1)));
     if (!seen_.insert(key).second) return;
-    const Vec3 low = soil_.origin() + Vec3(cell * cell_m_);
-    if (soil_.base().classify({low, low + Vec3::Constant(cell_m_)}) == Content::kAir) return;
+    const Vec3 low = ground_.origin() + Vec3(cell * cell_m_);
+    if (ground_.terrain().classify({low, low + Vec3::Constant(cell_m_)}) == Content::kAir) return;
     volume_m3_ += cell_m_ * cell_m_ * cell_m_;
   }
 
-  const Soil& soil_;
+  const Ground& ground_;
   double cell_m_, volume_m3_ = 0;
   std::unordered_set<std::uint64_t> seen_;
 };
 
 /// At most so much soil is dug: all cells twice a bucket's size about the blocks of its way.
 double reached_soil_m3(const Site& site, const MachineInput& m, double chunk_m, double enough_m3) {
-  SoilCells cells(*site.soil, std::max({chunk_m, 2 * m.bucket.width_m, 2 * m.bucket.height_m}));
+  SoilCells cells(*site.ground, std::max({chunk_m, 2 * m.bucket.width_m, 2 * m.bucket.height_m}));
   for (const Box3& block : m.swept.blocks()) {
     if (surely_air(site, block)) continue;
     if (!cells.mark(block)) return std::numeric_limits<double>::infinity();
@@ -186,7 +186,7 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
       std::max(chunk_m, std::max(m.bucket.width_m, m.bucket.height_m) / kPointsAcross);
   const int ny = std::max(1, static_cast<int>(std::ceil(m.bucket.width_m / cell_m)));
   const int nz = std::max(1, static_cast<int>(std::ceil(m.bucket.height_m / cell_m)));
-  SoilCells cells(*site.soil, cell_m);
+  SoilCells cells(*site.ground, cell_m);
   const Corners corners = bucket_corners(m.bucket);
   std::optional<Pose> last;  // in soil
   const auto mark = [&](const Pose& pose) {
@@ -218,7 +218,7 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
 }
 
 void check_memory(const Scenario& scenario, const Site& site) {
-  const double h = site.soil->voxel_size_m(), chunk_m = kChunkSide * h;
+  const double h = site.ground->voxel_size_m(), chunk_m = kChunkSide * h;
   const double bytes_per_m3 = kBytesPerChunk / (chunk_m * chunk_m * chunk_m);
   const double limit = memory_bytes() / 2;
   double bytes = 0;
@@ -241,14 +241,14 @@ void check_memory(const Scenario& scenario, const Site& site) {
 /// The output raster covers all the ground that is dug or poured on, and all between.
 void check_raster(const Scenario& scenario, const Site& site) {
   if (!scenario.raster_cell_m) return;
-  const double h = site.soil->voxel_size_m(), cell_m = *scenario.raster_cell_m;
+  const double h = site.ground->voxel_size_m(), cell_m = *scenario.raster_cell_m;
   const auto cells = [&](const Eigen::AlignedBox2d& box) {
     // Ground gets voxels by whole chunks.
     return (box.sizes().array() + 2 * kChunkSide * h).prod() / (cell_m * cell_m);
   };
   Eigen::AlignedBox2d all, dug;
-  for (const Chunk* chunk : site.soil->chunks())
-    dug.extend(site.soil->world_from_index(chunk->origin.cast<double>()).head<2>());
+  for (const Chunk* chunk : site.ground->chunks())
+    dug.extend(site.ground->world_from_index(chunk->origin.cast<double>()).head<2>());
   all = dug;
   for (const MachineInput& m : scenario.machines) all.extend(plan(m.swept.whole()));
   for (const Pour& pour : scenario.pours) all.extend(Vec2(pour.at_m.head<2>()));

@@ -10,8 +10,8 @@
 #include "io/file/atomic_file.h"
 #include "io/snapshot/snapshot_format.h"
 #include "io/snapshot/snapshot_samples.h"
+#include "soilvdb/ground_grids.h"
 #include "soilvdb/io/level_set_file.h"
-#include "soilvdb/soil_grids.h"
 #include "soilvdb/version.h"
 
 namespace soilvdb::inline v0::io {
@@ -64,11 +64,11 @@ void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseRe
 
 void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
              const SnapshotInfo& info) {
-  const Soil& soil = *site.soil;
-  const Vec3& origin = soil.origin();
+  const Ground& ground = *site.ground;
+  const Vec3& origin = ground.origin();
   meta.insertMeta("soilvdb_format", openvdb::Int32Metadata(kFormat));
   put_meta(meta, "soilvdb_version", SOILVDB_VERSION);
-  put_meta(meta, "soilvdb_voxel_size_m", soil.voxel_size_m());
+  put_meta(meta, "soilvdb_voxel_size_m", ground.voxel_size_m());
   meta.insertMeta(kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
   put_meta(meta, kCrsKey, site.crs_wkt);
   put_meta(meta, "soilvdb_scenario", info.scenario);
@@ -77,7 +77,7 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
   put_meta(meta, "soilvdb_captured_m3", info.captured_m3);
   put_meta(meta, "soilvdb_displaced_m3", info.displaced_m3);
   put_meta(meta, "soilvdb_dumped_m3", info.dumped_m3);
-  put_meta(meta, "soilvdb_state_hash", fmt::format("{:016x}", soil.state_hash()));
+  put_meta(meta, "soilvdb_state_hash", fmt::format("{:016x}", ground.state_hash()));
   if (info.parent) {
     put_meta(meta, kParentKey, info.parent->name);
     put_meta(meta, kParentChecksumKey, to_text(info.parent->digest));
@@ -88,13 +88,13 @@ void put_all(MetaMap& meta, const std::filesystem::path& file, const Site& site,
 }  // namespace
 
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
-                           const SnapshotInfo& info, const Soil* ground) {
+                           const SnapshotInfo& info, const Ground* ground) {
   openvdb::initialize();
   MetaMap meta;
   put_all(meta, file, site, info);
   const std::vector<Coord3> chunks =
-      info.parent ? site.soil->origins() : chunks_with_surface(*site.soil);
-  const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.soil, chunks);
+      info.parent ? site.ground->origins() : chunks_with_surface(*site.ground);
+  const FloatGrid::Ptr surface = surface_grid(ground != nullptr ? *ground : *site.ground, chunks);
   for (auto item = meta.beginMeta(); item != meta.endMeta(); ++item) {
     surface->insertMeta(item->first, *item->second);
   }
@@ -107,7 +107,7 @@ std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
   if (!out) throw std::runtime_error(file.string() + ": can't be written: out of memory");
   std::string bytes = std::move(out).str();
   const std::string samples =
-      samples_bytes(*site.soil, info.parent ? info.parent->dropped : std::vector<Coord3>());
+      samples_bytes(*site.ground, info.parent ? info.parent->dropped : std::vector<Coord3>());
   bytes += samples + size_line(kSamplesWord, samples);
   if (!info.tracker_state.empty())
     bytes += info.tracker_state + size_line(kStateWord, info.tracker_state);

@@ -7,7 +7,7 @@
 #include <system_error>
 #include <utility>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "io/file/text.h"
 #include "io/snapshot/snapshot_chain.h"
 #include "io/snapshot/snapshot_format.h"
@@ -68,16 +68,16 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
 }
 
 /// The ground that one file holds, and what it says was dropped.
-std::unique_ptr<Soil> read_chain_soil(ChainFile& member, const Base& base,
-                                      std::vector<Coord3>& dropped) {
+std::unique_ptr<Ground> read_chain_ground(ChainFile& member, const Base& base,
+                                          std::vector<Coord3>& dropped) {
   const MetaReader meta(member.file, *member.meta);
   const openvdb::Vec3d origin = meta.vector(kOriginKey);
-  auto soil = std::make_unique<Soil>(meta.number("soilvdb_voxel_size_m"),
-                                     Vec3(origin.x(), origin.y(), origin.z()), base.surface);
-  dropped = restore_samples(*member.samples, *soil);
-  if (fmt::format("{:016x}", soil->state_hash()) != meta.text("soilvdb_state_hash"))
+  auto ground = std::make_unique<Ground>(meta.number("soilvdb_voxel_size_m"),
+                                         Vec3(origin.x(), origin.y(), origin.z()), base.surface);
+  dropped = restore_samples(*member.samples, *ground);
+  if (fmt::format("{:016x}", ground->state_hash()) != meta.text("soilvdb_state_hash"))
     throw std::runtime_error("its ground is not what was written");
-  return soil;
+  return ground;
 }
 
 }  // namespace
@@ -92,15 +92,15 @@ Site read_snapshot(const std::filesystem::path& file, SnapshotInfo* info) {
   for (auto member = chain.rbegin(); member != chain.rend(); ++member) {
     reading(file, member->file, [&] {
       std::vector<Coord3> dropped;
-      std::unique_ptr<Soil> soil = read_chain_soil(*member, base, dropped);
+      std::unique_ptr<Ground> ground = read_chain_ground(*member, base, dropped);
       if (!member->parent) {
-        site.soil = std::move(soil);
+        site.ground = std::move(ground);
         return;
       }
-      chunks += soil->chunk_count() + dropped.size();
-      SoilWriter writer(*site.soil);
+      chunks += ground->chunk_count() + dropped.size();
+      GroundWriter writer(*site.ground);
       for (const Coord3& origin : dropped) writer.drop(origin);
-      for (const Chunk* chunk : soil->chunks()) writer.copy_from(*soil, chunk->origin);
+      for (const Chunk* chunk : ground->chunks()) writer.copy_from(*ground, chunk->origin);
       if (member->file == file) member->parent->dropped = std::move(dropped);
     });
     member->samples.reset();

@@ -19,7 +19,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -101,7 +101,7 @@ CellMasks masks_of(const SampleWords& words, std::vector<std::uint64_t>& mixed_w
   return masks;
 }
 
-std::string part_bytes(const Soil& soil, const Chunk* const* chunks, std::size_t count) {
+std::string part_bytes(const Ground& ground, const Chunk* const* chunks, std::size_t count) {
   std::string origins, bases, masks, loose_masks;
   std::vector<std::uint64_t> mixed_words, loose_words;
   SampleWords words;
@@ -110,10 +110,10 @@ std::string part_bytes(const Soil& soil, const Chunk* const* chunks, std::size_t
     put_bytes(origins, Origin{chunk.origin.x(), chunk.origin.y(), chunk.origin.z()});
     put_bytes(bases, std::uint32_t{chunk.base_count} + (chunk.above ? kAbove : 0) +
                          (chunk.loose_count > 0 ? kLoose : 0));
-    soil.read_samples(chunk.origin, words);
+    ground.read_samples(chunk.origin, words);
     put_bytes(masks, masks_of(words, mixed_words));
     if (chunk.loose_count == 0) continue;
-    soil.read_loose(chunk.origin, words);
+    ground.read_loose(chunk.origin, words);
     put_bytes(loose_masks, masks_of(words, loose_words));
   }
   mixed_words.insert(mixed_words.end(), loose_words.begin(), loose_words.end());
@@ -141,7 +141,7 @@ class MixedWords {
   std::size_t next_ = 0;
 };
 
-void restore_part(std::string_view bytes, std::size_t count, Soil& soil) {
+void restore_part(std::string_view bytes, std::size_t count, Ground& ground) {
   if (count > kChunksPerPart) refuse();
   Reader in(bytes);
   Reader origins(in.take(count * sizeof(Origin)));
@@ -175,9 +175,9 @@ void restore_part(std::string_view bytes, std::size_t count, Soil& soil) {
     chunks[i].loose.assign(words);
   }
   if (!mixed_words.empty()) refuse();
-  SoilWriter writer(soil);
+  GroundWriter writer(ground);
   for (Chunk& chunk : chunks) {
-    if (soil.find(chunk.origin) != nullptr) refuse();
+    if (ground.find(chunk.origin) != nullptr) refuse();
     writer.put(std::move(chunk));
   }
 }
@@ -194,14 +194,14 @@ std::string compressed(std::string bytes) {
 
 }  // namespace
 
-std::string samples_bytes(const Soil& soil, const std::vector<Coord3>& dropped) {
-  const std::vector<const Chunk*> chunks = soil.chunks();
+std::string samples_bytes(const Ground& ground, const std::vector<Coord3>& dropped) {
+  const std::vector<const Chunk*> chunks = ground.chunks();
   const std::size_t parts = (chunks.size() + kChunksPerPart - 1) / kChunksPerPart;
   std::vector<std::string> bytes(parts);
   tbb::parallel_for(std::size_t{0}, parts, [&](std::size_t i) {
     const std::size_t first = i * kChunksPerPart;
     const std::size_t count = std::min(kChunksPerPart, chunks.size() - first);
-    const std::string plain = part_bytes(soil, &chunks[first], count);
+    const std::string plain = part_bytes(ground, &chunks[first], count);
     const std::string small = compressed(plain);
     put_bytes(bytes[i], PartHead{count, plain.size(), small.size()});
     bytes[i] += small;
@@ -214,7 +214,7 @@ std::string samples_bytes(const Soil& soil, const std::vector<Coord3>& dropped) 
   return all;
 }
 
-std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil) {
+std::vector<Coord3> restore_samples(std::string_view bytes, Ground& ground) {
   Reader in(bytes);
   std::vector<Coord3> dropped;
   for (auto left = in.get<std::uint64_t>(); left > 0; --left) {
@@ -225,7 +225,7 @@ std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil) {
     const auto head = in.get<PartHead>();
     const std::string_view stored = in.take(head.stored);
     if (head.stored == head.size) {
-      restore_part(stored, head.chunks, soil);
+      restore_part(stored, head.chunks, ground);
       continue;
     }
     constexpr std::size_t kMost = kChunksPerPart * (sizeof(Origin) + 4 + 4 * sizeof(SampleWords));
@@ -237,7 +237,7 @@ std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil) {
     if (plain != head.size || small != head.stored) refuse();
     const auto whole = openvdb::compression::bloscDecompress(stored.data(), head.size);
     if (!whole) refuse();
-    restore_part({whole.get(), head.size}, head.chunks, soil);
+    restore_part({whole.get(), head.size}, head.chunks, ground);
   }
   if (!in.empty()) refuse();
   return dropped;

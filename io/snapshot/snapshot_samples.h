@@ -7,15 +7,15 @@
 #include <string_view>
 #include <vector>
 
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0::io {
 
 /// All resident chunks, and the origins of those that a snapshot says were dropped.
-std::string samples_bytes(const Soil& soil, const std::vector<Coord3>& dropped);
+std::string samples_bytes(const Ground& ground, const std::vector<Coord3>& dropped);
 
-/// Puts the chunks into a soil. @return origins of dropped ones
+/// Puts the chunks into a ground. @return origins of dropped ones
 /// @throw std::exception on anything that isn't as samples_bytes() makes it.
-std::vector<Coord3> restore_samples(std::string_view bytes, Soil& soil);
+std::vector<Coord3> restore_samples(std::string_view bytes, Ground& ground);
 
 }  // namespace soilvdb::inline v0::io

@@ -11,7 +11,7 @@
 
 #include "io/terrain/gdal.h"
 #include "io/terrain/raster_advice.h"
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0::io {
 

@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "io/file/text.h"
-#include "soilvdb/soil_grids.h"
+#include "soilvdb/ground_grids.h"
 
 namespace soilvdb::inline v0::io {
 namespace {

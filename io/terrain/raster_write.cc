@@ -40,10 +40,10 @@ class MemoryFile {
 };
 
 /// What cells rise by where columns as wide as they are gain something.
-GainFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
+VolumeChangeFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
   const double side_m = cells.spacing.x();
   rise_m.resize(std::size_t(cells.nx) * cells.ny);
-  return [&cells, &rise_m, side_m](const GainGrid::Box& column, const Gain& gain) {
+  return [&cells, &rise_m, side_m](const VolumeBins::Box& column, const VolumeChange& gain) {
     const int i = column[0], j = column[1];
     if (i >= 0 && i < cells.nx && j >= 0 && j < cells.ny)
       rise_m[std::size_t(j) * cells.nx + i] += gain.m3 / (side_m * side_m);
@@ -110,7 +110,7 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
   write_atomically(file, memory.bytes());
 }
 
-SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double cell_m) {
+SurfaceRaster rasterise(const Ground& ground, const Eigen::AlignedBox2d& box, double cell_m) {
   if (!(cell_m > 0) || box.isEmpty()) {
     throw std::invalid_argument("a raster needs a box and cells above 0 m");
   }
@@ -129,16 +129,16 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   const std::size_t cells = std::size_t(out.grid.nx) * out.grid.ny;
   // A voxel has too few samples for cells that are smaller.
   std::vector<double> rise_m;
-  if (cell_m > 0.999 * soil.voxel_size_m()) {
-    const GainFunction add = add_to(out.grid, rise_m);
-    for (const Soil* s = &soil; s != nullptr; s = s->base().soil())
-      for_each_gain(*s, GainGrid::columns(out.grid.first, cell_m), add);
+  if (cell_m > 0.999 * ground.voxel_size_m()) {
+    const VolumeChangeFunction add = add_to(out.grid, rise_m);
+    for (const Ground* s = &ground; s != nullptr; s = s->terrain().ground())
+      for_each_volume_change(*s, VolumeBins::columns(out.grid.first, cell_m), add);
   }
   out.surface.resize(cells);
   out.base.resize(cells);
   out.change.resize(cells);
-  const BaseSurface& undug = soil.undug();
-  const auto heights = surface_heights(soil);
+  const InitialTerrain& undug = ground.initial_terrain();
+  const auto heights = surface_heights(ground);
   tbb::parallel_for(0, out.grid.ny, [&](int j) {
     constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
     const double y = out.grid.first.y() + j * cell_m;
@@ -156,12 +156,12 @@ SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double
   return out;
 }
 
-std::vector<float> rasterise_change(const Soil& before, const Soil& after, bool same_base,
+std::vector<float> rasterise_change(const Ground& before, const Ground& after, bool same_base,
                                     const SurfaceRaster& raster) {
   std::vector<double> rise_m;
-  for_each_gain(before, after, same_base,
-                GainGrid::columns(raster.grid.first, raster.grid.spacing.x()),
-                add_to(raster.grid, rise_m));
+  for_each_volume_change(before, after, same_base,
+                         VolumeBins::columns(raster.grid.first, raster.grid.spacing.x()),
+                         add_to(raster.grid, rise_m));
   std::vector<float> change(rise_m.size());
   for (std::size_t i = 0; i < change.size(); ++i)
     change[i] = change_of(rise_m[i], double{raster.base[i]});

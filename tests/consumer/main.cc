@@ -11,11 +11,11 @@
 
 int main() {
   const soilvdb::Bucket bucket = {.width_m = 1.0, .height_m = 0.5};
-  soilvdb::Soil soil(0.05, {0, 0, 0}, soilvdb::make_plane(0, {0, 0}));
-  soilvdb::Tracker tracker(soil, {bucket});
-  soilvdb::Site site(
-      std::make_shared<soilvdb::Soil>(0.05, soilvdb::Vec3::Zero(), soilvdb::make_plane(0, {0, 0})),
-      {{{"digger", bucket}}});
+  soilvdb::Ground ground(0.05, {0, 0, 0}, soilvdb::make_plane(0, {0, 0}));
+  soilvdb::Tracker tracker(ground, {bucket});
+  soilvdb::Site site(std::make_shared<soilvdb::Ground>(0.05, soilvdb::Vec3::Zero(),
+                                                       soilvdb::make_plane(0, {0, 0})),
+                     {{{"digger", bucket}}});
   soilvdb::Session session({.voxel_size_m = 0.05, .machines = {{"digger", bucket}}});
   double load_m3 = 0;
   for (int i = 0; i <= 20; ++i) {

@@ -60,7 +60,7 @@ const std::vector<Result>& results() {
       for (const Resolution& r : kResolutions) {
         const double h = r.voxel_size_m;
         const Dug dug(dig, h, kUpdates);
-        const double cells = static_cast<double>(border_cells(dug.soil));
+        const double cells = static_cast<double>(border_cells(dug.ground));
         const double sigma = count_error_m3(h, cells, kCountError);
         const double bend = kPathBend * h * cells * h * h;
         const double bound = kSigmas * count_error_m3(h, cells) + bend + dig.uncertainty_m3;

@@ -26,14 +26,14 @@ Pose at(double x, double z, double pitch = 0) { return {{x, 0, z}, from_rpy(0, p
 const Pose kWorld{{0.0131, 0.0077, 0}, from_rpy(0, 0, 0.576)};
 
 struct Site {
-  Soil soil;
+  Ground ground;
   Tracker tracker;
   explicit Site(const Bucket& b, double h = kVoxel)
-      : soil(h, Vec3::Zero(), make_plane(0, {0, 0})), tracker(soil, {b}) {}
+      : ground(h, Vec3::Zero(), make_plane(0, {0, 0})), tracker(ground, {b}) {}
   void go(const Pose& pose) { tracker.update(0, kWorld * pose); }
   const Ledger& ledger() const { return tracker.ledger(0); }
   /// Five standard errors of what sampling gets wrong.
-  double tolerance_m3() const { return kSigmas * count_error_m3(soil); }
+  double tolerance_m3() const { return kSigmas * count_error_m3(ground); }
 };
 
 const Terrain kFlat{[](const Vec2&) { return 0.0; }, true};
@@ -94,8 +94,8 @@ TEST(Body, ADraggedHeelDisplacesWhatLiesBelowTheLip) {
 TEST(Body, DisplacesOnlyWhatTheMouthDidNotReachFirst) {
   // Level, from the air before a vertical face: the mouth leads everywhere, the heel comes after.
   const Bucket b = bucket(kHeel);
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {Bucket{2, 2, {}, {}}, b});
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {Bucket{2, 2, {}, {}}, b});
   tracker.update(0, at(-2, -0.8));
   tracker.update(0, at(0, -0.8));  // a pit up to x = 0
   for (const double x : {-0.5, 0.0, 0.4, 0.9}) tracker.update(1, at(x, -0.15));
@@ -103,7 +103,7 @@ TEST(Body, DisplacesOnlyWhatTheMouthDidNotReachFirst) {
   const double captured = kWidth * travel * 0.15;
   // The heel's lowest point trails by 0.3 m; before it the bottom rises to the lip.
   const double displaced = kWidth * (0.06 * (travel - 0.3) + 0.06 * 0.3 / 2);
-  const double tolerance = kSigmas * count_error_m3(soil);
+  const double tolerance = kSigmas * count_error_m3(ground);
   EXPECT_NEAR(tracker.ledger(1).captured_m3(), captured, tolerance);
   EXPECT_NEAR(tracker.ledger(1).displaced_m3(), displaced, tolerance);
 }
@@ -112,8 +112,8 @@ TEST(Body, BackingIntoABankDisplacesIt) {
   // Against the digging direction the back of the body leads; what it took the mouth can't capture,
   // however the way is split.
   for (const int updates : {1, 3, 40}) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Tracker tracker(soil, {Bucket{2, 2, {}, {}}, bucket(kCleared)});
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, {Bucket{2, 2, {}, {}}, bucket(kCleared)});
     tracker.update(0, at(2, -0.8));
     tracker.update(0, at(0, -0.8));  // a pit from x = 0 on
     for (int i = 0; i <= updates; ++i) tracker.update(1, at(0.6 - 1.4 * i / updates, -0.35));
@@ -137,8 +137,8 @@ TEST(Body, ACurlWithAHeelCutsTheUnionOfMouthAndBody) {
 TEST(Body, SwungSidewaysCutsWithItsSides) {
   // Straight along y, the mouth edge-on: only the side of the body cuts, from face to face.
   const Bucket b = bucket(kCleared);
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(1, {0, 0}));  // all under ground
-  Tracker tracker(soil, {b});
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(1, {0, 0}));  // all under ground
+  Tracker tracker(ground, {b});
   tracker.update(0, Pose{{0.0131, 0.0077, 0.003}, Eigen::Quaterniond::Identity()});
   double area = 0;  // shoelace
   for (std::size_t i = 0; i < kCleared.size(); ++i) {
@@ -146,7 +146,7 @@ TEST(Body, SwungSidewaysCutsWithItsSides) {
     area += (q.x() * p.y() - p.x() * q.y()) / 2;
   }
   area = std::abs(area);
-  const double tolerance = kSigmas * std::sqrt(2) * count_error_m3(soil);
+  const double tolerance = kSigmas * std::sqrt(2) * count_error_m3(ground);
   EXPECT_NEAR(tracker.ledger(0).displaced_m3(), kWidth * area, tolerance) << "where it starts";
   tracker.update(0, Pose{{0.0131, 1.0077, 0.003}, Eigen::Quaterniond::Identity()});
   EXPECT_EQ(tracker.ledger(0).captured, 0);
@@ -171,7 +171,7 @@ TEST_P(ThinPlate, NeitherLosesNorInventsSoil) {
   // The plate's lower rear edge cuts a strip on the way in, no more; the mouth gets the rest.
   EXPECT_LE(site.ledger().captured, without.ledger().captured);
   EXPECT_GE(site.ledger().captured + site.ledger().displaced, without.ledger().captured);
-  EXPECT_LE(std::abs(site.soil.change_m3() + site.ledger().cut_m3()),
+  EXPECT_LE(std::abs(site.ground.change_m3() + site.ledger().cut_m3()),
             1e-9 * site.ledger().cut_m3());
 }
 
@@ -187,7 +187,7 @@ TEST_P(ThinPlate, PressedIntoTheGroundLeavesASlot) {
   const double sample = std::pow(kVoxel, 3) / 64;
   const double per_cell = 64 * std::min(1.0, t / kVoxel);
   EXPECT_NEAR(site.ledger().cut_m3(), slot, kSigmas * sample * std::sqrt(cells * per_cell));
-  EXPECT_EQ(site.ledger().cut_m3(), -site.soil.change_m3());
+  EXPECT_EQ(site.ledger().cut_m3(), -site.ground.change_m3());
 }
 
 INSTANTIATE_TEST_SUITE_P(OfMillimetres, ThinPlate, ::testing::Values(0.001, 0.002, 0.005),
@@ -198,11 +198,11 @@ INSTANTIATE_TEST_SUITE_P(OfMillimetres, ThinPlate, ::testing::Values(0.001, 0.00
 TEST(Body, PlacedInTheGroundTakesItsOwnVolume) {
   const Bucket b = bucket(kCleared);
   const Pose deep = kWorld * Pose{{0, 0, -2}, from_rpy(0.3, 0.7, 0)};
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {b});
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {b});
   tracker.update(0, deep);
   const double area = (0.3 * 0.3 + 0.35 * (0.4 - 0.08)) / 2;  // half the diagonals' cross product
-  const double tolerance = kSigmas * count_error_m3(soil);
+  const double tolerance = kSigmas * count_error_m3(ground);
   EXPECT_NEAR(tracker.ledger(0).displaced_m3(), kWidth * area, tolerance);
   EXPECT_EQ(tracker.ledger(0).captured, 0);
   EXPECT_EQ(tracker.update(0, deep).cut_m3, 0) << "it is there already";

@@ -17,7 +17,7 @@
 #include <sstream>
 
 #include "core/lattice/splitmix64.h"
-#include "soilvdb/soil_grids.h"
+#include "soilvdb/ground_grids.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::test {
@@ -61,12 +61,12 @@ Bucket bucket(double width_m, double height_m, std::vector<Vec2> profile = {},
 
 class Dig {
  public:
-  Dig(double voxel_size_m, const Vec3& origin, std::unique_ptr<BaseSurface> ground,
+  Dig(double voxel_size_m, const Vec3& origin, std::unique_ptr<InitialTerrain> terrain,
       std::vector<Bucket> buckets, Earthmoving earthmoving = {})
-      : soil_(voxel_size_m, origin, std::move(ground)),
+      : ground_(voxel_size_m, origin, std::move(terrain)),
         moves_(earthmoving.soil.has_value()),
         pours_(earthmoving.pours.size()),
-        tracker_(soil_, std::move(buckets), std::move(earthmoving)) {}
+        tracker_(ground_, std::move(buckets), std::move(earthmoving)) {}
 
   /// Rows of a motion, so many to an update.
   void along(const Motion& motion, int updates) {
@@ -84,15 +84,15 @@ class Dig {
   Outcome outcome() {
     const Ledger total = tracker_.total();
     if (moves_) {
-      const SiteLedger site = tracker_.site();
-      EXPECT_GT(site.slid, 0);
-      EXPECT_GT(site.hauled, 0);
-      EXPECT_EQ(site.ground + total.load + site.in_flight + site.hauled, site.poured);
-      for (const std::int64_t mass : {site.ground, site.in_flight, site.hauled, site.slid,
-                                      site.fill_samples, total.load, total.spilled})
+      const MassBalance balance = tracker_.mass_balance();
+      EXPECT_GT(balance.slid, 0);
+      EXPECT_GT(balance.hauled, 0);
+      EXPECT_EQ(balance.ground + total.load + balance.pending + balance.hauled, balance.poured);
+      for (const std::int64_t mass : {balance.ground, balance.pending, balance.hauled, balance.slid,
+                                      balance.fill_samples, total.load, total.spilled})
         add(static_cast<std::uint64_t>(mass));
     }
-    return {soil_.state_hash(), digest_, total.captured, total.displaced, total.dumped};
+    return {ground_.state_hash(), digest_, total.captured, total.displaced, total.dumped};
   }
 
  private:
@@ -104,7 +104,7 @@ class Dig {
     add(std::bit_cast<std::uint64_t>(update.slid_m3));
   }
   void add(std::uint64_t bits) { digest_ = splitmix64(digest_ ^ bits); }
-  Soil soil_;
+  Ground ground_;
   const bool moves_;  // the soil
   const std::size_t pours_;
   Tracker tracker_;

@@ -30,7 +30,7 @@ TEST(Cut, IsTheSameSamplesAtUtmCoordinates) {
     const Dug a(near, kVoxel, kUpdates), b(far, kVoxel, kUpdates);
     // Coordinates of 4e6 m are rounded to 1e-9 m, so a sample in 1e6 may change sides.
     EXPECT_NEAR(a.cut_m3(), b.cut_m3(), 1e-5 * a.cut_m3()) << family;
-    EXPECT_EQ(a.soil.chunks().size(), b.soil.chunks().size()) << family;
+    EXPECT_EQ(a.ground.chunks().size(), b.ground.chunks().size()) << family;
   }
 }
 
@@ -38,7 +38,7 @@ TEST(Cut, HardlyDependsOnYaw) {
   const Dug ahead(make_dig("drag", {0, {0.013, 0.021, 0.007}}), kVoxel, kUpdates);
   for (const double yaw : {0.2, 0.9, 1.3, 2.6, 4.4}) {
     const Dug turned(make_dig("drag", {yaw, {0.013, 0.021, 0.007}}), kVoxel, kUpdates);
-    EXPECT_NEAR(turned.cut_m3(), ahead.cut_m3(), kSigmas * count_error_m3(ahead.soil)) << yaw;
+    EXPECT_NEAR(turned.cut_m3(), ahead.cut_m3(), kSigmas * count_error_m3(ahead.ground)) << yaw;
   }
 }
 
@@ -63,38 +63,38 @@ TEST(Cut, ScalesWithTheScene) {
 TEST(Cut, TheSamePathAgainRemovesNothing) {
   for (const std::string& family : families()) {
     const Dig dig = make_dig(family, placements()[1]);
-    Soil soil(kVoxel, dig.origin, dig.ground);
+    Ground ground(kVoxel, dig.origin, dig.terrain);
     const auto path = dig.motion.trace(0, 1, dig.bucket, kVoxel * kMaxBend, kVoxel * kPathStride);
     Excavator excavator(dig.bucket);
-    EXPECT_GT(excavator.sweep(soil, path).all.captured, 0) << family;
-    EXPECT_EQ(excavator.sweep(soil, path).all.captured, 0) << family << " again";
+    EXPECT_GT(excavator.sweep(ground, path).all.captured, 0) << family;
+    EXPECT_EQ(excavator.sweep(ground, path).all.captured, 0) << family << " again";
     const std::vector<Pose> back(path.rbegin(), path.rend());
-    EXPECT_EQ(excavator.sweep(soil, back).all.captured, 0) << family << " backwards";
+    EXPECT_EQ(excavator.sweep(ground, back).all.captured, 0) << family << " backwards";
   }
 }
 
 TEST(Cut, TheOrderOfDisjointCutsDoesNotMatter) {
   const Dig one = make_dig("drag", {0, Vec3::Zero()}), two = make_dig("drag", {0, {0, 3, 0}});
   const auto dig_both = [&](const Dig& first, const Dig& second) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Tracker tracker(soil, {first.bucket, second.bucket});
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, {first.bucket, second.bucket});
     run(tracker, first, kUpdates, 0);
     run(tracker, second, kUpdates, 1);
-    return soil.state_hash();
+    return ground.state_hash();
   };
   EXPECT_EQ(dig_both(one, two), dig_both(two, one));
 }
 
 TEST(Cut, SoilOnlyShrinks) {
   const Dig dig = make_dig("drag_curl_retreat", placements()[1]);
-  Soil soil(kVoxel, dig.origin, dig.ground);
-  Tracker tracker(soil, {dig.bucket});
+  Ground ground(kVoxel, dig.origin, dig.terrain);
+  Tracker tracker(ground, {dig.bucket});
   std::map<const Chunk*, SampleWords> before;
   for (int i = 0; i < kUpdates; ++i) {
     tracker.update(0, dig.motion, i / 40.0, (i + 1) / 40.0);
-    for (const Chunk* chunk : soil.chunks()) {
+    for (const Chunk* chunk : ground.chunks()) {
       SampleWords now;
-      soil.read_samples(chunk->origin, now);
+      ground.read_samples(chunk->origin, now);
       const auto [old, fresh] = before.try_emplace(chunk, now);
       for (std::size_t n = 0; n < now.size(); ++n) ASSERT_EQ(now[n] & ~old->second[n], 0u);
       old->second = now;
@@ -123,7 +123,7 @@ TEST(MeshOfACut, EnclosesWhatTheLedgerBooks) {
     for (const auto& [h, share] : most) {
       const Dig dig = make_dig(family, {0.4, {0.0131, 0.0077, 0.0093}});
       const Dug dug(dig, h, 200);
-      const double shown = below_flat_m3(mesh_all(dug.soil), dig.placement.offset.z());
+      const double shown = below_flat_m3(mesh_all(dug.ground), dig.placement.offset.z());
       EXPECT_LT(std::abs(shown / dug.cut_m3() - 1), share) << family << ", voxel " << h;
     }
   }
@@ -132,7 +132,7 @@ TEST(MeshOfACut, EnclosesWhatTheLedgerBooks) {
 TEST(MeshOfACut, IsWatertightButForItsRim) {
   for (const char* family : {"drag_curl", "undercut", "overlapping"}) {
     const Dug dug(make_dig(family, placements()[1]), kVoxel, kUpdates);
-    const Mesh mesh = mesh_all(dug.soil);
+    const Mesh mesh = mesh_all(dug.ground);
     std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;  // there less back
     for (const auto& t : mesh.triangles) {
       for (std::size_t k = 0; k < 3; ++k) {
@@ -152,7 +152,7 @@ TEST(MeshOfACut, IsWatertightButForItsRim) {
         const Vec3 step = Vec3(corner % 3 - 1, corner / 3 % 3 - 1, corner / 9 - 1) * 1.5;
         const Coord3 chunk =
             ((index + step) / kChunkSide).array().floor().matrix().cast<int>() * kChunkSide;
-        rim |= dug.soil.find(chunk) == nullptr;
+        rim |= dug.ground.find(chunk) == nullptr;
       }
       torn += !rim;
     }

@@ -25,25 +25,25 @@ Pose at(double x, double y, double z, double pitch = 0, double yaw = 0) {
 }
 
 /// The ground is short of what was cut to 1e-9 of it.
-void expect_balanced(const Soil& soil, const Ledger& total) {
+void expect_balanced(const Ground& ground, const Ledger& total) {
   EXPECT_GT(total.cut_m3(), 0);
   EXPECT_DOUBLE_EQ(total.cut_m3(), total.captured_m3() + total.displaced_m3());
-  EXPECT_LE(std::abs(soil.change_m3() + total.cut_m3()), 1e-9 * total.cut_m3());
+  EXPECT_LE(std::abs(ground.change_m3() + total.cut_m3()), 1e-9 * total.cut_m3());
 }
 
 TEST(Ledger, BalancesForEveryDig) {
   for (const std::string& family : families()) {
     const Dug dug(make_dig(family, placements()[1]), kVoxel, 30);
     SCOPED_TRACE(family);
-    expect_balanced(dug.soil, dug.tracker.total());
+    expect_balanced(dug.ground, dug.tracker.total());
     EXPECT_EQ(dug.tracker.total().displaced, 0);  // there is no body
     EXPECT_EQ(dug.tracker.total().dumped, 0);
   }
 }
 
 TEST(Ledger, BalancesAfterManyUpdates) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0.05, -0.02}));
-  Tracker tracker(soil, {bucket_with_body()});
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0.05, -0.02}));
+  Tracker tracker(ground, {bucket_with_body()});
   constexpr int kUpdates = test::kSanitized ? 5000 : 100000;
   double sum = 0;
   for (int i = 0; i <= kUpdates; ++i) {
@@ -53,14 +53,14 @@ TEST(Ledger, BalancesAfterManyUpdates) {
     sum += u.cut_m3;
     ASSERT_GE(u.cut_m3, 0);
   }
-  expect_balanced(soil, tracker.total());
+  expect_balanced(ground, tracker.total());
   EXPECT_LE(std::abs(sum - tracker.total().cut_m3()), 1e-9 * sum);
 }
 
 TEST(Ledger, TheTotalIsTheSumOverMachines) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   const Bucket open{0.6, 0.4, {}, {}};
-  Tracker tracker(soil, {open, bucket_with_body(), open});
+  Tracker tracker(ground, {open, bucket_with_body(), open});
   // Side by side, crossing one another's cuts, in turn.
   for (int i = 0; i <= 40; ++i) {
     const double s = i / 40.0;
@@ -78,13 +78,13 @@ TEST(Ledger, TheTotalIsTheSumOverMachines) {
   }
   EXPECT_EQ(tracker.total().captured, captured);
   EXPECT_EQ(tracker.total().displaced, displaced);
-  expect_balanced(soil, tracker.total());
+  expect_balanced(ground, tracker.total());
 }
 
 TEST(Ledger, ALoadLeavesWhereTheMouthLooksDown) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   Bucket bucket{0.6, 0.4, {}, 0.8};
-  Tracker tracker(soil, {bucket});
+  Tracker tracker(ground, {bucket});
   tracker.update(0, at(0, 0, -0.2));
   tracker.update(0, at(1, 0, -0.2));
   const double load = tracker.update(0, at(1, 0, 0.5)).bucket_m3;
@@ -96,12 +96,12 @@ TEST(Ledger, ALoadLeavesWhereTheMouthLooksDown) {
   tracker.update(0, at(0, 1, -0.2));
   EXPECT_GT(tracker.update(0, at(1, 1, -0.2)).bucket_m3, 0) << "it digs on";
   EXPECT_EQ(tracker.ledger(0).dumped_m3(), load);
-  expect_balanced(soil, tracker.total());
+  expect_balanced(ground, tracker.total());
 }
 
 TEST(Ledger, ALoadLeavesWithinAnUpdateToo) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {Bucket{0.6, 0.4, {}, 0.8}});
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {Bucket{0.6, 0.4, {}, 0.8}});
   tracker.update(0, at(0, 0, -0.2));
   // Down to 1.2 rad and back within one update.
   const Motion motion({0, 1, 2, 3, 4, 5}, {at(0, 0, -0.2), at(1, 0, -0.2), at(1, 0, 0.6),
@@ -121,10 +121,10 @@ TEST(Ledger, AnyNumberOfThreadsGivesTheSameBits) {
       const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
       const Dug dug(dig, 0.025, 15);
       if (threads == 1) {
-        hash = dug.soil.state_hash();
+        hash = dug.ground.state_hash();
         captured = dug.tracker.total().captured;
       }
-      EXPECT_EQ(dug.soil.state_hash(), hash) << family << ", threads " << threads;
+      EXPECT_EQ(dug.ground.state_hash(), hash) << family << ", threads " << threads;
       EXPECT_EQ(dug.tracker.total().captured, captured) << family << ", threads " << threads;
     }
   }
@@ -137,13 +137,13 @@ TEST(Ledger, AnySplitOfAPathGivesTheSameSamples) {
     const auto path = dig.motion.trace(0, 1, dig.bucket, 1e-5, 0.4);
     std::int64_t whole = 0, whole_captured = 0;
     for (const std::size_t length : {path.size(), std::size_t{3}, std::size_t{7}}) {
-      Soil soil(kVoxel, dig.origin, dig.ground);
+      Ground ground(kVoxel, dig.origin, dig.terrain);
       Excavator excavator(dig.bucket);
       Ledger total;
-      total.sample_m3 = soil.sample_m3();
+      total.sample_m3 = ground.sample_m3();
       for (std::size_t i = 0; i + 1 < path.size(); i += length - 1) {
         const Cut cut =
-            excavator.sweep(soil, std::span(path).subspan(i, std::min(length, path.size() - i)));
+            excavator.sweep(ground, std::span(path).subspan(i, std::min(length, path.size() - i)));
         total.captured += cut.all.captured;
         total.displaced += cut.all.displaced;
       }
@@ -151,7 +151,7 @@ TEST(Ledger, AnySplitOfAPathGivesTheSameSamples) {
       if (length == path.size()) whole_captured = total.captured;
       EXPECT_EQ(total.captured + total.displaced, whole) << "poses per update: " << length;
       EXPECT_EQ(total.captured, whole_captured) << "poses per update: " << length;
-      expect_balanced(soil, total);
+      expect_balanced(ground, total);
     }
   }
 }

@@ -37,8 +37,8 @@ TEST(Motion, SimplifiedKeepsARowThatAloneIsOff) {
 
 TEST(Machines, ALoadLeavesWhereTheMouthLooksDownBetweenTwoPoses) {
   Bucket bucket{0.6, 0.4, {}, 0.8};
-  Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {bucket});
+  Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {bucket});
   tracker.update(0, Pose{{0, 0, -0.2}});
   EXPECT_GT(tracker.update(0, Pose{{1, 0, -0.2}}).bucket_m3, 0);
   EXPECT_GT(tracker.update(0, Pose{{1, 0, 5}, from_rpy(0, 0.6, 0)}).bucket_m3, 0);
@@ -49,8 +49,8 @@ TEST(Machines, ALoadLeavesWhereTheMouthLooksDownBetweenTwoPoses) {
 
 TEST(Machines, ATurnInTheAirThatDipsIntoTheGroundCutsIt) {
   constexpr double kPi = std::numbers::pi, kHeight = 0.4, kAbove = 0.3, kWidth = 0.6;
-  Soil soil(0.025, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {Bucket{kWidth, kHeight, {}, {}}});
+  Ground ground(0.025, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {Bucket{kWidth, kHeight, {}, {}}});
   // The upper edge hangs down on one side, then on the other: it is lowest in between.
   const auto to = [&](double pitch) { return Pose{{0, 0, kAbove}, from_rpy(0, pitch, 0)}; };
   tracker.update(0, to(kPi - 0.9));
@@ -71,8 +71,8 @@ void expect_in_order(const std::vector<std::pair<double, double>>& from,
   const std::vector<Bucket> buckets(from.size(), Bucket{0.6, 0.4, {}, {}});
   std::vector<double> cuts[2];
   for (const bool at_once : {false, true}) {
-    Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-    Tracker tracker(soil, buckets);
+    Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, buckets);
     for (std::size_t m = 0; m < from.size(); ++m)
       tracker.update(m, move_to(m, from[m].first, from[m].second).to);
     if (at_once) {

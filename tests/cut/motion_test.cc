@@ -81,8 +81,8 @@ TEST(Motion, WholeTurnsOfAJointAreSwept) {
   const double ring_m3 = 0.8 * kPi * (3.25 * 3.25 - 2.75 * 2.75);
   for (const double turns : {1.0, 2.0, 4.0, 10.0}) {
     const Motion motion({0, 1}, std::vector<double>{0, 2 * kPi * turns}, chain);
-    Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-    Tracker tracker(soil, {bucket()});
+    Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, {bucket()});
     tracker.update(0, motion, 0, 1);
     EXPECT_NEAR(tracker.total().cut_m3(), ring_m3, 2e-3 * ring_m3) << turns << " turns";
   }

@@ -34,7 +34,7 @@ struct Drag {
   Vec3 offset = Vec3(0.013, -0.007, 0.0031);
 
   Vec3 origin() const { return (offset / (100 * scale)).array().round().matrix() * (100 * scale); }
-  std::unique_ptr<BaseSurface> ground() const {
+  std::unique_ptr<InitialTerrain> terrain() const {
     const double slope = std::tan(slope_rad);
     return make_plane(offset.z() - slope * offset.x(), {slope, 0});
   }
@@ -64,17 +64,18 @@ void drag_once(Tracker& tracker, const Drag& drag, int updates = 20) {
 
 /// Distances are finite and within the band, no cell has soil that it did not have, and what the
 /// ground lost is what the ledger says.
-void expect_sound(const Soil& soil, Tracker& tracker) {
-  const Soil untouched(soil.voxel_size_m(), soil.origin(),
-                       std::shared_ptr<const BaseSurface>(&soil.base(), [](const BaseSurface*) {}));
+void expect_sound(const Ground& ground, Tracker& tracker) {
+  const Ground untouched(
+      ground.voxel_size_m(), ground.origin(),
+      std::shared_ptr<const InitialTerrain>(&ground.terrain(), [](const InitialTerrain*) {}));
   SampleWords before, now;
   float phi_m[kChunkVoxels];
   long bad = 0, grown = 0;
-  const float band = static_cast<float>(soil.band_m());
-  for (const Chunk* chunk : soil.chunks()) {
+  const float band = static_cast<float>(ground.band_m());
+  for (const Chunk* chunk : ground.chunks()) {
     untouched.read_samples(chunk->origin, before);
-    soil.read_samples(chunk->origin, now);
-    surface_distance(soil, chunk->origin, phi_m);
+    ground.read_samples(chunk->origin, now);
+    surface_distance(ground, chunk->origin, phi_m);
     for (std::size_t i = 0; i < kChunkVoxels; ++i) {
       bad += !std::isfinite(phi_m[i]) || std::abs(phi_m[i]) > band;
       grown += (now[i] & ~before[i]) != 0;
@@ -84,20 +85,20 @@ void expect_sound(const Soil& soil, Tracker& tracker) {
   EXPECT_EQ(grown, 0) << "cells with new soil";
   const double cut = tracker.total().cut_m3();
   const double rounding = std::numeric_limits<double>::epsilon() * std::max(cut, 1e-9) * 4;
-  EXPECT_NEAR(soil.change_m3(), -cut, rounding);
+  EXPECT_NEAR(ground.change_m3(), -cut, rounding);
 }
 
 double cut_m3(const Drag& drag) {
-  Soil soil(drag.h, drag.origin(), drag.ground());
-  Tracker tracker(soil, {bucket(drag.scale)});
+  Ground ground(drag.h, drag.origin(), drag.terrain());
+  Tracker tracker(ground, {bucket(drag.scale)});
   for (int i = 0; i <= 20; ++i) tracker.update(0, drag.pose(i / 20.0));
-  expect_sound(soil, tracker);
+  expect_sound(ground, tracker);
   return tracker.total().cut_m3();
 }
 
 TEST(Stability, RandomStrokesLeaveTheGroundSound) {
-  Soil soil(0.1, Vec3::Zero(), make_plane(0, {0.1, -0.05}));
-  Tracker tracker(soil, {bucket()});
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0.1, -0.05}));
+  Tracker tracker(ground, {bucket()});
   std::srand(1);
   const auto between = [](double low, double high) {
     return low + (high - low) * std::rand() / RAND_MAX;
@@ -108,19 +109,19 @@ TEST(Stability, RandomStrokesLeaveTheGroundSound) {
     pose.rotation = from_rpy(between(-0.5, 0.5), between(-1.2, 1.2), between(-3, 3));
     tracker.update(0, pose);
   }
-  expect_sound(soil, tracker);
+  expect_sound(ground, tracker);
   EXPECT_GT(tracker.total().cut_m3(), 1);
 }
 
 TEST(Stability, TheSameStrokeAgainCutsNothingMore) {
   const Drag drag;
-  Soil soil(drag.h, drag.origin(), drag.ground());
-  Tracker tracker(soil, {bucket()});
+  Ground ground(drag.h, drag.origin(), drag.terrain());
+  Tracker tracker(ground, {bucket()});
   drag_once(tracker, drag);
   const double first = tracker.total().cut_m3();
   for (int n = 0; n < 100; ++n) drag_once(tracker, drag);
   EXPECT_EQ(tracker.total().cut_m3(), first);
-  expect_sound(soil, tracker);
+  expect_sound(ground, tracker);
 }
 
 TEST(Stability, ALipOnTheSurfaceCutsNothingAndOnVoxelPlanesWhatItShould) {
@@ -128,8 +129,8 @@ TEST(Stability, ALipOnTheSurfaceCutsNothingAndOnVoxelPlanesWhatItShould) {
     Drag drag;
     drag.yaw_rad = 0;
     drag.offset = Vec3::Zero();
-    Soil soil(drag.h, drag.origin(), drag.ground());
-    Tracker tracker(soil, {bucket()});
+    Ground ground(drag.h, drag.origin(), drag.terrain());
+    Tracker tracker(ground, {bucket()});
     for (int i = 0; i <= 20; ++i) {
       Pose pose = drag.pose(i / 20.0);
       pose.position.z() = -voxels * drag.h;
@@ -137,34 +138,34 @@ TEST(Stability, ALipOnTheSurfaceCutsNothingAndOnVoxelPlanesWhatItShould) {
     }
     const double exact = kWidth_m * kLength_m * voxels * drag.h;
     EXPECT_NEAR(tracker.total().cut_m3(), exact, voxels == 0 ? 0 : drag.bound_m3()) << voxels;
-    expect_sound(soil, tracker);
+    expect_sound(ground, tracker);
   }
 }
 
 TEST(Stability, StandingAndMotionsOfANanometreCutNothing) {
   const Drag drag;
-  Soil soil(drag.h, drag.origin(), drag.ground());
-  Tracker tracker(soil, {bucket()});
+  Ground ground(drag.h, drag.origin(), drag.terrain());
+  Tracker tracker(ground, {bucket()});
   for (int i = 0; i < 1000; ++i) {
     Pose pose = drag.pose(0);
     if (i % 3 == 1) pose.position.x() += 1e-9 * (i % 7);
     if (i % 3 == 2) pose.rotation = pose.rotation * Eigen::AngleAxisd(1e-9, Vec3::UnitY());
     tracker.update(0, pose);
   }
-  EXPECT_LE(tracker.total().cut_m3(), kWidth_m * kDepth_m * 1e-7 + 2 * soil.sample_m3());
-  expect_sound(soil, tracker);
+  EXPECT_LE(tracker.total().cut_m3(), kWidth_m * kDepth_m * 1e-7 + 2 * ground.sample_m3());
+  expect_sound(ground, tracker);
 }
 
 TEST(Stability, ADragInStepsOfAMicrometreIsTheSameDrag) {
   const Drag drag;
   double cut[2];
   for (int n = 0; n < 2; ++n) {
-    Soil soil(drag.h, drag.origin(), drag.ground());
-    Tracker tracker(soil, {bucket()});
+    Ground ground(drag.h, drag.origin(), drag.terrain());
+    Tracker tracker(ground, {bucket()});
     const int steps = n == 0 ? 1 : 10000;
     for (int i = 0; i <= steps; ++i) tracker.update(0, drag.pose(0.01 * i / steps));
     cut[n] = tracker.total().cut_m3();
-    expect_sound(soil, tracker);
+    expect_sound(ground, tracker);
   }
   // A sample within rounding of a pose's plane may fall to either side, but not between two steps.
   EXPECT_NEAR(cut[0], cut[1], 0.001 * cut[0] + 2 * drag.h * drag.h * drag.h / 64);
@@ -173,8 +174,8 @@ TEST(Stability, ADragInStepsOfAMicrometreIsTheSameDrag) {
 TEST(Stability, TurningOverFromRowToRowLeavesTheGroundSound) {
   for (int axis = 0; axis < 3; ++axis) {
     const Drag drag;
-    Soil soil(drag.h, drag.origin(), drag.ground());
-    Tracker tracker(soil, {bucket()});
+    Ground ground(drag.h, drag.origin(), drag.terrain());
+    Tracker tracker(ground, {bucket()});
     for (int i = 0; i <= 40; ++i) {
       Pose pose = drag.pose(i / 40.0);
       if (i % 2 == 1) {
@@ -182,19 +183,19 @@ TEST(Stability, TurningOverFromRowToRowLeavesTheGroundSound) {
       }
       tracker.update(0, pose);
     }
-    expect_sound(soil, tracker);
+    expect_sound(ground, tracker);
   }
 }
 
 TEST(Stability, ARowThatJumps100MetresCutsATrenchOf100Metres) {
   Drag drag;
   drag.h = 0.1;
-  Soil soil(drag.h, drag.origin(), drag.ground());
-  Tracker tracker(soil, {bucket()});
+  Ground ground(drag.h, drag.origin(), drag.terrain());
+  Tracker tracker(ground, {bucket()});
   tracker.update(0, drag.pose(0));
   tracker.update(0, drag.pose(100));
   EXPECT_NEAR(tracker.total().cut_m3(), 100 * drag.exact_m3(), 10 * drag.bound_m3());
-  expect_sound(soil, tracker);
+  expect_sound(ground, tracker);
 }
 
 TEST(Stability, VoxelSizesFromAMillimetreToAMetre) {

@@ -11,8 +11,8 @@
 #include <random>
 
 #include "core/cut/excavator.h"
+#include "soilvdb/ground_grids.h"
 #include "soilvdb/motion.h"
-#include "soilvdb/soil_grids.h"
 #include "soilvdb/tool_shape.h"
 #include "tests/support/spheres.h"
 
@@ -53,14 +53,17 @@ Mesh cylinder(double radius, double low, double high) {
   return prism(outline, low, high);
 }
 
-std::unique_ptr<Soil> flat(double height_m = 0) {
-  return std::make_unique<Soil>(kVoxel, Vec3(500'000, 4'000'000, 0), make_plane(height_m, {0, 0}));
+std::unique_ptr<Ground> flat(double height_m = 0) {
+  return std::make_unique<Ground>(kVoxel, Vec3(500'000, 4'000'000, 0),
+                                  make_plane(height_m, {0, 0}));
 }
 
-Vec3 near(const Soil& soil, double x, double y, double z) { return soil.origin() + Vec3(x, y, z); }
+Vec3 near(const Ground& ground, double x, double y, double z) {
+  return ground.origin() + Vec3(x, y, z);
+}
 
-double volume_m3(const Soil& soil, const ToolCut& cut) {
-  return static_cast<double>(cut.samples) * soil.sample_m3();
+double volume_m3(const Ground& ground, const ToolCut& cut) {
+  return static_cast<double>(cut.samples) * ground.sample_m3();
 }
 
 TEST(ToolCut, OfABoxIsThatOfItsExactSweep) {
@@ -98,16 +101,16 @@ TEST(ToolCut, OfABallIsItsVolumeWhereverItIs) {
       *level_set_sphere(static_cast<float>(kRadius), {0, 0, 0}, static_cast<float>(kVoxel / 4)));
   const double volume = 4 * kPi / 3 * kRadius * kRadius * kRadius;
   for (const Vec3& at : {Vec3(0, 0, -1), Vec3(0.013, -0.021, -2.037)}) {
-    const auto soil = flat();
-    const Pose pose{near(*soil, at.x(), at.y(), at.z()), from_rpy(0.3, 0.2, 0.1)};
-    EXPECT_NEAR(volume_m3(*soil, subtract(*soil, ball, {&pose, 1})), volume, 2e-3 * volume);
+    const auto ground = flat();
+    const Pose pose{near(*ground, at.x(), at.y(), at.z()), from_rpy(0.3, 0.2, 0.1)};
+    EXPECT_NEAR(volume_m3(*ground, subtract(*ground, ball, {&pose, 1})), volume, 2e-3 * volume);
   }
   // Along a straight way: a cylinder more.
-  const auto soil = flat();
-  const std::vector<Pose> way = {{near(*soil, 0, 0, -1), from_rpy(0, 0, 0)},
-                                 {near(*soil, 1.5, 0.5, -1.3), from_rpy(1, 1, 1)}};
+  const auto ground = flat();
+  const std::vector<Pose> way = {{near(*ground, 0, 0, -1), from_rpy(0, 0, 0)},
+                                 {near(*ground, 1.5, 0.5, -1.3), from_rpy(1, 1, 1)}};
   const double swept = volume + kPi * kRadius * kRadius * Vec3(1.5, 0.5, -0.3).norm();
-  EXPECT_NEAR(volume_m3(*soil, subtract(*soil, ball, way)), swept, 2e-3 * swept);
+  EXPECT_NEAR(volume_m3(*ground, subtract(*ground, ball, way)), swept, 2e-3 * swept);
 }
 
 TEST(ToolCut, OfADrillIsItsHoleHoweverOftenItTurns) {
@@ -116,12 +119,12 @@ TEST(ToolCut, OfADrillIsItsHoleHoweverOftenItTurns) {
   const double area = 32 * kRadius * kRadius * std::sin(2 * kPi / 64);  // of the polygon
   std::vector<double> volumes;
   for (const int turns : {0, 7}) {
-    const auto soil = flat();
+    const auto ground = flat();
     std::vector<Pose> way;
     for (int i = 0; i <= 40; ++i)
-      way.push_back({near(*soil, 0, 0, 0.5 - (0.5 + kDepth) * i / 40.0),
+      way.push_back({near(*ground, 0, 0, 0.5 - (0.5 + kDepth) * i / 40.0),
                      from_rpy(0, 0, 2 * kPi * turns * i / 40.0)});
-    volumes.push_back(volume_m3(*soil, subtract(*soil, drill, way)));
+    volumes.push_back(volume_m3(*ground, subtract(*ground, drill, way)));
   }
   EXPECT_NEAR(volumes[0], area * kDepth, 2e-3 * area);
   EXPECT_NEAR(volumes[1], kPi * kRadius * kRadius * kDepth, 4e-3 * area) << "round, as it turns";
@@ -133,40 +136,40 @@ TEST(ToolCut, IsTheSameForAnyThreadsAndHoweverItsWayIsSplit) {
   for (const int threads : {1, 2}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     for (const std::size_t split : {0U, 3U}) {
-      const auto soil = flat();
+      const auto ground = flat();
       std::vector<Pose> way;
       for (int i = 0; i <= 6; ++i)
         way.push_back(
-            {near(*soil, 0.3 * i, 0.1 * i, 0.2 - 0.1 * i), from_rpy(0, 0.2 * i, 0.5 * i)});
+            {near(*ground, 0.3 * i, 0.1 * i, 0.2 - 0.1 * i), from_rpy(0, 0.2 * i, 0.5 * i)});
       const std::span<const Pose> all = way;
-      if (split > 0) subtract(*soil, tool, all.first(split + 1));
-      subtract(*soil, tool, all.subspan(split));
-      hashes.push_back(soil->state_hash());
+      if (split > 0) subtract(*ground, tool, all.first(split + 1));
+      subtract(*ground, tool, all.subspan(split));
+      hashes.push_back(ground->state_hash());
     }
   }
   for (const std::uint64_t hash : hashes) EXPECT_EQ(hash, hashes[0]);
 }
 
 TEST(ToolCut, CountsWhatWasLoose) {
-  const auto soil = flat();
+  const auto ground = flat();
   SampleWords words;
   words.fill(kAllSoil);
-  SoilWriter(*soil).add({0, 0, 8}, words, SoilWriter::Kind::kLoose);
+  GroundWriter(*ground).add({0, 0, 8}, words, GroundWriter::Kind::kLoose);
   const ToolShape tool(box({-1, -1, -1}, {1, 1, 2}), 0.05);
-  const Pose pose{soil->origin(), from_rpy(0, 0, 0)};
-  const ToolCut cut = subtract(*soil, tool, {&pose, 1});
+  const Pose pose{ground->origin(), from_rpy(0, 0, 0)};
+  const ToolCut cut = subtract(*ground, tool, {&pose, 1});
   EXPECT_EQ(cut.loose, 64 * kChunkVoxels);
   EXPECT_GT(cut.samples, cut.loose);
 }
 
 TEST(ToolUnite, AddsWhatIsBuilt) {
-  const auto soil = flat();
+  const auto ground = flat();
   const ToolShape wall(box({-1, -0.1, -0.5}, {1, 0.1, 1}), 0.025);
-  const Pose pose{near(*soil, 0, 0, 0), from_rpy(0, 0, 0.7)};
-  const std::int64_t added = unite(*soil, wall, pose);
-  EXPECT_NEAR(static_cast<double>(added) * soil->sample_m3(), 2 * 0.2 * 1, 2e-3);
-  EXPECT_EQ(unite(*soil, wall, pose), 0);
-  EXPECT_NEAR(volume_m3(*soil, subtract(*soil, wall, {&pose, 1})), 2 * 0.2 * 1.5, 2e-3);
+  const Pose pose{near(*ground, 0, 0, 0), from_rpy(0, 0, 0.7)};
+  const std::int64_t added = unite(*ground, wall, pose);
+  EXPECT_NEAR(static_cast<double>(added) * ground->sample_m3(), 2 * 0.2 * 1, 2e-3);
+  EXPECT_EQ(unite(*ground, wall, pose), 0);
+  EXPECT_NEAR(volume_m3(*ground, subtract(*ground, wall, {&pose, 1})), 2 * 0.2 * 1.5, 2e-3);
 }
 
 TEST(ToolShape, RefusesWhatIsNoBody) {

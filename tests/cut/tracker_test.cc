@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "tests/support/dig_runner.h"
 
 namespace soilvdb::test {
@@ -38,8 +38,8 @@ std::vector<Move> moves_of_six(int from, int to) {
 TEST(Tracker, MovesOfManyMachinesAtOnceGiveTheBitsOfOneAfterAnother) {
   constexpr int kSteps = 100;
   const std::vector<Bucket> buckets(6, Bucket{0.6, 0.4, {}, {}});
-  const auto ground = [] { return make_plane(0, {0.05, -0.02}); };
-  Soil in_order(kVoxel, Vec3::Zero(), ground());
+  const auto terrain = [] { return make_plane(0, {0.05, -0.02}); };
+  Ground in_order(kVoxel, Vec3::Zero(), terrain());
   Tracker one(in_order, buckets);
   std::vector<Update> expected;
   for (const Move& move : moves_of_six(0, kSteps))
@@ -48,8 +48,8 @@ TEST(Tracker, MovesOfManyMachinesAtOnceGiveTheBitsOfOneAfterAnother) {
   for (const std::size_t threads : {1u, 2u, 4u, 8u}) {
     const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
     for (const int batch : {1, 7, kSteps}) {
-      Soil soil(kVoxel, Vec3::Zero(), ground());
-      Tracker tracker(soil, buckets);
+      Ground ground(kVoxel, Vec3::Zero(), terrain());
+      Tracker tracker(ground, buckets);
       std::size_t n = 0;
       for (int i = 0; i < kSteps; i += batch) {
         for (const Update& u : tracker.update(moves_of_six(i, std::min(i + batch, kSteps)))) {
@@ -58,7 +58,7 @@ TEST(Tracker, MovesOfManyMachinesAtOnceGiveTheBitsOfOneAfterAnother) {
           ++n;
         }
       }
-      EXPECT_EQ(soil.state_hash(), in_order.state_hash()) << threads << " threads, " << batch;
+      EXPECT_EQ(ground.state_hash(), in_order.state_hash()) << threads << " threads, " << batch;
     }
   }
 }
@@ -70,19 +70,19 @@ TEST(Tracker, GoesOnFromItsStateBitForBit) {
     const double end = dig.motion.end_s();
     constexpr int kUpdates = 60;
     for (const int stop : {0, 7, 31, 59}) {
-      Soil soil(kVoxel, dig.origin, dig.ground), copy(kVoxel, dig.origin, dig.ground);
-      Tracker tracker(soil, {dig.bucket}), later(copy, {dig.bucket});
+      Ground ground(kVoxel, dig.origin, dig.terrain), copy(kVoxel, dig.origin, dig.terrain);
+      Tracker tracker(ground, {dig.bucket}), later(copy, {dig.bucket});
       const auto dig_on = [&](Tracker& t, int i) {
         t.update(0, dig.motion, end * i / kUpdates, end * (i + 1) / kUpdates);
       };
       for (int i = 0; i < stop; ++i) dig_on(tracker, i);
-      for (const Chunk* chunk : soil.chunks()) SoilWriter(copy).put(soil.copy(*chunk));
+      for (const Chunk* chunk : ground.chunks()) GroundWriter(copy).put(ground.copy(*chunk));
       later.restore(tracker.state());
       for (int i = stop; i < kUpdates; ++i) {
         dig_on(tracker, i);
         dig_on(later, i);
       }
-      EXPECT_EQ(copy.state_hash(), soil.state_hash()) << "stopped after " << stop;
+      EXPECT_EQ(copy.state_hash(), ground.state_hash()) << "stopped after " << stop;
       EXPECT_EQ(later.total().captured, tracker.total().captured);
       EXPECT_EQ(later.total().displaced, tracker.total().displaced);
     }
@@ -105,21 +105,21 @@ TEST(Tracker, RefusesWhatIsNoPoseAndStaysAsItWas) {
   }
   for (const std::size_t machines : {1u, 2u}) {
     {
-      Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-      Tracker tracker(soil, std::vector<Bucket>(machines, Bucket{0.6, 0.4, {}, {}}));
+      Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+      Tracker tracker(ground, std::vector<Bucket>(machines, Bucket{0.6, 0.4, {}, {}}));
       for (int i = 0; i < 20; ++i) tracker.update(0, at(0.05 * i, 0, -0.2));
       const std::string state = tracker.state();
-      const std::uint64_t hash = soil.state_hash();
+      const std::uint64_t hash = ground.state_hash();
       const auto refuses = [&](auto update) {
         EXPECT_THROW(update(), std::invalid_argument);
         EXPECT_EQ(tracker.state(), state);
-        EXPECT_EQ(soil.state_hash(), hash);
+        EXPECT_EQ(ground.state_hash(), hash);
       };
       for (const Pose& pose : bad) {
         refuses([&] { tracker.update(0, pose); });
         const Move good{0, at(1.2, 0, -0.2)}, then_bad{machines - 1, pose};
         refuses([&] { tracker.update(std::vector<Move>{good, then_bad}); });
-        if (!is_sane(pose)) {
+        if (!is_valid(pose)) {
           EXPECT_THROW(Motion({0, 1}, std::vector<Pose>{at(0, 0, 0), pose}), std::invalid_argument);
           continue;
         }
@@ -140,8 +140,8 @@ TEST(Tracker, RefusesWhatIsNoPoseAndStaysAsItWas) {
 }
 
 TEST(Tracker, RefusesAStateThatIsNotItsOwn) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker one(soil, {Bucket{0.6, 0.4, {}, {}}}), other(soil, {Bucket{0.7, 0.4, {}, {}}});
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker one(ground, {Bucket{0.6, 0.4, {}, {}}}), other(ground, {Bucket{0.7, 0.4, {}, {}}});
   one.update(0, at(0, 0, -0.2));
   one.update(0, at(1, 0, -0.2));
   const std::string state = one.state();

@@ -32,9 +32,9 @@ struct Site {
 
   Site() {
     io::Base base = io::open_base(io::PlaneTerrain{});
-    site = {std::make_unique<Soil>(0.1, Vec3::Zero(), base.surface), base.reference, "",
+    site = {std::make_unique<Ground>(0.1, Vec3::Zero(), base.surface), base.reference, "",
             base.bounds};
-    tracker = std::make_unique<Tracker>(*site.soil, std::vector{bucket()});
+    tracker = std::make_unique<Tracker>(*site.ground, std::vector{bucket()});
     for (const double x : {0.0, 0.3, 0.5}) {
       Pose pose;
       pose.position = {x, 0, -0.1};
@@ -54,14 +54,14 @@ void read_with_tail(const test::TempFolder& folder, const std::string& tail) {
   const std::string bytes = vdb + tail;
   const auto file = folder.write("soil.vdb", bytes + io::trailer(bytes));
   const io::Site read = io::read_snapshot(file);
-  fuzz::require(read.soil->state_hash() == site.site.soil->state_hash(),
+  fuzz::require(read.ground->state_hash() == site.site.ground->state_hash(),
                 "the ground is what was written");
 }
 
 void restore_samples(const std::string& bytes) {
-  Soil soil(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
   try {
-    io::restore_samples(bytes, soil);
+    io::restore_samples(bytes, ground);
   } catch (const std::exception& no_samples) {
     fuzz::check_message(no_samples);
   }
@@ -80,7 +80,7 @@ void restore(const std::string& state, const Earthmoving& earthmoving) {
   Site site;
   Bucket body = bucket();
   if (earthmoving.soil) body.profile = {{0, 0}, {-0.2, 0.05}, {0, 0.3}};
-  Tracker tracker(*site.site.soil, {body}, earthmoving);
+  Tracker tracker(*site.site.ground, {body}, earthmoving);
   try {
     tracker.restore(state);
   } catch (const std::invalid_argument& no_state) {

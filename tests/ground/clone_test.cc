@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "io/snapshot/cold_file.h"
+#include "io/snapshot/swap_file.h"
 #include "soilvdb/change_follower.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
@@ -80,8 +80,8 @@ TEST(SharedSamples, AreEachWhatWasWrittenToThem) {
   }
 }
 
-/// What is known of a soil's state by other ways than the one that it is kept in.
-void expect_same(const Soil& a, const Soil& b) {
+/// What is known of a ground's state by other ways than the one that it is kept in.
+void expect_same(const Ground& a, const Ground& b) {
   EXPECT_EQ(a.state_hash(), b.state_hash());
   EXPECT_EQ(a.chunk_count(), b.chunk_count());
   EXPECT_EQ(a.active_voxels(), b.active_voxels());
@@ -99,7 +99,7 @@ void expect_same(const Soil& a, const Soil& b) {
   }
 }
 void expect_same(Work& a, Work& b) {
-  expect_same(a.soil, b.soil);
+  expect_same(a.ground, b.ground);
   EXPECT_EQ(a.tracker.state(), b.tracker.state());
   EXPECT_EQ(residual(a.tracker), 0);
 }
@@ -110,7 +110,7 @@ struct Branch {
   std::vector<std::uint64_t> done;
 
   static Branch begin(std::size_t ground) {
-    return {std::make_unique<Work>(grounds()[ground], 1, 0.1, kCohesions[ground]), {}};
+    return {std::make_unique<Work>(terrains()[ground], 1, 0.1, kCohesions[ground]), {}};
   }
   Branch clone() const { return {std::make_unique<Work>(*work), done}; }
   void step(std::uint64_t seed) {
@@ -129,14 +129,14 @@ struct Branch {
 TEST(Clone, GoesOnAsTheOriginalWouldToTheLastBit) {
   for (std::size_t g = 0; g < 3; ++g) {
     Branch original = Branch::begin(g);
-    ChangeFollower changes(original.work->soil);
+    ChangeFollower changes(original.work->ground);
     for (std::uint64_t i = 0; i < 120; ++i) {
       original.step(i);
       if (i == 60) changes.take();
     }
-    EXPECT_GT(loose_samples(original.work->soil), 0);
+    EXPECT_GT(loose_samples(original.work->ground), 0);
     Branch clone = original.clone();
-    ChangeFollower of_clone(clone.work->soil, changes);
+    ChangeFollower of_clone(clone.work->ground, changes);
     expect_same(*original.work, *clone.work);
     EXPECT_EQ(original.work->at.size(), clone.work->at.size());
     for (std::uint64_t i = 200; i < 260; ++i) original.step(i);
@@ -205,17 +205,17 @@ TEST(Clone, OfRigidSoilDigsAsTheOriginalWould) {
     }
     return cuts;
   };
-  Soil soil(0.05, Vec3(0.01, 0.02, 0.03), make_plane(0, {0.05, 0.1}));
-  Tracker tracker(soil, {bucket, bucket, bucket});
+  Ground ground(0.05, Vec3(0.01, 0.02, 0.03), make_plane(0, {0.05, 0.1}));
+  Tracker tracker(ground, {bucket, bucket, bucket});
   dig(tracker, 0, 40);
-  const std::uint64_t hash = soil.state_hash();
-  const auto cloned = soil.clone();
+  const std::uint64_t hash = ground.state_hash();
+  const auto cloned = ground.clone();
   Tracker on_clone(*cloned, tracker);
   const std::vector<double> cuts = dig(tracker, 40, 80);
   EXPECT_EQ(cloned->state_hash(), hash);
-  EXPECT_NE(soil.state_hash(), hash);
+  EXPECT_NE(ground.state_hash(), hash);
   EXPECT_EQ(dig(on_clone, 40, 80), cuts);
-  expect_same(soil, *cloned);
+  expect_same(ground, *cloned);
   EXPECT_EQ(on_clone.state(), tracker.state());
 }
 
@@ -249,23 +249,23 @@ TEST(Clone, MayPartFromItsOnlySiblingAtOnce) {
   all.fill(kAllSoil);
   for (std::uint64_t round = 0; round < 40; ++round) {
     std::mt19937_64 random(round);
-    Soil a(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+    Ground a(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
     std::vector<Coord3> chunks;
     for (int i = 0; i < 64; ++i) {
       chunks.emplace_back(8 * i, 0, 8);
-      SoilWriter(a).add(chunks.back(), random_set(random));
+      GroundWriter(a).add(chunks.back(), random_set(random));
     }
     const auto b = a.clone();
     const std::uint64_t hash = a.state_hash();
-    const auto flip = [&](Soil& soil, std::uint64_t seed) {
+    const auto flip = [&](Ground& ground, std::uint64_t seed) {
       std::mt19937_64 own(seed);
       for (const Coord3& origin : chunks) {
         const SampleWords set = random_set(own);
         SampleWords had;
-        soil.read_samples(origin, had);
-        SoilWriter(soil).add(origin, set);
-        SoilWriter(soil).remove(origin, all);
-        SoilWriter(soil).add(origin, had);
+        ground.read_samples(origin, had);
+        GroundWriter(ground).add(origin, set);
+        GroundWriter(ground).remove(origin, all);
+        GroundWriter(ground).add(origin, had);
       }
     };
     std::thread other([&] { flip(*b, 1); });
@@ -279,22 +279,22 @@ TEST(Clone, MayPartFromItsOnlySiblingAtOnce) {
 TEST(Clone, TakesTheMemoryOfItsLeavesAndSaysWhatItWouldHold) {
   if (test::kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
   constexpr std::size_t kClones = 1000;
-  Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {digger()});
+  Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {digger()});
   for (int lane = 0; lane < 4; ++lane)
     for (const Pose& pose : drag({0, 1.2 * lane, 0}, 4, 0.6, 60)) tracker.update(0, pose);
-  ChangeFollower(soil).take();
+  ChangeFollower(ground).take();
   double samples = 0;
-  for (const Chunk* chunk : soil.chunks()) samples += static_cast<double>(chunk->heap_bytes());
-  const auto whole = static_cast<double>(soil.memory_bytes());
-  std::vector<std::unique_ptr<Soil>> clones(kClones);
+  for (const Chunk* chunk : ground.chunks()) samples += static_cast<double>(chunk->heap_bytes());
+  const auto whole = static_cast<double>(ground.memory_bytes());
+  std::vector<std::unique_ptr<Ground>> clones(kClones);
   const std::size_t before = mallinfo2().uordblks;
-  for (auto& clone : clones) clone = soil.clone();
+  for (auto& clone : clones) clone = ground.clone();
   const auto each = static_cast<double>(mallinfo2().uordblks - before) / kClones;
   constexpr double kPieces = 0.05;  // as memory_bytes() may err
   EXPECT_NEAR(each / (whole - samples), 1, kPieces);
   EXPECT_LT(each, whole / 2);
-  for (const auto& clone : clones) EXPECT_EQ(clone->memory_bytes(), soil.memory_bytes());
+  for (const auto& clone : clones) EXPECT_EQ(clone->memory_bytes(), ground.memory_bytes());
 }
 
 TEST(Clone, OfGroundInAColdStoreIsRefused) {
@@ -302,32 +302,33 @@ TEST(Clone, OfGroundInAColdStoreIsRefused) {
   Branch branch = Branch::begin(1);
   for (std::uint64_t i = 0; i < 150; ++i) branch.step(i);
   Branch clone = branch.clone();
-  Soil& soil = branch.work->soil;
-  soil.limit_memory(soil.memory_bytes() * 3 / 4, std::make_shared<io::ColdFile>(folder.path()));
-  EXPECT_EQ(soil.clone()->state_hash(), soil.state_hash()) << "all of it is here";
-  soil.page_out();
+  Ground& ground = branch.work->ground;
+  ground.set_memory_limit(ground.memory_bytes() * 3 / 4,
+                          std::make_shared<io::SwapFile>(folder.path()));
+  EXPECT_EQ(ground.clone()->state_hash(), ground.state_hash()) << "all of it is here";
+  ground.evict();
   try {
-    soil.clone();
+    ground.clone();
     FAIL() << "it was cloned";
   } catch (const std::logic_error& error) {
     EXPECT_STREQ(error.what(), "ground that is in a cold store can't be cloned: it has one owner");
   }
-  const auto chunks = soil.chunks();
+  const auto chunks = ground.chunks();
   EXPECT_TRUE(std::any_of(chunks.begin(), chunks.end(),
-                          [](const Chunk* chunk) { return chunk->cold_record != 0; }));
+                          [](const Chunk* chunk) { return chunk->swap_record != 0; }));
   // One from before has its samples, however cold the original's are.
-  expect_same(clone.work->soil, soil);
+  expect_same(clone.work->ground, ground);
   for (std::uint64_t i = 150; i < 170; ++i) clone.step(i);
   expect_same(*clone.work, *clone.again(1).work);
 }
 
 TEST(Clone, IsTheOnlySoilThatATrackerIsCopiedOnto) {
-  const auto base = std::shared_ptr<const BaseSurface>(make_plane(0, {0, 0}));
-  Soil soil(0.1, Vec3::Zero(), base);
-  const Tracker tracker(soil, {digger()}, loam());
-  Soil coarser(0.2, Vec3::Zero(), base), shifted(0.1, Vec3(0.1, 0, 0), base),
+  const auto base = std::shared_ptr<const InitialTerrain>(make_plane(0, {0, 0}));
+  Ground ground(0.1, Vec3::Zero(), base);
+  const Tracker tracker(ground, {digger()}, loam());
+  Ground coarser(0.2, Vec3::Zero(), base), shifted(0.1, Vec3(0.1, 0, 0), base),
       other(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
-  for (Soil* wrong : {&coarser, &shifted, &other})
+  for (Ground* wrong : {&coarser, &shifted, &other})
     EXPECT_THROW(Tracker(*wrong, tracker), std::invalid_argument);
 }
 

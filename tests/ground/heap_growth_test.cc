@@ -28,8 +28,8 @@ constexpr double kGrowth = 0.02;
 /// Three machines side by side that take a thin slice off the same ground in every pass, from 0.20
 /// m to 0.22 m below its surface: within one layer of chunks, walls as high as before.
 struct Levelling {
-  Soil soil{kVoxel, Vec3::Zero(), io::open_base(io::PlaneTerrain{}).surface};
-  Tracker tracker{soil, std::vector<Bucket>(3, bucket())};
+  Ground ground{kVoxel, Vec3::Zero(), io::open_base(io::PlaneTerrain{}).surface};
+  Tracker tracker{ground, std::vector<Bucket>(3, bucket())};
   int updates = 0;
 
   static Bucket bucket() {
@@ -91,28 +91,28 @@ TEST(Heap, IsFlatWhenNobodyAsksWhatChanged) {
 
 TEST(Heap, IsFlatWithACopyThatIsMeshedBesideUpdates) {
   Levelling dig;
-  Soil copy(kVoxel, Vec3::Zero(), io::open_base(io::PlaneTerrain{}).surface);
+  Ground copy(kVoxel, Vec3::Zero(), io::open_base(io::PlaneTerrain{}).surface);
   CachedMesher mesher(copy);
   std::set<Coord3, Before> wanted;
   std::map<Coord3, Mesh, Before> patches;
   int jobs = 0;
-  GroundCopy ground(copy);
-  ChangeFollower changes(dig.soil);
+  GroundCopy ground_copy(copy);
+  ChangeFollower changes(dig.ground);
   const auto mesh_wanted = [&] {
-    ground.run([&, blocks = std::exchange(wanted, {})] {
+    ground_copy.run([&, blocks = std::exchange(wanted, {})] {
       for (const Coord3& block : blocks) patches[block] = mesher.block(block);
       ++jobs;
     });
   };
   const auto after_pass = [&] {
     const std::vector<Coord3> changed = changes.take();
-    ground.post(dig.soil, changed);
+    ground_copy.post(dig.ground, changed);
     for (const Coord3& block : blocks_touched(changed)) wanted.insert(block);
-    if (ground.done()) mesh_wanted();
+    if (ground_copy.done()) mesh_wanted();
   };
   const auto settle = [&] {
     mesh_wanted();
-    ground.finish();
+    ground_copy.finish();
   };
   EXPECT_LT(growth(dig, after_pass, settle), kGrowth);
   EXPECT_GT(jobs, 10);

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::test {
 namespace height_field_test {
@@ -65,7 +65,7 @@ std::shared_ptr<Posts> posts(double roughness_m) {
   return posts;
 }
 
-std::unique_ptr<BaseSurface> field(const std::shared_ptr<Posts>& posts) {
+std::unique_ptr<InitialTerrain> field(const std::shared_ptr<Posts>& posts) {
   return make_height_field(posts->grid, posts);
 }
 
@@ -92,37 +92,37 @@ void for_chunks_on_borders(const Posts& posts, F f) {
 
 TEST(HeightField, HasEachPostsHeightAndTheMeanBetweenTwo) {
   const auto posts = height_field_test::posts(0.5);
-  const auto ground = field(posts);
+  const auto terrain = field(posts);
   for (int y = 0; y < kNy; ++y) {
     for (int x = 0; x < kNx; ++x) {
       if (std::abs(x - 66) <= 1 && std::abs(y - 63) <= 1) continue;  // of a patch without a height
       const Vec2 p = posts->place(x, y), beside = posts->place(x + 0.5, y);
       // Along y places are rounded.
-      EXPECT_NEAR(ground->height(p.x(), p.y()).value_or(kNone), posts->post(x, y), 1e-12);
+      EXPECT_NEAR(terrain->height(p.x(), p.y()).value_or(kNone), posts->post(x, y), 1e-12);
       if (x + 1 == kNx || std::abs(x - 65.5) <= 2) continue;
-      EXPECT_NEAR(ground->height(beside.x(), beside.y()).value_or(kNone),
+      EXPECT_NEAR(terrain->height(beside.x(), beside.y()).value_or(kNone),
                   (posts->post(x, y) + posts->post(x + 1, y)) / 2, 1e-12);
     }
   }
   const Vec2 end = posts->place(kNx - 1, kNy - 1), first = posts->grid.first;
-  EXPECT_FALSE(ground->height(end.x() + 1e-9, first.y()));
-  EXPECT_FALSE(ground->height(first.x(), end.y() + 1e-9));
-  EXPECT_FALSE(ground->height(first.x() - 1e-9, first.y()));
-  EXPECT_FALSE(ground->height(first.x(), first.y() - 1e-9));
+  EXPECT_FALSE(terrain->height(end.x() + 1e-9, first.y()));
+  EXPECT_FALSE(terrain->height(first.x(), end.y() + 1e-9));
+  EXPECT_FALSE(terrain->height(first.x() - 1e-9, first.y()));
+  EXPECT_FALSE(terrain->height(first.x(), first.y() - 1e-9));
   const Vec2 hole = posts->place(65.5, 63.5);
-  EXPECT_FALSE(ground->height(hole.x(), hole.y()));
+  EXPECT_FALSE(terrain->height(hole.x(), hole.y()));
 }
 
 TEST(HeightField, SamplesAreSoilBelowTheHeightAndNowhereElse) {
   constexpr double kTie = 1e-4;  // voxels: a cell's heights are floats of some voxels
   const auto posts = height_field_test::posts(0.5);
-  const auto ground = field(posts);
+  const auto terrain = field(posts);
   std::int64_t soil = 0, air = 0, ties = 0;
   Coord3 chunk(0, 0, 0);
   for_chunks_on_borders(*posts, [&](const Vec3& first) {
     chunk += Coord3(8, 16, 8);
     SampleWords words;
-    ground->samples(chunk, first, kVoxel, words);
+    terrain->samples(chunk, first, kVoxel, words);
     std::int64_t wrong = 0;
     for (int n = 0; n < kChunkVoxels; ++n) {
       const Coord3 cell = numbered_voxel(n);
@@ -168,11 +168,11 @@ TEST(HeightField, DistanceIsThatToTheNearestPatchOnBothSidesOfABorder) {
   constexpr double kError = 3 * 0.02 * 0.02;
   constexpr double kBand = 3 * kVoxel;
   const auto posts = height_field_test::posts(0.04);
-  const auto ground = field(posts);
+  const auto terrain = field(posts);
   int looked = 0;
   for_chunks_on_borders(*posts, [&](const Vec3& first) {
     float phi[kChunkVoxels];
-    ground->distance(first, kVoxel, kBand, phi);
+    terrain->distance(first, kVoxel, kBand, phi);
     for (int n = 0; n < kChunkVoxels; n += 3) {
       const Vec3 p = first + kVoxel * numbered_voxel(n).cast<double>();
       const Vec2 at = (p.head<2>() - posts->grid.first).cwiseQuotient(posts->grid.spacing);
@@ -192,7 +192,7 @@ TEST(HeightField, DistanceIsThatToTheNearestPatchOnBothSidesOfABorder) {
 
 TEST(HeightField, ABoxIsCalledAirOrSoilWhereAllItsPointsAre) {
   const auto posts = height_field_test::posts(0.5);
-  const auto ground = field(posts);
+  const auto terrain = field(posts);
   std::mt19937 random(9);
   const auto between = [&](double low, double high) {
     return std::uniform_real_distribution(low, high)(random);
@@ -208,7 +208,7 @@ TEST(HeightField, ABoxIsCalledAirOrSoilWhereAllItsPointsAre) {
     const double z = between(-1, 1);
     const Eigen::AlignedBox3d box(Vec3(low.x(), low.y(), z),
                                   Vec3(high.x(), high.y(), z + between(0, 0.2)));
-    const Content content = ground->classify(box);
+    const Content content = terrain->classify(box);
     if (content == Content::kMixed) continue;
     ++(content == Content::kAir ? air : soil);
     for (int i = 0; i < 81; ++i) {
@@ -218,7 +218,7 @@ TEST(HeightField, ABoxIsCalledAirOrSoilWhereAllItsPointsAre) {
         ASSERT_FALSE(height > box.min().z() + 1e-9) << p.transpose();
       } else {
         ASSERT_TRUE(height > box.max().z() - 1e-9) << p.transpose();
-        ASSERT_TRUE(ground->known(box));
+        ASSERT_TRUE(terrain->has_data(box));
       }
     }
   }

@@ -18,8 +18,8 @@ TEST(Lattice, IsTheSameWhateverPlaceComesFirst) {
     const Vec3 origin = lattice_origin(h, at);
     EXPECT_LE((origin - at).cwiseAbs().maxCoeff(), period / 2);
     for (const Vec3& step : {Vec3(30, -40, 5), Vec3(5 * period, 0, 0), Vec3(-2000, 999, -700)}) {
-      const auto ground = plane(0);
-      const Soil a(h, origin, ground), b(h, lattice_origin(h, at + step), ground);
+      const auto terrain = plane(0);
+      const Ground a(h, origin, terrain), b(h, lattice_origin(h, at + step), terrain);
       const auto shift = lattice_shift(a, b);
       ASSERT_TRUE(shift.has_value());
       EXPECT_LT((a.world_from_index(shift->cast<double>()) - b.origin()).norm(), 1e-6);
@@ -27,10 +27,11 @@ TEST(Lattice, IsTheSameWhateverPlaceComesFirst) {
       EXPECT_EQ(&sample_points(voxel), &sample_points(voxel + *shift));
     }
   }
-  const auto ground = plane(0);
-  EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.05, Vec3::Zero(), ground}), std::nullopt);
+  const auto terrain = plane(0);
+  EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), terrain}, {0.05, Vec3::Zero(), terrain}),
+            std::nullopt);
   for (const double x : {10.0, -10.0}) {
-    EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), ground}, {0.1, Vec3(x, 0, 0), ground}),
+    EXPECT_EQ(lattice_shift({0.1, Vec3::Zero(), terrain}, {0.1, Vec3(x, 0, 0), terrain}),
               std::nullopt);
   }
 }
@@ -40,13 +41,13 @@ TEST(Lattice, TheSameDigOnOtherOriginsIsTheSame) {
   HalfSine trench;
   trench.from = {556449.9, 5394951};
   trench.yaw = 0.3;
-  trench.ground = 540;  // samples lie in the ground's plane but for rounding
-  const auto ground = plane(540);
+  trench.level = 540;  // samples lie in the ground's plane but for rounding
+  const auto terrain = plane(540);
   const Vec3 origin = lattice_origin(kVoxel, {556449.9, 5394951, 540});
   const Vec3 period = Vec3::Constant(kLatticePeriod * kVoxel);
-  Soil a(kVoxel, origin, ground), b(kVoxel, lattice_origin(kVoxel, origin + period), ground);
+  Ground a(kVoxel, origin, terrain), b(kVoxel, lattice_origin(kVoxel, origin + period), terrain);
   ASSERT_NE(a.origin(), b.origin());
-  const Soil before(kVoxel, origin, ground);
+  const Ground before(kVoxel, origin, terrain);
   trench.dig(a);
   trench.dig(b);
   const Difference whole = difference(before, a, true), none = difference(a, b, true);

@@ -12,12 +12,12 @@
 #include <random>
 #include <string>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
+#include "soilvdb/ground_grids.h"
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/soil_grids.h"
 #include "soilvdb/surface_height.h"
 #include "tests/support/site_fixture.h"
 #include "tests/support/spheres.h"
@@ -50,8 +50,8 @@ TEST(LevelSet, AClosedOneIsGround) {
   const Site site =
       open_site(scenario_of(LevelSetTerrain{folder / "a.vdb"}, {-3, 0, 4.5}, {3, 0, 4.5}));
   // Trilinear in a ball's distance: second order in the file's voxels.
-  EXPECT_NEAR(*surface_height(*site.soil, 0, 0), 5, 0.25 * 0.25);
-  EXPECT_EQ(surface_height(*site.soil, 6, 0), std::nullopt);
+  EXPECT_NEAR(*surface_height(*site.ground, 0, 0), 5, 0.25 * 0.25);
+  EXPECT_EQ(surface_height(*site.ground, 6, 0), std::nullopt);
 }
 
 TEST(LevelSet, ItsOriginAndCrsAreMetadata) {
@@ -89,7 +89,7 @@ TEST(LevelSet, OfSeveralGridsOneIsNamed) {
   Site site = open_site(
       scenario_of(LevelSetTerrain{folder / "a.vdb", "ground"}, {-3, 0, 4.5}, {3, 0, 4.5}));
   write_snapshot(folder / "b.vdb", site, {});
-  EXPECT_NEAR(*read_snapshot(folder / "b.vdb").soil->base().height(0, 0), 5, 0.1);
+  EXPECT_NEAR(*read_snapshot(folder / "b.vdb").ground->terrain().height(0, 0), 5, 0.1);
   EXPECT_EQ(refusal(folder,
                     [&] {
                       open_base(LevelSetTerrain{folder / "b.vdb", "rocks"});
@@ -147,9 +147,9 @@ TEST(LevelSet, WhatIsNotOneIsRefusedAndTheMessageNamesWhatIsThere) {
 
 TEST(Occupancy, IsTheShareOfEachVoxelInABoxThatItsSamplesCount) {
   constexpr double h = 0.1;
-  Soil soil(h, {500'000, 4'000'000, 0}, make_plane(0.13, {0.2, -0.1}));
+  Ground ground(h, {500'000, 4'000'000, 0}, make_plane(0.13, {0.2, -0.1}));
   std::mt19937_64 random(8);
-  SoilWriter writer(soil);
+  GroundWriter writer(ground);
   for (int i = 0; i < 40; ++i) {
     const auto at = [&] { return static_cast<int>(random() % 4) * 8 - 16; };
     const Coord3 origin(at(), at(), at());
@@ -158,16 +158,16 @@ TEST(Occupancy, IsTheShareOfEachVoxelInABoxThatItsSamplesCount) {
     i % 2 == 0 ? writer.add(origin, set) : writer.remove(origin, set);
   }
   const Coord3 low(-13, -5, -17), high(14, 11, 9);
-  const auto grid =
-      occupancy_grid(soil, {soil.world_from_index(low.cast<double>()) - Vec3::Constant(h / 4),
-                            soil.world_from_index(high.cast<double>()) + Vec3::Constant(h / 4)});
+  const auto grid = occupancy_grid(
+      ground, {ground.world_from_index(low.cast<double>()) - Vec3::Constant(h / 4),
+               ground.world_from_index(high.cast<double>()) + Vec3::Constant(h / 4)});
   EXPECT_EQ(grid->indexToWorld(openvdb::Coord(1, 2, 3)), h * openvdb::Vec3d(1, 2, 3));
   std::uint64_t active = 0;
   SampleWords words;
   for (int x = low.x(); x <= high.x(); ++x)
     for (int y = low.y(); y <= high.y(); ++y)
       for (int z = low.z(); z <= high.z(); ++z) {
-        soil.read_samples(floor_to(Coord3(x, y, z), kChunkSide), words);
+        ground.read_samples(floor_to(Coord3(x, y, z), kChunkSide), words);
         const auto word = words[static_cast<std::size_t>(cell_number({x, y, z}))];
         float value = -1;
         ASSERT_EQ(grid->tree().probeValue({x, y, z}, value), word != 0);
@@ -183,7 +183,7 @@ TEST(LevelSet, UnderASnapshotItIsCheckedWholeBeforeItIsParsed) {
   std::fstream file(folder / "base.vdb", std::ios::in | std::ios::out | std::ios::binary);
   ASSERT_GT(std::filesystem::file_size(folder / "base.vdb"), 5 << 20) << "not all sampled";
   const Base base = open_base(LevelSetTerrain{folder / "base.vdb"});
-  const Site site{std::make_unique<Soil>(0.25, Vec3::Zero(), base.surface), base.reference, "",
+  const Site site{std::make_unique<Ground>(0.25, Vec3::Zero(), base.surface), base.reference, "",
                   base.bounds};
   write_snapshot(folder / "a.vdb", site, {});
   EXPECT_EQ(read_snapshot(folder / "a.vdb").reference.checksum, base.reference.checksum);
@@ -204,20 +204,20 @@ TEST(LevelSet, ARealFogVolumeIsRefused) {
 
 TEST(LevelSet, AnExportedRegionIsGroundAgain) {
   const TempFolder folder;
-  const Soil soil(0.1, {1000, 2000, 0}, make_plane(0.03, {0.1, 0}));
-  const auto grid = closed_level_set(soil, {Vec3(999, 1999, -2), Vec3(1001, 2001, 150)});
+  const Ground ground(0.1, {1000, 2000, 0}, make_plane(0.03, {0.1, 0}));
+  const auto grid = closed_level_set(ground, {Vec3(999, 1999, -2), Vec3(1001, 2001, 150)});
   grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({1000, 2000, 0}));
   write_grids(folder / "a.vdb", {grid});
   const Base base = open_base(LevelSetTerrain{folder / "a.vdb"});
-  EXPECT_NEAR(*base.surface->height(1000, 2000), *surface_height(soil, 1000, 2000), 1e-4);
+  EXPECT_NEAR(*base.surface->height(1000, 2000), *surface_height(ground, 1000, 2000), 1e-4);
 }
 
 /// An exported block of flat ground, 10 m x 6 m about (1000, 2000), its underside at -2 m.
 class ExportedBlock : public ::testing::Test {
  protected:
   void SetUp() override {
-    const Soil soil(0.1, {1000, 2000, 0}, make_plane(0.03, {0, 0}));
-    const auto grid = closed_level_set(soil, {Vec3(995, 1997, -2), Vec3(1005, 2003, 1)});
+    const Ground ground(0.1, {1000, 2000, 0}, make_plane(0.03, {0, 0}));
+    const auto grid = closed_level_set(ground, {Vec3(995, 1997, -2), Vec3(1005, 2003, 1)});
     grid->insertMeta(kOriginKey, openvdb::Vec3DMetadata({1000, 2000, 0}));
     write_grids(folder_ / "block.vdb", {grid});
   }
@@ -248,8 +248,8 @@ TEST_F(ExportedBlock, IsPassedOverAtAnyDistance) {
   EXPECT_THAT(dig({980, 2000, 0.3}, {1004, 2000, 0.3}), HasSubstr("accepted"));
   EXPECT_THAT(dig({1004, 2000, -0.3}, {1004, 2000, 4}), HasSubstr("accepted"));
   const Base base = open_base(LevelSetTerrain{folder_ / "block.vdb"});
-  EXPECT_TRUE(base.surface->known({Vec3(2000, 2000, 0.3), Vec3(2001, 2001, 1)}));
-  EXPECT_FALSE(base.surface->known({Vec3(2000, 2000, -0.3), Vec3(2001, 2001, 1)}));
+  EXPECT_TRUE(base.surface->has_data({Vec3(2000, 2000, 0.3), Vec3(2001, 2001, 1)}));
+  EXPECT_FALSE(base.surface->has_data({Vec3(2000, 2000, -0.3), Vec3(2001, 2001, 1)}));
 }
 
 TEST(LevelSet, ALevelSetWithoutDistancesInTheAirIsNotClosed) {

@@ -9,8 +9,8 @@
 #include <random>
 
 #include "core/cut/excavator.h"
-#include "core/ground/soil_writer.h"
-#include "io/snapshot/cold_file.h"
+#include "core/ground/ground_writer.h"
+#include "io/snapshot/swap_file.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/sample_tree.h"
 #include "soilvdb/tracker.h"
@@ -30,10 +30,10 @@ SampleWords random_set(std::mt19937_64& random) {
   return words;
 }
 
-/// A soil, and what is loose of it.
+/// A ground, and what is loose of it.
 struct Heaps {
-  Soil soil{kVoxel, Vec3::Zero(), make_plane(0.13, {0.2, -0.1})};
-  SoilWriter writer{soil};
+  Ground ground{kVoxel, Vec3::Zero(), make_plane(0.13, {0.2, -0.1})};
+  GroundWriter writer{ground};
   std::map<Coord3, SampleWords, Before> loose;
 
   void change(std::mt19937_64& random) {
@@ -41,7 +41,7 @@ struct Heaps {
     const Coord3 origin(at(), at(), at());
     const SampleWords set = random_set(random);
     SampleWords soil_before;
-    soil.read_samples(origin, soil_before);
+    ground.read_samples(origin, soil_before);
     SampleWords& model = loose[origin];
     const std::uint64_t kind = random() % 3;
     for (std::size_t n = 0; n < model.size(); ++n) {
@@ -49,23 +49,23 @@ struct Heaps {
       if (kind == 1) model[n] |= set[n] & ~soil_before[n];
     }
     if (kind == 0) writer.remove(origin, set);
-    if (kind == 1) writer.add(origin, set, SoilWriter::Kind::kLoose);
+    if (kind == 1) writer.add(origin, set, GroundWriter::Kind::kLoose);
     if (kind == 2) writer.add(origin, set);
   }
 };
 
-void expect_loose(const Soil& soil, const std::map<Coord3, SampleWords, Before>& model) {
+void expect_loose(const Ground& ground, const std::map<Coord3, SampleWords, Before>& model) {
   SampleWords words, samples;
   for (const auto& [origin, expected] : model) {
-    soil.read_loose(origin, words);
+    ground.read_loose(origin, words);
     ASSERT_EQ(words, expected);
-    soil.read_samples(origin, samples);
+    ground.read_samples(origin, samples);
     int count = 0;
     for (std::size_t n = 0; n < words.size(); ++n) {
       ASSERT_EQ(words[n] & ~samples[n], 0u);
       count += std::popcount(words[n]);
     }
-    const Chunk* chunk = soil.find(origin);
+    const Chunk* chunk = ground.find(origin);
     EXPECT_EQ(chunk != nullptr ? chunk->loose_count : 0, count);
   }
 }
@@ -76,19 +76,20 @@ TEST(LooseSoil, IsWhatAPlainModelSaysHotOrCold) {
     std::mt19937_64 random(1);
     const test::TempFolder folder;
     Heaps heaps;
-    if (limited) heaps.soil.limit_memory(150'000, std::make_shared<io::ColdFile>(folder.path()));
-    int cold = 0;
+    if (limited)
+      heaps.ground.set_memory_limit(150'000, std::make_shared<io::SwapFile>(folder.path()));
+    int swapped = 0;
     for (int i = 0; i < 1500; ++i) {
       heaps.change(random);
       if (!limited) continue;
-      heaps.soil.page_out();
-      EXPECT_LE(heaps.soil.memory_bytes(), 150'000u);
-      for (const Chunk* chunk : heaps.soil.chunks())
-        cold += chunk->cold_record != 0 && chunk->loose_count > 0;
+      heaps.ground.evict();
+      EXPECT_LE(heaps.ground.memory_bytes(), 150'000u);
+      for (const Chunk* chunk : heaps.ground.chunks())
+        swapped += chunk->swap_record != 0 && chunk->loose_count > 0;
     }
-    EXPECT_EQ(cold > 0, limited);
-    expect_loose(heaps.soil, heaps.loose);
-    hashes[limited] = heaps.soil.state_hash();
+    EXPECT_EQ(swapped > 0, limited);
+    expect_loose(heaps.ground, heaps.loose);
+    hashes[limited] = heaps.ground.state_hash();
   }
   EXPECT_EQ(hashes[0], hashes[1]);
 }
@@ -97,30 +98,30 @@ TEST(LooseSoil, ChangesTheStateAndComesAlongInCopies) {
   std::mt19937_64 random(2);
   Heaps heaps;
   for (int i = 0; i < 300; ++i) heaps.change(random);
-  Soil copy(kVoxel, Vec3::Zero(), heaps.soil.shared_base());
-  Soil bank(kVoxel, Vec3::Zero(), heaps.soil.shared_base());
-  for (const Chunk* chunk : heaps.soil.chunks()) {
-    SoilWriter(copy).copy_from(heaps.soil, chunk->origin);
-    Chunk plain = heaps.soil.copy(*chunk);
+  Ground copy(kVoxel, Vec3::Zero(), heaps.ground.shared_terrain());
+  Ground bank(kVoxel, Vec3::Zero(), heaps.ground.shared_terrain());
+  for (const Chunk* chunk : heaps.ground.chunks()) {
+    GroundWriter(copy).copy_from(heaps.ground, chunk->origin);
+    Chunk plain = heaps.ground.copy(*chunk);
     plain.loose = {};
-    SoilWriter(bank).put(std::move(plain));
+    GroundWriter(bank).put(std::move(plain));
   }
   expect_loose(copy, heaps.loose);
-  EXPECT_EQ(copy.state_hash(), heaps.soil.state_hash());
-  EXPECT_NE(bank.state_hash(), heaps.soil.state_hash());
-  EXPECT_EQ(bank.change_m3(), heaps.soil.change_m3());
+  EXPECT_EQ(copy.state_hash(), heaps.ground.state_hash());
+  EXPECT_NE(bank.state_hash(), heaps.ground.state_hash());
+  EXPECT_EQ(bank.change_m3(), heaps.ground.change_m3());
 }
 
 TEST(LooseSoil, IsInSnapshots) {
   std::mt19937_64 random(3);
   const test::TempFolder folder;
   const io::Site site = io::site_on(io::PlaneTerrain{100, {0.1, -0.2}});
-  SoilWriter writer(*site.soil);
+  GroundWriter writer(*site.ground);
   std::map<Coord3, SampleWords, Before> model;
   for (int x = 0; x < 80; x += 8) {
     const SampleWords set = random_set(random);
     if (x % 16 == 0) {
-      writer.add({x, 0, 80}, set, SoilWriter::Kind::kLoose);
+      writer.add({x, 0, 80}, set, GroundWriter::Kind::kLoose);
       model[{x, 0, 80}] = set;
     } else {
       writer.add({x, 0, 80}, set);
@@ -129,32 +130,32 @@ TEST(LooseSoil, IsInSnapshots) {
   }
   io::write_snapshot(folder / "a.vdb", site, io::kInfo);
   const io::Site back = io::read_snapshot(folder / "a.vdb");
-  expect_loose(*back.soil, model);
-  EXPECT_EQ(back.soil->state_hash(), site.soil->state_hash());
+  expect_loose(*back.ground, model);
+  EXPECT_EQ(back.ground->state_hash(), site.ground->state_hash());
 }
 
 TEST(LooseSoil, IsCountedApartWhenItIsCut) {
   std::mt19937_64 random(4);
   for (const bool body : {false, true}) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
     for (int x = -16; x < 16; x += 8)
       for (int y = -16; y < 16; y += 8)
-        SoilWriter(soil).add({x, y, 0}, random_set(random), SoilWriter::Kind::kLoose);
+        GroundWriter(ground).add({x, y, 0}, random_set(random), GroundWriter::Kind::kLoose);
     Bucket bucket{0.8, 0.5, {}, {}};
     if (body) bucket.profile = {{0, 0}, {-0.6, -0.1}, {-0.6, 0.6}, {0, 0.5}};
     const auto loose = [&] {
       std::int64_t sum = 0;
-      for (const Chunk* chunk : soil.chunks()) sum += chunk->loose_count;
+      for (const Chunk* chunk : ground.chunks()) sum += chunk->loose_count;
       return sum;
     };
-    const auto all = [&] { return std::llround(soil.change_m3() / soil.sample_m3()); };
+    const auto all = [&] { return std::llround(ground.change_m3() / ground.sample_m3()); };
     const std::int64_t loose_before = loose(), all_before = all();
     std::vector<Pose> path;
     for (int i = 0; i <= 40; ++i)
       path.push_back({{-1 + 0.05 * i, 0.013, 0.2 - 0.005 * i}, from_rpy(0.1, 0.2, 0.3)});
     Excavator excavator(bucket);
-    Cut cut = excavator.stamp(soil, path.front());
-    const Cut swept = excavator.sweep(soil, path);
+    Cut cut = excavator.stamp(ground, path.front());
+    const Cut swept = excavator.sweep(ground, path);
     cut.all += swept.all;
     cut.loose += swept.loose;
     EXPECT_GT(cut.loose.captured, 1000);
@@ -170,16 +171,16 @@ TEST(LooseSoil, TakesNoMemoryWhereSoilDoesntMove) {
   // loose a leaf would take 128, too.
   static_assert(sizeof(SampleLeaf) + 8 <= 128);
   const auto dig = [](Earthmoving earthmoving) {
-    auto soil = std::make_unique<Soil>(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Tracker tracker(*soil, {{1.2, 0.9, {{0, 0}, {-0.6, 0.3}, {0, 0.9}}, {}}}, earthmoving);
+    auto ground = std::make_unique<Ground>(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(*ground, {{1.2, 0.9, {{0, 0}, {-0.6, 0.3}, {0, 0.9}}, {}}}, earthmoving);
     for (int i = 0; i < 20; ++i) tracker.update(0, Pose{{0.1 * i, 0, -0.3}});
-    return soil;
+    return ground;
   };
   Earthmoving moves;
   moves.soil = SoilProperties{0.61, 0.25, 1800, {}, {}};
-  const auto loose_bytes = [](const Soil& soil) {
+  const auto loose_bytes = [](const Ground& ground) {
     std::size_t bytes = 0;
-    for (const Chunk* chunk : soil.chunks()) bytes += chunk->loose.heap_bytes();
+    for (const Chunk* chunk : ground.chunks()) bytes += chunk->loose.heap_bytes();
     return bytes;
   };
   EXPECT_EQ(loose_bytes(*dig({})), 0u);

@@ -16,7 +16,7 @@
 #include <filesystem>
 #include <random>
 
-#include "io/snapshot/cold_file.h"
+#include "io/snapshot/swap_file.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/surface_height.h"
 #include "soilvdb/tracker.h"
@@ -45,7 +45,7 @@ class Waves : public HeightSource {
   }
 };
 
-std::shared_ptr<const BaseSurface> waves() {
+std::shared_ptr<const InitialTerrain> waves() {
   HeightGrid grid;
   grid.nx = grid.ny = 2000;
   grid.spacing = {0.1, 0.1};
@@ -56,8 +56,8 @@ std::shared_ptr<const BaseSurface> waves() {
 void dig_and_measure(int out) {
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
   const double before = resident_bytes();
-  Soil soil(0.025, Vec3::Zero(), waves());
-  Tracker tracker(soil, {Bucket{17, 0.6, {}, {}}});
+  Ground ground(0.025, Vec3::Zero(), waves());
+  Tracker tracker(ground, {Bucket{17, 0.6, {}, {}}});
   for (int lane = 0; lane < 7; ++lane) {
     const double y = 20 + 18.0 * lane;
     tracker.update(0, Pose{{10, y, 3}});
@@ -66,7 +66,7 @@ void dig_and_measure(int out) {
       tracker.update(0, Pose{{x, y, 0.1 + 0.3 * std::sin(0.3 * i)}});
     }
   }
-  const double result[] = {static_cast<double>(soil.memory_bytes()), resident_bytes() - before};
+  const double result[] = {static_cast<double>(ground.memory_bytes()), resident_bytes() - before};
   if (write(out, result, sizeof(result)) != sizeof(result)) std::abort();
 }
 
@@ -118,20 +118,20 @@ TEST(Memory, HeightsAreNotForgottenUnderACopyThatReadsThem) {
   constexpr std::uint64_t kLimit = 8 << 20;
   const test::TempFolder folder;
   io::Site site;
-  site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), waves());
-  Soil& soil = *site.soil;
-  soil.limit_memory(kLimit, std::make_shared<io::ColdFile>(folder.path()));
+  site.ground = std::make_unique<Ground>(0.05, Vec3::Zero(), waves());
+  Ground& ground = *site.ground;
+  ground.set_memory_limit(kLimit, std::make_shared<io::SwapFile>(folder.path()));
   {
     const io::Site copy = io::undug_site(site);
     for (double x = 1; x < 199; x += 5)
       for (double y = 1; y < 199; y += 5)
-        EXPECT_EQ(surface_height(soil, x, y), surface_height(*copy.soil, x, y));
-    EXPECT_GT(soil.memory_bytes(), kLimit);
-    EXPECT_THROW(soil.page_out(), std::runtime_error);
-    EXPECT_GT(soil.memory_bytes(), kLimit) << "what the copy reads is gone";
+        EXPECT_EQ(surface_height(ground, x, y), surface_height(*copy.ground, x, y));
+    EXPECT_GT(ground.memory_bytes(), kLimit);
+    EXPECT_THROW(ground.evict(), std::runtime_error);
+    EXPECT_GT(ground.memory_bytes(), kLimit) << "what the copy reads is gone";
   }
-  soil.page_out();
-  EXPECT_LE(soil.memory_bytes(), kLimit);
+  ground.evict();
+  EXPECT_LE(ground.memory_bytes(), kLimit);
 }
 
 constexpr std::size_t kMachines = 5;
@@ -169,19 +169,20 @@ const std::vector<Bucket> kBuckets(kMachines, Bucket{1, 0.6, {{0, 0}, {-0.4, 0.1
 
 Outcome dig(std::uint64_t limit_bytes, std::size_t threads, const std::filesystem::path& folder) {
   const tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-  Soil soil(0.05, Vec3::Zero(), waves());
-  if (limit_bytes != 0) soil.limit_memory(limit_bytes, std::make_shared<io::ColdFile>(folder));
-  Tracker tracker(soil, kBuckets);
+  Ground ground(0.05, Vec3::Zero(), waves());
+  if (limit_bytes != 0)
+    ground.set_memory_limit(limit_bytes, std::make_shared<io::SwapFile>(folder));
+  Tracker tracker(ground, kBuckets);
   Outcome outcome;
   for (const std::vector<Move>& batch : moves()) {
     for (const Update& update : tracker.update(batch)) outcome.cuts.push_back(update.cut_m3);
     if (limit_bytes == 0) continue;
-    soil.page_out();
-    EXPECT_LE(soil.memory_bytes(), limit_bytes);
+    ground.evict();
+    EXPECT_LE(ground.memory_bytes(), limit_bytes);
   }
-  outcome.hash = soil.state_hash();
-  outcome.bytes = soil.memory_bytes();
-  outcome.change_m3 = soil.change_m3();
+  outcome.hash = ground.state_hash();
+  outcome.bytes = ground.memory_bytes();
+  outcome.change_m3 = ground.change_m3();
   return outcome;
 }
 
@@ -202,44 +203,45 @@ TEST(Memory, ALimitIsKeptAndChangesNoBitWithAnyNumberOfThreads) {
 
 /// Ground with something in it, and its hash.
 struct Dug {
-  Soil soil{0.05, Vec3::Zero(), waves()};
+  Ground ground{0.05, Vec3::Zero(), waves()};
   std::uint64_t hash = 0;
   Dug() {
-    Tracker tracker(soil, kBuckets);
+    Tracker tracker(ground, kBuckets);
     for (const std::vector<Move>& batch : moves()) tracker.update(batch);
-    hash = soil.state_hash();
+    hash = ground.state_hash();
   }
 };
 
 TEST(Memory, ALimitThatCantBeKeptIsAnErrorAndTheGroundIsWhole) {
   const test::TempFolder folder;
   Dug dug;
-  dug.soil.limit_memory(1000, std::make_shared<io::ColdFile>(folder.path()));
-  EXPECT_THROW(dug.soil.page_out(), std::runtime_error);
-  EXPECT_EQ(dug.soil.state_hash(), dug.hash);
+  dug.ground.set_memory_limit(1000, std::make_shared<io::SwapFile>(folder.path()));
+  EXPECT_THROW(dug.ground.evict(), std::runtime_error);
+  EXPECT_EQ(dug.ground.state_hash(), dug.hash);
 }
 
 TEST(Memory, AFullDiskIsAnErrorAndTheGroundIsWhole) {
   const test::TempFolder folder;
   Dug dug;
-  dug.soil.limit_memory(dug.soil.memory_bytes() / 3, std::make_shared<io::ColdFile>(folder.path()));
+  dug.ground.set_memory_limit(dug.ground.memory_bytes() / 3,
+                              std::make_shared<io::SwapFile>(folder.path()));
   std::signal(SIGXFSZ, SIG_IGN);
   rlimit before{};
   getrlimit(RLIMIT_FSIZE, &before);
   const rlimit small{100'000, before.rlim_max};
   setrlimit(RLIMIT_FSIZE, &small);
-  EXPECT_THROW(dug.soil.page_out(), std::runtime_error);
+  EXPECT_THROW(dug.ground.evict(), std::runtime_error);
   setrlimit(RLIMIT_FSIZE, &before);
-  EXPECT_EQ(dug.soil.state_hash(), dug.hash);
+  EXPECT_EQ(dug.ground.state_hash(), dug.hash);
 }
 
 TEST(Memory, GroundThatComesBackDamagedIsRefused) {
   const test::TempFolder folder;
-  const auto file = std::make_shared<io::ColdFile>(folder.path());
+  const auto file = std::make_shared<io::SwapFile>(folder.path());
   Dug dug;
-  dug.soil.limit_memory(dug.soil.memory_bytes() / 2, file);
-  dug.soil.page_out();
-  EXPECT_EQ(dug.soil.state_hash(), dug.hash);
+  dug.ground.set_memory_limit(dug.ground.memory_bytes() / 2, file);
+  dug.ground.evict();
+  EXPECT_EQ(dug.ground.state_hash(), dug.hash);
   int flipped = 0;
   for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
     std::error_code gone;
@@ -254,7 +256,7 @@ TEST(Memory, GroundThatComesBackDamagedIsRefused) {
     ++flipped;
   }
   EXPECT_EQ(flipped, 1);
-  EXPECT_THROW(dug.soil.state_hash(), std::runtime_error);
+  EXPECT_THROW(dug.ground.state_hash(), std::runtime_error);
 }
 
 }  // namespace memory_test

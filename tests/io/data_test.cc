@@ -60,7 +60,7 @@ TEST(Excavator, LoadsTheTruckPilesTheRestAndItsTrenchFailsInTheLastCycle) {
   Scenario s = read_scenario(data("excavator.yaml"));
   s.voxel_size_m = 0.1;
   const Site site = open_site(s);
-  Tracker tracker(*site.soil, {s.machines.at(0).bucket}, Earthmoving{s.soil, s.pours, s.hoppers});
+  Tracker tracker(*site.ground, {s.machines.at(0).bucket}, Earthmoving{s.soil, s.pours, s.hoppers});
   constexpr double kLastCycle_s = 112;
   double slid_before_m3 = 0, slid_m3 = 0;
   const auto& motions = s.machines[0].motion;
@@ -73,16 +73,16 @@ TEST(Excavator, LoadsTheTruckPilesTheRestAndItsTrenchFailsInTheLastCycle) {
     }
   }
   slid_m3 += tracker.come_to_rest().slid_m3;
-  const SiteLedger books = tracker.site();
-  EXPECT_EQ(books.ground + tracker.total().load + books.in_flight + books.hauled, 0);
+  const MassBalance balance = tracker.mass_balance();
+  EXPECT_EQ(balance.ground + tracker.total().load + balance.pending + balance.hauled, 0);
   EXPECT_EQ(tracker.total().load, 0) << "the last load was tipped";
   // Five loads of not less than 0.8 of the struck capacity, none over the heaped one.
-  const double hauled_m3 = books.units.loose_samples(books.hauled) * site.soil->sample_m3();
+  const double hauled_m3 = balance.units.loose_samples(balance.hauled) * site.ground->sample_m3();
   EXPECT_GT(hauled_m3, 5 * 0.8 * 0.988);
   EXPECT_LT(hauled_m3, 5 * 1.258);
   // A cone of three such loads, at the angle of repose.
-  const auto top = surface_height(*site.soil, 512345.214, 5403636.118);
-  const auto ground = site.soil->undug().height(512345.214, 5403636.118);
+  const auto top = surface_height(*site.ground, 512345.214, 5403636.118);
+  const auto ground = site.ground->initial_terrain().height(512345.214, 5403636.118);
   const double slope = std::tan(s.soil->repose_rad);
   const auto cone_m = [&](double m3) {
     return std::cbrt(3 * m3 * slope * slope / std::numbers::pi);

@@ -60,14 +60,16 @@ std::string bytes_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-Soil plane_site(double slope = 0) { return Soil(0.05, Vec3::Zero(), make_plane(0, {slope, 0})); }
+Ground plane_site(double slope = 0) {
+  return Ground(0.05, Vec3::Zero(), make_plane(0, {slope, 0}));
+}
 
 /// A trench 2 m long along x through `middle`, 0.6 m wide, 0.4 m deep.
-void dig(Soil& soil, const Vec3& middle) {
+void dig(Ground& ground, const Vec3& middle) {
   Bucket bucket;
   bucket.width_m = 0.6;
   bucket.height_m = 1;
-  Tracker tracker(soil, {bucket});
+  Tracker tracker(ground, {bucket});
   for (const double x : {-1.0, 1.0}) {
     tracker.update(0, Pose{middle + Vec3(x, 0, -0.4), Eigen::Quaterniond::Identity()});
   }
@@ -92,26 +94,26 @@ Eigen::AlignedBox2i frame_of(const Picture& picture) {
 const Caption kCaption{"A site", "cut 0.48 m³, 5 cm voxels"};
 
 TEST(RegionOfInterest, HoldsTheCutWithAMargin) {
-  Soil soil = plane_site();
-  dig(soil, {5, 3, 0});
-  const Eigen::AlignedBox2d box = region_of_interest(soil);
+  Ground ground = plane_site();
+  dig(ground, {5, 3, 0});
+  const Eigen::AlignedBox2d box = region_of_interest(ground);
   EXPECT_TRUE(box.contains(Eigen::AlignedBox2d(Vec2(3.7, 2.4), Vec2(6.3, 3.6))));
   EXPECT_LT(box.sizes().maxCoeff(), 6);
 }
 
 TEST(RegionOfInterest, IsTheSurroundingsOfTheOriginWhereNothingIsResident) {
-  const Soil soil(0.05, {583000, 4431000, 100}, make_plane(0, {0, 0}));
-  const Eigen::AlignedBox2d box = region_of_interest(soil);
+  const Ground ground(0.05, {583000, 4431000, 100}, make_plane(0, {0, 0}));
+  const Eigen::AlignedBox2d box = region_of_interest(ground);
   EXPECT_EQ(box.center(), Vec2(583000, 4431000));
   EXPECT_EQ(box.sizes(), Vec2(20, 20));
 }
 
 TEST(Plan, ShowsTheCutWhereItIsAndNowhereElse) {
   const TempFolder folder;
-  Soil soil = plane_site();
-  dig(soil, {0, 0.5, 0});
+  Ground ground = plane_site();
+  dig(ground, {0, 0.5, 0});
   const Eigen::AlignedBox2d box(Vec2(-2, -2), Vec2(2, 2));
-  write_plan(folder / "plan.png", soil, box, kCaption);
+  write_plan(folder / "plan.png", ground, box, kCaption);
   const Picture picture(folder / "plan.png");
   const Eigen::AlignedBox2i frame = frame_of(picture);
   const double px = frame.sizes().x() / 4.0;
@@ -134,20 +136,20 @@ TEST(Plan, ShowsTheCutWhereItIsAndNowhereElse) {
 }
 
 /// A heap of 0.3 m^3 beside a trench.
-Soil& dig_and_pour(Soil& soil) {
-  dig(soil, {0, 1, 0});
+Ground& dig_and_pour(Ground& ground) {
+  dig(ground, {0, 1, 0});
   Earthmoving earthmoving;
   earthmoving.soil =
       SoilProperties{.repose_rad = 0.6, .swell = 0, .cohesion_pa = {}, .friction_rad = {}};
   earthmoving.pours.push_back({"heap", {0, -0.8, 1}, 0, 0, 0.3});
-  Tracker(soil, {}, earthmoving).pour(0, 0);
-  return soil;
+  Tracker(ground, {}, earthmoving).pour(0, 0);
+  return ground;
 }
 
 TEST(Plan, ShowsCutInRedFillInBlueAndLooseSoilAsClods) {
   const TempFolder folder;
-  Soil soil = plane_site();
-  write_plan(folder / "plan.png", dig_and_pour(soil), {Vec2(-2, -2), Vec2(2, 2)}, kCaption);
+  Ground ground = plane_site();
+  write_plan(folder / "plan.png", dig_and_pour(ground), {Vec2(-2, -2), Vec2(2, 2)}, kCaption);
   const Picture picture(folder / "plan.png");
   const Eigen::AlignedBox2i frame = frame_of(picture);
   const double px = frame.sizes().x() / 4.0;
@@ -158,11 +160,11 @@ TEST(Plan, ShowsCutInRedFillInBlueAndLooseSoilAsClods) {
   // Between the grid's lines. Neighbouring pixels of clods differ; those of a floor hardly do.
   double roughest_floor = 0, roughest_heap = 0;
   for (double u = 0.06; u < 0.2; u += 0.01) {
-    const Vec3 floor = at(u, 1.06), heap = at(u, -0.74), ground = at(u + 1.5, 0.06);
+    const Vec3 floor = at(u, 1.06), heap = at(u, -0.74), untouched = at(u + 1.5, 0.06);
     EXPECT_GT(floor.x(), floor.z() + 40) << "red where it was cut";
     EXPECT_GT(heap.z(), heap.x() + 40) << "blue where it was filled";
-    EXPECT_GT(ground.x(), ground.z()) << "earth's own colour where it wasn't touched";
-    EXPECT_LT(ground.maxCoeff() - ground.minCoeff(), 60);
+    EXPECT_GT(untouched.x(), untouched.z()) << "earth's own colour where it wasn't touched";
+    EXPECT_LT(untouched.maxCoeff() - untouched.minCoeff(), 60);
     const auto rough = [&](double x, double y) { return (at(x + 0.01, y) - at(x, y)).norm(); };
     roughest_floor = std::max(roughest_floor, rough(u, 1.06));
     roughest_heap = std::max(roughest_heap, rough(u, -0.74));
@@ -171,12 +173,12 @@ TEST(Plan, ShowsCutInRedFillInBlueAndLooseSoilAsClods) {
 }
 
 TEST(CutAndFill, IsTheNetOfColumns) {
-  Soil soil = plane_site();
-  const CutAndFill change = cut_and_fill(dig_and_pour(soil));
-  const double kTrench_m3 = 2 * 0.6 * 0.4, kSample_m3 = soil.sample_m3();
+  Ground ground = plane_site();
+  const CutAndFill change = cut_and_fill(dig_and_pour(ground));
+  const double kTrench_m3 = 2 * 0.6 * 0.4, kSample_m3 = ground.sample_m3();
   EXPECT_NEAR(change.cut_m3, kTrench_m3, 0.01 * kTrench_m3);
   EXPECT_NEAR(change.fill_m3, 0.3, kSample_m3);
-  EXPECT_NEAR(change.fill_m3 - change.cut_m3, soil.change_m3(), 1e-9);
+  EXPECT_NEAR(change.fill_m3 - change.cut_m3, ground.change_m3(), 1e-9);
 }
 
 TEST(ChangeScale, IsAboutAsLightForFillAsForCutAndAsBeforeWithoutFill) {
@@ -196,11 +198,11 @@ TEST(ChangeScale, IsAboutAsLightForFillAsForCutAndAsBeforeWithoutFill) {
 
 TEST(Plan, IsTheSameBytesWithOneAndTwoThreads) {
   const TempFolder folder;
-  Soil soil = plane_site(0.1);
-  dig(soil, {0, 0, 0});
+  Ground ground = plane_site(0.1);
+  dig(ground, {0, 0, 0});
   for (const int threads : {1, 2}) {
     tbb::task_arena(threads).execute([&] {
-      write_plan(folder / ("plan" + std::to_string(threads)), soil, region_of_interest(soil),
+      write_plan(folder / ("plan" + std::to_string(threads)), ground, region_of_interest(ground),
                  kCaption);
     });
   }
@@ -223,11 +225,12 @@ struct Hills : HeightSource {
 TEST(Plan, IsDrawnOfAnySizeAndShape) {
   const TempFolder folder;
   const HeightGrid grid{101, 101, {583000, 4431000}, {10, 10}};
-  const Soil soil(0.05, {583000, 4431000, 0}, make_height_field(grid, std::make_shared<Hills>()));
+  const Ground ground(0.05, {583000, 4431000, 0},
+                      make_height_field(grid, std::make_shared<Hills>()));
   const Vec2 low(583000, 4431000);
   for (const Vec2& size :
        {Vec2(1000, 1000), Vec2(1000, 30), Vec2(20, 1000), Vec2(0.01, 0.01), Vec2(1400, 1400)}) {
-    write_plan(folder / "plan.png", soil, {low, low + size}, kCaption);
+    write_plan(folder / "plan.png", ground, {low, low + size}, kCaption);
     const Picture picture(folder / "plan.png");
     EXPECT_GE(picture.width(), 760) << size;
     EXPECT_LE(picture.width(), 1600) << size;
@@ -238,11 +241,11 @@ TEST(Plan, IsDrawnOfAnySizeAndShape) {
 
 TEST(View, ShowsTheCutInItsDepthsColoursTheSameWithOneAndTwoThreads) {
   const TempFolder folder;
-  Soil soil = plane_site();
-  dig(soil, {0, 0, 0});
+  Ground ground = plane_site();
+  dig(ground, {0, 0, 0});
   for (const int threads : {1, 2}) {
     tbb::task_arena(threads).execute([&] {
-      write_view(folder / ("view" + std::to_string(threads)), soil, {Vec2(-2, -2), Vec2(2, 2)},
+      write_view(folder / ("view" + std::to_string(threads)), ground, {Vec2(-2, -2), Vec2(2, 2)},
                  kCaption);
     });
   }
@@ -259,16 +262,17 @@ TEST(View, ShowsTheCutInItsDepthsColoursTheSameWithOneAndTwoThreads) {
 TEST(View, IsDrawnOfASiteFarLargerThanItsVoxelsAndOfOneWithoutGround) {
   const TempFolder folder;
   const HeightGrid grid{101, 101, {583000, 4431000}, {10, 10}};
-  const Soil soil(0.05, {583000, 4431000, 0}, make_height_field(grid, std::make_shared<Hills>()));
+  const Ground ground(0.05, {583000, 4431000, 0},
+                      make_height_field(grid, std::make_shared<Hills>()));
   const Vec2 low(583000, 4431000);
-  write_view(folder / "site.png", soil, {low, low + Vec2(1000, 1000)}, kCaption);
+  write_view(folder / "site.png", ground, {low, low + Vec2(1000, 1000)}, kCaption);
   const Picture site(folder / "site.png");
   EXPECT_EQ(site.width(), 1600);
   EXPECT_EQ(site.vivid_pixels(0, site.height()), 0) << "nothing was cut";
   const Vec2 corner = low + Vec2(900, 900);
-  write_view(folder / "rim.png", soil, {corner - Vec2(105, 5), corner}, kCaption);
+  write_view(folder / "rim.png", ground, {corner - Vec2(105, 5), corner}, kCaption);
   EXPECT_EQ(Picture(folder / "rim.png").width(), 1600);
-  write_view(folder / "none.png", soil, {corner, corner + Vec2(10, 10)}, kCaption);
+  write_view(folder / "none.png", ground, {corner, corner + Vec2(10, 10)}, kCaption);
   EXPECT_EQ(Picture(folder / "none.png").width(), 1600);
 }
 
@@ -289,30 +293,30 @@ TEST(Shade, IsThatOfGroundTurnedHalfRoundAndUpsideDown) {
 
 TEST(Picture, NamesTheFileThatCantBeWritten) {
   const TempFolder folder;
-  const Soil soil = plane_site();
+  const Ground ground = plane_site();
   const Eigen::AlignedBox2d box(Vec2(-1, -1), Vec2(1, 1));
-  EXPECT_NE(message_of(folder, [&] { write_plan(folder / "no/plan.png", soil, box, kCaption); })
+  EXPECT_NE(message_of(folder, [&] { write_plan(folder / "no/plan.png", ground, box, kCaption); })
                 .find("no/plan.png"),
             std::string::npos);
-  EXPECT_THROW(write_plan(folder / "no/plan.png", soil, box, kCaption), std::runtime_error);
+  EXPECT_THROW(write_plan(folder / "no/plan.png", ground, box, kCaption), std::runtime_error);
 }
 
 TEST(Picture, RefusesARegionWithoutArea) {
   const TempFolder folder;
-  const Soil soil = plane_site();
-  EXPECT_THROW(write_plan(folder / "plan.png", soil, Eigen::AlignedBox2d(), kCaption),
+  const Ground ground = plane_site();
+  EXPECT_THROW(write_plan(folder / "plan.png", ground, Eigen::AlignedBox2d(), kCaption),
                std::invalid_argument);
-  EXPECT_THROW(write_view(folder / "view.png", soil, Eigen::AlignedBox2d(), kCaption),
+  EXPECT_THROW(write_view(folder / "view.png", ground, Eigen::AlignedBox2d(), kCaption),
                std::invalid_argument);
   EXPECT_FALSE(std::filesystem::exists(folder / "plan.png"));
 }
 
 TEST(Picture, TakesAnyBytesAsCaption) {
   const TempFolder folder;
-  const Soil soil = plane_site();
+  const Ground ground = plane_site();
   const Caption odd{"\xff\xfe\n" + std::string(500, 'W') + "\xc3",
                     std::string("\xed\xa0\x80\0x", 5)};
-  write_plan(folder / "plan.png", soil, {Vec2(-1, -1), Vec2(1, 1)}, odd);
+  write_plan(folder / "plan.png", ground, {Vec2(-1, -1), Vec2(1, 1)}, odd);
   EXPECT_GT(Picture(folder / "plan.png").width(), 0);
 }
 

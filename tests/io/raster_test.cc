@@ -177,8 +177,8 @@ TEST(Raster, OpeningALargeRasterIsQuick) {
   const std::clock_t took = std::clock() - begin;
   EXPECT_EQ(raster.grid.nx, 20'000);
   EXPECT_LT(took, test::cpu_s(0.5));  // the project's bound for opening a site
-  const auto ground = make_height_field(raster.grid, raster.source);
-  for (const double x : {150.0, 20'000.0, 40'000.0}) EXPECT_EQ(ground->height(x, -20'000), 0);
+  const auto terrain = make_height_field(raster.grid, raster.source);
+  for (const double x : {150.0, 20'000.0, 40'000.0}) EXPECT_EQ(terrain->height(x, -20'000), 0);
   if (before < 0) GTEST_SKIP() << "no /proc";
   // A look at nine posts and three windows of 128 x 128, each by whole rows of the file.
   EXPECT_LT(bytes_read() - before, (9 + 3 * 128) * 20'000 * 4 + 1'000'000);

@@ -71,7 +71,7 @@ TEST_F(ScenarioFile, MachinesThatAreFedNeedNoMotion) {
   EXPECT_FALSE(with_urdf.machines[0].has_motion());
   ASSERT_TRUE(with_urdf.machines[0].chain);
   EXPECT_EQ(with_urdf.machines[0].chain->movable(), std::vector<std::string>{"boom"});
-  EXPECT_EQ(open_site(with_urdf).soil->origin(), lattice_origin(0.05, Vec3(512340, 5403640, 30)))
+  EXPECT_EQ(open_site(with_urdf).ground->origin(), lattice_origin(0.05, Vec3(512340, 5403640, 30)))
       << "voxels are numbered from where it stands";
   EXPECT_FALSE(fed(with(13, "")).machines[0].chain);
   EXPECT_TRUE(fed(with(0, "")).machines[0].has_motion());

@@ -41,11 +41,11 @@ TEST(Site, ItsOriginIsThatOfTheLatticeNearTheFirstLip) {
   const Vec3 lip(556449.9, 5394951, 540);
   const Site site = open_site(scenario_of(PlaneTerrain{0, {0, 0}}, lip, lip + Vec3(1.1, 0, 0)));
   const double period = 6553.6;
-  EXPECT_NEAR((site.soil->origin() - Vec3(85 * period, 823 * period, 0)).norm(), 0, 1e-9);
-  EXPECT_EQ(site.soil->voxel_size_m(), 0.1);
+  EXPECT_NEAR((site.ground->origin() - Vec3(85 * period, 823 * period, 0)).norm(), 0, 1e-9);
+  EXPECT_EQ(site.ground->voxel_size_m(), 0.1);
   EXPECT_TRUE(std::isinf(site.bounds.max().x()));
   EXPECT_EQ(site.reference.checksum, "");
-  EXPECT_TRUE(site.soil->chunks().empty());
+  EXPECT_TRUE(site.ground->chunks().empty());
 }
 
 TEST(Site, RunsOnOneTerrainShareItsLatticeWhateverLipComesFirst) {
@@ -53,15 +53,15 @@ TEST(Site, RunsOnOneTerrainShareItsLatticeWhateverLipComesFirst) {
   const Terrain terrain = RasterTerrain{raster_with_hole(folder)};
   const Site a = open_site(scenario_of(terrain, {1002, 2003, 9}, {1005, 2003, 9}));
   const Site b = open_site(scenario_of(terrain, {1038, 2036, 11}, {1035, 2036, 9}));
-  EXPECT_EQ(a.soil->origin(), b.soil->origin());
+  EXPECT_EQ(a.ground->origin(), b.ground->origin());
 }
 
 TEST(Site, ARasterIsItsTerrainInItsOwnCoordinates) {
   const TempFolder folder;
   const Site site = open_site(
       scenario_of(RasterTerrain{raster_with_hole(folder)}, {1005, 2010, 9}, {1008, 2010, 9}));
-  EXPECT_EQ(surface_height(*site.soil, 1005.5, 2010.5), 10);
-  EXPECT_EQ(surface_height(*site.soil, 1030, 2020), std::nullopt);
+  EXPECT_EQ(surface_height(*site.ground, 1005.5, 2010.5), 10);
+  EXPECT_EQ(surface_height(*site.ground, 1030, 2020), std::nullopt);
   EXPECT_EQ(site.bounds.min(), Vec2(1000, 2000));
   EXPECT_EQ(site.bounds.max(), Vec2(1040, 2040));
   EXPECT_TRUE(std::get<RasterTerrain>(site.reference.terrain).file.is_absolute());
@@ -136,8 +136,8 @@ TEST(Site, AStepAcrossALargeRasterReadsOnlyWhatIsBeneathIt) {
   constexpr int kSide = 20'000;
   const auto heights = std::make_shared<CountedHeights>();
   Site site;
-  site.soil = std::make_unique<Soil>(0.1, Vec3::Zero(),
-                                     make_height_field({kSide, kSide, {0, 0}, {1, 1}}, heights));
+  site.ground = std::make_unique<Ground>(
+      0.1, Vec3::Zero(), make_height_field({kSide, kSide, {0, 0}, {1, 1}}, heights));
   site.bounds = {Vec2(0, 0), Vec2(kSide - 1, kSide - 1)};
   Scenario scenario = scenario_of(PlaneTerrain{}, {10, 10, 5}, {19'000, 19'000, 5});
   scenario.raster_cell_m = 0.1;
@@ -159,7 +159,7 @@ TEST(Site, RealTerrainIsOpened) {
   if (!std::filesystem::exists(shared("dem/dtm.tif"))) GTEST_SKIP() << "not there";
   const Site site = open_site(scenario_of(RasterTerrain{shared("dem/dtm.tif")},
                                           {321700, 4297700, 11}, {321703, 4297700, 11}));
-  EXPECT_TRUE(surface_height(*site.soil, 321700, 4297700).has_value());
+  EXPECT_TRUE(surface_height(*site.ground, 321700, 4297700).has_value());
   const TempFolder folder;
   EXPECT_THAT(refusal(folder,
                       [] {

@@ -23,20 +23,22 @@ TEST(SnapshotBase, IsFoundAgainWhenBothHaveMoved) {
   std::filesystem::create_directories(folder / "job/out");
   std::filesystem::rename(hills(folder), folder / "job/hills.tif");
   const Site site = site_on(RasterTerrain{folder / "job/hills.tif"});
-  dig(*site.soil, 0, 0.3);
+  dig(*site.ground, 0, 0.3);
   write_snapshot(folder / "job/out/a.vdb", site, kInfo);
   std::filesystem::rename(folder / "job", folder / "moved");
-  EXPECT_EQ(read_snapshot(folder / "moved/out/a.vdb").soil->state_hash(), site.soil->state_hash());
+  EXPECT_EQ(read_snapshot(folder / "moved/out/a.vdb").ground->state_hash(),
+            site.ground->state_hash());
 }
 
 TEST(SnapshotBase, IsFoundAgainWhenTheSnapshotHasMoved) {
   const TempFolder folder;
   const Site site = site_on(RasterTerrain{hills(folder)});
-  dig(*site.soil, 0, 0.3);
+  dig(*site.ground, 0, 0.3);
   write_snapshot(folder / "a.vdb", site, kInfo);
   std::filesystem::create_directories(folder / "far/away");
   std::filesystem::rename(folder / "a.vdb", folder / "far/away/a.vdb");
-  EXPECT_EQ(read_snapshot(folder / "far/away/a.vdb").soil->state_hash(), site.soil->state_hash());
+  EXPECT_EQ(read_snapshot(folder / "far/away/a.vdb").ground->state_hash(),
+            site.ground->state_hash());
 }
 
 TEST(SnapshotBase, BehindALinkIsFoundAndWrittenAgainAsItWas) {
@@ -47,7 +49,7 @@ TEST(SnapshotBase, BehindALinkIsFoundAndWrittenAgainAsItWas) {
   std::filesystem::create_directory_symlink(folder / "far/away/disk", folder / "site");
   std::filesystem::create_directory_symlink(folder / "out/run", folder / "far/run");
   const Site site = site_on(RasterTerrain{folder / "site/hills.tif"});
-  dig(*site.soil, 0, 0.3);
+  dig(*site.ground, 0, 0.3);
   write_snapshot(folder / "far/run/a.vdb", site, kInfo);
   std::filesystem::create_symlink(folder / "out/run/a.vdb", folder / "a.vdb");
   write_snapshot(folder / "out/run/b.vdb", read_snapshot(folder / "a.vdb"), kInfo);
@@ -71,7 +73,7 @@ TEST(SnapshotBase, ThatIsGoneOrHasChangedIsSaid) {
 class SnapshotTerrain : public ::testing::Test {
  protected:
   void SetUp() override {
-    dig(*site_.soil, 0, 0.3);
+    dig(*site_.ground, 0, 0.3);
     write_snapshot(folder_ / "a.vdb", site_, kInfo);
     scenario_.file = "dig.yaml";
     scenario_.name = "dig";
@@ -85,22 +87,22 @@ class SnapshotTerrain : public ::testing::Test {
 
 TEST_F(SnapshotTerrain, WithTheScenariosVoxelsIsTheGroundItself) {
   scenario_.voxel_size_m = 0.05;
-  EXPECT_EQ(open_site(scenario_).soil->state_hash(), site_.soil->state_hash());
+  EXPECT_EQ(open_site(scenario_).ground->state_hash(), site_.ground->state_hash());
 }
 
 TEST_F(SnapshotTerrain, WithOtherVoxelsIsTheSurfaceOfThatGround) {
   scenario_.voxel_size_m = 0.1;
   const Site on_it = open_site(scenario_);
-  EXPECT_TRUE(on_it.soil->chunks().empty());
-  ASSERT_NE(on_it.soil->base().soil(), nullptr);
-  EXPECT_EQ(on_it.soil->base().soil()->state_hash(), site_.soil->state_hash());
+  EXPECT_TRUE(on_it.ground->chunks().empty());
+  ASSERT_NE(on_it.ground->terrain().ground(), nullptr);
+  EXPECT_EQ(on_it.ground->terrain().ground()->state_hash(), site_.ground->state_hash());
   EXPECT_TRUE(std::holds_alternative<PlaneTerrain>(on_it.undug().terrain));
-  dig(*on_it.soil, 0.2, 1);
+  dig(*on_it.ground, 0.2, 1);
   // And again through a file.
   write_snapshot(folder_ / "b.vdb", on_it, kInfo);
   const Site back = read_snapshot(folder_ / "b.vdb");
-  EXPECT_EQ(back.soil->state_hash(), on_it.soil->state_hash());
-  EXPECT_EQ(back.soil->base().soil()->state_hash(), site_.soil->state_hash());
+  EXPECT_EQ(back.ground->state_hash(), on_it.ground->state_hash());
+  EXPECT_EQ(back.ground->terrain().ground()->state_hash(), site_.ground->state_hash());
   EXPECT_TRUE(std::holds_alternative<PlaneTerrain>(back.undug().terrain));
   std::filesystem::remove(folder_ / "a.vdb");
   EXPECT_THAT(snapshot_refusal(folder_, folder_ / "b.vdb"), HasSubstr("a.vdb is missing"));

@@ -29,26 +29,26 @@ TEST_P(SnapshotsBeside, UpdatesHaveTheBytesOfThoseWrittenAtOnce) {
   const test::TempFolder folder;
   const Dig dig = make_dig("drag_curl_retreat", placements()[2]);
   io::Site site;
-  site.soil = std::make_unique<Soil>(0.05, dig.origin, dig.ground);
+  site.ground = std::make_unique<Ground>(0.05, dig.origin, dig.terrain);
   site.reference = {io::PlaneTerrain{1.5, {0.1, 0.2}}, ""};
   site.crs_wkt = "LOCAL_CS[\"site\"]";
   const io::Site copy = io::undug_site(site);
-  Tracker tracker(*site.soil, {dig.bucket});
-  ChangeFollower changes(*site.soil);
+  Tracker tracker(*site.ground, {dig.bucket});
+  ChangeFollower changes(*site.ground);
   std::vector<std::filesystem::path> files;
   std::vector<std::string> expected;
   {
-    GroundCopy ground(*copy.soil, GetParam(), 2);
+    GroundCopy ground_copy(*copy.ground, GetParam(), 2);
     constexpr int kUpdates = 60;
     const double end = dig.motion.end_s();
     for (int i = 0; i < kUpdates; ++i) {
       tracker.update(0, dig.motion, end * i / kUpdates, end * (i + 1) / kUpdates);
       if (i % 10 != 9) continue;
-      ground.post(*site.soil, changes.take());
+      ground_copy.post(*site.ground, changes.take());
       files.push_back(folder / (std::to_string(i) + ".vdb"));
       const io::SnapshotInfo info{"dig", double(i), tracker.total().cut_m3()};
       expected.push_back(io::snapshot_bytes(files.back(), site, info));
-      ground.run([&copy, file = files.back(), info] { io::write_snapshot(file, copy, info); });
+      ground_copy.run([&copy, file = files.back(), info] { io::write_snapshot(file, copy, info); });
     }
   }  // with snapshots still to be written
   ASSERT_GT(tracker.total().captured, 0);
@@ -58,15 +58,15 @@ TEST_P(SnapshotsBeside, UpdatesHaveTheBytesOfThoseWrittenAtOnce) {
 TEST(SnapshotBeside, AFolderThatIsNotThereIsReported) {
   const test::TempFolder folder;
   io::Site site;
-  site.soil = std::make_unique<Soil>(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  site.ground = std::make_unique<Ground>(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
   const io::Site copy = io::undug_site(site);
-  GroundCopy ground(*copy.soil);
+  GroundCopy ground_copy(*copy.ground);
   const auto write = [&] {  // run() itself says so where the job was that fast
-    ground.run([&] { io::write_snapshot(folder / "not" / "there.vdb", copy, {}); });
-    ground.finish();
+    ground_copy.run([&] { io::write_snapshot(folder / "not" / "there.vdb", copy, {}); });
+    ground_copy.finish();
   };
   EXPECT_THROW(write(), std::runtime_error);
-  EXPECT_NO_THROW(ground.finish());
+  EXPECT_NO_THROW(ground_copy.finish());
 }
 
 }  // namespace snapshot_beside_test

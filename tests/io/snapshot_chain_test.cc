@@ -11,7 +11,7 @@
 #include <random>
 #include <sstream>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "soilvdb/change_follower.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/io/snapshot.h"
@@ -36,10 +36,10 @@ class SnapshotChain : public ::testing::Test {
  protected:
   SnapshotChain() {
     Base base = open_base(PlaneTerrain{0, {0.1, -0.2}});
-    site_ = {std::make_unique<Soil>(0.05, Vec3::Zero(), base.surface), base.reference, "",
+    site_ = {std::make_unique<Ground>(0.05, Vec3::Zero(), base.surface), base.reference, "",
              base.bounds};
-    tracker_ = std::make_unique<Tracker>(*site_.soil, std::vector{bucket()});
-    changes_.emplace(*site_.soil);
+    tracker_ = std::make_unique<Tracker>(*site_.ground, std::vector{bucket()});
+    changes_.emplace(*site_.ground);
   }
 
   static Bucket bucket() {
@@ -79,8 +79,8 @@ class SnapshotChain : public ::testing::Test {
     Site part = undug_site(site_);
     Changes changes;
     for (const Coord3& origin : changes_->take()) {
-      SoilWriter(*part.soil).copy_from(*site_.soil, origin);
-      (site_.soil->find(origin) ? changes.held : changes.dropped).push_back(origin);
+      GroundWriter(*part.ground).copy_from(*site_.ground, origin);
+      (site_.ground->find(origin) ? changes.held : changes.dropped).push_back(origin);
     }
     info.parent->dropped = changes.dropped;
     write_snapshot(file(count_++), part, info);
@@ -93,7 +93,7 @@ class SnapshotChain : public ::testing::Test {
     for (int n = 0; n < 5; ++n) {
       dig(n / 5.0, (n + 1) / 5.0);
       n == 0 ? write_whole() : void(write_incremental());
-      hashes.push_back(site_.soil->state_hash());
+      hashes.push_back(site_.ground->state_hash());
     }
     return hashes;
   }
@@ -123,7 +123,7 @@ TEST_F(SnapshotChain, GivesTheBitsOfAWholeOneAndTheTrackerGoesOn) {
   SnapshotInfo info;
   for (std::size_t n = 0; n < 5; ++n) {
     const Site back = read_snapshot(file(n), &info);
-    EXPECT_EQ(back.soil->state_hash(), hashes[n]) << n;
+    EXPECT_EQ(back.ground->state_hash(), hashes[n]) << n;
     EXPECT_EQ(info.time_s, double(n));
     ASSERT_EQ(info.parent.has_value(), n > 0);
     EXPECT_EQ(info.parent ? info.parent->depth : 0, n);
@@ -132,9 +132,9 @@ TEST_F(SnapshotChain, GivesTheBitsOfAWholeOneAndTheTrackerGoesOn) {
   const std::string third = content(file(3)), fourth = content(file(4));
   tracker_.reset();
   site_ = read_snapshot(file(2), &info);
-  tracker_ = std::make_unique<Tracker>(*site_.soil, std::vector{bucket()});
+  tracker_ = std::make_unique<Tracker>(*site_.ground, std::vector{bucket()});
   tracker_->restore(info.tracker_state);
-  changes_.emplace(*site_.soil);
+  changes_.emplace(*site_.ground);
   changes_->take();
   count_ = 3;
   dig(3 / 5.0, 4 / 5.0);
@@ -171,13 +171,13 @@ TEST_F(SnapshotChain, HoldsWhatChangedAndNothingElse) {
 TEST_F(SnapshotChain, AChunkThatWasDroppedIsTheBaseSurfaceAgain) {
   dig(0, 1);
   write_whole();
-  const Coord3 origin = site_.soil->chunks().front()->origin;
-  SoilWriter(*site_.soil).drop(origin);
+  const Coord3 origin = site_.ground->chunks().front()->origin;
+  GroundWriter(*site_.ground).drop(origin);
   const Changes changes = write_incremental();
   EXPECT_THAT(changes.dropped, ::testing::Contains(origin));
   const Site back = read_snapshot(file(1));
-  EXPECT_EQ(back.soil->find(origin), nullptr);
-  EXPECT_EQ(back.soil->state_hash(), site_.soil->state_hash());
+  EXPECT_EQ(back.ground->find(origin), nullptr);
+  EXPECT_EQ(back.ground->state_hash(), site_.ground->state_hash());
 }
 
 TEST_F(SnapshotChain, MayMoveTogether) {
@@ -185,7 +185,7 @@ TEST_F(SnapshotChain, MayMoveTogether) {
   fs::create_directories(folder_ / "else/where");
   for (std::size_t n = 0; n < 5; ++n)
     fs::rename(file(n), folder_ / "else/where" / file(n).filename());
-  EXPECT_EQ(read_snapshot(folder_ / "else/where/4.vdb").soil->state_hash(), hash);
+  EXPECT_EQ(read_snapshot(folder_ / "else/where/4.vdb").ground->state_hash(), hash);
 }
 
 TEST_F(SnapshotChain, AnyFlippedBitOfAnyFileIsFound) {

@@ -43,15 +43,15 @@ INSTANTIATE_TEST_SUITE_P(Terrains, Snapshot, ::testing::Values("plane", "raster"
 
 TEST_P(Snapshot, GivesBackTheSameBits) {
   const Site site = site_on(terrain());
-  dig(*site.soil, 0, 1);
-  ASSERT_FALSE(site.soil->chunks().empty());
+  dig(*site.ground, 0, 1);
+  ASSERT_FALSE(site.ground->chunks().empty());
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   SnapshotInfo info;
   const Site back = read_snapshot(folder_ / "a.vdb", &info);
-  EXPECT_EQ(back.soil->state_hash(), site.soil->state_hash());
-  EXPECT_EQ(back.soil->chunks().size(), site.soil->chunks().size());
-  EXPECT_EQ(back.soil->origin(), site.soil->origin());
-  EXPECT_EQ(back.soil->voxel_size_m(), site.soil->voxel_size_m());
+  EXPECT_EQ(back.ground->state_hash(), site.ground->state_hash());
+  EXPECT_EQ(back.ground->chunks().size(), site.ground->chunks().size());
+  EXPECT_EQ(back.ground->origin(), site.ground->origin());
+  EXPECT_EQ(back.ground->voxel_size_m(), site.ground->voxel_size_m());
   EXPECT_EQ(back.crs_wkt, site.crs_wkt);
   EXPECT_EQ(back.bounds.min(), site.bounds.min());
   EXPECT_EQ(back.reference.checksum, site.reference.checksum);
@@ -61,29 +61,29 @@ TEST_P(Snapshot, GivesBackTheSameBits) {
   EXPECT_EQ(info.captured_m3, kInfo.captured_m3);
   EXPECT_EQ(info.displaced_m3, kInfo.displaced_m3);
   EXPECT_EQ(info.dumped_m3, kInfo.dumped_m3);
-  for (const Chunk* chunk : site.soil->chunks()) {
-    const Chunk* other = back.soil->find(chunk->origin);
+  for (const Chunk* chunk : site.ground->chunks()) {
+    const Chunk* other = back.ground->find(chunk->origin);
     ASSERT_NE(other, nullptr);
     SampleWords before, now;
-    site.soil->read_samples(chunk->origin, before);
-    back.soil->read_samples(chunk->origin, now);
+    site.ground->read_samples(chunk->origin, before);
+    back.ground->read_samples(chunk->origin, now);
     EXPECT_EQ(now, before);
   }
 }
 
 TEST_P(Snapshot, DiggingOnFromItEndsInTheSameBits) {
   const Site site = site_on(terrain());
-  dig(*site.soil, 0, 0.6);
+  dig(*site.ground, 0, 0.6);
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   const Site back = read_snapshot(folder_ / "a.vdb");
-  dig(*site.soil, 0.5, 1);
-  dig(*back.soil, 0.5, 1);
-  EXPECT_EQ(back.soil->state_hash(), site.soil->state_hash());
+  dig(*site.ground, 0.5, 1);
+  dig(*back.ground, 0.5, 1);
+  EXPECT_EQ(back.ground->state_hash(), site.ground->state_hash());
 }
 
 TEST_P(Snapshot, TheSameGroundMakesTheSameBytes) {
   const Site site = site_on(terrain());
-  dig(*site.soil, 0, 1);
+  dig(*site.ground, 0, 1);
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   write_snapshot(folder_ / "b.vdb", site, kInfo);
   EXPECT_EQ(content(folder_ / "a.vdb"), content(folder_ / "b.vdb"));
@@ -95,14 +95,14 @@ TEST_P(Snapshot, OfGroundThatWasNeverTouchedIsEmptyButWhole) {
   const Site site = site_on(terrain());
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   const Site back = read_snapshot(folder_ / "a.vdb");
-  EXPECT_TRUE(back.soil->chunks().empty());
-  EXPECT_EQ(surface_height(*back.soil, 400001, 5000001),
-            surface_height(*site.soil, 400001, 5000001));
+  EXPECT_TRUE(back.ground->chunks().empty());
+  EXPECT_EQ(surface_height(*back.ground, 400001, 5000001),
+            surface_height(*site.ground, 400001, 5000001));
 }
 
 TEST_P(Snapshot, IsAPlainVdbForOthers) {
   const Site site = site_on(terrain());
-  dig(*site.soil, 0, 1);
+  dig(*site.ground, 0, 1);
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   const std::string text = output_of("vdb_print -l " + (folder_ / "a.vdb").string());
   if (text.empty()) GTEST_SKIP() << "vdb_print is not there";
@@ -116,7 +116,7 @@ TEST_P(Snapshot, IsReadByOpenVdbsPythonModule) {
   if (output_of("/usr/bin/python3 -c 'import pyopenvdb; print(1)'").empty())
     GTEST_SKIP() << "python3-openvdb is not installed";
   const Site site = site_on(terrain());
-  dig(*site.soil, 0, 0.6);
+  dig(*site.ground, 0, 0.6);
   SnapshotInfo info = kInfo;
   write_snapshot(folder_ / "a.vdb", site, info);
   const std::string a = content(folder_ / "a.vdb");
@@ -160,7 +160,7 @@ TEST_P(Snapshot, OfAnotherFormatIsRefusedWithWhatToDo) {
 
 TEST_P(Snapshot, ThatIsDamagedIsStillKnownAsOurs) {
   const Site site = site_on(terrain());
-  dig(*site.soil, 0, 0.3);
+  dig(*site.ground, 0, 0.3);
   write_snapshot(folder_ / "a.vdb", site, kInfo);
   const std::string good = content(folder_ / "a.vdb");
   for (const std::size_t size : {std::size_t{60}, good.size() / 2, good.size() - 1}) {

@@ -57,7 +57,7 @@ class Incremental : public ProgramTest {
     return files;
   }
   std::uint64_t hash(const std::string& file, io::SnapshotInfo* info = nullptr) const {
-    return io::read_snapshot(folder() / file, info).soil->state_hash();
+    return io::read_snapshot(folder() / file, info).ground->state_hash();
   }
   openvdb::FloatGrid::Ptr surface(const std::string& file) const {
     openvdb::initialize();

@@ -57,7 +57,7 @@ TEST_F(Incremental, AWholeOneComesWhenTheOthersHaveComeToTheGroundItself) {
     if (!info.parent) continue;
     ++incremental;
     EXPECT_LE(info.parent->depth, io::kMaxChainLength);
-    EXPECT_LT(info.parent->chunks, site.soil->chunk_count()) << file.name;
+    EXPECT_LT(info.parent->chunks, site.ground->chunk_count()) << file.name;
   }
   EXPECT_GT(incremental, files.size() / 2);
   EXPECT_LT(incremental, files.size() - 1);

@@ -8,8 +8,8 @@
 
 #include "io/mcap/mcap_reader.h"
 #include "io/mcap/mcap_writer.h"
-#include "soilvdb/base_surface.h"
 #include "soilvdb/change_follower.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/surface_height.h"
 #include "soilvdb/tracker.h"
 #include "tests/program/resume_fixture.h"
@@ -111,13 +111,13 @@ TEST(ElevationMap, HasTheHeightsOfTheGroundAsItIs) {
   // Strokes here and there: the map grows, comes to wider cells, and looks only where they were.
   const double h = 0.05;
   const auto plane_m = [](double x) { return 20.013 + 0.05 * (x - 500000); };
-  Soil soil(h, Vec3(500000, 5400000, 20), make_plane(plane_m(0), {0.05, 0}));
+  Ground ground(h, Vec3(500000, 5400000, 20), make_plane(plane_m(0), {0.05, 0}));
   Bucket bucket;
   bucket.width_m = 0.6;
   bucket.height_m = 0.5;
-  Tracker tracker(soil, {bucket});
-  tools::ElevationMap map(soil);
-  ChangeFollower changes(soil);
+  Tracker tracker(ground, {bucket});
+  tools::ElevationMap map(ground);
+  ChangeFollower changes(ground);
   std::mt19937 random(1);
   std::uniform_real_distribution<double> place(-1, 1);
   double cell_m = 0;
@@ -132,16 +132,16 @@ TEST(ElevationMap, HasTheHeightsOfTheGroundAsItIs) {
     }
     map.update(changes.take());
     const auto heights_m = map.heights_m();
-    SurfaceHeight surface(soil);
+    SurfaceHeight surface(ground);
     std::size_t dug = 0;
     for (std::size_t y = 0; y < map.size_y(); ++y)
       for (std::size_t x = 0; x < map.size_x(); ++x) {
         const Vec2 at =
-            soil.origin().head<2>() + map.corner_m() +
+            ground.origin().head<2>() + map.corner_m() +
             map.cell_m() * Vec2(static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
         const auto height_m = surface.at(at.x(), at.y());
         ASSERT_TRUE(height_m);
-        ASSERT_NEAR(heights_m[y * map.size_x() + x], *height_m - soil.origin().z(), 1e-5);
+        ASSERT_NEAR(heights_m[y * map.size_x() + x], *height_m - ground.origin().z(), 1e-5);
         dug += *height_m < plane_m(at.x()) - 0.1;
       }
     EXPECT_GT(dug, 0u);

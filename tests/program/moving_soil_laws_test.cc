@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <random>
 
-#include "io/snapshot/cold_file.h"
+#include "io/snapshot/swap_file.h"
 #include "tests/program/moving_soil.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/faults.h"
@@ -42,22 +42,22 @@ TEST_F(MovingSoilLaws, WhoeverLooksMakesNoDifference) {
 
 TEST(MovingSoilPaged, PagingMakesNoDifference) {
   const test::TempFolder folder;
-  Work free(grounds()[1], 5), paged(grounds()[1], 5);
+  Work free(terrains()[1], 5), paged(terrains()[1], 5);
   constexpr int kSteps = 160;
   for (int i = 0; i < kSteps; ++i) free.step();
-  paged.soil.limit_memory(free.soil.memory_bytes() * 3 / 4,
-                          std::make_shared<io::ColdFile>(folder.path()));
-  bool cold = false;
+  paged.ground.set_memory_limit(free.ground.memory_bytes() * 3 / 4,
+                                std::make_shared<io::SwapFile>(folder.path()));
+  bool swapped = false;
   for (int i = 0; i < kSteps; ++i) {
     paged.step();
-    const auto chunks = paged.soil.chunks();
-    cold |= std::any_of(chunks.begin(), chunks.end(), [](const Chunk* chunk) {
-      return chunk->cold_record != 0 && chunk->loose_count > 0;
+    const auto chunks = paged.ground.chunks();
+    swapped |= std::any_of(chunks.begin(), chunks.end(), [](const Chunk* chunk) {
+      return chunk->swap_record != 0 && chunk->loose_count > 0;
     });
     ASSERT_EQ(residual(paged.tracker), 0);
   }
-  EXPECT_TRUE(cold) << "no loose soil was ever paged out";
-  EXPECT_EQ(paged.soil.state_hash(), free.soil.state_hash());
+  EXPECT_TRUE(swapped) << "no loose soil was ever paged out";
+  EXPECT_EQ(paged.ground.state_hash(), free.ground.state_hash());
   EXPECT_EQ(paged.tracker.state(), free.tracker.state());
 }
 

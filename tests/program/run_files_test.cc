@@ -213,11 +213,11 @@ TEST_F(AfterARun, DiffComparesRunsThatBeganFarApart) {
   good("run far.yaml --out far");
   const io::Site here = io::read_snapshot(folder() / "o/soil_final.vdb"),
                  there = io::read_snapshot(folder() / "far/soil_final.vdb");
-  EXPECT_NE(here.soil->origin(), there.soil->origin());
+  EXPECT_NE(here.ground->origin(), there.ground->origin());
   const auto d = nlohmann::json::parse(good("diff o/soil_final.vdb far/soil_final.vdb --json").out);
   EXPECT_EQ(d["exact"], true);
-  EXPECT_NEAR(d["fill_m3"], -here.soil->change_m3(), 1e-12);
-  EXPECT_NEAR(d["cut_m3"], -there.soil->change_m3(), 1e-12);
+  EXPECT_NEAR(d["fill_m3"], -here.ground->change_m3(), 1e-12);
+  EXPECT_NEAR(d["cut_m3"], -there.ground->change_m3(), 1e-12);
 }
 
 TEST_F(AfterARun, DiffRefusesTwoSites) {

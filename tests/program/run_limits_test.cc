@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/soil.h"
 #include "tests/program/run_fixture.h"
 #include "tests/support/sanitized.h"
 

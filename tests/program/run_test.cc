@@ -6,10 +6,10 @@
 #include <numbers>
 #include <set>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/snapshot.h"
-#include "soilvdb/soil.h"
 #include "tests/program/run_fixture.h"
 #include "tools/run/snapshot_schedule.h"
 

@@ -54,15 +54,15 @@ std::string all_of(const Session& session) {
   std::string text = session.save() + std::to_string(session.ground_hash());
   for (std::size_t i = 0; i < session.machines().size(); ++i)
     text += std::to_string(session.ledger(i).cut()) + " " + std::to_string(session.ledger(i).load);
-  const SiteLedger books = session.books();
+  const MassBalance balance = session.mass_balance();
   for (const std::int64_t n :
-       {books.ground, books.in_flight, books.poured, books.hauled, books.slid})
+       {balance.ground, balance.pending, balance.poured, balance.hauled, balance.slid})
     text += " " + std::to_string(n);
   return text;
 }
 
 class SessionAttack : public ::testing::TestWithParam<bool> {};
-INSTANTIATE_TEST_SUITE_P(Soil, SessionAttack, ::testing::Bool(), [](const auto& given) {
+INSTANTIATE_TEST_SUITE_P(Ground, SessionAttack, ::testing::Bool(), [](const auto& given) {
   return given.param ? "ThatMoves" : "ThatIsRigid";
 });
 

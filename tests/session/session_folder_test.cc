@@ -63,7 +63,7 @@ TEST_P(Sessions, StayInTheirFoldersWhereverTheProgramGoes) {
   {
     const WorkingFolder here(temp / "here");
     fs::create_directory("cold");
-    session.limit_memory(60'000, "cold");
+    session.set_memory_limit(60'000, "cold");
     session.record(recording);
   }
   const WorkingFolder there(temp / "there");
@@ -91,7 +91,7 @@ TEST_P(Sessions, WriteNothingButSnapshots) {
 TEST_P(Sessions, WhoseMemoryCouldntBeLimitedAreAsBefore) {
   const TempFolder temp;
   Session session(site());
-  EXPECT_NE(refusal([&] { session.limit_memory(60'000, temp / "no folder"); }), "taken");
+  EXPECT_NE(refusal([&] { session.set_memory_limit(60'000, temp / "no folder"); }), "taken");
   feed(session, part(states(), 0, 0.3));
   EXPECT_EQ(session.clone().save(), session.save());
 }

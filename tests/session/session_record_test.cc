@@ -198,7 +198,7 @@ TEST_P(Sessions, AreTheSameWithLittleMemory) {
   const TempFolder temp;
   Session free(site()), limited(site());
   feed(free, states());
-  limited.limit_memory(60'000, temp.path());
+  limited.set_memory_limit(60'000, temp.path());
   limited.record(to(temp / "site"));
   feed(limited, part(states(), 0, 0.7));
   limited.stop_recording();
@@ -214,7 +214,7 @@ TEST_P(Sessions, AreTheSameWithLittleMemory) {
   limited.heights(places, b);
   EXPECT_EQ(a, b);
   Session from_folder(site());
-  from_folder.limit_memory(60'000, temp.path());
+  from_folder.set_memory_limit(60'000, temp.path());
   EXPECT_GT(from_folder.record(to(temp / "site")).updates, 0u);
   feed(from_folder, part(states(), 0.7, 1));
   EXPECT_EQ(from_folder.save(), free.save());
@@ -223,9 +223,9 @@ TEST_P(Sessions, AreTheSameWithLittleMemory) {
 TEST_P(Sessions, RefuseWhatTheirMemoryIsTooSmallFor) {
   const TempFolder temp;
   Session session(site());
-  EXPECT_NE(refusal([&] { session.limit_memory(0, temp.path()); }), "taken");
-  EXPECT_NE(refusal([&] { session.limit_memory(1000, temp / "no folder"); }), "taken");
-  session.limit_memory(1000, temp.path());
+  EXPECT_NE(refusal([&] { session.set_memory_limit(0, temp.path()); }), "taken");
+  EXPECT_NE(refusal([&] { session.set_memory_limit(1000, temp / "no folder"); }), "taken");
+  session.set_memory_limit(1000, temp.path());
   StepResult step;
   std::string ground;
   for (std::size_t i = 0; step.ok() && i < states().size(); ++i) {

@@ -21,7 +21,7 @@ namespace soilvdb::test {
 namespace session_test {
 
 // Those of the other files of this program as well.
-INSTANTIATE_TEST_SUITE_P(Soil, Sessions, ::testing::Bool(), [](const auto& given) {
+INSTANTIATE_TEST_SUITE_P(Ground, Sessions, ::testing::Bool(), [](const auto& given) {
   return given.param ? "ThatMoves" : "ThatIsRigid";
 });
 
@@ -39,8 +39,8 @@ Motion motion_of(std::size_t machine) {
 
 TEST_P(Sessions, DoWhatATrackerDoesAlongMotions) {
   Session session(site());
-  Soil soil(0.1, session.origin(), make_plane(0.2, {0.05, 0}));
-  Tracker tracker(soil, {digger(), Bucket{1.0, 0.6, {}, 0.8}}, site().earthmoving);
+  Ground ground(0.1, session.origin(), make_plane(0.2, {0.05, 0}));
+  Tracker tracker(ground, {digger(), Bucket{1.0, 0.6, {}, 0.8}}, site().earthmoving);
   const Motion motions[] = {motion_of(0), motion_of(1)};
   double last_s[] = {motions[0].begin_s(), motions[1].begin_s()};
   // What of two pours comes down before a time, in the order of time.
@@ -63,15 +63,15 @@ TEST_P(Sessions, DoWhatATrackerDoesAlongMotions) {
     ASSERT_EQ(step.update.bucket_m3, wanted.bucket_m3);
     ASSERT_EQ(step.update.spilled_m3, wanted.spilled_m3);
   }
-  EXPECT_EQ(session.ground_hash(), soil.state_hash());
+  EXPECT_EQ(session.ground_hash(), ground.state_hash());
   EXPECT_GT(session.total().cut_m3(), 0.5);
   if (!GetParam()) return;
-  EXPECT_GT(session.books().poured, 0);
-  EXPECT_GT(session.books().hauled, 0);
-  EXPECT_LT(session.books().hauled, session.total().spilled) << "the bin had gone";
+  EXPECT_GT(session.mass_balance().poured, 0);
+  EXPECT_GT(session.mass_balance().hauled, 0);
+  EXPECT_LT(session.mass_balance().hauled, session.total().spilled) << "the bin had gone";
   EXPECT_TRUE(session.come_to_rest().ok());
   tracker.come_to_rest(states().back().time_s);
-  EXPECT_EQ(session.ground_hash(), soil.state_hash());
+  EXPECT_EQ(session.ground_hash(), ground.state_hash());
   EXPECT_NEAR(session.bucket_kg(0), session.ledger(0).bucket_m3() / 1.25 * 1800, 1e-6);
 }
 
@@ -79,7 +79,7 @@ TEST(SessionPours, UpToATimeIncludeWhatFallsThenAndAMachineGoesBeforeIt) {
   const auto poured = [](const auto& bring) {
     Session session(site_of(moving()));
     EXPECT_TRUE(bring(session).ok());
-    return session.books().poured;
+    return session.mass_balance().poured;
   };
   const double end_s = 40;
   const auto all = poured([](Session& session) { return session.pour(1e3); });

@@ -18,9 +18,9 @@ using namespace test;
 
 /// As the session's.
 Site site_like(const Session& session) {
-  return Site(
-      std::make_shared<Soil>(session.voxel_size_m(), session.origin(), make_plane(0.2, {0.05, 0})),
-      {session.machines(), session.earthmoving()});
+  return Site(std::make_shared<Ground>(session.voxel_size_m(), session.origin(),
+                                       make_plane(0.2, {0.05, 0})),
+              {session.machines(), session.earthmoving()});
 }
 
 class Sites : public Sessions {};
@@ -118,7 +118,7 @@ TEST_P(Sites, RefuseWhatCantBeAndStayAsTheyWere) {
   EXPECT_EQ(alone.progress(), before);
   EXPECT_THROW(alone.set_progress("no progress"), std::invalid_argument);
   EXPECT_EQ(alone.progress(), before);
-  EXPECT_THROW(Site(std::make_shared<Soil>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
+  EXPECT_THROW(Site(std::make_shared<Ground>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
                     {{{"a", digger()}, {"a", digger()}}}),
                std::invalid_argument);
   EXPECT_EQ(session.machine("plate"), 1u);

@@ -31,7 +31,8 @@ TEST(Capacity, GoesWithTheCubeOfSize) {
     Bucket large = small;
     large.width_m *= kScale, large.height_m *= kScale;
     for (Vec2& p : large.profile) p *= kScale;
-    const Hold a = capacity(small).at(attitude, slope), b = capacity(large).at(attitude, slope);
+    const BucketCapacity a = capacity(small).at(attitude, slope),
+                         b = capacity(large).at(attitude, slope);
     EXPECT_NEAR(b.volume_m3 / std::pow(kScale, 3), a.volume_m3, kRounding);
     EXPECT_LT((b.spill / kScale - a.spill).norm(), kRounding);
   });
@@ -41,7 +42,7 @@ TEST(Capacity, IsTheSameInAMirror) {
   for_many([&](const Bucket& bucket, const Eigen::Quaterniond& q, double slope) {
     const Eigen::Quaterniond mirrored(q.w(), -q.x(), q.y(), -q.z());
     const Capacity c = capacity(bucket);
-    const Hold a = c.at(q, slope), b = c.at(mirrored, slope);
+    const BucketCapacity a = c.at(q, slope), b = c.at(mirrored, slope);
     EXPECT_EQ(a.volume_m3, b.volume_m3);
     const Vec3 up = q.conjugate() * Vec3::UnitZ();
     if (std::abs(up.y()) > kRounding) {  // else both side plates may be as good
@@ -64,7 +65,7 @@ TEST(Capacity, OfABucketUpsideDownIsThatOfOneWithItsEdgesSwapped) {
 TEST(Capacity, DoesNotDependOnHeading) {
   for_many([&](const Bucket& bucket, const Eigen::Quaterniond& q, double slope) {
     const Capacity c = capacity(bucket);
-    const Hold a = c.at(q, slope), b = c.at(from_rpy(0, 0, 2.1) * q, slope);
+    const BucketCapacity a = c.at(q, slope), b = c.at(from_rpy(0, 0, 2.1) * q, slope);
     EXPECT_NEAR(a.volume_m3, b.volume_m3, kRounding);
   });
 }

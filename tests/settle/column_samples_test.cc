@@ -12,7 +12,7 @@
 #include <map>
 #include <random>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "soilvdb/chunk_range.h"
 
@@ -25,16 +25,16 @@ constexpr double kRounding = 1e-4;
 
 using Sets = std::map<Coord3, SampleWords, Before>;
 
-/// What the soils here hold, by chunk.
-Sets sets_of(const Soil& soil, bool loose) {
+/// What the grounds here hold, by chunk.
+Sets sets_of(const Ground& ground, bool loose) {
   Sets sets;
   for (int x = -24; x < 24; x += 8) {
     for (int y = -24; y < 24; y += 8) {
       for (int z = -48; z < 80; z += 8) {
         if (loose) {
-          soil.read_loose({x, y, z}, sets[{x, y, z}]);
+          ground.read_loose({x, y, z}, sets[{x, y, z}]);
         } else {
-          soil.read_samples({x, y, z}, sets[{x, y, z}]);
+          ground.read_samples({x, y, z}, sets[{x, y, z}]);
         }
       }
     }
@@ -76,7 +76,7 @@ std::int64_t count(const Sets& sets) {
 }
 
 /// Ground with partly full cells, loose soil among them.
-void rough(Soil& soil, std::mt19937_64& random) {
+void rough(Ground& ground, std::mt19937_64& random) {
   for (int i = 0; i < 60; ++i) {
     const auto at = [&](int low) { return low + static_cast<int>(random() % 6) * 8; };
     const Coord3 origin(at(-24), at(-24), at(-16));
@@ -86,9 +86,9 @@ void rough(Soil& soil, std::mt19937_64& random) {
       word = r == 0 ? kAllSoil : r == 1 ? random() : r == 2 ? random() & random() : 0;
     }
     const std::uint64_t kind = random() % 3;
-    if (kind == 0) SoilWriter(soil).remove(origin, set);
-    if (kind == 1) SoilWriter(soil).add(origin, set);
-    if (kind == 2) SoilWriter(soil).add(origin, set, SoilWriter::Kind::kLoose);
+    if (kind == 0) GroundWriter(ground).remove(origin, set);
+    if (kind == 1) GroundWriter(ground).add(origin, set);
+    if (kind == 2) GroundWriter(ground).add(origin, set, GroundWriter::Kind::kLoose);
   }
 }
 
@@ -118,14 +118,14 @@ std::vector<ColumnEdit> random_changes(std::mt19937_64& random, int most) {
   return changes;
 }
 
-struct Ground {
-  Soil soil{kVoxel, Vec3::Zero(), make_plane(0.02, {0.1, -0.2})};
+struct RoughGround {
+  Ground ground{kVoxel, Vec3::Zero(), make_plane(0.02, {0.1, -0.2})};
   Sets before, loose_before;
-  explicit Ground(std::uint64_t seed) {
+  explicit RoughGround(std::uint64_t seed) {
     std::mt19937_64 random(seed);
-    rough(soil, random);
-    before = sets_of(soil, false);
-    loose_before = sets_of(soil, true);
+    rough(ground, random);
+    before = sets_of(ground, false);
+    loose_before = sets_of(ground, true);
   }
 };
 
@@ -133,16 +133,16 @@ TEST(ColumnSamples, AddsExactlySoManyToEachColumnAndTheLowest) {
   std::mt19937_64 random(1);
   int more_than_room = 0, whole = 0;
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
-    Ground ground(seed);
+    RoughGround rough(seed);
     const auto changes = random_changes(random, seed % 3 == 0 ? 3000 : 400);
-    const std::int64_t added = add_loose(ground.soil, changes, kSlope);
-    const Sets after = sets_of(ground.soil, false), loose = sets_of(ground.soil, true);
+    const std::int64_t added = add_loose(rough.ground, changes, kSlope);
+    const Sets after = sets_of(rough.ground, false), loose = sets_of(rough.ground, true);
     std::int64_t sum = 0;
     for (const ColumnEdit& change : changes) {
       std::int64_t room = 0, found = 0;
       double highest = -1e9, lowest_left = 1e9;
       for (const Sample& s : samples_of(change)) {
-        if (has(ground.before, s.cell, s.point)) continue;
+        if (has(rough.before, s.cell, s.point)) continue;
         ++room;
         if (has(after, s.cell, s.point)) {
           ++found;
@@ -158,8 +158,8 @@ TEST(ColumnSamples, AddsExactlySoManyToEachColumnAndTheLowest) {
       sum += found;
     }
     EXPECT_EQ(added, sum);
-    EXPECT_EQ(count(after) - count(ground.before), sum);
-    EXPECT_EQ(count(loose) - count(ground.loose_before), sum);
+    EXPECT_EQ(count(after) - count(rough.before), sum);
+    EXPECT_EQ(count(loose) - count(rough.loose_before), sum);
   }
   EXPECT_GT(more_than_room, 500);
   EXPECT_GT(whole, 500);
@@ -169,17 +169,17 @@ TEST(ColumnSamples, RemovesExactlySoManyFromEachColumnAndTheHighest) {
   std::mt19937_64 random(4);
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     const bool bank = seed % 2 == 0;
-    Ground ground(seed);
+    RoughGround rough(seed);
     const auto changes = random_changes(random, seed % 3 == 0 ? 2000 : 300);
-    const Taken taken = remove_top(ground.soil, changes, kSlope, bank);
-    const Sets after = sets_of(ground.soil, false), loose = sets_of(ground.soil, true);
+    const Taken taken = remove_top(rough.ground, changes, kSlope, bank);
+    const Sets after = sets_of(rough.ground, false), loose = sets_of(rough.ground, true);
     Taken expected;
     for (const ColumnEdit& change : changes) {
       std::int64_t there = 0, gone = 0;
       double lowest = 1e9, highest_left = -1e9;
       for (const Sample& s : samples_of(change)) {
-        const bool was_loose = has(ground.loose_before, s.cell, s.point);
-        if (!has(ground.before, s.cell, s.point) || !(bank || was_loose)) continue;
+        const bool was_loose = has(rough.loose_before, s.cell, s.point);
+        if (!has(rough.before, s.cell, s.point) || !(bank || was_loose)) continue;
         ++there;
         if (has(after, s.cell, s.point)) {
           highest_left = std::max(highest_left, s.above);
@@ -196,8 +196,8 @@ TEST(ColumnSamples, RemovesExactlySoManyFromEachColumnAndTheHighest) {
     EXPECT_EQ(taken.loose, expected.loose);
     EXPECT_GT(taken.loose, 1000);
     EXPECT_EQ(taken.bank > 0, bank);
-    EXPECT_EQ(count(ground.before) - count(after), taken.bank + taken.loose);
-    EXPECT_EQ(count(ground.loose_before) - count(loose), taken.loose);
+    EXPECT_EQ(count(rough.before) - count(after), taken.bank + taken.loose);
+    EXPECT_EQ(count(rough.loose_before) - count(loose), taken.loose);
   }
 }
 
@@ -209,11 +209,11 @@ TEST(ColumnSamples, AreTheSameInAnyOrderAndOnAnyNumberOfThreads) {
     for (const std::size_t threads : {1u, 2u, 4u}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
       for (int run = 0; run < 2; ++run) {
-        Ground ground(seed);
-        add_loose(ground.soil, changes, kSlope);
-        remove_top(ground.soil, fewer, kSlope, true);
-        if (hash == 0) hash = ground.soil.state_hash();
-        EXPECT_EQ(ground.soil.state_hash(), hash);
+        RoughGround rough(seed);
+        add_loose(rough.ground, changes, kSlope);
+        remove_top(rough.ground, fewer, kSlope, true);
+        if (hash == 0) hash = rough.ground.state_hash();
+        EXPECT_EQ(rough.ground.state_hash(), hash);
         std::shuffle(changes.begin(), changes.end(), random);
         std::shuffle(fewer.begin(), fewer.end(), random);
       }
@@ -222,11 +222,11 @@ TEST(ColumnSamples, AreTheSameInAnyOrderAndOnAnyNumberOfThreads) {
 }
 
 TEST(ColumnSamples, StayWithoutChanges) {
-  Ground ground(1);
-  const std::uint64_t hash = ground.soil.state_hash();
-  EXPECT_EQ(add_loose(ground.soil, {}, kSlope), 0);
-  EXPECT_EQ(remove_top(ground.soil, {}, kSlope, true).bank, 0);
-  EXPECT_EQ(ground.soil.state_hash(), hash);
+  RoughGround rough(1);
+  const std::uint64_t hash = rough.ground.state_hash();
+  EXPECT_EQ(add_loose(rough.ground, {}, kSlope), 0);
+  EXPECT_EQ(remove_top(rough.ground, {}, kSlope, true).bank, 0);
+  EXPECT_EQ(rough.ground.state_hash(), hash);
 }
 
 }  // namespace column_samples_test

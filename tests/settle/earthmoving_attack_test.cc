@@ -22,16 +22,17 @@ constexpr double kVoxel = 0.1;
 constexpr std::clock_t kSoon = test::cpu_s(5);
 
 struct Site {
-  Soil soil;
+  Ground ground;
   Tracker tracker;
-  Site(std::shared_ptr<const BaseSurface> base, std::vector<Bucket> buckets, Earthmoving all,
+  Site(std::shared_ptr<const InitialTerrain> base, std::vector<Bucket> buckets, Earthmoving all,
        const Vec3& origin = Vec3::Zero())
-      : soil(kVoxel, origin, std::move(base)), tracker(soil, std::move(buckets), std::move(all)) {}
+      : ground(kVoxel, origin, std::move(base)),
+        tracker(ground, std::move(buckets), std::move(all)) {}
 };
 
 /// What must hold of anything poured, on ground no steeper than repose.
 /// @param steep most that a column may be over repose
-void expect_poured(const char* what, std::shared_ptr<const BaseSurface> base,
+void expect_poured(const char* what, std::shared_ptr<const InitialTerrain> base,
                    const std::vector<Pour>& pours, double steep = 3 * kDegree,
                    const Vec3& origin = Vec3::Zero()) {
   SCOPED_TRACE(what);
@@ -40,13 +41,13 @@ void expect_poured(const char* what, std::shared_ptr<const BaseSurface> base,
   const std::clock_t begin = std::clock();
   for (std::size_t i = 0; i < pours.size(); ++i) {
     site.tracker.pour(i, 100);
-    samples += pours[i].volume_m3 / site.soil.sample_m3();
+    samples += pours[i].volume_m3 / site.ground.sample_m3();
   }
   EXPECT_LT(std::clock() - begin, kSoon);
   EXPECT_EQ(residual(site.tracker), 0);
-  EXPECT_NEAR(static_cast<double>(loose_samples(site.soil)), samples, 1);
-  EXPECT_EQ(pockets(site.soil), 0);
-  const std::vector<double> over = over_repose(all_of(site.soil));
+  EXPECT_NEAR(static_cast<double>(loose_samples(site.ground)), samples, 1);
+  EXPECT_EQ(pockets(site.ground), 0);
+  const std::vector<double> over = over_repose(all_of(site.ground));
   EXPECT_LE(over.empty() ? 0 : over.back(), steep);
 }
 
@@ -55,7 +56,7 @@ const HeightGrid kGrid{9, 9, {-4, -4}, {1, 1}};
 
 TEST(EarthmovingAttack, PoursOfAnySizeAnywhere) {
   const auto plane = [](double z, const Vec2& slope) {
-    return std::shared_ptr<const BaseSurface>(make_plane(z, slope));
+    return std::shared_ptr<const InitialTerrain>(make_plane(z, slope));
   };
   const auto pour = [](const Vec3& at, double volume_m3) { return Pour{"a", at, 0, 0, volume_m3}; };
   expect_poured("slope", plane(0, {0.5, 0.2}), {pour({0, 0, 2}, 1)});
@@ -94,14 +95,14 @@ TEST(EarthmovingAttack, PoursOfAnySizeAnywhere) {
 }
 
 /// Samples that a box of the plan lost or got, each counted.
-std::int64_t changed_samples(const Soil& soil, const Eigen::AlignedBox2d& box_m) {
+std::int64_t changed_samples(const Ground& ground, const Eigen::AlignedBox2d& box_m) {
   std::int64_t changed = 0;
-  for (const Chunk* chunk : soil.chunks()) {
+  for (const Chunk* chunk : ground.chunks()) {
     SampleWords now, before;
-    soil.read_samples(chunk->origin, now);
-    soil.read_base(chunk->origin, before);
+    ground.read_samples(chunk->origin, now);
+    ground.read_base(chunk->origin, before);
     for (std::size_t n = 0; n < now.size(); ++n) {
-      const Vec3 at = soil.world_from_index(
+      const Vec3 at = ground.world_from_index(
           (chunk->origin + numbered_voxel(static_cast<int>(n))).cast<double>());
       if (box_m.contains(at.head<2>())) changed += std::popcount(now[n] ^ before[n]);
     }
@@ -120,27 +121,27 @@ TEST(EarthmovingAttack, SoilRunsDownALongSteepSlopeToItsFoot) {
   site.tracker.pour(0, 0);
   EXPECT_LT(std::clock() - begin, kSoon);
   EXPECT_EQ(residual(site.tracker), 0);
-  EXPECT_NEAR(site.soil.change_m3(), 0.5, 1e-3);
+  EXPECT_NEAR(site.ground.change_m3(), 0.5, 1e-3);
   // Columns hold a film on their steps.
-  EXPECT_LT(changed_samples(site.soil, {Vec2(-80, -9), Vec2(-2, 9)}), 32000 / 8);
+  EXPECT_LT(changed_samples(site.ground, {Vec2(-80, -9), Vec2(-2, 9)}), 32000 / 8);
 }
 
 TEST(EarthmovingAttack, NothingComesToLieWhereThereIsNoGround) {
   Site site(raster({9, 9, {-4.02, -4.03}, {1, 1}}, flat), {},
             loam_with_pours({{"a", {3.97, 3.95, 2}, 0, 0, 2}}));
   site.tracker.pour(0, 0);
-  for (const Chunk* chunk : site.soil.chunks()) {
+  for (const Chunk* chunk : site.ground.chunks()) {
     SampleWords loose;
-    site.soil.read_loose(chunk->origin, loose);
+    site.ground.read_loose(chunk->origin, loose);
     for (std::size_t n = 0; n < loose.size(); ++n) {
       const Coord3 cell = chunk->origin + numbered_voxel(static_cast<int>(n));
       const CellPoints& points = sample_points(cell);
       for (std::size_t i = 0; i < 64; ++i) {
         if ((loose[n] >> i & 1) == 0) continue;
-        const Vec3 at = site.soil.world_from_index(cell.cast<double>() +
-                                                   Vec3(points.x[i], points.y[i], points.z[i]) -
-                                                   Vec3::Constant(0.5));
-        ASSERT_TRUE(site.soil.base().height(at.x(), at.y()));
+        const Vec3 at = site.ground.world_from_index(cell.cast<double>() +
+                                                     Vec3(points.x[i], points.y[i], points.z[i]) -
+                                                     Vec3::Constant(0.5));
+        ASSERT_TRUE(site.ground.terrain().height(at.x(), at.y()));
         ASSERT_GT(at.z(), -1e-3);
       }
     }
@@ -155,13 +156,13 @@ TEST(EarthmovingAttack, AHopperTakesWhatFallsIntoItAndNothingBeside) {
   all.hoppers.push_back({"hopper", {Vec2(0, -1), Vec2(1, 1)}, 2, 0, 10});
   Site site(make_plane(0, {0, 0}), {}, all);
   site.tracker.pour(0, 0);
-  EXPECT_EQ(loose_samples(site.soil), 0);
-  EXPECT_GT(site.tracker.site().hauled, 0);
-  const std::int64_t hauled = site.tracker.site().hauled;
+  EXPECT_EQ(loose_samples(site.ground), 0);
+  EXPECT_GT(site.tracker.mass_balance().hauled, 0);
+  const std::int64_t hauled = site.tracker.mass_balance().hauled;
   for (std::size_t i = 1; i < 4; ++i) {
     site.tracker.pour(i, 20);
-    EXPECT_EQ(site.tracker.site().hauled, hauled);
-    EXPECT_EQ(loose_samples(site.soil), static_cast<std::int64_t>(i) * 32000);
+    EXPECT_EQ(site.tracker.mass_balance().hauled, hauled);
+    EXPECT_EQ(loose_samples(site.ground), static_cast<std::int64_t>(i) * 32000);
     EXPECT_EQ(residual(site.tracker), 0);
   }
 }
@@ -174,10 +175,10 @@ TEST(EarthmovingAttack, AHopperThatGoesWhileSoilFallsTakesItsShare) {
     Site site(make_plane(0, {0, 0}), {}, all);
     for (int i = 1; i <= calls; ++i) site.tracker.pour(0, 2.0 * i / calls);
     EXPECT_EQ(residual(site.tracker), 0);
-    hauled[calls > 1] = site.tracker.site().hauled;
-    EXPECT_NEAR(
-        static_cast<double>(hauled[calls > 1]) / static_cast<double>(site.tracker.site().poured),
-        0.5, 0.06);
+    hauled[calls > 1] = site.tracker.mass_balance().hauled;
+    EXPECT_NEAR(static_cast<double>(hauled[calls > 1]) /
+                    static_cast<double>(site.tracker.mass_balance().poured),
+                0.5, 0.06);
   }
   EXPECT_EQ(hauled[0], hauled[1]);
 }
@@ -232,9 +233,9 @@ TEST(EarthmovingAttack, ASteepSlopeStandsUntilItsFootIsDug) {
   };
   const Eigen::AlignedBox2d slope(Vec2(-8, -4), Vec2(0.9, 4));
   pass(2.3);  // to 1.3
-  EXPECT_EQ(changed_samples(site.soil, slope), 0);
+  EXPECT_EQ(changed_samples(site.ground, slope), 0);
   pass(2);  // to its foot
-  EXPECT_GT(changed_samples(site.soil, slope), 1000);
+  EXPECT_GT(changed_samples(site.ground, slope), 1000);
 }
 
 TEST(EarthmovingAttack, NothingFailsThroughTheTerrainsEdge) {
@@ -245,8 +246,8 @@ TEST(EarthmovingAttack, NothingFailsThroughTheTerrainsEdge) {
     site.tracker.update(0, {to});
   site.tracker.come_to_rest();
   EXPECT_EQ(residual(site.tracker), 0);
-  EXPECT_GT(site.tracker.site().slid, 0);  // the other wall
-  EXPECT_EQ(changed_samples(site.soil, {Vec2(-3.2, -3), Vec2(-2.5, 3)}), 0);
+  EXPECT_GT(site.tracker.mass_balance().slid, 0);  // the other wall
+  EXPECT_EQ(changed_samples(site.ground, {Vec2(-3.2, -3), Vec2(-2.5, 3)}), 0);
 }
 
 /// Goal: soil poured onto a bucket that stands on the ground lies beside it, so nothing is higher
@@ -257,7 +258,7 @@ TEST(EarthmovingAttack, NoSoilComesToLieInABucketsPlace) {
   site.tracker.update(0, Pose{{0, 0, 0.1}});
   site.tracker.pour(0, 0);
   site.tracker.come_to_rest();
-  const GroundWindow window(site.soil, {-6, -4}, 4, 9);
+  const GroundWindow window(site.ground, {-6, -4}, 4, 9);
   for (int x = 0; x < 4; ++x)
     for (int y = 0; y < 9; ++y) EXPECT_LE(window.at(x, y).top, 5.3);
 }

@@ -11,7 +11,7 @@
 #include <limits>
 #include <random>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 
 namespace soilvdb::test {
 namespace ground_window_test {
@@ -40,22 +40,22 @@ class Posts final : public HeightSource {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 /// Posts one metre apart from (-4, -4), 9 x 9.
-std::shared_ptr<const BaseSurface> field(std::function<double(int, int)> z) {
+std::shared_ptr<const InitialTerrain> field(std::function<double(int, int)> z) {
   return make_height_field({9, 9, {-4, -4}, {1, 1}}, std::make_shared<Posts>(std::move(z)));
 }
 
 using Words = std::vector<std::uint64_t>;
 
 /// All samples of a column of cells, from kLow up.
-Words column_of(const Soil& soil, int x, int y, bool loose) {
+Words column_of(const Ground& ground, int x, int y, bool loose) {
   Words all;
   for (int z = kLow; z < kHigh; z += 8) {
     SampleWords words;
     const Coord3 origin(x & ~7, y & ~7, z);
     if (loose) {
-      soil.read_loose(origin, words);
+      ground.read_loose(origin, words);
     } else {
-      soil.read_samples(origin, words);
+      ground.read_samples(origin, words);
     }
     const auto first = static_cast<std::size_t>((x & 7) << 6 | (y & 7) << 3);
     all.insert(all.end(), words.begin() + first, words.begin() + first + 8);
@@ -85,18 +85,20 @@ struct Found {
 };
 
 /// Compares a window with the count of all its columns.
-Found compare(const Soil& soil, const Coord2& first, int nx, int ny) {
-  const GroundWindow window(soil, first, nx, ny);
+Found compare(const Ground& ground, const Coord2& first, int nx, int ny) {
+  const GroundWindow window(ground, first, nx, ny);
   Found found;
   for (int x = 0; x < nx; ++x) {
     for (int y = 0; y < ny; ++y) {
       const GroundWindow::Column& c = window.at(x, y);
-      const Vec3 middle = soil.world_from_index(Vec3(first.x() + x, first.y() + y, 0));
+      const Vec3 middle = ground.world_from_index(Vec3(first.x() + x, first.y() + y, 0));
       const auto covered = [&](double reach) {
         bool all = true;
         for (const double u : {-reach, 0.0, reach})
           for (const double v : {-reach, 0.0, reach})
-            all &= soil.base().height(middle.x() + u * kVoxel, middle.y() + v * kVoxel).has_value();
+            all &= ground.terrain()
+                       .height(middle.x() + u * kVoxel, middle.y() + v * kVoxel)
+                       .has_value();
         return all;
       };
       if (c.known) {
@@ -106,8 +108,8 @@ Found compare(const Soil& soil, const Coord2& first, int nx, int ny) {
       }
       if (!covered(0.502)) continue;
       ++found.known;
-      const Words all = column_of(soil, first.x() + x, first.y() + y, false);
-      const Words loose = column_of(soil, first.x() + x, first.y() + y, true);
+      const Words all = column_of(ground, first.x() + x, first.y() + y, false);
+      const Words loose = column_of(ground, first.x() + x, first.y() + y, true);
       Words bank = all;
       for (std::size_t k = 0; k < bank.size(); ++k) bank[k] &= ~loose[k];
       const int solid = topmost_full(bank);
@@ -127,17 +129,17 @@ Found compare(const Soil& soil, const Coord2& first, int nx, int ny) {
 }
 
 /// Makes a chunk resident, as it is.
-void touch(Soil& soil, const Coord3& origin) {
+void touch(Ground& ground, const Coord3& origin) {
   SampleWords words;
-  soil.read_samples(origin, words);
-  SoilWriter(soil).remove(origin, words);
-  SoilWriter(soil).add(origin, words);
+  ground.read_samples(origin, words);
+  GroundWriter(ground).remove(origin, words);
+  GroundWriter(ground).add(origin, words);
 }
 
 /// Heaps and pits at random, with loose soil on bank soil and bank soil on air. What is above is
 /// resident: a crust of less than a cell isn't seen where it is the base surface's.
-void disturb(Soil& soil, std::mt19937_64& random, int times) {
-  SoilWriter writer(soil);
+void disturb(Ground& ground, std::mt19937_64& random, int times) {
+  GroundWriter writer(ground);
   for (int i = 0; i < times; ++i) {
     const auto at = [&] { return static_cast<int>(random() % 8) * 8 - 32; };
     const Coord3 origin(at(), at(), static_cast<int>(random() % 8) * 8 - 32);
@@ -148,17 +150,17 @@ void disturb(Soil& soil, std::mt19937_64& random, int times) {
       set[n] = r == 0 ? 0 : r < 3 ? kAllSoil : random() & random();
     }
     for (int z = origin.z() + 8; z < 40; z += 8) {
-      if (soil.find({origin.x(), origin.y(), z}) == nullptr)
-        touch(soil, {origin.x(), origin.y(), z});
+      if (ground.find({origin.x(), origin.y(), z}) == nullptr)
+        touch(ground, {origin.x(), origin.y(), z});
     }
     if (kind < 2) writer.remove(origin, set);
-    if (kind == 2) writer.add(origin, set, SoilWriter::Kind::kLoose);
+    if (kind == 2) writer.add(origin, set, GroundWriter::Kind::kLoose);
     if (kind == 3) writer.add(origin, set);
   }
 }
 
-std::vector<std::shared_ptr<const BaseSurface>> bases() {
-  std::vector<std::shared_ptr<const BaseSurface>> all;
+std::vector<std::shared_ptr<const InitialTerrain>> bases() {
+  std::vector<std::shared_ptr<const InitialTerrain>> all;
   all.push_back(make_plane(0.013, {0, 0}));
   all.push_back(make_plane(0.23, {0.31, -0.22}));
   all.push_back(make_plane(-0.1, {-0.9, 0.4}));
@@ -168,8 +170,8 @@ std::vector<std::shared_ptr<const BaseSurface>> bases() {
 
 TEST(GroundWindow, HasTheHeightsOfUntouchedGround) {
   for (const auto& base : bases()) {
-    const Soil soil(kVoxel, {0.02, -0.03, 0.01}, base);
-    const Found found = compare(soil, {-37, -29}, 61, 66);
+    const Ground ground(kVoxel, {0.02, -0.03, 0.01}, base);
+    const Found found = compare(ground, {-37, -29}, 61, 66);
     EXPECT_EQ(found.known, 61 * 66);
     EXPECT_LE(found.top_off, kCountNoise);
     EXPECT_EQ(found.loose_columns, 0);
@@ -182,12 +184,12 @@ TEST(GroundWindow, CountsDisturbedGroundExactly) {
     for (const bool resident : {false, true}) {
       for (std::uint64_t seed = 0; seed < 3; ++seed) {
         std::mt19937_64 random(seed);
-        Soil soil(kVoxel, Vec3::Zero(), base);
+        Ground ground(kVoxel, Vec3::Zero(), base);
         for (int x = -32; resident && x < 32; x += 8)
           for (int y = -32; y < 32; y += 8)
-            for (int z = kLow; z < kHigh; z += 8) touch(soil, {x, y, z});
-        disturb(soil, random, 200);
-        const Found found = compare(soil, {-32, -32}, 64, 64);
+            for (int z = kLow; z < kHigh; z += 8) touch(ground, {x, y, z});
+        disturb(ground, random, 200);
+        const Found found = compare(ground, {-32, -32}, 64, 64);
         // Chunks that hold no sample aren't resident, though posts may stick out into them.
         const bool exact = resident && base != all.back();
         EXPECT_LE(found.top_off, exact ? 0 : kFieldNoise);
@@ -202,15 +204,15 @@ TEST(GroundWindow, CountsDisturbedGroundExactly) {
 }
 
 TEST(GroundWindow, SeesAPitThatGoesBelowTheBaseAndALedgeOverIt) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
   SampleWords all;
   all.fill(kAllSoil);
-  for (int z = -48; z <= 0; z += 8) SoilWriter(soil).remove({0, 0, z}, all);
-  const auto top = [&] { return GroundWindow(soil, {3, 3}, 1, 1).at(0, 0); };
+  for (int z = -48; z <= 0; z += 8) GroundWriter(ground).remove({0, 0, z}, all);
+  const auto top = [&] { return GroundWindow(ground, {3, 3}, 1, 1).at(0, 0); };
   EXPECT_EQ(top().top, -48.5);
   SampleWords cell{};
   cell[3 << 6 | 3 << 3 | 2] = kAllSoil;  // a cell of soil that hangs in the air
-  SoilWriter(soil).add({0, 0, -16}, cell, SoilWriter::Kind::kLoose);
+  GroundWriter(ground).add({0, 0, -16}, cell, GroundWriter::Kind::kLoose);
   EXPECT_EQ(top().top, -47.5) << "what soil there is, wherever it hangs";
   EXPECT_LE(top().full, -49);
   EXPECT_EQ(top().bank, -48.5);
@@ -218,19 +220,19 @@ TEST(GroundWindow, SeesAPitThatGoesBelowTheBaseAndALedgeOverIt) {
 
 /// Ground that reaches into a chunk by less than a sample, and is dug away below that.
 TEST(GroundWindow, SeesAPitWhoseRimIsAHairAboveChunks) {
-  Soil soil(kVoxel, Vec3::Zero(), make_plane(-0.05 + 0.0002, {0, 0}));
-  EXPECT_NEAR(GroundWindow(soil, {3, 3}, 1, 1).at(0, 0).top, -0.498, kCountNoise);
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(-0.05 + 0.0002, {0, 0}));
+  EXPECT_NEAR(GroundWindow(ground, {3, 3}, 1, 1).at(0, 0).top, -0.498, kCountNoise);
   SampleWords all;
   all.fill(kAllSoil);
-  SoilWriter(soil).remove({0, 0, -8}, all);
-  SoilWriter(soil).remove({0, 0, 0}, all);
-  EXPECT_NEAR(GroundWindow(soil, {3, 3}, 1, 1).at(0, 0).top, -8.5, 0.01);
+  GroundWriter(ground).remove({0, 0, -8}, all);
+  GroundWriter(ground).remove({0, 0, 0}, all);
+  EXPECT_NEAR(GroundWindow(ground, {3, 3}, 1, 1).at(0, 0).top, -8.5, 0.01);
 }
 
 TEST(GroundWindow, KnowsNothingBeyondARaster) {
-  Soil soil(kVoxel, Vec3::Zero(),
-            field([](int x, int y) { return x == 2 && y == 3 ? kNone : 0.2 * x - 0.1 * y; }));
-  const Found found = compare(soil, {-60, -50}, 110, 105);
+  Ground ground(kVoxel, Vec3::Zero(),
+                field([](int x, int y) { return x == 2 && y == 3 ? kNone : 0.2 * x - 0.1 * y; }));
+  const Found found = compare(ground, {-60, -50}, 110, 105);
   EXPECT_EQ(found.known, 79 * 79 - 21 * 21);  // columns that end at posts aside
   EXPECT_LE(found.top_off, kCountNoise);
 }
@@ -241,20 +243,21 @@ TEST(GroundWindow, SeesIslandsAndCliffsAmongHolesOfOneChunk) {
     if (y > 1) return kNone;
     return x < 2 ? 0.0 : x == 2 ? kNone : 2.5;
   });
-  const Soil soil(kVoxel, Vec3::Zero(), make_height_field({5, 4, {0.1, 0.1}, {0.3, 0.3}}, heights));
-  EXPECT_LE(compare(soil, {-8, -8}, 32, 32).top_off, 0.6);
+  const Ground ground(kVoxel, Vec3::Zero(),
+                      make_height_field({5, 4, {0.1, 0.1}, {0.3, 0.3}}, heights));
+  EXPECT_LE(compare(ground, {-8, -8}, 32, 32).top_off, 0.6);
 }
 
 /// Cells that a raster ends in would never be full.
 TEST(GroundWindow, LeavesColumnsOutThatARasterEndsIn) {
   const auto heights = std::make_shared<Posts>([](int, int) { return 0.0; });
-  Soil soil(kVoxel, Vec3::Zero(), make_height_field({5, 5, {0.02, 0.02}, {1, 1}}, heights));
-  const auto column = [&](int x) { return GroundWindow(soil, {x, 8}, 1, 1).at(0, 0); };
-  EXPECT_TRUE(soil.base().height(4.0, 0.8));
+  Ground ground(kVoxel, Vec3::Zero(), make_height_field({5, 5, {0.02, 0.02}, {1, 1}}, heights));
+  const auto column = [&](int x) { return GroundWindow(ground, {x, 8}, 1, 1).at(0, 0); };
+  EXPECT_TRUE(ground.terrain().height(4.0, 0.8));
   EXPECT_FALSE(column(40).known);
   SampleWords one{};
   one[7 << 6 | 5] = 1;
-  for (const int z : {-8, -16}) SoilWriter(soil).remove({32, 8, z}, one);
+  for (const int z : {-8, -16}) GroundWriter(ground).remove({32, 8, z}, one);
   EXPECT_TRUE(column(39).known);
   EXPECT_EQ(column(39).top, 0);
 }

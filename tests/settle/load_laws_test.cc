@@ -19,12 +19,12 @@ namespace load_laws_test {
 /// Ground below z = 0, and one bucket.
 struct Site {
   Bucket bucket;
-  Soil soil;
+  Ground ground;
   Tracker tracker;
   Site(double voxel_m, Bucket b)
       : bucket(std::move(b)),
-        soil(voxel_m, Vec3::Zero(), make_plane(0, {0, 0})),
-        tracker(soil, {bucket}, loam()) {}
+        ground(voxel_m, Vec3::Zero(), make_plane(0, {0, 0})),
+        tracker(ground, {bucket}, loam()) {}
   double load_m3() const { return tracker.ledger(0).bucket_m3(); }
   /// What can stay in it, by columns of soil.
   FilledColumns::Sum most(const Eigen::Quaterniond& rotation) const {
@@ -32,7 +32,7 @@ struct Site {
   }
   bool holds_too_much(const Eigen::Quaterniond& rotation) const {
     const FilledColumns::Sum sum = most(rotation);
-    return load_m3() > sum.volume_m3 + sum.error_m3 + soil.sample_m3();
+    return load_m3() > sum.volume_m3 + sum.error_m3 + ground.sample_m3();
   }
   /// Dragged through the ground, curled so that most stays in it, and lifted out.
   void fill() {
@@ -60,12 +60,12 @@ TEST(Load, OfABucketThatWasTippedIsWhatStaysOnItsFloor) {
         last.rotation = pitched(-1.3 + (pitch + 1.3) * i / updates);
         update = site.tracker.update(0, last);
       }
-      EXPECT_NEAR(update.bucket_m3, wedge_m3(pitch), site.soil.sample_m3());
+      EXPECT_NEAR(update.bucket_m3, wedge_m3(pitch), site.ground.sample_m3());
       EXPECT_EQ(residual(site.tracker), 0);
       const double before = site.load_m3();
       site.tracker.update(0, last);
       EXPECT_EQ(site.load_m3(), before) << "again the same state";
-      EXPECT_LT(site.tracker.site().in_flight, site.tracker.site().units.loose);
+      EXPECT_LT(site.tracker.mass_balance().pending, site.tracker.mass_balance().units.loose);
       site.tracker.come_to_rest();
       EXPECT_EQ(site.load_m3(), before) << "at rest";
     }

@@ -8,9 +8,9 @@
 #include <numbers>
 
 #include "core/settle/column_samples.h"
-#include "core/settle/earthworks.h"
 #include "core/settle/obstacle.h"
-#include "io/snapshot/cold_file.h"
+#include "core/settle/settler.h"
+#include "io/snapshot/swap_file.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/temp_folder.h"
 
@@ -21,21 +21,21 @@ constexpr double kVoxel = 0.1;
 constexpr double kDegree = std::numbers::pi / 180;
 
 struct Site {
-  Soil soil;
+  Ground ground;
   Tracker tracker;
-  Site(std::shared_ptr<const BaseSurface> base, std::vector<Bucket> buckets, Earthmoving all)
-      : soil(kVoxel, Vec3::Zero(), std::move(base)),
-        tracker(soil, std::move(buckets), std::move(all)) {}
+  Site(std::shared_ptr<const InitialTerrain> base, std::vector<Bucket> buckets, Earthmoving all)
+      : ground(kVoxel, Vec3::Zero(), std::move(base)),
+        tracker(ground, std::move(buckets), std::move(all)) {}
 
   double highest_m() const {
-    const GroundWindow window = all_of(soil);
+    const GroundWindow window = all_of(ground);
     double most = -std::numeric_limits<double>::infinity();
     for (int x = 0; x < window.nx(); ++x)
       for (int y = 0; y < window.ny(); ++y) most = std::max(most, window.at(x, y).top);
     return kVoxel * most;
   }
   double steepest() const {
-    const std::vector<double> over = over_repose(all_of(soil));
+    const std::vector<double> over = over_repose(all_of(ground));
     return over.empty() ? 0 : over.back();
   }
 };
@@ -95,8 +95,8 @@ TEST(SoilAtRest, StandstillsDontDependOnUpdates) {
     Site site(make_plane(0, {0, 0}), {digger()}, loam());
     for (int i = 0; i < updates; ++i)
       site.tracker.update(0, motion, 6.0 * i / updates, 6.0 * (i + 1) / updates);
-    EXPECT_GT(site.tracker.site().slid, 0);
-    return std::pair(site.soil.state_hash(), site.tracker.ledger(0).load);
+    EXPECT_GT(site.tracker.mass_balance().slid, 0);
+    return std::pair(site.ground.state_hash(), site.tracker.ledger(0).load);
   };
   const auto once = dig(1);
   for (const int updates : {2, 3, 4, 6, 7, 12, 100}) EXPECT_EQ(dig(updates), once) << updates;
@@ -104,8 +104,8 @@ TEST(SoilAtRest, StandstillsDontDependOnUpdates) {
 
 /// Loose soil over a gap, in columns of level ground.
 struct Roof {
-  Soil soil{kVoxel, Vec3::Zero(), make_plane(-kVoxel / 2, {0, 0})};
-  Earthworks works{soil, *loam().soil, {}};
+  Ground ground{kVoxel, Vec3::Zero(), make_plane(-kVoxel / 2, {0, 0})};
+  Settler settler{ground, *loam().soil, {}};
 
   Roof(int gap, int thickness) {
     std::vector<ColumnEdit> heap, below;
@@ -115,14 +115,14 @@ struct Roof {
         below.push_back({{x, y}, 0, gap - 1, 64 * gap, false, 0, 0});
       }
     }
-    add_loose(soil, heap, kSlope);
-    remove_top(soil, below, kSlope, false);
+    add_loose(ground, heap, kSlope);
+    remove_top(ground, below, kSlope, false);
   }
   std::int64_t at_height(int z) const {
     std::int64_t samples = 0;
-    for (const Chunk* chunk : soil.chunks()) {
+    for (const Chunk* chunk : ground.chunks()) {
       SampleWords loose;
-      soil.read_loose(chunk->origin, loose);
+      ground.read_loose(chunk->origin, loose);
       for (std::size_t n = 0; n < loose.size(); ++n)
         if (chunk->origin.z() + static_cast<int>(n & 7) == z) samples += std::popcount(loose[n]);
     }
@@ -133,24 +133,24 @@ struct Roof {
 TEST(SoilAtRest, ALooseRoofFallsWhetherItIsThickerOrThinnerThanTheGap) {
   for (const auto& [gap, thickness] : {std::pair(2, 5), {5, 2}, {1, 7}, {3, 3}}) {
     Roof roof(gap, thickness);
-    const std::int64_t samples = loose_samples(roof.soil);
+    const std::int64_t samples = loose_samples(roof.ground);
     ASSERT_EQ(roof.at_height(0), 0);
-    roof.works.settle({Vec3(-1, -1, -0.5), Vec3(1, 1, 1.5)}, Obstacle{}, true);
-    EXPECT_EQ(loose_samples(roof.soil), samples) << gap << ' ' << thickness;
-    EXPECT_EQ(roof.works.books().in_flight, 0);
-    EXPECT_EQ(pockets(roof.soil), 0);
+    roof.settler.settle({Vec3(-1, -1, -0.5), Vec3(1, 1, 1.5)}, Obstacle{}, true);
+    EXPECT_EQ(loose_samples(roof.ground), samples) << gap << ' ' << thickness;
+    EXPECT_EQ(roof.settler.totals().pending, 0);
+    EXPECT_EQ(pockets(roof.ground), 0);
     EXPECT_GT(roof.at_height(0), 13 * 13 * 64 - 1);
   }
 }
 
 TEST(SoilAtRest, ALooseRoofBesideWhatIsSettledFallsAsFarAsItIsLookedAt) {
   Roof roof(2, 5);
-  const std::int64_t samples = loose_samples(roof.soil);
-  // So far beside the roof that no ledge is looked for there, but what slides is.
-  roof.works.settle({Vec3(1.15, -0.1, -0.5), Vec3(1.2, 0.1, 0.5)}, Obstacle{}, true);
-  EXPECT_EQ(loose_samples(roof.soil), samples);
-  EXPECT_EQ(roof.works.books().in_flight, 0);
-  const GroundWindow window(roof.soil, {4, -3}, 3, 7);
+  const std::int64_t samples = loose_samples(roof.ground);
+  // So far beside the roof that no overhang is looked for there, but what slides is.
+  roof.settler.settle({Vec3(1.15, -0.1, -0.5), Vec3(1.2, 0.1, 0.5)}, Obstacle{}, true);
+  EXPECT_EQ(loose_samples(roof.ground), samples);
+  EXPECT_EQ(roof.settler.totals().pending, 0);
+  const GroundWindow window(roof.ground, {4, -3}, 3, 7);
   for (int x = 0; x < window.nx(); ++x)
     for (int y = 0; y < window.ny(); ++y) EXPECT_EQ(window.at(x, y).hangs, 0);
   EXPECT_GT(roof.at_height(0), 0);
@@ -159,14 +159,14 @@ TEST(SoilAtRest, ALooseRoofBesideWhatIsSettledFallsAsFarAsItIsLookedAt) {
 /// Columns that a bucket with its mouth down takes, on ground that falls away to one of its sides.
 int blocked(double yaw) {
   const Eigen::Vector2d fall = Eigen::Rotation2Dd(yaw) * Vec2(0, -0.9);
-  const Soil soil(kVoxel, Vec3::Zero(), make_plane(0, fall));
+  const Ground ground(kVoxel, Vec3::Zero(), make_plane(0, fall));
   const Bucket box{1.6, 1.2, {{0, 0}, {-1, 0}, {-1, 1.2}, {0, 1.2}}, {}};
   // Its back is up; soil comes in below the edge that is over the lower ground.
   const Pose at{{0, 0, 0.05}, from_rpy(0, std::numbers::pi / 2, yaw)};
   const Vec3 middle = at * Vec3(0, 0, 0.6);
   const Pose centred{at.position - Vec3(middle.x(), middle.y(), 0), at.rotation};
-  const GroundWindow window(soil, {-16, -16}, 33, 33);
-  const BlockedColumns blocks(window, Obstacle(box, centred, soil));
+  const GroundWindow window(ground, {-16, -16}, 33, 33);
+  const BlockedColumns blocks(window, Obstacle(box, centred, ground));
   int count = 0;
   for (int x = 0; x < 33; ++x)
     for (int y = 0; y < 33; ++y) count += blocks(x, y);
@@ -184,8 +184,8 @@ TEST(SoilAtRest, ABucketTakesAsManyColumnsWhicheverSideSoilComesFrom) {
 
 TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
   for (const int depth : {3, 20, 150}) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Earthworks works(soil, *loam().soil, {});
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> hollow, slot;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
@@ -195,27 +195,27 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
           slot.push_back({{x, y}, -4, 0, kAll, false, 0, 0});
       }
     }
-    remove_top(soil, hollow, kSlope, true);
+    remove_top(ground, hollow, kSlope, true);
     const auto box = [](double low) {
       return Eigen::AlignedBox3d(Vec3(-0.7, -0.7, low), Vec3(0.7, 0.7, 0));
     };
-    works.settle(box(-0.4 - kVoxel * depth), Obstacle{}, true);
-    EXPECT_EQ(works.books().gone_samples, 0) << "it hangs on the ground around";
-    remove_top(soil, slot, kSlope, true);
-    works.settle(box(-0.4), Obstacle{}, true);
-    const GroundWindow window(soil, {-5, -5}, 11, 11);
+    settler.settle(box(-0.4 - kVoxel * depth), Obstacle{}, true);
+    EXPECT_EQ(settler.totals().failed_samples, 0) << "it hangs on the ground around";
+    remove_top(ground, slot, kSlope, true);
+    settler.settle(box(-0.4), Obstacle{}, true);
+    const GroundWindow window(ground, {-5, -5}, 11, 11);
     // It lies on the hollow's floor, swollen, or slid into the slot.
     const double most = -4.5 - depth + 5 * 1.25 + 0.1;
     for (int x = 0; x < 11; ++x)
       for (int y = 0; y < 11; ++y) EXPECT_LT(window.at(x, y).top, most) << depth;
-    EXPECT_GT(loose_samples(soil), 11 * 11 * 4 * 64);
+    EXPECT_GT(loose_samples(ground), 11 * 11 * 4 * 64);
   }
 }
 
 TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
   for (const auto& [dx, dy] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Earthworks works(soil, *loam().soil, {});
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> cut;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -4; x <= 4; ++x) {
@@ -226,20 +226,20 @@ TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
         cut.push_back({{x, y}, -8, slot ? 0 : -5, kAll, false, 0, 0});
       }
     }
-    remove_top(soil, cut, kSlope, true);
-    const std::uint64_t before = soil.state_hash();
-    works.settle({Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)}, Obstacle{}, true);
-    EXPECT_EQ(works.books().gone_samples, 0) << dx << ' ' << dy;
-    EXPECT_EQ(soil.state_hash(), before) << dx << ' ' << dy;
+    remove_top(ground, cut, kSlope, true);
+    const std::uint64_t before = ground.state_hash();
+    settler.settle({Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)}, Obstacle{}, true);
+    EXPECT_EQ(settler.totals().failed_samples, 0) << dx << ' ' << dy;
+    EXPECT_EQ(ground.state_hash(), before) << dx << ' ' << dy;
   }
 }
 
 TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
   const test::TempFolder folder;
   std::vector<std::uint64_t> hashes;
-  for (const bool cold : {false, true}) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Earthworks works(soil, *loam().soil, {});
+  for (const bool swapped : {false, true}) {
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> cut;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
@@ -248,23 +248,23 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
         cut.push_back({{x, y}, -7, slot ? 0 : -4, kAll, false, 0, 0});
       }
     }
-    remove_top(soil, cut, kSlope, true);
-    if (cold) {
-      soil.limit_memory(1, std::make_shared<io::ColdFile>(folder.path()));
-      EXPECT_THROW(soil.page_out(), std::runtime_error);
-      for (const Chunk* chunk : soil.chunks()) ASSERT_NE(chunk->cold_record, 0);
+    remove_top(ground, cut, kSlope, true);
+    if (swapped) {
+      ground.set_memory_limit(1, std::make_shared<io::SwapFile>(folder.path()));
+      EXPECT_THROW(ground.evict(), std::runtime_error);
+      for (const Chunk* chunk : ground.chunks()) ASSERT_NE(chunk->swap_record, 0);
     }
-    works.settle({Vec3(-0.6, -0.6, -0.7), Vec3(0.6, 0.6, 0)}, Obstacle{}, true);
-    EXPECT_GT(works.books().gone_samples, 0);
-    hashes.push_back(soil.state_hash());
+    settler.settle({Vec3(-0.6, -0.6, -0.7), Vec3(0.6, 0.6, 0)}, Obstacle{}, true);
+    EXPECT_GT(settler.totals().failed_samples, 0);
+    hashes.push_back(ground.state_hash());
   }
   EXPECT_EQ(hashes[0], hashes[1]);
 }
 
 TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
   for (int z = -9; z <= -1; ++z) {
-    Soil soil(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
-    Earthworks works(soil, *loam().soil, {});
+    Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+    Settler settler(ground, *loam().soil, {});
     std::vector<ColumnEdit> above, below;
     constexpr std::int64_t kAll = 64 * 1000;
     for (int x = -6; x <= 6; ++x) {
@@ -274,12 +274,12 @@ TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
         below.push_back({{x, y}, -30, slot ? 0 : z - 1, kAll, false, 0, 0});
       }
     }
-    remove_top(soil, below, kSlope, true);
-    remove_top(soil, above, kSlope, true);
+    remove_top(ground, below, kSlope, true);
+    remove_top(ground, above, kSlope, true);
     const double low_m = kVoxel * z;
-    works.settle({Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)}, Obstacle{}, true);
-    EXPECT_GE(works.books().gone_samples, 11 * 11 * 64) << z;
-    const GroundWindow window(soil, {-5, -5}, 11, 11);
+    settler.settle({Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)}, Obstacle{}, true);
+    EXPECT_GE(settler.totals().failed_samples, 11 * 11 * 64) << z;
+    const GroundWindow window(ground, {-5, -5}, 11, 11);
     for (int x = 0; x < 11; ++x)
       for (int y = 0; y < 11; ++y) EXPECT_LT(window.at(x, y).top, -28) << z;
   }
@@ -290,17 +290,17 @@ TEST(SoilAtRest, WhatFallsBeyondTheTerrainDoesntComeDownElsewhere) {
             loam_with_pours({{"beyond", {80, 0, 2}, 0, 0, 1}, {"on it", {0, 0, 2}, 0, 0, 1}}));
   site.tracker.pour(0, 0);
   EXPECT_EQ(residual(site.tracker), 0);
-  EXPECT_EQ(loose_samples(site.soil), 0);
-  EXPECT_EQ(site.tracker.site().astray, site.tracker.site().poured);
+  EXPECT_EQ(loose_samples(site.ground), 0);
+  EXPECT_EQ(site.tracker.mass_balance().lost_off_terrain, site.tracker.mass_balance().poured);
   const std::string state = site.tracker.state();
   site.tracker.pour(1, 0);
   EXPECT_EQ(residual(site.tracker), 0);
-  EXPECT_NEAR(static_cast<double>(loose_samples(site.soil)), 1 / site.soil.sample_m3(), 1);
-  Soil other(kVoxel, Vec3::Zero(), site.soil.shared_base());
+  EXPECT_NEAR(static_cast<double>(loose_samples(site.ground)), 1 / site.ground.sample_m3(), 1);
+  Ground other(kVoxel, Vec3::Zero(), site.ground.shared_terrain());
   Tracker restored(
       other, {}, loam_with_pours({{"beyond", {80, 0, 2}, 0, 0, 1}, {"on it", {0, 0, 2}, 0, 0, 1}}));
   restored.restore(state);
-  EXPECT_EQ(restored.site().astray, restored.site().poured);
+  EXPECT_EQ(restored.mass_balance().lost_off_terrain, restored.mass_balance().poured);
 }
 
 }  // namespace soil_at_rest_test

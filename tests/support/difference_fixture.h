@@ -23,21 +23,21 @@ inline Bucket bucket(double width_m, double height_m) {
 /// A mouth that stays upright while its lip follows half a sine below the ground.
 struct HalfSine {
   Vec2 from{0.013, -0.027};
-  double yaw = 0, width = 0.6, length = 2, depth = 0.3, ground = 0;
+  double yaw = 0, width = 0.6, length = 2, depth = 0.3, level = 0;
   double area_m2() const { return width * length; }
 
-  void dig(Soil& soil, double begin = 0, double end = 1) const {
-    Tracker tracker(soil, {bucket(width, 1)});
+  void dig(Ground& ground, double begin = 0, double end = 1) const {
+    Tracker tracker(ground, {bucket(width, 1)});
     for (int i = 0; i <= 100; ++i) {
       const double s = begin + (end - begin) * i / 100;
       const Vec2 at = from + s * length * Vec2(std::cos(yaw), std::sin(yaw));
-      tracker.update(0,
-                     {{at.x(), at.y(), ground - depth * std::sin(kPi * s)}, from_rpy(0, 0, yaw)});
+      tracker.update(0, {{at.x(), at.y(), level - depth * std::sin(kPi * s)}, from_rpy(0, 0, yaw)});
     }
   }
 };
 
-inline std::shared_ptr<const BaseSurface> plane(double height_m, const Vec2& slope = Vec2::Zero()) {
+inline std::shared_ptr<const InitialTerrain> plane(double height_m,
+                                                   const Vec2& slope = Vec2::Zero()) {
   return make_plane(height_m, slope);
 }
 

@@ -20,26 +20,26 @@ inline void run(Tracker& tracker, const Dig& dig, int updates, std::size_t machi
   }
 }
 
-/// A soil in which a dig was dug.
+/// A ground in which a dig was dug.
 struct Dug {
-  Soil soil;
+  Ground ground;
   Tracker tracker;
   Dug(const Dig& dig, double voxel_size_m, int updates)
-      : soil(voxel_size_m, dig.origin, dig.ground), tracker(soil, {dig.bucket}) {
+      : ground(voxel_size_m, dig.origin, dig.terrain), tracker(ground, {dig.bucket}) {
     run(tracker, dig, updates);
   }
   double cut_m3() const { return tracker.total().cut_m3(); }
 };
 
 /// Cells that lost some of their 64 samples but not all: those that the cut's border runs through.
-inline std::int64_t border_cells(const Soil& soil) {
-  const Soil before(soil.voxel_size_m(), soil.origin(),
-                    {std::shared_ptr<const BaseSurface>(), &soil.base()});
+inline std::int64_t border_cells(const Ground& ground) {
+  const Ground before(ground.voxel_size_m(), ground.origin(),
+                      {std::shared_ptr<const InitialTerrain>(), &ground.terrain()});
   std::int64_t cells = 0;
   SampleWords then, now;
-  for (const Chunk* chunk : soil.chunks()) {
+  for (const Chunk* chunk : ground.chunks()) {
     before.read_samples(chunk->origin, then);
-    soil.read_samples(chunk->origin, now);
+    ground.read_samples(chunk->origin, now);
     for (std::size_t n = 0; n < then.size(); ++n) {
       const std::uint64_t lost = then[n] & ~now[n];
       cells += lost != 0 && lost != ~std::uint64_t{0};
@@ -53,9 +53,9 @@ inline std::int64_t border_cells(const Soil& soil) {
 inline double count_error_m3(double voxel_size_m, double cells, double error = kWorstCountError) {
   return error * std::pow(voxel_size_m, 3) * std::sqrt(cells);
 }
-/// That of what was cut from a soil.
-inline double count_error_m3(const Soil& soil) {
-  return count_error_m3(soil.voxel_size_m(), static_cast<double>(border_cells(soil)));
+/// That of what was cut from a ground.
+inline double count_error_m3(const Ground& ground) {
+  return count_error_m3(ground.voxel_size_m(), static_cast<double>(border_cells(ground)));
 }
 
 }  // namespace soilvdb::test

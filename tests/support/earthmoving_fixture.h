@@ -11,7 +11,7 @@
 #include <random>
 #include <vector>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/settle/ground_window.h"
 #include "soilvdb/capacity.h"
 #include "soilvdb/tracker.h"
@@ -41,8 +41,8 @@ inline Bucket digger() {
 
 /// What came and what is there, units of mass: 0 if none was made or lost.
 inline std::int64_t residual(const Tracker& tracker) {
-  const SiteLedger site = tracker.site();
-  return site.ground + tracker.total().load + site.in_flight + site.hauled - site.poured;
+  const MassBalance balance = tracker.mass_balance();
+  return balance.ground + tracker.total().load + balance.pending + balance.hauled - balance.poured;
 }
 
 /// A raster whose height is made up; NaN: none there.
@@ -62,27 +62,28 @@ class MadeUpPosts final : public HeightSource {
   double (*z_)(double, double);
 };
 
-inline std::shared_ptr<const BaseSurface> raster(const HeightGrid& grid,
-                                                 double (*z)(double, double)) {
+inline std::shared_ptr<const InitialTerrain> raster(const HeightGrid& grid,
+                                                    double (*z)(double, double)) {
   return make_height_field(grid, std::make_shared<MadeUpPosts>(grid, z));
 }
 
 /// The same ground again.
-inline std::unique_ptr<Soil> copy_of(const Soil& soil) {
-  auto copy = std::make_unique<Soil>(soil.voxel_size_m(), soil.origin(), soil.shared_base());
-  for (const Chunk* chunk : soil.chunks()) SoilWriter(*copy).copy_from(soil, chunk->origin);
+inline std::unique_ptr<Ground> copy_of(const Ground& ground) {
+  auto copy =
+      std::make_unique<Ground>(ground.voxel_size_m(), ground.origin(), ground.shared_terrain());
+  for (const Chunk* chunk : ground.chunks()) GroundWriter(*copy).copy_from(ground, chunk->origin);
   return copy;
 }
 
 /// Columns around all chunks that changed.
-inline GroundWindow all_of(const Soil& soil) {
+inline GroundWindow all_of(const Ground& ground) {
   Eigen::AlignedBox2i box;
-  for (const Chunk* chunk : soil.chunks()) {
+  for (const Chunk* chunk : ground.chunks()) {
     box.extend(Coord2(chunk->origin.head<2>() - Coord2(8, 8)));
     box.extend(Coord2(chunk->origin.head<2>() + Coord2(16, 16)));
   }
   if (box.isEmpty()) box.extend(Coord2(0, 0));
-  return {soil, box.min(), box.sizes().x() + 1, box.sizes().y() + 1};
+  return {ground, box.min(), box.sizes().x() + 1, box.sizes().y() + 1};
 }
 
 /// How much steeper than repose loose soil is, rad, sorted: by central differences where all nine
@@ -109,13 +110,13 @@ inline std::vector<double> over_repose(const GroundWindow& window) {
 }
 
 /// Samples of air below the topmost full cell where loose soil lies: it came to rest on nothing.
-inline std::int64_t pockets(const Soil& soil) {
+inline std::int64_t pockets(const Ground& ground) {
   std::int64_t air = 0;
-  for (const Chunk* chunk : soil.chunks()) {
+  for (const Chunk* chunk : ground.chunks()) {
     if (chunk->soil_count == 0) continue;
     SampleWords words, loose;
-    soil.read_samples(chunk->origin, words);
-    soil.read_loose(chunk->origin, loose);
+    ground.read_samples(chunk->origin, words);
+    ground.read_loose(chunk->origin, loose);
     for (int c = 0; c < 64; ++c) {
       // Air below a cell full of soil that is all loose, in one chunk.
       bool below = false;
@@ -129,9 +130,9 @@ inline std::int64_t pockets(const Soil& soil) {
   return air;
 }
 
-inline std::int64_t loose_samples(const Soil& soil) {
+inline std::int64_t loose_samples(const Ground& ground) {
   std::int64_t sum = 0;
-  for (const Chunk* chunk : soil.chunks()) sum += chunk->loose_count;
+  for (const Chunk* chunk : ground.chunks()) sum += chunk->loose_count;
   return sum;
 }
 
@@ -164,16 +165,16 @@ inline std::vector<Pose> cycle(const Vec3& from, double depth, int steps, double
 /// Anything a site may be asked for, at random, on ground that ends.
 class Work {
  public:
-  Work(std::shared_ptr<const BaseSurface> base, std::uint64_t seed, double voxel_size_m = 0.1,
+  Work(std::shared_ptr<const InitialTerrain> base, std::uint64_t seed, double voxel_size_m = 0.1,
        std::optional<double> cohesion_pa = {})
-      : owned(std::make_unique<Soil>(voxel_size_m, Vec3::Zero(), std::move(base))),
+      : owned(std::make_unique<Ground>(voxel_size_m, Vec3::Zero(), std::move(base))),
         random(seed),
-        tracker(soil, buckets(), site(cohesion_pa)) {}
+        tracker(ground, buckets(), site(cohesion_pa)) {}
   /// To be gone on with apart from the other.
   Work(const Work& other)
-      : owned(other.soil.clone()),
+      : owned(other.ground.clone()),
         random(other.random),
-        tracker(soil, other.tracker),
+        tracker(ground, other.tracker),
         at(other.at),
         time_s(other.time_s) {}
 
@@ -216,15 +217,15 @@ class Work {
     }
   }
 
-  std::unique_ptr<Soil> owned;
-  Soil& soil = *owned;
+  std::unique_ptr<Ground> owned;
+  Ground& ground = *owned;
   std::mt19937_64 random;
   Tracker tracker;
   std::vector<Pose> at{4, Pose{{0, 0, 2}}};
   double time_s = 0;
 };
 
-inline std::vector<std::shared_ptr<const BaseSurface>> grounds() {
+inline std::vector<std::shared_ptr<const InitialTerrain>> terrains() {
   const HeightGrid grid{23, 21, {-6.03, -5.02}, {0.5, 0.5}};
   return {make_plane(0, {0, 0}), make_plane(0.1, {0.25, -0.15}),
           raster(grid, [](double x, double y) { return 0.2 * std::sin(x) + 0.1 * y; })};

@@ -78,7 +78,7 @@ Volume remembered_truth(const Family& f, double yaw_rad) {
   return it->second;
 }
 
-std::shared_ptr<const BaseSurface> ground(const Family& f, const Placement& placement) {
+std::shared_ptr<const InitialTerrain> terrain(const Family& f, const Placement& placement) {
   const Vec3& o = placement.offset;
   if (f.posts) {
     const double first = -(f.posts->side - 1) * f.posts->spacing_m / 2;
@@ -99,7 +99,7 @@ Dig place(const Family& f, const Placement& placement) {
           placement,
           f.bucket,
           f.motion(world_from_family),
-          ground(f, placement),
+          terrain(f, placement),
           placement.offset.array().floor().matrix(),
           exact.m3,
           exact.uncertainty_m3};

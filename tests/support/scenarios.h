@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
 #include "soilvdb/bucket.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/motion.h"
 
 namespace soilvdb::test {
@@ -27,8 +27,8 @@ struct Dig {
   Placement placement;
   Bucket bucket;
   Motion motion;
-  std::shared_ptr<const BaseSurface> ground;
-  Vec3 origin = Vec3::Zero();  ///< for Soil
+  std::shared_ptr<const InitialTerrain> terrain;
+  Vec3 origin = Vec3::Zero();  ///< for Ground
   double exact_m3 = 0;         ///< volume the mouth passes through, by the oracle
   double uncertainty_m3 = 0;   ///< of exact_m3, by comparing finer with coarser quadrature
 };

@@ -43,12 +43,12 @@ inline std::filesystem::path hills(const test::TempFolder& folder) {
 
 inline Site site_on(const Terrain& terrain) {
   Base base = open_base(terrain);
-  return {std::make_unique<Soil>(0.05, Vec3(400000, 5000000, 100), base.surface), base.reference,
+  return {std::make_unique<Ground>(0.05, Vec3(400000, 5000000, 100), base.surface), base.reference,
           "LOCAL_CS[\"site\"]", base.bounds};
 }
 
-inline void dig(Soil& soil, double from, double to) {
-  Tracker tracker(soil, {bucket()});
+inline void dig(Ground& ground, double from, double to) {
+  Tracker tracker(ground, {bucket()});
   for (int i = 0; i <= 20; ++i) tracker.update(0, pose(from + (to - from) * i / 20));
 }
 

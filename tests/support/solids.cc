@@ -10,7 +10,7 @@
 #include <map>
 #include <numbers>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 
 namespace soilvdb::test {
@@ -113,8 +113,8 @@ const std::vector<Solid>& known_solids() {
   return all;
 }
 
-std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
-  auto soil = std::make_unique<Soil>(h, Vec3::Zero(), make_plane(solid.height_m, solid.slope));
+std::unique_ptr<Ground> sampled(const Solid& solid, double h) {
+  auto ground = std::make_unique<Ground>(h, Vec3::Zero(), make_plane(solid.height_m, solid.slope));
   const Vec3 margin = Vec3::Constant(4);
   const Coord3 low = ((solid.hollow.min() / h - margin) / kChunkSide).array().floor().cast<int>();
   const Coord3 high = ((solid.hollow.max() / h + margin) / kChunkSide).array().floor().cast<int>();
@@ -123,7 +123,7 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
       for (int z = low.z(); z <= high.z(); ++z) {
         const Coord3 origin = kChunkSide * Coord3(x, y, z);
         SampleWords words;
-        soil->read_samples(origin, words);
+        ground->read_samples(origin, words);
         const SampleWords before = words;
         for (std::size_t n = 0; n < words.size(); ++n) {
           const int k = static_cast<int>(n);
@@ -137,15 +137,15 @@ std::unique_ptr<Soil> sampled(const Solid& solid, double h) {
         }
         if (words == before) continue;
         for (std::size_t n = 0; n < words.size(); ++n) words[n] ^= before[n];
-        SoilWriter(*soil).remove(origin, words);
+        GroundWriter(*ground).remove(origin, words);
       }
     }
   }
-  return soil;
+  return ground;
 }
 
-std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f) {
-  auto soil = std::make_unique<Soil>(1, Vec3::Zero(), make_plane(100, {0, 0}));
+std::unique_ptr<Ground> sampled(const std::function<double(const Vec3&)>& f) {
+  auto ground = std::make_unique<Ground>(1, Vec3::Zero(), make_plane(100, {0, 0}));
   for (int c = 0; c < 27; ++c) {
     const Coord3 origin = kChunkSide * step_around(c);
     SampleWords air;
@@ -159,9 +159,9 @@ std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f) {
         air[k] |= std::uint64_t{!(f(at) < 0)} << s;
       }
     }
-    SoilWriter(*soil).remove(origin, air);
+    GroundWriter(*ground).remove(origin, air);
   }
-  return soil;
+  return ground;
 }
 
 double below_ground_m3(const Mesh& mesh, const Solid& solid) {
@@ -205,9 +205,9 @@ int features_near(const Solid& solid, const Vec3& p, double distance_m) {
                     [&](const auto& feature) { return std::abs(feature(p)) < distance_m; }));
 }
 
-Faults faults(const Mesh& mesh, const Soil& soil) {
+Faults faults(const Mesh& mesh, const Ground& ground) {
   Faults found;
-  const double h = soil.voxel_size_m();
+  const double h = ground.voxel_size_m();
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   for (const auto& t : mesh.triangles) {
     const Vec3 a = mesh.points[t[0]].cast<double>(), b = mesh.points[t[1]].cast<double>(),
@@ -228,7 +228,7 @@ Faults faults(const Mesh& mesh, const Soil& soil) {
       const Vec3 step = 1.5 * step_around(k).cast<double>();
       const Coord3 chunk =
           ((index + step) / kChunkSide).array().floor().matrix().cast<int>() * kChunkSide;
-      rim |= soil.find(chunk) == nullptr;
+      rim |= ground.find(chunk) == nullptr;
     }
     found.torn += !rim;
   }

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::test {
 
@@ -46,11 +46,11 @@ const std::vector<Solid>& known_solids();
 inline constexpr double kVertexError = 0.15, kSmoothError = 0.02;
 
 /// The ground before as base surface, and the samples of the solid wherever they differ.
-std::unique_ptr<Soil> sampled(const Solid& solid, double voxel_size_m);
+std::unique_ptr<Ground> sampled(const Solid& solid, double voxel_size_m);
 
 /// 27 chunks about the origin, voxels of 1 m, soil where f < 0: all of it is cut, for the base
 /// surface is far above.
-std::unique_ptr<Soil> sampled(const std::function<double(const Vec3&)>& f);
+std::unique_ptr<Ground> sampled(const std::function<double(const Vec3&)>& f);
 
 /// Volume between a mesh and the ground before, by the divergence theorem.
 double below_ground_m3(const Mesh& mesh, const Solid& solid);
@@ -67,6 +67,6 @@ struct Faults {
   int crowded = 0;       ///< edges of more than two triangles
   int torn = 0;          ///< edges of one where the chunks around are resident
 };
-Faults faults(const Mesh& mesh, const Soil& soil);
+Faults faults(const Mesh& mesh, const Ground& ground);
 
 }  // namespace soilvdb::test

@@ -73,18 +73,18 @@ struct FaceStroke {
 }  // namespace
 
 Block::Block(const Bucket& bucket, double voxel_size_m)
-    : soil(voxel_size_m, Vec3::Zero(), make_plane(1e4, {0, 0})), excavator(bucket) {}
+    : ground(voxel_size_m, Vec3::Zero(), make_plane(1e4, {0, 0})), excavator(bucket) {}
 
 void Block::sweep(std::span<const Pose> path) {
-  const Cut part = excavator.sweep(soil, path);
+  const Cut part = excavator.sweep(ground, path);
   cut.all += part.all;
 }
 
 SampleSet Block::removed() const {
   SampleSet all;
   SampleWords words;
-  for (const Chunk* chunk : soil.chunks()) {
-    soil.read_samples(chunk->origin, words);
+  for (const Chunk* chunk : ground.chunks()) {
+    ground.read_samples(chunk->origin, words);
     for (std::uint64_t& word : words) word = ~word;
     if (words != SampleWords{}) all[chunk->origin] = words;
   }

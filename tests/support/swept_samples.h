@@ -18,7 +18,7 @@ using SampleSet = std::map<Coord3, SampleWords, Before>;
 
 /// Ground without an end, and what an excavator takes out of it.
 struct Block {
-  Soil soil;
+  Ground ground;
   Excavator excavator;
   Cut cut;
 

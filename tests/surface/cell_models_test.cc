@@ -10,7 +10,7 @@
 #include <numbers>
 
 #include "core/cell/crease.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "tests/support/solids.h"
 
@@ -24,24 +24,26 @@ TEST(CellModels, FindTheBendsOfASaddleInAnyAttitude) {
   for (int i = 0; i < 12; ++i) {
     const Eigen::Matrix3d turn = from_rpy(0.5 * i, 0.37 * i, 0.9 * i).toRotationMatrix();
     const Vec3 middle = Vec3::Constant(3.4);
-    const auto soil = sampled([&](const Vec3& world) {
+    const auto ground = sampled([&](const Vec3& world) {
       const Vec3 p = turn.transpose() * (world - middle);
       return p.z() + kBend * (p.x() * p.x() - p.y() * p.y()) / 2;
     });
     const Coord3 chunk(0, 0, 0);
-    const CellGrid grid(*soil, {&chunk, 1}, 1);
+    const CellGrid grid(*ground, {&chunk, 1}, 1);
     const CellModels models(grid, 1);
     for (const CellModels::Cell& cell : models.cells()) {
       const Vec3 at = (grid.first() + grid.at(cell.id)).cast<double>() - middle;
-      if (cell.kind != CellModels::Cell::kSmooth || !cell.bent || at.norm() > 2.5) continue;
+      if (cell.kind != CellModels::Cell::kSmooth || !cell.has_curvature || at.norm() > 2.5)
+        continue;
       const Tangents t(cell.plane);
       const Vec3 u = turn.transpose() * Vec3(t.u[0], t.u[1], t.u[2]);
       const Vec3 v = turn.transpose() * Vec3(t.v[0], t.v[1], t.v[2]);
       const auto truth = [&](const Vec3& a, const Vec3& b) {
         return kBend * (a.x() * b.x() - a.y() * b.y());
       };
-      off += std::pow(cell.bend.uu - truth(u, u), 2) + std::pow(cell.bend.vv - truth(v, v), 2);
-      off_across += std::pow(cell.bend.uv - truth(u, v), 2);
+      off += std::pow(cell.curvature.uu - truth(u, u), 2) +
+             std::pow(cell.curvature.vv - truth(v, v), 2);
+      off_across += std::pow(cell.curvature.uv - truth(u, v), 2);
       ++cells;
     }
   }
@@ -53,32 +55,33 @@ TEST(CellModels, FindTheBendsOfASaddleInAnyAttitude) {
 
 TEST(Crease, IsFoundWhateverTheOrderOfItsPlanes) {
   const Coord3 chunk = Coord3::Zero(), voxel(4, 4, 4);
-  for (const Join join : {Join::kAndAnd, Join::kOrOr, Join::kAndOr, Join::kOrAnd}) {
+  for (const BooleanOp op :
+       {BooleanOp::kAndAnd, BooleanOp::kOrOr, BooleanOp::kAndOr, BooleanOp::kOrAnd}) {
     CellModel truth;
-    truth.join = join;
+    truth.op = op;
     for (int p = 0; p < 3; ++p) {
       const Vec3 n = Vec3::Unit(p);
       truth.plane[p] = {float(n.x()), float(n.y()), float(n.z()), 0.1f};
     }
-    Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+    Ground ground(1, Vec3::Zero(), make_plane(100, {0, 0}));
     SampleWords words{};  // those that are removed
     for (int k = 0; k < kChunkVoxels; ++k) {
       const Coord3 at = numbered_voxel(k), from = at - voxel;
       const CellPoints& p = sample_points(at);
       for (int s = 0; s < 64; ++s) {
         const Vec3 q = from.cast<double>() + Vec3(p.x[s] - 0.5, p.y[s] - 0.5, p.z[s] - 0.5);
-        const bool air = truth.at(float(q.x()), float(q.y()), float(q.z())).beyond >= 0;
+        const bool air = truth.at(float(q.x()), float(q.y()), float(q.z())).signed_distance >= 0;
         words[static_cast<std::size_t>(k)] |= std::uint64_t{air} << s;
       }
     }
-    SoilWriter(soil).remove(chunk, words);
-    const CellGrid grid(soil, {&chunk, 1}, 1);
+    GroundWriter(ground).remove(chunk, words);
+    const CellGrid grid(ground, {&chunk, 1}, 1);
     std::array<int, 3> order{0, 1, 2};
     do {
       Candidates candidates;
       for (const int p : order) candidates.add(truth.plane[p]);
       const CellModel found = solve_crease(grid, grid.id(12, 12, 12), candidates);
-      EXPECT_EQ(found.join, join) << order[0] << order[1] << order[2];
+      EXPECT_EQ(found.op, op) << order[0] << order[1] << order[2];
       EXPECT_LE(found.wrong, 1);
     } while (std::next_permutation(order.begin(), order.end()));
   }
@@ -88,10 +91,10 @@ TEST(Crease, OfAThinWallOrSlotHoldsACentreJustOutsideOfIt) {
   constexpr float kOutside = 0.75f * kThinWallTie;
   for (const float thickness : {0.9f, 1.0f, 1 + 1.75f * kThinWallTie, 2.0f}) {
     CellModel wall, slot;
-    wall.join = Join::kAnd;
+    wall.op = BooleanOp::kAnd;
     wall.plane[0] = {0, 0, 1, -kOutside};
     wall.plane[1] = {0, 0, -1, thickness + kOutside};
-    slot.join = Join::kOr;
+    slot.op = BooleanOp::kOr;
     slot.plane[0] = {0, 0, 1, kOutside};
     slot.plane[1] = {0, 0, -1, -thickness - kOutside};
     EXPECT_EQ(wall.soil(), thickness < 2) << thickness;

@@ -24,11 +24,11 @@ struct Drag {
   double width, height, z;  // of the lip's middle
   double roll = 0, y = 0, length = 2, rise = 0, pitch = 0;
 
-  void dig(Soil& soil, double yaw) const {
+  void dig(Ground& ground, double yaw) const {
     Bucket bucket;
     bucket.width_m = width;
     bucket.height_m = height;
-    Tracker tracker(soil, {bucket});
+    Tracker tracker(ground, {bucket});
     const Eigen::Quaterniond turn = from_rpy(0, 0, yaw);
     for (const double s : {0.0, 1.0}) {
       const Vec3 at(s * length, y, z + s * rise);
@@ -89,10 +89,10 @@ TEST(ChangedArea, IsThatOfTheSolids) {
   for (const Case& c : cases()) {
     for (const double yaw : {0.0, 0.3, 0.7}) {
       const Vec2 slope = c.slope * Vec2(std::cos(yaw), std::sin(yaw));
-      const std::shared_ptr<const BaseSurface> ground =
+      const std::shared_ptr<const InitialTerrain> terrain =
           make_plane(-slope.dot(Vec2(0.013, -0.027)), slope);
       const auto area = [&](double h, double k) {
-        Soil before(h, Vec3::Zero(), ground), after(k, Vec3::Zero(), ground);
+        Ground before(h, Vec3::Zero(), terrain), after(k, Vec3::Zero(), terrain);
         for (const Drag& drag : c.before) drag.dig(before, yaw);
         for (const Drag& drag : c.after) drag.dig(after, yaw);
         SCOPED_TRACE(::testing::Message() << c.name << " " << yaw << " " << h << " " << k);

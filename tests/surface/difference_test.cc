@@ -22,9 +22,9 @@ TEST(Difference, OfAPitHasItsAreaAndVolume) {
   for (const double yaw : {0.0, 0.4, 1.1}) {
     for (const double h : {0.05, 0.1}) {
       SCOPED_TRACE(::testing::Message() << yaw << " " << h);
-      const auto ground = plane(0.013);
-      const Soil before(h, Vec3::Zero(), ground);
-      Soil after(h, Vec3::Zero(), ground);
+      const auto terrain = plane(0.013);
+      const Ground before(h, Vec3::Zero(), terrain);
+      Ground after(h, Vec3::Zero(), terrain);
       Tracker tracker(after, {bucket(1.3, 2)});
       const Vec2 from(0.21, 0.34), along(std::cos(yaw), std::sin(yaw));
       for (const double s : {0.0, 2.2}) {
@@ -52,9 +52,9 @@ TEST(Difference, OfAHalfSineAtAnAngleHasItsArea) {
         trench.yaw = yaw;
         // The same across the slope, along which it stays level.
         const Vec2 across(-std::sin(yaw), std::cos(yaw));
-        const auto ground = plane(-slope * across.dot(trench.from), slope * across);
-        const Soil before(h, Vec3::Zero(), ground);
-        Soil after(h, Vec3::Zero(), ground);
+        const auto terrain = plane(-slope * across.dot(trench.from), slope * across);
+        const Ground before(h, Vec3::Zero(), terrain);
+        Ground after(h, Vec3::Zero(), terrain);
         trench.dig(after);
         double area = trench.area_m2();
         if (slope > 0) {  // downhill the ground lies below the lip for a part of the way
@@ -71,9 +71,9 @@ TEST(Difference, OfAHalfSineAtAnAngleHasItsArea) {
 }
 
 TEST(Difference, OfWhatIsSkimmedHasItsArea) {
-  const auto ground = plane(0.02);
-  const Soil before(0.05, Vec3::Zero(), ground);
-  Soil after(0.05, Vec3::Zero(), ground);
+  const auto terrain = plane(0.02);
+  const Ground before(0.05, Vec3::Zero(), terrain);
+  Ground after(0.05, Vec3::Zero(), terrain);
   Tracker tracker(after, {bucket(2, 2)});
   for (const double x : {0.33, 5.33})
     tracker.update(0, {{x, 0.21, 0.015}, Eigen::Quaterniond::Identity()});
@@ -81,11 +81,11 @@ TEST(Difference, OfWhatIsSkimmedHasItsArea) {
 }
 
 TEST(BoxDifference, OfTheSameDigWithOtherVoxelsIsWithinItsError) {
-  const auto ground = plane(0.013, {0.05, -0.02});
+  const auto terrain = plane(0.013, {0.05, -0.02});
   HalfSine trench;
   trench.yaw = 0.4;
-  const Soil before(0.1, Vec3::Zero(), ground);
-  Soil coarse(0.1, Vec3::Zero(), ground), fine(0.05, Vec3::Zero(), ground);
+  const Ground before(0.1, Vec3::Zero(), terrain);
+  Ground coarse(0.1, Vec3::Zero(), terrain), fine(0.05, Vec3::Zero(), terrain);
   trench.dig(coarse);
   trench.dig(fine);
   const Difference none = difference(coarse, fine, true), back = difference(fine, coarse, true);
@@ -102,22 +102,22 @@ TEST(BoxDifference, OfTheSameDigWithOtherVoxelsIsWithinItsError) {
 }
 
 /// A mouth of 0.8 m x 0.5 m that goes straight for 2 m.
-void drag(Soil& soil, double width_m, const Vec3& from, double yaw, double roll = 0) {
-  Tracker tracker(soil, {bucket(width_m, 0.5)});
+void drag(Ground& ground, double width_m, const Vec3& from, double yaw, double roll = 0) {
+  Tracker tracker(ground, {bucket(width_m, 0.5)});
   const Eigen::Quaterniond turn = from_rpy(0, 0, yaw);
   for (const double x : {0.0, 2.0})
     tracker.update(0, {turn * (from + Vec3(x, 0, 0)), turn * from_rpy(roll, 0, 0)});
 }
 
 /// Both ways, for each pair of voxels: what was cut and filled, within what it says it may err by.
-void expect_cut_and_fill(const std::function<void(Soil&)>& first,
-                         const std::function<void(Soil&)>& second, double cut_m3, double fill_m3,
+void expect_cut_and_fill(const std::function<void(Ground&)>& first,
+                         const std::function<void(Ground&)>& second, double cut_m3, double fill_m3,
                          double most_error_m3, const Vec2& slope = Vec2::Zero()) {
-  const auto ground = plane(0, slope);
+  const auto terrain = plane(0, slope);
   for (const auto& [h, k] :
        {std::pair(0.05, 0.05), {0.05, 0.025}, {0.025, 0.05}, {0.05, 0.07}, {0.07, 0.05}}) {
     SCOPED_TRACE(::testing::Message() << h << " " << k);
-    Soil before(h, Vec3::Zero(), ground), after(k, Vec3::Zero(), ground);
+    Ground before(h, Vec3::Zero(), terrain), after(k, Vec3::Zero(), terrain);
     first(before);
     second(after);
     const Difference d = difference(before, after, true), back = difference(after, before, true);
@@ -136,15 +136,17 @@ TEST(BoxDifference, KeepsCutAndFillAboveEachOtherApart) {
     SCOPED_TRACE(yaw);
     const Vec3 at(0.011, 0.013, 0);
     // A tunnel in one, a trench above it in the other.
-    expect_cut_and_fill([&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
-                        [&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 0.5), yaw); }, 0.8, 0.8, 0.04);
+    expect_cut_and_fill([&](Ground& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
+                        [&](Ground& s) { drag(s, 0.8, at - Vec3(0, 0, 0.5), yaw); }, 0.8, 0.8,
+                        0.04);
     // Tunnels that share a layer: 0.3 m of each are apart, with nothing between.
-    expect_cut_and_fill([&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
-                        [&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.2), yaw); }, 0.48, 0.48,
+    expect_cut_and_fill([&](Ground& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
+                        [&](Ground& s) { drag(s, 0.8, at - Vec3(0, 0, 1.2), yaw); }, 0.48, 0.48,
                         0.08);
     // And side by side.
-    expect_cut_and_fill([&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
-                        [&](Soil& s) { drag(s, 0.8, at - Vec3(0, 0.8, 1.5), yaw); }, 0.8, 0.8, 0.1);
+    expect_cut_and_fill([&](Ground& s) { drag(s, 0.8, at - Vec3(0, 0, 1.5), yaw); },
+                        [&](Ground& s) { drag(s, 0.8, at - Vec3(0, 0.8, 1.5), yaw); }, 0.8, 0.8,
+                        0.1);
   }
 }
 
@@ -153,7 +155,7 @@ TEST(BoxDifference, KeepsCutAndFillApartWhereSurfacesCross) {
   const double side = 0.5, octagon = 2 * (std::numbers::sqrt2 - 1) * side * side;
   const double apart = 2 * (side * side - octagon);
   const auto turned = [&](double roll) {
-    return [side, roll](Soil& s) {
+    return [side, roll](Ground& s) {
       const Vec3 up = from_rpy(roll, 0, 0) * Vec3(0, 0, side / 2);
       drag(s, side, Vec3(0.011, 0.013, -1.5) - up, 0, roll);
     };
@@ -166,7 +168,7 @@ TEST(BoxDifference, KeepsCutAndFillApartOnASteepSlope) {
   // angles.
   const double steep = std::atan(1.7), width = 0.8, length = std::hypot(1, 1.7);
   const auto shave = [&](double depth) {
-    return [=](Soil& s) {
+    return [=](Ground& s) {
       Tracker tracker(s, {bucket(width, 0.5)});
       for (const double x : {0.0, 1.0})
         tracker.update(0, {{x, 0.013, 1.7 * x - depth}, from_rpy(0, -steep, 0)});
@@ -179,13 +181,13 @@ TEST(BoxDifference, KeepsCutAndFillApartOnASteepSlope) {
 }
 
 TEST(BoxDifference, FollowsGroundThatWasDugFromGround) {
-  const auto ground = plane(0.013);
+  const auto terrain = plane(0.013);
   const HalfSine trench;
-  auto first = std::make_shared<Soil>(0.05, Vec3::Zero(), ground);
+  auto first = std::make_shared<Ground>(0.05, Vec3::Zero(), terrain);
   trench.dig(*first, 0, 0.5);
-  Soil second(0.1, Vec3::Zero(), make_soil_surface(first));
+  Ground second(0.1, Vec3::Zero(), make_ground_terrain(first));
   trench.dig(second, 0.5, 1);
-  Soil whole(0.05, Vec3::Zero(), ground);
+  Ground whole(0.05, Vec3::Zero(), terrain);
   trench.dig(whole);
   const Difference rest = difference(*first, second, false);
   EXPECT_NEAR(rest.net_m3, second.change_m3(), 1e-12);

@@ -29,29 +29,29 @@ constexpr double kVoxel = 0.05;
 /// A dig that is followed by a copy.
 struct Followed {
   Dig dig;
-  Soil soil, copy;
+  Ground ground, copy;
   Tracker tracker;
   ChangeFollower changes;
   std::vector<std::uint64_t> expected, seen;  // hashes
-  GroundCopy ground;
+  GroundCopy ground_copy;
 
   explicit Followed(Dig d, bool thread = true, std::size_t most_jobs = 4)
       : dig(std::move(d)),
-        soil(kVoxel, dig.origin, dig.ground),
-        copy(kVoxel, dig.origin, dig.ground),
-        tracker(soil, {dig.bucket}),
-        changes(soil),
-        ground(copy, thread, most_jobs) {}
+        ground(kVoxel, dig.origin, dig.terrain),
+        copy(kVoxel, dig.origin, dig.terrain),
+        tracker(ground, {dig.bucket}),
+        changes(ground),
+        ground_copy(copy, thread, most_jobs) {}
 
   /// Digs a part of the motion, from 0 to 1, in one update.
   void update(double from, double to) {
     const double begin = dig.motion.begin_s(), span = dig.motion.end_s() - begin;
     tracker.update(0, dig.motion, begin + span * from, begin + span * to);
   }
-  void post() { ground.post(soil, changes.take()); }
+  void post() { ground_copy.post(ground, changes.take()); }
   void look() {
-    expected.push_back(soil.state_hash());
-    ground.run([this] { seen.push_back(copy.state_hash()); });
+    expected.push_back(ground.state_hash());
+    ground_copy.run([this] { seen.push_back(copy.state_hash()); });
   }
 };
 
@@ -77,8 +77,8 @@ TEST_P(GroundCopyTest, AJobSeesTheGroundAsItWasWhenItWasAskedFor) {
       }
       f.post();
       f.look();
-      f.ground.finish();
-      EXPECT_TRUE(f.ground.done());
+      f.ground_copy.finish();
+      EXPECT_TRUE(f.ground_copy.done());
       ASSERT_GT(f.tracker.total().captured, 0);
       EXPECT_EQ(f.seen, f.expected);
     }
@@ -92,42 +92,42 @@ TEST_P(GroundCopyTest, BlocksThatAJobMeshesAreThoseOfTheGround) {
   std::set<Coord3, Before> wanted;
   std::map<Coord3, Mesh, Before> patches;
   const auto mesh_wanted = [&] {
-    f.ground.run([&, blocks = std::exchange(wanted, {})] {
+    f.ground_copy.run([&, blocks = std::exchange(wanted, {})] {
       for (const Coord3& block : blocks) patches[block] = mesher.block(block);
     });
   };
   for (int i = 0; i < kUpdates; ++i) {
     f.update(double(i) / kUpdates, double(i + 1) / kUpdates);
     const std::vector<Coord3> changed = f.changes.take();
-    f.ground.post(f.soil, changed);
+    f.ground_copy.post(f.ground, changed);
     for (const Coord3& block : blocks_touched(changed)) wanted.insert(block);
-    if (f.ground.done()) mesh_wanted();
+    if (f.ground_copy.done()) mesh_wanted();
   }
   mesh_wanted();
-  f.ground.finish();
+  f.ground_copy.finish();
   ASSERT_FALSE(patches.empty());
   for (const auto& [block, mesh] : patches) {
-    const Mesh anew = mesh_block(f.soil, block);
+    const Mesh anew = mesh_block(f.ground, block);
     EXPECT_EQ(mesh.points, anew.points);
     EXPECT_EQ(mesh.triangles, anew.triangles);
   }
 }
 
 TEST_P(GroundCopyTest, ChunksThatABucketOnlyPassedAreFollowedToo) {
-  const std::shared_ptr<const BaseSurface> slope = make_plane(0.1, {0.5, 0});
-  Soil soil(kVoxel, Vec3::Zero(), slope), copy(kVoxel, Vec3::Zero(), slope);
-  Tracker tracker(soil, {Bucket{0.6, 0.1, {}, {}}});
-  ChangeFollower changes(soil);
-  GroundCopy ground(copy, GetParam());
+  const std::shared_ptr<const InitialTerrain> slope = make_plane(0.1, {0.5, 0});
+  Ground ground(kVoxel, Vec3::Zero(), slope), copy(kVoxel, Vec3::Zero(), slope);
+  Tracker tracker(ground, {Bucket{0.6, 0.1, {}, {}}});
+  ChangeFollower changes(ground);
+  GroundCopy ground_copy(copy, GetParam());
   // Up the slope, 0.1 m above the ground, through chunks of 0.4 m that hold soil.
   for (const double x : {0.0, 1.0}) tracker.update(0, {{x, 0, 0.2 + x / 2}, from_rpy(0, 0, 0)});
   ASSERT_EQ(tracker.total().cut_m3(), 0);
-  ASSERT_FALSE(soil.chunks().empty());
-  ground.post(soil, changes.take());
+  ASSERT_FALSE(ground.chunks().empty());
+  ground_copy.post(ground, changes.take());
   std::uint64_t seen = 0;
-  ground.run([&] { seen = copy.state_hash(); });
-  ground.finish();
-  EXPECT_EQ(seen, soil.state_hash());
+  ground_copy.run([&] { seen = copy.state_hash(); });
+  ground_copy.finish();
+  EXPECT_EQ(seen, ground.state_hash());
 }
 
 TEST_P(GroundCopyTest, AnErrorIsThrownOnceAndEverythingElseIsDone) {
@@ -145,14 +145,14 @@ TEST_P(GroundCopyTest, AnErrorIsThrownOnceAndEverythingElseIsDone) {
     f.update(i / 20.0, (i + 1) / 20.0);
     call([&] { f.post(); });
     call([&] {
-      f.ground.run([&, i] {
+      f.ground_copy.run([&, i] {
         ++done;
         if (i == 3 || i == 12) throw std::runtime_error("disk full at " + std::to_string(i));
       });
     });
   }
   call([&] { f.look(); });
-  for (int i = 0; i < 3; ++i) call([&] { f.ground.finish(); });
+  for (int i = 0; i < 3; ++i) call([&] { f.ground_copy.finish(); });
   EXPECT_THAT(errors, ::testing::ElementsAre("disk full at 3", "disk full at 12"));
   EXPECT_EQ(done, 20);
   EXPECT_EQ(f.seen, f.expected);
@@ -163,44 +163,44 @@ TEST(GroundCopyThread, UpdatesDoNotWaitButWhoAsksForTooManyJobsDoes) {
   std::latch started(1), go(1);
   std::atomic<bool> gone = false;
   int done = 0;
-  f.ground.run([&] {
+  f.ground_copy.run([&] {
     started.count_down();
     go.wait();
     ++done;
   });
   started.wait();
-  EXPECT_FALSE(f.ground.done());
+  EXPECT_FALSE(f.ground_copy.done());
   for (int i = 0; i < 2; ++i) {
     f.update(i / 2.0, (i + 1) / 2.0);
     f.post();
-    f.ground.run([&] { ++done; });
+    f.ground_copy.run([&] { ++done; });
   }
   for (int i = 0; i < 10; ++i) f.post();
   std::thread opener([&] {
     gone = true;
     go.count_down();
   });
-  f.ground.run([&] { ++done; });
+  f.ground_copy.run([&] { ++done; });
   EXPECT_TRUE(gone);  // the two that waited before had to go first
   opener.join();
-  f.ground.finish();
+  f.ground_copy.finish();
   EXPECT_EQ(done, 4);
 }
 
 TEST(GroundCopyThread, RunsAllJobsBeforeItEnds) {
   const Dig dig = make_dig("half_sine", placements()[0]);
-  Soil soil(kVoxel, dig.origin, dig.ground), copy(kVoxel, dig.origin, dig.ground);
-  Tracker tracker(soil, {dig.bucket});
-  ChangeFollower changes(soil);
+  Ground ground(kVoxel, dig.origin, dig.terrain), copy(kVoxel, dig.origin, dig.terrain);
+  Tracker tracker(ground, {dig.bucket});
+  ChangeFollower changes(ground);
   std::vector<std::uint64_t> expected, seen;
   {
-    GroundCopy ground(copy);
+    GroundCopy ground_copy(copy);
     const double begin = dig.motion.begin_s(), span = dig.motion.end_s() - begin;
     for (int i = 0; i < 5; ++i) {
       tracker.update(0, dig.motion, begin + span * i / 5, begin + span * (i + 1) / 5);
-      ground.post(soil, changes.take());
-      expected.push_back(soil.state_hash());
-      ground.run([&] { seen.push_back(copy.state_hash()); });
+      ground_copy.post(ground, changes.take());
+      expected.push_back(ground.state_hash());
+      ground_copy.run([&] { seen.push_back(copy.state_hash()); });
     }
   }
   EXPECT_EQ(seen, expected);

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/cell/cell_volume.h"
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/surface/sheet_vertex.h"
 #include "core/surface/surface.h"
 #include "soilvdb/surface_height.h"
@@ -91,15 +91,15 @@ TEST(SurfaceCells, FloorsOfAStepLittleMoreThanAVoxelHighAreKeptApart) {
 TEST(SurfaceCells, VerticesOfUndugCellsStayOnTheBaseSurface) {
   constexpr double h = 0.05;
   const Vec2 slope(0.1, -0.2);
-  Soil soil(h, Vec3::Zero(), make_plane(0.013, slope));
-  Tracker tracker(soil, {Bucket{0.6, 1, {}, {}}});
+  Ground ground(h, Vec3::Zero(), make_plane(0.013, slope));
+  Tracker tracker(ground, {Bucket{0.6, 1, {}, {}}});
   for (int i = 0; i <= 20; ++i)
     tracker.update(0, {{0.1 * i, 0.05 * i, -0.02 * i}, from_rpy(0.1, 0.2, 0.4)});
-  const std::vector<Coord3> chunks = soil.origins();
+  const std::vector<Coord3> chunks = ground.origins();
   int base = 0;
   double most = 0;
   for (const Coord3& chunk : chunks) {
-    const SurfaceBlock surface(soil, {&chunk, 1}, SurfaceBlock::kMesh);
+    const SurfaceBlock surface(ground, {&chunk, 1}, SurfaceBlock::kMesh);
     for (const ContourVertex& v : surface.contour().vertices) {
       if (!v.base) continue;
       const Vec3 p =
@@ -113,12 +113,12 @@ TEST(SurfaceCells, VerticesOfUndugCellsStayOnTheBaseSurface) {
 }
 
 TEST(SurfaceCells, ACellsChunkIsAskedWhetherTheGroundOnTopOfItWasDug) {
-  Soil soil(1, Vec3::Zero(), make_plane(7.8, {0, 0}));
+  Ground ground(1, Vec3::Zero(), make_plane(7.8, {0, 0}));
   SampleWords all;
   all.fill(kAllSoil);
   for (const int x : {-8, 0, 8})
-    for (const int y : {-8, 0, 8}) SoilWriter(soil).remove({x, y, 8}, all);
-  EXPECT_NEAR(surface_height(soil, 3.2, 3.4).value(), 7.5, 0.15);
+    for (const int y : {-8, 0, 8}) GroundWriter(ground).remove({x, y, 8}, all);
+  EXPECT_NEAR(surface_height(ground, 3.2, 3.4).value(), 7.5, 0.15);
 }
 
 }  // namespace surface_cells_test

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "soilvdb/surface_height.h"
@@ -20,20 +20,20 @@ namespace surface_distance_test {
 
 TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
   const Dug dug(make_dig("raster", placements()[1]), 0.05, 50);
-  const Soil before(0.05, dug.soil.origin(),
-                    {std::shared_ptr<const BaseSurface>(), &dug.soil.base()});
+  const Ground before(0.05, dug.ground.origin(),
+                      {std::shared_ptr<const InitialTerrain>(), &dug.ground.terrain()});
   std::int64_t same = 0;
-  for (const Chunk* chunk : dug.soil.chunks()) {
+  for (const Chunk* chunk : dug.ground.chunks()) {
     float phi[kChunkVoxels], base[kChunkVoxels];
-    surface_distance(dug.soil, chunk->origin, phi);
-    dug.soil.base().distance(dug.soil.world_from_index(chunk->origin.cast<double>()), 0.05,
-                             dug.soil.band_m(), base);
+    surface_distance(dug.ground, chunk->origin, phi);
+    dug.ground.terrain().distance(dug.ground.world_from_index(chunk->origin.cast<double>()), 0.05,
+                                  dug.ground.band_m(), base);
     // A chunk of which, and of whose neighbours, no sample was changed.
     bool untouched = true;
     for (int k = 0; k < 27; ++k) {
       const Coord3 c = chunk->origin + kChunkSide * step_around(k);
       SampleWords now, then;
-      dug.soil.read_samples(c, now);
+      dug.ground.read_samples(c, now);
       before.read_samples(c, then);
       untouched &= now == then;
     }
@@ -41,7 +41,7 @@ TEST(SurfaceDistance, IsTheBaseSurfacesOwnWhereNothingWasDug) {
       if (untouched) {
         ASSERT_EQ(phi[n], base[n]);
       }
-      same += phi[n] == base[n] && std::abs(phi[n]) < dug.soil.band_m();
+      same += phi[n] == base[n] && std::abs(phi[n]) < dug.ground.band_m();
     }
   }
   EXPECT_GT(same, 100);
@@ -52,10 +52,10 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
   constexpr double kError = kVertexError + 0.05;
   for (const Solid& solid : known_solids()) {
     constexpr double h = 0.05;
-    const auto soil = sampled(solid, h);
-    const std::vector<Coord3> chunks = soil->origins();
+    const auto ground = sampled(solid, h);
+    const std::vector<Coord3> chunks = ground->origins();
     std::vector<std::array<float, kChunkVoxels>> all(chunks.size());
-    surface_distances(*soil, chunks, [&](std::size_t i, const float* phi) {
+    surface_distances(*ground, chunks, [&](std::size_t i, const float* phi) {
       std::copy_n(phi, kChunkVoxels, all[i].begin());
     });
     int looked = 0, bad = 0;
@@ -63,7 +63,7 @@ TEST(SurfaceDistance, IsTheTrueDistanceAndTheSameAloneAndInABatch) {
     for (std::size_t i = 0; i < chunks.size(); ++i) {
       if (i % 5 == 0) {
         float phi[kChunkVoxels];
-        surface_distance(*soil, chunks[i], phi);
+        surface_distance(*ground, chunks[i], phi);
         for (std::size_t n = 0; n < kChunkVoxels; ++n) ASSERT_EQ(phi[n], all[i][n]);
       }
       for (int n = 0; n < kChunkVoxels; ++n) {
@@ -85,9 +85,9 @@ TEST(SurfaceHeight, IsThatOfTheHighestTriangleWhereBlocksMeetToo) {
   for (const double yaw : {0.0, 0.3, 0.9}) {
     const Solid trench = half_sine_trench(yaw);
     for (const double h : {0.05, 0.03}) {
-      const auto soil = sampled(trench, h);
-      const Mesh mesh = mesh_all(*soil);
-      SurfaceHeight heights(*soil);
+      const auto ground = sampled(trench, h);
+      const Mesh mesh = mesh_all(*ground);
+      SurfaceHeight heights(*ground);
       std::mt19937 random(1);
       std::uniform_real_distribution<double> place(-0.55, 0.55), near(-1, 1);
       for (int k = 0; k < 1500; ++k) {
@@ -114,19 +114,19 @@ TEST(SurfaceHeight, IsThatOfTheHighestTriangleWhereBlocksMeetToo) {
 }
 
 TEST(SurfaceDistance, IsTheTrueOneOnAllSidesOfAChunkThatWasDug) {
-  Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  Ground ground(1, Vec3::Zero(), make_plane(100, {0, 0}));
   SampleWords all;
   all.fill(kAllSoil);
-  SoilWriter(soil).remove(Coord3::Zero(), all);
+  GroundWriter(ground).remove(Coord3::Zero(), all);
   for (int n = 0; n < 27; ++n) {
     const Coord3 chunk = kChunkSide * step_around(n);
     float phi[kChunkVoxels];
-    surface_distance(soil, chunk, phi);
+    surface_distance(ground, chunk, phi);
     for (int k = 0; k < kChunkVoxels; ++k) {
       const Vec3 p = (chunk + numbered_voxel(k)).cast<double>();
       const Vec3 beyond = (p.array() - 3.5).abs() - 4;
       const double most = beyond.maxCoeff(), truth = most < 0 ? -most : -beyond.cwiseMax(0).norm();
-      EXPECT_NEAR(phi[k], std::clamp(truth, -soil.band_m(), soil.band_m()), kVertexError)
+      EXPECT_NEAR(phi[k], std::clamp(truth, -ground.band_m(), ground.band_m()), kVertexError)
           << p.transpose();
     }
   }
@@ -134,17 +134,17 @@ TEST(SurfaceDistance, IsTheTrueOneOnAllSidesOfAChunkThatWasDug) {
 
 TEST(SurfaceHeight, IsTheBaseSurfacesOutsideAndTheFloorsInside) {
   const Solid box = ground_less("box", {0, 0}, {{Pose{}, Vec3(0.5, 0.4, 0.312)}});
-  const auto soil = sampled(box, 0.05);
-  EXPECT_EQ(*surface_height(*soil, 5, 5), box.height_m);
-  EXPECT_NEAR(*surface_height(*soil, 0.7, 0.1), box.height_m, 1e-6);
-  EXPECT_NEAR(*surface_height(*soil, 0.1, 0.1), -0.312, kSmoothError * 0.05 * 3);
+  const auto ground = sampled(box, 0.05);
+  EXPECT_EQ(*surface_height(*ground, 5, 5), box.height_m);
+  EXPECT_NEAR(*surface_height(*ground, 0.7, 0.1), box.height_m, 1e-6);
+  EXPECT_NEAR(*surface_height(*ground, 0.1, 0.1), -0.312, kSmoothError * 0.05 * 3);
 }
 
 TEST(SurfaceHeight, IsThatOfTheFloorAcrossTheBordersOfBlocks) {
   const Solid box =
       ground_less("box", {0, 0}, {{{Vec3::Zero(), from_rpy(0, 0, 0.5)}, Vec3(0.8, 0.8, 0.312)}});
-  const auto soil = sampled(box, 0.05);
-  SurfaceHeight heights(*soil);
+  const auto ground = sampled(box, 0.05);
+  SurfaceHeight heights(*ground);
   // The floor is flat, also where patches of the mesh meet: every 1.6 m, and a voxel before.
   for (int i = -20; i <= 20; ++i) {
     for (const Vec2& p : {Vec2(0.005 * i, 0.33), Vec2(0.33, 0.005 * i)})

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <random>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "core/surface/surface.h"
 #include "tests/support/dig_runner.h"
@@ -31,7 +31,7 @@ TEST(SurfaceMeshOfADig, IsManifoldAndWatertight) {
     for (const double h : {0.1, 0.05}) {
       if (h < 0.1 && (test::kSanitized || (!test::kLong && k % 3 != 0))) continue;
       const Dug dug(dig, h, 50);
-      const Faults f = faults(mesh_all(dug.soil), dug.soil);
+      const Faults f = faults(mesh_all(dug.ground), dug.ground);
       EXPECT_EQ(f.without_area, 0) << dig.family << ", voxel " << h;
       EXPECT_EQ(f.crowded, 0) << dig.family << ", voxel " << h;
       EXPECT_EQ(f.torn, 0) << dig.family << ", voxel " << h;
@@ -40,11 +40,11 @@ TEST(SurfaceMeshOfADig, IsManifoldAndWatertight) {
 }
 
 TEST(SurfaceMeshOfADig, IsManifoldWhereTheSurfaceRunsThroughTheGrid) {
-  Soil soil(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(soil, {Bucket{1.0, 0.6, {}, {}}});
+  Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  Tracker tracker(ground, {Bucket{1.0, 0.6, {}, {}}});
   tracker.update(0, Pose{Vec3(0, 0, 0), from_rpy(0, -0.4, 0)});
   tracker.update(0, Pose{Vec3(0.5, 0, -0.4), from_rpy(0, -0.3, 0)});
-  const Faults f = faults(mesh_all(soil), soil);
+  const Faults f = faults(mesh_all(ground), ground);
   EXPECT_EQ(f.without_area, 0);
   EXPECT_EQ(f.crowded, 0);
   EXPECT_EQ(f.torn, 0);
@@ -53,12 +53,12 @@ TEST(SurfaceMeshOfADig, IsManifoldWhereTheSurfaceRunsThroughTheGrid) {
 TEST(SurfaceMeshOfADig, PatchesAreTheSameWhateverElseIsMeshed) {
   const Dug dug(make_dig("overlapping", placements()[1]), 0.05, 50);
   int compared = 0;
-  for (const Chunk* chunk : dug.soil.chunks()) {
+  for (const Chunk* chunk : dug.ground.chunks()) {
     const Coord3& origin = chunk->origin;
     const Coord3 block = floor_to(origin, kBlockSide);
-    const std::vector<Coord3> all = resident_chunks(dug.soil, block);
-    const SurfaceBlock whole(dug.soil, all, SurfaceBlock::kMesh);
-    const SurfaceBlock part(dug.soil, {&origin, 1}, SurfaceBlock::kMesh);
+    const std::vector<Coord3> all = resident_chunks(dug.ground, block);
+    const SurfaceBlock whole(dug.ground, all, SurfaceBlock::kMesh);
+    const SurfaceBlock part(dug.ground, {&origin, 1}, SurfaceBlock::kMesh);
     std::map<std::array<float, 3>, int> places;
     const auto key = [](const SurfaceBlock& b, const ContourVertex& v) {
       const Coord3 c = b.first() + v.cell;
@@ -80,11 +80,11 @@ TEST(SurfaceMeshOfADig, PatchesAreTheSameWhateverElseIsMeshed) {
 TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterEachChange) {
   const Dig dig = make_dig("overlapping", placements()[1]);
   const Dug end(dig, 0.05, 1);  // its site
-  Soil soil(0.05, end.soil.origin(), end.soil.shared_base());
-  SoilWriter writer(soil);
-  CachedMesher mesher(soil);
+  Ground ground(0.05, end.ground.origin(), end.ground.shared_terrain());
+  GroundWriter writer(ground);
+  CachedMesher mesher(ground);
   std::mt19937 random(4);
-  std::vector<Coord3> chunks = end.soil.origins();
+  std::vector<Coord3> chunks = end.ground.origins();
   std::shuffle(chunks.begin(), chunks.end(), random);
   int meshed = 0;
   // Each chunk comes as it is in the end, goes, and comes again: what is remembered is of other
@@ -94,11 +94,11 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterEachChange) {
       if (round == 1) {
         writer.drop(origin);
       } else {
-        writer.copy_from(end.soil, origin);
+        writer.copy_from(end.ground, origin);
       }
       if (random() % 4 != 0) continue;
       for (const Coord3& block : blocks_touched({&origin, 1})) {
-        const Mesh anew = mesh_block(soil, block), again = mesher.block(block);
+        const Mesh anew = mesh_block(ground, block), again = mesher.block(block);
         ASSERT_EQ(again.triangles, anew.triangles);
         ASSERT_EQ(again.points, anew.points);
         meshed += !anew.triangles.empty();
@@ -110,15 +110,15 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterEachChange) {
 
 TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterTwoSamplesAlikeChanged) {
   Dug dug(make_dig("overlapping", placements()[1]), 0.05, 50);
-  CachedMesher mesher(dug.soil);
-  SoilWriter writer(dug.soil);
+  CachedMesher mesher(dug.ground);
+  GroundWriter writer(dug.ground);
   std::mt19937 random(6);
   int compared = 0;
-  const std::vector<const Chunk*> chunks = dug.soil.chunks();
+  const std::vector<const Chunk*> chunks = dug.ground.chunks();
   for (std::size_t i = 0; i < 4 * chunks.size(); ++i) {
     const Coord3 origin = chunks[i % chunks.size()]->origin;
     SampleWords words;
-    dug.soil.read_samples(origin, words);
+    dug.ground.read_samples(origin, words);
     // The same sample of two cells side by side, the last ones most.
     const std::uint64_t sample = std::uint64_t{1} << (random() % 2 ? 63 : random() % 64);
     std::size_t cell = 0;
@@ -131,7 +131,7 @@ TEST(SurfaceMeshOfADig, IsTheSameFromAMesherThatRemembersAfterTwoSamplesAlikeCha
     SampleWords set{};
     set[cell] = set[cell + 1] = sample;
     ASSERT_EQ(writer.remove(origin, set), 2);
-    const Mesh anew = mesh_block(dug.soil, block), again = mesher.block(block);
+    const Mesh anew = mesh_block(dug.ground, block), again = mesher.block(block);
     ASSERT_EQ(again.triangles, anew.triangles);
     ASSERT_EQ(again.points, anew.points);
     ++compared;
@@ -143,7 +143,7 @@ TEST(SurfaceMeshOfADig, HasTheSameBitsForAnyNumberOfThreads) {
   const Dug dug(make_dig("swing", placements()[1]), 0.05, 50);
   const auto with = [&](std::size_t threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    return mesh_all(dug.soil);
+    return mesh_all(dug.ground);
   };
   const Mesh one = with(1), four = with(4);
   EXPECT_EQ(one.triangles, four.triangles);

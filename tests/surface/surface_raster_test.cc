@@ -17,8 +17,8 @@ namespace soilvdb::io {
 namespace surface_raster_test {
 
 TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldTheSurfaceAndItsChange) {
-  const Soil soil(0.1, {0, 0, 0}, make_plane(1, {0.5, -0.25}));
-  const SurfaceRaster raster = rasterise(soil, {Vec2(0.3, -0.9), Vec2(2.2, 0.4)}, 0.5);
+  const Ground ground(0.1, {0, 0, 0}, make_plane(1, {0.5, -0.25}));
+  const SurfaceRaster raster = rasterise(ground, {Vec2(0.3, -0.9), Vec2(2.2, 0.4)}, 0.5);
   EXPECT_EQ(raster.grid.nx, 5);
   EXPECT_EQ(raster.grid.ny, 3);
   EXPECT_EQ(raster.grid.first, Vec2(0.25, -0.75));
@@ -29,18 +29,18 @@ TEST(Rasterise, CellsLieAtMultiplesOfTheirSizeAndHoldTheSurfaceAndItsChange) {
       EXPECT_FLOAT_EQ(raster.surface[j * 5 + i], float(z));
     }
   }
-  EXPECT_THROW(rasterise(soil, {Vec2(0, 0), Vec2(1, 1)}, 1e-6), std::invalid_argument);
-  EXPECT_THROW(rasterise(soil, {Vec2(0, 0), Vec2(1, 1)}, 0), std::invalid_argument);
+  EXPECT_THROW(rasterise(ground, {Vec2(0, 0), Vec2(1, 1)}, 1e-6), std::invalid_argument);
+  EXPECT_THROW(rasterise(ground, {Vec2(0, 0), Vec2(1, 1)}, 0), std::invalid_argument);
 }
 
 TEST(SurfaceRaster, ItsVolumeIsTheLedgers) {
   for (const double yaw : {0.0, 0.3, 0.9}) {
     for (const double h : {0.05, 0.1}) {
-      Soil soil(h, Vec3(400000, 5000000, 100), make_plane(100.013, {0, 0}));
+      Ground ground(h, Vec3(400000, 5000000, 100), make_plane(100.013, {0, 0}));
       Bucket bucket;
       bucket.width_m = 0.6;
       bucket.height_m = 1;
-      Tracker tracker(soil, {bucket});
+      Tracker tracker(ground, {bucket});
       for (int i = 0; i <= 50; ++i) {
         const double s = i / 50.0, x = 2 * s * std::cos(yaw), y = 2 * s * std::sin(yaw);
         tracker.update(
@@ -50,7 +50,7 @@ TEST(SurfaceRaster, ItsVolumeIsTheLedgers) {
       // Cells that are a multiple of the voxels, and others.
       for (const double cell_m : {h, 2 * h, 0.25, 0.37}) {
         const SurfaceRaster raster =
-            rasterise(soil, {Vec2(399998, 4999998), Vec2(400004, 5000004)}, cell_m);
+            rasterise(ground, {Vec2(399998, 4999998), Vec2(400004, 5000004)}, cell_m);
         double sum = 0;
         for (std::size_t i = 0; i < raster.change.size(); ++i) {
           sum += double{raster.change[i]};
@@ -72,24 +72,24 @@ double volume_m3(const SurfaceRaster& raster, const std::vector<float>& change) 
   return sum * raster.grid.spacing.prod();
 }
 
-void drag(Soil& soil, double width_m, const Vec3& from, double length_m) {
+void drag(Ground& ground, double width_m, const Vec3& from, double length_m) {
   Bucket bucket;
   bucket.width_m = width_m;
   bucket.height_m = 1;
-  Tracker tracker(soil, {bucket});
+  Tracker tracker(ground, {bucket});
   for (const double s : {0.0, length_m})
     tracker.update(0, {from + Vec3(s, 0, 0), Eigen::Quaterniond::Identity()});
 }
 
 TEST(SurfaceRaster, HoldsAllThatWasDugAtTheEdgeOfTheTerrain) {
   // Posts from 0.25 to 4.25: a trench along the first, and one into a corner. Cells begin at 0.
-  const std::shared_ptr<const BaseSurface> ground =
+  const std::shared_ptr<const InitialTerrain> terrain =
       make_height_field(grid_of(9, 9, {0.25, 0.25}, {0.5, 0.5}), std::make_shared<Level>());
-  const Soil before(0.05, Vec3::Zero(), ground);
+  const Ground before(0.05, Vec3::Zero(), terrain);
   constexpr double kInside = 0.4001, kLength = 1.249;
   for (const Vec3& from : {Vec3(1.013, 0.25 + kInside, 6.61), Vec3(3, 4.25 - kInside, 6.61)}) {
     const double m3 = 0.8 * kLength * 0.39;
-    Soil after(0.05, Vec3::Zero(), ground), fine(0.025, Vec3::Zero(), ground);
+    Ground after(0.05, Vec3::Zero(), terrain), fine(0.025, Vec3::Zero(), terrain);
     drag(after, 0.8, from, kLength);
     drag(fine, 0.8, from, kLength);
     EXPECT_NEAR(-after.change_m3(), m3, 2e-3 * m3);
@@ -107,11 +107,11 @@ TEST(SurfaceRaster, HoldsAllThatWasDugAtTheEdgeOfTheTerrain) {
 }
 
 TEST(SurfaceRaster, ChangeIsSinceTheGroundBeforeAnyoneDug) {
-  const std::shared_ptr<const BaseSurface> ground = make_plane(0.013, {0, 0});
-  auto first = std::make_shared<Soil>(0.05, Vec3::Zero(), ground);
+  const std::shared_ptr<const InitialTerrain> terrain = make_plane(0.013, {0, 0});
+  auto first = std::make_shared<Ground>(0.05, Vec3::Zero(), terrain);
   drag(*first, 0.8, {0.113, 0.027, -0.287}, 2);
   // The same digging goes on in the ground itself, and in one with other voxels made from it.
-  Soil other(0.025, Vec3::Zero(), make_soil_surface(first));
+  Ground other(0.025, Vec3::Zero(), make_ground_terrain(first));
   drag(other, 0.8, {1.013, 0.027, -0.487}, 2);
   const double before_m3 = first->change_m3(), after_m3 = before_m3 + other.change_m3();
   EXPECT_NEAR(after_m3, -0.8 * (0.9 * 0.3 + 2 * 0.5), 3e-3);

@@ -13,7 +13,7 @@
 #include <cstdlib>
 #include <numbers>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "core/lattice/chunk_math.h"
 #include "soilvdb/surface_height.h"
 #include "tests/support/dig_runner.h"
@@ -41,10 +41,10 @@ struct Figures {
 };
 
 Figures measure(const Solid& solid, double h) {
-  const auto soil = sampled(solid, h);
-  const Mesh mesh = mesh_all(*soil);
+  const auto ground = sampled(solid, h);
+  const Mesh mesh = mesh_all(*ground);
   Figures figures;
-  figures.volume = below_ground_m3(mesh, solid) / -soil->change_m3() - 1;
+  figures.volume = below_ground_m3(mesh, solid) / -ground->change_m3() - 1;
   std::vector<double> errors;
   double squares = 0;
   int smooth = 0;
@@ -155,15 +155,15 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
     const double z = 1 - 2 * (i + 0.5) / kDirections, r = std::sqrt(1 - z * z), a = 2.399963 * i;
     const Vec3 n(r * std::cos(a), r * std::sin(a), z);
     const auto plane = sampled([&](const Vec3& p) { return n.dot(p - Vec3::Constant(3.3)); });
-    const Soil& soil = *plane;
+    const Ground& ground = *plane;
     const Coord3 middle(0, 0, 0);
     float phi[kChunkVoxels];
-    surface_distance(soil, middle, phi);
+    surface_distance(ground, middle, phi);
     for (int k = 0; k < kChunkVoxels; ++k) {
       const double truth = n.dot(numbered_voxel(k).cast<double>() - Vec3::Constant(3.3));
       distance = std::max(distance, std::abs(phi[k] - std::clamp(truth, -3.0, 3.0)));
     }
-    const SurfaceBlock surface(soil, {&middle, 1}, SurfaceBlock::kMesh);
+    const SurfaceBlock surface(ground, {&middle, 1}, SurfaceBlock::kMesh);
     const auto at = [&](std::uint32_t k) -> Vec3 {
       const ContourVertex& v = surface.contour().vertices[k];
       return (surface.first() + v.cell).cast<double>() + Vec3(v.in[0], v.in[1], v.in[2]);
@@ -185,16 +185,16 @@ TEST(SurfaceMeshOfSamples, FindsAPlaneOfAnyDirection) {
 }
 
 TEST(SurfaceMeshOfSamples, StaysInABoreOfVoxelsThatShareAnEdge) {
-  Soil soil(1, Vec3::Zero(), make_plane(100, {0, 0}));
+  Ground ground(1, Vec3::Zero(), make_plane(100, {0, 0}));
   SampleWords bore{};
   for (std::size_t k = 1; k < 7; ++k) bore[k * 64 + k * 8 + 4] = kAllSoil;
-  SoilWriter(soil).remove(Coord3::Zero(), bore);
-  const Mesh mesh = mesh_all(soil);
+  GroundWriter(ground).remove(Coord3::Zero(), bore);
+  const Mesh mesh = mesh_all(ground);
   for (const Eigen::Vector3f& p : mesh.points) {
     EXPECT_LE(std::abs(p.z() - 4), 0.5 + kVertexError) << p.transpose();
     EXPECT_LE(std::abs(p.x() - p.y()), 1 + kVertexError) << p.transpose();
   }
-  const Faults f = faults(mesh, soil);
+  const Faults f = faults(mesh, ground);
   EXPECT_EQ(f.without_area, 0);
   EXPECT_EQ(f.crowded, 0);
   EXPECT_EQ(f.torn, 0);
@@ -202,12 +202,12 @@ TEST(SurfaceMeshOfSamples, StaysInABoreOfVoxelsThatShareAnEdge) {
 
 /// @param least_m3 of volume, from which on it isn't kept
 void keeps(const Solid& solid, double h, double least_m3, const std::string& what) {
-  const auto soil = sampled(solid, h);
-  const Mesh mesh = mesh_all(*soil);
-  const Faults f = faults(mesh, *soil);
+  const auto ground = sampled(solid, h);
+  const Mesh mesh = mesh_all(*ground);
+  const Faults f = faults(mesh, *ground);
   EXPECT_EQ(f.torn, 0) << what;
   EXPECT_EQ(f.crowded, 0) << what;
-  EXPECT_LE(std::abs(below_ground_m3(mesh, solid) + soil->change_m3()), least_m3) << what;
+  EXPECT_LE(std::abs(below_ground_m3(mesh, solid) + ground->change_m3()), least_m3) << what;
 }
 
 TEST(SurfaceMeshOfSamples, KeepsAWallAndASlotOneVoxelThick) {

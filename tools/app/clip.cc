@@ -16,9 +16,9 @@
 
 #include "io/file/atomic_file.h"
 #include "io/snapshot/snapshot_format.h"
+#include "soilvdb/ground_grids.h"
 #include "soilvdb/io/level_set_file.h"
 #include "soilvdb/io/raster.h"
-#include "soilvdb/soil_grids.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -43,12 +43,12 @@ Mesh compacted(const Mesh& mesh) {
 
 [[noreturn]] void refuse_without_soil(const io::Site& site) {
   throw std::invalid_argument(fmt::format(
-      "it is too small for voxels of {:g} m, or there is no soil", site.soil->voxel_size_m()));
+      "it is too small for voxels of {:g} m, or there is no soil", site.ground->voxel_size_m()));
 }
 
 std::uint64_t write_grid(const std::filesystem::path& file, const io::Site& site,
                          const openvdb::FloatGrid::Ptr& grid) {
-  const Vec3& origin = site.soil->origin();
+  const Vec3& origin = site.ground->origin();
   grid->insertMeta(io::kOriginKey, openvdb::Vec3DMetadata({origin.x(), origin.y(), origin.z()}));
   grid->insertMeta(io::kCrsKey, openvdb::StringMetadata(site.crs_wkt));
   std::ostringstream bytes;
@@ -61,20 +61,20 @@ std::uint64_t write_grid(const std::filesystem::path& file, const io::Site& site
 
 }  // namespace
 
-Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
+Mesh mesh_region(const Ground& ground, const Eigen::AlignedBox2d& box) {
   // A block's vertices lie within a voxel of its cells.
-  const Vec2 low = (box.min() - soil.origin().head<2>()) / soil.voxel_size_m();
-  const Vec2 high = (box.max() - soil.origin().head<2>()) / soil.voxel_size_m();
+  const Vec2 low = (box.min() - ground.origin().head<2>()) / ground.voxel_size_m();
+  const Vec2 high = (box.max() - ground.origin().head<2>()) / ground.voxel_size_m();
   std::map<Coord3, Mesh, Before> patches;
-  for (const Coord3& block : blocks_touched(soil.origins())) {
+  for (const Coord3& block : blocks_touched(ground.origins())) {
     bool meets = true;
     for (int axis = 0; axis < 2; ++axis)
       meets &= block[axis] + kBlockSide + 1 >= low[axis] && block[axis] - 1 <= high[axis];
-    if (meets) patches.emplace(block, mesh_block(soil, block));
+    if (meets) patches.emplace(block, mesh_block(ground, block));
   }
   Mesh mesh = weld(patches);
-  const Vec2 local_min = box.min() - soil.origin().head<2>();
-  const Vec2 local_max = box.max() - soil.origin().head<2>();
+  const Vec2 local_min = box.min() - ground.origin().head<2>();
+  const Vec2 local_max = box.max() - ground.origin().head<2>();
   std::erase_if(mesh.triangles, [&](const std::array<std::uint32_t, 3>& t) {
     const Vec2 centre =
         (mesh.points[t[0]] + mesh.points[t[1]] + mesh.points[t[2]]).head<2>().cast<double>() / 3;
@@ -84,21 +84,21 @@ Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box) {
   return compacted(mesh);
 }
 
-Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan) {
+Eigen::AlignedBox3d ground_box(const Ground& ground, const Eigen::AlignedBox2d& plan) {
   constexpr double kMargin_voxels = 10;
   constexpr double kMostCells = 1000;  // across
-  const double h = soil.voxel_size_m();
+  const double h = ground.voxel_size_m();
   double low = std::numeric_limits<double>::infinity(), high = -low;
   const io::SurfaceRaster heights =
-      io::rasterise(soil, plan, std::max(h, plan.sizes().maxCoeff() / kMostCells));
+      io::rasterise(ground, plan, std::max(h, plan.sizes().maxCoeff() / kMostCells));
   for (std::size_t i = 0; i < heights.surface.size(); ++i) {
     const double z = heights.surface[i], base = z - heights.change[i];
     if (std::isnan(z)) continue;
     low = std::min({low, z, base});
     high = std::max({high, z, base});
   }
-  for (const Chunk* chunk : soil.chunks()) {
-    const Vec3 first = soil.world_from_index(chunk->origin.cast<double>());
+  for (const Chunk* chunk : ground.chunks()) {
+    const Vec3 first = ground.world_from_index(chunk->origin.cast<double>());
     const Vec3 last = first + Vec3::Constant(h * (kChunkSide - 1));
     if (!plan.intersects(Eigen::AlignedBox2d(first.head<2>(), last.head<2>()))) continue;
     low = std::min(low, first.z());
@@ -112,7 +112,7 @@ Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan
 
 std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site& site,
                               const Eigen::AlignedBox3d& box) {
-  const openvdb::FloatGrid::Ptr grid = closed_level_set(*site.soil, box);
+  const openvdb::FloatGrid::Ptr grid = closed_level_set(*site.ground, box);
   bool soil = false;
   for (auto leaf = grid->tree().cbeginLeaf(); leaf && !soil; ++leaf)
     for (auto value = leaf->cbeginValueAll(); value && !soil; ++value) soil = *value < 0;
@@ -123,7 +123,7 @@ std::uint64_t write_level_set(const std::filesystem::path& file, const io::Site&
 
 std::uint64_t write_occupancy(const std::filesystem::path& file, const io::Site& site,
                               const Eigen::AlignedBox3d& box) {
-  const openvdb::FloatGrid::Ptr grid = occupancy_grid(*site.soil, box);
+  const openvdb::FloatGrid::Ptr grid = occupancy_grid(*site.ground, box);
   if (grid->empty()) refuse_without_soil(site);
   return write_grid(file, site, grid);
 }

@@ -6,19 +6,19 @@
 #include <cstdint>
 #include <filesystem>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::tools {
 
 /// The triangles of mesh_all() whose centre of gravity is in the box (low sides included), so that
 /// regions which tile the plane share them out. Meshes only the blocks that reach into it.
-Mesh mesh_region(const Soil& soil, const Eigen::AlignedBox2d& box);
+Mesh mesh_region(const Ground& ground, const Eigen::AlignedBox2d& box);
 
 /// The box over `plan` that holds the surface of the ground there with a margin of ten voxels,
 /// world.
-Eigen::AlignedBox3d ground_box(const Soil& soil, const Eigen::AlignedBox2d& plan);
+Eigen::AlignedBox3d ground_box(const Ground& ground, const Eigen::AlignedBox2d& plan);
 
 /// Writes the ground in the box as a grid for other programs, with the site's origin and CRS as
 /// metadata: a closed level set `surface` or, by fill fractions, a fog volume `occupancy`. Atomic.

@@ -69,21 +69,21 @@ void check_same_site(const Snapshot& a, const Snapshot& b) {
 Eigen::AlignedBox2d box_to_show(const Difference& change, const io::Site& a, const io::Site& b) {
   if (!change.box.isEmpty()) return change.box;
   const Eigen::AlignedBox2d dug =
-      io::footprint(*a.soil, false).merged(io::footprint(*b.soil, false));
+      io::footprint(*a.ground, false).merged(io::footprint(*b.ground, false));
   if (!dug.isEmpty()) return dug;
   constexpr double kAround_m = 10;
   const Vec2 middle = a.bounds.center(), around = Vec2::Constant(kAround_m);
-  const Vec2 centre = middle.allFinite() ? middle : Vec2(a.soil->origin().head<2>());
+  const Vec2 centre = middle.allFinite() ? middle : Vec2(a.ground->origin().head<2>());
   return {centre - around, centre + around};
 }
 
 void write_raster(const fs::path& to, const Snapshot& a, const Snapshot& b,
                   const Eigen::AlignedBox2d& box) {
-  const double cell_m =
-      affordable_cell_m(box, std::max(a.site.soil->voxel_size_m(), b.site.soil->voxel_size_m()));
-  const io::SurfaceRaster raster = io::rasterise(*b.site.soil, box, cell_m);
+  const double cell_m = affordable_cell_m(
+      box, std::max(a.site.ground->voxel_size_m(), b.site.ground->voxel_size_m()));
+  const io::SurfaceRaster raster = io::rasterise(*b.site.ground, box, cell_m);
   const std::vector<float> change = io::rasterise_change(
-      *a.site.soil, *b.site.soil, same_base(a.site.reference, b.site.reference), raster);
+      *a.site.ground, *b.site.ground, same_base(a.site.reference, b.site.reference), raster);
   io::write_geotiff(to, raster.grid, {{"change", change}, {"surface", raster.surface}},
                     b.site.crs_wkt);
 }
@@ -102,13 +102,13 @@ void diff(const DiffOptions& options) {
   check_same_site(a, b);
 
   const Difference change =
-      difference(*a.site.soil, *b.site.soil, same_base(a.site.reference, b.site.reference));
+      difference(*a.site.ground, *b.site.ground, same_base(a.site.reference, b.site.reference));
   if (options.to) {
     const Eigen::AlignedBox2d box = box_to_show(change, a.site, b.site);
     if (suffix == ".tif") write_raster(*options.to, a, b, box);
     if (suffix == ".png")
       io::write_change_plan(
-          *options.to, *a.site.soil, *b.site.soil, box, change.fill_m3 > change.error_m3,
+          *options.to, *a.site.ground, *b.site.ground, box, change.fill_m3 > change.error_m3,
           {fmt::format("{}: {} s to {} s", b.info.scenario, time_text(a.info.time_s),
                        time_text(b.info.time_s)),
            fmt::format("cut {} m³, fill {} m³", number(change.cut_m3), number(change.fill_m3))});

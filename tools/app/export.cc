@@ -34,41 +34,41 @@ bool is_mesh(const std::string& suffix) {
 }
 
 void export_mesh(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
-  const Mesh mesh = region ? mesh_region(*site.soil, *region) : mesh_all(*site.soil);
+  const Mesh mesh = region ? mesh_region(*site.ground, *region) : mesh_all(*site.ground);
   if (mesh.triangles.empty()) throw std::invalid_argument("there is no surface of dug ground");
-  io::write_mesh(to, mesh, site.soil->origin(), site.crs_wkt);
+  io::write_mesh(to, mesh, site.ground->origin(), site.crs_wkt);
   fmt::print("{}: {} vertices, {} triangles\n", to.string(), mesh.points.size(),
              mesh.triangles.size());
 }
 
 void export_raster(const fs::path& to, const io::Site& site, const std::optional<Box2>& region) {
-  const Box2 box = region ? *region : io::footprint(*site.soil, false);
-  const double cell_m = affordable_cell_m(box, site.soil->voxel_size_m());
-  write_surface_raster(to, *site.soil, box, cell_m, site.crs_wkt);
+  const Box2 box = region ? *region : io::footprint(*site.ground, false);
+  const double cell_m = affordable_cell_m(box, site.ground->voxel_size_m());
+  write_surface_raster(to, *site.ground, box, cell_m, site.crs_wkt);
   fmt::print("{}: bands surface and change, cells of {} m\n", to.string(), length_text(cell_m));
 }
 
 void export_picture(const fs::path& to, const io::Site& site, const io::SnapshotInfo& info,
                     const std::optional<Box2>& region, bool perspective) {
-  const Box2 box = region ? *region : io::region_of_interest(*site.soil);
-  const io::CutAndFill net = io::cut_and_fill(*site.soil);
+  const Box2 box = region ? *region : io::region_of_interest(*site.ground);
+  const io::CutAndFill net = io::cut_and_fill(*site.ground);
   std::string detail = fmt::format("cut {} m³", number(net.cut_m3));
   if (net.fill_m3 > 0) detail += fmt::format(", fill {} m³", number(net.fill_m3));
   detail += fmt::format(" by {} s, {} m voxels", time_text(info.time_s),
-                        length_text(site.soil->voxel_size_m()));
+                        length_text(site.ground->voxel_size_m()));
   if (!site.crs_wkt.empty()) detail += ", " + io::crs_label(site.crs_wkt);
   const io::Caption caption{info.scenario, detail};
-  (perspective ? io::write_view : io::write_plan)(to, *site.soil, box, caption);
+  (perspective ? io::write_view : io::write_plan)(to, *site.ground, box, caption);
   fmt::print("{}: {}\n", to.string(), perspective ? "perspective view" : "plan");
 }
 
 void export_vdb(const fs::path& to, const io::Site& site, const std::optional<Box2>& region,
                 bool occupancy) {
-  const Soil& soil = *site.soil;
-  Box2 plan = region ? *region : io::region_of_interest(soil);
+  const Ground& ground = *site.ground;
+  Box2 plan = region ? *region : io::region_of_interest(ground);
   if (!site.bounds.isEmpty()) plan = plan.intersection(site.bounds);
   if (plan.isEmpty()) throw std::invalid_argument("the terrain has no heights");
-  const Eigen::AlignedBox3d box = ground_box(soil, plan);
+  const Eigen::AlignedBox3d box = ground_box(ground, plan);
   const std::uint64_t voxels = (occupancy ? write_occupancy : write_level_set)(to, site, box);
   fmt::print("{}: {} of {} m x {} m x {} m, {} voxels\n", to.string(),
              occupancy ? "occupancy" : "closed level set", number(box.sizes().x()),
@@ -97,7 +97,7 @@ void export_file(const ExportOptions& options) {
                          "soilvdb run wrote");
   io::SnapshotInfo info;
   const io::Site site = io::read_snapshot(options.file, &info);
-  const Box2 resident = io::footprint(*site.soil, false);
+  const Box2 resident = io::footprint(*site.ground, false);
   if (resident.isEmpty())
     throw io::InputError(options.file,
                          "holds no ground: no bucket had met any soil yet; give a "

@@ -53,37 +53,37 @@ std::string box_text(const Eigen::AlignedBox3d& box) {
 void info_snapshot(const fs::path& file) {
   io::SnapshotInfo info;
   const io::Site site = io::read_snapshot(file, &info);
-  const Soil& soil = *site.soil;
+  const Ground& ground = *site.ground;
   Eigen::AlignedBox3d box;
-  for (const Chunk* chunk : soil.chunks()) {
-    const Vec3 low = soil.world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
+  for (const Chunk* chunk : ground.chunks()) {
+    const Vec3 low = ground.world_from_index(chunk->origin.cast<double>() - Vec3::Constant(0.5));
     box.extend(low);
-    box.extend(low + Vec3::Constant(soil.voxel_size_m() * kChunkSide));
+    box.extend(low + Vec3::Constant(ground.voxel_size_m() * kChunkSide));
   }
   fmt::print("{}: snapshot of soilvdb\n", file.string());
   if (!info.scenario.empty()) line("scenario", info.scenario);
   line("time", time_text(info.time_s) + " s");
-  line("voxels", length_text(soil.voxel_size_m()) + " m");
+  line("voxels", length_text(ground.voxel_size_m()) + " m");
   line("origin",
-       fmt::format("{} {} {} m", soil.origin().x(), soil.origin().y(), soil.origin().z()));
+       fmt::format("{} {} {} m", ground.origin().x(), ground.origin().y(), ground.origin().z()));
   line("CRS", crs_text(site.crs_wkt));
   line("base", terrain_text(site.reference.terrain));
-  if (const std::string ground = beneath_text(soil); !ground.empty()) line("", ground);
+  if (const std::string beneath = beneath_text(ground); !beneath.empty()) line("", beneath);
   line("cut",
        fmt::format("{} m³ (captured {}, displaced {}, dumped {})", number(info.cut_m3),
                    number(info.captured_m3), number(info.displaced_m3), number(info.dumped_m3)));
   std::int64_t loose = 0;
-  for (const Chunk* chunk : soil.chunks()) loose += chunk->loose_count;
+  for (const Chunk* chunk : ground.chunks()) loose += chunk->loose_count;
   if (loose > 0)
-    line("loose", fmt::format("{} m³", number(static_cast<double>(loose) * soil.sample_m3())));
+    line("loose", fmt::format("{} m³", number(static_cast<double>(loose) * ground.sample_m3())));
   if (info.parent)
     line("goes on from",
          fmt::format("{}; {} in all since a whole one", io::printable(info.parent->name),
                      counted(static_cast<double>(info.parent->depth), "incremental snapshot")));
-  line("resident", fmt::format("{} m², {} chunks, {} voxels", number(soil.resident_m2()),
-                               soil.chunks().size(), soil.active_voxels()));
+  line("resident", fmt::format("{} m², {} chunks, {} voxels", number(ground.resident_m2()),
+                               ground.chunks().size(), ground.active_voxels()));
   line("bounds", box_text(box));
-  line("state hash", fmt::format("{:016x}", soil.state_hash()));
+  line("state hash", fmt::format("{:016x}", ground.state_hash()));
   line("checksums", site.reference.checksum.empty() ? "good" : "good, also of its base");
 }
 

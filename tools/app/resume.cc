@@ -13,7 +13,7 @@
 
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
-#include "tools/run/recorded_motion.h"
+#include "tools/run/motion_unchanged.h"
 #include "tools/run/run.h"
 #include "tools/run/run_files.h"
 #include "tools/run/text.h"
@@ -125,7 +125,7 @@ void resume(const ResumeOptions& options) {
   RunConfig config = parse_run_config(journal.config.text, path);
   if (options.memory_mb) config.options.memory_mb = options.memory_mb;
   io::Scenario scenario = read_to_dig(config.options);
-  check_recorded_motion(path / kJournalName, scenario, config);
+  check_motion_unchanged(path / kJournalName, scenario, config);
   fmt::print("{}", reached);
   std::fflush(stdout);
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);

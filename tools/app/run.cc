@@ -95,9 +95,9 @@ io::Scenario read_to_dig(const RunOptions& options) {
   return scenario;
 }
 
-void warn_of_underground(io::Scenario& scenario, const Soil& soil) {
-  if (soil.chunks().empty()) return io::warn_of_underground(scenario, soil.base());
-  io::warn_of_underground(scenario, *make_soil_surface({std::shared_ptr<void>(), &soil}));
+void warn_of_underground(io::Scenario& scenario, const Ground& ground) {
+  if (ground.chunks().empty()) return io::warn_of_underground(scenario, ground.terrain());
+  io::warn_of_underground(scenario, *make_ground_terrain({std::shared_ptr<void>(), &ground}));
 }
 
 void run(const RunOptions& options) {
@@ -108,9 +108,9 @@ void run(const RunOptions& options) {
     ResumePoint start{std::make_unique<SiteState>(model_of(scenario), io::open_site(scenario))};
     scenario.warnings.insert(scenario.warnings.end(), start.state->site.warnings.begin(),
                              start.state->site.warnings.end());
-    warn_of_underground(scenario, *start.state->site.soil);
+    warn_of_underground(scenario, *start.state->site.ground);
     for (const fs::path& input : input_files(scenario)) folder.spare(input);
-    RunConfig config{options, start.state->site.soil->change_m3(), ends_of(scenario.machines), 0};
+    RunConfig config{options, start.state->site.ground->change_m3(), ends_of(scenario.machines), 0};
     config.options.out = folder.path();
     folder.make();
     try {
@@ -118,7 +118,7 @@ void run(const RunOptions& options) {
       folder.replace([&](const std::string& name) { return writes(scenario, options, name); });
       folder.clear();
       const std::vector<std::string> warnings = scenario.warnings;
-      const std::string ground = beneath_text(*start.state->site.soil);
+      const std::string ground = beneath_text(*start.state->site.ground);
       Run run(std::move(config), std::move(scenario), folder, std::move(start), threads, begin);
       if (!ground.empty()) say("the terrain is " + ground);
       for (const std::string& warning : warnings) say("warning: " + warning);

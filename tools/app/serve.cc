@@ -39,8 +39,8 @@ fs::path page_folder() {
 }
 
 /// @param site what it is the design of
-std::shared_ptr<const BaseSurface> open_design(const std::optional<fs::path>& file,
-                                               const io::Site& site) {
+std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>& file,
+                                                  const io::Site& site) {
   if (!file) return nullptr;
   const io::RasterInput raster = io::open_raster(*file);
   const Eigen::AlignedBox2d around(

@@ -14,7 +14,7 @@
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/app/commands.h"
-#include "tools/run/recorded_motion.h"
+#include "tools/run/motion_unchanged.h"
 #include "tools/run/run.h"
 #include "tools/run/run_files.h"
 #include "tools/run/run_folder.h"
@@ -39,7 +39,7 @@ auto judged(F read) {
 std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& journal) {
   try {
     const RunConfig config = parse_run_config(journal.config.text, folder);
-    check_recorded_motion(folder / kJournalName, read_to_dig(config.options), config);
+    check_motion_unchanged(folder / kJournalName, read_to_dig(config.options), config);
   } catch (const io::InputError& e) {
     return e.what();
   }

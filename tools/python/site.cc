@@ -317,10 +317,10 @@ std::vector<Patch> changed_patches(Site& site) {
 
 py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
   double kg = 0, sample_m3 = 0;
-  SiteLedger books;
+  MassBalance balance;
   const Ledger ledger = site.with([&](Session& session) {
-    books = session.booked();
-    sample_m3 = session.site().soil->sample_m3();
+    balance = session.mass_balance_without_ground();
+    sample_m3 = session.site().ground->sample_m3();
     if (!machine) return session.total();
     const std::size_t number = machine_of(session, *machine);
     kg = session.bucket_kg(number);
@@ -338,12 +338,12 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
     return all;
   }
   const auto loose_m3 = [&](std::int64_t mass) {
-    return books.units.loose_samples(mass) * sample_m3;
+    return balance.units.loose_samples(mass) * sample_m3;
   };
-  all["poured_m3"] = loose_m3(books.poured);
-  all["hauled_m3"] = loose_m3(books.hauled);
-  all["slid_m3"] = loose_m3(books.slid);
-  all["fill_m3"] = static_cast<double>(books.fill_samples) * sample_m3;
+  all["poured_m3"] = loose_m3(balance.poured);
+  all["hauled_m3"] = loose_m3(balance.hauled);
+  all["slid_m3"] = loose_m3(balance.slid);
+  all["fill_m3"] = static_cast<double>(balance.fill_samples) * sample_m3;
   return all;
 }
 
@@ -677,7 +677,7 @@ void bind_site(py::module_& m) {
               throw py::value_error(
                   fmt::format("the memory is {} MB; it must be more than 0", megabytes));
             s.with([&](Session& session) {
-              session.limit_memory(static_cast<std::uint64_t>(megabytes * 1e6), folder);
+              session.set_memory_limit(static_cast<std::uint64_t>(megabytes * 1e6), folder);
             });
           },
           py::arg("megabytes"), py::arg("folder"),

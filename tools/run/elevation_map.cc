@@ -19,7 +19,7 @@ constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 Vec2 ElevationMap::corner_m() const {
   // Cells reach half a voxel beyond their centres.
-  return (grid_.min().cast<double>() - Vec2::Constant(0.5)) * soil_.voxel_size_m();
+  return (grid_.min().cast<double>() - Vec2::Constant(0.5)) * ground_.voxel_size_m();
 }
 
 Vec2 ElevationMap::middle_m(int x, int y) const {
@@ -82,13 +82,13 @@ void ElevationMap::update(std::span<const Coord3> changed) {
   for (int y = 0; y < ny; ++y)
     for (int x = 0; x < nx; ++x)
       if (stale_[static_cast<std::size_t>(y) * size_x() + static_cast<std::size_t>(x)])
-        places_m.push_back(middle_m(x, y) + soil_.origin().head<2>());
+        places_m.push_back(middle_m(x, y) + ground_.origin().head<2>());
   std::vector<double> found_m(places_m.size());
   surface_.at(places_m, found_m);
   auto next = found_m.begin();
   for (std::size_t i = 0; i < heights_m_.size(); ++i) {
     if (!stale_[i]) continue;
-    heights_m_[i] = static_cast<float>(*next++ - soil_.origin().z());
+    heights_m_[i] = static_cast<float>(*next++ - ground_.origin().z());
     stale_[i] = 0;
   }
 }

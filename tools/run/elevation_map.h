@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/surface_height.h"
 
 namespace soilvdb::tools {
@@ -20,19 +20,19 @@ class ElevationMap {
  public:
   static constexpr std::int64_t kMostCells = 1 << 16;
 
-  /// @param soil outlives it
-  explicit ElevationMap(const Soil& soil) : soil_(soil), surface_(soil) {}
+  /// @param ground outlives it
+  explicit ElevationMap(const Ground& ground) : ground_(ground), surface_(ground) {}
 
   /// @param changed chunks since the last time; the first time all that there are
   void update(std::span<const Coord3> changed);
 
   bool empty() const { return heights_m_.empty(); }
-  double cell_m() const { return soil_.voxel_size_m() * side_; }
+  double cell_m() const { return ground_.voxel_size_m() * side_; }
   std::size_t size_x() const { return static_cast<std::size_t>(cells(0)); }
   std::size_t size_y() const { return static_cast<std::size_t>(cells(1)); }
-  /// The lowest corner, m, seen from Soil::origin().
+  /// The lowest corner, m, seen from Ground::origin().
   Vec2 corner_m() const;
-  /// Of the topmost soil, m, seen from Soil::origin(); NaN where there is none. Along x first.
+  /// Of the topmost soil, m, seen from Ground::origin(); NaN where there is none. Along x first.
   std::span<const float> heights_m() const { return heights_m_; }
 
  private:
@@ -41,7 +41,7 @@ class ElevationMap {
   void grow(const Box& grid, int side);
   Vec2 middle_m(int x, int y) const;
 
-  const Soil& soil_;
+  const Ground& ground_;
   SurfaceHeight surface_;
   Box touched_, grid_;
   int side_ = 1;  // of a cell, voxels

@@ -62,15 +62,16 @@ double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m) {
       if (digit * power >= cell_m && cells(digit * power) <= kMostCells) return digit * power;
 }
 
-void write_surface_raster(const fs::path& file, const Soil& soil, const Eigen::AlignedBox2d& box,
-                          double cell_m, const std::string& crs_wkt) {
+void write_surface_raster(const fs::path& file, const Ground& ground,
+                          const Eigen::AlignedBox2d& box, double cell_m,
+                          const std::string& crs_wkt) {
   const double cells = box.sizes().x() / cell_m * (box.sizes().y() / cell_m);
   if (cells > io::kMostRasterCells)
     throw std::runtime_error(fmt::format(
         "{}: cells of {} m would be {:.2g} over the dug ground, "
         "which is too many; cells of {} m would do",
         file.string(), length_text(cell_m), cells, length_text(affordable_cell_m(box, cell_m))));
-  const io::SurfaceRaster raster = io::rasterise(soil, box, cell_m);
+  const io::SurfaceRaster raster = io::rasterise(ground, box, cell_m);
   io::write_geotiff(file, raster.grid, {{"surface", raster.surface}, {"change", raster.change}},
                     crs_wkt);
 }

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::tools {
 
@@ -19,7 +19,7 @@ double affordable_cell_m(const Eigen::AlignedBox2d& box, double cell_m);
 
 /// Surface and its change against the base surface, as GeoTIFF.
 /// @throw std::runtime_error naming the file and the cause, too many cells being one.
-void write_surface_raster(const std::filesystem::path& file, const Soil& soil,
+void write_surface_raster(const std::filesystem::path& file, const Ground& ground,
                           const Eigen::AlignedBox2d& box, double cell_m,
                           const std::string& crs_wkt);
 

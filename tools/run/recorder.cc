@@ -13,11 +13,11 @@
 
 namespace soilvdb::tools {
 
-Recorder::Recorder(RunFolder& folder, Soil& soil, double sync_s,
+Recorder::Recorder(RunFolder& folder, Ground& ground, double sync_s,
                    const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule)
     : folder_(folder), sync_s_(sync_s), options_(snapshots), schedule_(schedule) {
   if (!options_.incremental) return;
-  changes_.emplace(soil);
+  changes_.emplace(ground);
   changes_->take();  // the first snapshot is whole, or goes on from what the ground was read from
 }
 

@@ -24,10 +24,10 @@ namespace soilvdb::tools {
 /// Records into a folder. For one thread.
 class Recorder {
  public:
-  /// @param folder is locked, and outlives the recorder; `soil` does, too
+  /// @param folder is locked, and outlives the recorder; `ground` does, too
   /// @param sync_s as io::JournalWriter has it
-  Recorder(RunFolder& folder, Soil& soil, double sync_s, const SnapshotWriter::Options& snapshots,
-           SnapshotSchedule schedule);
+  Recorder(RunFolder& folder, Ground& ground, double sync_s,
+           const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule);
 
   /// Begins a journal in place of what the folder held. @param begin_s before the first update
   /// @throw std::runtime_error if it can't be written

@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "io/snapshot/cold_file.h"
+#include "io/snapshot/swap_file.h"
 #include "tools/run/summary_text.h"
 #include "tools/run/text.h"
 
@@ -48,7 +48,7 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, ResumePoint
       schedule_(scenario_, config_.options.updates, config_.ends_s, site_.tracker().tolerance_m()),
       step_(schedule_.next()),
       recorder_(
-          folder_, *site_.site.soil, scenario_.journal_sync_s,
+          folder_, *site_.site.ground, scenario_.journal_sync_s,
           {scenario_.incremental_snapshots, scenario_.snapshots_kept, threads > 1},
           SnapshotSchedule(config_.options.snapshots ? scenario_.snapshot_every_s : std::nullopt,
                            schedule_.begin_s(), schedule_.end_s())),
@@ -58,9 +58,10 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, ResumePoint
       time_s_(schedule_.begin_s()) {
   if (!step_) throw io::InputError(schedule_.stops_at());
   if (const auto mb = config_.options.memory_mb)
-    site_.site.soil->limit_memory(static_cast<std::uint64_t>(*mb) << 20,
-                                  std::make_shared<io::ColdFile>(folder_.path()));
-  if (scenario_.soil && start_.updates == 0) config_.mass_before = site_.tracker().site().ground;
+    site_.site.ground->set_memory_limit(static_cast<std::uint64_t>(*mb) << 20,
+                                        std::make_shared<io::SwapFile>(folder_.path()));
+  if (scenario_.soil && start_.updates == 0)
+    config_.mass_before = site_.tracker().mass_balance().ground;
 }
 
 void Run::run() { guarded(&Run::dig); }

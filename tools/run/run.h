@@ -87,7 +87,7 @@ io::Scenario read_to_dig(const RunOptions& options);
 bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name);
 
 /// Adds to its warnings where machines begin below the ground as it is then.
-void warn_of_underground(io::Scenario& scenario, const Soil& soil);
+void warn_of_underground(io::Scenario& scenario, const Ground& ground);
 
 /// Calls `f(threads)` where it has so many threads to run on; 0: one per core.
 template <typename F>

@@ -25,7 +25,7 @@ struct RunConfig {
 std::vector<std::filesystem::path> input_files(const io::Scenario& scenario);
 
 /// The configuration as bytes, with the place and a fingerprint of each input but the motions:
-/// those may change after what was dug, see check_recorded_motion().
+/// those may change after what was dug, see check_motion_unchanged().
 std::string to_bytes(const RunConfig& config, const io::Scenario& scenario);
 
 /// Is it the configuration of a session's recording (Session::record)?

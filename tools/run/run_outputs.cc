@@ -13,8 +13,8 @@
 #include "soilvdb/io/picture.h"
 #include "soilvdb/io/snapshot.h"
 #include "soilvdb/mesher.h"
-#include "tools/run/books.h"
 #include "tools/run/outputs.h"
+#include "tools/run/run_totals.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -46,10 +46,10 @@ RunOutputs::RunOutputs(const RunConfig& config, const io::Scenario& scenario, Ru
   if (!scenario_.mcap || !records_ground) return;
   std::vector<std::string> names;
   for (const io::MachineInput& machine : scenario_.machines) names.push_back(machine.name);
-  mcap_.emplace(folder_.path() / kMcapName, *site_.site.soil, site_.site.crs_wkt, names,
+  mcap_.emplace(folder_.path() / kMcapName, *site_.site.ground, site_.site.crs_wkt, names,
                 span.begin_s, span.end_s);
   mcap_->ground(span.begin_s);
-  changes_.emplace(*site_.site.soil);
+  changes_.emplace(*site_.site.ground);
   changes_->take();  // the recording begins with all that there is
   cut_samples_.resize(scenario_.machines.size());
 }
@@ -151,7 +151,7 @@ void RunOutputs::write_ground(double time_s) {
       io::write_snapshot(file, site, info);
     });
   const bool mesh = config_.options.mesh && scenario_.mesh;
-  if (site.soil->chunks().empty()) {
+  if (site.ground->chunks().empty()) {
     say(fmt::format(
         "warning: {}{}",
         scenario_.machines.empty() ? "no soil came to lie on the ground" : "no bucket met any soil",
@@ -161,33 +161,35 @@ void RunOutputs::write_ground(double time_s) {
   }
   if (mesh)
     write("soil_final." + *scenario_.mesh, [&](const auto& file) {
-      io::write_mesh(file, mesh_all(*site.soil), site.soil->origin(), site.crs_wkt);
+      io::write_mesh(file, mesh_all(*site.ground), site.ground->origin(), site.crs_wkt);
     });
   if (scenario_.raster_cell_m)
     write("soil_final.tif", [&](const auto& file) {
-      write_surface_raster(file, *site.soil, io::footprint(*site.soil, false),
+      write_surface_raster(file, *site.ground, io::footprint(*site.ground, false),
                            *scenario_.raster_cell_m, site.crs_wkt);
     });
 }
 
 void RunOutputs::summarise(bool stopped) {
   const Tracker& tracker = site_.tracker();
-  Books books{*site_.site.soil,         scenario_.soil,     tracker.total(), tracker.site(), {},
-              config_.change_before_m3, config_.mass_before};
+  RunTotals totals{
+      *site_.site.ground,       scenario_.soil,     tracker.total(), tracker.mass_balance(), {},
+      config_.change_before_m3, config_.mass_before};
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const io::MachineInput& machine = scenario_.machines[i];
-    books.machines.push_back(
+    totals.machines.push_back(
         {machine.name, machine.bucket, tracker.ledger(i), machine.motion.bad_rows().count});
   }
-  put_books(books, summary_);
+  put_totals(totals, summary_);
   if (scenario_.soil) warn_of_soil(stopped);
 }
 
 void RunOutputs::warn_of_soil(bool stopped) const {
   const Tracker& tracker = site_.tracker();
-  if (const std::int64_t astray = tracker.site().astray; astray > 0)
+  if (const std::int64_t lost_off_terrain = tracker.mass_balance().lost_off_terrain;
+      lost_off_terrain > 0)
     say(fmt::format("warning: {} m³ fell where the terrain has no ground and are lost to the site",
-                    number(site_.loose_m3(astray))));
+                    number(site_.loose_m3(lost_off_terrain))));
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const Ledger& ledger = tracker.ledger(i);
     // What stays in a bucket that was tipped is less. One that never dumps was warned of already.

@@ -60,8 +60,8 @@ Session::~Session() = default;
 Session::Session(Session&&) noexcept = default;
 Session& Session::operator=(Session&&) noexcept = default;
 
-double Session::voxel_size_m() const { return state_->site.soil->voxel_size_m(); }
-const Vec3& Session::origin() const { return state_->site.soil->origin(); }
+double Session::voxel_size_m() const { return state_->site.ground->voxel_size_m(); }
+const Vec3& Session::origin() const { return state_->site.ground->origin(); }
 const std::vector<SiteMachine>& Session::machines() const { return state_->model().machines; }
 
 const Earthmoving& Session::earthmoving() const { return state_->model().earthmoving; }
@@ -218,8 +218,10 @@ const Ledger& Session::ledger(std::size_t machine) const {
   return state_->tracker().ledger(machine);
 }
 Ledger Session::total() const { return state_->tracker().total(); }
-SiteLedger Session::books() const { return state_->tracker().site(); }
-SiteLedger Session::booked() const { return state_->tracker().booked(); }
+MassBalance Session::mass_balance() const { return state_->tracker().mass_balance(); }
+MassBalance Session::mass_balance_without_ground() const {
+  return state_->tracker().mass_balance_without_ground();
+}
 
 double Session::bucket_kg(std::size_t machine) const {
   const Ledger& of = ledger(machine);
@@ -227,20 +229,20 @@ double Session::bucket_kg(std::size_t machine) const {
   return of.units.kg(of.load, of.sample_m3, *earthmoving().soil);
 }
 
-double Session::change_m3() const { return state_->site.soil->change_m3(); }
-std::uint64_t Session::ground_hash() const { return state_->site.soil->state_hash(); }
-std::uint64_t Session::memory_bytes() const { return state_->site.soil->memory_bytes(); }
+double Session::change_m3() const { return state_->site.ground->change_m3(); }
+std::uint64_t Session::ground_hash() const { return state_->site.ground->state_hash(); }
+std::uint64_t Session::memory_bytes() const { return state_->site.ground->memory_bytes(); }
 
 void Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   if (heights_m.size() < xy_m.size())
     throw std::invalid_argument("there must be room for as many heights as places");
   State& s = *state_;
-  if (!s.heights) s.heights.emplace(*s.site.soil);
+  if (!s.heights) s.heights.emplace(*s.site.ground);
   s.heights->surface.update(s.heights->changes.take());
   s.heights->surface.at(xy_m, heights_m);
 }
 
-Mesh Session::mesh() const { return mesh_all(*state_->site.soil); }
+Mesh Session::mesh() const { return mesh_all(*state_->site.ground); }
 
 std::vector<SurfacePatch> Session::changed_patches() {
   State& s = *state_;
@@ -248,10 +250,10 @@ std::vector<SurfacePatch> Session::changed_patches() {
   for (const Coord3& block : blocks_touched(s.patches.take())) patches.push_back({block, {}});
   try {
     tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
-      patches[i].mesh = mesh_block(*s.site.soil, patches[i].block);
+      patches[i].mesh = mesh_block(*s.site.ground, patches[i].block);
     });
   } catch (...) {
-    s.patches = ChangeFollower(*s.site.soil);  // all of them again
+    s.patches = ChangeFollower(*s.site.ground);  // all of them again
     throw;
   }
   return patches;

@@ -36,9 +36,9 @@ std::string Session::save() const {
   const State& s = *state_;
   if (!s.broken_.empty()) throw std::runtime_error(s.broken_);
   std::string rest;
-  put_text(rest, io::to_cbor(s.description(/*ground=*/false)));
+  put_text(rest, io::to_cbor(s.description(/*with_ground=*/false)));
   put_text(rest, s.progress());
-  put_text(rest, io::samples_bytes(*s.site.soil, {}));
+  put_text(rest, io::samples_bytes(*s.site.ground, {}));
   std::string out(kMagic);
   put(out, kVersion);
   put(out, io::crc64(rest));
@@ -62,13 +62,14 @@ void Session::restore(std::string_view bytes) {
   if (checksum != io::crc64(bytes))
     throw std::invalid_argument("the state is damaged: it has another checksum");
   const auto site = io::from_cbor(take_text(bytes));
-  if (const std::string what = difference(site, s.description(/*ground=*/false)); !what.empty())
+  if (const std::string what = difference(site, s.description(/*with_ground=*/false));
+      !what.empty())
     throw std::invalid_argument(
         fmt::format("the state is of another site, {} isn't the same", what));
   const std::string_view progress = take_text(bytes);
   tools::SiteState restored(s.model(), io::undug_site(s.site));
   try {
-    io::restore_samples(take_text(bytes), *restored.site.soil);
+    io::restore_samples(take_text(bytes), *restored.site.ground);
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {  // OpenVDB's own among them

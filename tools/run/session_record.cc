@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "io/file/json.h"
-#include "io/snapshot/cold_file.h"
+#include "io/snapshot/swap_file.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/version.h"
 #include "tools/run/run_config.h"
@@ -87,7 +87,7 @@ io::JournalExtent Session::record(const Recording& given,
   // Wherever the program goes meanwhile, it is this folder.
   if (!recording.folder.empty()) recording.folder = fs::absolute(recording.folder);
   const fs::path journal = recording.folder / kJournalName;
-  const Json site = s.description(/*ground=*/true);
+  const Json site = s.description(/*with_ground=*/true);
   auto folder = std::make_unique<tools::RunFolder>(recording.folder);
   folder->make();
   try {
@@ -96,10 +96,10 @@ io::JournalExtent Session::record(const Recording& given,
     Session next(std::make_unique<State>(s));
     State& n = *next.state_;
     n.settings.recording = recording;
-    n.limit_memory();
+    n.set_memory_limit();
     const auto open_recorder = [&] {
       n.recorder = std::make_unique<tools::Recorder>(
-          *folder, *n.site.soil, recording.sync_s,
+          *folder, *n.site.ground, recording.sync_s,
           tools::SnapshotWriter::Options{recording.incremental, recording.keep, true},
           tools::SnapshotSchedule(recording.snapshot_every_s));
     };
@@ -160,7 +160,7 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
   const fs::path journal = folder / kJournalName;
   const io::JournalContent content = io::read_journal(journal);
   if (tools::is_of_session(content.config.text))
-    require_same_site(content.config.text, s.description(/*ground=*/true), folder);
+    require_same_site(content.config.text, s.description(/*with_ground=*/true), folder);
   else
     tools::parse_run_config(content.config.text, folder);  // its inputs are as they were
   const std::uint64_t until = io::updates_until(journal, time_s);
@@ -207,19 +207,19 @@ void Session::stop_recording() {
   if (!error.empty()) throw std::runtime_error(error);
 }
 
-void Session::limit_memory(std::uint64_t bytes, const fs::path& folder) {
+void Session::set_memory_limit(std::uint64_t bytes, const fs::path& folder) {
   if (bytes == 0) throw std::invalid_argument("the memory must be limited to more than 0 bytes");
   // Others are made there by and by, wherever the program goes meanwhile.
   const fs::path place = folder.empty() ? folder : fs::absolute(folder);
-  state_->site.soil->limit_memory(bytes, std::make_shared<io::ColdFile>(place));
+  state_->site.ground->set_memory_limit(bytes, std::make_shared<io::SwapFile>(place));
   state_->settings.memory_bytes = bytes;
-  state_->settings.cold_folder = place;
+  state_->settings.swap_folder = place;
 }
 
-void Session::State::limit_memory() {
+void Session::State::set_memory_limit() {
   const std::uint64_t bytes = settings.memory_bytes;
   if (bytes > 0)
-    site.soil->limit_memory(bytes, std::make_shared<io::ColdFile>(settings.cold_folder));
+    site.ground->set_memory_limit(bytes, std::make_shared<io::SwapFile>(settings.swap_folder));
 }
 
 }  // namespace soilvdb::inline v0

@@ -32,15 +32,16 @@ Json places(const Chain& chain) {
 
 }  // namespace
 
-nlohmann::json Session::State::description(bool ground) const {
-  const Soil& soil = *site.soil;
+nlohmann::json Session::State::description(bool with_ground) const {
+  const Ground& ground = *site.ground;
   const io::BaseReference& base = site.reference;
-  Json all = {{"voxel_size_m", soil.voxel_size_m()}, {"origin_m", io::numbers(soil.origin())}};
+  Json all = {{"voxel_size_m", ground.voxel_size_m()}, {"origin_m", io::numbers(ground.origin())}};
   if (const auto* plane = std::get_if<io::PlaneTerrain>(&base.terrain))
     all["plane"] = {plane->height_m, io::numbers(plane->slope)};
   else
     all["terrain"] = base.checksum;
-  if (ground && !soil.chunks().empty()) all["ground"] = fmt::format("{:016x}", soil.state_hash());
+  if (with_ground && !ground.chunks().empty())
+    all["ground"] = fmt::format("{:016x}", ground.state_hash());
   for (const SiteMachine& machine : model().machines) {
     const Bucket& bucket = machine.bucket;
     Json one = {{"name", machine.name},

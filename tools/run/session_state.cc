@@ -13,13 +13,13 @@
 
 namespace soilvdb::inline v0 {
 void Session::State::become(SiteState&& other) {
-  patches.switch_to(*other.site.soil);
-  chunks.switch_to(*other.site.soil);
+  patches.switch_to(*other.site.ground);
+  chunks.switch_to(*other.site.ground);
   heights.reset();
   const std::shared_ptr<const SiteModel> model = model_;  // references to it stay good
   SiteState::operator=(std::move(other));
   model_ = model;
-  limit_memory();
+  set_memory_limit();
 }
 
 void Session::State::require_recording() {

@@ -24,26 +24,26 @@ struct Session::State : tools::SiteState {
     Recording recording = {};                ///< of its scenario, or as it is
     std::filesystem::path scenario = {};     ///< absolute; empty: there is none
     std::uint64_t memory_bytes = 0;          ///< at most; 0: as it comes
-    std::filesystem::path cold_folder = {};  ///< where memory is limited
+    std::filesystem::path swap_folder = {};  ///< where memory is limited
   };
 
   using Site::broken_, Site::Input, Site::input, Site::inputs_;  // for Session
 
   explicit State(SiteState site_state)
-      : SiteState(std::move(site_state)), patches(*site.soil), chunks(*site.soil) {}
+      : SiteState(std::move(site_state)), patches(*site.ground), chunks(*site.ground) {}
   /// To go on apart from the other.
   State(const State& other)
       : SiteState(other),
         settings(other.settings),
         fed_count(other.fed_count),
-        patches(*site.soil, other.patches),
-        chunks(*site.soil, other.chunks) {}
+        patches(*site.ground, other.patches),
+        chunks(*site.ground, other.chunks) {}
 
   /// Makes ground and machines those of another of the same site: who looks sees all change.
   void become(SiteState&& other);
   /// All of a site that what comes of a state depends on.
-  /// @param ground also what had been dug when it was opened
-  nlohmann::json description(bool ground) const;
+  /// @param with_ground also what had been dug when it was opened
+  nlohmann::json description(bool with_ground) const;
   tools::ResumePoint find_start(const std::filesystem::path& folder,
                                 std::span<const io::JournalFile> snapshots, bool may_rest);
   /// Before an update. @throw std::runtime_error if it can't be recorded
@@ -56,7 +56,7 @@ struct Session::State : tools::SiteState {
               Result& made);
   bool is_snapshot_due(double time_s);
   void write_snapshot(double time_s) { recorder->write_snapshot(site, snapshot_info(time_s)); }
-  void limit_memory();
+  void set_memory_limit();
   template <typename Result, typename Work, typename Record>
   Result recorded(const Work& work, const Record& record_made) noexcept;
 
@@ -64,7 +64,7 @@ struct Session::State : tools::SiteState {
   std::uint64_t fed_count = 0;  ///< since it was opened
   // Of who looks; nothing that updates depend on.
   struct Heights {
-    explicit Heights(Soil& soil) : surface(soil), changes(soil) { changes.take(); }
+    explicit Heights(Ground& ground) : surface(ground), changes(ground) { changes.take(); }
     SurfaceHeight surface;
     ChangeFollower changes;
   };

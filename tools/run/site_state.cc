@@ -48,8 +48,8 @@ std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t u
       journal.string(), update, at, why.what()));
 }
 
-SiteState::SiteState(SiteModel model, io::Site ground)
-    : Site(ground.soil, std::move(model)), site(std::move(ground)) {
+SiteState::SiteState(SiteModel model, io::Site opened)
+    : Site(opened.ground, std::move(model)), site(std::move(opened)) {
   if (const auto& soil = model_->earthmoving.soil) units = MassUnits(*soil);
 }
 
@@ -60,23 +60,23 @@ SiteState::SiteState(const SiteState& other)
       units(other.units) {}
 
 std::int64_t SiteState::samples(double m3) const {
-  return std::llround(m3 / site.soil->sample_m3());
+  return std::llround(m3 / site.ground->sample_m3());
 }
 
 std::int64_t SiteState::mass(double loose_m3) const {
-  return std::llround(loose_m3 / site.soil->sample_m3() * static_cast<double>(units.loose));
+  return std::llround(loose_m3 / site.ground->sample_m3() * static_cast<double>(units.loose));
 }
 
 double SiteState::volume_m3(std::int64_t samples) const {
-  return static_cast<double>(samples) * site.soil->sample_m3();
+  return static_cast<double>(samples) * site.ground->sample_m3();
 }
 
 double SiteState::loose_m3(std::int64_t mass) const {
-  return units.loose_samples(mass) * site.soil->sample_m3();
+  return units.loose_samples(mass) * site.ground->sample_m3();
 }
 
 double SiteState::kg(std::int64_t mass) const {
-  return units.kg(mass, site.soil->sample_m3(), *model_->earthmoving.soil);
+  return units.kg(mass, site.ground->sample_m3(), *model_->earthmoving.soil);
 }
 
 /// @throw std::invalid_argument if it can't be

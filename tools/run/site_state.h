@@ -37,7 +37,7 @@ SiteModel model_of(const io::Scenario& scenario);
 
 struct SiteState : Site {
   /// @throw std::invalid_argument for machines or soil that can't be
-  SiteState(SiteModel model, io::Site ground);
+  SiteState(SiteModel model, io::Site opened);
   /// To go on apart from the other.
   SiteState(const SiteState& other);
   SiteState(SiteState&&) = default;

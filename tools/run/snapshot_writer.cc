@@ -10,7 +10,7 @@
 #include <system_error>
 #include <utility>
 
-#include "core/ground/soil_writer.h"
+#include "core/ground/ground_writer.h"
 #include "io/file/atomic_file.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/io/checksum.h"
@@ -19,12 +19,12 @@ namespace soilvdb::tools {
 namespace {
 
 /// The resident chunks within two chunks of some: what their surface is made of.
-std::vector<Coord3> chunks_around(const Soil& soil, const std::vector<Coord3>& chunks) {
+std::vector<Coord3> chunks_around(const Ground& ground, const std::vector<Coord3>& chunks) {
   std::vector<Coord3> around;
   for (const Coord3& c : chunks) {
     for (int n = 0; n < 125; ++n) {
       const Coord3 other = c + kChunkSide * Coord3(n / 25 - 2, n / 5 % 5 - 2, n % 5 - 2);
-      if (soil.find(other) != nullptr) around.push_back(other);
+      if (ground.find(other) != nullptr) around.push_back(other);
     }
   }
   sort_once(around);
@@ -47,9 +47,9 @@ void SnapshotWriter::go_on(std::vector<io::JournalFile> files,
 void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
                            const io::Site& site, io::SnapshotInfo info) {
   finish();
-  const Soil& soil = *site.soil;
+  const Ground& ground = *site.ground;
   const bool whole = !options_.incremental || files_.empty() || depth_ == io::kMaxChainLength ||
-                     chunks_ + changed.size() >= soil.chunk_count();
+                     chunks_ + changed.size() >= ground.chunk_count();
   depth_ = whole ? 0 : depth_ + 1;
   chunks_ = whole ? 0 : chunks_ + changed.size();
   if (whole) anew_ = false;
@@ -68,30 +68,30 @@ void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<C
     file.parent = last.name;
   }
   io::Site copy = io::undug_site(site);
-  for (const Coord3& origin : whole ? soil.origins() : changed) {
-    SoilWriter(*copy.soil).copy_from(soil, origin);
-    if (!whole && soil.find(origin) == nullptr) info.parent->dropped.push_back(origin);
+  for (const Coord3& origin : whole ? ground.origins() : changed) {
+    GroundWriter(*copy.ground).copy_from(ground, origin);
+    if (!whole && ground.find(origin) == nullptr) info.parent->dropped.push_back(origin);
   }
-  std::shared_ptr<Soil> ground;
+  std::shared_ptr<Ground> surroundings;
   if (!whole) {
-    ground = io::undug_site(site).soil;
-    for (const Coord3& origin : chunks_around(soil, changed)) {
-      SoilWriter(*ground).copy_from(soil, origin);
+    surroundings = io::undug_site(site).ground;
+    for (const Coord3& origin : chunks_around(ground, changed)) {
+      GroundWriter(*surroundings).copy_from(ground, origin);
     }
   }
   auto work = [this, file = std::move(file),
                copy = std::make_shared<const io::Site>(std::move(copy)),
-               ground = std::shared_ptr<const Soil>(ground),
-               info = std::move(info)] { save(file, *copy, ground.get(), info); };
+               surroundings = std::shared_ptr<const Ground>(surroundings),
+               info = std::move(info)] { save(file, *copy, surroundings.get(), info); };
   if (!background_) background_.emplace(options_.beside);
   background_->run(std::move(work));
   if (!options_.beside) finish();
 }
 
-void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const Soil* ground,
+void SnapshotWriter::save(io::JournalFile file, const io::Site& site, const Ground* surroundings,
                           const io::SnapshotInfo& info) {
   const std::filesystem::path path = folder_.path() / file.name;
-  const std::string bytes = io::snapshot_bytes(path, site, info, ground);
+  const std::string bytes = io::snapshot_bytes(path, site, info, surroundings);
   io::write_atomically(path, bytes);
   file.size = bytes.size();
   file.crc = io::crc64(bytes);

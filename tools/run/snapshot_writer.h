@@ -63,7 +63,7 @@ class SnapshotWriter {
   void finish();
 
  private:
-  void save(io::JournalFile file, const io::Site& site, const Soil* ground,
+  void save(io::JournalFile file, const io::Site& site, const Ground* surroundings,
             const io::SnapshotInfo& info);
 
   RunFolder& folder_;

@@ -76,7 +76,7 @@ SnapshotSchedule schedule_of(double every_s, double begin_s, std::optional<doubl
 
 }  // namespace
 
-SoilMcap::SoilMcap(std::filesystem::path file, const Soil& soil, const std::string& crs_wkt,
+SoilMcap::SoilMcap(std::filesystem::path file, const Ground& ground, const std::string& crs_wkt,
                    const std::vector<std::string>& machines, double begin_s,
                    std::optional<double> end_s)
     : file_(std::move(file)),
@@ -84,9 +84,9 @@ SoilMcap::SoilMcap(std::filesystem::path file, const Soil& soil, const std::stri
       writer_(part_),
       schedule_(schedule_of(kGroundEvery_s, begin_s, end_s)),
       map_schedule_(schedule_of(kMapEvery_s, begin_s, end_s)),
-      mesher_(soil),
-      map_(soil) {
-  for (const Chunk* chunk : soil.chunks()) changed_.insert(changed_.end(), chunk->origin);
+      mesher_(ground),
+      map_(ground) {
+  for (const Chunk* chunk : ground.chunks()) changed_.insert(changed_.end(), chunk->origin);
   ground_ = writer_.add_channel("/ground", scene_update_schema(), "cdr");
   elevation_ = writer_.add_channel("/elevation", grid_map_schema(), "cdr");
   const std::uint16_t transforms = writer_.add_channel("/tf_static", transforms_schema(), "cdr");
@@ -98,9 +98,9 @@ SoilMcap::SoilMcap(std::filesystem::path file, const Soil& soil, const std::stri
                                            load_schema(), "json");
     loads_.back().name = json;
   }
-  const Vec3& o = soil.origin();
+  const Vec3& o = ground.origin();
   writer_.add_metadata("soilvdb", {{"origin", fmt::format("{} {} {}", o.x(), o.y(), o.z())},
-                                   {"voxel_size_m", fmt::format("{}", soil.voxel_size_m())},
+                                   {"voxel_size_m", fmt::format("{}", ground.voxel_size_m())},
                                    {"crs_wkt", crs_wkt}});
   io::CdrWriter cdr;
   cdr.put(std::uint32_t{1});

@@ -14,8 +14,8 @@
 
 #include "io/mcap/mcap_writer.h"
 #include "soilvdb/chunk_range.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/soil.h"
 #include "tools/run/elevation_map.h"
 #include "tools/run/snapshot_schedule.h"
 
@@ -41,11 +41,11 @@ class SoilMcap {
   };
 
   /// Begins the file anew. All that there is of the ground counts as changed.
-  /// @param soil outlives it
+  /// @param ground outlives it
   /// @param machines their names
   /// @param end_s of a run: it is written to FILE.part, which close() renames to FILE; without
   ///        close() nothing is left, and a FILE that was there before stays. None: of a live site
-  SoilMcap(std::filesystem::path file, const Soil& soil, const std::string& crs_wkt,
+  SoilMcap(std::filesystem::path file, const Ground& ground, const std::string& crs_wkt,
            const std::vector<std::string>& machines, double begin_s, std::optional<double> end_s);
   ~SoilMcap();
   SoilMcap(const SoilMcap&) = delete;

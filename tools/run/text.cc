@@ -71,10 +71,10 @@ std::string terrain_text(const io::Terrain& terrain) {
                      level_set.grid.empty() ? "" : ", grid " + io::one_line(level_set.grid));
 }
 
-std::string beneath_text(const Soil& soil) {
-  const Soil* ground = soil.base().soil();
-  if (ground == nullptr) return "";
-  const double h = ground->voxel_size_m();
+std::string beneath_text(const Ground& ground) {
+  const Ground* beneath = ground.terrain().ground();
+  if (beneath == nullptr) return "";
+  const double h = beneath->voxel_size_m();
   return fmt::format("the surface of a snapshot with voxels of {} m, true to {} m where it was dug",
                      length_text(h), length_text(h / 2));
 }

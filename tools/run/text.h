@@ -34,7 +34,7 @@ std::string crs_text(const std::string& wkt);
 /// "plane z = 0, slope 0 0", "raster /data/quarry.tif".
 std::string terrain_text(const io::Terrain& terrain);
 
-/// What it means that a soil's base surface is the surface of another's; empty if it isn't.
-std::string beneath_text(const Soil& soil);
+/// What it means that a ground's base surface is the surface of another's; empty if it isn't.
+std::string beneath_text(const Ground& ground);
 
 }  // namespace soilvdb::tools

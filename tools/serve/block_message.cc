@@ -94,7 +94,7 @@ std::vector<std::uint16_t> above(const std::vector<Vec3>& points, const Heights&
 /// Which parts of a ground are as they were, to the last sample.
 class Unchanged {
  public:
-  Unchanged(const Soil& now, const Soil& before) : now_(now), before_(before) {}
+  Unchanged(const Ground& now, const Ground& before) : now_(now), before_(before) {}
 
   /// Is the surface at a vertex? @param index of the place, in voxels
   bool at(const Vec3& index) {
@@ -127,17 +127,17 @@ class Unchanged {
     return cells;
   }
 
-  const Soil& now_;
-  const Soil& before_;
+  const Ground& now_;
+  const Ground& before_;
   std::map<Coord3, Cells, Before> chunks_;
 };
 
-std::uint64_t resident_chunks_of(const Soil& soil, const Coord3& block) {
+std::uint64_t resident_chunks_of(const Ground& ground, const Coord3& block) {
   constexpr int kChunks = kBlockSide / kChunkSide;
   std::uint64_t mask = 0;
   for (int n = 0; n < kChunks * kChunks * kChunks; ++n) {
     const Coord3 chunk(n / (kChunks * kChunks), n / kChunks % kChunks, n % kChunks);
-    if (soil.find(block + kChunkSide * chunk) != nullptr) mask |= std::uint64_t{1} << n;
+    if (ground.find(block + kChunkSide * chunk) != nullptr) mask |= std::uint64_t{1} << n;
   }
   return mask;
 }
@@ -155,16 +155,16 @@ std::string deflated(std::string_view bytes) {
   return out;
 }
 
-std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mesh,
+std::string block_message(const Ground& ground, const Coord3& block, const Mesh& mesh,
                           std::uint32_t view, const Heights& before, const Heights& design,
-                          bool soil_moves, const Soil* ground_before) {
+                          bool soil_moves, const Ground* ground_before) {
   const OrderedMesh ordered(mesh);
   const std::size_t n = ordered.points.size();
   std::string out;
   for (const int first : {block.x(), block.y(), block.z()})
     put(out, static_cast<std::int32_t>(first));
   put(out, view);
-  put(out, resident_chunks_of(soil, block));
+  put(out, resident_chunks_of(ground, block));
   put(out, static_cast<std::uint32_t>(n));
   put(out, static_cast<std::uint32_t>(mesh.triangles.size()));
   put(out, std::uint32_t{design ? 1U : 0U});
@@ -176,21 +176,21 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
   for (int axis = 0; axis < 3; ++axis) {
     const double first = kPerVoxel * (block[axis] - kMargin);
     for (std::size_t i = 0; i < n; ++i) {  // rounded before, so that neighbours do it alike
-      const double voxels = double{ordered.points[i][axis]} / soil.voxel_size_m();
+      const double voxels = double{ordered.points[i][axis]} / ground.voxel_size_m();
       const double q = kStep * std::round(kPerVoxel / kStep * voxels);
       values[i] = static_cast<std::uint16_t>(std::clamp(q - first, 0.0, 65535.0));
     }
     put_array(out, values);
   }
   for (const Eigen::Vector3f& p : ordered.points)
-    points.emplace_back(soil.origin() + p.cast<double>());
+    points.emplace_back(ground.origin() + p.cast<double>());
   std::vector<std::uint16_t> changes = above(points, before);
   if (ground_before != nullptr) {
     // A vertex of a steep wall isn't where its column's top is, whether anything changed or not.
-    Unchanged unchanged(soil, *ground_before);
+    Unchanged unchanged(ground, *ground_before);
     for (std::size_t i = 0; i < n; ++i)
       if (changes[i] != kNoHeight &&
-          unchanged.at(ordered.points[i].cast<double>() / soil.voxel_size_m()))
+          unchanged.at(ordered.points[i].cast<double>() / ground.voxel_size_m()))
         changes[i] = 0;
   }
   put_array(out, changes);
@@ -198,7 +198,7 @@ std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mes
   for (std::size_t i = 0; i < n; ++i)
     values[i] =
         soil_moves
-            ? static_cast<std::uint16_t>(257 * std::lround(255 * io::looseness(soil, points[i])))
+            ? static_cast<std::uint16_t>(257 * std::lround(255 * io::looseness(ground, points[i])))
             : std::uint16_t{0};
   put_array(out, values);
   put_numbers(out, ordered.corners, n > std::numeric_limits<std::uint16_t>::max() ? 4 : 2);

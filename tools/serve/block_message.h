@@ -9,8 +9,8 @@
 #include <string>
 #include <string_view>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::tools {
 
@@ -24,9 +24,9 @@ using Heights = std::function<void(std::span<const Vec2> xy_m, std::span<double>
 /// @param soil_moves may there be loose soil?
 /// @param ground_before whose heights `before` gives, where that is soil of the same lattice: what
 ///        is as it was there hasn't changed, however steep it is
-std::string block_message(const Soil& soil, const Coord3& block, const Mesh& mesh,
+std::string block_message(const Ground& ground, const Coord3& block, const Mesh& mesh,
                           std::uint32_t view, const Heights& before, const Heights& design,
-                          bool soil_moves, const Soil* ground_before = nullptr);
+                          bool soil_moves, const Ground* ground_before = nullptr);
 
 /// A zlib stream of these bytes.
 std::string deflated(std::string_view bytes);

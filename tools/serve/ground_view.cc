@@ -54,16 +54,16 @@ std::vector<Vec2> places_in(const std::vector<Vec2>& boundary, double voxel_m) {
 
 }  // namespace
 
-Heights heights_of(const BaseSurface& surface) {
+Heights heights_of(const InitialTerrain& surface) {
   return [&surface](std::span<const Vec2> xy_m, std::span<double> heights_m) {
     for (std::size_t i = 0; i < xy_m.size(); ++i)
       heights_m[i] = surface.height(xy_m[i].x(), xy_m[i].y()).value_or(kNaN);
   };
 }
 
-std::vector<Coord3> resident_blocks(const Soil& soil) {
+std::vector<Coord3> resident_blocks(const Ground& ground) {
   std::vector<Coord3> origins;
-  for (const Chunk* chunk : soil.chunks()) {
+  for (const Chunk* chunk : ground.chunks()) {
     const Coord3 block = floor_to(chunk->origin, kBlockSide);
     if (origins.empty() || origins.back() != block) origins.push_back(block);
   }
@@ -72,7 +72,7 @@ std::vector<Coord3> resident_blocks(const Soil& soil) {
 }
 
 GroundView::GroundView(Past now, std::shared_ptr<Session> before,
-                       std::shared_ptr<const BaseSurface> design)
+                       std::shared_ptr<const InitialTerrain> design)
     : now_(std::move(now.site)),
       before_(std::move(before)),
       log_(std::move(now.log)),
@@ -85,7 +85,7 @@ Heights GroundView::now_heights() {
 }
 
 Heights GroundView::before_heights() {
-  if (!before_) return heights_of(now_->site().soil->undug());
+  if (!before_) return heights_of(now_->site().ground->initial_terrain());
   return [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->heights(xy_m, z); };
 }
 
@@ -115,11 +115,11 @@ Json GroundView::section(const Vec2& from, const Vec2& to, int points) {
 Json GroundView::volume(const std::vector<Vec2>& boundary) {
   const io::Site& site = now_->site();
   const io::Site undug = io::undug_site(site);
-  const Soil& before = before_ ? *before_->site().soil : *undug.soil;
-  const Difference change = difference(before, *site.soil, boundary);
-  const std::vector<Vec2> places = places_in(boundary, site.soil->voxel_size_m());
+  const Ground& before = before_ ? *before_->site().ground : *undug.ground;
+  const Difference change = difference(before, *site.ground, boundary);
+  const std::vector<Vec2> places = places_in(boundary, site.ground->voxel_size_m());
   std::vector<double> ground(places.size());
-  heights_of(site.soil->undug())(places, ground);
+  heights_of(site.ground->initial_terrain())(places, ground);
   const auto off_site =
       std::count_if(ground.begin(), ground.end(), [](double z) { return std::isnan(z); });
   const auto all = static_cast<std::ptrdiff_t>(places.size());
@@ -155,11 +155,11 @@ Json GroundView::volume(const std::vector<Vec2>& boundary) {
 }
 
 std::string GroundView::block(const Coord3& block, std::uint32_t view) {
-  const Soil& soil = *now_->site().soil;
-  return block_message(soil, block, mesh_block(soil, block), view, before_heights(),
+  const Ground& ground = *now_->site().ground;
+  return block_message(ground, block, mesh_block(ground, block), view, before_heights(),
                        design_ ? heights_of(*design_) : Heights(),
                        now_->earthmoving().soil.has_value(),
-                       before_ ? before_->site().soil.get() : nullptr);
+                       before_ ? before_->site().ground.get() : nullptr);
 }
 
 }  // namespace soilvdb::tools

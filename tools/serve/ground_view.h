@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/session.h"
 #include "tools/serve/block_message.h"
 #include "tools/serve/history.h"
@@ -17,10 +17,10 @@
 namespace soilvdb::tools {
 
 /// Heights of a surface, one by one.
-Heights heights_of(const BaseSurface& surface);
+Heights heights_of(const InitialTerrain& surface);
 
 /// Origins of the blocks that ground is resident in, in order.
-std::vector<Coord3> resident_blocks(const Soil& soil);
+std::vector<Coord3> resident_blocks(const Ground& ground);
 
 /// For one thread at a time. Members throw std::invalid_argument in one line for what can't be.
 class GroundView {
@@ -28,7 +28,8 @@ class GroundView {
   /// @param now its log is null where it is the live site
   /// @param before null: the ground before digging
   /// @param design null: there is none
-  GroundView(Past now, std::shared_ptr<Session> before, std::shared_ptr<const BaseSurface> design);
+  GroundView(Past now, std::shared_ptr<Session> before,
+             std::shared_ptr<const InitialTerrain> design);
 
   nlohmann::ordered_json height(const Vec2& at);
   /// Heights at so many points, even along a line.
@@ -45,7 +46,7 @@ class GroundView {
   Heights now_heights(), before_heights();
   std::shared_ptr<Session> now_, before_;
   std::shared_ptr<const WorkLog> log_;
-  std::shared_ptr<const BaseSurface> design_;
+  std::shared_ptr<const InitialTerrain> design_;
 };
 
 }  // namespace soilvdb::tools

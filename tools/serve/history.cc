@@ -108,7 +108,7 @@ Opened open_folder(const fs::path& folder) {
                          "no journal in it");
   const RunOptions options = options_of(folder, io::read_journal(file));
   Session start = Session::open(options.scenario, options.voxel_size_m);
-  const ChangeBefore before = {start.change_m3(), start.books().ground};
+  const ChangeBefore before = {start.change_m3(), start.mass_balance().ground};
   const std::string name = options.scenario.stem().string();
   auto history = make_recorded_history(std::move(start), folder);
   const Past end = history->at(std::numeric_limits<double>::infinity());

@@ -31,7 +31,7 @@ fs::path free_name(const fs::path& folder) {
 
 }  // namespace
 
-LiveMcap::LiveMcap(const fs::path& folder, const LiveSite& site, const Soil& copy)
+LiveMcap::LiveMcap(const fs::path& folder, const LiveSite& site, const Ground& copy)
     : site_(site), folder_(folder), copy_(copy), crs_wkt_(site.session().site().crs_wkt) {
   constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
   for (const SiteMachine& machine : site.session().machines()) {

@@ -25,7 +25,7 @@ class LiveMcap {
   /// Begins with the first state that is fed, in a file of a name that is free: soil.mcap,
   /// soil_1.mcap and so on.
   /// @param copy what the jobs read. They end before this does
-  LiveMcap(const std::filesystem::path& folder, const LiveSite& site, const Soil& copy);
+  LiveMcap(const std::filesystem::path& folder, const LiveSite& site, const Ground& copy);
 
   /// Notes loads and what changed of the ground, and has them recorded.
   void tick(std::span<const Coord3> changed, GroundCopy& beside);
@@ -60,7 +60,7 @@ class LiveMcap {
 
   // Of the jobs.
   const std::filesystem::path folder_;
-  const Soil& copy_;
+  const Ground& copy_;
   std::vector<std::string> machines_;
   const std::string crs_wkt_;
   std::optional<SoilMcap> mcap_;

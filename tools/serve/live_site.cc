@@ -26,7 +26,7 @@ LiveSite::LiveSite(Session session, std::string name)
       log_(session_),
       moved_(session_.machines().size()),
       doubted_s_(session_.machines().size(), std::numeric_limits<double>::quiet_NaN()),
-      before_{session_.change_m3(), session_.books().ground} {
+      before_{session_.change_m3(), session_.mass_balance().ground} {
   for (const SiteMachine& machine : session_.machines())
     joints_.push_back(machine.chain ? machine.chain->movable() : std::vector<std::string>());
 }
@@ -115,7 +115,7 @@ Json LiveSite::state() const {
 }
 
 Json LiveSite::description() const {
-  const Soil& soil = *session_.site().soil;
+  const Ground& ground = *session_.site().ground;
   Json machines = Json::array();
   for (std::size_t i = 0; i < moved_.size(); ++i) {
     const SiteMachine& machine = session_.machines()[i];
@@ -137,8 +137,8 @@ Json LiveSite::description() const {
   }
   Json all = {{"type", "site"},
               {"name", name_},
-              {"voxel_size_m", soil.voxel_size_m()},
-              {"origin", io::numbers(soil.origin())},
+              {"voxel_size_m", ground.voxel_size_m()},
+              {"origin", io::numbers(ground.origin())},
               {"block_side", kBlockSide},
               {"machines", machines},
               {"soil", nullptr}};
@@ -160,18 +160,18 @@ io::Summary LiveSite::summary() const {
   return summary;
 }
 
-Books LiveSite::books(const Session& ground) const {
-  Books books{*ground.site().soil,
-              ground.earthmoving().soil,
-              ground.total(),
-              ground.books(),
-              {},
-              before_.change_m3,
-              before_.mass};
+RunTotals LiveSite::totals(const Session& ground) const {
+  RunTotals totals{*ground.site().ground,
+                   ground.earthmoving().soil,
+                   ground.total(),
+                   ground.mass_balance(),
+                   {},
+                   before_.change_m3,
+                   before_.mass};
   for (std::size_t i = 0; i < ground.machines().size(); ++i)
-    books.machines.push_back(
+    totals.machines.push_back(
         {ground.machines()[i].name, ground.machines()[i].bucket, ground.ledger(i)});
-  return books;
+  return totals;
 }
 
 }  // namespace soilvdb::tools

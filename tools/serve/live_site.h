@@ -12,7 +12,7 @@
 
 #include "io/journal/report.h"
 #include "soilvdb/session.h"
-#include "tools/run/books.h"
+#include "tools/run/run_totals.h"
 #include "tools/serve/work_log.h"
 
 namespace soilvdb::tools {
@@ -68,10 +68,10 @@ class LiveSite {
   nlohmann::ordered_json state() const;
   /// What viewers are told once.
   nlohmann::ordered_json description() const;
-  /// summary.json, but for books().
+  /// summary.json, but for totals().
   io::Summary summary() const;
   /// Of a session of this site; on any thread.
-  Books books(const Session& ground) const;
+  RunTotals totals(const Session& ground) const;
 
  private:
   using Clock = std::chrono::steady_clock;

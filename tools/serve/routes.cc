@@ -17,8 +17,8 @@
 #include "io/file/json.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/picture.h"
-#include "tools/run/books.h"
 #include "tools/run/outputs.h"
+#include "tools/run/run_totals.h"
 #include "tools/run/text.h"
 #include "tools/serve/server_state.h"
 
@@ -37,9 +37,9 @@ Reply json_reply(const Json& json) {
 }
 
 /// A folder for one file, which is read back.
-class Passing {
+class TempFile {
  public:
-  explicit Passing(const std::string& name) {
+  explicit TempFile(const std::string& name) {
     std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
     if (mkdtemp(path.data()) == nullptr)
       throw std::runtime_error("there is no room for the file in " +
@@ -47,12 +47,12 @@ class Passing {
     folder_ = path;
     file_ = folder_ / name;
   }
-  ~Passing() {
+  ~TempFile() {
     std::error_code ignored;
     fs::remove_all(folder_, ignored);
   }
-  Passing(const Passing&) = delete;
-  Passing& operator=(const Passing&) = delete;
+  TempFile(const TempFile&) = delete;
+  TempFile& operator=(const TempFile&) = delete;
   const fs::path& file() const { return file_; }
   std::string bytes() const {
     std::ifstream in(file_, std::ios::binary);
@@ -65,18 +65,18 @@ class Passing {
 
 Reply file_reply(const char* name, const char* type,
                  const std::function<void(const fs::path&)>& write) {
-  const Passing passing(name);
-  write(passing.file());
-  return {200, type, passing.bytes(), name, false};
+  const TempFile temporary(name);
+  write(temporary.file());
+  return {200, type, temporary.bytes(), name, false};
 }
 
 void require_dug(const Session& session) {
-  if (session.site().soil->chunk_count() == 0)
+  if (session.site().ground->chunk_count() == 0)
     throw std::invalid_argument("nobody has dug yet; there is nothing to make a file of");
 }
 
 /// Takes as long whether they are the same or where they differ.
-bool same(std::string_view a, std::string_view b) {
+bool constant_time_equal(std::string_view a, std::string_view b) {
   unsigned char differs = a.size() != b.size();
   for (std::size_t i = 0; i < a.size(); ++i)
     differs = static_cast<unsigned char>(differs | (a[i] ^ (b.empty() ? '\0' : b[i % b.size()])));
@@ -93,11 +93,11 @@ Reply refusal(unsigned status, const std::string& why) {
 
 bool ServerState::has_token(const std::string& target, const std::string& authorization) const {
   if (options.token.empty()) return true;
-  if (same(authorization, "Bearer " + options.token)) return true;
+  if (constant_time_equal(authorization, "Bearer " + options.token)) return true;
   const std::optional<Target> parsed = parse_target(target);
   if (!parsed) return false;
   const auto found = parsed->values.find("token");
-  return found != parsed->values.end() && same(found->second, options.token);
+  return found != parsed->values.end() && constant_time_equal(found->second, options.token);
 }
 
 Past ServerState::past(double time_s, std::uint64_t clocks_set) {
@@ -156,9 +156,9 @@ Reply ServerState::post(const std::string& text) {
     if (!target || target->path != "/clock")
       return refusal(405, "only GET is answered, and POST of /clock");
     if (!options.takes_feeds) return refusal(403, kOnlyLookedAt);
-    const Values values(*target, {"machine"});
+    const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
-        site.feed(io::to_text(Json{{"machine", values.text("machine")}, {"clock", "reset"}}));
+        site.feed(io::to_text(Json{{"machine", parameters.text("machine")}, {"clock", "reset"}}));
     const bool bad = io::parse_json(answer).contains("error");
     return {bad ? 400u : 200u, "application/json", answer + '\n', {}, false};
   } catch (const std::exception& e) {
@@ -171,46 +171,47 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
     const std::optional<Target> target = parse_target(text);
     if (!target) return done(refusal(400, "the address can't be read"));
     const std::string& path = target->path;
-    const auto look = [&](const Values& values, const std::function<Reply(GroundView&)>& use) {
-      with_ground(values.number_if("time"), values.number_if("against"), use, done);
+    const auto look = [&](const QueryParameters& parameters,
+                          const std::function<Reply(GroundView&)>& use) {
+      with_ground(parameters.number_if("time"), parameters.number_if("against"), use, done);
     };
     if (path == "/height") {
-      const Values values(*target, {"x", "y", "time", "against"});
-      const Vec2 at(values.number("x"), values.number("y"));
-      return look(values, [at](GroundView& ground) { return json_reply(ground.height(at)); });
+      const QueryParameters parameters(*target, {"x", "y", "time", "against"});
+      const Vec2 at(parameters.number("x"), parameters.number("y"));
+      return look(parameters, [at](GroundView& ground) { return json_reply(ground.height(at)); });
     }
     if (path == "/section") {
-      const Values values(*target, {"from", "to", "points", "time", "against"});
-      const Vec2 from = values.place("from"), to = values.place("to");
-      const double points = values.number_if("points").value_or(500);
+      const QueryParameters parameters(*target, {"from", "to", "points", "time", "against"});
+      const Vec2 from = parameters.place("from"), to = parameters.place("to");
+      const double points = parameters.number_if("points").value_or(500);
       if (!(points >= 2 && points <= kMostPoints && points == std::floor(points)))
         throw std::invalid_argument(fmt::format("'points' must be 2 to {}", kMostPoints));
-      return look(values, [=](GroundView& ground) {
+      return look(parameters, [=](GroundView& ground) {
         return json_reply(ground.section(from, to, static_cast<int>(points)));
       });
     }
     if (path == "/volume") {
-      const Values values(*target, {"boundary", "time", "against"});
-      const std::vector<double> numbers = values.numbers("boundary");
+      const QueryParameters parameters(*target, {"boundary", "time", "against"});
+      const std::vector<double> numbers = parameters.numbers("boundary");
       if (numbers.size() % 2 != 0 || numbers.size() < 6 || numbers.size() > 2 * kMostCorners)
         throw std::invalid_argument(
             fmt::format("'boundary' must be 3 to {} corners x,y", kMostCorners));
       std::vector<Vec2> boundary;
       for (std::size_t i = 0; i < numbers.size(); i += 2)
         boundary.emplace_back(numbers[i], numbers[i + 1]);
-      return look(values,
+      return look(parameters,
                   [boundary](GroundView& ground) { return json_reply(ground.volume(boundary)); });
     }
     if (path == "/terrain") {
-      const Values values(*target, {"level", "tile", "surface"});
-      const bool designed = values.word("surface", {"before", "design"}) == "design";
+      const QueryParameters parameters(*target, {"level", "tile", "surface"});
+      const bool designed = parameters.word("surface", {"before", "design"}) == "design";
       if (designed && !design)
         throw std::invalid_argument("there is no design; soilvdb serve takes one by --design");
-      const Vec2 tile = values.place("tile");
+      const Vec2 tile = parameters.place("tile");
       const auto whole = [](double value) {
         return value == std::floor(value) && std::abs(value) < 1e6 ? static_cast<int>(value) : -1;
       };
-      const int level = whole(values.number("level")), i = whole(tile.x()), j = whole(tile.y());
+      const int level = whole(parameters.number("level")), i = whole(tile.x()), j = whole(tile.y());
       return query(
           [this, level, i, j, designed] {
             const auto bytes = terrain->tile(level, i, j, designed ? design.get() : nullptr);
@@ -220,49 +221,49 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
           done);
     }
     if (path == "/machines.csv") {
-      const Values values(*target, {"time"});
+      const QueryParameters parameters(*target, {"time"});
       const auto csv = [](const Json& state) {
         return Reply{200, "text/csv; charset=utf-8", machines_csv(state), "machines.csv", false};
       };
-      if (!values.number_if("time")) return done(csv(site.state()));
-      return look(values, [csv](GroundView& ground) { return csv(ground.state()); });
+      if (!parameters.number_if("time")) return done(csv(site.state()));
+      return look(parameters, [csv](GroundView& ground) { return csv(ground.state()); });
     }
     if (path == "/summary.json") {
-      const Values values(*target, {"time"});
+      const QueryParameters parameters(*target, {"time"});
       io::Summary summary = site.summary();
-      return look(values, [this, summary](GroundView& ground) {
+      return look(parameters, [this, summary](GroundView& ground) {
         io::Summary all = summary;
-        put_books(site.books(ground.now()), all);
+        put_totals(site.totals(ground.now()), all);
         return Reply{200, "application/json", io::to_json(all), {}, false};
       });
     }
     if (path == "/surface.tif") {
-      const Values values(*target, {"time"});
-      return look(values, [this](GroundView& ground) {
+      const QueryParameters parameters(*target, {"time"});
+      return look(parameters, [this](GroundView& ground) {
         require_dug(ground.now());
         const io::Site& of = ground.now().site();
-        const auto box = io::footprint(*of.soil, false);
+        const auto box = io::footprint(*of.ground, false);
         const double cell_m =
-            options.raster_cell_m.value_or(affordable_cell_m(box, of.soil->voxel_size_m()));
+            options.raster_cell_m.value_or(affordable_cell_m(box, of.ground->voxel_size_m()));
         return file_reply("surface.tif", "image/tiff", [&](const fs::path& file) {
-          write_surface_raster(file, *of.soil, box, cell_m, of.crs_wkt);
+          write_surface_raster(file, *of.ground, box, cell_m, of.crs_wkt);
         });
       });
     }
     if (path == "/soil.vdb") {
-      const Values values(*target, {"time"});
-      return look(values, [](GroundView& ground) {
+      const QueryParameters parameters(*target, {"time"});
+      return look(parameters, [](GroundView& ground) {
         return file_reply("soil.vdb", "application/octet-stream",
                           [&](const fs::path& file) { ground.now().write(file); });
       });
     }
     if (path == "/mesh.glb") {
-      const Values values(*target, {"time"});
-      return look(values, [](GroundView& ground) {
+      const QueryParameters parameters(*target, {"time"});
+      return look(parameters, [](GroundView& ground) {
         require_dug(ground.now());
         const io::Site& of = ground.now().site();
         return file_reply("mesh.glb", "model/gltf-binary", [&](const fs::path& file) {
-          io::write_mesh(file, ground.now().mesh(), of.soil->origin(), of.crs_wkt);
+          io::write_mesh(file, ground.now().mesh(), of.ground->origin(), of.crs_wkt);
         });
       });
     }

@@ -64,14 +64,15 @@ std::map<std::string, Reply> read_page(const std::filesystem::path& folder) {
 }  // namespace
 
 ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
-                         std::shared_ptr<const BaseSurface> design_, const ServerOptions& options_)
+                         std::shared_ptr<const InitialTerrain> design_,
+                         const ServerOptions& options_)
     : site(site_),
       history(std::move(history_)),
       design(std::move(design_)),
       options(options_),
       page(read_page(options.page)),
-      copy(std::make_unique<Soil>(site.session().voxel_size_m(), site.session().origin(),
-                                  site.session().site().soil->shared_base())),
+      copy(std::make_unique<Ground>(site.session().voxel_size_m(), site.session().origin(),
+                                    site.session().site().ground->shared_terrain())),
       mesher(std::make_unique<CachedMesher>(*copy)),
       recording(options.mcap_folder.empty()
                     ? nullptr
@@ -125,12 +126,13 @@ void ServerState::make_blocks() {
     blocks.push_back(wanted.extract(wanted.begin()).value());
   const bool soil_moves = site.session().earthmoving().soil.has_value();
   beside->run([this, blocks = std::move(blocks), soil_moves, tick = ticks] {
-    const Soil& soil = *copy;
+    const Ground& ground = *copy;
     std::vector<std::pair<Coord3, Bytes>> made;
     for (const Coord3& block : blocks)
-      made.emplace_back(block, std::make_shared<const std::string>(block_message(
-                                   soil, block, mesher->block(block), 0, heights_of(soil.undug()),
-                                   design ? heights_of(*design) : Heights(), soil_moves)));
+      made.emplace_back(
+          block, std::make_shared<const std::string>(block_message(
+                     ground, block, mesher->block(block), 0, heights_of(ground.initial_terrain()),
+                     design ? heights_of(*design) : Heights(), soil_moves)));
     net::post(io, [this, made = std::move(made), tick] {
       making = false;
       for (const auto& [block, message] : made) {
@@ -166,7 +168,7 @@ Bytes ServerState::description() {
 void ServerState::follow_ground() {
   ++ticks;
   const std::vector<Coord3> chunks = site.session().changed_chunks();
-  if (!chunks.empty()) beside->post(*site.session().site().soil, chunks);
+  if (!chunks.empty()) beside->post(*site.session().site().ground, chunks);
   for (const Coord3& block : blocks_touched(chunks)) {
     changed_at[block] = ticks;
     if (const auto cached = cache.find(block); cached != cache.end()) drop(cached);
@@ -210,7 +212,7 @@ void ServerState::tick() {
 }
 
 Server::Server(LiveSite& site, std::unique_ptr<History> history,
-               std::shared_ptr<const BaseSurface> design, const ServerOptions& options)
+               std::shared_ptr<const InitialTerrain> design, const ServerOptions& options)
     : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {
   const std::string all = url();
   site.set_address(

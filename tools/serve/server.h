@@ -10,7 +10,7 @@
 #include <optional>
 #include <string>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 #include "tools/serve/history.h"
 #include "tools/serve/live_site.h"
 
@@ -38,7 +38,7 @@ class Server {
   /// @param design null: there is none
   /// @throw io::InputError where it can't listen
   Server(LiveSite& site, std::unique_ptr<History> history,
-         std::shared_ptr<const BaseSurface> design, const ServerOptions& options);
+         std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
   ~Server();
 
   /// "http://127.0.0.1:8470/", with the token if there is one.

@@ -47,7 +47,7 @@ struct ServerState {
   using Clock = std::chrono::steady_clock;
 
   ServerState(LiveSite& site, std::unique_ptr<History> history,
-              std::shared_ptr<const BaseSurface> design, const ServerOptions& options);
+              std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
   ~ServerState() { queries.drop(); }
 
   /// Answers a GET by calling `done` once, at once or later, on the thread of `io`.
@@ -78,7 +78,7 @@ struct ServerState {
 
   LiveSite& site;
   std::unique_ptr<History> history;  ///< on the thread of queries, once it runs
-  std::shared_ptr<const BaseSurface> design;
+  std::shared_ptr<const InitialTerrain> design;
   const ServerOptions options;
   std::map<std::string, Reply> page;    ///< by path
   std::optional<TerrainTiles> terrain;  ///< while it runs: what was recorded says where work was
@@ -107,7 +107,7 @@ struct ServerState {
   bool making = false;
   std::uint64_t ticks = 0;
   std::map<Coord3, std::uint64_t, Before> changed_at;  ///< by tick
-  std::unique_ptr<Soil> copy;                          ///< of the ground, for the next
+  std::unique_ptr<Ground> copy;                        ///< of the ground, for the next
   std::unique_ptr<CachedMesher> mesher;                ///< of `copy`, in jobs alone
 
   std::uint64_t told_fed = 0;

@@ -57,21 +57,22 @@ std::optional<Target> parse_target(const std::string& text) {
   return target;
 }
 
-Values::Values(const Target& target, std::initializer_list<const char*> known) : target_(target) {
+QueryParameters::QueryParameters(const Target& target, std::initializer_list<const char*> known)
+    : target_(target) {
   for (const auto& [name, value] : target.values)
     if (name != "token" && std::find(known.begin(), known.end(), name) == known.end())
       throw std::invalid_argument(
           fmt::format("unknown '{}' for {}", io::printable(name), target.path));
 }
 
-const std::string& Values::text(const std::string& name) const {
+const std::string& QueryParameters::text(const std::string& name) const {
   const auto found = target_.values.find(name);
   if (found == target_.values.end())
     throw std::invalid_argument(fmt::format("'{}' is missing", name));
   return found->second;
 }
 
-std::vector<double> Values::numbers(const std::string& name, double most) const {
+std::vector<double> QueryParameters::numbers(const std::string& name, double most) const {
   std::vector<double> all;
   const std::string_view whole = text(name);
   for (std::size_t at = 0; at <= whole.size();) {
@@ -86,18 +87,19 @@ std::vector<double> Values::numbers(const std::string& name, double most) const 
   return all;
 }
 
-double Values::number(const std::string& name, double most) const {
+double QueryParameters::number(const std::string& name, double most) const {
   const std::vector<double> all = numbers(name, most);
   if (all.size() != 1) throw std::invalid_argument(fmt::format("'{}' must be one number", name));
   return all[0];
 }
 
-std::optional<double> Values::number_if(const std::string& name) const {
+std::optional<double> QueryParameters::number_if(const std::string& name) const {
   if (!target_.values.contains(name)) return {};
   return number(name, kMostTime_s);
 }
 
-std::string Values::word(const std::string& name, const std::vector<std::string>& words) const {
+std::string QueryParameters::word(const std::string& name,
+                                  const std::vector<std::string>& words) const {
   const auto found = target_.values.find(name);
   if (found == target_.values.end()) return words.front();
   if (std::find(words.begin(), words.end(), found->second) == words.end())
@@ -105,7 +107,7 @@ std::string Values::word(const std::string& name, const std::vector<std::string>
   return found->second;
 }
 
-Vec2 Values::place(const std::string& name) const {
+Vec2 QueryParameters::place(const std::string& name) const {
   const std::vector<double> all = numbers(name);
   if (all.size() != 2) throw std::invalid_argument(fmt::format("'{}' must be x,y", name));
   return {all[0], all[1]};

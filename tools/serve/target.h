@@ -24,11 +24,11 @@ std::optional<Target> parse_target(const std::string& text);
 
 /// The values of a target, each of which is asked for by its name. All throw std::invalid_argument
 /// in one line where one is missing or can't be.
-class Values {
+class QueryParameters {
  public:
   /// @param target outlives it
   /// @param known values that it may have
-  Values(const Target& target, std::initializer_list<const char*> known);
+  QueryParameters(const Target& target, std::initializer_list<const char*> known);
 
   const std::string& text(const std::string& name) const;
   /// Numbers with commas between; of one beyond `most` it is said that it is none.

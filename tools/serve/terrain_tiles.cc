@@ -22,7 +22,7 @@ constexpr double kPosts = 512;
 }  // namespace
 
 Eigen::AlignedBox2d work_area(const Session& session) {
-  Eigen::AlignedBox2d area = io::footprint(*session.site().soil, false);
+  Eigen::AlignedBox2d area = io::footprint(*session.site().ground, false);
   const auto add = [&](const Vec3& p) { area.extend(Vec2(p.head<2>())); };
   for (std::size_t i = 0; i < session.machines().size(); ++i) {
     if (const auto last = session.last(i)) add(last->pose.position);
@@ -34,7 +34,9 @@ Eigen::AlignedBox2d work_area(const Session& session) {
 }
 
 TerrainTiles::TerrainTiles(const io::Site& site, const Eigen::AlignedBox2d& work)
-    : base_(site.soil->shared_base()), undug_(&site.soil->undug()), bounds_(site.bounds) {
+    : base_(site.ground->shared_terrain()),
+      undug_(&site.ground->initial_terrain()),
+      bounds_(site.bounds) {
   double spacing_m = 0;
   if (const auto* raster = std::get_if<io::RasterTerrain>(&site.undug().terrain))
     spacing_m = io::open_raster(raster->file).grid.spacing.minCoeff();
@@ -69,11 +71,11 @@ nlohmann::ordered_json TerrainTiles::description() const {
 }
 
 std::optional<std::string> TerrainTiles::tile(int level, int i, int j,
-                                              const BaseSurface* other) const {
+                                              const InitialTerrain* other) const {
   if (level < 0 || level >= static_cast<int>(levels_.size())) return {};
   const Level& of = levels_[static_cast<std::size_t>(level)];
   if (i < 0 || j < 0 || i > (of.nx - 2) / kSide || j > (of.ny - 2) / kSide) return {};
-  const BaseSurface& surface = other != nullptr ? *other : *undug_;
+  const InitialTerrain& surface = other != nullptr ? *other : *undug_;
   std::string bytes;
   for (int y = j * kSide; y <= std::min((j + 1) * kSide, of.ny - 1); ++y) {
     for (int x = i * kSide; x <= std::min((i + 1) * kSide, of.nx - 1); ++x) {

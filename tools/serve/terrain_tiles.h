@@ -27,15 +27,15 @@ class TerrainTiles {
   /// if there is no such tile.
   /// @param other a surface whose heights at the same posts are asked for; null: the terrain's
   std::optional<std::string> tile(int level, int i, int j,
-                                  const BaseSurface* other = nullptr) const;
+                                  const InitialTerrain* other = nullptr) const;
 
  private:
   struct Level {
     double spacing_m = 0;
     int nx = 0, ny = 0;
   };
-  std::shared_ptr<const BaseSurface> base_;
-  const BaseSurface* undug_;
+  std::shared_ptr<const InitialTerrain> base_;
+  const InitialTerrain* undug_;
   Eigen::AlignedBox2d bounds_;
   std::vector<Level> levels_;
 };

@@ -42,7 +42,7 @@ void Viewer::start() {
     json["times"] = state_.times();
     return message(json);
   }()));
-  for (const Coord3& block : resident_blocks(*state_.site.session().site().soil))
+  for (const Coord3& block : resident_blocks(*state_.site.session().site().ground))
     due_.insert(block);
   go_on();
   read();
@@ -93,7 +93,7 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
     due_.clear();
     sent_ = 0;
     whole_ = false;
-    for (const Coord3& block : resident_blocks(*state_.site.session().site().soil))
+    for (const Coord3& block : resident_blocks(*state_.site.session().site().ground))
       due_.insert(block);
     say(message({{"type", "view"},
                  {"id", 0},
@@ -114,7 +114,7 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
       [ground, blocks, state](GroundView& view) {
         *state = view.state();
         *ground = std::make_shared<GroundView>(view);
-        *blocks = resident_blocks(*view.now().site().soil);
+        *blocks = resident_blocks(*view.now().site().ground);
         return Reply();
       },
       [self, ground, blocks, state, time_s, against_s](const Reply& reply) {

@@ -70,7 +70,7 @@ void CycleCounter::add(double load_m3) {
 }
 
 WorkLog::WorkLog(const Session& site)
-    : loose_m3_(site.site().soil->sample_m3() /
+    : loose_m3_(site.site().ground->sample_m3() /
                 static_cast<double>(
                     site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)) {
   for (const SiteMachine& machine : site.machines()) {
@@ -146,9 +146,9 @@ Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>
   for (std::size_t i = 0; i < works.size(); ++i)
     machines.push_back(machine_state(site, i, log.machines()[i], works[i]));
   const Ledger total = site.total();
-  const SiteLedger booked = site.booked();
-  const double sample_m3 = site.site().soil->sample_m3();
-  const std::int64_t fill = booked.fill_samples - booked.gone_samples;
+  const MassBalance balance = site.mass_balance_without_ground();
+  const double sample_m3 = site.site().ground->sample_m3();
+  const std::int64_t fill = balance.fill_samples - balance.failed_samples;
   return {{"type", "state"},
           {"time_s", std::isfinite(log.time_s()) ? Json(log.time_s()) : Json()},
           {"machines", machines},

@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0 {
 
 /// What a bucket holds at an attitude.
-struct Hold {
+struct BucketCapacity {
   double volume_m3 = 0;       ///< at most, of loose soil
   Vec3 spill = Vec3::Zero();  ///< point of the mouth over which more leaves, bucket frame
 };
@@ -36,8 +36,9 @@ struct Hold {
 /// are filled from below count as full.
 ///
 ///     if (const auto capacity = Capacity::of(bucket)) {
-///       const Hold hold = capacity->at(world_from_bucket.rotation, std::tan(repose_angle_rad));
-///       if (load_m3 > hold.volume_m3) pour(world_from_bucket * hold.spill, ...);
+///       const BucketCapacity most =
+///           capacity->at(world_from_bucket.rotation, std::tan(repose_angle_rad));
+///       if (load_m3 > most.volume_m3) pour(world_from_bucket * most.spill, ...);
 ///     }
 class Capacity {
  public:
@@ -53,7 +54,7 @@ class Capacity {
   /// @param repose_slope tangent of the angle of repose, 0 (water) or more
   /// `spill` is the point of the rim that is least, as in S, from the middle of the body: soil at
   /// capacity reaches up to the rim there.
-  Hold at(const Eigen::Quaterniond& world_from_bucket, double repose_slope) const;
+  BucketCapacity at(const Eigen::Quaterniond& world_from_bucket, double repose_slope) const;
 
  private:
   explicit Capacity(const Bucket& bucket);

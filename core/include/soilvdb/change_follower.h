@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
 
@@ -19,10 +19,10 @@ class ChunkList;  // core/lattice/chunk_list.h
 /// All functions need exclusive access to the ground.
 class ChangeFollower {
  public:
-  /// @param soil outlives the last take()
-  explicit ChangeFollower(Soil& soil);
+  /// @param ground outlives the last take()
+  explicit ChangeFollower(Ground& ground);
   /// Follows a clone as `other` follows the ground that it was cloned from.
-  ChangeFollower(Soil& clone, const ChangeFollower& other);
+  ChangeFollower(Ground& clone, const ChangeFollower& other);
   ChangeFollower(ChangeFollower&&) = default;
   ChangeFollower& operator=(ChangeFollower&&) = default;
 
@@ -31,14 +31,14 @@ class ChangeFollower {
   std::vector<Coord3> take();
 
   /// Follows another ground of the same lattice: all chunks of both count as changed.
-  void switch_to(Soil& other);
+  void switch_to(Ground& other);
 
  private:
-  friend class Soil;
-  void follow(Soil& soil);
-  void add_all(const Soil& soil);
+  friend class Ground;
+  void follow(Ground& ground);
+  void add_all(const Ground& ground);
 
-  Soil* soil_ = nullptr;
+  Ground* ground_ = nullptr;
   std::shared_ptr<ChunkList> changed_;  // the ground holds a weak reference
 };
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/types.h"
 
 namespace soilvdb::inline v0 {

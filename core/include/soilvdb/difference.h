@@ -5,8 +5,8 @@
 
 #include <vector>
 
-#include "soilvdb/column_gains.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
+#include "soilvdb/volume_changes.h"
 
 namespace soilvdb::inline v0 {
 
@@ -18,7 +18,7 @@ struct Difference {
   Eigen::AlignedBox2d box;  ///< of the columns that changed, world
 };
 
-/// Compares two soils of a site.
+/// Compares two grounds of a site.
 ///
 /// Where their voxels are of one lattice and their base surfaces the same, sample by sample:
 /// volumes are differences of the ledgers, and the error is two standard deviations of what counts
@@ -31,19 +31,19 @@ struct Difference {
 /// box where both were near.
 ///
 /// Either way the area is that of core/compare/changed_area.h.
-/// @param same_base whether both have one base surface; else those must be surfaces of soils with
+/// @param same_base whether both have one base surface; else those must be surfaces of grounds with
 ///        the same ground beneath
-Difference difference(const Soil& before, const Soil& after, bool same_base);
+Difference difference(const Ground& before, const Ground& after, bool same_base);
 
-/// The same of the soil inside a boundary, for two soils of one lattice and base surface. Each
+/// The same of the soil inside a boundary, for two grounds of one lattice and base surface. Each
 /// sample is inside one of two boundaries that share an edge, so parts of a site add up to the
 /// whole. The area is the boundary's.
 /// @param boundary corners in the world, m, closed from the last to the first; inside by even-odd
-/// @throw std::invalid_argument where soils are of two lattices, or sides of the boundary cross
-Difference difference(const Soil& before, const Soil& after, const std::vector<Vec2>& boundary);
+/// @throw std::invalid_argument where grounds are of two lattices, or sides of the boundary cross
+Difference difference(const Ground& before, const Ground& after, const std::vector<Vec2>& boundary);
 
 /// Calls `f` with what columns of any width gained between the two, some of them several times.
-void for_each_gain(const Soil& before, const Soil& after, bool same_base, const GainGrid& grid,
-                   const GainFunction& f);
+void for_each_volume_change(const Ground& before, const Ground& after, bool same_base,
+                            const VolumeBins& bins, const VolumeChangeFunction& f);
 
 }  // namespace soilvdb::inline v0

@@ -12,7 +12,7 @@
 
 #include "soilvdb/background.h"
 #include "soilvdb/chunk_range.h"
-#include "soilvdb/soil.h"
+#include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {
 
@@ -30,26 +30,26 @@ namespace soilvdb::inline v0 {
 /// Functions may be called by one thread at a time.
 ///
 /// ```
-/// Soil copy(soil.voxel_size_m(), soil.origin(), soil.shared_base());
+/// Ground copy(ground.voxel_size_m(), ground.origin(), ground.shared_base());
 /// GroundCopy ground(copy);
-/// ChangeFollower changes(soil);
+/// ChangeFollower changes(ground);
 /// tracker.update(0, world_from_bucket);
-/// ground.post(soil, changes.take());
+/// ground.post(ground, changes.take());
 /// ground.run([&] { save(copy); });
 /// ```
 class GroundCopy {
  public:
-  /// @param copy a soil without chunks, of the ground's voxel size, origin and base surface. Its
+  /// @param copy a ground without chunks, of the ground's voxel size, origin and base surface. Its
   ///        own until it is destroyed: only jobs may read it.
   /// @param thread else run() does its work before it returns
   /// @param most_jobs that may wait, 1 or more
-  explicit GroundCopy(Soil& copy, bool thread = true, std::size_t most_jobs = 4)
+  explicit GroundCopy(Ground& copy, bool thread = true, std::size_t most_jobs = 4)
       : copy_(copy), background_(thread, most_jobs) {}
 
   /// Copies the chunks that changed.
-  /// @param soil the ground, always the same
+  /// @param ground the ground, always the same
   /// @param changed as a ChangeFollower lists them
-  void post(const Soil& soil, std::span<const Coord3> changed);
+  void post(const Ground& ground, std::span<const Coord3> changed);
 
   /// Runs a job once the copy is as the ground was at the last post(). All that were asked for run
   /// before this is destroyed; errors not thrown by then are lost: finish() first.
@@ -66,7 +66,7 @@ class GroundCopy {
 
   void apply(Changes& changes);
 
-  Soil& copy_;
+  Ground& copy_;
   Changes changes_;                      // since the last job
   std::exception_ptr broken_ = nullptr;  // why the copy isn't the ground any more; of the thread
   Background background_;                // last, so that it ends first

@@ -62,11 +62,11 @@ class Motion {
 };
 
 /// Is this a pose, of finite numbers within 1e9 m and with a unit rotation?
-bool is_sane(const Pose& pose);
+bool is_valid(const Pose& pose);
 /// Why it isn't, with the value and what would be right; empty if it is.
-std::string fault(const Pose& pose);
+std::string validation_error(const Pose& pose);
 /// The same for a place, of which no coordinate is to be farther than that from a middle's.
-std::string fault(const Vec3& position_m, const Vec3& middle_m, double farthest_m);
+std::string validation_error(const Vec3& position_m, const Vec3& middle_m, double farthest_m);
 
 /// trace() for a straight interpolation between two poses.
 void trace(const Pose& a, const Pose& b, const Bucket& bucket, double tolerance_m, double stride_m,

@@ -9,8 +9,8 @@
 #include <openvdb/tree/Tree.h>
 #include <openvdb/tree/ValueAccessor.h>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/sample_tree_fwd.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
 
@@ -25,7 +25,7 @@ struct SoilSamples {};
 /// the memory; the mask leaf alone doesn't hold what a voxel holds.
 ///
 /// A voxel is active where its cell holds soil, all of it or a part, also while the samples are in
-/// the cold store. SoilWriter keeps that so. What OpenVDB has to change trees changes the mask
+/// the swap store. GroundWriter keeps that so. What OpenVDB has to change trees changes the mask
 /// alone, and prune() deletes chunks that are all soil or all air: the tree is only given out as
 /// const.
 class SampleLeaf : public openvdb::tree::LeafNode<openvdb::ValueMask, 3> {

@@ -8,8 +8,8 @@
 #include <cstring>
 #include <string_view>
 
-#include "soilvdb/base_surface.h"
 #include "soilvdb/heap_block.h"
+#include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
 

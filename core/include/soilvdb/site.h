@@ -83,22 +83,22 @@ struct BatchResult {
 /// Threads: a site is for one thread at a time; different ones may be used at once. Work runs in
 /// the caller's TBB arena.
 ///
-///     Site site(std::make_shared<Soil>(0.05, Vec3::Zero(), make_plane(0, {0, 0})),
+///     Site site(std::make_shared<Ground>(0.05, Vec3::Zero(), make_plane(0, {0, 0})),
 ///               {{{"digger", {.width_m = 1.2, .height_m = 0.9}}}});
 ///     while (controller.next(state))
 ///       if (const StepResult step = site.update(state); step.ok()) control(step.update.bucket_m3);
 class Site {
  public:
   /// @throw std::invalid_argument in one line for machines or soil that can't be
-  Site(std::shared_ptr<Soil> ground, SiteModel model);
+  Site(std::shared_ptr<Ground> ground, SiteModel model);
   /// A copy goes on apart from the other. It shares the model, and each chunk's samples until one
-  /// of the two changes them. @throw std::logic_error as Soil::clone()
+  /// of the two changes them. @throw std::logic_error as Ground::clone()
   Site(const Site& other);
   Site(Site&&) noexcept = default;
   Site& operator=(Site&&) noexcept = default;
 
   const SiteModel& model() const { return *model_; }
-  const Soil& ground() const { return *ground_; }
+  const Ground& ground() const { return *ground_; }
   const Tracker& tracker() const { return *tracker_; }
 
   /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
@@ -145,7 +145,7 @@ class Site {
   /// Nothing can be done from here on: part of an update was made.
   void fail(const std::string& why) noexcept;
 
-  std::shared_ptr<Soil> ground_;
+  std::shared_ptr<Ground> ground_;
   std::shared_ptr<const SiteModel> model_;
   std::unique_ptr<Tracker> tracker_;
   std::vector<std::optional<Input>> inputs_;  // of each machine

@@ -21,13 +21,13 @@ namespace soilvdb::inline v0 {
 /// thread. Within 0.15 voxel of the true height but at walls.
 class SurfaceHeight {
  public:
-  explicit SurfaceHeight(const Soil& soil);
+  explicit SurfaceHeight(const Ground& ground);
   /// Height of the topmost soil at (x, y) of the world, m; nothing where there is none.
   std::optional<double> at(double x, double y);
   /// The same of many places, NaN where there is none; in the caller's TBB arena. The same bits for
   /// any number of threads, and whichever places come together.
   void at(std::span<const Vec2> xy_m, std::span<double> heights_m);
-  /// To be told what changed of the soil, as a ChangeFollower lists it, before the next look.
+  /// To be told what changed of the ground, as a ChangeFollower lists it, before the next look.
   void update(std::span<const Coord3> changed_chunks);
 
  private:
@@ -52,16 +52,16 @@ class SurfaceHeight {
   void each_block(double x, double y, const F& f) const;
   std::optional<double> look(double x, double y) const;
 
-  const Soil& soil_;
-  std::optional<CachedMesher> mesher_;  ///< once the soil changes between looks
+  const Ground& ground_;
+  std::optional<CachedMesher> mesher_;  ///< once the ground changes between looks
   std::unordered_map<Coord3, std::vector<int>, Hash> blocks_;  ///< z of those in a column; its z 0
   std::unordered_map<Coord3, Patch, Hash> patches_;
 };
 
-/// Heights of a soil for several threads, each with a SurfaceHeight of its own.
-std::function<std::optional<double>(double x, double y)> surface_heights(const Soil& soil);
+/// Heights of a ground for several threads, each with a SurfaceHeight of its own.
+std::function<std::optional<double>(double x, double y)> surface_heights(const Ground& ground);
 
-/// One height. Many of one soil: SurfaceHeight.
-std::optional<double> surface_height(const Soil& soil, double x, double y);
+/// One height. Many of one ground: SurfaceHeight.
+std::optional<double> surface_height(const Ground& ground, double x, double y);
 
 }  // namespace soilvdb::inline v0

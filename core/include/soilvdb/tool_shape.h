@@ -14,14 +14,15 @@
 #include <vector>
 
 #include "soilvdb/bucket.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
-#include "soilvdb/soil.h"
 #include "soilvdb/types.h"
 
 namespace soilvdb::inline v0 {
 
 /// A closed body by its signed distances on a lattice of its own, m, negative inside, with
-/// trilinear interpolation between them. Of a FloatGrid: make_tool_shape() in soilvdb/soil_grids.h.
+/// trilinear interpolation between them. Of a FloatGrid: make_tool_shape() in
+/// soilvdb/ground_grids.h.
 ///
 /// Copies share the distances. Const members may run on several threads.
 class ToolShape {
@@ -102,12 +103,12 @@ struct ToolCut {
 /// it comes to within 1/50 of a voxel; one pose alone takes what is in it. Guarantees: the same
 /// path again takes nothing; the result is the same for any number of threads.
 /// @throw NoGroundError where the terrain has no height; nothing was taken then
-ToolCut subtract(Soil& soil, const ToolShape& tool, std::span<const Pose> path);
+ToolCut subtract(Ground& ground, const ToolShape& tool, std::span<const Pose> path);
 
 /// Soil where min(soil, body) < 0: what is built, a wall or a foundation. What is added is bank
 /// soil. For ground that no tracker of soil that moves has begun with: its masses know nothing of
 /// it.
 /// @return samples that were added
-std::int64_t unite(Soil& soil, const ToolShape& body, const Pose& world_from_body);
+std::int64_t unite(Ground& ground, const ToolShape& body, const Pose& world_from_body);
 
 }  // namespace soilvdb::inline v0

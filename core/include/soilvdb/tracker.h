@@ -13,9 +13,9 @@
 
 #include "soilvdb/bucket.h"
 #include "soilvdb/earthmoving.h"
+#include "soilvdb/ground.h"
 #include "soilvdb/mass.h"
 #include "soilvdb/motion.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0 {
 
@@ -39,15 +39,16 @@ struct Ledger {
 };
 
 /// What is booked for a site whose soil moves, besides its machines. Masses in units.
-struct SiteLedger {
+struct MassBalance {
   std::int64_t ground = 0;  ///< change of the ground's mass, counted anew
-  /// Pushed, or out of a bucket, and not yet come down; or astray. At rest less than a sample each.
-  std::int64_t in_flight = 0;
-  std::int64_t astray = 0;  ///< the part of it that fell where the terrain has no ground
-  std::int64_t poured = 0;  ///< brought by pours
-  std::int64_t hauled = 0;  ///< into hoppers
-  std::int64_t slid = 0;    ///< moved because slopes failed
-  std::int64_t fill_samples = 0, gone_samples = 0;  ///< added to the ground; lost by slopes
+  /// Pushed, or out of a bucket, and not yet come down; or lost off the terrain. At rest less than
+  /// a sample each.
+  std::int64_t pending = 0;
+  std::int64_t lost_off_terrain = 0;  ///< the part of it that fell where the terrain has no ground
+  std::int64_t poured = 0;            ///< brought by pours
+  std::int64_t hauled = 0;            ///< into hoppers
+  std::int64_t slid = 0;              ///< moved because slopes failed
+  std::int64_t fill_samples = 0, failed_samples = 0;  ///< added to the ground; lost by slopes
   MassUnits units;
 };
 
@@ -70,41 +71,41 @@ struct Move {
 };
 
 /// A move that can't be made, and why.
-struct BadMove {
+struct InvalidMove {
   std::size_t move = 0;    ///< which of those that were asked for
   bool no_ground = false;  ///< its bucket reaches ground without a height; else it is no move
   std::string why;
 };
 
-class Machine;     // core/site/machine.h
-class Earthworks;  // core/settle/earthworks.h
+class Machine;  // core/site/machine.h
+class Settler;  // core/settle/settler.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
 /// Updates throw std::invalid_argument for a pose that isn't finite, has no unit rotation or is
-/// more than 2^23 voxels from the soil's origin, for times that aren't finite or in order, and for
-/// a machine that isn't there; the ground and the tracker are then as they were. Where
-/// Soil::limit_memory() is set, they throw std::runtime_error if the store fails: before anything
-/// is dug the ground is whole (Soil::page_out()), while it is dug it is of no use any more.
+/// more than 2^23 voxels from the ground's origin, for times that aren't finite or in order, and
+/// for a machine that isn't there; the ground and the tracker are then as they were. Where
+/// Ground::set_memory_limit() is set, they throw std::runtime_error if the store fails: before
+/// anything is dug the ground is whole (Ground::evict()), while it is dug it is of no use any more.
 ///
 /// ```
-/// Soil soil(0.05, origin, make_plane(0, {0, 0}));
-/// Tracker tracker(soil, {bucket});
+/// Ground ground(0.05, origin, make_plane(0, {0, 0}));
+/// Tracker tracker(ground, {bucket});
 /// for (const Pose& world_from_bucket : poses)
 ///   load = tracker.update(0, world_from_bucket).bucket_m3;
 /// ```
 class Tracker {
  public:
-  /// @param soil outlives the tracker. @throw std::invalid_argument for a bad bucket.
-  Tracker(Soil& soil, std::vector<Bucket> buckets);
+  /// @param ground outlives the tracker. @throw std::invalid_argument for a bad bucket.
+  Tracker(Ground& ground, std::vector<Bucket> buckets);
   /// The same on soil that moves: it fills a bucket to its capacity, spills, piles up and slides.
   /// @throw std::invalid_argument for properties that are none
-  Tracker(Soil& soil, std::vector<Bucket> buckets, Earthmoving earthmoving);
+  Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthmoving);
   /// A tracker of its own that goes on as the other would, to the last bit. The other may go first,
   /// and both may go on at once. Takes some microseconds a machine.
-  /// @param clone Soil::clone() of the other's, made since the other's last update; outlives this
+  /// @param clone Ground::clone() of the other's, made since the other's last update; outlives this
   /// @throw std::invalid_argument for soil with another base surface, voxel size or origin
-  Tracker(Soil& clone, const Tracker& other);
+  Tracker(Ground& clone, const Tracker& other);
   ~Tracker();
 
   /// Moves a machine's bucket on to a pose, in a straight line and by slerp from the last one. The
@@ -120,7 +121,7 @@ class Tracker {
 
   /// The first of these moves that update() would refuse, if any; nothing is moved.
   /// @throw as update() does, but for what it finds
-  std::optional<BadMove> find_bad(std::span<const Move> moves);
+  std::optional<InvalidMove> first_invalid(std::span<const Move> moves);
 
   /// What of a pour, one of those that the tracker was made with, has come down by a time comes to
   /// lie. The result doesn't depend on how often this is called.
@@ -131,16 +132,16 @@ class Tracker {
 
   const Ledger& ledger(std::size_t machine) const;
   /// Where soil is besides the ground and the buckets; zeros where it doesn't move.
-  SiteLedger site() const;
+  MassBalance mass_balance() const;
   /// The same but for `ground`, whose chunks are counted: in microseconds, however many they are.
-  SiteLedger booked() const;
+  MassBalance mass_balance_without_ground() const;
   Ledger total() const;
 
   /// How far the path that is dug may be from a machine's own: no more than this over the bucket.
   double tolerance_m() const;
 
-  /// All that the next update depends on besides the soil, as bytes. A tracker of the same
-  /// buckets on the soil as it is then goes on from there as this one would.
+  /// All that the next update depends on besides the ground, as bytes. A tracker of the same
+  /// buckets on the ground as it is then goes on from there as this one would.
   std::string state() const;
   /// @throw std::invalid_argument if these bytes are of other buckets, or not from state()
   void restore(std::string_view state);
@@ -152,9 +153,9 @@ class Tracker {
   std::int64_t poured(const Pour& pour, std::int64_t parts) const;
   double slid_m3(std::int64_t before) const;
   std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;
-  Soil& soil_;
+  Ground& ground_;
   Earthmoving earthmoving_;
-  std::unique_ptr<Earthworks> works_;  // null: soil doesn't move
+  std::unique_ptr<Settler> settler_;  // null: soil doesn't move
   std::vector<std::unique_ptr<Machine>> machines_;
   std::vector<std::int64_t> poured_parts_;  // of each pour
 };

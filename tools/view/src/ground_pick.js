@@ -5,14 +5,14 @@ import {Raycaster, Vector3} from 'three';
 
 /** Places on the ground as the scene has it: on a ray, or straight below. */
 export class GroundPick {
-  /** @param {Stage} stage @param {import('./terrain.js').Terrain} terrain @param {import('./views.js').Views} views */
-  constructor(stage, terrain, views) {
-    Object.assign(this, {stage, terrain, views});
+  /** @param {SceneView} sceneView @param {import('./terrain.js').Terrain} terrain @param {import('./views.js').Views} views */
+  constructor(sceneView, terrain, views) {
+    Object.assign(this, {sceneView, terrain, views});
   }
 
   /** @return {?Vector3} in the scene */
   atPixel(x, y) {
-    return this.#first(this.stage.rayAt(x, y));
+    return this.#first(this.sceneView.rayAt(x, y));
   }
 
   /** The ground's height at a place in the scene, or null. */

@@ -19,8 +19,8 @@ export class Machines {
   following = null;
 
   /** @param {Object} site @param {number[]} origin @param {HTMLElement} tags @param {function(string)} pick */
-  constructor(site, origin, stage, tags, pick) {
-    this.stage = stage;
+  constructor(site, origin, sceneView, tags, pick) {
+    this.sceneView = sceneView;
     this.origin = origin;
     site.machines.forEach((machine, i) => {
       const color = kMachineColors[i % kMachineColors.length];
@@ -70,7 +70,7 @@ export class Machines {
       m.tag.hidden = false;
       m.moving = true;
     }
-    this.stage.changed();
+    this.sceneView.changed();
   }
 
   /** @return {boolean} whether something still moves */
@@ -90,7 +90,7 @@ export class Machines {
         links: m.to.links.map((p, i) => (same ? m.from.links[i].clone().lerp(p, t) : p)),
       };
       m.model.pose(m.at.position, m.at.rotation, m.at.links, m.fill);
-      if (this.following === m.name && before) this.stage.shift(m.at.position.clone().sub(before));
+      if (this.following === m.name && before) this.sceneView.shift(m.at.position.clone().sub(before));
     }
     return moving;
   }
@@ -112,12 +112,12 @@ export class Machines {
       if (!m.at) continue;
       const top = m.at.position.clone();
       top.z += 1.3 * (m.model.machine.height_m ?? 1);
-      const px = this.stage.project(top);
-      const inside = px && px[0] > -40 && px[0] < this.stage.width + 40 && px[1] > -20 && px[1] < this.stage.height + 20;
+      const px = this.sceneView.project(top);
+      const inside = px && px[0] > -40 && px[0] < this.sceneView.width + 40 && px[1] > -20 && px[1] < this.sceneView.height + 20;
       m.tag.classList.toggle('away', !inside || !this.group.visible);
       if (!inside) continue;
       // Its sides may lie between pixels, which these don't say.
-      const [x, y] = placeTag(px, {width: m.tag.offsetWidth + 1, height: m.tag.offsetHeight + 1}, this.stage, over);
+      const [x, y] = placeTag(px, {width: m.tag.offsetWidth + 1, height: m.tag.offsetHeight + 1}, this.sceneView, over);
       m.tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -100%)`;
     }
   }

@@ -7,16 +7,16 @@ import {$} from './dom.js';
 import * as format from './format.js';
 import {GroundPick} from './ground_pick.js';
 import {GroundUniforms} from './ground_uniforms.js';
-import {Hands, drawScale} from './hands.js';
+import {Controls, drawScale} from './controls.js';
 import {fillHelp} from './help.js';
 import {Legend} from './legend.js';
 import {Link} from './link.js';
 import {MachineTable} from './machine_table.js';
 import {Machines} from './machines.js';
-import {Marks} from './marks.js';
+import {Overlay} from './overlay.js';
 import {MeasureCards} from './measure_cards.js';
 import {Measures} from './measures.js';
-import {Stage} from './stage.js';
+import {SceneView} from './scene_view.js';
 import {hint, notice, openPanel, showConnection, showTotals, startDownloads, startPanels} from './surroundings.js';
 import {Terrain} from './terrain.js';
 import {startTheme} from './theme.js';
@@ -39,29 +39,29 @@ class Page {
     this.origin = [round((xmin + xmax) / 2), round((ymin + ymax) / 2), 0];
     this.middle = new Vector3((xmin + xmax) / 2 - this.origin[0], (ymin + ymax) / 2 - this.origin[1], 0);
     this.size_m = Math.hypot(xmax - xmin, ymax - ymin);
-    this.stage = new Stage($('canvas'));
-    this.stage.size_m = this.size_m;
-    const changed = () => this.stage.changed();
+    this.sceneView = new SceneView($('canvas'));
+    this.sceneView.size_m = this.size_m;
+    const changed = () => this.sceneView.changed();
     this.uniforms = new GroundUniforms();
     this.uniforms.values.voxel_m.value = site.voxel_size_m;
     this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
     this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, () => {
-      this.terrain.update(this.stage.camera, this.stage.height);   // what comes next needn't wait for a picture
+      this.terrain.update(this.sceneView.camera, this.sceneView.height);   // what comes next needn't wait for a picture
       changed();
     });
-    this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.stage.scene}, changed);
+    this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.sceneView.scene}, changed);
     const pick = (name) => this.follow(this.machines.following === name ? null : name);
-    this.machines = new Machines(site, this.origin, this.stage, $('tags'), pick);
-    this.stage.scene.add(this.terrain.group, this.machines.group);
+    this.machines = new Machines(site, this.origin, this.sceneView, $('tags'), pick);
+    this.sceneView.scene.add(this.terrain.group, this.machines.group);
     this.table = new MachineTable($('machine-table'), site, pick);
     this.legend = new Legend($('legend'), site, this.uniforms, changed);
     this.timeline = new Timeline($('time'), site.live, (time, against) => this.link.send({time, against}));
-    this.pick = new GroundPick(this.stage, this.terrain, this.views);
+    this.pick = new GroundPick(this.sceneView, this.terrain, this.views);
     this.measures = new Measures(() => this.shownTimes(), () => this.measuresChanged());
-    this.marks = new Marks($('marks'), this.stage, this.pick, this.measures, this.origin);
-    this.cards = new MeasureCards(this.measures, (m, d) => this.marks.pointAt(m, d), (m) => this.goToMeasure(m));
-    this.hands = new Hands({
-      stage: this.stage, pick: this.pick, marks: this.marks, measures: this.measures, origin: this.origin,
+    this.overlay = new Overlay($('marks'), this.sceneView, this.pick, this.measures, this.origin);
+    this.cards = new MeasureCards(this.measures, (m, d) => this.overlay.pointAt(m, d), (m) => this.goToMeasure(m));
+    this.controls = new Controls({
+      sceneView: this.sceneView, pick: this.pick, overlay: this.overlay, measures: this.measures, origin: this.origin,
       fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), done: () => openPanel('measures'),
       keys: {
         'c': () => this.legend.next(), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
@@ -73,10 +73,10 @@ class Page {
     this.setTheme(document.documentElement.dataset.theme);
     fillHelp(site);
     $('stage').addEventListener('wheel', () => this.follow(null), {passive: true, capture: true});
-    this.stage.controls.addEventListener('start', () => this.follow(null));
-    this.stage.beforeFrame.push(() => this.beforeFrame());
-    this.stage.beforeRender.push(() => this.beforeRender());
-    this.stage.afterFrame.push(() => this.afterFrame());
+    this.sceneView.controls.addEventListener('start', () => this.follow(null));
+    this.sceneView.beforeFrame.push(() => this.beforeFrame());
+    this.sceneView.beforeRender.push(() => this.beforeRender());
+    this.sceneView.afterFrame.push(() => this.afterFrame());
     this.setTimes(site.times);
     handle(this);
   }
@@ -88,7 +88,7 @@ class Page {
 
   setTheme(theme) {
     this.uniforms.values.exposure.value = theme === 'dark' ? 0.8 : 1;
-    this.stage.changed();
+    this.sceneView.changed();
   }
 
   /** Parameters of queries for what is shown. */
@@ -99,9 +99,9 @@ class Page {
   beforeFrame() {
     const changed = this.views.takeChange();
     const moving = this.machines.animate();
-    this.hands?.hover();
+    this.controls?.hover();
     if (changed) {
-      this.marks.drapeAgain();
+      this.overlay.drapeAgain();
       this.fitColours();
     }
     if (!this.fitted && this.lifted && this.live && this.views.settled && this.terrain.settled) this.fitWork(true);
@@ -110,9 +110,9 @@ class Page {
 
   /** The camera stands. */
   beforeRender() {
-    this.uniforms.values.pixel_ratio.value = this.stage.renderer.getPixelRatio();
+    this.uniforms.values.pixel_ratio.value = this.sceneView.renderer.getPixelRatio();
     this.terrain.showsDesign = this.legend.mode === 'design';
-    this.terrain.update(this.stage.camera, this.stage.height);
+    this.terrain.update(this.sceneView.camera, this.sceneView.height);
     if (!this.lifted && Number.isFinite(this.terrain.low)) {   // now it is known how high the ground lies
       this.lifted = true;
       this.middle.z = (this.terrain.low + this.terrain.high) / 2;
@@ -122,8 +122,8 @@ class Page {
 
   afterFrame() {
     this.machines.placeTags();
-    this.marks.draw();
-    this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.stage));
+    this.overlay.draw();
+    this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.sceneView));
     this.fitColours();
   }
 
@@ -135,8 +135,8 @@ class Page {
 
   fitSite(now = false) {
     this.follow(null);
-    const narrow = Math.min(1, this.stage.camera.aspect);
-    this.stage.lookAt(this.middle, (1.3 * this.size_m) / narrow, {azimuth: 0.4, elevation: 0.75, now});
+    const narrow = Math.min(1, this.sceneView.camera.aspect);
+    this.sceneView.lookAt(this.middle, (1.3 * this.size_m) / narrow, {azimuth: 0.4, elevation: 0.75, now});
   }
 
   /** To where the ground has changed, or where a machine is. */
@@ -153,7 +153,7 @@ class Page {
     const middle = box.getCenter(new Vector3()), size = box.getSize(new Vector3()).length();
     if (first && size < 0.02 * this.size_m) return;   // a look at the whole site says more
     this.follow(null);
-    this.stage.lookAt(middle, Math.max(6, 1.5 * size) / Math.min(1, this.stage.camera.aspect));
+    this.sceneView.lookAt(middle, Math.max(6, 1.5 * size) / Math.min(1, this.sceneView.camera.aspect));
   }
 
   follow(name) {
@@ -161,20 +161,20 @@ class Page {
     this.machines.following = name;
     this.table.follow(name);
     const at = name && this.machines.positionOf(name);
-    if (at) this.stage.lookAt(at, Math.min(this.stage.distance, 22 / Math.min(1, this.stage.camera.aspect)));
+    if (at) this.sceneView.lookAt(at, Math.min(this.sceneView.distance, 22 / Math.min(1, this.sceneView.camera.aspect)));
   }
 
   goToMeasure({points}) {
-    const local = points.map((p) => this.marks.local(p)), middle = new Vector3();
+    const local = points.map((p) => this.overlay.local(p)), middle = new Vector3();
     for (const p of local) middle.addScaledVector(p, 1 / local.length);
     const size = Math.max(...local.map((p) => p.distanceTo(middle)));
     this.follow(null);
-    this.stage.lookAt(middle, Math.max(6, 3.5 * size));
+    this.sceneView.lookAt(middle, Math.max(6, 3.5 * size));
   }
 
   measuresChanged() {
     this.cards?.update();
-    this.stage.changed();
+    this.sceneView.changed();
   }
 
   setTimes(times) {
@@ -213,7 +213,7 @@ class Page {
     this.sayConnection();
     this.measures.again();
     this.timeline.answered();
-    this.stage.changed();
+    this.sceneView.changed();
   }
 
   reconnected() {

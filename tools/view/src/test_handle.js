@@ -16,12 +16,12 @@ export function handle(page) {
     time: () => page.shownTimes().time ?? page.live?.time_s ?? null,
     /** Name and position of each machine as it is drawn. */
     machines: () => page.machines.places.map(({name, position}) => ({name, position: position && page.world(position)})),
-    frames: () => page.stage.frames,
-    memory: () => ({...page.stage.renderer.info.memory}),
+    frames: () => page.sceneView.frames,
+    memory: () => ({...page.sceneView.renderer.info.memory}),
     /** Pixels of the window where a place in the world is drawn, or null. */
     project: ([x, y, z]) => {
-      const at = page.stage.project(new Vector3(x - page.origin[0], y - page.origin[1], z - page.origin[2]));
-      const box = page.stage.canvas.getBoundingClientRect();
+      const at = page.sceneView.project(new Vector3(x - page.origin[0], y - page.origin[1], z - page.origin[2]));
+      const box = page.sceneView.canvas.getBoundingClientRect();
       return at && [at[0] + box.left, at[1] + box.top];
     },
     /** Height of the ground as it is drawn. */

@@ -45,7 +45,7 @@ struct JournalUpdate {
   std::uint32_t machine = 0;
   bool ends_update = true;  ///< else it goes on in the machine's next move
   double begin_s = std::numeric_limits<double>::quiet_NaN(), end_s = begin_s;
-  std::int64_t cut_samples = 0;     ///< of Soil::sample_m3()
+  std::int64_t cut_samples = 0;     ///< of Ground::sample_m3()
   std::int64_t bucket_samples = 0;  ///< after it; where soil moves in MassUnits, as what follows
   std::int64_t ns = 0;              ///< it took
   MotionRows rows = {};

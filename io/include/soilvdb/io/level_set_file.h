@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/io/error.h"
 
 namespace soilvdb::inline v0::io {
@@ -16,7 +16,7 @@ namespace soilvdb::inline v0::io {
 inline constexpr const char* kSurfaceGrid = "surface";
 
 struct LevelSetInput {
-  std::shared_ptr<const BaseSurface> surface;
+  std::shared_ptr<const InitialTerrain> surface;
   Eigen::AlignedBox3d bounds;  ///< of its narrow band, world
   std::string crs_wkt;         ///< empty: not known
   std::string grid;            ///< its name, where the file has other level sets, too; else empty

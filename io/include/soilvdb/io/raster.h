@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "soilvdb/base_surface.h"
+#include "soilvdb/ground.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/io/error.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0::io {
 
@@ -69,11 +69,11 @@ struct SurfaceRaster {
 /// In parallel.
 /// @param box in the world, m, not empty
 /// @throw std::invalid_argument unless 0 < cell_m and there are at most 2^31 cells.
-SurfaceRaster rasterise(const Soil& soil, const Eigen::AlignedBox2d& box, double cell_m);
+SurfaceRaster rasterise(const Ground& ground, const Eigen::AlignedBox2d& box, double cell_m);
 
 /// By how much the ground rose from one state to another in the cells of a raster of the latter, m.
 /// @param same_base as for difference()
-std::vector<float> rasterise_change(const Soil& before, const Soil& after, bool same_base,
+std::vector<float> rasterise_change(const Ground& before, const Ground& after, bool same_base,
                                     const SurfaceRaster& raster);
 
 }  // namespace soilvdb::inline v0::io

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "soilvdb/ground.h"
 #include "soilvdb/io/scenario.h"
-#include "soilvdb/soil.h"
 
 namespace soilvdb::inline v0::io {
 
@@ -21,7 +21,7 @@ struct BaseReference {
 
 /// A base surface, and the coordinate system it came with.
 struct Base {
-  std::shared_ptr<const BaseSurface> surface;
+  std::shared_ptr<const InitialTerrain> surface;
   BaseReference reference;
   std::string crs_wkt;         ///< empty: not known
   Eigen::AlignedBox2d bounds;  ///< where it is known, world; infinite for a plane
@@ -38,7 +38,7 @@ Base open_base(const Terrain& terrain);
 
 /// The ground of a site, and what goes with it into a snapshot.
 struct Site {
-  std::shared_ptr<Soil> soil;
+  std::shared_ptr<Ground> ground;
   BaseReference reference;
   std::string crs_wkt;
   Eigen::AlignedBox2d bounds;

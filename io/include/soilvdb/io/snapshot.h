@@ -52,7 +52,7 @@ struct SnapshotInfo {
 /// @param ground of which the surface is made where that isn't all there is of it: these chunks and
 ///        what is resident within two chunks of them
 std::string snapshot_bytes(const std::filesystem::path& file, const Site& site,
-                           const SnapshotInfo& info, const Soil* ground = nullptr);
+                           const SnapshotInfo& info, const Ground* ground = nullptr);
 
 /// Writes a snapshot, atomically.
 /// @param file where it goes: it refers to its base surface relative to its own folder

@@ -103,9 +103,9 @@ class Session {
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;
   Ledger total() const;
-  SiteLedger books() const;
+  MassBalance mass_balance() const;
   /// The same but for `ground`, without counting chunks.
-  SiteLedger booked() const;
+  MassBalance mass_balance_without_ground() const;
   /// Mass that a bucket holds; 0 where soil is rigid, for no density is known.
   double bucket_kg(std::size_t machine) const;
   double change_m3() const;  ///< volume of the ground less that of the terrain, counted anew
@@ -164,7 +164,7 @@ class Session {
   /// Keeps memory_bytes() to a limit: ground that wasn't used for longest goes to a file without a
   /// name. The same bits come of it. A limited session can't be cloned.
   /// @param folder for that file
-  void limit_memory(std::uint64_t bytes, const std::filesystem::path& folder);
+  void set_memory_limit(std::uint64_t bytes, const std::filesystem::path& folder);
 
  private:
   struct State;

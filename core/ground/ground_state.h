@@ -1,0 +1,92 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What a Ground holds: the tree, and what is noted of its chunks. For Ground and GroundWriter
+// alone.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <shared_mutex>
+#include <vector>
+
+#include "core/lattice/chunk_list.h"
+#include "soilvdb/sample_tree.h"
+
+namespace soilvdb::inline v0 {
+
+inline openvdb::Coord to_coord(const Coord3& c) { return {c.x(), c.y(), c.z()}; }
+
+struct Ground::State {
+  // How lately a chunk was used, where memory is limited (Chunk::used).
+  enum : std::uint8_t { kIdle, kUsed, kInUse };
+
+  using Accessor = openvdb::tree::ValueAccessor<SampleTree, false>;
+  using ConstAccessor = openvdb::tree::ValueAccessor<const SampleTree, false>;
+
+  const SampleGrid::Ptr grid = SampleGrid::create();
+  SampleTree& tree = grid->tree();
+  std::size_t chunks = 0, lower_nodes = 0, upper_nodes = 0;
+  ChunkList touched;                                // since followers were told
+  std::vector<std::weak_ptr<ChunkList>> followers;  // ChangeFollower's lists
+  /// Cells of chunks with soil above the base surface's, index space; empty if there are none.
+  Eigen::AlignedBox3i above;
+  std::atomic<bool> any_above = false;
+  /// Shared by who looks for leaves, alone by who adds them or changes what is above. A leaf itself
+  /// is its writer's: no lock is held while it is filled.
+  mutable std::shared_mutex mutex;
+
+  // Where memory is limited.
+  std::vector<Coord3> in_use;
+  std::uint64_t idle_bytes = 0;  // of the samples of chunks that are not in use
+  std::size_t hand = 0;          // of a clock: the leaf that was looked at last
+
+  State() = default;
+  State(const State& other);
+
+  SampleLeaf* find(const Coord3& origin) { return tree.probeLeaf(to_coord(origin)); }
+
+  void add(SampleLeaf* leaf, Accessor& accessor) {
+    const openvdb::Coord& at = leaf->origin();
+    if (accessor.probeNode<SampleLower>(at) == nullptr) {
+      if (accessor.probeNode<SampleUpper>(at) == nullptr) ++upper_nodes;
+      ++lower_nodes;
+    }
+    accessor.addLeaf(leaf);
+    ++chunks;
+  }
+  void touch(Chunk& chunk) {
+    if (!chunk.touched) touched.add(chunk.origin);
+    chunk.touched = true;
+  }
+  void note_above(const Chunk& chunk) {
+    if (!chunk.above) return;
+    above.extend(
+        Eigen::AlignedBox3i(chunk.origin, chunk.origin + Coord3::Constant(kChunkSide - 1)));
+    any_above.store(true, std::memory_order_release);
+  }
+  /// Notes that a chunk is in use, so that what it holds may change. @param fresh it wasn't there
+  void use(Chunk& chunk, bool fresh = false) {
+    if (chunk.used == kInUse) return;
+    if (!fresh) idle_bytes -= chunk.heap_bytes();
+    chunk.used = kInUse;
+    in_use.push_back(chunk.origin);
+  }
+
+  std::vector<SampleLeaf*> leaves() {
+    std::vector<SampleLeaf*> all;
+    all.reserve(chunks);
+    tree.getNodes(all);
+    return all;
+  }
+  /// The tree without the chunks' samples.
+  std::size_t bytes() const {
+    // A piece's length, and what rounds it up to sixteen bytes.
+    const auto piece = [](std::size_t size) { return (size + kHeapWord + 15) / 16 * 16; };
+    constexpr std::size_t kMapNode = 4 * sizeof(void*) + sizeof(openvdb::Coord) + 20;
+    return chunks * piece(sizeof(SampleLeaf)) + lower_nodes * piece(sizeof(SampleLower)) +
+           upper_nodes * (piece(sizeof(SampleUpper)) + piece(kMapNode)) + touched.bytes() +
+           in_use.capacity() * sizeof(Coord3);
+  }
+};
+
+}  // namespace soilvdb::inline v0

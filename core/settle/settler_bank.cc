@@ -1,0 +1,119 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Bank soil that becomes loose where it stands or hangs.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/constants.h"
+#include "core/settle/settler.h"
+#include "core/settle/whole_samples.h"
+
+namespace soilvdb::inline v0 {
+
+/// Makes what is in columns loose: it is taken out, and put back where it falls to.
+void Settler::loosen(Loosening& loosening) {
+  const Taken taken = remove_top(ground_, loosening.from, slope_, true);
+  totals_.pending += taken.bank * units_.bank + taken.loose * units_.loose;
+  totals_.failed_samples += taken.bank + taken.loose;
+  double whole = 0;
+  for (const double weight : loosening.weights) whole += weight;
+  WholeSamples share(static_cast<double>(totals_.pending / units_.loose) / whole);
+  for (std::size_t i = 0; i < loosening.to.size(); ++i)
+    loosening.to[i].samples = share.next(loosening.weights[i]);
+  const std::int64_t added = add_loose(ground_, loosening.to, slope_);
+  totals_.pending -= added * units_.loose;
+  totals_.fill_samples += added;
+}
+
+/// What hangs on nothing falls straight down, and so do overhangs that are too long.
+void Settler::break_overhangs(const Eigen::AlignedBox3i& around, const Obstacle& obstacle) {
+  for (int margin = kLedgeMargin, depth = kLedgeDepth;;) {
+    Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, depth),
+                            around.max() + Coord3(margin, margin, kLedgeHeadroom));
+    const Coord2 size = box.sizes().head<2>() + Coord2::Ones();
+    const GroundWindow window(base_, box.min().head<2>(), size.x(), size.y());
+    for (int x = 0; x < size.x(); ++x)
+      for (int y = 0; y < size.y(); ++y)
+        if (const auto& c = window.at(x, y); c.known)
+          box.max().z() = std::max(box.max().z(), cell_of(c.top) + kLedgeHeadroom);
+    BoundaryContact contact;
+    Loosening falls;
+    for (const UnsupportedPiece& piece :
+         find_overhangs(ground_, box, strength_ ? &overhang_strength_ : nullptr, contact)) {
+      if (obstacle.blocks(piece.cell.x(), piece.cell.y(), piece.high)) continue;
+      constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();
+      falls.from.push_back({piece.cell, piece.low, piece.high, kEverySample, false, 0, 0});
+      falls.to.push_back({piece.cell, piece.ground, piece.high + kFillCells, 0, false, 0, 0});
+      falls.weights.push_back(static_cast<double>(piece.bank * units_.bank) /
+                                  static_cast<double>(units_.loose) +
+                              static_cast<double>(piece.loose));
+    }
+    if (!falls.from.empty()) {
+      loosen(falls);
+    } else if (contact.holds && size.maxCoeff() < kMaxWindowCells) {
+      margin *= 2;
+    } else if (contact.ground && depth < kMaxWindowCells) {
+      depth *= kLedgeDepthFactor;
+    } else {
+      return;
+    }
+  }
+}
+
+/// Makes bank loose that stands too high for its cohesion. @param feet columns of cells at which
+/// something changed; grows by what fails
+/// @return whether some failed; nothing if the window is too small to know
+std::optional<bool> Settler::fail(const GroundWindow& window, Eigen::AlignedBox2i& feet,
+                                  const Obstacle& obstacle, bool last) {
+  Columns ground(window.nx(), window.ny(), 1);
+  ground.firm_m = ground.height_m;
+  ground.rigid.assign(ground.height_m.size(), 0);
+  const BlockedColumns blocked(window, obstacle);
+  for (int x = 0; x < window.nx(); ++x) {
+    for (int y = 0; y < window.ny(); ++y) {
+      const GroundWindow::Column& c = window.at(x, y);
+      const auto i = static_cast<std::size_t>(ground.index(x, y));
+      ground.height_m[i] = c.top;
+      ground.firm_m[i] = c.bank;
+      ground.rigid[i] = !c.known || blocked(x, y);
+    }
+  }
+  const Eigen::AlignedBox2i all(Coord2::Zero(), Coord2(window.nx() - 1, window.ny() - 1));
+  const Eigen::AlignedBox2i inside(feet.min() - window.first(), feet.max() - window.first());
+  const WallFailure failure =
+      find_wedge_failure(ground, inside.intersection(all), *strength_, [&](int x, int y) {
+        const Coord2 cell = window.first() + Coord2(x, y);
+        const GroundWindow::Column& c = window.at(x, y);
+        // Where a column is partly of one height and partly of another its mean is no ground.
+        if (c.bank - c.bank_full > kMaxPartialCells) return 0.0;
+        const double depth = base_.height(cell) - c.bank;
+        return depth > kMinDugDepth ? depth : 0;
+      });
+  if (failure.at_border && !last) return std::nullopt;
+  if (failure.failed.isEmpty()) return false;
+  Loosening wedge;
+  for (int x = failure.failed.min().x(); x <= failure.failed.max().x(); ++x) {
+    for (int y = failure.failed.min().y(); y <= failure.failed.max().y(); ++y) {
+      const WallFailure::Column& left =
+          failure.columns[static_cast<std::size_t>(ground.index(x, y))];
+      const GroundWindow::Column& c = window.at(x, y);
+      const auto samples = static_cast<std::int64_t>(std::llround(64 * (c.top - left.height)));
+      if (left.height >= c.bank || samples == 0) continue;
+      const double rise = (c.bank - left.height) * (1 + properties_.swell) + c.top - c.bank;
+      const Coord2 cell = window.first() + Coord2(x, y);
+      const int low = cell_of(left.height) - kFillCells;
+      wedge.from.push_back({cell, low, cell_of(c.top) + kFillCells, samples, false,
+                            static_cast<float>(left.slope.x()),
+                            static_cast<float>(left.slope.y())});
+      wedge.to.push_back({cell, low, cell_of(left.height + rise) + kFillCells, 0, false, 0, 0});
+      wedge.weights.push_back(64 * rise);
+      feet.extend(cell);
+    }
+  }
+  if (wedge.from.empty()) return false;
+  loosen(wedge);
+  return true;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,240 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/wall_failure.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "core/constants.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr double kHalfSector = std::numbers::pi / kSliceDirections;
+
+/// Unit vectors. Rounded, as C libraries differ in the last bits.
+const std::array<Vec2, kSliceDirections>& directions() {
+  static const std::array<Vec2, kSliceDirections> all = [] {
+    std::array<Vec2, kSliceDirections> made;
+    for (std::size_t i = 0; i < kSliceDirections; ++i) {
+      const double angle = 2 * kHalfSector * static_cast<double>(i);
+      made[i] = {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
+    }
+    return made;
+  }();
+  return all;
+}
+
+/// A plane along which a slice slides, along the slice's direction from the middle of its toe.
+struct FailurePlane {
+  double foot, end;  ///< where it begins and comes out
+  double slope;
+  double cohesion;  ///< that it needs, sides
+};
+
+/// Ground along a direction, from a column at the foot of a cut.
+class Slice {
+ public:
+  Slice(const Columns& ground, int x, int y, const Vec2& direction, const BankStrength& strength)
+      : ground_(ground), x_(x), y_(y), direction_(direction), strength_(strength) {}
+
+  /// @param most columns that a plane may go through
+  /// @param at_border set if the ground ends before it is known
+  std::optional<FailurePlane> weakest(int most, bool& at_border) {
+    if (!is_foot()) return std::nullopt;
+    read(most, at_border);
+    if (highest_ <= strength_.least_height()) return std::nullopt;
+    find_foot();
+    return weakest_plane();
+  }
+
+ private:
+  struct Heights {
+    double firm, top;
+  };
+  /// So many sides along the direction: between columns where all around are there.
+  std::optional<Heights> heights(int step) const {
+    const Vec2 at = Vec2(x_, y_) + step * direction_;
+    const int i = static_cast<int>(std::floor(at.x())), j = static_cast<int>(std::floor(at.y()));
+    const double u = at.x() - i, v = at.y() - j;
+    Heights sum{0, 0};
+    for (const auto& [dx, dy, share] : {std::tuple(0, 0, (1 - u) * (1 - v)),
+                                        {1, 0, u * (1 - v)},
+                                        {0, 1, (1 - u) * v},
+                                        {1, 1, u * v}}) {
+      if (share == 0) continue;
+      if (!ground_.open(i + dx, j + dy)) return nearest(at);
+      const int column = ground_.index(i + dx, j + dy);
+      sum.firm += share * ground_.firm_at(column);
+      sum.top += share * ground_.at(column);
+    }
+    return sum;
+  }
+  std::optional<Heights> nearest(const Vec2& at) const {
+    const int i = static_cast<int>(std::lround(at.x())), j = static_cast<int>(std::lround(at.y()));
+    if (!ground_.open(i, j)) return std::nullopt;
+    const int column = ground_.index(i, j);
+    return Heights{ground_.firm_at(column), ground_.at(column)};
+  }
+  double zero() const { return ground_.at(ground_.index(x_, y_)); }
+  double rise(int k) const { return rises_[static_cast<std::size_t>(k)]; }
+  int last() const { return static_cast<int>(rises_.size()) - 1; }
+
+  /// Bank rises from here more steeply than friction holds it, and it doesn't behind.
+  bool is_foot() const {
+    const auto next = heights(1), behind = heights(-1);
+    if (!next || next->firm - zero() <= strength_.friction) return false;
+    return !behind || zero() - behind->top <= strength_.friction;
+  }
+
+  /// Reads as far as a plane might come out.
+  void read(int most, bool& at_border) {
+    rises_ = {0};
+    weights_ = {0};
+    for (int k = 1; k <= most; ++k) {
+      const auto here = heights(k);
+      if (!here) {
+        const Vec2 at = Vec2(x_, y_) + k * direction_;
+        const bool outside = !ground_.has(static_cast<int>(std::lround(at.x())),
+                                          static_cast<int>(std::lround(at.y())));
+        const int before = std::max(0, last() - kBorderRiseColumns);
+        const bool rises = rise(last()) - rise(before) > strength_.friction * (last() - before);
+        at_border = at_border || (outside && (rises || highest_ > strength_.least_height()));
+        return;
+      }
+      const double firm = here->firm - zero(), top = here->top - zero();
+      rises_.push_back(firm);
+      weights_.push_back(firm + (top - firm) / strength_.swell);
+      highest_ = std::max(highest_, weights_.back());
+      // The wedge on a plane weighs less than the highest of it all along: flatter ones hold.
+      const double flattest = strength_.friction + strength_.cohesion / highest_;
+      if (k > 1 && firm <= flattest * (k - kMaxFootOffset)) return;
+    }
+  }
+
+  /// Where the cut begins, to a fraction of a column: that of the ramp whose columns rise at the
+  /// same mean place and with the same spread.
+  void find_foot() {
+    int face = 1;  // columns of it
+    while (face < last() && rise(face + 1) - rise(face) > strength_.friction) ++face;
+    double mean = 0, square = 0;
+    for (int k = 1; k <= face; ++k) {
+      const double share = (rise(k) - rise(k - 1)) / rise(face);
+      mean += share * (k - 0.5);
+      square += share * (k - 0.5) * (k - 0.5);
+    }
+    const double spread = std::max(0.0, square - mean * mean - kUprightSpread);
+    foot_ = std::clamp(mean - std::sqrt(3 * spread), 0.0, kMaxFootOffset);
+  }
+
+  std::optional<FailurePlane> weakest_plane() const {
+    std::optional<FailurePlane> weakest;
+    // Else what is left of a wedge would fail, and so on, until it is as flat as friction holds.
+    const bool cohesionless = strength_.least_height() < kMinCutHeight;
+    double most = 0, weight = 0;
+    double steepest = std::numeric_limits<double>::infinity();  // that is below all ground so far
+    for (int k = 1; k < last(); ++k) {
+      weight += weights_[static_cast<std::size_t>(k)];
+      if (k - foot_ < kMinFootWay) continue;
+      steepest = std::min(steepest, rise(k) / (k - foot_));
+      const double end = k + 0.5, way = end - foot_;
+      const double least = std::max(strength_.friction, rise(k + 1) / (k + 1 - foot_));
+      if (steepest <= strength_.friction) break;
+      if (least >= steepest) continue;  // it doesn't come out here
+      const auto look = [&](double slope) {
+        const double wedge = weight - slope / 2 * way * way;
+        if (wedge < kMinWedge) return;
+        const double needed = wedge * (slope - strength_.friction) / ((1 + slope * slope) * way);
+        if (cohesionless ? weakest && slope >= weakest->slope : needed <= most) return;
+        most = needed;
+        weakest = FailurePlane{foot_, end, slope, needed};
+      };
+      if (rise(k) - rise(k + 1) <= kFallOff) {
+        look(std::clamp((rise(k) + rise(k + 1)) / 2 / way, least, steepest));
+      } else {
+        for (int i = 1; i <= kSlicePlanes; ++i) look(least + (steepest - least) * i / kSlicePlanes);
+      }
+    }
+    return weakest;
+  }
+
+  const Columns& ground_;
+  int x_, y_;
+  Vec2 direction_;
+  BankStrength strength_;
+  std::vector<double> rises_, weights_;  // above the foot: of firm ground, as weight of bank
+  double highest_ = 0, foot_ = 0;
+};
+
+}  // namespace
+
+double BankStrength::least_height() const {
+  return 2 * cohesion * (friction + std::hypot(1, friction));
+}
+
+WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
+                               const BankStrength& strength,
+                               const std::function<double(int x, int y)>& dug) {
+  WallFailure failure;
+  const auto lower = [&](int x, int y, const Vec2& direction, const FailurePlane& plane) {
+    if (failure.columns.empty()) {
+      for (std::size_t c = 0; c < ground.height_m.size(); ++c)
+        failure.columns.push_back({ground.firm_at(static_cast<int>(c))});
+    }
+    const double zero = ground.at(ground.index(x, y));
+    const int far = static_cast<int>(plane.end) + 1;
+    // Of the foot's column as seen along the slice: those of a cut that runs askew leave no gaps.
+    const double half_width = (std::abs(direction.x()) + std::abs(direction.y())) / 2;
+    for (int i = std::max(0, x - far); i <= std::min(ground.nx - 1, x + far); ++i) {
+      for (int j = std::max(0, y - far); j <= std::min(ground.ny - 1, y + far); ++j) {
+        const Vec2 to(i - x, j - y);
+        const double along = to.dot(direction);
+        const double aside = std::abs(to.x() * direction.y() - to.y() * direction.x());
+        if (along <= 0 || along > plane.end || !ground.open(i, j)) continue;
+        if (aside > std::max(half_width, along * std::tan(kHalfSector))) continue;
+        const double height = zero + plane.slope * std::max(0.0, along - plane.foot);
+        WallFailure::Column& column = failure.columns[static_cast<std::size_t>(ground.index(i, j))];
+        if (height >= column.height) continue;
+        column = {height, plane.slope * direction};
+        failure.failed.extend(Coord2(i, j));
+      }
+    }
+  };
+  const auto rises = [&](int x, int y) {
+    const double zero = ground.at(ground.index(x, y));
+    for (int i = x - 1; i <= x + 1; ++i)
+      for (int j = y - 1; j <= y + 1; ++j)
+        if (ground.open(i, j) && ground.firm_at(ground.index(i, j)) - zero > strength.friction)
+          return true;
+    return false;
+  };
+  std::vector<std::pair<Vec2, FailurePlane>> planes;
+  for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
+    for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
+      if (!ground.open(x, y) || !rises(x, y)) continue;
+      const int most = static_cast<int>(kMaxPlaneDepths * dug(x, y));
+      planes.clear();
+      bool fails = false;
+      for (const Vec2& direction : directions()) {
+        Slice slice(ground, x, y, direction, strength);
+        const auto plane = slice.weakest(most, failure.at_border);
+        if (!plane) continue;
+        planes.emplace_back(direction, *plane);
+        fails = fails || plane->cohesion > strength.cohesion;
+      }
+      // Slices at different angles to a cut need the same but for what columns err by.
+      for (const auto& [direction, plane] : planes)
+        if (fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
+          lower(x, y, direction, plane);
+    }
+  }
+  return failure;
+}
+
+}  // namespace soilvdb::inline v0

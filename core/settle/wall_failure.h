@@ -1,0 +1,55 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Cuts in bank soil that are too high for its cohesion, on ground given as heights of columns.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "core/settle/columns.h"
+#include "core/settle/ground_window.h"
+
+namespace soilvdb::inline v0 {
+
+/// What holds bank soil together, in units of its weight and of the columns' sides.
+struct BankStrength {
+  double cohesion = 0;  ///< over unit weight, sides
+  double friction = 0;  ///< tangent of the angle of friction
+  double swell = 1;     ///< loose volume over bank volume: what lies on a bank weighs so much less
+
+  /// No cut that is lower fails: half the critical height of a vertical one, as ground that falls
+  /// off again behind a cut may weigh twice as much as ground that is level there.
+  double least_height() const;
+};
+
+/// What is left standing.
+struct WallFailure {
+  struct Column {
+    double height;     ///< below which bank stands; its firm height where none fails
+    Vec2 slope{0, 0};  ///< of the plane along which it fails
+  };
+  std::vector<Column> columns;
+  Eigen::AlignedBox2i failed;  ///< columns of which soil fails; empty: all stands
+  bool at_border = false;      ///< a plane may go on beyond the ground: it is too small
+};
+
+/// Finds the planes along which soil slides off behind feet of cuts: those through a foot that need
+/// the most cohesion, if that is more than there is (Culmann 1866: c = W sin(theta - phi) /
+/// (L cos phi) for a wedge of weight W on a plane of length L and angle theta). Wedges are looked
+/// at in vertical slices, in 32 directions from each foot; loose soil on one weighs, but doesn't
+/// hold.
+///
+/// Accuracy: a straight cut fails within one side of its critical height, and its crest is within
+/// two sides of where its plane comes out, if it is some 20 sides high.
+/// Caveats: each slice stands or falls by itself, so narrow pits fail like long trenches. Planes
+/// much longer than what was dug at their foot is deep aren't looked at: a slope that stood before
+/// a small cut stands after. No water, no cracks, no curved surfaces.
+///
+/// @param ground heights in sides; rigid columns stand, and nothing fails through them
+/// @param feet columns of the ground in which to look for feet of cuts
+/// @param dug how much lower a column's bank is than it was, sides; 0: no foot can be there
+WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i& feet,
+                               const BankStrength& strength,
+                               const std::function<double(int x, int y)>& dug);
+
+}  // namespace soilvdb::inline v0

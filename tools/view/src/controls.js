@@ -1,0 +1,153 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What people do in the picture: tools, clicks that place points, keys, and the camera's buttons.
+import {$, h, svg} from './dom.js';
+import * as format from './format.js';
+import {kTools} from './measures.js';
+import {hint} from './surroundings.js';
+
+const kIcons = {
+  look: 'M3 12s3.5-6 9-6 9 6 9 6-3.5 6-9 6-9-6-9-6zm9-2.5a2.5 2.5 0 1 0 0 5 2.5 2.5 0 1 0 0-5z',
+  boundary: 'M5 6l12-2 3 11-9 6-8-6z', section: 'M3 18h4l3-7 4 4 3-9h4M3 21.5h18',
+  height: 'M12 21v-9m0 0 4 4m-4-4-4 4M4 4.5h16', distance: 'M4 20 20 4M4 14v6h6M14 4h6v6',
+};
+const kClick_px = 6, kClick_ms = 600;
+
+export class Controls {
+  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork, keys: by name, what they do */
+  constructor(parts) {
+    Object.assign(this, parts);
+    this.buttons = Object.entries(kTools).map(([tool, {name, key}]) => {
+      const button = h('button', {
+        type: 'button', role: 'radio', 'data-tool': tool, 'aria-checked': 'false', 'aria-keyshortcuts': key,
+        title: `${name} (${key.toUpperCase()})`, onclick: () => this.choose(tool),
+      }, svg('svg', {viewBox: '0 0 24 24', 'aria-hidden': 'true'}, svg('path', {d: kIcons[tool]})), h('span', {}, name));
+      $('tools').append(button);
+      return button;
+    });
+    this.choose('look');
+    this.#listenToPointer();
+    addEventListener('keydown', (event) => this.#key(event));
+    $('north').onclick = () => this.north();
+    $('above').onclick = () => this.above();
+    $('whole').onclick = () => this.fitSite();
+    $('work').onclick = () => this.fitWork();
+  }
+
+  choose(tool) {
+    this.measures.choose(tool);
+    $('stage').dataset.tool = tool;
+    for (const button of this.buttons) {
+      button.setAttribute('aria-checked', String(button.dataset.tool === tool));
+      button.tabIndex = 0;
+    }
+    hint(kTools[tool].hint);
+  }
+
+  north() {
+    const {sceneView} = this, from = sceneView.camera.position.clone().sub(sceneView.controls.target);
+    sceneView.lookAt(sceneView.controls.target, sceneView.distance, {azimuth: 0, elevation: Math.asin(Math.min(1, from.z / from.length()))});
+  }
+
+  above() {
+    this.sceneView.lookAt(this.sceneView.controls.target, this.sceneView.distance, {azimuth: this.sceneView.azimuth, elevation: 0.499 * Math.PI});
+  }
+
+  #world(p) {
+    return [p.x + this.origin[0], p.y + this.origin[1], p.z + this.origin[2]];
+  }
+
+  #listenToPointer() {
+    const {canvas} = this.sceneView;
+    let down = null, touches = 0;
+    canvas.addEventListener('pointerdown', (event) => {
+      touches = event.isPrimary ? 1 : touches + 1;
+      down = event.button === 0 && touches === 1 ? {x: event.clientX, y: event.clientY, time: event.timeStamp} : null;
+    });
+    canvas.addEventListener('pointerup', (event) => {
+      if (!down || Math.hypot(event.clientX - down.x, event.clientY - down.y) > kClick_px ||
+          event.timeStamp - down.time > kClick_ms) return;
+      down = null;
+      const [x, y] = this.#pixel(event);
+      this.#point(x, y);
+    });
+    canvas.addEventListener('dblclick', () => this.#finish());
+    canvas.addEventListener('pointermove', (event) => {
+      this.pointer = event.pointerType === 'touch' ? null : this.#pixel(event);
+      this.hovered = false;
+      if (this.measures.draft.length > 0) this.sceneView.changed();
+    });
+    canvas.addEventListener('pointerleave', () => {
+      this.pointer = null;
+      this.hovered = false;
+    });
+  }
+
+  #pixel(event) {
+    const box = this.sceneView.canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  #point(x, y) {
+    const {measures} = this;
+    if (measures.tool === 'look') return;
+    if (this.overlay.closes(x, y)) {
+      this.#finish();
+      return;
+    }
+    const p = this.pick.atPixel(x, y);
+    if (!p) {
+      hint('There is no ground here', 2);
+      return;
+    }
+    const last = measures.draft[measures.draft.length - 1], at = this.#world(p);
+    if (last && Math.hypot(at[0] - last[0], at[1] - last[1]) < 1e-6) return;   // a double click's second
+    measures.place(at);
+    if (measures.draft.length === 0) this.done();
+  }
+
+  #finish() {
+    if (this.measures.tool === 'boundary' && this.measures.finish()) this.done();
+  }
+
+  /** Where the pointer is on the ground; once a frame at most. */
+  hover() {
+    if (this.hovered) return;
+    this.hovered = true;
+    const p = this.pointer ? this.pick.atPixel(...this.pointer) : null;
+    this.overlay.cursor = p;
+    const text = p ? this.#world(p) : null;
+    $('position').textContent = text ? `E ${format.coordinate(text[0])}  N ${format.coordinate(text[1])}  height ${format.coordinate(text[2])} m` : '';
+    if (this.measures.draft.length > 0) this.sceneView.changed();
+  }
+
+  #key(event) {
+    const inField = event.target.closest('input, select, textarea, dialog');
+    if (event.ctrlKey || event.metaKey || event.altKey || inField) return;
+    const onCanvas = event.target === this.sceneView.canvas, key = event.key;
+    const tool = Object.keys(kTools).find((t) => kTools[t].key === key.toLowerCase());
+    if (tool) this.choose(tool);
+    else if (key === 'Escape') this.measures.draft.length > 0 ? this.measures.choose(this.measures.tool) : this.choose('look');
+    else if (key === 'Enter' && onCanvas) this.#finish();
+    else if (key === ' ' && onCanvas) this.#point(this.sceneView.width / 2, this.sceneView.height / 2);
+    else if (key === 'Backspace') this.measures.undo();
+    else if (key === 'n') this.north();
+    else if (key === 't') this.above();
+    else if (key === 'f') this.fitSite();
+    else if (key === 'g') this.fitWork();
+    else if (this.keys[key]) this.keys[key]();
+    else return;
+    event.preventDefault();
+  }
+}
+
+/** A ruler of round length, and the needle. @param {import('./scene_view.js').SceneView} sceneView */
+export function drawScale(sceneView) {
+  const about = 90 * sceneView.pixel_m, metres = format.roundDown125(about);
+  $('scale-bar').style.width = `${(metres / sceneView.pixel_m).toFixed(1)}px`;
+  const text = metres >= 1000 ? `${metres / 1000}\u2009km` : metres >= 1 ? `${metres}\u2009m` : `${Math.round(100 * metres)}\u2009cm`;
+  if ($('scale-text').textContent !== text) $('scale-text').textContent = text;
+  $('needle').setAttribute('transform', `rotate(${((-sceneView.azimuth * 180) / Math.PI).toFixed(1)} 12 12)`);
+  return metres;
+}
+

@@ -1,0 +1,119 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Boundaries, sections and points as lines over the picture, draped on the ground.
+import {Vector3} from 'three';
+import {svg} from './dom.js';
+import * as format from './format.js';
+
+const kDrape = 24;   // points along each side
+
+export class Overlay {
+  #draped = new Map();
+  cursor = null;   // where the pointer is on the ground, in the scene
+  spot = null;     // where a section's chart is pointed at, in the scene
+
+  /** @param {SVGElement} element @param {import('./scene_view.js').SceneView} sceneView @param {import('./ground_pick.js').GroundPick} pick */
+  constructor(element, sceneView, pick, measures, origin) {
+    Object.assign(this, {element, sceneView, pick, measures, origin});
+  }
+
+  local(p) {
+    return new Vector3(p[0] - this.origin[0], p[1] - this.origin[1], p[2] - this.origin[2]);
+  }
+
+  /** The ground has changed: lines are to lie on it. */
+  drapeAgain() {
+    this.#draped.clear();
+  }
+
+  /** Points along the way between places, on the ground. */
+  #drape(points, closed) {
+    const key = points.map((p) => p.join()).join(';') + closed;
+    const known = this.#draped.get(key);
+    if (known) return known;
+    const out = [], ends = points.map((p) => this.local(p));
+    if (closed) ends.push(ends[0]);
+    for (let i = 0; i + 1 < ends.length; ++i) {
+      for (let k = 0; k < kDrape; ++k) {
+        const p = ends[i].clone().lerp(ends[i + 1], k / kDrape);
+        p.z = this.pick.heightAt(p.x, p.y) ?? p.z;
+        out.push(p);
+      }
+    }
+    const last = ends[ends.length - 1].clone();
+    last.z = this.pick.heightAt(last.x, last.y) ?? last.z;
+    out.push(last);
+    this.#draped.set(key, out);
+    return out;
+  }
+
+  #path(points) {
+    let path = '', pen = false;
+    for (const p of points) {
+      const px = this.sceneView.project(p);
+      if (px) path += `${pen ? 'L' : 'M'}${px[0].toFixed(1)} ${px[1].toFixed(1)}`;
+      pen = px !== null;
+    }
+    return path;
+  }
+
+  #shape(points, closed, letter) {
+    const line = this.#path(points.length > 1 ? this.#drape(points, closed) : []);
+    const parts = [svg('path', {class: 'mark-halo', d: line}), svg('path', {class: 'mark-line', d: line})];
+    if (closed) parts.unshift(svg('path', {class: 'mark-area', d: line}));
+    points.forEach((p, i) => {
+      const px = this.sceneView.project(this.local(p));
+      if (!px) return;
+      const first = i === 0 && letter;
+      parts.push(svg('circle', {class: 'mark-dot', cx: px[0], cy: px[1], r: first ? 9 : 4}));
+      if (first) parts.push(svg('text', {class: 'mark-letter', x: px[0], y: px[1]}, letter));
+    });
+    return parts;
+  }
+
+  /** Draws all anew; called after each picture. */
+  draw() {
+    const {list, draft, tool} = this.measures;
+    if (list.length === 0 && draft.length === 0 && !this.spot && this.element.childElementCount === 0) return;
+    const parts = [];
+    for (const m of [...list].reverse()) parts.push(...this.#shape(m.points, m.kind === 'boundary', m.letter));
+    if (draft.length > 0) {
+      parts.push(...this.#shape(draft, false, ''));
+      if (this.cursor) {
+        const from = this.local(draft[draft.length - 1]), line = this.#path([from, this.cursor]);
+        parts.push(svg('path', {class: 'mark-halo', d: line}), svg('path', {class: 'mark-line', d: line, 'stroke-dasharray': '5 4'}));
+        const px = this.sceneView.project(this.cursor);
+        if (px && tool !== 'boundary') {
+          const level = Math.hypot(this.cursor.x - from.x, this.cursor.y - from.y);
+          parts.push(svg('text', {class: 'mark-text', x: px[0], y: px[1] - 14}, format.length(level)));
+        }
+      }
+    }
+    if (this.spot) {
+      const px = this.sceneView.project(this.spot);
+      if (px) parts.push(svg('circle', {class: 'mark-dot', cx: px[0], cy: px[1], r: 6}));
+    }
+    this.element.replaceChildren(...parts);
+  }
+
+  /** Marks the place so far along a section; null: none. */
+  pointAt(measure, distance_m) {
+    if (distance_m === null) {
+      this.spot = null;
+    } else {
+      const [a, b] = measure.points.map((p) => this.local(p));
+      const p = a.clone().lerp(b, distance_m / Math.hypot(b.x - a.x, b.y - a.y));
+      p.z = this.pick.heightAt(p.x, p.y) ?? p.z;
+      this.spot = p;
+    }
+    this.sceneView.changed();
+  }
+
+  /** Whether a pixel is on the draft's first point, which closes a boundary. */
+  closes(x, y) {
+    const {draft, tool} = this.measures;
+    if (tool !== 'boundary' || draft.length < 3) return false;
+    const px = this.sceneView.project(this.local(draft[0]));
+    return px !== null && Math.hypot(px[0] - x, px[1] - y) < 14;
+  }
+}
