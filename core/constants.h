@@ -114,6 +114,9 @@ inline constexpr double kPathTolerance = 1e-3;
 /// segments are about as large. Larger boxes meet chunks in vain, smaller ones meet each chunk too
 /// often.
 inline constexpr double kPathStride = 16;
+/// Number of parts that a thread makes of one machine's updates in a batch. With more parts threads
+/// meet at the lock more often. With fewer parts one thread waits longer for the other at the end.
+inline constexpr std::size_t kPartsOfSequence = 16;
 /// Largest bend of a path that only bounds the places of a bucket, voxels. A larger value takes
 /// more moves in the air for moves in the ground. A smaller one makes more poses.
 inline constexpr double kCoarseBend = 1;

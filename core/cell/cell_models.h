@@ -15,7 +15,10 @@ struct Curvature {
   float uu = 0, uv = 0, vv = 0;  ///< 1/voxel; of a ball of soil positive
 };
 
-/// The models of the cells of a CellGrid.
+/// The models of the cells of a CellGrid: fit_plane() in each cell, solve_crease() where one plane
+/// does not explain the samples, then a shift of the planes to the counted volume. Planes that
+/// explain all samples need not hold it. Creases are solved for all cells at once, in two sweeps:
+/// the order of cells does not matter.
 ///
 /// A cell's model depends on the words within a chunk of it and on nothing else: not on the grid,
 /// its neighbours' order or threads.

@@ -1,6 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the ground holds of memory, and how it keeps to a limit.
+// What the ground holds of memory, and how it keeps to a limit: by the clock algorithm. A hand goes
+// round all chunks and pages out those that were not used since its last visit. Chunks in use stand
+// in a list and the rest in a sum, so the memory is known without a look at all chunks. The leaf of
+// a chunk stays, about a quarter of its memory, so no lower limit can be kept.
 #include <stdexcept>
 #include <string>
 

@@ -20,8 +20,8 @@ namespace soilvdb::inline v0 {
 /// as they were, bit for bit. The result of a call is the same for any number of threads.
 ///
 /// Several writers of one ground may edit() at once where they change different chunks: leaves are
-/// made and filled apart from the tree, each by one thread, and added to it under a lock. All other
-/// members run beside nothing.
+/// made and filled apart from the tree, each by one thread, and added to it under a lock, because
+/// OpenVDB's trees must not be read while nodes are added. All other members run beside nothing.
 class GroundWriter {
  public:
   explicit GroundWriter(Ground& ground) : ground_(ground) {}

@@ -212,14 +212,12 @@ void Machine::dump(const Ground& ground, const Pose& at, double time_s) {
 
 Eigen::AlignedBox3d Machine::workspace(const Ground& ground, std::span<const Pose> path) const {
   Eigen::AlignedBox3d box;
-  const auto add = [&](const Pose& pose) {
-    for (const Vec3& p : extremes_) box.extend(ground.index_from_world(pose * p));
-  };
+  const auto add = [&](const Pose& pose) { box.extend(ground.index_from_world(pose.position)); };
   if (placed_) add(current_);
   for (const Pose& pose : path) add(pose);
   if (box.isEmpty()) return box;
-  // Arcs between poses, and the rest of a chunk.
-  const Vec3 wide = Vec3::Constant(radius_m_ / ground.voxel_size_m() + 2 * kChunkSide);
+  // The bucket, arcs between poses, and the rest of a chunk.
+  const Vec3 wide = Vec3::Constant(2 * radius_m_ / ground.voxel_size_m() + 2 * kChunkSide);
   return {box.min() - wide, box.max() + wide};
 }
 

@@ -3,10 +3,12 @@
 #include "soilvdb/tracker.h"
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <mutex>
 #include <numeric>
 #include <stdexcept>
 #include <string>
@@ -70,6 +72,44 @@ std::vector<std::size_t> groups_of(const std::vector<Eigen::AlignedBox3d>& boxes
     }
   }
   return group;
+}
+
+/// Calls `run` for each element of each sequence, on all threads of the arena; the elements of one
+/// sequence in their order. A thread continues the sequence with most elements left, so that all
+/// sequences end at about the same time.
+template <typename F>
+void run_sequences(const std::vector<std::vector<std::size_t>>& sequences, const F& run) {
+  struct Progress {
+    std::size_t next = 0;
+    bool is_taken = false;
+  };
+  std::vector<Progress> all(sequences.size());
+  std::mutex mutex;
+  const auto left = [&](std::size_t s) { return sequences[s].size() - all[s].next; };
+  const auto take_longest = [&] {
+    std::size_t longest = all.size();
+    for (std::size_t s = 0; s < all.size(); ++s)
+      if (!all[s].is_taken && left(s) > (longest < all.size() ? left(longest) : 0)) longest = s;
+    if (longest < all.size()) all[longest].is_taken = true;
+    return longest;
+  };
+  const auto work = [&](std::size_t) {
+    std::unique_lock lock(mutex);
+    for (std::size_t s = take_longest(); s < all.size(); s = take_longest()) {
+      const std::size_t begin = all[s].next;
+      const std::size_t end =
+          std::min(sequences[s].size(), begin + 1 + sequences[s].size() / kPartsOfSequence);
+      lock.unlock();
+      tbb::this_task_arena::isolate([&] {  // a stroke must not wait for another sequence
+        for (std::size_t i = begin; i < end; ++i) run(sequences[s][i]);
+      });
+      lock.lock();
+      all[s] = {end, false};
+    }
+  };
+  const int threads = tbb::this_task_arena::max_concurrency();
+  const std::size_t workers = std::min(sequences.size(), static_cast<std::size_t>(threads));
+  tbb::parallel_for(std::size_t{0}, workers, work, tbb::simple_partitioner{});
 }
 
 }  // namespace
@@ -190,9 +230,7 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
     });
     updates[i].us += planning_us;
   };
-  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t g) {
-    for (const std::size_t i : groups[g]) run(i);
-  });
+  run_sequences(groups, run);
   return updates;
 }
 
@@ -205,21 +243,21 @@ std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves
     std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
     return groups;
   }
-  std::vector<std::vector<Pose>> paths(machines_.size());
-  for (const Move& move : moves) {
-    std::vector<Pose>& path = paths[move.machine];
-    if (move.motion == nullptr) {
-      path.push_back(move.to);
-    } else {
-      const Bucket& bucket = machines_[move.machine]->bucket();
-      const auto traced = move.motion->trace(move.begin_s, move.end_s, bucket,
-                                             kCoarseBend * ground_.voxel_size_m(), kAnyStride);
-      path.insert(path.end(), traced.begin(), traced.end());
+  std::vector<Eigen::AlignedBox3d> workspaces(machines_.size());
+  tbb::parallel_for(std::size_t{0}, machines_.size(), [&](std::size_t m) {
+    std::vector<Pose> path;
+    for (const Move& move : moves) {
+      if (move.machine != m) continue;
+      if (move.motion == nullptr) {
+        path.push_back(move.to);
+      } else {
+        const auto traced = move.motion->trace(move.begin_s, move.end_s, machines_[m]->bucket(),
+                                               kCoarseBend * ground_.voxel_size_m(), kAnyStride);
+        path.insert(path.end(), traced.begin(), traced.end());
+      }
     }
-  }
-  std::vector<Eigen::AlignedBox3d> workspaces;
-  for (std::size_t m = 0; m < machines_.size(); ++m)
-    workspaces.push_back(machines_[m]->workspace(ground_, paths[m]));
+    workspaces[m] = machines_[m]->workspace(ground_, path);
+  });
   const std::vector<std::size_t> group = groups_of(workspaces);
   for (std::size_t i = 0; i < moves.size(); ++i) groups[group[moves[i].machine]].push_back(i);
   std::erase_if(groups, [](const auto& list) { return list.empty(); });
@@ -318,8 +356,7 @@ MassBalance Tracker::mass_balance_without_ground() const {
     balance.poured += poured(earthmoving_.pours[i], poured_parts_[i]);
   balance.hauled = totals.hauled;
   balance.slid = totals.slid;
-  balance.fill_samples = totals.fill_samples;
-  balance.failed_samples = totals.failed_samples;
+  balance.fill_samples = totals.fill_samples - totals.failed_samples;
   return balance;
 }
 

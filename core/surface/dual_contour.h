@@ -27,7 +27,8 @@ struct Contour {
 };
 
 /// Dual contouring (Ju et al. 2002) with a vertex for each sheet of the surface in a dual cell, so
-/// that sheets which come close don't touch.
+/// that sheets which come close don't touch. Signs are those of voxel centres; in an ambiguous face
+/// the models decide its middle.
 ///
 /// Guarantees: no edge has more than two triangles; edges with one are where the chunks asked for
 /// end; the vertices and triangles about an edge of the grid depend on the models of the voxels

@@ -30,7 +30,7 @@ std::size_t utf8_length(const std::string& s, std::size_t at) {
   return n;
 }
 
-/// Cairo refuses to draw anything more after one invalid byte.
+/// After one invalid byte cairo draws nothing more.
 std::string printable_glyphs(const std::string& s) {
   std::string out;
   for (std::size_t i = 0; i < s.size();) {

@@ -42,7 +42,7 @@ struct TextStyle {
 /// A white picture. Not copyable; one thread at a time.
 class Canvas {
  public:
-  /// @throw std::runtime_error if there isn't enough memory.
+  /// @throw std::runtime_error if there is not enough memory.
   Canvas(int width, int height);
 
   int width() const { return width_; }
@@ -57,10 +57,10 @@ class Canvas {
 
   void text(double x, double y, const std::string& utf8, const TextStyle& style = {});
   double text_width(const std::string& utf8, const TextStyle& style = {});
-  /// The text, its end replaced by an ellipsis as far as it is wider than `width`.
+  /// The text, cut to `width` px with an ellipsis at its end if it is wider.
   std::string fitted(const std::string& utf8, const TextStyle& style, double width);
 
-  /// @throw std::runtime_error if cairo can't make it.
+  /// @throw std::runtime_error if cairo fails.
   std::string png();
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A picture of what changed between two states of a site.
+// A picture of the changes between two states of a site.
 #pragma once
 
 #include <filesystem>
@@ -10,10 +10,9 @@
 
 namespace soilvdb::inline v0::io {
 
-/// The plan of write_plan(), of the ground after, with what was cut and filled since `before` in
-/// colour.
-/// @param changed what changed, world, m; shown with a margin
-/// @param filled soil was added anywhere
+/// write_plan() of the ground `after`, with cut and fill since `before` in colour.
+/// @param changed box of all changes, world, m; the picture adds a margin
+/// @param filled true if soil was added anywhere
 /// @throw std::runtime_error naming the file and the cause.
 void write_change_plan(const std::filesystem::path& file, const Ground& before, const Ground& after,
                        const Eigen::AlignedBox2d& changed, bool filled, const Caption& caption);

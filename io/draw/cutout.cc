@@ -33,7 +33,7 @@ class Columns {
     const double x = slope(1, 0), y = slope(0, 1);
     return 1 / std::sqrt(1 + x * x + y * y);
   }
-  /// Voxels to the nearest column that is known, or is not; kBand + 1 if there is none near.
+  /// Voxels to the nearest column with (to_known) or without a height; kBand + 1 if it is farther.
   double distance(int i, int j, bool to_known, int& near_i, int& near_j) const {
     double best = kBand + 1;
     for (int dj = -kBand; dj <= kBand; ++dj) {
@@ -67,7 +67,7 @@ openvdb::FloatGrid::Ptr cutout_of_heights(const Relief& relief, double bottom_m,
   grid->transform().postTranslate(
       {first.x(), first.y(), bottom_m + relief.datum_m + h / 2 - origin.z()});
   auto voxels = grid->getAccessor();
-  // The underside is at k = -0.5. Sides and underside are flat: their distance is along one axis.
+  // The underside is at k = -0.5. Sides and underside are flat: distances run along one axis.
   for (int j = -kBand; j < relief.ny + kBand; ++j) {
     for (int i = -kBand; i < relief.nx + kBand; ++i) {
       const bool known = columns.known(i, j);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A block of ground cut out of the site as a closed level set, which is what a view shows.
+// A block of ground, cut out of the site as a closed level set, for views.
 #pragma once
 
 #include <openvdb/openvdb.h>
@@ -9,11 +9,11 @@
 
 namespace soilvdb::inline v0::io {
 
-/// A level set of the ground from its heights, flat below and at the sides; where there is no
-/// ground the block has a hole. Undercuts are lost: for sites too large for their voxels.
-/// @param relief of square cells, one voxel each
+/// A level set of the ground from its heights, with a flat underside and flat sides. Where there is
+/// no ground the block has a hole. Undercuts are lost: use it for sites too large for voxels.
+/// @param relief with square cells, one voxel each
 /// @param bottom_m height of the underside, m above the relief's datum
-/// @param origin taken from world coordinates to get those of the grid's transform
+/// @param origin world coordinates of the origin of the grid's transform, m
 openvdb::FloatGrid::Ptr cutout_of_heights(const Relief& relief, double bottom_m,
                                           const Vec3& origin);
 

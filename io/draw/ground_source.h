@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the pictures ask of the ground, so that they can also be drawn of plain functions.
+// The ground as functions, so that pictures can also show plain functions.
 #pragma once
 
 #include <functional>
@@ -14,12 +14,12 @@ namespace soilvdb::inline v0::io {
 struct DrawnGround {
   HeightFunction now, base;
   double voxel_size_m = 0;
-  Eigen::AlignedBox2d changed;  ///< holds all that changed; empty where nothing did
-  bool filled = false;          ///< soil was added; else what is higher than it was is noise
-  /// Share of the soil about a point of the world that is loose; null: none is anywhere.
+  Eigen::AlignedBox2d changed;  ///< holds all changes; empty where nothing changed
+  bool filled = false;          ///< soil was added; if false, a rise is noise
+  /// Loose share of the soil about a point of the world; null if no soil is loose.
   std::function<double(const Vec3&)> loose = {};
 
-  /// Changes of less than this aren't drawn: the surface may be as much off.
+  /// Smaller changes are not drawn: the surface's error may be as large.
   double least_m() const { return 0.1 * voxel_size_m; }
 };
 
@@ -30,11 +30,11 @@ std::function<double(const Vec3&)> loose_of(const Ground& ground);
 /// Samples both surfaces at the centres of nx x ny cells.
 Relief relief_of(const DrawnGround& ground, const Eigen::AlignedBox2d& box, int nx, int ny);
 
-/// One scale for every picture of a box, however coarse its pixels are.
+/// The same scale for every picture of a box, whatever its resolution.
 ChangeScale change_scale(const DrawnGround& ground, const Eigen::AlignedBox2d& box);
 
-/// A box that can be drawn: finite, and grown about its centre to at least twelve to one and 4
-/// voxels. @throw std::invalid_argument if it is empty or not finite.
+/// Grows a box about its centre so that it can be drawn: sides at most 12:1, and at least 4 voxels.
+/// @throw std::invalid_argument if it is empty or not finite.
 Eigen::AlignedBox2d drawable(const Eigen::AlignedBox2d& box, double voxel_size_m);
 
 /// The picture write_plan() writes.

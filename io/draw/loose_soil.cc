@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// Uniform in [0, 1), of a lattice point and which of its numbers.
+/// Pseudo-random number number `which` of a lattice point, uniform in [0, 1).
 double noise(const Coord3& c, int which) {
   const auto key = [](int v) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(v)); };
   const std::uint64_t hash =

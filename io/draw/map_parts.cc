@@ -15,8 +15,8 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-// Matplotlib's plasma from 7/8 down to 1/8: without the ends, which are too near white paper and
-// too dark to carry shading.
+// Matplotlib's plasma from 7/8 down to 1/8. Its ends are too close to white paper, and too dark for
+// shading.
 constexpr std::array<Rgb, 7> kDepthColors{{{0.992, 0.773, 0.153},
                                            {0.973, 0.584, 0.251},
                                            {0.898, 0.420, 0.365},
@@ -25,8 +25,8 @@ constexpr std::array<Rgb, 7> kDepthColors{{{0.992, 0.773, 0.153},
                                            {0.494, 0.012, 0.659},
                                            {0.298, 0.008, 0.631}}};
 
-// Amber as above and ColorBrewer's RdBu, darker at its ends and without its white middle: there the
-// ground itself shows.
+// Amber as above, and ColorBrewer's RdBu with darker ends. Its white middle is left out, because
+// the ground shows there.
 constexpr std::array<Rgb, 5> kCutColors{{{0.976, 0.800, 0.420},
                                          {0.957, 0.604, 0.300},
                                          {0.839, 0.345, 0.230},
@@ -110,7 +110,7 @@ void draw_legend(Canvas& canvas, const Area& bar, const ChangeScale& scale) {
   const std::string heading = fill ? "Cut (\u2212) and fill (+), " : "Cut depth (";
   canvas.text(bar.x, bar.y - 13, heading + (centimetres ? "cm" : "m") + (fill ? "" : ")"),
               {.size = 15, .bold = true});
-  // Depth as it goes from the bar's left, or top, to its other end.
+  // Depth runs from the bar's left or top to its other end.
   const bool from_cut = fill && !upright;
   const auto depth = [&](double share) {
     return from_cut ? scale.cut_m - share * span : share * span - scale.fill_m;

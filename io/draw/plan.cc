@@ -115,7 +115,7 @@ Canvas draw_plan(const DrawnGround& ground, const Eigen::AlignedBox2d& wanted,
                  const Caption& caption) {
   const Eigen::AlignedBox2d box = drawable(wanted, ground.voxel_size_m);
   Canvas ruler(1, 1);
-  // Tick steps need the map's size, and that the width of the labels: one round settles it.
+  // Tick steps need the map's size, which needs the labels' width: one iteration suffices.
   double label_width = 0;
   Layout layout = lay_out(box, 70);
   for (int round = 0; round < 2; ++round) {

@@ -30,9 +30,9 @@ Vec3f plain(const Rgb& c) { return Vec3(c.r, c.g, c.b).cast<float>(); }
 
 /// Casts rays from one thread.
 ///
-/// OpenVDB's search tests a ray where it passes from voxel to voxel, so that a corner it cuts off
-/// between two tests is lost and edges come out toothed. Here it looks for a shell kShell voxels
-/// out, which no ray that meets the ground can slip by; from there on the ray goes by small steps.
+/// OpenVDB's ray search samples where a ray crosses a voxel border. It misses corners between two
+/// samples, so edges look toothed. This search first finds a shell kShell voxels outside the
+/// ground, which no ray can miss, and takes small steps from there.
 class Caster {
  public:
   explicit Caster(const Scene& scene)
@@ -43,8 +43,8 @@ class Caster {
         values_(ground_.getConstAccessor()) {}
 
   bool hit(const Vec3& eye, const Vec3& direction, Vec3& point, Vec3& normal) const {
-    // The ground goes on beyond the block, whose sides are where rays come in: a level set between
-    // its voxels would round them.
+    // The ground continues beyond the block, and rays enter through the block's sides. A level set
+    // interpolated there would round these sides.
     double from = 0;
     int side = 0;
     for (int a = 0; a < 3; ++a) {
@@ -67,7 +67,7 @@ class Caster {
     return in_block(point);
   }
 
-  /// Does the ground stand between a point on it and the sky?
+  /// Does ground stand between a point of the surface and the sky?
   bool shaded(const Vec3& point, const Vec3& normal, const Vec3& direction) const {
     openvdb::Vec3d at = index(point) + 1.2 * openvdb::Vec3d(normal.x(), normal.y(), normal.z());
     return march(at, {direction.x(), direction.y(), direction.z()}) && in_block(world(at));
@@ -89,11 +89,11 @@ class Caster {
     return (p.array() >= scene_.low.array() - rounding).all() &&
            (p.array() <= scene_.high.array() + rounding).all();
   }
-  /// Voxels to the ground.
+  /// Distance to the ground, voxels.
   double distance(const openvdb::Vec3d& at) const {
     return openvdb::tools::BoxSampler::sample(values_, at) / voxel_;
   }
-  /// Takes `at` (index space) along a unit direction to the ground; false if there is none.
+  /// Moves `at` (index space) along a unit direction to the ground; false if the ray misses it.
   bool march(openvdb::Vec3d& at, const openvdb::Vec3d& direction) const {
     double before = distance(at), step = 0;
     for (int i = 0; i < 1000; ++i) {
@@ -115,7 +115,7 @@ class Caster {
     }
     return false;
   }
-  /// Differences over a voxel to both sides: the trilinear gradient alone shows every voxel.
+  /// Central differences over a voxel; the trilinear gradient alone shows every voxel.
   Vec3 gradient(const openvdb::Vec3d& at) const {
     Vec3 g;
     for (int a = 0; a < 3; ++a) {
@@ -135,7 +135,7 @@ class Caster {
   openvdb::FloatGrid::ConstAccessor values_;
 };
 
-/// Directions over the hemisphere about z, denser towards it as Lambert's law weighs them.
+/// Directions over the hemisphere about z, weighted by Lambert's law.
 std::array<Vec3, kSkyRays> sky_directions() {
   std::array<Vec3, kSkyRays> directions;
   for (int i = 0; i < kSkyRays; ++i) {
@@ -151,10 +151,10 @@ std::array<Vec3, kSkyRays> sky_directions() {
 
 /// Sums over the rays of one pixel.
 struct Pixel {
-  Vec3f sunlit = Vec3f::Zero();  ///< light that needs no smoothing
-  Vec3f albedo = Vec3f::Zero();  ///< what sky light is multiplied by
+  Vec3f sunlit = Vec3f::Zero();  ///< light without smoothing
+  Vec3f albedo = Vec3f::Zero();  ///< factor of the sky light
   Vec3f normal = Vec3f::Zero();
-  float sky = 0;  ///< of the rays that hit: sum of open sky in [0, 1]
+  float sky = 0;  ///< over the rays that hit: sum of open sky in [0, 1]
   float hits = 0;
   float distance = 0;  ///< sum
   float shadow = 0;    ///< background: darkening beside the block
@@ -188,7 +188,7 @@ void trace_pixel(const Scene& scene, const Camera& camera, const Caster& caster,
     if (facing > 0 && !caster.shaded(point, normal, scene.to_sun)) {
       out.sunlit += static_cast<float>(facing) * albedo.cwiseProduct(plain(kSunLight));
     }
-    // 37 is coprime to 64: neighbouring pixels look to far-apart parts of the sky.
+    // 37 is coprime to 64, so neighbouring pixels look at distant parts of the sky.
     const int n = (((y % kTile) * kTile + x % kTile) * 4 + s) * 37 % kSkyRays;
     const Vec3 local = sky[static_cast<std::size_t>(n)];
     const Vec3 side =
@@ -197,7 +197,7 @@ void trace_pixel(const Scene& scene, const Camera& camera, const Caster& caster,
     if (!caster.shaded(point, normal, up)) {
       out.sky += static_cast<float>(up.z() > 0 ? 0.75 + 0.25 * up.z() : 0.45);
     } else {
-      out.sky += 0.16f;  // light that comes back from the ground that stands there
+      out.sky += 0.16f;  // light that the ground there reflects
     }
     out.albedo += albedo;
     out.normal += normal.cast<float>();
@@ -207,8 +207,8 @@ void trace_pixel(const Scene& scene, const Camera& camera, const Caster& caster,
   out.normal.normalize();
 }
 
-/// Sky light averaged over the pixels that together looked everywhere, as far as they show the
-/// same face of the ground.
+/// Sky light, averaged over the pixels that together cover all directions and show the same face of
+/// the ground.
 float smooth_sky(const std::vector<Pixel>& pixels, int w, int h, int x, int y, float voxel) {
   const auto at = [&](int i, int j) -> const Pixel& {
     return pixels[static_cast<std::size_t>(j) * static_cast<std::size_t>(w) +
@@ -225,7 +225,7 @@ float smooth_sky(const std::vector<Pixel>& pixels, int w, int h, int x, int y, f
       const float apart = std::abs(p.distance / p.hits - distance);
       const float alike = p.normal.dot(normal);
       if (alike < 0.8f || apart > std::max(2 * voxel, 0.004f * distance)) continue;
-      // Half weight at the ends makes each 4-periodic direction count the same.
+      // Half weight at the ends gives each of the 4-periodic directions the same weight.
       const float ends = (std::abs(i - x) == 4 ? 0.5f : 1) * (std::abs(j - y) == 4 ? 0.5f : 1);
       sum += ends * p.sky;
       weight += ends * p.hits;

@@ -32,22 +32,22 @@ struct Camera {
   }
 };
 
-/// What there is to see. All coordinates are those of the grid's transform.
+/// All coordinates are those of the grid's transform.
 struct Scene {
   openvdb::FloatGrid::ConstPtr ground;
   Vec3 low, high;  ///< corners of the block that is cut out of it
   Vec3 to_sun;     ///< unit
-  /// Colour of the ground where a ray hit it; safe to call from several threads.
+  /// Colour of the ground where a ray hit it; must be thread-safe.
   std::function<Rgb(const Vec3& point, const Vec3& normal)> color;
 };
 
-/// Share of the rays over a w x h picture that hit ground at which `wanted` is more than 0, each
-/// counted with that.
+/// Sum of `wanted` over the rays that hit ground, as a share of all rays of a w x h picture. Values
+/// of `wanted` that are not more than 0 count as 0.
 double seen(const Scene& scene, const Camera& camera, int w, int h,
             const std::function<double(const Vec3& point)>& wanted);
 
-/// Renders w x h opaque pixels on a light background, four rays each. The same pixels with any
-/// number of threads.
+/// Renders w x h opaque pixels on a light background, four rays each. The pixels do not depend on
+/// the number of threads.
 std::vector<std::uint32_t> render(const Scene& scene, const Camera& camera, int w, int h);
 
 }  // namespace soilvdb::inline v0::io

@@ -27,15 +27,15 @@ void for_rows(int rows, const std::function<void(int)>& row) {
   });
 }
 
-/// dz/dx (east) and dz/dy (north) over `radius` cells to both sides, as far as there is ground and
-/// not over the rim of the cut.
+/// dz/dx (east) and dz/dy (north) over up to `radius` cells to both sides, within the ground and
+/// not across the rim of the cut.
 struct Gradient {
   double east = 0, north = 0;
 };
 Gradient gradient(const Relief& r, int x, int y, int radius) {
   const auto difference = [&](int dx, int dy, double cell) {
     int a = 0, b = 0;
-    // On to the next cell, but not over a rim: a wall belongs to its own pixels.
+    // Steps to the next cell, but not across a rim: a wall belongs to its own pixels.
     const auto onward = [&](int from, int to) {
       const int px = x + to * dx, py = y + to * dy;
       if (px < 0 || px >= r.nx || py < 0 || py >= r.ny) return false;
@@ -54,7 +54,7 @@ Gradient gradient(const Relief& r, int x, int y, int radius) {
   return {difference(1, 0, r.cell_x()), difference(0, -1, r.cell_y())};
 }
 
-/// Light from the north-west, softened by some from the west, the north and above; 1 on the flat.
+/// Light from the north-west, softened by light from west, north and above; 1 on level ground.
 double hillshade(const Gradient& g, double exaggeration) {
   const Vec3 normal = Vec3(-g.east * exaggeration, -g.north * exaggeration, 1).normalized();
   constexpr double kSin = std::numbers::sqrt2 / 2;
@@ -70,7 +70,7 @@ int radius_px(const Relief& r, double voxel_size_m) {
   return std::clamp(static_cast<int>(std::lround(0.5 * voxel_size_m / r.cell_x())), 1, 64);
 }
 
-/// Gentle ground is exaggerated until its slopes show, at most fourfold.
+/// Exaggerates gentle ground until its slopes show, at most fourfold.
 double exaggeration(const Relief& r, int radius) {
   std::vector<double> slopes;
   const int stride =
@@ -88,16 +88,16 @@ double exaggeration(const Relief& r, int radius) {
   return std::clamp(0.7 / std::max(*steep, 1e-9), 1.0, 4.0);
 }
 
-/// How much of a pixel a contour covers, from the height and its change per pixel.
+/// The share of a pixel that a contour covers, from the height and its change per pixel.
 double contour_cover(double height_m, double change_per_px_m, double interval_m) {
   const double level = height_m / interval_m;
   const double per_px = change_per_px_m / interval_m;
-  if (per_px < 1e-4) return 0;  // as good as level: a line would only show rounding
+  if (per_px < 1e-4) return 0;  // nearly level: a line would show only rounding
   const bool fifth = std::lround(level) % 5 == 0;
   const double distance_px = std::abs(level - std::round(level)) / per_px;
   const double width_px = fifth ? 1.5 : 0.9;
   const double cover = std::clamp(width_px / 2 + 0.5 - distance_px, 0.0, 1.0);
-  // Lines nearer than some pixels to each other would only darken the slope.
+  // Contours closer than a few pixels would only darken the slope.
   const double apart = std::clamp((1 / per_px - 4) / 6, 0.0, 1.0);
   return cover * apart * (fifth ? 0.60 : 0.38);
 }
@@ -109,7 +109,7 @@ Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
   Relief r{.nx = nx, .ny = ny, .box = box, .height = {}, .depth = {}};
   r.height.assign(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny), kNoHeight);
   r.depth.assign(r.height.size(), 0.0f);
-  for (int i = 0; i < 400; ++i) {  // a datum: the first ground found on a coarse lattice
+  for (int i = 0; i < 400; ++i) {  // the datum is the first ground found on a coarse lattice
     const Vec2 p = box.min() + Vec2((i % 20 * 7 % 20 + 0.5) / 20 * box.sizes().x(),
                                     (i / 20 * 7 % 20 + 0.5) / 20 * box.sizes().y());
     if (const auto z = base(p.x(), p.y())) {
@@ -190,7 +190,7 @@ std::vector<std::uint32_t> shade(const Relief& r, const PlanStyle& style) {
       }
       const Gradient g = gradient(r, x, y, radius);
       const double depth = r.depth[at];
-      // Where the ground changed colour speaks of depth first: the light only models it.
+      // Where the colour shows depth, light only models the shape.
       const double light =
           depth != 0 ? 0.6 + 0.4 * std::min(hillshade(g, 1), 1.1) : hillshade(g, steeper);
       Rgb color = kEarth;
@@ -247,7 +247,7 @@ std::vector<ContourLabel> label_contours(const Relief& r, const PlanStyle& style
         const double per_px = std::hypot(g.east * r.cell_x(), g.north * r.cell_y());
         const double off = level - r.datum_m - r.height[at];
         if (!(per_px > 1e-4 * step) || std::abs(off) > 3 * per_px) continue;
-        // Towards the middle of the picture, where neighbouring contours leave room.
+        // Prefers the middle of the picture, where neighbouring contours leave room.
         const double apart_px = style.contour_m / per_px;
         const double middle = 1 - std::hypot((x - 0.5 * r.nx) / r.nx, (y - 0.5 * r.ny) / r.ny);
         const double score = std::min(1.0, apart_px / 16) * middle;

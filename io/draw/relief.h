@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Heights of the ground on the pixels of a picture, and how they look from above.
+// Heights of the ground at the pixels of a picture, and their colours from above.
 #pragma once
 
 #include <cstdint>
@@ -19,14 +19,14 @@ namespace soilvdb::inline v0::io {
 struct Relief {
   int nx = 0, ny = 0;
   Eigen::AlignedBox2d box;
-  double datum_m = 0;             ///< a height in the box: floats keep their precision anywhere
+  double datum_m = 0;             ///< a height in the box, so that floats keep their precision
   std::vector<float> height;      ///< above datum_m; NaN where there is no ground
-  std::vector<float> depth;       ///< base surface less the ground now; 0 where nothing changed
-  std::vector<float> loose = {};  ///< share of the soil at the surface that is; or empty: none
+  std::vector<float> depth;       ///< base surface minus ground, m; 0 where nothing changed
+  std::vector<float> loose = {};  ///< loose share of the soil at the surface; empty: no loose soil
 
   double cell_x() const { return box.sizes().x() / nx; }
   double cell_y() const { return box.sizes().y() / ny; }
-  /// Of a cell, world.
+  /// Centre of a cell, world.
   Vec2 middle(int x, int y) const {
     return {box.min().x() + (x + 0.5) * cell_x(), box.max().y() - (y + 0.5) * cell_y()};
   }
@@ -35,16 +35,16 @@ struct Relief {
   }
 };
 
-/// Height at (x, y) of the world, nothing where there is no ground.
+/// Height at (x, y) of the world; empty where there is no ground.
 using HeightFunction = std::function<std::optional<double>(double x, double y)>;
 
-/// Samples both surfaces; they must be safe to call from several threads.
-/// @param least_m ground that changed by less than that is as it was
-/// @param filled false: so is ground that is higher than it was
+/// Samples both surfaces; they must be thread-safe.
+/// @param least_m smaller changes count as no change
+/// @param filled false: a rise counts as no change
 Relief sample_relief(const HeightFunction& now, const HeightFunction& base,
                      const Eigen::AlignedBox2d& box, int nx, int ny, double least_m, bool filled);
 
-/// Lowest and highest ground, m above the datum; nothing where there is no ground at all.
+/// Lowest and highest ground, m above the datum; empty if there is no ground.
 struct HeightRange {
   float low = 0, high = 0;
 };
@@ -53,8 +53,8 @@ std::optional<HeightRange> height_range(const Relief& relief);
 float deepest(const Relief& relief);
 float highest(const Relief& relief);
 
-/// Fills in where the soil at the surface is loose.
-/// @param loose share of the soil about a point of the world that is loose
+/// Fills in `loose`.
+/// @param loose loose share of the soil about a point of the world
 void sample_loose(Relief& relief, const std::function<double(const Vec3&)>& loose,
                   double voxel_size_m);
 
@@ -70,16 +70,16 @@ struct PlanStyle {
   double contour_m = 0;  ///< height between contours; 0: none
 };
 
-/// Opaque pixels, row by row: earth tones under a hillshade, what changed in colour, loose soil as
-/// clods, contours.
+/// Opaque pixels, row by row: earth tones with hillshade, changes in colour, loose soil as clods,
+/// contours.
 std::vector<std::uint32_t> shade(const Relief& relief, const PlanStyle& style);
 
-/// Where a contour can be labelled, px in the relief.
+/// A place for a contour's label, px in the relief.
 struct ContourLabel {
-  double x = 0, y = 0, angle = 0;  ///< angle: along the contour, so that letters stand upright
+  double x = 0, y = 0, angle = 0;  ///< angle: along the contour, with upright letters
   double height_m = 0;
 };
-/// At most one label on each fifth contour, apart from each other, the rim and what changed.
+/// At most one label on each fifth contour, apart from other labels, the rim and changes.
 std::vector<ContourLabel> label_contours(const Relief& relief, const PlanStyle& style);
 
 }  // namespace soilvdb::inline v0::io

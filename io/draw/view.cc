@@ -13,19 +13,19 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr double kRound = 0.25;  // voxels: how deep a level set between its voxels rounds off a rim
+constexpr double kRound = 0.25;  // voxels: depth to which a level set rounds off a rim
 constexpr int kWidth = 1600;
 constexpr double kSide = 90, kViewTop = 104, kRulerRoom = 64, kFoot = 104;
 constexpr double kMaxBlockHeight = 900;
 constexpr double kElevation = 46 * std::numbers::pi / 180;
 constexpr double kSunHeight = 55 * std::numbers::pi / 180;
-/// Columns beyond which voxels are finer than pixels by far, and the block is made of heights.
+/// With more columns, voxels are far finer than pixels: the block is then made of heights.
 constexpr double kMaxColumns = 1.5e6;
 constexpr int kHeightColumns = 900;
 constexpr Rgb kTopSoil{0.79, 0.725, 0.63}, kSection{0.50, 0.40, 0.31},
     kSectionDark{0.43, 0.335, 0.26};
 
-/// Square cells over the box: at most `most` along its longer side.
+/// Square cells over the box, at most `most` along its longer side.
 Relief heights(const DrawnGround& ground, const Eigen::AlignedBox2d& box, int most,
                double finest_m) {
   const double cell = std::max(box.sizes().maxCoeff() / most, finest_m);
@@ -35,7 +35,7 @@ Relief heights(const DrawnGround& ground, const Eigen::AlignedBox2d& box, int mo
                    static_cast<int>(cells.y()));
 }
 
-/// Looks at the block from an azimuth (clockwise from north, where the camera stands).
+/// A camera that looks at the block; azimuth of its position, clockwise from north.
 Camera look(const Vec3& low, const Vec3& high, double azimuth) {
   Camera c;
   const Vec3 to_eye(std::sin(azimuth) * std::cos(kElevation),
@@ -47,8 +47,8 @@ Camera look(const Vec3& low, const Vec3& high, double azimuth) {
   return c;
 }
 
-/// Sets the camera's window so that the points fill the area, which is at most its size.
-/// @return the height they take, px
+/// Sets the camera's window so that the points fill the area, at most at its size.
+/// @return the height of the points in the picture, px
 double frame(Camera& c, const std::vector<Vec3>& points, Area area) {
   Eigen::AlignedBox2d seen_at;
   for (const Vec3& p : points) seen_at.extend(c.tangent(p));
@@ -58,7 +58,7 @@ double frame(Camera& c, const std::vector<Vec3>& points, Area area) {
   return seen_at.sizes().y() / c.s;
 }
 
-/// Points that hold the block: its surface, coarsely, and its lower corners.
+/// Points whose hull contains the block: a coarse sample of its surface, and its lower corners.
 std::vector<Vec3> hull(const Relief& relief, const Vec3& low, const Vec3& high,
                        const Vec3& origin) {
   std::vector<Vec3> points;
@@ -70,7 +70,7 @@ std::vector<Vec3> hull(const Relief& relief, const Vec3& low, const Vec3& high,
     for (int i = 0; i < relief.nx; i += stride) {
       const float z = relief.height[relief.at(i, j)];
       if (std::isnan(z)) continue;
-      // Cell centres at the rim stand for the rim itself.
+      // Cells at the rim stand for the rim.
       const double u = i == 0 ? 0 : i + stride >= relief.nx ? 1 : (i + 0.5) / relief.nx;
       const double v = j == 0 ? 1 : j + stride >= relief.ny ? 0 : 1 - (j + 0.5) / relief.ny;
       points.emplace_back(low.x() + u * (high.x() - low.x()), low.y() + v * (high.y() - low.y()),
@@ -80,14 +80,14 @@ std::vector<Vec3> hull(const Relief& relief, const Vec3& low, const Vec3& high,
   return points;
 }
 
-/// Layers of the ground where it is cut off at the block's sides.
+/// Colour of the block's cut sides, in layers.
 Rgb section_color(double below_top_m, double size_m) {
   const double t = below_top_m / (0.03 * size_m);
   const double layers = 0.5 + 0.28 * std::sin(2.1 * t) + 0.22 * std::sin(5.3 * t + 1.1);
   return mix(kSection, kSectionDark, std::clamp(layers, 0.0, 1.0));
 }
 
-/// A ruler of round length on the table along the block's longest edge that faces the camera.
+/// A ruler of round length along the block's longest edge that faces the camera.
 void draw_ruler(Canvas& canvas, const Camera& camera, const Vec3& low, const Vec3& high) {
   const double z = low.z(), gap = 0.035 * (high - low).head<2>().norm();
   Vec3 from = Vec3::Zero(), along = Vec3::Zero(), out = Vec3::Zero();
@@ -100,7 +100,7 @@ void draw_ruler(Canvas& canvas, const Camera& camera, const Vec3& low, const Vec
         x_edge ? (upper ? high.y() : low.y()) : (upper ? high.x() : low.x());
     if (normal.dot(camera.eye - a) <= 0) continue;
     const Vec2 shown = camera.project(b) - camera.project(a);
-    if (std::abs(shown.x()) <= longest) continue;  // the more level, the better it reads
+    if (std::abs(shown.x()) <= longest) continue;  // a more level edge is easier to read
     longest = std::abs(shown.x());
     if (shown.x() < 0) std::swap(a, b);
     from = a;
@@ -214,7 +214,7 @@ Canvas draw_view(const DrawnGround& ground, const MakeBlock& make_block, const V
   Camera camera;
   double most = -1;
   for (const double degrees : {202.5, 157.5, 225.0, 135.0, 247.5, 112.5, 292.5, 67.5, 315.0, 45.0,
-                               337.5, 22.5}) {  // oblique to both sides, rather from the south
+                               337.5, 22.5}) {  // oblique, preferably from the south
     const double azimuth = degrees * std::numbers::pi / 180;
     Camera candidate = look(scene.low, scene.high, azimuth);
     frame(candidate, points, {0, 0, 200, 130});

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The lit view of a block of ground, of any ground that can be made a closed level set.
+// The lit view of a block of ground, from any ground that can be made a closed level set.
 #pragma once
 
 #include <functional>
@@ -10,8 +10,8 @@
 
 namespace soilvdb::inline v0::io {
 
-/// The ground in a box of the world as a closed level set relative to the origin; null where that
-/// can't be made, and the view makes do with heights.
+/// The ground in a box of the world as a closed level set relative to the origin. Null if that is
+/// impossible; the view then uses heights.
 using MakeBlock = std::function<openvdb::FloatGrid::ConstPtr(const Eigen::AlignedBox3d& box)>;
 
 /// The picture write_view() writes.

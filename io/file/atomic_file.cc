@@ -15,12 +15,12 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// A descriptor that is closed, and a temporary that is removed, on every way out.
+/// Closes its descriptor and removes its temporary file in its destructor.
 class Temporary {
  public:
   explicit Temporary(const std::filesystem::path& target) : target_(target) {
     static std::atomic<unsigned> counter{0};
-    do {  // a crashed process with our id may have left one
+    do {  // a crashed process with the same id may have left one
       path_ = target;
       path_.replace_filename("." + target.filename().string() + "." + std::to_string(::getpid()) +
                              "-" + std::to_string(counter++) + ".tmp");
@@ -45,7 +45,7 @@ class Temporary {
     }
   }
 
-  /// Is what was written what is there? From the disk itself, where the system lets us.
+  /// Compares the written bytes with the disk's, bypassing the cache where the system allows it.
   void verify(std::string_view bytes) {
     ::posix_fadvise(descriptor_, 0, 0, POSIX_FADV_DONTNEED);
     std::string block(std::min(bytes.size() + 1, std::size_t{1} << 20), '\0');
@@ -94,7 +94,7 @@ void sync_folder(const std::filesystem::path& file) {
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
   const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (descriptor < 0) {
-    if (errno == EACCES) return;  // a folder we may write to but not read can't be synced
+    if (errno == EACCES) return;  // a folder that is writable but not readable can't be synced
     fail_to_write(file, errno);
   }
   const int synced = ::fsync(descriptor), error = errno;
@@ -105,7 +105,7 @@ void sync_folder(const std::filesystem::path& file) {
 
 void write_atomically(const std::filesystem::path& file, std::string_view bytes) {
   std::error_code none;
-  // Follow a link to the file it names, as a plain write would.
+  // Follows a link, as a plain write does.
   std::filesystem::path target = file;
   if (std::filesystem::is_symlink(file, none)) {
     const std::filesystem::path named = std::filesystem::weakly_canonical(file, none);

@@ -103,7 +103,7 @@ std::string printable(std::string_view text) {
 
 std::string nearest(std::string_view word, std::span<const std::string> candidates) {
   word = word.substr(0, 200);
-  // What begins with the word comes first, the shortest of it before others.
+  // Candidates that begin with the word come first, shortest first.
   const auto distance = [&](const std::string& candidate) {
     const std::size_t edits = edit_distance(word, candidate);
     return std::pair(!word.empty() && candidate.starts_with(word) ? 0 : edits, edits);

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the readers of text files share: the whole file as a string, strict numbers, and words for
-// messages.
+// Helpers of the text file readers: whole files as strings, strict numbers, and words for messages.
 #pragma once
 
 #include <charconv>
@@ -15,18 +14,18 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Largest magnitude of a number in an input file: beyond it is a slip, or metres taken for
-/// millimetres.
+/// Largest magnitude of a number in an input file. A larger one is an error, such as millimetres
+/// for metres.
 inline constexpr double kMaxNumber = 1e9;
 
-/// @throw InputError unless `file` is there, a file (no folder, no device), and can be read.
+/// @throw InputError unless `file` exists, is a regular file and is readable.
 void check_readable(const std::filesystem::path& file);
 
 /// The whole file. @throw InputError also if it is empty, larger than `max_bytes` or not text.
 std::string read_text(const std::filesystem::path& file, std::size_t max_bytes);
 
-/// The number of a type that fills all of `text`; nothing otherwise. Independent of the locale. May
-/// be NaN or infinite.
+/// The number that fills all of `text`; empty otherwise. Independent of the locale. May be NaN or
+/// infinite.
 template <typename T>
 std::optional<T> parsed(std::string_view text) {
   T value{};
@@ -36,20 +35,21 @@ std::optional<T> parsed(std::string_view text) {
   return value;
 }
 
-/// The same, where a number may have a plus.
+/// As above, for numbers that may begin with a plus.
 std::optional<double> parse_number(std::string_view text);
 
-/// `text` with ASCII's capital letters made small, whatever the locale.
+/// `text` with ASCII capitals in lower case, in any locale.
 std::string lower_case(std::string text);
 
-/// The file's suffix with its dot, in small letters: ".obj".
+/// The file's suffix with its dot, in lower case: ".obj".
 std::string suffix_of(const std::filesystem::path& file);
 
-/// `text` on one line, without control characters, cut to a length fit for a message.
+/// `text` on one line, without control characters, cut to a length for messages.
 std::string printable(std::string_view text);
 
-/// The shortest candidate that begins with `word`, else the one with the fewest insertions,
-/// deletions, changes and swaps of letters from it; the first of equals; empty if there are none.
+/// The shortest candidate that begins with `word`, else the one with the smallest edit distance to
+/// it (insertions, deletions, changes, swaps of neighbours); the first of equals; empty if there is
+/// no candidate.
 std::string nearest(std::string_view word, std::span<const std::string> candidates);
 
 /// 'a', 'b' and 'c'

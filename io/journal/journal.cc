@@ -21,8 +21,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kBatch = std::size_t{256} << 10;  // bytes that are written without waiting
-constexpr std::size_t kMostPending = std::size_t{64} << 20;  // where add() waits for a slow disk
+constexpr std::size_t kBatch = std::size_t{256} << 10;       // bytes; the thread waits for no more
+constexpr std::size_t kMostPending = std::size_t{64} << 20;  // beyond, add() waits for the disk
 
 void append_text(std::string& bytes, std::string_view text) {
   put(bytes, static_cast<std::uint32_t>(text.size()));
@@ -99,7 +99,7 @@ void JournalWriter::add(const JournalRemoval& removed) {
 }
 
 void JournalWriter::add(const JournalEnd&) {
-  flush();  // so that the end vouches for everything before it
+  flush();  // so that all records before the end are on disk first
   std::unique_lock lock(mutex_);
   pending_ += kEndTag;
   added(lock);
@@ -135,7 +135,7 @@ JournalExtent JournalWriter::acknowledged() const {
 }
 
 void JournalWriter::work() {
-  constexpr double kLongest_s = 1e6;  // the clock can't tell all that a double can
+  constexpr double kLongest_s = 1e6;  // the clock's range is smaller than a double's
   const auto interval = std::chrono::duration_cast<Clock::duration>(
       std::chrono::duration<double>(sync_s_ > 0 ? std::min(sync_s_, kLongest_s) : 1.0));
   Clock::time_point next_sync = Clock::now() + interval;
@@ -160,7 +160,7 @@ void JournalWriter::work() {
 
 void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
   batch_.clear();
-  batch_.swap(pending_);  // the two take turns, so that neither has to grow again
+  batch_.swap(pending_);  // swaps buffers, so that both keep their capacity
   const JournalExtent upto = added_;
   const std::uint64_t count = count_added_;
   lock.unlock();
@@ -176,7 +176,7 @@ void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
   }
   if (sync && synced_ < end_) {
     if (::fdatasync(descriptor_) != 0) fail_to_write(file_, errno);
-    // What has no name any more is gone with this process.
+    // A removed file can't be named any more.
     struct stat now {};
     if (::fstat(descriptor_, &now) == 0 && now.st_nlink == 0) fail_to_write(file_, ENOENT);
     synced_ = end_;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What writer and reader of journals agree on: numbers little-endian, a frame's head, tags.
+// The format of journals, for writer and reader: little-endian numbers, frame heads, tags.
 #pragma once
 
 #include <bit>
@@ -22,10 +22,10 @@ inline constexpr char kConfigTag = 'C', kUpdateTag = 'U', kFileTag = 'F', kGoneT
 
 inline constexpr std::uint32_t kMostMachines = 100'000;
 
-/// What stands before a frame's content.
+/// The head of a frame.
 struct FrameHead {
   std::uint32_t length = 0;  ///< of the content, bytes
-  std::uint64_t synced = 0;  ///< bytes of the file that were on disk before
+  std::uint64_t synced = 0;  ///< bytes of the file that were on disk before this frame
   std::uint64_t crc = 0;     ///< of the content
   static constexpr std::size_t kSize = 32;
 

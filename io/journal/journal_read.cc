@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reading journals, damaged ones included.
+// Reads journals, also damaged ones.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -25,8 +25,8 @@ bool take_string(std::string_view& bytes, std::string& text) {
   return true;
 }
 
-/// Puts the rows that a machine's move brought behind those that it had, and forgets those before
-/// `begin_s`; false if they don't fit.
+/// Appends a move's new rows to a machine's rows, and drops rows that end before `begin_s`; false
+/// if they do not fit.
 bool add_rows(MotionRows& rows, const MotionRows& fresh, bool anew, double begin_s) {
   if (anew) {
     rows = fresh;
@@ -74,7 +74,7 @@ JournalReader::JournalReader(const std::filesystem::path& file) : file_(file) {
 
 JournalReader::~JournalReader() = default;
 
-/// Takes an update, with the rows that it shares with the one before.
+/// Decodes an update, and adds the rows that it shares with the update before.
 bool JournalReader::take(std::string_view& bytes, JournalUpdate& update) {
   bool anew = false;
   if (!take_update(bytes, update, anew, before_)) return false;
@@ -95,7 +95,8 @@ std::optional<JournalRecord> JournalReader::next() {
   const auto taken = [&](auto record, bool good) -> JournalRecord {
     if (!good)
       throw InputError(
-          file_, fmt::format("holds nonsense before byte {}; a newer soilvdb may read it", good_));
+          file_,
+          fmt::format("has an invalid record before byte {}; a newer soilvdb may read it", good_));
     at_ = frame_.size() - rest.size();
     return record;
   };
@@ -127,7 +128,7 @@ std::optional<JournalRecord> JournalReader::next() {
   }
 }
 
-/// Reads the frame at good_; false if there is none, and then says why.
+/// Reads the frame at good_; false at the end or at a bad frame, and then sets damaged_.
 bool JournalReader::next_frame() {
   if (at_end_) return false;
   FrameHead head;
@@ -151,7 +152,7 @@ bool JournalReader::next_frame() {
   return false;
 }
 
-/// Does a frame after `place` say that the file was on disk beyond it?
+/// Does a frame after `place` prove that the file was once on disk beyond `place`?
 bool JournalReader::synced_past(std::uint64_t place) {
   constexpr std::size_t kBlock = std::size_t{1} << 20;
   std::string block;
@@ -213,7 +214,7 @@ std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
     while (const std::optional<JournalRecord> record = reader.next()) {
       const auto* update = std::get_if<JournalUpdate>(&*record);
       if (update == nullptr || !update->ends_update) continue;
-      // Rest has no time of its own, but that of the machine that is farthest.
+      // kRest carries the time of the most advanced machine, not one of its own.
       const bool timed = update->kind != JournalUpdate::Kind::kRest;
       use(*update, timed ? update->end_s : kNoTime, made.updates);
       made.add(*update);
@@ -221,14 +222,14 @@ std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
     return made.updates;
   };
   constexpr std::uint64_t kNone = std::numeric_limits<std::uint64_t>::max();
-  std::uint64_t later = kNone;                 // updates before the first that is
-  std::map<std::uint32_t, std::uint64_t> set;  // and before clocks of machines were, the last time
+  std::uint64_t later = kNone;                 // number of updates before the first later one
+  std::map<std::uint32_t, std::uint64_t> set;  // updates before a clock was last set
   const std::uint64_t all =
       each_update([&](const JournalUpdate& update, double end_s, std::uint64_t before) {
         if (update.kind == JournalUpdate::Kind::kClock) set[update.machine] = before;
         if (end_s > time_s) later = std::min(later, before);
       });
-  // Pours may have come down by the clock of any machine.
+  // Pours may have fallen by the clock of any machine.
   const auto set_later = [&](const JournalUpdate& update, std::uint64_t before) {
     return std::any_of(set.begin(), set.end(), [&](const auto& clock) {
       const bool its = update.kind == JournalUpdate::Kind::kPours || clock.first == update.machine;
@@ -237,7 +238,7 @@ std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
   };
   if (!set.empty() && later != kNone) {
     later = kNone;
-    bool perhaps_ahead = false;  // the clock that said so, by what comes after
+    bool perhaps_ahead = false;  // the clock of the later update may have been ahead
     each_update([&](const JournalUpdate& update, double end_s, std::uint64_t before) {
       if (end_s > time_s && later == kNone) {
         later = before;

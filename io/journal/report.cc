@@ -24,7 +24,7 @@ std::FILE* open_for_writing(const fs::path& file) {
   return stream;
 }
 
-/// A field of a CSV file, quoted where RFC 4180 asks for it.
+/// A field of a CSV file, quoted as in RFC 4180.
 std::string csv_field(std::string_view text) {
   if (text.find_first_of(",\"\r\n") == std::string_view::npos) return std::string(text);
   std::string quoted = "\"";
@@ -114,7 +114,7 @@ std::string to_json(const Summary& s) {
       {"files", s.files},
   };
   if (s.moved) json["mass_kg"] = masses;
-  // Names come from the user's files and need not be UTF-8.
+  // Names come from the user's files and may be invalid UTF-8.
   return to_text(json, 2) + '\n';
 }
 

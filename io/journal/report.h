@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a run reports to other programs: summary.json, and updates.csv with one row per update.
+// A run's report for other programs: summary.json, and updates.csv with one row per update.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 
 namespace soilvdb::inline v0::io {
 
-/// How long updates took: mean and maximum exact, quantiles to within 1 %, in constant memory.
+/// Durations of updates in constant memory: exact mean and maximum, quantiles within 1 %.
 class Durations {
  public:
   void add(double us);
@@ -25,7 +25,7 @@ class Durations {
   double sum_us() const { return sum_us_; }
   double mean_us() const;
   double max_us() const { return max_us_; }
-  /// The duration that a share `q` in [0, 1] of all does not exceed; 0 if there are none.
+  /// The duration that a share `q` in [0, 1] of all does not exceed; 0 without durations.
   double quantile_us(double q) const;
 
  private:
@@ -36,16 +36,16 @@ class Durations {
   double sum_us_ = 0, max_us_ = 0;
 };
 
-/// Everything in summary.json, which documents the names.
+/// The content of summary.json, with its names.
 struct Summary {
   struct Machine {
     std::string name;
     double bucket_m3 = 0, cut_m3 = 0;
-    std::int64_t bad_rows = 0;  ///< of its motion
-    double bucket_kg = 0;       ///< where soil moves, as what follows
+    std::int64_t bad_rows = 0;  ///< in its motion
+    double bucket_kg = 0;       ///< with moving soil only, as the next ones
     std::optional<Capacity> capacity = {};
   };
-  /// Where soil moves.
+  /// With moving soil.
   struct Moved {
     double spilled_m3 = 0, poured_m3 = 0, hauled_m3 = 0, slid_m3 = 0, fill_m3 = 0;
     double ground_change_kg = 0, buckets_kg = 0, hauled_kg = 0, poured_kg = 0, pending_kg = 0,
@@ -56,16 +56,16 @@ struct Summary {
   int threads = 0;
   double cut_m3 = 0, captured_m3 = 0, displaced_m3 = 0, dumped_m3 = 0;
   double ground_change_m3 = 0, residual_m3 = 0;
-  /// Columns that are lower and columns that are higher than before anyone dug, if this run was the
-  /// first to.
+  /// Volume of lower and of higher columns against the ground before digging; only if this run was
+  /// the first to dig.
   struct Net {
     double cut_m3 = 0, fill_m3 = 0;
   };
   std::optional<Net> net = {};
   std::optional<Moved> moved;
   std::vector<Machine> machines;
-  double acknowledged_s = 0;               ///< what can't be lost any more: up to this time,
-  std::uint64_t acknowledged_updates = 0;  ///< so many updates
+  double acknowledged_s = 0;               ///< the recording is safe on disk up to this time
+  std::uint64_t acknowledged_updates = 0;  ///< and this number of updates
   Durations updates;
   double open_s = 0, total_s = 0;
   std::uint64_t soil_bytes = 0, peak_rss_bytes = 0;
@@ -79,15 +79,15 @@ struct Summary {
 std::string to_json(const Summary& summary);
 
 /// Writes updates.csv row by row into FILE.part, which close() renames to FILE. Without close()
-/// nothing is left, and a FILE that was there before stays.
+/// FILE.part is removed, and an older FILE stays.
 class UpdatesCsv {
  public:
-  /// What more a row says where soil moves.
+  /// More columns of a row, with moving soil.
   struct Moved {
     double bucket_kg = 0, spilled_m3 = 0, slid_m3 = 0;
   };
 
-  /// @throw std::runtime_error naming the file and the cause, as the others do.
+  /// @throw std::runtime_error naming the file and the cause, as the other members do.
   explicit UpdatesCsv(std::filesystem::path file, bool soil_moves = false);
   ~UpdatesCsv();
   UpdatesCsv(const UpdatesCsv&) = delete;

@@ -12,26 +12,26 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::uint64_t kMostColumns = 1000;
-constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;  // a double has them all
+constexpr std::int64_t kMostSamples = std::int64_t{1} << 53;  // exact in a double
 
-/// What an update doesn't have to say, and what it has to. Beside the kind, which is above them.
+/// Flags of an update, below its kind: fields that are left out or present.
 enum UpdateFlag : std::uint8_t {
   kEndsUpdate = 1,
-  kFirst = 2,   // of its writer: a reader forgets what came before
-  kAnew = 4,    // its rows are all that its machine goes on from, and it says how many columns
-  kJoints = 8,  // where rows are anew
-  kBeginsAtEnd = 16,  // of the update before
+  kFirst = 2,         // of this writer: the reader must forget earlier updates
+  kAnew = 4,          // its rows replace the machine's rows, and the number of columns follows
+  kJoints = 8,        // with kAnew: rows are joints
+  kBeginsAtEnd = 16,  // begin_s is the end of the update before
   kNoBegin = 32,
-  kSoilMoved = 64,  // soil was spilled or slid, and it says how much
+  kSoilMoved = 64,  // spilled and slid volumes follow
 };
 constexpr int kKindAt = 7;
 constexpr std::uint64_t kKinds = 5;
 
-// How a number of a series begins: one of these, or the difference of two whole numbers and kNear.
+// Head of a number in a series: one of these, or kNear plus the coded difference of whole numbers.
 constexpr std::uint64_t kSame = 0, kRaw = 1, kDecimals = 2, kNear = 3;
 
-// Powers of ten are exact, and so the quotient is the double that is nearest to the decimal, which
-// is what was read from it.
+// Powers of ten are exact, so the quotient is the double nearest to the decimal: the value that was
+// read from the file.
 constexpr std::array kPowers = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9};
 constexpr double kMostScaled = 0x1p53;
 
@@ -39,7 +39,7 @@ double decimal(std::int64_t scaled, int decimals) {
   return static_cast<double>(scaled) / kPowers[static_cast<std::size_t>(decimals)];
 }
 
-/// Is `value` a decimal of so many decimals, and which?
+/// Can `value` be written with this number of decimals? Sets `scaled`.
 bool is_decimal(double value, int decimals, std::int64_t& scaled) {
   const double times = value * kPowers[static_cast<std::size_t>(decimals)];
   if (!(std::abs(times) < kMostScaled)) return false;
@@ -47,7 +47,7 @@ bool is_decimal(double value, int decimals, std::int64_t& scaled) {
   return same_bits(decimal(scaled, decimals), value);
 }
 
-/// Small differences of either sign are small numbers.
+/// Zigzag coding: small differences of either sign become small numbers.
 std::uint64_t distance_coded(std::int64_t value, std::int64_t before) {
   const std::uint64_t d = static_cast<std::uint64_t>(value) - static_cast<std::uint64_t>(before);
   return (d << 1) ^ (d >> 63 ? ~std::uint64_t{0} : 0);
@@ -85,7 +85,7 @@ bool take_difference(std::string_view& bytes, std::int64_t before, std::int64_t&
   return true;
 }
 
-/// The same for a number of samples: false if there can't be so many.
+/// As above for samples; false if the number is too large.
 bool take_samples(std::string_view& bytes, std::int64_t before, std::int64_t& value) {
   return take_difference(bytes, before, value) && -kMostSamples <= value && value <= kMostSamples;
 }

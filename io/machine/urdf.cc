@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// URDF by TinyXML-2: what a motion needs is links, joints and their frames, axes and limits.
-// Nothing of the file reaches a formatting function of the parser: of its errors number and line
-// are used.
+// Reads URDF with TinyXML-2: links, joints, and their frames, axes and limits. No text of the file
+// reaches a formatting function of the parser; of its errors only number and line are used.
 #include "soilvdb/io/urdf.h"
 
 #include <fmt/format.h>
@@ -28,7 +27,7 @@ using tinyxml2::XMLElement;
 
 constexpr std::size_t kMaxUrdfBytes = 16 << 20;
 
-/// Refuses what isn't UTF-8: names go into messages and summaries, which are.
+/// Refuses files that are not UTF-8, because names go into messages and summaries.
 void check_encoding(const std::filesystem::path& file, std::string_view text) {
   long line = 1;
   for (std::size_t from = 0, end = 0; from < text.size(); from = end + 1, ++line) {
@@ -87,7 +86,7 @@ class Robot {
     return printable(nearest(link, names));
   }
 
-  /// The joints from the link without a parent to `link`, then others that those follow.
+  /// The joints from the root link to `link`, then joints that these mimic.
   std::vector<Joint> chain(const std::string& link) const {
     std::vector<Joint> chain;
     for (std::string child = link; by_child_.contains(child);) {
@@ -99,8 +98,7 @@ class Robot {
                                 printable(child), printable(attribute(joint, "name"))));
       }
       if (chain.size() == joints_.size()) {
-        fail(joint,
-             fmt::format("is part of a loop, so link '{}' hangs on no root", printable(link)));
+        fail(joint, fmt::format("is part of a loop, so link '{}' has no root", printable(link)));
       }
       chain.push_back(read(joint));
       child = linked(joint, "parent");
@@ -122,7 +120,7 @@ class Robot {
   using Named = std::map<std::string, const XMLElement*>;
 
   [[noreturn]] void fail(const XMLElement& at, const std::string& message) const {
-    const XMLElement* named = &at;  // the joint or link that it is in
+    const XMLElement* named = &at;  // the enclosing joint or link
     while (named->Attribute("name") == nullptr && named->Parent()->ToElement() != nullptr)
       named = named->Parent()->ToElement();
     const char* name = named->Attribute("name");
@@ -132,7 +130,7 @@ class Robot {
                                                    printable(name), message));
   }
 
-  /// A URDF that is still to be made, of parts and by expressions.
+  /// Refuses xacro, which must first be expanded to URDF.
   void refuse_xacro(const XMLElement& element) const {
     bool is_it = std::string_view(element.Name()).starts_with("xacro:");
     for (const auto* a = element.FirstAttribute(); a != nullptr; a = a->Next()) {
@@ -154,7 +152,7 @@ class Robot {
   std::string attribute(const XMLElement& element, const char* name) const {
     const char* value = element.Attribute(name);
     if (value == nullptr || *value == '\0') fail(element, fmt::format("has no {}=\"...\"", name));
-    // The file is UTF-8, but character references can make what isn't.
+    // The file is UTF-8, but character references can produce other bytes.
     if (!is_utf8(value)) {
       throw InputError(file_, element.GetLineNum(),
                        fmt::format("'{}' isn't UTF-8; write it without '&#'", name));
@@ -181,7 +179,7 @@ class Robot {
     return *value;
   }
 
-  /// The three numbers in an attribute of a joint's child; `otherwise` where there is none.
+  /// The three numbers of an attribute of a joint's child; `otherwise` if there is no such child.
   Vec3 numbers(const XMLElement& joint, const char* child, const char* name, Vec3 otherwise) const {
     const XMLElement* element = joint.FirstChildElement(child);
     const char* text = element == nullptr ? nullptr : element->Attribute(name);
@@ -196,7 +194,8 @@ class Robot {
     return otherwise;
   }
 
-  /// What moves it is unknown to many who write 0, or more than anything does.
+  /// The velocity limit; unlimited if it is 0, which many files use for unknown, or beyond any
+  /// machine's.
   double fastest(const XMLElement& limit) const {
     const char* text = limit.Attribute("velocity");
     if (text == nullptr) return 0;
@@ -217,7 +216,7 @@ class Robot {
                             printable(type)));
   }
 
-  /// Reads which joint it follows, through all that follow others themselves.
+  /// Sets the joint that it mimics, through joints that mimic others themselves.
   void follow(const XMLElement& in, Joint& joint) const {
     std::size_t followed = 0;
     for (const auto* mimic = in.FirstChildElement("mimic"); mimic != nullptr;) {
@@ -226,7 +225,7 @@ class Robot {
       if (at == joints_.end()) {
         std::vector<std::string> names;
         for (const auto& [name, xml] : joints_) names.push_back(name);
-        fail(*mimic, fmt::format("mimics joint '{}', which is not there; did you mean '{}'?",
+        fail(*mimic, fmt::format("mimics joint '{}', which does not exist; did you mean '{}'?",
                                  printable(joint.mimics), printable(nearest(joint.mimics, names))));
       }
       if (type(*at->second) == Joint::Type::kFixed)
@@ -246,7 +245,7 @@ class Robot {
     Joint joint;
     joint.name = attribute(in, "name");
     if (const std::string parent = linked(in, "parent"); !has_link(parent)) {
-      fail(in, fmt::format("hangs on link '{}', which is not there; did you mean '{}'?",
+      fail(in, fmt::format("has the parent link '{}', which does not exist; did you mean '{}'?",
                            printable(parent), nearest_link(parent)));
     }
     joint.type = type(in);
@@ -284,7 +283,7 @@ class Robot {
 }  // namespace
 
 std::string limits_in_degrees(const Chain& chain) {
-  // Little more than a turn either way is what hoses and cables allow.
+  // Hoses and cables allow little more than a turn either way.
   constexpr double kMostLimit_rad = 6.3;
   std::vector<std::string> names;
   std::string first;

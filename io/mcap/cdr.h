@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// CDR, the encoding of ROS 2 messages (OMG DDSI-RTPS 10.2, CORBA 15.3): four bytes that say the
-// byte order, then fields, each aligned to its size as seen from behind those four.
+// CDR, the encoding of ROS 2 messages (OMG DDSI-RTPS 10.2, CORBA 15.3): four bytes with the byte
+// order, then fields, each aligned to its size relative to the end of these four bytes.
 #pragma once
 
 #include <algorithm>
@@ -14,12 +14,12 @@
 
 namespace soilvdb::inline v0::io {
 
-/// What is no CDR, or ends too early.
+/// Not CDR, or truncated.
 struct CdrError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// The fields of a message, one after the other. All throw CdrError.
+/// Reads the fields of a message in order. All members throw CdrError.
 class CdrReader {
  public:
   explicit CdrReader(std::string_view message) {
@@ -40,14 +40,14 @@ class CdrReader {
     if (swap_) std::reverse(raw, raw + sizeof value);
     return value;
   }
-  /// Without the zero that ends it.
+  /// Without the terminating zero.
   std::string_view text() {
     std::string_view text = take(number<std::uint32_t>());
     if (text.ends_with('\0')) text.remove_suffix(1);
     if (text.find('\0') != text.npos) throw CdrError("has a zero within a text");
     return text;
   }
-  /// How many elements follow, of `least` bytes each or more: never more than there is room for.
+  /// Number of the following elements of at least `least` bytes each; never more than fit.
   std::uint32_t count(std::size_t least) {
     const auto n = number<std::uint32_t>();
     if (n > (bytes_.size() - at_) / least) throw CdrError("is shorter than a list in it");
@@ -72,7 +72,7 @@ class CdrReader {
   bool swap_ = false;
 };
 
-/// Makes a message, little-endian.
+/// Writes a message, little-endian.
 class CdrWriter {
  public:
   template <typename T>

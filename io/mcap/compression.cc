@@ -15,8 +15,9 @@ namespace {
 constexpr std::size_t kStep = std::size_t{1} << 20;
 constexpr int kZstdLevel = 3;
 
-/// Calls `step(to, room)`, which fills some of it and says how much, until `size` bytes are there.
-/// @throw std::invalid_argument if it has less, or more
+/// Calls `step(to, room)`, which fills part of the room and returns its size, until `size` bytes
+/// are there.
+/// @throw std::invalid_argument if the content is shorter or longer
 template <typename F>
 std::string grow(std::size_t size, F step) {
   std::string out;
@@ -26,12 +27,12 @@ std::string grow(std::size_t size, F step) {
     std::size_t end = begin;
     while (end < out.size()) {
       const std::size_t made = step(out.data() + end, out.size() - end);
-      if (made == 0) throw std::invalid_argument("hold less than they say");
+      if (made == 0) throw std::invalid_argument("are shorter than declared");
       end += made;
     }
   }
   char more = 0;
-  if (step(&more, 1) > 0) throw std::invalid_argument("hold more than they say");
+  if (step(&more, 1) > 0) throw std::invalid_argument("are longer than declared");
   return out;
 }
 
@@ -46,7 +47,7 @@ std::string decompress_zstd(std::string_view bytes, std::size_t size) {
     while (out.pos == 0) {
       const std::size_t before = in.pos;
       if (ZSTD_isError(ZSTD_decompressStream(context.get(), &out, &in)))
-        throw std::invalid_argument("are no zstd");
+        throw std::invalid_argument("are not a zstd frame");
       if (out.pos == 0 && in.pos == before) break;
     }
     return out.pos;
@@ -62,7 +63,7 @@ std::string decompress_lz4(std::string_view bytes, std::size_t size) {
     while (true) {
       std::size_t out = room, in = bytes.size();
       if (LZ4F_isError(LZ4F_decompress(context.get(), to, &out, bytes.data(), &in, nullptr)))
-        throw std::invalid_argument("are no lz4");
+        throw std::invalid_argument("are not an lz4 frame");
       bytes.remove_prefix(in);
       if (out > 0 || in == 0) return out;
     }

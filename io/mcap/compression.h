@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the chunks of MCAP files are compressed with: lz4 and zstd frames.
+// Compression of the chunks in MCAP files: lz4 and zstd frames.
 #pragma once
 
 #include <string>
@@ -8,13 +8,13 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Takes memory as it comes to have content for it, so a wrong `size` costs none.
-/// @param size of what was compressed, bytes
-/// @throw std::invalid_argument if `bytes` aren't that: the rest of a sentence that began with them
+/// Decompresses a frame. Memory grows with the content, so a wrong `size` costs none.
+/// @param size of the content, bytes
+/// @throw std::invalid_argument if `bytes` are no such frame; the message lacks its subject
 std::string decompress_zstd(std::string_view bytes, std::size_t size);
 std::string decompress_lz4(std::string_view bytes, std::size_t size);
 
-/// The same bytes each time.
+/// Deterministic: the same bytes each time.
 std::string compress_zstd(std::string_view bytes);
 
 }  // namespace soilvdb::inline v0::io

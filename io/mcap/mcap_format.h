@@ -15,7 +15,7 @@ namespace soilvdb::inline v0::io {
 /// A file begins and ends with these bytes.
 inline constexpr std::string_view kMcapMagic("\x89MCAP0\r\n", 8);
 
-/// A record is one of these bytes, the size of its content in eight, and that.
+/// Opcode of a record: one byte, before its content's size in eight bytes and the content.
 enum class McapOp : std::uint8_t {
   kHeader = 0x01,
   kFooter = 0x02,
@@ -33,12 +33,12 @@ enum class McapOp : std::uint8_t {
 };
 inline constexpr std::size_t kMcapRecordHead = 9;
 
-/// Content that ends before a field does.
+/// A record ends within a field.
 struct McapShort : std::runtime_error {
   McapShort() : std::runtime_error("a record ends within a field") {}
 };
 
-/// The fields of a record, one after the other.
+/// Reads the fields of a record in order.
 class McapFields {
  public:
   explicit McapFields(std::string_view bytes) : bytes_(bytes) {}
@@ -50,7 +50,7 @@ class McapFields {
     return value;
   }
   std::string_view text() { return take(number<std::uint32_t>()); }
-  /// @throw McapShort as the others do
+  /// @throw McapShort as the other members do
   std::string_view take(std::uint64_t size) {
     if (size > bytes_.size()) throw McapShort();
     const std::string_view taken = bytes_.substr(0, static_cast<std::size_t>(size));

@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::uint64_t kMostBytes = 256 << 20;  // of a record or chunk that is read
+constexpr std::uint64_t kMostBytes = 256 << 20;  // largest record or chunk
 
 bool is_read(McapOp op) {
   switch (op) {
@@ -39,11 +39,11 @@ McapReader::McapReader(const std::filesystem::path& file, McapChannels known)
   std::array<char, kMcapMagic.size()> magic{};
   if (!read(magic.data(), magic.size()) ||
       std::string_view(magic.data(), magic.size()) != kMcapMagic)
-    throw InputError(file, "is no MCAP file: it doesn't begin as one of version 0 does");
+    throw InputError(file, "is not an MCAP file of version 0");
   crc_ = crc32(kMcapMagic);
 }
 
-/// @return false where the file ends before
+/// @return false if the file ends too early
 bool McapReader::read(char* to, std::uint64_t size) {
   if (size > static_cast<std::uint64_t>(size_ - at_)) return false;
   in_.read(to, static_cast<std::streamsize>(size));
@@ -52,7 +52,7 @@ bool McapReader::read(char* to, std::uint64_t size) {
   return true;
 }
 
-/// Reads the next record that matters; false: there is none.
+/// Reads the next relevant record; false at the end.
 bool McapReader::next_record() {
   constexpr std::uint64_t kBlock = 1 << 16;
   while (!ended_) {
@@ -143,12 +143,12 @@ bool McapReader::take(McapOp op, std::string_view content, Message& message) {
     channel.topic = fields.text();
     channel.encoding = fields.text();
     if (schema != schemas_.end()) channel.schema = schema->second;
-    channels_.try_emplace(id, std::move(channel));  // once more: the same, which may be in use
+    channels_.try_emplace(id, std::move(channel));  // a repeated channel may be in use
   } else if (op == McapOp::kMessage) {
     const auto id = fields.number<std::uint16_t>();
     const auto channel = channels_.find(id);
     if (channel == channels_.end())
-      damaged(fmt::format("a message is of channel {}, which isn't there", id));
+      damaged(fmt::format("a message has the unknown channel {}", id));
     fields.take(4);  // its number
     const auto log_ns = std::min<std::uint64_t>(fields.number<std::uint64_t>(), kLastLog_ns);
     fields.take(8);  // when it was sent
@@ -159,7 +159,7 @@ bool McapReader::take(McapOp op, std::string_view content, Message& message) {
   return false;
 }
 
-/// Makes the content of a chunk the one that messages are taken from.
+/// Makes the current record, a chunk, the source of the next messages.
 void McapReader::open_chunk() {
   McapFields fields(record_);
   fields.take(16);  // times
@@ -180,7 +180,7 @@ void McapReader::open_chunk() {
                                           "ones are read",
                                           printable(compression)));
     } else if (size != bytes.size()) {
-      throw std::invalid_argument("hold more or less than they say");
+      throw std::invalid_argument("have another size than declared");
     }
   } catch (const std::invalid_argument& e) {
     damaged(fmt::format("a chunk's bytes {}", e.what()));

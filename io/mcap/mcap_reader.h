@@ -15,47 +15,47 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Later ones, in the year 2096, are taken for this one: differences of any two times fit 64 bits.
+/// Later times (after 2096) become this one, so that differences of two times fit into 64 bits.
 inline constexpr std::int64_t kLastLog_ns = 4'000'000'000'000'000'000;
 
 struct McapChannel {
   std::string topic;
-  std::string encoding;  ///< of its messages, "cdr" for one
-  std::string schema;    ///< "sensor_msgs/msg/JointState" for one
+  std::string encoding;  ///< of its messages, such as "cdr"
+  std::string schema;    ///< such as "sensor_msgs/msg/JointState"
 };
 using McapChannels = std::map<std::uint16_t, McapChannel>;
 
-/// Reads a file from end to end, whether or not it has chunks, an index or an end; in memory for
-/// its largest chunk. Chunks are plain, lz4 or zstd. What a recorder that was killed leaves ends
-/// with its last whole record: torn_at() tells.
+/// Reads a file from start to end, with or without chunks, index or footer; holds the largest chunk
+/// in memory. Chunks may be plain, lz4 or zstd. A file of a killed recorder ends at its last whole
+/// record, see torn_at().
 ///
-/// Sizes are checked before memory is taken, checksums wherever the file has them.
+/// Sizes are checked before memory is allocated, and all checksums that the file has.
 class McapReader {
  public:
-  /// @param known channels that files of this name have, for who begins in the middle
-  /// @throw InputError unless it is there and begins as an MCAP file does
+  /// @param known channels of this file, for a reader that begins in its middle
+  /// @throw InputError unless the file exists and begins as an MCAP file
   explicit McapReader(const std::filesystem::path& file, McapChannels known = {});
 
   struct Message {
     const McapChannel* channel = nullptr;
-    std::string_view data;    ///< good until the next call
-    std::int64_t log_ns = 0;  ///< when it was recorded, at most kLastLog_ns
-    std::int64_t record = 0;  ///< where in the file its record begins, or its chunk's
+    std::string_view data;    ///< valid until the next call
+    std::int64_t log_ns = 0;  ///< time of recording, at most kLastLog_ns
+    std::int64_t record = 0;  ///< offset in the file of its record, or of its chunk's record
     bool in_chunk = false;
   };
   /// @return false at the end
-  /// @throw InputError if the file is damaged, or needs what isn't read
+  /// @throw InputError if the file is damaged, or needs an unsupported feature
   bool next(Message& message);
 
-  /// Where a message begins: its record, or its chunk's; then how far into the chunk's content.
+  /// Where a message begins: its record's or chunk's offset, and its offset within the chunk.
   struct Mark {
     std::int64_t record = 0, within = 0;
   };
-  Mark mark() const;  ///< of the message that comes next
+  Mark mark() const;  ///< of the next message
   void go_to(const Mark& mark);
 
   const McapChannels& channels() const { return channels_; }  ///< so far
-  /// Where the file ends, unless by an end of its own.
+  /// Where the file ends if its footer is missing.
   const std::optional<std::int64_t>& torn_at() const { return torn_at_; }
   std::int64_t bytes_read() const { return at_; }
 
@@ -70,15 +70,15 @@ class McapReader {
   std::filesystem::path file_;
   std::ifstream in_;
   std::int64_t size_ = 0, at_ = 0;  // of the file
-  std::int64_t record_at_ = 0;      // where the record begins that it is at
+  std::int64_t record_at_ = 0;      // offset of the current record
   McapOp op_ = McapOp::kHeader;
-  std::string record_, unpacked_;  // content of the record, of the chunk
-  std::string_view chunk_;         // the same as it is without compression; empty: in none
+  std::string record_, unpacked_;  // content of the record; of the chunk
+  std::string_view chunk_;         // the chunk's uncompressed content; empty: not in a chunk
   std::size_t chunk_at_ = 0;
   std::map<std::uint16_t, std::string> schemas_;  // names
   McapChannels channels_;
   std::optional<std::int64_t> torn_at_;
-  std::uint32_t crc_ = 0;  // of all bytes up to record_at_, while it is known
+  std::uint32_t crc_ = 0;  // of all bytes before record_at_, while known
   bool crc_known_ = true, ended_ = false;
 };
 

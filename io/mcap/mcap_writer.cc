@@ -19,7 +19,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // plain, when it is appended
+constexpr std::size_t kChunkBytes = std::size_t{1} << 20;  // uncompressed
 
 [[noreturn]] void fail(const std::filesystem::path& file) {
   throw std::runtime_error(fmt::format("{}: can't be written: {}", file.string(),

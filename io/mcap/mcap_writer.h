@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Writes MCAP files that grow while somebody may read them, and that a crash leaves readable.
+// Writes MCAP files that can be read while they grow, and after a crash.
 #pragma once
 
 #include <cstdint>
@@ -19,36 +19,36 @@ struct McapSchema {
 };
 
 /// Gathers messages into chunks compressed by zstd, each with its schemas, channels, index and
-/// checksum, and appends those whole. close() writes the end with an index of it all; without that
-/// a reader has every chunk that was appended. The same calls make the same bytes.
+/// checksum, and appends whole chunks. close() writes the footer with an index. Without it a reader
+/// has all appended chunks. The same calls write the same bytes.
 ///
-/// All throw std::runtime_error naming the file and the cause. For one thread.
+/// All members throw std::runtime_error naming the file and the cause. Not thread-safe.
 class McapWriter {
  public:
   using Texts = std::map<std::string, std::string>;
 
   /// Begins the file anew.
   explicit McapWriter(std::filesystem::path file, std::string_view profile = "");
-  /// The file stays as it is on disk.
+  /// The file on disk stays as it is.
   ~McapWriter();
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
 
-  /// @param encoding of its messages @return its number
+  /// @param encoding of its messages @return the channel's number
   std::uint16_t add_channel(const std::string& topic, const McapSchema& schema,
                             const std::string& encoding);
-  /// Says something of the file itself; no readers need it.
+  /// Adds metadata of the file, which readers may ignore.
   void add_metadata(const std::string& name, const Texts& texts);
 
   void write(std::uint16_t channel, std::uint64_t time_ns, std::string_view message);
 
-  /// Appends what there is, so that it stays whatever becomes of the process.
+  /// Appends all messages so far, so that they survive a crash of the process.
   void flush();
-  /// Ends the file and has it on disk for good. Nothing may follow.
+  /// Ends the file and syncs it. Nothing may follow.
   void close();
 
  private:
-  /// A chunk that was appended, or the one that is under way.
+  /// A chunk: an appended one or the current one.
   struct Chunk {
     std::uint64_t begin_ns = 0, end_ns = 0, at = 0, bytes = 0, index_bytes = 0;
     std::uint64_t packed_bytes = 0, plain_bytes = 0;
@@ -59,7 +59,7 @@ class McapWriter {
     std::uint64_t at = 0, bytes = 0;
   };
   struct Times {
-    std::string entries;  // of its index in the chunk under way: time and place, each 8 bytes
+    std::string entries;  // of its index in the current chunk: time and offset, 8 bytes each
     std::uint64_t messages = 0;
   };
 
@@ -70,11 +70,11 @@ class McapWriter {
   std::filesystem::path file_;
   int descriptor_ = -1;
   std::uint64_t at_ = 0;
-  std::uint32_t crc_ = 0;  // of all before at_
+  std::uint32_t crc_ = 0;  // of all bytes before at_
 
-  std::string plain_;           // the chunk under way
-  Chunk chunk_;                 // the same
-  std::uint64_t in_chunk_ = 0;  // its messages
+  std::string plain_;           // the current chunk
+  Chunk chunk_;                 // of the current chunk
+  std::uint64_t in_chunk_ = 0;  // messages in the current chunk
   std::vector<Chunk> chunks_;
   std::vector<Metadata> metadata_;
   std::map<std::string, std::uint16_t> schemas_;  // by name

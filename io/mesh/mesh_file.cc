@@ -30,7 +30,7 @@ Format format_of(const std::filesystem::path& file) {
   if (suffix == ".stl") return Format::kStl;
   if (suffix == ".glb") return Format::kGlb;
   throw std::invalid_argument(file.string() + ": unknown mesh format '" + printable(suffix) +
-                              "'; .ply, .obj, .stl or .glb would do");
+                              "'; use .ply, .obj, .stl or .glb");
 }
 
 /// Assimp's name of the format.
@@ -81,7 +81,7 @@ std::unique_ptr<aiScene> make_scene(const Mesh& mesh, Format format) {
   return scene;
 }
 
-/// Assimp's STL has no normals; this one has those of its facets.
+/// An STL with facet normals, which Assimp's exporter leaves out.
 std::string stl_bytes(const Mesh& mesh, const Vec3& origin) {
   constexpr std::size_t kHeader = 80;
   std::string bytes = "soilvdb origin " + origin_text(origin);
@@ -106,7 +106,7 @@ void insert_after(std::string& bytes, int lines, const std::string& text) {
   bytes.insert(at, text);
 }
 
-/// Adds extras to the asset, and drops what Assimp claims to use but doesn't.
+/// Adds extras to the asset, and removes an extension that Assimp declares without using it.
 std::string annotated_glb(std::string_view bytes, const Vec3& origin, const std::string& crs_wkt) {
   // 12 bytes of header, then chunks of length, type and data: JSON first.
   constexpr std::size_t kJson = 20;
@@ -129,7 +129,7 @@ std::string annotated_glb(std::string_view bytes, const Vec3& origin, const std:
   return out;
 }
 
-/// The file by Assimp, and where the mesh is in the format's own way.
+/// The file by Assimp, with the mesh's place as the format stores it.
 std::string exported(const std::filesystem::path& file, const Mesh& mesh, Format format,
                      const Vec3& origin, const std::string& crs_wkt) {
   Assimp::Exporter exporters;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reading meshes. By hand: Assimp's importers have let files take programs over.
+// Reads meshes without Assimp, whose importers have had exploitable errors.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ constexpr std::uintmax_t kMostMeshBytes = std::uintmax_t{1} << 29;
 
 using MeshPoint = std::array<float, 3>;
 
-/// Triangles by the places of their corners: those at one place are one point.
+/// Collects triangles, and merges corners with equal coordinates into one point.
 class WeldedMesh {
  public:
   std::uint32_t point(const MeshPoint& p) {
@@ -56,7 +56,7 @@ class MeshWords {
     ++number_;
     return true;
   }
-  /// The next of the line; empty at its end.
+  /// The next word of the line; empty at its end.
   std::string_view word() {
     constexpr std::string_view kSpace = " \t\r";
     const std::size_t begin = std::min(line_.find_first_not_of(kSpace), line_.size());
@@ -71,7 +71,7 @@ class MeshWords {
     for (float& v : p) {
       const std::string_view text = word();
       const auto value = parsed<float>(text);
-      if (!value) fail(fmt::format("'{}' is no coordinate", printable(text)));
+      if (!value) fail(fmt::format("not a coordinate: '{}'", printable(text)));
       v = *value;
     }
     return p;
@@ -130,8 +130,9 @@ Mesh read_stl(const std::filesystem::path& file, std::string_view bytes) {
   if (bytes.size() >= kHead) std::memcpy(&count, bytes.data() + kHead - sizeof count, sizeof count);
   if (bytes.size() < kHead || bytes.size() != kHead + std::size_t{count} * kFacet) {
     if (bytes.starts_with("solid")) return read_ascii_stl(file, bytes);
-    throw InputError(file, fmt::format("is damaged, or no STL: {} bytes can't hold {} triangles",
-                                       bytes.size(), count));
+    throw InputError(file,
+                     fmt::format("is damaged or not an STL file: {} bytes can't hold {} triangles",
+                                 bytes.size(), count));
   }
   WeldedMesh corners;
   for (std::size_t at = kHead; at < bytes.size(); at += kFacet) {
@@ -148,14 +149,14 @@ Mesh read_mesh(const std::filesystem::path& file) {
   check_readable(file);
   const std::string suffix = suffix_of(file);
   if (suffix != ".obj" && suffix != ".stl")
-    throw InputError(file, "is no mesh that is read; .stl or .obj would do");
+    throw InputError(file, "is not a readable mesh; use .stl or .obj");
   if (std::filesystem::file_size(file) > kMostMeshBytes)
-    throw InputError(file, "is larger than 512 MB; a tool's mesh has but some thousand triangles");
+    throw InputError(file, "is larger than 512 MB; a tool needs only some thousand triangles");
   std::ifstream in(file, std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(in), {}};
   Mesh mesh = suffix == ".obj" ? read_obj(file, bytes) : read_stl(file, bytes);
   for (const Eigen::Vector3f& p : mesh.points)
-    if (!p.allFinite()) throw InputError(file, "has a point that is no number");
+    if (!p.allFinite()) throw InputError(file, "has a point that is not a number");
   if (mesh.triangles.empty()) throw InputError(file, "has no triangles");
   return mesh;
 }

@@ -36,14 +36,14 @@ bool CsvLines::next(std::string_view& line) {
   ++number_;
   bytes_ += static_cast<std::int64_t>(length);
   if (in_.fail()) {
-    while (in_.fail() && !in_.eof()) {  // on to its end
+    while (in_.fail() && !in_.eof()) {  // to the line's end
       in_.clear();
       in_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
       bytes_ += static_cast<std::int64_t>(in_.gcount());
     }
     fail(fmt::format("line is longer than {} characters", kLongestLine));
   }
-  if (!in_.eof()) --length;  // the line end, counted but not stored
+  if (!in_.eof()) --length;  // the line end is counted but not stored
   line = {buffer_.data(), length};
   if (line.find('\0') != line.npos) fail("is a binary file; it must be UTF-8 text");
   if (number_ == 1 && line.starts_with("\xEF\xBB\xBF")) line.remove_prefix(3);

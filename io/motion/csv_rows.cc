@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a motion as CSV; only the columns in use are turned into numbers.
+// Rows of a motion as CSV; only used columns are parsed.
 #include <fmt/format.h>
 
 #include <functional>

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a motion out of JointState messages: a row for each stamp, of whatever messages tell of
-// the joints at that time.
+// Rows of a motion from JointState messages: a row for each stamp of any message with the machine's
+// joints.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -108,7 +108,7 @@ class JointRows : public TrackRows {
   }
 
   std::vector<bool> goes_round_;  // of the joints
-  /// Of each stream: where among its values is that of which joint.
+  /// By stream: pairs of an index into its values and a joint.
   std::unordered_map<std::uint32_t, std::vector<std::pair<std::size_t, std::size_t>>> parts_;
 };
 

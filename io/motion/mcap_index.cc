@@ -15,8 +15,8 @@ namespace {
 
 constexpr std::size_t kMostTopicsShown = 12;  // topics
 constexpr std::size_t kMostStreams = 100'000;
-constexpr std::size_t kMostStamps = 4096;  // of a stream, to know its usual interval by
-constexpr long kBlockMessages = 256;       // of a file without chunks
+constexpr std::size_t kMostStamps = 4096;  // of a stream, for the median interval
+constexpr long kBlockMessages = 256;       // block size in files without chunks
 
 /// "sensor_msgs/JointState" of "sensor_msgs/msg/JointState" or "sensor_msgs::msg::JointState".
 std::string plain_type(std::string name) {
@@ -25,7 +25,7 @@ std::string plain_type(std::string name) {
   return name;
 }
 
-/// @throw InputError if that is none of a motion, or isn't encoded as one
+/// @throw InputError if the topic's type or encoding is not that of a motion
 McapType type_of(const std::filesystem::path& file, const McapChannel& channel) {
   const std::string topic = printable(channel.topic), type = plain_type(channel.schema);
   if (channel.encoding != "cdr")
@@ -57,7 +57,7 @@ class Look {
   }
 
  private:
-  /// What is of use while reading.
+  /// Data that is needed only while reading.
   struct More {
     std::vector<std::pair<std::int64_t, std::int64_t>> some;  // stamps and log times
     McapTimes unstamped_log;
@@ -109,7 +109,7 @@ class Look {
     }
     for (const McapItem& item : items_) {
       const std::uint32_t id = stream(message.channel->topic, item, message.log_ns, false);
-      if (item.stamp_ns == 0) add(id, message.log_ns, message.log_ns);  // either may be its time
+      if (item.stamp_ns == 0) add(id, message.log_ns, message.log_ns);  // time_of() may take either
       add(id, item.stamp_ns, message.log_ns);
       time_ns_ = item.stamp_ns == 0 ? message.log_ns : item.stamp_ns;
     }
@@ -119,12 +119,12 @@ class Look {
     try {
       read_items(McapType::kTransforms, message.data, items_);
     } catch (const CdrError&) {
-      return;  // then a frame may be missing
+      return;  // a missing frame is reported later
     }
     for (const McapItem& item : items_) stream(message.channel->topic, item, message.log_ns, true);
   }
 
-  /// Adds a time of a stream to the block under way.
+  /// Adds a time of a stream to the current block.
   void add(std::uint32_t id, std::int64_t time_ns, std::int64_t log_ns) {
     auto& streams = facts_->blocks.back().streams;
     auto at = std::find_if(streams.begin(), streams.end(),
@@ -134,7 +134,7 @@ class Look {
     at->last_log_ns = std::max(at->last_log_ns, log_ns);
   }
 
-  /// The number of the stream that an item is of, which is then counted.
+  /// Counts an item in its stream. @return the stream's number
   std::uint32_t stream(const std::string& topic, const McapItem& item, std::int64_t log_ns,
                        bool fixed) {
     key_.assign(topic).push_back('\0');
@@ -209,7 +209,7 @@ class Look {
   std::string key_;
   std::uint32_t file_ = 0;
   long number_ = 0;
-  std::optional<std::int64_t> time_ns_;  // of the item before
+  std::optional<std::int64_t> time_ns_;  // of the previous item
   bool in_block_ = false, last_in_chunk_ = false;
 };
 

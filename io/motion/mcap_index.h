@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a first look at MCAP files tells of the motion in them: who says what, and which part of a
-// file has which times, so that messages can be taken in their order without all being in memory.
+// The index of a motion in MCAP files, made by a first pass: its streams, and the times in each
+// part of a file. It allows reading in the order of stamps with few messages in memory.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@
 
 namespace soilvdb::inline v0::io {
 
-// Messages of one sender may be recorded out of their order by that much: networks and recorders
-// with several threads do so. More is a clock that was set.
+// Largest disorder of one sender's messages, as networks and multi-threaded recorders cause. A
+// larger one means that a clock was set.
 inline constexpr std::int64_t kMostBehind_ns = 1'000'000'000;
 inline constexpr std::int64_t kLatest_ns = std::numeric_limits<std::int64_t>::max();
 
-/// Times, from the first to the last.
+/// A range of times.
 struct McapTimes {
   std::int64_t first_ns = kLatest_ns, last_ns = -kLatest_ns;
 
@@ -33,26 +33,27 @@ struct McapTimes {
   }
 };
 
-/// What a topic says of the same joints, or of the same frame in the same parent.
+/// Messages of one topic about the same joints, or about the same frame in the same parent.
 struct McapStream {
   std::string topic, names;  ///< names as McapItem has them
-  bool fixed = false;        ///< of /tf_static
+  bool fixed = false;        ///< from /tf_static
   std::int64_t count = 0;
   McapTimes times;
-  std::int64_t usual_ns = 0;          ///< the median of the time between two items; 0: unknown
-  std::int64_t stamped_since_ns = 0;  ///< when the first with a stamp was recorded
-  std::int64_t unstamped = 0;         ///< items whose stamp is 0 and whose log time is taken
+  std::int64_t usual_ns = 0;          ///< median time between two items; 0: unknown
+  std::int64_t stamped_since_ns = 0;  ///< recording time of the first item with a stamp
+  std::int64_t unstamped = 0;         ///< items with stamp 0, whose log time counts
   std::vector<double> values;         ///< of the last item
-  bool moves = false;                 ///< not all have the same values
-  bool ahead = true;                  ///< all have stamps later than when they were recorded
+  bool moves = false;                 ///< some values differ
+  bool ahead = true;                  ///< all stamps are later than their recording times
 
-  /// The time of an item. A stamp of 0 is the beginning of simulated time, or there is no stamp.
+  /// The time of an item. Stamp 0 is the beginning of simulated time, or means that there is no
+  /// stamp.
   std::int64_t time_of(std::int64_t stamp_ns, std::int64_t log_ns) const {
     return stamp_ns == 0 && log_ns - stamped_since_ns > kMostBehind_ns ? log_ns : stamp_ns;
   }
 };
 
-/// Messages of one chunk, or some that follow each other.
+/// Messages of one chunk, or consecutive messages.
 struct McapBlock {
   struct Stream {
     std::uint32_t stream = 0;
@@ -60,14 +61,14 @@ struct McapBlock {
     std::int64_t last_log_ns = 0;
   };
   std::uint32_t file = 0;
-  std::int64_t record = 0;  ///< where it begins
-  long before = 0;          ///< the file's messages before it
+  std::int64_t record = 0;  ///< offset of the first record
+  long before = 0;          ///< number of the file's messages before it
   long messages = 0;
-  std::int64_t time_before_ns = 0;  ///< of what comes before it in the file
+  std::int64_t time_before_ns = 0;  ///< time of the message before it in the file
   std::vector<Stream> streams;
 };
 
-/// What is known of the files once they were looked at.
+/// The result of the first pass.
 struct McapFacts {
   struct File {
     std::filesystem::path path;
@@ -77,12 +78,12 @@ struct McapFacts {
   };
   McapType type = McapType::kJointState;
   std::vector<File> files;
-  std::vector<McapStream> streams;  ///< the first: messages that can't be decoded
+  std::vector<McapStream> streams;  ///< streams[0]: messages that can't be decoded
   std::vector<McapBlock> blocks;
 };
 
 /// Reads all files from end to end.
-/// @throw InputError if one is damaged, or no topic of the source is a motion
+/// @throw InputError if a file is damaged, or if no topic of the source is a motion
 std::shared_ptr<const McapFacts> look_at(const MotionSource& source);
 
 /// Is it one of the source's topics?

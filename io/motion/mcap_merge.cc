@@ -106,7 +106,7 @@ void McapMerge::load(const McapBlock& block) {
     } catch (const CdrError& e) {
       place.time_ns = time_ns;
       add(place, 0, message.log_ns, {},
-          fmt::format("is no {} in CDR: it {}", type_name(facts_->type), e.what()));
+          fmt::format("is not a {} in CDR: it {}", type_name(facts_->type), e.what()));
       continue;
     }
     for (McapItem& item : items_) {

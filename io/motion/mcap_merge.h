@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What messages of MCAP files say, in the order of their stamps, whatever order files, chunks and
-// messages are in.
+// Messages of MCAP files in the order of their stamps, whatever the order of files, chunks and
+// messages.
 #pragma once
 
 #include <compare>
@@ -16,12 +16,12 @@
 
 namespace soilvdb::inline v0::io {
 
-/// The place of an item in the order; those of one time are in that of the files.
+/// The place of an item in the order; items of one time keep the order of the files.
 struct McapPlace {
   std::int64_t time_ns = 0;
   std::uint32_t file = 0;
-  long number = 0;         ///< of its message in the file, from 1 on
-  std::uint32_t item = 0;  ///< of the message
+  long number = 0;         ///< of its message in the file, from 1
+  std::uint32_t item = 0;  ///< within the message
 
   auto operator<=>(const McapPlace&) const = default;
 };
@@ -30,21 +30,21 @@ struct McapEntry {
   McapPlace place;
   std::uint32_t stream = 0;
   std::vector<double> values;
-  std::string fault;  ///< why it can't be used
+  std::string fault;  ///< why the item is unusable
 };
 
-/// In memory for blocks of which the times overlap.
+/// Holds only blocks with overlapping times in memory.
 class McapMerge {
  public:
-  /// @param wanted of its streams; messages that can't be decoded come anyway
+  /// @param wanted streams to return; messages that can't be decoded are always returned
   McapMerge(const MotionSource& source, std::shared_ptr<const McapFacts> facts,
             const std::vector<std::uint32_t>& wanted);
 
   /// @return false at the end
   bool next(McapEntry& entry);
-  /// The time of the stream's first item that is yet to come.
+  /// The time of the stream's next item.
   std::optional<std::int64_t> next_time(std::uint32_t stream) const;
-  /// Goes on with the first item of that time or later.
+  /// Continues with the first item at or after this time.
   void go_to(std::int64_t time_ns);
 
   std::int64_t bytes_read() const { return bytes_; }
@@ -66,10 +66,10 @@ class McapMerge {
   McapTopic topic_;
   std::shared_ptr<const McapFacts> facts_;
   std::vector<bool> wanted_;
-  std::vector<Block> blocks_;  // by their first times
-  std::size_t loaded_ = 0;     // so many of them
+  std::vector<Block> blocks_;  // by first time
+  std::size_t loaded_ = 0;     // number of loaded blocks
   std::map<McapPlace, Waiting> waiting_;
-  std::vector<std::int64_t> last_log_ns_;  // of each stream's items so far
+  std::vector<std::int64_t> last_log_ns_;  // by stream, of the items so far
   std::int64_t from_ns_ = -kLatest_ns, bytes_ = 0;
   std::unique_ptr<McapReader> reader_;
   std::uint32_t reader_file_ = 0;

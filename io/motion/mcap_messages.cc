@@ -72,7 +72,7 @@ void read_items(McapType type, std::string_view bytes, std::vector<McapItem>& it
     } else {
       item.stamp_ns = read_stamp(cdr);
       item.names = cdr.text();
-      if (type == McapType::kOdometry) cdr.text();  // whose pose it is
+      if (type == McapType::kOdometry) cdr.text();  // child_frame_id
       read_item_pose(cdr, item);
     }
   }

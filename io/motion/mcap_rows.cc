@@ -13,8 +13,8 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-// A machine goes on as it did for that long, or for some of its usual intervals: what is late by a
-// few of them is a busy network.
+// Gaps up to this long, or of a few usual intervals, are interpolated: busy networks delay messages
+// by a few intervals.
 constexpr std::int64_t kMostGap_ns = 1'000'000'000;
 constexpr std::int64_t kMostGaps = 3;
 
@@ -65,7 +65,7 @@ class PoseRows : public McapRows {
 
  private:
   McapEntry entry_;
-  std::uint32_t first_ = 0;  // the stream whose frame all are seen from
+  std::uint32_t first_ = 0;  // the stream whose frame is the reference for all
   std::optional<McapPlace> from_;
 };
 
@@ -109,10 +109,9 @@ void McapRows::seal(const std::vector<double>& v) {
 void McapRows::warn(std::vector<std::string>& warnings) const {
   for (const McapFacts::File& file : facts_->files)
     if (file.torn_at)
-      warnings.push_back(
-          fmt::format("{}: has no end, as when a recorder is killed; what is whole "
-                      "up to byte {} is used",
-                      file.path.string(), *file.torn_at));
+      warnings.push_back(fmt::format(
+          "{}: has no footer, as after a killed recorder; the part up to byte {} is used",
+          file.path.string(), *file.torn_at));
   std::int64_t unstamped = 0;
   for (const std::uint32_t stream : wanted_) unstamped += facts_->streams[stream].unstamped;
   if (unstamped > 0)
@@ -137,10 +136,9 @@ std::unique_ptr<RowSource> mcap_rows(const MotionSource& source,
   const std::string topics = topics_text(wanted);
   if (facts->type == McapType::kJointState) {
     if (!chain)
-      throw InputError(source.file,
-                       fmt::format("{} has joints; the machine needs a urdf for them, or another "
-                                   "topic, by poses or transforms",
-                                   topics));
+      throw InputError(source.file, fmt::format("{} has joints; the machine needs a urdf for them, "
+                                                "or another topic, with poses or transforms",
+                                                topics));
     if (wanted.frame.empty()) return mcap_joint_rows(source, facts, *chain);
   } else if (chain) {
     throw InputError(source.file,
@@ -149,9 +147,7 @@ std::unique_ptr<RowSource> mcap_rows(const MotionSource& source,
                                  topics));
   }
   if (facts->type != McapType::kTransforms && !wanted.frame.empty())
-    throw InputError(source.file, fmt::format("{} has no transforms, which 'frame' is for; "
-                                              "remove that",
-                                              topics));
+    throw InputError(source.file, fmt::format("{} has no transforms; remove 'frame'", topics));
   if (!wanted.more_topics.empty())
     throw InputError(source.file,
                      fmt::format("{} are of {}; several topics are for joints only, so name one",

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a motion out of the messages of MCAP files: what joints, poses and transforms share.
+// Rows of a motion from MCAP messages: the common part of joints, poses and transforms.
 #pragma once
 
 #include <array>
@@ -16,13 +16,13 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Up to which two samples are joined as a matter of course. @param usual_ns between two samples
+/// Longest gap between two samples that is interpolated. @param usual_ns interval of the samples
 std::int64_t most_gap_ns(std::int64_t usual_ns);
 
 /// Rows in the order of their stamps, each with the number of its message in the file.
 class McapRows : public RowSource {
  public:
-  /// @param wanted streams that it is made of
+  /// @param wanted the motion's streams
   McapRows(const MotionSource& source, std::shared_ptr<const McapFacts> facts,
            const std::vector<std::uint32_t>& wanted);
 
@@ -47,10 +47,10 @@ class McapRows : public RowSource {
     }
   };
 
-  /// Makes that message the one that is being looked at.
+  /// Makes this message the current place.
   void look_at(const McapPlace& place);
   static McapPlace place_of(const RowMark& mark);
-  /// The numbers of a row are whole.
+  /// Updates the hash with the numbers of a complete row.
   void seal(const std::vector<double>& v);
 
   MotionSource source_;
@@ -60,11 +60,11 @@ class McapRows : public RowSource {
   Place place_;
   Columns columns_;
   McapPlace row_;
-  std::size_t hash_ = 0;  // of the row
+  std::size_t hash_ = 0;  // of the current row
 };
 
-/// Rows of things that are told one by one, joints or frames: each is known at the times it was
-/// told, and between them unless they are too far apart.
+/// Rows from samples of several tracks (joints or frames). A track has values at its samples'
+/// times, and between samples that are close enough.
 class TrackRows : public McapRows {
  public:
   using McapRows::McapRows;
@@ -79,32 +79,32 @@ class TrackRows : public McapRows {
     Values values = {};
   };
   struct Track {
-    std::string what;         ///< "frame 'base'"
-    bool makes_rows = false;  ///< at each of its times
-    bool tells_gaps = false;  ///< where it makes none for too long
+    std::string what;         ///< name for messages, "frame 'base'"
+    bool makes_rows = false;  ///< each sample makes a row
+    bool tells_gaps = false;  ///< a long gap is a fault
     McapTimes times;
-    std::int64_t usual_ns = kLatest_ns;  ///< time from one of its samples to the next
+    std::int64_t usual_ns = kLatest_ns;  ///< interval of its samples
     std::vector<std::uint32_t> streams;
-    std::deque<Sample> samples;  ///< from the last one up to the row on
+    std::deque<Sample> samples;  ///< from the last one at or before the row
 
-    std::int64_t most_ns() const;      ///< between two samples
-    std::int64_t most_end_ns() const;  ///< between a row and its first sample after, or last before
+    std::int64_t most_ns() const;      ///< longest gap between two samples
+    std::int64_t most_end_ns() const;  ///< longest from a row to the nearest sample, at an end
   };
 
   void add_track(std::string what, bool makes_rows);
-  /// Adds a stream to a track. @param i of tracks_
+  /// @param i index into tracks_
   void add_stream(std::size_t i, std::uint32_t stream);
-  /// Puts an entry's values into tracks. @throw LineError if it can't be
+  /// Puts an entry's values into tracks. @throw LineError if they are unusable
   virtual void take(const McapEntry& entry) = 0;
-  /// Says what a thing does from one sample to the next. @param s 0 to 1
+  /// Interpolates between two samples. @param s 0 to 1
   virtual Values between(const Track& track, const Values& a, const Values& b, double s) const = 0;
 
-  /// Is something else said of it at that time? @throw LineError then
+  /// @throw LineError if the track has other values at that time
   void check_same(const Track& track, std::int64_t time_ns, const double* values,
                   std::size_t n) const;
   /// Adds a sample, and a row if it makes one.
   void put(Track& track, const McapPlace& place, const double* values, std::size_t n);
-  /// @throw LineError if it isn't known at the row's time
+  /// @throw LineError if the track is unknown at the row's time
   Values at_row(Track& track) const;
 
   std::vector<Track> tracks_;
@@ -120,10 +120,10 @@ class TrackRows : public McapRows {
   void find_early_end();
   McapTimes row_times() const;
 
-  std::deque<McapPlace> waiting_;  // rows
-  std::deque<Fault> faults_;       // what is wrong before them
+  std::deque<McapPlace> waiting_;  // rows to return
+  std::deque<Fault> faults_;       // to report before these rows
   std::int64_t newest_ns_ = -kLatest_ns;
-  std::optional<McapPlace> from_;  // rows before it are passed over
+  std::optional<McapPlace> from_;  // rows before it are skipped
   bool ended_ = false, looked_at_end_ = false;
 };
 

@@ -79,7 +79,7 @@ void Angles::check(const std::filesystem::path& file) const {
                   "they look like degrees; make them radians, or say 'angles: degrees' beside "
                   "the machine's 'motion:'{}",
                   printable(name), angle_rad, rows, rows_,
-                  joints_ ? "" : "; of what turns round and round keep it within a turn"));
+                  joints_ ? "" : "; keep roll, pitch and yaw within a turn"));
 }
 
 void Angles::warn(const RowPlace& place, std::vector<std::string>& warnings) const {

@@ -14,35 +14,36 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr double kMaxTimeS = 1e11;             // seconds since 1970 are fine, milliseconds are not
-constexpr double kQuaternionTolerance = 0.01;  // two decimals; more is no rotation
+constexpr double kMaxTimeS = 1e11;             // allows seconds since 1970, not milliseconds
+constexpr double kQuaternionTolerance = 0.01;  // two decimals; beyond, it is no rotation
 constexpr double kDecimalTolerance = 1e-6;     // rounding of decimal input, rad or m
-// No machine moves or turns its bucket this fast: large draglines swing theirs at 25 m/s, a
-// clamshell falls 40 m to 28 m/s, buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
+// Faster than any bucket: those of large draglines swing at 25 m/s, a clamshell reaches 28 m/s in a
+// fall of 40 m, and buckets curl at 3 rad/s on a house that swings at 1.2 rad/s.
 constexpr double kFastest_m_s = 50, kFastest_rad_s = 10;
-// That sensors may add, however short the time: satellite positions step by a decimetre or two when
-// a fix is lost or found, angles of inclinometers and gyroscopes by a few degrees under shocks.
+// Noise of sensors over any short time: satellite positions step by one or two decimetres when a
+// fix is lost or found, and inclinometers and gyroscopes by a few degrees under shocks.
 constexpr double kJitter_m = 0.25, kJitter_rad = 0.25, kWrapJitter_rad = 0.2;
-// A URDF's limits are rounded, to 5 degrees at times, which is off by 0.04 rad; sensors are mounted
-// and set to zero within 3 degrees. The bucket's teeth stay within a bucket's height of the truth.
+// A URDF's limits are rounded, sometimes to 5 degrees, an error of 0.04 rad. Sensors are mounted
+// and zeroed within 3 degrees. In sum, the teeth stay within a bucket's height of the truth.
 constexpr double kBeyondLimit_rad = 0.1, kBeyondLimit_m = 0.1;
-// Velocities of a URDF are rated ones: loads push joints beyond, by a third at most.
+// URDF velocities are rated values; loads push joints beyond them by at most a third.
 constexpr double kBeyondFastest = 2, kJointJitter = 0.05;  // rad or m, of an encoder
-// Of a joint in one row, however long it takes: what is surely a slip takes forever to sweep.
+// Limit for a joint in one row, at any time difference: sweeping a wrong value would take hours.
 constexpr double kMostTurn_rad = 100, kMostShift_m = 1000;
 
-// Of a joint that goes all the way round, which is slower than buckets curl: houses swing at 1.5
-// rad/s.
+// Limit for joints that turn all the way round. They are slower than a curling bucket: houses swing
+// at 1.5 rad/s.
 constexpr double kFastestTurn_rad_s = 2;
 
-/// Is it a turn too fast for a machine, and little but for the whole turn?
+/// Is this travel a whole turn, nearly, and too fast for a machine?
 bool wraps(double travel, double after_s) {
   const double rest = std::abs(std::abs(travel) - kTurn);
   return std::abs(travel) > kFastestTurn_rad_s * after_s &&
          rest <= std::min(kFastestTurn_rad_s * after_s + kWrapJitter_rad, kTurn / 4);
 }
 
-/// What moves faster than machines do; empty if it doesn't. @param noun what came before
+/// A message if the movement is faster than any machine; else empty. @param noun name of the row
+/// before
 std::string speed_fault(const std::string& what, double moved, double after_s, bool turn,
                         const char* noun) {
   const double fastest = turn ? kFastest_rad_s : kFastest_m_s;
@@ -54,15 +55,15 @@ std::string speed_fault(const std::string& what, double moved, double after_s, b
       what, turn ? "turns" : "moves", moved, unit, after_s, noun, fastest, unit);
 }
 
-/// What is faster than the joint of this machine.
+/// A message if the movement is faster than this machine's joint; else empty.
 std::string joint_speed_fault(const Joint& joint, double moved, double after_s, const char* noun) {
   if (joint.fastest == 0) return {};
   if (moved <= kBeyondFastest * joint.fastest * after_s + kJointJitter) return {};
   const bool turns = joint.type != Joint::Type::kPrismatic;
   const char* unit = turns ? "rad" : "m";
   return fmt::format(
-      "joint {} {} {:.3g} {} in {:.3g} s since the {} before; its velocity limit in "
-      "the urdf is {:g} {}/s, and none goes beyond twice that",
+      "joint {} {} {:.3g} {} in {:.3g} s since the {} before; its velocity limit in the urdf is "
+      "{:g} {}/s, and at most twice that is accepted",
       joint.name, turns ? "turns" : "moves", moved, unit, after_s, noun, joint.fastest, unit);
 }
 
@@ -75,7 +76,7 @@ std::string wrap_fault(const Joint& joint, double before, double value, double a
       joint.name, before, value, on);
 }
 
-/// What one joint does in however long it takes.
+/// A message if a joint moves too far in one row; else empty.
 std::string far_fault(const Joint& joint, double way, const char* noun) {
   const bool turns = joint.type != Joint::Type::kPrismatic;
   const double most = turns ? kMostTurn_rad : kMostShift_m;
@@ -85,7 +86,7 @@ std::string far_fault(const Joint& joint, double way, const char* noun) {
                      turns ? "turns" : "moves", way, unit, noun, most, unit, noun);
 }
 
-/// @param advice where an angle may be in degrees
+/// @param advice for angles that may be in degrees
 std::string limit_fault(const Joint& joint, double value, AngleUnit unit, const char* advice) {
   if (joint.lower == joint.upper || may_wrap(joint)) return {};
   const bool turns = joint.type != Joint::Type::kPrismatic;
@@ -97,13 +98,12 @@ std::string limit_fault(const Joint& joint, double value, AngleUnit unit, const 
   };
   const bool degrees = turns && unit == AngleUnit::kRadians && std::abs(value) > kTurn;
   return fmt::format(
-      "joint {} is at {} {}; the urdf limits it to {} to {}, and no more than {} "
-      "beyond is taken{}",
+      "joint {} is at {} {}; the urdf limits it to {} to {}, and at most {} beyond is accepted{}",
       joint.name, text(value), turns ? unit_name(unit) : "m", text(joint.lower), text(joint.upper),
       text(most), degrees ? advice : "");
 }
 
-/// Calls `look` with each joint that moves and its number until that says what is wrong.
+/// The first message of `look`, called with each movable joint and its index; else empty.
 std::string first_fault(const Chain& chain, const auto& look) {
   std::size_t i = 0;
   for (const Joint& joint : chain.joints) {
@@ -134,7 +134,7 @@ void fail_if(const RowPlace& lines, const std::string& why) {
   if (!why.empty()) lines.fail(why);
 }
 
-/// @param text of it, for messages
+/// @param text the value's text, for messages
 void check_range(const RowPlace& lines, const std::string& name, double value,
                  std::string_view text) {
   const double limit = name == "time" ? kMaxTimeS : kMaxNumber;
@@ -144,8 +144,7 @@ void check_range(const RowPlace& lines, const std::string& name, double value,
   }
   if (std::fpclassify(value) == FP_SUBNORMAL) {
     lines.fail(
-        fmt::format("{} is {}, less than any sensor tells from 0; it must be 0 or a number "
-                    "beyond 1e-300",
+        fmt::format("{} is {}, too small for any sensor; it must be 0 or a number beyond 1e-300",
                     name, printable(text)));
   }
 }
@@ -293,7 +292,7 @@ void Gaps::warn(std::vector<std::string>& warnings) const {
   if (count_ == 0) return;
   const std::string more = count_ == 1 ? "" : fmt::format(", the longest of {} such gaps", count_);
   warnings.push_back(fmt::format(
-      "{}{}; the machine moved meanwhile, and is taken to have gone straight", longest_, more));
+      "{}{}; the machine moved meanwhile, and is assumed to have moved straight", longest_, more));
 }
 
 }  // namespace soilvdb::inline v0::io

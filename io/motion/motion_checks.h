@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a row of a motion may say, by itself and after the row before it.
+// Checks of a motion's rows, alone and against the row before.
 #pragma once
 
 #include <limits>
@@ -16,48 +16,49 @@
 
 namespace soilvdb::inline v0::io {
 
-// All throw LineError naming the line that `lines` is at.
+// All functions throw LineError with the place of `lines`.
 
-/// The number in a field of column `name`, one that a sensor could have sent.
+/// The number in a field of column `name`, if a sensor could have sent it.
 double row_number(const RowPlace& lines, const std::string& name, std::string_view field);
-/// The same of a number that is no text.
+/// The same check for a number that is not text.
 void check_number(const RowPlace& lines, const std::string& name, double value);
 
 /// @param v time, x, y, z and roll, pitch, yaw or qx, qy, qz, qw
 Pose row_pose(const RowPlace& lines, const std::vector<double>& v, bool quaternion);
 
-/// Refuses a joint's value clearly beyond where it stops. @param row the time, then the joints
-/// @param unit of the file; values are in radians
+/// Refuses a joint clearly beyond its limits. @param row the time, then the joints, in radians
+/// @param unit of the file
 void check_limits(const RowPlace& lines, const Chain& chain, const std::vector<double>& row,
                   AngleUnit unit);
 
-/// Refuses a pose that no bucket reaches in that time, or a joint's value that no joint does.
+/// Refuses a pose that no bucket reaches in that time, and joints likewise.
 void check_poses(const RowPlace& lines, const Pose& before, const Pose& pose, double after_s);
 /// @param before the time, then the joints; so is `row`
 void check_joints(const RowPlace& lines, const Chain& chain, const std::vector<double>& before,
                   const std::vector<double>& row);
 
-/// Do two rows, or parts of them, say the same but for rounding?
+/// Are two rows, or parts of them, equal but for rounding?
 bool same_values(std::span<const double> a, std::span<const double> b);
 
-/// Has joints that wrap go on past a whole turn. @param before as above @param row the same as its
-/// file has it @param turns that each joint has made by wrapping before; then, with this row
+/// Unwraps joints past whole turns. @param before as above @param row in: the file's values @param
+/// turns whole turns of each joint by wrapping; in: before this row, out: with it
 void go_on_past_turns(const Chain& chain, const std::vector<double>& before,
                       std::vector<double>& row, std::vector<int>& turns);
 
-/// The same of states of a machine as they come: what can't be and what would be right, in radians;
-/// empty if it can. @param joints rad or m, one for each movable joint
+/// The same checks for single states of a machine, in radians: a message if the state is
+/// impossible, else empty.
+/// @param joints rad or m, one per movable joint
 std::string state_fault(const Chain& chain, std::span<const double> joints);
-/// @param before its joints that many seconds ago
+/// @param before the joints, that many seconds ago
 std::string state_fault(const Chain& chain, std::span<const double> before,
                         std::span<const double> joints, double after_s);
 std::string state_fault(const Pose& before, const Pose& pose, double after_s);
 
-/// Rows in which each movable joint is beyond its limits, or turns so far that it may have wrapped.
+/// Counts rows with a movable joint beyond its limits, or with a turn that may be a wrap.
 class JointLimits {
  public:
   explicit JointLimits(const Chain& chain);
-  /// @param v the time, then the joints @param turns as go_on_past_turns() has them
+  /// @param v the time, then the joints @param turns as in go_on_past_turns()
   void row(const std::vector<double>& v, const std::vector<int>& turns, long line);
   void warn(const RowPlace& place, std::vector<std::string>& warnings) const;
 
@@ -71,13 +72,13 @@ class JointLimits {
   std::vector<Count> joints_;
 };
 
-/// Gaps of a recording across which its machine moved: nobody knows how.
+/// Gaps of a recording during which the machine moved in an unknown way.
 class Gaps {
  public:
-  /// @param most_s which go without saying; nothing: any do
+  /// @param most_s longest gap that is no finding; empty: any gap
   explicit Gaps(std::optional<double> most_s) : most_s_(most_s) {}
 
-  /// @param place of the row after a gap @param moved m or rad, whichever is more
+  /// @param place of the row after a gap @param moved m or rad, the larger number
   void row(const RowPlace& place, double gap_s, double moved);
   void warn(std::vector<std::string>& warnings) const;
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reads a motion row by row, and takes the good ones.
+// Reads a motion row by row, and keeps the good rows.
 #include "soilvdb/io/motion_csv.h"
 
 #include <fmt/format.h>
@@ -35,7 +35,7 @@ struct MotionReader::State {
     fresh = row;
   }
 
-  /// Goes on to the next good row. @return false at the end of the file
+  /// Moves to the next good row. @return false at the end of the file
   bool advance() {
     while (true) {
       try {
@@ -57,7 +57,7 @@ struct MotionReader::State {
       } catch (const LineError& e) {
         if (blanks > 0) refuse_blanks();
         refuse(e);
-        if (compared && fresh[0] != row[0]) {  // a row that is there twice says nothing
+        if (compared && fresh[0] != row[0]) {  // a repeated row is no evidence
           ++bad.at_odds;
           if (++at_odds > most_at_odds) {
             most_at_odds = at_odds;
@@ -74,8 +74,8 @@ struct MotionReader::State {
     }
   }
 
-  /// Makes a row that was read the one it is at. @throw LineError; then it stays where it is
-  /// @return false if it says the same as that one once more
+  /// Makes the row that was read the current one. @return false if it repeats the current row
+  /// @throw LineError, without a change, if the row is bad
   bool take() {
     const RowPlace& place = rows->place();
     rows->values(fresh);
@@ -140,21 +140,21 @@ struct MotionReader::State {
   JointLimits limits;
   Angles angles;
   Gaps gaps;
-  std::vector<double> row, fresh;       // the row it is at, and scratch
-  Pose pose;                            // of the row, where there is no chain
-  std::string time_text;                // of the row
-  RowMark at;                           // of the row
-  std::filesystem::path at_file;        // of several
-  std::vector<int> turns, fresh_turns;  // of joints that wrap, up to the row; scratch
-  std::size_t hash = 0;                 // of the row
+  std::vector<double> row, fresh;       // the current row; scratch
+  Pose pose;                            // of the current row, without a chain
+  std::string time_text;                // of the current row
+  RowMark at;                           // of the current row
+  std::filesystem::path at_file;        // among several files
+  std::vector<int> turns, fresh_turns;  // of joints that wrap, up to the current row; scratch
+  std::size_t hash = 0;                 // of the current row
   std::size_t digest = 0;               // of the rows of the last part
-  bool first = true;                    // it is at no row yet
-  RowMark blank;                        // the first of the blank lines since the row
-  std::int64_t blanks = 0;              // so many
-  bool compared = false;                // the line it looks at with the row
-  std::int64_t at_odds = 0;             // rows since the row that can't come after it,
-  std::int64_t most_at_odds = 0;        // and the most there were of them
-  std::int64_t good = 0;                // rows so far
+  bool first = true;                    // there is no current row yet
+  RowMark blank;                        // the first blank line since the current row
+  std::int64_t blanks = 0;              // number of blank lines
+  bool compared = false;                // the new line was compared with the current row
+  std::int64_t at_odds = 0;             // rows since the current one that contradict it
+  std::int64_t most_at_odds = 0;        // longest run of these
+  std::int64_t good = 0;                // number of good rows
   BadRows bad;
 };
 

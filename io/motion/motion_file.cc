@@ -54,7 +54,7 @@ MotionFile::MotionFile(const MotionSource& source, const std::optional<Chain>& c
   if (bad_rows_.count > 0 && !stop_) warnings.push_back(warning(bad_rows_));
 }
 
-/// Refuses a motion of which nobody knows what is wrong, the rows that contradict or those before.
+/// Refuses a motion in which the good rows may be the wrong ones.
 void MotionFile::check_odds() const {
   const std::int64_t all = rows_ + bad_rows_.count;
   if (bad_rows_.at_odds > 0 && 2 * bad_rows_.at_odds >= all) {
@@ -84,7 +84,7 @@ std::shared_ptr<const Motion> MotionFile::part(std::size_t i) const {
         std::make_shared<Motion>(reader.next(std::min(kPartSteps, rows_ - 1 - rows_before)));
     if (reader.digest() == parts_[i].digest) return motion;
   } catch (const InputError&) {
-    // It was good before.
+    // A row that was good is bad: the file has changed.
   }
   throw std::runtime_error(file().string() + ": changed while it was being read");
 }

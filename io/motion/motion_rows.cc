@@ -14,7 +14,7 @@ constexpr std::size_t kPoseColumns = 7;
 
 MotionRows rows_between(const Motion& motion, double begin_s, double end_s) {
   const std::vector<double>& times = motion.times_s();
-  // A pose at a row's own time is made with the row after it, if there is one.
+  // The pose at a row's own time also depends on the row after it, if there is one.
   const auto after_begin = std::upper_bound(times.begin(), times.end(), begin_s);
   const auto after_end = std::upper_bound(after_begin, times.end(), end_s);
   const auto first = static_cast<std::size_t>(std::max<std::ptrdiff_t>(

@@ -15,7 +15,7 @@ void put_corners(const Pose& world_from_bucket, const Corners& corners, Corners&
 }
 
 Box3 box_between(const Corners& a, const Corners& b) {
-  // An arc of half a turn stands half its chord off it.
+  // The sagitta of an arc up to half a turn is at most half its chord.
   const Vec3 bulge = Vec3::Constant(std::sqrt((b - a).colwise().squaredNorm().maxCoeff()) / 2);
   return {a.rowwise().minCoeff().cwiseMin(b.rowwise().minCoeff()) - bulge,
           a.rowwise().maxCoeff().cwiseMax(b.rowwise().maxCoeff()) + bulge};

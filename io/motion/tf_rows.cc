@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of a motion out of transforms: a row for each that moves the bucket's frame in what carries
-// it, with the frames above that where they are at its time.
+// Rows of a motion from transforms: a row for each transform of one frame, combined with the frames
+// above it at that time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,16 +17,16 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr std::size_t kMostLinks = 1000;
-constexpr double kUnitTolerance = 0.01;  // as that of a row's quaternion
+constexpr double kUnitTolerance = 0.01;  // as for a row's quaternion
 
-/// A frame on the way from the bucket's up, and the one it hangs on.
+/// A frame between the bucket's frame and the root, and its parent.
 struct Link {
   std::string child, parent;
   std::uint32_t stream = 0;
-  bool fixed = false;  ///< it is where its stream has it, at all times
+  bool fixed = false;  ///< constant: the value of its stream holds at all times
 };
 
-/// The frames that hang on others, each with its streams.
+/// Frames with a parent, each with its streams.
 using Frames = std::map<std::string, std::vector<std::uint32_t>, std::less<>>;
 
 Frames frames_of(const McapFacts& facts) {
@@ -36,7 +36,7 @@ Frames frames_of(const McapFacts& facts) {
   return frames;
 }
 
-/// @throw InputError if it hangs on several
+/// @throw InputError if the frame has several parents
 Link link_of(const MotionSource& source, const McapFacts& facts, const std::string& child,
              const std::vector<std::uint32_t>& streams) {
   Link link{child, split_names(facts.streams[streams[0]].names).back(), streams[0], true};
@@ -46,11 +46,11 @@ Link link_of(const MotionSource& source, const McapFacts& facts, const std::stri
     if (parent != link.parent)
       throw InputError(
           source.file,
-          fmt::format("frame '{}' hangs on '{}', and on '{}' later; it must have one parent",
+          fmt::format("frame '{}' has the parent '{}', and later '{}'; it must have one parent",
                       printable(child), printable(link.parent), printable(parent)));
     if (stream.fixed) continue;
     link.stream = i;
-    // What never moves and is told ahead of its time is a fixed frame, told again and again.
+    // A frame that never moves and is stamped in the future is a fixed one, published repeatedly.
     link.fixed = !stream.moves && stream.ahead;
   }
   if (link.fixed && !(std::abs(pose_of(facts.streams[link.stream].values.data()).rotation.norm() -
@@ -62,7 +62,7 @@ Link link_of(const MotionSource& source, const McapFacts& facts, const std::stri
   return link;
 }
 
-/// The way from the bucket's frame up.
+/// The chain from the bucket's frame up.
 std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts) {
   const McapTopic& wanted = source.mcap;
   const Frames frames = frames_of(facts);
@@ -81,22 +81,22 @@ std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts)
               ? fmt::format("topic '{}' has no transform of frame '{}'{}", printable(wanted.topic),
                             printable(wanted.frame),
                             near.empty() ? "" : "; did you mean '" + printable(near) + "'?")
-              : fmt::format("frame '{}' doesn't hang on '{}'; the way up is {}",
-                            printable(wanted.frame), printable(wanted.parent), way));
+              : fmt::format("frame '{}' isn't below '{}'; its chain is {}", printable(wanted.frame),
+                            printable(wanted.parent), way));
     }
     links.push_back(link_of(source, facts, child, at->second));
     if (links.size() > kMostLinks)
-      throw InputError(source.file, fmt::format("frame '{}' hangs on itself, or on more than {} "
-                                                "others",
-                                                printable(wanted.frame), kMostLinks));
+      throw InputError(source.file,
+                       fmt::format("frame '{}' is its own ancestor, or has more than {} ancestors",
+                                   printable(wanted.frame), kMostLinks));
     child = links.back().parent;
     if (links.size() < 10) way += " on '" + printable(child) + "'";
   }
   if (std::all_of(links.begin(), links.end(), [](const Link& link) { return link.fixed; }))
-    throw InputError(source.file,
-                     fmt::format("frame '{}' never moves: topic '{}' has no transform on its way "
-                                 "up, {}",
-                                 printable(wanted.frame), printable(wanted.topic), way));
+    throw InputError(
+        source.file,
+        fmt::format("frame '{}' never moves: topic '{}' has no transform in its chain, {}",
+                    printable(wanted.frame), printable(wanted.topic), way));
   return links;
 }
 
@@ -122,7 +122,7 @@ class TfRows : public TrackRows {
     makes_rows.makes_rows = makes_rows.tells_gaps = true;
   }
 
-  std::optional<double> most_gap_s() const override { return {}; }  // those are bad rows
+  std::optional<double> most_gap_s() const override { return {}; }  // gaps are bad rows here
   void values(std::vector<double>& v) override {
     Pose pose;
     std::size_t next = 0;
@@ -140,8 +140,8 @@ class TfRows : public TrackRows {
   }
 
  private:
-  /// The frame that rows are at the times of: the nearest to the bucket's, unless that stands still
-  /// and others are told more often.
+  /// The track that makes rows: the nearest to the bucket, unless that one is constant and a moving
+  /// one has more samples.
   std::size_t row_track() const {
     std::size_t best = 0;
     const auto stream = [&](std::size_t i) -> const McapStream& {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Rows of things that are told one by one, and what is said where one of them isn't known.
+// Rows from tracks, and the messages about their gaps.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-// At its ends nothing says how it goes on: there a row waits for a sample that would come soon.
+// A track can't be interpolated beyond its ends: there a row uses a sample that is this close.
 constexpr std::int64_t kMostEnd_ns = 250'000'000;
 constexpr std::int64_t kLongest_ns = 100'000'000'000'000'000;  // three years: 64 bits hold a few
 
@@ -63,12 +63,12 @@ McapTimes TrackRows::row_times() const {
   return times;
 }
 
-/// Is all known at the time of the first row that waits, or is it not going to be?
+/// Are all tracks known at the time of the first waiting row, or known to stay unknown?
 bool TrackRows::ready() const {
   if (ended_) return true;
   if (waiting_.empty()) return !faults_.empty();
   const std::int64_t at_ns = waiting_.front().time_ns;
-  if (newest_ns_ <= at_ns) return false;  // more may be said at this time
+  if (newest_ns_ <= at_ns) return false;  // more samples may have this time
   return std::all_of(tracks_.begin(), tracks_.end(), [&](const Track& track) {
     return (!track.samples.empty() && track.samples.back().time_ns >= at_ns) ||
            at_ns >= track.times.last_ns || newest_ns_ - at_ns > track.most_ns();
@@ -101,10 +101,9 @@ void TrackRows::check_same(const Track& track, std::int64_t time_ns, const doubl
   if (track.samples.empty() || track.samples.back().time_ns != time_ns ||
       same_values({values, n}, {track.samples.back().values.data(), n}))
     return;
-  place_.fail(
-      fmt::format("says of {} at {} s something else than a message before it; one of the "
-                  "two is wrong",
-                  track.what, seconds(time_ns)));
+  place_.fail(fmt::format(
+      "has other values of {} at {} s than a message before it; one of the two is wrong",
+      track.what, seconds(time_ns)));
 }
 
 void TrackRows::put(Track& track, const McapPlace& place, const double* values, std::size_t n) {
@@ -121,7 +120,7 @@ void TrackRows::put(Track& track, const McapPlace& place, const double* values, 
     waiting_.push_back(place);
 }
 
-/// Says of what makes rows that it ended while others went on.
+/// Adds a fault if a track that makes rows ended while others continued.
 void TrackRows::find_early_end() {
   std::int64_t end_ns = -kLatest_ns;
   for (const Track& track : tracks_) end_ns = std::max(end_ns, track.times.last_ns);

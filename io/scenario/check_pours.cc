@@ -17,7 +17,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// The ground as it is when the run begins.
+/// The ground at the beginning of the run.
 std::shared_ptr<const InitialTerrain> ground_of(const Ground& ground) {
   if (ground.chunks().empty()) return ground.shared_terrain();
   return make_ground_terrain({std::shared_ptr<void>(), &ground});
@@ -29,7 +29,7 @@ bool is_underground(const Vec3& p, const InitialTerrain& terrain, double h, doub
   return phi[0] < -error_m;
 }
 
-/// May a bucket have been at that place before the pour begins?
+/// Could a bucket have dug at that place before the pour begins?
 bool may_be_dug(const Pour& pour, const std::vector<MachineInput>& machines) {
   return std::any_of(machines.begin(), machines.end(), [&](const MachineInput& m) {
     if (!m.has_motion()) return true;
@@ -46,7 +46,7 @@ void check_pours(const Scenario& scenario, const Site& site) {
   if (scenario.pours.empty()) return;
   const double h = site.ground->voxel_size_m();
   const std::shared_ptr<const InitialTerrain> terrain = ground_of(*site.ground);
-  // The surface of ground that was dug is true to half a voxel.
+  // The error of a dug surface is half a voxel.
   const double error_m = site.ground->chunks().empty() ? h / 1000 : h / 2;
   for (const Pour& pour : scenario.pours) {
     const Vec3& p = pour.at_m;
@@ -68,7 +68,7 @@ void check_pours(const Scenario& scenario, const Site& site) {
                       "{:g} m can number; a voxel_size of {:.2g} or more would do",
                       at, far_m, kMaxIndex * h, h, 1.05 * far_m / kMaxIndex));
     }
-    // What a pile that wide lies on is more than is looked at together.
+    // A wider pile's ground is not examined as a whole.
     const double slope = std::tan(scenario.soil->repose_rad), most_m = kMaxPileCells * h;
     if (const double radius_m = std::cbrt(3 * pour.volume_m3 / (std::numbers::pi * slope));
         radius_m > most_m) {

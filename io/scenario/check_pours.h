@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the pours of a scenario begin, checked against a site.
+// Checks the pours of a scenario against a site.
 #pragma once
 
 #include "soilvdb/io/scenario.h"
@@ -8,8 +8,8 @@
 
 namespace soilvdb::inline v0::io {
 
-/// @throw InputError naming the scenario and what would be right: a pour begins where the terrain
-///        has no ground beneath it, in the ground, or too far away for the voxel size.
+/// @throw InputError naming the scenario and what would be right, if a pour begins underground,
+///        where the terrain has no height, or too far away for the voxel size.
 void check_pours(const Scenario& scenario, const Site& site);
 
 }  // namespace soilvdb::inline v0::io

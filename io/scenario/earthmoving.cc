@@ -17,11 +17,11 @@ namespace {
 
 constexpr double kRightAngle = std::numbers::pi / 2;
 constexpr double kRadPerDegree = std::numbers::pi / 180;
-constexpr double kSteepRepose = 60 * kRadPerDegree;  // no loose soil stands so steep
+constexpr double kSteepRepose = 60 * kRadPerDegree;  // steeper than any loose soil
 constexpr double kNoAreaM2 = 1e-9;
-constexpr std::size_t kMostHoppers = 10'000;  // each is compared with each
+constexpr std::size_t kMostHoppers = 10'000;  // all pairs are compared
 
-/// An angle from `least`, or more than that, to less than a right one.
+/// An angle of at least `least`, or more than it, and below a right angle.
 double read_angle(const YamlMap& soil, const std::string& key, bool zero_is_good) {
   const double angle = soil.number(key);
   if ((angle > 0 || (zero_is_good && angle == 0)) && angle < kRightAngle) return angle;
@@ -111,9 +111,7 @@ void read_soil(const YamlMap& scenario, Scenario& result) {
       map.fail("cohesion",
                fmt::format("cohesion is {} Pa; it must be 0 or more", *soil.cohesion_pa));
     if (!map.has("density")) {
-      map.fail("cohesion",
-               "'cohesion' needs 'density', the weight that it holds; add that, in "
-               "kg/m3 of bank soil");
+      map.fail("cohesion", "'cohesion' needs 'density'; add it, in kg/m3 of bank soil");
     }
   }
   if (map.has("friction_angle"))

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The part of a scenario about soil that moves, and what brings it or takes it away.
+// Reads the sections of a scenario about moving soil: soil, pours, hoppers.
 #pragma once
 
 #include <map>
@@ -11,26 +11,26 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Names by which machines, pours and hoppers are told apart in what a run writes.
+/// The names of machines, pours and hoppers, which must differ in a run's output.
 class Names {
  public:
-  /// The name under `name` of a `kind`, "machine", "pour" or "hopper".
-  /// @throw InputError if something else has it; a pour and a hopper may be one truck.
+  /// The value of `name` of a `kind`: "machine", "pour" or "hopper".
+  /// @throw InputError if the name is taken; but a pour and a hopper may share one (a truck).
   std::string take(const YamlMap& map, const std::string& kind);
 
  private:
   std::map<std::string, std::string> kinds_;
 };
 
-/// Reads `soil`, and warns of what is doubtful in it.
+/// Reads `soil`, and adds warnings about doubtful values.
 void read_soil(const YamlMap& scenario, Scenario& result);
-/// Reads `pours` and `hoppers`, which take soil that moves.
+/// Reads `pours` and `hoppers`, which require moving soil.
 void read_pours(const YamlMap& scenario, Scenario& result, Names& names);
 void read_hoppers(const YamlMap& scenario, Scenario& result, Names& names);
 
-/// @throw InputError if a bucket's body holds nothing of soil that moves.
+/// @throw InputError if a bucket's body has no capacity for moving soil.
 void check_capacity(const YamlMap& map, const Bucket& bucket);
-/// Warns of a bucket that keeps all soil that it ever took, where that moves.
+/// Warns of a bucket that never releases moving soil.
 void warn_if_never_dumps(const YamlMap& machine, const std::string& name, const Bucket& bucket,
                          Scenario& result);
 

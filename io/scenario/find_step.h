@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where a bucket goes, looked at ever closer: blocks of its way, steps, poses.
+// Finds a step of a bucket's way by ever smaller boxes: blocks, steps, poses.
 #pragma once
 
 #include <functional>
@@ -12,20 +12,19 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Is the ground in a box known? Says no of boxes so long that all heights would be read.
+/// Is the ground in a box known? False for boxes so large that all heights would be read.
 bool surely_known(const Site& site, const Box3& box);
-/// Is a box free of soil? Says no of boxes so long that all heights would be read.
+/// Is a box free of soil? False for boxes so large that all heights would be read.
 bool surely_air(const Site& site, const Box3& box);
 
-/// Shows the steps in those blocks of a machine's way that are wanted, until one is what was looked
-/// for. Only the parts of the motion that hold one are read. @return whether it was found
+/// Calls `found` for the steps in wanted blocks of a machine's way, until it returns true. Reads
+/// only the parts of the motion with such blocks. @return was a step found?
 bool find_step(const MachineInput& machine, const std::function<bool(const Box3&)>& wanted,
                const std::function<bool(const Motion& part, const StepBox&)>& found);
 
 Box3 box_at(const Pose& world_from_bucket, const Corners& corners);
 
-/// Boxes about the bucket from pose to pose of a step's path, closer than a voxel of `h` metres to
-/// each other.
+/// Boxes around the bucket along a step's path, from pose to pose less than a voxel (`h` m) apart.
 std::vector<Box3> close_boxes(const MachineInput& m, const Motion& part, std::size_t row, double h);
 
 }  // namespace soilvdb::inline v0::io

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reads a scenario section by section; the motions, which can be long, come last.
+// Reads a scenario section by section; motions, which can be long, come last.
 #include "soilvdb/io/scenario.h"
 
 #include <fmt/format.h>
@@ -47,7 +47,7 @@ std::string read_name(const YamlMap& scenario, const std::filesystem::path& file
   return stem;
 }
 
-/// The path under `key` of a file that is there.
+/// The path under `key`, of an existing file.
 std::filesystem::path read_path(const YamlMap& map, const std::string& key) {
   const auto path = map.path(key);
   try {
@@ -84,7 +84,7 @@ Terrain read_terrain(const YamlMap& scenario) {
   return plane;
 }
 
-/// A machine's tool of any shape. @param voxel_size_m the scenario's
+/// A machine's tool, of any shape. @param voxel_size_m the scenario's
 Bucket read_tool(const YamlMap& machine, double voxel_size_m, Scenario& result) {
   const YamlMap map = machine.map("tool", {"mesh", "voxel"});
   const std::filesystem::path file = read_path(map, "mesh");
@@ -226,7 +226,7 @@ void read_output(const YamlMap& scenario, Scenario& result) {
   }
 }
 
-/// A CSV file, or what of MCAP files.
+/// The motion's CSV file, or its topic in MCAP files.
 MotionSource read_motion_source(const YamlMap& machine) {
   if (!machine.is_map("motion")) {
     const std::filesystem::path path = machine.path("motion");
@@ -260,7 +260,7 @@ MotionSource read_motion_source(const YamlMap& machine) {
   return source;
 }
 
-/// A machine's section of a scenario, all but the rows of its motion.
+/// A machine's section of a scenario, without the rows of its motion.
 struct Section {
   std::string name;
   Bucket bucket;
@@ -270,7 +270,7 @@ struct Section {
   OnBadRow on_bad_row = OnBadRow::kStop;
 };
 
-/// Adds the files of a motion; several machines may be in one.
+/// Adds the files of a motion; machines may share one.
 void add_inputs(const MotionSource& motion, Scenario& result) {
   for (const auto& file : motion.files())
     if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())

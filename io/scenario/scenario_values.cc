@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The values of a scenario apart from how they are written down.
+// The values of a scenario, independent of their notation.
 #include <fmt/format.h>
 
 #include <string>
@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMostValues = 1'000'000;  // which aliases could make many more of
+constexpr std::size_t kMostValues = 1'000'000;  // aliases could multiply them
 constexpr int kDeepest = 20;
 
 class Values {
@@ -42,7 +42,7 @@ class Values {
  private:
   static std::string text_of(std::string_view key, const YAML::Node& node) {
     if (!node.IsScalar()) return "";
-    // 0.050 is 0.05, but as names they differ.
+    // 0.050 equals 0.05 as a number, but not as a name.
     const auto number = parse_number(node.Scalar());
     return number && !key.ends_with("name") ? fmt::format("{}", *number) : node.Scalar();
   }

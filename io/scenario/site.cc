@@ -18,15 +18,15 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// Where a file is, without following links: those may be mended to lead elsewhere. But for what is
-/// reached by .. behind one.
+/// The absolute path without resolved links, which may later lead elsewhere. Links are resolved
+/// only if a ".." follows one.
 std::filesystem::path as_given(const std::filesystem::path& file) {
   std::error_code none;
   const std::filesystem::path plain = std::filesystem::absolute(file).lexically_normal();
   return std::filesystem::equivalent(plain, file, none) ? plain : std::filesystem::canonical(file);
 }
 
-constexpr double kSameSize = 1e-9;  // relative: the same number, through text
+constexpr double kSameSize = 1e-9;  // relative: equal after a round trip through text
 
 Base open_plane(const PlaneTerrain& plane) {
   const Vec2 all = Vec2::Constant(std::numeric_limits<double>::infinity());
@@ -74,15 +74,15 @@ void check_grid_of_snapshot(const LevelSetTerrain& terrain) {
                                              printable(terrain.grid)));
 }
 
-/// Of where a base is known; a plane's is the world's origin.
+/// The middle of a base's bounds; for a plane, the world's origin.
 Vec3 middle(const Base& base) {
   if (!base.bounds.sizes().allFinite()) return {0, 0, base.surface->height(0, 0).value_or(0)};
   const Vec2 at = base.bounds.center();
   return {at.x(), at.y(), base.surface->height(at.x(), at.y()).value_or(0)};
 }
 
-/// The first lip, or where nothing moves the first pour, the first machine that stands somewhere;
-/// nothing where there is none of these.
+/// The first lip; without motions the first pour, or else the root of the first machine with
+/// joints; empty without these.
 std::optional<Vec3> first_place(const Scenario& scenario) {
   for (const MachineInput& machine : scenario.machines)
     if (machine.has_motion()) return machine.motion.part(0)->row(0).position;
@@ -134,7 +134,7 @@ Site undug_site(const Site& site) {
 
 Site open_site(const Scenario& scenario) {
   if (scenario.machines.empty() && scenario.pours.empty())
-    throw InputError(scenario.file, "has no machines; one would do");
+    throw InputError(scenario.file, "has no machines; at least one machine or pour is needed");
   Site site = open_site(scenario.terrain, scenario.voxel_size_m, first_place(scenario));
   check_workspace(scenario, site);
   return site;

@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// How far below the ground the bucket is, or more, m; nothing if it isn't at some row.
+/// A lower bound of the bucket's least depth below the ground, m; empty if it emerges at some row.
 std::optional<double> depth_m(const MachineInput& machine, const InitialTerrain& terrain) {
   const Corners corners = bucket_corners(machine.bucket);
   double least = std::numeric_limits<double>::infinity();

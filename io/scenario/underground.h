@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Buckets that never see the light: heights of motion and terrain from different zeros.
+// Warns of motions that stay underground, because motion and terrain have different height datums.
 #pragma once
 
 #include "soilvdb/initial_terrain.h"
@@ -8,8 +8,8 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Adds a warning to the scenario's for each machine whose whole bucket is below the ground at all
-/// rows of its motion. Reads a motion up to the first row that isn't.
+/// Adds a warning for each machine whose whole bucket is below the ground at all rows. Reads a
+/// motion up to the first other row.
 void warn_of_underground(Scenario& scenario, const InitialTerrain& terrain);
 
 }  // namespace soilvdb::inline v0::io

@@ -22,11 +22,11 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr double kBytesPerChunk = 3500;  // a Chunk, its leaf, its share of the tree
-constexpr int kCellBits = 21;            // of a coordinate of a cell no smaller than a chunk
-constexpr int kPointsAcross = 8;         // of a mouth, where its sweep is estimated
-constexpr double kMostStepCells = 1e6;   // looked at for one block of steps
-constexpr double kMostStrokeM = 1000;    // in soil, from one row to the next
-constexpr double kStrideM = 10;          // by which such a stroke is looked at
+constexpr int kCellBits = 21;     // of a cell's coordinate; cells are at least as large as chunks
+constexpr int kPointsAcross = 8;  // per side of a mouth, for the estimate of its sweep
+constexpr double kMostStepCells = 1e6;  // in one block of steps
+constexpr double kMostStrokeM = 1000;   // in soil, from one row to the next
+constexpr double kStrideM = 10;         // sampling distance of such a stroke
 
 Eigen::AlignedBox2d plan(const Box3& box) { return {box.min().head<2>(), box.max().head<2>()}; }
 
@@ -77,7 +77,7 @@ void check_distance(const Scenario& scenario, const Site& site, const MachineInp
                   m.name, far.maxCoeff(), kMaxIndex * h, h, 1.05 * far.maxCoeff() / kMaxIndex));
 }
 
-/// A stroke that takes hours to dig, and that no machine made.
+/// Refuses a stroke that would take hours to dig, and that no machine makes.
 void check_strokes(const Site& site, const Scenario& scenario, const MachineInput& m) {
   const auto is_long = [](const Box3& box) { return box.diagonal().norm() > kMostStrokeM; };
   const Corners corners = bucket_corners(m.bucket);
@@ -102,7 +102,7 @@ void check_strokes(const Site& site, const Scenario& scenario, const MachineInpu
   });
 }
 
-/// Looks ever closer, as the engine does before it digs, wherever the ground isn't known.
+/// Refuses poses over unknown ground, by ever smaller boxes, as the engine does before it digs.
 void check_known(const Scenario& scenario, const Site& site, const MachineInput& m) {
   const auto unknown = [&](const Box3& box) { return !surely_known(site, box); };
   find_step(m, unknown, [&](const Motion& part, const StepBox& step) {
@@ -129,7 +129,7 @@ double memory_bytes() {
          static_cast<double>(::sysconf(_SC_PAGESIZE));
 }
 
-/// Cells of a lattice, and how much room those take that are not all air.
+/// A set of lattice cells, and the volume of those that are not all air.
 class SoilCells {
  public:
   SoilCells(const Ground& ground, double cell_m) : ground_(ground), cell_m_(cell_m) {}
@@ -139,7 +139,7 @@ class SoilCells {
   /// Marks the cell that holds a point of the world.
   void mark(const Vec3& p) { mark_cell(cell_of(p)); }
 
-  /// Marks all cells that meet a box. @return false if they are too many
+  /// Marks all cells that meet a box. @return false if there are too many
   bool mark(const Box3& box) {
     const Eigen::Array3d low = cell_of(box.min()), high = cell_of(box.max());
     if ((high - low + 1).prod() > kMostStepCells) return false;
@@ -169,7 +169,7 @@ class SoilCells {
   std::unordered_set<std::uint64_t> seen_;
 };
 
-/// At most so much soil is dug: all cells twice a bucket's size about the blocks of its way.
+/// Upper bound of the dug soil: cells twice a bucket's size around the blocks of its way.
 double reached_soil_m3(const Site& site, const MachineInput& m, double chunk_m, double enough_m3) {
   SoilCells cells(*site.ground, std::max({chunk_m, 2 * m.bucket.width_m, 2 * m.bucket.height_m}));
   for (const Box3& block : m.swept.blocks()) {
@@ -180,7 +180,7 @@ double reached_soil_m3(const Site& site, const MachineInput& m, double chunk_m, 
   return cells.volume_m3();
 }
 
-/// About so much soil is dug: smaller cells through which the mouth sweeps.
+/// Estimate of the dug soil: smaller cells that the mouth sweeps.
 double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, double enough_m3) {
   const double cell_m =
       std::max(chunk_m, std::max(m.bucket.width_m, m.bucket.height_m) / kPointsAcross);
@@ -188,7 +188,7 @@ double swept_soil_m3(const Site& site, const MachineInput& m, double chunk_m, do
   const int nz = std::max(1, static_cast<int>(std::ceil(m.bucket.height_m / cell_m)));
   SoilCells cells(*site.ground, cell_m);
   const Corners corners = bucket_corners(m.bucket);
-  std::optional<Pose> last;  // in soil
+  std::optional<Pose> last;  // last pose in soil
   const auto mark = [&](const Pose& pose) {
     if (surely_air(site, box_at(pose, corners))) return;
     last = pose;
@@ -238,12 +238,12 @@ void check_memory(const Scenario& scenario, const Site& site) {
           h, bytes / 1e9, memory_bytes() / 1e9, rounded_up(enough)));
 }
 
-/// The output raster covers all the ground that is dug or poured on, and all between.
+/// The output raster covers all changed ground and everything between.
 void check_raster(const Scenario& scenario, const Site& site) {
   if (!scenario.raster_cell_m) return;
   const double h = site.ground->voxel_size_m(), cell_m = *scenario.raster_cell_m;
   const auto cells = [&](const Eigen::AlignedBox2d& box) {
-    // Ground gets voxels by whole chunks.
+    // Whole chunks become resident.
     return (box.sizes().array() + 2 * kChunkSide * h).prod() / (cell_m * cell_m);
   };
   Eigen::AlignedBox2d all, dug;

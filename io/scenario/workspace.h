@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the buckets and pours of a scenario go, checked against a site before anything is dug.
+// Checks the ways of a scenario's buckets and pours against a site before digging.
 #pragma once
 
 #include "soilvdb/io/scenario.h"
@@ -8,13 +8,13 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Refuses what a run would fail on, or what is surely a slip. Motions are read again only where
-/// they come near ground without a height or would dig a great deal.
-/// @throw InputError naming the scenario and what would be right: no bucket ever comes over the
-///        terrain; one digs where the terrain has no height; the motion is too far from the site's
-///        origin for the voxel size; it digs on for more than 1 km from one row to the next; the
-///        ground it digs would need more than half of the memory, or
-///        an output raster of more cells than can be written; what check_pours() refuses.
+/// Refuses scenarios that would fail, or that are certainly wrong. Reads motions again only where
+/// they come near ground without a height or would dig a lot.
+/// @throw InputError naming the scenario and what would be right, if no bucket comes over the
+///        terrain; if a bucket digs where the terrain has no height, or more than 1 km from one row
+///        to the next; if a motion is too far from the site's origin for the voxel size; if the dug
+///        ground needs more than half of the memory; if an output raster has too many cells; or if
+///        check_pours() refuses.
 void check_workspace(const Scenario& scenario, const Site& site);
 
 }  // namespace soilvdb::inline v0::io

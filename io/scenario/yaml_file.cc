@@ -16,8 +16,8 @@ namespace {
 
 constexpr std::size_t kMaxYamlBytes = 16 << 20;
 
-/// Where documents start. Looks for no more than two: a comma where one should start makes yaml-cpp
-/// see documents without end.
+/// Lines where documents start. Stops at the second: with a misplaced comma yaml-cpp reports
+/// documents without end.
 struct DocumentStarts : YAML::EventHandler {
   explicit DocumentStarts(const std::string& text) {
     std::istringstream in(text);
@@ -52,12 +52,12 @@ struct DocumentStarts : YAML::EventHandler {
   std::string line, key;
   long line_of_key = 0;
   for (long n = 0; n <= e.mark.line && std::getline(in, line); ++n) {
-    // yaml-cpp goes on to the next key before it complains.
+    // yaml-cpp reports the error only at the next key.
     if (const std::string found = key_without_blank(line); !found.empty()) {
       key = found;
       line_of_key = n + 1;
     }
-    // What it says of a tab is another thing each time, at the line or the one before.
+    // yaml-cpp's message about a tab varies, and names this line or the one before.
     const std::size_t indent = std::min(line.find_first_not_of(" \t"), line.size());
     if (n + 1 < e.mark.line || line.find('\t') >= indent) continue;
     throw InputError(file, n + 1, "is not valid YAML: a tab indents this line; use spaces instead");

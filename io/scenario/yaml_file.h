@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Reads a YAML file, and knows the slip that makes no key of one.
+// Reads a YAML file, and detects a missing blank after a key's colon.
 #pragma once
 
 #include <yaml-cpp/yaml.h>
@@ -11,13 +11,13 @@
 
 namespace soilvdb::inline v0::io {
 
-/// The one document in a YAML file. @throw InputError naming the line, or if there is another.
+/// The only document of a YAML file. @throw InputError naming the line, also for a second document.
 YAML::Node read_yaml(const std::filesystem::path& file);
 
-/// The word before a colon that another character follows at once, where that is how a line or an
-/// item begins, as in voxel_size:0.05, which is no key; else nothing. Not of paths, C:/ or http://.
+/// The word before a colon without a blank, at the start of a line or item, as in voxel_size:0.05;
+/// such a word is no key. Empty otherwise, also for paths such as C:/ or http://.
 std::string key_without_blank(std::string_view line);
-/// What is said of it.
+/// The message about such a word.
 std::string no_blank(const std::string& key);
 
 }  // namespace soilvdb::inline v0::io

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Strict YAML on yaml-cpp. Aliases share nodes and merge keys are not expanded, so reading costs no
-// more than the file is long.
+// Strict YAML on yaml-cpp. Aliases share nodes and merge keys are not expanded, so the cost of
+// reading is limited by the file's length.
 #include "io/scenario/yaml_map.h"
 
 #include <fmt/format.h>
@@ -33,7 +33,7 @@ std::string describe(const YAML::Node& node) {
   }
 }
 
-/// One of the `known` keys that a blank is missing after.
+/// The known key in `text` that lacks a blank after its colon.
 std::string known_without_blank(const std::string& text, const std::vector<std::string>& known) {
   const std::string key = key_without_blank(text);
   return std::find(known.begin(), known.end(), key) == known.end() ? "" : key;
@@ -114,7 +114,7 @@ std::vector<std::string> YamlMap::texts(const std::string& key) const {
   std::vector<std::string> all;
   for (const YAML::Node& entry : node) {
     if (!entry.IsScalar() || entry.Scalar().empty())
-      fail(entry, fmt::format("{} has an entry that is no text; each must be text", key));
+      fail(entry, fmt::format("{} has an entry that is not text; each must be text", key));
     all.push_back(entry.Scalar());
   }
   return all;
@@ -218,7 +218,7 @@ std::vector<Vec2> YamlMap::points(const std::string& key) const {
 }
 
 YAML::Node YamlMap::node_of(const std::string& key) const {
-  // The key's own line: yaml-cpp gives an empty value the place of what comes after it.
+  // yaml-cpp places an empty value at the next token, so this takes the key's own line.
   for (const auto& entry : node_) {
     if (entry.first.IsScalar() && entry.first.Scalar() == key) return entry.first;
   }

@@ -17,42 +17,41 @@ namespace soilvdb::inline v0::io {
 /// One map of a YAML file. All members throw InputError with file and line.
 class YamlMap {
  public:
-  /// @param what what the map is called in messages
-  /// @param known all keys it may have; a key twice is an error too
+  /// @param what name of the map in messages
+  /// @param known all allowed keys; a repeated key is an error, too
   YamlMap(const std::filesystem::path& file, const YAML::Node& node, std::string what,
           std::vector<std::string> known);
 
-  /// The document of read_yaml(), which must be a map.
+  /// The document of read_yaml(), if it is a map; throws otherwise.
   static YamlMap load(const std::filesystem::path& file, std::string what,
                       std::vector<std::string> known);
 
   bool has(const std::string& key) const;
   bool is_map(const std::string& key) const;
-  /// The map or list under `key`, which must be there.
+  /// The map or list under `key`; throws if it is missing.
   YamlMap map(const std::string& key, std::vector<std::string> known) const;
   std::vector<YamlMap> maps(const std::string& key, const std::string& what,
                             std::vector<std::string> known) const;
   std::string text(const std::string& key) const;
-  /// One text, or those of a list of one or more.
+  /// One text, or a list of at least one.
   std::vector<std::string> texts(const std::string& key) const;
-  /// One line fit for the name of a file.
+  /// One line that can be a file name.
   std::string name(const std::string& key) const;
-  /// A path, made relative to where the YAML file is.
+  /// A path, resolved against the YAML file's folder.
   std::filesystem::path path(const std::string& key) const;
-  std::vector<std::filesystem::path> paths(const std::string& key) const;  ///< as texts()
+  std::vector<std::filesystem::path> paths(const std::string& key) const;  ///< like texts()
   double number(const std::string& key) const;
   double number(const std::string& key, double least, double most, const char* unit) const;
   std::size_t count(const std::string& key, std::size_t least, std::size_t most) const;
-  /// true or false.
   bool flag(const std::string& key) const;
   /// `n` numbers.
   std::vector<double> numbers(const std::string& key, std::size_t n) const;
   /// Points [x, z].
   std::vector<Vec2> points(const std::string& key) const;
 
-  /// "FILE:LINE" of `key`, or of the map where it hasn't got it.
+  /// "FILE:LINE" of `key`, or of the map if it lacks the key.
   std::string place(const std::string& key) const;
-  /// @throw InputError there.
+  /// @throw InputError at place(key).
   [[noreturn]] void fail(const std::string& key, const std::string& message) const;
 
  private:
@@ -67,7 +66,7 @@ class YamlMap {
   std::string what_;
 };
 
-/// @throw std::invalid_argument unless `name` can be the name of a file and stands on one line.
+/// @throw std::invalid_argument unless `name` is one line that can be a file name.
 void check_name(const std::string& name);
 
 }  // namespace soilvdb::inline v0::io

@@ -20,7 +20,7 @@ namespace {
 using openvdb::FloatGrid;
 using openvdb::MetaMap;
 
-/// Writes as io::File does, with offsets for random access, into any stream that can seek.
+/// Writes like io::File, with offsets for random access, to any seekable stream.
 class SeekableArchive : public openvdb::io::Archive {
  public:
   void write_to(std::ostream& out, const openvdb::GridCPtrVec& grids, const MetaMap& meta) const {
@@ -50,7 +50,7 @@ void put_base(MetaMap& meta, const std::filesystem::path& snapshot, const BaseRe
   const std::filesystem::path file =
       absolute(raster != nullptr ? raster->file : std::get<LevelSetTerrain>(base.terrain).file);
   const std::string grid = raster != nullptr ? "" : std::get<LevelSetTerrain>(base.terrain).grid;
-  // Of another kind, so that who doesn't know of grids doesn't take the first one.
+  // Of another grid class, so that programs that take the first level set skip it.
   put_meta(meta, "soilvdb_base",
            raster != nullptr ? "raster"
            : grid.empty()    ? "level_set"

@@ -23,7 +23,8 @@ std::string read_all(const std::filesystem::path& file) {
   return bytes;
 }
 
-/// Takes off the end of bytes what a line behind it says the size of. @return that, if there is one
+/// Takes off the end of `bytes` a part and the line with its size. @return the part, if there is
+/// one
 std::optional<std::string> take_part(std::string_view& bytes, std::string_view word) {
   const std::size_t line_size = word.size() + kSizeDigits + 1;
   const std::string_view line = bytes.substr(bytes.size() - std::min(bytes.size(), line_size));
@@ -39,7 +40,7 @@ std::optional<std::string> take_part(std::string_view& bytes, std::string_view w
   return std::string(part);
 }
 
-/// Checks that a file is what was written, and takes what stands behind its grid.
+/// Checks a file against its checksum, and takes the parts after its grids.
 void read_parts(ChainFile& member, std::string_view all) {
   const std::size_t end = all.size() - std::min(all.size(), kTrailerSize);
   if (!all.substr(end).starts_with(kTrailerWord)) {
@@ -85,7 +86,7 @@ ChainFile open_chain_file(const std::filesystem::path& file) {
       std::from_chars(text, text + 16, digest.crc, 16).ptr != text + 16 ||
       std::from_chars(text + 17, text + 33, digest.size, 16).ptr != text + 33 ||
       std::filesystem::path(name).filename() != name || name == "." || name == "..")
-    throw std::runtime_error("what it goes on from is no file beside it");
+    throw std::runtime_error("the snapshot that it continues is not in its folder");
   member.parent = SnapshotParent{name, digest};
   return member;
 }
@@ -125,16 +126,15 @@ std::vector<ChainFile> open_chain(const std::filesystem::path& file) {
   chain.push_back(reading(file, file, [&] { return open_chain_file(file); }));
   while (const std::optional<SnapshotParent> parent = chain.back().parent) {
     if (chain.size() > kMaxChainLength)
-      throw InputError(file,
-                       fmt::format("goes on from more than {} others; use a snapshot before it",
-                                   kMaxChainLength));
+      throw InputError(file, fmt::format("continues more than {} others; use a snapshot before it",
+                                         kMaxChainLength));
     const std::filesystem::path next = file.parent_path() / parent->name;
     chain.push_back(reading(file, next, [&] {
       std::error_code none;
       if (!std::filesystem::exists(next, none)) throw InputError(next, "is missing");
       ChainFile member = open_chain_file(next);
       if (member.digest != parent->digest || !same_site(*member.meta, *chain.front().meta))
-        throw InputError(next, "is another one than it goes on from");
+        throw InputError(next, "is not the snapshot that it continues");
       return member;
     }));
   }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A snapshot's file and those it goes on from, checked and opened.
+// A snapshot's file and those that it continues, checked and opened.
 #pragma once
 
 #include <fmt/format.h>
@@ -18,7 +18,7 @@
 
 namespace soilvdb::inline v0::io {
 
-/// A file, of which the samples are still to be read.
+/// A file whose samples are not read yet.
 struct ChainFile {
   std::filesystem::path file;
   FileDigest digest;
@@ -28,7 +28,7 @@ struct ChainFile {
   std::optional<SnapshotParent> parent;
 };
 
-/// Metadata that a snapshot must have.
+/// Required metadata of a snapshot.
 class MetaReader {
  public:
   MetaReader(const std::filesystem::path& file, const openvdb::MetaMap& meta)
@@ -37,7 +37,7 @@ class MetaReader {
   double number(const char* name) const { return need<double>(name); }
   openvdb::Vec3d vector(const char* name) const { return need<openvdb::Vec3d>(name); }
   int integer(const char* name) const { return need<std::int32_t>(name); }
-  /// Empty strings are left out of a file.
+  /// Empty strings are not stored in a file.
   std::string text(const char* name) const {
     const auto value = meta_.getMetadata<openvdb::StringMetadata>(name);
     return value ? value->value() : "";
@@ -47,7 +47,7 @@ class MetaReader {
   template <typename T>
   T need(const char* name) const {
     const auto value = meta_.getMetadata<openvdb::TypedMetadata<T>>(name);
-    if (!value) throw InputError(file_, fmt::format("is no snapshot: it has no {}", name));
+    if (!value) throw InputError(file_, fmt::format("is not a snapshot: it has no {}", name));
     return value->value();
   }
 
@@ -55,11 +55,11 @@ class MetaReader {
   const openvdb::MetaMap& meta_;
 };
 
-/// A snapshot and all that it goes on from, the newest first, a whole one at the end.
-/// @throw InputError if one of them is not what was written, or not the one that was meant.
+/// A snapshot and all that it continues, newest first, with a whole one at the end.
+/// @throw InputError if a file is damaged, or is not the one that was continued.
 std::vector<ChainFile> open_chain(const std::filesystem::path& file);
 
-/// Calls `f()`, which reads a file that a snapshot is or needs, and says so of what it throws.
+/// Calls `f()`, which reads a file that a snapshot is or needs, and adds this to its exceptions.
 template <typename F>
 auto reading(const std::filesystem::path& snapshot, const std::filesystem::path& file, F f) {
   std::string why;

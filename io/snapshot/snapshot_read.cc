@@ -18,9 +18,10 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// Where the base surface's file is now: it may have moved together with the snapshot, or the
-/// snapshot alone.
-/// @param whole OpenVDB only parses a level set that is what it was when the run tried it out
+/// The base surface's present path: it may have moved together with the snapshot, or the snapshot
+/// alone may have moved.
+/// @param whole compare all bytes: OpenVDB must parse a level set only if it is the one that the
+///        run checked
 std::filesystem::path find_base(const std::filesystem::path& snapshot, const MetaReader& meta,
                                 bool whole) {
   namespace fs = std::filesystem;
@@ -31,7 +32,7 @@ std::filesystem::path find_base(const std::filesystem::path& snapshot, const Met
     return (place.parent_path() / relative).lexically_normal();
   };
   const std::string checksum = meta.text("soilvdb_base_checksum");
-  fs::path other;  // a file of that name which isn't it
+  fs::path other;  // a file of that name with other content
   const fs::path here = beside(fs::absolute(snapshot).lexically_normal());
   for (const fs::path& file : {here, beside(fs::weakly_canonical(snapshot, none)), then}) {
     if (!fs::is_regular_file(file, none)) continue;
@@ -67,7 +68,7 @@ Base open_referenced(const std::filesystem::path& snapshot, const MetaReader& me
   return open_base(LevelSetTerrain{file, meta.text("soilvdb_base_grid")});
 }
 
-/// The ground that one file holds, and what it says was dropped.
+/// The ground that one file holds; sets its dropped chunks.
 std::unique_ptr<Ground> read_chain_ground(ChainFile& member, const Base& base,
                                           std::vector<Coord3>& dropped) {
   const MetaReader meta(member.file, *member.meta);

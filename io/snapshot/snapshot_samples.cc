@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Numbers are as x86-64 has them. First the number of dropped chunks, their origins, the number of
-// parts; then the parts, each with its number of chunks, its size and its size in the file, which
-// is the same where Blosc made it no smaller.
+// Numbers are little-endian, as on x86-64. First the number of dropped chunks, their origins, and
+// the number of parts. Then the parts, each with its number of chunks, its size, and its size in
+// the file; both are equal if Blosc did not make it smaller.
 //
-// A part holds, one after another for all its chunks: origins; base counts, whether soil is above
-// the base surface's and whether some is loose; a bit for each cell that is all soil, a bit for
-// each that is mixed; of chunks with loose soil the same for what is loose; and the words of mixed
-// cells in that order, of all words the first byte, then the second and so on.
+// A part holds, each for all its chunks: origins; base counts, and flags for soil above the base
+// surface and for loose soil; a bit per cell that is all soil, and a bit per mixed cell; for chunks
+// with loose soil the same bits for the loose soil; the words of mixed cells in this order, with
+// the first bytes of all words first, then the second bytes and so on.
 #include "io/snapshot/snapshot_samples.h"
 
 #include <openvdb/points/StreamCompression.h>
@@ -42,7 +42,7 @@ void put_bytes(std::string& out, const T& value) {
 
 [[noreturn]] void refuse() { throw std::runtime_error("its samples are not what was written"); }
 
-/// Takes values off the front of bytes.
+/// Takes values off the front of a byte string.
 class Reader {
  public:
   explicit Reader(std::string_view bytes) : left_(bytes) {}
@@ -65,7 +65,7 @@ class Reader {
   std::string_view left_;
 };
 
-/// Words as all their first bytes, all their second bytes and so on.
+/// Words as bytes: all first bytes, all second bytes and so on.
 std::string planes(const std::vector<std::uint64_t>& words) {
   std::string out(8 * words.size(), '\0');
   for (std::size_t b = 0; b < 8; ++b)
@@ -81,12 +81,12 @@ std::uint64_t word_of(std::string_view planes, std::size_t i) {
   return word;
 }
 
-/// A bit for each cell that is full, a bit for each that is mixed.
+/// A bit per full cell, and a bit per mixed cell.
 struct CellMasks {
   Masks full{}, mixed{};
 };
 
-/// @param mixed_words those of mixed cells are appended
+/// @param mixed_words receives the words of mixed cells
 CellMasks masks_of(const SampleWords& words, std::vector<std::uint64_t>& mixed_words) {
   CellMasks masks;
   for (std::size_t n = 0; n < kChunkVoxels; ++n) {
@@ -120,7 +120,7 @@ std::string part_bytes(const Ground& ground, const Chunk* const* chunks, std::si
   return origins + bases + masks + loose_masks + planes(mixed_words);
 }
 
-/// Takes the words of mixed cells in their order.
+/// Takes the words of mixed cells in order.
 class MixedWords {
  public:
   explicit MixedWords(std::string_view planes) : planes_(planes) {
@@ -182,7 +182,7 @@ void restore_part(std::string_view bytes, std::size_t count, Ground& ground) {
   }
 }
 
-/// Smaller, if Blosc can.
+/// Compressed if Blosc makes it smaller.
 std::string compressed(std::string bytes) {
   if (bytes.size() > std::numeric_limits<int>::max() / 2 ||
       !openvdb::compression::bloscCanCompress())
@@ -230,7 +230,7 @@ std::vector<Coord3> restore_samples(std::string_view bytes, Ground& ground) {
     }
     constexpr std::size_t kMost = kChunksPerPart * (sizeof(Origin) + 4 + 4 * sizeof(SampleWords));
     if (head.size > kMost || head.stored < 16) refuse();
-    // Blosc's own head: sizes at 4 and 12.
+    // Blosc's header has the sizes at 4 and 12.
     std::uint32_t plain = 0, small = 0;
     std::memcpy(&plain, stored.data() + 4, 4);
     std::memcpy(&small, stored.data() + 12, 4);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The samples of a snapshot as bytes: small, quick to make, the same for any number of threads.
+// The samples of a snapshot as bytes: small, fast, and independent of the number of threads.
 #pragma once
 
 #include <string>
@@ -11,11 +11,11 @@
 
 namespace soilvdb::inline v0::io {
 
-/// All resident chunks, and the origins of those that a snapshot says were dropped.
+/// All resident chunks, and the origins of the dropped chunks.
 std::string samples_bytes(const Ground& ground, const std::vector<Coord3>& dropped);
 
-/// Puts the chunks into a ground. @return origins of dropped ones
-/// @throw std::exception on anything that isn't as samples_bytes() makes it.
+/// Puts the chunks into a ground. @return origins of the dropped chunks
+/// @throw std::exception unless the bytes come from samples_bytes().
 std::vector<Coord3> restore_samples(std::string_view bytes, Ground& ground);
 
 }  // namespace soilvdb::inline v0::io

@@ -16,11 +16,11 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kUnit = 64;  // bytes; a record's number is that of its first unit
+constexpr std::size_t kUnit = 64;  // bytes; a record's number is its first unit
 
-/// Before a record's bytes in the file.
+/// Precedes a record's bytes in the file.
 struct Head {
-  std::uint64_t crc;  ///< of the rest and the bytes
+  std::uint64_t crc;  ///< of the other fields and the bytes
   std::uint32_t number, size;
 };
 
@@ -32,7 +32,7 @@ std::uint64_t checksum(std::string_view record) { return crc64(record.substr(siz
 
 SwapFile::SwapFile(const std::filesystem::path& folder) : folder_(folder) {
   descriptor_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-  if (descriptor_ < 0) {  // not all file systems can do that
+  if (descriptor_ < 0) {  // O_TMPFILE is not supported by all file systems
     std::string name = (folder / "cold.XXXXXX").string();
     descriptor_ = ::mkostemp(name.data(), O_CLOEXEC);
     if (descriptor_ >= 0) ::unlink(name.c_str());
@@ -81,7 +81,7 @@ std::uint32_t SwapFile::put(std::string_view bytes) {
 }
 
 void SwapFile::get(std::uint32_t number, std::string& bytes) const {
-  constexpr std::size_t kUsual = 2048;  // most are read at one go
+  constexpr std::size_t kUsual = 2048;  // most records fit into one read
   bytes.resize(kUsual);
   std::size_t have = 0;
   Head head{};

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Ground that isn't needed for now, in a file without a name: it is gone when the program ends.
+// Ground that is unused for now, in an unnamed file that disappears with the program.
 #pragma once
 
 #include <filesystem>
@@ -11,11 +11,11 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Each record has a CRC-64 of its bytes and its place. The file grows to what was in it at most;
-/// room that records leave is taken again.
+/// Each record has a CRC-64 of its bytes and its place. The file grows to its largest content; room
+/// of removed records is used again.
 class SwapFile final : public SwapStore {
  public:
-  /// @param folder in which the file is made. @throw std::runtime_error if it can't be
+  /// @param folder of the file. @throw std::runtime_error if the file can't be made
   explicit SwapFile(const std::filesystem::path& folder);
   ~SwapFile() override;
   SwapFile(const SwapFile&) = delete;
@@ -30,8 +30,8 @@ class SwapFile final : public SwapStore {
  private:
   std::filesystem::path folder_;
   int descriptor_ = -1;
-  mutable std::mutex mutex_;                      // over what follows
-  std::vector<std::vector<std::uint32_t>> gaps_;  // by their length, in units
+  mutable std::mutex mutex_;                      // guards the following members
+  std::vector<std::vector<std::uint32_t>> gaps_;  // by length in units
   std::uint32_t end_ = 1;                         // the first unit that was never used
 };
 

@@ -18,7 +18,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// Length of a unit by its name, m; nothing for names that mean nothing to us.
+/// Length of a unit by its name, m; empty for unknown names.
 std::optional<double> unit_metres(const std::string& unit) {
   const std::string name = lower_case(unit);
   if (name.find("foot") != std::string::npos || name.find("feet") != std::string::npos ||
@@ -54,7 +54,7 @@ std::string name_of(Srs srs) {
   return printable(name != nullptr ? name : "");
 }
 
-/// Where a point of `srs` is, in degrees.
+/// Longitude and latitude of a point of `srs`, degrees.
 std::optional<Vec2> longitude_latitude(Srs srs, const Vec2& p) {
   const OwnSrs from = copy_of(srs), to(gdal().OSRNewSpatialReference(nullptr));
   gdal().OSRStripVertical(from.get());
@@ -70,11 +70,11 @@ std::optional<Vec2> longitude_latitude(Srs srs, const Vec2& p) {
   return Vec2(x, y);
 }
 
-// UTM is off by 0.002 at most in its zone, a grid for the whole of Norway or France by 0.007, UPS
-// by 0.0121 at its pole.
+// Area errors: UTM 0.002 at most in its zone, a grid for all of Norway or France 0.007, UPS 0.0121
+// at its pole.
 constexpr double kMostAreaOff = 0.0125;
 
-/// How many square metres on the ground one of the map is at a place, by WGS 84's ellipsoid.
+/// Square metres on the ground per square metre of the map at a place, on the WGS 84 ellipsoid.
 std::optional<double> ground_area(Srs srs, const Vec2& p) {
   constexpr double kAxis_m = 6378137, kEccentricity2 = 0.00669437999014, kStep = 100;
   std::array<Vec3, 3> earth;
@@ -91,8 +91,8 @@ std::optional<double> ground_area(Srs srs, const Vec2& p) {
   return (earth[1] - earth[0]).cross(earth[2] - earth[0]).norm() / (kStep * kStep);
 }
 
-/// Refuses maps whose metres aren't: volumes would be off as their areas are, Web Mercator's by
-/// half in the middle of Europe.
+/// Refuses maps that are not true to scale, because volumes would have the error of the areas: Web
+/// Mercator's is half in central Europe.
 void require_true_scale(const RasterAdvice& advice, Srs srs, const Vec2& centre) {
   const std::optional<double> area = ground_area(srs, centre);
   if (!area || std::abs(*area - 1) <= kMostAreaOff) return;
@@ -104,7 +104,7 @@ void require_true_scale(const RasterAdvice& advice, Srs srs, const Vec2& centre)
                                advice.reproject(utm_epsg(place.x(), place.y()), "")));
 }
 
-/// What a raster's heights are in, as far as it says so.
+/// The unit of a raster's heights, as far as the file gives it.
 struct HeightUnit {
   std::string name;
   double metres = 1;
@@ -129,11 +129,11 @@ OwnSrs horizontal_of(Srs srs) {
   return horizontal;
 }
 
-/// What heights are above; null where the CRS doesn't say.
+/// The vertical CRS; null if the CRS has none.
 OwnSrs vertical_of(Srs srs) {
-  if (!gdal().OSRIsCompound(srs))  // with three axes: above its ellipsoid
+  if (!gdal().OSRIsCompound(srs))  // a CRS with three axes has heights above its ellipsoid
     return gdal().OSRGetAxesCount(srs) < 3 ? nullptr : copy_of(srs);
-  // It ends the text: COMPD_CS["both",PROJCS[...],VERT_CS[...],AUTHORITY[...]]
+  // VERT_CS is the last part: COMPD_CS["both",PROJCS[...],VERT_CS[...],AUTHORITY[...]]
   const std::string wkt = text_of(srs, "FORMAT=WKT1_GDAL");
   const std::size_t begin = wkt.find(",VERT_CS[");
   if (begin == wkt.npos) return nullptr;
@@ -165,13 +165,13 @@ std::string label_of(Srs srs) {
   return code.empty() ? name_of(srs) : code;
 }
 
-/// A CRS as programs of GDAL take it.
+/// A CRS as an argument of GDAL's programs.
 std::string argument_of(Srs srs) {
   const std::string code = authority_of(srs);
   return code.empty() ? shell_quoted(text_of(srs, "FORMAT=WKT1_GDAL")) : code;
 }
 
-/// What is wrong with coordinates that aren't metres, and their unit if they are a map's.
+/// The fault of coordinates that are not metres, and their unit in a map's CRS.
 struct Coordinates {
   std::string wrong, unit;
 };
@@ -186,10 +186,10 @@ Coordinates coordinates_of(Srs srs) {
   return {fmt::format("has coordinates in '{}', not metres", unit), unit};
 }
 
-/// The command that takes a raster to a CRS in metres, and the words before it.
+/// A reprojection to a CRS in metres: the command, and the words before it.
 struct Reprojection {
   std::string how, command;
-  bool whole = true;  ///< its zone is known
+  bool whole = true;  ///< the UTM zone is known
 };
 
 Reprojection reprojection(const RasterAdvice& of, Srs srs, const Vec2& centre) {
@@ -223,11 +223,12 @@ std::vector<std::string> require_metre_heights(const RasterAdvice& advice, Srs s
                                                const std::string& vertical_unit) {
   const HeightUnit unit = height_unit(srs, vertical_unit);
   if (!is_metre(unit.metres)) {
-    // What is made would keep a vertical CRS, and with it the unit that is no longer right.
+    // The result would otherwise keep a vertical CRS, with a unit that is wrong by then.
     std::string command = advice.to_metres(unit.metres, srs != nullptr && gdal().OSRIsCompound(srs)
                                                             ? argument_of(horizontal_of(srs).get())
                                                             : "");
-    // At once, for what is made says no more what its heights are in.
+    // Both faults in one message, because the converted file does not have the heights' unit any
+    // more.
     if (srs != nullptr && !coordinates_of(srs).wrong.empty() && !gdal().OSRIsGeocentric(srs)) {
       const Reprojection more = reprojection(advice.in_metres(), srs, centre);
       if (more.whole) command += " && " + more.command;
@@ -252,13 +253,12 @@ void require_metres(const RasterAdvice& advice, Srs srs, const Vec2& centre,
   const auto [how, command, whole] = reprojection(advice, srs, centre);
   if (unit.empty() || names_height_unit(srs, vertical_unit))
     throw InputError(advice.file(), fmt::format("{}; reproject it {}: {}", wrong, how, command));
-  throw InputError(
-      advice.file(),
-      fmt::format("{}, and doesn't say what its heights are in; if they are in metres, reproject "
-                  "it {}: {} ; if they are in '{}', too: {} && {}",
-                  wrong, how, command, unit,
-                  advice.to_metres(gdal().OSRGetLinearUnits(srs, nullptr), ""),
-                  reprojection(advice.in_metres(), srs, centre).command));
+  throw InputError(advice.file(),
+                   fmt::format("{}, and doesn't give the unit of its heights; if they are in "
+                               "metres, reproject it {}: {} ; if they are in '{}', too: {} && {}",
+                               wrong, how, command, unit,
+                               advice.to_metres(gdal().OSRGetLinearUnits(srs, nullptr), ""),
+                               reprojection(advice.in_metres(), srs, centre).command));
 }
 
 std::vector<std::string> crs_differences(const std::string& a_name, const std::string& a_wkt,
@@ -272,10 +272,9 @@ std::vector<std::string> crs_differences(const std::string& a_name, const std::s
             "{} of {} are in {}, and those of {} in {}; volumes between the two are wrong", what,
             a_name, label_of(a.get()), b_name, label_of(b.get())));
     } else if (a || b) {
-      all.push_back(
-          fmt::format("{} of {} are in {}, and {} doesn't say what its are in; they are taken to "
-                      "be in the same",
-                      what, a ? a_name : b_name, label_of((a ? a : b).get()), a ? b_name : a_name));
+      all.push_back(fmt::format("{} of {} are in {}, and {} names none; the same is assumed", what,
+                                a ? a_name : b_name, label_of((a ? a : b).get()),
+                                a ? b_name : a_name));
     }
   };
   const OwnSrs a = srs_of(a_wkt), b = srs_of(b_wkt);

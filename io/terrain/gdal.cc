@@ -11,13 +11,13 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-/// The formats of heights, all of them built into GDAL. The other two hundred, and what is in
-/// plugins, never get to see a file.
+/// Height formats that are built into GDAL. Its two hundred other drivers, and its plugins, never
+/// open a file.
 constexpr const char* kDrivers[] = {"GTiff", "AAIGrid", "AIGrid", "GRASSASCIIGrid", "EHdr",
                                     "ENVI",  "HFA",     "GSAG",   "GSBG",           "GS7BG",
                                     "SAGA",  "SRTMHGT", "DTED",   "USGSDEM"};
 
-/// A function of a library, as what it is asked for as.
+/// A function of a library, cast to the requested type.
 template <typename Function>
 Function function(void* library, const std::string& name) {
   if (void* const found = dlsym(library, name.c_str())) return reinterpret_cast<Function>(found);

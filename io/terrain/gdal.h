@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// GDAL, by its C interface. It is loaded when it is first needed, since it and the hundred
-// libraries that it needs would take half of a start of the program; its messages are kept from the
-// terminal.
+// GDAL by its C interface, loaded at its first use: GDAL and its hundred libraries would take half
+// of the program's start. Its messages do not reach the terminal.
 #pragma once
 
 #include <cpl_error.h>
@@ -37,41 +36,41 @@ namespace soilvdb::inline v0::io {
   F(VSIFree) F(VSIGetMemFileBuffer) F(VSIUnlink)
 // clang-format on
 
-/// The functions of GDAL that we call, each by its own name.
+/// The functions of GDAL in use, each by its own name.
 struct GdalFunctions {
 #define SOILVDB_GDAL_FUNCTION(name) decltype(&::name) name;
   SOILVDB_GDAL_FUNCTIONS(SOILVDB_GDAL_FUNCTION)
 #undef SOILVDB_GDAL_FUNCTION
 };
 
-/// Loads GDAL at the first call, and makes it ready for files of heights.
+/// Loads GDAL at the first call, and sets it up for height files.
 /// @throw std::runtime_error if it can't be loaded
 const GdalFunctions& gdal();
 
 struct GdalClose {
   void operator()(void* dataset) const { gdal().GDALClose(dataset); }
 };
-/// What it points to is a GDALDatasetH.
+/// A GDALDatasetH.
 using GdalDataset = std::unique_ptr<void, GdalClose>;
 
 struct DestroySrs {
   void operator()(void* srs) const { gdal().OSRDestroySpatialReference(srs); }
 };
-/// What it points to is an OGRSpatialReferenceH.
+/// An OGRSpatialReferenceH.
 using OwnSrs = std::unique_ptr<void, DestroySrs>;
 
-/// A CRS by its text; null if it is no CRS's.
+/// A CRS by its text; null if the text is not a CRS.
 OwnSrs srs_of(const std::string& wkt);
 
-/// A format's name, as GDAL has it.
+/// GDAL's name of a format.
 std::string driver_of(const GdalDataset& dataset);
 
-/// The format of a file of heights, by GDAL's name; empty: of none that we read, whatever others
-/// have told GDAL of. Formats whose files say nothing of themselves (EHdr, ENVI) are asked last:
-/// they take any file with a header of theirs beside it.
+/// GDAL's name of a height file's format; empty if it has no supported format, even if another part
+/// of the process registered more drivers. Formats whose files have no signature (EHdr, ENVI) are
+/// tried last, because they take any file beside a header of theirs.
 std::string height_format(const std::filesystem::path& file);
 
-/// While one lives, what GDAL and PROJ would print on this thread is kept here. Scopes nest.
+/// Collects messages of GDAL and PROJ on this thread during its lifetime. Scopes nest.
 class GdalMessages {
  public:
   GdalMessages();
@@ -79,9 +78,9 @@ class GdalMessages {
   GdalMessages(const GdalMessages&) = delete;
   GdalMessages& operator=(const GdalMessages&) = delete;
 
-  /// The first error so far, on one line; empty if there was none.
+  /// The first error so far, on one line; empty without errors.
   const std::string& error() const { return error_; }
-  /// The first error, or `otherwise` if GDAL failed without a word.
+  /// The first error, or `otherwise` if GDAL gave none.
   std::string error_or(const char* otherwise) const;
   void clear() { error_.clear(); }
 

@@ -50,7 +50,7 @@ KeptHeights GdalHeights::kept(double metres) const {
   return kept;
 }
 
-/// Its number. The mask that GDAL makes of an alpha of other than eight bits has none.
+/// The alpha band's number. GDAL makes no mask of an alpha band that does not have eight bits.
 int GdalHeights::alpha_band() const {
   for (int band = gdal().GDALGetRasterCount(dataset_.get()); band > 1; --band)
     if (gdal().GDALGetRasterColorInterpretation(gdal().GDALGetRasterBand(dataset_.get(), band)) ==
@@ -84,7 +84,7 @@ void GdalHeights::read(int x0, int y0, int w, int h, float* out) const {
       (mask_ != nullptr && !fill(mask_, valid.data(), GDT_Byte))) {
     throw std::runtime_error(fmt::format(
         "{}: is damaged: rows {} to {}, columns {} to {} can't be read ({})", file_.string(), row,
-        row + h - 1, column, column + w - 1, messages.error_or("GDAL doesn't say why")));
+        row + h - 1, column, column + w - 1, messages.error_or("GDAL gives no reason")));
   }
   for (int j = 0; j < h; ++j) {
     for (int i = 0; i < w; ++i) {
@@ -97,25 +97,25 @@ void GdalHeights::read(int x0, int y0, int w, int h, float* out) const {
 }
 
 float GdalHeights::height(double raw) const {
-  if (nodata_ && raw == *nodata_) return kNone;  // where a mask hides it from GDAL
+  if (nodata_ && raw == *nodata_) return kNone;  // also if a mask hides NODATA from GDAL
   const auto z = static_cast<float>(raw * scale_ + offset_);
   return is_void(z, 1) ? kNone : z;
 }
 
-/// Is a number that isn't NODATA no height? @param metres length of its unit
+/// Is a number other than NODATA a void? @param metres length of its unit
 bool GdalHeights::is_void(float z, double metres) const {
   if (!nodata_ && std::find(std::begin(kVoids), std::end(kVoids), z) != std::end(kVoids))
     return true;
   return !(std::abs(z) * metres <= kHighest);
 }
 
-/// Kept values that are no heights though they are numbers, in all of a small raster, and in evenly
-/// spread windows of a large one.
+/// Stored values of unnamed voids, in all of a small raster, and in evenly spread windows of a
+/// large one.
 std::vector<double> GdalHeights::find_voids(double metres) const {
   const std::lock_guard lock(mutex_);
   const GdalMessages messages;
   constexpr int kSide = 64, kWindows = 16;
-  constexpr std::size_t kMost = 8;  // more than anyone marks voids by
+  constexpr std::size_t kMost = 8;  // no file marks voids by more values
   const bool whole = std::int64_t{nx()} * ny() <= kReadWhole;
   const int w = whole ? nx() : std::min(nx(), kSide), h = whole ? ny() : std::min(ny(), kSide);
   std::vector<double> raw(std::size_t(w) * h), voids;
@@ -124,7 +124,7 @@ std::vector<double> GdalHeights::find_voids(double metres) const {
     const auto y = static_cast<int>((ny() - h) * (i / kWindows) / (kWindows - 1));
     if (gdal().GDALRasterIO(band_, GF_Read, x, y, w, h, raw.data(), w, h, GDT_Float64, 0, 0) !=
         CE_None)
-      break;  // damaged: reading says so
+      break;  // damage is reported when it is read
     for (const double value : raw) {
       const auto z = static_cast<float>(value * scale_ + offset_);
       if (std::isfinite(value) && is_void(z, metres) && voids.size() < kMost &&

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Heights in metres of a band that GDAL reads: voids told, scale and offset applied.
+// Heights of a band in metres, by GDAL: without voids, scale and offset applied.
 #pragma once
 
 #include <cstdint>
@@ -15,9 +15,9 @@
 
 namespace soilvdb::inline v0::io {
 
-inline constexpr std::int64_t kReadWhole = 1 << 20;  // posts up to which all of a raster is read
+inline constexpr std::int64_t kReadWhole = 1 << 20;  // posts; larger rasters are sampled
 
-/// Of the first band. Safe to call from several threads.
+/// Heights of the first band. Thread-safe.
 class GdalHeights final : public HeightSource {
  public:
   GdalHeights(std::filesystem::path file, GdalDataset dataset);
@@ -27,12 +27,12 @@ class GdalHeights final : public HeightSource {
   int nx() const { return nx_; }
   int ny() const { return ny_; }
   bool packed() const { return scale_ != 1 || offset_ != 0; }
-  /// Reads some of the heights where voids may have no name. @param metres length of their unit
+  /// Reads some of the heights if voids may be unnamed. @param metres length of their unit
   KeptHeights kept(double metres) const;
-  /// Heights that may be voids, though they are taken as heights: what marks voids in other files
-  /// where this one names another NODATA, or keeps its heights packed.
+  /// Accepted heights that may be voids: values that mark voids in other files, where this file
+  /// names another NODATA or packs its heights.
   std::vector<float> doubtful() const;
-  /// Which way columns and rows run.
+  /// Sets the directions of columns and rows.
   void set_direction(bool westward, bool southward) {
     westward_ = westward;
     southward_ = southward;
@@ -54,7 +54,7 @@ class GdalHeights final : public HeightSource {
   double scale_ = 1, offset_ = 0;
   std::optional<double> nodata_;
   bool westward_ = false, southward_ = true;
-  mutable std::mutex mutex_;  // a GDAL dataset serves one thread at a time
+  mutable std::mutex mutex_;  // a GDAL dataset is not thread-safe
 };
 
 }  // namespace soilvdb::inline v0::io

@@ -29,8 +29,8 @@ std::string described(const openvdb::GridBase& grid) {
                      openvdb::GridBase::gridClassToString(grid.getGridClass()), grid.valueType());
 }
 
-/// All that is read of a foreign file is read here.
-/// @param several are there other level sets in it?
+/// The only function that reads a foreign file.
+/// @param several set if the file has other level sets
 FloatGrid::Ptr read_grid(const std::filesystem::path& file, const std::string& name,
                          bool& several) {
   openvdb::initialize();
@@ -94,12 +94,12 @@ void check_transform(const std::filesystem::path& file, const FloatGrid& grid) {
                   described(grid), size.x(), size.y(), size.z()));
 }
 
-/// Does soil meet air here without both having a distance? That is where a surface is missing.
+/// Does soil meet air here although not both have a distance? The surface is missing there.
 bool torn(float a, bool a_known, float b, bool b_known) {
   return (a < 0) != (b < 0) && !(a_known && b_known);
 }
 
-/// The first voxel of a leaf whose surface to a neighbour is missing; Leaf::SIZE if none.
+/// The first voxel of a leaf with a missing surface to a neighbour; Leaf::SIZE if none.
 openvdb::Index hole(const Leaf& leaf, const FloatGrid::ConstUnsafeAccessor& values) {
   constexpr openvdb::Index kStep[3] = {64, 8, 1};  // to the next voxel along x, y, z
   for (openvdb::Index n = 0; n < Leaf::SIZE; ++n) {
@@ -124,7 +124,7 @@ openvdb::Index hole(const Leaf& leaf, const FloatGrid::ConstUnsafeAccessor& valu
   return Leaf::SIZE;
 }
 
-/// The first place, in the order of leaves, where the surface is missing.
+/// The first place with a missing surface, in the order of leaves.
 std::optional<Coord> hole(const FloatGrid& grid) {
   std::vector<const Leaf*> leaves;
   grid.tree().getNodes(leaves);

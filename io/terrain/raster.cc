@@ -21,13 +21,13 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr double kMostPosts = 4e11;  // a state of 600 km x 600 km at 1 m
-constexpr double kLargeBlock_bytes = 256 << 20, kMostPacked = 1000;  // deflate can't do more
+constexpr double kLargeBlock_bytes = 256 << 20, kMostPacked = 1000;  // deflate's limit
 constexpr std::int64_t kReadWholeBytes = 1 << 24;
 
-/// What a look at some of a raster's heights has shown.
+/// A sample of a raster's heights.
 struct Probe {
   double low = std::numeric_limits<double>::infinity(), high = -low;
-  bool whole = false;             ///< all were read
+  bool whole = false;             ///< all heights were read
   std::optional<float> doubtful;  ///< a height that may be a void
 };
 
@@ -35,13 +35,13 @@ GdalDataset open_dataset(const std::filesystem::path& file, GdalMessages& messag
   check_readable(file);
   const std::string path = std::filesystem::absolute(file).string();
   const std::string name = height_format(path);
-  // The ASCII reader guesses from the first 100 KB whether a file has only integers.
+  // GDAL's ASCII driver would guess the type from the first 100 KB.
   const char* const ascii[] = {"DATATYPE=Float64", nullptr};
   messages.clear();
   if (name.empty()) {
     throw InputError(file,
-                     "is not a raster that is read as terrain; a GeoTIFF or an Esri ASCII grid of "
-                     "heights would do; of other formats make one with: " +
+                     "is not a raster format for terrain; use a GeoTIFF or an Esri ASCII grid of "
+                     "heights, or convert it with: " +
                          translate_command(file, "", "_geotiff"));
   }
   const char* const formats[] = {name.c_str(), nullptr};
@@ -54,7 +54,7 @@ GdalDataset open_dataset(const std::filesystem::path& file, GdalMessages& messag
 
 void check_is_heights(const std::filesystem::path& file, const GdalDataset& dataset) {
   if (gdal().GDALGetRasterCount(dataset.get()) < 1)
-    throw InputError(file, "has no band; the first one is read");
+    throw InputError(file, "has no band; heights must be in the first band");
   const int nx = gdal().GDALGetRasterXSize(dataset.get());
   const int ny = gdal().GDALGetRasterYSize(dataset.get());
   if (nx < 2 || ny < 2 || double(nx) * ny > kMostPosts) {
@@ -83,8 +83,7 @@ void check_is_heights(const std::filesystem::path& file, const GdalDataset& data
   }
 }
 
-/// From columns and rows to coordinates, as GDAL has it: x = t[0] + column t[1] + row t[2], and y
-/// likewise.
+/// GDAL's geotransform: x = t[0] + column t[1] + row t[2], and y likewise.
 using GeoTransform = std::array<double, 6>;
 
 GeoTransform require_place(const std::filesystem::path& file, const GdalHeights& source) {
@@ -96,14 +95,14 @@ GeoTransform require_place(const std::filesystem::path& file, const GdalHeights&
                        translate_command(file, "-a_ullr <xmin> <ymax> <xmax> <ymin>", "_placed"));
 }
 
-/// Sets the source's direction. @return the posts: centres of the cells.
+/// Sets the source's direction. @return the posts: the cells' centres
 HeightGrid north_up(const RasterAdvice& advice, const GeoTransform& t, GdalHeights& source) {
   const std::filesystem::path& file = advice.file();
   const int nx = source.nx(), ny = source.ny();
   if (!std::all_of(t.begin(), t.end(), [](double v) { return std::abs(v) < 1e12; })) {
     throw InputError(file, "has a position or cell size that is not a number or beyond measure");
   }
-  // Rotation that moves no cell by a thousandth of its size is rounding.
+  // A rotation that moves all cells by less than a thousandth of their size is rounding.
   if (std::abs(t[2]) * ny > 1e-3 * std::abs(t[1]) || std::abs(t[4]) * nx > 1e-3 * std::abs(t[5])) {
     throw InputError(file, "is rotated; turn it north up with: " + advice.warp("", "_north_up"));
   }
@@ -118,7 +117,7 @@ HeightGrid north_up(const RasterAdvice& advice, const GeoTransform& t, GdalHeigh
   return grid;
 }
 
-/// A GeoTIFF cut short has blocks beyond its end: seen without reading any.
+/// Finds a truncated GeoTIFF by blocks beyond its end, without reading them.
 void check_blocks_within_file(const std::filesystem::path& file, GdalHeights& source) {
   int bx = 0, by = 0;
   gdal().GDALGetBlockSize(source.band(), &bx, &by);
@@ -139,7 +138,7 @@ void check_blocks_within_file(const std::filesystem::path& file, GdalHeights& so
   }
 }
 
-/// Reads all of a small raster, and a few blocks of a large one.
+/// Reads a small raster completely, and a few blocks of a large one.
 Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::string& driver) {
   const std::int64_t nx = source.nx(), ny = source.ny();
   const std::uintmax_t bytes = std::filesystem::file_size(file);
@@ -169,7 +168,7 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
   }
   int bx = 0, by = 0;
   gdal().GDALGetBlockSize(source.band(), &bx, &by);
-  // A block too large to be read in passing, or one that can be reached only by way of all before.
+  // Skips blocks that are too large, and formats that must be read from the start.
   if (ascii || std::int64_t{bx} * by > kReadWhole) return result;
   for (const std::int64_t y : {std::int64_t{0}, ny / 2, ny - 1}) {
     for (const std::int64_t x : {std::int64_t{0}, nx / 2, nx - 1}) look(x, y, 1, 1);
@@ -177,8 +176,8 @@ Probe probe(const std::filesystem::path& file, GdalHeights& source, const std::s
   return result;
 }
 
-/// Degrees look like metres where no CRS says what they are: cells of less than a centimetre, and
-/// ground that would be higher than it is wide.
+/// Refuses a raster without a CRS that is probably in degrees: cells below a centimetre, and ground
+/// higher than wide.
 void refuse_likely_degrees(const RasterAdvice& advice, const HeightGrid& grid, const Probe& seen) {
   const Vec2 size = grid.spacing.cwiseProduct(Vec2(grid.nx, grid.ny));
   const Vec2 centre = grid.first + size / 2,
@@ -193,17 +192,16 @@ void refuse_likely_degrees(const RasterAdvice& advice, const HeightGrid& grid, c
                   advice.reproject(utm_epsg(centre.x(), centre.y()), "EPSG:4326")));
 }
 
-/// A picture of eight bits has no heights, but looks like a raster that has.
+/// Warns of 8-bit pictures, which can pass as rasters of heights.
 void warn_of_greys(const std::filesystem::path& file, const GdalHeights& source,
                    std::vector<std::string>& warnings) {
   const GDALColorInterp colour = gdal().GDALGetRasterColorInterpretation(source.band());
   if (gdal().GDALGetRasterDataType(source.band()) != GDT_Byte || source.packed() ||
       (colour != GCI_GrayIndex && colour != GCI_Undefined))
     return;
-  warnings.push_back(
-      fmt::format("{}: has 8-bit greys, as of a picture, from 0 to 255; they are taken as heights "
-                  "in metres",
-                  file.string()));
+  warnings.push_back(fmt::format(
+      "{}: has 8-bit greys from 0 to 255, like a picture; they are taken as heights in metres",
+      file.string()));
 }
 
 }  // namespace
@@ -231,7 +229,7 @@ RasterInput open_raster(const std::filesystem::path& file) {
     seen = probe(file, *source, input.driver);
   } catch (const InputError&) {
     throw;
-  } catch (const std::runtime_error& error) {  // names the file already
+  } catch (const std::runtime_error& error) {  // its message names the file
     throw InputError(error.what());
   }
   if (seen.whole && seen.low > seen.high) {
@@ -241,7 +239,7 @@ RasterInput open_raster(const std::filesystem::path& file) {
   if (!names_height_unit(srs, unit)) warn_of_greys(file, *source, input.warnings);
   if (seen.doubtful)
     input.warnings.push_back(fmt::format(
-        "{}: has heights of {:g} m, as which it may keep voids; name its NODATA if they are voids",
+        "{}: has heights of {:g} m, which may be voids; if so, declare them as its NODATA",
         file.string(), *seen.doubtful));
   input.source = std::move(source);
   return input;

@@ -17,13 +17,13 @@ fs::path beside(fs::path file, const std::string& suffix) {
   return file.replace_filename(file.stem().string() + suffix);
 }
 
-/// A raster that tells of all its voids, and the commands that make it.
+/// A raster with all voids marked, and the commands that make it.
 struct View {
   fs::path file;
-  std::string commands;  ///< to be followed by another
+  std::string commands;  ///< with a separator for the next command
 };
 
-/// A view of the first band, or the file itself where that tells of all its voids.
+/// The file itself if it marks all voids, else a view of the first band.
 View view_of(const KeptHeights& kept, const fs::path& file) {
   std::string options;
   const std::vector<double>& voids = kept.unnamed_voids;
@@ -59,13 +59,12 @@ RasterAdvice::RasterAdvice(fs::path file, Kept kept)
 std::string RasterAdvice::to_metres(double metres, const std::string& horizontal) const {
   const KeptHeights kept = kept_(metres);
   const View view = view_of(kept, file_);
-  // Between values far apart, for gdal_translate takes the scale as a difference of heights.
+  // Two distant values, because gdal_translate takes the scale from their difference.
   const double span = kept.offset == 0 ? 1 : 1e6, zero_m = kept.offset * metres;
   std::string options = fmt::format("-b 1 -ot {} -scale 0 {} {} {}", gdal_type(kept), span, zero_m,
                                     zero_m + span * kept.scale * metres);
   if (kept.scale != 1 || kept.offset != 0) options += " -a_scale 1 -a_offset 0";
-  if (kept.nodata || !kept.unnamed_voids.empty())
-    options += " -a_nodata nan";  // which no height can be
+  if (kept.nodata || !kept.unnamed_voids.empty()) options += " -a_nodata nan";  // no height is NaN
   if (!horizontal.empty()) options += " -a_srs " + horizontal;
   return fmt::format("{}gdal_translate{} {} {} {}", view.commands,
                      kept.masked ? " --config GDAL_TIFF_INTERNAL_MASK YES" : "", options,
@@ -83,7 +82,7 @@ RasterAdvice RasterAdvice::in_metres() const {
 std::string RasterAdvice::warp(const std::string& options, const std::string& suffix) const {
   const KeptHeights kept = kept_(1);
   const View view = view_of(kept, file_);
-  // Without NODATA gdalwarp fills what lies outside of the source with ground at 0.
+  // Without NODATA gdalwarp fills the area outside the source with 0.
   return fmt::format("{}gdalwarp {}{}-r bilinear -ot {} -dstnodata nan {} {}", view.commands,
                      options, options.empty() ? "" : " ", gdal_type(kept), shell_quoted(view.file),
                      shell_quoted(beside(file_, suffix + ".tif")));

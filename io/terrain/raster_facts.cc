@@ -26,8 +26,8 @@ RasterFacts raster_facts(const std::filesystem::path& file) {
                                          formats, nullptr, nullptr));
   if (!raster || gdal().GDALGetRasterCount(raster.get()) < 1)
     throw InputError(
-        file, fmt::format("is no raster that can be read: {}",
-                          messages.error_or("it is of no format of heights, or has no bands")));
+        file, fmt::format("is not a readable raster: {}",
+                          messages.error_or("its format is not supported, or it has no bands")));
   RasterFacts facts;
   facts.driver = driver_of(raster);
   facts.columns = gdal().GDALGetRasterXSize(raster.get());

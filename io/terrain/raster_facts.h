@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a raster is, whether or not its heights can be used.
+// Properties of a raster, whether or not its heights are usable.
 #pragma once
 
 #include <filesystem>
@@ -13,13 +13,13 @@ namespace soilvdb::inline v0::io {
 struct RasterFacts {
   std::string driver;  ///< GDAL's name of the format
   int columns = 0, rows = 0, bands = 0;
-  int block_columns = 0;     ///< width of the blocks that it is stored in
+  int block_columns = 0;     ///< width of its storage blocks
   std::string value_type;    ///< of the first band, such as "Float32"
-  std::string nodata;        ///< of the first band; empty: none
-  bool placed = false;       ///< it says where it is; if not, cell and box mean nothing
+  std::string nodata;        ///< of the first band; empty: no NODATA
+  bool placed = false;       ///< it has a position; if not, cell and box mean nothing
   Vec2 cell = Vec2::Zero();  ///< in units of its CRS
   Eigen::AlignedBox2d box;   ///< outer edges of its cells, in its CRS
-  std::string crs_wkt;       ///< empty: not known
+  std::string crs_wkt;       ///< empty: unknown
 };
 
 /// @throw InputError if GDAL can't open it as a raster.

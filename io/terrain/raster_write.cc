@@ -20,7 +20,7 @@ namespace {
 constexpr float kNoData = -9999;
 constexpr double kMostTiffCells = 2147483647.0;
 
-/// A file of GDAL's in memory, gone when this goes.
+/// A file in GDAL's memory, removed by its destructor.
 class MemoryFile {
  public:
   MemoryFile() : path_(fmt::format("/vsimem/soilvdb-{}.tif", static_cast<void*>(this))) {}
@@ -39,7 +39,7 @@ class MemoryFile {
   std::string path_;
 };
 
-/// What cells rise by where columns as wide as they are gain something.
+/// Adds a column's gain to the rise of the cells that it meets.
 VolumeChangeFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m) {
   const double side_m = cells.spacing.x();
   rise_m.resize(std::size_t(cells.nx) * cells.ny);
@@ -50,7 +50,7 @@ VolumeChangeFunction add_to(const HeightGrid& cells, std::vector<double>& rise_m
   };
 }
 
-/// What a cell rose by, where its middle has no height, too; nothing where there is no ground.
+/// A cell's rise, also if its centre has no height; empty where there is no ground.
 float change_of(double rise_m, double base_m) {
   return static_cast<float>(std::isnan(base_m) && rise_m == 0 ? base_m : rise_m);
 }
@@ -63,7 +63,7 @@ void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
   const auto require = [&](bool good) {
     if (good) return;
     throw std::runtime_error(file.string() +
-                             ": can't be written: " + messages.error_or("GDAL doesn't say why"));
+                             ": can't be written: " + messages.error_or("GDAL gives no reason"));
   };
   const std::size_t cells = std::size_t(grid.nx) * grid.ny;
   for (const RasterBand& band : bands) {
@@ -127,7 +127,7 @@ SurfaceRaster rasterise(const Ground& ground, const Eigen::AlignedBox2d& box, do
   out.grid.first = (low + 0.5) * cell_m;
   out.grid.spacing = Vec2::Constant(cell_m);
   const std::size_t cells = std::size_t(out.grid.nx) * out.grid.ny;
-  // A voxel has too few samples for cells that are smaller.
+  // A voxel has too few samples for smaller cells.
   std::vector<double> rise_m;
   if (cell_m > 0.999 * ground.voxel_size_m()) {
     const VolumeChangeFunction add = add_to(out.grid, rise_m);

@@ -281,7 +281,7 @@ TEST_F(Journal, AMoveWithoutRowsIsNonsense) {
     writer.add(JournalUpdate{.end_s = 1});
   }
   EXPECT_THAT(test::message_of(folder_, [&] { read_journal(file); }),
-              HasSubstr("journal: holds nonsense before byte"));
+              HasSubstr("journal: has an invalid record before byte"));
 }
 
 /// It was three times as large once: 123 MB for a motion of 41 MB.

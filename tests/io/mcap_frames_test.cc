@@ -123,7 +123,7 @@ TEST_F(Frames, OffTheWayAreNoneOfTheBucketsBusiness) {
                                  [](Recording& r, double s) {
                                    if (s > 4) r.transform(s, "odom", "base", Vec3::Zero());
                                  }))),
-              HasSubstr("frame 'base' hangs on 'map', and on 'odom' later"));
+              HasSubstr("frame 'base' has the parent 'map', and later 'odom'"));
 }
 
 TEST_F(Frames, ThatStandStillAndAreToldAheadOfTheirTimeAreFixed) {

@@ -180,8 +180,8 @@ TEST_F(McapMotion, ComposesTheWayUpWithSlowerFramesInBetween) {
   const Motion from_base = read_motion({file, {"/tf", "lip", "base"}}, std::nullopt).motion;
   EXPECT_LT((from_base.row(50).position - Vec3(0, std::sin(0.5), 2)).norm(), 1e-12);
   EXPECT_THAT(error({file, {"/tf", "lip", "moon"}}),
-              HasSubstr("m.mcap: frame 'lip' doesn't hang on 'moon'; the way up is 'lip' on "
-                        "'turned' on 'base' on 'map'"));
+              HasSubstr("m.mcap: frame 'lip' isn't below 'moon'; its chain is 'lip' on 'turned' on "
+                        "'base' on 'map'"));
   EXPECT_THAT(error({file, {"/tf", "lop"}}),
               HasSubstr("no transform of frame 'lop'; did you mean 'lip'?"));
   EXPECT_THAT(error({file, {"/tf"}}), HasSubstr("say which is the bucket's frame"));
@@ -201,7 +201,8 @@ TEST_F(McapMotion, OfARecorderThatWasKilledIsWhatIsWhole) {
     EXPECT_GE(rows, last);
     EXPECT_EQ(read.motion.end_s(), all.times_s()[rows - 1]);
     ASSERT_EQ(read.warnings.size(), 1U);
-    EXPECT_THAT(read.warnings[0], HasSubstr("torn.mcap: has no end, as when a recorder is killed"));
+    EXPECT_THAT(read.warnings[0],
+                HasSubstr("torn.mcap: has no footer, as after a killed recorder"));
     last = rows;
   }
   EXPECT_GE(last, static_cast<std::size_t>(kRows - 50));
@@ -255,7 +256,7 @@ TEST_F(McapMotion, SaysWhatIsMissingAndWhatIsThere) {
               HasSubstr("name a topic of sensor_msgs/JointState"));
   EXPECT_THAT(error({file, {"/rosout"}}),
               HasSubstr("topic '/rosout' is of std_msgs/String; it must be of"));
-  EXPECT_THAT(error({file, {"/lip", "lip"}}), HasSubstr("has no transforms, which 'frame' is for"));
+  EXPECT_THAT(error({file, {"/lip", "lip"}}), HasSubstr("has no transforms; remove 'frame'"));
   EXPECT_THAT(error(MotionSource(file)),
               HasSubstr("m.mcap: is an MCAP file; say which topic of it"));
   EXPECT_THAT(error({folder_ / "poses.csv", {"/lip"}}), HasSubstr("poses.csv: is no MCAP file"));

@@ -193,9 +193,9 @@ TEST_F(McapOrder, OfTwoMessagesOfOneStampIsOnlySaidWhereTheyDiffer) {
   const Read by_joints = read({file, {"/j"}}, swing_and_slide());
   EXPECT_EQ(by_joints.times_s.size(), 4U);
   EXPECT_EQ(by_joints.bad.count, 1);
-  EXPECT_THAT(by_joints.bad.first,
-              HasSubstr("twice.mcap:7: says of joint 'slide' at 2 s something else than a message "
-                        "before it"));
+  EXPECT_THAT(
+      by_joints.bad.first,
+      HasSubstr("twice.mcap:7: has other values of joint 'slide' at 2 s than a message before it"));
 }
 
 TEST_F(McapOrder, OfCsvRowsOfOneTimeIsOnlySaidWhereTheyDiffer) {
@@ -304,7 +304,7 @@ TEST_F(McapOrder, AGapAcrossWhichTheMachineMovedIsTold) {
   ASSERT_EQ(moved.warnings.size(), 1U);
   EXPECT_THAT(moved.warnings[0],
               HasSubstr("moved.mcap:6: comes 3 s after the row before, the longest of 2 such gaps; "
-                        "the machine moved meanwhile, and is taken to have gone straight"));
+                        "the machine moved meanwhile, and is assumed to have moved straight"));
   // Who publishes only what changes: it stood still, or nearly.
   EXPECT_THAT(poses_at("stood.mcap", times_s, {0.03, 0, 0}).warnings, IsEmpty());
   EXPECT_THAT(poses_at("often.mcap", {0, 0.1, 0.2, 1.1, 1.2}, {0.3, 0, 0}).warnings, IsEmpty());
@@ -328,7 +328,8 @@ TEST_F(McapOrder, OfABrokenMessageIsThatOfTheOneBefore) {
   EXPECT_EQ(broken.times_s.size(), 10U);
   EXPECT_EQ(broken.bad.count, 1);
   EXPECT_NEAR(*broken.bad.good_s, 10.4, 1e-9);
-  EXPECT_THAT(broken.bad.first, HasSubstr("broken.mcap:6: is no geometry_msgs/PoseStamped in CDR"));
+  EXPECT_THAT(broken.bad.first,
+              HasSubstr("broken.mcap:6: is not a geometry_msgs/PoseStamped in CDR"));
 }
 
 TEST_F(McapOrder, OfASwingThatWrapsIsTheShortWayBetweenMessagesOfAnother) {

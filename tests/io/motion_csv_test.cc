@@ -150,9 +150,9 @@ TEST_F(MotionCsv, WhatIsNotANumber) {
 }
 
 TEST_F(MotionCsv, NumbersTooSmallToBeMeasured) {
-  EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n1,4.9e-324,0,0\n"),
-            "m.csv:3: x is 4.9e-324, less than any sensor tells from 0; it must be 0 or a number "
-            "beyond 1e-300");
+  EXPECT_EQ(
+      error("time,x,y,z\n0,0,0,0\n1,4.9e-324,0,0\n"),
+      "m.csv:3: x is 4.9e-324, too small for any sensor; it must be 0 or a number beyond 1e-300");
   EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n1e-310,0,0,0\n").substr(0, 23), "m.csv:3: time is 1e-310");
   EXPECT_EQ(error("time,x,y,z\n0,0,0,0\n1,1e-400,0,0\n"),
             "m.csv:3: x is '1e-400'; it must be a number");

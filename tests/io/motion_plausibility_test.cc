@@ -106,8 +106,8 @@ TEST_F(MotionCsv, AJointThatWrapsGoesOnPastAWholeTurnWhateverTheRate) {
 
 TEST_F(MotionCsv, JointsClearlyBeyondTheirLimitsAreBadRows) {
   EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,0,0\n10,0,0.88\n"),
-            "m.csv:3: joint arm_joint is at 0.88 rad; the urdf limits it to -1.22 to 0.77, and no "
-            "more than 0.1 beyond is taken");
+            "m.csv:3: joint arm_joint is at 0.88 rad; the urdf limits it to -1.22 to 0.77, and at "
+            "most 0.1 beyond is accepted");
   EXPECT_EQ(joints_error("time,boom_joint,arm_joint\n0,-1.33,0\n").substr(0, 42),
             "m.csv:2: joint boom_joint is at -1.33 rad;");
   Chain slide;
@@ -118,8 +118,8 @@ TEST_F(MotionCsv, JointsClearlyBeyondTheirLimitsAreBadRows) {
   };
   EXPECT_EQ(of("0,2.05\n"), "nothing thrown");
   EXPECT_EQ(of("0,2.2\n"),
-            "m.csv:2: joint slide is at 2.2 m; the urdf limits it to 0 to 2, and no more than 0.1 "
-            "beyond is taken");
+            "m.csv:2: joint slide is at 2.2 m; the urdf limits it to 0 to 2, and at most 0.1 "
+            "beyond is accepted");
 }
 
 TEST_F(MotionCsv, JointsClearlyFasterThanTheirUrdfHasThemAreBadRows) {
@@ -130,10 +130,9 @@ TEST_F(MotionCsv, JointsClearlyFasterThanTheirUrdfHasThemAreBadRows) {
     return test::message_of(folder_, [&] { read_motion(file, chain); });
   };
   EXPECT_EQ(of("0,0\n0.1,0.06\n0.101,0.1\n1,0.9\n"), "nothing thrown") << "loads, noise";
-  EXPECT_EQ(
-      of("0,0\n0.1,0.2\n"),
-      "m.csv:3: joint boom turns 0.2 rad in 0.1 s since the row before; its velocity limit in "
-      "the urdf is 0.5 rad/s, and none goes beyond twice that");
+  EXPECT_EQ(of("0,0\n0.1,0.2\n"),
+            "m.csv:3: joint boom turns 0.2 rad in 0.1 s since the row before; its velocity limit "
+            "in the urdf is 0.5 rad/s, and at most twice that is accepted");
   chain.joints[0].fastest = 0;
   EXPECT_EQ(of("0,0\n0.1,0.2\n"), "nothing thrown") << "it has none";
 }
@@ -153,14 +152,14 @@ TEST_F(MotionCsv, JointsInDegreesAreToldFromRadians) {
             "they look like degrees; make them radians, or say 'angles: degrees' beside the "
             "machine's 'motion:'");
   EXPECT_EQ(of(degrees, AngleUnit::kDegrees), "nothing thrown");
-  EXPECT_EQ(of("0,0,0\n0.1,0,0.1\n0.2,0,30\n", AngleUnit::kRadians),
-            "m.csv:4: joint boom is at 30 rad; the urdf limits it to -1 to 1, and no more than 0.1 "
-            "beyond is taken; if these are degrees, say 'angles: degrees' beside the machine's "
-            "'motion:'")
+  EXPECT_EQ(
+      of("0,0,0\n0.1,0,0.1\n0.2,0,30\n", AngleUnit::kRadians),
+      "m.csv:4: joint boom is at 30 rad; the urdf limits it to -1 to 1, and at most 0.1 beyond is "
+      "accepted; if these are degrees, say 'angles: degrees' beside the machine's 'motion:'")
       << "the odd row";
   EXPECT_EQ(of("0,0,70\n", AngleUnit::kDegrees),
-            "m.csv:2: joint boom is at 70 degrees; the urdf limits it to -57.296 to 57.296, and no "
-            "more than 5.7296 beyond is taken");
+            "m.csv:2: joint boom is at 70 degrees; the urdf limits it to -57.296 to 57.296, and at "
+            "most 5.7296 beyond is accepted");
   EXPECT_NEAR(read_motion(folder_.write("m.csv", "time,swing,boom\n0,179,0\n1,-179,0\n"), chain,
                           AngleUnit::kDegrees)
                   .motion.joint_values()[2],

@@ -382,7 +382,7 @@ TEST(RasterAdvice, ForCoordinatesInFeetIsRightWhateverHeightsAreIn) {
   const TempFolder folder;
   Kept{}.write(folder / "a.tif", level, nullptr, "EPSG:2263", place);
   const std::string message = refusal(folder, folder / "a.tif");
-  EXPECT_THAT(message, HasSubstr("doesn't say what its heights are in"));
+  EXPECT_THAT(message, HasSubstr("doesn't give the unit of its heights"));
   const std::size_t feet = message.find(" ; if they are in");
   ASSERT_NE(feet, message.npos);
   ASSERT_TRUE(follow(folder, message.substr(0, feet), "gdalwarp")) << message;

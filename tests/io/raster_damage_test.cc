@@ -63,7 +63,7 @@ TEST(Raster, FormatsThatReferToOtherFilesAreNotFollowed) {
       "</GeoTransform><VRTRasterBand dataType=\"Float32\" band=\"1\"><SimpleSource>"
       "<SourceFilename relativeToVRT=\"1\">a.asc</SourceFilename><SourceBand>1</SourceBand>"
       "</SimpleSource></VRTRasterBand></VRTDataset>");
-  EXPECT_THAT(refusal(folder, vrt), HasSubstr("is not a raster that is read as terrain"));
+  EXPECT_THAT(refusal(folder, vrt), HasSubstr("is not a raster format for terrain"));
   EXPECT_THAT(refusal(folder, vrt), HasSubstr("gdal_translate"));
 }
 
@@ -78,8 +78,7 @@ TEST(Raster, FormatsThatHoldNoHeightsAreUnknownToGdalHere) {
                                     folder.path().string())
                             .c_str()),
             0);
-  EXPECT_THAT(refusal(folder, folder / "a.png"),
-              HasSubstr("is not a raster that is read as terrain"));
+  EXPECT_THAT(refusal(folder, folder / "a.png"), HasSubstr("is not a raster format for terrain"));
 }
 
 TEST(Raster, ACutOffRasterIsRefusedAtOpening) {

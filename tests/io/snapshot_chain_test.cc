@@ -216,9 +216,11 @@ TEST_F(SnapshotChain, WhatIsMissingOrAnotherOneIsSaid) {
   EXPECT_THAT(refusal(4), HasSubstr("but needs 2.vdb, which is a folder"));
   fs::remove(file(2));
   fs::copy(file(1), file(2));
-  EXPECT_THAT(refusal(4), HasSubstr("but needs 2.vdb, which is another one than it goes on from"));
+  EXPECT_THAT(refusal(4),
+              HasSubstr("but needs 2.vdb, which is not the snapshot that it continues"));
   fs::copy(file(4), file(2), fs::copy_options::overwrite_existing);  // round and round
-  EXPECT_THAT(refusal(4), HasSubstr("but needs 2.vdb, which is another one than it goes on from"));
+  EXPECT_THAT(refusal(4),
+              HasSubstr("but needs 2.vdb, which is not the snapshot that it continues"));
   folder_.write("2.vdb", "not a snapshot");
   EXPECT_THAT(refusal(4), HasSubstr("but needs 2.vdb, which is not a snapshot"));
   folder_.write("2.vdb", good.substr(0, good.size() / 2));
@@ -231,7 +233,8 @@ TEST_F(SnapshotChain, OfAnotherSiteIsRefused) {
   write_whole();
   site_.reference = {PlaneTerrain{1.5, {0.1, 0.3}}, ""};
   write_incremental();
-  EXPECT_THAT(refusal(1), HasSubstr("but needs 0.vdb, which is another one than it goes on from"));
+  EXPECT_THAT(refusal(1),
+              HasSubstr("but needs 0.vdb, which is not the snapshot that it continues"));
 }
 
 TEST_F(SnapshotChain, GoesOnFromNothingOutsideItsFolder) {
@@ -239,7 +242,8 @@ TEST_F(SnapshotChain, GoesOnFromNothingOutsideItsFolder) {
     count_ = 0;
     write_whole();
     write_incremental(name);
-    EXPECT_THAT(refusal(1), HasSubstr("what it goes on from is no file beside it")) << name;
+    EXPECT_THAT(refusal(1), HasSubstr("the snapshot that it continues is not in its folder"))
+        << name;
   }
 }
 
@@ -247,7 +251,7 @@ TEST_F(SnapshotChain, ThatIsTooLongIsRefused) {
   write_whole();
   for (std::size_t n = 0; n <= kMaxChainLength; ++n) write_incremental();
   EXPECT_THAT(refusal(kMaxChainLength), HasSubstr("accepted"));
-  EXPECT_THAT(refusal(kMaxChainLength + 1), HasSubstr("65.vdb: goes on from more than 64 others"));
+  EXPECT_THAT(refusal(kMaxChainLength + 1), HasSubstr("65.vdb: continues more than 64 others"));
 }
 
 }  // namespace snapshot_chain_test

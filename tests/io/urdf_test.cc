@@ -167,8 +167,9 @@ TEST_F(Urdf, JointsThatMimicOthersFollowThem) {
                      slide("boom", "a", "b", "<mimic joint=\"" + name + "\"/>") + "</robot>",
                  "b");
   };
-  EXPECT_EQ(mimics("bom"),
-            "m.urdf:2: joint 'boom' mimics joint 'bom', which is not there; did you mean 'boom'?");
+  EXPECT_EQ(
+      mimics("bom"),
+      "m.urdf:2: joint 'boom' mimics joint 'bom', which does not exist; did you mean 'boom'?");
   EXPECT_EQ(mimics("boom"), "m.urdf:2: joint 'boom' mimics itself, through other joints");
 }
 
@@ -211,8 +212,9 @@ TEST_F(Urdf, WhatIsMissingOrNoNumberIsNamedWithItsLine) {
             "m.urdf:10: joint 'turn' has no <parent link=\"...\"/>");
   EXPECT_EQ(turn("fixed", "<parent/><child link=\"c\"/>"),
             "m.urdf:10: joint 'turn' has no link=\"...\"");
-  EXPECT_EQ(turn("fixed", "<parent link=\"bb\"/><child link=\"c\"/>"),
-            "m.urdf:10: joint 'turn' hangs on link 'bb', which is not there; did you mean 'b'?");
+  EXPECT_EQ(
+      turn("fixed", "<parent link=\"bb\"/><child link=\"c\"/>"),
+      "m.urdf:10: joint 'turn' has the parent link 'bb', which does not exist; did you mean 'b'?");
   EXPECT_EQ(turn("turning", links),
             "m.urdf:10: joint 'turn' is turning; it must be fixed, revolute, continuous or "
             "prismatic");
@@ -245,7 +247,7 @@ TEST_F(Urdf, ALoopAndTwoParents) {
   EXPECT_EQ(error(R"(<robot name="m"><link name="a"/><link name="c"/><link name="d"/>
 <joint name="p" type="fixed"><parent link="c"/><child link="d"/></joint>
 <joint name="q" type="fixed"><parent link="d"/><child link="c"/></joint></robot>)"),
-            "m.urdf:3: joint 'q' is part of a loop, so link 'c' hangs on no root");
+            "m.urdf:3: joint 'q' is part of a loop, so link 'c' has no root");
   EXPECT_EQ(error(R"(<robot name="m"><link name="a"/><link name="b"/><link name="c"/>
 <joint name="o" type="fixed"><parent link="a"/><child link="b"/></joint>
 <joint name="p" type="fixed"><parent link="a"/><child link="c"/></joint>

@@ -17,7 +17,7 @@ constexpr std::size_t kEach = 4;
 const std::vector<std::pair<std::string, std::string>> kKinds = {
     {"2.55,nan,0,0,0", "x is nan; it must be a number within 1e+09"},
     {"2.55,0.5,0,-inf,0", "z is -inf"},
-    {"2.55,0.5,1e-310,0,0", "y is 1e-310, less than any sensor tells from 0"},
+    {"2.55,0.5,1e-310,0,0", "y is 1e-310, too small for any sensor"},
     {"2.55,1e308,0,0,0", "x is 1e308; it must be a number within 1e+09"},
     {"1e308,0.5,0,0,0", "time is 1e308"},
     {"2.5,0.5,0,0,0", "time 2.5 doesn't come after 2.5"},

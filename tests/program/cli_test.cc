@@ -56,12 +56,11 @@ TEST_F(CommandLine, RefusesWhatItDoesNotKnow) {
   expect_refused("run dig.yaml --colour", "--colour");
   expect_refused("run --colour dig.yaml", "--colour");
   expect_refused("run dig.yaml other.yaml", "other.yaml");
-  expect_refused("run",
-                 "SCENARIO is missing; right is soilvdb run SCENARIO; see soilvdb run --help");
-  expect_refused("export dig.vdb", "--to OUT is missing; right is soilvdb export FILE --to OUT;");
-  expect_refused("diff a.vdb", "B.vdb is missing; right is soilvdb diff A.vdb B.vdb;");
+  expect_refused("run", "SCENARIO is missing; usage: soilvdb run SCENARIO; see soilvdb run --help");
+  expect_refused("export dig.vdb", "--to OUT is missing; usage: soilvdb export FILE --to OUT;");
+  expect_refused("diff a.vdb", "B.vdb is missing; usage: soilvdb diff A.vdb B.vdb;");
   expect_refused("run dig.yaml --out",
-                 "--out has no value behind it; right is --out DIR; see soilvdb run --help");
+                 "--out needs a value; usage: --out DIR; see soilvdb run --help");
 }
 
 TEST_F(CommandLine, RefusesOptionsWithWrongValuesInBothOrders) {

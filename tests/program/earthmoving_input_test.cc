@@ -136,8 +136,7 @@ TEST_F(Earthmoving, SoilWithoutSense) {
   EXPECT_EQ(soil("repose_angle: 0.6, density: 1800, cohesion: -1"),
             at + "cohesion is -1 Pa; it must be 0 or more");
   EXPECT_EQ(soil("repose_angle: 0.6, cohesion: 10000"),
-            at + "'cohesion' needs 'density', the weight that it holds; add that, in kg/m3 of bank "
-                 "soil");
+            at + "'cohesion' needs 'density'; add it, in kg/m3 of bank soil");
   EXPECT_EQ(soil("repose_angle: 0.6, friction_angle: 30"),
             at + "friction_angle is 30; it must be in radians, at least 0 and less than 1.5708: 30 "
                  "degrees are 0.524");

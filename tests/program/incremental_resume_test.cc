@@ -133,7 +133,7 @@ TEST_F(Incremental, VerifyKnowsWhatASnapshotGoesOnFromByMoreThanItsName) {
   const Result result = run("verify dig");
   EXPECT_EQ(result.status, 1);
   const std::string what = one->name + " is good by itself but needs " + other.name +
-                           ", which is another one than it goes on from";
+                           ", which is not the snapshot that it continues";
   EXPECT_NE(result.err.find(what), std::string::npos) << result.err;
   EXPECT_EQ(run("resume dig").status, 0);
   EXPECT_EQ(run("verify dig").status, 0);

@@ -107,7 +107,7 @@ TEST_F(AfterARun, RefusesExportsThatCannotBe) {
   expect_refused(from + "x.ply --occupancy", "x.ply: --occupancy is for grids");
   expect_refused(from + "x.png --veiw plan", "no option '--veiw', the nearest is '--view'");
   expect_refused(from + "x.png --veiw=plan", "no option '--veiw', the nearest is '--view'");
-  expect_refused(from + "x.png plan", "'plan' is one word too many");
+  expect_refused(from + "x.png plan", "unexpected word 'plan'");
 }
 
 TEST_F(AfterARun, RefusesRegionsInWhichThereIsNothing) {

@@ -66,8 +66,8 @@ TEST_F(Run, LeavesFilesThatOnlyHaveTheNamesOfItsOwn) {
   write_file(folder() / "mine/summary.json", "mine");
   write_file(folder() / "mine/soil_final.obj", "mine");  // which this run doesn't write
   expect_refused("run dig.yaml --out mine",
-                 "mine: holds soil_final.vdb, summary.json, which no journal there knows and the "
-                 "run would write over; move that away or name another folder");
+                 "mine: holds soil_final.vdb, summary.json, which is in no journal there and would "
+                 "be overwritten; move it away or name another folder");
   fs::remove(folder() / "mine/summary.json");
   expect_refused("run dig.yaml --out mine", "mine: holds soil_final.vdb, which");
   EXPECT_EQ(run("run dig.yaml --out mine --no-snapshots").status, 0);

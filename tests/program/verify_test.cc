@@ -36,8 +36,8 @@ TEST_F(Resume, VerifyFindsAFinishedRunWhoseJournalWasCutShortOrZeroed) {
     const Result result = bad("verify out/dig", "journal is damaged: it ends after");
     EXPECT_NE(result.err.find("held 41 when summary.json was written"), std::string::npos)
         << result.err;
-    EXPECT_NE(result.out.find("soil_4.vdb           is there, but the journal doesn't know it; by "
-                              "itself good, the ground at 4 s"),
+    EXPECT_NE(result.out.find("soil_4.vdb           exists, but is not in the journal; by itself "
+                              "good, the ground at 4 s"),
               std::string::npos)
         << result.out;
     EXPECT_NE(result.out.find("soil_1.vdb           good"), std::string::npos) << result.out;
@@ -49,8 +49,8 @@ TEST_F(Resume, VerifyFindsAFinishedRunWhoseJournalWasCutShortOrZeroed) {
   write_file(out() / "journal", std::string(journal.size(), '\0'));
   const Result none = run("verify out/dig");
   EXPECT_EQ(none.status, 1);
-  EXPECT_NE(none.out.find("soil_1.vdb           is there, but the journal doesn't know it; by "
-                          "itself good, the ground at 1 s"),
+  EXPECT_NE(none.out.find("soil_1.vdb           exists, but is not in the journal; by itself good, "
+                          "the ground at 1 s"),
             std::string::npos)
       << none.out;
 }
@@ -59,8 +59,8 @@ TEST_F(Resume, VerifyNamesASnapshotThatTheJournalDoesNotKnow) {
   run_whole();
   fs::copy(out() / "soil_2.vdb", out() / "soil_2 of Monday.vdb");
   const Result result = good("verify out/dig");
-  EXPECT_NE(result.out.find("soil_2 of Monday.vdb is there, but the journal doesn't know it; by "
-                            "itself good, the ground at 2 s\n"),
+  EXPECT_NE(result.out.find("soil_2 of Monday.vdb exists, but is not in the journal; by itself "
+                            "good, the ground at 2 s\n"),
             std::string::npos)
       << result.out;
 }

@@ -126,10 +126,10 @@ def test_a_clone_that_cannot_follow_waits(tmp_path):
 
 @pytest.mark.parametrize("noise, clones, why", [
     ({"terrain": {"bias": 0.1}}, 16, "terrain.bias: clones share bucket, terrain and soil"),
-    ({}, 16, "noise: says nothing"),
+    ({}, 16, "noise: is empty"),
     ({"joints": {"boom": {"bias": 0.1}}}, 16, "joints.boom: no machine has that joint"),
     ({"joints": {"bias": 0.1}}, 16, "joints: no machine has any; leave them out"),
-    ({"position": {"bias": 0.1}}, 1, "clones is 1; 2 to 1000 is right"),
+    ({"position": {"bias": 0.1}}, 1, "clones is 1; it must be 2 to 1000"),
     ({"positions": {"bias": 0.1}}, 16, "positions isn't known; did you mean 'position'?")])
 def test_wrong_noise_is_told(noise, clones, why):
     with pytest.raises(ValueError) as error:

@@ -223,7 +223,7 @@ BAD = [
     (dict(position=(0, 0, float("nan"))), ValueError, r"machine 'machine 0': the position is \(0, 0, nan\) m; it must be finite"),
     (dict(position=(0, 0, 0), rotation=(1, 1, 1, 1)), ValueError, r"quaternion of length 2; it must be of length 1"),
     (dict(position=(0, 0, 0), rotation=(0, 0, 1)), ValueError, r"rotation has 3 numbers"),
-    (dict(pose=np.zeros((4, 4))), ValueError, r"pose is no rigid transform"),
+    (dict(pose=np.zeros((4, 4))), ValueError, r"pose is not a rigid transform"),
     (dict(pose=np.eye(3)), ValueError, r"pose has the shape \(3, 3\); it must be \(N, 4\)"),
     (dict(pose=np.eye(4), position=(0, 0, 0)), TypeError, r"either pose or position"),
     (dict(joints=[0.1]), ValueError, r"machine 'machine 0' has no joints; give it a pose"),
@@ -268,7 +268,7 @@ def test_bad_states_raise_and_change_nothing(soil, arguments, error, message):
 @pytest.mark.parametrize("arguments, error, message", [
     (dict(joints=np.zeros((5, 0))), ValueError, r"joints must have the shape \(N, joints\)"),
     (dict(positions=[(0, 0, 0)], times=[np.nan]), ValueError, "times has a nan"),
-    (dict(poses=np.diag([1, 1, -1, 1])[None]), ValueError, "state 0: pose is no rigid transform"),
+    (dict(poses=np.diag([1, 1, -1, 1])[None]), ValueError, "state 0: pose is not a rigid transform"),
 ])
 def test_bad_paths_raise_and_change_nothing(soil, arguments, error, message):
     site = make_site(soil)
@@ -282,7 +282,7 @@ def test_bad_paths_raise_and_change_nothing(soil, arguments, error, message):
 def test_a_path_says_which_matrix_is_none():
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[2, 0, 0] = 5
-    with pytest.raises(ValueError, match="state 2: pose is no rigid transform"):
+    with pytest.raises(ValueError, match="state 2: pose is not a rigid transform"):
         make_site().update_path(0, poses=poses)
 
 
@@ -291,7 +291,7 @@ def test_sites_of_a_generator_live_as_long_as_they_are_stepped():
     updates = soilvdb.update_many((site.clone() for _ in range(4)), 0, positions=np.zeros((4, 3)))
     assert len(updates) == 4
     for sites in ([1], [None], [site, object()]):
-        with pytest.raises(TypeError, match="sites must be of soilvdb.Site each, not"):
+        with pytest.raises(TypeError, match="each of sites must be soilvdb.Site, not"):
             soilvdb.update_many(sites, 0, positions=np.zeros((len(sites), 3)))
 
 
@@ -337,12 +337,12 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: soilvdb.Site(0.1, 0.0, []), "terrain must be Terrain, not float"),
     (lambda s: soilvdb.Site("a", PLANE, []), "voxel_size must be float, not str"),
     (lambda s: soilvdb.Site(0.1, PLANE, bucket()),
-     "machines must be a list, of soilvdb.Bucket or soilvdb.Machine each, not Bucket"),
+     "machines must be a list of soilvdb.Bucket or soilvdb.Machine, not Bucket"),
     (lambda s: soilvdb.Site(0.1, PLANE, [3]),
-     "machines must be of soilvdb.Bucket or soilvdb.Machine each, not int"),
-    (lambda s: soilvdb.Site(0.1, PLANE, [], pours=[3]), "pours must be of soilvdb.Pour each, not int"),
+     "each of machines must be soilvdb.Bucket or soilvdb.Machine, not int"),
+    (lambda s: soilvdb.Site(0.1, PLANE, [], pours=[3]), "each of pours must be soilvdb.Pour, not int"),
     (lambda s: soilvdb.update_many(s, 0, positions=[]),
-     "sites must be a list, of soilvdb.Site each, not Site"),
+     "sites must be a list of soilvdb.Site, not Site"),
     (lambda s: soilvdb.update_many([s], 0),
      "update_many() misses 'positions'; it takes (sites, machine, positions, rotations, time)"),
     (lambda s: soilvdb.Site.update(3, 0), "self must be Site, not int"),
@@ -528,7 +528,7 @@ def test_a_handler_of_signals_is_refused_the_site_whose_call_it_interrupts():
         "print(site.ledger()['cut_m3'] > 0)\n")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
                           check=True)
-    assert done.stdout == "the site is in the middle of a call of this thread\nTrue\n"
+    assert done.stdout == "this thread is already in a call of the site\nTrue\n"
 
 
 def test_a_program_ends_beside_threads_that_go_on():
@@ -585,7 +585,7 @@ def test_a_recorded_site_goes_on_where_it_was(soil, tmp_path):
         with pytest.raises(ValueError, match="at work in this folder"):
             make_site(soil).record(tmp_path / "site")
     assert (tmp_path / "site" / "soil_2.vdb").exists()
-    with pytest.raises(ValueError, match="another site, voxel_size_m isn't the same"):
+    with pytest.raises(ValueError, match="another site: voxel_size_m differs"):
         make_site(soil, voxel_size=0.2).record(tmp_path / "site")
     site = make_site(soil)
     assert site.record(str(tmp_path / "site"))[0] == 40

@@ -35,7 +35,7 @@ def joints(time_s, **changed):
 
 def test_joints_and_jumps_of_no_machine_are_refused_and_change_nothing(tmp_path):
     bad = [(joints(0.1, arm_joint=-52), "machine 'excavator': joint arm_joint is at -52 rad; the "
-            "urdf limits it to -2.75 to -0.55, and no more than 0.1 beyond is taken; are these "
+            "urdf limits it to -2.75 to -0.55, and at most 0.1 beyond is accepted; are these "
             "degrees?"),
            (joints(0.1, arm_joint=0.3), "joint arm_joint is at 0.3 rad; the urdf limits it to"),
            (joints(None, boom_joint=1.24), "joint boom_joint is at 1.24 rad"),
@@ -250,7 +250,7 @@ def test_a_clock_set_without_a_state_since_survives_a_crash(tmp_path):
             {"machine": "diger", "clock": "reset"}, {"machine": "digger", "clock": "set"}])
         assert "error" not in late and answer == {"machine": "digger", "clock": "reset"}
         assert "there is no machine 'diger'" in unknown["error"]
-        assert "'clock' can only be \"reset\"" in other["error"]
+        assert "'clock' must be \"reset\"" in other["error"]
         server.kill()
     with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         answers = server.feed(states)

@@ -91,7 +91,7 @@ def test_a_site_below_a_path_is_there_and_at_the_root(tmp_path):
     for bad in ("https://x/dig", "/a//b", "/a?b", "/a b"):
         done = subprocess.run([PROGRAM, "serve", scenario(tmp_path), "--base-path", bad, "--out", "no"],
                               cwd=tmp_path, capture_output=True, text=True, timeout=60)
-        assert done.returncode == 2 and "is no path as /dig" in done.stderr
+        assert done.returncode == 2 and "must be a path such as /dig" in done.stderr
         assert not (tmp_path / "no").exists()
 
 

@@ -271,9 +271,7 @@ TEST(SessionRecord, IsNotMixedUpWithAnythingElse) {
   };
   const std::string folder = (temp / "site").string();
   EXPECT_EQ(other_site([](auto& s) { s.voxel_size_m = 0.2; }),
-            folder +
-                ": is a recording of another site, voxel_size_m isn't the same; name another "
-                "folder");
+            folder + ": is a recording of another site: voxel_size_m differs; name another folder");
   EXPECT_NE(other_site([](auto& s) {
               s.terrain = io::PlaneTerrain{0.3, {0, 0}};
             }).find("plane"),

@@ -218,8 +218,8 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
     }
     return std::string("taken");
   };
-  EXPECT_EQ(refusal(""), "these bytes are no state; one is what save() gives");
-  EXPECT_EQ(refusal("soilvdb what"), "these bytes are no state; one is what save() gives");
+  EXPECT_EQ(refusal(""), "not a saved state (expected bytes from save())");
+  EXPECT_EQ(refusal("soilvdb what"), "not a saved state (expected bytes from save())");
   for (std::size_t size = 13; size < state.size(); size += 1 + state.size() / 97)
     EXPECT_NE(refusal(std::string_view(state).substr(0, size)), "taken") << size;
   for (std::size_t at = 0; at < state.size(); at += 1 + state.size() / 97) {
@@ -232,18 +232,17 @@ TEST_P(Sessions, TakeNoOtherBytesForAState) {
   EXPECT_EQ(refusal(newer), "the state has version 4; this program has 3");
   SessionSite higher = site();
   higher.terrain = io::PlaneTerrain{0.3, {0.05, 0}};
-  EXPECT_EQ(refusal(Session(higher).save()), "the state is of another site, plane isn't the same");
+  EXPECT_EQ(refusal(Session(higher).save()), "the state is of another site: plane differs");
   SessionSite alone = site();
   alone.machines.pop_back();
-  EXPECT_EQ(refusal(Session(alone).save()),
-            "the state is of another site, machines isn't the same");
+  EXPECT_EQ(refusal(Session(alone).save()), "the state is of another site: machines differs");
   SessionSite swelling = site();
   swelling.earthmoving.soil.emplace().repose_rad = 0.6;
   EXPECT_NE(refusal(Session(swelling).save()).find("soil"), std::string::npos);
   SessionSite sharper = site();
   sharper.machines[1].bucket.dump_angle_rad = 0.7;
   EXPECT_EQ(refusal(Session(sharper).save()),
-            "the state is of another site, machine 2: dump_angle_rad isn't the same");
+            "the state is of another site: machine 2: dump_angle_rad differs");
   session.restore(state);
   EXPECT_EQ(session.save(), state);
 }

@@ -6,6 +6,7 @@ import fs from 'node:fs';
 import http from 'node:http';
 import path from 'node:path';
 import test, {after, before} from 'node:test';
+import * as pictures from './pictures.mjs';
 import * as site from './site.mjs';
 
 if (site.missing) console.log(`view_browser skipped: ${site.missing}`);
@@ -209,7 +210,7 @@ looking('everything can be reached and used by keys', recorded, async (page) => 
     assert.ok(seen, 'what has the focus shows it');
   }
   for (const what of ['canvas', 'look', 'boundary', 'section', 'height', 'distance', 'north', 'above', 'whole', 'work', 'Colour by', 'Time shown',
-                      'Snapshot before', 'Downloads', 'theme', 'help-open', 'machine']) {
+                      'Previous snapshot', 'Downloads', 'theme', 'help-open', 'machine']) {
     assert.ok([...reached].some((r) => r === what || (what === 'theme' && /colours$/.test(r)) || r.startsWith(what)), `${what} of ${[...reached]}`);
   }
   await page.click('#work');
@@ -371,4 +372,19 @@ machines:
   } finally {
     await server.stop();
   }
+});
+
+test('the pictures in README are those of this version', options, async () => {
+  const {state_hash: hash} = JSON.parse(fs.readFileSync(path.join(done, 'summary.json'), 'utf8'));
+  const again = 'take them again: node tests/view/pictures.mjs';
+  assert.ok(fs.readFileSync(path.join(site.root, 'data/README.md'), 'utf8').includes(hash), `the excavator leaves other ground now, ${hash}; ${again}`);
+  const same = (name) => pictures.same(browser, path.join(site.root, 'data', name), path.join(work, name));
+  pictures.view(done, path.join(work, 'excavator.png'));
+  assert.ok(await same('excavator.png'), `data/excavator.png shows something else; ${again}`);
+  let shown = false;
+  for (let n = 0; n < 3 && !shown; ++n) {   // a busy computer may draw late
+    await pictures.live(browser, work, path.join(work, 'live.png'));
+    shown = await same('live.png');
+  }
+  assert.ok(shown, `data/live.png shows something else; ${again}`);
 });

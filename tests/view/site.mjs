@@ -64,7 +64,7 @@ export async function browser() {
 
 /** Opens a site's page and waits until all of it is drawn; {page, said}: what it wrote to the console. */
 export async function open(browser, url, options = {}) {
-  const context = await browser.newContext({viewport: {width: 900, height: 600}, reducedMotion: 'reduce', ...options});
+  const context = await browser.newContext({viewport: {width: 900, height: 600}, deviceScaleFactor: 0.5, reducedMotion: 'reduce', ...options});
   const page = await context.newPage(), said = [];
   page.setDefaultTimeout(60000);
   page.on('console', (message) => said.push(`${message.type()}: ${message.text()}`));
@@ -98,8 +98,8 @@ export async function colorAt(page, [x, y]) {
     await image.decode();
     const draw = canvas.getContext('2d');
     draw.drawImage(image, 0, 0);
-    const {data} = draw.getImageData(0, 0, 9, 9), sum = [0, 0, 0];
-    data.forEach((v, i) => { if (i % 4 < 3) sum[i % 4] += v / 81; });
+    const {data} = draw.getImageData(0, 0, image.width, image.height), sum = [0, 0, 0];
+    data.forEach((v, i) => { if (i % 4 < 3) sum[i % 4] += (4 * v) / data.length; });
     return sum;
   }, picture.toString('base64'));
 }

@@ -25,14 +25,14 @@ namespace soilvdb::tools {
 namespace {
 
 constexpr int kBroken = 1, kRefused = 3;
-constexpr char kStarted = '>';  // what the child says first
+constexpr char kStarted = '>';  // the child's first output
 
-// No file of OpenVDB's takes more than a hundred times its size, since each node's masks are in it
-// as they are, and all read at some 10 MB/s. A damaged one may try to.
+// OpenVDB reads some 10 MB/s, and needs at most a hundred times a file's size, because each node's
+// masks are stored uncompressed. A damaged file may demand more.
 constexpr std::uintmax_t kMemory_bytes = 512 << 20, kMemoryPerThread_bytes = 16 << 20,
                          kMemoryPerByte = 256;
 constexpr std::uintmax_t kTime_s = 2, kBytesPerSecond = 1 << 20;
-// So many times that by the clock: disks are slow, and a damaged heap may make it wait for itself.
+// Limit of elapsed time, in CPU time limits: disks are slow, and a damaged heap may deadlock.
 constexpr std::uintmax_t kPatience = 10;
 
 void limit(int resource, rlim_t value) {
@@ -47,7 +47,7 @@ void limit_memory_and_time(const std::filesystem::path& file) {
   const std::uintmax_t time_s = kTime_s + size / kBytesPerSecond;
   limit(RLIMIT_CPU, time_s);
   alarm(static_cast<unsigned>(std::min<std::uintmax_t>(kPatience * time_s, 1 << 30)));
-#ifndef __SANITIZE_ADDRESS__  // which reserves terabytes
+#ifndef __SANITIZE_ADDRESS__  // it reserves terabytes
   const auto of_system = [](int name) { return static_cast<std::uintmax_t>(sysconf(name)); };
   limit(RLIMIT_DATA,
         std::min(kMemory_bytes + kMemoryPerThread_bytes * of_system(_SC_NPROCESSORS_ONLN) +
@@ -67,7 +67,7 @@ void write_all(int descriptor, const std::string& text) {
 }  // namespace
 
 void child_main(const std::string& what, const std::filesystem::path& file) {
-  // What OpenVDB and the C library say of a damaged file or heap is not for the user.
+  // Hides output of OpenVDB and the C library about a damaged file or heap.
   const int answer = dup(STDOUT_FILENO), null = open("/dev/null", O_WRONLY);
   dup2(null, STDOUT_FILENO);
   dup2(null, STDERR_FILENO);
@@ -87,7 +87,7 @@ void child_main(const std::string& what, const std::filesystem::path& file) {
   } catch (...) {
     _exit(kBroken);
   }
-  _exit(0);  // without taking down what may be damaged
+  _exit(0);  // destructors could crash on a damaged heap
 }
 
 std::string read_in_child(const std::string& what, const std::filesystem::path& file) {
@@ -96,7 +96,7 @@ std::string read_in_child(const std::string& what, const std::filesystem::path& 
     throw std::system_error(errno, std::generic_category(), "pipe");
   const pid_t pid = fork();
   if (pid < 0) throw std::system_error(errno, std::generic_category(), "fork");
-  if (pid == 0) {  // a new program: libraries have threads, which a fork leaves half done
+  if (pid == 0) {  // exec, because a fork has only one of the libraries' threads
     dup2(ends[1], STDOUT_FILENO);
     execl("/proc/self/exe", "soilvdb", kInChild, what.c_str(), file.c_str(), nullptr);
     _exit(kBroken);

@@ -23,7 +23,7 @@
 namespace soilvdb::tools {
 namespace {
 
-/// The mesh without the points that no triangle uses.
+/// The mesh without unused points.
 Mesh compacted(const Mesh& mesh) {
   constexpr auto kUnused = std::numeric_limits<std::uint32_t>::max();
   std::vector<std::uint32_t> place(mesh.points.size(), kUnused);

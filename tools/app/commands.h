@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The program's commands, one file each, apart from how their options are spelt. A command returns
-// when it is done and throws io::InputError where the input or the command line is wrong (nothing
-// is written then), any other exception where something else went wrong.
+// The program's commands, one file each, without the command line's syntax. A command throws
+// io::InputError, with nothing written, if the input or the command line is wrong, and another
+// exception for any other failure.
 #pragma once
 
 #include <cstdint>
@@ -18,7 +18,7 @@ void run(const RunOptions& options);
 
 struct ResumeOptions {
   std::filesystem::path folder;
-  std::optional<std::int64_t> memory_mb;  ///< instead of the run's
+  std::optional<std::int64_t> memory_mb;  ///< in place of the run's
 };
 void resume(const ResumeOptions& options);
 
@@ -35,8 +35,8 @@ void info(const InfoOptions& options);
 struct ExportOptions {
   std::filesystem::path file, to;
   std::optional<std::string> region;  ///< XMIN,YMIN,XMAX,YMAX
-  std::optional<std::string> view;    ///< of a picture: plan (default) or perspective
-  bool occupancy = false;             ///< of a .vdb: fill fractions in place of a level set
+  std::optional<std::string> view;    ///< for a picture: plan (default) or perspective
+  bool occupancy = false;             ///< for a .vdb: fill fractions in place of a level set
 };
 void export_file(const ExportOptions& options);
 
@@ -51,10 +51,10 @@ struct ServeOptions {
   std::filesystem::path scenario;            ///< or the folder of a run or a recording
   std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>_live
   std::string listen = "127.0.0.1";
-  std::int64_t port = 8470;  ///< 0: any that is free
+  std::int64_t port = 8470;  ///< 0: any free port
   std::string token;
   std::string base_path;        ///< "/dig" or empty
-  std::optional<double> speed;  ///< plays the scenario's motions, so many times as fast
+  std::optional<double> speed;  ///< factor at which the scenario's motions are played
   std::optional<std::filesystem::path> design;
   bool feed_stdin = false;
 };

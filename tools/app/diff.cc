@@ -47,7 +47,7 @@ bool same_base(const io::BaseReference& a, const io::BaseReference& b) {
   const auto* plane_b = std::get_if<io::PlaneTerrain>(&b.terrain);
   if (plane_a && plane_b)
     return plane_a->height_m == plane_b->height_m && plane_a->slope == plane_b->slope;
-  // The same file may be found by two names.
+  // Two paths may name the same file.
   const auto* set_a = std::get_if<io::LevelSetTerrain>(&a.terrain);
   const auto* set_b = std::get_if<io::LevelSetTerrain>(&b.terrain);
   if (set_a && set_b && set_a->grid != set_b->grid) return false;
@@ -65,7 +65,7 @@ void check_same_site(const Snapshot& a, const Snapshot& b) {
                              terrain_text(of_a.terrain)));
 }
 
-/// A box that can be drawn: what changed, or where nothing did, all ground that was ever dug.
+/// A box to draw: the changes or, without changes, all ground that was ever dug.
 Eigen::AlignedBox2d box_to_show(const Difference& change, const io::Site& a, const io::Site& b) {
   if (!change.box.isEmpty()) return change.box;
   const Eigen::AlignedBox2d dug =

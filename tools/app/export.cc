@@ -80,9 +80,9 @@ void export_vdb(const fs::path& to, const io::Site& site, const std::optional<Bo
 void export_file(const ExportOptions& options) {
   const std::string suffix = io::suffix_of(options.to);
   if (!is_mesh(suffix) && suffix != ".tif" && suffix != ".png" && suffix != ".vdb")
-    throw io::InputError(options.to, fmt::format("the suffix '{}' is none of .ply .obj .stl .glb "
-                                                 ".tif .png .vdb",
-                                                 options.to.extension().string()));
+    throw io::InputError(
+        options.to, fmt::format("the suffix '{}' is not one of .ply .obj .stl .glb .tif .png .vdb",
+                                options.to.extension().string()));
   if (options.view && suffix != ".png")
     throw io::InputError(options.to, "--view is for pictures; leave it out, or give a .png");
   if (options.occupancy && suffix != ".vdb")

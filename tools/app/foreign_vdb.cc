@@ -18,7 +18,7 @@ std::string info_line(const char* label, const std::string& text) {
 }
 
 std::string text_of(const openvdb::Vec3d& v) {
-  constexpr double kNothing = 1e-9;  // beside voxels of any use
+  constexpr double kNothing = 1e-9;  // negligible against a voxel's size
   const auto number = [](double x) {
     return fmt::format("{:.9g}", std::abs(x) < kNothing ? 0 : x);
   };
@@ -72,7 +72,7 @@ std::string foreign_vdb_text(const std::filesystem::path& file) {
     openvdb::io::File vdb(file.string());
     vdb.open(/*delayLoad=*/false);
     const openvdb::GridPtrVecPtr grids = vdb.getGrids();
-    // OpenVDB also takes a header that was cut off for a file without grids.
+    // OpenVDB accepts a truncated header as a file without grids.
     if (grids->empty()) throw io::InputError(file, "has no grids, or was cut off; write it anew");
     std::string text = fmt::format("{}: OpenVDB file, not a snapshot of soilvdb, {} grid{}\n",
                                    file.string(), grids->size(), grids->size() == 1 ? "" : "s");

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A .vdb that is not one of our snapshots.
+// .vdb files that are not snapshots of soilvdb.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,8 @@
 
 namespace soilvdb::tools {
 
-/// Its grids in words. Call it through read_in_child(). @throw io::InputError if it can't be read.
+/// A description of its grids. Call it through read_in_child(). @throw io::InputError if the file
+/// can't be read.
 std::string foreign_vdb_text(const std::filesystem::path& file);
 
 }  // namespace soilvdb::tools

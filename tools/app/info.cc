@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb info: what is in a snapshot, another .vdb, a raster or a scenario.
+// soilvdb info: describes a snapshot, another .vdb, a raster or a scenario.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -87,14 +87,14 @@ void info_snapshot(const fs::path& file) {
   line("checksums", site.reference.checksum.empty() ? "good" : "good, also of its base");
 }
 
-/// Heights of a raster, all of them or evenly spread windows of a large one.
+/// Heights of a raster: all of a small one, evenly spread windows of a large one.
 struct Heights {
   std::int64_t read = 0, known = 0;
   float low = std::numeric_limits<float>::infinity(), high = -low;
   bool all = true;
 };
 
-/// @param block_columns windows as wide as what is stored together are quick to read
+/// @param block_columns width of storage blocks; windows of this width are fast to read
 Heights sample_heights(const io::RasterInput& raster, int block_columns) {
   constexpr int kWindow = 1 << 14, kMostWindows = 256, kLeastColumns = 128;
   const HeightGrid& grid = raster.grid;
@@ -157,7 +157,7 @@ std::string degrees_text(double rad) {
   return fmt::format("{:g} rad ({:.1f}°)", rad, rad * 180 / std::numbers::pi);
 }
 
-/// Soil that moves, and what brings it or takes it away.
+/// Prints moving soil, pours and hoppers.
 void print_earthmoving(const io::Scenario& scenario) {
   if (const auto& soil = scenario.soil) {
     line("soil", fmt::format("repose {}, swell {:g}, {:g} kg/m³", degrees_text(soil->repose_rad),
@@ -184,7 +184,7 @@ void print_earthmoving(const io::Scenario& scenario) {
   }
 }
 
-/// Adds what a run would warn of, having opened the terrain; not of level sets, which take long.
+/// Adds a run's warnings about the terrain; not for level sets, which take long to open.
 void warn_of_ground(io::Scenario& scenario) {
   if (std::holds_alternative<io::LevelSetTerrain>(scenario.terrain)) return;
   try {
@@ -257,7 +257,7 @@ void info_scenario(const fs::path& file) {
   for (const std::string& warning : scenario.warnings) line("warning", warning);
 }
 
-/// The first bytes of a file, to tell what it is.
+/// The first bytes of a file, to detect its format.
 std::string head_of(const fs::path& file) {
   std::array<char, 4096> bytes;
   std::ifstream in(file, std::ios::binary);
@@ -286,9 +286,7 @@ void info(const InfoOptions& options) {
   if (looks_like_scenario(file, head)) return info_scenario(file);
   const std::string suffix = io::suffix_of(file);
   if (suffix == ".mcap" || suffix == ".db3" || suffix == ".csv")
-    throw io::InputError(file,
-                         "is a motion, if anything; a scenario that has it as a machine's motion "
-                         "can be looked at");
+    throw io::InputError(file, "may be a motion; name a scenario with it as a machine's motion");
   try {
     info_raster(file);
   } catch (const io::InputError& e) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb resume: goes on with a run that a crash, a power cut or a signal ended, and makes files
-// of a finished one again that are damaged or gone.
+// soilvdb resume: continues a run after a crash, a power cut or a signal, and restores damaged or
+// missing files of a finished run.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -33,7 +33,7 @@ io::JournalContent open_run(const fs::path& folder) {
   return io::read_journal(file);
 }
 
-/// Takes what isn't good out of the files that a journal knows. @return that
+/// Removes faulty files from the journal's list. @return the faulty files
 std::vector<RunFile> take_faulty(const fs::path& folder, io::JournalContent& journal) {
   std::vector<RunFile> faulty = check_files(folder, journal);
   std::erase_if(faulty, [](const RunFile& file) { return file.fault.empty(); });
@@ -44,8 +44,8 @@ std::vector<RunFile> take_faulty(const fs::path& folder, io::JournalContent& jou
   return faulty;
 }
 
-/// The newest good ground that the journal knows of. Where the run is finished it is about faulty
-/// files, and the newest before those.
+/// The newest intact ground in the journal. If the run is finished, the newest before the faulty
+/// files.
 ResumePoint find_start(const fs::path& folder, const io::JournalContent& journal,
                        const std::vector<RunFile>& faulty, const io::Scenario& scenario,
                        const RunConfig& config) {
@@ -55,7 +55,7 @@ ResumePoint find_start(const fs::path& folder, const io::JournalContent& journal
   const auto updates = static_cast<std::uint64_t>(
       Schedule(scenario, config.options.updates, config.ends_s, 0).total());
   if (!recording_is_whole(scenario, journal, updates)) {
-    fmt::print("going on from the beginning, for {} to have all\n", kMcapName);
+    fmt::print("going on from the beginning, so that {} is complete\n", kMcapName);
     return from_the_beginning();
   }
   std::uint64_t end = std::numeric_limits<std::uint64_t>::max();
@@ -64,17 +64,17 @@ ResumePoint find_start(const fs::path& folder, const io::JournalContent& journal
   }
   std::vector<io::JournalFile> snapshots = journal.files;
   std::erase_if(snapshots, [&](const io::JournalFile& file) {
-    // Nothing goes on from the last one of a run that was stopped.
+    // In an incremental run no snapshot continues the final one of a stopped run.
     const bool usable =
         is_periodic(file.name) || (file.name == kFinalName && !scenario.incremental_snapshots);
     return !usable || file.updates >= end;
   });
-  // A motion may go on by now where the run came to its end: not from ground at rest.
+  // Ground at rest is a starting point only at the run's end, because a motion may have grown.
   const auto fits = [&](const SiteState& state, std::uint64_t seen) {
     return !state.rests_at_end() || seen == updates;
   };
   const auto refused = [](const std::string& why) {
-    say(fmt::format("warning: {}; going on from what came before it", why));
+    say(fmt::format("warning: {}; going on from an earlier state", why));
   };
   std::optional<ResumePoint> start =
       newest_snapshot(folder, snapshots, model_of(scenario), fits, refused);
@@ -89,11 +89,11 @@ void warn_of(const std::vector<RunFile>& faulty, const fs::path& folder, const R
     const bool anew = file.known.updates >= start.updates;
     say(fmt::format("warning: {}: {}; {}", (folder / file.known.name).string(), file.fault,
                     anew ? "it is made anew"
-                         : "once the run is finished, resume it again and it is made anew"));
+                         : "resume the run again once it is finished, and it is made anew"));
   }
 }
 
-/// Keeps a damaged journal before its good part is gone on with.
+/// Keeps a copy of a damaged journal before its good part is continued.
 void keep_damaged(const fs::path& folder, const io::JournalContent& journal) {
   const fs::path file = folder / kJournalName, kept = folder / "journal.damaged";
   fs::copy_file(file, kept, fs::copy_options::overwrite_existing);

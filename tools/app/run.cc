@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb run: digs a scenario and writes what it asks for.
+// soilvdb run: digs a scenario and writes its outputs.
 #include "tools/run/run.h"
 
 #include <fmt/format.h>
@@ -28,15 +28,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Other programs' .vdb files crash OpenVDB when they are damaged; a child finds out.
+/// Reads a foreign .vdb in a child process, because a damaged one crashes OpenVDB.
 void try_out(const io::Terrain& terrain) {
   const auto* level_set = std::get_if<io::LevelSetTerrain>(&terrain);
   if (!level_set || io::is_snapshot(level_set->file)) return;
   read_in_child(kLevelSet + level_set->grid, level_set->file);
 }
 
-/// At voxels of half a bucket's size its volumes are off by a percent; at those of four times its
-/// size it seems to dig nothing.
+/// With voxels of half a bucket's size volumes are off by a percent; with voxels of four times its
+/// size the bucket seems to dig nothing.
 void check_voxels(io::Scenario& scenario) {
   for (const io::MachineInput& machine : scenario.machines) {
     const double side_m = std::min(machine.bucket.width_m, machine.bucket.height_m);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb serve: a live site, or a folder to be looked at.
+// soilvdb serve: a live site, or a view of a run's or recording's folder.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,10 +26,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Snapshots that a live site has where its scenario asks for none: what a restart goes on from.
+/// Default interval of a live site's snapshots, from which a restart continues.
 constexpr double kSnapshotEvery_s = 300;
 
-/// The page beside the program, or where packages put it.
+/// The page's folder, beside the program or where packages install it.
 fs::path page_folder() {
   std::error_code none;
   const fs::path program = fs::read_symlink("/proc/self/exe", none).parent_path();
@@ -38,7 +38,7 @@ fs::path page_folder() {
   return {};
 }
 
-/// @param site what it is the design of
+/// @param site the site of the design
 std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>& file,
                                                   const io::Site& site) {
   if (!file) return nullptr;
@@ -47,12 +47,12 @@ std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>&
       raster.grid.first, raster.grid.first + raster.grid.spacing.cwiseProduct(
                                                  Vec2(raster.grid.nx - 1, raster.grid.ny - 1)));
   if (!site.bounds.isEmpty() && !site.bounds.intersects(around))
-    say(
-        fmt::format("warning: the design {} is elsewhere: it goes from {:.0f}, {:.0f} to {:.0f}, "
-                    "{:.0f}, and the terrain from {:.0f}, {:.0f} to {:.0f}, {:.0f}",
-                    file->string(), around.min().x(), around.min().y(), around.max().x(),
-                    around.max().y(), site.bounds.min().x(), site.bounds.min().y(),
-                    site.bounds.max().x(), site.bounds.max().y()));
+    say(fmt::format(
+        "warning: the design {} doesn't overlap the terrain: it goes from {:.0f}, {:.0f} to "
+        "{:.0f}, {:.0f}, and the terrain from {:.0f}, {:.0f} to {:.0f}, {:.0f}",
+        file->string(), around.min().x(), around.min().y(), around.max().x(), around.max().y(),
+        site.bounds.min().x(), site.bounds.min().y(), site.bounds.max().x(),
+        site.bounds.max().y()));
   for (const std::string& warning : raster.warnings) say("warning: " + warning);
   if (!std::holds_alternative<io::PlaneTerrain>(site.undug().terrain))
     for (const std::string& difference : io::crs_differences(
@@ -61,20 +61,20 @@ std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>&
   return make_height_field(raster.grid, raster.source);
 }
 
-/// Who may come from elsewhere must say a word.
+/// Requires a token if other machines may connect.
 void check_reach(const ServeOptions& options) {
   const bool loopback =
       options.listen == "127.0.0.1" || options.listen == "::1" || options.listen == "localhost";
   if (!loopback && options.token.empty())
     throw io::InputError(
-        fmt::format("--listen {} lets other machines in; give a --token that they have to know",
+        fmt::format("--listen {} lets other machines in; give a --token, which they must send",
                     io::printable(options.listen)));
   for (const char c : options.token)
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '-' && c != '_' && c != '.')
-      throw io::InputError("a --token is letters, digits, '-', '_' and '.'");
+      throw io::InputError("--token must consist of letters, digits, '-', '_' and '.'");
 }
 
-/// "/dig", also of "dig" and "/dig/"; empty: the root. @throw io::InputError
+/// "/dig", also for "dig" and "/dig/"; empty for the root. @throw io::InputError
 std::string base_path_of(std::string path) {
   while (path.ends_with('/')) path.pop_back();
   if (path.empty()) return path;
@@ -83,9 +83,9 @@ std::string base_path_of(std::string path) {
     return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.' || c == '/';
   };
   if (!std::all_of(path.begin(), path.end(), fits) || (path + '/').find("//") != std::string::npos)
-    throw io::InputError(
-        fmt::format("--base-path {} is no path as /dig, of letters, digits, '-', '_', '.' and '/'",
-                    io::printable(path)));
+    throw io::InputError(fmt::format(
+        "--base-path {} must be a path such as /dig, of letters, digits, '-', '_', '.' and '/'",
+        io::printable(path)));
   return path;
 }
 
@@ -100,6 +100,11 @@ ServerOptions server_options(const ServeOptions& options) {
     say("warning: the page isn't built: tools/view/build makes it, with node and npm; feeds and "
         "queries work");
   return all;
+}
+
+/// ", at 12.5 s": the latest time of a site whose states have times.
+std::string at_time(const LiveSite& site) {
+  return site.time_s() ? fmt::format(", at {} s", time_text(*site.time_s())) : "";
 }
 
 void say_where(const Server& server) {
@@ -118,12 +123,12 @@ void show_past(const ServeOptions& options) {
   server.run([] { return stop_requested.load(); });
 }
 
-/// Where what is only played is recorded, gone at the end.
+/// The temporary folder of a played site's recording, removed at the end.
 struct Played {
   Played() {
     std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
     if (mkdtemp(path.data()) == nullptr)
-      throw std::runtime_error("there is no room to record to in " +
+      throw std::runtime_error("no temporary folder for the recording can be made in " +
                                fs::temp_directory_path().string());
     folder = path;
   }
@@ -136,7 +141,7 @@ struct Played {
   fs::path folder;
 };
 
-/// Feeds what comes by standard input; answers go to standard output.
+/// Feeds lines of standard input; answers go to standard output.
 void feed_from_input(Server& server) {
   std::string line;
   while (!stop_requested && std::getline(std::cin, line)) {
@@ -153,8 +158,9 @@ void serve_live(const ServeOptions& options) {
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
   const auto has_motion = [](const io::MachineInput& machine) { return machine.motion.rows() > 0; };
   if (options.speed && std::none_of(scenario.machines.begin(), scenario.machines.end(), has_motion))
-    throw io::InputError(options.scenario,
-                         "--speed plays the motions of machines, and there are none; feed them");
+    throw io::InputError(
+        options.scenario,
+        "--speed needs machines with motions, and there are none; feed states instead");
   LiveSite site(Session::open(options.scenario), scenario.name);
   for (const std::string& warning : site.session().site().warnings) say("warning: " + warning);
   Recording recording = site.session().recording();
@@ -169,14 +175,14 @@ void serve_live(const ServeOptions& options) {
   ServerOptions all = server_options(options);
   all.raster_cell_m = scenario.raster_cell_m;
   if (scenario.mcap) all.mcap_folder = recording.folder;
-  // What may be wrong with the command is known before there is a recording.
+  // Errors of the command must be reported before a recording exists.
   const auto server = std::make_shared<Server>(
       site, make_recorded_history(site.session().clone(), recording.folder),
       open_design(options.design, site.session().site()), all);
   site.record(recording, {});
   if (site.fed() > 0)
-    say(fmt::format("{}: going on after {}, at {} s", recording.folder.string(),
-                    counted(static_cast<double>(site.fed()), "state"), time_text(site.time_s())));
+    say(fmt::format("{}: going on after {}{}", recording.folder.string(),
+                    counted(static_cast<double>(site.fed()), "state"), at_time(site)));
   else if (!played)
     say(recording.folder.string() + ": begins here");
   std::optional<Player> player;
@@ -185,7 +191,7 @@ void serve_live(const ServeOptions& options) {
     say("serving at " + server->url());
   else
     say_where(*server);
-  // It may wait for a line that doesn't come, and ends with the program then.
+  // Detached, because it may wait for a line until the program ends.
   if (options.feed_stdin) std::thread([server] { feed_from_input(*server); }).detach();
   std::function<void()> play;
   bool at_end = false;
@@ -194,8 +200,8 @@ void serve_live(const ServeOptions& options) {
       if (at_end) return;
       player->go_on();
       if ((at_end = player->done()))
-        say(fmt::format("{} has come to its end, at {} s; it can still be looked at", site.name(),
-                        time_text(site.time_s())));
+        say(fmt::format("{} has come to its end{}; it can still be looked at", site.name(),
+                        at_time(site)));
     };
   server->run([] { return stop_requested.load(); }, play);
   site.session().flush();
@@ -212,9 +218,9 @@ void serve_live(const ServeOptions& options) {
 void serve(const ServeOptions& options) {
   check_reach(options);
   if (fs::is_directory(options.scenario) && (options.out || options.speed || options.feed_stdin))
-    throw io::InputError(options.scenario,
-                         "is a folder, which is only looked at; --out, --speed and --stdin are for "
-                         "a scenario");
+    throw io::InputError(
+        options.scenario,
+        "is a folder, which can only be viewed; --out, --speed and --stdin need a scenario");
   with_threads(0, [&](int) {
     if (fs::is_directory(options.scenario))
       show_past(options);

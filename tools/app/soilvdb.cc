@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The program: its command line, and how what goes wrong becomes one line and an exit status.
+// The program: its command line, exit status, and one-line error messages.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -36,7 +36,7 @@ int complain(ExitStatus status, std::string message) {
   return status;
 }
 
-/// An option's text must be a number in [low, high]; as a transform() it then spells it plainly.
+/// Requires a number in [low, high]; as a transform() it also rewrites the text as a plain number.
 CLI::Validator number_between(double low, double high, bool whole, const std::string& meaning) {
   return CLI::Validator(
       [=](std::string& text) {
@@ -49,8 +49,8 @@ CLI::Validator number_between(double low, double high, bool whole, const std::st
       "");
 }
 
-/// The first signal asks for a stop; one that comes more than a second later ends the program at
-/// once. What sends signals may send each twice, to the process and to its group.
+/// The first signal requests a stop; another one more than a second later ends the program at once.
+/// Senders may signal both the process and its group, so one request can arrive twice.
 void on_stop(int signal) {
   static volatile std::sig_atomic_t asked_s = 0;
   timespec now{};
@@ -99,33 +99,33 @@ class CommandLine {
     try {
       app_.parse(argc, argv);
     } catch (const CLI::Success& e) {
-      app_.exit(e);  // prints the help or the version asked for
+      app_.exit(e);  // prints help or version
       return kDone;
     } catch (const CLI::ParseError& e) {
       return complain(kWrongInput, explain(app_, e));
     }
-    std::signal(SIGXFSZ, SIG_IGN);  // a full quota is a failed write, not a crash
+    std::signal(SIGXFSZ, SIG_IGN);  // makes an exceeded quota a failed write
     command_();
     return kDone;
   }
 
  private:
-  /// @param otherwise what holds without the option
+  /// @param otherwise the default, in words
   static void add_memory(CLI::App* sub, std::optional<std::int64_t>& mb, const char* otherwise) {
     sub->add_option(
            "--memory", mb,
-           fmt::format("most that the ground may hold of memory, MB, 16 or more; what was "
-                       "not used for longest goes to a file without a name in the run's folder. "
-                       "Besides it the program takes 100 MB, and up to 11 kB per chunk of "
-                       "8 x 8 x 8 voxels while it writes a snapshot. Default: {}",
-                       otherwise))
+           fmt::format(
+               "largest memory of the ground, MB, 16 or more; ground that was unused for longest "
+               "goes to an unnamed file in the run's folder. The program needs 100 MB more, and up "
+               "to 11 kB per chunk of 8 x 8 x 8 voxels while it writes a snapshot. Default: {}",
+               otherwise))
         ->type_name("MB")
         ->transform(number_between(
             kLeastMemory_mb, kMostMemory_mb, true,
             fmt::format("a whole number of MB from {} to {}", kLeastMemory_mb, kMostMemory_mb)));
   }
 
-  /// What is called for ends at a signal with all it has done.
+  /// Runs a command that stops at a signal and keeps its results.
   void stoppable(const std::function<void()>& command) {
     command_ = [command] {
       stop_on_signals();
@@ -174,8 +174,8 @@ class CommandLine {
                     "scenario file (YAML), or the folder of a run or recording to look at")
         ->required();
     sub->add_option("--out", serve_.out,
-                    "folder that what is fed is recorded to, and gone on with; default: "
-                    "out/<scenario name>_live, with --speed one that goes at the end")
+                    "folder to record to; a recording in it is continued. Default: out/<scenario "
+                    "name>_live, with --speed a temporary folder")
         ->type_name("DIR");
     sub->add_option("--port", serve_.port,
                     "port to listen on, 0 for any that is free; default: 8470")
@@ -185,17 +185,17 @@ class CommandLine {
                     "address of this machine to listen on; default: 127.0.0.1, for this machine "
                     "alone")
         ->type_name("ADDR");
-    sub->add_option("--token", serve_.token, "what others have to know; needed with --listen")
+    sub->add_option("--token", serve_.token,
+                    "secret that clients must send; required with --listen")
         ->type_name("T");
     sub->add_option("--base-path", serve_.base_path,
-                    "path that a proxy has it below, as /dig; default: the root")
+                    "path below which a proxy serves it, such as /dig; default: the root")
         ->type_name("PATH");
     sub->add_option("--speed", serve_.speed,
-                    "play the scenario's own motions, so many times as fast as they are")
+                    "play the scenario's own motions, at this multiple of their speed")
         ->type_name("X")
         ->check(number_between(1e-3, 1e4, false, "a number from 0.001 to 10000"));
-    sub->add_option("--design", serve_.design,
-                    "surface that is to be dug, to compare with (raster)")
+    sub->add_option("--design", serve_.design, "design surface to compare the ground with (raster)")
         ->type_name("FILE");
     sub->add_flag("--stdin", serve_.feed_stdin,
                   "feed lines from standard input, too; answers go to standard output");
@@ -203,14 +203,14 @@ class CommandLine {
   }
 
   void add_verify() {
-    CLI::App* sub = app_.add_subcommand("verify", "is everything of a run intact");
+    CLI::App* sub = app_.add_subcommand("verify", "check that all files of a run are intact");
     sub->add_option("DIR|FILE", verify_.path, "folder of a run, or a snapshot or journal")
         ->required();
     sub->callback([this] { command_ = [this] { verify(verify_); }; });
   }
 
   void add_info() {
-    CLI::App* sub = app_.add_subcommand("info", "say what is in a file");
+    CLI::App* sub = app_.add_subcommand("info", "describe a file");
     sub->add_option("FILE", info_.file, ".vdb, raster or scenario")->required();
     sub->callback([this] { command_ = [this] { info(info_); }; });
   }
@@ -234,7 +234,7 @@ class CommandLine {
             },
             ""));
     sub->add_flag("--occupancy", export_.occupancy,
-                  "a .vdb of how much of each voxel is soil, in place of a level set");
+                  "a .vdb of the share of soil in each voxel, in place of a level set");
     sub->callback([this] { command_ = [this] { export_file(export_); }; });
   }
 
@@ -260,9 +260,9 @@ class CommandLine {
   std::function<void()> command_;
 };
 
-/// What a shell may have closed or ignored is as it is elsewhere: files that are opened don't
-/// become the standard streams, and children can be waited for. GDAL's cache, which would take 5 %
-/// of the memory, is small, for heights are kept decoded; who sets it is heard.
+/// Corrects what the program inherits: opened files must not become standard streams, and children
+/// must be waited for. GDAL's cache is limited, because its default is 5 % of the memory and
+/// heights are kept decoded; a user's own setting holds.
 void set_up_process() {
   int descriptor = 0;
   while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = open("/dev/null", O_RDWR);

@@ -20,13 +20,13 @@ std::vector<std::string> commands(const CLI::App& app) {
   return names;
 }
 
-/// What is wrong with a word on the command line that is neither an option nor wanted.
+/// The message about an unexpected word on the command line.
 std::string not_expected(const CLI::App& app) {
   const std::vector<std::string> words = app.remaining(true);
   const auto option = std::find_if(words.begin(), words.end(),
                                    [](const std::string& w) { return w.starts_with('-'); });
   if (option == words.end())
-    return fmt::format("'{}' is one word too many", io::printable(words.front()));
+    return fmt::format("unexpected word '{}'", io::printable(words.front()));
   const std::string word = option->substr(0, option->find('='));
   std::vector<std::string> known;
   for (const CLI::Option* o : app.get_subcommands().front()->get_options())
@@ -43,7 +43,7 @@ std::string with_value(const CLI::Option& option) {
   return option.get_name() + (takes_value(option) ? ' ' + option.get_type_name() : "");
 }
 
-/// "export FILE --to OUT": a command with all that it must have.
+/// "export FILE --to OUT": a command with its required arguments.
 std::string usage(const CLI::App& command) {
   std::string text = command.get_name();
   for (const CLI::Option* o : command.get_options())
@@ -51,16 +51,16 @@ std::string usage(const CLI::App& command) {
   return text;
 }
 
-/// What is missing or too much; CLI11 says "DIR is required", "--out: 1 required DIR missing",
-/// "Could not convert: --no-mesh = maybe".
+/// The message about a missing or surplus argument. CLI11's own are "DIR is required", "--out: 1
+/// required DIR missing" and "Could not convert: --no-mesh = maybe".
 std::string missing_or_not_wanted(const CLI::App& command, const CLI::ParseError& error) {
   const std::string said = error.what();
   for (const CLI::Option* o : command.get_options()) {
     const std::string name = o->get_name(o->get_positional());
     if (said.starts_with(name + ' '))
-      return fmt::format("{} is missing; right is soilvdb {}", with_value(*o), usage(command));
+      return fmt::format("{} is missing; usage: soilvdb {}", with_value(*o), usage(command));
     if (said.starts_with(name + ':') && takes_value(*o))
-      return fmt::format("{} has no value behind it; right is {}", name, with_value(*o));
+      return fmt::format("{} needs a value; usage: {}", name, with_value(*o));
     if (!takes_value(*o) && said.find(name + " = ") != said.npos)
       return fmt::format("{} takes no value", name);
   }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with a command line and what would be right, in one line.
+// One-line messages about a wrong command line.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -11,7 +11,7 @@ namespace soilvdb::tools {
 bool has_command(const CLI::App& app, const std::string& word);
 std::string unknown_command(const CLI::App& app, const std::string& word);
 
-/// What CLI11 found wrong when it parsed, in our words.
+/// The message about a parse error of CLI11.
 std::string explain(const CLI::App& app, const CLI::ParseError& error);
 
 }  // namespace soilvdb::tools

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb verify: is everything that a run left intact, and good to which time.
+// soilvdb verify: checks whether all files of a run are intact, and up to which time.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Calls `read`, for which a file that is damaged is the result and not a wrong question.
+/// Calls `read`; a damaged file becomes a result instead of a usage error.
 template <typename F>
 auto judged(F read) {
   try {
@@ -35,7 +35,7 @@ auto judged(F read) {
   }
 }
 
-/// Why a run can't be gone on with; empty if it can.
+/// Why a run can't be continued; empty if it can.
 std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& journal) {
   try {
     const RunConfig config = parse_run_config(journal.config.text, folder);
@@ -46,15 +46,15 @@ std::string fault_of_inputs(const fs::path& folder, const io::JournalContent& jo
   return "";
 }
 
-/// Does the journal say that this file is to be deleted?
+/// Does the journal mark this file for deletion?
 bool goes(const io::JournalContent& journal, const std::string& name) {
   return std::find(journal.removed.begin(), journal.removed.end(), name) != journal.removed.end();
 }
 
-/// What is wrong with a journal whose run has written a summary since: that is written once all
-/// updates are in the journal on disk, so one that has fewer was cut short or written over.
+/// The fault of a journal with fewer updates than its run's summary. A summary is written when all
+/// updates are in the journal on disk, so such a journal was truncated or overwritten.
 std::string fault_of_end(const fs::path& folder, const io::JournalContent& journal) {
-  if (goes(journal, kSummaryName)) return "";  // it is of a run before
+  if (goes(journal, kSummaryName)) return "";  // of an earlier run
   std::ifstream in(folder / kSummaryName);
   const nlohmann::json summary = nlohmann::json::parse(in, nullptr, /*allow_exceptions=*/false);
   const auto acknowledged = nlohmann::json::json_pointer("/acknowledged/updates");
@@ -66,8 +66,8 @@ std::string fault_of_end(const fs::path& folder, const io::JournalContent& journ
                      updates.get<std::uint64_t>(), kSummaryName);
 }
 
-/// Prints which files of a run's there are that its journal doesn't know. What a crash leaves can
-/// be one, and what somebody put there: that is no fault.
+/// Prints files that look like a run's but are not in its journal. They are no fault: a crash or a
+/// user may have left them.
 void list_unknown(const fs::path& folder, const io::JournalContent& journal) {
   const bool of_session = is_of_session(journal.config.text);
   std::vector<std::string> names;
@@ -97,7 +97,7 @@ void list_unknown(const fs::path& folder, const io::JournalContent& journal) {
     }
     fmt::print("{:<20} {}{}\n", name,
                of_session && name.ends_with(".mcap") ? "is beside the recording"
-                                                     : "is there, but the journal doesn't know it",
+                                                     : "exists, but is not in the journal",
                itself);
   }
 }
@@ -171,7 +171,7 @@ void verify_journal(const fs::path& file) {
              time_text(journal.done.time_s));
 }
 
-/// Any other file that a run wrote.
+/// Verifies any other output of a run.
 void verify_output(const fs::path& file) {
   const fs::path journal = file.parent_path() / kJournalName;
   std::error_code none;
@@ -185,8 +185,7 @@ void verify_output(const fs::path& file) {
     }
   }
   throw io::InputError(file,
-                       "can't be verified: it is no snapshot, and no journal beside it "
-                       "knows it");
+                       "can't be verified: it is not a snapshot, and not in a journal beside it");
 }
 
 }  // namespace

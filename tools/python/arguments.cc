@@ -7,7 +7,7 @@
 namespace soilvdb::python {
 namespace {
 
-constexpr double kRigid = 1e-6;  // how far axes may be from unit and upright, as float32 has them
+constexpr double kRigid = 1e-6;  // tolerance for float32 rotations
 
 std::string kind_of(const py::handle& given) {
   return py::cast<std::string>(py::type::handle_of(given).attr("__name__"));
@@ -20,13 +20,13 @@ py::tuple several(const py::object& given, const char* name, const char* kind) {
   if (!iterator) {
     PyErr_Clear();
     throw py::type_error(
-        fmt::format("{} must be a list, of {} each, not {}", name, kind, kind_of(given)));
+        fmt::format("{} must be a list of {}, not {}", name, kind, kind_of(given)));
   }
   return py::tuple(iterator);
 }
 
 void not_of_kind(const py::handle& given, const char* name, const char* kind) {
-  throw py::type_error(fmt::format("{} must be of {} each, not {}", name, kind, kind_of(given)));
+  throw py::type_error(fmt::format("each of {} must be {}, not {}", name, kind, kind_of(given)));
 }
 
 Array array_of(const py::handle& given, const char* name) {
@@ -41,19 +41,19 @@ Array array_of(const py::handle& given, const char* name) {
         "{} must be numbers, not {}", name,
         any ? "an array of " + py::cast<std::string>(py::str(any.dtype())) : kind_of(given)));
   }
-  constexpr int kAligned = py::detail::npy_api::NPY_ARRAY_ALIGNED_;  // a view may begin anywhere
+  constexpr int kAligned = py::detail::npy_api::NPY_ARRAY_ALIGNED_;  // views may be unaligned
   return py::array_t<double, py::array::c_style | py::array::forcecast | kAligned>::ensure(any);
 }
 
 void numbers(const py::handle& given, const char* name, std::span<double> out) {
-  // Tuples and lists of floats are what a loop gives; an array of them costs more than an update.
+  // Fast path for tuples and lists of floats: an array would cost more than an update.
   if (PyTuple_Check(given.ptr()) || PyList_Check(given.ptr())) {
     const auto size = static_cast<std::size_t>(PySequence_Fast_GET_SIZE(given.ptr()));
     if (size != out.size())
       throw py::value_error(
           fmt::format("{} has {} numbers; it must have {}", name, size, out.size()));
     for (std::size_t i = 0; i < size; ++i) {
-      // What is no float may run code of Python's, which may change the list.
+      // Converting other objects may run Python code, which may change the list.
       if (static_cast<std::size_t>(PySequence_Fast_GET_SIZE(given.ptr())) != size)
         throw py::value_error(fmt::format("{} changed while it was read", name));
       const auto item = py::reinterpret_borrow<py::object>(
@@ -109,7 +109,7 @@ Pose pose_of(std::span<const double> matrix) {
                      axes.determinant() > 0 && m.row(3).isApprox(Eigen::RowVector4d(0, 0, 0, 1));
   if (!rigid)
     throw py::value_error(
-        "pose is no rigid transform; it must have a rotation and a position, and end in 0 0 0 1");
+        "pose is not a rigid transform; it needs a rotation, a position and a last row of 0 0 0 1");
   return {m.topRightCorner<3, 1>(), Eigen::Quaterniond(axes).normalized()};
 }
 
@@ -118,7 +118,7 @@ Pose pose(const py::handle& position, const py::handle& rotation, const py::hand
     if (!position.is_none() || !rotation.is_none())
       throw py::type_error("give either pose or position and rotation");
     const Array array = rows(matrix, "pose", 4);
-    if (array.shape(0) != 4) throw py::value_error("pose must be of 4 rows");
+    if (array.shape(0) != 4) throw py::value_error("pose must have 4 rows");
     return pose_of({array.data(), 16});
   }
   if (position.is_none()) throw py::type_error("position, pose or joints are missing");

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Numbers and arrays from Python, checked: what is wrong with them is one line that names them.
+// Checks numbers and arrays from Python; messages are one line that names the argument.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -17,35 +17,35 @@ namespace soilvdb::python {
 
 namespace py = pybind11;
 
-/// C-contiguous doubles, which may be the caller's own.
+/// C-contiguous doubles; may share the caller's memory.
 using Array = py::array_t<double, py::array::c_style>;
 
-/// What an iterable gives. @throw py::type_error naming the argument and what it must be of
+/// The items of an iterable. @throw py::type_error naming the argument and the required type
 py::tuple several(const py::object& given, const char* name, const char* kind);
-/// @throw py::type_error that one of them isn't
+/// @throw py::type_error that an item has another type
 [[noreturn]] void not_of_kind(const py::handle& given, const char* name, const char* kind);
 
-/// Doubles of any array or nested sequence of numbers. @throw py::type_error naming the argument
+/// Doubles of an array or nested sequence of numbers. @throw py::type_error naming the argument
 Array array_of(const py::handle& given, const char* name);
 
-/// Numbers from any sequence or array of one dimension.
+/// Numbers of a sequence or of a one-dimensional array.
 /// @throw py::value_error, py::type_error naming the argument
 std::vector<double> numbers(const py::handle& given, const char* name);
-/// The same, so many of them.
+/// As above, with exactly out.size() numbers.
 void numbers(const py::handle& given, const char* name, std::span<double> out);
 
-/// An array of shape (N, columns), converted to doubles if need be. @throw as numbers()
+/// An array of shape (N, columns), converted to doubles if necessary. @throw as numbers()
 Array rows(const py::handle& given, const char* name, py::ssize_t columns);
 
 Vec3 vector3(const py::handle& given, const char* name);
-/// A pose from either a position with a rotation (x, y, z, w; none: not turned) or a 4 x 4 array.
+/// A pose from a position and a rotation (x, y, z, w; None: no rotation), or from a 4 x 4 array.
 /// @throw as numbers()
 Pose pose(const py::handle& position, const py::handle& rotation, const py::handle& matrix);
 Eigen::Quaterniond quaternion(std::span<const double> xyzw);
-/// The pose that a 4 x 4 array says, row by row. @throw py::value_error if it is no rigid transform
+/// The pose of a 4 x 4 array in row order. @throw py::value_error if it is no rigid transform
 Pose pose_of(std::span<const double> matrix);
 
-/// Warns, as Python's own functions do, once a line.
+/// Issues a Python warning for each line.
 inline void warn(const std::vector<std::string>& lines) {
   for (const std::string& line : lines)
     if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), 1) != 0) throw py::error_already_set();

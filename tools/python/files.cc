@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Files that a site is fed from or compared with, as arrays: motions of a scenario, rasters.
+// Input files as arrays: motions of a scenario, rasters.
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -18,14 +18,14 @@
 namespace soilvdb::python {
 namespace {
 
-/// Rows of a machine's motion that a run goes along.
+/// The rows of a machine's motion that a run follows.
 struct Rows {
   std::vector<double> times_s, values, turns;
   std::size_t columns = 3;  // of `values`
   bool by_joints = false;
 };
 
-/// @param until_s where all machines stop
+/// @param until_s time at which all machines stop
 Rows rows_of(const io::MotionFile& file, double until_s) {
   Rows rows;
   for (std::size_t part = 0; part < file.parts(); ++part) {
@@ -78,7 +78,7 @@ py::dict motions(const std::filesystem::path& scenario) {
   return by_name;
 }
 
-/// Why motions end before their last rows, in the program's words.
+/// Messages about motions that end at bad rows.
 std::vector<std::string> bad_rows(const std::filesystem::path& scenario) {
   const Released released;
   const Inside inside;
@@ -89,7 +89,7 @@ std::vector<std::string> bad_rows(const std::filesystem::path& scenario) {
   return why;
 }
 
-/// Posts first to last along an axis that are within [low, high], and one more on either side.
+/// The range of posts along an axis within [low, high], with one more on either side.
 std::pair<int, int> posts(double first, double spacing, int count, double low, double high) {
   const double most = count - 1;
   const double from = std::clamp(std::floor((low - first) / spacing), 0.0, most);

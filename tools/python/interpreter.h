@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The interpreter's lock, and a site's, around calls of the engine.
+// Locks of the interpreter and of a site for calls of the engine.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -16,9 +16,9 @@
 
 namespace soilvdb::python {
 
-/// Calls f(), which comes back with the interpreter's lock. A thread that finds that the
-/// interpreter has ended is unwound by it, through all that it holds of Python's: it waits here for
-/// the process's end instead.
+/// Calls f(), which returns with the interpreter's lock. After the interpreter's end, Python would
+/// unwind the thread through frames that hold Python objects. The thread waits here for the
+/// process's end instead.
 template <typename F>
 auto coming_back(const F& f) noexcept {
   try {
@@ -28,14 +28,14 @@ auto coming_back(const F& f) noexcept {
   }
 }
 
-/// Was this process forked from one that used the module? It has none of the engine's threads.
+/// Was this process forked from one that used the module? It lacks the engine's threads.
 inline bool is_forked() {
   static const pid_t process = getpid();
   return getpid() != process;
 }
 
-/// What OpenVDB logs by has a thread from the module's import on, for which the end of a process
-/// that was forked since then would wait forever.
+/// OpenVDB's logger has a thread since the module's import. A process forked after the import does
+/// not have this thread, and would wait for it forever at its end.
 inline void end_forked_processes_at_once() {
   static const pid_t importer = getpid();
   on_exit(
@@ -47,8 +47,8 @@ inline void end_forked_processes_at_once() {
       nullptr);
 }
 
-/// Who is in the engine when a program ends: what that is made of is destroyed then. From close()
-/// on only the thread that called it gets in, and others wait for the process's end.
+/// Counts threads in the engine, because the end of the program destroys the engine's data. After
+/// close() only its caller may enter; other threads wait for the process's end.
 class Gate {
  public:
   static Gate& get() {
@@ -65,7 +65,7 @@ class Gate {
     --inside_;
     left_.notify_all();
   }
-  /// Between two steps of a long call.
+  /// Call it between steps of a long call.
   void pause_if_closed() {
     std::unique_lock lock(mutex_);
     if (!closed_ || ender_ == std::this_thread::get_id()) return;
@@ -78,7 +78,7 @@ class Gate {
     const std::lock_guard lock(mutex_);
     return closed_ && ender_ == std::this_thread::get_id();
   }
-  /// Returns when nobody is inside any more.
+  /// Returns when no thread is inside.
   void close() {
     std::unique_lock lock(mutex_);
     closed_ = true;
@@ -99,7 +99,7 @@ class Gate {
   std::thread::id ender_;
 };
 
-/// Within the engine, with all locks that it takes.
+/// A scope within the engine; enter it before taking the engine's locks.
 class Inside {
  public:
   Inside() { Gate::get().enter(); }
@@ -108,7 +108,7 @@ class Inside {
   Inside& operator=(const Inside&) = delete;
 };
 
-/// Other Python threads run as long as there is one.
+/// A scope in which other Python threads can run.
 class Released {
  public:
   Released() : state_(PyEval_SaveThread()) {}
@@ -122,8 +122,8 @@ class Released {
   PyThreadState* state_;
 };
 
-/// Lets Python handle signals, within Released and Inside. @throw py::error_already_set, of
-/// KeyboardInterrupt for one
+/// Lets Python handle signals, within Released and Inside. @throw py::error_already_set, such as
+/// KeyboardInterrupt
 inline void handle_signals() {
   Gate::get().pause_if_closed();
   const PyGILState_STATE state = coming_back([] { return PyGILState_Ensure(); });
@@ -134,12 +134,12 @@ inline void handle_signals() {
   throw error;
 }
 
-/// A mutex that refuses the thread that has it, which comes by a handler of signals.
+/// A mutex that throws if its own thread locks it again, as a signal handler could.
 class Turn {
  public:
   void lock() {
     if (holder_ == std::this_thread::get_id())
-      throw std::runtime_error("the site is in the middle of a call of this thread");
+      throw std::runtime_error("this thread is already in a call of the site");
     if (!Gate::get().is_ender())
       mutex_.lock();
     else if (!mutex_.try_lock())

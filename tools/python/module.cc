@@ -8,7 +8,7 @@
 #include "tools/python/values.h"
 
 PYBIND11_MODULE(_soilvdb, m) {
-  // Input that is wrong is a ValueError with the program's words.
+  // Wrong input becomes a ValueError with the program's message.
   pybind11::register_exception_translator([](std::exception_ptr error) {
     try {
       if (error) std::rethrow_exception(error);

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Has CMake build the module's compiled part; the version is CMake's.
+"""Builds the module's compiled part with CMake, which also sets the version.
 
-It is built in build-wheel, beside build, so that ccache finds what was compiled there. Where the
-environment's SOILVDB_BUILD_DIR names a folder in which it was built, it is taken from there.
+The build folder is build-wheel, beside build, so that ccache finds the objects of build. If
+SOILVDB_BUILD_DIR is set, the compiled part comes from that build folder instead.
 """
 
 import os
@@ -23,7 +23,7 @@ CMAKE = (ROOT / "CMakeLists.txt").read_text()
 
 
 def pybind11_dir():
-    """Pip's pybind11 for CMake; else it finds the system's."""
+    """pip's pybind11 for CMake, which otherwise finds the system's."""
     try:
         import pybind11
     except ImportError:
@@ -32,7 +32,7 @@ def pybind11_dir():
 
 
 def build_module():
-    # It names tools of pip's environment, which is another each time.
+    # The cache names tools of pip's environment, which differs each time.
     (BUILD / "CMakeCache.txt").unlink(missing_ok=True)
     subprocess.run(
         ["cmake", "-G", "Ninja", "-S", ROOT, "-B", BUILD, "-DCMAKE_BUILD_TYPE=Release",

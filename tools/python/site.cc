@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soilvdb.Site: a session for Python. Each call of the engine lets other Python threads run, and
-// holds the site meanwhile, so that several may use one.
+// soilvdb.Site: a session for Python. Each call of the engine releases the interpreter's lock and
+// locks the site, so several threads may use one site.
 #include <fmt/format.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -44,16 +44,16 @@ void require_own_process() {
       "multiprocessing's method 'spawn'");
 }
 
-/// A session, and what it was made from, for pickle.
+/// A session, and its construction arguments for pickle.
 class Site {
  public:
   Site(Session session, py::tuple made_from)
       : session_(std::make_unique<Session>(std::move(session))), made_from_(std::move(made_from)) {}
   ~Site() {
-    if (is_forked()) session_.release();  // its threads can't be waited for
+    if (is_forked()) session_.release();  // this process lacks its threads
   }
 
-  /// Calls f(session) without the interpreter's lock, alone.
+  /// Calls f(session) exclusively, without the interpreter's lock.
   template <typename F>
   auto with(const F& f) {
     require_own_process();
@@ -158,7 +158,7 @@ Update update(Site& site, const MachineName& machine, const py::object& position
   return step.update;
 }
 
-/// Many states of one machine; arrays of what each update gave.
+/// Moves one machine through many states. @return arrays of the updates' results
 py::dict update_path(Site& site, const MachineName& machine, const py::object& positions,
                      const py::object& rotations, const py::object& poses, const py::object& joints,
                      const py::object& times) {
@@ -187,7 +187,7 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
     if (static_cast<py::ssize_t>(given.size()) != count)
       throw py::value_error(fmt::format("there are {} times for {} states", given.size(), count));
     if (std::any_of(given.begin(), given.end(), [](double t) { return std::isnan(t); }))
-      throw py::value_error("times has a nan; without times none are known");
+      throw py::value_error("times has a nan; leave times out if they are unknown");
     times_s = Array(count, given.data());
   }
   const char* const names[] = {"cut_m3", "bucket_m3", "spilled_m3", "slid_m3", "us"};
@@ -197,7 +197,7 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
     columns.emplace_back(count);
     out.push_back(columns.back().mutable_data());
   }
-  // The loop reads copies: another thread may write to the arrays meanwhile.
+  // Copies, because another thread may write to the arrays meanwhile.
   const std::vector<double> states(rows_of.data(), rows_of.data() + rows_of.size());
   const std::vector<double> rotation(turns.data(), turns.data() + turns.size());
   const std::vector<double> time(times_s.data(), times_s.data() + times_s.size());
@@ -241,7 +241,7 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
   return all;
 }
 
-/// Where joints bring a bucket, of one row of them or many.
+/// The bucket's pose for one row of joints or many.
 py::tuple pose_by_joints(Site& site, const MachineName& machine, const py::object& joints) {
   const Array given = array_of(joints, "joints");
   if (given.ndim() < 1 || given.ndim() > 2 || given.shape(given.ndim() - 1) == 0)
@@ -282,7 +282,7 @@ Array heights(Site& site, const py::object& xy) {
   return out;
 }
 
-/// Points in the world and triangles, memory of Python's own.
+/// Points in the world and triangles, in memory of Python.
 py::tuple arrays_of(const Mesh& mesh, const Vec3& origin) {
   py::array_t<double> points({static_cast<py::ssize_t>(mesh.points.size()), py::ssize_t{3}});
   py::array_t<std::uint32_t> triangles(
@@ -347,11 +347,11 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
   return all;
 }
 
-/// @param states of the sites, each (N, 3) or (N, 4)
+/// @param states of the sites, (N, 3) or (N, 4)
 std::vector<Update> update_sites(const py::object& given, const MachineName& machine,
                                  const py::object& positions, const py::object& rotations,
                                  std::optional<double> time) {
-  const py::tuple kept = several(given, "sites", "soilvdb.Site");  // whatever becomes of those
+  const py::tuple kept = several(given, "sites", "soilvdb.Site");  // keeps the sites alive
   std::vector<Site*> sites;
   for (const py::handle& one : kept) {
     if (!py::isinstance<Site>(one)) not_of_kind(one, "sites", "soilvdb.Site");
@@ -377,7 +377,7 @@ std::vector<Update> update_sites(const py::object& given, const MachineName& mac
   std::vector<StepResult> results;
   {
     const Released released;
-    // In one order, so that calls that share sites wait for each other.
+    // A fixed order of locks avoids deadlocks between calls that share sites.
     std::set<Site*> ordered(sites.begin(), sites.end());
     std::vector<std::unique_lock<Turn>> locks;
     for (Site* site : ordered) locks.emplace_back(site->turn());
@@ -467,7 +467,7 @@ void bind_site(py::module_& m) {
       .def(py::init([](double voxel_size, const TerrainValue& terrain, const py::object& machines,
                        const std::optional<SoilProperties>& soil, const py::object& pours,
                        const py::object& hoppers, const py::object& near) {
-             py::object place = near;  // nothing is the caller's, who may change it
+             py::object place = near;  // a copy, because the caller may change the original
              if (!near.is_none()) {
                const Vec3 at = vector3(near, "near");
                place = py::make_tuple(at.x(), at.y(), at.z());
@@ -589,7 +589,7 @@ void bind_site(py::module_& m) {
       .def("ledger", &ledger_of, py::arg("machine") = none,
            "Volumes of a machine, or of all machines, m3. In place: cut, captured and displaced. "
            "Loose: the bucket's load, spilled and dumped. One machine also has bucket_kg. All "
-           "machines also have fill_m3, which moving soil added to the ground. They also have "
+           "machines also have fill_m3, added to the ground less lost by slopes. They also have "
            "loose volumes of pours, hoppers and failed slopes: poured_m3, hauled_m3, slid_m3.")
       .def(
           "change_m3",

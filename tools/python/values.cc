@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a site is made of, as Python has it: values that can be compared by eye and pickled.
+// The parts of a site as Python values with repr, comparison and pickle.
 #include "tools/python/values.h"
 
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a site is made of, as Python has it.
+// The parts of a site as Python values.
 #pragma once
 
 #include <pybind11/pybind11.h>
@@ -20,7 +20,7 @@ TerrainValue plane(double z, const Vec2& slope);
 TerrainValue raster(const std::filesystem::path& file);
 TerrainValue snapshot(const std::filesystem::path& file);
 
-/// A machine, and what its chain was read from.
+/// A machine, and the source of its chain.
 struct MachineValue {
   MachineValue(const Bucket& bucket, std::string name, std::optional<std::filesystem::path> file,
                std::string link_name, const Pose& world_from_root);
@@ -33,8 +33,8 @@ struct MachineValue {
 void bind_values(pybind11::module_& m);
 void bind_site(pybind11::module_& m);
 void bind_files(pybind11::module_& m);
-/// Has all functions of the module say in one line what was wrong with a call's arguments, of which
-/// pybind11 prints all that it knows. @pre everything is bound
+/// Replaces pybind11's long messages about wrong arguments by one line, in all functions of the
+/// module. @pre everything is bound
 void explain_wrong_calls(pybind11::module_& m);
 
 }  // namespace soilvdb::python

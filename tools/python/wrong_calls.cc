@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with a call's arguments, said in one line by soilvdb/_wrong_calls.py.
+// One-line messages about wrong arguments, by soilvdb/_wrong_calls.py.
 #include "tools/python/values.h"
 
 namespace soilvdb::python {
@@ -8,10 +8,10 @@ namespace {
 
 namespace py = pybind11;
 
-PyCFunctionWithKeywords dispatch = nullptr;  // pybind11's, the same for all functions
+PyCFunctionWithKeywords dispatch = nullptr;  // pybind11's own, shared by all functions
 
 void explain_call(PyObject* arguments, PyObject* named) {
-  py::error_already_set error;  // takes it off
+  py::error_already_set error;  // takes the pending error
   const std::string text = py::cast<std::string>(py::str(error.value()));
   if (text.find("(): incompatible ") == std::string::npos) return error.restore();
   const py::dict by_name = named != nullptr ? py::reinterpret_borrow<py::dict>(named) : py::dict();

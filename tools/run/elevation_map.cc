@@ -11,8 +11,8 @@
 namespace soilvdb::tools {
 namespace {
 
-constexpr int kTile = 32;               // cells that the grid grows by
-constexpr int kReach = kChunkSide + 2;  // of a chunk, on the surface around it, voxels
+constexpr int kTile = 32;               // step of the grid's growth, cells
+constexpr int kReach = kChunkSide + 2;  // distance of surface cells that a chunk affects, voxels
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
 
 }  // namespace
@@ -26,7 +26,7 @@ Vec2 ElevationMap::middle_m(int x, int y) const {
   return corner_m() + (Vec2(x, y) + Vec2::Constant(0.5)) * cell_m();
 }
 
-/// Has the cells of `grid`, with the heights that are known of them.
+/// Makes the map cover `grid`, and keeps the known heights.
 void ElevationMap::grow(const Box& grid, int side) {
   const Box before = grid_;
   const std::vector<float> heights_m = std::move(heights_m_);

@@ -147,7 +147,7 @@ constexpr MessageType kTransform = {"geometry_msgs/Transform", R"(geometry_msgs/
 geometry_msgs/Quaternion rotation
 )"};
 
-/// A message's definition, and those of the messages in it.
+/// A message's definition with the definitions of its parts.
 io::McapSchema schema_of(const char* name, std::string text,
                          std::initializer_list<MessageType> parts) {
   for (const MessageType& part : parts) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the messages of soil.mcap are, as the file tells its readers.
+// Schemas of the messages in soil.mcap.
 #pragma once
 
 #include "io/mcap/mcap_writer.h"

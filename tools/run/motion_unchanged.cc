@@ -18,13 +18,13 @@
 namespace soilvdb::tools {
 namespace {
 
-/// Rows are left out where they stay within 1e-3 of a voxel; as much again is for rounding.
+/// Omitted rows are within 1e-3 of a voxel; the same again allows for rounding.
 constexpr double kSame = 2e-3;
 
-/// The rows of one motion, which go along with its moves.
+/// The rows of one motion, compared with its moves.
 class DugRows {
  public:
-  /// @param all no row was left out
+  /// @param all no row was omitted
   DugRows(const io::MachineInput& machine, bool all, double same_m)
       : machine_(machine), points_(extremes(machine.bucket)), all_(all), same_m_(same_m) {
     load(0, 0);
@@ -45,10 +45,9 @@ class DugRows {
     if (all_ || last_s_ == dug_s_) return;
     if (at_end()) refuse_missing(move.rows, times.size() - 1);
     if (off_m(motion_->pose(dug_s_), dug_pose(move, dug, dug_s_)) > same_m_)
-      refuse_after_last(now_s(),
-                        fmt::format("the way to this row was dug, and is another from {} s or "
-                                    "before; put back the rows up to here as they were",
-                                    time_text(dug_s_)));
+      refuse_after_last(now_s(), fmt::format("the way to this row was dug, and has changed at or "
+                                             "before {} s; restore the rows up to here",
+                                             time_text(dug_s_)));
   }
 
   void check_end() const {
@@ -66,7 +65,7 @@ class DugRows {
   void advance() {
     last_s_ = now_s();
     if (++row_ == motion_->times_s().size() && part_ + 1 < machine_.motion.parts())
-      load(part_ + 1, 1);  // parts join
+      load(part_ + 1, 1);  // each part begins with the last row of the part before
   }
 
   Pose dug_pose(const io::JournalUpdate& move, std::optional<Motion>& dug, double time_s) const {
@@ -79,14 +78,14 @@ class DugRows {
     return most;
   }
 
-  /// The row it is at is none of the journal's; goes on to the next.
+  /// The current row is not in the journal: checks it, and moves to the next.
   void check_left_out(const io::JournalUpdate& move, std::optional<Motion>& dug) {
     if (all_) refuse(now_s(), "was not there when the rows around it were dug; take it out");
     const double off = off_m(motion_->row(row_), dug_pose(move, dug, now_s()));
     if (off > same_m_)
-      refuse(now_s(), fmt::format("is {} m from where the bucket was at {} s when that was dug; "
-                                  "put back what it was",
-                                  number(off), time_text(now_s())));
+      refuse(now_s(),
+             fmt::format("is {} m from the bucket's place at {} s in the dug run; restore the row",
+                         number(off), time_text(now_s())));
     advance();
   }
 
@@ -98,15 +97,14 @@ class DugRows {
       const double was = rows.values[i * rows.columns + k], is = now.values[at * now.columns + k];
       if (io::same_bits(was, is)) continue;
       const std::string name = column(rows, k);
-      if (name.empty())
-        refuse(now_s(), "turns the bucket otherwise than it was dug; put that back");
-      refuse(now_s(), fmt::format("{} is {}, but was dug as {}; put that back", name, is, was));
+      if (name.empty()) refuse(now_s(), "has another rotation than the dug row; restore it");
+      refuse(now_s(), fmt::format("{} is {}, but was dug as {}; restore it", name, is, was));
     }
     if (rows.columns != now.columns)
-      refuse(now_s(), "has other columns than what was dug; put those back");
+      refuse(now_s(), "has other columns than the dug rows; restore them");
   }
 
-  /// The name of a value; none for those of a rotation, which a file may give in several ways.
+  /// The name of a value; empty for rotations, which have several notations.
   std::string column(const io::MotionRows& rows, std::size_t k) const {
     if (rows.joints) return motion_->chain().movable()[k];
     return k < 3 ? std::string(1, "xyz"[k]) : "";
@@ -121,7 +119,7 @@ class DugRows {
     refuse_after_last(time_s, what + ") was dug; put it back");
   }
 
-  /// What is missing after the row before may be there, but bad.
+  /// A missing row after the last good one may be present as a bad row.
   [[noreturn]] void refuse_after_last(double time_s, const std::string& what) const {
     const io::BadRows& bad = machine_.motion.bad_rows();
     if (bad.good_s && *bad.good_s == last_s_)
@@ -129,7 +127,7 @@ class DugRows {
     refuse(time_s, what);
   }
 
-  /// @param time_s of a row; if there is none any more, the line is that of the next, or the last
+  /// @param time_s of a row; if it is missing, the line of the next row is named, or the last line
   [[noreturn]] void refuse(double time_s, const std::string& what) const {
     io::MotionReader reader = machine_.motion.reader();
     while (true) {
@@ -141,10 +139,10 @@ class DugRows {
   }
 
   const io::MachineInput& machine_;
-  const std::vector<Vec3> points_;  // of the bucket, that move farthest
+  const std::vector<Vec3> points_;  // the bucket's points that move farthest
   const bool all_;
   const double same_m_;
-  std::size_t part_ = 0, row_ = 0;  // the row it is at
+  std::size_t part_ = 0, row_ = 0;  // the current row
   std::shared_ptr<const Motion> motion_;
   double last_s_ = -std::numeric_limits<double>::infinity();  // of the row before
   double dug_s_ = last_s_;
@@ -167,14 +165,13 @@ void check_motion_unchanged(const std::filesystem::path& journal, const io::Scen
     const auto* move = std::get_if<io::JournalUpdate>(&*record);
     if (!move) continue;
     if (move->machine < rows.size()) rows[move->machine].check(*move);
-    // Rows that come before what others have dug have missed their time.
+    // New rows before the end of the dug part are too late.
     const std::optional<Step> step = schedule.next();
     if (!step || !is_update(*step, *move)) {
       const std::size_t mover = step ? step->machine : move->machine;
-      throw io::InputError(
-          mover < machines.size() ? machines[mover].motion.file() : scenario.file,
-          fmt::format("its rows up to {} s are not those of the run; put back what they were",
-                      time_text(move->end_s)));
+      throw io::InputError(mover < machines.size() ? machines[mover].motion.file() : scenario.file,
+                           fmt::format("its rows up to {} s are not those of the run; restore them",
+                                       time_text(move->end_s)));
     }
   }
   if (!ended) return;

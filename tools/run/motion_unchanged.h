@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Do the motions still say what was dug? Their rows may change, come and go only after that.
+// Checks that the motions still contain the dug rows. Only later rows may change.
 #pragma once
 
 #include <filesystem>
@@ -10,11 +10,10 @@
 
 namespace soilvdb::tools {
 
-/// Holds a journal's moves, whoever dug them, against the motions as they are now: the rows that
-/// took must be the same, to the last bit. Where updates left rows out that say no more than their
-/// neighbours, those must still say no more.
-/// @throw io::InputError at the first row that is not what was dug: FILE:LINE, what has changed and
-///        what would be right; also if the journal's run is finished and a motion goes on.
+/// Compares a journal's moves with the present motions: the rows of the moves must be the same, bit
+/// by bit. Rows that were omitted as redundant must still be redundant.
+/// @throw io::InputError at the first differing row, FILE:LINE with the change and its remedy; also
+///        if the journal's run is finished and a motion continues.
 void check_motion_unchanged(const std::filesystem::path& journal, const io::Scenario& scenario,
                             const RunConfig& config);
 

@@ -18,7 +18,7 @@ Recorder::Recorder(RunFolder& folder, Ground& ground, double sync_s,
     : folder_(folder), sync_s_(sync_s), options_(snapshots), schedule_(schedule) {
   if (!options_.incremental) return;
   changes_.emplace(ground);
-  changes_->take();  // the first snapshot is whole, or goes on from what the ground was read from
+  changes_->take();  // the first snapshot is whole, or continues the snapshot that was read
 }
 
 void Recorder::open(std::uint64_t bytes, const io::JournalExtent& done) {
@@ -75,10 +75,10 @@ void Recorder::check() {
   }
 }
 
-/// Times may differ by less than a name tells, or come again when a clock was set.
+/// Times can differ by less than a name shows, or repeat after a clock was set.
 std::string Recorder::name_of_next(double time_s) {
   std::string time = time_text(time_s);
-  constexpr std::size_t kLongest = 32;  // names of files end somewhere, too
+  constexpr std::size_t kLongest = 32;  // limit for names of files
   if (time.size() > kLongest) time = fmt::format("{}", time_s);
   std::string name = fmt::format("soil_{}.vdb", time);
   if (!names_.insert(name).second) name = fmt::format("soil_{}_{}.vdb", time, updates_);
@@ -114,7 +114,7 @@ void Recorder::flush() {
 void Recorder::save_what_can_be() noexcept {
   try {
     snapshots_->finish();
-  } catch (const std::exception&) {  // what went wrong, or as bad
+  } catch (const std::exception&) {  // it was reported, or is no worse
   }
   try {
     journal_->flush();

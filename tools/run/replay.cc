@@ -12,7 +12,7 @@
 namespace soilvdb::tools {
 namespace {
 
-/// Updates that are made again at once.
+/// Updates per batch.
 constexpr std::size_t kReplayBatch = 256;
 
 std::uint64_t whole(std::span<const io::JournalUpdate> updates) {
@@ -68,7 +68,7 @@ void replay(const std::filesystem::path& journal, std::uint64_t seen, std::uint6
     std::optional<io::JournalRecord> record = reader.next();
     if (!record) break;
     auto* update = std::get_if<io::JournalUpdate>(&*record);
-    if (update == nullptr) continue;  // a file
+    if (update == nullptr) continue;  // of a file or the configuration
     read += update->ends_update;
     const bool ends = ends_batch(*update) || read == seen;
     batch.push_back(std::move(*update));

@@ -22,8 +22,7 @@ static_assert(std::atomic<bool>::is_always_lock_free, "it is set by signal handl
 
 namespace {
 
-/// Updates of each machine that are handed to the tracker at once, where there are several
-/// machines.
+/// Updates per machine in a batch of the tracker, if there are several machines.
 constexpr std::size_t kRunBatch = 64;
 
 constexpr const char* kMended = "once that is mended ";
@@ -71,7 +70,7 @@ void Run::resume(io::JournalContent before) {
   guarded(&Run::replay_and_dig);
 }
 
-/// Runs the work and what comes after it, and tells what is safe if something goes wrong.
+/// Runs the work and the outputs; adds to exceptions what is safe on disk.
 void Run::guarded(void (Run::*work)()) {
   try {
     (this->*work)();
@@ -106,7 +105,7 @@ void Run::replay_and_dig() {
     if (is_periodic(file.name)) snapshots.push_back(file);
   recorder_.go_on(before_, snapshots, start_);
   if (!before_.ended) {
-    // Made anew it has other bytes, and until then it doesn't tell what is here.
+    // Its bytes will change, and until then it does not describe the folder.
     recorder_.journal().add(io::JournalRemoval{kSummaryName});
     recorder_.journal().flush();
     folder_.remove({kSummaryName});
@@ -114,10 +113,10 @@ void Run::replay_and_dig() {
   }
   Step now;
   const auto ends = [&](const io::JournalUpdate&) {
-    if (stop_requested) throw std::runtime_error("stopped by a signal before it was up to date");
+    if (stop_requested) throw std::runtime_error("stopped by a signal before it had caught up");
     now = step_.value();
     step_ = schedule_.next();
-    // As it was dug: memory is kept to a limit between the batches.
+    // Same batches as in the run, because the memory limit acts between batches.
     return scenario_.machines.size() == 1 || ends_batch(now);
   };
   const auto made = [&](std::span<const io::JournalUpdate> updates) {
@@ -132,7 +131,6 @@ void Run::replay_and_dig() {
   dig();
 }
 
-/// The update loop.
 void Run::dig() {
   while (step_ && !stopped_) {
     const std::vector<Step> batch = next_batch();
@@ -148,13 +146,13 @@ void Run::dig() {
   if (!step_) stopped_ = !schedule_.stops_at().empty();
 }
 
-/// From here on the folder is this run's.
+/// Makes the folder this run's.
 void Run::begin_recording() {
   recorder_.begin({to_bytes(config_, scenario_)}, schedule_.begin_s());
   folder_.remove({kSummaryName});  // without its journal
 }
 
-/// The next steps, up to one after which the ground is written down.
+/// The next steps, up to one after which the ground is recorded.
 std::vector<Step> Run::next_batch() {
   const std::size_t machines = scenario_.machines.size();
   const std::size_t most = machines == 1 ? 1 : kRunBatch * machines;
@@ -171,12 +169,12 @@ bool Run::ends_batch(const Step& now) const {
          (recorder_.would_be_due(now.end_s) || outputs_.would_be_due(now.end_s));
 }
 
-/// Have all machines come to the end of this step: none has another update that ends with it?
+/// Did all machines reach the end of this step, with no other update that ends then?
 bool Run::all_came_to(const Step& now) const {
   return now.ends_update && (!step_ || step_->end_s > now.end_s);
 }
 
-/// What is due between a step and the next.
+/// Work that is due between two steps.
 void Run::after(const Step& now) {
   time_s_ = now.end_s;
   recorder_.check();
@@ -184,7 +182,7 @@ void Run::after(const Step& now) {
   if (!all_came_to(now)) return;
   outputs_.look(now.end_s);
   if (!recorder_.due(now.end_s)) return;
-  // A snapshot that the ground was read from, and those before it, are there.
+  // The snapshot that the ground was read from, and earlier ones, exist.
   const auto updates = static_cast<std::uint64_t>(outputs_.updates());
   if (updates < start_.updates || (updates == start_.updates && is_periodic(start_.snapshot)))
     return;
@@ -199,7 +197,7 @@ void Run::finish() {
   recorder_.flush();
 }
 
-/// What is on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb
+/// The files on disk, for messages: "safe in out/dig: soil_1.vdb, soil_2.vdb, journal; `soilvdb
 /// resume out/dig` goes on from 2.5 s".
 std::string Run::safe(const std::string& before_going_on) {
   if (!recorder_.has_begun()) return "nothing of this run is on disk";

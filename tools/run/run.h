@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A run: motions that a site is moved along, what records it, and the files that it leaves. The
-// same whether it begins or goes on.
+// A run, new or continued: its motions, its record, and its output files.
 #pragma once
 
 #include <tbb/global_control.h>
@@ -25,26 +24,24 @@
 
 namespace soilvdb::tools {
 
-/// One run, from checked input to its last file.
 class Run {
  public:
   using Clock = RunOutputs::Clock;
 
-  /// @param folder outlives the run
-  /// @param begin when the command was given
+  /// @param folder must outlive the run
+  /// @param begin when the command began
   /// @throw io::InputError if there is nothing to dig before a bad row
   Run(RunConfig config, io::Scenario scenario, RunFolder& folder, ResumePoint start, int threads,
       Clock::time_point begin);
 
   /// Digs from the beginning of the motion to its end, to a bad row, or to a signal.
-  /// @throw io::InputError if the first update finds the input wrong; then nothing is written
-  /// @throw std::runtime_error telling what is safe.
+  /// @throw io::InputError, with nothing written, if the first update finds the input wrong
+  /// @throw std::runtime_error with the files that are safe.
   void run();
 
-  /// The same from where a journal ends: what it holds is not dug again where `start` has seen it,
-  /// and must come out the same where it hasn't. Of a run that is finished the files are made again
-  /// that are missing from `before`.
-  /// @param before its files are those that are good
+  /// Continues a journal: its updates are not dug again if `start` contains them, else they must
+  /// give the same results. Of a finished run, files are restored that `before` lacks.
+  /// @param before lists intact files only
   void resume(io::JournalContent before);
 
  private:
@@ -69,27 +66,26 @@ class Run {
   Recorder recorder_;
   RunOutputs outputs_;
   Progress progress_;
-  io::JournalContent before_;  ///< of a run that is gone on with
-  double time_s_;              ///< how far the motion has come
+  io::JournalContent before_;  ///< of a continued run
+  double time_s_;              ///< time that the motion has reached
   bool stopped_ = false;
 };
 
-/// Has the run whose journal this is left all of its recording, as far as so many updates, or none
-/// to leave?
+/// Is all of a run's recording on disk up to this number of updates, or does it have none?
 bool recording_is_whole(const io::Scenario& scenario, const io::JournalContent& journal,
                         std::uint64_t updates);
 
-/// The scenario a run is to dig, read and checked.
+/// Reads and checks the scenario of a run.
 /// @throw io::InputError
 io::Scenario read_to_dig(const RunOptions& options);
 
-/// Is it the name of a file that such a run writes beside its journal?
+/// Does such a run write a file of this name beside its journal?
 bool writes(const io::Scenario& scenario, const RunOptions& options, const std::string& name);
 
-/// Adds to its warnings where machines begin below the ground as it is then.
+/// Adds a warning for each machine that begins below the present ground.
 void warn_of_underground(io::Scenario& scenario, const Ground& ground);
 
-/// Calls `f(threads)` where it has so many threads to run on; 0: one per core.
+/// Calls `f(threads)` with this number of threads; 0: one per core.
 template <typename F>
 void with_threads(int threads, F f) {
   if (threads <= 0) threads = tbb::info::default_concurrency();

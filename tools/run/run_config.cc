@@ -18,10 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
-constexpr int kConfigFormat = 3;  // 2 knew the scenario by its bytes
+constexpr int kConfigFormat = 3;  // format 2 stored the scenario's bytes
 
-/// What has changed in a scenario, in words. A run that stopped before a bad row may leave such
-/// rows out from there on.
+/// The change of a scenario, in words. After a stop at a bad row, a run may be continued with
+/// bad_rows: skip.
 std::string change_between(io::ScenarioValues before, io::ScenarioValues now) {
   std::erase_if(now, [&](const auto& value) {
     const bool skips = value.first.ends_with(".bad_rows") && value.second == "skip";
@@ -31,7 +31,7 @@ std::string change_between(io::ScenarioValues before, io::ScenarioValues now) {
   return io::difference(before, now);
 }
 
-/// What of an input has changed since, in words; empty: nothing.
+/// The change of an input, in words; empty if it has not changed.
 std::string change_of(const Json& input, const fs::path& file) try {
   if (input.contains("values")) {
     const std::string what =
@@ -40,11 +40,11 @@ std::string change_of(const Json& input, const fs::path& file) try {
   }
   const auto checksum = input.value("checksum", std::string());
   return checksum.empty() || io::file_fingerprint(file) == checksum ? "" : " ";
-} catch (const io::InputError& e) {  // what lies there may be another file altogether
+} catch (const io::InputError& e) {  // the path may now hold a different kind of file
   return fmt::format(" ({})", e.what());
 }
 
-/// Where an input is now.
+/// The present path of an input.
 fs::path find_input(const Json& input, const fs::path& folder) {
   const fs::path relative = input.at("relative").get<std::string>();
   const fs::path resolved = input.at("resolved").get<std::string>();
@@ -61,9 +61,10 @@ fs::path find_input(const Json& input, const fs::path& folder) {
     if (changed.empty()) changed = change;
   }
   if (!changed.empty())
-    throw io::InputError(absolute, fmt::format("has changed since the run in {} began{}; put back "
-                                               "what it was, or begin a new run",
-                                               folder.string(), changed == " " ? "" : changed));
+    throw io::InputError(
+        absolute,
+        fmt::format("has changed since the run in {} began{}; restore it, or begin a new run",
+                    folder.string(), changed == " " ? "" : changed));
   const std::string sought = fs::absolute(typed).lexically_normal() == absolute
                                  ? ""
                                  : fmt::format(", and there is no {}", typed.string());
@@ -71,8 +72,8 @@ fs::path find_input(const Json& input, const fs::path& folder) {
                                              sought, folder.string()));
 }
 
-/// Where an input is from the run's folder, both as they were given: what is behind a link may be
-/// another file some day.
+/// An input's path relative to the run's folder, both without resolved links, because a link's
+/// target may change.
 fs::path relative_as_given(const fs::path& file, const fs::path& folder) {
   return fs::absolute(file).lexically_normal().lexically_proximate(
       fs::absolute(folder / "").lexically_normal());
@@ -94,7 +95,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   const RunOptions& options = config.options;
   Json inputs = Json::array();
   for (const fs::path& file : input_files(scenario)) {
-    // Relative, so that both may move together.
+    // Relative paths allow moving both together.
     inputs.push_back({{"relative", relative_as_given(file, *options.out).string()},
                       {"resolved", fs::proximate(file, *options.out).string()},
                       {"absolute", fs::absolute(file).lexically_normal().string()}});
@@ -116,7 +117,7 @@ std::string to_bytes(const RunConfig& config, const io::Scenario& scenario) {
   if (options.voxel_size_m) json["voxel_size_m"] = *options.voxel_size_m;
   if (options.updates) json["updates"] = *options.updates;
   if (options.memory_mb) json["memory_mb"] = *options.memory_mb;
-  // Not as text: paths may hold any bytes.
+  // CBOR instead of text: paths may hold any bytes.
   return io::to_cbor(json);
 }
 

@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kGoodButNeeds = "is good by itself but needs";
 
-/// What is wrong with what a snapshot, itself good, goes on from.
+/// The fault of the snapshots that an intact snapshot continues.
 /// @param before the files before it
 std::string fault_before(const fs::path& file, const io::JournalFile& known,
                          const std::map<std::string, const RunFile*>& before) {
@@ -35,7 +35,7 @@ std::string fault_before(const fs::path& file, const io::JournalFile& known,
     if (parent && parent->name == base.name &&
         parent->digest == io::FileDigest{base.size, base.crc})
       return "";
-    what = "is another one than it goes on from";
+    what = "is not the snapshot that it continues";
   }
   return fmt::format("{} {}, which {}", kGoodButNeeds, known.parent, what);
 }
@@ -45,7 +45,7 @@ std::string fault_before(const fs::path& file, const io::JournalFile& known,
 std::string fault_of(const fs::path& file, const io::JournalFile& known) {
   std::error_code none;
   if (!fs::exists(file, none)) return "is missing";
-  if (!fs::is_regular_file(file, none)) return "can't be read";  // a pipe would never end
+  if (!fs::is_regular_file(file, none)) return "can't be read";  // reading a pipe would not end
   try {
     if (io::file_digest(file) != io::FileDigest{known.size, known.crc})
       return "is damaged: its checksum is not the journal's";
@@ -57,7 +57,7 @@ std::string fault_of(const fs::path& file, const io::JournalFile& known) {
 
 std::vector<RunFile> check_files(const fs::path& folder, const io::JournalContent& journal) {
   std::vector<RunFile> files;
-  files.reserve(journal.files.size());  // they stay where they are
+  files.reserve(journal.files.size());  // pointers to its elements must stay valid
   std::map<std::string, const RunFile*> before;
   for (const io::JournalFile& known : journal.files) {
     RunFile& file = files.emplace_back();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Are the files that a run wrote still as its journal knows them?
+// Checks a run's files against its journal.
 #pragma once
 
 #include <filesystem>
@@ -13,18 +13,18 @@ namespace soilvdb::tools {
 
 struct RunFile {
   io::JournalFile known;
-  std::string fault;  ///< what is wrong with it; empty: nothing
-  /// The run has gone on since it wrote this at an end that was none. It will write it again,
-  /// and may have: its state says nothing about the run.
+  std::string fault;  ///< empty: intact
+  /// The run was continued after it wrote this file at a preliminary end. It will rewrite the file,
+  /// so the file's state is no fault.
   bool outdated = false;
 };
 
-/// The files that a journal knows, by updates, read from end to end. An incremental snapshot is
-/// only good with all that it goes on from.
+/// Checks all files in a journal, by updates, from start to end. An incremental snapshot is good
+/// only with all that it continues.
 std::vector<RunFile> check_files(const std::filesystem::path& folder,
                                  const io::JournalContent& journal);
 
-/// What is wrong with one of them by itself; empty if nothing is.
+/// The fault of a single file; empty if it is intact.
 std::string fault_of(const std::filesystem::path& file, const io::JournalFile& known);
 
 }  // namespace soilvdb::tools

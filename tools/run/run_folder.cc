@@ -46,8 +46,8 @@ void RunFolder::lock() {
   if (descriptor_ < 0 && errno != EACCES)
     throw std::runtime_error(
         fmt::format("{}: can't be opened: {}", path_.string(), std::strerror(errno)));
-  // Where folders can't be locked, on some network file systems, nobody is kept out. A process that
-  // was killed may need a moment to go.
+  // Some network file systems can't lock folders; then no other run is kept out. A killed process
+  // may need a moment to end.
   for (int tries = 50; descriptor_ >= 0 && flock(descriptor_, LOCK_EX | LOCK_NB) != 0; --tries) {
     if (errno != EWOULDBLOCK) break;
     if (tries == 0)
@@ -113,18 +113,17 @@ void RunFolder::replace(const std::function<bool(const std::string&)>& writes) {
     const std::string name = entry.path().filename().string();
     if (!writes(name) || std::find(replaced_.begin(), replaced_.end(), name) != replaced_.end())
       continue;
-    // A crash may come between a snapshot and the journal's record of it.
+    // A crash may have separated a snapshot from its record in the journal.
     (unfinished && is_periodic(name) ? replaced_ : strange).push_back(name);
   }
   if (strange.empty()) return;
   std::sort(strange.begin(), strange.end());
-  throw io::InputError(
-      path_, fmt::format("holds {}, which no journal there knows and the run would write over; "
-                         "move that away or name another folder",
-                         fmt::join(strange, ", ")));
+  throw io::InputError(path_, fmt::format("holds {}, which is in no journal there and would be "
+                                          "overwritten; move it away or name another folder",
+                                          fmt::join(strange, ", ")));
 }
 
-/// @return whether there is one that isn't finished
+/// @return whether there is an unfinished run
 bool RunFolder::replace_run() {
   const fs::path file = path_ / kJournalName;
   std::error_code none;

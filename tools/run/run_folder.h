@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The folder a run writes to: checked first, made late, and left as it was when a run turns out to
-// have wrong input.
+// The folder of a run: it is checked first, made late, and left unchanged if the input is wrong.
 #pragma once
 
 #include <filesystem>
@@ -11,10 +10,10 @@
 
 namespace soilvdb::tools {
 
-/// Checks on construction that the folder is there or could be made, without making it.
+/// The constructor checks that the folder exists or can be made, without making it.
 class RunFolder {
  public:
-  /// @throw io::InputError if it isn't a folder and can't become one, or can't be written to.
+  /// @throw io::InputError if it is not and can't become a folder, or is not writable.
   explicit RunFolder(std::filesystem::path path);
   ~RunFolder();
   RunFolder(const RunFolder&) = delete;
@@ -25,35 +24,34 @@ class RunFolder {
   /// @throw io::InputError if the run would write over `input`.
   void spare(const std::filesystem::path& input) const;
 
-  /// Makes the folder. @throw io::InputError if that can't be done.
+  /// Makes the folder. @throw io::InputError if that fails.
   void make();
 
-  /// Keeps other runs out of the folder.
-  /// @throw io::InputError if another run is at work in it; std::runtime_error if it can't be
-  /// opened.
+  /// Locks the folder against other runs.
+  /// @throw io::InputError if another run uses it; std::runtime_error if it can't be opened.
   void lock();
 
-  /// Clears it of what a run that crashed left half done.
+  /// Removes partial files of a crashed run.
   void clear() const;
 
-  /// Takes back make(): removes the folders it made, if they are still empty.
+  /// Undoes make(): removes the folders that it made, if they are still empty.
   void unmake();
 
-  /// Prepares to replace the run that the folder holds, if it holds one.
-  /// @param writes is it the name of a file that the new run writes?
-  /// @throw io::InputError if that has dug and isn't finished: `soilvdb resume` can go on with it;
-  /// and if the new run would write over a file that is there and of no run.
+  /// Prepares to replace the folder's run, if there is one.
+  /// @param writes does the new run write a file of this name?
+  /// @throw io::InputError if that run has dug and is not finished, because `soilvdb resume` can
+  ///        continue it; or if the new run would overwrite a file of no run.
   void replace(const std::function<bool(const std::string&)>& writes);
   /// The files of that run.
   const std::vector<std::string>& replaced() const { return replaced_; }
 
-  /// Removes those of the files that a run writes beside its journal; others are left alone.
+  /// Removes some of a run's files beside its journal, and no other files.
   /// @throw std::runtime_error naming the file and the cause.
   void remove(const std::vector<std::string>& names) const;
 
-  /// The file `name` is whole and on disk.
+  /// Marks a file as complete and on disk.
   void done(const std::string& name);
-  /// It was deleted.
+  /// Marks a file as deleted.
   void forget(const std::string& name);
   const std::vector<std::string>& files() const { return files_; }
 
@@ -72,9 +70,9 @@ inline constexpr const char* kJournalName = "journal";
 inline constexpr const char* kUpdatesName = "updates.csv";
 inline constexpr const char* kMcapName = "soil.mcap";
 
-/// Is it the name of a snapshot on the way?
+/// Is it the name of a periodic snapshot?
 bool is_periodic(const std::string& name);
-/// Is it that of any file that a run writes beside its journal?
+/// Is it the name of a file that any run writes beside its journal?
 bool is_output(const std::string& name);
 
 }  // namespace soilvdb::tools

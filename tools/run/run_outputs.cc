@@ -50,7 +50,7 @@ RunOutputs::RunOutputs(const RunConfig& config, const io::Scenario& scenario, Ru
                 span.begin_s, span.end_s);
   mcap_->ground(span.begin_s);
   changes_.emplace(*site_.site.ground);
-  changes_->take();  // the recording begins with all that there is
+  changes_->take();  // the recording begins with all ground
   cut_samples_.resize(scenario_.machines.size());
 }
 
@@ -100,7 +100,7 @@ void RunOutputs::drop() {
   mcap_.reset();
 }
 
-/// Calls `write_to(path)` for a file that is written once, at the end, unless it is there already.
+/// Calls `write_to(path)` for a final file, unless it is intact already.
 template <typename F>
 void RunOutputs::write(const std::string& name, F write_to) {
   const auto updates = static_cast<std::uint64_t>(summary_.updates.count());
@@ -120,7 +120,7 @@ void RunOutputs::finish(Recorder& recorder, std::span<const io::JournalFile> kno
                         bool stopped) {
   recorder_ = &recorder;
   known_ = known;
-  recorder.flush();  // what is written over here is outdated by it
+  recorder.flush();  // files that are overwritten here become outdated with it
   write(kUpdatesName, [&](const auto&) { csv_->close(); });
   csv_.reset();
   if (mcap_)
@@ -192,7 +192,7 @@ void RunOutputs::warn_of_soil(bool stopped) const {
                     number(site_.loose_m3(lost_off_terrain))));
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const Ledger& ledger = tracker.ledger(i);
-    // What stays in a bucket that was tipped is less. One that never dumps was warned of already.
+    // A tipped bucket keeps less than that. run warns separately of buckets that never dump.
     const Bucket& bucket = scenario_.machines[i].bucket;
     const bool dumps = !bucket.profile.empty() || bucket.dump_angle_rad;
     if (!stopped && dumps && ledger.load > most_load_[i] / 2)

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The files of a run besides its journal and the snapshots on the way, and what it reports.
+// A run's files besides its journal and periodic snapshots, and its report.
 #pragma once
 
 #include <chrono>
@@ -22,42 +22,42 @@
 
 namespace soilvdb::tools {
 
-/// All that it refers to outlives it.
+/// All constructor arguments must outlive it.
 class RunOutputs {
  public:
   using Clock = std::chrono::steady_clock;
-  /// Over which time the run goes.
+  /// The time range of the run.
   struct Span {
     double begin_s = 0, end_s = 0;
   };
 
-  /// @param records_ground is the ground of the run's beginning known, which an MCAP begins with?
-  /// @param begin when the command was given
-  /// @throw std::runtime_error if a file can't be written, as the others do
+  /// @param records_ground is the run's first ground known? An MCAP begins with it
+  /// @param begin when the command began
+  /// @throw std::runtime_error if a file can't be written, as the other members do
   RunOutputs(const RunConfig& config, const io::Scenario& scenario, RunFolder& folder,
              SiteState& site, Span span, bool records_ground, int threads, Clock::time_point begin);
 
   void add(const io::JournalUpdate& update);
-  /// Updates that were added.
+  /// Number of added updates.
   std::int64_t updates() const { return summary_.updates.count(); }
 
-  /// Would the ground be recorded at a time when all machines are there?
+  /// Would the ground be recorded at this time, if all machines have reached it?
   bool would_be_due(double time_s) const { return mcap_ && mcap_->would_be_due(time_s); }
   /// Records the ground if that is due.
   void look(double time_s);
 
-  /// Writes all that is written at the end.
+  /// Writes the final files.
   /// @param known files that are intact already
-  /// @param time_s how far the run came
+  /// @param time_s time that the run reached
   /// @param stopped before its end
   void finish(Recorder& recorder, std::span<const io::JournalFile> known, double time_s,
               bool stopped);
-  /// Leaves nothing that is half written.
+  /// Removes partial files.
   void drop();
   const io::Summary& summary() const { return summary_; }
 
  private:
-  /// Sums of the steps of a machine's update.
+  /// Sums over the steps of an update.
   struct PartialUpdate {
     std::int64_t ns = 0, cut_samples = 0, spilled = 0, slid = 0;
   };
@@ -76,13 +76,13 @@ class RunOutputs {
   const Clock::time_point begin_;
   std::optional<io::UpdatesCsv> csv_;
   std::optional<SoilMcap> mcap_;
-  std::optional<ChangeFollower> changes_;  // since the ground was recorded
-  std::vector<std::int64_t> cut_samples_;  // of each machine so far, for the MCAP
-  std::vector<PartialUpdate> under_way_;   // of each machine and pour
-  std::vector<std::int64_t> most_load_;    // that each has held
+  std::optional<ChangeFollower> changes_;  // since the last record of the ground
+  std::vector<std::int64_t> cut_samples_;  // by machine, for the MCAP
+  std::vector<PartialUpdate> under_way_;   // by machine and pour
+  std::vector<std::int64_t> most_load_;    // by machine
   io::Summary summary_;
   Recorder* recorder_ = nullptr;            // from finish() on
-  std::span<const io::JournalFile> known_;  // the same
+  std::span<const io::JournalFile> known_;  // from finish() on
 };
 
 }  // namespace soilvdb::tools

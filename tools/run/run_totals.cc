@@ -18,7 +18,7 @@ std::uint64_t peak_rss_bytes() {
   return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
-/// Of soil that moves; counts in samples and units of mass, which are exact.
+/// Adds the totals of moving soil, from exact integers (samples and mass units).
 void put_moved(const RunTotals& totals, io::Summary& summary) {
   const MassBalance& balance = totals.balance;
   const MassUnits units(*totals.properties);
@@ -28,7 +28,7 @@ void put_moved(const RunTotals& totals, io::Summary& summary) {
   const std::int64_t ground = balance.ground - totals.mass_before;
   const std::int64_t residual =
       ground + totals.total.load + balance.pending + balance.hauled - balance.poured;
-  const std::int64_t expected = balance.fill_samples - balance.failed_samples - totals.total.cut();
+  const std::int64_t expected = balance.fill_samples - totals.total.cut();
   const std::int64_t samples = std::llround(summary.ground_change_m3 / sample_m3);
   summary.residual_m3 = static_cast<double>(samples - expected) * sample_m3;
   io::Summary::Moved& moved = summary.moved.emplace(io::Summary::Moved{});

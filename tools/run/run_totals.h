@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What is booked for a site, as its summary says it.
+// The totals of a site, as in its summary.
 #pragma once
 
 #include <cstdint>
@@ -24,16 +24,16 @@ struct RunTotals {
     std::int64_t bad_rows = 0;
   };
   const Ground& ground;
-  std::optional<SoilProperties> properties;  ///< nothing: soil is rigid
+  std::optional<SoilProperties> properties;  ///< empty: soil is rigid
   Ledger total;
   MassBalance balance;
   std::vector<Machine> machines;
-  /// Of a site that was dug before: the ground's change and that of its mass by then.
+  /// Of a site that was dug before: its ground's earlier change in volume and mass.
   double change_before_m3 = 0;
   std::int64_t mass_before = 0;
 };
 
-/// Puts volumes, masses, machines and the ground's size and hash into a summary.
+/// Adds volumes, masses, machines, and the ground's size and hash to a summary.
 void put_totals(const RunTotals& totals, io::Summary& summary);
 
 }  // namespace soilvdb::tools

@@ -12,7 +12,7 @@ Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> upd
     : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
   for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
     const io::MachineInput& machine = scenario.machines[i];
-    // Soil comes to rest at places that are counted from row to row, so all rows stay.
+    // With moving soil all rows stay, because soil settles at places counted from row to row.
     const auto thinned_m = scenario.soil ? std::nullopt : std::optional(tolerance_m);
     total_ += cursors_.emplace_back(machine, updates, ends_s.at(i), thinned_m).count();
     begin_s_ = std::min(begin_s_, machine.motion.begin_s());
@@ -45,7 +45,7 @@ std::optional<Step> Schedule::next() {
     step.machine = cursors_.size() + static_cast<std::size_t>(first_pour - pours_.data());
     return step;
   }
-  // Where the run stops before anything has moved, nothing is done at all.
+  // A run that stops before the first movement does nothing.
   if (!first || first->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
   Step step = first->step();
   step.machine = static_cast<std::size_t>(first - cursors_.data());
@@ -75,13 +75,13 @@ Schedule::Cursor::Cursor(const io::MachineInput& machine, std::optional<std::int
 
 void Schedule::Cursor::load(std::size_t part) {
   part_ = part;
-  row_ = part == 0 ? 0 : 1;  // parts join
+  row_ = part == 0 ? 0 : 1;  // each part begins with the last row of the part before
   motion_ = machine_->motion.part(part);
   if (thinned_m_)
     motion_ = std::make_shared<Motion>(motion_->simplified(machine_->bucket, *thinned_m_));
 }
 
-/// Finds where the next update ends.
+/// Sets until_s_, the end of the next update.
 void Schedule::Cursor::aim() {
   if (at_end()) return;
   const io::MotionFile& whole = machine_->motion;
@@ -95,7 +95,7 @@ void Schedule::Cursor::aim() {
   }
 }
 
-/// Where an update ends, unless it is the last.
+/// The end of an update other than the last.
 double Schedule::Cursor::boundary_s(std::int64_t update) const {
   if (update == intervals_) return planned_s_;
   const double begin_s = machine_->motion.begin_s();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which machine moves when: the updates of a run, in the order of time.
+// The order of a run's updates in time.
 #pragma once
 
 #include <cstddef>
@@ -16,43 +16,42 @@
 
 namespace soilvdb::tools {
 
-/// Machine `machine` moves on over [begin_s, end_s]: one update, or a piece of it. Pours are
-/// numbered after the machines, and have no motion.
+/// Machine `machine` moves over [begin_s, end_s]: an update, or a piece of one. Pours are numbered
+/// after the machines, and have no motion.
 struct Step {
   std::size_t machine = 0;
   double begin_s = 0, end_s = 0;
-  std::shared_ptr<const Motion> motion;  ///< the part of the machine's that covers the step
+  std::shared_ptr<const Motion> motion;  ///< the part of the machine's motion that covers the step
   bool ends_update = true;
 };
 
-/// Is a step the one that a journal's update was, to the last bit of its times?
+/// Is a step the same as a journal's update, with the same bits of its times?
 inline bool is_update(const Step& step, const io::JournalUpdate& update) {
   return step.machine == update.machine && io::same_bits(step.begin_s, update.begin_s) &&
          io::same_bits(step.end_s, update.end_s);
 }
 
-/// The updates of several machines, merged by the time at which they end; at equal times in the
-/// order of the machines. A machine's steps follow on each other and cover its whole motion. Where
-/// parts of a long motion meet within an update, it comes in several steps, one after the other.
-/// Each part of a pour is an update among them, when it falls.
-/// Where a motion stops at a bad row, all machines do, with their last updates that end before it.
+/// The updates of all machines, ordered by their ends; at equal times by machine. A machine's steps
+/// are consecutive and cover its whole motion. An update across parts of a long motion has several
+/// consecutive steps. Each part of a pour is an update at the time of its fall. If a motion stops
+/// at a bad row, all machines stop, after their last updates that end before it.
 class Schedule {
  public:
-  /// @param scenario outlives the schedule
-  /// @param updates even intervals of each motion; without it one update per row, of which the
-  ///        first places the bucket. A motion of one row always makes one update.
-  /// @param ends_s where each motion ended when the run began, as ends_of() has them: it makes so
-  ///        many updates up to there, and goes on in the same intervals if it is longer by now
-  /// @param tolerance_m of Motion::simplified(), by which rows are left out that say no more than
-  ///        their neighbours, where an update covers several and soil doesn't move
+  /// @param scenario must outlive the schedule
+  /// @param updates number of even intervals of each motion; default: one update per row, the first
+  ///        of which places the bucket. A motion of one row always makes one update.
+  /// @param ends_s ends_of() the motions when the run began. `updates` intervals reach up to there;
+  ///        a motion that is longer now continues with intervals of the same length.
+  /// @param tolerance_m of Motion::simplified(), which omits redundant rows if an update covers
+  ///        several rows and soil is rigid
   Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
            const std::vector<double>& ends_s, double tolerance_m);
 
-  std::int64_t total() const { return total_; }  ///< updates
+  std::int64_t total() const { return total_; }  ///< number of updates
   double begin_s() const { return begin_s_; }    ///< of the earliest motion or pour
   double end_s() const { return end_s_; }        ///< of the latest
 
-  /// The bad row at which it stops, and what is wrong with it; empty: it doesn't.
+  /// The bad row at which it stops, with the reason; empty: it does not stop.
   const std::string& stops_at() const { return stops_at_; }
 
   /// @throw std::runtime_error if a motion can't be read any more.
@@ -65,7 +64,7 @@ class Schedule {
            std::optional<double> thinned_m);
     std::int64_t count() const { return count_; }
     bool at_end() const { return done_ == count_; }
-    double until_s() const { return until_s_; }  ///< where the update it is in ends
+    double until_s() const { return until_s_; }  ///< end of the current update
     Step step();
 
    private:
@@ -76,12 +75,12 @@ class Schedule {
     const io::MachineInput* machine_;
     bool by_rows_;
     std::optional<double> thinned_m_;  // of Motion::simplified()
-    std::int64_t intervals_;           // even ones, up to planned_s_
-    double planned_s_;                 // where the motion ended when the run began
+    std::int64_t intervals_;           // number of even intervals up to planned_s_
+    double planned_s_;                 // end of the motion when the run began
     std::int64_t count_, done_ = 0;    // updates
     std::size_t part_ = 0, row_ = 0;
     std::shared_ptr<const Motion> motion_;  // part_ of the machine's
-    double at_s_, until_s_ = 0;             // where the last step ended, where the update ends
+    double at_s_, until_s_ = 0;             // end of the last step; end of the update
   };
   class PourCursor {
    public:
@@ -103,7 +102,7 @@ class Schedule {
   std::string stops_at_;
 };
 
-/// Where each motion ends.
+/// The end of each motion.
 std::vector<double> ends_of(const std::vector<io::MachineInput>& machines);
 
 }  // namespace soilvdb::tools

@@ -77,7 +77,7 @@ std::optional<MachineState> Session::last(std::size_t machine) const {
   return state_->last(machine);
 }
 
-/// Makes updates by `work()`, if they can be recorded, and records them by `record_made(result)`.
+/// Makes updates by `work()` if recording is possible, and records them by `record_made(result)`.
 template <typename Result, typename Work, typename Record>
 Result Session::State::recorded(const Work& work, const Record& record_made) noexcept {
   Result made;
@@ -99,8 +99,7 @@ Result Session::State::recorded(const Work& work, const Record& record_made) noe
   return made;
 }
 
-/// An update goes to the journal. Where that can't be known to be on disk although it must, the
-/// result says so.
+/// Records an update. If it must be on disk now but may not be, the result has an error.
 template <typename Result>
 void Session::State::record(const io::JournalUpdate& update, Result& made) {
   ++fed_count;
@@ -111,7 +110,7 @@ void Session::State::record(const io::JournalUpdate& update, Result& made) {
   }
 }
 
-/// @param before where the machine was before
+/// @param before the machine's last state
 template <typename Result>
 void Session::State::record(const MachineState& state, const std::optional<Input>& before,
                             const Update& update, Result& made) {
@@ -158,7 +157,7 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
           s.fed_count += states.size();
           return;
         }
-        std::optional<double> due_s;  // as one by one, but all of them are in it
+        std::optional<double> due_s;  // as in single updates, but the snapshot contains all states
         for (std::size_t i = 0; i < states.size(); ++i) {
           const std::optional<double> time_s = states[i].time_s;
           std::optional<State::Input>& before = inputs[states[i].machine];
@@ -253,7 +252,7 @@ std::vector<SurfacePatch> Session::changed_patches() {
       patches[i].mesh = mesh_block(*s.site.ground, patches[i].block);
     });
   } catch (...) {
-    s.patches = ChangeFollower(*s.site.ground);  // all of them again
+    s.patches = ChangeFollower(*s.site.ground);  // reports all patches again
     throw;
   }
   return patches;
@@ -276,7 +275,7 @@ std::vector<StepResult> update_many(std::span<Session* const> sessions,
       return results;
     }
     tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
-      // Who waits for parts of one session's update begins with no other's.
+      // Keeps a waiting thread from starting another session's update inside this one.
       tbb::this_task_arena::isolate([&] { results[i] = sessions[i]->update(states[i]); });
     });
   } catch (const std::exception& e) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A session as a snapshot, as bytes and as another session.
+// A session as a snapshot, as bytes and as a clone.
 #include <fmt/format.h>
 
 #include <new>
@@ -47,10 +47,9 @@ std::string Session::save() const {
 
 void Session::restore(std::string_view bytes) {
   State& s = *state_;
-  if (s.recorder)
-    throw std::invalid_argument("a session that is recorded isn't set back; clone it");
+  if (s.recorder) throw std::invalid_argument("a recorded session can't be restored; clone it");
   if (bytes.substr(0, kMagic.size()) != kMagic)
-    throw std::invalid_argument("these bytes are no state; one is what save() gives");
+    throw std::invalid_argument("not a saved state (expected bytes from save())");
   bytes.remove_prefix(kMagic.size());
   std::uint32_t version = 0;
   take(bytes, version);
@@ -60,19 +59,18 @@ void Session::restore(std::string_view bytes) {
   std::uint64_t checksum = 0;
   take(bytes, checksum);
   if (checksum != io::crc64(bytes))
-    throw std::invalid_argument("the state is damaged: it has another checksum");
+    throw std::invalid_argument("the state is damaged: its checksum doesn't match");
   const auto site = io::from_cbor(take_text(bytes));
   if (const std::string what = difference(site, s.description(/*with_ground=*/false));
       !what.empty())
-    throw std::invalid_argument(
-        fmt::format("the state is of another site, {} isn't the same", what));
+    throw std::invalid_argument(fmt::format("the state is of another site: {} differs", what));
   const std::string_view progress = take_text(bytes);
   tools::SiteState restored(s.model(), io::undug_site(s.site));
   try {
     io::restore_samples(take_text(bytes), *restored.site.ground);
   } catch (const std::bad_alloc&) {
     throw;
-  } catch (const std::exception& e) {  // OpenVDB's own among them
+  } catch (const std::exception& e) {  // also OpenVDB's exceptions
     throw std::invalid_argument(e.what());
   }
   restored.set_progress(progress);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A session that is recorded to a folder, and gone on with from there.
+// Recording of a session to a folder, and its continuation.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -29,7 +29,7 @@ constexpr int kRecordFormat = 1;
 
 bool ends_no_batch(const io::JournalUpdate&) { return false; }
 
-/// @throw io::InputError unless a journal is of a session of this site
+/// @throw io::InputError unless a journal belongs to a session of this site
 void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
   if (!tools::is_of_session(config))
     throw io::InputError(folder,
@@ -42,16 +42,15 @@ void require_same_site(const std::string& config, const Json& site, const fs::pa
                                              io::to_text(before["session"]), kRecordFormat));
   if (const std::string what = difference(before["site"], site); !what.empty())
     throw io::InputError(
-        folder, fmt::format("is a recording of another site, {} isn't the same; name another "
-                            "folder",
-                            what));
+        folder,
+        fmt::format("is a recording of another site: {} differs; name another folder", what));
 }
 
 }  // namespace
 
-/// Goes on to the newest snapshot that is good, if there is one.
+/// Restores the newest good snapshot, if there is one.
 /// @param snapshots intact, by updates
-/// @param may_rest may it be of soil at rest, as at a run's end?
+/// @param may_rest may it hold soil at rest, as at a run's end?
 tools::ResumePoint Session::State::find_start(const fs::path& recording,
                                               std::span<const io::JournalFile> snapshots,
                                               bool may_rest) {
@@ -60,7 +59,7 @@ tools::ResumePoint Session::State::find_start(const fs::path& recording,
   };
   std::optional<tools::ResumePoint> start =
       tools::newest_snapshot(recording, snapshots, model(), fits,
-                             [](const std::string&) {});  // the journal holds what it held, too
+                             [](const std::string&) {});  // the journal also has its content
   if (!start) return {};
   become(std::move(*start->state));
   return std::move(*start);
@@ -78,13 +77,14 @@ io::JournalExtent Session::record(const Recording& given,
     throw std::invalid_argument("a recording begins before the first state; this session has some");
   const auto is_time = [](double time_s) { return time_s >= 0 && std::isfinite(time_s); };
   if (!is_time(recording.sync_s))
-    throw std::invalid_argument("a recording is synced so many seconds after, 0 or more");
+    throw std::invalid_argument("the time until a recording is synced must be 0 s or more");
   if (recording.snapshot_every_s &&
       !(is_time(*recording.snapshot_every_s) && *recording.snapshot_every_s > 0))
-    throw std::invalid_argument("snapshots come so many seconds after each other, more than 0");
+    throw std::invalid_argument("the time between snapshots must be more than 0 s");
   if (recording.keep && *recording.keep < 2)
-    throw std::invalid_argument("two snapshots stay or more: the newest may be damaged");
-  // Wherever the program goes meanwhile, it is this folder.
+    throw std::invalid_argument(
+        "at least two snapshots must stay, because the newest may be damaged");
+  // Absolute, because the working directory may change.
   if (!recording.folder.empty()) recording.folder = fs::absolute(recording.folder);
   const fs::path journal = recording.folder / kJournalName;
   const Json site = s.description(/*with_ground=*/true);
@@ -92,7 +92,7 @@ io::JournalExtent Session::record(const Recording& given,
   folder->make();
   try {
     folder->lock();
-    // All happens to a copy, which replaces this once nothing can go wrong any more.
+    // Works on a copy, which replaces this session when nothing can fail any more.
     Session next(std::make_unique<State>(s));
     State& n = *next.state_;
     n.settings.recording = recording;
@@ -121,11 +121,10 @@ io::JournalExtent Session::record(const Recording& given,
     if (content.damaged)
       throw io::InputError(
           journal,
-          fmt::format("is damaged at byte {}, good to {} s; nobody can feed again what came after: "
-                      "restore the file, name another folder, or give that up by `truncate -s {}` "
-                      "of it",
-                      content.good_bytes, tools::time_text(content.done.time_s),
-                      content.good_bytes));
+          fmt::format(
+              "is damaged at byte {}, good to {} s; states after that can't be fed again: restore "
+              "the file, name another folder, or give them up by `truncate -s {}` of it",
+              content.good_bytes, tools::time_text(content.done.time_s), content.good_bytes));
     folder->clear();
     std::vector<io::JournalFile> good;
     for (const tools::RunFile& file : tools::check_files(recording.folder, content))
@@ -156,13 +155,13 @@ io::JournalExtent Session::record(const Recording& given,
 Session Session::recorded(const fs::path& folder, double time_s) const {
   const State& s = *state_;
   if (s.fed_count > 0)
-    throw std::invalid_argument("a recording is gone along from before the first state");
+    throw std::invalid_argument("a recording can be read only before the session's first state");
   const fs::path journal = folder / kJournalName;
   const io::JournalContent content = io::read_journal(journal);
   if (tools::is_of_session(content.config.text))
     require_same_site(content.config.text, s.description(/*with_ground=*/true), folder);
   else
-    tools::parse_run_config(content.config.text, folder);  // its inputs are as they were
+    tools::parse_run_config(content.config.text, folder);  // checks its inputs
   const std::uint64_t until = io::updates_until(journal, time_s);
   const bool whole = content.ended && until == content.done.updates;
   std::vector<io::JournalFile> snapshots;
@@ -209,7 +208,7 @@ void Session::stop_recording() {
 
 void Session::set_memory_limit(std::uint64_t bytes, const fs::path& folder) {
   if (bytes == 0) throw std::invalid_argument("the memory must be limited to more than 0 bytes");
-  // Others are made there by and by, wherever the program goes meanwhile.
+  // Absolute, because more files are made later and the working directory may change.
   const fs::path place = folder.empty() ? folder : fs::absolute(folder);
   state_->site.ground->set_memory_limit(bytes, std::make_shared<io::SwapFile>(place));
   state_->settings.memory_bytes = bytes;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a session's site is, to tell whether a state or a recording is of the same.
+// The description of a session's site, to compare it with a state's or a recording's.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -17,7 +17,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// What a chain is, by where it brings a bucket: each joint's axis shows where that moves alone.
+/// A chain by its poses: with each joint moved alone, the pose shows its axis.
 Json places(const Chain& chain) {
   const std::vector<std::string> names = chain.movable();
   Json all = {{"joints", names}};
@@ -76,9 +76,9 @@ std::string difference(const Json& before, const Json& now) {
   if (words.empty()) return "all of it";
   std::string said = words[0];
   const bool counted = said == "machines" || said == "pours" || said == "hoppers";
-  if (!counted || words.size() == 1 || words[1] == "-") return said;  // "-": one more of them
+  if (!counted || words.size() == 1 || words[1] == "-") return said;  // "-": appended element
   said = fmt::format("{} {}", said.substr(0, said.size() - 1), std::stoul(words[1]) + 1);
-  const bool named = words.size() > 2 && words[0] == "machines";  // others are but numbers
+  const bool named = words.size() > 2 && words[0] == "machines";  // other arrays hold numbers
   return named ? fmt::format("{}: {}", said, words[2]) : said;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// How a session goes on from state to state.
+// Steps of a session's state.
 #include "tools/run/session_state.h"
 
 #include <fmt/format.h>
@@ -16,7 +16,7 @@ void Session::State::become(SiteState&& other) {
   patches.switch_to(*other.site.ground);
   chunks.switch_to(*other.site.ground);
   heights.reset();
-  const std::shared_ptr<const SiteModel> model = model_;  // references to it stay good
+  const std::shared_ptr<const SiteModel> model = model_;  // keeps references to it valid
   SiteState::operator=(std::move(other));
   model_ = model;
   set_memory_limit();
@@ -36,7 +36,7 @@ std::string Session::State::recording_error(const std::string& why) const {
                      folder->path().string(), tools::time_text(recorder->acknowledged().time_s));
 }
 
-/// Nothing waits for a snapshot: while one is being written a later one takes its place.
+/// Updates do not wait for snapshots: while one is being written, a later one takes its place.
 bool Session::State::is_snapshot_due(double time_s) {
   if (!recorder || !recorder->error().empty() || !std::isfinite(time_s)) return false;
   return !(recorder->would_be_due(time_s) && recorder->is_busy()) && recorder->due(time_s);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a session holds. For its own files alone.
+// The state of a session. Private to the session's files.
 #pragma once
 
 #include <memory>
@@ -19,19 +19,19 @@
 namespace soilvdb::inline v0 {
 
 struct Session::State : tools::SiteState {
-  /// How it is kept, which clones share.
+  /// Settings, which clones share.
   struct Settings {
-    Recording recording = {};                ///< of its scenario, or as it is
-    std::filesystem::path scenario = {};     ///< absolute; empty: there is none
-    std::uint64_t memory_bytes = 0;          ///< at most; 0: as it comes
-    std::filesystem::path swap_folder = {};  ///< where memory is limited
+    Recording recording = {};                ///< of its scenario, or of its present recording
+    std::filesystem::path scenario = {};     ///< absolute; empty: no scenario
+    std::uint64_t memory_bytes = 0;          ///< 0: no limit
+    std::filesystem::path swap_folder = {};  ///< with a memory limit
   };
 
   using Site::broken_, Site::Input, Site::input, Site::inputs_;  // for Session
 
   explicit State(SiteState site_state)
       : SiteState(std::move(site_state)), patches(*site.ground), chunks(*site.ground) {}
-  /// To go on apart from the other.
+  /// A copy for a clone.
   State(const State& other)
       : SiteState(other),
         settings(other.settings),
@@ -39,14 +39,14 @@ struct Session::State : tools::SiteState {
         patches(*site.ground, other.patches),
         chunks(*site.ground, other.chunks) {}
 
-  /// Makes ground and machines those of another of the same site: who looks sees all change.
+  /// Takes over ground and machines of the same site; changed_patches() then reports all changes.
   void become(SiteState&& other);
-  /// All of a site that what comes of a state depends on.
-  /// @param with_ground also what had been dug when it was opened
+  /// A description of the site, with all that an update's result depends on.
+  /// @param with_ground also the ground when the session was opened
   nlohmann::json description(bool with_ground) const;
   tools::ResumePoint find_start(const std::filesystem::path& folder,
                                 std::span<const io::JournalFile> snapshots, bool may_rest);
-  /// Before an update. @throw std::runtime_error if it can't be recorded
+  /// Call it before an update. @throw std::runtime_error if recording has failed
   void require_recording();
   std::string recording_error(const std::string& why) const;
   template <typename Result>
@@ -62,7 +62,7 @@ struct Session::State : tools::SiteState {
 
   Settings settings;
   std::uint64_t fed_count = 0;  ///< since it was opened
-  // Of who looks; nothing that updates depend on.
+  // Caches for readers; updates do not depend on them.
   struct Heights {
     explicit Heights(Ground& ground) : surface(ground), changes(ground) { changes.take(); }
     SurfaceHeight surface;
@@ -70,11 +70,11 @@ struct Session::State : tools::SiteState {
   };
   std::optional<Heights> heights = {};
   ChangeFollower patches, chunks;                  ///< of changed_patches() and changed_chunks()
-  std::unique_ptr<tools::RunFolder> folder = {};   ///< that it is recorded to
-  std::unique_ptr<tools::Recorder> recorder = {};  ///< goes first: it reads the site
+  std::unique_ptr<tools::RunFolder> folder = {};   ///< of the recording
+  std::unique_ptr<tools::Recorder> recorder = {};  ///< destroyed first, because it reads the site
 };
 
-/// The first thing in which two sites' descriptions differ: "machines/0/bucket"; empty: nothing.
+/// The first difference of two sites' descriptions, "machines/0/bucket"; empty if equal.
 std::string difference(const nlohmann::json& before, const nlohmann::json& now);
 
 }  // namespace soilvdb::inline v0

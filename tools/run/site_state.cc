@@ -79,7 +79,7 @@ double SiteState::kg(std::int64_t mass) const {
   return units.kg(mass, site.ground->sample_m3(), *model_->earthmoving.soil);
 }
 
-/// @throw std::invalid_argument if it can't be
+/// @throw std::invalid_argument for an impossible pose
 Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::size_t row) const {
   const std::span<const double> v(rows.values.data() + row * rows.columns, rows.columns);
   if (!rows.joints) {
@@ -112,7 +112,7 @@ void SiteState::follow(const io::JournalUpdate& update) {
   input = std::move(now);
 }
 
-/// @param motions keeps those that moves are along
+/// @param motions keeps the motions of the moves alive
 Move SiteState::move_of(const io::JournalUpdate& update,
                         std::vector<std::unique_ptr<Motion>>& motions) const {
   const io::MotionRows& rows = update.rows;
@@ -124,7 +124,7 @@ Move SiteState::move_of(const io::JournalUpdate& update,
   } else {
     move.to = row_pose(update.machine, rows, rows.times_s.size() - 1);
     if (std::isnan(update.begin_s)) return move;
-    if (!inputs_[update.machine]) throw std::invalid_argument("it begins nowhere");
+    if (!inputs_[update.machine]) throw std::invalid_argument("its machine has no earlier place");
     const std::vector<Pose> ends = {inputs_[update.machine]->pose, move.to};
     motions.push_back(
         std::make_unique<Motion>(std::vector<double>{update.begin_s, update.end_s}, ends));
@@ -159,7 +159,7 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
       ++i;
       continue;
     }
-    std::vector<Move> moves;  // as many at once as there are between pours
+    std::vector<Move> moves;  // up to the next pour
     for (std::size_t k = i; k < steps.size() && steps[k].motion; ++k)
       moves.push_back(
           {steps[k].machine, {}, steps[k].motion.get(), steps[k].begin_s, steps[k].end_s});
@@ -173,7 +173,7 @@ void SiteState::require_mover(std::size_t i, const io::JournalUpdate& update) co
   const std::size_t first = pours ? model_->machines.size() : 0;
   const std::size_t count = pours ? model_->earthmoving.pours.size() : model_->machines.size();
   if (update.machine < first || update.machine - first >= count)
-    throw UpdateDiffers(i, "is of a machine or a pour that isn't there");
+    throw UpdateDiffers(i, "is of an unknown machine or pour");
 }
 
 void SiteState::require_same(std::size_t i, const io::JournalUpdate& update,
@@ -185,7 +185,7 @@ void SiteState::require_same(std::size_t i, const io::JournalUpdate& update,
     throw UpdateDiffers(i, fmt::format("left a load of {} m³ and now leaves {} m³",
                                        loose_m3(update.bucket_samples), made.bucket_m3));
   if (mass(made.spilled_m3) != update.spilled || mass(made.slid_m3) != update.slid)
-    throw UpdateDiffers(i, "had soil come down otherwise");
+    throw UpdateDiffers(i, "spilled or slid another volume");
 }
 
 void SiteState::redo(std::span<const io::JournalUpdate> updates) {

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A site with what a run or a session needs of it besides: where its ground comes from, and records
-// of its updates.
+// A site with the data that runs and sessions need: its terrain's source, and updates as records.
 #pragma once
 
 #include <cstdint>
@@ -21,46 +20,45 @@
 
 namespace soilvdb::tools {
 
-/// An update of a journal that doesn't come out as it did, or can't be made any more.
+/// A journal's update that gives another result, or can't be repeated.
 class UpdateDiffers : public std::runtime_error {
  public:
   UpdateDiffers(std::size_t i, const std::string& why) : runtime_error(why), index(i) {}
-  std::size_t index;  ///< of those that were made again
+  std::size_t index;  ///< among the repeated updates
 };
 
-/// What is said of it. @param update its number, from 1
+/// The exception's message. @param update its number, from 1
 std::runtime_error differs(const std::filesystem::path& journal, std::uint64_t update,
                            double time_s, const UpdateDiffers& why);
 
-/// What a scenario says of a site besides its ground.
+/// The part of a site model that a scenario defines, without the ground.
 SiteModel model_of(const io::Scenario& scenario);
 
 struct SiteState : Site {
-  /// @throw std::invalid_argument for machines or soil that can't be
+  /// @throw std::invalid_argument for impossible machines or soil
   SiteState(SiteModel model, io::Site opened);
-  /// To go on apart from the other.
+  /// A copy for a clone.
   SiteState(const SiteState& other);
   SiteState(SiteState&&) = default;
   SiteState& operator=(SiteState&&) = default;
 
-  /// Volumes and masses in the units of a journal, and back.
+  /// Conversions between volumes or masses and a journal's units.
   std::int64_t samples(double m3) const;
   std::int64_t mass(double loose_m3) const;
   double volume_m3(std::int64_t samples) const;
   double loose_m3(std::int64_t mass) const;
-  double kg(std::int64_t mass) const;  ///< of soil that moves
+  double kg(std::int64_t mass) const;  ///< with moving soil
 
-  /// Moves machines, and lets pours fall, as the steps of a run say.
-  /// @return a record of each
+  /// Moves machines and lets pours fall, by the steps of a run. @return a record of each step
   std::vector<io::JournalUpdate> advance(std::span<const Step> steps);
-  /// Makes updates again, which follow on the last one.
+  /// Repeats updates that follow the last one.
   /// @throw UpdateDiffers
   void redo(std::span<const io::JournalUpdate> updates);
-  /// Soil that moves comes to rest at a run's end, once.
+  /// Lets moving soil come to rest at a run's end, once.
   void rest_at_end(double time_s);
   bool rests_at_end() const { return at_rest_; }
 
-  /// Of now, with the progress.
+  /// Of the present state.
   io::SnapshotInfo snapshot_info(double time_s) const;
 
   io::Site site;  ///< the ground, and where it comes from

@@ -18,7 +18,7 @@
 namespace soilvdb::tools {
 namespace {
 
-/// The resident chunks within two chunks of some: what their surface is made of.
+/// The resident chunks within two chunks of the given ones: those that determine their surface.
 std::vector<Coord3> chunks_around(const Ground& ground, const std::vector<Coord3>& chunks) {
   std::vector<Coord3> around;
   for (const Coord3& c : chunks) {
@@ -53,7 +53,8 @@ void SnapshotWriter::write(io::JournalFile file, bool there, const std::vector<C
   depth_ = whole ? 0 : depth_ + 1;
   chunks_ = whole ? 0 : chunks_ + changed.size();
   if (whole) anew_ = false;
-  // What goes on from one that was written anew must be, too: it may have other bytes.
+  // A rewritten snapshot may have other bytes, so snapshots that continue it must be rewritten,
+  // too.
   if (there && !anew_) {
     files_.push_back(std::move(file));
     done_.push_back(files_.back().name);
@@ -112,7 +113,7 @@ void SnapshotWriter::delete_old() {
   }
   if (go.empty()) return;
   for (const io::JournalFile& file : go) journal_.add(io::JournalRemoval{file.name});
-  journal_.flush();  // the newest is in there, too
+  journal_.flush();  // the journal must contain the newest snapshot first
   for (const io::JournalFile& file : go) {
     std::error_code error;
     std::filesystem::remove(folder_.path() / file.name, error);

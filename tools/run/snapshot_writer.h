@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The snapshots on a run's way: what each of them holds, written beside the updates, and which of
-// them stay.
+// The periodic snapshots of a run: their content, their writing beside updates, their deletion.
 #pragma once
 
 #include <optional>
@@ -16,50 +15,52 @@
 
 namespace soilvdb::tools {
 
-/// Writes one snapshot at a time, from a copy of the chunks it holds: updates pay for the copy, and
-/// wait only if the one before isn't safe yet.
+/// Writes one snapshot at a time, from a copy of its chunks. Updates pay for the copy, and wait
+/// only if the last snapshot is not safe yet.
 ///
-/// Incremental ones hold what changed since the one before. The next is whole when they have come
-/// to as many chunks as the ground has, so all that is written is at most twice what changed, or
-/// to io::kMaxChainLength.
+/// An incremental snapshot holds the changes since the last one. The next is whole when the
+/// incremental ones hold as many chunks as the ground, which limits the output to twice the
+/// changes, or when the chain has io::kMaxChainLength.
 ///
-/// Only the newest `keep`, and what those go on from, stay: the others are deleted once the newest
-/// and their going are in the journal on disk. Incremental ones may all go on from the same whole
-/// one: without that the journal is dug again from its start, to the same files. The same run makes
+/// Only the newest `keep`, and those that they continue, stay. The others are deleted when the
+/// journal on disk has the newest and the removals. If the only whole snapshot is lost, the journal
+/// is dug again from its start, to the same files. The same run makes the same files, interrupted
+/// or not. Not thread-safe.
 /// the same files, interrupted or not. For one thread.
 class SnapshotWriter {
  public:
   struct Options {
     bool incremental = false;
-    std::optional<std::size_t> keep;  ///< all
-    bool beside = true;               ///< on a thread of its own, else within write()
+    std::optional<std::size_t> keep;  ///< empty: all
+    bool beside = true;               ///< in a thread of its own, else within write()
   };
 
-  /// @param journal gets a record of each snapshot once it is safe; both outlive the writer
+  /// @param journal receives a record of each safe snapshot; it and `folder` must outlive the
+  ///        writer
   SnapshotWriter(RunFolder& folder, io::JournalWriter& journal, const Options& options);
 
-  /// Goes on with a run.
-  /// @param files its snapshots up to where the ground is; if they are incremental the last is the
-  ///        one that it was read from, and what changed is since that
-  /// @param parent what reading that one gave
+  /// Continues a run.
+  /// @param files its snapshots up to the ground's state. If they are incremental, the last must be
+  ///        the one that the ground was read from.
+  /// @param parent of that snapshot, as read
   void go_on(std::vector<io::JournalFile> files, const std::optional<io::SnapshotParent>& parent);
 
-  /// Takes a copy of the ground and writes that.
-  /// @param file its name and updates; if it is `there` already, intact, then all of it
-  /// @param changed chunks since the one before; for incremental ones
-  /// @param info all but `parent`
-  /// @throw std::runtime_error for the one before this, too.
+  /// Copies the ground and writes the copy.
+  /// @param file name and updates; all of it if the file is `there` already, intact
+  /// @param changed chunks since the last snapshot; for incremental ones
+  /// @param info without `parent`
+  /// @throw std::runtime_error also for the last snapshot.
   void write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
              const io::Site& site, io::SnapshotInfo info);
 
-  /// Deletes what need not stay.
+  /// Deletes snapshots that need not stay.
   void delete_old();
 
-  /// Would write() wait for the one before?
+  /// Would write() wait for the last snapshot?
   bool is_busy() const { return background_ && !background_->done(); }
-  /// Throws if writing has failed; doesn't wait.
+  /// Throws if writing has failed; does not wait.
   void check();
-  /// Waits until the last one is safe.
+  /// Waits until the last snapshot is safe.
   void finish();
 
  private:
@@ -70,10 +71,10 @@ class SnapshotWriter {
   io::JournalWriter& journal_;
   const Options options_;
   std::vector<io::JournalFile> files_;       // that stay
-  std::size_t depth_ = 0, chunks_ = 0;       // as io::SnapshotParent has them, of the last one
-  bool anew_ = false;                        // one was written since the last whole one
-  std::vector<std::string> done_, deleted_;  // that the folder isn't told of yet
-  std::optional<Background> background_;     // works on all but the options
+  std::size_t depth_ = 0, chunks_ = 0;       // of the last snapshot, as in io::SnapshotParent
+  bool anew_ = false;                        // rewritten since the last whole one
+  std::vector<std::string> done_, deleted_;  // for the folder's list of files
+  std::optional<Background> background_;     // uses all members but the options
 };
 
 }  // namespace soilvdb::tools

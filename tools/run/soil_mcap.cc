@@ -20,7 +20,7 @@ namespace soilvdb::tools {
 namespace {
 
 constexpr double kGroundEvery_s = 0.5, kMapEvery_s = 1, kLoadsPerS = 10;
-constexpr double kMostTimeS = 2147483647;  // what a stamp holds
+constexpr double kMostTimeS = 2147483647;  // largest stamp
 constexpr std::size_t kMostBlocks = 32;    // of a message, and in memory at once
 constexpr std::string_view kFrame = "site", kWorld = "world";
 
@@ -54,8 +54,8 @@ void put_entity(io::CdrWriter& cdr, double time_s, const Coord3& block, const Me
   put_stamp(cdr, time_s);
   cdr.put(kFrame);
   cdr.put(id_of(block));
-  cdr.put_all(std::int32_t{0}, std::uint32_t{0});  // it stays
-  cdr.put(std::uint8_t{0});                        // in the frame as it was then
+  cdr.put_all(std::int32_t{0}, std::uint32_t{0});  // lifetime: unlimited
+  cdr.put(std::uint8_t{0});                        // frame_locked: false
   for (int i = 0; i < 6; ++i) cdr.put(kNone);      // metadata, arrows, ..., lines
   cdr.put(kOne);                                   // triangles
   put_pose(cdr, Vec3::Zero());
@@ -179,7 +179,7 @@ void SoilMcap::put_map(double time_s) {
     cdr.put(std::string_view("elevation"));
   }
   cdr.put(std::uint32_t{1});
-  // Column by column, from the highest x and y down, as grid_map has them.
+  // grid_map's order: column by column, from the highest x and y down.
   const auto columns = static_cast<std::uint32_t>(ny), rows = static_cast<std::uint32_t>(nx);
   cdr.put(std::uint32_t{2});
   cdr.put(std::string_view("column_index"));
@@ -206,7 +206,7 @@ void SoilMcap::put(double time_s, Channel& channel, const Load& load) {
 }
 
 void SoilMcap::load(double time_s, std::size_t machine, const Load& load) {
-  // Of a tenth that a time is at the rounded end of.
+  // Tolerates times that are rounded below a tenth.
   const auto tenth = [](double at_s) { return std::floor(at_s * kLoadsPerS + 1e-6); };
   Channel& channel = loads_[machine];
   if (!channel.any || tenth(time_s) > tenth(channel.written_s)) return put(time_s, channel, load);

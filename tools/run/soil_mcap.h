@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// soil.mcap: ground and loads as they change, for Lichtblick and whatever else reads MCAP files.
+// soil.mcap: changes of ground and loads, for Lichtblick and other readers of MCAP.
 #pragma once
 
 #include <cstdint>
@@ -21,50 +21,49 @@
 
 namespace soilvdb::tools {
 
-/// Topics, all of them in the frame `site`, metres:
+/// Topics, all in the frame `site`, metres:
 /// - `/ground`, foxglove_msgs/msg/SceneUpdate: an entity of triangles for each block of 32^3
 ///   voxels; the same id replaces it;
 /// - `/elevation`, grid_map_msgs/msg/GridMap with the layer `elevation`;
-/// - `/load/MACHINE`, JSON: what a bucket holds, at most ten times a second;
-/// - `/tf_static`, tf2_msgs/msg/TFMessage, once: where `site` is in `world`, so that numbers stay
-///   small where the world's are large.
+/// - `/load/MACHINE`, JSON: load of a bucket, at most ten times a second;
+/// - `/tf_static`, tf2_msgs/msg/TFMessage, once: `site` in `world`, so that coordinates stay small.
 ///
-/// Times are those of the motions, from 0 to 2^31 s. What it writes hangs on what it is told only,
-/// so a run has the same bytes for any number of threads, and dug again. What was flushed, or came
-/// to a chunk, can be read whatever becomes of the process. All throw std::runtime_error naming the
-/// file and the cause. For one thread.
+/// Times are those of the motions, from 0 to 2^31 s. The output depends only on the calls, so a run
+/// writes the same bytes for any number of threads, also when it is dug again. Flushed messages and
+/// complete chunks survive a crash. All members throw std::runtime_error naming the file and the
+/// cause. Not thread-safe.
 class SoilMcap {
  public:
   struct Load {
-    double bucket_m3 = 0, cut_m3 = 0;  ///< held, loose; cut so far, in place
+    double bucket_m3 = 0, cut_m3 = 0;  ///< loose load; in-place cut so far
     std::optional<double> bucket_kg = {};
   };
 
-  /// Begins the file anew. All that there is of the ground counts as changed.
-  /// @param ground outlives it
-  /// @param machines their names
-  /// @param end_s of a run: it is written to FILE.part, which close() renames to FILE; without
-  ///        close() nothing is left, and a FILE that was there before stays. None: of a live site
+  /// Begins a new file. At first all ground counts as changed.
+  /// @param ground must outlive it
+  /// @param machines names
+  /// @param end_s end of a run, which is written to FILE.part; close() renames it to FILE, and
+  ///        without close() FILE.part is removed and an older FILE stays. Empty: a live site
   SoilMcap(std::filesystem::path file, const Ground& ground, const std::string& crs_wkt,
            const std::vector<std::string>& machines, double begin_s, std::optional<double> end_s);
   ~SoilMcap();
   SoilMcap(const SoilMcap&) = delete;
   SoilMcap& operator=(const SoilMcap&) = delete;
 
-  /// Is the ground to be recorded, as it is twice a second? Of a run when all machines came to a
-  /// time; of a live site by any clock, from when it is first asked.
+  /// Is the ground due, twice a second? For a run: when all machines reached `time_s`. For a live
+  /// site: by any clock, from the first call on.
   bool due(double time_s);
   bool would_be_due(double time_s) const { return schedule_.would_be_due(time_s); }
 
   void changed(std::span<const Coord3> chunks) { changed_.insert(chunks.begin(), chunks.end()); }
-  /// Records what changed, and a map of the ground once a second.
-  /// @param most chunks: others wait until it is their turn @return whether some do
+  /// Records changes, and once a second a map of the ground.
+  /// @param most number of chunks per call @return whether chunks are left
   bool ground(double time_s, std::size_t most = std::numeric_limits<std::size_t>::max());
-  /// Of those in one tenth of a second the first is written.
+  /// Records the first load in each tenth of a second.
   void load(double time_s, std::size_t machine, const Load& load);
 
   void flush() { writer_.flush(); }
-  /// Records all that isn't yet, and ends the file.
+  /// Records the rest, and ends the file.
   void close(double time_s);
 
  private:
@@ -72,14 +71,14 @@ class SoilMcap {
     std::uint16_t id = 0;
     std::string name;                    // of the machine, as JSON
     double written_s = 0, newest_s = 0;  // times of loads
-    std::optional<Load> newest;          // that isn't written
-    bool any = false;                    // one was written
+    std::optional<Load> newest;          // not written yet
+    bool any = false;                    // a load was written
   };
   void put_blocks(double time_s, std::span<const Coord3> blocks);
   void put_map(double time_s);
   void put(double time_s, Channel& channel, const Load& load);
 
-  std::filesystem::path file_, part_;  // the same once it is closed, and of a live site
+  std::filesystem::path file_, part_;  // equal after close(), and for a live site
   io::McapWriter writer_;
   SnapshotSchedule schedule_, map_schedule_;
   bool map_due_ = false, asked_ = false;
@@ -87,10 +86,10 @@ class SoilMcap {
   ElevationMap map_;
   std::uint16_t ground_ = 0, elevation_ = 0;
   std::vector<Channel> loads_;
-  std::set<Coord3, Before> changed_;      // chunks that aren't recorded
-  Coord3 last_changed_ = Coord3::Zero();  // that was recorded
-  std::vector<Coord3> not_in_map_;        // chunks that changed since the last one
-  std::set<Coord3, Before> shown_;        // blocks that have an entity
+  std::set<Coord3, Before> changed_;      // chunks to record
+  Coord3 last_changed_ = Coord3::Zero();  // last recorded chunk
+  std::vector<Coord3> not_in_map_;        // chunks that changed since the last map
+  std::set<Coord3, Before> shown_;        // blocks with an entity
 };
 
 }  // namespace soilvdb::tools

@@ -80,7 +80,7 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
                    number(updates.max_us()), short_count(1e6 / std::max(updates.mean_us(), 1e-3))));
   line("memory", fmt::format("soil {}, peak {}", bytes(static_cast<double>(s.soil_bytes)),
                              bytes(static_cast<double>(s.peak_rss_bytes))));
-  // Updates of machines that are apart take their times side by side.
+  // Sums of the machines' times; machines that are apart update in parallel.
   const bool beside = s.machines.size() > 1 && s.threads > 1;
   line("time", fmt::format("in all {}: opening {}, updates {}{}", short_duration(s.total_s),
                            short_duration(s.open_s), short_duration(updates.sum_us() * 1e-6),

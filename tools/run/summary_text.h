@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a run tells people at its end.
+// A run's summary for people.
 #pragma once
 
 #include "io/journal/report.h"
@@ -8,7 +8,7 @@
 
 namespace soilvdb::tools {
 
-/// Prints a run's summary to stdout. @param motion_s how long the motion was that it went through
+/// Prints a run's summary to stdout. @param motion_s duration of the motion
 void print_summary(const io::Summary& summary, double motion_s, const RunFolder& folder);
 
 }  // namespace soilvdb::tools

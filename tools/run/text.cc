@@ -36,7 +36,7 @@ std::string number(double value) {
 }
 
 std::string length_text(double length_m) {
-  return fmt::format("{:.10g}", length_m);  // a scenario's and what is computed from it
+  return fmt::format("{:.10g}", length_m);  // hides rounding errors of computed lengths
 }
 
 std::string bytes(double count) {

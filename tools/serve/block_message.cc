@@ -21,16 +21,16 @@
 namespace soilvdb::tools {
 namespace {
 
-/// Parts of a voxel in which places are told, and the voxels by which a block's begin before it:
-/// vertices of neighbours that are the same point are then the same number but for whole blocks.
+/// Coordinate units per voxel, and the offset of a block's coordinates in voxels. Equal points of
+/// neighbouring blocks differ by whole blocks exactly.
 constexpr double kPerVoxel = 1024;
 constexpr double kMargin = 8;
-/// Of those parts, to what places are rounded: 0.2 mm where voxels have 5 cm. Less: blocks of rough
-/// ground take more bytes. More: gentle slopes look like stairs.
+/// Rounding of coordinates in these units: 0.2 mm for 5 cm voxels. A smaller step makes messages of
+/// rough ground larger; with a larger step gentle slopes look like stairs.
 constexpr double kStep = 4;
 constexpr std::uint16_t kNoHeight = 0x8000;
 
-/// Appends numbers of so many bytes, all low bytes first.
+/// Appends numbers as bytes, all low bytes first.
 template <typename T>
 void put_numbers(std::string& out, const std::vector<T>& values, std::size_t bytes = sizeof(T)) {
   const std::size_t at = out.size(), n = values.size();
@@ -40,7 +40,7 @@ void put_numbers(std::string& out, const std::vector<T>& values, std::size_t byt
       out[at + byte * n + i] = static_cast<char>(values[i] >> (8 * byte) & 0xff);
 }
 
-/// Appends differences from element to element.
+/// Appends the differences between consecutive elements.
 void put_array(std::string& out, std::vector<std::uint16_t> values) {
   std::uint16_t last = 0;
   for (std::uint16_t& value : values) {
@@ -50,8 +50,8 @@ void put_array(std::string& out, std::vector<std::uint16_t> values) {
   put_numbers(out, values);
 }
 
-/// A mesh's vertices in the order in which its triangles come to them, and for each corner of those
-/// 0 if its vertex is the next, else how many before the next it is: most are few.
+/// A mesh's vertices in the order of their first use by triangles. Each corner is 0 for the next
+/// vertex, else its distance back from the next vertex, which is mostly small.
 struct OrderedMesh {
   std::vector<Eigen::Vector3f> points;
   std::vector<std::uint32_t> corners;
@@ -72,7 +72,7 @@ struct OrderedMesh {
   }
 };
 
-/// Millimetres that a surface is above another, as far as 16 bits go.
+/// A height difference in millimetres, clamped to 16 bits.
 std::uint16_t millimetres(double above_m) {
   if (std::isnan(above_m)) return kNoHeight;
   const double mm = std::clamp(std::round(1000 * above_m), -32767.0, 32767.0);
@@ -91,15 +91,15 @@ std::vector<std::uint16_t> above(const std::vector<Vec3>& points, const Heights&
   return mm;
 }
 
-/// Which parts of a ground are as they were, to the last sample.
+/// Finds the parts of a ground that equal another ground, to the last sample.
 class Unchanged {
  public:
   Unchanged(const Ground& now, const Ground& before) : now_(now), before_(before) {}
 
-  /// Is the surface at a vertex? @param index of the place, in voxels
+  /// Is the surface at a vertex the same? @param index of the place, in voxels
   bool at(const Vec3& index) {
     const Coord3 low(index.array().floor().cast<int>());
-    // What it is made of: the eight voxels around, each by its neighbours.
+    // The surface there depends on the eight voxels around it, and each of these on its neighbours.
     for (int x = low.x() - 1; x <= low.x() + 2; ++x)
       for (int y = low.y() - 1; y <= low.y() + 2; ++y)
         for (int z = low.z() - 1; z <= low.z() + 2; ++z)
@@ -175,7 +175,7 @@ std::string block_message(const Ground& ground, const Coord3& block, const Mesh&
   std::vector<std::uint16_t> values(n);
   for (int axis = 0; axis < 3; ++axis) {
     const double first = kPerVoxel * (block[axis] - kMargin);
-    for (std::size_t i = 0; i < n; ++i) {  // rounded before, so that neighbours do it alike
+    for (std::size_t i = 0; i < n; ++i) {  // rounds first, so that neighbours round alike
       const double voxels = double{ordered.points[i][axis]} / ground.voxel_size_m();
       const double q = kStep * std::round(kPerVoxel / kStep * voxels);
       values[i] = static_cast<std::uint16_t>(std::clamp(q - first, 0.0, 65535.0));
@@ -186,7 +186,7 @@ std::string block_message(const Ground& ground, const Coord3& block, const Mesh&
     points.emplace_back(ground.origin() + p.cast<double>());
   std::vector<std::uint16_t> changes = above(points, before);
   if (ground_before != nullptr) {
-    // A vertex of a steep wall isn't where its column's top is, whether anything changed or not.
+    // A vertex of a steep wall is not at its column's top, even without a change.
     Unchanged unchanged(ground, *ground_before);
     for (std::size_t i = 0; i < n; ++i)
       if (changes[i] != kNoHeight &&

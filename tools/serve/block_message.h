@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A block of the ground's surface as bytes for viewers; tools/guide/live.md says how they read.
+// A block of the ground's surface as bytes for viewers; tools/guide/live.md defines the format.
 #pragma once
 
 #include <cstdint>
@@ -14,16 +14,16 @@
 
 namespace soilvdb::tools {
 
-/// Heights at places of the world, m; NaN where there are none.
+/// Heights at places of the world, m; NaN without a height.
 using Heights = std::function<void(std::span<const Vec2> xy_m, std::span<double> heights_m)>;
 
 /// @param mesh of the block
-/// @param view that it belongs to
-/// @param before the ground that changes are against
-/// @param design empty: there is none
-/// @param soil_moves may there be loose soil?
-/// @param ground_before whose heights `before` gives, where that is soil of the same lattice: what
-///        is as it was there hasn't changed, however steep it is
+/// @param view number of the view
+/// @param before heights that changes refer to
+/// @param design empty: no design
+/// @param soil_moves may soil be loose?
+/// @param ground_before the ground of `before`, if it has the same lattice; soil that is equal in
+///        both has no change, however steep it is
 std::string block_message(const Ground& ground, const Coord3& block, const Mesh& mesh,
                           std::uint32_t view, const Heights& before, const Heights& design,
                           bool soil_moves, const Ground* ground_before = nullptr);

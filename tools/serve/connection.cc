@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Connections: HTTP requests, and feeds.
+// HTTP connections and feeds.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -35,7 +35,7 @@ constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
 
 std::string text_of(boost::string_view view) { return {view.data(), view.size()}; }
 
-/// "Host" or "[::1]:80" in its parts, the host in small letters.
+/// Host and port of "Host" or "[::1]:80", the host in lower case.
 struct Authority {
   explicit Authority(std::string_view text) {
     const std::size_t colon = text.rfind(':');
@@ -43,11 +43,11 @@ struct Authority {
     if (has_port) port = text.substr(colon + 1);
     host = io::lower_case(std::string(text.substr(0, has_port ? colon : text.size())));
   }
-  std::string host, port;  ///< empty: the scheme's own
+  std::string host, port;  ///< empty: the scheme's default port
 };
 
-/// Is a page of `origin` from the host of a request? Who asked for that by https or http isn't
-/// known behind a proxy, so a port that isn't said is the own one of either.
+/// Does a page's `origin` match the host of a request? Behind a proxy the scheme is unknown, so a
+/// missing port matches the default ports of http and https.
 bool is_from(std::string_view origin, const Authority& host) {
   for (const auto& [scheme, own_port] :
        {std::pair("http://", "80"), std::pair("https://", "443")}) {
@@ -62,7 +62,7 @@ bool is_from(std::string_view origin, const Authority& host) {
   return false;
 }
 
-/// One feeds: lines are answered one after another, and read no faster than that.
+/// Answers the lines of a feed one after another, and reads no faster.
 class Feeder : public std::enable_shared_from_this<Feeder> {
  public:
   Feeder(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {}
@@ -134,7 +134,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
           error.category() == http::make_error_code(http::error::bad_method).category();
       if (!ours || error == http::error::end_of_stream) return end();
       close_after_ = true;
-      return send(refusal(400, "this is no request that can be met: " + error.message()));
+      return send(refusal(400, "the request can't be answered: " + error.message()));
     }
     const Request& request = parser_->get();
     close_after_ = !request.keep_alive();
@@ -168,9 +168,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
   }
 
-  /// Why a request isn't from a page of ours; empty: it is, or from no page at all. A page from
-  /// elsewhere could otherwise reach what listens on the loopback address.
-  /// @param is_page what is asked for is the page itself, which may tell why the rest is refused
+  /// Why a request comes from a foreign page; empty for a page of this server, or no page. Foreign
+  /// pages could otherwise reach a server on the loopback address.
+  /// @param is_page the request is for the page itself, which can then explain other refusals
   std::string foreign(const Request& request, bool is_page) const {
     const std::string said = text_of(request[http::field::host]);
     const Authority host(said);

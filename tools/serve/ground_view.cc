@@ -21,8 +21,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-/// Cells that a boundary is looked at in: as many as these at most, and a side of it is this many
-/// at least.
+/// Sampling of a boundary's inside: the most cells, and the least number along a side.
 constexpr double kMostCells = 250'000, kLeastAcross = 64;
 
 Json or_null(double value) { return std::isfinite(value) ? Json(value) : Json(); }
@@ -35,7 +34,7 @@ Json all_of(const Heights& heights, const std::vector<Vec2>& places) {
   return all;
 }
 
-/// Middles of even cells inside a boundary.
+/// Centres of a grid of cells inside a boundary.
 std::vector<Vec2> places_in(const std::vector<Vec2>& boundary, double voxel_m) {
   Eigen::AlignedBox2d box;
   for (const Vec2& corner : boundary) box.extend(corner);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The ground at a time, against the ground at another: what people ask of it.
+// Queries of the ground at one time, compared with another time.
 #pragma once
 
 #include <cstdint>
@@ -16,30 +16,30 @@
 
 namespace soilvdb::tools {
 
-/// Heights of a surface, one by one.
+/// A surface's heights() by single calls.
 Heights heights_of(const InitialTerrain& surface);
 
-/// Origins of the blocks that ground is resident in, in order.
+/// Origins of the resident blocks, in order.
 std::vector<Coord3> resident_blocks(const Ground& ground);
 
-/// For one thread at a time. Members throw std::invalid_argument in one line for what can't be.
+/// One thread at a time. Members throw std::invalid_argument with one line for impossible queries.
 class GroundView {
  public:
-  /// @param now its log is null where it is the live site
+  /// @param now its log is null for the live site
   /// @param before null: the ground before digging
-  /// @param design null: there is none
+  /// @param design null: no design
   GroundView(Past now, std::shared_ptr<Session> before,
              std::shared_ptr<const InitialTerrain> design);
 
   nlohmann::ordered_json height(const Vec2& at);
-  /// Heights at so many points, even along a line.
+  /// Heights at this number of points, evenly spaced along a line.
   nlohmann::ordered_json section(const Vec2& from, const Vec2& to, int points);
-  /// What was cut and filled inside a boundary, as `soilvdb diff` counts it.
+  /// Cut and fill inside a boundary, as `soilvdb diff` counts it.
   nlohmann::ordered_json volume(const std::vector<Vec2>& boundary);
 
   std::string block(const Coord3& block, std::uint32_t view);
   const Session& now() const { return *now_; }
-  /// What site_state() says of it.
+  /// site_state() at this time.
   nlohmann::ordered_json state() const;
 
  private:

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The time in a snapshot's name: soil_12.5.vdb, or of several at one time soil_12.5_99.vdb.
+/// The time in a snapshot's name: soil_12.5.vdb, or soil_12.5_99.vdb if several have this time.
 std::optional<double> snapshot_time(const std::string& name) {
   const std::size_t begin = name.find('_') + 1, end = name.find_first_of('_', begin);
   const std::size_t dot = name.rfind('.');
@@ -33,7 +33,7 @@ class RecordedHistory : public History {
       : start_(std::move(start)), folder_(std::move(folder)) {}
 
   Times times() override {
-    if (!std::isfinite(times_.from_s)) {
+    if (!times_.from_s) {
       const WorkLog all = log(std::numeric_limits<double>::infinity());
       times_.from_s = all.from_s();
       times_.to_s = all.time_s();
@@ -54,7 +54,7 @@ class RecordedHistory : public History {
             std::make_shared<const WorkLog>(log(time_s))};
   }
 
-  /// What machines had done by a time.
+  /// The machines' work up to a time.
   WorkLog log(double time_s) const {
     WorkLog log(start_);
     const fs::path journal = folder_ / kJournalName;
@@ -65,7 +65,7 @@ class RecordedHistory : public History {
       if (!record) break;
       auto* update = std::get_if<io::JournalUpdate>(&*record);
       if (update == nullptr) continue;
-      if (update->end_s > time_s)  // of a clock that was ahead
+      if (update->end_s > time_s)  // by a clock that was ahead
         update->begin_s = update->end_s = std::nan("");
       log.add(*update);
       left -= update->ends_update;
@@ -76,19 +76,19 @@ class RecordedHistory : public History {
  private:
   Session start_;
   fs::path folder_;
-  Times times_ = {std::nan(""), std::nan(""), {}};
+  Times times_;
 };
 
-/// What a journal's updates were made on.
+/// The options of the run that wrote a journal.
 RunOptions options_of(const fs::path& folder, const io::JournalContent& journal) {
   if (!is_of_session(journal.config.text))
     return parse_run_config(journal.config.text, folder).options;
   const auto config = io::from_cbor(journal.config.text);
   const auto scenario = config.find("scenario");
   if (scenario == config.end() || !scenario->is_string())
-    throw io::InputError(folder,
-                         "is a recording of a program that built its site itself; that can show "
-                         "it, this can't");
+    throw io::InputError(
+        folder,
+        "is a recording of a program with a site of its own; only that program can show it");
   RunOptions options;
   options.scenario = scenario->get<std::string>();
   return options;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a site was like before: from a recording, or from a run's folder.
+// A site at earlier times, from a recording or a run's folder.
 #pragma once
 
 #include <filesystem>
@@ -19,34 +19,35 @@ struct Past {
   std::shared_ptr<const WorkLog> log;
 };
 
-/// For one thread at a time.
+/// One thread at a time.
 class History {
  public:
   struct Times {
-    double from_s = 0, to_s = 0;  ///< NaN: nothing is recorded yet; of one that goes on `to_s` is
-                                  ///< of when first asked
+    /// Empty before the first recorded time. While a recording goes on, `to_s` is the last time at
+    /// the first query.
+    std::optional<double> from_s, to_s;
     std::vector<double> snapshots_s;
   };
 
   virtual ~History() = default;
   virtual Times times() = 0;
-  /// Ground and machines as they were at a time, the newest that isn't later.
-  /// @throw std::exception in one line if they can't be had
+  /// Ground and machines at the newest recorded time up to `time_s`.
+  /// @throw std::exception with one line if that fails
   virtual Past at(double time_s) = 0;
 };
 
 /// @param start the session before its first state
 std::unique_ptr<History> make_recorded_history(Session start, std::filesystem::path folder);
 
-/// A folder that can be looked at: a run's or a recording's.
+/// A folder of a run or a recording, opened for viewing.
 struct Opened {
-  Session session;  ///< as it was in the end
-  WorkLog log;      ///< of that
+  Session session;  ///< in its last state
+  WorkLog log;      ///< up to that state
   ChangeBefore before;
   std::string name;
   std::unique_ptr<History> history;
 };
-/// @throw io::InputError if there is none of both
+/// @throw io::InputError if the folder holds neither
 Opened open_folder(const std::filesystem::path& folder);
 
 }  // namespace soilvdb::tools

@@ -1,13 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a line that a live site is fed says, and whether it can be.
+// Parses and checks the lines of a live site's feed.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
@@ -23,15 +22,15 @@ namespace {
 
 using Line = nlohmann::json;
 
-/// Farthest from one state to the next.
+/// Longest way between two states.
 constexpr double kFarthestMove_m = 100;
-/// Latest time, beyond any calendar's: after a slip no state of that machine would be taken.
+/// Latest time, beyond any calendar's. After a wrong one, no later state would be accepted.
 constexpr double kMostTime_s = 1e10;
-/// Ahead of all that was fed, at once.
+/// Farthest ahead of all earlier times in one step.
 constexpr double kFarthestAhead_s = 3600;
-/// Times that are more count from 1970, as a computer's clock does; others from any beginning.
+/// Larger times count from 1970, as computers' clocks do; smaller ones from any beginning.
 constexpr double kLeastEpoch_s = 1e9;
-/// Rotations in JSON are often rounded; those that are off by more aren't taken.
+/// Tolerance for the norm of rotations, which JSON often rounds.
 constexpr double kUnitTolerance = 1e-3;
 
 double number_of(const Line& json, const std::string& what) {
@@ -85,7 +84,7 @@ Line object_of(std::string_view line) {
   Line json = io::parse_json(line);
   if (json.is_discarded() || !json.is_object())
     throw std::invalid_argument(
-        fmt::format("'{}' is no JSON object{}", io::printable(line),
+        fmt::format("not a JSON object: '{}'{}", io::printable(line),
                     json.is_discarded() && (line.find("NaN") != std::string_view::npos ||
                                             line.find("Infinity") != std::string_view::npos)
                         ? "; JSON has no NaN and no Infinity: leave such a state out"
@@ -93,7 +92,7 @@ Line object_of(std::string_view line) {
   return json;
 }
 
-/// @param joints hold those of the state
+/// @param joints storage for the state's joints
 MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
   require_keys(json, {"machine", "time", "joints", "position", "rotation"});
   MachineState state;
@@ -134,8 +133,7 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
   return state;
 }
 
-/// What is dug by joints, or on a way, that no machine has can't be put back: states are held to
-/// what rows of a motion are.
+/// Refuses states that no machine has, as for rows of a motion: digging can't be undone.
 void LiveSite::require_likely(const MachineState& state) const {
   const std::optional<MachineState> last = session_.last(state.machine);
   const SiteMachine& machine = session_.machines()[state.machine];
@@ -148,13 +146,13 @@ void LiveSite::require_likely(const MachineState& state) const {
   const Pose pose = state.joints.empty() ? state.pose : session_.pose(state.machine, state.joints);
   const double way_m = (pose.position - last->pose.position).norm();
   if (way_m > kFarthestMove_m)
-    throw std::invalid_argument(fmt::format(
-        "machine '{}' would go {:.6g} m straight on in one state; are these metres? States on its "
-        "way are at most {} m apart",
-        machine.name, way_m, kFarthestMove_m));
+    throw std::invalid_argument(
+        fmt::format("machine '{}' would move {:.6g} m in one state; are these metres? Consecutive "
+                    "states are at most {} m apart",
+                    machine.name, way_m, kFarthestMove_m));
   if (!state.time_s || !last->time_s) return;
   const double after_s = *state.time_s - *last->time_s;
-  if (after_s < 0) return;  // the session refuses it
+  if (after_s < 0) return;  // the session reports it
   if (!state.joints.empty() && !last->joints.empty())
     require(io::state_fault(*machine.chain, last->joints, state.joints, after_s));
   else
@@ -163,7 +161,7 @@ void LiveSite::require_likely(const MachineState& state) const {
 
 void LiveSite::reset_clock(const Line& json) {
   require_keys(json, {"machine", "clock"});
-  if (json["clock"] != "reset") throw std::invalid_argument("'clock' can only be \"reset\"");
+  if (json["clock"] != "reset") throw std::invalid_argument("'clock' must be \"reset\"");
   const std::size_t machine = session_.machine(machine_in(json).get<std::string>());
   const StepResult step = session_.reset_clock(machine);
   if (!step.ok()) throw std::runtime_error(step.why);
@@ -173,17 +171,17 @@ void LiveSite::reset_clock(const Line& json) {
 }
 
 std::string LiveSite::how_to_set_clock(std::size_t machine) const {
-  return fmt::format("say so: {} '{}clock?machine={}'", curl_, address_,
+  return fmt::format("confirm it: {} '{}clock?machine={}'", curl_, address_,
                      in_address(session_.machines()[machine].name));
 }
 
-/// After a slip of a clock no state of its machine would be taken, so it needs another that agrees.
+/// A state far ahead needs confirmation by another, because later states would be refused after it.
 void LiveSite::require_soon(const MachineState& state) {
   if (!state.time_s || log_.machines()[state.machine].clock_is_set) return;
-  const double latest_s = log_.time_s(), time_s = *state.time_s;
-  const double doubted_s =
-      std::exchange(doubted_s_[state.machine], std::numeric_limits<double>::quiet_NaN());
-  if (time_s - latest_s <= kFarthestAhead_s) return;
+  const std::optional<double> latest_s = log_.time_s();
+  const std::optional<double> doubted_s = std::exchange(doubted_s_[state.machine], {});
+  const double time_s = *state.time_s;
+  if (latest_s && time_s - *latest_s <= kFarthestAhead_s) return;
   const double ahead_s = time_s - host_time_s();
   if (time_s > kLeastEpoch_s && ahead_s > kFarthestAhead_s)
     throw std::invalid_argument(fmt::format(
@@ -191,13 +189,13 @@ void LiveSite::require_soon(const MachineState& state) {
         "that is wrong. If the machine's is right, {}",
         session_.machines()[state.machine].name, time_s, ahead_s / 3600,
         how_to_set_clock(state.machine)));
-  if (std::isnan(latest_s)) return;
-  if (time_s >= doubted_s && time_s - doubted_s <= kFarthestAhead_s) return;
+  if (!latest_s) return;
+  if (doubted_s && time_s >= *doubted_s && time_s - *doubted_s <= kFarthestAhead_s) return;
   doubted_s_[state.machine] = time_s;
   throw std::invalid_argument(fmt::format(
       "machine '{}': 'time' is {} s, more than an hour ahead of the site's latest, {} s; "
       "if that is right send it again: its next state up to an hour later is taken",
-      session_.machines()[state.machine].name, time_s, latest_s));
+      session_.machines()[state.machine].name, time_s, *latest_s));
 }
 
 }  // namespace soilvdb::tools

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Chunks whose blocks are written at once: the rest, and loads that come meanwhile, don't wait.
+/// Chunks per job, so that other chunks and loads do not wait.
 constexpr std::size_t kMostChunks = 32;
 
 fs::path free_name(const fs::path& folder) {
@@ -40,9 +40,9 @@ LiveMcap::LiveMcap(const fs::path& folder, const LiveSite& site, const Ground& c
   }
 }
 
-/// What a message is stamped with: of the site, else since it began.
+/// The time of a message: the site's latest, or else the time since the recording began.
 double LiveMcap::now_s() const {
-  if (std::isfinite(site_.time_s())) return site_.time_s();
+  if (const std::optional<double> time_s = site_.time_s()) return *time_s;
   return std::chrono::duration<double>(Clock::now() - begin_).count();
 }
 
@@ -94,16 +94,16 @@ void LiveMcap::record(const News& news) {
                     /*end_s=*/std::nullopt);
     mcap_->changed(news.changed);
     for (const LoadAt& at : news.loads) mcap_->load(at.time_s, at.machine, at.load);
-    // Times of machines may stand still, or go back where a clock was wrong.
+    // Machines' times may stand still, or go back after a wrong clock.
     const double clock_s = std::chrono::duration<double>(Clock::now() - begin_).count();
     if (!mcap_->due(clock_s) && !behind_ && !news.last) return;
-    mcap_->flush();  // before what may take its time
+    mcap_->flush();  // before slow work
     if (news.last) return mcap_->close(news.time_s);
     behind_ = mcap_->ground(news.time_s, kMostChunks);
     mcap_->flush();
   } catch (const std::exception& e) {
     failed_ = true;
-    say(fmt::format("warning: {}; the site goes on without", e.what()));
+    say(fmt::format("warning: {}; the site goes on without this recording", e.what()));
   }
 }
 

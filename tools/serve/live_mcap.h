@@ -17,19 +17,18 @@
 
 namespace soilvdb::tools {
 
-/// Gathers what changed on the thread that feeds the site, and has it recorded in jobs on the copy
-/// of the ground there. Where much has changed it is written some at a time, more often: others
-/// have jobs there, too. What can't be written ends the recording with a warning; the site goes on.
+/// Gathers changes on the feeding thread, and records them by jobs on the copy of the ground. Large
+/// changes are written in portions, because the jobs' thread also serves others. A failed write
+/// ends the recording with a warning; the site continues.
 class LiveMcap {
  public:
-  /// Begins with the first state that is fed, in a file of a name that is free: soil.mcap,
-  /// soil_1.mcap and so on.
-  /// @param copy what the jobs read. They end before this does
+  /// Begins with the first fed state, in a file with a free name: soil.mcap, soil_1.mcap and so on.
+  /// @param copy the ground that jobs read; jobs must end before this object
   LiveMcap(const std::filesystem::path& folder, const LiveSite& site, const Ground& copy);
 
-  /// Notes loads and what changed of the ground, and has them recorded.
+  /// Notes loads and changes of the ground, and starts a job to record them.
   void tick(std::span<const Coord3> changed, GroundCopy& beside);
-  /// Has the rest written and ends the file, by the time that the jobs have ended.
+  /// Starts a job that writes the rest and ends the file.
   void finish(GroundCopy& beside);
 
  private:
@@ -39,7 +38,7 @@ class LiveMcap {
     std::size_t machine = 0;
     SoilMcap::Load load;
   };
-  /// What is new, to be recorded.
+  /// Changes to record.
   struct News {
     double time_s = 0;
     std::vector<Coord3> changed = {};
@@ -58,7 +57,7 @@ class LiveMcap {
   News news_;
   std::atomic<bool> busy_ = false;
 
-  // Of the jobs.
+  // Used by jobs only.
   const std::filesystem::path folder_;
   const Ground& copy_;
   std::vector<std::string> machines_;

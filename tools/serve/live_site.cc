@@ -2,8 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/live_site.h"
 
-#include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -25,7 +23,7 @@ LiveSite::LiveSite(Session session, std::string name)
       name_(std::move(name)),
       log_(session_),
       moved_(session_.machines().size()),
-      doubted_s_(session_.machines().size(), std::numeric_limits<double>::quiet_NaN()),
+      doubted_s_(session_.machines().size()),
       before_{session_.change_m3(), session_.mass_balance().ground} {
   for (const SiteMachine& machine : session_.machines())
     joints_.push_back(machine.chain ? machine.chain->movable() : std::vector<std::string>());
@@ -41,7 +39,7 @@ void LiveSite::record(const Recording& recording,
                       const std::function<void(const io::JournalExtent&)>& progress) {
   session_.record(recording, progress);
   recorded_ = true;
-  // What the journal knows of loads, cycles are counted by again.
+  // The journal contains the loads, so cycles can be counted again.
   io::JournalReader reader(recording.folder / kJournalName);
   while (std::optional<io::JournalRecord> record = reader.next()) {
     const auto* fed = std::get_if<io::JournalUpdate>(&*record);
@@ -64,8 +62,7 @@ StepResult LiveSite::feed(const MachineState& state) {
     const auto row = io::row_of(state.pose);
     at.assign(row.begin(), row.end());
   }
-  if (log_.add(state.machine, state.time_s.value_or(std::nan("")), std::move(at),
-               step.update.bucket_m3))
+  if (log_.add(state.machine, state.time_s, std::move(at), step.update.bucket_m3))
     moved_[state.machine] = Clock::now();
   return step;
 }
@@ -101,7 +98,8 @@ std::string LiveSite::feed(std::string_view line) {
   }
 }
 
-/// Machines of one that is fed work if they moved just now; else if they did in the end.
+/// A live machine works if it moved in recent real time; others, if they moved before the log's
+/// end.
 Json LiveSite::state() const {
   std::vector<bool> works;
   const bool fed = recorded_ || fed_ > 0;
@@ -121,7 +119,7 @@ Json LiveSite::description() const {
     const SiteMachine& machine = session_.machines()[i];
     const double capacity_m3 = log_.machines()[i].capacity_m3;
     Bucket drawn = machine.bucket;
-    if (drawn.shape) {  // by the box around it
+    if (drawn.shape) {  // drawn as its bounding box
       const Vec3 low = drawn.shape->box_m().min(), high = drawn.shape->box_m().max();
       drawn.width_m = high.y() - low.y();
       drawn.height_m = high.z() - low.z();

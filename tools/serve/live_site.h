@@ -1,11 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A site that is fed lines of JSON, and what its machines are at.
+// A site that is fed lines of JSON, and the state of its machines.
 #pragma once
 
 #include <chrono>
 #include <cstdint>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,60 +18,60 @@
 
 namespace soilvdb::tools {
 
-/// What a site had changed before it was opened.
+/// A site's change before it was opened.
 struct ChangeBefore {
   double change_m3 = 0;
   std::int64_t mass = 0;  ///< in MassUnits
 };
 
-/// What a line says. @throw std::invalid_argument unless that is a JSON object
+/// The JSON object of a line. @throw std::invalid_argument for any other line
 nlohmann::json object_of(std::string_view line);
 
-/// For one thread.
+/// Not thread-safe.
 class LiveSite {
  public:
   /// @param session before its first state
   explicit LiveSite(Session session, std::string name);
-  /// One that is only looked at, after its last state.
+  /// A site for viewing only, after its last state.
   LiveSite(Session session, std::string name, WorkLog log, const ChangeBefore& before);
 
-  /// Records it from here on, or goes on with what is recorded.
+  /// Records it from here on, or continues a recording.
   void record(const Recording& recording,
               const std::function<void(const io::JournalExtent&)>& progress);
 
-  /// Feeds a line, `{"machine": "digger", "time": 12.3, "joints": {"boom": 0.3, ..}}` or with
-  /// `"position": [x, y, z], "rotation": [x, y, z, w]`.
-  /// A line `{"machine": "digger", "clock": "reset"}` says that the clock of a machine is right
-  /// from here on: it may go back to times before the last, and what it said before is forgotten.
-  /// @return a line: the update, or `{"error": ..}` and the site is as it was
+  /// Feeds a line: `{"machine": "digger", "time": 12.3, "joints": {"boom": 0.3, ..}}` or with
+  /// `"position": [x, y, z], "rotation": [x, y, z, w]`. A line `{"machine": "digger", "clock":
+  /// "reset"}` declares a machine's clock right from here on: its times may go back, and its
+  /// earlier times are forgotten.
+  /// @return a line: the update, or `{"error": ..}`, and then the site is unchanged
   std::string feed(std::string_view line);
   StepResult feed(const MachineState& state);
 
   Session& session() { return session_; }
   const Session& session() const { return session_; }
   const std::string& name() const { return name_; }
-  /// Counts what was fed.
+  /// Number of fed states.
   std::uint64_t fed() const { return fed_; }
-  /// First and latest time fed; NaN: none was.
-  double from_s() const { return log_.from_s(); }
-  double time_s() const { return log_.time_s(); }
-  /// Counts how often earlier states got other times, as a clock was wrong.
+  /// First and latest time fed, if a state had one.
+  std::optional<double> from_s() const { return log_.from_s(); }
+  std::optional<double> time_s() const { return log_.time_s(); }
+  /// Number of clocks set, after which earlier states have other times.
   std::uint64_t clocks_set() const { return clocks_set_; }
-  /// What messages tell to run. @param curl "curl -X POST" and its options
-  /// @param address where it is served, "http://127.0.0.1:8470/"
+  /// Sets the commands in messages. @param curl "curl -X POST" with its options
+  /// @param address of the server, "http://127.0.0.1:8470/"
   void set_address(std::string curl, std::string address) {
     curl_ = std::move(curl);
     address_ = std::move(address);
   }
   bool recorded() const { return recorded_; }
 
-  /// What viewers are told of the machines, again and again.
+  /// The machines' state, which viewers receive repeatedly.
   nlohmann::ordered_json state() const;
-  /// What viewers are told once.
+  /// The site's description, which viewers receive once.
   nlohmann::ordered_json description() const;
-  /// summary.json, but for totals().
+  /// summary.json without totals().
   io::Summary summary() const;
-  /// Of a session of this site; on any thread.
+  /// The totals of a session of this site; thread-safe.
   RunTotals totals(const Session& ground) const;
 
  private:
@@ -86,8 +87,8 @@ class LiveSite {
   std::string curl_ = "curl -X POST", address_ = "/";
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   WorkLog log_;
-  std::vector<Clock::time_point> moved_;  ///< each machine
-  std::vector<double> doubted_s_;         ///< each machine's time that was too far ahead; else NaN
+  std::vector<Clock::time_point> moved_;          ///< by machine
+  std::vector<std::optional<double>> doubted_s_;  ///< by machine: refused as too far ahead
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
   std::uint64_t fed_ = 0, clocks_set_ = 0;

@@ -3,7 +3,6 @@
 #include "tools/serve/player.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
 
@@ -18,23 +17,22 @@ Player::Player(LiveSite& site, const io::Scenario& scenario, double speed)
     : site_(site), speed_(speed), begin_s_(kForever) {
   for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
     const io::MotionFile& motion = scenario.machines[i].motion;
-    Track& track = tracks_.emplace_back(Track{
-        &motion, 0, 0, nullptr, std::numeric_limits<double>::quiet_NaN(), motion.rows() == 0});
+    Track& track = tracks_.emplace_back(Track{.motion = &motion, .done = motion.rows() == 0});
     if (track.done) continue;
     track.rows = motion.part(0);
     const auto last = site.session().last(i);
-    if (last && last->time_s) track.fed_s = *last->time_s;
-    while (!track.done && track.rows->times_s()[track.row] <= track.fed_s) next_row(track);
+    if (last) track.fed_s = last->time_s;
+    while (!track.done && track.fed_s && track.rows->times_s()[track.row] <= *track.fed_s)
+      next_row(track);
     begin_s_ = std::min(begin_s_, motion.begin_s());
   }
-  if (std::isfinite(site.time_s())) begin_s_ = std::max(begin_s_, site.time_s());
+  if (site.time_s()) begin_s_ = std::max(begin_s_, *site.time_s());
 }
 
 bool Player::done() const {
   return std::all_of(tracks_.begin(), tracks_.end(), [](const Track& t) { return t.done; });
 }
 
-/// Parts begin with the last row of the one before.
 void Player::next_row(Track& track) {
   if (++track.row < track.rows->times_s().size()) return;
   if (++track.part == track.motion->parts()) {
@@ -72,7 +70,7 @@ void Player::go_on() {
   const Clock::time_point now = Clock::now();
   if (!begun_) begun_ = now;
   const double now_s = begin_s_ + speed_ * std::chrono::duration<double>(now - *begun_).count();
-  // Rows in the order of time, then those who are between two.
+  // First rows in the order of time, then states between two rows.
   for (;;) {
     std::size_t next = tracks_.size();
     double next_s = now_s;
@@ -88,7 +86,7 @@ void Player::go_on() {
     next_row(tracks_[next]);
   }
   for (std::size_t i = 0; i < tracks_.size(); ++i)
-    if (!tracks_[i].done && now_s > tracks_[i].fed_s) feed(i, now_s);
+    if (!tracks_[i].done && tracks_[i].fed_s && now_s > *tracks_[i].fed_s) feed(i, now_s);
 }
 
 }  // namespace soilvdb::tools

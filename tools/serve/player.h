@@ -14,25 +14,25 @@
 
 namespace soilvdb::tools {
 
-/// Feeds a site as its machines would: every row, and where they are between rows.
+/// Feeds a site like its machines: every row, and states between rows.
 class Player {
  public:
-  /// Goes on where the site's machines are.
-  /// @param speed seconds of motion a second, > 0
+  /// Continues from the machines' present states.
+  /// @param speed seconds of motion per second, > 0
   Player(LiveSite& site, const io::Scenario& scenario, double speed);
 
-  /// Feeds what has come up. @throw std::runtime_error if the site doesn't take it
+  /// Feeds the states that are due. @throw std::runtime_error if the site refuses one
   void go_on();
-  /// Have all motions come to their end?
+  /// Have all motions ended?
   bool done() const;
 
  private:
   using Clock = std::chrono::steady_clock;
   struct Track {
     const io::MotionFile* motion;
-    std::size_t part = 0, row = 0;  ///< next to be fed
-    std::shared_ptr<const Motion> rows;
-    double fed_s;  ///< NaN: nothing was
+    std::size_t part = 0, row = 0;  ///< to feed next
+    std::shared_ptr<const Motion> rows = {};
+    std::optional<double> fed_s = {};  ///< the last time fed
     bool done = false;
   };
   void feed(std::size_t machine, double time_s);

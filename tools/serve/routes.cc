@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What is answered to which request.
+// Answers to requests.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -36,13 +36,13 @@ Reply json_reply(const Json& json) {
   return {200, "application/json", io::to_text(json) + '\n', {}, false};
 }
 
-/// A folder for one file, which is read back.
+/// A temporary folder for one file.
 class TempFile {
  public:
   explicit TempFile(const std::string& name) {
     std::string path = (fs::temp_directory_path() / "soilvdb-XXXXXX").string();
     if (mkdtemp(path.data()) == nullptr)
-      throw std::runtime_error("there is no room for the file in " +
+      throw std::runtime_error("no temporary folder for the file can be made in " +
                                fs::temp_directory_path().string());
     folder_ = path;
     file_ = folder_ / name;
@@ -72,10 +72,10 @@ Reply file_reply(const char* name, const char* type,
 
 void require_dug(const Session& session) {
   if (session.site().ground->chunk_count() == 0)
-    throw std::invalid_argument("nobody has dug yet; there is nothing to make a file of");
+    throw std::invalid_argument("nothing is dug yet, so there is no such file");
 }
 
-/// Takes as long whether they are the same or where they differ.
+/// Takes the same time for any difference, so that timing reveals nothing.
 bool constant_time_equal(std::string_view a, std::string_view b) {
   unsigned char differs = a.size() != b.size();
   for (std::size_t i = 0; i < a.size(); ++i)
@@ -117,12 +117,12 @@ Past ServerState::past(double time_s, std::uint64_t clocks_set) {
 void ServerState::with_ground(std::optional<double> time_s, std::optional<double> against_s,
                               std::function<Reply(GroundView&)> use,
                               std::function<void(Reply)> done) {
-  const double latest_s = options.takes_feeds ? site.time_s() : known_times.to_s;
+  const auto latest_s = options.takes_feeds ? site.time_s() : known_times.to_s;
   for (const auto& asked_s : {time_s, against_s})
-    if (asked_s && *asked_s > latest_s + 1e-3)  // times are told rounded
+    if (asked_s && latest_s && *asked_s > *latest_s + 1e-3)  // clients see rounded times
       return done(
           refusal(400, fmt::format("{} s is later than what is recorded, which goes up to {} s",
-                                   *asked_s, time_text(latest_s))));
+                                   *asked_s, time_text(*latest_s))));
   std::shared_ptr<Session> live;
   if (!time_s) live = std::make_shared<Session>(site.session().clone());
   query(
@@ -147,7 +147,7 @@ void ServerState::query(std::function<Reply()> make, std::function<void(Reply)> 
     }
     boost::asio::post(io, [done = std::move(done), reply = std::move(reply)] { done(reply); });
   });
-  if (!taken) done(refusal(429, "too much was asked at once; ask again later"));
+  if (!taken) done(refusal(429, "too many requests; try again later"));
 }
 
 Reply ServerState::post(const std::string& text) {

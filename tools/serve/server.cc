@@ -9,7 +9,6 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/socket_base.hpp>
 #include <boost/system/system_error.hpp>
-#include <cmath>
 #include <fstream>
 #include <future>
 #include <iterator>
@@ -117,7 +116,7 @@ Bytes ServerState::block(const Coord3& block) {
   return nullptr;
 }
 
-/// Some at a time, in jobs beside: what is newest by then is what is made.
+/// Makes blocks in portions, by jobs beside the feeds, from the newest ground.
 void ServerState::make_blocks() {
   if (making || wanted.empty()) return;
   making = true;
@@ -147,12 +146,12 @@ void ServerState::make_blocks() {
 
 Json ServerState::times() {
   if (!history) return nullptr;
-  const double from_s = options.takes_feeds ? site.from_s() : known_times.from_s;
-  const double to_s = options.takes_feeds ? site.time_s() : known_times.to_s;
-  if (!std::isfinite(from_s) || !std::isfinite(to_s)) return nullptr;
+  const auto from_s = options.takes_feeds ? site.from_s() : known_times.from_s;
+  const auto to_s = options.takes_feeds ? site.time_s() : known_times.to_s;
+  if (!from_s || !to_s) return nullptr;
   std::vector<double> snapshots_s = known_times.snapshots_s;
-  std::erase_if(snapshots_s, [&](double s) { return s > to_s; });  // of a clock that was ahead
-  return {{"from", from_s}, {"to", to_s}, {"snapshots", snapshots_s}};
+  std::erase_if(snapshots_s, [&](double s) { return s > *to_s; });  // by a clock that was ahead
+  return {{"from", *from_s}, {"to", *to_s}, {"snapshots", snapshots_s}};
 }
 
 Bytes ServerState::description() {
@@ -177,7 +176,7 @@ void ServerState::follow_ground() {
   if (recording) recording->tick(chunks, *beside);
 }
 
-/// Tells viewers what changed, and of the machines.
+/// Sends changes and the machines' state to viewers.
 void ServerState::tick() {
   if (stopped()) {
     io.stop();
@@ -201,7 +200,7 @@ void ServerState::tick() {
     queries.try_run([this] {
       try {
         net::post(io, [this, found = history->times()] { known_times = found; });
-      } catch (const std::exception&) {  // a folder that can't be read now
+      } catch (const std::exception&) {  // the folder is unreadable for now
       }
     });
   }
@@ -226,7 +225,7 @@ std::string Server::url() const {
   const tcp::endpoint at = state_->acceptor.local_endpoint();
   std::string host =
       at.address().is_v6() ? '[' + at.address().to_string() + ']' : at.address().to_string();
-  if (at.address().is_unspecified()) host = net::ip::host_name();  // all of this machine's
+  if (at.address().is_unspecified()) host = net::ip::host_name();  // all addresses of this machine
   const std::string& token = state_->options.token;
   return fmt::format("http://{}:{}{}/{}", host, at.port(), state_->options.base_path,
                      token.empty() ? "" : "#token=" + token);
@@ -249,7 +248,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
         if (s.connections < kMostConnections) accept_connection(s, std::move(socket));
         return accept();
       }
-      rest.expires_after(kTick);  // no more files may be opened, say
+      rest.expires_after(kTick);  // for example, too many open files
       rest.async_wait([&](const boost::system::error_code& stopped_waiting) {
         if (!stopped_waiting) accept();
       });
@@ -269,7 +268,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   s.queries.drop();
   try {
     s.queries.wait();
-  } catch (const std::exception&) {  // of a query: nobody waits for its answer any more
+  } catch (const std::exception&) {  // the client of the query is gone
   }
   if (s.recording) {
     s.follow_ground();

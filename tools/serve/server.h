@@ -20,33 +20,33 @@ struct ServerState;  // tools/serve/server_state.h
 
 struct ServerOptions {
   std::string listen = "127.0.0.1";          ///< an address of this machine
-  std::uint16_t port = 0;                    ///< 0: any that is free
-  std::string token = {};                    ///< empty: everybody on this machine may
-  std::string base_path = {};                ///< "/dig": it is found below that, too
-  bool takes_feeds = true;                   ///< else it is only looked at
+  std::uint16_t port = 0;                    ///< 0: any free port
+  std::string token = {};                    ///< empty: every user of this machine has access
+  std::string base_path = {};                ///< "/dig": also served below this path
+  bool takes_feeds = true;                   ///< false: viewing only
   std::filesystem::path page = {};           ///< folder of index.html, view.js and view.css
-  std::optional<double> raster_cell_m = {};  ///< of surface.tif; without: voxels
-  std::filesystem::path mcap_folder = {};    ///< empty: nothing is recorded as MCAP
+  std::optional<double> raster_cell_m = {};  ///< of surface.tif; default: the voxel size
+  std::filesystem::path mcap_folder = {};    ///< empty: no MCAP is recorded
 };
 
-/// Serves on the thread that calls run(), which the site is then for; what takes long is done on
-/// another, with clones of it.
+/// Serves on the thread that calls run(), which then owns the site. Slow work runs on another
+/// thread, with clones of the site.
 class Server {
  public:
   /// Opens the port.
-  /// @param history null: none is kept
-  /// @param design null: there is none
-  /// @throw io::InputError where it can't listen
+  /// @param history null: no history
+  /// @param design null: no design
+  /// @throw io::InputError if it can't listen
   Server(LiveSite& site, std::unique_ptr<History> history,
          std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
   ~Server();
 
   /// "http://127.0.0.1:8470/", with the token if there is one.
   std::string url() const;
-  /// Until `stopped()` says so, which is asked ten times a second.
-  /// @param play called some fifty times a second, for who feeds the site from here
+  /// Runs until `stopped()` returns true; calls it ten times a second.
+  /// @param play called some fifty times a second, for a source of states in this process
   void run(const std::function<bool()>& stopped, const std::function<void()>& play = {});
-  /// Feeds a line from any other thread while it runs. @return the answer; empty: it runs no more
+  /// Feeds a line from another thread during run(). @return the answer; empty after run()
   std::string feed(std::string line);
 
  private:

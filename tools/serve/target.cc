@@ -79,7 +79,7 @@ std::vector<double> QueryParameters::numbers(const std::string& name, double mos
     const std::size_t end = std::min(whole.find(',', at), whole.size());
     const auto value = io::parse_number(whole.substr(at, end - at));
     if (!value || !(std::abs(*value) <= most))
-      throw std::invalid_argument(fmt::format("'{}' is made of numbers; '{}' is none", name,
+      throw std::invalid_argument(fmt::format("'{}' must be numbers, and '{}' is not", name,
                                               io::printable(whole.substr(at, end - at))));
     all.push_back(*value);
     at = end + 1;
@@ -103,7 +103,8 @@ std::string QueryParameters::word(const std::string& name,
   const auto found = target_.values.find(name);
   if (found == target_.values.end()) return words.front();
   if (std::find(words.begin(), words.end(), found->second) == words.end())
-    throw std::invalid_argument(fmt::format("'{}' is one of {}", name, fmt::join(words, ", ")));
+    throw std::invalid_argument(
+        fmt::format("'{}' must be one of {}", name, fmt::join(words, ", ")));
   return found->second;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a request asks for.
+// The target of a request.
 #pragma once
 
 #include <initializer_list>
@@ -19,24 +19,24 @@ struct Target {
   std::string path;
   std::map<std::string, std::string> values;
 };
-/// Nothing if it isn't one, or names a value twice.
+/// Empty for an invalid target, or one with a repeated name.
 std::optional<Target> parse_target(const std::string& text);
 
-/// The values of a target, each of which is asked for by its name. All throw std::invalid_argument
-/// in one line where one is missing or can't be.
+/// The values of a target by name. All members throw std::invalid_argument with one line if a value
+/// is missing or wrong.
 class QueryParameters {
  public:
-  /// @param target outlives it
-  /// @param known values that it may have
+  /// @param target must outlive it
+  /// @param known names of allowed values
   QueryParameters(const Target& target, std::initializer_list<const char*> known);
 
   const std::string& text(const std::string& name) const;
-  /// Numbers with commas between; of one beyond `most` it is said that it is none.
+  /// Comma-separated numbers; magnitudes beyond `most` are refused.
   std::vector<double> numbers(const std::string& name, double most = kFarthest_m) const;
   double number(const std::string& name, double most = kFarthest_m) const;
-  /// Also a time, in s; nothing where it isn't there.
+  /// One number, also for a time in s; empty if it is missing.
   std::optional<double> number_if(const std::string& name) const;
-  /// One of these words; the first where nothing is said.
+  /// One of these words; default: the first.
   std::string word(const std::string& name, const std::vector<std::string>& words) const;
   Vec2 place(const std::string& name) const;
 
@@ -45,7 +45,7 @@ class QueryParameters {
   const Target& target_;
 };
 
-/// A value as it is written in an address.
+/// A value, escaped for an address.
 std::string in_address(std::string_view value);
 
 }  // namespace soilvdb::tools

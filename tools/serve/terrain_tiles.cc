@@ -14,9 +14,9 @@
 namespace soilvdb::tools {
 namespace {
 
-/// What is shown around work on unbounded ground.
+/// Margin around work on unbounded ground.
 constexpr double kAround_m = 40;
-/// Posts along the longer side, where the terrain has none of its own.
+/// Posts along the longer side of a terrain without posts of its own.
 constexpr double kPosts = 512;
 
 }  // namespace
@@ -49,7 +49,7 @@ TerrainTiles::TerrainTiles(const io::Site& site, const Eigen::AlignedBox2d& work
   }
   const double side_m = bounds_.sizes().maxCoeff();
   if (spacing_m == 0) spacing_m = side_m / kPosts;
-  // Without so many posts that nobody could look at them.
+  // Limits the number of posts.
   while (side_m / spacing_m > 1e6) spacing_m *= 2;
   for (;; spacing_m *= 2) {
     const auto posts = [&](double length_m) {
@@ -79,7 +79,7 @@ std::optional<std::string> TerrainTiles::tile(int level, int i, int j,
   std::string bytes;
   for (int y = j * kSide; y <= std::min((j + 1) * kSide, of.ny - 1); ++y) {
     for (int x = i * kSide; x <= std::min((i + 1) * kSide, of.nx - 1); ++x) {
-      // A last post beyond the border stands for it.
+      // The last post, beyond the border, takes the border's height.
       const Vec2 at = (bounds_.min() + of.spacing_m * Vec2(x, y)).cwiseMin(bounds_.max());
       put(bytes,
           static_cast<float>(

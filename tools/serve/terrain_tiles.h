@@ -13,19 +13,19 @@
 
 namespace soilvdb::tools {
 
-/// Immutable; several threads may ask.
+/// Immutable, thread-safe.
 class TerrainTiles {
  public:
   static constexpr int kSide = 256;  ///< steps between posts along a tile
 
-  /// @param work where machines, pours and hoppers are: what is shown of unbounded ground
+  /// @param work area of machines, pours and hoppers, which is shown of unbounded ground
   TerrainTiles(const io::Site& site, const Eigen::AlignedBox2d& work);
 
   /// Bounds and levels, the finest first.
   nlohmann::ordered_json description() const;
-  /// float32 heights of a tile, row-major from low y and low x, NaN where there are none; nothing
-  /// if there is no such tile.
-  /// @param other a surface whose heights at the same posts are asked for; null: the terrain's
+  /// float32 heights of a tile, row-major from low y and low x, NaN without a height; empty if
+  /// there is no such tile.
+  /// @param other a surface to sample at the same posts; null: the terrain
   std::optional<std::string> tile(int level, int i, int j,
                                   const InitialTerrain* other = nullptr) const;
 
@@ -40,7 +40,7 @@ class TerrainTiles {
   std::vector<Level> levels_;
 };
 
-/// Where a session's machines, pours, hoppers and dug ground are.
+/// The area of a session's machines, pours, hoppers and dug ground.
 Eigen::AlignedBox2d work_area(const Session& session);
 
 }  // namespace soilvdb::tools

@@ -84,9 +84,9 @@ void Viewer::requested(const std::string& text) {
   }
 }
 
-/// Goes over to another view. Live ground against another time is that of now.
+/// Switches to another view. Live ground with a comparison time is a view of the present time.
 void Viewer::show(std::optional<double> time_s, std::optional<double> against_s) {
-  if (asking_) throw std::invalid_argument("the view asked for before isn't there yet");
+  if (asking_) throw std::invalid_argument("the view requested before is not ready yet");
   if (!time_s && !against_s) {
     view_ = 0;
     ground_.reset();
@@ -140,9 +140,9 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
       });
 }
 
-/// The first of those that are due that there is. In turn, wherever changes come from.
+/// The next due block that is available. Takes turns, wherever changes come from.
 std::optional<Coord3> Viewer::next_block(Bytes& message) {
-  constexpr int kAhead = 8;  // that are asked for before it is their turn
+  constexpr int kAhead = 8;  // blocks that may be requested in advance
   auto next = due_.upper_bound(last_);
   for (std::size_t i = 0; i < due_.size() && i < kAhead; ++i, ++next) {
     if (next == due_.end()) next = due_.begin();
@@ -164,7 +164,7 @@ void Viewer::send(const Bytes& message, bool text) {
                           beast::get_lowest_layer(self->socket_).close();
                           return;
                         }
-                        // Others first: what comes may be the next block.
+                        // Yields to other handlers: the next message may be a block.
                         net::post(self->state_.io, [self] { self->go_on(); });
                       });
 }
@@ -198,9 +198,9 @@ void Viewer::go_on() {
         Bytes bytes;
         try {
           bytes = std::make_shared<const std::string>(ground->block(at, view));
-        } catch (const std::exception&) {  // it is left out
+        } catch (const std::exception&) {  // the block is left out
         }
-        // What is here goes there, so that it isn't this thread that lets go of it.
+        // Moves the references along, so that this thread does not destroy the objects.
         net::io_context& io = self->state_.io;
         net::post(io, [self = std::move(self), ground = std::move(ground), view, at, bytes] {
           self->sending_ = false;
@@ -213,7 +213,7 @@ void Viewer::go_on() {
           self->go_on();
         });
       });
-  if (!taken) sending_ = false;  // at the next tick
+  if (!taken) sending_ = false;  // tries again at the next tick
 }
 
 }  // namespace soilvdb::tools

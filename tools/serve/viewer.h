@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// One who watches: is sent what changed, as fast as it takes it and no faster.
+// A connected viewer, which receives changes as fast as it can take them.
 #pragma once
 
 #include <boost/beast/core.hpp>
@@ -15,8 +15,8 @@
 
 namespace soilvdb::tools {
 
-/// Only which blocks are due is kept for a viewer, so one that stalls misses states in between and
-/// holds nothing else up.
+/// Keeps only the set of due blocks. A slow viewer skips intermediate states, and blocks nothing
+/// else.
 class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   using Socket = boost::beast::websocket::stream<boost::beast::tcp_stream>;
@@ -26,9 +26,9 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void start();
   /// A block of the live ground changed.
   void changed(const Coord3& block);
-  /// Of the machines; the newest wins.
+  /// State of the machines; only the newest is sent.
   void tell_state(const Bytes& state) { told_ = state; }
-  /// Sends what is due next unless something is on its way.
+  /// Sends the next due message, unless one is being sent.
   void go_on();
 
  private:
@@ -47,10 +47,10 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   Bytes told_;
   std::set<Coord3, Before> due_;
   Coord3 last_ = Coord3::Zero();
-  std::uint32_t view_ = 0, views_ = 0;  ///< 0: live; how many others there were
-  std::shared_ptr<GroundView> ground_;  ///< of another view
+  std::uint32_t view_ = 0, views_ = 0;  ///< 0: live; number of other views so far
+  std::shared_ptr<GroundView> ground_;  ///< of a view other than live
   std::size_t sent_ = 0;
-  bool whole_ = false;  ///< was it told that all were sent?
+  bool whole_ = false;  ///< was the viewer informed that all blocks were sent?
   bool sending_ = false, asking_ = false;
 };
 

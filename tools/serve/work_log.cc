@@ -17,9 +17,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kNever = -std::numeric_limits<double>::infinity();
-
 double struck_m3(const Bucket& bucket) {
   const auto capacity = Capacity::of(bucket);
   return capacity ? capacity->struck_m3() : 0;
@@ -80,41 +77,41 @@ WorkLog::WorkLog(const Session& site)
     const double about_m3 = work.capacity_m3 > 0
                                 ? work.capacity_m3
                                 : bucket.width_m * bucket.height_m * bucket.height_m;
-    work.cycles = CycleCounter(about_m3 / 4);  // a blade always pushes some
+    work.cycles = CycleCounter(about_m3 / 4);  // a blade always pushes some soil
   }
 }
 
 void WorkLog::note_time(double time_s) {
-  if (std::isnan(from_s_)) from_s_ = time_s;
-  time_s_ = std::fmax(time_s_, time_s);
+  if (!from_s_) from_s_ = time_s;
+  time_s_ = std::max(time_s_, std::optional(time_s));
 }
 
-bool WorkLog::add(std::size_t machine, double time_s, std::vector<double> at, double load_m3) {
+bool WorkLog::add(std::size_t machine, std::optional<double> time_s, std::vector<double> at,
+                  double load_m3) {
   Machine& work = machines_[machine];
-  if (std::isfinite(time_s)) {
-    if (work.clock_is_set) from_s_ = std::fmin(from_s_, time_s);
-    note_time(time_s);
+  if (time_s) {
+    if (work.clock_is_set && from_s_) from_s_ = std::min(*from_s_, *time_s);
+    note_time(*time_s);
     work.time_s = time_s;
     work.clock_is_set = false;
   }
   work.cycles.add(load_m3);
   const bool moved = at != work.at;
   work.at = std::move(at);
-  if (moved && !std::isnan(time_s_)) work.moved_s = time_s_;
+  if (moved && time_s_) work.moved_s = time_s_;
   return moved;
 }
 
 void WorkLog::set_clock(std::size_t machine) {
-  machines_[machine].time_s = kUnknown;
+  machines_[machine].time_s.reset();
   machines_[machine].clock_is_set = true;
-  time_s_ = kUnknown;
-  for (const Machine& other : machines_) time_s_ = std::fmax(time_s_, other.time_s);
-  // Who moved by the time that it said, did before all that comes.
-  for (Machine& other : machines_)
-    if (!(other.moved_s <= time_s_)) other.moved_s = std::isnan(time_s_) ? kNever : time_s_;
+  time_s_.reset();
+  for (const Machine& other : machines_) time_s_ = std::max(time_s_, other.time_s);
+  // A machine's last move before its clock was set precedes all later times.
+  for (Machine& other : machines_) other.moved_s = std::min(other.moved_s, time_s_);
 }
 
-/// Where its rows don't change, it stands.
+/// A machine stands while its rows do not change.
 void WorkLog::add(const io::JournalUpdate& update) {
   using Kind = io::JournalUpdate::Kind;
   const bool of_machine = update.machine < machines_.size();
@@ -132,13 +129,15 @@ void WorkLog::add(const io::JournalUpdate& update) {
     moved |= next != at;
     at = std::move(next);
   }
-  add(update.machine, update.end_s, std::move(at),
+  const bool has_time = std::isfinite(update.end_s);
+  add(update.machine, has_time ? std::optional(update.end_s) : std::nullopt, std::move(at),
       static_cast<double>(update.bucket_samples) * loose_m3_);
-  if (moved && !std::isnan(time_s_)) work.moved_s = time_s_;
+  if (moved && time_s_) work.moved_s = time_s_;
 }
 
 bool WorkLog::works(std::size_t machine) const {
-  return time_s_ - machines_[machine].moved_s < kIdleAfter_s;
+  const std::optional<double>& moved_s = machines_[machine].moved_s;
+  return moved_s && time_s_ && *time_s_ - *moved_s < kIdleAfter_s;
 }
 
 Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>& works) {
@@ -148,13 +147,12 @@ Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>
   const Ledger total = site.total();
   const MassBalance balance = site.mass_balance_without_ground();
   const double sample_m3 = site.site().ground->sample_m3();
-  const std::int64_t fill = balance.fill_samples - balance.failed_samples;
   return {{"type", "state"},
-          {"time_s", std::isfinite(log.time_s()) ? Json(log.time_s()) : Json()},
+          {"time_s", log.time_s() ? Json(*log.time_s()) : Json()},
           {"machines", machines},
           {"cut_m3", total.cut_m3()},
-          {"fill_m3", static_cast<double>(fill) * sample_m3},
-          {"change_m3", static_cast<double>(fill - total.cut()) * sample_m3}};
+          {"fill_m3", static_cast<double>(balance.fill_samples) * sample_m3},
+          {"change_m3", static_cast<double>(balance.fill_samples - total.cut()) * sample_m3}};
 }
 
 Json site_state(const Session& site, const WorkLog& log) {

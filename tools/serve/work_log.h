@@ -1,11 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What machines have done, besides what their session knows: cycles, and when they moved last.
+// The machines' work that their session does not know: cycles, and times of their last moves.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -16,14 +15,14 @@
 
 namespace soilvdb::tools {
 
-/// Counts a machine's cycles by its load: one ends when the bucket loses most of what it held.
+/// Counts a machine's cycles: a cycle ends when the bucket loses most of its load.
 class CycleCounter {
  public:
-  /// @param least_m3 loads that are less are none
+  /// @param least_m3 smaller loads do not count
   explicit CycleCounter(double least_m3 = 0) : least_m3_(least_m3) {}
   void add(double load_m3);
   std::int64_t cycles() const { return cycles_; }
-  /// Most that the bucket held in the last cycle that ended, loose; nothing before the first.
+  /// Largest load in the last complete cycle, loose; empty before the first.
   std::optional<double> last_load_m3() const { return last_m3_; }
 
  private:
@@ -34,51 +33,51 @@ class CycleCounter {
   std::optional<double> last_m3_ = {};
 };
 
-/// A machine that hasn't moved for so long is idle.
+/// A machine is idle if it has not moved for this time.
 inline constexpr double kIdleAfter_s = 10;
 
-/// Of all machines of a site, state by state as they come or from a journal.
+/// The work of all machines, from live states or a journal.
 class WorkLog {
  public:
   struct Machine {
-    double capacity_m3 = 0;  ///< struck; 0: not known
+    double capacity_m3 = 0;  ///< struck; 0: unknown
     CycleCounter cycles;
-    std::vector<double> at = {};                                ///< its last state's numbers
-    double moved_s = -std::numeric_limits<double>::infinity();  ///< of the site's times
-    double time_s = std::numeric_limits<double>::quiet_NaN();   ///< its latest
-    bool clock_is_set = false;                                  ///< and it has told no time since
+    std::vector<double> at = {};         ///< numbers of its last state
+    std::optional<double> moved_s = {};  ///< the site's time when it moved last
+    std::optional<double> time_s = {};   ///< its latest
+    bool clock_is_set = false;           ///< its clock was set, and it has sent no time since
   };
 
   explicit WorkLog(const Session& site);
 
-  /// A machine was brought somewhere. @param at numbers that say where
-  /// @return whether it was elsewhere before
-  bool add(std::size_t machine, double time_s, std::vector<double> at, double load_m3);
+  /// A machine has a new state. @param at the numbers of its position or joints
+  /// @return whether it has moved
+  bool add(std::size_t machine, std::optional<double> time_s, std::vector<double> at,
+           double load_m3);
   void add(const io::JournalUpdate& update);
 
   const std::vector<Machine>& machines() const { return machines_; }
-  /// The clock of a machine was wrong and is set: what it said before is forgotten.
+  /// A machine's wrong clock was set: its earlier times are forgotten.
   void set_clock(std::size_t machine);
-  /// First and latest time; NaN: none was.
-  double from_s() const { return from_s_; }
-  double time_s() const { return time_s_; }
-  /// Did a machine move in the seconds before the last that is known?
+  /// First and latest time, if a state had one.
+  std::optional<double> from_s() const { return from_s_; }
+  std::optional<double> time_s() const { return time_s_; }
+  /// Did a machine move shortly before the latest time?
   bool works(std::size_t machine) const;
 
  private:
   void note_time(double time_s);
 
-  double loose_m3_;  ///< of a unit of mass
+  double loose_m3_;  ///< per unit of mass
   std::vector<Machine> machines_;
-  double from_s_ = std::numeric_limits<double>::quiet_NaN();
-  double time_s_ = std::numeric_limits<double>::quiet_NaN();
+  std::optional<double> from_s_, time_s_;
 };
 
-/// What viewers are told of a site again and again: where its machines are, what they hold and did.
-/// @param works which of them do
+/// A site's repeated message to viewers: its machines' places, loads and work.
+/// @param works by machine
 nlohmann::ordered_json site_state(const Session& site, const WorkLog& log,
                                   const std::vector<bool>& works);
-/// The same as of the log's end.
+/// As above at the log's end.
 nlohmann::ordered_json site_state(const Session& site, const WorkLog& log);
 /// A row for each machine of such a state.
 std::string machines_csv(const nlohmann::ordered_json& state);

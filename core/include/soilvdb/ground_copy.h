@@ -30,12 +30,12 @@ namespace soilvdb::inline v0 {
 /// Functions may be called by one thread at a time.
 ///
 /// ```
-/// Ground copy(ground.voxel_size_m(), ground.origin(), ground.shared_base());
-/// GroundCopy ground(copy);
+/// Ground copy(ground.voxel_size_m(), ground.origin(), ground.shared_terrain());
+/// GroundCopy beside(copy);
 /// ChangeFollower changes(ground);
 /// tracker.update(0, world_from_bucket);
-/// ground.post(ground, changes.take());
-/// ground.run([&] { save(copy); });
+/// beside.post(ground, changes.take());
+/// beside.run([&] { save(copy); });
 /// ```
 class GroundCopy {
  public:

@@ -85,13 +85,14 @@ class Samples {
            (a.size == 0 || std::memcmp(tail(), other.tail(), a.size * sizeof(kAllSoil)) == 0);
   }
 
-  std::uint64_t word(int n) const {
+  [[gnu::always_inline]] std::uint64_t word(int n) const {
     const std::uint64_t bit = std::uint64_t{1} << (n & 63);
     if (head().soil[n >> 6] & bit) return kAllSoil;
     return head().mixed[n >> 6] & bit ? tail()[head().index(n)] : 0;
   }
 
-  void set_word(int n, std::uint64_t word) {
+  /// Inline, so that kernels compiled for several CPUs count bits with theirs.
+  [[gnu::always_inline]] void set_word(int n, std::uint64_t word) {
     if (!block_) {
       if (word == 0) return;
       resize(word != kAllSoil);
@@ -166,7 +167,7 @@ class Samples {
       return any == 0;
     }
     /// Where the word of cell n is, or would be.
-    std::size_t index(int n) const {
+    [[gnu::always_inline]] std::size_t index(int n) const {
       const std::uint64_t below = mixed[n >> 6] & ((std::uint64_t{1} << (n & 63)) - 1);
       return before[n >> 6] + static_cast<std::size_t>(std::popcount(below));
     }

@@ -48,7 +48,9 @@ struct MassBalance {
   std::int64_t poured = 0;            ///< brought by pours
   std::int64_t hauled = 0;            ///< into hoppers
   std::int64_t slid = 0;              ///< moved because slopes failed
-  std::int64_t fill_samples = 0, failed_samples = 0;  ///< added to the ground; lost by slopes
+  /// Added to the ground, less the samples that failed slopes lost: the ground's change is this
+  /// less the cut.
+  std::int64_t fill_samples = 0;
   MassUnits units;
 };
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A dig controller that closes its loop through soilvdb: it drags until the bucket holds what it was
-asked for, going deeper where it fills too slowly, then curls up and lifts.
+"""A dig controller with feedback from soilvdb: it drags until the bucket holds the wanted load, goes
+deeper if the bucket fills too slowly, then curls and lifts.
 
     python3 dig_controller.py [LOAD_M3]
 """
@@ -28,11 +28,11 @@ def dig(site: soilvdb.Site, wanted_m3: float, begin: tuple[float, float]) -> tup
     while load < wanted_m3 and x < begin[0] + 6.0:
         if updates % 10 == 0:  # it plans ten times a second
             ground = float(site.heights([(x + 0.3, y)])[0])
-            # What is still missing should come within the next 1.5 m.
+            # The missing load should come within the next 1.5 m.
             depth = np.clip((wanted_m3 - load) / (1.2 * 1.5), 0.1, 0.4)
         x += SPEED_M_S / RATE_HZ
         lip += np.clip(ground - depth - lip, -0.5 / RATE_HZ, 0.5 / RATE_HZ)
-        # It curls as it fills, so that it holds what it has.
+        # Curls while it fills, so that the load stays.
         update = site.update(0, position=(x, y, lip), rotation=pitch(0.3 - 1.4 * load / wanted_m3))
         load, updates = update.bucket_m3, updates + 1
     curled = 0.3 - 1.4 * load / wanted_m3

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A learning environment of the usual shape: reset() and step(), many at once.
 
-The task: fill the bucket in one stroke. An action says how the lip moves and turns in a tenth of a
-second; an observation is the load, the lip's place and heights of the ground ahead. Resets take a
-clone of the untouched site, which costs little.
+The task: fill the bucket in one stroke. An action moves and turns the lip for a tenth of a second.
+An observation is the load, the lip's place and heights of the ground ahead. A reset clones the
+untouched site, which is fast.
 
     python3 dig_env.py
 """
@@ -23,7 +23,7 @@ PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0,
 
 
 class DigEnv:
-    """Actions (count, 3) in [-1, 1]: speed along x and z, and of the curl."""
+    """Actions (count, 3) in [-1, 1]: speed along x and z, and curl rate."""
 
     def __init__(self, count: int, voxel_size: float = 0.1, seed: int = 0) -> None:
         bucket = soilvdb.Bucket(width=1.2, height=0.9, profile=PROFILE)
@@ -70,7 +70,7 @@ def main() -> None:
     env = DigEnv(count=8)
     observations, done, total = env.reset(), False, np.zeros(8)
     while not done:
-        # Down to 0.3 m, along, and up: a policy to be beaten.
+        # A simple reference policy: down to 0.3 m, along, and up.
         z, x = observations[:, 2], observations[:, 1]
         actions = np.stack([np.ones(8), np.clip(3 * (np.where(x < 2.5, -0.3, 1.0) - z), -1, 1),
                             np.where(x < 2.5, 0.0, -1.0)], axis=1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a call that no function takes: one line of pybind11's text and the arguments."""
+"""Explains wrong arguments of a call in one line, from pybind11's text and the arguments."""
 
 import os
 import re
@@ -10,7 +10,7 @@ import soilvdb
 
 
 def _split(text: str) -> list[str]:
-    """The parts between commas that aren't in brackets."""
+    """The parts between commas that are not in brackets."""
     parts, depth = [""], 0
     for letter in text:
         depth += letter in "[(" and 1 or letter in "])" and -1
@@ -22,7 +22,7 @@ def _split(text: str) -> list[str]:
 
 
 def _kinds(of: str) -> list[str]:
-    """Python's names of what an argument may be."""
+    """Python's names of the types that an argument may have."""
     union = re.fullmatch(r"(Optional|Union)\[(.*)\]", of)
     if not union:
         return [{"os.PathLike": "path"}.get(of, of.split(".")[-1])]
@@ -44,7 +44,7 @@ def _fits(value: Any, kind: str) -> bool:
 
 
 def explain(text: str, given: tuple[Any, ...], named: dict[str, Any]) -> str:
-    """One line for pybind11's text about arguments that don't fit."""
+    """One line for pybind11's text about wrong arguments."""
     signature = re.search(r"^ +1\. ([\w.]*)\((.*)\)(?: -> .*)?$", text, flags=re.M)
     if not signature:
         return text.splitlines()[0]

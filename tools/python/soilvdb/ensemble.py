@@ -40,7 +40,7 @@ class _Errors:
         self._drift = random.standard_normal(self._shape) * signal.drift if any(signal.drift) else None
 
     def at(self, elapsed_s: float) -> Floats:
-        """(clones, axes), so long after the last ones."""
+        """Errors (clones, axes) at this time after the last ones."""
         error = self._bias
         if self._drift is not None:
             kept = math.exp(-elapsed_s / self._signal.tau)
@@ -66,14 +66,14 @@ class _Machine:
         self.time = math.nan
 
     def elapsed_s(self, time: float | None) -> float:
-        """Since the last state whose time is known."""
+        """Time since the last state with a known time."""
         if time is None:
             return 0.0
         before, self.time = self.time, time
         return time - before if time > before else 0.0
 
     def erring_joints(self, joints: Floats, elapsed_s: float) -> Floats:
-        """(clones, joints)"""
+        """Joints with errors, (clones, joints)."""
         values = np.tile(joints, (self.clones, 1))
         for i, errors in enumerate(self.joints):
             if errors:
@@ -102,14 +102,14 @@ class Ensemble:
         if not isinstance(noise, Noise):
             noise = of(noise)
         if not 2 <= clones <= 1000:
-            raise ValueError(f"clones is {clones}; 2 to 1000 is right")
+            raise ValueError(f"clones is {clones}; it must be 2 to 1000")
         for source in noise.sources():
             if source.startswith(("bucket.", "terrain.", "soil.")):
                 raise ValueError(f"{source}: clones share bucket, terrain and soil; position, "
                                  "rotation and joints may err")
         self._site, self._noise, self._seed = site, noise, seed
         if seed < 0:
-            raise ValueError(f"seed is {seed}; 0 or more is right")
+            raise ValueError(f"seed is {seed}; it must be 0 or more")
         names = site.machines
         for joint in noise.joints:
             if not any(joint in site.joints(name) for name in names):

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far machines, ground and soil may be from what is recorded of them, and draws of that.
+"""Errors of recorded machines, ground and soil as standard deviations, and draws of them.
 
     noise = soilvdb.noise.read("noise.yaml")
     draw = noise.draw(seed=1, number=0)
     position_m, rotation_rad = draw.base("digger", times)
 
-A signal has a constant part (calibration), one that drifts (GNSS: a Gauss-Markov process) and one that
-is new in each row; all are zero on average, and what is given of each is its standard deviation.
+A signal's error has a constant part (calibration), a drifting part (GNSS: a Gauss-Markov process),
+and a white part that is new in each row. All have mean 0 and a given standard deviation.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ MOST = {"position": 10.0, "rotation": 0.5, "joint": 0.5, "bucket": 1.0, "terrain
 
 
 class NoiseError(ValueError):
-    """What is wrong with a noise file, in one line: where, what, what would be right."""
+    """A wrong noise file, in one line: where, what is wrong, what would be right."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """Standard deviations of one signal's parts: of each of three axes, or of one joint."""
+    """Standard deviations of the parts of a signal: per axis (three), or of a joint."""
 
     bias: tuple[float, ...]
     drift: tuple[float, ...]
@@ -56,7 +56,7 @@ class Signal:
 
 @dataclasses.dataclass(frozen=True)
 class TerrainNoise:
-    """Standard deviations of the heights that a terrain is made of, m."""
+    """Standard deviations of a terrain's heights, m."""
 
     bias: float = 0.0
     correlated: float = 0.0
@@ -70,7 +70,7 @@ class TerrainNoise:
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
-    """What isn't known, as standard deviations. Nothing given: it is known."""
+    """Unknown errors, as standard deviations. Missing ones are 0."""
 
     position: Signal | None = None  # m, of the bucket's frame, or of the base of a machine with joints
     rotation: Signal | None = None  # rad, about the axes of that
@@ -81,7 +81,8 @@ class Noise:
     soil: Mapping[str, float] = dataclasses.field(default_factory=dict)  # repose, rad; swell
 
     def sources(self) -> list[str]:
-        """Names of all that may err, such as position.bias, joints.boom.white, bucket.width."""
+        """Names of all sources of errors, such as position.bias, joints.boom.white,
+        bucket.width."""
         names = [f"{name}.{part}" for name in ("position", "rotation")
                  for part in (getattr(self, name).parts() if getattr(self, name) else [])]
         if self.all_joints:
@@ -96,8 +97,8 @@ class Noise:
         return any(name.startswith(("position.", "rotation.")) for name in self.sources())
 
     def draw(self, seed: int, number: int | Mapping[str, int] = 0) -> Draw:
-        """One of the ways it may have been, the same each time. number: of the draw, or one for each
-        of the sources that err in it; others don't."""
+        """One realisation, deterministic. number: of the draw, or one for each source that errs in
+        it; other sources do not err."""
         if isinstance(number, int):
             number = dict.fromkeys(self.sources(), number)
         return Draw(self, seed, dict(number))
@@ -105,7 +106,7 @@ class Noise:
 
 @dataclasses.dataclass(frozen=True)
 class Draw:
-    """One way it may have been: errors to be added to what is recorded."""
+    """A realisation: errors to add to the recorded values."""
 
     noise: Noise
     seed: int
@@ -150,7 +151,8 @@ class Draw:
         return np.hstack([c if c.shape[1] else np.zeros((len(times), 1)) for c in columns])
 
     def scalar(self, source: str, sigma: float, low: float, high: float, of: str = "") -> float:
-        """An error of that standard deviation within [low, high]; 0 where the source doesn't err."""
+        """An error with this standard deviation within [low, high]; 0 if the source does not
+        err."""
         random = self._random(source, of)
         if random is None:
             return 0.0
@@ -159,7 +161,7 @@ class Draw:
         return error
 
     def terrain(self, shape: tuple[int, int], spacing: tuple[float, float]) -> Floats:
-        """Errors (ny, nx) of heights so far apart (dx, dy), m."""
+        """Errors (ny, nx) of heights with the spacing (dx, dy), m."""
         terrain = self.noise.terrain
         error = np.zeros(shape)
         if random := self._random("terrain.bias"):
@@ -172,13 +174,13 @@ class Draw:
 
 
 def gauss_markov(random: np.random.Generator, times: Floats, tau: float, axes: int = 1) -> Floats:
-    """A stationary Gauss-Markov process of variance 1, exp(-|dt| / tau) its correlation, at times
-    (N,) that don't decrease: (N, axes)."""
+    """A stationary Gauss-Markov process with variance 1 and correlation exp(-|dt| / tau), at
+    non-decreasing times (N,): (N, axes)."""
     normal = random.standard_normal((len(times), axes))
     value = np.empty_like(normal)
     at = 0
     while at < len(times):
-        # x(t) exp(t / tau) is a sum of independent steps; in pieces, which the exponential bears.
+        # x(t) exp(t / tau) is a sum of independent steps; pieces avoid overflow of the exponential.
         end = max(at + 1, int(np.searchsorted(times, times[at] + 20 * tau, "right")))
         grown = np.exp((times[at:end] - times[at]) / tau)
         steps = np.sqrt(np.maximum(0.0, np.diff(grown**2, prepend=1.0)))[:, None] * normal[at:end]
@@ -194,10 +196,9 @@ def gauss_markov(random: np.random.Generator, times: Floats, tau: float, axes: i
 
 def correlated_field(random: np.random.Generator, shape: tuple[int, int],
                      spacing: tuple[float, float], length: float) -> Floats:
-    """A Gaussian field (ny, nx) of variance 1 and a spherical variogram of that range, m: on a torus
-    so large that its ends don't know of each other, nor the ends of a range (circulant embedding).
-    What is nearer than FINEST of the range is straight between others, so that a long one costs no
-    more."""
+    """A Gaussian field (ny, nx) with variance 1 and a spherical variogram of this range, m, by
+    circulant embedding: the torus is so large that its ends do not correlate. Points closer than
+    FINEST of the range are interpolated, so that a long range costs no more."""
     apart = (spacing[1], spacing[0])
     steps = [max(1, int(FINEST * length / d)) for d in apart]
     coarse = [-(-(n - 1) // step) + 1 for n, step in zip(shape, steps)]
@@ -213,7 +214,7 @@ def correlated_field(random: np.random.Generator, shape: tuple[int, int],
 
 
 def _between(values: Floats, step: int, count: int) -> Floats:
-    """`count` rows, of which each `step`-th is given, and the others are straight between."""
+    """`count` rows: each `step`-th is given, the others are interpolated linearly."""
     if step == 1:
         return values
     row, part = np.divmod(np.arange(count), step)
@@ -222,7 +223,7 @@ def _between(values: Floats, step: int, count: int) -> Floats:
 
 
 def product(a: Floats, b: Floats) -> Floats:
-    """Of quaternions x, y, z, w, (N, 4) or (4,): first b, then a."""
+    """Product a b of quaternions x, y, z, w, (N, 4) or (4,): first b, then a."""
     x, y, z, w = a.T
     left = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
     return np.asarray(b @ left.T if a.ndim == 1 else np.einsum("ijn,nj->ni", left, b))
@@ -238,7 +239,7 @@ def rotation_of(vectors: Floats) -> Floats:
 
 
 def turned(rotations: Floats, errors: Floats) -> Floats:
-    """Unit quaternions (N, 4), or one for all, turned about their own axes by rotation vectors (N,
+    """Unit quaternions (N, 4), or one for all, rotated about their own axes by rotation vectors (N,
     3), rad."""
     q = product(np.asarray(rotations, dtype=float), rotation_of(errors))
     return np.asarray(q / np.sqrt((q * q).sum(axis=1))[:, None])
@@ -246,7 +247,7 @@ def turned(rotations: Floats, errors: Floats) -> Floats:
 
 def turned_about(base: tuple[Floats, Floats], errors: Floats, positions: Floats,
                  rotations: Floats) -> tuple[Floats, Floats]:
-    """Poses (N, 3), (N, 4) as they are when a base, (3,), (4,), errs by rotation vectors (N, 3)."""
+    """Poses (N, 3), (N, 4), if a base (3,), (4,) errs by rotation vectors (N, 3)."""
     conjugate = np.array([-1.0, -1.0, -1.0, 1.0])
     one = np.tile(base[1] * conjugate, (len(errors), 1))
     turn = product(product(base[1], rotation_of(errors)), one)
@@ -257,7 +258,7 @@ def turned_about(base: tuple[Floats, Floats], errors: Floats, positions: Floats,
 
 
 def read(file: str | os.PathLike[str]) -> Noise:
-    """The noise that a YAML file says. Raises NoiseError with FILE:LINE, OSError."""
+    """The noise in a YAML file. Raises NoiseError with FILE:LINE, OSError."""
     yaml = importlib.import_module("yaml")
 
     path = Path(file)
@@ -266,22 +267,22 @@ def read(file: str | os.PathLike[str]) -> Noise:
         given = _plain(root, str(path)) if root else _Map(str(path), 1)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise NoiseError(f"{path}:{line}: is no YAML: {error.problem}") from error
+        raise NoiseError(f"{path}:{line}: is not valid YAML: {error.problem}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise NoiseError(f"{path}: is no YAML text") from error
+        raise NoiseError(f"{path}: is not YAML text") from error
     except RecursionError as error:
-        raise NoiseError(f"{path}: has values within values without end; a noise file has four "
+        raise NoiseError(f"{path}: is nested too deeply; a noise file has four "
                          "levels") from error
     return _noise(given, str(path))
 
 
 def of(given: Mapping[str, Any]) -> Noise:
-    """The noise that a dict says which has a noise file's keys. Raises NoiseError."""
+    """The noise in a dict with the keys of a noise file. Raises NoiseError."""
     return _noise(given, "noise")
 
 
 class _Map(dict[str, Any]):
-    """A mapping that knows where it and its keys are in a file."""
+    """A mapping that knows its line and its keys' lines in a file."""
 
     def __init__(self, file: str, line: int) -> None:
         super().__init__()
@@ -293,8 +294,8 @@ _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
 
 def scalar_of(node: Any) -> Any:
-    """What a YAML scalar says, numbers as the program reads them: 1e-3 is one, which for YAML 1.1 is
-    a word, as are on and 2024-01-01, which for that are none."""
+    """The value of a YAML scalar, with numbers as the program reads them. Unlike YAML 1.1, 1e-3 is
+    a number, and on and 2024-01-01 are words."""
     text = str(node.value)
     if node.style is not None:  # in quotes
         return text
@@ -306,7 +307,7 @@ def scalar_of(node: Any) -> Any:
 
 
 def _plain(node: Any, file: str) -> Any:
-    """What a YAML node holds."""
+    """The value of a YAML node."""
     yaml = importlib.import_module("yaml")
 
     if isinstance(node, yaml.MappingNode):
@@ -314,11 +315,11 @@ def _plain(node: Any, file: str) -> Any:
         for key, value in node.value:
             line = key.start_mark.line + 1
             if not isinstance(key, yaml.ScalarNode):
-                raise NoiseError(f"{file}:{line}: a key is no word; keys are position, bias and "
+                raise NoiseError(f"{file}:{line}: a key is not a word; keys are position, bias and "
                                  "the like")
             name = str(key.value)
             if name in mapping:
-                raise NoiseError(f"{file}:{line}: '{name}' is there twice; once is right")
+                raise NoiseError(f"{file}:{line}: '{name}' is there twice; leave one out")
             mapping[name], mapping.lines[name] = _plain(value, file), line
         return mapping
     if isinstance(node, yaml.SequenceNode):
@@ -327,7 +328,7 @@ def _plain(node: Any, file: str) -> Any:
 
 
 def _at(of_keys: Mapping[str, Any], key: str, where: str) -> str:
-    """FILE:LINE: a.b, of a key of a mapping that is `where`."""
+    """FILE:LINE: a.b, for a key of the mapping `where`."""
     name = f"{where}.{key}" if where else key
     if isinstance(of_keys, _Map):
         return f"{of_keys.file}:{of_keys.lines.get(key, of_keys.line)}: {name}"
@@ -335,12 +336,12 @@ def _at(of_keys: Mapping[str, Any], key: str, where: str) -> str:
 
 
 def _mapping(given: Mapping[str, Any], key: str, where: str, known: Iterable[str]) -> Any:
-    """The mapping at a key, whose keys are all known."""
+    """The mapping at a key; all its keys must be known."""
     value = given[key]
     name = f"{where}.{key}" if where else key
     words = ", ".join(known)
     if not isinstance(value, Mapping):
-        raise NoiseError(f"{_at(given, key, where)} is {value!r}; a mapping of {words} is right")
+        raise NoiseError(f"{_at(given, key, where)} is {value!r}; it must be a mapping of {words}")
     _check_keys(value, name, known)
     return value
 
@@ -357,23 +358,23 @@ def _check_keys(given: Mapping[str, Any], where: str, known: Iterable[str]) -> N
 
 def _number(given: Mapping[str, Any], key: str, where: str, most: float,
             least: float = 0.0, item: int | None = None) -> float:
-    """item: of a list"""
+    """item: index in a list"""
     value = given[key] if item is None else given[key][item]
     if (isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating))
             or not least <= value <= most):
-        raise NoiseError(f"{_at(given, key, where)} is {value!r}; a number from {least:g} to "
-                         f"{most:g} is right")
+        raise NoiseError(f"{_at(given, key, where)} is {value!r}; it must be a number from "
+                         f"{least:g} to {most:g}")
     return float(value)
 
 
 def _numbers(given: Mapping[str, Any], key: str, where: str, most: float,
              axes: int) -> tuple[float, ...]:
-    """A number for each axis, or the same for all."""
+    """One number per axis, or one for all."""
     value = given[key]
     if axes > 1 and isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
         if len(value) != axes:
-            raise NoiseError(f"{_at(given, key, where)} has {len(value)} numbers; one, or one for "
-                             f"each of {', '.join(AXES)} is right")
+            raise NoiseError(f"{_at(given, key, where)} has {len(value)} numbers; it must have "
+                             f"one, or one for each of {', '.join(AXES)}")
         return tuple(_number(given, key, where, most, item=i) for i in range(axes))
     return (_number(given, key, where, most),) * axes
 
@@ -394,10 +395,10 @@ def _signal(given: Mapping[str, Any], where: str, most: float, axes: int) -> Sig
 
 
 def _joints(given: Mapping[str, Any]) -> tuple[Signal | None, dict[str, Signal]]:
-    """Of all joints, and of those that are named."""
+    """The signal of all joints, and those of named joints."""
     if not isinstance(given["joints"], Mapping):
-        raise NoiseError(f"{_at(given, 'joints', '')} is {given['joints']!r}; a mapping of "
-                         f"{', '.join(PARTS)}, or of joints to such ones, is right")
+        raise NoiseError(f"{_at(given, 'joints', '')} is {given['joints']!r}; it must be a mapping "
+                         f"of {', '.join(PARTS)}, or of joints to such mappings")
     joints = given["joints"]
     named = {}
     for name in joints:
@@ -430,9 +431,9 @@ def _terrain(given: Mapping[str, Any]) -> TerrainNoise:
 
 def _noise(given: Any, where: str) -> Noise:
     if not isinstance(given, Mapping):
-        raise NoiseError(f"{where}: is no mapping; keys are {', '.join((*KEYS, 'joints'))}")
+        raise NoiseError(f"{where}: is not a mapping; keys are {', '.join((*KEYS, 'joints'))}")
     if not given:
-        raise NoiseError(f"{where}: says nothing; position: {{bias: 0.01}} is right, say")
+        raise NoiseError(f"{where}: is empty; an example is position: {{bias: 0.01}}")
     _check_keys(given, "", (*KEYS, "joints"))
     position, rotation = (
         _signal(_mapping(given, key, "", PARTS), key, MOST[key], 3) if key in given else None

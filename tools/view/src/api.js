@@ -1,13 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The server's answers by HTTP: queries as JSON, tiles as bytes, addresses of downloads. A token is
-// taken from the page's own address, #token=...
+// The server's answers by HTTP: queries as JSON, tiles as bytes, addresses of downloads. The token
+// comes from the page's own address, #token=...
 
 export const token = new URLSearchParams(location.hash.slice(1)).get('token');
 
 /**
- * A path with its query and, if there is one, the token; below where the page is, which a proxy may
- * have anywhere.
+ * A path with its query and token, relative to the page: a proxy may serve the page below any path.
  */
 export function address(path, query = {}) {
   const url = new URL(`.${path}`, location.href);
@@ -34,8 +33,8 @@ async function get(path, query) {
 }
 
 /**
- * How the view is refused. A page isn't told why its WebSocket was; a POST is held to the same, as it
- * has an Origin, too.
+ * Why the server refuses the view. Browsers hide the reason for a WebSocket, but the server checks
+ * a POST in the same way, because it has an Origin, too.
  */
 export async function refusal() {
   try {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The blocks of one view of the ground: what was dug or filled, as meshes. A block that comes again
-// replaces the one before.
+// The blocks of one view of the ground: changed ground as meshes. A new message of a block replaces
+// its mesh.
 import {BufferAttribute, BufferGeometry, Group, Mesh, Sphere, Vector3} from 'three';
 import {vertexNormals, writeNormals} from './normals.js';
 
@@ -20,7 +20,7 @@ export class Blocks {
   /**
    * @param {Object} site @param {number[]} origin of the scene in the world
    * @param {import('three').Material} material
-   * @param {import('./chunk_table.js').ChunkTable} table of chunks, which it keeps
+   * @param {import('./chunk_table.js').ChunkTable} table of resident chunks, which this updates
    */
   constructor(site, origin, material, table) {
     Object.assign(this, {site, origin, material, table});
@@ -90,7 +90,7 @@ export class Blocks {
     return mesh;
   }
 
-  /** Joins normals at blocks' borders for at most so long. @return {boolean} whether some did change */
+  /** Joins normals at borders of blocks for a limited time. @return {boolean} whether any changed */
   stitch(budget_ms) {
     const end = performance.now() + budget_ms, changed = this.#unstitched.size > 0;
     for (const entry of this.#unstitched) {
@@ -122,7 +122,7 @@ export class Blocks {
     this.group.removeFromParent();
   }
 
-  /** Where the middle of what was changed lies in the scene, and how far it reaches; null: nothing. */
+  /** Middle (scene) and extent of the changed ground; null without changes. */
   extent() {
     if (this.#blocks.size === 0) return null;
     const low = new Vector3(Infinity, Infinity, Infinity), high = low.clone().negate();

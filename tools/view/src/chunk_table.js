@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which chunks are resident, as a hash table that fragment shaders can ask too: terrain is hidden
+// A hash table of the resident chunks, which fragment shaders can read, too: they hide terrain
 // where blocks draw the ground.
 
 const kRowSlots = 128;   // slots in a row of the texture, two texels each: key, mask
 
-/** The same as in ground_shader.js. */
+/** As in ground_shader.js. */
 function hash(x, y, z) {
   let h = Math.imul(x, 73856093) ^ Math.imul(y, 19349663) ^ Math.imul(z, 83492791);
   h = Math.imul(h ^ (h >>> 15), 0x85ebca77);
@@ -19,7 +19,7 @@ export class ChunkTable {
   data = new Int32Array(kRowSlots * 8);
   slots = kRowSlots;
   probes = 0;
-  low = [1, 1, 1];   // of blocks; nothing lies between low and high while the table is empty
+  low = [1, 1, 1];   // of blocks; low > high while the table is empty
   high = [0, 0, 0];
 
   /** @return {boolean} whether anything changed */
@@ -43,7 +43,7 @@ export class ChunkTable {
     return ((block[3 + (bit >> 5)] >>> (bit & 31)) & 1) === 1;
   }
 
-  /** Fills `data` anew. */
+  /** Rebuilds `data`. */
   build() {
     while (this.slots < 2 * this.#blocks.size) this.slots *= 2;
     if (this.data.length !== 8 * this.slots) this.data = new Int32Array(8 * this.slots);

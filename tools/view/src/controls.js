@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What people do in the picture: tools, clicks that place points, keys, and the camera's buttons.
+// Input in the picture: tools, clicks that place points, keys, and the camera's buttons.
 import {$, h, svg} from './dom.js';
 import * as format from './format.js';
 import {kTools} from './measures.js';
@@ -14,7 +14,7 @@ const kIcons = {
 const kClick_px = 6, kClick_ms = 600;
 
 export class Controls {
-  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork, keys: by name, what they do */
+  /** @param {Object} parts sceneView, pick, overlay, measures, origin; fitSite, fitWork; keys: functions by key */
   constructor(parts) {
     Object.assign(this, parts);
     this.buttons = Object.entries(kTools).map(([tool, {name, key}]) => {
@@ -101,7 +101,7 @@ export class Controls {
       return;
     }
     const last = measures.draft[measures.draft.length - 1], at = this.#world(p);
-    if (last && Math.hypot(at[0] - last[0], at[1] - last[1]) < 1e-6) return;   // a double click's second
+    if (last && Math.hypot(at[0] - last[0], at[1] - last[1]) < 1e-6) return;   // the second click of a double click
     measures.place(at);
     if (measures.draft.length === 0) this.done();
   }
@@ -110,7 +110,7 @@ export class Controls {
     if (this.measures.tool === 'boundary' && this.measures.finish()) this.done();
   }
 
-  /** Where the pointer is on the ground; once a frame at most. */
+  /** Updates the pointer's place on the ground, at most once per frame. */
   hover() {
     if (this.hovered) return;
     this.hovered = true;
@@ -141,7 +141,7 @@ export class Controls {
   }
 }
 
-/** A ruler of round length, and the needle. @param {import('./scene_view.js').SceneView} sceneView */
+/** The scale bar and the compass needle. @param {import('./scene_view.js').SceneView} sceneView */
 export function drawScale(sceneView) {
   const about = 90 * sceneView.pixel_m, metres = format.roundDown125(about);
   $('scale-bar').style.width = `${(metres / sceneView.pixel_m).toFixed(1)}px`;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// One block of surface as it comes from the server: a zlib stream of arrays, most of differences,
-// each array's low bytes before its high ones.
+// Decodes a block of surface: a zlib stream of arrays, mostly of differences, with all low bytes of
+// an array before its high bytes.
 
 /**
  * @typedef {Object} Block
@@ -27,7 +27,7 @@ export async function inflate(buffer) {
   return new Response(stream).arrayBuffer();
 }
 
-/** Sums differences of 16 bits, low bytes from `at` on, into `out`, every `stride`. */
+/** Sums 16-bit differences, with low bytes from `at` on, into every `stride`-th element of `out`. */
 function accumulate(bytes, at, count, out, first, stride) {
   for (let i = 0, o = first, value = 0; i < count; ++i, o += stride) {
     value = (value + (bytes[at + i] | (bytes[at + count + i] << 8))) & 0xffff;
@@ -36,7 +36,7 @@ function accumulate(bytes, at, count, out, first, stride) {
   return at + 2 * count;
 }
 
-/** Corners of triangles: 0 is the next vertex, other numbers count back from it. */
+/** Decodes triangles' corners: 0 is the next vertex; other numbers count back from it. */
 function readCorners(bytes, at, planes, index, n) {
   const count = index.length;
   let next = 0;
@@ -50,9 +50,9 @@ function readCorners(bytes, at, planes, index, n) {
 }
 
 /**
- * @param {ArrayBuffer} buffer what inflate() gives
+ * @param {ArrayBuffer} buffer result of inflate()
  * @return {Block}
- * @throws {Error} if it is shorter or longer than it says, or has a corner beyond its vertices
+ * @throws {Error} if its length is wrong, or a corner is beyond its vertices
  */
 export function decodeBlock(buffer) {
   if (buffer.byteLength < kHeadBytes) throw new Error(`a block of ${buffer.byteLength} bytes has no head`);

@@ -24,7 +24,7 @@ function fill(element, attributes, children) {
 
 export const $ = (id) => document.getElementById(id);
 
-/** Sets an element's text if it is another, so that screen readers and layout aren't bothered. */
+/** Sets an element's text only if it differs, to spare screen readers and layout. */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

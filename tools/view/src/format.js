@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Numbers as people read them: three significant digits, units, a real minus sign.
+// Numbers for people: three significant digits, units, a real minus sign.
 
 const kThin = '\u2009';
 export const kNone = '\u2013';
 
-/** Three significant digits, thousands apart; 0 is "0". */
+/** Three significant digits, with spaces between thousands; 0 is "0". */
 export function digits(value, significant = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return kNone;
   if (value === 0) return '0';
@@ -31,7 +31,7 @@ export function withUnit(value, unit, significant = 3) {
 export const volume = (m3) => withUnit(m3, 'm³');
 export const area = (m2) => withUnit(m2, 'm²');
 
-/** Mass of a load: kilograms, from ten tonnes on tonnes. */
+/** Mass of a load: in kg, or in tonnes from 10 t on. */
 export const mass = (kg) => (Math.abs(kg ?? 0) >= 9999.5 ? withUnit(kg / 1000, 't') : withUnit(kg, 'kg'));
 
 /** Signed volume: + is fill. Below half a litre it is 0. */
@@ -40,7 +40,7 @@ export function signedVolume(m3) {
   return (m3 > 0 ? '+' : '') + volume(m3);
 }
 
-/** A length in the unit that suits its size. */
+/** A length in a unit of suitable size. */
 export function length(metres) {
   if (metres === null || metres === undefined || !Number.isFinite(metres)) return kNone;
   const size = Math.abs(metres);
@@ -50,10 +50,10 @@ export function length(metres) {
   return `${grouped((metres * 1000).toFixed(0)).replace('-', '\u2212')}${kThin}mm`;
 }
 
-/** The same with a + before what is above. */
+/** As above, with a + for heights above. */
 export const signedLength = (metres) => (metres > 0 ? '+' : '') + length(metres);
 
-/** A coordinate or height: to the centimetre, as surveyors give them. */
+/** A coordinate or height, to the centimetre as in surveying. */
 export function coordinate(metres, decimals = 2) {
   if (metres === null || metres === undefined || !Number.isFinite(metres)) return kNone;
   return (metres < 0 ? '\u2212' : '') + grouped(Math.abs(metres).toFixed(decimals));
@@ -63,7 +63,7 @@ export function coordinate(metres, decimals = 2) {
 export const percent = (share) =>
   share === null || share === undefined ? kNone : `${(100 * share).toFixed(0)}${kThin}%`;
 
-/** Time of a site: what looks like seconds since 1970 is shown as date and time of day. */
+/** Time of a site; times since 1970 become date and time of day. */
 export function time(seconds) {
   if (seconds === null || seconds === undefined) return kNone;
   if (seconds > 1e9) {
@@ -86,7 +86,7 @@ export function roundDown125(about) {
   return decade * (mantissa >= 5 ? 5 : mantissa >= 2 ? 2 : 1);
 }
 
-/** The same, at least `about`. */
+/** As above, but at least `about`. */
 export function roundUp125(about) {
   const below = roundDown125(about);
   return below >= about * (1 - 1e-9) ? below : roundDown125(below * 2.5 * (1 + 1e-9));

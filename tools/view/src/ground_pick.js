@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a pixel shows of the ground, and how high the ground is drawn somewhere.
+// The point of the ground at a pixel, and the height of the drawn ground.
 import {Raycaster, Vector3} from 'three';
 
-/** Places on the ground as the scene has it: on a ray, or straight below. */
+/** Finds points of the drawn ground along a ray, or straight below a place. */
 export class GroundPick {
   /** @param {SceneView} sceneView @param {import('./terrain.js').Terrain} terrain @param {import('./views.js').Views} views */
   constructor(sceneView, terrain, views) {
@@ -18,7 +18,7 @@ export class GroundPick {
   /** The ground's height at a place in the scene, or null. */
   heightAt(x, y) {
     const down = (dx, dy) => this.#first(new Raycaster(new Vector3(x + dx, y + dy, 20000), new Vector3(0, 0, -1)), true);
-    return (down(0, 0) ?? down(1e-4, 1.7e-4))?.z ?? null;   // exactly on an edge neither triangle may be hit
+    return (down(0, 0) ?? down(1e-4, 1.7e-4))?.z ?? null;   // a ray exactly on an edge may miss both triangles
   }
 
   #first(caster, below = false) {

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Shaders of the ground: terrain tiles, which are hidden where chunks are resident, and blocks. Both
-// are coloured by the same function, so that borders between them don't show.
+// Shaders of the ground: terrain tiles, which are hidden where chunks are resident, and blocks. One
+// function colours both, so that the borders between them are invisible.
 
 const kColouring = /* glsl */ `
 uniform int mode;               // see ground_uniforms.js
@@ -17,15 +17,15 @@ vec3 ramp(int row, float share) {
   return texture2D(ramps, vec2((clamp(share, 0.0, 1.0) * 255.0 + 0.5) / 256.0, (float(row) + 0.5) / 5.0)).rgb;
 }
 
-// How much of a line at each multiple of a step covers the pixel; none where lines would run together.
+// The share of a pixel that lines at the multiples of a step cover; 0 where lines would merge.
 float lines(float value, float step_size, float width_px) {
   float u = value / step_size, w = fwidth(u);
   float off = abs(fract(u - 0.5) - 0.5) / max(w, 1e-6);
   return (1.0 - smoothstep(width_px - 0.5, width_px + 0.5, off)) * (1.0 - smoothstep(0.15, 0.4, w));
 }
 
-// Loose soil is clods, as in soilvdb's pictures: told from bank soil without colour. They are a
-// texture, seen along the axis that the ground faces most.
+// Loose soil is drawn as clods, as in soilvdb's pictures, so that no colour is needed. Their
+// texture is projected along the axis closest to the normal.
 vec3 clods(vec3 color, vec3 point, vec3 normal, float loose) {
   vec3 size = abs(normal), at = point / (16.0 * clod_m);
   vec2 uv = size.z >= max(size.x, size.y) ? at.xy : size.x >= size.y ? at.yz : at.xz;
@@ -38,7 +38,7 @@ vec3 lit(vec3 color, vec3 normal) {
   return color * sqrt(light * exposure);   // as on linear colours, with a gamma of 2
 }
 
-// Diagonal stripes say "taken away", dots say "put there".
+// Diagonal stripes mean cut, dots mean fill.
 vec3 marked(vec3 color, bool cut) {
   vec2 px = gl_FragCoord.xy / (7.0 * pixel_ratio);
   float mark = cut ? 1.0 - smoothstep(0.1, 0.25, abs(fract((px.x + px.y) * 0.7) - 0.5))
@@ -46,13 +46,13 @@ vec3 marked(vec3 color, bool cut) {
   return mix(color, cut ? vec3(0.1, 0.0, 0.0) : vec3(1.0), 0.25 * mark);
 }
 
-// @param change_m above (+) or below (-) what the colours compare with
-// @param known    whether there is something to compare with
+// @param change_m above (+) or below (-) the reference of the colours
+// @param known    whether there is a reference
 vec3 signed_color(vec3 soil, float change_m, bool known) {
   if (!known) return mix(soil, vec3(0.5), 0.6);
   float size = abs(change_m);
   if (size < dead_m) return soil;
-  bool cut = mode == 4 ? change_m > 0.0 : change_m < 0.0;   // above the design is to be cut
+  bool cut = mode == 4 ? change_m > 0.0 : change_m < 0.0;   // ground above the design must be cut
   vec3 color = mix(soil, ramp(cut ? 0 : 1, size / most_m), 0.75 + 0.25 * min(1.0, 4.0 * size / most_m));
   color *= 1.0 - 0.22 * lines(change_m, step_m, 0.7);
   return patterns ? marked(color, cut) : color;
@@ -104,9 +104,9 @@ export const kTerrainVertex = /* glsl */ `
 attribute vec2 grid;
 attribute float height;
 attribute vec4 facing;         // normal; w is 1 on the walls around the site
-attribute float above;         // the design; -1e9: not known
+attribute float above;         // height above the design; -1e9: unknown
 uniform float spacing_m, voxel_m;
-uniform vec3 tile_fraction;    // of the tile's corner in its voxel
+uniform vec3 tile_fraction;    // position of the tile's corner within its voxel
 varying vec3 scene_at, normal_at, voxel_at;
 varying float wall, above_m, unknown;
 void main() {
@@ -122,8 +122,8 @@ void main() {
 }`;
 
 export const kTerrainFragment = kColouring + kResident + /* glsl */ `
-uniform ivec3 tile_voxel;      // the tile's corner; in whole numbers, for floats have 24 bits
-uniform float reach;           // voxels by which the triangles may be off the ground
+uniform ivec3 tile_voxel;      // voxel of the tile's corner; an integer, because floats have 24 bits
+uniform float reach;           // largest distance of the triangles from the ground, voxels
 varying vec3 scene_at, normal_at, voxel_at;
 varying float wall, above_m, unknown;
 const float kOverlap = 1.0;
@@ -136,7 +136,7 @@ bool covered(ivec2 column, int bottom, int top) {
 }
 
 void main() {
-  // Blocks' meshes may end a little short of their chunks: terrain goes on below them for a voxel.
+  // Block meshes may end slightly inside their chunks, so terrain reaches a voxel below them.
   ivec2 low = (tile_voxel.xy + ivec2(floor(voxel_at.xy - kOverlap))) >> 3;
   ivec2 high = (tile_voxel.xy + ivec2(floor(voxel_at.xy + kOverlap))) >> 3;
   int bottom = (tile_voxel.z + int(floor(voxel_at.z - reach))) >> 3;
@@ -151,12 +151,12 @@ void main() {
     float layers = clamp(0.5 + 0.28 * sin(2.1 * t) + 0.22 * sin(5.3 * t + 1.1), 0.0, 1.0);
     gl_FragColor = vec4(lit(mix(kSection, kSectionDark, layers), normal), 1.0);
   } else {
-    // Known where all corners of the triangle are.
+    // Interpolates only if all corners of the triangle are known.
     gl_FragColor = vec4(colored(scene_at, mode == 4 ? above_m : 0.0, mode != 4 || unknown < 1e-3, 0.0, normal), 1.0);
   }
 }`;
 
-/** Blocks: positions are the 16 bits of the lattice, which the model's matrix makes metres. */
+/** Blocks: positions are 16-bit lattice coordinates; the model's matrix converts them to metres. */
 export const kBlockVertex = /* glsl */ `
 attribute vec3 facing;
 attribute float change, design, loose;

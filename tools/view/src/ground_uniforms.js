@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What all materials of the ground share: how it is coloured, and which chunks are resident.
+// Uniforms that all materials of the ground share: colours and resident chunks.
 import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, LinearMipmapLinearFilter, NearestFilter, RedFormat, RepeatWrapping, RGBAFormat, RGBAIntegerFormat, ShaderMaterial, Vector3} from 'three';
 import {kBlockFragment, kBlockVertex, kTerrainFragment, kTerrainVertex} from './ground_shader.js';
 import {clodTexels, kClodTexels, kRampRows, kRampWidth, rampTexels} from './ramps.js';
 
-/** What tiles have as their height above the design where there is none. */
+/** Height above the design in tiles where it is unknown. */
 export const kNotKnown = -1e9;
 
-/** How the ground may be coloured; the place in this list is `mode` in the shaders. */
+/** The colour modes; an index in this list is `mode` in the shaders. */
 export const kModes = ['change', 'depth', 'height', 'loose', 'design'];
 
 function rampTexture() {
@@ -49,21 +49,21 @@ export class GroundUniforms {
     low_block: {value: new Int32Array([1, 1, 1])}, high_block: {value: new Int32Array(3)},
   };
 
-  /** One for all blocks. */
+  /** The material of all blocks. */
   blockMaterial = new ShaderMaterial({
     uniforms: this.values, vertexShader: kBlockVertex, fragmentShader: kBlockFragment, side: DoubleSide,
   });
 
-  /** One for each tile; they share one program. */
+  /** A material per tile; all use one program. */
   terrainMaterial(own) {
     const material = new ShaderMaterial({
       uniforms: {...this.values, ...own}, vertexShader: kTerrainVertex, fragmentShader: kTerrainFragment, side: FrontSide,
     });
-    material.defaultAttributeValues = {above: [kNotKnown]};   // until a tile has its design
+    material.defaultAttributeValues = {above: [kNotKnown]};   // for a tile without heights of the design
     return material;
   }
 
-  /** @param {import('./chunk_table.js').ChunkTable} table just built */
+  /** @param {import('./chunk_table.js').ChunkTable} table rebuilt just before */
   setChunks(table) {
     const {chunks, slot_mask, probes, low_block, high_block} = this.values;
     if (chunks.value?.image.data === table.data) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What people need to know about the page, in a dialog.
+// The help dialog of the page.
 import {$, h} from './dom.js';
 
 const kKeys = [
@@ -10,12 +10,12 @@ const kKeys = [
   ['Look · Boundary · Section', ['V', 'B', 'S'], ''],
   ['Height · Distance', ['H', 'D'], ''],
   ['Place a point at the cross', ['Space'], 'with the ground in focus'],
-  ['Close a boundary · Undo a point · Leave', ['Enter', 'Backspace', 'Esc'], ''],
+  ['Close a boundary · Undo a point · Cancel', ['Enter', 'Backspace', 'Esc'], ''],
   ['North up · From above', ['N', 'T'], ''],
   ['Whole site · Where the work is', ['F', 'G'], ''],
   ['Next colours', ['C'], ''],
   ['Live · Compare from this time', ['L', 'A'], ''],
-  ['Snapshot before · next', ['[', ']'], ''],
+  ['Previous · next snapshot', ['[', ']'], ''],
   ['This help', ['?'], ''],
 ];
 
@@ -26,9 +26,9 @@ export function fillHelp(site) {
     h('h3', {}, 'Moving'),
     h('p', {}, 'Drag to move, drag with the right button to turn and tilt, wheel to zoom. On a touch screen: one finger moves, two zoom, turn and tilt.'),
     h('h3', {}, 'Measuring'),
-    h('p', {}, 'Choose a tool, then click on the ground. Volumes and heights are counted by the server on the ground itself, not on the picture; while the site is live they follow it. Cut is what was taken away, fill what was added, both against the ground before digging or, with Compare, against another time.'),
+    h('p', {}, 'Choose a tool, then click on the ground. The server computes volumes and heights from the ground, not from the picture, and updates them while the site is live. Cut is soil taken away, fill is soil added, both against the ground before digging or, with Compare, against another time.'),
     h('h3', {}, 'Colours'),
-    h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; what looks like clods is loose soil. Changes smaller than the band under Options are shown as ground.'),
+    h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; clods are loose soil. Changes smaller than the band under Options are shown as ground.'),
     h('h3', {}, 'Keys'), keys,
     site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates E, N and height in metres${site.crs ? `, ${site.crs}` : ''}.`) : '');
 }

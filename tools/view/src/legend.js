@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What colours mean: which of them are shown, the scale, and the band around zero that counts as
-// unchanged.
+// The legend: choice of colours, their scale, and the range around zero that counts as no change.
 import {h} from './dom.js';
 import * as format from './format.js';
 import {kModes} from './ground_uniforms.js';
@@ -52,7 +51,7 @@ export class Legend {
     this.#show();
   }
 
-  /** The next way to colour. */
+  /** Switches to the next colour mode. */
   next() {
     this.select.selectedIndex = (this.select.selectedIndex + 1) % this.modes.length;
     this.#show();
@@ -66,7 +65,7 @@ export class Legend {
     this.#show();
   }
 
-  /** Fits the scales to what is shown. */
+  /** Fits the scales to the shown ground. */
   fit({deepest_m, highest_m, fromDesign_m, low_m, high_m, originZ}) {
     const u = this.uniforms, shown_m = this.mode === 'design' ? fromDesign_m : Math.max(deepest_m, highest_m);
     const depths = Math.max(shown_m, 2 * u.dead_m.value, 0.1);

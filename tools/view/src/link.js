@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The WebSocket to the server. When it breaks off it is opened again, after one second, then two,
-// then four, up to half a minute; at once when the browser is online again or somebody asks.
+// The WebSocket to the server. After a failure it reconnects after 1, 2, 4 s and so on, at most 30
+// s; at once when the browser is online again, or on request.
 import {address} from './api.js';
 
 const kLongest_s = 30;
-const kSilence_ms = 8000;   // the server says something each second
+const kSilence_ms = 8000;   // the server sends a message each second
 
 export class Link {
   #socket = null;
@@ -14,8 +14,8 @@ export class Link {
   #heard = 0;
 
   /**
-   * @param {Object} on text(message), binary(buffer), opened(), and lost(seconds) with the time until
-   *     the next try
+   * @param {Object} on text(message), binary(buffer), opened(), and lost(seconds) with the time
+   *     until the next attempt
    */
   constructor(on) {
     this.on = on;
@@ -36,7 +36,7 @@ export class Link {
     return true;
   }
 
-  /** Tries now. */
+  /** Connects now. */
   retry() {
     if (this.#socket !== null) return;
     clearTimeout(this.#timer);

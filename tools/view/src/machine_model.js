@@ -1,19 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A machine as it is drawn: its bucket from profile and width, what it holds, and beams from joint
-// to joint.
+// A machine's model: its bucket from profile and width, its load, and beams from joint to joint.
 import {BoxGeometry, BufferGeometry, CylinderGeometry, DoubleSide, Float32BufferAttribute, Group, Mesh, MeshLambertMaterial, Quaternion, ShapeUtils, Vector2, Vector3} from 'three';
 
 const kSoil = 0x8a6f50;
 
-/** Outline of the body from the lip along the back to the upper edge, in the bucket's frame. */
+/** Outline of the body from the lip along the back to the upper edge, in the bucket frame. */
 function outline(machine) {
   if (machine.profile?.length >= 3) return machine.profile;
   const h = machine.height_m ?? machine.width_m * 0.7;
   return [[0, 0], [-0.75 * h, 0.02 * h], [-0.95 * h, 0.45 * h], [-0.7 * h, h], [0, h]];
 }
 
-/** Side plates and the sheet between them; open at the mouth. */
+/** Side plates and the body's sheet; open at the mouth. */
 function bucketGeometry(machine) {
   const line = outline(machine), half = machine.width_m / 2, positions = [];
   const quad = (a, b) => {
@@ -39,7 +38,7 @@ function flat(positions) {
   return geometry;
 }
 
-/** The load as a body between the plates: the outline drawn together towards the back. */
+/** The load as a body between the plates: the outline, scaled towards the back. */
 function loadGeometry(machine) {
   const line = outline(machine), half = 0.97 * (machine.width_m / 2), positions = [];
   const n = line.length;
@@ -60,7 +59,7 @@ export class MachineModel {
   bucket = new Group();
   #beams = [];
 
-  /** @param {Object} machine as the site's message has it @param {number} color */
+  /** @param {Object} machine from the site's message @param {number} color */
   constructor(machine, color) {
     this.machine = machine;
     const steel = new MeshLambertMaterial({color, side: DoubleSide});
@@ -100,7 +99,7 @@ export class MachineModel {
     }
     this.#beams.forEach((beam, i) => { beam.visible = i < parts; });
     if (joints.length === 0) return;
-    this.#beams[0].position.copy(joints[0]);   // what it turns on
+    this.#beams[0].position.copy(joints[0]);   // the part that it turns on
     this.#beams[0].scale.set(4 * wide, 4 * wide, wide);
     for (let i = 1; i < joints.length; ++i) {
       const beam = this.#beams[i], along = joints[i].clone().sub(joints[i - 1]), length = along.length();

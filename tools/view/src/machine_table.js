@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The table of machines: what each holds, has dug, how often it was filled and whether it works.
+// The table of machines: load, cut volume, cycles and activity of each.
 import {h, setText} from './dom.js';
 import * as format from './format.js';
 import {kMachineColors} from './machines.js';
@@ -14,7 +14,7 @@ export class MachineTable {
   constructor(table, site, pick) {
     table.append(
       h('thead', {}, h('tr', {}, h('th', {scope: 'col'}, 'Machine'), h('th', {scope: 'col'}, 'Load'),
-        h('th', {scope: 'col', title: 'Taken out of the ground, what was dug again as often as it was'}, 'Dug'), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last'))));
+        h('th', {scope: 'col', title: 'Volume taken out of the ground; soil that was dug again counts again'}, 'Dug'), h('th', {scope: 'col'}, 'Cycles'), h('th', {scope: 'col'}, 'Last'))));
     const body = h('tbody');
     site.machines.forEach((machine, i) => {
       const name = h('button', {

@@ -1,16 +1,16 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The machines in the picture: poses between two states of the server are drawn as time goes by, and
-// a tag above each says its name and load.
+// The machines in the picture: poses interpolated between states of the server, and a tag with name
+// and load above each machine.
 import {Box3, Group, Quaternion, Vector3} from 'three';
 import {h} from './dom.js';
 import * as format from './format.js';
 import {MachineModel} from './machine_model.js';
 import {placeTag} from './tag_place.js';
 
-/** Okabe and Ito's colours, which all eyes tell apart; the name in the tag says it as well. */
+/** Okabe and Ito's colours, safe for colour-blind people; tags also have the name. */
 export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
-const kOver = ['tools', 'camera', 'legend'];   // elements over the picture that tags aren't to lie under
+const kOver = ['tools', 'camera', 'legend'];   // elements over the picture that tags must avoid
 const kSmooth_ms = 110;   // states come ten times a second
 
 export class Machines {
@@ -40,7 +40,7 @@ export class Machines {
     return new Vector3(p[0] - this.origin[0], p[1] - this.origin[1], p[2] - this.origin[2]);
   }
 
-  /** @param {Object} state as the server says @param {boolean} jump it is of another time: nobody drove there */
+  /** @param {Object} state from the server @param {boolean} jump no interpolation: the state is of another time */
   update(state, jump = false) {
     for (const said of state.machines) {
       const m = this.#machines.find(({name}) => name === said.name);
@@ -95,7 +95,7 @@ export class Machines {
     return moving;
   }
 
-  /** How far machines reach around a place of the scene, as a box; null: none is near. @param {number} near_m */
+  /** Box around a place of the scene with the reach of nearby machines; null without any. @param {number} near_m */
   extentNear(place, near_m) {
     const box = new Box3();
     for (const {to} of this.#machines) {
@@ -104,7 +104,7 @@ export class Machines {
     return box.isEmpty() ? null : box;
   }
 
-  /** Puts tags above the buckets. */
+  /** Places tags above the buckets. */
   placeTags() {
     const over = kOver.map((id) => document.getElementById(id)).map((e) => ({
       left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
@@ -116,7 +116,7 @@ export class Machines {
       const inside = px && px[0] > -40 && px[0] < this.sceneView.width + 40 && px[1] > -20 && px[1] < this.sceneView.height + 20;
       m.tag.classList.toggle('away', !inside || !this.group.visible);
       if (!inside) continue;
-      // Its sides may lie between pixels, which these don't say.
+      // Its sides may lie between pixels, but these are integers.
       const [x, y] = placeTag(px, {width: m.tag.offsetWidth + 1, height: m.tag.offsetHeight + 1}, this.sceneView, over);
       m.tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -100%)`;
     }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The page: puts its parts together when the server has said what site this is.
+// The page: connects its parts after the server's description of the site.
 import {Box3, Vector3} from 'three';
 import * as api from './api.js';
 import {$} from './dom.js';
@@ -24,18 +24,18 @@ import {Timeline} from './timeline.js';
 import {Views} from './views.js';
 import {handle} from './test_handle.js';
 
-/** What makes a site another one, for which the page begins anew. */
+/** The properties that identify a site; the page restarts if one changes. */
 const identity = (site) => JSON.stringify([site.name, site.voxel_size_m, site.origin, site.terrain, site.machines]);
 
 class Page {
-  /** @param {Object} site as the server says @param {Link} link */
+  /** @param {Object} site from the server @param {Link} link */
   constructor(site, link) {
     this.site = site;
     this.link = link;
     document.title = `${site.name} \u00b7 soilvdb`;
     $('site-name').textContent = site.name;
     const [xmin, ymin, xmax, ymax] = site.terrain.bounds, round = (v) => 1000 * Math.round(v / 1000);
-    // Near the site, so that floats are fine enough; round, so that lines of the grid have round coordinates.
+    // Near the site, so that floats are precise; round, so that grid lines have round coordinates.
     this.origin = [round((xmin + xmax) / 2), round((ymin + ymax) / 2), 0];
     this.middle = new Vector3((xmin + xmax) / 2 - this.origin[0], (ymin + ymax) / 2 - this.origin[1], 0);
     this.size_m = Math.hypot(xmax - xmin, ymax - ymin);
@@ -46,7 +46,7 @@ class Page {
     this.uniforms.values.voxel_m.value = site.voxel_size_m;
     this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
     this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, () => {
-      this.terrain.update(this.sceneView.camera, this.sceneView.height);   // what comes next needn't wait for a picture
+      this.terrain.update(this.sceneView.camera, this.sceneView.height);   // prepares the next tiles independently of the drawing rate
       changed();
     });
     this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.sceneView.scene}, changed);
@@ -81,7 +81,7 @@ class Page {
     handle(this);
   }
 
-  /** A place of the scene in the world. */
+  /** World coordinates of a place of the scene. */
   world(p) {
     return [p.x + this.origin[0], p.y + this.origin[1], p.z + this.origin[2]];
   }
@@ -91,7 +91,7 @@ class Page {
     this.sceneView.changed();
   }
 
-  /** Parameters of queries for what is shown. */
+  /** Parameters of queries about the shown ground. */
   shownTimes() {
     return {time: this.view?.time_s ?? null, against: this.view?.against_s ?? null};
   }
@@ -108,12 +108,12 @@ class Page {
     return changed || moving;
   }
 
-  /** The camera stands. */
+  /** Called when the camera stops. */
   beforeRender() {
     this.uniforms.values.pixel_ratio.value = this.sceneView.renderer.getPixelRatio();
     this.terrain.showsDesign = this.legend.mode === 'design';
     this.terrain.update(this.sceneView.camera, this.sceneView.height);
-    if (!this.lifted && Number.isFinite(this.terrain.low)) {   // now it is known how high the ground lies
+    if (!this.lifted && Number.isFinite(this.terrain.low)) {   // the ground's height is known now
       this.lifted = true;
       this.middle.z = (this.terrain.low + this.terrain.high) / 2;
       this.fitSite(true);
@@ -139,7 +139,7 @@ class Page {
     this.sceneView.lookAt(this.middle, (1.3 * this.size_m) / narrow, {azimuth: 0.4, elevation: 0.75, now});
   }
 
-  /** To where the ground has changed, or where a machine is. */
+  /** Moves the camera to changed ground, or to a machine. */
   fitWork(first = false) {
     if (first) this.fitted = true;
     const extent = this.views.shown.blocks.extent();
@@ -151,7 +151,7 @@ class Page {
     const machines = this.machines.extentNear(box.getCenter(new Vector3()), 30 + box.getSize(new Vector3()).length());
     if (machines) box.union(machines);
     const middle = box.getCenter(new Vector3()), size = box.getSize(new Vector3()).length();
-    if (first && size < 0.02 * this.size_m) return;   // a look at the whole site says more
+    if (first && size < 0.02 * this.size_m) return;   // the whole site is a better first view
     this.follow(null);
     this.sceneView.lookAt(middle, Math.max(6, 1.5 * size) / Math.min(1, this.sceneView.camera.aspect));
   }
@@ -191,7 +191,7 @@ class Page {
     this.ground = ground;
   }
 
-  /** Machines and totals of the time shown. */
+  /** Machines and totals of the shown time. */
   showState(state, jump) {
     this.machines.update(state, jump);
     this.table.update(state);
@@ -205,7 +205,7 @@ class Page {
     else showConnection('past', 'Recorded', format.time(this.timeline.times?.to ?? this.live?.time_s ?? null));
   }
 
-  /** Another view is on its way. */
+  /** Called when another view is requested. */
   viewComes(view) {
     this.view = view;
     this.views.expect(view.id);
@@ -240,10 +240,10 @@ function text(message) {
   }
 }
 
-/** Why there is no connection, if the server says so. */
+/** Why there is no connection, if the server tells the reason. */
 async function explain() {
   const {status, error} = await api.refusal();
-  if (status === 401) notice('This site wants a token: open its address with #token=\u2026 at the end.');
+  if (status === 401) notice('This site needs a token: open its address with #token=\u2026 at the end.');
   if (status === 403) notice(error);
 }
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Measures: tools that people place points with, and what the server says of them. Boundary: cut, fill
-// and net inside; section: the profile; height of a point; distance between two.
+// Measures: points that people place, and the server's results. Boundary: cut, fill and net inside;
+// section: the profile; height of a point; distance between two points.
 import * as api from './api.js';
 
 export const kTools = {
@@ -12,11 +12,11 @@ export const kTools = {
   distance: {name: 'Distance', key: 'd', least: 2, most: 2, hint: 'Click two points'},
 };
 const kSectionPoints = 500;
-const kAgain_ms = 2000;   // live figures are asked for again at most so often
+const kAgain_ms = 2000;   // shortest time between queries of live figures
 
 export class Measures {
   tool = 'look';
-  /** Points that are being placed, in the world. @type {number[][]} */
+  /** Points of the unfinished measure, in the world. @type {number[][]} */
   draft = [];
   /** @type {{id: number, letter: string, kind: string, points: number[][], values: ?Object, error: ?string, old: boolean}[]} */
   list = [];
@@ -25,7 +25,7 @@ export class Measures {
   #stale = false;
 
   /**
-   * @param {function(): Object} query time and against of what is shown
+   * @param {function(): Object} query time and against of the shown ground
    * @param {function()} changed
    */
   constructor(query, changed) {
@@ -38,7 +38,7 @@ export class Measures {
     this.changed();
   }
 
-  /** A point was placed. @param {number[]} point in the world */
+  /** Called for a placed point. @param {number[]} point in the world */
   place(point) {
     const {most} = kTools[this.tool];
     if (this.tool === 'look') return;
@@ -70,7 +70,7 @@ export class Measures {
     this.changed();
   }
 
-  /** The ground is another. @param {boolean} fade whether figures are of ground that isn't shown any more */
+  /** Called when other ground is shown. @param {boolean} fade whether figures are out of date */
   again(fade = true) {
     for (const measure of this.list) {
       measure.old ||= fade;
@@ -81,7 +81,7 @@ export class Measures {
     this.changed();
   }
 
-  /** Live ground has changed; asks again, but not all the time. */
+  /** Called when live ground has changed; repeats the queries at a limited rate. */
   groundChanged() {
     this.#stale = true;
     const wait = this.#queried + kAgain_ms - performance.now();
@@ -93,7 +93,7 @@ export class Measures {
   }
 
   async #ask(measure) {
-    const asked = (measure.asked = {});   // of two answers the later question's counts
+    const asked = (measure.asked = {});   // only the answer to the latest query counts
     try {
       const values = await this.#values(measure);
       if (measure.asked !== asked) return;

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Normals of blocks' vertices. A vertex on a block's border belongs to its neighbours too, who hold
-// the other triangles around it: its normal is the sum over all of them, or borders would show.
+// Normals of blocks' vertices. A vertex on a block's border also belongs to triangles of its
+// neighbours. Its normal is the sum over all of them, so that borders are invisible.
 
 const kSide = 32 * 1024, kZero = 8192;
-const kRim = 1100;   // a border vertex lies in the outermost cells, or in those beyond
+const kRim = 1100;   // border vertices lie in the outermost cells or beyond
 
 /**
  * Sums of the triangles' area-weighted normals at each vertex, and the vertices on the border.
@@ -36,10 +36,10 @@ const isRim = (q) => q < kZero + kRim || q > kZero + kSide - kRim;
 const keyOf = (x, y, z) => (x * 65536 + y) * 65536 + z;
 
 /**
- * Writes sums as normals of four signed bytes each, with what neighbours have at shared vertices.
+ * Writes sums as normals of four signed bytes each, with the neighbours' sums at shared vertices.
  * @param {{sums: Float32Array, border: Map<number, number>}} own
- * @param {function(number, number, number): ?{sums: Float32Array, border: Map<number, number>}} neighbour
- *     the block so many blocks away
+ * @param {function(number, number, number): ?{sums: Float32Array, border: Map<number, number>}}
+ *     neighbour the block at an offset in blocks
  * @param {Int8Array} out 4 n
  */
 export function writeNormals(own, points, neighbour, out) {

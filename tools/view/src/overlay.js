@@ -9,8 +9,8 @@ const kDrape = 24;   // points along each side
 
 export class Overlay {
   #draped = new Map();
-  cursor = null;   // where the pointer is on the ground, in the scene
-  spot = null;     // where a section's chart is pointed at, in the scene
+  cursor = null;   // the pointer's place on the ground, in the scene
+  spot = null;     // the place pointed at in a section's chart, in the scene
 
   /** @param {SVGElement} element @param {import('./scene_view.js').SceneView} sceneView @param {import('./ground_pick.js').GroundPick} pick */
   constructor(element, sceneView, pick, measures, origin) {
@@ -21,12 +21,12 @@ export class Overlay {
     return new Vector3(p[0] - this.origin[0], p[1] - this.origin[1], p[2] - this.origin[2]);
   }
 
-  /** The ground has changed: lines are to lie on it. */
+  /** Called when the ground has changed, so that lines follow it. */
   drapeAgain() {
     this.#draped.clear();
   }
 
-  /** Points along the way between places, on the ground. */
+  /** Points on the ground along the lines between places. */
   #drape(points, closed) {
     const key = points.map((p) => p.join()).join(';') + closed;
     const known = this.#draped.get(key);
@@ -71,7 +71,7 @@ export class Overlay {
     return parts;
   }
 
-  /** Draws all anew; called after each picture. */
+  /** Redraws everything after each picture. */
   draw() {
     const {list, draft, tool} = this.measures;
     if (list.length === 0 && draft.length === 0 && !this.spot && this.element.childElementCount === 0) return;
@@ -96,7 +96,7 @@ export class Overlay {
     this.element.replaceChildren(...parts);
   }
 
-  /** Marks the place so far along a section; null: none. */
+  /** Marks a place at a distance along a section; null: no mark. */
   pointAt(measure, distance_m) {
     if (distance_m === null) {
       this.spot = null;
@@ -109,7 +109,7 @@ export class Overlay {
     this.sceneView.changed();
   }
 
-  /** Whether a pixel is on the draft's first point, which closes a boundary. */
+  /** Whether a pixel is on the draft's first point, where a click closes a boundary. */
   closes(x, y) {
     const {draft, tool} = this.measures;
     if (tool !== 'boundary' || draft.length < 3) return false;

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Colours of the ground. Cut and fill as in soilvdb's pictures: amber to dark red, light to dark
-// blue, which eyes that mix up red and green tell apart, also by how light they are.
+// Colours of the ground. Cut and fill as in soilvdb's pictures: amber to dark red, and light to
+// dark blue. Colour-blind people can tell them apart, also by their lightness.
 
 const rgb = (hex) => [parseInt(hex.slice(1, 3), 16), parseInt(hex.slice(3, 5), 16), parseInt(hex.slice(5, 7), 16)];
 
-/** From nothing to most. Depth is plasma without its ends, height is cividis without its dark end. */
+/** From least to most. Depth is plasma without its ends, height is cividis without its dark end. */
 export const kRamps = {
   cut: ['#f9cc6b', '#f49a4c', '#d6583b', '#a61426', '#61001c'],
   fill: ['#bfdeed', '#80badb', '#3b85bd', '#1c5499', '#05265c'],
@@ -45,7 +45,7 @@ export function gradient(name, direction) {
 
 export const kClodTexels = 256;
 
-/** How light clods of loose soil are, 128: as the ground; 16 x 16 of them, which tile. */
+/** Lightness of 16 x 16 clods of loose soil, tileable; 128 is the ground's own. */
 export function clodTexels() {
   const n = 16, size = kClodTexels, texels = new Uint8Array(size * size);
   let seed = 1;

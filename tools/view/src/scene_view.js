@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The picture: camera, light, how people move through it by mouse, touch and keys. It is drawn anew
-// only when something changed.
+// The picture: camera, light, and navigation by mouse, touch and keys. It is redrawn only after
+// changes.
 import {AmbientLight, DirectionalLight, MOUSE, PerspectiveCamera, Raycaster, Scene, TOUCH, Vector2, Vector3, WebGLRenderer} from 'three';
 import {MapControls} from 'three/addons/controls/MapControls.js';
 
@@ -12,11 +12,11 @@ const calm = matchMedia('(prefers-reduced-motion: reduce)');
 export class SceneView {
   scene = new Scene();
   camera = new PerspectiveCamera(42, 1, 0.1, 5000);
-  /** Called before each picture with its time in ms; true: one more after this. */
+  /** Called before each picture with its time in ms; returns whether another picture must follow. */
   beforeFrame = [];
-  /** Called before a picture that will be drawn, the camera in its place. */
+  /** Called before a picture is drawn, with the camera in its place. */
   beforeRender = [];
-  /** Called after each picture that was drawn. */
+  /** Called after a picture was drawn. */
   afterFrame = [];
   frames = 0;
   #dirty = true;
@@ -89,7 +89,7 @@ export class SceneView {
     for (const work of this.afterFrame) work();
   }
 
-  /** Where pictures come slowly they are coarser as long as something moves, and fine when it stands. */
+  /** If drawing is slow, pictures are coarser during movement, and sharp at rest. */
   #suitSpeed(time) {
     const gap = time - this.#frameAt, moving = this.#moving;
     this.#frameAt = time;
@@ -118,7 +118,7 @@ export class SceneView {
     return this.camera.position.distanceTo(this.controls.target);
   }
 
-  /** Looks at a place from a distance, as now or from an azimuth and height. */
+  /** Looks at a place from a distance, from the present direction or from an azimuth and height. */
   lookAt(target, distance, {azimuth, elevation, now = false} = {}) {
     const from = this.camera.position.clone().sub(this.controls.target);
     if (azimuth !== undefined) {
@@ -145,7 +145,7 @@ export class SceneView {
     this.changed();
   }
 
-  /** Moves camera and target alike: who follows a machine. */
+  /** Moves camera and target together, to follow a machine. */
   shift(by) {
     if (by.lengthSq() === 0) return;
     this.controls.target.add(by);
@@ -199,7 +199,7 @@ export class SceneView {
     return caster;
   }
 
-  /** Pixels of a place in the scene, or null if it is behind the camera. */
+  /** Pixel of a place in the scene; null behind the camera. */
   project(point) {
     const p = point.clone().applyMatrix4(this.camera.matrixWorldInverse);
     if (p.z > -this.camera.near) return null;
@@ -212,7 +212,7 @@ export class SceneView {
     return (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.distance) / this.height;
   }
 
-  /** Clockwise from north, where the camera looks. */
+  /** Direction of view, clockwise from north. */
   get azimuth() {
     const d = this.controls.target.clone().sub(this.camera.position);
     return Math.atan2(d.x, d.y);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A section's profile: the ground before and now, what lies between as cut and fill, and the design.
+// A section's profile: the ground before and now, cut and fill between them, and the design.
 import {h, svg} from './dom.js';
 import * as format from './format.js';
 
@@ -15,7 +15,7 @@ function ticksOf(low, high, about) {
 
 const known = (v) => v !== null && v !== undefined;
 
-/** Areas of the section below and above the ground before, m2, by trapezoids. */
+/** Areas of the section below and above the earlier ground, m2, by trapezoids. */
 export function sectionAreas({distance_m, before_m, now_m}) {
   let cut_m2 = 0, fill_m2 = 0;
   for (let i = 0; i + 1 < distance_m.length; ++i) {
@@ -27,7 +27,7 @@ export function sectionAreas({distance_m, before_m, now_m}) {
       const area = ((a + b) / 2) * width;
       if (area > 0) fill_m2 += area;
       else cut_m2 -= area;
-    } else {   // a triangle on each side of where they cross
+    } else {   // the lines cross: a triangle on each side
       const split = a / (a - b), first = (a * split * width) / 2, second = (b * (1 - split) * width) / 2;
       fill_m2 += Math.max(first, 0) + Math.max(second, 0);
       cut_m2 -= Math.min(first, 0) + Math.min(second, 0);
@@ -36,7 +36,7 @@ export function sectionAreas({distance_m, before_m, now_m}) {
   return {cut_m2, fill_m2};
 }
 
-/** Points of a line, as pieces where it is known. */
+/** Points of a line, split where it is unknown. */
 function linePath(xs, ys, x, y) {
   let path = '', pen = false;
   for (let i = 0; i < xs.length; ++i) {
@@ -50,7 +50,7 @@ function linePath(xs, ys, x, y) {
   return path;
 }
 
-/** Between two lines where the one is above (`sign` 1) or below (-1) the other. */
+/** The area between two lines where the first is above (`sign` 1) or below (-1) the second. */
 function areaPath(xs, low, high, sign, x, y) {
   let path = '';
   for (let i = 0; i + 1 < xs.length; ++i) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What surrounds the picture: connection, totals, downloads, notices and the panels of narrow screens.
+// The page around the picture: connection, totals, downloads, notices, panels of narrow screens.
 import {address} from './api.js';
 import {$, h, setText} from './dom.js';
 import * as format from './format.js';
@@ -10,14 +10,14 @@ const kDownloads = [
   ['mesh.glb', 'Mesh', 'GLB'], ['summary.json', 'Summary', 'JSON'],
 ];
 
-/** @param {'wait'|'live'|'past'|'lost'} state @param {string} text @param {string} time of what is shown */
+/** @param {'wait'|'live'|'past'|'lost'} state @param {string} text @param {string} time shown */
 export function showConnection(state, text, time = '') {
   $('connection').dataset.state = state;
   setText($('connection-text'), text);
   setText($('connection-time'), time);
 }
 
-/** A line that stays until it is taken back with null. @param {?function()} retry */
+/** Shows a notice until it is cleared with null. @param {?function()} retry */
 export function notice(text, retry = null) {
   $('notice').hidden = text === null;
   if (text === null) return;
@@ -28,7 +28,7 @@ export function notice(text, retry = null) {
 
 let hintTimer = null;
 
-/** A line of advice; null takes it away. @param {number} seconds 0: it stays */
+/** Shows a hint; null clears it. @param {number} seconds 0: no limit */
 export function hint(text, seconds = 0) {
   clearTimeout(hintTimer);
   $('hint').hidden = !text;
@@ -36,13 +36,13 @@ export function hint(text, seconds = 0) {
   if (text && seconds > 0) hintTimer = setTimeout(() => { $('hint').hidden = true; }, 1000 * seconds);
 }
 
-/** @param {Object} state as the server says */
+/** @param {Object} state from the server */
 export function showTotals(state) {
   const sum = (of) => state.machines.reduce((a, m) => a + (of(m) ?? 0), 0);
-  const parts = [['Net', format.signedVolume(state.change_m3), '', 'The ground now less the ground before digging'],
-    ['Dug', format.volume(state.cut_m3), '', 'All that machines took out of the ground, what they dug again after it was put down as often as they did'],
-    ['Put down', format.volume(state.fill_m3), '', 'All that came to lie on the ground, what was dug again after it as often as it did'],
-    ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less', 'What buckets hold now, loose'],
+  const parts = [['Net', format.signedVolume(state.change_m3), '', 'Volume of the ground now minus before digging'],
+    ['Dug', format.volume(state.cut_m3), '', 'Volume that machines took out of the ground; soil that was dug again counts again'],
+    ['Put down', format.volume(state.fill_m3), '', 'Volume that was added to the ground; soil that was put down again counts again'],
+    ['In buckets', format.volume(sum((m) => m.bucket_m3)), 'less', 'Present load of all buckets, loose'],
     ['Working', `${state.machines.filter((m) => m.state === 'working').length} of ${state.machines.length}`, 'less', '']];
   const key = parts.flat().join();
   if ($('totals').dataset.key === key) return;
@@ -50,7 +50,7 @@ export function showTotals(state) {
   $('totals').replaceChildren(...parts.map(([name, text, kind, title]) => h('div', {class: kind, title}, h('dt', {}, name), h('dd', {}, text))));
 }
 
-/** Addresses are made when the list is opened, for the time shown then. */
+/** Makes addresses when the list is opened, for the time shown then. */
 export function startDownloads(timeShown) {
   const menu = $('downloads');
   menu.addEventListener('toggle', () => {
@@ -70,7 +70,7 @@ export function startDownloads(timeShown) {
   $('download-list').addEventListener('click', () => { menu.open = false; });
 }
 
-/** On narrow screens panels are opened by tabs. */
+/** Tabs open the panels of narrow screens. */
 export function openPanel(name, toggle = false) {
   const panel = $('panel'), closed = toggle && panel.dataset.open === name;
   if (closed || name === null) delete panel.dataset.open;

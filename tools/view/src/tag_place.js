@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where a machine's tag is to be read: near its machine, in the picture, and beside what lies over that.
+// The place of a machine's tag: near the machine, in the picture, and beside covering elements.
 
 const kGap = 4;
 

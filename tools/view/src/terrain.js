@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The ground before digging, by levels of detail: a quadtree of tiles, of which those are drawn whose
-// posts are about as far apart as a few pixels. A tile stays until all that replace it are there.
+// The ground before digging: a quadtree of tiles. The drawn tiles have posts a few pixels apart. A
+// tile stays until all its replacements are loaded.
 import {Box3, Frustum, Group, Matrix4, Vector3} from 'three';
 import {TerrainTile} from './terrain_tile.js';
 
 const kTile = 256;            // posts along a tile, less one
-const kPostPx = 2.5;          // finer tiles come where posts are further apart
-const kRequests = 6;          // at a time
-const kKept = 160;            // tiles; what wasn't drawn for longest goes first
+const kPostPx = 2.5;          // a larger spacing on screen loads finer tiles
+const kRequests = 6;          // simultaneous requests
+const kKept = 160;            // tiles; the longest unused go first
 const kRetry_ms = 1500;
 
 export class Terrain {
@@ -21,14 +21,14 @@ export class Terrain {
   #frame = 0;
   low = Infinity;
   high = -Infinity;
-  showsDesign = false;   // are tiles to know how far they are above it?
+  showsDesign = false;   // do tiles need heights above the design?
   fromDesign_m = 0;
 
   /**
-   * @param {Object} site as the server says
+   * @param {Object} site from the server
    * @param {function(string): Promise<ArrayBuffer>} fetchBytes
    * @param {number[]} origin of the scene in the world
-   * @param {function()} changed something new can be drawn
+   * @param {function()} changed called when there is something new to draw
    */
   constructor(site, fetchBytes, origin, uniforms, changed) {
     Object.assign(this, {site, fetchBytes, origin, uniforms, changed});
@@ -40,7 +40,7 @@ export class Terrain {
     });
   }
 
-  /** Whether all that the last update() wanted is there. */
+  /** Whether all tiles of the last update() are loaded. */
   get settled() {
     return this.#loading === 0 && this.#wanted.length === 0 && this.#drawn.length > 0;
   }
@@ -48,7 +48,7 @@ export class Terrain {
     return this.#drawn.length;
   }
 
-  /** Chooses what is drawn from here, and asks for what is missing. */
+  /** Chooses the tiles to draw from here, and requests missing ones. */
   update(camera, heightPx) {
     ++this.#frame;
     const frustum = new Frustum().setFromProjectionMatrix(
@@ -165,7 +165,7 @@ export class Terrain {
     try {
       tile.setDesign(await this.#heights(tile, '&surface=design'));
       this.fromDesign_m = Math.max(this.fromDesign_m, tile.fromDesign_m);
-    } catch {   // asked for again after a while
+    } catch {   // requested again later
       setTimeout(() => { tile.designed = false; this.changed(); }, kRetry_ms);
     }
   }
@@ -173,7 +173,7 @@ export class Terrain {
   async #load(key, place) {
     try {
       this.#add(key, place, await this.#heights(place));
-    } catch (error) {   // asked for again when it is wanted again, after a while
+    } catch (error) {   // requested again later, when it is needed
       if (error.status === 404) this.#tiles.set(key, 'none');
       else setTimeout(() => { this.#tiles.delete(key); this.changed(); }, kRetry_ms);
     }
@@ -229,7 +229,7 @@ export class Terrain {
     }
   }
 
-  /** Height in the scene from the finest tile there is; NaN where there is none. */
+  /** Height in the scene from the finest loaded tile; NaN without one. */
   heightAt(x, y) {
     for (let level = 0; level < this.levels.length; ++level) {
       const [xmin, ymin] = this.site.terrain.bounds, size = kTile * this.levels[level].spacing_m;
@@ -244,9 +244,10 @@ export class Terrain {
   }
 
   /**
-   * Where a ray first meets what is drawn of the terrain, or null.
+   * The first intersection of a ray with the drawn terrain, or null.
    * @param {import('three').Ray} ray in the scene
-   * @param {function(number, number, number): boolean} hidden whether a place is in a resident chunk
+   * @param {function(number, number, number): boolean} hidden whether a place is in a resident
+   *     chunk
    */
   raycast(ray, hidden) {
     let best = null, bestT = Infinity;

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// One tile of terrain: its posts' heights as a mesh with a skirt, which hides the gaps to coarser
-// neighbours; around the site it is a wall.
+// A tile of terrain: its posts' heights as a mesh with a skirt, which hides gaps to coarser
+// neighbours. At the site's border the skirt is a wall.
 import {BufferAttribute, BufferGeometry, Float32BufferAttribute, Mesh, Sphere, Vector3} from 'three';
 import {kNotKnown} from './ground_uniforms.js';
 
-/** Grids and triangles of all tiles of the same size that have ground everywhere. */
+/** Grids and triangles for all tiles of the same size without voids. */
 const shared = new Map();
 
 /** Posts of the rim, counter-clockwise from above, as [column, row]. */
@@ -18,7 +18,7 @@ function rimOf(nx, ny) {
   return rim;
 }
 
-/** Vertices: posts row by row, then for each post of the rim its top and its foot, each side of the rim twice. */
+/** Vertices: posts row by row, then top and foot of each rim post, with each side's posts separate. */
 function topology(nx, ny, isGround) {
   const rim = rimOf(nx, ny), n = nx * ny, sides = rim.length;
   const grid = new Uint16Array(2 * (n + 4 * sides));
@@ -61,8 +61,8 @@ function topology(nx, ny, isGround) {
 export class TerrainTile {
   /**
    * @param {Object} place level, i, j; nx, ny posts; spacing_m; corner: in the scene; site: whether
-   *     each side (south, east, north, west) is the site's
-   * @param {Float32Array} heights above the scene's datum, NaN where there is no ground
+   *     each side (south, east, north, west) is the site's border
+   * @param {Float32Array} heights above the scene's datum, NaN without ground
    */
   constructor(place, heights, material, footZ) {
     Object.assign(this, place);
@@ -111,7 +111,7 @@ export class TerrainTile {
   }
 
   /**
-   * Normals of all posts, or of the rim only, from the posts around.
+   * Computes normals of all posts, or only of the rim, from neighbouring posts.
    * @param {function(number, number): number} around height of a post beyond the tile, NaN: unknown
    */
   shade(around, rimOnly = false) {
@@ -131,7 +131,7 @@ export class TerrainTile {
     if (!rimOnly) for (let j = 0; j < ny; ++j) for (let i = 0; i < nx; ++i) shadePost(i, j);
     const {rim} = this.form;
     for (const [i, j] of rim) shadePost(i, j);
-    rim.forEach(([i, j], k) => {   // skirts are lit as the ground above them
+    rim.forEach(([i, j], k) => {   // skirts are lit like the ground above them
       const [u, v] = rim[(k + 1) % rim.length], to = 4 * (nx * ny + 4 * k);
       for (const [o, x, y] of [[0, i, j], [1, i, j], [2, u, v], [3, u, v]]) {
         if (out[to + 4 * o + 3] === 0) out.copyWithin(to + 4 * o, 4 * (y * nx + x), 4 * (y * nx + x) + 3);
@@ -140,7 +140,7 @@ export class TerrainTile {
     this.facing.needsUpdate = true;
   }
 
-  /** @param {Float32Array} heights of the design at the posts, above the scene's datum, NaN: none */
+  /** @param {Float32Array} heights of the design at the posts, above the scene's datum; NaN: unknown */
   setDesign(heights) {
     const {nx, ny} = this, {rim, grid} = this.form, above = new Float32Array(grid.count);
     this.fromDesign_m = 0;
@@ -157,7 +157,7 @@ export class TerrainTile {
     this.designed = true;
   }
 
-  /** Height at a place in the scene, bilinear; NaN where there is no ground. */
+  /** Height at a place in the scene, bilinear; NaN without ground. */
   heightAt(x, y) {
     const u = (x - this.corner[0]) / this.spacing_m, v = (y - this.corner[1]) / this.spacing_m;
     const i = Math.min(this.nx - 2, Math.floor(u)), j = Math.min(this.ny - 2, Math.floor(v));
@@ -168,7 +168,7 @@ export class TerrainTile {
 
   dispose() {
     this.mesh.removeFromParent();
-    this.mesh.geometry.deleteAttribute('grid');   // others' too
+    this.mesh.geometry.deleteAttribute('grid');   // shared by tiles
     this.mesh.geometry.setIndex(null);
     this.mesh.geometry.dispose();
     this.mesh.material.dispose();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// window.soilvdb: what is drawn, for tests and for who is curious. Nothing can be changed by it.
+// window.soilvdb: read-only data of the drawn page, for tests and debugging.
 import {Vector3} from 'three';
 
 export function handle(page) {
@@ -12,19 +12,19 @@ export function handle(page) {
       settled: page.views.settled, rejected: page.views.rejected, error: page.views.lastError ?? null,
     }),
     terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles, fromDesign_m: page.terrain.fromDesign_m}),
-    /** The time shown, s. */
+    /** The shown time, s. */
     time: () => page.shownTimes().time ?? page.live?.time_s ?? null,
-    /** Name and position of each machine as it is drawn. */
+    /** Name and drawn position of each machine. */
     machines: () => page.machines.places.map(({name, position}) => ({name, position: position && page.world(position)})),
     frames: () => page.sceneView.frames,
     memory: () => ({...page.sceneView.renderer.info.memory}),
-    /** Pixels of the window where a place in the world is drawn, or null. */
+    /** Window pixel of a place in the world, or null. */
     project: ([x, y, z]) => {
       const at = page.sceneView.project(new Vector3(x - page.origin[0], y - page.origin[1], z - page.origin[2]));
       const box = page.sceneView.canvas.getBoundingClientRect();
       return at && [at[0] + box.left, at[1] + box.top];
     },
-    /** Height of the ground as it is drawn. */
+    /** Height of the drawn ground. */
     height: (x, y) => page.pick.heightAt(x - page.origin[0], y - page.origin[1]),
   });
 }

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Dark or light: as the system has it, until somebody chooses.
+// Dark or light: the system's setting, until the user chooses.
 const kKey = 'soilvdb-theme';
 const system = matchMedia('(prefers-color-scheme: light)');
 
 function kept() {
   try {
     return localStorage.getItem(kKey);
-  } catch {   // not to be had in some browsers' settings
+  } catch {   // some browser settings forbid storage
     return null;
   }
 }

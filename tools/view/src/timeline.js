@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which time is shown: a slider over what is recorded, with a tick for each snapshot, and the time
-// that changes are against.
+// The shown time: a slider over the recording, with a tick per snapshot, and the time that changes
+// refer to.
 import {h, setText, svg} from './dom.js';
 import * as format from './format.js';
 
@@ -19,9 +19,9 @@ export class Timeline {
   #waiting = false;
 
   /**
-   * @param {HTMLElement} element @param {boolean} live whether machines may go on
-   * @param {function(?number, ?number): boolean} ask for the ground at a time, against another;
-   *     whether there will be an answer
+   * @param {HTMLElement} element @param {boolean} live whether machines may still move
+   * @param {function(?number, ?number): boolean} ask requests the ground at a time, against
+   *     another; returns whether an answer will come
    */
   constructor(element, live, ask) {
     Object.assign(this, {element, live, ask});
@@ -32,7 +32,7 @@ export class Timeline {
       oninput: () => this.#moved(false), onchange: () => this.#moved(true),
     });
     this.ticks = h('div', {class: 'slider-ticks', 'aria-hidden': 'true'});
-    this.before = button('Snapshot before', icon('M13 4 7 10l6 6M5 4v12'), () => this.step(-1), '[');
+    this.before = button('Previous snapshot', icon('M13 4 7 10l6 6M5 4v12'), () => this.step(-1), '[');
     this.after = button('Next snapshot', icon('m7 4 6 6-6 6M15 4v12'), () => this.step(1), ']');
     this.now = h('output', {id: 'time-now'});
     this.liveButton = button(live ? 'Show the ground as it is now' : 'Show the end', live ? 'Live' : 'End', () => this.show(null), 'l');
@@ -84,7 +84,7 @@ export class Timeline {
   #moved(done) {
     const {from, to} = this.times, at = this.input.valueAsNumber / kMost;
     let time = from + at * (to - from);
-    const near = this.times.snapshots.find((t) => Math.abs(this.#share(t) - at) < 0.004);   // snapshots are quick to show
+    const near = this.times.snapshots.find((t) => Math.abs(this.#share(t) - at) < 0.004);   // snapshots load fast
     if (near !== undefined) time = near;
     this.time = at >= 1 ? null : Number(time.toFixed(3));
     this.#say();
@@ -99,7 +99,7 @@ export class Timeline {
     this.#waiting = this.ask(this.time, this.against);
   }
 
-  /** The server has answered the last request, one at a time: what was chosen since is asked for. */
+  /** Called when the server has answered; requests are sent one at a time, and the latest choice is next. */
   answered() {
     this.#waiting = false;
     if (this.times) this.#request();
@@ -112,7 +112,7 @@ export class Timeline {
     this.#request();
   }
 
-  /** To the snapshot before or after. */
+  /** Goes to the previous or next snapshot. */
   step(direction) {
     if (!this.times) return;
     const shown = this.time ?? this.times.to, {snapshots, to} = this.times;
@@ -121,7 +121,7 @@ export class Timeline {
     else if (direction > 0) this.show(null);
   }
 
-  /** Changes are against the time shown now; again: against the ground before digging. */
+  /** Compares with the time shown now; a second call compares with the ground before digging. */
   toggleAgainst() {
     if (!this.times) return;
     this.against = this.against === null ? (this.time ?? this.times.to) : null;
@@ -130,7 +130,7 @@ export class Timeline {
     this.#request();
   }
 
-  /** After the connection was lost: asks again for what was shown, if that isn't what comes by itself. */
+  /** Requests the shown time again after a lost connection, unless it is the live view. */
   restore() {
     this.#asked = 'null;null';
     this.#waiting = false;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which ground is shown: live, at another time, or changes against another time. A view that comes
-// replaces the one before when it is whole; the first is shown as it comes.
+// The shown ground: live, at another time, or compared with another time. A new view replaces the
+// last when it is complete; the first is shown at once.
 import {blockKey, decodeBlock, inflate} from './decode.js';
 import {Blocks} from './blocks.js';
 import {ChunkTable} from './chunk_table.js';
@@ -9,7 +9,7 @@ import {ChunkTable} from './chunk_table.js';
 const kBudget_ms = 7;   // of decoding at a time
 
 export class Views {
-  /** Newest message for each block and view, in order of arrival. */
+  /** Newest message by view and block, in order of arrival. */
   #queue = new Map();
   #sequence = new Map();
   #inflating = 0;
@@ -21,7 +21,7 @@ export class Views {
   coming = null;
   rejected = 0;
 
-  /** @param {Object} scene what blocks need: site, origin, uniforms, parent @param {function()} changed */
+  /** @param {Object} scene needs of blocks: site, origin, uniforms, parent @param {function()} changed */
   constructor(scene, changed) {
     this.scene = scene;
     this.changed = changed;
@@ -41,7 +41,7 @@ export class Views {
     view.blocks.tableChanged = false;
   }
 
-  /** Blocks of this view are to come; it is shown when it is whole. */
+  /** Starts a view whose blocks follow; it is shown when it is complete. */
   expect(id) {
     this.coming?.blocks.dispose();
     this.coming = null;
@@ -51,13 +51,13 @@ export class Views {
     else this.coming = this.#fresh(id);
   }
 
-  /** All blocks of the view have been sent. */
+  /** Called when all blocks of the view were sent. */
   whole(id) {
     this.#whole.add(id);
     this.#schedule();
   }
 
-  /** A binary message. */
+  /** Takes a binary message. */
   async receive(buffer) {
     const number = ++this.#counter;
     ++this.#inflating;
@@ -83,14 +83,14 @@ export class Views {
     this.lastError = error.message;
   }
 
-  /** @return {boolean} whether the picture has changed since this was asked */
+  /** @return {boolean} whether the picture changed since the last call */
   takeChange() {
     const changed = this.#changed;
     this.#changed = false;
     return changed;
   }
 
-  /** Beside pictures, which may be slow: where the browser draws without a graphics card. */
+  /** Decodes independently of drawing, which is slow without a graphics card. */
   #schedule() {
     if (this.#scheduled) return;
     this.#scheduled = true;
@@ -102,7 +102,7 @@ export class Views {
     });
   }
 
-  /** Decodes what came, for some milliseconds. @return {boolean} whether the picture changed */
+  /** Decodes messages for some milliseconds. @return {boolean} whether the picture changed */
   #work() {
     const end = performance.now() + kBudget_ms;
     let changed = false;
@@ -145,7 +145,7 @@ export class Views {
     return this.#queue.size > 0 || this.#inflating > 0;
   }
 
-  /** Whether the view shown is all there. */
+  /** Whether the shown view is complete. */
   get settled() {
     return !this.busy && this.coming === null && this.#whole.has(this.shown.id);
   }

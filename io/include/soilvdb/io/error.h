@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What every reader throws when an input file is wrong.
+// The exception that readers throw for wrong input files.
 #pragma once
 
 #include <filesystem>
@@ -9,7 +9,7 @@
 
 namespace soilvdb::inline v0::io {
 
-/// `text` on one line: control characters, which names and fields may hold, become `instead`.
+/// `text` on one line: `instead` replaces control characters, which names and fields may hold.
 inline std::string one_line(std::string text, char instead = '?') {
   for (char& c : text) {
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) c = instead;
@@ -18,7 +18,7 @@ inline std::string one_line(std::string text, char instead = '?') {
 }
 
 /// An input file or the command line is wrong: "FILE:LINE: what is wrong and what would be right",
-/// without the line number where the file has none. One line, whatever is in the file's name.
+/// without the line number if the file has no lines. Always one line, whatever the file's name.
 struct InputError : std::runtime_error {
   explicit InputError(const std::string& message) : std::runtime_error(one_line(message)) {}
   InputError(const std::filesystem::path& file, const std::string& message)

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Meshes for other programs, and of tools.
+// Meshes of ground, for other programs, and meshes of tools.
 #pragma once
 
 #include <filesystem>
@@ -10,19 +10,19 @@
 
 namespace soilvdb::inline v0::io {
 
-/// Writes PLY (binary), OBJ, STL (binary) or GLB by the file's suffix, in local coordinates;
-/// vertices and triangles keep their order but for STL, which has no vertices to share. The site's
-/// origin and CRS stand in the header where the format has a place for them: comments in PLY and
-/// OBJ, the header (80 bytes, the origin alone) in STL, `asset.extras` in GLB. GLB is turned y up,
-/// as the format demands: its x, y, z are x, z, -y of the site. Atomic.
+/// Writes a mesh in local coordinates, atomically; the suffix selects PLY (binary), OBJ, STL
+/// (binary) or GLB. Vertices and triangles keep their order, except in STL, which shares no
+/// vertices. The site's origin and CRS are comments in PLY and OBJ, `asset.extras` in GLB, and the
+/// header in STL (80 bytes, the origin alone). GLB is y up, as its specification demands: its x, y,
+/// z are x, z, -y of the site.
 /// @throw std::runtime_error naming the file and the cause; std::invalid_argument for an unknown
 ///        suffix or a mesh without triangles.
 void write_mesh(const std::filesystem::path& file, const Mesh& mesh, const Vec3& origin,
                 const std::string& crs_wkt);
 
-/// Reads all triangles of an STL or OBJ file, in its own coordinates. Points at one place become
-/// one; faces of more than three corners must be convex.
-/// @throw InputError if it can't be read, has a point that is no number, or no triangles
+/// Reads all triangles of an STL or OBJ file, in its own coordinates. Merges points with equal
+/// coordinates. Faces with more than three corners must be convex.
+/// @throw InputError if the file can't be read, has no triangles, or has a point that is not finite
 Mesh read_mesh(const std::filesystem::path& file);
 
 }  // namespace soilvdb::inline v0::io

@@ -16,7 +16,7 @@
 
 namespace soilvdb::inline v0::io {
 
-/// What a motion's angles are in: those of joints that turn, and roll, pitch and yaw.
+/// Unit of a motion's angles: turning joints, and roll, pitch and yaw.
 enum class AngleUnit { kRadians, kDegrees };
 
 struct MotionInput {
@@ -24,41 +24,44 @@ struct MotionInput {
   std::vector<std::string> warnings;  ///< unused columns, joints beyond their limits
 };
 
-/// Rows that can't be what a machine did: fields missing, too many or no numbers; numbers no site
-/// and no sensor has; times that don't increase, but for a row that is there twice; a joint beyond
-/// its limits by more than 0.1 rad or m; a bucket or joint faster than any machine's since the last
-/// good row, or a joint more than twice as fast as its URDF has it. Of MCAP files, too: a joint or
-/// frame that isn't known at the row's time.
+/// Rows that cannot be true: missing or surplus fields; values that are not numbers, or that no
+/// sensor sends; times that do not increase (a repeated row is allowed); a joint more than 0.1 rad
+/// or m beyond its limits; a bucket or joint that moved faster since the last good row than any
+/// machine does, or a joint at more than twice its URDF velocity. In MCAP files also: a joint or
+/// frame that is unknown at the row's time.
 struct BadRows {
   std::int64_t count = 0;
   std::string first;             ///< "FILE:LINE: what is wrong and what would be right"
-  std::optional<double> good_s;  ///< time of the last good row before it, if there is one
-  std::int64_t at_odds = 0;      ///< rows that are bad only by what the good row before them says
-  long at_odds_with = 0;  ///< the line of the row that most of them in a row are at odds with
+  std::optional<double> good_s;  ///< time of the last good row before `first`, if any
+  std::int64_t at_odds = 0;      ///< rows that are bad only in comparison with the last good row
+  long at_odds_with = 0;         ///< line of the good row that the longest run of these contradicts
   std::filesystem::path at_odds_in;  ///< its file
-  /// As many of them in a row as outnumber all good rows up to the one that they are at odds with,
-  /// at that line; 0: there is none.
+  /// Longest run of such rows that outnumbers all good rows up to the row it contradicts, which is
+  /// at `outnumbered`; 0: there is no such run.
   std::int64_t outnumbering = 0;
   long outnumbered = 0;
   std::filesystem::path outnumbered_in;
 };
 
-/// Reads `time` (s, strictly increasing) and, without a chain, x,y,z (m) with roll,pitch,yaw (rad,
-/// missing ones are 0) or qx,qy,qz,qw: the bucket frame in the world; with a chain, a column for
-/// each of its movable joints (rad or m). Degrees are made radians where `angles` says so.
+/// Reads the rows of a motion: `time` (s, strictly increasing) and the bucket frame in the world,
+/// or joints. Without a chain: x,y,z (m) with roll,pitch,yaw (rad, default 0) or qx,qy,qz,qw. With
+/// a chain: a column for each movable joint (rad or m). `angles` is the unit of the file's angles;
+/// the motion is in radians.
 ///
-/// UTF-8 with or without a byte order mark, LF or CR LF line ends, spaces around commas, quoted
-/// fields, blank lines at the end. Columns it has no use for are skipped unread, with one warning.
-/// A row of MCAP files is what messages of one stamp say, its time that of the header's stamp,
-/// seconds since 1970; by transforms, a message that moves the frame. Rows are in the order of
-/// their stamps, whatever order the files are in. Messages of other machines are passed over.
-/// A joint that may go all the way round and wraps goes on past a whole turn.
-/// @throw InputError naming file, line, what is wrong and what would be right; so does a bad row.
+/// CSV: UTF-8 with or without a byte order mark, LF or CR LF line ends, spaces around commas,
+/// quoted fields, blank lines at the end. Other columns are skipped with one warning.
+///
+/// MCAP: a row consists of the messages with one header stamp, which is its time, in seconds since
+/// 1970. With transforms, each message that moves the frame makes a row. Rows are in the order of
+/// their stamps, whatever the order of the files. Messages of other machines are skipped.
+///
+/// A joint that wraps continues past a whole turn, if it can go all the way round.
+/// @throw InputError naming file, line, what is wrong and what would be right; also for a bad row.
 MotionInput read_motion(const MotionSource& source, const std::optional<Chain>& chain,
                         AngleUnit angles = AngleUnit::kRadians);
 
-/// Reads the same part by part, in memory for one part. Parts join: each begins with the last row
-/// of the one before. Bad rows are left out, as if the file hadn't got them.
+/// Reads the same in parts, with one part in memory. Each part begins with the last row of the part
+/// before. Bad rows are left out.
 class MotionReader {
  public:
   /// @throw InputError as read_motion() does; so does next().
@@ -68,24 +71,24 @@ class MotionReader {
   MotionReader(const MotionReader&) = delete;
   MotionReader& operator=(const MotionReader&) = delete;
 
-  /// The row it is at and up to `most_steps` more; goes on to the last of them. One row: the end.
+  /// The current row and up to `most_steps` rows after it, the last of which becomes current. A
+  /// single row marks the end.
   Motion next(std::int64_t most_steps);
-  /// Of the text of the rows that next() returned last; differs from one process to the next.
+  /// Hash of the text of the rows that next() returned last; valid within this process only.
   std::size_t digest() const;
 
-  RowMark mark() const;  ///< of the row it is at
+  RowMark mark() const;  ///< of the current row
   void go_to(const RowMark& mark);
   std::int64_t bytes_read() const;
 
-  /// What it reads, with what it has learnt of the file.
+  /// The source, with the facts learnt about its files.
   MotionSource source() const;
 
   const BadRows& bad_rows() const;  ///< of all rows read so far
-  /// @throw InputError if so many angles of all rows read so far are beyond a turn that they must
-  /// be
-  ///        degrees, and should be radians.
+  /// @throw InputError if so many angles of the rows read so far exceed a turn that they must be
+  ///        degrees.
   void check_angles() const;
-  /// What read_motion() would warn of, for all rows read so far.
+  /// The warnings of read_motion() for all rows read so far.
   std::vector<std::string> warnings() const;
 
  private:

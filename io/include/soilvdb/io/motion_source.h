@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where a motion comes from: a CSV file, or what MCAP files hold of it.
+// The source of a motion: a CSV file, or messages of MCAP files.
 #pragma once
 
 #include <filesystem>
@@ -13,18 +13,17 @@ namespace soilvdb::inline v0::io {
 
 struct McapFacts;  // io/motion/mcap_index.h
 
-/// What of MCAP files is a motion: the messages of a topic, in CDR. By their type they are
-/// - sensor_msgs/JointState: joints by name, for a machine that has a chain;
+/// The messages of MCAP files that make a motion: those of a topic, in CDR, by type:
+/// - sensor_msgs/JointState: joints by name, for a machine with a chain;
 /// - geometry_msgs/PoseStamped, nav_msgs/Odometry: the bucket frame in the world;
-/// - tf2_msgs/TFMessage: the frame `frame`, which is the bucket's, in `parent`, which is the
-/// world's.
+/// - tf2_msgs/TFMessage: the bucket's frame `frame` in the world's frame `parent`.
 struct McapTopic {
   std::string topic;
   std::string frame = {};   ///< for TFMessage only
-  std::string parent = {};  ///< empty: the root of what `frame` hangs on
-  /// What a reader has learnt of the files, for the next one that begins in their middle.
+  std::string parent = {};  ///< empty: the root of the tree above `frame`
+  /// Facts that a reader has learnt of the files, for a reader that begins in their middle.
   std::shared_ptr<const McapFacts> facts = {};
-  std::vector<std::string> more_topics = {};  ///< for JointState: each has some of the joints
+  std::vector<std::string> more_topics = {};  ///< for JointState: topics of more joints
 };
 
 struct MotionSource {
@@ -36,7 +35,7 @@ struct MotionSource {
   std::filesystem::path file;
   bool is_mcap = false;
   McapTopic mcap = {};
-  std::vector<std::filesystem::path> more_files = {};  ///< of a recording in parts: the others
+  std::vector<std::filesystem::path> more_files = {};  ///< the other parts of a recording in parts
 
   std::vector<std::filesystem::path> files() const {
     std::vector<std::filesystem::path> all{file};

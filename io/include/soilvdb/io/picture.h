@@ -10,7 +10,7 @@
 
 namespace soilvdb::inline v0::io {
 
-/// What a picture says in words.
+/// A picture's text.
 struct Caption {
   std::string title;   ///< the scenario's name
   std::string detail;  ///< e.g. "cut 1.83 m3, 5 cm voxels, EPSG:26918"
@@ -26,11 +26,11 @@ void write_plan(const std::filesystem::path& file, const Ground& ground,
 void write_view(const std::filesystem::path& file, const Ground& ground,
                 const Eigen::AlignedBox2d& box, const Caption& caption);
 
-/// The columns of the resident ground and of that beneath it, world; empty if there are none.
-/// @param changed_only of the chunks alone that have lost soil or hold soil that was moved
+/// The columns of the resident ground and of the ground beneath it, world; empty if there are none.
+/// @param changed_only only chunks that lost soil or hold moved soil
 Eigen::AlignedBox2d footprint(const Ground& ground, bool changed_only);
 
-/// What columns a voxel wide lost and gained since before anyone dug, each with its own net.
+/// Loss and gain of all voxel-wide columns since before digging, each column with its net change.
 struct CutAndFill {
   double cut_m3 = 0, fill_m3 = 0;
 };
@@ -39,7 +39,7 @@ CutAndFill cut_and_fill(const Ground& ground);
 /// Is any of the ground's soil loose?
 bool has_loose(const Ground& ground);
 
-/// The box of the world a picture of this soil should show: the ground that changed, with a margin.
+/// The box of the world that a picture of this soil should show: the changed ground, with a margin.
 Eigen::AlignedBox2d region_of_interest(const Ground& ground);
 
 }  // namespace soilvdb::inline v0::io

@@ -17,62 +17,61 @@ namespace soilvdb::inline v0::io {
 struct RasterInput {
   HeightGrid grid;
   std::shared_ptr<const HeightSource> source;  ///< safe to call from several threads
-  std::string crs_wkt;                         ///< empty: not known, taken as metres
+  std::string crs_wkt;                         ///< empty: unknown, taken as metres
   std::string driver;                          ///< GDAL's name of the format
-  std::vector<std::string> warnings;           ///< of heights that may be none, each a line
+  std::vector<std::string> warnings;           ///< about heights that may be voids, a line each
 };
 
-/// Opens the first band of a raster as heights in metres: integers and floats of any width, scale
-/// and offset applied, whichever way its rows run. Posts are the cells' centres. Reads little of a
-/// large file (0.1 s or less), all of a small one.
+/// Opens the first band of a raster as heights in metres: integers and floats of any width, with
+/// scale and offset applied, in any row order. Posts are the cells' centres. Reads a small part of
+/// a large file (at most 0.1 s), and all of a small one.
 ///
-/// No height is: NODATA, masked and fully transparent cells, NaN, infinities, heights beyond
-/// +-1e5 m, and where no NODATA is declared, heights of exactly -9999, -99999, -32768 and -32767 m,
-/// with which files mark voids. A declared NODATA is taken at its word, also if it is 0.
+/// Cells without a height: NODATA, masked and fully transparent cells, NaN, infinities, and heights
+/// beyond +-1e5 m. If no NODATA is declared, also heights of exactly -9999, -99999, -32768 and
+/// -32767 m, which often mark voids. A declared NODATA holds, even if it is 0.
 ///
 /// Formats: GeoTIFF and COG, Esri ASCII, binary and .bil, GRASS ASCII, ENVI, Erdas .img, Surfer
-/// grids, SAGA, SRTM .hgt, DTED, USGS DEM. What GDAL reads else (VRT and the like refer to other
-/// files and addresses) has to be converted first, and the error says how.
-/// @throw InputError if it is missing, damaged, not a raster of heights, without a position,
-/// rotated,
-///        in degrees or feet (with the command that would mend it), or has no height at all. The
-///        source's read() throws std::runtime_error naming the file if damage shows later.
+/// grids, SAGA, SRTM .hgt, DTED, USGS DEM. Other formats of GDAL must be converted first (VRT and
+/// the like refer to other files and addresses); the error gives the command.
+/// @throw InputError if the file is missing, damaged, not a raster of heights, without a position,
+///        rotated, in degrees or feet (with the command that converts it), or without any height.
+///        The source's read() throws std::runtime_error naming the file if damage shows later.
 RasterInput open_raster(const std::filesystem::path& file);
 
-/// One band of a raster to write: row-major from low y to high y, NaN where there is none.
+/// One band of a raster to write: row-major from low y to high y, NaN where there is no height.
 struct RasterBand {
   std::string name;
   std::vector<float> values;
 };
 
 /// Writes a Float32 GeoTIFF (deflate, tiled), north up, NODATA -9999, unit metre. Atomic.
-/// @param grid square or not; its posts become the centres of the cells
+/// @param grid square cells or not; its posts become the cells' centres
 /// @throw std::runtime_error naming the file and the cause.
 void write_geotiff(const std::filesystem::path& file, const HeightGrid& grid,
                    const std::vector<RasterBand>& bands, const std::string& crs_wkt);
 
-/// As many cells as a run writes: two bands of them are 0.8 GB.
+/// The most cells that a run writes; two such bands are 0.8 GB.
 inline constexpr double kMostRasterCells = 1e8;
 
-/// Heights of a site's surface on a grid of square cells, and how far it is above the ground before
-/// anyone dug there, beneath all snapshots that one was dug from.
+/// Heights of a site's surface on a grid of square cells, and its height above the ground before
+/// digging, beneath all snapshots that it was dug from.
 struct SurfaceRaster {
   HeightGrid grid;
   std::vector<float> surface, base, change;  ///< NaN where there is no ground
 };
 
-/// The cells that meet the box, their sides at multiples of cell_m. The base's heights are those of
-/// the cells' centres; the change is what soil the cell gained over its area, so that its sum times
-/// the area of a cell is the ground's change in volume, that of cells at the edge of the terrain
-/// whose centres have no height included; the surface is their sum. Where cells are smaller than
-/// voxels, the surface's heights are those of its centres, too, and the change is the difference.
-/// In parallel.
+/// Rasterises the cells that meet the box, with sides at multiples of cell_m, in parallel. The base
+/// has the heights at the cells' centres. The change is the soil that a cell gained divided by its
+/// area, so the changes' sum times a cell's area is the change in volume. This includes cells at
+/// the edge of the terrain whose centres have no height. The surface is base plus change. For cells
+/// smaller than voxels, the surface also has the heights at the centres, and the change is the
+/// difference.
 /// @param box in the world, m, not empty
 /// @throw std::invalid_argument unless 0 < cell_m and there are at most 2^31 cells.
 SurfaceRaster rasterise(const Ground& ground, const Eigen::AlignedBox2d& box, double cell_m);
 
-/// By how much the ground rose from one state to another in the cells of a raster of the latter, m.
-/// @param same_base as for difference()
+/// Rise of the ground between two states, in the cells of a raster of the later state, m.
+/// @param same_base as in difference()
 std::vector<float> rasterise_change(const Ground& before, const Ground& after, bool same_base,
                                     const SurfaceRaster& raster);
 

@@ -36,17 +36,17 @@ struct LevelSetTerrain {
 using Terrain = std::variant<PlaneTerrain, RasterTerrain, LevelSetTerrain>;
 
 struct MachineInput {
-  /// A machine whose motion is in memory.
+  /// A machine with a motion in memory.
   MachineInput(std::string name, Bucket bucket, Motion motion);
   MachineInput(std::string name, Bucket bucket, MotionFile motion, SweptBoxes swept);
-  /// One without a motion, moved by whoever runs it: by poses or, with a chain, by its joints.
+  /// A machine without a motion, which the caller moves: by poses or, with a chain, by joints.
   MachineInput(std::string name, Bucket bucket, std::optional<Chain> chain = std::nullopt);
 
   std::string name;
   Bucket bucket;
   MotionFile motion;
   SweptBoxes swept;            ///< of the bucket
-  std::optional<Chain> chain;  ///< of a machine that moves by its joints
+  std::optional<Chain> chain;  ///< of a machine that moves by joints
 
   bool has_motion() const { return motion.rows() > 0; }
 };
@@ -56,38 +56,37 @@ struct Scenario {
   std::string name;
   double voxel_size_m = 0;
   Terrain terrain;
-  std::vector<MachineInput> machines;  ///< names are unique; none only where there are pours
-  std::optional<SoilProperties> soil;  ///< nothing: soil is rigid
-  std::vector<Pour> pours;             ///< names are unique, and no machine's; only with soil
-  std::vector<Hopper> hoppers;         ///< the same; no two in one place at one time
+  std::vector<MachineInput> machines;  ///< names are unique; may be empty only with pours
+  std::optional<SoilProperties> soil;  ///< empty: soil is rigid
+  std::vector<Pour> pours;      ///< names are unique and differ from machines'; only with soil
+  std::vector<Hopper> hoppers;  ///< the same; no two in the same place at the same time
   std::optional<double> snapshot_every_s;
   bool incremental_snapshots = false;
-  std::optional<std::size_t> snapshots_kept;  ///< newest of them, 2 or more; else all
+  std::optional<std::size_t> snapshots_kept;  ///< number of newest ones, 2 or more; empty: all
   std::optional<std::string> mesh;            ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
-  bool mcap = false;                          ///< ground and loads are recorded as they change
-  double journal_sync_s = 1;                  ///< how often the journal is synced; 0: always
+  bool mcap = false;          ///< record ground and loads as they change
+  double journal_sync_s = 1;  ///< interval between syncs of the journal, s; 0: every update
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
-  /// Unused columns, joints beyond limits, bad rows left out, doubtful soil and buckets.
+  /// About unused columns, joints beyond limits, left-out bad rows, doubtful soil and buckets.
   std::vector<std::string> warnings;
 };
 
-/// Is told how many bytes of all the motions have been read, and how many there are.
+/// Receives the number of bytes read of all motions, and their total.
 using ReadProgress = std::function<void(std::int64_t done, std::int64_t total)>;
 
-/// Do machines have to have a motion?
+/// Must machines have a motion?
 enum class Motions { kRequired, kOptional };
 
-/// Reads a scenario with all its machines, and their motions from end to end; doesn't open the
-/// terrain.
+/// Reads a scenario with all its machines, and their motions to the end; does not open the terrain.
 /// @throw InputError naming file, line, what is wrong and what would be right.
 Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress = {},
                        Motions motions = Motions::kRequired);
 
-/// What a scenario's file says, by key ("machines[0].bucket.width"), whatever its comments, quotes
+/// The values of a scenario's file by key ("machines[0].bucket.width"), without comments, quotes
 /// and white space.
 using ScenarioValues = std::map<std::string, std::string>;
-/// @throw InputError if the file can't be read or is no YAML.
+/// @throw InputError if the file can't be read or is not YAML.
 ScenarioValues scenario_values(const std::filesystem::path& file);
 /// The first difference in words, "voxel_size was 0.05 and is 0.025"; empty if there is none.
 std::string difference(const ScenarioValues& before, const ScenarioValues& now);

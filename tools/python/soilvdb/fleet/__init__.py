@@ -13,7 +13,7 @@ class InputError(ValueError):
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """What an unknown word was probably meant to be, as the end of a message."""
+    """The end of a message: the known word nearest to an unknown one, or all known words."""
     words = sorted(known)
     near = difflib.get_close_matches(word, words, n=1)
     return f"did you mean '{near[0]}'?" if near else "known are " + ", ".join(words)

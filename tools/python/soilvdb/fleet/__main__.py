@@ -17,7 +17,7 @@ COMMANDS = ("run", "uncertainty")  # modules beside this one
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line."""
+    """Reports a wrong command line in one line."""
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message}; {self.prog} --help says what is right")
@@ -36,7 +36,7 @@ def command_line() -> Parser:
 
 
 def _printable(text: str) -> str:
-    """On one line, whatever a cell of a table or a path has in it."""
+    """On one line, whatever characters a table's cell or a path has."""
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 

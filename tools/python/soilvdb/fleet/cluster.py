@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks on a Dask cluster, of this machine's cores or one that exists.
+"""Tasks on a Dask cluster: an existing one, or one of this machine's cores.
 
     with open_cluster(arguments.workers, arguments.scheduler) as cluster:
         for outcome in run_tasks(cluster, function, tasks):
             if outcome.error is None:
                 results[outcome.index] = outcome.value
 
-What a worker does when it dies is done again by another, and all of it when the scheduler was
-restarted: `function` may be called more than once for a task, even at the same time, and
-each task has one outcome.
+The tasks of a lost worker are repeated by another, and all unfinished tasks after a restart of the
+scheduler. `function` may thus be called several times for a task, even at once; each task has one
+outcome.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ from typing import Any, Generic, TypeVar
 T = TypeVar("T")
 R = TypeVar("R")
 
-ATTEMPTS = 3  # at a task that raises, each on another host where there is one
-PAUSE_S = 3.0  # before each but the first: another host may come, and a disk be cleared
-DEATHS = 10  # of Dask's own three workers each, before a task is what kills them
-PATIENCE_S = 600.0  # for a scheduler that is gone
-QUIET_S = 30.0  # without workers before that is said
+ATTEMPTS = 3  # at a failing task, each on another host if possible
+PAUSE_S = 3.0  # before repeated attempts: a host may join, a disk may be cleared
+DEATHS = 10  # of three workers each, after which the task is blamed
+PATIENCE_S = 600.0  # with an unreachable scheduler
+QUIET_S = 30.0  # without workers until a warning
 CLOSE_S = 30.0  # for a client to end; on a busy host its own coroutines take seconds
 
 
 @dataclasses.dataclass(frozen=True)
 class Outcome(Generic[R]):
-    """What became of a task: its value, or the exception of the last attempt."""
+    """The result of a task: its value, or the exception of the last attempt."""
 
     index: int
     value: R | None
@@ -53,27 +53,27 @@ class Outcome(Generic[R]):
 
 
 def add_options(parser: argparse.ArgumentParser) -> Any:
-    """--workers and --scheduler, for open_cluster. @return what excludes them"""
+    """Adds --workers and --scheduler for open_cluster. @return the group that excludes them"""
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=_count, metavar="N",
                        help="processes on this machine; default: one per core")
     where.add_argument("--scheduler", type=_address, metavar="ADDRESS",
-                       help="of a Dask cluster that exists, such as tcp://host:8786")
+                       help="of an existing Dask cluster, such as tcp://host:8786")
     return where
 
 
 def _count(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 1024:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number from 1 to 1024")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 to 1024")
     return int(text)
 
 
 def _address(text: str) -> str:
     match = re.fullmatch(r"((tcp|tls|wss?)://)?[^\s/]+:([0-9]{1,5})", text)
     if not match or not 1 <= int(match[3]) <= 65535:
-        raise argparse.ArgumentTypeError(f"'{text}' is no address; tcp://host:8786 is one")
+        raise argparse.ArgumentTypeError(f"'{text}' is not an address such as tcp://host:8786")
     if match[2] in ("tls", "wss"):
-        # Without certificates Dask's client says so in a traceback, and hangs for a while.
+        # Without certificates Dask's client prints a traceback and hangs for a while.
         if _dask().Security().get_connection_args("client")["ssl_context"] is None:
             raise argparse.ArgumentTypeError(f"'{text}' needs certificates, which Dask's "
                                              "configuration has under distributed.comm.tls")
@@ -89,8 +89,9 @@ def _dask() -> Any:
 
 
 class _Loop:
-    """An event loop on a thread of its own, for one client. A client that is closed while it looks for
-    its scheduler may leave coroutines behind; Python would say so of each. They end with the loop."""
+    """An event loop in a thread of its own, for one client. A client that is closed while it
+    searches its scheduler may leave coroutines behind, which Python would report. They end with the
+    loop."""
 
     def __init__(self) -> None:
         self._started = threading.Event()
@@ -106,14 +107,14 @@ class _Loop:
         await self._ended.wait()
 
     def end(self) -> None:
-        """Cancels all that runs on it, and waits for that."""
+        """Cancels all running tasks and waits for their end."""
         with contextlib.suppress(RuntimeError):  # it has ended
             self._asyncio.call_soon_threadsafe(self._ended.set)
         self._thread.join(CLOSE_S)
 
 
 class Cluster:
-    """A client of a scheduler, and another one once that was restarted. Of one thread."""
+    """A client of a scheduler, replaced when the scheduler was restarted. For one thread."""
 
     def __init__(self, address: str) -> None:
         self._address = address
@@ -122,7 +123,7 @@ class Cluster:
         self.connect(patience_s=0.0)
 
     def connect(self, patience_s: float = PATIENCE_S) -> None:
-        """Anew. Raises RuntimeError where no scheduler answers for so long."""
+        """Connects anew. Raises RuntimeError if no scheduler answers in this time."""
         self.close()
         end = time.monotonic() + patience_s
         while True:
@@ -150,19 +151,20 @@ class Cluster:
 
 @contextlib.contextmanager
 def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster]:
-    """The cluster of a scheduler, or one of so many processes of this machine, which end with it.
+    """A cluster of a scheduler, or of a number of processes of this machine, which end with it.
 
-    workers: default one per core. Raises RuntimeError where there is no Dask or no scheduler.
+    workers: default one per core. Raises RuntimeError without Dask or without a scheduler.
     """
     dask = _dask()
-    # Each loss is gone on with; a thousand lines about it would hide what is wrong.
+    # Work continues after each loss; thousands of messages would hide the cause.
     logging.disable(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         if scheduler is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="soilvdb-"))
             local = stack.enter_context(dask.LocalCluster(
                 n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
-                # Without addresses their HTTP is for all hosts, and at odds with others' on this one.
+                # Without addresses their HTTP servers listen on all interfaces, and collide on this
+                # host.
                 dashboard_address=None, scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 worker_dashboard_address="127.0.0.1:0", memory_limit=0, local_directory=folder,
                 silence_logs=logging.CRITICAL))
@@ -173,7 +175,7 @@ def open_cluster(workers: int | None, scheduler: str | None) -> Iterator[Cluster
 
 
 def _call(function: Callable[[T], R], task: T) -> tuple[str, R | None, BaseException | None]:
-    """On a worker: the host's address, and what became of it."""
+    """Runs on a worker: the host's address, and the task's outcome."""
     host = _host(_dask().get_worker().address)
     try:
         return host, function(task), None
@@ -195,9 +197,8 @@ class _Task:
 
 
 class _Tasks(Generic[T, R]):
-    """Tasks that are waiting, on their way and done. Only twice as many are on their way as there
-    are threads: so workers that join late have a share, and a scheduler that is restarted is
-    soon told all."""
+    """Waiting, submitted and finished tasks. At most twice as many tasks as threads are submitted,
+    so that late workers get a share, and few are submitted again to a restarted scheduler."""
 
     def __init__(self, cluster: Cluster, function: Callable[[T], R], tasks: Sequence[T]) -> None:
         self._cluster, self._function, self._inputs = cluster, function, tasks
@@ -223,7 +224,7 @@ class _Tasks(Generic[T, R]):
                     self._lose_all()
                     continue
                 if self._futures.get(index) is not future:
-                    continue  # of before the scheduler was restarted
+                    continue  # from before a restart of the scheduler
                 outcome = self._take(index, future)
                 if outcome:
                     yield outcome
@@ -231,7 +232,7 @@ class _Tasks(Generic[T, R]):
             self._futures.clear()
 
     def _look(self, now_s: float) -> None:
-        """Which workers are there, and who waits for those that are not?"""
+        """Updates the list of workers, resubmits tasks tied to lost ones; warns without workers."""
         self._threads, self._asked_s = self._cluster.client.nthreads(), now_s
         if self._threads:
             self._busy_s = now_s
@@ -268,12 +269,12 @@ class _Tasks(Generic[T, R]):
             future.add_done_callback(lambda done, at=index: self._events.put((at, done)))
 
     def _take(self, index: int, future: Any) -> Outcome[R] | None:
-        """What became of a task, unless it is tried again."""
+        """The outcome of a task, unless it is repeated."""
         task = self._tasks[index]
         try:
             host, value, error = future.result(timeout=60)
         except (asyncio.CancelledError, futures.CancelledError, asyncio.TimeoutError, OSError):
-            # Not this one alone: clients cancel all they have when the scheduler is gone.
+            # A lost scheduler makes clients cancel all their tasks.
             self._lose_all()
             return None
         except _dask().KilledWorker:
@@ -308,10 +309,10 @@ class _Tasks(Generic[T, R]):
 
 def run_tasks(cluster: Cluster, function: Callable[[T], R],
               tasks: Sequence[T]) -> Iterator[Outcome[R]]:
-    """Calls function(task) for each of the tasks on the cluster's workers, which have to be able
-    to import it, and yields what became of them as it comes: one outcome for each, in any order.
+    """Calls function(task) for each task on the cluster's workers, which must be able to import it.
+    Yields one outcome per task, in the order of their ends.
 
-    A task that raises is tried three times, on other hosts where there are some and after a pause. Raises
-    RuntimeError when the scheduler stays away for ten minutes.
+    A failing task is tried three times, with pauses and on other hosts if possible. Raises
+    RuntimeError if the scheduler is unreachable for ten minutes.
     """
     return _Tasks(cluster, function, tasks).outcomes()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cycles of a machine: what it carried away each time, by what its bucket held."""
+"""Cycles of a machine: the load that it carried away each time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEAST = 0.1  # of the most that the bucket ever held: less isn't a load
 
 @dataclasses.dataclass(frozen=True)
 class Cycle:
-    """From the end of the one before to where the bucket lost most of what it held."""
+    """A cycle: from the end of the last one to the time when the bucket lost most of its load."""
 
     begin_s: float
     end_s: float
@@ -24,7 +24,7 @@ class Cycle:
 
 
 def cycles_of(load_m3: Floats, cut_m3: Floats, times_s: Floats) -> list[Cycle]:
-    """Cycles that have ended. load_m3, cut_m3: after each row, the latter since the first one."""
+    """Completed cycles. load_m3, cut_m3: after each row; cut_m3 since the first row."""
     least = LEAST * float(load_m3.max(initial=0.0))
     cycles: list[Cycle] = []
     peak = trough = cut_before = 0.0
@@ -43,9 +43,9 @@ def cycles_of(load_m3: Floats, cut_m3: Floats, times_s: Floats) -> list[Cycle]:
 
 
 def nearest_cycles(recorded: Sequence[Cycle], own: Sequence[Cycle]) -> list[tuple[float, float]]:
-    """Load and cut of those of a draw that end next to each recorded one; NaN where none does.
+    """Load and cut of a draw's cycles that match the recorded ones; NaN without a match.
 
-    Each of a draw is taken for the recorded one whose end is nearest.
+    A draw's cycle matches the recorded one with the nearest end.
     """
     found = [(math.nan, math.nan)] * len(recorded)
     distance = [math.inf] * len(recorded)

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A job: one scenario in a run folder of its own, dug by the program as a process of its own.
+"""A job: a scenario in its own run folder, dug by the program in its own process.
 
-Beside what the program writes, a job's folder holds `job.json`: what the job is made of, and once
-the program has ended well, the digest of its summary. The summary alone doesn't say that:
-a run that was stopped on its way writes one as well. Files of a finished run that were deleted, as to save
-disk, don't make it anew; `soilvdb resume` of the folder does.
+Beside the program's files a job's folder holds `job.json`: the job's inputs and, once the program
+has succeeded, the digest of its summary. A summary alone is no proof, because a stopped run also
+writes one. A finished job is not repeated if its files were deleted, for example to save disk
+space; `soilvdb resume` restores them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RECORD, LOCK, SUMMARY, JOURNAL = "job.json", "job.lock", "summary.json", "journa
 
 
 class JobError(Exception):
-    """Why there is no result. status: the program's exit status, 128 more than a signal's."""
+    """A job without a result. status: the program's exit status, or 128 + the signal's number."""
 
     def __init__(self, status: int, message: str) -> None:
         super().__init__(status, message)
@@ -38,7 +38,8 @@ class JobError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """One row of a manifest. Paths are absolute: workers run elsewhere. None: as without it."""
+    """One row of a manifest. Paths are absolute, because workers run elsewhere. None: the option's
+    default."""
 
     name: str
     listed: str  # the scenario as the manifest has it
@@ -52,17 +53,17 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """summary.json, and where it was made."""
+    """summary.json, and the host that made it."""
 
     summary: dict[str, Any]
     host: str
 
 
 def run_job(job: Job) -> Result:
-    """Digs a job to its end, going on where it was left, or gives what was dug before.
+    """Digs a job to its end, or continues it, or returns the result of a finished job.
 
     Attempts at the same job wait for one another, also for a program whose worker was killed. The
-    program ends with the thread that called. Raises JobError.
+    program ends with the calling thread. Raises JobError.
     """
     try:
         job.folder.mkdir(parents=True, exist_ok=True)
@@ -83,16 +84,17 @@ def run_job(job: Job) -> Result:
 
 
 def result_of(job: Job) -> Result | None:
-    """What a job's folder holds if the job is done. Raises JobError where it holds another job."""
+    """The result of a finished job; None for an unfinished one. Raises JobError if the folder holds
+    another job."""
     record = _read_record(job)
     if not (job.folder / JOURNAL).exists():
         return None
     if record is None:
-        raise JobError(2, f"{job.folder}: holds a run that is no job's; remove it or give another "
-                          "--out")
+        raise JobError(2, f"{job.folder}: holds a run that belongs to no job; remove it or give "
+                          "another --out")
     if record["made_of"] != _made_of(job):
-        raise JobError(2, f"{job.folder}: holds another job, its scenario, voxel or updates were "
-                          "other ones; remove it or give another --out")
+        raise JobError(2, f"{job.folder}: holds another job, with another scenario, voxel or "
+                          "updates; remove it or give another --out")
     try:
         text = (job.folder / SUMMARY).read_bytes()
     except FileNotFoundError:
@@ -103,14 +105,15 @@ def result_of(job: Job) -> Result | None:
 
 
 def note_failure(job: Job, error: JobError) -> None:
-    """For failure_of, by another process. A job that is done stays so. Raises OSError, JobError."""
+    """Stores a failure for failure_of in another process; a finished job stays finished. Raises
+    OSError, JobError."""
     if result_of(job) is None:
         _write_record(job, {"made_of": _made_of(job), "status": error.status,
                             "message": error.message})
 
 
 def failure_of(job: Job) -> JobError:
-    """Why a job that isn't done isn't, as far as its folder tells. Raises JobError as well."""
+    """Why a job is unfinished, by its folder. May also raise JobError."""
     record = _read_record(job) or {}
     return JobError(record.get("status", 1), record.get("message", "isn't finished"))
 
@@ -128,7 +131,7 @@ def _read_record(job: Job) -> dict[str, Any] | None:
 
 
 def _write_record(job: Job, record: dict[str, Any]) -> None:
-    """Whole or not at all, whatever dies meanwhile. Raises OSError."""
+    """Writes completely or not at all, even if the process dies. Raises OSError."""
     beside = job.folder / f".{RECORD}.tmp"
     with open(beside, "w", encoding="utf-8") as file:
         json.dump(record, file)
@@ -138,7 +141,7 @@ def _write_record(job: Job, record: dict[str, Any]) -> None:
 
 
 def _made_of(job: Job) -> dict[str, Any]:
-    """What the figures depend on: neither threads nor memory."""
+    """The inputs that the result depends on, without threads and memory."""
     return {"scenario": os.path.relpath(job.scenario, job.folder),
             "scenario_sha256": hashlib.sha256(job.scenario.read_bytes()).hexdigest(),
             "voxel": job.voxel, "updates": job.updates}
@@ -146,7 +149,8 @@ def _made_of(job: Job) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[int]:
-    """The lock is the file's: the program inherits it, and may outlive us by a moment."""
+    """The lock belongs to the file: the program inherits it, and may outlive this process
+    briefly."""
     file = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         with contextlib.suppress(OSError):  # file systems without locks; the program has its own
@@ -161,12 +165,12 @@ def _dig(job: Job, lock: int) -> None:
 
 
 def run_program(command: Callable[[], list[str]], lock: int) -> None:
-    """Runs the program to its end, once more where it was killed. Raises JobError.
+    """Runs the program to its end, again if it was killed. Raises JobError.
 
-    command: asked for before each time. lock: of locked(), which the program keeps.
+    command: called before each attempt. lock: of locked(); the program inherits it.
     """
     for last in (False, True):
-        # setpriv: not even a worker that is killed leaves a program behind.
+        # setpriv ends the program even if the worker is killed.
         with subprocess.Popen(["setpriv", "--pdeathsig", "KILL", *command()],
                               stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                               stderr=subprocess.PIPE, pass_fds=(lock,)) as process:
@@ -176,7 +180,7 @@ def run_program(command: Callable[[], list[str]], lock: int) -> None:
             return
         if status > 0:
             raise JobError(status, said[-1].removeprefix("soilvdb: ") if said else
-                           f"soilvdb ended with {status} and said nothing")
+                           f"soilvdb ended with {status} without a message")
         if last:
             raise JobError(128 - status, "the program was killed twice by "
                                          f"{signal.Signals(-status).name}; does the memory suffice?")

@@ -14,11 +14,11 @@ from . import InputError, nearest
 from .jobs import Job
 from .tables import FAILED, RESULTS, beside
 
-# In the folder that jobs' are in.
+# Files beside the jobs' folders.
 TABLES = (RESULTS, FAILED, beside(RESULTS), beside(FAILED), "slurm.sh", "slurm")
-NAME_BYTES = 255  # most that a file's name may have
+NAME_BYTES = 255  # longest name of a file
 
-# As the program's options.
+# Ranges as in the program's options.
 RANGES: dict[str, tuple[Callable[[str], float], float, float, str]] = {
     "voxel": (float, 1e-4, 100, "a voxel size from 0.0001 to 100 m"),
     "updates": (int, 1, 10**8, "a whole number from 1 to 100000000"),
@@ -29,9 +29,9 @@ COLUMNS = ("job", "scenario", *RANGES)
 
 
 def read_manifest(file: Path, out: Path) -> list[Job]:
-    """The jobs of a manifest, in its order. Scenarios are seen from the manifest's folder.
+    """The jobs of a manifest, in its order. Scenarios are relative to the manifest's folder.
 
-    out: where the folders of jobs are. Raises InputError with FILE:LINE.
+    out: parent of the jobs' folders. Raises InputError with FILE:LINE.
     """
     jobs: list[Job] = []
     lines: dict[str, int] = {}
@@ -55,9 +55,9 @@ def read_manifest(file: Path, out: Path) -> list[Job]:
                     lines[job.name] = rows.line_num
                     jobs.append(job)
             except csv.Error as error:
-                raise InputError(f"{file}:{rows.line_num}: {error}; a CSV file is right") from error
+                raise InputError(f"{file}:{rows.line_num}: {error}; it must be a CSV file") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{file}: is no UTF-8 text; a CSV file is right") from error
+        raise InputError(f"{file}: is not UTF-8 text; it must be a CSV file") from error
     except OSError as error:
         raise InputError(f"{file}: {error.strerror}; name a CSV file of jobs") from error
     if not jobs:
@@ -71,7 +71,7 @@ def _header(cells: list[str], at: str) -> list[str]:
         if name not in COLUMNS:
             raise InputError(f"{at}: unknown column '{name}'; {nearest(name, COLUMNS)}")
         if cells.count(name) > 1:
-            raise InputError(f"{at}: the column '{name}' is there twice; once is right")
+            raise InputError(f"{at}: the column '{name}' is there twice; leave one out")
     for name in ("job", "scenario"):
         if name not in cells:
             raise InputError(f"{at}: the column '{name}' is missing; job and scenario are needed")
@@ -88,12 +88,12 @@ def _job(cells: list[str], header: list[str], file: Path, out: Path, at: str) ->
         raise InputError(f"{at}: the job '{name}' can't be the name of a folder; letters, digits, "
                          "_ and - are right")
     if name in TABLES:
-        raise InputError(f"{at}: '{name}' is what the table beside the jobs is called; "
+        raise InputError(f"{at}: '{name}' is the name of a table beside the jobs; "
                          "give the job another name")
     scenario = Path(os.path.abspath(file.parent / row["scenario"]))
     if not _is_file(scenario):
         raise InputError(f"{at}: there is no scenario '{row['scenario']}' in {file.parent}; "
-                         "give its path as seen from there")
+                         "give its path relative to that folder")
     numbers: dict[str, Any] = {key: _number(key, row.get(key, ""), at) for key in RANGES}
     return Job(name, row["scenario"], scenario, Path(os.path.abspath(out)) / name, **numbers)
 
@@ -114,5 +114,5 @@ def _number(key: str, text: str, at: str) -> float | None:
     except ValueError:
         value = float("nan")
     if not least <= value <= most or "_" in text:
-        raise InputError(f"{at}: '{text}' is no {key}; {right} is right, or nothing")
+        raise InputError(f"{at}: {key} is '{text}'; it must be {right}, or empty")
     return value

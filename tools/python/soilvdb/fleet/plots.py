@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""The plot of loads over time, with the band that they are known to."""
+"""The plot of loads over time, with their uncertainty band."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_PANELS = 12
 
 def plot_loads(file: Path, times_s: Floats, drawn_m3: Mapping[str, Floats],
                recorded_m3: Mapping[str, Floats]) -> None:
-    """A panel for each machine. drawn_m3: (draws, times) of each. Raises OSError."""
+    """One panel per machine. drawn_m3: (draws, times) of each. Raises OSError."""
     figures = importlib.import_module("matplotlib.figure")
     names = list(drawn_m3)[:MOST_PANELS]
     figure: Any = figures.Figure(figsize=(8, 0.8 + 2.4 * len(names)), layout="constrained")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A bar on a terminal while tasks are done."""
+"""A progress bar for tasks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import time
 
 
 class Progress:
-    """A bar on a terminal, with what is done, how fast, and the time left; else nothing."""
+    """A bar with count, rate and time left, if stderr is a terminal."""
 
     def __init__(self, title: str, total: int, unit: str) -> None:
         self._title, self._total, self._unit = title, total, unit

@@ -23,17 +23,17 @@ from .tables import write_tables
 def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "run", help="dig the jobs of a manifest", allow_abbrev=False,
-        description="Digs the jobs of a manifest into folders of their own in DIR, goes on with "
-                    "those that were left, and writes DIR/results.csv and DIR/failed.csv.")
+        description="Digs the jobs of a manifest into folders in DIR, continues unfinished ones, "
+                    "and writes DIR/results.csv and DIR/failed.csv.")
     parser.add_argument("manifest", metavar="JOBS.csv", type=Path,
                         help="columns job and scenario; voxel, updates, threads and memory "
-                             "override. Threads are 1 where it says nothing")
+                             "override. Default: 1 thread")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True)
     where = cluster.add_options(parser)
     where.add_argument("--slurm", action="store_true",
                        help="write DIR/slurm.sh, which submits the jobs, instead of running them")
     where.add_argument("--gather", action="store_true",
-                       help="only write the tables of what is done by now")
+                       help="only write the tables of the jobs so far")
     where.add_argument("--job", metavar="I", type=int,
                        help="only job I of the manifest, from 0, in this process, without tables")
     parser.set_defaults(main=main)

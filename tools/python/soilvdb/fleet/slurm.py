@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A script that has Slurm dig the jobs of a manifest, an index of an array for each."""
+"""A Slurm script that digs the jobs of a manifest, one array index per job."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ARRAY = 1000  # Slurm's MaxArraySize is 1001 where nobody set it
 
 
 def write_script(out: Path, manifest: Path, jobs: Sequence[Job]) -> Path:
-    """Writes DIR/slurm.sh. Raises OSError. @return it"""
+    """Writes DIR/slurm.sh. Raises OSError. @return its path"""
     folder = Path(os.path.abspath(out))
     (folder / "slurm").mkdir(exist_ok=True)
     command = shlex.join([sys.executable, "-m", "soilvdb.fleet", "run", os.path.abspath(manifest),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A scenario dug as it may have been: draws of its noise, each on a site of its own."""
+"""Digs realisations of a scenario: draws of its noise, each on a site of its own."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TEXTS = ("name", "raster", "level_set", "grid", "motion", "mcap", "topic", "fram
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """What is drawn from, to be sent to workers. Draws depend on this alone."""
+    """The inputs of draws, for workers. Draws depend on nothing else."""
 
     scenario: str
     noise: Noise
@@ -43,7 +43,7 @@ class Study:
 
 @dataclasses.dataclass
 class Dug:
-    """What became of one draw: of each machine, by its name."""
+    """The result of one draw, by machine name."""
 
     load_m3: dict[str, Floats]  # after each of its rows
     cut_m3: dict[str, Floats]  # by then, in place
@@ -53,7 +53,7 @@ class Dug:
 
 
 class Scene:
-    """A scenario, read once, and sites of it."""
+    """A scenario, read once, and its sites."""
 
     def __init__(self, study: Study) -> None:
         yaml = importlib.import_module("yaml")
@@ -81,10 +81,10 @@ class Scene:
                          + [pour["time"][1] for pour in self._values.get("pours") or []])
 
     def _check(self) -> None:
-        """Is the noise one of what the scenario has?"""
+        """Refuses noise that the scenario has no use for."""
         noise, file = self.study.noise, self._file
         if not self.names:
-            raise InputError(f"{file}: no machine has a motion; one whose noise is drawn is needed")
+            raise InputError(f"{file}: no machine has a motion; noise needs at least one")
         joints = sorted({joint for names in self._joints.values() for joint in names})
         for joint in noise.joints:
             if joint not in joints:
@@ -103,23 +103,21 @@ class Scene:
                     self._refuse(f"bucket.{key} is {sigma:g}, which is more than a fifth of that of "
                                  f"'{machine['name']}', {machine['bucket'][key]:g} m")
         if noise.terrain.parts() and "level_set" in self._values["terrain"]:
-            self._refuse("terrain: is of heights, a plane's or a raster's; the scenario has a level "
-                         "set")
+            self._refuse("terrain: needs a plane or a raster; the scenario has a level set")
         if noise.terrain.white and noise.terrain.cell is None and "plane" in self._values["terrain"]:
-            self._refuse("terrain.white: is of each height, and a plane has none of its own; say "
-                         "how far apart they are, cell: 0.5")
+            self._refuse("terrain.white: a plane has no heights of its own; give their spacing, "
+                         "such as cell: 0.5")
         if noise.terrain.parts() and "plane" in self._values["terrain"]:
             if noise.terrain.correlated and (noise.terrain.cell or 0.0) > noise.terrain.length:
-                self._refuse(f"terrain.cell is {noise.terrain.cell:g}: heights so far apart have "
-                             f"nothing in common over {noise.terrain.length:g} m, correlated.length; "
-                             "at most that is right")
+                self._refuse(f"terrain.cell is {noise.terrain.cell:g}; it must be at most "
+                             f"correlated.length, {noise.terrain.length:g} m")
             self._posts_of_plane(self.box())
 
     def _refuse(self, why: str) -> NoReturn:
         raise InputError(f"{self.study.noise_file}: {why}")
 
     def _rows_in_order(self) -> Iterator[tuple[str, int, int]]:
-        """Which machine goes along which of its rows when, as a run has it: (name, begin, end)."""
+        """The order of the machines' rows in a run: (name, begin, end)."""
         times = np.concatenate([self.motions[name]["times"] for name in self.names])
         machine = np.repeat(range(len(self.names)),
                             [len(self.motions[name]["times"]) for name in self.names])
@@ -134,7 +132,7 @@ class Scene:
             at = int(end) + 1
 
     def _perturbed(self, draw: Draw | None) -> dict[str, dict[str, Floats]]:
-        """Rows of each machine as update_path() takes them."""
+        """The rows of each machine with a draw's errors, for update_path()."""
         rows = {}
         for name in self.names:
             given = dict(self.motions[name])
@@ -163,7 +161,7 @@ class Scene:
                          [f * c, f * d * b + e * a, f * d * a - e * b], [-d, c * b, c * a]])
 
     def _open(self, draw: Draw | None) -> soilvdb.Site:
-        """A site of the scenario with the buckets, the terrain and the soil of a draw."""
+        """A site of the scenario with a draw's buckets, terrain and soil."""
         values = copy.deepcopy(self._values)
         values.pop("output", None)
         folder = Path(self._folder.name)
@@ -204,7 +202,7 @@ class Scene:
 
     @staticmethod
     def _resize(bucket: dict[str, Any], key: str, error: float) -> None:
-        """Its profile goes along: from lip to upper edge as before."""
+        """Scales the bucket's profile with it, from lip to upper edge."""
         scale = 1 + error / bucket[key]
         bucket[key] += error
         if key == "height" and "profile" in bucket:
@@ -212,7 +210,7 @@ class Scene:
             bucket["profile"][-1][1] = bucket["height"]
 
     def _floating(self, urdf: Path, name: str) -> Path:
-        """The URDF with six joints between its root and where that is: how far its base is off."""
+        """The URDF with six more joints at its root, for errors of the base."""
         try:
             tree = ElementTree.parse(urdf)
         except ElementTree.ParseError as error:  # of namespaces, which the program doesn't look at
@@ -241,7 +239,7 @@ class Scene:
         return file
 
     def _write_where(self, name: str, file: Path) -> None:
-        """Some rows of a motion, by which the site's place is found."""
+        """Writes some rows of a motion, from which a site takes its origin."""
         rows = self._perturbed(None)[name]
         columns = [rows["times"][:, None]]
         if "joints" in rows:
@@ -257,7 +255,7 @@ class Scene:
             writer.writerows(table[::-(-len(table) // NAMED_ROWS)].tolist())
 
     def crs(self) -> str:
-        """Of the terrain, WKT; empty: not known."""
+        """CRS of the terrain, WKT; empty: unknown."""
         raster = self._values["terrain"].get("raster")
         if raster is None:
             return ""
@@ -275,7 +273,7 @@ class Scene:
         return np.concatenate(places)
 
     def spare_m(self) -> float:
-        """As far as a draw's positions will be from the recorded ones."""
+        """Largest expected distance of a draw's positions from the recorded ones, m."""
         errs = self.study.noise.position
         return 6 * math.hypot(*errs.bias, *errs.drift, *errs.white) if errs else 0.0
 
@@ -293,10 +291,10 @@ class Scene:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     def _posts_of_plane(self, box: tuple[float, float, float, float]) -> tuple[float, list[int]]:
-        """How far apart its heights are, and how many (nx, ny).
+        """Spacing and number (nx, ny) of a plane's heights.
 
-        Straight between heights, less of what is correlated is left to small loads: 5 % of sigma
-        where they are a quarter of its length apart, 1 % at a tenth.
+        Linear interpolation reduces correlated errors for small loads: by 5 % of sigma for a
+        spacing of a quarter of the correlation length, by 1 % for a tenth.
         """
         noise, size = self.study.noise.terrain, (box[2] - box[0], box[3] - box[1])
         if noise.cell or not noise.length:
@@ -312,7 +310,8 @@ class Scene:
         return cell, count
 
     def _write_terrain(self, draw: Draw, values: dict[str, Any], file: Path) -> None:
-        """Heights with a draw's errors, where machines come, in place of the scenario's terrain."""
+        """Writes heights with a draw's errors, in the machines' area, in place of the scenario's
+        terrain."""
         noise, box = self.study.noise.terrain, self.box()
         crs = ""
         if "raster" in values["terrain"]:
@@ -331,10 +330,10 @@ class Scene:
         values["terrain"] = {"raster": str(file)}
 
     def dig(self, draw: Draw | None) -> Dug:
-        """Digs the whole scenario as a draw has it; without one as it was recorded. Where a draw
-        comes to ground without a height, it waits for the next row.
+        """Digs the whole scenario with a draw's errors; without a draw, as recorded. At ground
+        without a height a draw's machine waits for the next row.
 
-        Raises RuntimeError where a machine comes where it can't.
+        Raises RuntimeError if a machine's state is impossible.
         """
         try:
             return self._dig(draw, self._order)
@@ -373,7 +372,7 @@ class Scene:
                    site.ledger()["fill_m3"], site, waited)
 
     def inputs_are(self) -> list[tuple[str, int, int]]:
-        """The files that it is made of, as they are now: name, time, size."""
+        """The present state of the input files: name, time, size."""
         terrain = self._values["terrain"]
         names = [terrain[key] for key in ("raster", "level_set") if key in terrain]
         for machine in self._machines:
@@ -390,7 +389,7 @@ class Scene:
 
 
 def values_of(node: Any, key: str = "") -> Any:
-    """What a scenario's YAML node holds, as the program reads it; aliases each by itself."""
+    """The value of a scenario's YAML node, as the program reads it; aliases are copied."""
     yaml = importlib.import_module("yaml")
 
     if isinstance(node, yaml.MappingNode):
@@ -401,7 +400,7 @@ def values_of(node: Any, key: str = "") -> Any:
 
 
 def scene_of(study: Study) -> Scene:
-    """The scene of a study, kept for the next call in this process while its files are the same."""
+    """The scene of a study, cached in this process while its files do not change."""
     scene: Scene | None = _LAST.get("scene")
     if scene is None or scene.study != study or scene.inputs_are() != scene.inputs_were:
         scene = _LAST["scene"] = Scene(study)

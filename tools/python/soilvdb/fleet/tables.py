@@ -12,14 +12,14 @@ from typing import Any
 
 from .jobs import Job, JobError, Result
 
-# What is not the same each time comes last, so that the columns before it can be compared.
+# Columns that vary between runs come last, so that the others can be compared.
 VARYING = ("update_us.", "wall_s.", "memory_bytes.")
 RESULTS, FAILED = "results.csv", "failed.csv"
 NO_FIGURES = ("soilvdb", "scenario", "files")  # the manifest's scenario is in the table
 
 
 def figures(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Each figure of a summary by its path: volume_m3.cut, machines.digger.cut_m3."""
+    """The numbers of a summary by path: volume_m3.cut, machines.digger.cut_m3."""
     return dict(_flat("", {k: v for k, v in summary.items() if k not in NO_FIGURES}))
 
 
@@ -35,7 +35,7 @@ def _flat(path: str, value: Any) -> Iterable[tuple[str, Any]]:
 
 def write_tables(out: Path, jobs: Sequence[Job], results: Mapping[str, Result],
                  failures: Mapping[str, JobError]) -> None:
-    """Both tables, rows in the order of the jobs. Raises OSError."""
+    """Writes both tables, with rows in the order of the jobs. Raises OSError."""
     rows = []
     columns: dict[str, None] = {}
     for job in jobs:
@@ -56,13 +56,13 @@ def write_tables(out: Path, jobs: Sequence[Job], results: Mapping[str, Result],
 
 
 def beside(name: str) -> str:
-    """What a table is called until it is whole."""
+    """The name of an unfinished table."""
     return f".{name}.tmp"
 
 
 def _write(file: Path, header: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> None:
     half_done = file.with_name(beside(file.name))
-    # Messages may name paths that are no text.
+    # Messages may contain paths that are not valid text.
     with open(half_done, "w", encoding="utf-8", errors="backslashreplace", newline="") as text:
         table = csv.DictWriter(text, header, restval="", lineterminator="\n")
         table.writeheader()

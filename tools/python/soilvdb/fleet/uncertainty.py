@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""fleet uncertainty: how well loads and ground are known, by digging a scenario as it may have been."""
+"""fleet uncertainty: uncertainty of loads and ground, by digging realisations of a scenario."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Ints = npt.NDArray[np.int64]
 
 @dataclasses.dataclass(frozen=True)
 class Grid:
-    """Posts of a raster of heights: first (x, y), spacing, and how many (nx, ny)."""
+    """Posts of a raster of heights: first (x, y), spacing, number (nx, ny)."""
 
     first: tuple[float, float]
     spacing_m: float
@@ -69,7 +69,7 @@ class Task:
 
 @dataclasses.dataclass
 class Figures:
-    """What is kept of a draw, by machine."""
+    """Results of a draw, by machine."""
 
     load_m3: dict[str, float]
     cut_m3: dict[str, float]
@@ -81,7 +81,7 @@ class Figures:
 
 @dataclasses.dataclass
 class Drawn:
-    """What some draws gave. Heights as they differ from the recorded ones, in whole grains."""
+    """Results of some draws. Heights are differences from the recorded ones, in whole grains."""
 
     figures: list[Figures]
     count: Ints
@@ -91,7 +91,7 @@ class Drawn:
 
 @dataclasses.dataclass
 class Recorded:
-    """The scenario as it was recorded, which draws are compared with."""
+    """The scenario as recorded, the reference of the draws."""
 
     figures: Figures
     cycles: dict[str, list[Cycle]]
@@ -100,17 +100,17 @@ class Recorded:
 
 def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
-        "uncertainty", help="how well a scenario's loads and ground are known", allow_abbrev=False,
-        description="Digs a scenario many times as it may have been, by the noise of what was "
-                    "recorded, and writes to DIR what comes of it: uncertainty.json, draws.csv, "
+        "uncertainty", help="uncertainty of a scenario's loads and ground", allow_abbrev=False,
+        description="Digs a scenario many times with random errors of its recorded data, and "
+                    "writes the results to DIR: uncertainty.json, draws.csv, "
                     "load.png, height_sigma.tif.")
     parser.add_argument("scenario", metavar="SCENARIO", type=Path)
     parser.add_argument("--noise", metavar="NOISE.yaml", type=Path, required=True)
     parser.add_argument("--draws", metavar="N", type=_draws, required=True,
-                        help=f"{LEAST_DRAWS} or more; sigmas are known to 1 / sqrt(2 N)")
+                        help=f"{LEAST_DRAWS} or more; relative error of sigmas: 1 / sqrt(2 N)")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True)
     parser.add_argument("--seed", metavar="S", type=_seed, default=0,
-                        help="the same seed gives the same bits, whoever draws; default 0")
+                        help="the same seed gives the same bits on any cluster; default 0")
     cluster.add_options(parser)
     parser.set_defaults(main=main)
 
@@ -118,13 +118,13 @@ def add_parser(subparsers: Any) -> None:
 def _draws(text: str) -> int:
     if not text.isdecimal() or not LEAST_DRAWS <= int(text) <= MOST_DRAWS:
         raise argparse.ArgumentTypeError(
-            f"'{text}' is no whole number from {LEAST_DRAWS} to {MOST_DRAWS}")
+            f"'{text}' is not a whole number from {LEAST_DRAWS} to {MOST_DRAWS}")
     return int(text)
 
 
 def _seed(text: str) -> int:
     if not text.isdecimal() or len(text) > 18:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at most 18 digits")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at most 18 digits")
     return int(text)
 
 
@@ -167,9 +167,9 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def designs(study: Study, count: int) -> tuple[list[Draw], list[Draw]]:
-    """The draws that figures are made of, and as many more of the same realisations, those of each
-    source in another order, which is what first-order indices take (McKay's replicated design);
-    none of these where there is one source."""
+    """The draws for the statistics, and a second design of the same realisations with each source
+    in another order, for first-order indices (McKay's replicated design). The second is empty if
+    there is only one source."""
     sources = study.noise.sources()
     first = [study.noise.draw(study.seed, number) for number in range(count)]
     if len(sources) < 2:
@@ -181,7 +181,7 @@ def designs(study: Study, count: int) -> tuple[list[Draw], list[Draw]]:
 
 
 class _Kept:
-    """Draws that were dug, in a folder, for the same command to go on with."""
+    """Finished draws in a folder, from which the same command continues."""
 
     def __init__(self, out: Path, made_of: object) -> None:
         digest = hashlib.sha256(pickle.dumps((soilvdb.__version__, made_of))).hexdigest()
@@ -192,10 +192,10 @@ class _Kept:
         return self.folder / f"{self._name}.{index}"
 
     def parts(self, count: int) -> dict[int, Drawn]:
-        """Of the tasks, those that are there."""
+        """The existing parts of the tasks."""
         parts = {}
         for index in range(count):
-            # What a power cut left is dug again.
+            # Parts that a power cut damaged are dug again.
             with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError):
                 parts[index] = pickle.loads(self._file(index).read_bytes())
         return parts
@@ -208,7 +208,7 @@ class _Kept:
 
 def _all(study: Study, recorded: Recorded, first: Sequence[Draw], second: Sequence[Draw],
          grid: Grid, arguments: argparse.Namespace) -> Drawn:
-    """Digs both designs; heights are of the first."""
+    """Digs both designs; heights are those of the first."""
     tasks = [Task(study, tuple(tuple(draw.numbers.items()) for draw in design[i:i + TASK_DRAWS]),
                   on_grid)
              for design, on_grid in ((first, grid), (second, None))
@@ -234,7 +234,7 @@ def _all(study: Study, recorded: Recorded, first: Sequence[Draw], second: Sequen
 
 
 def draw_task(task: Task) -> Drawn:
-    """Digs some draws. On a worker."""
+    """Digs some draws on a worker."""
     scene = scene_of(task.study)
     recorded = recorded_of(scene, task.grid)
     cells = len(recorded.heights)
@@ -257,7 +257,7 @@ _LAST: dict[str, Any] = {}
 
 
 def recorded_of(scene: Scene, grid: Grid | None) -> Recorded:
-    """The same, kept for the next call in this process."""
+    """The recorded scenario's results, cached in this process."""
     if _LAST.get("scene") is not scene or _LAST.get("grid") != grid:
         _LAST.update(scene=scene, grid=grid, recorded=_recorded(scene, scene.dig(None), grid))
     recorded: Recorded = _LAST["recorded"]
@@ -291,8 +291,8 @@ def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
 
 
 def _grid(scene: Scene, dug: Dug) -> Grid:
-    """Where the ground changed, and a bit more; all of it where none did, as draws may dig there. In
-    voxels, or larger cells on large sites."""
+    """The area of changed ground with a margin, or all ground without changes, as draws may dig
+    there. Posts have the voxels' spacing, or a larger one on large sites."""
     box = scene.box()
     coarse = _grid_of(box, scene.nominal.voxel_size)
     places = coarse.places()
@@ -315,7 +315,7 @@ def _grid_of(box: tuple[float, float, float, float], least_m: float) -> Grid:
 
 
 def spread(values: Sequence[float] | Floats) -> dict[str, float]:
-    """mean, sigma, and the percentiles 5 and 95 of what is finite of it."""
+    """Mean, sigma, and percentiles 5 and 95 of the finite values."""
     finite = np.array(values, dtype=float)
     finite = finite[np.isfinite(finite)]
     if len(finite) < 2:
@@ -330,7 +330,7 @@ def spread(values: Sequence[float] | Floats) -> dict[str, float]:
 
 
 def sigma_of(drawn: Drawn, draws: int) -> Floats:
-    """Of heights, m; NaN where fewer than half of the draws have one."""
+    """Sigma of heights, m; NaN where fewer than half of the draws have a height."""
     known = np.maximum(drawn.count, 2)
     mean = drawn.sum / known
     variance = np.maximum(0.0, drawn.squares / known - mean**2) * known / (known - 1)
@@ -338,8 +338,8 @@ def sigma_of(drawn: Drawn, draws: int) -> Floats:
 
 
 def first_order(first: Floats, second: Floats) -> tuple[float, float]:
-    """A first-order Sobol index of pairs that have one source in common, and its standard error
-    (Janon et al. 2014). 0 where nothing varies."""
+    """A first-order Sobol index from pairs with one common source, and its standard error (Janon et
+    al. 2014). 0 without variance."""
     both = np.concatenate([first, second])
     if not np.ptp(both) > 0:
         return 0.0, 0.0
@@ -352,7 +352,7 @@ def first_order(first: Floats, second: Floats) -> tuple[float, float]:
 
 
 def _indices(first: Sequence[Draw], second: Sequence[Draw], values: Floats) -> dict[str, Any]:
-    """Of each source. values: of the draws of both designs, one after the other."""
+    """The indices of each source. values: of the draws of both designs, in sequence."""
     count = len(first)
     indices = {}
     for source in first[0].numbers:

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A site for a program's own loop: fed machine states one by one, looked at in between.
+// A site for a program's own loop: the program feeds machine states and reads results.
 #pragma once
 
 #include <cstdint>
@@ -20,40 +20,39 @@
 
 namespace soilvdb::inline v0 {
 
-/// What a session is made of.
+/// The parts of a session.
 struct SessionSite {
   double voxel_size_m = 0;   ///< > 0
-  io::Terrain terrain = {};  ///< a snapshot: its ground, with its voxels if they are as large
+  io::Terrain terrain = {};  ///< of a snapshot: its ground, and its voxels if they have this size
   std::vector<SiteMachine> machines = {};
-  Earthmoving earthmoving = {};  ///< without `soil` soil is rigid
-  /// Where work begins, world; voxels within 2^15 of it are numbered exactly. Without: the
+  Earthmoving earthmoving = {};  ///< without `soil`, soil is rigid
+  /// Where work begins, world; voxels within 2^15 of it are numbered exactly. Default: the
   /// terrain's middle, or the world's origin.
   std::optional<Vec3> near_m = {};
 };
 
-/// How a session is kept in a folder.
+/// Recording of a session to a folder.
 struct Recording {
   std::filesystem::path folder;
-  double sync_s = 1;  ///< at most so long until what was fed is on disk; 0: before it is answered
-  std::optional<double> snapshot_every_s = {};  ///< of the states' times; without: none on the way
-  bool incremental = false;                     ///< snapshots of what changed since the one before
-  std::optional<std::size_t> keep = {};         ///< that many of them stay; without: all
+  double sync_s = 1;  ///< longest time until a state is on disk, s; 0: before update() returns
+  std::optional<double> snapshot_every_s = {};  ///< in the states' times; empty: no snapshots
+  bool incremental = false;                     ///< snapshots of the changes since the last one
+  std::optional<std::size_t> keep = {};         ///< number of snapshots that stay; empty: all
 };
 
 /// A block's part of the surface.
 struct SurfacePatch {
   Coord3 block;  ///< index of its first voxel, a multiple of kBlockSide
-  Mesh mesh;     ///< points in metres from Session::origin(); empty: there is no surface any more
+  Mesh mesh;     ///< points in metres from Session::origin(); empty: no surface is left
 };
 
-/// A site with machines, brought up to date state by state, without any file unless recorded.
+/// A site with machines that takes one state after another. It writes files only if it is recorded.
 ///
-/// Guarantees: updates don't throw, and one that isn't made leaves ground, loads and times as they
-/// were, to the bit; the same states give the same bits as `soilvdb run` gives for the same
-/// updates, for any number of threads, and whoever looks in between. clone() and restored states go
-/// on as this one would.
-/// Threads: a session is for one thread at a time; different ones may be used at once. Work runs in
-/// the caller's TBB arena.
+/// Guarantees: updates do not throw. A refused update leaves ground, loads and times unchanged. The
+/// same states give the same bits as `soilvdb run` for the same updates, for any number of threads,
+/// and whatever is read in between. clone() and restored states continue with the same results.
+/// Threads: one thread at a time may use a session; different sessions may be used at once. Work
+/// runs in the caller's TBB arena.
 ///
 ///     Session site({.voxel_size_m = 0.05, .terrain = io::PlaneTerrain{},
 ///                   .machines = {{"digger", {.width_m = 1.2, .height_m = 0.9}}}});
@@ -61,12 +60,12 @@ struct SurfacePatch {
 ///       if (const StepResult step = site.update(state); step.ok()) control(step.update.bucket_m3);
 class Session {
  public:
-  /// @throw io::InputError, std::invalid_argument in one line for what can't be a site
+  /// @throw io::InputError, std::invalid_argument with one line, for an invalid site
   explicit Session(SessionSite site);
-  /// The site, machines and soil of a scenario, before anything moved; its machines need no
-  /// `motion`, and one that is there isn't gone along.
+  /// The site, machines and soil of a scenario, before any machine moved. Machines need no
+  /// `motion`; an existing one is ignored.
   /// @param voxel_size_m in place of the scenario's
-  /// @throw io::InputError as `soilvdb run` says it
+  /// @throw io::InputError with the message of `soilvdb run`
   static Session open(const std::filesystem::path& scenario,
                       std::optional<double> voxel_size_m = {});
   ~Session();
@@ -77,93 +76,93 @@ class Session {
   const Vec3& origin() const;
   const std::vector<SiteMachine>& machines() const;
   const Earthmoving& earthmoving() const;
-  /// The ground and where it comes from, to be looked at between updates.
+  /// The ground and its source, for reading between updates.
   const io::Site& site() const;
-  /// The machine of that name. @throw std::invalid_argument naming those that there are
+  /// The index of a machine by name. @throw std::invalid_argument naming the existing machines
   std::size_t machine(std::string_view name) const;
   /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
   /// chain, or another number of joints
   Pose pose(std::size_t machine, std::span<const double> joints) const;
 
-  /// What a machine was fed last, its pose known also where that were joints; nothing before. Its
-  /// joints hold until the next update.
+  /// A machine's last state, with its pose also if it was given by joints; empty before the first.
+  /// The joints are valid until the next update.
   std::optional<MachineState> last(std::size_t machine) const;
 
   StepResult update(const MachineState& state) noexcept;
-  /// All of these, in their order, or none of them. Machines that are apart move in parallel.
+  /// All states in their order, or none. Machines that are apart move in parallel.
   BatchResult update(std::span<const MachineState> states) noexcept;
-  /// Pours come down up to a time, that included; before each state that has one they do up to it.
+  /// Pours fall up to and including a time. A state with a time does this, too, before its machine
+  /// moves.
   StepResult pour(double until_s) noexcept;
-  /// The clock of a machine was wrong and is set: the time of its next state may be earlier than
-  /// the last. Its bucket goes straight there, as where no time is known.
+  /// A machine's wrong clock was set: the time of its next state may be before its last. The bucket
+  /// moves straight to that state, as if times were unknown.
   StepResult reset_clock(std::size_t machine) noexcept;
-  /// Soil that stands or hangs too steep comes to rest, as at the end of a run.
+  /// Soil that is too steep or overhangs comes to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
 
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;
   Ledger total() const;
   MassBalance mass_balance() const;
-  /// The same but for `ground`, without counting chunks.
+  /// As above without `ground`, which needs a count of chunks.
   MassBalance mass_balance_without_ground() const;
-  /// Mass that a bucket holds; 0 where soil is rigid, for no density is known.
+  /// Mass of a bucket's load; 0 if soil is rigid, because its density is unknown.
   double bucket_kg(std::size_t machine) const;
-  double change_m3() const;  ///< volume of the ground less that of the terrain, counted anew
+  double change_m3() const;  ///< volume of the ground minus that of the terrain, counted anew
   /// Digest of the ground, `state_hash` of a run's summary.json.
   std::uint64_t ground_hash() const;
   std::uint64_t memory_bytes() const;
 
-  /// Heights of the topmost soil at places of the world, m; NaN where there is none.
+  /// Heights of the topmost soil at places of the world, m; NaN without soil.
   void heights(std::span<const Vec2> xy_m, std::span<double> heights_m);
-  /// The surface of all ground that was touched; points in metres from origin().
+  /// The surface of all touched ground; points in metres from origin().
   Mesh mesh() const;
-  /// The patches of it that changed since the last call, by block; at first all.
+  /// The patches of that surface that changed since the last call, by block; at first all.
   std::vector<SurfacePatch> changed_patches();
-  /// Origins of the chunks that changed since the last call of this, for programs that mesh by
-  /// themselves; at first all.
+  /// Origins of the chunks that changed since the last call, for programs with their own mesher; at
+  /// first all.
   std::vector<Coord3> changed_chunks();
 
-  /// Writes a snapshot that `soilvdb` goes on from and makes other files of.
-  /// @throw std::invalid_argument unless its name ends with .vdb; std::runtime_error if it can't be
-  ///        written
+  /// Writes a snapshot that `soilvdb` can continue and export.
+  /// @throw std::invalid_argument unless the name ends with .vdb; std::runtime_error if writing
+  ///        fails
   void write(const std::filesystem::path& file) const;
-  /// All that the next update depends on, as bytes, for restore() of a session of the same site.
+  /// The complete state that the next update depends on, as bytes for restore() of the same site.
   std::string save() const;
-  /// @throw std::invalid_argument in one line if the bytes are no state of this site; nothing has
-  ///        changed then
+  /// @throw std::invalid_argument with one line, without any change, unless the bytes are a state
+  ///        of this site
   void restore(std::string_view state);
-  /// Another session that goes on as this one would, its changed_patches() too; it isn't recorded.
-  /// Shares what neither changes: some tenths of a microsecond for each chunk that was touched.
-  /// @throw std::runtime_error where memory is limited
+  /// Another session in the same state, changed_patches() included; it is not recorded. Both share
+  /// unchanged data: a clone takes some tenths of a microsecond per touched chunk.
+  /// @throw std::runtime_error if the session's memory is limited
   Session clone() const;
 
-  /// How its scenario says that it is to be recorded, but for the folder.
+  /// The scenario's settings for recording, without the folder.
   const Recording& recording() const;
-  /// Keeps what is fed from here on in a folder, before the first state. A folder that holds a
-  /// recording of the same site is gone on with: the session is then where that was, to the bit.
-  /// While it is recorded an update that can't be is refused, and restore() is, too.
-  /// @param progress told how far it is while it goes on; what it throws ends that
-  /// @return what the folder held
-  /// @throw io::InputError in one line for a folder that can't be used: one of another site or of
-  ///        `soilvdb run`, a damaged one, one that somebody else records to; nothing has changed
-  ///        then. std::runtime_error if it can't be written, or comes out otherwise than it was
+  /// Records all states from here on in a folder; call it before the first state. If the folder
+  /// holds a recording of the same site, the session continues from its exact end. While it
+  /// records, updates that can't be recorded are refused, and restore() throws.
+  /// @param progress called while the session catches up; an exception from it ends that
+  /// @return the extent of the folder's recording
+  /// @throw io::InputError with one line, without any change, if the folder is damaged, in use, or
+  ///        of another site or of `soilvdb run`; std::runtime_error if it can't be written, or if a
+  ///        recorded update gives another result
   io::JournalExtent record(const Recording& recording,
                            const std::function<void(const io::JournalExtent&)>& progress = {});
-  /// Of what was recorded, that which is on disk for sure.
+  /// The part of the recording that is certainly on disk.
   io::JournalExtent acknowledged() const;
-  /// Another session of this site, with all that was done before the first update that is later
-  /// than a time, by a recording or by `soilvdb run` of its scenario. Whoever records there may go
-  /// on meanwhile.
+  /// Another session of this site, in the state before the first update later than `time_s`, from a
+  /// recording or from `soilvdb run` of its scenario. Another process may continue to record there.
   /// @throw as record()
   Session recorded(const std::filesystem::path& folder, double time_s) const;
-  /// Returns when all of it is. @throw std::runtime_error if it can't be
+  /// Returns when the whole recording is on disk. @throw std::runtime_error if that fails
   void flush();
-  /// The same, and lets go of the folder, also where it throws.
+  /// Calls flush() and releases the folder, even if flush() throws.
   void stop_recording();
 
-  /// Keeps memory_bytes() to a limit: ground that wasn't used for longest goes to a file without a
-  /// name. The same bits come of it. A limited session can't be cloned.
-  /// @param folder for that file
+  /// Limits memory_bytes(): ground that was unused for longest goes to an unnamed file. Updates
+  /// give the same bits. A limited session can't be cloned.
+  /// @param folder of that file
   void set_memory_limit(std::uint64_t bytes, const std::filesystem::path& folder);
 
  private:
@@ -172,8 +171,8 @@ class Session {
   std::unique_ptr<State> state_;
 };
 
-/// One state for each of these sessions, which differ, on all threads of the caller's TBB arena.
-/// @param states as many as sessions
+/// One update for each of several different sessions, on all threads of the caller's TBB arena.
+/// @param states one per session
 std::vector<StepResult> update_many(std::span<Session* const> sessions,
                                     std::span<const MachineState> states) noexcept;
 
