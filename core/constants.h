@@ -96,7 +96,8 @@ inline constexpr std::size_t kChunkListSlack = 4096;
 /// Part of a memory limit (1 / n) that paging out frees at once. A smaller part frees a little at
 /// every update.
 inline constexpr std::uint64_t kPageOutDivisor = 8;
-/// Part of a memory limit (1 / n) up to which the base surface keeps values that it can read again.
+/// Part of a memory limit (1 / n) up to which the initial terrain keeps values that it can read
+/// again.
 inline constexpr std::uint64_t kBaseMemoryDivisor = 4;
 
 // ---- Paths (core/tool/motion.cc, core/site/machine.cc) ------------------------------------------
@@ -211,16 +212,16 @@ inline constexpr int kRunOnWindowCells = 256;
 inline constexpr int kMaxPourWindows = 200;
 /// Half side of the window into which soil runs on, radii of its pile with margin.
 inline constexpr int kRunOnRadii = 4;
-/// Largest number of columns of chunks whose base surface is kept, 600 bytes each. With fewer,
+/// Largest number of columns of chunks whose initial terrain is kept, 600 bytes each. With fewer,
 /// sites with many machines ask the surface anew.
 inline constexpr std::size_t kMaxBaseColumns = 8192;
-/// Chunks from the top of the base surface downwards whose samples are counted for heights of
+/// Chunks from the top of the initial terrain downwards whose samples are counted for heights of
 /// columns. Columns of higher cliffs have the mean of a few heights, which is less exact.
 inline constexpr int kMaxCountedChunks = 4;
 /// Distance from the middle of a column along both axes at which its corners are asked for ground,
 /// cells. It is just inside, so that a neighbour's hole doesn't count.
 inline constexpr double kColumnCorner = 0.499;
-/// Cells below the height of the base surface in which a column may have air, for the ground
+/// Cells below the height of the initial terrain in which a column may have air, for the ground
 /// slopes. With fewer, soil can't fill that air. With more, samples are searched in vain.
 inline constexpr int kSlopeCells = 2;
 /// Cells above a column's surface, and below its bank, in which its samples may lie. Bank that
@@ -460,7 +461,7 @@ inline constexpr float kCreaseFitReach = 0.5f;
 /// Times that creases are solved: as many as CellModels::solve_creases() has. The second time they
 /// know their neighbours' models, so each time needs models one voxel farther out.
 inline constexpr int kCreaseSweeps = 2;
-/// Distance from which a crease takes planes of other cells, and the base surface's, voxels.
+/// Distance from which a crease takes planes of other cells, and the initial terrain's, voxels.
 inline constexpr int kPlaneSight = 2;
 inline constexpr float kBasePlaneSight = 2;
 /// Voxels beyond the models in which fits are needed for curvatures, and models to conserve
@@ -548,8 +549,8 @@ inline constexpr float kSliverArea = 1e-4f;
 inline constexpr float kTriangleRounding = 1e-3f, kMinEdgeSquare = 1e-12f;
 /// Smallest distance of a voxel from the surface, voxels. It keeps the distance's sign.
 inline constexpr float kMinDistance = 1e-4f;
-/// Largest difference between the base surface's own distance and the contour's at which the former
-/// is given, voxels.
+/// Largest difference between the initial terrain's own distance and the contour's at which the
+/// former is given, voxels.
 inline constexpr float kBaseDistanceTolerance = 0.1f;
 /// Side of the cubes in which many chunks share work, voxels. Larger cubes look at less twice, but
 /// leave the caches.
@@ -567,7 +568,8 @@ inline constexpr std::size_t kMemoPatches = 4;
 /// Heights that one thread looks up in a row. A smaller number costs more for tasks.
 inline constexpr std::size_t kHeightsPerThread = 256;
 
-// ---- Dug ground as base surface (core/surface/ground_terrain.cc) --------------------------------
+// ---- Dug ground as initial terrain (core/surface/ground_terrain.cc)
+// --------------------------------
 
 /// Bytes of distances that the surface keeps at least. It keeps more if its soil takes more. With
 /// fewer, distances are made again and again along a cut.

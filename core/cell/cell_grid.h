@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The sample words around some chunks, side by side in one array, for the stages that make
-// surfaces.
+// The sample words around some chunks in one array, for the stages that make surfaces.
 #pragma once
 
 #include <cstdint>
@@ -14,18 +13,17 @@
 
 namespace soilvdb::inline v0 {
 
-/// A box of cells with their words, what the base surface has there, and which chunks were asked
-/// for.
+/// A box of cells with their words, the content of the initial terrain, and the requested chunks.
 ///
-/// Invariants: what is read is the chunks asked for and a fixed number of chunks around each,
-/// whatever the box; elsewhere cells are air and aren't to be looked at. A cell that is `range`
-/// voxels or less from a chunk asked for has all the words around it that its results depend on.
+/// Invariants: the read chunks are the requested chunks and a fixed number of chunks around each,
+/// for every box. Other cells are air and must not be used. A cell at most `range` voxels from a
+/// requested chunk has all words around it that its results depend on.
 ///
-/// For one thread at a time: some of it is made when first asked for.
+/// For one thread at a time: some members are computed when first requested.
 class CellGrid {
  public:
-  /// The smallest box that holds what is read.
-  /// @param asked for: chunks, at least one
+  /// The smallest box around the read chunks.
+  /// @param asked requested chunks, at least one
   /// @param halo chunks read around each of them
   CellGrid(const Ground& ground, std::span<const Coord3> asked, int halo);
   ~CellGrid();
@@ -33,7 +31,7 @@ class CellGrid {
   CellGrid& operator=(const CellGrid&) = delete;
 
   const Coord3& sides() const { return sides_; }
-  /// How many cells there are; ids are from 0.
+  /// Number of cells; ids begin with 0.
   std::size_t cells() const { return cells_; }
   const Coord3& first() const { return first_; }
   int id(int x, int y, int z) const { return (x * sides_.y() + y) * sides_.z() + z; }
@@ -43,7 +41,7 @@ class CellGrid {
     return axis == 0 ? sides_.y() * sides_.z() : axis == 1 ? sides_.z() : 1;
   }
 
-  /// The cell a step_around() from one.
+  /// The cell at a step_around() from a cell.
   int beside(int id, int n) const {
     const Coord3 by = step_around(n);
     return id + by.x() * step(0) + by.y() * step(1) + by.z();
@@ -54,15 +52,14 @@ class CellGrid {
   /// Samples of soil.
   int count(int id) const { return counts_[id]; }
   const std::uint8_t* counts() const { return counts_; }
-  /// Are the words of a cell and of the 26 around it those of the base surface?
+  /// True if the words of a cell and of the 26 around it are those of the initial terrain.
   bool undug(int id) const;
-  /// Is the chunk of a cell one of those asked for, is it resident?
+  /// Whether the chunk of a cell is requested, and whether it is resident.
   bool asked(const Coord3& cell) const { return asked_[chunk_of(cell)]; }
   bool resident(const Coord3& cell) const { return resident_[chunk_of(cell)]; }
-  /// Voxels from a cell to the nearest chunk asked for that is no farther than two chunks; 0
-  /// inside.
+  /// Voxels from a cell to the nearest requested chunk, which is at most two chunks away; 0 inside.
   int away(const Coord3& cell) const;
-  /// Does any cell of a cube differ from the base surface? Cells beyond the grid don't.
+  /// True if a cell of a cube differs from the initial terrain. Cells beyond the grid do not.
   bool any_change(const Coord3& low, int side) const;
   const CellPoints& points(int id) const {
     std::uint8_t& pattern = buffers_->patterns[static_cast<std::size_t>(id)];
@@ -70,14 +67,14 @@ class CellGrid {
     return pattern_points(pattern);
   }
 
-  /// The base surface's own distance at the centre of a cell, voxels, clamped to +-3.
+  /// The initial terrain's own distance at the centre of a cell, voxels, clamped to +-3.
   float base_distance(int id) const;
 
-  /// Cells the surface runs through, in order: some samples are soil but not all, or all are and a
-  /// cell that shares a face has none. No farther than `range` from a chunk asked for.
+  /// Cells on the surface, in order: mixed cells, and full cells that share a face with an empty
+  /// one. At most `range` from a requested chunk.
   struct Cell {
     int id;
-    int away;  ///< voxels from the nearest chunk asked for; 0 inside
+    int away;  ///< voxels from the nearest requested chunk; 0 inside
   };
   std::vector<Cell> surface_cells(int range) const;
 
@@ -88,7 +85,7 @@ class CellGrid {
     return static_cast<std::size_t>(
         chunk_id(c.x() / kChunkSide, c.y() / kChunkSide, c.z() / kChunkSide));
   }
-  /// Low corners of the chunks asked for that are no farther from one than two chunks.
+  /// Low corners of the requested chunks at most two chunks from a chunk.
   const std::vector<Coord3>& asked_near(const Coord3& chunk) const;
   static int away(const Coord3& cell, const std::vector<Coord3>& asked);
   void read(const Ground& ground, int chunk, const Coord3& origin);
@@ -97,7 +94,7 @@ class CellGrid {
   Coord3 first_;
   Coord3 sides_, chunks_;
   std::size_t cells_;
-  /// Memory of a box, used again by the next one of the thread: fresh pages cost as much as fits.
+  /// Memory of a box, used again by the next box of the thread: fresh pages cost as much as fits.
   struct Buffers {
     std::unique_ptr<std::uint64_t[]> words;
     std::size_t room = 0;  // words

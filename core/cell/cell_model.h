@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Up to three planes that say where soil is in and about a cell.
+// Up to three planes that bound the soil in and around a cell.
 #pragma once
 
 #include <cmath>
@@ -11,7 +11,7 @@
 
 namespace soilvdb::inline v0 {
 
-/// How soil is made of the half spaces a, b, c below planes.
+/// Soil as a combination of the half spaces a, b, c below planes.
 enum class BooleanOp : std::uint8_t {
   kOne,     ///< a
   kAnd,     ///< a and b
@@ -22,12 +22,12 @@ enum class BooleanOp : std::uint8_t {
   kOrAnd,   ///< (a or b) and c
 };
 
-/// How many planes an operation takes.
+/// Number of planes of an operation.
 constexpr int planes_of(BooleanOp op) {
   return op == BooleanOp::kOne ? 1 : op <= BooleanOp::kOr ? 2 : 3;
 }
 
-/// Signed distance to soil made of planes, negative in soil, and which plane says so.
+/// Signed distance to soil bounded by planes, negative in soil, with the plane that determines it.
 struct ActivePlane {
   float signed_distance;
   int plane;
@@ -35,8 +35,8 @@ struct ActivePlane {
 
 struct CellModel {
   BooleanOp op = BooleanOp::kOne;
-  bool solved = false;  ///< else the cell's planes are not known
-  int wrong = 0;        ///< samples of the 27 cells around that it doesn't explain
+  bool solved = false;  ///< false: the cell's planes are unknown
+  int wrong = 0;        ///< samples of the 27 cells around that it does not explain
   CellPlane plane[3];
 
   int planes() const { return planes_of(op); }
@@ -59,7 +59,7 @@ struct CellModel {
                : a;
   }
 
-  /// Is the centre of the cell in soil?
+  /// True if the centre of the cell is in soil.
   bool soil() const {
     const ActivePlane here = at(0, 0, 0);
     if (std::abs(here.signed_distance) < kThinWallTie) {

@@ -64,7 +64,7 @@ CellModels::CellModels(const CellGrid& grid, int wanted, FitCache* cache)
     cells_.back().away = c.away;
     cells_.back().kind = grid.undug(c.id) ? Cell::kBase : Cell::kUnfitted;
   }
-  // Farther out only what these ask for.
+  // Farther out, only the cells that these need.
   for (Cell& cell : cells_) {
     if (cell.kind == Cell::kBase && cell.away <= wanted) {
       cell.model.plane[0] = base_plane(cell.id);
@@ -122,7 +122,7 @@ void CellModels::solve_creases(int range) {
   for (std::size_t n = 0; n < all.size(); ++n) {
     cells_[static_cast<std::size_t>(all[n])].model = models[n];
   }
-  // Again with what the neighbours found, where anything is left to explain.
+  // Again with the planes of neighbours, for cells with unexplained samples.
   models.clear();
   for (const int k : wanted) {
     const Cell& cell = cells_[static_cast<std::size_t>(k)];
@@ -149,7 +149,7 @@ void CellModels::conserve_volumes(int range) {
   for (std::size_t k = 0; k < cells_.size(); ++k) {
     const Cell& cell = cells_[k];
     if (cell.kind == Cell::kBase || !cell.model.solved || cell.away > range + 1) continue;
-    // Cells full of soil are left out, for those without soil aren't here to make up for them.
+    // Full cells are left out, because the empty cells that would balance them are not here.
     const int soil = grid_.count(cell.id);
     if (soil == 64) continue;
     const CellVolume volume = cell_volume(cell.model, grid_.first() + grid_.at(cell.id));

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// From words to planes: what the surface is in every cell it runs through.
+// From words to planes: the surface in each cell that it crosses.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,7 @@
 
 namespace soilvdb::inline v0 {
 
-/// How a surface curves: what its normal changes by, along and across, in a plane's tangents.
+/// Curvature of a surface: the change of its normal along the tangents of a plane.
 struct Curvature {
   float uu = 0, uv = 0, vv = 0;  ///< 1/voxel; of a ball of soil positive
 };
@@ -20,32 +20,32 @@ struct Curvature {
 /// explain all samples need not hold it. Creases are solved for all cells at once, in two sweeps:
 /// the order of cells does not matter.
 ///
-/// A cell's model depends on the words within a chunk of it and on nothing else: not on the grid,
-/// its neighbours' order or threads.
+/// A cell's model depends only on the words within a chunk of it: not on the grid, the order of its
+/// neighbours or threads.
 class CellModels {
  public:
-  /// @param range models are made for cells so far from a chunk asked for, voxels
-  /// @param cache of grids before, of any ground; may be null
+  /// @param range largest distance of modelled cells from a requested chunk, voxels
+  /// @param cache of earlier grids of any ground; may be null
   CellModels(const CellGrid& grid, int range, FitCache* cache = nullptr);
 
-  /// The model of a cell, or null where it is all soil, all air or not explained.
+  /// The model of a cell; null for a cell of all soil or all air, and for one without a solution.
   const CellModel* find(int id) const {
     const int k = index_[static_cast<std::size_t>(id)];
     return k < 0 || !cells_[static_cast<std::size_t>(k)].model.solved
                ? nullptr
                : &cells_[static_cast<std::size_t>(k)].model;
   }
-  /// Is the cell's centre in soil?
+  /// True if the cell's centre is in soil.
   bool soil(int id) const {
     const CellModel* m = find(id);
     return m != nullptr ? m->soil() : grid_.count(id) > 32;
   }
-  /// Signed distance at a point relative to a cell's centre, as far as the cell knows.
+  /// Signed distance at a point relative to a cell's centre, by the model of the cell.
   float signed_distance(int id, float x, float y, float z) const {
     const CellModel* m = find(id);
     return m != nullptr ? m->at(x, y, z).signed_distance : soil(id) ? -0.5f : 0.5f;
   }
-  /// Is the cell undug, or without a surface?
+  /// True if the cell is undug or has no surface.
   bool base(int id) const {
     const int k = index_[static_cast<std::size_t>(id)];
     return k < 0 || cells_[static_cast<std::size_t>(k)].kind == Cell::kBase;
@@ -59,12 +59,12 @@ class CellModels {
       kUnfitted,
       kBase,      ///< undug
       kSmooth,    ///< one plane
-      kOneSided,  ///< of a thin wall
+      kOneSided,  ///< one face of a thin wall
       kOther
     } kind = kUnfitted;
     bool has_curvature = false;  ///< curvature is known
     bool has_opposite = false;   ///< opposite is known
-    CellPlane plane;             ///< as fitted: where the surface bends, too far inwards
+    CellPlane plane;             ///< as fitted: too far inwards where the surface bends
     CellPlane opposite;          ///< the other face of a wall that fills the cell
     Curvature curvature;
     CellModel model;
@@ -85,7 +85,7 @@ class CellModels {
   void gather(const Cell& cell, Candidates& candidates);
   CellModel crease(const Cell& cell);
   void solve_creases(int range);
-  /// Shifts the planes of each cell so that models and words around it hold the same volume.
+  /// Shifts the planes of each cell so that the models and the words around it have equal volume.
   void conserve_volumes(int range);
 
   const CellGrid& grid_;

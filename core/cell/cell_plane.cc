@@ -11,14 +11,14 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// What the 27 words say against a plane.
+/// The misfit of the 27 words with a plane.
 struct Residual {
   float area, a[6];  // of the plane in the cells, and its moments in the tangents
   int wrong, most;   // samples, in all and in a cell
   /// The cells that have wrong ones, in order.
   struct Cell {
     std::uint64_t wrong, word;
-    const CellPoints* points;  // null where the plane passes by: all count as at the middle
+    const CellPoints* points;  // null if the plane misses the cell: all points count as its middle
     float x, y, z;
   } cells[27];
   int size;
@@ -219,7 +219,7 @@ int thin_axis(const CellGrid& grid, int id) {
   return -1;
 }
 
-/// A face across an axis of a wall or slot that fills the cell: as far out as the counts say.
+/// A face across an axis of a wall or slot that fills the cell, placed by the counts.
 CellPlane face_across(const CellGrid& grid, int id, int axis, int side) {
   const int beyond = grid.count(id + side * grid.step(axis));
   const bool wall = grid.count(id) > 32;
@@ -278,7 +278,7 @@ PlaneFit fit_plane(const CellGrid& grid, int id) {
   side.plane = start;
   refine_one_side(grid, id, side);
   if (side.one_sided) return side;
-  PlaneFit other;  // the gradient says nothing where both sides are alike
+  PlaneFit other;  // the gradient is useless if both sides are alike
   side.plane = face_across(grid, id, across, 1);
   other.plane = face_across(grid, id, across, -1);
   refine_one_side(grid, id, side);

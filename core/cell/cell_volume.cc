@@ -13,8 +13,8 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Below one plane: the cut-off corner's pyramid less those beyond the cell (Scardovelli and
-/// Zaleski 2000), two by two so that a normal along an axis does no harm.
+/// Below one plane: the pyramid of the cut corner minus those beyond the cell (Scardovelli and
+/// Zaleski 2000), in pairs, so that normals along an axis are safe.
 CellVolume below_plane(const CellPlane& p) {
   double a = std::max(std::abs(double{p.nx}), kMinVolumeNormal),
          b = std::max(std::abs(double{p.ny}), kMinVolumeNormal),

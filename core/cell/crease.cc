@@ -35,7 +35,7 @@ SOILVDB_INLINE Mask joined(BooleanOp op, Mask a, Mask b, Mask c) {
   return a;
 }
 
-/// What a model has wrong, up to `most`.
+/// Number of samples that a model has wrong, up to `most`.
 template <BooleanOp op>
 SOILVDB_INLINE int score(const Masks& words, const Masks& a, const Masks& b, const Masks& c,
                          int most) {
@@ -77,7 +77,7 @@ SOILVDB_INLINE void make_masks(const Window& window, const CellPlane& plane, Mas
   }
 }
 
-/// What a join of masks has wrong.
+/// The samples that a combination of masks has wrong.
 SOILVDB_INLINE int score_of(BooleanOp op, const Masks& words, const Masks* m) {
   const int planes = planes_of(op);
   const Masks &a = m[0], &b = m[planes > 1 ? 1 : 0], &c = m[planes > 2 ? 2 : 0];

@@ -11,19 +11,19 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// One of several values that are added up: which one it is matters. All bits of a value are mixed,
-/// else changes of two words' last samples would cancel.
+/// A value for a sum in which its place matters. All bits of the value are mixed, else changes of
+/// two words' last samples would cancel.
 std::uint64_t mixed(std::uint64_t value, int place) {
   constexpr std::uint64_t kGolden = 0x9e3779b97f4a7c15u;
   return splitmix64(value + static_cast<std::uint64_t>(place + 1) * kGolden);
 }
 
-/// Of the place of a cell and all words that fit_plane() and solve_crease() look at; never 0.
+/// A key of a cell's place and all words that fit_plane() and solve_crease() use; never 0.
 std::uint64_t key_of(const CellGrid& grid, int id) {
   const int steps[3] = {grid.step(0), grid.step(1), grid.step(2)};
   std::uint64_t sum = 0;
   for (int k = 0; k < 27; ++k) sum += mixed(grid.word(grid.beside(id, k)), k);
-  // Of the cells beyond on each side, their counts.
+  // Cells one farther on each side enter by their counts.
   for (int side = 0; side < 6; ++side) {
     const int axis = side / 2, middle = id + (side % 2 * 4 - 2) * steps[axis];
     const int u = steps[(axis + 1) % 3], v = steps[(axis + 2) % 3];

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the cells of a surface came to before, for ground that is meshed again and again.
+// Earlier fits of cells, for ground that is meshed repeatedly.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,11 @@
 
 namespace soilvdb::inline v0 {
 
-/// Fits and creases of cells by what they are functions of: the place, the samples around it and,
-/// of creases, the planes that are tried.
+/// Fits and creases of cells by their arguments: the place, the samples around it and, for creases,
+/// the candidate planes.
 ///
-/// Guarantees: what comes out is what would be made anew. Memory is 3 MB; of two cells that want
-/// the same room the later one has it. Caveat: cells are told apart by 63 bits of a hash.
-/// For one thread at a time.
+/// Guarantees: a cached result equals a new one. Memory is 3 MB; a cell replaces an earlier one
+/// with the same slot. Caveat: keys are 63 bits of a hash. For one thread at a time.
 class FitCache {
  public:
   FitCache();
@@ -26,7 +25,7 @@ class FitCache {
  private:
   template <typename T>
   struct Entry {
-    std::uint64_t key = 0;  // 0: of no cell
+    std::uint64_t key = 0;  // 0: empty
     T value;
   };
   std::vector<Entry<PlaneFit>> fits_;

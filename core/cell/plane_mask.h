@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which samples of a cell lie below a plane: the kernel of all fits.
+// The samples of a cell below a plane: the kernel of all fits.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ SOILVDB_INLINE std::uint64_t transpose(std::uint64_t b) {
   return b ^ t ^ t << 28;
 }
 
-/// Which samples of the cell a plane has in soil. `d` is from that cell's centre.
+/// Samples of the cell below a plane. `d` is relative to that cell's centre.
 SOILVDB_INLINE std::uint64_t plane_mask(const CellPoints& points, const CellPlane& p) {
   const Lanes nx = all_lanes(p.nx), ny = all_lanes(p.ny), nz = all_lanes(p.nz);
   const Lanes d = all_lanes(p.d + (p.nx + p.ny + p.nz) / 2);

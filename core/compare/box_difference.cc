@@ -26,14 +26,14 @@ const Ground& coarsest(const Ground& a, const Ground& b) {
   return *found;
 }
 
-/// What two grounds gained in a box against the ground beneath both.
+/// Gains of two grounds in a box against the terrain beneath both.
 struct Change {
   Box box;
   double before_m3 = 0, after_m3 = 0, variance = 0;
 
   double m3() const { return after_m3 - before_m3; }
   bool certain() const { return std::abs(m3()) > kCertainSigmas * std::sqrt(variance); }
-  /// Most that may have been cut and filled beside what it gained in all.
+  /// Largest volume that may be both cut and filled beside the net gain.
   double hidden_m3(double box_m3) const {
     const double a = std::abs(before_m3), b = std::abs(after_m3);
     return std::max(0.0, std::min({a, b, box_m3 - a, box_m3 - b}));
@@ -75,7 +75,7 @@ std::vector<Change> changes(const Ground& before, const Ground& after, const Vol
   return all;
 }
 
-/// The lesser of what was surely cut and what was surely filled in a box and those around it.
+/// The smaller of the certain cut and the certain fill in a box and the boxes around it.
 double both_m3(const std::vector<Change>& all, const Box& box) {
   double cut = 0, fill = 0;
   for (int x = -1; x <= 1; ++x)
@@ -89,7 +89,7 @@ double both_m3(const std::vector<Change>& all, const Box& box) {
   return std::min(cut, fill);
 }
 
-/// What changed in the boxes of a column.
+/// The changes of the boxes of a column.
 ColumnChange in_column(const Change* first, const Change* last, double box_m3) {
   double certain = 0, uncertain = 0, net = 0, variance = 0, most = 0;
   int levels = 0;
@@ -137,7 +137,7 @@ Difference box_difference(const Ground& before, const Ground& after) {
   ColumnChanges columns;
   for (const int slab : slabs(before, after, bins)) {
     const int first = slab * kSlabBoxes;
-    // With a box beyond on either side, where those at the sides look.
+    // With one more box on either side, which the boxes at the sides need.
     const std::vector<Change> all = changes(before, after, bins, first - 1, first + kSlabBoxes + 1);
     for (std::size_t i = 0, next = 0; i < all.size(); i = next) {
       const auto [x, y, z] = all[i].box;

@@ -31,7 +31,7 @@ class Wedge {
     run_ = depth_ + beyond;
   }
   double area() const { return integral(2); }
-  /// From where it comes to nothing to `step`.
+  /// From the place of thickness 0 to `step`.
   double run() const { return run_; }
 
  private:
@@ -78,7 +78,7 @@ class Patch {
     return true;
   }
 
-  /// What part of a column is covered.
+  /// The covered share of a column.
   double covered(int x, int y) const {
     const double here = double{at(x, y).thick};
     if (here == 0) return 0;

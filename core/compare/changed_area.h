@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// How much of the plan a change covers, from what changed in each column.
+// The plan area of a change, from the changes of columns.
 #pragma once
 
 #include <array>
@@ -11,30 +11,31 @@
 
 namespace soilvdb::inline v0 {
 
-/// What changed in a column, in the column's side.
+/// The change of a column, in sides of the column.
 struct ColumnChange {
   float thick = 0;       ///< volume over the column's area
-  float wide = 0;        ///< most of a level, where it changed over several
-  bool certain = false;  ///< not only by errors of counting
+  float wide = 0;        ///< largest change of a level, if several changed
+  bool certain = false;  ///< larger than errors of counting
 };
 
-/// @param most that changed in a level of it
-/// @param levels in which anything changed
+/// @param most largest change of a level
+/// @param levels number of changed levels
 ColumnChange changed_column(double thick, double most, int levels, bool certain);
 
-/// What changed in eight by eight columns, at x * 8 + y.
+/// The changes of eight by eight columns, at x * 8 + y.
 using ChangedColumns = std::array<ColumnChange, 64>;
 
-/// By the first column's indices, multiples of eight.
+/// By the indices of the first column, multiples of eight.
 using ColumnChanges = std::map<std::pair<int, int>, ChangedColumns>;
 
-/// Columns that changes cover, seen from above; those at the rim by the part of them that is
-/// covered. Within 2 % of what is three columns wide and half a one thick or more (a layer one thin
-/// on a steep slope: 3 %); by changes that are only certain beyond errors of counting within 5 %.
+/// The number of columns that changes cover in plan; columns at the rim count by their covered
+/// part. Within 2 % for changes at least three columns wide and half a column thick (3 % for a
+/// layer one column thin on a steep slope); within 5 % if only changes beyond errors of counting
+/// are certain.
 ///
-/// A column all of whose neighbours changed is covered. At the rim thickness goes on as further in,
-/// straight, until the change ends: upright, or where thickness comes to nothing. Which of them it
-/// is, and where, the column's volume says.
+/// A column is covered if all its neighbours changed. At the rim, thickness continues linearly from
+/// further in until the change ends, with an upright face or with a thickness of 0. The column's
+/// volume determines the kind and the place of this end.
 double changed_columns(const ColumnChanges& changes);
 
 }  // namespace soilvdb::inline v0

@@ -36,8 +36,8 @@ class Pair {
     sort_once(all);
     return all;
   }
-  /// With other origins the base surface may fall on the other side of a sample by rounding: what
-  /// neither has changed is the same.
+  /// With different origins, rounding may put the terrain on different sides of a sample. Samples
+  /// that neither ground has changed are therefore equal.
   void read(const Coord3& origin, SampleWords& a, SampleWords& b) const {
     a_.read_samples(origin, a);
     b_.read_samples(origin - shift_, b);
@@ -54,23 +54,23 @@ class Pair {
   Coord3 shift_;
 };
 
-/// What changed in the chunks that stand above each other.
+/// The changes in the chunks of a column.
 struct Stack {
   std::int64_t cut = 0, fill = 0, mixed = 0;
   ChangedColumns columns;
 };
 
-/// Which samples of a soil are inside a boundary.
+/// The samples of a ground inside a boundary.
 class Inside {
  public:
-  /// @param boundary null: all are
+  /// @param boundary null: all samples are inside
   Inside(const Ground& ground, const std::vector<Vec2>* boundary) {
     if (boundary == nullptr) return;
     for (const Vec2& corner : *boundary)
       polygon_.push_back(ground.index_from_world({corner.x(), corner.y(), 0}).head<2>());
   }
 
-  /// Of a column of chunks: all, none, or those that at() says.
+  /// Samples of a column of chunks: all, none, or those of at().
   enum class Part { kAll, kNone, kSome };
   Part part(const Coord3& chunk) const {
     if (polygon_.empty()) return Part::kAll;
@@ -184,7 +184,8 @@ Difference difference(const Ground& before, const Ground& after,
     throw std::invalid_argument(
         "the boundary crosses itself; its corners must be in order around what it encloses");
   const auto shift = lattice_shift(before, after);
-  if (!shift) throw std::invalid_argument("soils of two lattices can't be compared in a boundary");
+  if (!shift)
+    throw std::invalid_argument("grounds of two lattices can't be compared inside a boundary");
   Difference d = by_samples(Pair(before, after, *shift), &boundary);
   d.area_m2 = area_of(boundary);
   return d;
@@ -200,7 +201,7 @@ void for_each_volume_change(const Ground& before, const Ground& after, bool same
         [&](const Coord3& origin, SampleWords& a, SampleWords& b) { pair.read(origin, a, b); },
         bins, f);
   }
-  // Against the terrain that is no ground's surface, which is beneath both.
+  // Against the terrain beneath both, which is not the surface of a ground.
   for (const double sign : {1.0, -1.0}) {
     const Ground* ground = sign > 0 ? &after : &before;
     for (; ground != nullptr; ground = ground->terrain().ground())

@@ -64,8 +64,8 @@ Eigen::AlignedBox3d Excavator::box(std::size_t pose) const {
   return all;
 }
 
-/// Only boxes of single poses are refused: that of a segment reaches far beyond what the bucket
-/// passes.
+/// Only boxes of single poses are refused: the box of a segment is much larger than the swept
+/// volume.
 void Excavator::require_known(const Ground& ground, std::span<const Pose> path) const {
   const auto check = [&](const Pose& pose) {
     for (const Facet& facet : facets_) {
@@ -91,7 +91,7 @@ AffineFrame Excavator::frame(std::size_t pose, std::size_t facet, const Coord3& 
   return {s.axes, s.position, origin};
 }
 
-/// Appends what may cut in a chunk between two poses of the path, in its order.
+/// Appends the strokes that may cut in a chunk between two poses of the path, in order.
 void Excavator::find_strokes(const Coord3& origin, std::size_t first, std::size_t last,
                              double voxel_size_m) {
   const Vec3 middle = origin.cast<double>() + Vec3::Constant((kChunkSide - 1) / 2.0);
@@ -115,9 +115,8 @@ void Excavator::find_strokes(const Coord3& origin, std::size_t first, std::size_
   }
 }
 
-/// Digs all strokes of one chunk: the sweep's difference, as for level sets, where what is soil
-/// after it is where max(soil, -sweep) < 0, decided at 64 points of each voxel instead of at its
-/// centre.
+/// Digs all strokes of one chunk: the CSG difference with the sweep. Soil stays where
+/// max(soil, -sweep) < 0, decided at 64 points of each voxel instead of at its centre.
 Removed Excavator::dig(Samples& samples, const Coord3& origin, const Work& work, double h) const {
   const Booking through_mouth = facets_.size() > 1 ? Booking::kCapturedAhead : Booking::kCaptured;
   Removed removed;
@@ -131,8 +130,8 @@ Removed Excavator::dig(Samples& samples, const Coord3& origin, const Work& work,
   return removed;
 }
 
-/// The same, and what was loose: what a stroke does to a sample doesn't depend on others, so
-/// digging the loose ones alone counts them. @return whether anything was there
+/// The same with the loose part: a stroke treats each sample independently, so digging the loose
+/// samples alone counts them. @return true if a sample was removed
 bool Excavator::dig(std::size_t edit, Samples& samples, Samples& loose, double h) {
   Work& work = work_[edit];
   const Coord3& origin = edits_[edit].origin;
@@ -214,7 +213,7 @@ Cut Excavator::sweep(Ground& ground, std::span<const Pose> path) {
   return cut;
 }
 
-/// Takes the samples inside the body out of a chunk. @return how many
+/// Removes the samples inside the body from a chunk. @return their number
 std::int64_t Excavator::clear_body(Samples& samples, const Coord3& origin, const Ground& ground,
                                    const Pose& bucket_from_world) const {
   std::int64_t removed = 0;

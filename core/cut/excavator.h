@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Takes the samples a moving bucket passes through out of the soil, and counts them.
+// Removes and counts the samples that a moving bucket passes through.
 #pragma once
 
 #include <cstdint>
@@ -12,16 +12,16 @@
 
 namespace soilvdb::inline v0 {
 
-/// What one call took away.
+/// The result of one call.
 struct Cut {
   Removed all;
-  Removed loose;  ///< what of it was loose
+  Removed loose;  ///< the loose part
 };
 
-/// A bucket as it digs. Its memory is scratch, kept from call to call so that none is allocated; a
-/// copy begins without.
+/// The cutting part of a bucket. It keeps scratch memory between calls to avoid allocations; copies
+/// begin without it.
 ///
-/// One ground may be dug by several excavators at once where their strokes touch different chunks.
+/// Several excavators may dig one ground at once if their strokes touch different chunks.
 class Excavator {
  public:
   explicit Excavator(const Bucket& bucket) : bucket_(bucket), facets_(facets(bucket)) {}
@@ -30,26 +30,26 @@ class Excavator {
   /// Removes every sample that a facet passes through between consecutive poses of `path`, in
   /// order.
   ///
-  /// Guarantees: the union of what a path removes does not depend on where it is split; the same
-  /// path again removes nothing; the result is the same for any number of threads.
-  /// @param path world_from_bucket, as from Motion::trace(): ends of segments and, between them,
-  ///        their middles in time; points bend less than kMaxBend. One pose alone removes nothing.
-  /// @throw NoGroundError where the terrain has no height; the soil has then lost nothing
+  /// Guarantees: the removed samples do not depend on how a path is split; the same path again
+  /// removes nothing; the result is the same for any number of threads.
+  /// @param path world_from_bucket, as from Motion::trace(): ends of segments with their middles in
+  ///        time between; points bend less than kMaxBend. A single pose removes nothing.
+  /// @throw NoGroundError, without any change, where the terrain has no height
   Cut sweep(Ground& ground, std::span<const Pose> path);
 
-  /// As sweep() and, for a path of one pose, stamp(), but removes nothing. @throw NoGroundError
+  /// As sweep(), or stamp() for a single pose, without removing samples. @throw NoGroundError
   void require_ground(const Ground& ground, std::span<const Pose> path);
 
   /// Removes every sample inside the body at one pose (a bucket that starts in the ground).
   Cut stamp(Ground& ground, const Pose& world_from_bucket);
 
  private:
-  /// Where a facet is at a pose of the path, in index space.
+  /// The place of a facet at a pose of the path, in index space.
   struct Station {
-    Eigen::Matrix3d axes;  // columns are the facet's
+    Eigen::Matrix3d axes;  // columns are the facet's axes
     Vec3 position;
     Eigen::AlignedBox3d box;
-    // Most the facet's coordinates differ over a chunk from those at its middle.
+    // Largest difference of the facet's coordinates over a chunk from those at its middle.
     float half_range[3];
   };
   /// A stroke on its way through a chunk: a facet in the segment that ends with a pose.

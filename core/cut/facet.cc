@@ -12,7 +12,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// What a stroke's coordinates of eight boxes in a line are: u, v, y, dy, z, dz.
+/// A stroke's coordinates u, v, y, dy, z, dz of eight boxes in a line.
 struct Line {
   Lanes u, v, y, dy, z, dz;
 };
@@ -26,7 +26,7 @@ SOILVDB_INLINE Line along_z(const Stroke& s, float x, float y) {
   return {lanes(s.u), lanes(s.v), lanes(s.y), lanes(s.dy), lanes(s.z), lanes(s.dz)};
 }
 
-/// The most those coordinates differ over a box from those at its middle.
+/// Largest difference of these coordinates over a box from those at its middle.
 struct Reach {
   float u, v, y, z;
   Reach(const Stroke& s, float half_x, float half_y, float half_z)
@@ -38,7 +38,7 @@ struct Reach {
           s.slack) {}
 };
 
-/// Bit k tells of box k.
+/// Bit k is for box k.
 struct Seen {
   std::uint32_t may = 0;       // the facet may pass through it
   std::uint32_t within_y = 0;  // where the facet's plane passes it, that is between the outline's
@@ -59,14 +59,14 @@ SOILVDB_INLINE Seen look(const Line& l, const Reach& r, const Stroke& s) {
   return {bits(meets & ~missed), bits(within_y), bits(within_z), bits(sure)};
 }
 
-/// Bit i is set where sample i is ahead of the facet's plane.
+/// Bit i is set if sample i is ahead of the facet's plane.
 inline std::uint64_t ahead_of_plane(const CellPoints& p, Affine a) {
   std::uint64_t bits = 0;
   for (int i = 0; i < 64; ++i) bits |= std::uint64_t{a.at(p.x[i], p.y[i], p.z[i]) > 0} << i;
   return bits;
 }
 
-/// Bit i is set where sample i crosses the facet's plane.
+/// Bit i is set if sample i crosses the facet's plane.
 inline std::uint64_t crossing_plane(const CellPoints& p, Affine a, Affine b) {
   std::uint32_t half[2];
   for (int g = 0; g < 2; ++g) {
@@ -97,9 +97,9 @@ struct CellStroke {
         bend_z(s.bend[2].at(x + 0.5f, y0 + 0.5f, z0 + 0.5f)) {}
 };
 
-/// When a point with x coordinates u and v at the ends crosses the plane, from -1 to 1:
-/// (u + v) / (u - v) on a straight way, and corrected once for the bend. Turning the stroke round
-/// gives the same bits.
+/// The time, from -1 to 1, at which a point with x coordinates u and v at the ends crosses the
+/// plane: (u + v) / (u - v) on a straight way, with one correction for the bend. The reversed
+/// stroke gives the same bits.
 template <typename Value>
 SOILVDB_INLINE Value time_of_crossing(const CellStroke& s, float u, float v) {
   const Value by_length = 1 / (Value(u) - Value(v));
@@ -113,7 +113,7 @@ SOILVDB_INLINE Value coordinate(float middle, float half_way, float bend, Value 
   return middle + (t * half_way + bend * (1 - t * t));
 }
 
-/// Bit i is set where sample i crosses the facet's rectangle. @param kY, kZ which bounds matter
+/// Bit i is set if sample i crosses the facet's rectangle. @param kY, kZ the bounds to test
 template <bool kY, bool kZ>
 SOILVDB_INLINE std::uint64_t crossing_rectangle(const CellPoints& p, const CellStroke& cell,
                                                 const Stroke& stroke) {
@@ -144,7 +144,7 @@ SOILVDB_INLINE std::uint64_t crossing_rectangle(const CellPoints& p, const CellS
   return std::uint64_t{half[1]} << 32 | half[0];
 }
 
-/// Of the samples in `candidates`, which all cross the plane, those inside the facet's outline.
+/// The samples of `candidates`, which all cross the plane, inside the facet's outline.
 std::uint64_t crossing_outline(const CellPoints& p, const CellStroke& s, const Facet& facet,
                                double h, std::uint64_t candidates) {
   std::uint64_t hit = 0;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The flat polygons that a bucket cuts with, and what one of them takes out of a chunk.
+// The flat polygons of a bucket, and the samples that one of them removes from a chunk.
 #pragma once
 
 #include <cstdint>
@@ -23,28 +23,27 @@ struct Facet {
 /// The mouth first, then the faces of the body.
 std::vector<Facet> facets(const Bucket& bucket);
 
-/// A facet moving over one segment of the path, seen from one chunk, in voxels: the coordinates of
-/// the chunk's points in the facet's frame at time t, which runs from -1 to 1, are
+/// A facet that moves along one segment of the path, relative to one chunk, in voxels. At time t
+/// from -1 to 1 the coordinates of the chunk's points in the facet's frame are
 ///     x: u at -1, v at 1    y + t dy + (1 - t^2) bend_y    z + t dz + (1 - t^2) bend_z
 /// and x bends likewise.
 struct Stroke {
   Affine u, v, y, dy, z, dz;
   Affine bend[3];
   float y_low, y_high, z_low, z_high;  ///< bounds of the facet's outline
-  float slack;                         ///< most that it bends in the chunk
+  float slack;                         ///< largest bend in the chunk
 
   Stroke() = default;
-  /// @param from, middle, to the facet's frame at the start, half-way in time, and the end
+  /// @param from, middle, to the facet's frame at the start, half-way in time and at the end
   Stroke(const AffineFrame& from, const AffineFrame& middle, const AffineFrame& to,
          const Facet& facet, double voxel_size_m);
 };
 
-/// How a facet books what it removes. Behind the mouth of a bucket with a body lies the body:
-/// soil that the mouth leaves backwards was displaced by the body's back before, if in the same
-/// segment.
+/// How a facet books removed samples. A bucket's body lies behind its mouth: soil that leaves
+/// through the mouth backwards was first displaced by the body's back, in the same segment.
 enum class Booking { kCaptured, kCapturedAhead, kDisplaced };
 
-/// What was taken out, in samples of Ground::sample_m3().
+/// Removed soil, in samples of Ground::sample_m3().
 struct Removed {
   std::int64_t captured = 0;   ///< through the mouth
   std::int64_t displaced = 0;  ///< by the body alone
@@ -57,8 +56,8 @@ struct Removed {
   }
 };
 
-/// Takes out the samples that the facet passes through.
-/// @param origin the chunk's; @param h voxel size, m
+/// Removes the samples that the facet passes through.
+/// @param origin of the chunk @param h voxel size, m
 Removed cut_samples(Samples& samples, const Coord3& origin, const Stroke& stroke,
                     const Facet& facet, double h, Booking booking);
 

@@ -39,7 +39,8 @@ Eigen::AlignedBox3d box_at(const ToolShape& tool, const Pose& world_from_tool) {
   return box;
 }
 
-/// When, from -1 to 1, the tool is first nearer to a point of index space than so; nothing: never.
+/// The first time, from -1 to 1, at which the tool is nearer to a point of index space than a
+/// distance; empty: never.
 std::optional<double> when_near(const ToolShape& tool, const Segment& segment, const Vec3& p,
                                 double near_m, double least_m, double from = -1) {
   const Vec3 a = segment.at(0, p), middle = segment.at(1, p), b = segment.at(2, p);
@@ -106,13 +107,13 @@ class Sweep {
     return soilvdb::when_near(tool_, segment, index, near * h, kMinToolStep * h, from);
   }
 
-  /// A segment that comes near to a block of cells, and not before a time.
+  /// A segment that comes near a block of cells, with the earliest such time.
   struct Near {
     const Segment* segment;
     double from = -1;
   };
 
-  /// Those that come near to a block of so many cells a side.
+  /// The segments that come near a block with a number of cells a side.
   std::vector<Near> near_block(const Coord3& low, int side, std::vector<Near> near) const {
     const Vec3 middle = low.cast<double>() + Vec3::Constant((side - 1) / 2.0);
     std::erase_if(near, [&](Near& one) {
@@ -134,7 +135,7 @@ class Sweep {
     return near_block(origin, kChunkSide, std::move(all));
   }
 
-  /// Takes out of a block what the tool passes.
+  /// Removes the samples of a block that the tool passes.
   void clear(const Coord3& low, int side, const std::vector<Near>& near, Samples& samples,
              Samples& loose, ToolCut& cut) const {
     if (near.empty()) return;
@@ -158,7 +159,7 @@ class Sweep {
     samples.set_word(n, word & ~hit);
   }
 
-  /// Those of a cell's samples of soil that the tool passes.
+  /// The samples of soil of a cell that the tool passes.
   std::uint64_t passed(const Coord3& voxel, const std::vector<Near>& near,
                        std::uint64_t word) const {
     const Vec3 centre = voxel.cast<double>();

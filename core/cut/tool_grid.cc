@@ -42,7 +42,7 @@ openvdb::FloatGrid::Ptr grid_of(const Mesh& mesh, double voxel_size_m) {
   Eigen::AlignedBox3f box;
   for (const Eigen::Vector3f& p : mesh.points) {
     if (!p.allFinite())
-      throw std::invalid_argument("the tool's mesh has a point that is no number");
+      throw std::invalid_argument("the tool's mesh has a point that is not a number");
     if (p.cwiseAbs().maxCoeff() > kMaxToolReachM)
       throw std::invalid_argument("the tool's mesh reaches " +
                                   text(double{p.cwiseAbs().maxCoeff()}) +

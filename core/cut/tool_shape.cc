@@ -21,7 +21,7 @@ ToolShape::ToolShape(const Vec3& first_m, double voxel_size_m, const Coord3& n,
   find_box();
 }
 
-/// Bounded by where edges of the lattice are crossed: along an axis a crossing of the interpolated
+/// Crossings of the lattice's edges give the bounds: along an axis, a crossing of the interpolated
 /// distances is farthest at an edge of a cell.
 void ToolShape::find_box() {
   const std::vector<float>& d = *distances_m_;
@@ -64,7 +64,7 @@ double ToolShape::volume_m3() const {
           cells += inside / 8;
           continue;
         }
-        double parts = 0;  // each as a plane of that distance cuts it
+        double parts = 0;  // each cut by a plane at that distance
         for (int k = 0; k < kToolVolumeParts * kToolVolumeParts * kToolVolumeParts; ++k) {
           const Vec3 part(k % kToolVolumeParts, k / kToolVolumeParts % kToolVolumeParts,
                           k / kToolVolumeParts / kToolVolumeParts);
@@ -95,7 +95,7 @@ ToolShape ToolShape::load(std::string_view bytes) {
   for (int& v : n) take(bytes, v);
   std::vector<float> distances_m(bytes.size() / sizeof(float));
   for (float& d : distances_m) take(bytes, d);
-  if (!bytes.empty()) throw std::invalid_argument("these bytes are no tool");
+  if (!bytes.empty()) throw std::invalid_argument("these bytes are not a tool's shape");
   return {first_m, h_m, n, std::move(distances_m)};
 }
 

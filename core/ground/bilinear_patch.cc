@@ -12,20 +12,20 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// A patch seen from the foot of the points, of which only small differences are left: float will
-/// do. (u, v) are fractions of the patch's sides from the foot.
+/// A patch relative to the foot of the points. Only small differences remain, so float is enough.
+/// (u, v) are fractions of the patch's sides from the foot.
 struct PatchSeen {
   float dx, dy;            // sides
   float rx, ry, rz, step;  // from the first point to the foot; step to the next point
   float su, sv, twist;     // dz/du, dz/dv at the foot, d2z/dudv
   float u_low, u_high, v_low, v_high;
-  float gap;    // from the ground below the first point up to it; none: far
+  float gap;    // height of the first point above the ground; NaN: unknown
   float aside;  // horizontal distance to the patch
   float slope;
 };
 
-/// May the patch be nearer than `best`? At a horizontal distance r the field is at least
-/// gap - slope r above or below a point.
+/// May the patch be nearer than `best`? At a horizontal distance r the field is at least gap -
+/// slope r above or below a point.
 SOILVDB_INLINE bool may_be_nearer(const PatchSeen& s, Lanes best2) {
   const Lanes gap = abs(s.gap + kLaneNumbers * s.step);
   const Lanes r = max(gap * (s.slope / (1 + s.slope * s.slope)), all_lanes(s.aside));
@@ -55,7 +55,7 @@ SOILVDB_FOR_CPUS void nearest(const PatchSeen& s, float* best) {
     const Lanes by_det = 1 / (a * c - b * b);
     const Lanes full_u = u - (c * gu - b * gv) * by_det, full_v = v - (a * gv - b * gu) * by_det;
     const Lanes held_u = min(max(full_u, u_low), u_high), held_v = min(max(full_v, v_low), v_high);
-    // On a border the other coordinate is free to move on along it.
+    // On a border the other coordinate may still move along it.
     const Lanes along_v = min(max(v - (gv + b * (held_u - u)) / c, v_low), v_high);
     const Lanes along_u = min(max(u - (gu + b * (held_v - v)) / a, u_low), u_high);
     const LaneMask on_u = held_u != full_u, on_v = held_v != full_v;

@@ -19,17 +19,17 @@ struct BilinearPatch {
 /// The points (x, y, z + k step), k = 0 to 7, over a height field, m.
 struct PointRow {
   double x, y, z, step;
-  double ground;  ///< height of the field at (x, y); NaN where there is none
-  double slope;   ///< no part of the field near is steeper
+  double ground;  ///< height of the field at (x, y); NaN without one
+  double slope;   ///< largest slope of the field nearby
 };
 
-/// Lowers `best` to the distances from the points of a row to a patch whose corner is (x0, y0), as
-/// far as they are not surely larger. Gauss-Newton on the patch from the foot below each point,
-/// held to the patch; each iterate is a point of it, so a result is never too small. All m.
+/// Lowers `best` to the distances from the points of a row to a patch with corner (x0, y0), unless
+/// they are certainly larger. Gauss-Newton on the patch starts below each point and stays in the
+/// patch. Each iterate is a point of the patch, so a result is never too small. All m.
 void nearest_on_patch(const BilinearPatch& patch, double x0, double y0, const PointRow& row,
                       std::array<float, kChunkSide>& best);
 
-/// Bit i is set where point i of a cell lies below a + b x + c y + d x y, in units of the cell.
+/// Bit i is set if point i of a cell lies below a + b x + c y + d x y, in units of the cell.
 std::uint64_t points_below(const CellPoints& points, float a, float b, float c, float d);
 
 }  // namespace soilvdb::inline v0

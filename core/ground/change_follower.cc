@@ -5,7 +5,7 @@
 #include "core/ground/ground_state.h"
 
 namespace soilvdb::inline v0 {
-/// Hands on what was touched since the last call.
+/// Adds the chunks touched since the last call to the followers' lists.
 void Ground::tell_followers() {
   const std::vector<Coord3> touched = state_->touched.take();
   for (const Coord3& origin : touched)
@@ -24,13 +24,13 @@ ChangeFollower::ChangeFollower(Ground& ground) : changed_(std::make_shared<Chunk
 
 ChangeFollower::ChangeFollower(Ground& clone, const ChangeFollower& other)
     : changed_(std::make_shared<ChunkList>(*other.changed_)) {
-  // Of the clone's list, which is the other ground's as well, nothing is lost.
+  // The clone's own list shares these entries, so no change is lost.
   clone.state_->followers.push_back(changed_);
   ground_ = &clone;
 }
 
 void ChangeFollower::follow(Ground& ground) {
-  ground.tell_followers();  // changes before this are of others only
+  ground.tell_followers();  // earlier changes are for other followers only
   ground.state_->followers.push_back(changed_);
   ground_ = &ground;
 }

@@ -39,7 +39,7 @@ Ground::Ground(double voxel_size_m, const Vec3& origin,
 
 Ground::~Ground() = default;
 
-/// Where memory isn't limited. By leaves: OpenVDB's own copy starts tasks for each node.
+/// A copy without memory limit. By leaves: OpenVDB's own copy starts tasks for each node.
 Ground::State::State(const State& other)
     : grid(SampleGrid::create(static_cast<const openvdb::GridBase&>(*other.grid))),
       touched(other.touched),
@@ -54,7 +54,7 @@ std::unique_ptr<Ground> Ground::clone() const {
   if (store_ != nullptr) {
     const std::vector<const Chunk*> all = chunks();
     if (std::any_of(all.begin(), all.end(), is_swapped))
-      throw std::logic_error("ground that is in a cold store can't be cloned: it has one owner");
+      throw std::logic_error("ground in a swap store can't be cloned: the store has one owner");
   }
   auto same = std::make_unique<Ground>(h_, origin_, terrain_);
   same->state_ = std::make_unique<State>(*state_);

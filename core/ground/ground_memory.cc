@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the ground holds of memory, and how it keeps to a limit: by the clock algorithm. A hand goes
-// round all chunks and pages out those that were not used since its last visit. Chunks in use stand
-// in a list and the rest in a sum, so the memory is known without a look at all chunks. The leaf of
-// a chunk stays, about a quarter of its memory, so no lower limit can be kept.
+// Memory of the ground, and its limit by the clock algorithm. A hand goes round all chunks and
+// evicts those that were not used since its last visit. Chunks in use stand in a list, and the
+// others in a sum, so the memory is known without a visit to all chunks. The leaf of a chunk stays,
+// about a quarter of its memory, so lower limits cannot be kept.
 #include <stdexcept>
 #include <string>
 
@@ -13,7 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// What a record of the swap store begins with, so that no other chunk's is taken for it.
+/// The head of a record in the swap store, which identifies its chunk.
 struct Label {
   std::int32_t origin[3];
   std::uint32_t soil_count;
@@ -52,7 +52,7 @@ void Ground::evict() {
   state.in_use.clear();
   const auto held = [&] { return state.bytes() + terrain_->memory_bytes() + state.idle_bytes; };
   if (held() <= limit_bytes_) return;
-  // Unless others may be reading it.
+  // Unless other threads may read it.
   if (terrain_->memory_bytes() > limit_bytes_ / kBaseMemoryDivisor && terrain_.use_count() == 1)
     terrain_->forget();
   const std::vector<SampleLeaf*> leaves = state.leaves();
@@ -70,10 +70,10 @@ void Ground::evict() {
     state.idle_bytes -= bytes;
   }
   if (held() > limit_bytes_)
-    throw std::runtime_error("the ground needs more memory than " +
-                             std::to_string(limit_bytes_ >> 20) + " MB: a list of its " +
-                             std::to_string(state.chunks) + " chunks and what it began as take " +
-                             std::to_string((held() >> 20) + 1) + " MB");
+    throw std::runtime_error(
+        "the ground needs more memory than " + std::to_string(limit_bytes_ >> 20) +
+        " MB: a list of its " + std::to_string(state.chunks) +
+        " chunks and its initial terrain take " + std::to_string((held() >> 20) + 1) + " MB");
 }
 
 Chunk Ground::copy(const Chunk& chunk) const {
@@ -94,7 +94,7 @@ void Ground::store(Chunk& chunk) {
   chunk.loose = {};
 }
 
-/// Reads what a chunk has in the swap store, and leaves it there. @return its size
+/// Reads a chunk's record in the swap store, which stays there. @return its size
 std::size_t Ground::load(Chunk& chunk) const {
   std::string bytes;
   store_->get(chunk.swap_record, bytes);
@@ -105,7 +105,7 @@ std::size_t Ground::load(Chunk& chunk) const {
                     (rest.remove_prefix(sizeof(label)), samples.take(rest) && loose.take(rest)) &&
                     rest.empty() && samples.count() == chunk.soil_count &&
                     loose.count() == chunk.loose_count;
-  if (!good) throw std::runtime_error("what comes back from the cold store is another chunk");
+  if (!good) throw std::runtime_error("the swap store returned another chunk");
   chunk.samples = std::move(samples);
   chunk.loose = std::move(loose);
   chunk.swap_record = 0;

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a Ground holds: the tree, and what is noted of its chunks. For Ground and GroundWriter
-// alone.
+// The state of a Ground: the tree, and notes on its chunks. Only Ground and GroundWriter use it.
 #pragma once
 
 #include <atomic>
@@ -17,7 +16,7 @@ namespace soilvdb::inline v0 {
 inline openvdb::Coord to_coord(const Coord3& c) { return {c.x(), c.y(), c.z()}; }
 
 struct Ground::State {
-  // How lately a chunk was used, where memory is limited (Chunk::used).
+  // Last use of a chunk if memory is limited (Chunk::used).
   enum : std::uint8_t { kIdle, kUsed, kInUse };
 
   using Accessor = openvdb::tree::ValueAccessor<SampleTree, false>;
@@ -26,19 +25,19 @@ struct Ground::State {
   const SampleGrid::Ptr grid = SampleGrid::create();
   SampleTree& tree = grid->tree();
   std::size_t chunks = 0, lower_nodes = 0, upper_nodes = 0;
-  ChunkList touched;                                // since followers were told
+  ChunkList touched;                                // since the followers' lists were extended
   std::vector<std::weak_ptr<ChunkList>> followers;  // ChangeFollower's lists
-  /// Cells of chunks with soil above the base surface's, index space; empty if there are none.
+  /// Bounds of the cells of chunks with soil above the initial terrain, index space; may be empty.
   Eigen::AlignedBox3i above;
   std::atomic<bool> any_above = false;
-  /// Shared by who looks for leaves, alone by who adds them or changes what is above. A leaf itself
-  /// is its writer's: no lock is held while it is filled.
+  /// Shared to find leaves, exclusive to add leaves or change `above`. A leaf belongs to its
+  /// writer, which holds no lock while it fills the leaf.
   mutable std::shared_mutex mutex;
 
-  // Where memory is limited.
+  // With a memory limit.
   std::vector<Coord3> in_use;
-  std::uint64_t idle_bytes = 0;  // of the samples of chunks that are not in use
-  std::size_t hand = 0;          // of a clock: the leaf that was looked at last
+  std::uint64_t idle_bytes = 0;  // samples of chunks that are not in use
+  std::size_t hand = 0;          // of the clock algorithm: the last visited leaf
 
   State() = default;
   State(const State& other);
@@ -64,7 +63,7 @@ struct Ground::State {
         Eigen::AlignedBox3i(chunk.origin, chunk.origin + Coord3::Constant(kChunkSide - 1)));
     any_above.store(true, std::memory_order_release);
   }
-  /// Notes that a chunk is in use, so that what it holds may change. @param fresh it wasn't there
+  /// Notes that a chunk is in use, because its samples may change. @param fresh it is a new chunk
   void use(Chunk& chunk, bool fresh = false) {
     if (chunk.used == kInUse) return;
     if (!fresh) idle_bytes -= chunk.heap_bytes();
@@ -78,7 +77,7 @@ struct Ground::State {
     tree.getNodes(all);
     return all;
   }
-  /// The tree without the chunks' samples.
+  /// Bytes of the tree without the chunks' samples.
   std::size_t bytes() const {
     // A piece's length, and what rounds it up to sixteen bytes.
     const auto piece = [](std::size_t size) { return (size + kHeapWord + 15) / 16 * 16; };

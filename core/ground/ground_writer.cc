@@ -14,7 +14,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Brings what is said of a chunk up to date with its samples.
+/// Updates the counts and the mask of a chunk from its samples.
 SOILVDB_FOR_CPUS void recount(SampleLeaf& leaf) {
   leaf.chunk.soil_count = static_cast<std::uint16_t>(leaf.chunk.samples.count());
   leaf.chunk.loose_count = static_cast<std::uint16_t>(leaf.chunk.loose.count());
@@ -26,7 +26,7 @@ bool is_air(const SampleWords& words) {
   return std::all_of(words.begin(), words.end(), [](std::uint64_t word) { return word == 0; });
 }
 
-/// What isn't soil isn't loose.
+/// Removes loose samples that are not soil.
 void keep_loose_in(const Samples& soil, Samples& loose) {
   for (int g = 0; g < kChunkVoxels / 64; ++g) {
     for (std::uint64_t left = loose.occupied(g); left != 0; left &= left - 1) {
@@ -37,7 +37,7 @@ void keep_loose_in(const Samples& soil, Samples& loose) {
   }
 }
 
-/// Has a chunk soil that the base surface doesn't have?
+/// True if a chunk has soil where the initial terrain has air.
 bool exceeds(const Samples& samples, const SampleWords& base) {
   for (int n = 0; n < kChunkVoxels; ++n)
     if ((samples.word(n) & ~base[static_cast<std::size_t>(n)]) != 0) return true;
@@ -46,7 +46,7 @@ bool exceeds(const Samples& samples, const SampleWords& base) {
 
 }  // namespace
 
-/// What comes of an edit: a leaf of the tree, or one made apart from it.
+/// The leaf of an edit: of the tree, or made outside it.
 struct GroundWriter::Target {
   SampleLeaf* leaf = nullptr;
   std::unique_ptr<SampleLeaf> made;
@@ -73,7 +73,7 @@ void GroundWriter::edit(Operation operation, std::span<const Edit> edits, std::s
   book(targets);
 }
 
-/// Finds the leaves, and what need not be looked at. @return the work that is left
+/// Finds the leaves, and skips edits without effect. @return the remaining work
 std::size_t GroundWriter::find(Operation operation, std::span<const Edit> edits,
                                std::span<Target> targets) {
   Ground::State& state = *ground_.state_;
@@ -101,7 +101,7 @@ std::size_t GroundWriter::find(Operation operation, std::span<const Edit> edits,
   return work;
 }
 
-/// Changes one chunk, with its leaf made or its samples brought back first.
+/// Changes one chunk, after its leaf is made or its samples are read back.
 void GroundWriter::perform(Operation operation, const Coord3& origin, Target& target, std::size_t i,
                            const Change& change) {
   SampleWords base;
@@ -137,7 +137,7 @@ void GroundWriter::perform(Operation operation, const Coord3& origin, Target& ta
   chunk.above = exceeds(chunk.samples, base);
 }
 
-/// Adds the leaves that were made, and lists what came or changed.
+/// Adds the new leaves to the tree, and lists the chunks that appeared or changed.
 void GroundWriter::book(std::span<Target> targets) {
   Ground::State& state = *ground_.state_;
   std::unique_lock alone(state.mutex, std::defer_lock);
@@ -155,7 +155,7 @@ void GroundWriter::book(std::span<Target> targets) {
   }
 }
 
-/// Brings samples back from the swap store, if they are there.
+/// Reads samples back from the swap store, if they are there.
 void GroundWriter::load(Chunk& chunk) {
   if (chunk.swap_record == 0) return;
   const std::uint32_t swap_record = chunk.swap_record;

@@ -46,9 +46,9 @@ class HeightField final : public InitialTerrain {
       std::fill_n(phi, kChunkVoxels, static_cast<float>(first.z() - band >= w.high ? band : -band));
       return;
     }
-    // Around a hole in the terrain nothing is known of it.
+    // Around a hole in the terrain the slope is unknown.
     const double slope = w.complete ? std::hypot(steepest_x(w), steepest_y(w)) : kCliff;
-    // The ratio of vertical gap to true distance is never larger.
+    // The ratio of vertical gap to true distance is at most this.
     const float steepest = static_cast<float>(std::hypot(1.0, slope));
     const float step = static_cast<float>(h), far = static_cast<float>(band);
     for (int x = 0; x < kChunkSide; ++x) {
@@ -78,7 +78,7 @@ class HeightField final : public InitialTerrain {
     const Vec2 half = Vec2::Constant(h / 2);
     const Vec2 last = first.head<2>() + Vec2::Constant(h * (kChunkSide - 1));
     const HeightTiles::Window& w = tiles_.window(first.head<2>() - half, last + half);
-    // Over a cell the ground is within this of its height in the middle.
+    // Within a cell the ground differs from its height in the middle by at most this.
     const double half_range = h / 2 * (1 + steepest_x(w) + steepest_y(w));
     for (int column = 0; column < kChunkVoxels; column += kChunkSide) {
       const Vec3 bottom = first + h * numbered_voxel(column).cast<double>();
@@ -106,7 +106,7 @@ class HeightField final : public InitialTerrain {
   }
 
  private:
-  /// Bit i is set where point i of the cell with low corner `low` and side `h` is soil.
+  /// Bit i is set if point i of the cell with low corner `low` and side `h` is soil.
   std::uint64_t occupancy(const HeightTiles::Window& w, const Vec3& low, double h,
                           const CellPoints& points) const {
     const Vec2 u0 = tiles_.post(low.x(), low.y()), u1 = tiles_.post(low.x() + h, low.y() + h);
@@ -127,12 +127,12 @@ class HeightField final : public InitialTerrain {
     std::uint64_t bits = 0;
     for (int k = 0; k < 64; ++k) {
       const double ground = at(w, low.x() + h * points.x[k], low.y() + h * points.y[k]);
-      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false where there is none
+      bits |= std::uint64_t{low.z() + h * points.z[k] < ground} << k;  // false without a height
     }
     return bits;
   }
 
-  /// Height at (x, y), NaN where there is none.
+  /// Height at (x, y); NaN without a height.
   double at(const HeightTiles::Window& w, double x, double y) const {
     const Vec2 u = tiles_.post(x, y);
     if (!(u.x() >= 0 && u.y() >= 0 && u.x() <= grid_.nx - 1 && u.y() <= grid_.ny - 1))
@@ -144,7 +144,7 @@ class HeightField final : public InitialTerrain {
     return (1 - t) * ((1 - s) * a + s * b) + t * ((1 - s) * c + s * d);
   }
 
-  /// Largest |dz/dx| and |dz/dy| between the window's posts, those without a height left out.
+  /// Largest |dz/dx| and |dz/dy| between the window's posts, except posts without a height.
   double steepest_x(const HeightTiles::Window& w) const {
     float most = 0;
     for (int y = 0; y < w.ny; ++y) {
@@ -186,7 +186,7 @@ class HeightField final : public InitialTerrain {
       nearest_on_patch(patch, grid_.first.x() + i * grid_.spacing.x(),
                        grid_.first.y() + j * grid_.spacing.y(), row, best);
     };
-    // The patch below first: it leaves little for the others to be nearer.
+    // Start with the patch below: it leaves few others that may be nearer.
     const int own_i = static_cast<int>(std::floor(c.x())),
               own_j = static_cast<int>(std::floor(c.y()));
     if (own_i >= i0 && own_i <= i1 && own_j >= j0 && own_j <= j1) look(own_i, own_j);

@@ -48,7 +48,7 @@ const HeightTiles::Tile& HeightTiles::tile(int tx, int ty) const {
   return *t.release();
 }
 
-/// Posts that bound the patches over a rectangle; `complete` only if all are there with a height.
+/// Posts around a rectangle; `inside` if the rectangle is within the grid.
 void HeightTiles::range(const Vec2& low, const Vec2& high, int margin, int& x0, int& y0, int& x1,
                         int& y1, bool& inside) const {
   const Vec2 a = post(low.x(), low.y()), b = post(high.x(), high.y());
@@ -60,7 +60,7 @@ void HeightTiles::range(const Vec2& low, const Vec2& high, int margin, int& x0, 
   y0 = index(a.y() - margin, grid_.ny - 1);
   x1 = index(b.x() + margin + 1, grid_.nx);
   y1 = index(b.y() + margin + 1, grid_.ny);
-  // Empty where the rectangle is beyond the grid, beside any post.
+  // Empty if the rectangle is beyond the grid.
   if (b.x() + margin < -1 || a.x() - margin > grid_.nx) x1 = x0 - 1;
   if (b.y() + margin < -1 || a.y() - margin > grid_.ny) y1 = y0 - 1;
 }

@@ -13,8 +13,7 @@
 
 namespace soilvdb::inline v0 {
 
-/// Posts as HeightSource gives them. Members are safe to call from several threads, but for
-/// forget(), which may run beside no other.
+/// Posts of a HeightSource. Several threads may call its members; forget() needs exclusive access.
 class HeightTiles {
  public:
   HeightTiles(const HeightGrid& grid, std::shared_ptr<const HeightSource> source);
@@ -23,18 +22,18 @@ class HeightTiles {
   HeightTiles& operator=(const HeightTiles&) = delete;
 
   const HeightGrid& grid() const { return grid_; }
-  /// A place in the plan, in posts.
+  /// A place in plan, in posts.
   Vec2 post(double x, double y) const {
     return (Vec2(x, y) - grid_.first).cwiseQuotient(grid_.spacing);
   }
 
-  /// Bounds of heights, low > high: there are none.
+  /// Bounds of heights; low > high without any height.
   struct Bounds {
     double low, high;
     bool complete;  ///< all posts are there, with a height
   };
 
-  /// Of the posts that bound the patches over a rectangle and so many around; may be looser.
+  /// Bounds of the posts of all patches over a rectangle and a margin; may be looser.
   Bounds bounds(const Vec2& low, const Vec2& high, int margin) const;
 
   /// Posts of a rectangle gathered for quick access.
@@ -46,7 +45,7 @@ class HeightTiles {
 
     float at(int x, int y) const { return posts[std::size_t(y - y0) * nx + (x - x0)]; }
   };
-  /// Those that bound the patches over a rectangle. Good until the thread asks for the next.
+  /// Posts of the patches over a rectangle. Valid until the next call on this thread.
   const Window& window(const Vec2& low, const Vec2& high) const;
 
   std::uint64_t memory_bytes() const {
@@ -57,7 +56,7 @@ class HeightTiles {
  private:
   struct Tile {
     std::vector<float> posts;
-    float low, high;  // of the posts with a height; low > high: none
+    float low, high;  // of posts with a height; low > high without any
     bool complete;
   };
   const Tile& tile(int tx, int ty) const;

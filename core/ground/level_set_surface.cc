@@ -48,8 +48,8 @@ class LevelSetSurface final : public InitialTerrain {
     return soil && air ? Content::kMixed : soil ? Content::kSoil : Content::kAir;
   }
 
-  /// A closed surface's sides and underside are no surface of the ground: it is known in columns of
-  /// voxels that hold soil, from the lowest of it upwards, and above all ground near.
+  /// Sides and underside of a closed surface are not ground. The ground is known in columns of
+  /// voxels with soil, from their lowest soil upwards, and above all ground near.
   bool has_data(const Eigen::AlignedBox3d& box) const override {
     const openvdb::Vec3d low = index(box.min()), high = index(box.max());
     if (low.z() >= highest_ + 1) return true;
@@ -72,8 +72,8 @@ class LevelSetSurface final : public InitialTerrain {
   void samples(const Coord3& chunk, const Vec3& first, double h,
                SampleWords& words) const override {
     const Sampler sampler(*grid_);
-    // A cell whose middle is farther from the surface than its corners are is all one; where the
-    // band is narrower than that, each point counts.
+    // A cell is all soil or all air if its middle is farther from the surface than its corners. If
+    // the band is narrower than that, each point is tested.
     const double clear = h * kClearDistance;
     for (int n = 0; n < kChunkVoxels; ++n) {
       const Vec3 middle = first + h * numbered_voxel(n).cast<double>();
@@ -106,15 +106,15 @@ class LevelSetSurface final : public InitialTerrain {
   static constexpr int kSide = 8;  // voxels of a leaf
   static constexpr int kNone = std::numeric_limits<int>::min();
 
-  /// The 8 x 8 columns of voxels of leaves that stand above each other.
+  /// The 8 x 8 columns of voxels of leaves above each other.
   struct Columns {
-    std::uint64_t soil = 0;  ///< bit x * 8 + y: it holds some
-    int lowest = kNone;      ///< voxel of soil in that column where it is highest
+    std::uint64_t soil = 0;  ///< bit x * 8 + y: the column holds soil
+    int lowest = kNone;      ///< largest over the columns of their lowest voxel of soil
     int high = kNone;        ///< highest voxel of soil
   };
-  /// What is known of the ground in columns about a box.
+  /// The known ground in columns around a box.
   struct GroundExtent {
-    bool complete = true;  ///< soil in all of them
+    bool complete = true;  ///< all columns have soil
     int lowest = kNone, high = kNone;
   };
 
@@ -122,7 +122,7 @@ class LevelSetSurface final : public InitialTerrain {
     return std::uint64_t{std::uint32_t(x >> 3)} << 32 | std::uint32_t(y >> 3);
   }
 
-  /// The surface is closed, so leaves have the ends of all soil.
+  /// The surface is closed, so the leaves contain the ends of all soil.
   void find_columns() {
     std::unordered_map<std::uint64_t, std::array<int, kSide * kSide>> low;
     for (auto leaf = grid_->tree().cbeginLeaf(); leaf; ++leaf) {
@@ -166,7 +166,7 @@ class LevelSetSurface final : public InitialTerrain {
 
   using Accessor = openvdb::FloatGrid::ConstUnsafeAccessor;
 
-  /// Trilinear, one per call and thread.
+  /// Trilinear; one per call and thread.
   struct Sampler {
     explicit Sampler(const openvdb::FloatGrid& grid) : values(grid.getConstUnsafeAccessor()) {}
     double operator()(const openvdb::Vec3d& p) const {
@@ -185,7 +185,7 @@ class LevelSetSurface final : public InitialTerrain {
   Vec3 origin_;
   double voxel_;
   std::uint64_t bytes_;
-  Eigen::AlignedBox3d box_;  // beyond it there is only air
+  Eigen::AlignedBox3d box_;  // only air is beyond it
   std::unordered_map<std::uint64_t, Columns> columns_;
   int highest_ = kNone;
 };

@@ -51,7 +51,7 @@ class Plane final : public InitialTerrain {
           word = gap < 0 ? kAllSoil : 0;
           continue;
         }
-        // Relative to the cell, so that float is enough.
+        // Relative to the cell, so float is enough.
         const double ground_over_low =
             at(bottom.x() - h / 2, bottom.y() - h / 2) - (middle - h / 2);
         word = points_below(sample_points(chunk + at_bottom + Coord3(0, 0, z)),

@@ -10,7 +10,7 @@
 #include "soilvdb/types.h"
 
 // Compiled for any x86-64, for AVX2 and for AVX-512, chosen when the program starts. All give the
-// same bits: no contraction to fused multiply-add. Sanitizers can't run the choice that early.
+// same bits: no contraction to fused multiply-add. Sanitizers cannot run that choice.
 #if defined(SOILVDB_FOR_CPUS)  // the build chose
 #elif defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
@@ -36,7 +36,7 @@ struct Affine {
         nz(static_cast<float>(axis.z())) {}
 
   float at(float x, float y, float z) const { return c + (nx * x + (ny * y + nz * z)); }
-  /// The most it differs over a box with these half sides, with room for rounding.
+  /// Largest difference over a box with these half sides, with room for rounding.
   float half_range(float half_x, float half_y, float half_z) const {
     return half_x * std::abs(nx) + half_y * std::abs(ny) + half_z * std::abs(nz) + kBoxRounding;
   }

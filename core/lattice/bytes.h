@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Numbers as bytes and back, as they are in memory: little-endian on all that we run on.
+// Numbers as bytes and back, in the order of memory, which is little-endian.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ inline void put_text(std::string& out, std::string_view text) {
   out.append(text);
 }
 
-/// Takes it off again. @return false if there is less
+/// Takes a value off again. @return false if there are too few bytes
 template <typename T>
 requires std::is_arithmetic_v<T>
 bool try_take(std::string_view& in, T& value) {
@@ -38,7 +38,7 @@ bool try_take(std::string_view& in, T& value) {
   in.remove_prefix(sizeof(value));
   return true;
 }
-/// The same. @throw std::invalid_argument if there is less
+/// The same. @throw std::invalid_argument if there are too few bytes
 template <typename T>
 requires std::is_arithmetic_v<T>
 void take(std::string_view& in, T& value) {
@@ -49,8 +49,8 @@ inline void take(std::string_view& in, bool& value) {
   take(in, byte);
   value = byte != 0;
 }
-/// An amount of soil, in samples or units of mass. @throw std::invalid_argument if there can't be
-/// so much, or less than none
+/// An amount of soil, in samples or units of mass. @throw std::invalid_argument if it is too large
+/// or negative
 inline void take_amount(std::string_view& in, std::int64_t& value) {
   constexpr std::int64_t kMost = std::int64_t{1} << 62;
   take(in, value);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// How many samples each cell of a chunk has.
+// Number of samples in each cell of a chunk.
 #pragma once
 
 #include <array>

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which chunks something happened to, noted as it happens.
+// A list of chunks that changed.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,8 @@
 
 namespace soilvdb::inline v0 {
 
-/// Origins of chunks. A chunk may be added any number of times: at most kChunkListSlack more
-/// than twice the different ones are held.
+/// Origins of chunks. A chunk may be added any number of times: the list holds at most twice the
+/// number of different chunks and kChunkListSlack more.
 class ChunkList {
  public:
   void add(const Coord3& origin) {
@@ -22,7 +22,7 @@ class ChunkList {
     sort_once(origins_);
     different_ = origins_.size();
   }
-  /// All of them, sorted, each once; none are left.
+  /// Removes and returns all origins, sorted, without duplicates.
   std::vector<Coord3> take() {
     sort_once(origins_);
     different_ = 0;
@@ -32,7 +32,7 @@ class ChunkList {
 
  private:
   std::vector<Coord3> origins_;
-  std::size_t different_ = 0;  // when they were last counted
+  std::size_t different_ = 0;  // at the last count
 };
 
 }  // namespace soilvdb::inline v0

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Eight floats at once, one for each voxel of a row. Compilers make of them what the CPU has.
+// Eight floats at once, one for each voxel of a row; compiled to the vectors of the CPU.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 namespace soilvdb::inline v0 {
 
 using Lanes = float __attribute__((vector_size(kChunkSide * sizeof(float))));
-/// All bits of a lane set, or none, as comparing Lanes gives.
+/// A lane has all bits set or no bit, the result of comparing Lanes.
 using LaneMask = std::int32_t __attribute__((vector_size(kChunkSide * sizeof(std::int32_t))));
 
 #define SOILVDB_INLINE inline __attribute__((always_inline))

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the samples of a cell are.
+// The sample points of a cell.
 #include <cmath>
 
 #include "core/lattice/splitmix64.h"
@@ -11,9 +11,9 @@ namespace {
 
 /// The rank-1 lattice i * (1, 7, 18) / 64 mod 1, turned and mirrored in 24 ways and shifted in 64.
 ///
-/// A cell cut by a plane is counted with an error of kCountError, kWorstCountError in the worst
-/// direction (random points: 0.042 and 0.054; a shifted 4 x 4 x 4 grid: 0.018 and 0.072; the
-/// lattice without turns: 0.017 and 0.049). The shifts are points of the Kronecker sequence of the
+/// The count of a cell cut by a plane has an error of kCountError, kWorstCountError in the worst
+/// direction. Random points have 0.042 and 0.054, a shifted 4 x 4 x 4 grid 0.018 and 0.072, the
+/// lattice without turns 0.017 and 0.049. The shifts are points of the Kronecker sequence of the
 /// plastic number (Roberts 2018), which fills the cell evenly.
 struct Patterns {
   CellPoints points[kPatterns];

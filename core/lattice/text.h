@@ -14,7 +14,7 @@ inline std::string text(double value) {
   return {buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr};
 }
 
-/// `value` rounded to so many digits.
+/// `value` rounded to a number of digits.
 inline std::string text(double value, int digits) {
   char buffer[32];
   char* const end = buffer + sizeof(buffer);

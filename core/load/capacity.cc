@@ -1,18 +1,18 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Soil is lost where it is above a point of the rim by more than repose allows: in the sum of the
-// rim and an upright cone K. Where the mouth looks up and is flatter than repose nothing of the
-// body is in it, and what may lie above is a hipped roof. Else the rim may as well be the whole
-// mouth, for from any point of it the way down its plane ends at the rim, and
+// Soil is lost in the Minkowski sum of the rim and an upright cone K with the slope of repose. If
+// the mouth looks up and is flatter than repose, the sum contains no part of the body, and the soil
+// above is a hipped roof. Otherwise the whole mouth may stand for the rim, because the way down the
+// mouth's plane from any point ends at the rim:
 //
 //     mouth + K = (lower edge + ray) + K  -  (upper edge + ray) + K  +  upper edge + K
 //
-// where the ray goes up along the side plates' edges, and what of it is beyond the upper edge is
-// taken off again. Seen from an edge's lower end each of the three looks the same at any scale, so
-// a plane through the edge cuts its border in a line through that end. A fan of such planes goes
-// from the edge to all points of the profile; in each of them soil is a rectangle less a wedge,
-// whose area is in closed form. That is integrated along the profile, between the kinks that it
-// has, which are roots of quadratics.
+// The ray goes up along the side plates' edges; its part beyond the upper edge is subtracted. Seen
+// from an edge's lower end, each of the three sums looks the same at any scale. A plane through the
+// edge thus cuts its border in a line through that end. A fan of these planes goes from the edge to
+// all points of the profile. In each plane soil is a rectangle minus a wedge, with an area in
+// closed form. This is integrated along the profile between its kinks, which are roots of
+// quadratics.
 #include "soilvdb/capacity.h"
 
 #include <algorithm>
@@ -41,8 +41,8 @@ struct ReposeLine {
 struct Node {
   double at, weight;
 };
-/// Gauss-Legendre on (0, 1), drawn to both ends, where there may be square roots. Six are off
-/// by 1e-4 of a bucket at some attitudes, eight by 1e-5.
+/// Gauss-Legendre on (0, 1), denser at both ends, where there may be square roots. Six nodes are
+/// off by 1e-4 of a bucket at some attitudes, eight by 1e-5.
 constexpr std::array<Node, 8> kNodes = [] {
   constexpr std::array<Node, 4> half = {{{0.1834346424956498, 0.3626837833783620},
                                          {0.5255324099163290, 0.3137066458778873},
@@ -57,7 +57,7 @@ constexpr std::array<Node, 8> kNodes = [] {
   return nodes;
 }();
 
-/// Where a function of s has kinks in (0, 1).
+/// Kinks of a function of s in (0, 1).
 class Kinks {
  public:
   void add(double s) {
@@ -66,7 +66,7 @@ class Kinks {
     for (; at_[i - 1] > s; --i) at_[i] = at_[i - 1];
     at_[i] = s;
   }
-  /// Where a s^2 + 2 b s + c is zero.
+  /// Roots of a s^2 + 2 b s + c.
   void add_roots(double a, double b, double c) {
     const double root2 = b * b - a * c;
     if (root2 < 0) return;
@@ -92,9 +92,9 @@ class Kinks {
   std::size_t size_ = 1;
 };
 
-/// Along p + tau * y, where y is a unit vector across p that rises by `rise` >= 0: the first
-/// tau >= 0 in the upright cone on the origin whose sides rise by `sine` of their length. p is
-/// `height` above the origin and at a distance whose square is `length2`.
+/// The first tau >= 0 at which p + tau * y is in the upright cone at the origin, whose sides rise
+/// by `sine` of their length. The unit vector y is across p and rises by `rise` >= 0. p is `height`
+/// above the origin, at a distance whose square is `length2`.
 double entry(double height, double length2, double rise, double sine) {
   const double root2 = height * height - (sine * sine - rise * rise) * length2;
   if (root2 < 0) return kNoEntry;
@@ -106,27 +106,27 @@ double entry(double height, double length2, double rise, double sine) {
   return rise > sine ? (root - height * rise) / (rise * rise - sine * sine) : kNoEntry;
 }
 
-/// The planes through one of the mouth's edges. Points are those of the profile, seen from the
-/// edge: x behind the mouth, y up along the side plates' edges.
+/// The planes through one edge of the mouth. Points are those of the profile relative to the edge:
+/// x behind the mouth, y up along the side plates' edges.
 class Fan {
  public:
-  /// `up` is the world's; with mirrored axes, so that edge and ray go up.
+  /// `up` is the world's, with axes mirrored so that edge and ray go up.
   Fan(double width_m, const Vec3& up, double sine) : width_m_(width_m), up_(up), sine_(sine) {
     if (!has_ray()) return;
-    // What the ray sweeps is above two planes; seen along the ray they are a cone of two lines.
+    // Ray plus cone is above two planes; along the ray they look like a cone of two lines.
     const double across = std::sqrt(sine * sine - up.z() * up.z());
     entry_ = entry(-up.x(), 1, up.y(), across);
     reach_ = up.z() / across * std::sqrt(1 + entry_ * entry_);
   }
 
-  /// A steeper one is in the cone of its end.
+  /// A steeper ray is inside the cone of its end.
   bool has_ray() const { return up_.z() < sine_; }
 
-  /// What edge and ray leave of the body, m^3.
+  /// Volume of the body that edge and ray leave, m^3.
   double held_m3(const std::vector<Vec2>& profile) const {
     return integral(profile, 0, [this](const Vec2& p) { return share(past_both(p)); });
   }
-  /// What the edge alone leaves of it besides. @param up_m of the edge, from the profile's
+  /// Volume that the ray takes besides the edge, m^3. @param up_m of the edge, from the profile's
   double lost_to_ray_m3(const std::vector<Vec2>& profile, double up_m) const {
     return integral(profile, up_m,
                     [this](const Vec2& p) { return share(past_edge(p)) - share(past_both(p)); });
@@ -135,15 +135,15 @@ class Fan {
  private:
   double height(const Vec2& p) const { return up_.z() * p.y() - up_.x() * p.x(); }
 
-  /// Where soil is lost in p's plane: above the line through (0, 0) and (1, tau), by its distance
-  /// from the edge, in units of p's, and from the edge's lower end. From there on it is lost along
-  /// all of the edge, which doesn't go down.
+  /// Bound of the lost soil in p's plane: above the line through (0, 0) and (1, tau). Coordinates
+  /// are the distance from the edge, in units of p's, and the way from the edge's lower end. Beyond
+  /// it all soil along the edge is lost, because the edge does not go down.
   double past_edge(const Vec2& p) const { return entry(height(p), dot(p, p), up_.y(), sine_); }
   double past_both(const Vec2& p) const {
     const bool on_ray = entry_ < kNoEntry && p.y() >= reach_ * p.x();
     return on_ray ? entry_ * p.x() : past_edge(p);
   }
-  /// What is below that line: the integral of r * min(width, tau * r) over r in (0, 1).
+  /// Share below that line: the integral of r * min(width, tau * r) over r in (0, 1).
   double share(double tau) const {
     if (tau <= width_m_) return tau / 3;
     const double f = width_m_ / tau;
@@ -167,19 +167,19 @@ class Fan {
     const double h = height(a), hs = height(step);
     const double aa = dot(a, a), as = dot(a, step), ss = dot(step, step);
     Kinks kinks;
-    // Where (height + up)^2 is slope2 times the square of the distance, which is more2 larger.
+    // Where (height + up)^2 is slope2 times the squared distance plus more2.
     const auto add = [&](double up, double slope2, double more2) {
       const double from = h + up;
       kinks.add_roots(hs * hs - slope2 * ss, hs * from - slope2 * as,
                       from * from - slope2 * (aa + more2));
     };
     add(0, sine2, 0);                                     // all of p's plane begins to be lost
-    add(width_m_ * up_.y(), sine2, width_m_ * width_m_);  // nothing but a triangle does
+    add(width_m_ * up_.y(), sine2, width_m_ * width_m_);  // only a triangle begins to be lost
     if (rise2 < sine2)
       add(0, sine2 - rise2, 0);  // the plane touches the cone
     else
-      kinks.add(-h / hs);     // tau turns as quickly, if the two are nearly equal
-    if (entry_ < kNoEntry) {  // from the cone to the planes on the ray; as the triangle
+      kinks.add(-h / hs);     // tau turns quickly if the two are nearly equal
+    if (entry_ < kNoEntry) {  // from the cone to the ray's planes; and the triangle
       kinks.add((a.y() - reach_ * a.x()) / (reach_ * step.x() - step.y()));
       kinks.add((width_m_ - entry_ * a.x()) / (entry_ * step.x()));
     }
@@ -189,17 +189,17 @@ class Fan {
   double width_m_;
   Vec3 up_;
   double sine_;
-  double entry_ = kNoEntry;  // of the planes on the ray, per x
-  double reach_ = 0;         // y per x from which on they hold there, not yet the cone of its end
+  double entry_ = kNoEntry;  // of the ray's planes, per x
+  double reach_ = 0;         // least y per x at which they hold, beyond the cone of the end
 };
 
-/// Is the mouth flatter than repose, whether it looks up or down?
+/// Is the mouth flatter than repose, looking up or down?
 bool is_flat(const Vec3& up, const ReposeLine& repose) {
   return up.y() * up.y() + up.z() * up.z() < repose.sine * repose.sine;
 }
 
 /// Volume of the roof with the slope of repose on all sides of an opening that is flatter and looks
-/// up: p and q are what the inverse slopes of opposite sides, seen in the opening, add up to.
+/// up. p and q are the sums of the inverse slopes of opposite sides, seen in the opening.
 double roof_m3(double width_m, double height_m, const Vec3& up, const ReposeLine& repose) {
   const double y2 = up.y() * up.y(), z2 = up.z() * up.z(), sine2 = repose.sine * repose.sine;
   const double c = 2 * repose.cosine * up.x() / (sine2 - (y2 + z2));  // as in is_flat(): not 0
@@ -207,7 +207,7 @@ double roof_m3(double width_m, double height_m, const Vec3& up, const ReposeLine
   return width_m * height_m * up.x() * (0.5 - std::min(p, q) / std::max(p, q) / 6) / std::max(p, q);
 }
 
-/// Of an edge: where height + slope * horizontal distance from `to` is least.
+/// The point of an edge where height + slope * horizontal distance from `to` is least.
 /// @param along unit
 Vec3 least_point(const Vec3& from, const Vec3& along, double length_m, const Vec3& to,
                  const Vec3& up, const ReposeLine& repose) {
@@ -252,7 +252,7 @@ double Capacity::hold_m3(const Vec3& up, double repose_slope) const {
   const Fan fan(width_m_, {up.x(), std::abs(up.y()), std::abs(up.z())}, repose.sine);
   const std::vector<Vec2>& profile = up.z() < 0 ? from_upper_edge_ : from_lip_;
   double sum_m3 = fan.held_m3(profile);
-  // Body that isn't beyond the ray's end is too low to be lost to what is.
+  // Only the body beyond the ray's end can be lost to the subtracted part.
   const bool beyond = std::any_of(profile.begin(), profile.end(),
                                   [this](const Vec2& p) { return p.y() > height_m_; });
   if (beyond && fan.has_ray()) sum_m3 += fan.lost_to_ray_m3(profile, height_m_);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What the base surface has over columns of chunks: asked for once, looked at many times.
+// What the initial terrain has over columns of chunks: asked for once, looked at many times.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace soilvdb::inline v0 {
 
-/// The base surface over one column of chunks, index space.
+/// The initial terrain over one column of chunks, index space.
 struct BaseColumn {
   static constexpr int kCells = kChunkSide * kChunkSide;
 
@@ -34,7 +34,7 @@ class BaseColumns {
  public:
   /// @param ground outlives it
   explicit BaseColumns(const Ground& ground) : ground_(ground), told_(std::make_shared<Told>()) {}
-  /// @param ground one with the base surface, voxel size and origin of the other's
+  /// @param ground one with the initial terrain, voxel size and origin of the other's
   BaseColumns(const Ground& ground, const BaseColumns& other)
       : ground_(ground), told_(other.told_) {}
 

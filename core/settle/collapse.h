@@ -11,14 +11,14 @@
 namespace soilvdb::inline v0 {
 
 /// Square columns of ground, row by row: column (x, y) is entry y * nx + x of each list. From
-/// below: what stands however steep it is up to `base_m`, bank soil that failed up to `bank_m`,
+/// below: ground that stands at any slope up to `base_m`, bank soil that failed up to `bank_m`,
 /// loose soil up to `top_m`. base_m <= bank_m <= top_m, heights in any frame.
 struct SoilColumns {
   int nx = 0, ny = 0;
   double side_m = 0;
   std::vector<double> base_m, bank_m, top_m;
-  /// Columns that aren't there: they give and take nothing, and what lies beside them leans on them
-  /// as on a wall. So is all beyond the grid. Their heights are never read. Empty: all are there.
+  /// Missing columns give and take nothing, and act as walls, as does all beyond the grid. Their
+  /// heights are never read. Empty: no column is missing.
   std::vector<std::uint8_t> missing;
 };
 
@@ -29,33 +29,31 @@ struct Repose {
 
 struct Collapse {
   std::vector<double> top_m;   ///< of each column; to the bit as it was where nothing moved
-  std::vector<double> bank_m;  ///< what is above, and wasn't before, is loose
+  std::vector<double> bank_m;  ///< soil above it that was not loose before is loose now
   int iterations = 0;          ///< on the columns themselves; 0: nothing was too steep
-  bool at_edge = false;  ///< soil came to or left the grid's outermost columns: it was too small
+  bool at_edge = false;  ///< soil reached or left the outermost columns: the grid is too small
 };
 
-/// The ground after all that is too steep came to rest: heights nearest to the old ones, in the
-/// metric in which moved bank soil counts with its swell, among those no steeper than repose whose
-/// soil has the same mass. That is where soil goes which slides down the steepest way, without
-/// inertia (Dumont and Igbida 2009, the collapse of sandpiles; Prigozhin 1996 for steep support).
-/// Soil that lies on support steeper than repose slides to its foot; what the support holds back
-/// behind a brink stays.
+/// The ground after soil that is too steep came to rest: the heights nearest to the old ones among
+/// all heights no steeper than repose with the same mass. Moved bank soil counts with its swell in
+/// the metric. Soil then goes where it slides down the steepest way without inertia (Dumont and
+/// Igbida 2009, the collapse of sandpiles; Prigozhin 1996 for steep support). On support steeper
+/// than repose it slides to the foot; soil that the support holds back behind a brink stays.
 ///
-/// Guarantees: mass is conserved to rounding; no soil comes from where there is none, and none goes
-/// below the base; the same bits for any number of threads, build and CPU; grids mirrored or turned
-/// give mirrored or turned heights (to 0.1 sides where a side can't be halved evenly until less
-/// than kMinColumnsToCoarsen columns are left). A ground at rest is returned as it is. Where
-/// support is no steeper than repose, slopes are within kRestToleranceRad of it, so that collapsing
-/// twice is collapsing once, and heights within about 0.1 column sides (0.02 rms) of the exact
-/// projection.
+/// Guarantees: mass is conserved to rounding. No soil comes from places without soil or goes below
+/// the base. The same bits for any number of threads, build and CPU. Mirrored or turned grids give
+/// mirrored or turned heights (to 0.1 sides where a side cannot be halved evenly down to
+/// kMinColumnsToCoarsen columns). Ground at rest is returned unchanged. Where support is no steeper
+/// than repose, slopes are within kRestToleranceRad of it, so a second collapse changes nothing,
+/// and heights are within about 0.1 column sides (0.02 rms) of the exact projection.
 ///
 /// Caveats: where soil could run either way over a brink, the grid's directions decide. Soil
-/// thinner than what a slope drops across a column may stay on brinks, however steep. Where soil
-/// runs over a steep brink at an angle to the grid, it comes to rest in several goes of
-/// kMaxFluxSteps, and is 0.2 to 0.8 side root mean square from the truth on the slope that ends
-/// there: columns that a brink cuts are only means. kMaxCollapseTries may end it before.
+/// thinner than the drop of a slope across a column may stay on brinks, however steep. Soil that
+/// runs over a steep brink at an angle to the grid comes to rest in several rounds of
+/// kMaxFluxSteps, 0.2 to 0.8 side rms from the truth on the slope below: columns that a brink cuts
+/// are means. kMaxCollapseTries may end it before.
 ///
-/// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, 60 where it takes all tries.
+/// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, or 60 ms with all tries.
 Collapse collapse(const SoilColumns& columns, const Repose& repose);
 
 }  // namespace soilvdb::inline v0

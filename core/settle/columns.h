@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Ground as heights of square columns, as soil that falls and slides sees it.
+// Ground as heights of square columns, for soil that falls and slides.
 #pragma once
 
 #include <cstddef>
@@ -12,16 +12,16 @@
 namespace soilvdb::inline v0 {
 
 /// Ground given by the heights of square columns. Column (x, y) covers [x, x + 1] x [y, y + 1]
-/// sides from the corner (0, 0), has number x * ny + y, and its height is that at its middle.
-/// What lies outside, and what is rigid, is a wall of any height: no soil goes there, none is lost.
+/// sides from the corner (0, 0), has number x * ny + y, and its height is that at its middle. Rigid
+/// columns, and all outside, are walls of any height: no soil goes there or is lost.
 struct Columns {
   int nx = 0, ny = 0;
   double side_m = 0;
   std::vector<double> height_m;
   /// Heights of the firm ground below loose soil; empty: all is firm. Edges that soil runs over are
-  /// found in it: what lies on them blurs them by half a side.
+  /// found in it, because loose soil on them blurs them by half a side.
   std::vector<double> firm_m;
-  std::vector<std::uint8_t> rigid;  ///< empty: none is
+  std::vector<std::uint8_t> rigid;  ///< empty: no column is
 
   Columns() = default;
   Columns(int columns_x, int columns_y, double side, double height = 0)
@@ -37,7 +37,7 @@ struct Columns {
     return firm_m.empty() ? at(column) : firm_m[static_cast<std::size_t>(column)];
   }
   double& at(int column) { return height_m[static_cast<std::size_t>(column)]; }
-  /// Soil can lie on it.
+  /// Can soil lie on it?
   bool open(int x, int y) const {
     return has(x, y) && (rigid.empty() || rigid[static_cast<std::size_t>(index(x, y))] == 0);
   }

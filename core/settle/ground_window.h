@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Ground over a rectangle of cells as heights of columns, as soil that falls and slides sees it.
+// Ground over a rectangle of cells as heights of columns, for soil that falls and slides.
 #pragma once
 
 #include <cstdint>
@@ -13,26 +13,26 @@ namespace soilvdb::inline v0 {
 
 using Coord2 = Eigen::Vector2i;
 
-/// Heights of the topmost soil over a rectangle of cells, in index space: the top of cell k is at
-/// k + 0.5. They are counted: what lies above the topmost cell that is full of bank soil counts
-/// with its volume, so soil that comes fills the pores below before heights rise.
+/// Heights of the topmost soil over a rectangle of cells, in index space: the top of cell k is at k
+/// + 0.5. They are counted: soil above the topmost cell full of bank counts with its volume, so
+/// added soil fills pores below before heights rise.
 class GroundWindow {
  public:
   struct Column {
     double top = 0;      ///< of all soil
-    double surface = 0;  ///< the top of the topmost cell with any, pores below it or not
-    double bank = 0;     ///< of what is left without the loose soil on it
+    double surface = 0;  ///< top of the topmost cell with soil, pores below it or not
+    double bank = 0;     ///< of the soil without the loose soil on it
     int full = 0;        ///< all cells are full up to this one: nothing can be added below
-    int bank_full = 0;   ///< the topmost that is full of bank soil
-    bool known = false;  ///< the terrain has ground all over it
-    /// Loose soil that nothing is under: the lowest such piece, its cells and samples.
+    int bank_full = 0;   ///< the topmost cell full of bank soil
+    bool known = false;  ///< the terrain has ground everywhere in it
+    /// Loose soil without support: the lowest piece, its cells and samples.
     int hangs_low = 0, hangs_high = 0;
     std::int64_t hangs = 0;
   };
 
-  /// @param first the lowest cell; nx, ny how many
+  /// @param first the lowest cell; nx, ny numbers of cells
   GroundWindow(BaseColumns& base, const Coord2& first, int nx, int ny);
-  /// The same for one look.
+  /// The same without a cache.
   GroundWindow(const Ground& ground, const Coord2& first, int nx, int ny);
 
   const Coord2& first() const { return first_; }

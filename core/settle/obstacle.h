@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A bucket as what falls and slides meets it.
+// A bucket as an obstacle to soil that falls and slides.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,13 @@
 
 namespace soilvdb::inline v0 {
 
-/// The lowest point of a bucket over each column of cells. Nothing at all unless given one.
+/// The lowest point of a bucket over each column of cells; by default no bucket.
 class Obstacle {
  public:
   Obstacle() = default;
   Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Ground& ground);
 
-  /// Does it stand in soil whose surface is that high? @param x, y cell
+  /// Does it reach into soil whose surface is at `top`? @param x, y cell
   bool blocks(int x, int y, double top) const;
 
  private:
@@ -27,8 +27,8 @@ class Obstacle {
   std::vector<float> lowest_;  // index space, cells above the ground's index 0
 };
 
-/// Columns of a window that take and give no soil: those an obstacle stands in, and those that it
-/// stands all around, where soil would pile up as in a well.
+/// Columns of a window that take and give no soil: those in which an obstacle stands, and those
+/// that it surrounds, where soil would pile up as in a well.
 class BlockedColumns {
  public:
   BlockedColumns(const GroundWindow& window, const Obstacle& obstacle);

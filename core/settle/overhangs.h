@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Soil over hollows: overhangs that are too long for what holds them, and what hangs on nothing.
+// Soil over hollows: overhangs that are too long for their support, and soil without support.
 #pragma once
 
 #include <cstdint>
@@ -11,34 +11,35 @@
 
 namespace soilvdb::inline v0 {
 
-/// How far soil stands out over a hollow.
+/// Strength of soil over a hollow.
 struct OverhangStrength {
   double shear = 0;    ///< cohesion over unit weight, cells: longest overhang of any thickness
   double bending = 0;  ///< tensile strength over three times the unit weight, cells: an overhang of
                        ///< thickness t stands to sqrt(bending * t)
 };
 
-/// Soil of one column that nothing holds.
+/// Soil of one column without support.
 struct UnsupportedPiece {
   Coord2 cell;
-  int low, high;             ///< cells that it fills, none else in between
+  int low, high;             ///< cells that it fills, without gaps
   int ground;                ///< topmost cell with soil below it
   std::int64_t bank, loose;  ///< samples
 };
 
-/// What falls in a box of cells: what isn't connected to the ground, and overhangs of bank soil
-/// that reach out farther from a column that has ground below than their strength allows (a beam
-/// held at one end: min(shear, sqrt(bending * thickness))). All falls that hangs on the same
-/// column.
-///
-/// Bank is connected where columns that are neighbours have some in the same cells of z; loose soil
-/// holds nothing. What comes to the bottom of the box stands on ground.
-/// @param strength null: bank that is connected stands
-/// What may be beyond the box, where something hangs that stands therefore.
+/// Signs that the box is too small: support or ground may be beyond it.
 struct BoundaryContact {
-  bool holds = false;   ///< bank at a side that nothing else holds
-  bool ground = false;  ///< what it would fall to
+  bool holds = false;   ///< bank at a side has no support inside, and stands
+  bool ground = false;  ///< soil that falls has no ground below inside
 };
+
+/// Finds the soil in a box of cells that falls: soil without connection to the ground, and
+/// overhangs of bank that are too long for their strength. An overhang reaches out from a column
+/// with ground below, like a beam held at one end, by up to min(shear, sqrt(bending * thickness)).
+/// With it falls all soil that hangs on the same column.
+///
+/// Bank is connected if neighbouring columns have some in the same cells of z; loose soil holds
+/// nothing. Soil at the bottom of the box stands on ground.
+/// @param strength null: connected bank stands
 std::vector<UnsupportedPiece> find_overhangs(const Ground& ground, const Eigen::AlignedBox3i& cells,
                                              const OverhangStrength* strength,
                                              BoundaryContact& contact);

@@ -11,8 +11,8 @@
 
 namespace soilvdb::inline v0 {
 
-/// A column that a cone raised. The cone's surface falls in it with the way from `from_m`: ways go
-/// round corners and through gaps.
+/// A column that a cone raised. In it the cone's surface falls with the distance from `from_m`:
+/// ways go round corners and through gaps.
 struct RaisedColumn {
   int column;
   double before_m, after_m;
@@ -25,30 +25,28 @@ struct Cone {
   std::vector<RaisedColumn> columns;  ///< each once; those nearest to the apex first, mostly
 };
 
-/// What a pour raised: first cones are where it fell, later ones where soil ran on to. A column may
-/// be raised by several.
+/// The cones of a pour: first where it fell, then where soil ran on to. They may overlap.
 struct Deposit {
   std::vector<Cone> cones;
-  double left_m3 = 0;  ///< that found no place: all of it where the source is on no open column
-  /// Where what is left comes to the columns' border on its way down, to run on beyond.
+  double left_m3 = 0;  ///< without a place: all if the source is on no open column
+  /// Where the rest reaches the columns' border on its way down, to run on beyond.
   std::optional<Vec2> exit_m;
 };
 
-/// Pours soil. Keeps its memory from one pour to the next: what a pour costs goes with the columns
-/// that it raises or that lie under the pile that it raises.
+/// Pours soil. It keeps its memory between pours. The cost of a pour depends on the columns that it
+/// raises or that lie under its pile.
 ///
-/// Soil piles up around the source to the least surface that is nowhere steeper than `slope`:
-/// max(ground, level - slope * distance), distances in plan around what is higher. Where that
-/// surface comes to a drop, all that follows runs over it, down the fall line, and piles up where
-/// it comes to rest, until both are one. Ground that no soil reaches stays, however steep.
+/// Soil piles up around the source to the lowest surface nowhere steeper than `slope`: max(ground,
+/// level - slope * distance), with distances in plan around higher ground. Where that surface comes
+/// to a drop, all further soil runs over it, down the fall line, and piles up where it comes to
+/// rest, until both piles are one. Ground that no soil reaches stays, however steep.
 ///
-/// Guarantees: what is raised is what was poured, to rounding; no column is lowered; pouring in
-/// parts at one point gives the same ground as at once (to 1e-2 of a side, root mean square); the
-/// same bits wherever it runs.
-/// Caveats: no inertia, no segregation. Steps of less than about one side count as slopes. Pours in
-/// parts before a step need the columns' `firm_m`. On rough ground steeper than `slope`, where a
-/// pile meets several ways down, parts may lie elsewhere, and more soil may leave single columns
-/// lower.
+/// Guarantees: the raised volume is the poured one, to rounding. No column is lowered. Pouring in
+/// parts at one point gives the same ground as at once (to 1e-2 of a side rms). The same bits on
+/// any CPU. Caveats: no inertia, no segregation. Steps of less than about one side count as slopes.
+/// Pours in parts before a step need the columns' `firm_m`. On rough ground steeper than `slope`,
+/// where a pile meets several ways down, parts may lie elsewhere, and more soil may leave single
+/// columns lower.
 ///
 ///     Pourer pourer;
 ///     Columns ground(100, 100, 0.05);
@@ -62,7 +60,7 @@ class Pourer {
 
   /// @param source metres from the columns' corner
   /// @param slope tangent of the angle of repose, > 0
-  /// @param leaves what runs down to the columns' border is left there, to run on
+  /// @param leaves soil that runs down to the columns' border stays in left_m3, to run on
   Deposit pour(Columns& ground, const Vec2& source, double volume_m3, double slope,
                bool leaves = false);
 

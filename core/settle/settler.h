@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Soil that falls, piles up and slides on a site's ground, and the books of it.
+// Soil that falls, piles up and slides on a site's ground, with its mass.
 #pragma once
 
 #include <cstdint>
@@ -24,31 +24,31 @@ namespace soilvdb::inline v0 {
 
 /// Puts loose soil where it comes to rest.
 ///
-/// Guarantees: mass is neither made nor lost: what doesn't make a whole sample is in flight and
-/// comes down with what falls next; what finds no ground is booked as lost off the terrain. The
-/// same bits for any number of threads. Calls cost what they move and what is near it, whatever the
-/// site's size.
+/// Guarantees: mass is exact. A rest of less than a sample stays pending and falls with the next
+/// soil. Soil without ground below is booked as lost off the terrain. The same bits for any number
+/// of threads. The cost of a call depends on the moved soil and the ground near it, not on the
+/// site.
 class Settler {
  public:
-  /// What became of soil besides the ground and the buckets, in units of mass, but for samples.
+  /// Soil outside the ground and the buckets, in units of mass, except samples.
   struct SettleTotals {
     std::int64_t pending = 0;
     std::int64_t hauled = 0;            ///< into hoppers
     std::int64_t lost_off_terrain = 0;  ///< fell where the terrain has no ground
     std::int64_t slid = 0;              ///< moved because it stood too steep
-    std::int64_t fill_samples = 0;      ///< added to the ground, that which slid among them
-    std::int64_t failed_samples = 0;    ///< that slopes lost, in place
+    std::int64_t fill_samples = 0;      ///< added to the ground, slid soil included
+    std::int64_t failed_samples = 0;    ///< lost by failed slopes, in place
 
-    /// Changes whenever soil moves.
+    /// Changes each time soil moves.
     std::int64_t moved() const { return fill_samples + failed_samples; }
 
-    /// @throw std::invalid_argument if the bytes are not what Settler::save() wrote
+    /// @throw std::invalid_argument if the bytes are not from Settler::save()
     void load(std::string_view& in);
   };
 
-  /// @param ground outlives it
+  /// @param ground must outlive it
   Settler(Ground& ground, const SoilProperties& properties, std::vector<Hopper> hoppers);
-  /// The same on a clone of the other's soil.
+  /// A copy on a clone of the other's ground.
   Settler(Ground& ground, const Settler& other);
 
   const SoilProperties& properties() const { return properties_; }
@@ -56,13 +56,13 @@ class Settler {
   double slope() const { return slope_; }  ///< tangent of the angle of repose
   const SettleTotals& totals() const { return totals_; }
 
-  /// Soil falls straight down: into a hopper, else onto the ground, which it makes a pile on. Where
-  /// an obstacle or no ground is below, beside that.
+  /// Soil falls straight down, into a hopper or onto the ground, where it makes a pile. If an
+  /// obstacle or no ground is below, it falls beside that.
   void drop(const Vec3& from_m, std::int64_t mass, double time_s, const Obstacle& obstacle);
-  /// Soil in and around a box comes to rest: overhangs break off, cuts that are too high for the
-  /// bank's cohesion fail, and loose soil that stands too steep slides.
-  /// @param bank_fails false: cuts stay as they are for now, however high
-  /// @return false if some of it isn't at rest yet: it is to be called again
+  /// Brings soil in and around a box to rest: overhangs break off, cuts that are too high for the
+  /// bank's cohesion fail, and loose soil that is too steep slides.
+  /// @param bank_fails false: cuts of any height stay for now
+  /// @return false if some soil is not at rest yet; call it again then
   bool settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle, bool bank_fails);
 
   void save(std::string& out) const;
@@ -72,7 +72,7 @@ class Settler {
   /// Columns of soil that become loose.
   struct Loosening {
     std::vector<ColumnEdit> from, to;
-    std::vector<double> weights;  ///< samples that come of it, about
+    std::vector<double> weights;  ///< approximate number of its samples
   };
 
   void lose_off_terrain(double samples);
@@ -96,8 +96,8 @@ class Settler {
   std::vector<Hopper> hoppers_;
   MassUnits units_;
   double slope_;
-  std::optional<BankStrength> strength_;  // where bank can fail
-  OverhangStrength overhang_strength_;    // then
+  std::optional<BankStrength> strength_;  // empty: bank cannot fail
+  OverhangStrength overhang_strength_;    // used with strength_
   SettleTotals totals_;
   BaseColumns base_;
   Pourer pourer_;

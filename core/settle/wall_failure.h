@@ -11,39 +11,38 @@
 
 namespace soilvdb::inline v0 {
 
-/// What holds bank soil together, in units of its weight and of the columns' sides.
+/// Strength of bank soil, in units of its weight and of the columns' sides.
 struct BankStrength {
   double cohesion = 0;  ///< over unit weight, sides
   double friction = 0;  ///< tangent of the angle of friction
-  double swell = 1;     ///< loose volume over bank volume: what lies on a bank weighs so much less
+  double swell = 1;     ///< loose volume over bank volume: soil on a bank weighs less by it
 
-  /// No cut that is lower fails: half the critical height of a vertical one, as ground that falls
-  /// off again behind a cut may weigh twice as much as ground that is level there.
+  /// Lower cuts never fail: half the critical height of a vertical cut, because ground that falls
+  /// off again behind a cut may weigh twice as much as level ground.
   double least_height() const;
 };
 
-/// What is left standing.
+/// The soil that remains standing.
 struct WallFailure {
   struct Column {
-    double height;     ///< below which bank stands; its firm height where none fails
+    double height;     ///< top of the standing bank; its firm height if no bank fails
     Vec2 slope{0, 0};  ///< of the plane along which it fails
   };
   std::vector<Column> columns;
   Eigen::AlignedBox2i failed;  ///< columns of which soil fails; empty: all stands
-  bool at_border = false;      ///< a plane may go on beyond the ground: it is too small
+  bool at_border = false;      ///< a plane may continue beyond the ground, which is too small
 };
 
 /// Finds the planes along which soil slides off behind feet of cuts: those through a foot that need
-/// the most cohesion, if that is more than there is (Culmann 1866: c = W sin(theta - phi) /
-/// (L cos phi) for a wedge of weight W on a plane of length L and angle theta). Wedges are looked
-/// at in vertical slices, in 32 directions from each foot; loose soil on one weighs, but doesn't
-/// hold.
+/// the most cohesion, if more than there is (Culmann 1866: c = W sin(theta - phi) / (L cos phi) for
+/// a wedge of weight W on a plane of length L and angle theta). Wedges are tested in vertical
+/// slices, in 32 directions from each foot; loose soil on a wedge has weight but no strength.
 ///
-/// Accuracy: a straight cut fails within one side of its critical height, and its crest is within
-/// two sides of where its plane comes out, if it is some 20 sides high.
-/// Caveats: each slice stands or falls by itself, so narrow pits fail like long trenches. Planes
-/// much longer than what was dug at their foot is deep aren't looked at: a slope that stood before
-/// a small cut stands after. No water, no cracks, no curved surfaces.
+/// Accuracy: a straight cut fails within one side of its critical height. Its crest is within two
+/// sides of its plane's upper end if it is some 20 sides high. Caveats: each slice stands or falls
+/// alone, so narrow pits fail like long trenches. Planes much longer than the depth dug at their
+/// foot are not tested: a slope that stood before a small cut stands after. No water, no cracks, no
+/// curved surfaces.
 ///
 /// @param ground heights in sides; rigid columns stand, and nothing fails through them
 /// @param feet columns of the ground in which to look for feet of cuts

@@ -13,11 +13,11 @@
 namespace soilvdb::inline v0 {
 
 Background::Background(bool thread, std::size_t most) : thread_used_(thread), most_(most) {
-  if (most_ == 0) throw std::invalid_argument("one job at least must be let wait");
+  if (most_ == 0)
+    throw std::invalid_argument("a background thread must allow at least one waiting job");
   if (!thread_used_) return;
   thread_ = std::thread([this] {
-    // Of this thread alone on Linux; in vain elsewhere.
-    setpriority(PRIO_PROCESS, 0, kBackgroundNice);
+    setpriority(PRIO_PROCESS, 0, kBackgroundNice);  // on Linux, of this thread alone
     tbb::task_arena(1).execute([this] { serve(); });
   });
 }
@@ -56,7 +56,7 @@ bool Background::try_run(std::function<void()> job) {
 }
 
 void Background::drop() {
-  std::deque<std::function<void()>> dropped;  // what they hold goes without the lock
+  std::deque<std::function<void()>> dropped;  // destroyed after the lock is released
   const std::lock_guard lock(mutex_);
   dropped.swap(jobs_);
 }
@@ -97,7 +97,7 @@ void Background::serve() {
       came_along_.notify_all();
       lock.unlock();
       guarded(job);
-    }  // what it holds goes before it counts as done
+    }  // destroyed before it counts as done
     lock.lock();
     busy_ = false;
     came_along_.notify_all();

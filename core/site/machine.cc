@@ -117,7 +117,7 @@ Update Machine::since(const Ledger& before, std::int64_t slid_before) const {
   return update;
 }
 
-/// Follows path_, books what it cuts. @param digs whether it may meet soil
+/// Follows path_ and books the cut. @param digs true if it may meet soil
 void Machine::follow(Ground& ground, bool digs, double time_s) {
   if (digs && !placed_) {
     book(excavator_.stamp(ground, path_.front()));
@@ -129,8 +129,8 @@ void Machine::follow(Ground& ground, bool digs, double time_s) {
   current_ = path_.back();
 }
 
-/// Makes path_ the way on to a pose: the pose alone where nothing can be dug. @return whether it
-/// can
+/// Makes path_ the way to a pose; only the pose if nothing can be dug. @return true if the way may
+/// meet soil
 bool Machine::plan(const Ground& ground, const Pose& to) {
   path_.assign(1, to);
   if (!placed_) return true;
@@ -139,14 +139,14 @@ bool Machine::plan(const Ground& ground, const Pose& to) {
   const Pose ends[] = {current_, to};
   const double turn = current_.rotation.angularDistance(to.rotation);
   const double h = ground.voxel_size_m();
-  // A turning point leaves the chord between its ends by its arc's height at most.
+  // A turning point leaves the chord between its ends by at most the height of its arc.
   if (stays_in_air(ground, ends, radius_m_ * (1 - std::cos(turn / 2)))) return false;
   path_.assign(1, current_);
   trace(current_, to, bucket_, kMaxBend * h, kPathStride * h, path_);
   return true;
 }
 
-/// The same along a motion: first as coarsely as will do in the air.
+/// The same along a motion: first coarsely, which is enough in the air.
 bool Machine::plan(const Ground& ground, const Motion& motion, double begin_s, double end_s) {
   const double h = ground.voxel_size_m();
   if (placed_) {
@@ -157,8 +157,8 @@ bool Machine::plan(const Ground& ground, const Motion& motion, double begin_s, d
   return true;
 }
 
-/// Is the bucket surely above the ground all along a path, and no load of it dumped?
-/// @param bend_m most that a point of the bucket leaves the straight way between two poses
+/// True if the bucket is certainly above the ground along a path and dumps no load.
+/// @param bend_m largest distance of its points from the straight way between two poses
 bool Machine::stays_in_air(const Ground& ground, std::span<const Pose> path, double bend_m) const {
   const bool may_dump = ledger_.load > 0 && bucket_.dump_angle_rad.has_value();
   Eigen::AlignedBox3d box;
@@ -175,7 +175,7 @@ bool Machine::stays_in_air(const Ground& ground, std::span<const Pose> path, dou
   return ground.is_air(around) && ground.terrain().has_data(around);
 }
 
-/// Digs path_. A load leaves at a pose, so from each pose that dumps to the next.
+/// Digs path_ in parts between poses that dump, because a load leaves at a pose.
 void Machine::dig(Ground& ground, double time_s) {
   const std::span<const Pose> path = path_;
   const auto looks_far_down = [&](std::size_t i) {
@@ -200,7 +200,7 @@ void Machine::book(const Cut& cut) {
   if (settler_ != nullptr) pushed_ += mass(cut.all.displaced, cut.loose.displaced);
 }
 
-/// All leaves the bucket at once.
+/// The whole load leaves the bucket at once.
 void Machine::dump(const Ground& ground, const Pose& at, double time_s) {
   const std::int64_t mass = std::exchange(ledger_.load, 0);
   ledger_.dumped += mass;

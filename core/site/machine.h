@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// One machine of a site: its bucket, where that is, and its load.
+// One machine of a site: its bucket, its pose and its load.
 #pragma once
 
 #include <span>
@@ -17,15 +17,14 @@
 
 namespace soilvdb::inline v0 {
 
-/// Where a bucket is and what it holds, brought from pose to pose: a move is planned, dug and
-/// booked. Where soil moves, it does so at stations: places a fixed travel apart, whatever the
-/// updates are.
+/// Pose and load of a bucket. A move is planned, dug and booked. Soil moves at stations: places a
+/// fixed travel apart, independent of the updates.
 class Machine {
  public:
-  /// @param settler null where soil doesn't move; else it outlives the machine
+  /// @param settler null for rigid soil; otherwise it must outlive the machine
   /// @throw std::invalid_argument for a bad bucket.
   Machine(Bucket bucket, const Ground& ground, Settler* settler);
-  /// The same on another's clone. @param settler those of the clone
+  /// A copy for a clone. @param settler of the clone
   Machine(const Machine& other, Settler* settler) : Machine(other) { settler_ = settler; }
 
   const Bucket& bucket() const { return bucket_; }
@@ -37,8 +36,7 @@ class Machine {
   /// As Tracker::update(). @throw NoGroundError
   Update move(Ground& ground, const Pose& to);
   Update move(Ground& ground, const Motion& motion, double begin_s, double end_s);
-  /// Goes the same ways without digging, to find out whether there is ground to dig everywhere.
-  /// Where it is then is to be put back.
+  /// Traces the same path without digging. Afterwards restore() must set its state back.
   /// @throw NoGroundError if move() would
   void require_ground(const Ground& ground, const Pose& to);
   void require_ground(const Ground& ground, const Motion& motion, double begin_s, double end_s);
@@ -53,19 +51,18 @@ class Machine {
     current_ = state.current;
     travel_m_ = state.travel_m;
   }
-  /// What the bucket pushes, holds too much of or leaves behind comes to rest.
-  /// Cuts fail once the bucket is out of the ground: while it works in them it props them, and they
-  /// are seen whole; here they do in any case.
+  /// Brings pushed soil, excess load and soil left behind to rest. Cuts may fail here in any case;
+  /// during work they fail only with the bucket out of the ground, because it props them.
   void come_to_rest(Ground& ground, double time_s) { stop(ground, time_s, true, true); }
-  /// Pushed by the body or let go, and not yet come down, units of mass.
+  /// Soil that was pushed or let go and has not landed, units of mass.
   std::int64_t pending() const { return pushed_ + falling_; }
 
-  /// A box of index space beyond which moving on past these poses changes nothing.
+  /// A box in index space: moves along these poses change nothing outside it.
   Eigen::AlignedBox3d workspace(const Ground& ground, std::span<const Pose> path) const;
 
-  /// Appends all that the next move depends on besides the ground.
+  /// Appends the state that the next move depends on, without the ground.
   void save(std::string& out) const;
-  /// Takes it off again. @throw std::invalid_argument if the bytes are not what save() wrote
+  /// Takes it off again. @throw std::invalid_argument if the bytes are not from save()
   void load(std::string_view& in, const Ground& ground);
 
  private:
@@ -101,24 +98,25 @@ class Machine {
   Bucket bucket_;
   Excavator excavator_;
   std::vector<Vec3> extremes_;  // points of the bucket that bound it, bucket frame
-  double radius_m_ = 0;         // of the farthest of them from the frame's origin
+  double radius_m_ = 0;         // largest distance of them from the frame's origin
   Ledger ledger_;
   bool placed_ = false;
   Pose current_;
   std::vector<Pose> path_;  // of the next move; scratch
 
-  // Where soil moves.
+  // For moving soil.
   Settler* settler_;
   std::optional<Capacity> capacity_;
-  double travel_m_ = 0;                // from the last station to the last row or pose
-  Pose station_;                       // the last one
-  Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since then, at stations and rows
+  double travel_m_ = 0;  // from the last station to the last row or pose
+  Pose station_;         // the last one
+  Eigen::AlignedBox3d
+      swept_box_;  // plan box of the bucket since the last station, at stations and rows
   std::int64_t cut_before_ = 0;        // samples, up to the last station
   std::int32_t stations_ = 0;          // since soil came to rest
-  std::int64_t pushed_ = 0;            // by the body since then, units of mass
-  std::int64_t falling_ = 0;           // let go and not yet come down, units of mass
+  std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass
+  std::int64_t falling_ = 0;           // let go and not landed, units of mass
   Eigen::AlignedBox3d unsettled_box_;  // where soil may stand too steep
-  Eigen::AlignedBox3d propped_box_;    // where bank may, once the bucket has left it
+  Eigen::AlignedBox3d propped_box_;    // where bank may stand too steep once the bucket has left
 };
 
 }  // namespace soilvdb::inline v0

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What a machine leaves to come to rest, and when.
+// When and where the soil that a machine moves comes to rest.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -24,12 +24,12 @@ double Machine::station_travel_m(const Ground& ground) const {
   return std::max(kMinStationVoxels * ground.voxel_size_m(), kStationRadiusShare * radius_m_);
 }
 
-/// About how far the fastest point of the bucket goes.
+/// Approximate travel of the bucket's fastest point.
 double Machine::travel_m(const Pose& from, const Pose& to) const {
   return (to.position - from.position).norm() + 2 * half_turn(from, to) * radius_m_;
 }
 
-/// The stations on the straight way on to a pose.
+/// The stations on the straight way to a pose.
 std::vector<Pose> Machine::stations(const Ground& ground, const Pose& to) {
   std::vector<Pose> found;
   const double whole_m = travel_m(current_, to), every_m = station_travel_m(ground);
@@ -39,8 +39,8 @@ std::vector<Pose> Machine::stations(const Ground& ground, const Pose& to) {
   return found;
 }
 
-/// Stations and ends of turns in (begin, end], and where the bucket comes to a standstill in
-/// [begin, end). They are counted from row to row: other updates have the same.
+/// Stations and ends of turns in (begin, end], and the beginnings of standstills in [begin, end).
+/// They are counted from row to row, so they do not depend on the updates.
 std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& motion,
                                           double begin_s, double end_s) {
   const double every_m = station_travel_m(ground);
@@ -73,7 +73,7 @@ std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& mo
   return found;
 }
 
-/// Notes where the bucket is at the rows in (begin, end].
+/// Adds the bucket's places at the rows in (begin, end] to swept_box_.
 void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
   const std::vector<double>& rows_s = motion.times_s();
   auto row = std::upper_bound(rows_s.begin(), rows_s.end(), begin_s);
@@ -83,8 +83,8 @@ void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
   }
 }
 
-/// What the bucket pushes and holds too much of falls. @param rests what it left comes to rest, as
-/// it does when the bucket leaves the ground @param ends cuts fail though it is in the ground
+/// Lets pushed soil and excess load fall. @param rests soil also comes to rest, as it does when the
+/// bucket leaves the ground @param ends cuts fail even with the bucket in the ground
 void Machine::stop(Ground& ground, double time_s, bool rests, bool ends) {
   if (!placed_) return;
   const Pose& at = current_;
@@ -115,7 +115,7 @@ void Machine::stop(Ground& ground, double time_s, bool rests, bool ends) {
   cut_before_ = ledger_.cut();
 }
 
-/// What the bucket holds too much of at its attitude leaves it, and is in the air from then on.
+/// Excess load at the present attitude leaves the bucket and is then in flight.
 void Machine::let_go() {
   if (!capacity_ || ledger_.load == 0) return;
   const double hold_m3 = capacity_->at(current_.rotation, settler_->slope()).volume_m3;
@@ -127,8 +127,8 @@ void Machine::let_go() {
   falling_ += spill;
 }
 
-/// What left the bucket in a turn comes down if it is much, else at the next station: dense rows
-/// make no more piles than sparse ones.
+/// Soil that left the bucket in a turn lands now if it is much, otherwise at the next station.
+/// Dense rows thus make as few piles as sparse rows.
 void Machine::pass_turn(Ground& ground, double time_s) {
   let_go();
   if (!capacity_ || ledger_.units.loose_samples(falling_) * ledger_.sample_m3 <
@@ -143,28 +143,28 @@ void Machine::drop_falling(double time_s, const Obstacle& obstacle) {
     settler_->drop(current_ * spill_point(current_), std::exchange(falling_, 0), time_s, obstacle);
 }
 
-/// Soil that leans on the bucket does so until that has gone.
+/// Soil that leans on the bucket stays until the bucket has gone.
 void Machine::note_leaning(const Ground& ground, const Pose& at) {
   const Pose here[] = {at};
   if (!stays_in_air(ground, here, kObstacleClearance * ground.voxel_size_m()))
     unsettled_box_.extend(box_around(here));
 }
 
-/// Where soil leaves the bucket.
+/// The place where soil leaves the bucket.
 Vec3 Machine::spill_point(const Pose& at) const {
   if (capacity_) return capacity_->at(at.rotation, settler_->slope()).spill;
   const Vec3 lip = Vec3::Zero(), upper_edge(0, 0, bucket_.height_m);
   return (at * upper_edge).z() < (at * lip).z() ? upper_edge : lip;
 }
 
-/// What the body displaces is before it: at the point that is farthest on its way from the last
-/// station, or before the mouth if it didn't go anywhere in plan.
+/// The place of displaced soil, in front of the body: its point farthest along the way from the
+/// last station, or a point before the mouth without movement in plan.
 Vec3 Machine::push_point(const Pose& at) const {
   Vec3 way = at.position - station_.position;
   way.z() = 0;
   if (way.norm() < kMinPushWay * radius_m_) way = at.rotation * Vec3::UnitX();
   const auto along = [&](const Vec3& p) { return way.dot(at.rotation * p); };
-  // The middles of the faces' edges across the lip: what is pushed isn't at a corner.
+  // The middles of the faces' edges across the lip: pushed soil is not at a corner.
   const double across = bucket_.shape ? bucket_.shape->box_m().center().y() : 0;
   Vec3 farthest(0, across, 0);
   for (const Vec3& p : extremes_) {

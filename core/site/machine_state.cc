@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A machine as bytes and back.
+// A machine's state as bytes and back.
 #include <cmath>
 #include <stdexcept>
 
@@ -12,7 +12,7 @@ namespace soilvdb::inline v0 {
 namespace {
 
 void require_valid(bool good) {
-  if (!good) throw std::invalid_argument("the state has a machine that can't be");
+  if (!good) throw std::invalid_argument("the state has an invalid machine");
 }
 
 }  // namespace
@@ -59,7 +59,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take(in, placed_);
   take(in, current_);
   require_valid(is_valid(current_) && (!placed_ || near(current_.position)));
-  ledger_.load = ledger_.captured - ledger_.dumped;  // where soil doesn't move
+  ledger_.load = ledger_.captured - ledger_.dumped;  // where soil does not move
   if (settler_ == nullptr) return require_valid(ledger_.load >= 0);
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);

@@ -139,9 +139,9 @@ Site::Input Site::input(const MachineState& state) const {
   return now;
 }
 
-/// The move to a state: along a motion of two rows, as a run's, where times are known.
-/// @param last of the machine before, then this
-/// @param motions keeps those that moves are along
+/// The move to a state: along a motion of two rows, as in a run, if both times are known.
+/// @param last the machine's last state; becomes this one
+/// @param motions owns the motions of moves
 Move Site::move(const MachineState& state, std::optional<Input>& last,
                 std::deque<Motion>& motions) const {
   Input now = input(state);
@@ -172,13 +172,13 @@ Move Site::move(const MachineState& state, std::optional<Input>& last,
 
 void Site::fail(const std::string& why) noexcept {
   try {
-    broken_ = why + "; the ground is of no use any more, restore a state";
+    broken_ = why + "; the ground is unusable, restore a state";
   } catch (...) {
     broken_ = "no memory";  // short enough to need none
   }
 }
 
-/// Calls `work(moving)`, which sets `moving` before anything changes that it can't take back.
+/// Calls `work(moving)`, which must set `moving` before its first irreversible change.
 template <typename Result, typename Work>
 Result Site::guarded(const Work& work) noexcept {
   if (!broken_.empty()) return refused<Result>(Status::kFailed, broken_);
@@ -240,7 +240,7 @@ StepResult Site::update(const MachineState& state) noexcept {
     const Move next = move(state, last, motions);
     ground_->evict();
     StepResult made;
-    // A stroke of rigid soil is refused before it digs; else what it does on the way is.
+    // sweep() refuses a stroke of rigid soil before it digs; other strokes are checked here.
     const SiteModel& m = *model_;
     const bool one_stroke = !m.earthmoving.soil && !m.machines[state.machine].bucket.dump_angle_rad;
     if (!one_stroke) {
@@ -362,12 +362,14 @@ void Site::set_progress(std::string_view bytes) {
     if (std::isinf(time_s) || (placed && !is_valid(now.pose)) ||
         !std::all_of(now.joints.begin(), now.joints.end(),
                      [](double value) { return std::isfinite(value); }))
-      throw std::invalid_argument("the state has a machine that can't be");
+      throw std::invalid_argument("the state has an invalid machine");
     if (!std::isnan(time_s)) now.time_s = time_s;
     inputs.push_back(placed ? std::optional(std::move(now)) : std::nullopt);
   }
   tracker_->restore(tracker);
   inputs_ = std::move(inputs);
+  poured_s_.reset();
+  next_pour_s_.reset();
   at_rest_ = at_rest;
 }
 

@@ -38,7 +38,7 @@ Update timed(F f) {
   return update;
 }
 
-/// Refuses a pose at which a bucket can't be, or whose chunks can't be numbered.
+/// Refuses an invalid pose, and one beyond the indices of chunks.
 void check_move(const Ground& ground, const Machine& machine, const Pose& pose) {
   const double room_m = kMaxIndex * ground.voxel_size_m() - machine.radius_m();
   std::string what = validation_error(pose);
@@ -46,7 +46,7 @@ void check_move(const Ground& ground, const Machine& machine, const Pose& pose) 
   if (!what.empty()) throw std::invalid_argument(what);
 }
 
-/// The same for all of a path that its rows say.
+/// The same for the ends of a part of a motion and its rows.
 void check_move(const Ground& ground, const Machine& machine, const Motion& motion, double begin_s,
                 double end_s) {
   if (!std::isfinite(begin_s) || !std::isfinite(end_s) || begin_s > end_s)
@@ -60,7 +60,7 @@ void check_move(const Ground& ground, const Machine& machine, const Motion& moti
   check_move(ground, machine, motion.pose(end_s));
 }
 
-/// Numbers groups of boxes that are connected by common points. Empty boxes are alone.
+/// Numbers groups of boxes that are connected by overlaps. An empty box is a group of its own.
 std::vector<std::size_t> groups_of(const std::vector<Eigen::AlignedBox3d>& boxes) {
   std::vector<std::size_t> group(boxes.size());
   std::iota(group.begin(), group.end(), std::size_t{0});
@@ -84,7 +84,8 @@ void run_sequences(const std::vector<std::vector<std::size_t>>& sequences, const
     bool is_taken = false;
   };
   std::vector<Progress> all(sequences.size());
-  std::mutex mutex;
+  bool failed = false;
+  std::mutex mutex;  // for both
   const auto left = [&](std::size_t s) { return sequences[s].size() - all[s].next; };
   const auto take_longest = [&] {
     std::size_t longest = all.size();
@@ -95,21 +96,26 @@ void run_sequences(const std::vector<std::vector<std::size_t>>& sequences, const
   };
   const auto work = [&](std::size_t) {
     std::unique_lock lock(mutex);
-    for (std::size_t s = take_longest(); s < all.size(); s = take_longest()) {
+    for (std::size_t s = take_longest(); !failed && s < all.size(); s = take_longest()) {
       const std::size_t begin = all[s].next;
       const std::size_t end =
           std::min(sequences[s].size(), begin + 1 + sequences[s].size() / kPartsOfSequence);
       lock.unlock();
-      tbb::this_task_arena::isolate([&] {  // a stroke must not wait for another sequence
-        for (std::size_t i = begin; i < end; ++i) run(sequences[s][i]);
-      });
+      try {
+        // While a stroke waits for its parts, the thread must not begin another sequence.
+        tbb::this_task_arena::isolate([&] {
+          for (std::size_t i = begin; i < end; ++i) run(sequences[s][i]);
+        });
+      } catch (...) {
+        lock.lock();
+        failed = true;
+        throw;
+      }
       lock.lock();
       all[s] = {end, false};
     }
   };
-  const int threads = tbb::this_task_arena::max_concurrency();
-  const std::size_t workers = std::min(sequences.size(), static_cast<std::size_t>(threads));
-  tbb::parallel_for(std::size_t{0}, workers, work, tbb::simple_partitioner{});
+  tbb::parallel_for(std::size_t{0}, sequences.size(), work);
 }
 
 }  // namespace
@@ -143,7 +149,7 @@ Tracker::Tracker(Ground& clone, const Tracker& other)
   const Ground& ground = other.ground_;
   if (clone.shared_terrain() != ground.shared_terrain() || clone.origin() != ground.origin() ||
       clone.voxel_size_m() != ground.voxel_size_m())
-    throw std::invalid_argument("the soil is no clone of the one that the other tracker is on");
+    throw std::invalid_argument("the ground is not a clone of the other tracker's ground");
   if (other.settler_ != nullptr) settler_ = std::make_unique<Settler>(clone, *other.settler_);
   for (const auto& machine : other.machines_)
     machines_.push_back(std::make_unique<Machine>(*machine, settler_.get()));
@@ -191,7 +197,7 @@ std::optional<InvalidMove> Tracker::first_invalid(std::span<const Move> moves) {
       return InvalidMove{i, false, e.what()};
     }
   }
-  // They go from where they are to where these bring them, and are put back.
+  // The machines make their moves without digging, and are set back.
   std::vector<std::pair<Machine*, Machine::KinematicState>> before;
   for (const auto& machine : machines_)
     before.emplace_back(machine.get(), machine->kinematic_state());
@@ -234,10 +240,10 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
   return updates;
 }
 
-/// Numbers of the moves, in their order, in groups of machines that don't come near each other.
+/// Indices of the moves, in their order, in groups of machines that stay apart.
 std::vector<std::vector<std::size_t>> Tracker::apart(std::span<const Move> moves) const {
   std::vector<std::vector<std::size_t>> groups(machines_.size());
-  // Soil that moves may come from one machine to another.
+  // Moving soil of one machine may reach another.
   if (machines_.size() == 1 || (settler_ != nullptr && !machines_.empty())) {
     groups.front().resize(moves.size());
     std::iota(groups.front().begin(), groups.front().end(), std::size_t{0});
@@ -280,13 +286,13 @@ Ledger Tracker::total() const {
   return sum;
 }
 
-/// The whole of a pour, units of mass.
+/// The mass of a whole pour, units of mass.
 std::int64_t Tracker::mass_of(const Pour& pour) const {
   return std::llround(pour.volume_m3 / ground_.sample_m3() *
                       static_cast<double>(settler_->units().loose));
 }
 
-/// What of a pour has come down after so many of its parts.
+/// The mass of the first `parts` parts of a pour.
 std::int64_t Tracker::poured(const Pour& pour, std::int64_t parts) const {
   const std::int64_t all = PourParts(pour, ground_.voxel_size_m()).count(), mass = mass_of(pour);
   return mass / all * parts + mass % all * parts / all;
@@ -319,7 +325,7 @@ Update Tracker::come_to_rest(std::optional<double> time_s) {
     Update update;
     if (settler_ == nullptr) return update;
     const std::int64_t slid_before = settler_->totals().slid, spilled_before = total().spilled;
-    // What one machine leaves may come to lie where another's rested already.
+    // Soil of one machine may land where soil of another is already at rest.
     std::int64_t moved = -1;
     for (int n = 0; n < kMaxRestRounds && moved != settler_->totals().moved(); ++n) {
       moved = settler_->totals().moved();
@@ -356,7 +362,8 @@ MassBalance Tracker::mass_balance_without_ground() const {
     balance.poured += poured(earthmoving_.pours[i], poured_parts_[i]);
   balance.hauled = totals.hauled;
   balance.slid = totals.slid;
-  balance.fill_samples = totals.fill_samples - totals.failed_samples;
+  balance.fill_samples = totals.fill_samples;
+  balance.failed_samples = totals.failed_samples;
   return balance;
 }
 

@@ -15,13 +15,13 @@ namespace {
 
 Coord3 floor(const Vec3& p) { return p.array().floor().matrix().cast<int>(); }
 
-/// 64 points in a window: the number of the voxel below each, and how far they are beyond it.
+/// 64 points in a window: the number of the voxel below each, and the distance beyond it.
 struct Points {
   int low[64];
   double x[64], y[64], z[64];
 };
 
-/// A coordinate of points of a cell, as Ground::index_from_world() has it.
+/// A coordinate of points of a cell, computed as by Ground::index_from_world().
 SOILVDB_INLINE void locate(const float* in_cell, double low, double h, double origin, double voxel,
                            int first, int step, double* part, int* number) {
   for (int i = 0; i < 64; ++i) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Ground that was dug between its voxels.
+// A dug ground between its voxels.
 #pragma once
 
 #include <vector>
@@ -9,25 +9,25 @@
 
 namespace soilvdb::inline v0 {
 
-/// What a box of the ground that was dug shows at its voxels, trilinear between them.
+/// Distances of a dug ground at the voxels of a box, trilinear between them.
 class DistanceWindow {
  public:
   enum Flag : std::uint8_t {
-    kChanged = 1,    ///< somebody dug in the cell
-    kDifferent = 2,  ///< the distance isn't the base surface's
-    kMissing = 4     ///< not known: far from all that was dug
+    kChanged = 1,    ///< the cell was dug
+    kDifferent = 2,  ///< not the distance of the initial terrain
+    kMissing = 4     ///< unknown: far from all dug ground
   };
 
-  /// Voxels that are read for a box in index space.
+  /// Voxels to read for a box in index space.
   static double cells(const Eigen::AlignedBox3d& box) {
     return (box.sizes().array().ceil() + 3).prod();
   }
-  /// The next box. What follows is for places in it.
+  /// Sets the box. The functions below are for places in it.
   void read(GroundTiles::Reader& tiles, const Eigen::AlignedBox3d& box);
 
   struct Value {
     double distance_m;
-    unsigned flags;  ///< of any of the eight voxels around
+    unsigned flags;  ///< union over the eight voxels around
   };
   Value at(const Vec3& index) const;
 
@@ -36,7 +36,7 @@ class DistanceWindow {
   void at(const CellPoints& cell, const Vec3& low, double h, const Ground& ground,
           std::uint64_t& changed, std::uint64_t& soil) const;
 
-  /// What all places of a box have in common.
+  /// Flags of all places of a box.
   struct Common {
     unsigned any = 0, all = ~0u;  ///< flags
     bool soil = false, air = false;
@@ -52,7 +52,7 @@ class DistanceWindow {
 
   Coord3 first_, size_;
   std::vector<float> distances_;
-  std::vector<std::uint8_t> flags_;  // of the eight voxels of which each is the lowest
+  std::vector<std::uint8_t> flags_;  // of the eight voxels above each voxel, itself included
 };
 
 }  // namespace soilvdb::inline v0

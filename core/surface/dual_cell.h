@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The cube between eight voxel centres: its corners, edges and faces, and how many sheets of a
-// surface run through it.
+// The cube between eight voxel centres: its corners, edges and faces, and the sheets of a surface
+// in it.
 #pragma once
 
 #include <array>
@@ -40,8 +40,8 @@ struct Faces {
 };
 inline constexpr Faces kFaces;
 
-/// Joins the edges that are crossed to sheets, by segments on the faces. @param corners in soil
-/// @param between faces whose middle is in soil, of those all of whose edges are crossed
+/// Joins the crossed edges to sheets, by segments on the faces. @param corners in soil
+/// @param between faces with all edges crossed whose middle is in soil
 constexpr std::array<std::int8_t, 12> sheets(unsigned corners, unsigned between) {
   std::array<std::int8_t, 12> group{};
   const auto soil = [&](int corner) { return (corners >> corner & 1) != 0; };
@@ -65,7 +65,7 @@ constexpr std::array<std::int8_t, 12> sheets(unsigned corners, unsigned between)
     }
     if (n == 2) join(crossed[0], crossed[1]);
     if (n < 4) continue;
-    // Segments cut off the corners that the middle is not like.
+    // Segments cut off the corners that differ from the middle.
     const int k = soil(c[0]) != ((between >> f & 1) != 0) ? 0 : 1;
     join(edges[(k + 3) & 3], edges[k]);
     join(edges[k + 1], edges[(k + 2) & 3]);

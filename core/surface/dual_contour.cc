@@ -78,7 +78,7 @@ class Contouring {
            (corner >> 2) * grid_.step(2);
   }
 
-  /// Is the middle of a face in soil, whose corners are so in turn? What the four cells say of it.
+  /// True if the middle of an ambiguous face is in soil, by the models of its four cells.
   bool soil_between(int cell, int face) const {
     const int axis = face / 2, u = kNext[axis], v = kNextButOne[axis];
     float sum = 0;
@@ -150,7 +150,8 @@ class Contouring {
     return duals_.back();
   }
 
-  /// Sheets of one dual cell don't share a place: half-way to the middle of its own crossings then.
+  /// Two sheets of one dual cell must not share a place: a sheet then moves half-way to the middle
+  /// of its own crossings.
   void keep_apart(const Crossing* crossings, int count, std::uint32_t first,
                   ContourVertex& v) const {
     bool close = false;
@@ -173,8 +174,8 @@ class Contouring {
     return d.vertex + static_cast<std::uint32_t>(d.group[edge]);
   }
 
-  /// A face on which two segments join the same two vertices: each then gets one of its own between
-  /// them. None (~0) on others.
+  /// A face on which two segments join the same two vertices: each then gets its own vertex between
+  /// them. ~0 on other faces.
   std::uint32_t face_vertex(int cell, int face, int edge) {
     if (!ambiguous(cell, face)) return ~0u;
     const int axis = face / 2;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The mesh of cell models: a vertex in every dual cell that the surface runs through, on the planes
-// of the models, a polygon around every edge of the grid of voxel centres that it crosses.
+// The mesh of cell models: a vertex on the models' planes in each dual cell that the surface
+// crosses, and a polygon around each crossed edge of the grid of voxel centres.
 #pragma once
 
 #include <array>
@@ -14,28 +14,28 @@ namespace soilvdb::inline v0 {
 
 /// A vertex, in voxels from the first voxel of the grid.
 struct ContourVertex {
-  Coord3 cell;  ///< of the dual cell: the voxel at its low corner
+  Coord3 cell;  ///< the voxel at the low corner of the dual cell
   float in[3];  ///< from that voxel's centre
-  bool base;    ///< made of undug cells alone
+  bool base;    ///< all its cells are undug
 };
 
 struct Contour {
   std::vector<ContourVertex> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
-  /// Of each triangle: the cell at the lower end of the edge it goes round.
+  /// By triangle: the cell at the lower end of the edge that it surrounds.
   std::vector<int> edges;
 };
 
 /// Dual contouring (Ju et al. 2002) with a vertex for each sheet of the surface in a dual cell, so
-/// that sheets which come close don't touch. Signs are those of voxel centres; in an ambiguous face
-/// the models decide its middle.
+/// that close sheets do not touch. Signs are those of voxel centres; the models decide the middle
+/// of an ambiguous face.
 ///
-/// Guarantees: no edge has more than two triangles; edges with one are where the chunks asked for
-/// end; the vertices and triangles about an edge of the grid depend on the models of the voxels
-/// around it alone. Polygons belong to the chunk of the lower end of the edge that they go round,
-/// or to that of the upper one if only that is resident.
-/// @param range 0: the polygons of the chunks asked for; else all that lie nearer than so many
-/// voxels to them, whatever is resident
+/// Guarantees: no edge has more than two triangles; edges with one lie where the requested chunks
+/// end. The vertices and triangles around an edge of the grid depend only on the models of the
+/// voxels around it. A polygon belongs to the chunk of the lower end of the edge that it surrounds,
+/// or to that of the upper end if only that chunk is resident.
+/// @param range 0: the polygons of the requested chunks; otherwise all polygons less than `range`
+/// voxels from them, resident or not
 Contour contour(const CellModels& models, int range);
 
 }  // namespace soilvdb::inline v0

@@ -10,21 +10,21 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// What the model of one end of that edge says. @return false if it says nothing
+/// The crossing by the model of one end of the edge. @return false if the model has none
 bool seen_from(const CellModels& models, const std::uint8_t* soil, int id, int axis, int end,
                Crossing& c) {
   const int here = id + end * models.grid().step(axis);
   const CellModel* const m = models.find(here);
   if (m == nullptr) return false;
   const ActivePlane centre = m->at(0, 0, 0);
-  // A centre that counts as in a thin wall lies just outside of its face.
+  // A centre that counts as inside a thin wall may lie just outside its face.
   const bool tied = (centre.signed_distance < 0) != (soil[here] != 0);
   const float slack = tied ? kThinWallTie : kCrossingSlack, from = static_cast<float>(end);
   float best = 2;
   for (int p = 0; p < m->planes(); ++p) {
     const CellPlane& plane = m->plane[p];
     const float slope[3] = {plane.nx, plane.ny, plane.nz};
-    // Out of soil in the direction in which the signs say so.
+    // Out of soil in the direction of the signs.
     const float outwards = soil[id] ? slope[axis] : -slope[axis];
     if (!(outwards > kMinCrossingCosine)) continue;
     const float along = plane.d / slope[axis];

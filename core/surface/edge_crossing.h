@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the surface crosses the edge between two voxel centres.
+// The crossing of the surface with the edge between two voxel centres.
 #pragma once
 
 #include <cstdint>
@@ -11,9 +11,8 @@
 namespace soilvdb::inline v0 {
 
 /// Crossing of the edge from a voxel along an axis, in voxels from that voxel's centre, and the
-/// normal there: what the models of its ends say, half-way where they say nothing.
-/// @param soil for each voxel of the models' grid whether its centre is in soil; the edge's ends
-/// differ
+/// normal there, by the models of its ends; half-way if these have no plane.
+/// @param soil by voxel of the models' grid: its centre is in soil; the edge's ends must differ
 Crossing edge_crossing(const CellModels& models, const std::uint8_t* soil, int id, int axis);
 
 }  // namespace soilvdb::inline v0

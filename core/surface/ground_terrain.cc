@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Ground that was dug, as the base surface of ground with other voxels.
+// Ground that was dug, as the initial terrain of ground with other voxels.
 #include <algorithm>
 #include <cmath>
 #include <utility>

@@ -77,7 +77,7 @@ void GroundTiles::forget() {
   bytes_ = 0;
 }
 
-/// On one thread: a task of another reader that it took up meanwhile could wait for this block.
+/// On one thread: otherwise it could take up another reader's task that waits for this block.
 std::shared_ptr<const GroundTiles::Block> GroundTiles::make(const Coord3& origin) const {
   bool near[kChunks + 4][kChunks + 4][kChunks + 4] = {};
   for (int x = 1; x <= kChunks + 2; ++x)

@@ -58,7 +58,7 @@ Mesh CachedMesher::block(const Coord3& block) {
 }
 
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks) {
-  // A chunk's samples are looked at from as far as a chunk.
+  // A chunk's samples affect meshes up to one chunk away.
   std::set<Coord3, Before> blocks;
   for (const Coord3& c : chunks) {
     for (int n = 0; n < 27; ++n)

@@ -1,14 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where on the planes of its crossings the vertex of a sheet goes.
+// The place of the vertex of a sheet on the planes of its crossings.
 #pragma once
 
 #include "core/cell/cell_plane.h"
 
 namespace soilvdb::inline v0 {
 
-/// Where the surface crosses an edge of the grid, in voxels from a dual cell's low corner, and its
-/// normal there.
+/// A crossing of the surface with an edge of the grid, in voxels from a dual cell's low corner, and
+/// its normal there.
 struct Crossing {
   float p[3];
   float n[3];

@@ -17,7 +17,7 @@ constexpr int kChunksPerBlock = kBlockSide / kChunkSide;
 
 int halo(SurfaceBlock::Need need) { return need == SurfaceBlock::kMesh ? 1 : 2; }
 
-/// Is a chunk farther from resident ground than the band reaches?
+/// Is a chunk beyond the band around resident ground?
 bool untouched_around(const Ground& ground, const Coord3& chunk) {
   for (int n = 0; n < 27; ++n) {
     if (ground.find(chunk + kChunkSide * step_around(n)) != nullptr) return false;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Level set and mesh of the ground, made from its samples when somebody looks.
+// Level set and mesh of the ground, made from its samples on request.
 #pragma once
 
 #include <functional>
@@ -16,24 +16,23 @@
 
 namespace soilvdb::inline v0 {
 
-/// The surface in some chunks: what their samples, and those of a chunk or two around them, show.
+/// The surface in some chunks, from their samples and those one or two chunks around them.
 ///
-/// Invariant: what comes out for a place depends on the words around it and not on the block, the
-/// thread or the other chunks asked for, so that pieces join bit for bit.
-/// Guarantees, for ground of planes that meet (digs of straight edges) at voxels a tenth of what is
-/// dug or smaller: vertices within 0.15 voxel of the true surface at creases and 0.02 rms
-/// elsewhere; the volume is that of the samples to 0.1 %. Caveats: walls and slots thinner than 0.7
-/// voxel are found but misplaced; where the surface bends with a radius below four voxels it is
-/// made of facets.
+/// Invariant: the result at a place depends on the words around it, and not on the block, the
+/// thread or the other requested chunks. Pieces thus join bit for bit. Guarantees, for ground of
+/// planes that meet (digs of straight edges) with voxels of at most a tenth of the dig: vertices
+/// are within 0.15 voxel of the true surface at creases and 0.02 rms elsewhere; the volume is that
+/// of the samples to 0.1 %. Caveats: walls and slots thinner than 0.7 voxel are found but
+/// misplaced; a surface that bends with a radius below four voxels consists of facets.
 class SurfaceBlock {
  public:
   enum Need { kMesh, kDistance };
-  /// @param chunks at least one; memory and time go with the cube around them
-  /// @param cache of blocks before; may be null
+  /// @param chunks at least one; memory and time are proportional to the cube around them
+  /// @param cache of earlier blocks; may be null
   SurfaceBlock(const Ground& ground, std::span<const Coord3> chunks, Need need,
                FitCache* cache = nullptr);
 
-  /// The triangles of the chunks; with kDistance also of those around.
+  /// The triangles of the chunks; with kDistance also of the chunks around.
   const Contour& contour() const { return contour_; }
   const Coord3& first() const { return grid_.first(); }
 
@@ -47,15 +46,15 @@ class SurfaceBlock {
   std::optional<ContourDistance> distance_;
 };
 
-/// Signed distance at the 8x8x8 voxel centres of a chunk, made from its samples and those of two
-/// chunks around: m, negative in soil, clamped to +-Ground::band_m(); to the nearest point of the
-/// surface, base or cut. Where that is of the base surface and no sample around was changed it is
-/// the base surface's own distance, to the bit.
+/// Signed distance at the 8x8x8 voxel centres of a chunk, from its samples and those two chunks
+/// around it: m, negative in soil, clamped to +-Ground::band_m(), to the nearest point of terrain
+/// or cut. If that point is on the initial terrain and no sample around has changed, the distance
+/// is the terrain's own, to the bit.
 /// @param phi_m 512 values. Safe to call from several threads while nothing writes to the ground.
 void surface_distance(const Ground& ground, const Coord3& chunk_origin, float* phi_m);
 
-/// The same for many chunks, which shares work: `out(i, phi_m)` is called once for each, from
-/// several threads.
+/// The same for many chunks with shared work: calls `out(i, phi_m)` once for each, from several
+/// threads.
 void surface_distances(const Ground& ground, std::span<const Coord3> chunks,
                        const std::function<void(std::size_t, const float*)>& out);
 

@@ -38,7 +38,7 @@ Triangle triangle(const Coord3& cell, const ContourVertex* const* vertices) {
   const float twice_area = across.norm();
   const Float3 normal =
       twice_area > kSliverArea ? Float3(across / twice_area) : Float3(Float3::Zero());
-  // A sliver's distance is that to its edges.
+  // For a sliver only its edges count.
   t.beside = twice_area > kSliverArea ? 0.0f : 2 * kBand;
   put_vector(t.normal, normal);
   for (int k = 0; k < 3; ++k) {
@@ -51,8 +51,8 @@ Triangle triangle(const Coord3& cell, const ContourVertex* const* vertices) {
   return t;
 }
 
-/// Squared distance to a triangle of points whose z is in the lanes: to its plane where they are
-/// above it, to the nearest edge elsewhere.
+/// Squared distance to a triangle of points whose z is in the lanes: to its plane for points above
+/// it, to the nearest edge for others.
 SOILVDB_INLINE Lanes squared_distance(const Triangle& t, float x, float y, Lanes z) {
   Lanes nearest{};
   LaneMask above = all_lanes(0) == 0;
@@ -74,13 +74,13 @@ SOILVDB_INLINE Lanes squared_distance(const Triangle& t, float x, float y, Lanes
   return above ? min(plane, nearest) : nearest;
 }
 
-/// What is nearest to a row of eight voxels.
+/// The nearest polygons of a row of eight voxels.
 struct Nearest {
   Lanes square = all_lanes(kBand * kBand);
   LaneMask base = {};
 };
 
-/// @param row the first voxel @param reached the farthest of the row from what is nearest to it
+/// @param row the first voxel @param reached largest distance in the row to a nearest polygon
 SOILVDB_FOR_CPUS void look_at(const Triangle* begin, const Triangle* end, const Coord3& row,
                               Nearest& nearest, float& reached) {
   bool nearer = false;

@@ -9,9 +9,9 @@
 
 namespace soilvdb::inline v0 {
 
-/// phi at voxel centres: to the nearest of the polygons within the band, all of which are looked
-/// at, so that their order is no matter. Where the nearest is of undug ground and the base
-/// surface agrees it is the base surface's own distance.
+/// phi at voxel centres: the distance to the nearest polygon in the band. All polygons are
+/// compared, so their order has no influence. If the nearest polygon is undug and the initial
+/// terrain agrees, the distance is the terrain's own.
 class ContourDistance {
  public:
   /// @param contour with reach kPolygonsSeen + 1. Models must outlive it.
@@ -20,13 +20,13 @@ class ContourDistance {
   /// 512 values for the voxels of a chunk, m.
   void chunk(const Coord3& origin, float* phi_m) const;
 
-  /// A triangle as the kernel takes it, in voxels from the lower end of its edge.
+  /// A triangle for the kernel, in voxels from the lower end of its edge.
   struct Triangle {
     Coord3 cell;
     float corner[3][3], edge[3][3], inverse_square[3];
     float inwards[3][3];  ///< in the plane, across each edge
     float normal[3], beside;
-    float middle[3], radius;  ///< of a ball around it
+    float middle[3], radius;  ///< of its bounding ball
     bool base;
   };
 
@@ -34,7 +34,7 @@ class ContourDistance {
   const Ground& ground_;
   const CellModels& models_;
   std::vector<Triangle> triangles_;  // by columns of the grid
-  std::vector<int> first_;           // of each column, and the end
+  std::vector<int> first_;           // first triangle of each column, and the end
 };
 
 }  // namespace soilvdb::inline v0

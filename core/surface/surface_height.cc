@@ -24,7 +24,7 @@ namespace {
 /// The column of voxels whose corners' middles are around a place.
 Eigen::Vector2i column_at(const Ground& ground, double x, double y) {
   const Vec3 index = ground.index_from_world({x, y, ground.origin().z()});
-  // No chunk is as far as that, and no more would go into an int.
+  // No chunk is farther away, and an int holds no more.
   const auto column = [](double v) {
     return static_cast<int>(
         std::clamp(std::isnan(v) ? 0 : std::floor(v), -2 * kMaxIndex, 2 * kMaxIndex));
@@ -40,7 +40,8 @@ Eigen::Vector2i part_of(const Eigen::Vector2i& column) {
   });
 }
 
-/// Where a vertical line meets a triangle; nothing where it doesn't, or only along an edge-on one.
+/// The height at which a vertical line meets a triangle; empty if it misses, or the triangle is
+/// vertical.
 std::optional<double> height_on(const Vec3& a, const Vec3& b, const Vec3& c, const Vec2& at) {
   const auto side = [&](const Vec3& p, const Vec3& q) {
     return (q.x() - p.x()) * (at.y() - p.y()) - (q.y() - p.y()) * (at.x() - p.x());
@@ -65,7 +66,7 @@ void SurfaceHeight::add(const Coord3& chunk) {
 }
 
 void SurfaceHeight::update(std::span<const Coord3> changed_chunks) {
-  // Who looks again and again at what changes meshes blocks that are mostly as they were.
+  // Repeated looks at changing ground mesh blocks that are mostly unchanged.
   if (!mesher_ && !changed_chunks.empty() && !patches_.empty()) mesher_.emplace(ground_);
   for (const Coord3& chunk : changed_chunks) add(chunk);
   for (const Coord3& block : blocks_touched(changed_chunks)) patches_.erase(block);
@@ -136,7 +137,7 @@ std::optional<double> SurfaceHeight::look(double x, double y) const {
       if (height) top = std::max(top.value_or(*height), *height);
     }
   });
-  // Ground that isn't resident may be on top of what is: the roof of a hollow.
+  // Ground that is not resident may be above resident chunks: the roof of a hollow.
   const std::optional<double> base = ground_.terrain().height(x, y);
   const auto resident = [&](double z) {
     return ground_.find(chunk_of(ground_.index_from_world({x, y, z}))) != nullptr;

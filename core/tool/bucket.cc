@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What bounds a bucket, and its check before it digs, whose every message begins with the name of a
-// field.
+// Bounds of a bucket, and its check. Each message begins with the name of a field.
 #include "soilvdb/bucket.h"
 
 #include <stdexcept>
@@ -30,7 +29,7 @@ bool on_segment(const Vec2& p, const Vec2& a, const Vec2& b) {
   return (p - a).dot(p - b) <= 0;  // p is known to be on the line
 }
 
-/// Do the closed segments ab and cd have a point in common?
+/// Do the closed segments ab and cd share a point?
 bool meet(const Vec2& a, const Vec2& b, const Vec2& c, const Vec2& d) {
   const double abc = turn(b - a, c - a), abd = turn(b - a, d - a);
   const double cda = turn(d - c, a - c), cdb = turn(d - c, b - c);

@@ -17,7 +17,7 @@ std::vector<std::string> Chain::movable() const {
 
 namespace {
 
-/// The value of the joint that another follows.
+/// The value of the joint that `joint` follows.
 double followed(const Chain& chain, const Joint& joint, std::span<const double> values) {
   std::size_t next = 0;
   for (const Joint& other : chain.joints) {
@@ -28,7 +28,7 @@ double followed(const Chain& chain, const Joint& joint, std::span<const double> 
   return 0;
 }
 
-/// Calls `f(joint, world_from_joint)` for each joint; where it moves from, its own value apart.
+/// Calls `f(joint, world_from_joint)` for each joint, with its pose at the value 0.
 /// @return world_from_link of the last link
 template <typename F>
 Pose walk(const Chain& chain, std::span<const double> values, const F& f) {

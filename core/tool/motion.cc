@@ -44,7 +44,7 @@ void check_times(const std::vector<double>& times_s, std::size_t rows) {
   }
 }
 
-/// The points of a bucket that move farthest, and how far the farthest is from the bucket's origin.
+/// Points of a bucket that move farthest, and their largest distance from the bucket's origin.
 struct Extremes {
   std::vector<Vec3> points;  // the mouth's corners and the body's outline
   double radius_m = 0;
@@ -53,7 +53,7 @@ struct Extremes {
     for (const Vec3& p : points) radius_m = std::max(radius_m, p.norm());
   }
 
-  /// Does the map p -> turn p + shift take every point at most `limit_m` from zero?
+  /// Does the map p -> turn p + shift move no point farther than `limit_m` from zero?
   bool within(const Eigen::Matrix3d& turn, const Vec3& shift, double limit_m) const {
     if (shift.norm() + turn.norm() * radius_m <= limit_m) return true;
     return std::all_of(points.begin(), points.end(),
@@ -76,7 +76,7 @@ struct Closeness {
 
   bool holds(const Frame& a, const Frame& middle, const Frame& b) const {
     const Vec3 &from = a.pose.position, &mid = middle.pose.position, &to = b.pose.position;
-    // A point p of the bucket halfway, seen from both ends: their mean is p if the way is straight.
+    // A point p of the bucket halfway, seen from both ends: their mean is p on a straight way.
     const Eigen::Matrix3d turn =
         (a.axes + b.axes).transpose() * middle.axes / 2 - Eigen::Matrix3d::Identity();
     const Vec3 bend = (a.axes.transpose() * (mid - from) + b.axes.transpose() * (mid - to)) / 2;
@@ -85,7 +85,7 @@ struct Closeness {
   }
 };
 
-/// Appends poses after `a` up to and including `b`, middles of segments and their ends; `at(s)` is
+/// Appends poses after `a` up to and including `b`: middles of segments and their ends. `at(s)` is
 /// the pose at fraction s between them.
 template <typename At>
 void bisect(const Frame& a, double sa, const Frame& b, double sb, const At& at,
@@ -127,7 +127,7 @@ Motion::Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket)
     : times_s_(std::move(times_s)), poses_(std::move(world_from_bucket)) {
   check_times(times_s_, poses_.size());
   for (std::size_t i = 0; i < poses_.size(); ++i) {
-    if (!is_valid(poses_[i])) refuse_row(i, "a pose that is no place on a site, or no rotation");
+    if (!is_valid(poses_[i])) refuse_row(i, "a pose with an invalid position or rotation");
   }
 }
 
@@ -155,7 +155,6 @@ Pose Motion::pose(double time_s) const {
   return between(j == 0 ? 0 : j - 1, j, time_s);
 }
 
-/// The pose at a time, interpolated between rows i and j.
 Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
   const double span = times_s_[j] - times_s_[i];
   const double s = span > 0 ? std::clamp((time_s - times_s_[i]) / span, 0.0, 1.0) : 0.0;
@@ -185,7 +184,7 @@ Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {
   const std::size_t last = times_s_.size() - 1;
   std::vector<std::size_t> kept{0};
   while (kept.back() < last) {
-    // Twice as far each time, then back: rows are looked at a few times each, however many.
+    // Double the step, then halve it: each row is checked a few times, for any number of rows.
     const std::size_t i = kept.back();
     std::size_t good = 1, step = 2;
     while (i + good < last && straight(i, std::min(i + step, last))) {
@@ -233,7 +232,7 @@ std::vector<Pose> Motion::trace(double t0, double t1, const Bucket& bucket, doub
     const double to = row > last ? t1 : std::min(times_s_[row], t1);
     const std::size_t i = row == 0 ? 0 : std::min(row - 1, last), j = std::min(row, last);
     const auto at = [&](double time_s) { return between(i, j, time_s); };
-    // A turn and its half may look like standing still, so joints start from pieces of a turn.
+    // A full turn and its half may look like rest, so joints start from pieces of a turn.
     for (std::size_t left = row > last ? 1 : row_pieces(row); left > 0; --left) {
       const double until = left == 1 ? to : t + (to - t) / static_cast<double>(left);
       const Frame b = at(until);

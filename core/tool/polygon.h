@@ -23,7 +23,7 @@ inline bool inside(const std::vector<Vec2>& polygon, const Vec2& p) {
   return in;
 }
 
-/// Do two of its sides cross? Sides that only touch, or run along each other, don't.
+/// True if two sides cross. Sides that touch or overlap along a line do not cross.
 inline bool crosses_itself(const std::vector<Vec2>& polygon) {
   const auto side = [](const Vec2& a, const Vec2& b, const Vec2& p) {
     const Vec2 along = b - a, to = p - a;
@@ -39,7 +39,7 @@ inline bool crosses_itself(const std::vector<Vec2>& polygon) {
   return false;
 }
 
-/// Plan area, m^2. @param polygon doesn't cross itself
+/// Plan area, m^2. @param polygon must not cross itself
 inline double area_of(const std::vector<Vec2>& polygon) {
   double twice_m2 = 0;
   for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {

@@ -195,7 +195,7 @@ TEST(ToolShape, RefusesWhatIsNoBody) {
   EXPECT_THAT(lost_by(ToolShape(cube, 0.4), cube), HasSubstr("m3 and its mesh 1 m3"));
   cube.points[3].y() = std::numeric_limits<float>::quiet_NaN();
   EXPECT_THAT([&] { ToolShape(cube, 0.1); },
-              ThrowsMessage<std::invalid_argument>(HasSubstr("a point that is no number")));
+              ThrowsMessage<std::invalid_argument>(HasSubstr("a point that is not a number")));
   EXPECT_THAT(
       [&] {
         ToolShape(box({1e8, 0, 0}, {1e8 + 8, 1, 1}), 0.1);

@@ -311,7 +311,7 @@ TEST(Clone, OfGroundInAColdStoreIsRefused) {
     ground.clone();
     FAIL() << "it was cloned";
   } catch (const std::logic_error& error) {
-    EXPECT_STREQ(error.what(), "ground that is in a cold store can't be cloned: it has one owner");
+    EXPECT_STREQ(error.what(), "ground in a swap store can't be cloned: the store has one owner");
   }
   const auto chunks = ground.chunks();
   EXPECT_TRUE(std::any_of(chunks.begin(), chunks.end(),

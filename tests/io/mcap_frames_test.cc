@@ -153,7 +153,8 @@ TEST_F(Frames, ThatContradictThemselvesAreTold) {
     if (std::abs(s - 4) < 0.01) r.transform(s, "map", "base", {1.7, 0, 0});
   })));
   EXPECT_EQ(twice.bad.count, 1);
-  EXPECT_THAT(twice.bad.first, HasSubstr("says of frame 'base' at 4 s something else"));
+  EXPECT_THAT(twice.bad.first,
+              HasSubstr("has other values of frame 'base' at 4 s than a message before it"));
   EXPECT_EQ(twice.times_s.size(), 61U);
   expect_right(twice);
 }

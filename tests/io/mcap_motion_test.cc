@@ -259,7 +259,8 @@ TEST_F(McapMotion, SaysWhatIsMissingAndWhatIsThere) {
   EXPECT_THAT(error({file, {"/lip", "lip"}}), HasSubstr("has no transforms; remove 'frame'"));
   EXPECT_THAT(error(MotionSource(file)),
               HasSubstr("m.mcap: is an MCAP file; say which topic of it"));
-  EXPECT_THAT(error({folder_ / "poses.csv", {"/lip"}}), HasSubstr("poses.csv: is no MCAP file"));
+  EXPECT_THAT(error({folder_ / "poses.csv", {"/lip"}}),
+              HasSubstr("poses.csv: is not an MCAP file"));
   const auto json = make("json.mcap", "--encoding json pose:/lip:poses.csv");
   EXPECT_EQ(error({json, {"/lip"}}),
             "json.mcap: topic '/lip' is encoded as 'json'; it must be cdr, as ROS 2 records it");

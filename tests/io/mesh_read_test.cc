@@ -67,7 +67,7 @@ TEST(ReadMesh, RefusesWhatIsNone) {
   EXPECT_THAT(said("a.obj", ""), HasSubstr("a.obj: has no triangles"));
   EXPECT_THAT(said("a.obj", "v 0 0\n"), HasSubstr("a.obj:1: not a coordinate: ''"));
   EXPECT_THAT(said("a.obj", "v 0 0 0\nf 1 2 3\n"), HasSubstr("a.obj:2: a face has the corner '2'"));
-  EXPECT_THAT(said("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), HasSubstr("no number"));
+  EXPECT_THAT(said("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"), HasSubstr("not a number"));
   EXPECT_THAT(said("a.stl", "solid\nvertex 1 2 x\n"), HasSubstr("a.stl:2: not a coordinate: 'x'"));
   EXPECT_THAT(said("a.stl", std::string(200, 'x')),
               HasSubstr("a.stl: is damaged or not an STL file"));

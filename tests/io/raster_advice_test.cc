@@ -511,11 +511,11 @@ TEST(RasterAdvice, TellsCrsThatDiffer) {
   EXPECT_EQ(between("EPSG:25832+7837", "EPSG:25833+5783").size(), 2U);
   const auto unknown = between("EPSG:25832+7837", "EPSG:25832");
   ASSERT_EQ(unknown.size(), 1U);
-  EXPECT_THAT(unknown[0], HasSubstr("heights of A are in EPSG:7837, and B doesn't say"));
+  EXPECT_THAT(unknown[0], HasSubstr("heights of A are in EPSG:7837, and B names none"));
   EXPECT_EQ(between("EPSG:4979", "EPSG:25832").size(), 2U);
   const auto above_ellipsoid = between("EPSG:4979", "EPSG:4326");
   ASSERT_EQ(above_ellipsoid.size(), 1U) << "of one place, with and without a height";
-  EXPECT_THAT(above_ellipsoid[0], HasSubstr("and B doesn't say"));
+  EXPECT_THAT(above_ellipsoid[0], HasSubstr("and B names none"));
 }
 
 TEST(Raster, WhatIsAdvisedForARotatedOneLeavesNoGroundOutsideOfIt) {

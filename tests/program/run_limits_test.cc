@@ -124,7 +124,7 @@ TEST_F(Run, UpdatesThatTakeLongerThanASecondAreCountedToo) {
 }
 
 TEST_F(Run, ALimitOfMemoryChangesNothingAndAFullDiskCanBeGoneOnFrom) {
-  if (test::kSanitized) GTEST_SKIP() << "minutes; memory_test and cold_file_test run the same code";
+  if (test::kSanitized) GTEST_SKIP() << "minutes; memory_test and swap_file_test run the same code";
   const std::string fine = "dig.yaml --voxel 0.001 --updates 300 --no-mesh --no-snapshots";
   const auto free = summary(fine + " --out free", "free");
   const std::uint64_t limit = std::uint64_t{16} << 20;

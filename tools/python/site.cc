@@ -589,7 +589,7 @@ void bind_site(py::module_& m) {
       .def("ledger", &ledger_of, py::arg("machine") = none,
            "Volumes of a machine, or of all machines, m3. In place: cut, captured and displaced. "
            "Loose: the bucket's load, spilled and dumped. One machine also has bucket_kg. All "
-           "machines also have fill_m3, added to the ground less lost by slopes. They also have "
+           "machines also have fill_m3, which moving soil added to the ground. They also have "
            "loose volumes of pours, hoppers and failed slopes: poured_m3, hauled_m3, slid_m3.")
       .def(
           "change_m3",

@@ -28,7 +28,7 @@ void put_moved(const RunTotals& totals, io::Summary& summary) {
   const std::int64_t ground = balance.ground - totals.mass_before;
   const std::int64_t residual =
       ground + totals.total.load + balance.pending + balance.hauled - balance.poured;
-  const std::int64_t expected = balance.fill_samples - totals.total.cut();
+  const std::int64_t expected = balance.fill_samples - balance.failed_samples - totals.total.cut();
   const std::int64_t samples = std::llround(summary.ground_change_m3 / sample_m3);
   summary.residual_m3 = static_cast<double>(samples - expected) * sample_m3;
   io::Summary::Moved& moved = summary.moved.emplace(io::Summary::Moved{});

@@ -147,12 +147,13 @@ Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>
   const Ledger total = site.total();
   const MassBalance balance = site.mass_balance_without_ground();
   const double sample_m3 = site.site().ground->sample_m3();
+  const std::int64_t change = balance.fill_samples - balance.failed_samples - total.cut();
   return {{"type", "state"},
           {"time_s", log.time_s() ? Json(*log.time_s()) : Json()},
           {"machines", machines},
           {"cut_m3", total.cut_m3()},
           {"fill_m3", static_cast<double>(balance.fill_samples) * sample_m3},
-          {"change_m3", static_cast<double>(balance.fill_samples - total.cut()) * sample_m3}};
+          {"change_m3", static_cast<double>(change) * sample_m3}};
 }
 
 Json site_state(const Session& site, const WorkLog& log) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A thread beside updates, for what may be late.
+// A low-priority worker thread for jobs that may finish late.
 #pragma once
 
 #include <condition_variable>
@@ -14,38 +14,38 @@
 
 namespace soilvdb::inline v0 {
 
-/// Runs jobs in their order, on one core and at a lower priority than the thread that made it.
+/// Runs jobs in order, on one core and at a lower priority than the constructing thread.
 ///
-/// An error of a job is thrown once, by a later run() or wait(); what that call was to do is done
-/// all the same, and the jobs after it run. Functions may be called by one thread at a time.
+/// A later run(), wait() or rethrow() throws each job's error once. That call still does its work,
+/// and later jobs still run. Only one thread at a time may call the members.
 ///
 /// ```
 /// Background background(true);
 /// background.run([copy] { save(copy); });
-/// background.wait();   // throws if it couldn't be saved
+/// background.wait();   // throws if save() failed
 /// ```
 class Background {
  public:
-  /// @param thread else run() does its work before it returns
-  /// @param most jobs that may wait, 1 or more
+  /// @param thread false: run() executes the job itself before it returns
+  /// @param most maximum number of waiting jobs, >= 1. @throw std::invalid_argument for 0
   explicit Background(bool thread, std::size_t most = std::numeric_limits<std::size_t>::max());
-  /// Runs the jobs that wait. Errors not thrown yet are lost: wait() first.
+  /// Runs the waiting jobs. Errors that were not thrown are lost: call wait() first.
   ~Background();
   Background(const Background&) = delete;
   Background& operator=(const Background&) = delete;
 
-  /// Waits until there is room for it.
+  /// Queues a job; waits while the queue is full.
   void run(std::function<void()> job);
-  /// The same without waiting, for who can do without. Throws no errors of jobs.
-  /// @return false: so many wait already that it isn't taken
+  /// Queues a job without waiting. Throws no errors of jobs.
+  /// @return false if the queue is full; the job is then not queued
   bool try_run(std::function<void()> job);
-  /// Forgets the jobs that haven't begun.
+  /// Discards the jobs that have not begun.
   void drop();
-  /// Waits until all is done.
+  /// Waits until all jobs have ended.
   void wait();
-  /// Is all done?
+  /// Whether all jobs have ended.
   bool done() const;
-  /// Throws the oldest error that hasn't been thrown yet.
+  /// Throws the oldest error that was not thrown yet, if there is one.
   void rethrow();
 
  private:
@@ -54,8 +54,8 @@ class Background {
 
   const bool thread_used_;
   const std::size_t most_;
-  mutable std::mutex mutex_;                   // for all below
-  std::condition_variable wake_, came_along_;  // for the thread; for who waits for it
+  mutable std::mutex mutex_;                   // guards the members below
+  std::condition_variable wake_, came_along_;  // for the worker; for waiting callers
   std::deque<std::function<void()>> jobs_;
   bool busy_ = false, ending_ = false;
   std::deque<std::exception_ptr> errors_;

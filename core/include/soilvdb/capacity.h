@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// How much loose soil a bucket holds at any attitude, and where more leaves it.
+// The volume of loose soil that a bucket holds at an attitude, and the point where it spills.
 #pragma once
 
 #include <optional>
@@ -10,30 +10,28 @@
 
 namespace soilvdb::inline v0 {
 
-/// What a bucket holds at an attitude.
 struct BucketCapacity {
-  double volume_m3 = 0;       ///< at most, of loose soil
-  Vec3 spill = Vec3::Zero();  ///< point of the mouth over which more leaves, bucket frame
+  double volume_m3 = 0;       ///< maximum loose volume
+  Vec3 spill = Vec3::Zero();  ///< point of the mouth where surplus soil leaves, bucket frame, m
 };
 
-/// The capacity of a bucket with a body, for soil that stands no steeper than its angle of repose.
-/// Its rim is the lip, the upper edge of the mouth and the edges of the side plates between them;
-/// side plates have the outline of the profile; of a mouth that looks down all is rim. Soil is
-/// where a point is below
+/// The capacity of a bucket with a body, for soil no steeper than its angle of repose. The rim is
+/// the lip, the mouth's upper edge and the side plates' edges between them. The side plates have
+/// the outline of the profile. If the mouth points down, the whole mouth is rim. Soil fills each
+/// point of the body, and above a mouth that points up, that lies below
 ///
 ///     S(x, y) = min over the rim of (height + repose_slope * horizontal distance)
 ///
-/// inside of the body, and above a mouth that looks up. That is the largest heap that doesn't reach
-/// over the rim. Where the mouth looks up and is flatter than repose it is the struck volume and a
-/// hipped roof.
+/// That is the largest heap that does not rise over the rim. For a mouth that points up and is
+/// flatter than repose it is the struck volume plus a hipped roof.
 ///
-/// Guarantees: exact where the lip is level or the mouth looks up and is flatter than repose, else
-/// within 2e-5 of the struck volume. Heading doesn't matter. The same bits on any CPU. Some
-/// microseconds for a profile of ten points. Immutable: threads may share it.
+/// Guarantees: exact if the lip is level or the mouth points up and is flatter than repose, else
+/// within 2e-5 of the struck volume. The heading has no effect. The bits are equal on all CPUs.
+/// at() takes microseconds for a profile of ten points. Immutable: threads may share it.
 ///
-/// Caveats: distances are straight, so soil behind a ridge across the floor is taken to run out as
-/// if the ridge weren't there, and a shelf above a mouth that looks down to be empty. Corners that
-/// are filled from below count as full.
+/// Limitations: distances are straight lines. Soil behind a ridge across the floor runs out as if
+/// there were no ridge; a shelf above a mouth that points down is empty. Corners that fill from
+/// below count as full.
 ///
 ///     if (const auto capacity = Capacity::of(bucket)) {
 ///       const BucketCapacity most =
@@ -42,18 +40,18 @@ struct BucketCapacity {
 ///     }
 class Capacity {
  public:
-  /// Nothing for a bucket without a profile, which holds any amount. @pre bucket is valid
+  /// @return std::nullopt without a profile: the volume is then unlimited. @pre bucket is valid
   static std::optional<Capacity> of(const Bucket& bucket);
 
-  /// Below the strike plane, which is the mouth's.
+  /// Volume below the strike plane, the plane of the mouth.
   double struck_m3() const { return area_m2_ * width_m_; }
-  /// Heaped at 1:1 above the strike plane held level: ISO 7451, SAE J296.
+  /// Volume with a heap of slope 1:1 on a level strike plane: ISO 7451, SAE J296.
   double heaped_m3() const { return hold_m3(Vec3::UnitX(), 1); }
 
-  /// @param world_from_bucket unit
-  /// @param repose_slope tangent of the angle of repose, 0 (water) or more
-  /// `spill` is the point of the rim that is least, as in S, from the middle of the body: soil at
-  /// capacity reaches up to the rim there.
+  /// @param world_from_bucket unit quaternion
+  /// @param repose_slope tangent of the angle of repose, >= 0 (0: water)
+  /// @return `spill` is the rim point with the least S at the body's centroid: soil at capacity
+  ///        reaches the rim there
   BucketCapacity at(const Eigen::Quaterniond& world_from_bucket, double repose_slope) const;
 
  private:
@@ -63,9 +61,9 @@ class Capacity {
 
   double width_m_, height_m_;
   double area_m2_ = 0;
-  Vec3 middle_ = Vec3::Zero();  // of the body
-  /// The profile: how far behind the mouth, and how far from the lip towards the upper edge, or
-  /// from the upper edge towards the lip. Counterclockwise.
+  Vec3 middle_ = Vec3::Zero();  // centroid of the body
+  /// The profile as (distance behind the mouth, distance from the lip or from the upper edge along
+  /// the mouth), m, counterclockwise.
   std::vector<Vec2> from_lip_, from_upper_edge_;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which chunks of the ground changed since somebody looked.
+// Lists the chunks of the ground that changed since the last query.
 #pragma once
 
 #include <memory>
@@ -12,25 +12,24 @@ namespace soilvdb::inline v0 {
 
 class ChunkList;  // core/lattice/chunk_list.h
 
-/// Lists the chunks that changed since its last look. A ground has any number of followers, each of
-/// which sees every change. A follower that doesn't look holds the origin of each chunk that
-/// changed, once.
+/// Lists the chunks that changed since the last take(). A ground may have many followers; each
+/// receives every change. Between calls a follower stores the origin of each changed chunk once.
 ///
 /// All functions need exclusive access to the ground.
 class ChangeFollower {
  public:
-  /// @param ground outlives the last take()
+  /// @param ground must outlive the last take()
   explicit ChangeFollower(Ground& ground);
-  /// Follows a clone as `other` follows the ground that it was cloned from.
+  /// Follows a clone from the state of `other`, which follows the cloned ground.
   ChangeFollower(Ground& clone, const ChangeFollower& other);
   ChangeFollower(ChangeFollower&&) = default;
   ChangeFollower& operator=(ChangeFollower&&) = default;
 
-  /// Origins of the chunks that came, went or changed since the last call, sorted. The first call
-  /// lists all resident chunks.
+  /// Sorted origins of the chunks that were created, removed or changed since the last call. The
+  /// first call returns all resident chunks.
   std::vector<Coord3> take();
 
-  /// Follows another ground of the same lattice: all chunks of both count as changed.
+  /// Follows another ground of the same lattice. All chunks of both grounds count as changed.
   void switch_to(Ground& other);
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Which chunks a box covers, and in what order chunks are visited.
+// The chunks that a box covers, and the order of chunks.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace soilvdb::inline v0 {
 
-/// The order of chunks everywhere: by x, then y, then z.
+/// The order of chunks in all lists: by x, then y, then z.
 inline bool before(const Coord3& a, const Coord3& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
@@ -20,19 +20,19 @@ struct Before {
   bool operator()(const Coord3& a, const Coord3& b) const { return before(a, b); }
 };
 
-/// Sorts origins, and leaves each of them once.
+/// Sorts origins and removes duplicates.
 inline void sort_once(std::vector<Coord3>& origins) {
   std::sort(origins.begin(), origins.end(), before);
   origins.erase(std::unique(origins.begin(), origins.end()), origins.end());
 }
 
-/// Origin of the chunk whose cells hold a point of index space.
+/// Origin of the chunk whose cells contain a point, in index space.
 inline Coord3 chunk_of(const Vec3& index) {
   return ((index + Vec3::Constant(0.5)) / kChunkSide).array().floor().matrix().cast<int>() *
          kChunkSide;
 }
 
-/// Calls `f(origin)` for each chunk from one to another, or to that of a voxel, in order.
+/// Calls `f(origin)` for each chunk from origin `first` to the chunk of voxel `last`, in order.
 template <typename F>
 void for_each_chunk(const Coord3& first, const Coord3& last, F f) {
   for (int x = first.x(); x <= last.x(); x += kChunkSide) {
@@ -42,7 +42,7 @@ void for_each_chunk(const Coord3& first, const Coord3& last, F f) {
   }
 }
 
-/// Calls `f(origin)` for each chunk whose cells meet a box in index space, in order.
+/// Calls `f(origin)` for each chunk whose cells intersect a box in index space, in order.
 template <typename F>
 void for_each_chunk(const Eigen::AlignedBox3d& box, F f) {
   for_each_chunk(chunk_of(box.min()), chunk_of(box.max()), f);

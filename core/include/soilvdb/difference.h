@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What was cut and filled between two states of a site.
+// Cut and fill between two states of a site.
 #pragma once
 
 #include <vector>
@@ -12,37 +12,39 @@ namespace soilvdb::inline v0 {
 
 struct Difference {
   double cut_m3 = 0, fill_m3 = 0, net_m3 = 0;
-  double area_m2 = 0;       ///< plan area of what changed
-  double error_m3 = 0;      ///< by which cut and fill may be wrong, each
-  bool exact = false;       ///< counted sample by sample
-  Eigen::AlignedBox2d box;  ///< of the columns that changed, world
+  double area_m2 = 0;       ///< plan area of the change
+  double error_m3 = 0;      ///< error bound of cut, and of fill
+  bool exact = false;       ///< compared sample by sample
+  Eigen::AlignedBox2d box;  ///< bounds of the changed columns, world, m
 };
 
 /// Compares two grounds of a site.
 ///
-/// Where their voxels are of one lattice and their base surfaces the same, sample by sample:
-/// volumes are differences of the ledgers, and the error is two standard deviations of what counts
-/// of samples err by against the true surfaces.
+/// Grounds with one lattice and initial terrain are compared sample by sample; volumes are
+/// differences of the ledgers. The error is two standard deviations of the counts against the true
+/// surfaces.
 ///
-/// Else box by box, as large as the larger voxels: what one of them gained is the difference of
-/// what the two have lost there against the ground that is under both, so that net is exact. The
-/// error is two standard deviations of that, one for each box in which counts can't tell whether
-/// anything changed, for those don't cancel, and all that may have been cut and filled within one
-/// box where both were near.
+/// Other grounds are compared in boxes as large as the larger voxels. The gain of a box is the
+/// difference of both losses against the initial ground below; so the net volume is exact. The
+/// error is the sum of two standard deviations of the gain, one for each box whose counts cannot
+/// prove a change (these do not cancel), and the volume that one box near both surfaces may hide as
+/// cut plus fill.
 ///
-/// Either way the area is that of core/compare/changed_area.h.
-/// @param same_base whether both have one base surface; else those must be surfaces of grounds with
-///        the same ground beneath
+/// core/compare/changed_area.h defines the area.
+/// @param same_base whether both have one initial terrain; else the initial terrains must be
+/// surfaces of
+///        grounds with the same initial ground
 Difference difference(const Ground& before, const Ground& after, bool same_base);
 
-/// The same of the soil inside a boundary, for two grounds of one lattice and base surface. Each
-/// sample is inside one of two boundaries that share an edge, so parts of a site add up to the
-/// whole. The area is the boundary's.
-/// @param boundary corners in the world, m, closed from the last to the first; inside by even-odd
-/// @throw std::invalid_argument where grounds are of two lattices, or sides of the boundary cross
+/// Compares the soil inside a boundary, for two grounds of one lattice and initial terrain.
+/// Boundaries with common edges count each sample once: parts sum to the whole. The area is the
+/// boundary's.
+/// @param boundary corners in the world, m; the last connects to the first; inside by the even-odd
+///        rule
+/// @throw std::invalid_argument for grounds of two lattices, or if sides of the boundary cross
 Difference difference(const Ground& before, const Ground& after, const std::vector<Vec2>& boundary);
 
-/// Calls `f` with what columns of any width gained between the two, some of them several times.
+/// Calls `f` with the gain of each changed column of `bins`; a column may occur several times.
 void for_each_volume_change(const Ground& before, const Ground& after, bool same_base,
                             const VolumeBins& bins, const VolumeChangeFunction& f);
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What soil does once it was moved, and what brings it or takes it away besides machines.
+// Properties of soil that moves, and its sources and sinks besides machines.
 #pragma once
 
 #include <limits>
@@ -12,40 +12,40 @@
 
 namespace soilvdb::inline v0 {
 
-/// Soil that can move: what was moved is loose, what wasn't is bank.
+/// Soil that moves: disturbed soil is loose, undisturbed soil is bank.
 struct SoilProperties {
-  double repose_rad = 0;               ///< steepest that loose soil stands, in (0, pi / 2)
-  double swell = 0;                    ///< loose volume over bank volume, less 1; >= 0
+  double repose_rad = 0;               ///< angle of repose of loose soil, in (0, pi / 2)
+  double swell = 0;                    ///< ratio of loose to bank volume, minus 1; >= 0
   double density_kg_m3 = 1800;         ///< of bank soil, > 0
-  std::optional<double> cohesion_pa;   ///< of bank soil; without it bank stands as it was cut
-  std::optional<double> friction_rad;  ///< of bank soil, in [0, pi / 2); without it repose_rad
+  std::optional<double> cohesion_pa;   ///< of bank soil; unset: cut banks do not fail
+  std::optional<double> friction_rad;  ///< of bank soil, in [0, pi / 2); unset: repose_rad
 };
 
-/// Soil brought from elsewhere: a truck that tips, a conveyor. It falls straight down, evenly over
-/// the time.
+/// Soil from outside the site: a truck that tips, a conveyor. It falls vertically at a constant
+/// rate.
 struct Pour {
   std::string name;
   Vec3 at_m = Vec3::Zero();
-  double begin_s = 0, end_s = 0;  ///< the same: all at once
+  double begin_s = 0, end_s = 0;  ///< equal: all soil falls at once
   double volume_m3 = 0;           ///< loose, > 0
 };
 
-/// A box that is open at its top: what falls into it leaves the site.
+/// A box with an open top: soil that falls into it leaves the site.
 struct Hopper {
   std::string name;
   Eigen::AlignedBox2d box_m;
-  double top_m = 0;                                           ///< height of its rim
-  double begin_s = -std::numeric_limits<double>::infinity();  ///< it is there from here ...
-  double end_s = std::numeric_limits<double>::infinity();     ///< ... to here
+  double top_m = 0;                                           ///< height of the rim, world
+  double begin_s = -std::numeric_limits<double>::infinity();  ///< start of the hopper's presence
+  double end_s = std::numeric_limits<double>::infinity();     ///< end of the hopper's presence
 };
 
-/// All of it; without `soil` soil doesn't move.
+/// Without `soil` no soil moves.
 struct Earthmoving {
   std::optional<SoilProperties> soil;
   std::vector<Pour> pours;
   std::vector<Hopper> hoppers;
 
-  /// @throw std::invalid_argument in one line for soil, a pour or a hopper that can't be
+  /// @throw std::invalid_argument with one line for an invalid soil, pour or hopper
   void validate() const;
 };
 

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A header and what follows it in one piece of memory, behind one pointer: there are hundreds of
-// millions of them on a site that was worked on for long.
+// A header and its tail in one allocation behind one pointer: a large site has hundreds of
+// millions.
 #pragma once
 
 #include <algorithm>
@@ -18,11 +18,11 @@
 
 namespace soilvdb::inline v0 {
 
-/// A Head and its tail, or none. Copies share them until one of them is to be changed: threads may
-/// each copy, change and drop blocks of their own, whoever shares them.
+/// A Head and its tail, or null. Copies share the block until one of them changes it. Threads may
+/// copy, change and destroy their own HeapBlocks, even if these share one block.
 ///
-/// Head begins with `std::uint32_t owners`, ours to change: 1 in what is assigned. It has a member
-/// `bytes() const` that says how many bytes it and its tail use now.
+/// Head must begin with `std::uint32_t owners`, which HeapBlock manages; it must be 1 in an
+/// assigned Head. `bytes() const` must return the current size of Head and tail.
 template <typename Head>
 class HeapBlock {
   static_assert(std::is_trivially_copyable_v<Head> && std::is_standard_layout_v<Head>);
@@ -43,12 +43,12 @@ class HeapBlock {
   const Head* get() const { return head_; }
   const Head* operator->() const { return head_; }
 
-  /// What there is, to be changed: shared with nobody from now on. @throw std::bad_alloc
+  /// The Head for writing; its block is no longer shared. @throw std::bad_alloc
   Head* own() {
     if (shared()) resize(head_->bytes());
     return head_;
   }
-  /// Makes it of a size, shared with nobody, and keeps the bytes that fit. @throw std::bad_alloc
+  /// Resizes to an unshared block and keeps the bytes that fit. @throw std::bad_alloc
   void resize(std::size_t bytes) {
     const bool alone = head_ != nullptr && !shared();
     void* const memory = alone ? std::realloc(head_, bytes) : std::malloc(bytes);
@@ -67,13 +67,13 @@ class HeapBlock {
     Head* const head = std::exchange(head_, nullptr);
     if (head == nullptr) return;
     std::atomic_ref<std::uint32_t> owners(head->owners);
-    // Most have one owner, who needn't lock a bus to find that out.
+    // Most blocks have one owner: a plain load avoids a locked instruction.
     if (owners.load(std::memory_order_acquire) == 1 ||
         owners.fetch_sub(1, std::memory_order_acq_rel) == 1)
       std::free(head);
   }
 
-  /// Appends its size and its bytes.
+  /// Appends the size and the bytes.
   void put(std::string& out) const {
     const std::uint32_t size = head_ ? static_cast<std::uint32_t>(head_->bytes()) : 0, one = 1;
     out.append(reinterpret_cast<const char*>(&size), sizeof(size));
@@ -81,7 +81,7 @@ class HeapBlock {
     out.append(reinterpret_cast<const char*>(&one), sizeof(one));
     out.append(behind_owners(head_), size - sizeof(one));
   }
-  /// Takes it off again. @return whether it was there
+  /// Reads and removes the output of put() from `in`. @return false if `in` is invalid
   bool take(std::string_view& in) {
     std::uint32_t size = 0;
     if (in.size() < sizeof(size)) return false;
@@ -103,9 +103,9 @@ class HeapBlock {
     static_assert(offsetof(Head, owners) == 0);
     return std::atomic_ref<std::uint32_t>(head_->owners);
   }
-  /// Acquires what those did who shared it and don't any more: they read it.
+  /// Acquire: reads by former owners must happen before changes.
   bool shared() const { return owners().load(std::memory_order_acquire) != 1; }
-  /// All but the count, which others may be changing.
+  /// All bytes but the count, which other threads may change.
   static char* behind_owners(Head* head) { return reinterpret_cast<char*>(head) + kOwners; }
   static void fill(Head* head, const char* from, std::size_t bytes) {
     std::memcpy(behind_owners(head), from, bytes - kOwners);
@@ -114,11 +114,11 @@ class HeapBlock {
   Head* head_ = nullptr;
 };
 
-/// What a piece takes from the heap besides its bytes.
+/// Heap overhead of an allocation, bytes.
 inline constexpr std::size_t kHeapWord = 8;
 
-/// The size, `bytes` or more, that a piece should be of: few sizes, so that what one gives back is
-/// what another asks for, and so that most changes of size need no other piece.
+/// The allocation size to use for `bytes` or more. Few sizes let allocations reuse freed ones and
+/// let most resizes stay in place.
 constexpr std::size_t heap_size(std::size_t bytes) {
   constexpr std::size_t kStep = 64;
   return (bytes + kHeapWord + kStep - 1) / kStep * kStep - kHeapWord;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where the lip is, given a machine's joints.
+// The pose of the lip for a machine's joint values.
 #pragma once
 
 #include <span>
@@ -11,27 +11,27 @@
 
 namespace soilvdb::inline v0 {
 
-/// One joint on the way from the machine's root link to the lip.
+/// One joint between the machine's root link and the lip.
 struct Joint {
   enum class Type { kFixed, kRevolute, kContinuous, kPrismatic };
   std::string name;
   Type type = Type::kFixed;
   Pose parent_from_joint;       ///< the URDF <origin>
   Vec3 axis = Vec3::UnitX();    ///< unit, in the joint frame
-  double lower = 0, upper = 0;  ///< rad or m; equal values mean no limit
-  double fastest = 0;           ///< rad/s or m/s; 0 means no limit
-  /// The joint that it follows, at `multiplier` times that one's value plus `offset` (rad or m);
-  /// empty: it follows none. Both are of one chain.
+  double lower = 0, upper = 0;  ///< rad or m; equal: no limit
+  double fastest = 0;           ///< rad/s or m/s; 0: no limit
+  /// Joint of the same chain that this joint mimics, at `multiplier` times its value plus `offset`
+  /// (rad or m). Empty: an independent joint.
   std::string mimics = {};
   double multiplier = 1, offset = 0;
-  bool beside = false;  ///< it is not on the way to the lip: only joints that follow it move that
+  bool beside = false;  ///< a side joint: it moves the lip only through joints that mimic it
 
-  /// Has it a value of its own?
+  /// Whether the joint has a value of its own.
   bool moves_itself() const { return type != Type::kFixed && mimics.empty(); }
 };
 
-/// A serial chain. Joint values come in the order of the movable joints: all but the fixed ones and
-/// those that follow others.
+/// A serial chain. Joint values are in the order of the movable joints: those that are neither
+/// fixed nor mimics.
 struct Chain {
   Pose world_from_root;
   std::vector<Joint> joints;  ///< root to lip link
@@ -40,11 +40,11 @@ struct Chain {
   /// Names of the movable joints, in order.
   std::vector<std::string> movable() const;
 
-  /// The bucket frame in the world.
+  /// Pose of the bucket frame in the world.
   /// @param values rad or m, one per movable joint, not checked against the limits
   Pose world_from_bucket(std::span<const double> values) const;
 
-  /// Where the joints are, from the root to the lip, those that don't move left out; world, m.
+  /// Positions of the moving joints, from the root to the lip; world, m.
   std::vector<Vec3> joint_places(std::span<const double> values) const;
 };
 

@@ -15,27 +15,26 @@
 
 namespace soilvdb::inline v0 {
 
-/// Voxels per side of a block, the unit in which ground is meshed.
+/// Voxels per side of a block, the unit of meshing.
 inline constexpr int kBlockSide = 32;
 
-/// Triangles, or quads as two triangles each. Local coordinates: add Ground::origin() for the
-/// world.
+/// Triangles; a quad is two triangles. Add Ground::origin() for world coordinates.
 struct Mesh {
-  std::vector<Eigen::Vector3f> points;                  ///< m, relative to the site's origin
+  std::vector<Eigen::Vector3f> points;                  ///< m, relative to Ground::origin()
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from the air
 };
 
-/// The surface in the resident chunks of one block. Patches of neighbouring blocks share their
-/// border vertices bit for bit, so the union of all patches is watertight but for its rim, where
-/// the resident ground ends. Safe to call from several threads while nothing writes to the ground.
+/// The surface in the resident chunks of one block. Patches of adjacent blocks have bitwise equal
+/// border vertices: their union is watertight except at the rim of the resident ground. Threads may
+/// call it concurrently while the ground does not change.
 /// @param block origin in index space, multiples of 32
 Mesh mesh_block(const Ground& ground, const Coord3& block);
 
 class FitCache;  // core/cell/fit_cache.h
 
-/// Meshes blocks again and again, the same as mesh_block() does: where a bucket changed a corner of
-/// one, in two thirds of the time. For one thread at a time, while nothing writes to the ground,
-/// which outlives it.
+/// Meshes blocks repeatedly with the result of mesh_block(). After a change in a corner of a block
+/// it takes two thirds of the time. Only one thread at a time may use it, while the ground does not
+/// change. The ground must outlive it.
 class CachedMesher {
  public:
   explicit CachedMesher(const Ground& ground);
@@ -48,14 +47,14 @@ class CachedMesher {
   std::unique_ptr<FitCache> cache_;  // 3 MB
 };
 
-/// Origins of the blocks whose patch depends on any of these chunks, sorted.
+/// Sorted origins of the blocks whose patches depend on these chunks.
 std::vector<Coord3> blocks_touched(std::span<const Coord3> chunks);
 
-/// The whole surface, kept up to date block by block.
+/// The whole surface, updated block by block. The ground must outlive it.
 class SurfaceMesh {
  public:
   explicit SurfaceMesh(const Ground& ground) : ground_(ground) {}
-  /// Meshes again what these chunks can have changed. @return the blocks meshed.
+  /// Remeshes the blocks that depend on these chunks. @return origins of these blocks
   std::vector<Coord3> update(std::span<const Coord3> changed_chunks);
   /// Patches by block origin.
   const std::map<Coord3, Mesh, Before>& patches() const { return patches_; }
@@ -65,10 +64,10 @@ class SurfaceMesh {
   std::map<Coord3, Mesh, Before> patches_;
 };
 
-/// One mesh of many patches, vertices with equal coordinates made one.
+/// Joins patches into one mesh and merges vertices with equal coordinates.
 Mesh weld(const std::map<Coord3, Mesh, Before>& patches);
 
-/// All resident ground in one welded mesh.
+/// The resident ground as one welded mesh.
 Mesh mesh_all(const Ground& ground);
 
 }  // namespace soilvdb::inline v0

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A bucket's motion: rows in time, by poses or by joints, and the pose at any time between them.
+// A bucket's motion: rows of poses or joint values in time, interpolated between rows.
 #pragma once
 
 #include <span>
@@ -12,13 +12,13 @@
 
 namespace soilvdb::inline v0 {
 
-/// A motion over [begin_s, end_s]. Between rows joints are linear, positions linear and rotations
-/// slerp. Times strictly increase; at least one row.
+/// A motion over [begin_s, end_s]. Joint values and positions are linear between rows; rotations
+/// use slerp. Times strictly increase; there is at least one row.
 class Motion {
  public:
-  /// @throw std::invalid_argument if the sizes differ or are zero, times don't strictly increase, a
-  ///        number is not finite or beyond 1e9, a rotation not unit, or a joint goes on by more
-  ///        than 1000 rad or m in one row.
+  /// @throw std::invalid_argument if the sizes differ or are zero, times do not strictly increase,
+  ///        a number is not finite or exceeds 1e9, a rotation is not unit, or a joint moves more
+  ///        than 1000 rad or m between rows
   Motion(std::vector<double> times_s, std::vector<Pose> world_from_bucket);
   /// @param joint_values row-major, times_s.size() x chain.movable().size()
   Motion(std::vector<double> times_s, std::vector<double> joint_values, Chain chain);
@@ -30,9 +30,9 @@ class Motion {
   /// Pose at times_s()[i].
   Pose row(std::size_t i) const { return between(i, i, times_s_[i]); }
 
-  /// Pieces of the way from row i - 1 to row i in which no joint moves more than a radian or metre.
+  /// Number of parts from row i - 1 to row i in each of which no joint moves more than 1 rad or m.
   std::size_t row_pieces(std::size_t i) const;
-  /// Its rows as given: poses, or else joint values and the chain they move.
+  /// The rows as given: poses, or joint values and their chain.
   std::span<const Pose> poses() const { return poses_; }
   std::span<const double> joint_values() const { return joint_values_; }
   const Chain& chain() const { return chain_; }
@@ -40,14 +40,14 @@ class Motion {
   /// Pose at `time_s`, clamped to [begin_s, end_s].
   Pose pose(double time_s) const;
 
-  /// The same motion with as few of its rows as keep every corner of the bucket within
-  /// `tolerance_m` of where it was at each row's time.
+  /// A motion with the fewest rows that keep each corner of the bucket within `tolerance_m` of its
+  /// position at each original row's time.
   Motion simplified(const Bucket& bucket, double tolerance_m) const;
 
-  /// The motion from `t0` to `t1` in segments: the pose where it starts, then for each segment the
-  /// pose half-way in time and the one at its end. In a segment no corner moves more than
-  /// `stride_m` and a point fixed in the world leaves the straight way in the bucket frame by no
-  /// more than `bend_m`, over the whole bucket. Every row between is respected.
+  /// The motion from `t0` to `t1` in segments: the start pose, then for each segment the pose at
+  /// half its time and its end pose. In a segment no corner moves more than `stride_m`. Over the
+  /// whole bucket, a point fixed in the world deviates at most `bend_m` from a straight line in the
+  /// bucket frame. Segments end at the rows between.
   std::vector<Pose> trace(double t0, double t1, const Bucket& bucket, double bend_m,
                           double stride_m) const;
 
@@ -61,14 +61,14 @@ class Motion {
   Chain chain_;
 };
 
-/// Is this a pose, of finite numbers within 1e9 m and with a unit rotation?
+/// Whether a pose has finite numbers within 1e9 m and a unit rotation.
 bool is_valid(const Pose& pose);
-/// Why it isn't, with the value and what would be right; empty if it is.
+/// Why a pose is invalid, with the value and the allowed values; empty if it is valid.
 std::string validation_error(const Pose& pose);
-/// The same for a place, of which no coordinate is to be farther than that from a middle's.
+/// Why a position is invalid; each coordinate must be within `farthest_m` of that of `middle_m`.
 std::string validation_error(const Vec3& position_m, const Vec3& middle_m, double farthest_m);
 
-/// trace() for a straight interpolation between two poses.
+/// Motion::trace() for interpolate() between two poses; appends to `out`.
 void trace(const Pose& a, const Pose& b, const Bucket& bucket, double tolerance_m, double stride_m,
            std::vector<Pose>& out);
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// How a pour is spread over its time.
+// The parts of a pour over its duration.
 #pragma once
 
 #include <cstdint>
@@ -9,15 +9,15 @@
 
 namespace soilvdb::inline v0 {
 
-/// The parts in which a pour comes down, equal but for rounding and evenly over its time: the same
-/// whatever the updates are. A pour of no duration has one.
+/// Parts of a pour, equal up to rounding and evenly spaced in time, independent of the updates. A
+/// pour without duration has one part.
 class PourParts {
  public:
-  /// @param voxel_size_m of the ground; parts are of so many voxels, some hundred, or fewer
+  /// @param voxel_size_m of the ground; a part has some hundred voxels, within limits on the count
   PourParts(const Pour& pour, double voxel_size_m);
 
   std::int64_t count() const { return count_; }
-  /// When part 1, 2, ... count() falls, s; the last one at the end. 0: the beginning
+  /// Time when part 1, 2, ... count() falls, s. The last part falls at the end; 0 is the beginning.
   double falls_s(std::int64_t part) const;
 
  private:

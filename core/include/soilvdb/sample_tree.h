@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The grid that holds the ground, its tree with a leaf of our own. Slow to compile: include it only
+// The tree of the ground's grid, with its own leaf type. Slow to compile: include this header only
 // where the tree itself is needed.
 #pragma once
 
@@ -14,20 +14,18 @@
 
 namespace soilvdb::inline v0 {
 
-/// What the tree is of, so that nothing takes it for a grid of another kind.
+/// Build type of the tree: keeps it distinct from other grid types.
 struct SoilSamples {};
 
 /// A chunk as a leaf of an OpenVDB tree.
 ///
-/// Derived from the mask leaf as OpenVDB's PointDataLeafNode is from LeafNode: the tree then is a
-/// set of voxels to all that OpenVDB has for trees (accessors, iterators, node managers, copies),
-/// for 64 bytes a chunk. A leaf of 64-bit words would do without a class of its own, at five times
-/// the memory; the mask leaf alone doesn't hold what a voxel holds.
+/// SampleLeaf derives from the mask leaf as OpenVDB's PointDataLeafNode derives from LeafNode. To
+/// OpenVDB (accessors, iterators, node managers, copies) the tree is a set of voxels, at 64 bytes
+/// per chunk. A leaf of 64-bit words needs no own class but five times the memory.
 ///
-/// A voxel is active where its cell holds soil, all of it or a part, also while the samples are in
-/// the swap store. GroundWriter keeps that so. What OpenVDB has to change trees changes the mask
-/// alone, and prune() deletes chunks that are all soil or all air: the tree is only given out as
-/// const.
+/// A voxel is active where its cell holds any soil, even while the samples are in the swap store.
+/// GroundWriter maintains this. OpenVDB's editing functions change only the mask, and prune()
+/// deletes chunks of only soil or only air: the tree is therefore only accessible as const.
 class SampleLeaf : public openvdb::tree::LeafNode<openvdb::ValueMask, 3> {
  public:
   using Base = openvdb::tree::LeafNode<openvdb::ValueMask, 3>;
@@ -54,7 +52,7 @@ class SampleLeaf : public openvdb::tree::LeafNode<openvdb::ValueMask, 3> {
   SampleLeaf(const Other& other, bool off, bool on, openvdb::TopologyCopy copy)
       : Base(other, off, on, copy) {}
 
-  // The base class's own would give out the base class.
+  // The functions of the base class would return the base class.
   void addLeaf(SampleLeaf*) {}
   template <typename Accessor>
   void addLeafAndCache(SampleLeaf*, Accessor&) {}
@@ -115,7 +113,7 @@ class SampleLeaf : public openvdb::tree::LeafNode<openvdb::ValueMask, 3> {
   using ChildAllIter = DenseIter<SampleLeaf, bool>;
   using ChildAllCIter = DenseIter<const SampleLeaf, const bool>;
 
-  // NAME from BEGIN of the mask: as OpenVDB's leaves have them, const or not.
+  // The iterators of OpenVDB's leaves, const and not: NAME starts at BEGIN of the mask.
 #define SOILVDB_ITERATORS(NAME, BEGIN, END)                                   \
   NAME##CIter cbegin##NAME() const { return {getValueMask().BEGIN(), this}; } \
   NAME##CIter begin##NAME() const { return {getValueMask().BEGIN(), this}; }  \

@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The names of the grid and the tree that hold the ground, without OpenVDB's headers, which are
-// slow to compile.
+// Forward declarations of the ground's grid and tree: OpenVDB's headers are slow to compile.
 #pragma once
 
 #include <openvdb/version.h>
@@ -28,9 +27,8 @@ namespace soilvdb::inline v0 {
 
 class SampleLeaf;  // soilvdb/sample_tree.h
 
-/// Nodes of 256, 32 and 8 voxels a side: of all sizes that were measured these take the least
-/// memory for digs that lie scattered over a site, a twentieth to a fortieth of OpenVDB's usual 5,
-/// 4, 3.
+/// Nodes of 256, 32 and 8 voxels per side. Of all measured sizes they need the least memory for
+/// scattered digs: a twentieth to a fortieth of OpenVDB's usual 5, 4, 3.
 using SampleLower = openvdb::tree::InternalNode<SampleLeaf, 2>;
 using SampleUpper = openvdb::tree::InternalNode<SampleLower, 3>;
 using SampleTree = openvdb::tree::Tree<openvdb::tree::RootNode<SampleUpper>>;

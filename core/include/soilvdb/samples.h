@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The sample points of a chunk, kept small: most cells are all soil or all air.
+// Compressed samples of a chunk: most cells are all soil or all air.
 #pragma once
 
 #include <bit>
@@ -13,8 +13,8 @@
 
 namespace soilvdb::inline v0 {
 
-/// SampleWords with a word only for the cells that are neither all soil nor all air, and with
-/// nothing but a pointer where all is air. Copies share their words until one of them changes.
+/// SampleWords that store words only for mixed cells, neither all soil nor all air. A chunk of air
+/// is a null pointer. Copies share their words until one of them changes.
 class Samples {
  public:
   void assign(const SampleWords& words) {
@@ -64,9 +64,9 @@ class Samples {
   std::uint32_t full_of_row(int first) const {
     return head().soil[first >> 6] >> (first & 63) & 0xff;
   }
-  /// Bit i: cell i of group `g`, which is 64 cells, holds soil.
+  /// Bit i: cell i of the 64 cells of group `g` holds soil.
   std::uint64_t occupied(int g) const { return head().soil[g] | head().mixed[g]; }
-  /// Bit i: row i of eight cells of group `g`, which is 64 cells, holds soil.
+  /// Bit i: row i (eight cells) of the 64 cells of group `g` holds soil.
   std::uint32_t rows_with_soil(int g) const {
     std::uint64_t any = head().soil[g] | head().mixed[g];
     any |= any >> 4;
@@ -91,7 +91,7 @@ class Samples {
     return head().mixed[n >> 6] & bit ? tail()[head().index(n)] : 0;
   }
 
-  /// Inline, so that kernels compiled for several CPUs count bits with theirs.
+  /// Inline, so that kernels compiled for several CPUs use their own popcount.
   [[gnu::always_inline]] void set_word(int n, std::uint64_t word) {
     if (!block_) {
       if (word == 0) return;
@@ -121,7 +121,7 @@ class Samples {
     h.soil[n >> 6] = word == kAllSoil ? h.soil[n >> 6] | bit : h.soil[n >> 6] & ~bit;
   }
 
-  /// Samples of soil.
+  /// Number of soil samples.
   std::uint32_t count() const {
     int sum = 0;
     for (const std::uint64_t soil : head().soil) sum += 64 * std::popcount(soil);
@@ -129,7 +129,7 @@ class Samples {
     return static_cast<std::uint32_t>(sum);
   }
 
-  /// Gives back memory that removed words held.
+  /// Frees the memory of removed words.
   void trim() {
     if (!block_) return;
     if (block_->empty()) {
@@ -141,22 +141,22 @@ class Samples {
 
   std::size_t heap_bytes() const { return block_ ? block_->bytes() + kHeapWord : 0; }
 
-  /// To bytes and back, as HeapBlock.
+  /// Serialization, as HeapBlock.
   void put(std::string& out) const { block_.put(out); }
   bool take(std::string_view& in) { return block_.take(in); }
 
  private:
   static constexpr int kGroups = kChunkVoxels / 64;
 
-  /// The words of mixed cells follow, in the order of cells.
+  /// The words of the mixed cells follow, ordered by cell.
   struct Head {
-    std::uint32_t owners;           ///< HeapBlock's
+    std::uint32_t owners;           ///< managed by HeapBlock
     std::uint16_t size, capacity;   ///< words
-    std::uint16_t before[kGroups];  ///< words of the groups before each
+    std::uint16_t before[kGroups];  ///< number of words in all earlier groups
     std::uint64_t soil[kGroups], mixed[kGroups];
 
     std::size_t bytes() const { return sizeof(Head) + capacity * sizeof(std::uint64_t); }
-    /// Sets the capacity to that of a piece with room for so many words.
+    /// Sets the capacity to that of an allocation for `words` words.
     void reserve(int words) {
       const std::size_t bytes = sizeof(Head) + static_cast<std::size_t>(words) * 8;
       capacity = static_cast<std::uint16_t>((heap_size(bytes) - sizeof(Head)) / 8);
@@ -166,7 +166,7 @@ class Samples {
       for (const std::uint64_t s : soil) any |= s;
       return any == 0;
     }
-    /// Where the word of cell n is, or would be.
+    /// Index of the word of cell n, or its insertion index.
     [[gnu::always_inline]] std::size_t index(int n) const {
       const std::uint64_t below = mixed[n >> 6] & ((std::uint64_t{1} << (n & 63)) - 1);
       return before[n >> 6] + static_cast<std::size_t>(std::popcount(below));
@@ -182,7 +182,7 @@ class Samples {
   void resize(int words) {
     Head resized = kAir;
     resized.reserve(words);
-    block_.resize(resized.bytes());  // before it says so: it may fail
+    block_.resize(resized.bytes());  // before capacity changes: it may throw
     block_.own()->capacity = resized.capacity;
   }
 

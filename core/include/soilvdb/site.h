@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A site for a program's own loop: machine states in, ground and loads brought up to date. Needs no
-// files.
+// A site for a program's own loop: machine states update ground and loads. Needs no files.
 #pragma once
 
 #include <cstddef>
@@ -23,40 +22,41 @@ namespace soilvdb::inline v0 {
 struct SiteMachine {
   std::string name;
   Bucket bucket;
-  std::optional<Chain> chain = {};  ///< for states that are joints
+  std::optional<Chain> chain = {};  ///< for states with joint values
 };
 
-/// What no update changes. Clones of a site share it.
+/// The part of a site that no update changes. Clones share it.
 struct SiteModel {
-  std::vector<SiteMachine> machines;  ///< names differ
-  Earthmoving earthmoving = {};       ///< without `soil` soil is rigid
+  std::vector<SiteMachine> machines;  ///< names must be unique
+  Earthmoving earthmoving = {};       ///< without `soil` the soil is rigid
 
-  /// The machine of that name. @throw std::invalid_argument naming those that there are
+  /// Index of the machine with a name. @throw std::invalid_argument with the existing names
   std::size_t machine(std::string_view name) const;
 };
 
-/// Where a machine is at a time; its first state places it. Between states with times its joints,
-/// or its position and rotation, change evenly, as between rows of a motion; else its bucket moves
-/// in a straight line.
+/// State of a machine at a time; the first state places the machine. Between states with times the
+/// joints, or position and rotation, are interpolated as between rows of a Motion. Otherwise the
+/// bucket moves in a straight line.
 struct MachineState {
   std::size_t machine = 0;
-  /// s, in any frame of time that all share; without: not known. A machine's time must not go back,
-  /// but after Site::reset_clock().
+  /// s, in one time frame for all machines; unset: unknown. The time of a machine must not
+  /// decrease, except after Site::reset_clock().
   std::optional<double> time_s = {};
-  /// world_from_bucket, unless there are `joints`.
+  /// world_from_bucket; ignored if `joints` is not empty.
   Pose pose = {};
-  /// rad or m, of the machine's chain, one for each movable joint.
+  /// rad or m, one value per movable joint of the machine's chain.
   std::span<const double> joints = {};
 };
 
 enum class Status {
   kOk,
-  kBadState,  ///< unknown machine, invalid pose or joints, or time that decreases
-  kNoGround,  ///< the bucket would reach ground that the terrain has no height for
-  kFailed,    ///< something else went wrong, on the way or with the recording: see `why`
+  kBadState,  ///< unknown machine, invalid pose or joints, or decreasing time
+  kNoGround,  ///< the bucket would reach ground without a height
+  kFailed,    ///< other error, during the work or the recording: see `why`
 };
 
-/// Result of one state. Unless `status` is kOk nothing has changed, and `why` is one line.
+/// Result of one state. Unless `status` is kOk, `why` is one line and nothing has changed. Only
+/// kFailed during the work leaves a partial update; the site then refuses all later updates.
 struct StepResult {
   Status status = Status::kOk;
   std::string why = {};
@@ -64,24 +64,24 @@ struct StepResult {
   bool ok() const { return status == Status::kOk; }
 };
 
-/// Result of several states: all were applied, or `bad` is the index of the first invalid one and
-/// none was.
+/// Result of several states: all were applied, or `bad` is the index of the first invalid state and
+/// no state was applied; kFailed as in StepResult.
 struct BatchResult {
   Status status = Status::kOk;
   std::string why = {};
   std::size_t bad = 0;
-  std::vector<Update> updates = {};  ///< one for each state
+  std::vector<Update> updates = {};  ///< one per state
   bool ok() const { return status == Status::kOk; }
 };
 
-/// The ground of a site and its machines, brought up to date state by state.
+/// The ground and the machines of a site, updated state by state.
 ///
-/// Guarantees: updates don't throw. An update that isn't made leaves ground, loads and times as
-/// they were, to the bit. The same states give the same bits for any number of threads, whoever
-/// looks in between. A clone, and a site that takes progress() on a copy of the ground, go on as
-/// this one would.
-/// Threads: a site is for one thread at a time; different ones may be used at once. Work runs in
-/// the caller's TBB arena.
+/// Guarantees: updates do not throw. A refused update leaves ground, loads and times bitwise
+/// unchanged. The same states give the same bits for any number of threads; reads in between have
+/// no effect. A clone, and a site that takes progress() on a copy of the ground, continue as this
+/// site.
+/// Threads: one thread at a time may use a site; different sites may be used concurrently. Work
+/// runs in the caller's TBB arena.
 ///
 ///     Site site(std::make_shared<Ground>(0.05, Vec3::Zero(), make_plane(0, {0, 0})),
 ///               {{{"digger", {.width_m = 1.2, .height_m = 0.9}}}});
@@ -89,10 +89,10 @@ struct BatchResult {
 ///       if (const StepResult step = site.update(state); step.ok()) control(step.update.bucket_m3);
 class Site {
  public:
-  /// @throw std::invalid_argument in one line for machines or soil that can't be
+  /// @throw std::invalid_argument with one line for invalid machines or soil
   Site(std::shared_ptr<Ground> ground, SiteModel model);
-  /// A copy goes on apart from the other. It shares the model, and each chunk's samples until one
-  /// of the two changes them. @throw std::logic_error as Ground::clone()
+  /// An independent copy. It shares the model, and each chunk's samples until one site changes
+  /// them. @throw std::logic_error as Ground::clone()
   Site(const Site& other);
   Site(Site&&) noexcept = default;
   Site& operator=(Site&&) noexcept = default;
@@ -101,56 +101,56 @@ class Site {
   const Ground& ground() const { return *ground_; }
   const Tracker& tracker() const { return *tracker_; }
 
-  /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
-  /// chain, or another number of joints
+  /// world_from_bucket at joint values. @throw std::invalid_argument without a chain, or for a
+  /// wrong number of joints or values that are not finite
   Pose pose(std::size_t machine, std::span<const double> joints) const;
-  /// The last state of a machine, its pose known also where that was joints; nothing before. Its
-  /// joints hold until the next update. @throw std::invalid_argument if there is no such machine
+  /// Last state of a machine, always with its pose; std::nullopt before the first. `joints` is
+  /// valid until the next update. @throw std::invalid_argument for an unknown machine
   std::optional<MachineState> last(std::size_t machine) const;
-  /// The latest of the machines' times.
+  /// The latest time of all machines.
   std::optional<double> last_s() const;
 
   StepResult update(const MachineState& state) noexcept;
-  /// All of these, in their order, or none of them. Machines that are apart move in parallel.
+  /// Applies all states in order, or no state. Machines that are far apart move in parallel.
   BatchResult update(std::span<const MachineState> states) noexcept;
-  /// Pours fall up to and including a time. Each state that has a time pours up to it first.
+  /// Lets pours fall up to and including a time. A state with a time first lets the pours before
+  /// that time fall.
   StepResult pour(double until_s) noexcept;
-  /// A machine's clock was wrong and is set: the time of its next state may be earlier than the
-  /// last. Its bucket moves there in a straight line, as where no time is known.
+  /// Resets the clock of a machine: its next time may be earlier than the last. The bucket moves
+  /// there in a straight line, as for an unknown time.
   StepResult reset_clock(std::size_t machine) noexcept;
-  /// Soil that stands or hangs too steep comes to rest, as at the end of a run.
+  /// Lets soil that is too steep or overhangs come to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
 
-  /// All that the next update depends on besides the ground and the model, as bytes.
+  /// Serialized state for the next update, without the ground and the model.
   std::string progress() const;
-  /// @throw std::invalid_argument if it isn't of these machines; nothing has changed then
+  /// @throw std::invalid_argument if the bytes are of other machines; nothing has changed then
   void set_progress(std::string_view bytes);
 
  protected:
-  /// The last state of a machine.
   struct Input {
     std::optional<double> time_s = {};
     Pose pose = {};
-    std::vector<double> joints = {};  ///< empty: it was a pose
+    std::vector<double> joints = {};  ///< empty: the state was a pose
   };
 
   std::string name(std::size_t machine) const;
-  /// @throw std::invalid_argument if there is no such machine
+  /// @throw std::invalid_argument for an unknown machine
   void require(std::size_t machine) const;
-  /// A state as input. @throw std::invalid_argument if it can't be
+  /// Checks and converts a state. @throw std::invalid_argument for an invalid state
   Input input(const MachineState& state) const;
-  /// Pours that fall before a machine's move to that time, if it has one.
+  /// Lets the pours fall that precede a move to a time, if the time is known.
   void pour_before(std::optional<double> time_s);
   void pour_until(double until_s);
-  /// Nothing can be done from here on: part of an update was made.
+  /// Makes all later updates fail: an update was applied in part.
   void fail(const std::string& why) noexcept;
 
   std::shared_ptr<Ground> ground_;
   std::shared_ptr<const SiteModel> model_;
   std::unique_ptr<Tracker> tracker_;
-  std::vector<std::optional<Input>> inputs_;  // of each machine
-  bool at_rest_ = false;                      // soil has come to rest at a run's end
-  std::string broken_ = {};                   // why nothing can be done any more
+  std::vector<std::optional<Input>> inputs_;  // per machine
+  bool at_rest_ = false;                      // soil has come to rest at the end of a run
+  std::string broken_ = {};  // why the site refuses all updates; empty: it does not
 
  private:
   template <typename Result, typename Work>
@@ -158,8 +158,8 @@ class Site {
   Move move(const MachineState& state, std::optional<Input>& last,
             std::deque<Motion>& motions) const;
 
-  std::optional<double> poured_s_ = {};     // up to which pours fell
-  std::optional<double> next_pour_s_ = {};  // no part falls before
+  std::optional<double> poured_s_ = {};     // time up to which pours have fallen
+  std::optional<double> next_pour_s_ = {};  // no part falls earlier
 };
 
 }  // namespace soilvdb::inline v0

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Height of the topmost soil at a place.
+// Height of the topmost soil at a position.
 #pragma once
 
 #include <cstdint>
@@ -14,28 +14,27 @@
 
 namespace soilvdb::inline v0 {
 
-/// Heights of the ground, read off its mesh where it is resident and off the base surface
-/// elsewhere.
+/// Heights from the mesh of the resident ground, and from the initial terrain elsewhere.
 ///
-/// Keeps the patches it made, so many heights of one place cost little more than one. For one
-/// thread. Within 0.15 voxel of the true height but at walls.
+/// The patches are cached, so many heights in one area cost little more than one. For one thread at
+/// a time. The error is at most 0.15 voxel except at walls. The ground must outlive it.
 class SurfaceHeight {
  public:
   explicit SurfaceHeight(const Ground& ground);
-  /// Height of the topmost soil at (x, y) of the world, m; nothing where there is none.
+  /// Height of the topmost soil at (x, y) in the world, m; std::nullopt without soil.
   std::optional<double> at(double x, double y);
-  /// The same of many places, NaN where there is none; in the caller's TBB arena. The same bits for
-  /// any number of threads, and whichever places come together.
+  /// Heights at many positions, NaN without soil. Runs in the caller's TBB arena. The bits do not
+  /// depend on the number of threads or on the other positions.
   void at(std::span<const Vec2> xy_m, std::span<double> heights_m);
-  /// To be told what changed of the ground, as a ChangeFollower lists it, before the next look.
+  /// Must receive the changed chunks of ChangeFollower::take() before the next query.
   void update(std::span<const Coord3> changed_chunks);
 
  private:
-  /// A block's mesh, and which of its triangles are over each column of voxels.
+  /// A block's mesh, and its triangles above each column of voxels.
   struct Patch {
     Mesh mesh;
     Eigen::Vector2i first = {0, 0}, size = {0, 0};
-    std::vector<std::uint32_t> begin;  ///< of a column's in `over`, y fastest, and the end
+    std::vector<std::uint32_t> begin;  ///< start of each column in `over`, y fastest, and the end
     std::vector<std::uint32_t> over;
   };
   struct Hash {
@@ -53,15 +52,15 @@ class SurfaceHeight {
   std::optional<double> look(double x, double y) const;
 
   const Ground& ground_;
-  std::optional<CachedMesher> mesher_;  ///< once the ground changes between looks
-  std::unordered_map<Coord3, std::vector<int>, Hash> blocks_;  ///< z of those in a column; its z 0
+  std::optional<CachedMesher> mesher_;  ///< from the first change between queries
+  std::unordered_map<Coord3, std::vector<int>, Hash> blocks_;  ///< block z by column (x, y, 0)
   std::unordered_map<Coord3, Patch, Hash> patches_;
 };
 
-/// Heights of a ground for several threads, each with a SurfaceHeight of its own.
+/// Thread-safe heights of a ground: each thread has its own SurfaceHeight.
 std::function<std::optional<double>(double x, double y)> surface_heights(const Ground& ground);
 
-/// One height. Many of one ground: SurfaceHeight.
+/// One height. For many heights use SurfaceHeight.
 std::optional<double> surface_height(const Ground& ground, double x, double y);
 
 }  // namespace soilvdb::inline v0

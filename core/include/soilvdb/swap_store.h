@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Where ground goes that isn't needed for now.
+// Storage for ground that is not in memory.
 #pragma once
 
 #include <cstddef>
@@ -10,15 +10,15 @@
 
 namespace soilvdb::inline v0 {
 
-/// Records of bytes by number. All members may be called from several threads.
+/// Numbered byte records. Threads may call all members concurrently.
 class SwapStore {
  public:
   virtual ~SwapStore() = default;
-  /// Keeps a record. @return its number, above 0. @throw std::runtime_error if it can't be kept
+  /// Stores a record. @return its number, > 0. @throw std::runtime_error if storing fails
   virtual std::uint32_t put(std::string_view bytes) = 0;
-  /// Gives it back. @throw std::runtime_error if it isn't any more what was put
+  /// Reads a record. @throw std::runtime_error if the bytes are no longer those stored
   virtual void get(std::uint32_t record, std::string& bytes) const = 0;
-  /// Forgets it: its number may come again. @param size in bytes
+  /// Removes a record; its number may be reused. @param size bytes
   virtual void drop(std::uint32_t record, std::size_t size) = 0;
 };
 

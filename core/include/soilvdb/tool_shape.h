@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// A tool of any closed shape, and the ground without what it passes: blades, augers, rippers,
-// drills.
+// A tool of any closed shape (blades, augers, rippers, drills) and its subtraction from the ground.
 #pragma once
 
 #include <algorithm>
@@ -20,42 +19,41 @@
 
 namespace soilvdb::inline v0 {
 
-/// A closed body by its signed distances on a lattice of its own, m, negative inside, with
-/// trilinear interpolation between them. Of a FloatGrid: make_tool_shape() in
-/// soilvdb/ground_grids.h.
+/// A closed body as signed distances on its own lattice, m, negative inside, with trilinear
+/// interpolation. make_tool_shape() in soilvdb/ground_grids.h converts a FloatGrid.
 ///
-/// Copies share the distances. Const members may run on several threads.
+/// Copies share the distances. Threads may call const members concurrently.
 class ToolShape {
  public:
-  /// Of a closed mesh in the tool's frame, m.
+  /// From a closed mesh in the tool frame, m.
   /// @param voxel_size_m of the distances. Flat faces are exact at any size; edges are rounded, and
-  ///        what is thinner than two voxels is lost
-  /// @throw std::invalid_argument if the mesh isn't closed, or too large for voxels of that size
+  ///        parts thinner than two voxels are lost
+  /// @throw std::invalid_argument if the mesh is not closed, or too large at this voxel size
   ToolShape(const Mesh& mesh, double voxel_size_m);
-  /// @param first_m where the first distance is @param n how many there are along each axis
+  /// @param first_m position of the first distance. @param n number of distances per axis
   /// @param distances_m x slowest, z fastest, clamped to a band or not
+  /// @throw std::invalid_argument if the number of distances differs from n, or the body is empty
   ToolShape(const Vec3& first_m, double voxel_size_m, const Coord3& n,
             std::vector<float> distances_m);
 
-  /// Around all of it, tool frame.
+  /// Bounds of the body, tool frame.
   const Eigen::AlignedBox3d& box_m() const { return box_m_; }
-  /// Signed distance of a point of the tool's frame, m. Where the lattice doesn't reach, less than
-  /// that, but above 0.
+  /// Signed distance of a point, tool frame, m. Outside the lattice: a lower bound above 0.
   double distance_m(const Vec3& p) const {
     const Vec3 at = (p - first_m_) / h_m_;
     for (int a = 0; a < 3; ++a)
       if (!(at[a] >= 0 && at[a] <= n_[a] - 1)) return beyond_m(at);
     return between(at);
   }
-  /// What it holds, to some thousandths.
+  /// Volume, to some thousandths.
   double volume_m3() const;
-  /// All of it as bytes, and back. @throw std::invalid_argument if these bytes aren't from save()
+  /// Serialization. @throw std::invalid_argument if the bytes are not from save()
   std::string save() const;
   static ToolShape load(std::string_view bytes);
 
  private:
   void find_box();
-  /// At a place within the lattice, in its voxels.
+  /// Distance at a position within the lattice, in its voxels.
   double between(const Vec3& at) const {
     int cell[3];
     double t[3];
@@ -75,7 +73,7 @@ class ToolShape {
     const double low = along_y(d);
     return low + t[0] * (along_y(d + sx) - low);
   }
-  /// At one that isn't.
+  /// Lower bound at a position outside the lattice, in its voxels.
   double beyond_m(const Vec3& at) const;
 
   Vec3 first_m_;
@@ -85,30 +83,28 @@ class ToolShape {
   Eigen::AlignedBox3d box_m_;
 };
 
-/// In words, where the volumes of a shape and of the mesh that it is of differ by more than 1 %;
-/// empty: they don't.
+/// A message if the volumes of a shape and of its source mesh differ by more than 1 %, else empty.
 std::string lost_by(const ToolShape& shape, const Mesh& mesh);
 
-/// A machine's tool of that shape, in the shape's frame.
+/// A tool for a machine, in the frame of the shape.
 Bucket tool_of(ToolShape shape);
 
-/// Samples that a tool took out of the ground.
+/// Samples that a tool removed from the ground.
 struct ToolCut {
   std::int64_t samples = 0;
-  std::int64_t loose = 0;  ///< of them
+  std::int64_t loose = 0;  ///< loose samples among them
 };
 
-/// Level-set CSG decided at the samples: soil stays where max(soil, -tool) < 0. From pose to pose
-/// (world_from_tool) the tool goes straight and turns evenly, as a bucket does, and takes all that
-/// it comes to within 1/50 of a voxel; one pose alone takes what is in it. Guarantees: the same
-/// path again takes nothing; the result is the same for any number of threads.
-/// @throw NoGroundError where the terrain has no height; nothing was taken then
+/// Level-set CSG at the samples: soil remains where max(soil, -tool) < 0. Between poses
+/// (world_from_tool) the tool moves straight and turns evenly, as a bucket. It removes all soil in
+/// its sweep to within 1/50 of a voxel; a single pose removes the soil inside the tool. Guarantees:
+/// a repeated path removes no soil; the result does not depend on the number of threads.
+/// @throw NoGroundError where the terrain has no height; no soil was removed then
 ToolCut subtract(Ground& ground, const ToolShape& tool, std::span<const Pose> path);
 
-/// Soil where min(soil, body) < 0: what is built, a wall or a foundation. What is added is bank
-/// soil. For ground that no tracker of soil that moves has begun with: its masses know nothing of
-/// it.
-/// @return samples that were added
+/// Adds bank soil where min(soil, body) < 0, for a built wall or foundation. Call it before a
+/// tracker with moving soil starts on the ground: its mass balance does not count this soil.
+/// @return number of added samples
 std::int64_t unite(Ground& ground, const ToolShape& body, const Pose& world_from_body);
 
 }  // namespace soilvdb::inline v0

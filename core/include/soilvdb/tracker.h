@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The update loop: a new machine state in, ground and volumes brought up to date.
+// The update loop: a machine state updates ground and volumes.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@
 
 namespace soilvdb::inline v0 {
 
-/// What is booked for one machine, or for all. cut = captured + displaced, volumes in place. Kept
-/// as counts, so sums are exact in any order.
+/// Ledger of one machine, or the total. cut = captured + displaced, volumes in place. Counts are
+/// integers, so sums are exact in any order.
 struct Ledger {
   std::int64_t captured = 0, displaced = 0;  ///< samples
-  std::int64_t load = 0;                     ///< what the bucket holds, in units of mass
-  std::int64_t spilled = 0, dumped = 0;      ///< the same that left it; the part by dump_angle
+  std::int64_t load = 0;                     ///< mass in the bucket, units of mass
+  std::int64_t spilled = 0, dumped = 0;      ///< mass that left it; the part dumped by dump_angle
   MassUnits units;
   double sample_m3 = 0;
 
@@ -32,39 +32,37 @@ struct Ledger {
   double cut_m3() const { return static_cast<double>(cut()) * sample_m3; }
   double captured_m3() const { return static_cast<double>(captured) * sample_m3; }
   double displaced_m3() const { return static_cast<double>(displaced) * sample_m3; }
-  /// Loose volumes: what the bucket holds, and what left it.
+  /// Loose volumes in the bucket and out of it.
   double bucket_m3() const { return units.loose_samples(load) * sample_m3; }
   double spilled_m3() const { return units.loose_samples(spilled) * sample_m3; }
   double dumped_m3() const { return units.loose_samples(dumped) * sample_m3; }
 };
 
-/// What is booked for a site whose soil moves, besides its machines. Masses in units.
+/// Mass balance of a site with moving soil, without its machines, in units of mass.
 struct MassBalance {
   std::int64_t ground = 0;  ///< change of the ground's mass, counted anew
-  /// Pushed, or out of a bucket, and not yet come down; or lost off the terrain. At rest less than
-  /// a sample each.
+  /// Pushed or released soil still to come down (at rest < 1 sample each), plus lost_off_terrain.
   std::int64_t pending = 0;
-  std::int64_t lost_off_terrain = 0;  ///< the part of it that fell where the terrain has no ground
+  std::int64_t lost_off_terrain = 0;  ///< part of `pending` that fell beyond the terrain
   std::int64_t poured = 0;            ///< brought by pours
-  std::int64_t hauled = 0;            ///< into hoppers
-  std::int64_t slid = 0;              ///< moved because slopes failed
-  /// Added to the ground, less the samples that failed slopes lost: the ground's change is this
-  /// less the cut.
-  std::int64_t fill_samples = 0;
+  std::int64_t hauled = 0;            ///< received by hoppers
+  std::int64_t slid = 0;              ///< moved by slope failures
+  std::int64_t fill_samples = 0;      ///< added to the ground
+  std::int64_t failed_samples = 0;    ///< removed from the ground by slope failures
   MassUnits units;
 };
 
-/// What one update did.
+/// Result of one update.
 struct Update {
-  double cut_m3 = 0;      ///< removed from the ground by this update
-  double bucket_m3 = 0;   ///< in the bucket after it, loose
-  double spilled_m3 = 0;  ///< that left the bucket in it, loose
-  double slid_m3 = 0;     ///< of slopes that came down in it, loose
-  double us = 0;          ///< it took, with its share of what was done for several at once
+  double cut_m3 = 0;      ///< removed from the ground, in place
+  double bucket_m3 = 0;   ///< in the bucket afterwards, loose
+  double spilled_m3 = 0;  ///< left the bucket, loose
+  double slid_m3 = 0;     ///< moved by slope failures, loose
+  double us = 0;          ///< duration, with its share of work for several updates, us
 };
 
-/// What a machine is to do next: go straight on to a pose or, with a motion, along that from
-/// `begin_s`, where it is, to `end_s`.
+/// A machine's next move: straight to a pose or along a motion from the current `begin_s` to
+/// `end_s`.
 struct Move {
   std::size_t machine = 0;
   Pose to;
@@ -72,10 +70,10 @@ struct Move {
   double begin_s = 0, end_s = 0;
 };
 
-/// A move that can't be made, and why.
+/// An invalid move and its reason.
 struct InvalidMove {
-  std::size_t move = 0;    ///< which of those that were asked for
-  bool no_ground = false;  ///< its bucket reaches ground without a height; else it is no move
+  std::size_t move = 0;    ///< index among the given moves
+  bool no_ground = false;  ///< the bucket reaches ground without a height; else the move is invalid
   std::string why;
 };
 
@@ -84,11 +82,11 @@ class Settler;  // core/settle/settler.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
-/// Updates throw std::invalid_argument for a pose that isn't finite, has no unit rotation or is
-/// more than 2^23 voxels from the ground's origin, for times that aren't finite or in order, and
-/// for a machine that isn't there; the ground and the tracker are then as they were. Where
-/// Ground::set_memory_limit() is set, they throw std::runtime_error if the store fails: before
-/// anything is dug the ground is whole (Ground::evict()), while it is dug it is of no use any more.
+/// Updates throw std::invalid_argument for a pose that is not finite, has no unit rotation or is
+/// more than 2^23 voxels from the ground's origin, for times that are not finite or not in order,
+/// and for an unknown machine. Ground and tracker are then unchanged. With
+/// Ground::set_memory_limit() updates throw std::runtime_error if the store fails: before digging
+/// the ground stays complete (Ground::evict()); during digging the ground becomes unusable.
 ///
 /// ```
 /// Ground ground(0.05, origin, make_plane(0, {0, 0}));
@@ -98,54 +96,55 @@ class Settler;  // core/settle/settler.h
 /// ```
 class Tracker {
  public:
-  /// @param ground outlives the tracker. @throw std::invalid_argument for a bad bucket.
+  /// @param ground must outlive the tracker. @throw std::invalid_argument for an invalid bucket
   Tracker(Ground& ground, std::vector<Bucket> buckets);
-  /// The same on soil that moves: it fills a bucket to its capacity, spills, piles up and slides.
-  /// @throw std::invalid_argument for properties that are none
+  /// A tracker with moving soil: soil fills a bucket to its capacity, spills, piles up and slides.
+  /// @throw std::invalid_argument for invalid properties
   Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthmoving);
-  /// A tracker of its own that goes on as the other would, to the last bit. The other may go first,
-  /// and both may go on at once. Takes some microseconds a machine.
-  /// @param clone Ground::clone() of the other's, made since the other's last update; outlives this
-  /// @throw std::invalid_argument for soil with another base surface, voxel size or origin
+  /// An independent tracker that continues as the other would, to the last bit. The other may be
+  /// destroyed first; both may run concurrently. Takes some microseconds per machine.
+  /// @param clone Ground::clone() of the other's ground, made after the other's last update; must
+  ///        outlive this
+  /// @throw std::invalid_argument for a ground with another initial terrain, voxel size or origin
   Tracker(Ground& clone, const Tracker& other);
   ~Tracker();
 
-  /// Moves a machine's bucket on to a pose, in a straight line and by slerp from the last one. The
-  /// first update of a machine places its bucket. @throw NoGroundError
+  /// Moves a machine's bucket to a pose, straight and by slerp from the last pose. The first update
+  /// of a machine places its bucket. @throw NoGroundError
   Update update(std::size_t machine, const Pose& world_from_bucket);
-  /// Moves it along a motion from one time to another. The first is that of the update before (for
-  /// a machine's first update: where it starts).
+  /// Moves it along a motion from `begin_s`, the end of the previous update, to `end_s`. A
+  /// machine's first update may begin at any time. @throw NoGroundError
   Update update(std::size_t machine, const Motion& motion, double begin_s, double end_s);
-  /// The same for many moves, one update each. Machines that are far enough apart move in parallel;
-  /// the result is that of the moves one after another, bit for bit.
+  /// Applies many moves, one update each. Machines that are far apart move in parallel; the result
+  /// is bitwise that of sequential moves.
   /// @throw NoGroundError; other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
-  /// The first of these moves that update() would refuse, if any; nothing is moved.
-  /// @throw as update() does, but for what it finds
+  /// The first of these moves that update() would refuse, if any; nothing moves.
+  /// @throw as update(), except for the reported errors
   std::optional<InvalidMove> first_invalid(std::span<const Move> moves);
 
-  /// What of a pour, one of those that the tracker was made with, has come down by a time comes to
-  /// lie. The result doesn't depend on how often this is called.
+  /// Lets the due parts of a pour (constructor's index) fall. The result does not depend on the
+  /// number of calls. @throw std::invalid_argument for an unknown pour
   Update pour(std::size_t pour, double until_s);
-  /// All that is under way comes to rest, as at the next standstill. @param time_s says which
-  /// hoppers are there; without: all
+  /// Brings all moving soil to rest, as at the next standstill. @param time_s selects the hoppers
+  /// that are present; unset: all
   Update come_to_rest(std::optional<double> time_s = {});
 
   const Ledger& ledger(std::size_t machine) const;
-  /// Where soil is besides the ground and the buckets; zeros where it doesn't move.
+  /// Mass of the soil outside of the ground and the buckets; zeros if soil does not move.
   MassBalance mass_balance() const;
-  /// The same but for `ground`, whose chunks are counted: in microseconds, however many they are.
+  /// mass_balance() without `ground`, which needs a count over all chunks; takes microseconds.
   MassBalance mass_balance_without_ground() const;
   Ledger total() const;
 
-  /// How far the path that is dug may be from a machine's own: no more than this over the bucket.
+  /// Bound over the bucket on the distance between the dug path and the machine's own path, m.
   double tolerance_m() const;
 
-  /// All that the next update depends on besides the ground, as bytes. A tracker of the same
-  /// buckets on the ground as it is then goes on from there as this one would.
+  /// Serialized state for the next update, without the ground. A tracker of the same buckets on the
+  /// same ground then continues as this one.
   std::string state() const;
-  /// @throw std::invalid_argument if these bytes are of other buckets, or not from state()
+  /// @throw std::invalid_argument if the bytes are of other buckets, or not from state()
   void restore(std::string_view state);
 
  private:
@@ -157,9 +156,9 @@ class Tracker {
   std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;
   Ground& ground_;
   Earthmoving earthmoving_;
-  std::unique_ptr<Settler> settler_;  // null: soil doesn't move
+  std::unique_ptr<Settler> settler_;  // null: soil does not move
   std::vector<std::unique_ptr<Machine>> machines_;
-  std::vector<std::int64_t> poured_parts_;  // of each pour
+  std::vector<std::int64_t> poured_parts_;  // per pour
 };
 
 }  // namespace soilvdb::inline v0

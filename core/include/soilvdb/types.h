@@ -1,7 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Points, rotations and poses that every stage shares. Metres, radians, seconds; right-handed, z
-// up.
+// Points, rotations and poses of all stages. Metres, radians, seconds; right-handed, z up.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +13,7 @@ using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
 using Coord3 = Eigen::Vector3i;
 
-/// A rigid transform, named a_from_b where it maps coordinates in frame b to frame a.
+/// A rigid transform; a_from_b maps coordinates in frame b to frame a.
 struct Pose {
   Vec3 position = Vec3::Zero();                                  ///< origin of b in a, m
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< axes of b in a, unit
@@ -39,7 +38,7 @@ inline Eigen::Quaterniond from_rpy(double roll, double pitch, double yaw) {
          Eigen::AngleAxisd(roll, Vec3::UnitX());
 }
 
-/// A bucket reached ground the terrain has no height for.
+/// A bucket reached ground for which the terrain has no height.
 struct NoGroundError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
