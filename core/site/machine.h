@@ -107,10 +107,9 @@ class Machine {
   // For moving soil.
   Settler* settler_;
   std::optional<Capacity> capacity_;
-  double travel_m_ = 0;  // from the last station to the last row or pose
-  Pose station_;         // the last one
-  Eigen::AlignedBox3d
-      swept_box_;  // plan box of the bucket since the last station, at stations and rows
+  double travel_m_ = 0;                // from the last station to the last row or pose
+  Pose station_;                       // the last one
+  Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since then, at stations and rows
   std::int64_t cut_before_ = 0;        // samples, up to the last station
   std::int32_t stations_ = 0;          // since soil came to rest
   std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass

@@ -12,7 +12,7 @@ const kBoundary = [[512342, 5403637.4], [512349, 5403637.4], [512349, 5403641.2]
 const kSection = [[512345.2, 5403641.8], [512345.2, 5403633.4]];
 const kSide = 16;             // of a tile that is compared, pixels
 const kUnlike = 8;            // mean difference of a tile that differs, of 255
-const kMostUnlike = 0.003;    // share of tiles: a label of the page has more
+const kMostUnlike = 0.003;    // share of tiles; a machine that went idle meanwhile has 0.0014
 
 /** README's excavator in perspective: view.png of a run of data/excavator.yaml. */
 export function view(run, file) {
