@@ -82,7 +82,8 @@ struct Box {
   }
   double settle_us() {
     const Stopwatch watch;
-    settler.settle({Vec3(-kHalf_m, -kHalf_m, 0), Vec3(kHalf_m, kHalf_m, 1)}, Obstacle{}, true);
+    TileSet unrest;
+    settler.settle({Vec3(-kHalf_m, -kHalf_m, 0), Vec3(kHalf_m, kHalf_m, 1)}, true, unrest);
     return watch.us();
   }
   Heights columns() const { return heights(ground, -kSides / 2, -kSides / 2, kSides, kSides); }

@@ -44,7 +44,6 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
   plate.width_m = kBench;
   plate.height_m = 2 * kBankVoxel;
   Tracker tracker(ground, {plate}, earthmoving);
-  const auto slid = [&] { return tracker.mass_balance().slid; };
   for (int stage = 1; stage * kBankVoxel <= until_m; ++stage) {
     const double z = -stage * kBankVoxel;
     const auto pose = [&](double y, double at_z) {
@@ -55,11 +54,11 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
          {pose(-kHalf - kBeyond, z), pose(kHalf + kBeyond, z), pose(kHalf + kBeyond, 1)})
       tracker.update(0, to);
     tracker.come_to_rest();
-    if (slid() == 0) continue;
     // From the face back to where the bank still stands as it was.
     const GroundWindow window(ground, {-90, 0}, 90, 1);
     int standing = window.nx() - 1;
     while (standing > 0 && window.at(standing, 0).bank < -1) --standing;
+    if (standing == window.nx() - 1) continue;
     return Failed{-z - kBankVoxel, -z, (window.nx() - 1 - standing) * kBankVoxel};
   }
   return std::nullopt;

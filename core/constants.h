@@ -171,6 +171,17 @@ inline constexpr double kStationRadiusShare = 0.1, kMinStationVoxels = 2;
 /// Stations of a digging bucket from one rest of the soil behind it to the next. With more, that
 /// soil stands too steep for longer. With fewer, more soil slides that moves again at once.
 inline constexpr int kStationsPerRest = 5;
+/// Steps of sliding soil at a station. With more, an update with a station takes longer. With
+/// fewer, soil behind the bucket stands too steep for longer.
+inline constexpr int kStationSteps = 60;
+/// Stations from one at which soil slides to the next.
+inline constexpr int kStationsPerSlide = 2;
+/// Columns before the lip over which the ground that holds a load in is measured. With fewer the
+/// column that the lip cuts counts too much.
+inline constexpr int kColumnsBefore = 3;
+/// Smallest sine of the mouth's rise, and of its outward direction's length in plan, at which
+/// ground may hold a load in: a mouth that looks up or down has no ground before it.
+inline constexpr double kMinMouthRise = 0.1;
 /// Turn between two rows of a motion after which a bucket loses soil that it can't hold, rad. With
 /// a larger value, soil tipped on the way depends on where updates end. A smaller one makes an
 /// update cost more.
@@ -182,6 +193,9 @@ inline constexpr double kMinSpillShare = 0.02;
 /// Smallest way in plan since the last station along which the body pushes soil, radii of the
 /// bucket. After a shorter way the soil goes before the mouth.
 inline constexpr double kMinPushWay = 0.01;
+/// Sine of the angle between the way and the normal of the lip up to which a bucket pushes soil
+/// along its lip.
+inline constexpr double kMaxPushAside = 0.7;
 /// Volume of a part of a pour, cells, and smallest and largest number of parts. Parts fall evenly
 /// over the pour's time. Each part looks at the pile anew, so more take longer. With fewer a truck
 /// tips all its soil at the end.
@@ -200,8 +214,6 @@ inline constexpr int kWindowMargin = 8, kPourMargin = 2;
 /// Largest side of a window, cells: 50 m at 5 cm. Soil that slides farther does so in a next
 /// window.
 inline constexpr int kMaxWindowCells = 1024;
-/// Largest number of windows through which soil slides in one call.
-inline constexpr int kMaxSlideWindows = 20;
 /// Largest radius of a pile, cells: it fits into the largest window.
 inline constexpr int kMaxPileCells = 480;
 /// Side of a window from which on soil runs on in a next window, cells. In a smaller window a pile
@@ -215,6 +227,9 @@ inline constexpr int kRunOnRadii = 4;
 /// Largest number of columns of chunks whose initial terrain is kept, 600 bytes each. With fewer,
 /// sites with many machines ask the surface anew.
 inline constexpr std::size_t kMaxBaseColumns = 8192;
+/// Largest number of tiles of columns that are kept, 4 kB each. With fewer, ground that several
+/// machines look at is read again and again.
+inline constexpr std::size_t kMaxColumnTiles = 4096;
 /// Chunks from the top of the initial terrain downwards whose samples are counted for heights of
 /// columns. Columns of higher cliffs have the mean of a few heights, which is less exact.
 inline constexpr int kMaxCountedChunks = 4;
@@ -237,6 +252,8 @@ inline constexpr float kHeightUnits = 65536;
 /// A search for a level or a count bisects at each n-th step and interpolates at the others.
 /// Interpolation alone may creep. A smaller n takes more steps on smooth ground.
 inline constexpr int kBisectEvery = 4;
+/// Preference of soil that falls on a tool for places ahead, columns.
+inline constexpr double kAheadShare = 0.01;
 /// Distance between the points by which a bucket or tool blocks columns, cells. From 1 on columns
 /// between them are missed, and a smaller value takes longer.
 inline constexpr double kObstacleStep = 0.7;
@@ -244,16 +261,26 @@ inline constexpr double kObstacleStep = 0.7;
 /// soil that would lie below it.
 inline constexpr float kObstacleClearance = 2;
 
-// ---- Slides (core/settle/settler.cc) ------------------------------------------------------------
+// ---- Slides (core/settle/settler_slide.cc) ------------------------------------------------------
 
-/// Drop beyond repose from which on soil slides, cells: to the next column, and to one so many
-/// columns away. Heights err by 0.03 where soil was cut. With smaller values that error slides to
-/// and fro, with larger ones heaps stand too steep.
-inline constexpr double kSteepDropNext = 0.2, kSteepDropFar = 0.08;
-inline constexpr int kSteepFarColumns = 3;
+/// Drop beyond repose from which on soil slides, cells: to the next column, to the one after it,
+/// and to the third. Heights err by 0.03 where soil was cut. With smaller values that error slides
+/// to and fro, with larger ones heaps stand too steep.
+inline constexpr int kSteepColumns = 3;
+inline constexpr double kSteepDrops[kSteepColumns] = {0.2, 0.12, 0.08};
+/// Tiles between two tiles with steep soil up to which that slides together.
+inline constexpr int kNearTiles = 2;
 /// Slope beyond repose at which sliding soil comes to rest, a quarter of a degree. It keeps most of
 /// the error of heights from sliding along.
 inline constexpr double kRestSlopeMargin = 0.005;
+/// Height above a column's mean up to which loose soil may stand in a part of it, cells. A slope
+/// of repose stands up to 1.6 above it. With a larger value needles stay where a cut went through
+/// columns.
+inline constexpr double kMaxStandingCells = 2;
+/// Largest change of a column's height that is left out when soil slides, cells, and the share of
+/// the soil that may be missed by it where it falls or rises. With larger values slopes err by more
+/// than counts do; with smaller ones making samples takes longer than all else.
+inline constexpr double kMaxHeightChangeLeft = 0.03, kMaxLeftOutShare = 0.05;
 /// Smallest change of a column's height that moves samples, cells. It is less than the error of a
 /// count.
 inline constexpr double kMinHeightChange = 1e-3;
@@ -338,6 +365,16 @@ inline constexpr int kMaxPourLevels = 200, kMaxPourPiles = 10000;
 /// Distance from the ground's border at which soil leaves it to run on: columns, and cube roots of
 /// volume over slope. Soil comes down a slope by some columns at a time.
 inline constexpr int kExitColumns = 6, kExitPiles = 2;
+/// Length from which on soil that falls along a line makes a ridge, cells. Where it can't, it makes
+/// heaps so far apart, but no more than so many: each takes as long as a ridge.
+inline constexpr double kMinLineCells = 1, kLineHeapCells = 6;
+inline constexpr int kMaxLineHeaps = 5;
+/// Steps of kSourceStep ahead in which a line is looked for that no tool stands on. A blade's lip
+/// and the columns that it cuts take some.
+inline constexpr int kMaxLineSteps = 16;
+/// Distance between the points by which a line of soil that falls finds its columns, columns. From
+/// 1 on it misses some.
+inline constexpr double kSourceStep = 0.5;
 /// Distance up to which two places are one, columns. A ray so near to a corner passes through it.
 inline constexpr double kSamePlace = 1e-9;
 
@@ -350,8 +387,8 @@ inline constexpr double kCollapseStartRad = 0.0175;
 /// larger step runs away on ground as rough as its columns, a smaller one takes more steps.
 inline constexpr float kFluxStep = 1.0f / 24;
 /// Drop beyond repose as which a depth of soil on steeper support counts, per depth. It is the
-/// speed of that soil. From 8 on the steps run away, and at 1 they take longer.
-inline constexpr float kDrainFactor = 4;
+/// speed of that soil. From 3 on the steps run away, and at 1 they take longer.
+inline constexpr float kDrainFactor = 2;
 /// Depth of soil that may stay on steep support, or lack in a column until the end, sides.
 inline constexpr float kFilmDepth = 0.05f;
 /// Share of the square of repose below which a slope surely doesn't start to flow. A larger share
@@ -362,29 +399,22 @@ inline constexpr double kRestToleranceRad = 0.0087;
 /// Largest number of steps of one try, and of tries. A try begins with the soil where the last one
 /// brought it. Random ground 100 columns wide needs 600 steps, a wall 20. Where soil runs over
 /// brinks, thousands of steps don't bring rest, but the second try does.
-inline constexpr int kMaxFluxSteps = 500, kMaxCollapseTries = 3;
+inline constexpr int kMaxFluxSteps = 500, kMaxCollapseTries = 4;
 /// Largest difference of drops and fluxes at rest, share of repose. With a larger value soil may
 /// have gone too far.
 inline constexpr float kFluxTolerance = 0.04f;
-/// Largest angle beyond repose, rad, and number of steps on coarser columns. These only give a
-/// start. It must be near, for one of their sides is two of the finer.
-inline constexpr double kCoarseToleranceRad = 0.002;
-inline constexpr int kMaxCoarseSteps = 300;
 /// Steps between two checks for rest. A check takes as long as a step.
 inline constexpr int kRestCheckSteps = 10;
-/// Columns of a side from which on coarser columns are tried first.
-inline constexpr int kMinColumnsToCoarsen = 24;
-/// Smallest number of finer columns, of four, in a coarser column. One with fewer is missing.
-inline constexpr int kMinFineColumns = 2;
+/// Steps between two looks for tiles that soil came to. Until then it waits at their border.
+inline constexpr int kActivateSteps = 5;
+/// Tiles around a tile for which room is made at once. With fewer, arrays are copied more often.
+inline constexpr int kSpareTiles = 3;
 /// Share of its soil that a column may lack in the end. It is rounding.
 inline constexpr double kMaxOwedShare = 1e-13;
 /// Times that a column is asked to give less before it gives nothing.
 inline constexpr int kMaxOwedRounds = 100;
 /// Smallest change of height that counts at a grid's edge, sides. Then the grid is too small.
 inline constexpr double kMinEdgeChange = 0.1;
-/// Smallest number of rows, and of columns, in one thread's part of a grid. With smaller parts
-/// threads wait for each other, and for other work on their core.
-inline constexpr int kMinBandRows = 24, kMinBandColumns = 3000;
 
 // ---- Planes of cells (core/cell/cell_plane.cc) --------------------------------------------------
 

@@ -23,6 +23,8 @@
 namespace soilvdb::inline v0 {
 namespace {
 
+/// Share of the mouth's height up to which ground before it counts. Its upper edge is rim anyway.
+constexpr double kMaxHeldShare = 0.95;
 constexpr double kNoEntry = std::numeric_limits<double>::infinity();
 
 // Written out, so that no vector unit adds in another order.
@@ -245,46 +247,63 @@ Capacity::Capacity(const Bucket& bucket) : width_m_(bucket.width_m), height_m_(b
   middle_ /= area_m2_;
 }
 
-double Capacity::hold_m3(const Vec3& up, double repose_slope) const {
+double Capacity::hold_m3(const Vec3& up, double repose_slope, double held_m) const {
   const ReposeLine repose(repose_slope);
   if (up.x() > 0 && is_flat(up, repose))
     return struck_m3() + roof_m3(width_m_, height_m_, up, repose);
   const Fan fan(width_m_, {up.x(), std::abs(up.y()), std::abs(up.z())}, repose.sine);
-  const std::vector<Vec2>& profile = up.z() < 0 ? from_upper_edge_ : from_lip_;
+  std::vector<Vec2> profile = up.z() < 0 ? from_upper_edge_ : from_lip_;
+  double edges_m = height_m_;  // from the lower edge to the upper one
+  if (up.z() > 0) {            // The ground before the mouth is the lower edge.
+    const double held = std::clamp(held_m, 0.0, kMaxHeldShare * height_m_);
+    for (Vec2& p : profile) p.y() -= held;
+    edges_m -= held;
+  }
   double sum_m3 = fan.held_m3(profile);
   // Only the body beyond the ray's end can be lost to the subtracted part.
-  const bool beyond = std::any_of(profile.begin(), profile.end(),
-                                  [this](const Vec2& p) { return p.y() > height_m_; });
-  if (beyond && fan.has_ray()) sum_m3 += fan.lost_to_ray_m3(profile, height_m_);
+  const bool beyond =
+      std::any_of(profile.begin(), profile.end(), [&](const Vec2& p) { return p.y() > edges_m; });
+  if (beyond && fan.has_ray()) sum_m3 += fan.lost_to_ray_m3(profile, edges_m);
   return std::clamp(sum_m3, 0.0, struck_m3());
 }
 
-Vec3 Capacity::spill(const Vec3& up, double repose_slope) const {
+Capacity::Edge Capacity::spill_edge(const Vec3& up, double repose_slope) const {
   const ReposeLine repose(repose_slope);
   const double half_m = width_m_ / 2;
   if (up.x() < 0 && is_flat(up, repose)) {  // Soil may fall straight through the mouth.
     const Vec3 below = middle_ - middle_.x() / up.x() * up;
     if (std::abs(below.y()) <= half_m && below.z() >= 0 && below.z() <= height_m_)
-      return {0, below.y(), below.z()};
+      return {{0, -half_m, below.z()}, Vec3::UnitY(), width_m_, {0, below.y(), below.z()}};
   }
-  const std::array<Vec3, 4> points = {
-      least_point({0, -half_m, 0}, Vec3::UnitY(), width_m_, middle_, up, repose),
-      least_point({0, -half_m, height_m_}, Vec3::UnitY(), width_m_, middle_, up, repose),
-      least_point({0, -half_m, 0}, Vec3::UnitZ(), height_m_, middle_, up, repose),
-      least_point({0, half_m, 0}, Vec3::UnitZ(), height_m_, middle_, up, repose)};
-  const auto sum_m = [&](const Vec3& rim) {
-    const Vec3 way = middle_ - rim;
+  std::array<Edge, 4> edges = {Edge{{0, -half_m, 0}, Vec3::UnitY(), width_m_, {}},
+                               {{0, -half_m, height_m_}, Vec3::UnitY(), width_m_, {}},
+                               {{0, -half_m, 0}, Vec3::UnitZ(), height_m_, {}},
+                               {{0, half_m, 0}, Vec3::UnitZ(), height_m_, {}}};
+  for (Edge& e : edges) e.least = least_point(e.from, e.along, e.length_m, middle_, up, repose);
+  const auto sum_m = [&](const Edge& edge) {
+    const Vec3 way = middle_ - edge.least;
     const double rise = dot(up, way);
     return repose_slope * std::sqrt(std::max(0.0, dot(way, way) - rise * rise)) - rise;
   };
-  return *std::min_element(points.begin(), points.end(),
-                           [&](const Vec3& a, const Vec3& b) { return sum_m(a) < sum_m(b); });
+  return *std::min_element(edges.begin(), edges.end(),
+                           [&](const Edge& a, const Edge& b) { return sum_m(a) < sum_m(b); });
 }
 
-BucketCapacity Capacity::at(const Eigen::Quaterniond& world_from_bucket,
-                            double repose_slope) const {
+std::array<Vec3, 2> Capacity::spill_line(const Eigen::Quaterniond& world_from_bucket,
+                                         double repose_slope, double level_m) const {
   const Vec3 up = world_from_bucket.toRotationMatrix().row(2);
-  return {hold_m3(up, repose_slope), spill(up, repose_slope)};
+  const Edge edge = spill_edge(up, repose_slope);
+  const Vec3 to = edge.from + edge.length_m * edge.along;
+  const double rise = dot(up, edge.along), length_m = level_m / std::abs(rise);
+  if (!(length_m < edge.length_m)) return {edge.from, to};
+  return rise > 0 ? std::array{edge.from, Vec3(edge.from + length_m * edge.along)}
+                  : std::array{Vec3(to - length_m * edge.along), to};
+}
+
+BucketCapacity Capacity::at(const Eigen::Quaterniond& world_from_bucket, double repose_slope,
+                            double held_m) const {
+  const Vec3 up = world_from_bucket.toRotationMatrix().row(2);
+  return {hold_m3(up, repose_slope, held_m), spill_edge(up, repose_slope).least};
 }
 
 }  // namespace soilvdb::inline v0

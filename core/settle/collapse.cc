@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <limits>
 
 #include "core/constants.h"
@@ -19,13 +18,6 @@ double tangent(double rad) {
   const double a2 = rad * rad;
   return rad / (1 - a2 / (3 - a2 / (5 - a2 / (7 - a2 / 9))));
 }
-/// Slope beyond another that is steeper by an angle.
-float slope_beyond(double slope, double rad) {
-  const double t = tangent(rad), rest = 1 - slope * t;
-  return rest <= 0 ? std::numeric_limits<float>::max()
-                   : static_cast<float>(t * (1 + slope * slope) / rest);
-}
-
 /// What a column holds above what stands, in its sides: depths, and soil as loose volume.
 class SoilStack {
  public:
@@ -44,15 +36,14 @@ class SoilStack {
   double base_, bank_, loose_, swell_;
 };
 
-/// The columns that are there, from the lowest top upwards: soil never leaves a column without a
-/// lower neighbour, so how far down it goes there doesn't matter.
+/// The columns, with heights above the lowest top: soil never leaves a column without a lower
+/// neighbour, so how far down it goes there doesn't matter.
 class StackedGround {
  public:
   StackedGround(const SoilColumns& columns, double swell) : columns_(columns) {
     zero_m_ = std::numeric_limits<double>::infinity();
-    for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
+    for (std::size_t c = 0; c < columns.top_m.size(); ++c)
       if (!missing(c)) zero_m_ = std::min(zero_m_, columns.top_m[c]);
-    }
     for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
       const auto height = [&](const std::vector<double>& of) {
         return missing(c) ? 0 : std::max((of[c] - zero_m_) / columns.side_m, -1.0);
@@ -62,94 +53,62 @@ class StackedGround {
     }
   }
 
-  bool missing(std::size_t c) const { return !columns_.missing.empty() && columns_.missing[c]; }
   const SoilStack& operator[](std::size_t c) const { return stacks_[c]; }
   double top_m(std::size_t c, double soil) const {
     return zero_m_ + columns_.side_m * (stacks_[c].base() + stacks_[c].depth(soil));
   }
-  /// Calls f(c, i) for each column that is there with its places in the lists and in a grid.
-  template <class F>
-  void each(const FluxGrid& grid, const F& f) const {
-    std::size_t c = 0;
-    for (int y = 0; y < columns_.ny; ++y) {
-      for (int x = 0; x < columns_.nx; ++x, ++c) {
-        if (!missing(c)) f(c, grid.at(x, y));
+  std::size_t index(const Coord2& column) const {
+    return static_cast<std::size_t>(column.y() * columns_.nx + column.x());
+  }
+  void load(const Coord2& tile, FluxTile& out) const {
+    for (int i = 0; i < 64; ++i) {
+      const Coord2 column = 8 * tile + Coord2(i % 8, i / 8);
+      const bool inside =
+          (column.array() >= 0).all() && column.x() < columns_.nx && column.y() < columns_.ny;
+      if (!inside || missing(index(column))) {
+        out.set_missing(static_cast<std::size_t>(i));
+      } else {
+        const SoilStack& s = stacks_[index(column)];
+        out.set(static_cast<std::size_t>(i), s.base(), s.bank_soil(), s.soil());
       }
     }
   }
 
  private:
+  bool missing(std::size_t c) const { return !columns_.missing.empty() && columns_.missing[c]; }
+
   const SoilColumns& columns_;
   double zero_m_;
   std::vector<SoilStack> stacks_;
 };
 
-/// Grids with columns twice as wide each, until they are few.
-std::deque<FluxGrid> coarser_grids(const FluxGrid& grid) {
-  std::deque<FluxGrid> all;
-  for (const FluxGrid* g = &grid; std::max(g->nx(), g->ny()) >= kMinColumnsToCoarsen;
-       g = &all.back()) {
-    all.push_back(g->coarser());
-  }
-  return all;
+}  // namespace
+
+float slope_beyond(double slope, double rad) {
+  const double t = tangent(rad), rest = 1 - slope * t;
+  return rest <= 0 ? std::numeric_limits<float>::max()
+                   : static_cast<float>(t * (1 + slope * slope) / rest);
 }
 
-/// Soil of each column after what flowed. Fluxes are floats, but what one column gives another
-/// gets, so sums in double hold the mass.
-///
-/// Where they aren't quite at rest a column may give a little more than it has. It then gives as
-/// much less, to all alike, and so do those that got it and passed it on; those that soil went
-/// round in circles between give nothing.
-std::vector<double> soil_after(const StackedGround& ground, const FluxGrid& grid,
-                               std::size_t size) {
-  std::vector<double> soil(size), share(grid.size(), 1.0), next;
-  bool again = true;
-  for (int round = 0; again; ++round) {
-    again = false;
-    next = share;
-    ground.each(grid, [&](std::size_t c, std::size_t i) {
-      const FluxGrid::Flow flow = grid.flow(i, share);
-      const double had = ground[c].soil() + flow.in;
-      soil[c] = had - share[i] * flow.out;
-      if (soil[c] >= -kMaxOwedShare * had) return;
-      next[i] = round < kMaxOwedRounds ? had / flow.out : 0;
-      again = true;
-    });
-    share.swap(next);
-  }
-  return soil;
-}
+namespace {
 
 /// Lets soil flow until it is at rest, or for long enough. @param columns then hold what came of it
-/// @return steps on the columns themselves; 0: nothing was too steep
+/// @return steps; 0: nothing was too steep
 int flow(SoilColumns& columns, const Repose& repose) {
-  const StackedGround ground(columns, repose.swell);
-  FluxGrid grid(columns.nx, columns.ny, static_cast<float>(repose.slope),
-                static_cast<float>(repose.swell));
-  ground.each(grid, [&](std::size_t c, std::size_t i) {
-    const SoilStack& s = ground[c];
-    grid.set_column(i, static_cast<float>(s.base()), static_cast<float>(s.bank_soil()),
-                    static_cast<float>(s.soil()));
-  });
-  grid.find_brinks();
-  const auto beyond = [&](double rad) { return slope_beyond(repose.slope, rad); };
-  if (grid.unrest().steep <= beyond(kCollapseStartRad)) return 0;
-
-  std::deque<FluxGrid> coarse = coarser_grids(grid);
-  for (std::size_t k = coarse.size(); k-- > 0;) {
-    const auto sides = static_cast<float>(2 << k);  // of ours in one of theirs
-    coarse[k].relax(kMaxCoarseSteps, sides * beyond(kCoarseToleranceRad));
-    (k > 0 ? coarse[k - 1] : grid).start_from(coarse[k]);
-  }
-  const int steps = grid.relax(kMaxFluxSteps, beyond(kRestToleranceRad));
-
-  const std::vector<double> soil = soil_after(ground, grid, columns.top_m.size());
-  ground.each(grid, [&](std::size_t c, std::size_t) {
-    const double after = std::max(soil[c], 0.0);
-    if (after == ground[c].soil()) return;
-    columns.top_m[c] = std::max(ground.top_m(c, after), columns.base_m[c]);
+  const SoilColumns before = columns;
+  const StackedGround ground(before, repose.swell);
+  FluxGrid grid(static_cast<float>(repose.slope), static_cast<float>(repose.swell));
+  grid.begin([&](const Coord2& tile, FluxTile& out) { ground.load(tile, out); });
+  for (int x = 0; 8 * x < columns.nx; ++x)
+    for (int y = 0; 8 * y < columns.ny; ++y) grid.activate({x, y});
+  if (grid.unrest().steep <= slope_beyond(repose.slope, kCollapseStartRad)) return 0;
+  const int steps = grid.relax(kMaxFluxSteps, slope_beyond(repose.slope, kRestToleranceRad));
+  for (const FluxGrid::Change& change : grid.changes()) {
+    const std::size_t c = ground.index(change.column);
+    if (change.after == change.before) continue;
+    columns.top_m[c] = std::max(ground.top_m(c, change.after), columns.base_m[c]);
     columns.bank_m[c] = std::min(columns.bank_m[c], columns.top_m[c]);
-  });
+  }
   return steps;
 }
 

@@ -22,6 +22,9 @@ struct SoilColumns {
   std::vector<std::uint8_t> missing;
 };
 
+/// Slope beyond another that is steeper by an angle.
+float slope_beyond(double slope, double rad);
+
 struct Repose {
   double slope = 0;  ///< tangent of the angle of repose, > 0
   double swell = 1;  ///< loose volume over bank volume, >= 1
@@ -41,9 +44,8 @@ struct Collapse {
 /// than repose it slides to the foot; soil that the support holds back behind a brink stays.
 ///
 /// Guarantees: mass is conserved to rounding. No soil comes from places without soil or goes below
-/// the base. The same bits for any number of threads, build and CPU. Mirrored or turned grids give
-/// mirrored or turned heights (to 0.1 sides where a side cannot be halved evenly down to
-/// kMinColumnsToCoarsen columns). Ground at rest is returned unchanged. Where support is no steeper
+/// the base. The same bits on any build and CPU. Mirrored or turned grids give mirrored or turned
+/// heights (to 0.1 sides). Ground at rest is returned unchanged. Where support is no steeper
 /// than repose, slopes are within kRestToleranceRad of it, so a second collapse changes nothing,
 /// and heights are within about 0.1 column sides (0.02 rms) of the exact projection.
 ///
@@ -53,7 +55,7 @@ struct Collapse {
 /// kMaxFluxSteps, 0.2 to 0.8 side rms from the truth on the slope below: columns that a brink cuts
 /// are means. kMaxCollapseTries may end it before.
 ///
-/// Uses the caller's TBB arena. 96 x 96 columns take 2 to 20 ms, or 60 ms with all tries.
+/// 96 x 96 columns take 2 to 20 ms, or 60 ms with all tries.
 Collapse collapse(const SoilColumns& columns, const Repose& repose);
 
 }  // namespace soilvdb::inline v0

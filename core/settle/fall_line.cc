@@ -60,6 +60,11 @@ void FallLine::find(const FrontFinder& finder, const Columns& columns, double sl
   int x = from.column / columns.ny, y = from.column % columns.ny;
   Vec2 at = from.at;
   nodes_.push_back({at, level, from.column});
+  along_ = from.along;
+  if (from.is_line()) {
+    nodes_.push_back({at, std::min(level, columns.at(from.column)), from.column});
+    return;
+  }
   for (bool first = true;; first = false) {
     const int column = columns.index(x, y);
     const Descent down = descent(finder, columns, x, y);
@@ -102,11 +107,11 @@ double FallLine::upright() const {
 Source FallLine::at(double level) const {
   const auto below =
       std::find_if(nodes_.begin(), nodes_.end(), [&](const Node& n) { return n.level < level; });
-  if (below == nodes_.begin()) return {nodes_.front().at, nodes_.front().column};
-  if (below == nodes_.end()) return {nodes_.back().at, nodes_.back().column};
+  if (below == nodes_.begin()) return {nodes_.front().at, nodes_.front().column, along_};
+  if (below == nodes_.end()) return {nodes_.back().at, nodes_.back().column, along_};
   const Node& above = *(below - 1);
   const double s = (level - below->level) / (above.level - below->level);
-  return {below->at + s * (above.at - below->at), above.column};
+  return {below->at + s * (above.at - below->at), above.column, along_};
 }
 
 }  // namespace soilvdb::inline v0

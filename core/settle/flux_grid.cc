@@ -2,59 +2,142 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/settle/flux_grid.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/constants.h"
-#include "core/settle/flux_row.h"
 
 namespace soilvdb::inline v0 {
 
-FluxGrid::FluxGrid(int nx, int ny, float limit, float swell)
-    : nx_(nx),
-      ny_(ny),
-      stride_(kFrame + (nx + kFrame - 1) / kFrame * kFrame),
-      limit_(limit),
-      swell_(swell) {
-  // One frame more behind the last row.
-  const auto n = static_cast<std::size_t>((ny + 2) * stride_ + kFrame);
-  base_.assign(n, kMissingBase);
-  soil_.assign(n, kMissingSoil);
-  top_.assign(n, kMissingBase + kMissingSoil);
-  depth_.assign(n, kMissingSoil);
-  bank_.assign(n, 0);
-  for (Array& a : flux_) a.assign(n, 0);
-  for (Array& a : ahead_) a.assign(n, 0);
-  for (Array& a : out_) a.assign(n, 0);
-  for (Array& a : brink_) a.assign(n, 0);
-  flows_.assign(n / kFrame, 0);
-  uphill_.assign(static_cast<std::size_t>(ny * kFrame), 0);
+namespace {
+
+/// What arrays hold where no tile is loaded.
+struct Nothing {
+  FluxTile tile;
+  Nothing() { tile.set_missing(0); }
+  float base() const { return static_cast<float>(tile.base[0]); }
+  float soil() const { return static_cast<float>(tile.soil[0]); }
+};
+
+}  // namespace
+
+float FluxGrid::value_of_nothing(int array) {
+  const Nothing none;
+  if (array == kBase) return none.base();
+  if (array == kTop) return none.base() + none.soil();
+  return array == kSoil || array == kDepth ? none.soil() : 0;
 }
 
-void FluxGrid::set_column(std::size_t i, float base, float bank, float soil) {
-  base_[i] = base;
-  bank_[i] = bank;
-  soil_[i] = soil;
-}
-
-void FluxGrid::find_brinks() {
-  for (int y = 0; y < ny_; ++y) {
-    for (int x = 0; x < nx_; ++x) {
-      const std::size_t i = at(x, y);
-      if (missing(i)) continue;
-      const int to[4] = {1, -1, stride_, -stride_};
-      for (int n = 0; n < 4; ++n) brink_[n][i] = brink(i, to[n]);
+void FluxGrid::begin(Load load) {
+  load_ = std::move(load);
+  for (const Coord2& tile : loaded_) {
+    tiles_[number(tile)] = kUnknown;
+    for (int y = 0; y < kTileSide; ++y) {
+      const auto i = static_cast<std::ptrdiff_t>(at(kTileSide * tile + Coord2(0, y)));
+      for (int a = 0; a < kArrays; ++a)
+        std::fill_n(arrays_[static_cast<std::size_t>(a)].begin() + i, kTileSide,
+                    value_of_nothing(a));
+      flows_[static_cast<std::size_t>(i / kTileSide)] = 0;
+      awake_[static_cast<std::size_t>(i / kTileSide)] = 0;
     }
   }
+  loaded_.clear();
+  active_.clear();
+  active_rows_.clear();
+}
+
+/// Makes room for a tile and those around it.
+void FluxGrid::make_room(const Coord2& tile) {
+  if (loaded_.empty()) first_ = tile - size_ / 2;
+  const Coord2 low = tile - Coord2::Ones(), high = tile + Coord2::Ones();
+  const Coord2 end = first_ + size_;
+  if (!tiles_.empty() && (low.array() >= first_.array()).all() &&
+      (high.array() < end.array()).all())
+    return;
+  const Coord2 spare = Coord2::Constant(kSpareTiles);
+  const Coord2 old_first = first_, old_size = size_;
+  const std::ptrdiff_t old_stride = stride_;
+  Coord2 new_first = low - spare, new_end = high + spare + Coord2::Ones();
+  if (!tiles_.empty()) {
+    new_first = (low.array() < first_.array()).select(new_first, first_);
+    new_end = (high.array() >= end.array()).select(new_end, end);
+  }
+  first_ = new_first;
+  size_ = new_end - new_first;
+  stride_ = kTileSide * (size_.x() + 1);
+  // A frame on all sides, and one more behind the last row.
+  const auto count = static_cast<std::size_t>((kTileSide * size_.y() + 2) * stride_ + kTileSide);
+  const auto enlarge = [&](auto& list, int lanes, auto value) {
+    std::remove_reference_t<decltype(list)> larger(count / static_cast<std::size_t>(lanes), value);
+    const std::ptrdiff_t columns = kTileSide * old_size.x() / lanes;
+    for (int y = 0; y < kTileSide * old_size.y(); ++y) {
+      const auto from = list.begin() + ((y + 1) * old_stride + kTileSide) / lanes;
+      const std::size_t to =
+          at(kTileSide * old_first + Coord2(0, y)) / static_cast<std::size_t>(lanes);
+      std::copy(from, from + columns, larger.begin() + static_cast<std::ptrdiff_t>(to));
+    }
+    list.swap(larger);
+  };
+  for (int a = 0; a < kArrays; ++a)
+    enlarge(arrays_[static_cast<std::size_t>(a)], 1, value_of_nothing(a));
+  enlarge(given_, 1, 0.0);
+  enlarge(share_, 1, 1.0);
+  enlarge(flows_, kTileSide, std::uint8_t{0});
+  enlarge(awake_, kTileSide, std::uint8_t{0});
+  std::vector<TileState> tiles(static_cast<std::size_t>(size_.x() * size_.y()), kUnknown);
+  std::swap(tiles, tiles_);
+  for (int y = 0; y < old_size.y(); ++y)
+    for (int x = 0; x < old_size.x(); ++x)
+      tiles_[number(old_first + Coord2(x, y))] =
+          tiles[static_cast<std::size_t>(y * old_size.x() + x)];
+}
+
+void FluxGrid::load(const Coord2& tile) {
+  TileState& state = tiles_[number(tile)];
+  if (state != kUnknown) return;
+  state = kLoaded;
+  loaded_.push_back(tile);
+  FluxTile columns;
+  load_(tile, columns);
+  for (int c = 0; c < kTileSide * kTileSide; ++c) {
+    const std::size_t i = at(kTileSide * tile + Coord2(c % kTileSide, c / kTileSide));
+    const auto n = static_cast<std::size_t>(c);
+    given_[i] = columns.soil[n];
+    const auto base = static_cast<float>(columns.base[n]);
+    const auto soil = static_cast<float>(columns.soil[n]);
+    const auto bank = static_cast<float>(columns.bank[n]);
+    arrays_[kBase][i] = base;
+    arrays_[kBank][i] = bank;
+    arrays_[kSoil][i] = soil;
+    arrays_[kDepth][i] = soil - (1 - 1 / swell_) * std::min(soil, bank);
+    arrays_[kTop][i] = base + arrays_[kDepth][i];
+  }
+}
+
+void FluxGrid::activate(const Coord2& tile) {
+  make_room(tile);
+  if (tiles_[number(tile)] == kActive) return;
+  for (const auto& [x, y] : {std::pair(0, 0), {-1, 0}, {1, 0}, {0, -1}, {0, 1}})
+    load(tile + Coord2(x, y));
+  tiles_[number(tile)] = kActive;
+  active_.push_back(tile);
+  for (int c = 0; c < kTileSide * kTileSide; ++c) {
+    const std::size_t i = at(kTileSide * tile + Coord2(c % kTileSide, c / kTileSide));
+    if (c % kTileSide == 0) awake_[i / kTileSide] = 1;
+    if (missing(i)) continue;
+    const std::ptrdiff_t to[4] = {1, -1, stride_, -stride_};
+    for (std::size_t n = 0; n < 4; ++n) arrays_[kBrink + n][i] = brink(i, to[n]);
+  }
+  active_rows_.clear();  // to be found anew
 }
 
 /// Between the middles of two columns ground bends to something steeper than repose. Soil lies up
 /// to the bend, so where the column's middle is short of it there is some, and may stay.
 float FluxGrid::brink(std::size_t i, std::ptrdiff_t to) const {
+  const std::vector<float>& base = arrays_[kBase];
   const auto drop = [&](std::size_t a, std::size_t b) {
-    return missing(a) || missing(b) ? 0 : base_[a] - base_[b];
+    return missing(a) || missing(b) ? 0 : base[a] - base[b];
   };
   const std::size_t next = i + static_cast<std::size_t>(to);
   if (drop(i - static_cast<std::size_t>(to), i) > limit_ || missing(next)) return 0;  // slides by
@@ -67,185 +150,187 @@ float FluxGrid::brink(std::size_t i, std::ptrdiff_t to) const {
   return short_by * std::min(steepest - limit_, limit_);
 }
 
-FluxGrid FluxGrid::coarser() const {
-  FluxGrid coarse((nx_ + 1) / 2, (ny_ + 1) / 2, 2 * limit_, swell_);
-  for (int y = 0; y < coarse.ny_; ++y) {
-    for (int x = 0; x < coarse.nx_; ++x) {
-      int n = 0;
-      double base = 0, bank = 0, soil = 0;  // exact, so the order doesn't matter
-      for (int k = 0; k < 4; ++k) {
-        const std::size_t i = at(2 * x + (k & 1), 2 * y + (k >> 1));
-        if (missing(i)) continue;
-        ++n;
-        base += double{base_[i]};
-        bank += double{bank_[i]};
-        soil += double{soil_[i]};
-      }
-      if (n < kMinFineColumns) continue;
-      coarse.set_column(coarse.at(x, y), static_cast<float>(base / n), static_cast<float>(bank / n),
-                        static_cast<float>(soil / n));
-    }
-  }
-  coarse.find_brinks();
-  return coarse;
-}
-
-void FluxGrid::start_from(const FluxGrid& coarse) {
-  for (int y = 0; y < ny_; ++y) {
-    for (int x = 0; x < nx_; ++x) {
-      const std::size_t i = at(x, y), c = coarse.at(x / 2, y / 2);
-      if (missing(i)) continue;
-      for (int f = 0; f < 8; ++f) {
-        const int t = f / 2;
-        const bool in_x = f % 2 == 0, lower = (t >> (in_x ? 0 : 1) & 1) != 0;
-        const auto to = static_cast<std::size_t>(in_x ? along_x(t) : along_y(t));
-        if (missing(i + to)) continue;
-        // Through a side that is one of the coarse column's flows what flows there; through one in
-        // its middle the mean of what flows in and out. Four times the volume, twice the length.
-        float flux = coarse.flux_[f][c];
-        if (((in_x ? x : y) & 1) == (lower ? 1 : 0)) {
-          const auto from = static_cast<std::size_t>(in_x ? coarse.along_x(t) : coarse.along_y(t));
-          flux = (flux + coarse.flux_[f][c - from]) / 2;
-        }
-        flux_[f][i] = 2 * flux;
+/// Activates tiles that soil flowed into.
+void FluxGrid::activate_reached() {
+  std::vector<Coord2> reached;
+  for (const Coord2& tile : active_) {
+    constexpr int kTo[4][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}};
+    for (std::size_t side = 0; side < 4; ++side) {
+      const Coord2 to(kTo[side][0], kTo[side][1]), next = tile + to;
+      if (tiles_[number(next)] == kActive) continue;
+      for (int k = 0; k < kTileSide; ++k) {
+        // The columns at that side.
+        const Coord2 in(to.x() == 0 ? k : (to.x() + 1) / 2 * (kTileSide - 1),
+                        to.y() == 0 ? k : (to.y() + 1) / 2 * (kTileSide - 1));
+        if (!(arrays_[kOut + side][at(kTileSide * tile + in)] > 0)) continue;
+        reached.push_back(next);
+        break;
       }
     }
   }
+  for (const Coord2& tile : reached) activate(tile);
 }
 
-FluxGrid::Flow FluxGrid::flow(std::size_t i, const std::vector<double>& share) const {
-  const auto to = [&](int axis, bool lower, std::size_t from) {
-    const int a = axis == 0 ? (lower ? 2 : 0) : (lower ? 5 : 1), b = a + (axis == 0 ? 4 : 2);
-    return double{flux_[a][from]} + double{flux_[b][from]};
+/// Rows of the active tiles, and of all columns that soil of them may come to.
+void FluxGrid::find_rows() {
+  if (!active_rows_.empty()) return;
+  rows_.clear();
+  const auto row = [&](int y, int low, int high) {  // of tiles
+    FluxRow r;
+    const std::size_t i = at({kTileSide * low, y});
+    r.columns = kTileSide * (high - low + 1);
+    r.stride = stride_;
+    r.limit = limit_;
+    r.swell = swell_;
+    const auto from = [&](int array) { return &arrays_[static_cast<std::size_t>(array)][i]; };
+    r.base = from(kBase);
+    r.bank = from(kBank);
+    r.soil = from(kSoil);
+    r.top = from(kTop);
+    r.depth = from(kDepth);
+    for (int f = 0; f < 8; ++f) {
+      r.flux[f] = from(kFlux + f);
+      r.ahead[f] = from(kAhead + f);
+    }
+    for (int n = 0; n < 4; ++n) {
+      r.brink[n] = from(kBrink + n);
+      r.out[n] = from(kOut + n);
+    }
+    r.flows = &flows_[i / kTileSide];
+    r.awake = &awake_[i / kTileSide];
+    return r;
   };
-  double in[2], out[2];
-  for (int axis = 0; axis < 2; ++axis) {
-    const std::size_t next = axis == 0 ? 1 : static_cast<std::size_t>(stride_);
-    out[axis] = to(axis, false, i) + to(axis, true, i);
-    in[axis] =
-        share[i - next] * to(axis, false, i - next) + share[i + next] * to(axis, true, i + next);
-  }
-  return {in[0] + in[1], out[0] + out[1]};
-}
-
-FluxRow FluxGrid::row(int y) {
-  const std::size_t i = at(0, y);
-  FluxRow r;
-  r.columns = stride_ - kFrame;
-  r.stride = stride_;
-  r.limit = limit_;
-  r.swell = swell_;
-  r.base = &base_[i];
-  r.bank = &bank_[i];
-  r.soil = &soil_[i];
-  r.top = &top_[i];
-  r.depth = &depth_[i];
-  for (int f = 0; f < 8; ++f) {
-    r.flux[f] = &flux_[f][i];
-    r.ahead[f] = &ahead_[f][i];
-  }
-  for (int n = 0; n < 4; ++n) {
-    r.brink[n] = &brink_[n][i];
-    r.out[n] = &out_[n][i];
-  }
-  r.flows = &flows_[i / kFrame];
-  return r;
-}
-
-int FluxGrid::count_bands() const {
-  return std::max(1, std::min(ny_ / kMinBandRows, nx_ * ny_ / kMinBandColumns));
-}
-
-template <class F>
-void FluxGrid::in_bands(const F& band) const {
-  const int bands = count_bands();
-  if (bands == 1) return band(0, ny_);
-  tbb::parallel_for(std::size_t{0}, static_cast<std::size_t>(bands), [&](std::size_t i) {
-    const int b = static_cast<int>(i);
-    band(b * ny_ / bands, (b + 1) * ny_ / bands);
-  });
-}
-
-void FluxGrid::note_flows() {
-  for (std::size_t i = 0; i < size(); ++i)
-    for (const Array& flux : flux_)
-      if (flux[i] != 0) flows_[i / kFrame] = 2;
-}
-
-/// @param all also where nothing flowed since it was done last
-void FluxGrid::settle_by(const Array* fluxes, bool all) {
-  in_bands([&](int first, int last) {
-    for (std::size_t group = at(0, first), end = at(0, last); group < end; group += kFrame) {
-      if (!all && flows_[group / kFrame] == 0) continue;
-      for (std::size_t i = group; i < group + kFrame; ++i) {
-        for (int d = 0; d < 2; ++d) {
-          out_[d][i] = fluxes[2 * d][i] + fluxes[2 * d + 4][i];
-          out_[2 + d][i] = fluxes[4 * d + 1][i] + fluxes[4 * d + 3][i];
-        }
+  for (int y = 0; y < size_.y(); ++y) {
+    int low = size_.x(), high = -1, wide_low = size_.x(), wide_high = -1;
+    for (int x = 0; x < size_.x(); ++x) {
+      const auto active = [&](int i, int j) {
+        return i >= 0 && j >= 0 && i < size_.x() && j < size_.y() &&
+               tiles_[static_cast<std::size_t>(j * size_.x() + i)] == kActive;
+      };
+      if (active(x, y)) {
+        low = std::min(low, x);
+        high = x;
+      }
+      if (active(x, y) || active(x - 1, y) || active(x + 1, y) || active(x, y - 1) ||
+          active(x, y + 1)) {
+        wide_low = std::min(wide_low, x);
+        wide_high = x;
       }
     }
-  });
-  in_bands([&](int first, int last) {
-    for (int y = first; y < last; ++y) settle(row(y), all);
-  });
+    for (int k = 0; k < kTileSide; ++k) {
+      const int at_y = kTileSide * (first_.y() + y) + k;
+      if (high >= 0) active_rows_.push_back(row(at_y, first_.x() + low, first_.x() + high));
+      if (wide_high >= 0) rows_.push_back(row(at_y, first_.x() + wide_low, first_.x() + wide_high));
+    }
+  }
+  uphill_.assign(active_rows_.size() * kTileSide, 0);
 }
 
-Unrest FluxGrid::unrest(bool all) {
-  settle_by(flux_, all);
-  std::vector<Unrest> rows(static_cast<std::size_t>(ny_));
-  in_bands([&](int first, int last) {
-    for (int y = first; y < last; ++y) rows[static_cast<std::size_t>(y)] = soilvdb::unrest(row(y));
-  });
+/// Heights after fluxes.
+void FluxGrid::settle_by(Array fluxes) {
+  for (const FluxRow& r : active_rows_) {
+    for (int x = 0; x < r.columns; ++x) {
+      if (r.flows[x / kTileSide] == 0) continue;
+      const auto flux = [&](int f) { return (fluxes == kFlux ? r.flux[f] : r.ahead[f])[x]; };
+      for (int d = 0; d < 2; ++d) {
+        r.out[d][x] = flux(2 * d) + flux(2 * d + 4);
+        r.out[2 + d][x] = flux(4 * d + 1) + flux(4 * d + 3);
+      }
+    }
+  }
+  for (const FluxRow& r : rows_) settle(r);
+}
+
+Unrest FluxGrid::unrest() {
+  find_rows();
+  settle_by(kFlux);
   Unrest most;
-  for (const Unrest& r : rows) {
-    most.steep = std::max(most.steep, r.steep);
-    most.flux = std::max(most.flux, r.flux);
-    most.hollow = std::max(most.hollow, r.hollow);
+  for (const FluxRow& r : active_rows_) {
+    const Unrest now = soilvdb::unrest(r);
+    most.steep = std::max(most.steep, now.steep);
+    most.flux = std::max(most.flux, now.flux);
+    most.hollow = std::max(most.hollow, now.hollow);
   }
   return most;
 }
 
 double FluxGrid::step(float momentum) {
-  // Heights of a row are made when those of the next aren't needed any more, but for rows at the
-  // sides of bands, which wait until all is pushed.
-  in_bands([&](int first, int last) {
-    for (int y = first; y < last; ++y) {
-      push(row(y), momentum, &uphill_[static_cast<std::size_t>(y * kFrame)]);
-      if (y - 1 > first) settle(row(y - 1), false);
-    }
-  });
-  const int bands = count_bands();
-  for (int b = 0; b < bands; ++b) {
-    const int first = b * ny_ / bands, last = (b + 1) * ny_ / bands - 1;
-    settle(row(first), false);
-    if (last > first) settle(row(last), false);
-  }
+  for (std::size_t y = 0; y < active_rows_.size(); ++y)
+    push(active_rows_[y], momentum, &uphill_[y * kTileSide]);
+  for (const FluxRow& r : rows_) settle(r);
   double sum = 0;
-  for (std::size_t y = 0; y < uphill_.size(); y += kFrame) {
+  for (std::size_t y = 0; y < uphill_.size(); y += kTileSide) {
     double row = 0;
-    for (std::size_t k = 0; k < kFrame; ++k) row += double{uphill_[y + k]};
+    for (std::size_t k = 0; k < kTileSide; ++k) row += double{uphill_[y + k]};
     sum += row;
   }
+  work_ += kTileSide * kTileSide * static_cast<std::int64_t>(active_.size());
   return sum;
 }
 
 int FluxGrid::relax(int most, float tolerance) {
-  for (int f = 0; f < 8; ++f) ahead_[f] = flux_[f];
-  note_flows();
-  settle_by(ahead_, true);
+  find_rows();
   double lead = 1;
   for (int done = 1; done <= most; ++done) {
     const double next = (1 + std::sqrt(1 + 4 * lead * lead)) / 2;
     const double uphill = step(static_cast<float>((lead - 1) / next));
     lead = uphill > 0 ? 1 : next;
+    if (done % kActivateSteps == 0) {
+      activate_reached();
+      find_rows();
+    }
     if (done % kRestCheckSteps != 0 && done < most) continue;
-    const Unrest now = unrest(false);
+    const Unrest now = unrest();
     if (done == most ||
         (now.steep <= tolerance && now.flux <= kFluxTolerance * limit_ && now.hollow <= tolerance))
       return done;
-    settle_by(ahead_, false);
+    settle_by(kAhead);
   }
   return 0;
+}
+
+/// What flows out of a column towards higher x, lower x, higher y, lower y.
+double FluxGrid::flow_out(std::size_t i, int direction) const {
+  constexpr std::size_t kPairs[4][2] = {{0, 4}, {2, 6}, {1, 3}, {5, 7}};
+  const auto& pair = kPairs[direction];
+  return double{arrays_[kFlux + pair[0]][i]} + double{arrays_[kFlux + pair[1]][i]};
+}
+
+/// Fluxes are floats, but what one column gives another gets, so sums in double hold the mass.
+///
+/// Where they aren't quite at rest a column may give a little more than it has. It then gives as
+/// much less, to all alike, and so do those that got it and passed it on; those that soil went
+/// round in circles between give nothing.
+std::vector<FluxGrid::Change> FluxGrid::changes() {
+  std::vector<Change> changes;
+  std::vector<std::pair<std::size_t, double>> less;  // shares of columns that owe some
+  const auto stride = static_cast<std::size_t>(stride_);
+  for (int round = 0; round == 0 || !less.empty(); ++round) {
+    for (const auto& [i, share] : less) share_[i] = share;
+    less.clear();
+    changes.clear();
+    for (const Coord2& tile : loaded_) {
+      for (int c = 0; c < kTileSide * kTileSide; ++c) {
+        const Coord2 column = kTileSide * tile + Coord2(c % kTileSide, c / kTileSide);
+        const std::size_t i = at(column);
+        if (missing(i)) continue;
+        const double out = (flow_out(i, 0) + flow_out(i, 1)) + (flow_out(i, 2) + flow_out(i, 3));
+        const double in =
+            (share_[i - 1] * flow_out(i - 1, 0) + share_[i + 1] * flow_out(i + 1, 1)) +
+            (share_[i - stride] * flow_out(i - stride, 2) +
+             share_[i + stride] * flow_out(i + stride, 3));
+        if (in == 0 && out == 0) continue;
+        const double had = given_[i] + in, after = had - share_[i] * out;
+        changes.push_back({column, given_[i], std::max(after, 0.0)});
+        if (after < -kMaxOwedShare * had)
+          less.emplace_back(i, round < kMaxOwedRounds ? had / out : 0);
+      }
+    }
+  }
+  for (const Coord2& tile : loaded_)
+    for (int c = 0; c < kTileSide * kTileSide; ++c)
+      share_[at(kTileSide * tile + Coord2(c % kTileSide, c / kTileSide))] = 1;
+  return changes;
 }
 
 }  // namespace soilvdb::inline v0

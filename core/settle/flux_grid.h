@@ -3,86 +3,129 @@
 // Soil that flows between columns until nothing is steeper than it may be.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "core/settle/flux_row.h"
+#include "soilvdb/types.h"
 
 namespace soilvdb::inline v0 {
 
-/// Columns, and the soil that flowed between them. Heights and drops are in sides of the finest
-/// columns, soil is loose and in those of its own columns' area.
+/// 8 x 8 columns before soil flows, heights in sides, column (x, y) as entry y * 8 + x. From below:
+/// ground that stands at any slope up to `base`, then bank soil and loose soil, as loose volume in
+/// `soil`. Bank soil fills less room than it has as loose soil.
+struct FluxTile {
+  static constexpr double kMissing = -1e9;  ///< as `soil`: gives and takes nothing, like a wall
+
+  std::array<double, 64> base, bank, soil;
+
+  void set(std::size_t column, double base_height, double bank_soil, double all_soil) {
+    base[column] = base_height;
+    bank[column] = bank_soil;
+    soil[column] = all_soil;
+  }
+  void set_missing(std::size_t column) { set(column, kMissingBase, 0, kMissing); }
+
+ private:
+  // So that a missing column is higher than all others and never free to give.
+  static constexpr double kMissingBase = 4e9;
+};
+
+/// Columns, and the soil that flowed between them. Heights and drops are in sides of the columns.
 ///
 /// A column has four quadrants, each with one neighbour along x and one along y: the lower x if
 /// t & 1, the lower y if t & 2. Its drops to both, where positive, may come to `limit` together
 /// (root of the sum of squares). What keeps it so are two fluxes >= 0 per quadrant, 2 t along x and
 /// 2 t + 1 along y: Lagrange's multipliers, and the soil that flowed.
 ///
-/// All arrays have a frame of columns that are missing.
+/// The plane is in tiles of 8 x 8 columns. Soil leaves active tiles only. A tile becomes active
+/// when it gets soil. Tiles are loaded when a tile beside them becomes active, so the cost goes
+/// with the ground that soil flows over.
 class FluxGrid {
  public:
-  /// All columns are missing. @param limit largest drop between neighbours
-  FluxGrid(int nx, int ny, float limit, float swell);
+  /// Fills a tile. @param tile column (0, 0) of it, over 8
+  using Load = std::function<void(const Coord2& tile, FluxTile& columns)>;
 
-  int nx() const { return nx_; }
-  int ny() const { return ny_; }
-  /// Of the arrays, and places in them.
-  std::size_t size() const { return base_.size(); }
-  std::size_t at(int x, int y) const {
-    return static_cast<std::size_t>((y + 1) * stride_ + kFrame + x);
-  }
-  /// Distances in the arrays to a quadrant's neighbours.
-  std::ptrdiff_t along_x(int t) const { return t & 1 ? -1 : 1; }
-  std::ptrdiff_t along_y(int t) const { return t & 2 ? -stride_ : stride_; }
+  /// @param limit largest drop between neighbours @param swell loose volume over bank volume
+  FluxGrid(float limit, float swell) : limit_(limit), swell_(swell) {}
 
-  /// @param soil in it, of which `bank` swelled already: it is thinner by that, and lies below
-  void set_column(std::size_t i, float base, float bank, float soil);
-  bool missing(std::size_t i) const { return soil_[i] < kMissingSoil / 2; }
-  /// To be called when all columns are set.
-  void find_brinks();
-  /// What flowed into a column and out of it, where each gave a share of what its fluxes say.
-  struct Flow {
-    double in, out;
-  };
-  Flow flow(std::size_t i, const std::vector<double>& share) const;
+  /// Forgets all tiles and keeps the memory.
+  void begin(Load load);
+  /// Lets soil leave a tile.
+  void activate(const Coord2& tile);
 
-  /// Columns twice as wide, each with the mean of four; and their flux as a start for ours.
-  FluxGrid coarser() const;
-  void start_from(const FluxGrid& coarse);
-
-  Unrest unrest() { return unrest(true); }
-
+  /// How far from rest active tiles are.
+  Unrest unrest();
   /// Projected gradient steps on the fluxes with momentum (Beck and Teboulle 2009) that starts
   /// again where it leads uphill (O'Donoghue and Candes 2015), until at rest to a tolerance.
   /// @return steps
   int relax(int most, float tolerance);
 
+  /// A column whose soil changed.
+  struct Change {
+    Coord2 column;
+    double before, after;  ///< soil
+  };
+  /// No column has less than nothing, and their sum is 0 to rounding.
+  std::vector<Change> changes();
+
+  /// Of loaded columns, after unrest() or relax(). Columns that aren't loaded are missing.
+  double top(const Coord2& column) const { return double{arrays_[kTop][at(column)]}; }
+  bool missing(const Coord2& column) const { return missing(at(column)); }
+
+  /// Columns times steps until now.
+  std::int64_t work() const { return work_; }
+
  private:
-  static constexpr int kFrame = 8;  // lanes, so that rows begin where vectors do
-  // So that a missing column is higher than all others and never free to give.
-  static constexpr float kMissingBase = 4e9f, kMissingSoil = -1e9f;
+  enum Array {
+    kBase,
+    kBank,
+    kSoil,
+    kTop,
+    kDepth,
+    kFlux,
+    kAhead = kFlux + 8,
+    kBrink = kAhead + 8,
+    kOut = kBrink + 4,
+    kArrays = kOut + 4
+  };
+  enum TileState : std::uint8_t { kUnknown, kLoaded, kActive };
 
-  using Array = std::vector<float>;
+  std::size_t at(const Coord2& column) const {
+    return static_cast<std::size_t>((column.y() - kTileSide * first_.y() + 1) * stride_ +
+                                    kTileSide + column.x() - kTileSide * first_.x());
+  }
+  std::size_t number(const Coord2& tile) const {
+    return static_cast<std::size_t>((tile.y() - first_.y()) * size_.x() + tile.x() - first_.x());
+  }
+  bool missing(std::size_t i) const { return arrays_[kSoil][i] < FluxTile::kMissing / 2; }
+  void make_room(const Coord2& tile);
+  void load(const Coord2& tile);
   float brink(std::size_t i, std::ptrdiff_t to) const;
-  FluxRow row(int y);
-  int count_bands() const;
-  template <class F>
-  void in_bands(const F& band) const;
-  void settle_by(const Array* fluxes, bool all);
-  Unrest unrest(bool all);
-  void note_flows();
+  void activate_reached();
+  void find_rows();
+  void settle_by(Array fluxes);
   double step(float momentum);
+  static float value_of_nothing(int array);
+  double flow_out(std::size_t i, int direction) const;
 
-  int nx_, ny_, stride_;
+  static constexpr int kTileSide = 8;  // lanes, so that rows begin where vectors do
+
   float limit_, swell_;
-  Array base_, bank_, soil_;  // given
-  Array top_, depth_;         // made of them and the fluxes
-  Array flux_[8], ahead_[8];  // ahead: with momentum
-  // To higher x, lower x, higher y, lower y: soil that a brink there holds back, what flows.
-  Array brink_[4], out_[4];
-  std::vector<std::uint8_t> flows_;  // by eight columns
-  Array uphill_;                     // by rows, eight parts of each
+  Load load_;
+  Coord2 first_{0, 0}, size_{0, 0};  // of the tiles that there is room for
+  std::ptrdiff_t stride_ = 0;
+  std::vector<TileState> tiles_;
+  std::vector<Coord2> loaded_, active_;  // active ones are loaded, too
+  std::array<std::vector<float>, kArrays> arrays_;
+  std::vector<double> given_, share_;        // soil; share of its flux that a column gives
+  std::vector<std::uint8_t> flows_, awake_;  // by eight columns
+  std::vector<FluxRow> active_rows_, rows_;  // with active tiles; and with those beside
+  std::vector<float> uphill_;                // by rows, eight parts of each
+  std::int64_t work_ = 0;
 };
 
 }  // namespace soilvdb::inline v0

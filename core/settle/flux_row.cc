@@ -102,6 +102,7 @@ SOILVDB_INLINE bool push_lanes(const FluxRow& r, const Drops& d, int x, float mo
 SOILVDB_FOR_CPUS void push(const FluxRow& r, float momentum, float uphill_by[kChunkSide]) {
   Lanes uphill{};
   for (int x = 0; x < r.columns; x += kChunkSide) {
+    if (r.awake[x / kChunkSide] == 0) continue;
     const Drops d = drops(r, x);
     std::uint8_t& flows = r.flows[x / kChunkSide];
     if (at_rest(r, d, x)) {
@@ -120,12 +121,12 @@ SOILVDB_FOR_CPUS void push(const FluxRow& r, float momentum, float uphill_by[kCh
 }
 
 // Sums of two and of two such: grids that are mirrored or turned have the same bits.
-SOILVDB_FOR_CPUS void settle(const FluxRow& r, bool all) {
+SOILVDB_FOR_CPUS void settle(const FluxRow& r) {
   const float shrunk = 1 - 1 / r.swell;
   for (int x = 0; x < r.columns; x += kChunkSide) {
     const std::uint8_t* here = r.flows + x / kChunkSide;
     const std::ptrdiff_t above = r.stride / kChunkSide;
-    if (!all && (here[0] | here[-1] | here[1] | here[-above] | here[above]) == 0) continue;
+    if ((here[0] | here[-1] | here[1] | here[-above] | here[above]) == 0) continue;
     const Lanes out = (lanes_at(r.out[0] + x) + lanes_at(r.out[1] + x)) +
                       (lanes_at(r.out[2] + x) + lanes_at(r.out[3] + x));
     const Lanes in = (lanes_at(r.out[0] + x - 1) + lanes_at(r.out[1] + x + 1)) +
@@ -140,6 +141,7 @@ SOILVDB_FOR_CPUS void settle(const FluxRow& r, bool all) {
 SOILVDB_FOR_CPUS Unrest unrest(const FluxRow& r) {
   Lanes steep{}, off{}, hollow{};
   for (int x = 0; x < r.columns; x += kChunkSide) {
+    if (r.awake[x / kChunkSide] == 0) continue;
     const Drops d = drops(r, x);
     if (at_rest(r, d, x)) continue;  // and no less deep than at first
     const Lanes lack = -lanes_at(r.depth + x);

@@ -8,7 +8,7 @@
 
 namespace soilvdb::inline v0 {
 
-/// A row of a FluxGrid, each array from the row's first column.
+/// A part of a row of a FluxGrid, each array from the part's first column.
 struct FluxRow {
   int columns;  ///< a multiple of 8
   std::ptrdiff_t stride;
@@ -19,6 +19,7 @@ struct FluxRow {
   /// Of each eight columns: 2 where something flows, 1 where something did
   /// until the last step.
   std::uint8_t* flows;
+  const std::uint8_t* awake;  ///< of each eight columns: 0 where soil doesn't leave them
 };
 
 /// A step of all fluxes of a row.
@@ -26,9 +27,8 @@ struct FluxRow {
 ///        out of a register to return a sum leaves its upper half in use, for which code without
 ///        such registers that runs next waits
 void push(const FluxRow& row, float momentum, float uphill_by[8]);
-/// Soil, and so heights, after what flowed: of all columns, or of those that it
-/// changed.
-void settle(const FluxRow& row, bool all);
+/// Soil, and so heights, after what flowed, of columns that it changed.
+void settle(const FluxRow& row);
 
 /// How far from rest columns are, in sides of the finest of them.
 struct Unrest {

@@ -62,12 +62,24 @@ void FrontFinder::begin(const Source& source, Front& front) {
     for (Label& l : labels_) l.epoch = 0;
     epoch_ = 1;
   }
-  add_anchor(source.at, 0);
-  const int x = source.column / columns_->ny, y = source.column % columns_->ny;
-  const double distance = (middle(x, y) - source.at).norm();
-  reach(source.column, distance, 0);
+  front_->anchors[static_cast<std::size_t>(add_anchor(source.at, 0))].along = source.along;
   // Soil that falls on a column spreads from it even where its middle is higher than the soil.
-  expand(source.column);
+  const auto land = [&](int column) {
+    if (labelled(column)) return;
+    reach(column, anchor(0).distance_to(middle(column / columns_->ny, column % columns_->ny)), 0);
+  };
+  std::vector<int>& columns = under_source_;
+  columns.assign(1, source.column);
+  land(source.column);
+  const int steps = static_cast<int>(std::ceil(source.along.norm() / kSourceStep));
+  for (int i = 0; i <= steps && steps > 0; ++i) {
+    const Vec2 at = source.at + source.along * (static_cast<double>(i) / steps);
+    const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
+    if (!columns_->open(x, y)) continue;
+    if (columns_->index(x, y) != columns.back()) columns.push_back(columns_->index(x, y));
+    land(columns.back());
+  }
+  for (const int column : columns) expand(column);
 }
 
 void FrontFinder::end() {
@@ -160,7 +172,7 @@ void FrontFinder::relax(int column, int x, int y, int to_x, int to_y) {
     return;
   const Anchor from = anchor(here.anchor);
   const Vec2 goal = middle(to_x, to_y);
-  const double direct = from.distance + (goal - from.at).norm();
+  const double direct = from.distance_to(goal);
   if (labelled(to) && label(to).distance <= direct + kSamePlace) return;
   const double level = growing_ ? std::max(level_, columns_->at(to) + slope_ * direct) : level_;
   if (sees(here.anchor, to_x, to_y, level)) return reach(to, direct, here.anchor);
@@ -177,11 +189,11 @@ void FrontFinder::relax(int column, int x, int y, int to_x, int to_y) {
 void FrontFinder::over_lip(int x, int y, int to_x, int to_y, double edge, const Anchor& from) {
   const int to = columns_->index(to_x, to_y);
   const Vec2 across(to_x - x, to_y - y), along(-across.y(), across.x());
-  const Vec2 face = middle(x, y) + across / 2;
-  const double ahead = (face - from.at).dot(across), beside = (from.at - face).dot(along);
+  const Vec2 face = middle(x, y) + across / 2, near = from.nearest(face);
+  const double ahead = (face - near).dot(across), beside = (near - face).dot(along);
   if (ahead < -kSamePlace) return;
   const double nearest = std::clamp(beside, -0.5, 0.5);
-  const double opens = edge + slope_ * (from.distance + (face + nearest * along - from.at).norm());
+  const double opens = edge + slope_ * (from.distance + (face + nearest * along - near).norm());
   const double reach_there = (level_ - edge) / slope_ - from.distance;
   if (growing_) {
     const bool all = ahead * ahead + (std::abs(beside) + 0.5) * (std::abs(beside) + 0.5) <
@@ -212,7 +224,7 @@ void FrontFinder::over_lip_to(int x, int y, const Vec2& lip, const Vec2& opens,
                               const Anchor& from) {
   if (!columns_->open(x, y)) return;
   const int to = columns_->index(x, y);
-  const double to_lip = from.distance + (lip - from.at).norm();
+  const double to_lip = from.distance_to(lip);
   const double distance = to_lip + (middle(x, y) - lip).norm();
   if (labelled(to) && label(to).distance <= distance + kSamePlace) return;
   if (!(columns_->at(to) + slope_ * distance < level_)) return;
@@ -297,7 +309,7 @@ bool FrontFinder::passes(int x, int y, int to_x, int to_y, double surface) const
 
 bool FrontFinder::sees(int seen_from, int x, int y, double level) const {
   const Anchor& from = anchor(seen_from);
-  const Vec2 way = from.at - middle(x, y);
+  const Vec2 way = from.nearest(middle(x, y)) - middle(x, y);
   const double dx = std::abs(way.x()), dy = std::abs(way.y());
   const int sx = way.x() > 0 ? 1 : -1, sy = way.y() > 0 ? 1 : -1;
   // Between two neighbours that see the anchor nothing hides it but a lip.

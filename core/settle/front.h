@@ -4,6 +4,7 @@
 // Lengths in plan are in columns here, heights in metres, volumes in metres of one column.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -14,18 +15,30 @@ namespace soilvdb::inline v0 {
 
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Where soil arrives: a point, and the column that it lies on (columns share their sides).
+/// Where soil arrives: a point, or a line to `at + along`, and the column that `at` lies on
+/// (columns share their sides).
 struct Source {
   Vec2 at;
   int column;
+  Vec2 along{0, 0};
+
+  bool is_line() const { return along != Vec2::Zero(); }
 };
 
-/// A point that distances go on from in straight lines, and the way to it from the source.
+/// What distances go on from in straight lines, a point mostly, and the way to it from the source.
 struct Anchor {
-  Vec2 at;
+  Vec2 from;
   double distance;
-  bool lip;    ///< on the edge of a step down
-  Vec2 opens;  ///< where soil runs over that edge, if it only just does: there it came first
+  bool lip;          ///< on the edge of a step down
+  Vec2 opens;        ///< where soil runs over that edge, if it only just does: there it came first
+  Vec2 along{0, 0};  ///< a line from `from`: its nearest point counts
+
+  Vec2 nearest(const Vec2& to) const {
+    if (along == Vec2::Zero()) return from;
+    return from + std::clamp(along.dot(to - from) / along.squaredNorm(), 0.0, 1.0) * along;
+  }
+  /// Distance of a place that sees it.
+  double distance_to(const Vec2& place) const { return distance + (place - nearest(place)).norm(); }
 };
 
 /// The surface max(ground, level - slope * distance) over what is reached: distances are those of
@@ -96,6 +109,7 @@ class FrontFinder {
   std::uint32_t epoch_ = 0;
   std::vector<Label> labels_;
   std::vector<Queued> queue_;
+  std::vector<int> under_source_;
   Front* front_ = nullptr;
   bool growing_ = false;
   double level_ = 0, limit_ = 0;

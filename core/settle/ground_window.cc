@@ -3,208 +3,36 @@
 #include "core/settle/ground_window.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
 
-#include "core/constants.h"
-#include "core/lattice/affine.h"
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/sample_tree.h"
 
 namespace soilvdb::inline v0 {
 
-/// Goes down columns of chunks until all their columns of cells have come to bank soil.
-class GroundWindow::Descent {
- public:
-  Descent(GroundWindow& window, BaseColumns& base)
-      : window_(window),
-        base_columns_(base),
-        ground_(base.ground()),
-        leaves_(ground_.grid().tree()),
-        above_(ground_.above_base()) {}
-
-  void read(int cx, int cy) {
-    cx_ = cx;
-    cy_ = cy;
-    base_ = &base_columns_.at(cx, cy);
-    const Eigen::AlignedBox2i plan(above_.min().head<2>(), above_.max().head<2>());
-    const bool raised = !above_.isEmpty() && plan.contains(Coord2(cx, cy));
-    if (!base_->some && !raised) return;
-    int z = base_->some ? base_->highest : above_.max().z();
-    if (raised) z = std::max(z, above_.max().z());
-    begin();
-    for (z = floor_to(z, kChunkSide); open_ > 0; z -= kChunkSide) {
-      const SampleLeaf* leaf = leaves_.probeConstLeaf({cx, cy, z});
-      const Chunk* chunk = leaf != nullptr ? &leaf->chunk : nullptr;
-      if (chunk == nullptr && !(base_->whole && z > base_->highest)) {
-        through_base(z);
-      } else if (chunk == nullptr || chunk->soil_count == 0) {
-        through_air(z);
-      } else if (chunk->swap_record != 0) {
-        const Chunk copy = ground_.copy(*chunk);
-        through_samples(copy, z);
-      } else {
-        through_samples(*chunk, z);
-      }
+template <typename TileAt>
+void GroundWindow::read(const TileAt& tile_at) {
+  const Coord2 end = first_ + Coord2(nx_, ny_);
+  for (int cx = floor_to(first_.x(), kChunkSide); cx < end.x(); cx += kChunkSide) {
+    for (int cy = floor_to(first_.y(), kChunkSide); cy < end.y(); cy += kChunkSide) {
+      const ColumnTile& tile = tile_at(cx, cy);
+      has_loose_ |= tile.has_loose;
+      has_hanging_ |= tile.has_hanging;
+      const int y = std::max(cy, first_.y()), count = std::min(cy + kChunkSide, end.y()) - y;
+      for (int x = std::max(cx, first_.x()); x < std::min(cx + kChunkSide, end.x()); ++x)
+        std::copy_n(&tile.columns[static_cast<std::size_t>((x - cx) * kChunkSide + y - cy)], count,
+                    &columns_[index(x - first_.x(), y - first_.y())]);
     }
   }
+}
 
- private:
-  /// What one column has come to on the way down.
-  struct Walk {
-    bool open = false;    // it is in the window, and its bank isn't found
-    bool some = false;    // it came to soil
-    bool filled = false;  // all cells are full from `full` down to here
-    int full = 0;
-    int piece_high = 0;             // topmost cell of the piece of soil it is in
-    int piece = 0, piece_bank = 0;  // samples of that, from there down
-    double above = 0;               // samples of cells that aren't full, above the topmost full one
-    double bank_above = 0;          // the same of bank soil, above the topmost cell full of that
-  };
-
-  static constexpr int kCells = BaseColumn::kCells;
-
-  void begin() {
-    open_ = 0;
-    any_piece_ = false;
-    for (int c = 0; c < kCells; ++c) {
-      const int x = cx_ + c / kChunkSide - window_.first_.x();
-      const int y = cy_ + c % kChunkSide - window_.first_.y();
-      const bool inside = x >= 0 && y >= 0 && x < window_.nx_ && y < window_.ny_;
-      walks_[c] = Walk{};
-      walks_[c].open = inside && (base_->all_ground >> c & 1) != 0;
-      open_ += walks_[c].open;
-    }
-  }
-  Column& column(int c) {
-    return window_.columns_[window_.index(cx_ + c / kChunkSide - window_.first_.x(),
-                                          cy_ + c % kChunkSide - window_.first_.y())];
-  }
-  /// @param solid height of what is full from there down
-  /// @param full the topmost cell that surely is
-  void end(int c, double solid, int full) {
-    Walk& walk = walks_[c];
-    Column& out = column(c);
-    found(c, solid);
-    out.bank_full = full;
-    out.full = walk.filled ? walk.full : full;
-    out.top = solid + walk.above / 64.0;
-    out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
-    out.known = true;
-    walk.open = false;
-    --open_;
-  }
-  void found(int c, double surface) {
-    if (!walks_[c].some) column(c).surface = surface;
-    walks_[c].some = true;
-  }
-  /// @param z the cell without soil
-  void gap(int c, int z) {
-    Walk& walk = walks_[c];
-    if (walk.piece > 0 && walk.piece_bank == 0) {
-      Column& out = column(c);
-      out.hangs = walk.piece;
-      out.hangs_low = z + 1;
-      out.hangs_high = walk.piece_high;
-      window_.has_hanging_ = true;
-    }
-    walk.piece = walk.piece_bank = 0;
-    walk.filled = false;
-  }
-
-  void through_air(int z) {
-    for (int c = 0; any_piece_ && c < kCells; ++c)
-      if (walks_[c].open) gap(c, z + kChunkSide - 1);
-  }
-
-  void through_base(int z) {
-    const double low = z - 0.5, high = low + kChunkSide;
-    for (int c = 0; c < kCells; ++c) {
-      Walk& walk = walks_[c];
-      if (!walk.open) continue;
-      const double ground = base_->heights[static_cast<std::size_t>(c)];
-      if (std::isnan(ground)) {  // a wall
-        walk.open = false;
-        --open_;
-      } else if (ground >= low + 1) {
-        if (ground < high - 1) gap(c, z + kChunkSide - 1);
-        const double solid = std::min(ground, high);
-        // Where ground slopes, cells below its middle have air, too.
-        end(c, solid, static_cast<int>(std::floor(solid - 0.5)) - kSlopeCells);
-      } else {
-        gap(c, z + kChunkSide - 1);
-        if (ground <= low) continue;
-        found(c, ground);
-        // The full cell is in the chunk below, if it's still there.
-        walk.above += 64 * (ground - low);
-        walk.bank_above += 64 * (ground - low);
-      }
-    }
-  }
-
-  SOILVDB_FOR_CPUS void through_samples(const Chunk& chunk, int z) {
-    window_.has_loose_ |= chunk.loose_count > 0;
-    any_piece_ = true;
-    for (int c = 0; c < kCells; ++c) {
-      Walk& walk = walks_[c];
-      if (!walk.open) continue;
-      const int row = c * kChunkSide;
-      const std::uint32_t some = chunk.samples.any_of_row(row);
-      const std::uint32_t full = chunk.samples.full_of_row(row);
-      const std::uint32_t loose = chunk.loose_count > 0 ? chunk.loose.any_of_row(row) : 0;
-      for (int k = kChunkSide - 1; k >= 0 && walk.open;) {
-        if ((some >> k & 1) == 0) {  // down to the next that has some
-          gap(c, z + k);
-          k = static_cast<int>(std::bit_width(some & ((1u << k) - 1))) - 1;
-          continue;
-        }
-        const int all = (full >> k & 1) != 0 ? 64 : std::popcount(chunk.samples.word(row + k));
-        const int bank =
-            (loose >> k & 1) != 0 ? all - std::popcount(chunk.loose.word(row + k)) : all;
-        const double solid = z + k + 0.5;
-        found(c, solid);
-        if (bank == 64) {
-          end(c, solid, z + k);
-        } else if (all < 64) {
-          walk.filled = false;
-        } else if (!walk.filled) {
-          walk.filled = true;
-          walk.full = z + k;
-        }
-        if (walk.piece == 0) walk.piece_high = z + k;
-        walk.piece += all;
-        walk.piece_bank += bank;
-        walk.above += all;
-        walk.bank_above += bank;
-        --k;
-      }
-    }
-  }
-
-  GroundWindow& window_;
-  BaseColumns& base_columns_;
-  const Ground& ground_;
-  openvdb::tree::ValueAccessor<const SampleTree, false> leaves_;
-  const Eigen::AlignedBox3i above_;
-  int cx_ = 0, cy_ = 0;
-  const BaseColumn* base_ = nullptr;
-  Walk walks_[kCells];
-  int open_ = 0;
-  bool any_piece_ = false;
-};
-
-GroundWindow::GroundWindow(BaseColumns& base, const Coord2& first, int nx, int ny)
+GroundWindow::GroundWindow(GroundColumns& ground, const Coord2& first, int nx, int ny)
     : first_(first), nx_(nx), ny_(ny), columns_(static_cast<std::size_t>(nx * ny)) {
-  Descent descent(*this, base);
-  for (int cx = floor_to(first.x(), kChunkSide); cx < first.x() + nx; cx += kChunkSide)
-    for (int cy = floor_to(first.y(), kChunkSide); cy < first.y() + ny; cy += kChunkSide)
-      descent.read(cx, cy);
+  read([&](int cx, int cy) -> const ColumnTile& { return ground.tile(cx, cy); });
 }
 
 GroundWindow::GroundWindow(const Ground& ground, const Coord2& first, int nx, int ny)
-    : first_(first), nx_(nx), ny_(ny) {
+    : first_(first), nx_(nx), ny_(ny), columns_(static_cast<std::size_t>(nx * ny)) {
   BaseColumns base(ground);
-  *this = GroundWindow(base, first, nx, ny);
+  read([&](int cx, int cy) { return read_tile(base, cx, cy); });
 }
 
 }  // namespace soilvdb::inline v0

@@ -3,35 +3,19 @@
 // Ground over a rectangle of cells as heights of columns, for soil that falls and slides.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
-#include "core/settle/base_columns.h"
-#include "soilvdb/ground.h"
+#include "core/settle/ground_columns.h"
 
 namespace soilvdb::inline v0 {
 
-using Coord2 = Eigen::Vector2i;
-
-/// Heights of the topmost soil over a rectangle of cells, in index space: the top of cell k is at k
-/// + 0.5. They are counted: soil above the topmost cell full of bank counts with its volume, so
-/// added soil fills pores below before heights rise.
+/// The columns over a rectangle of cells.
 class GroundWindow {
  public:
-  struct Column {
-    double top = 0;      ///< of all soil
-    double surface = 0;  ///< top of the topmost cell with soil, pores below it or not
-    double bank = 0;     ///< of the soil without the loose soil on it
-    int full = 0;        ///< all cells are full up to this one: nothing can be added below
-    int bank_full = 0;   ///< the topmost cell full of bank soil
-    bool known = false;  ///< the terrain has ground everywhere in it
-    /// Loose soil without support: the lowest piece, its cells and samples.
-    int hangs_low = 0, hangs_high = 0;
-    std::int64_t hangs = 0;
-  };
+  using Column = GroundColumn;
 
   /// @param first the lowest cell; nx, ny numbers of cells
-  GroundWindow(BaseColumns& base, const Coord2& first, int nx, int ny);
+  GroundWindow(GroundColumns& ground, const Coord2& first, int nx, int ny);
   /// The same without a cache.
   GroundWindow(const Ground& ground, const Coord2& first, int nx, int ny);
 
@@ -45,7 +29,8 @@ class GroundWindow {
 
  private:
   std::size_t index(int x, int y) const { return static_cast<std::size_t>(x * ny_ + y); }
-  class Descent;
+  template <typename TileAt>
+  void read(const TileAt& tile_at);
 
   Coord2 first_;
   int nx_, ny_;

@@ -80,29 +80,31 @@ bool Obstacle::blocks(int x, int y, double top) const {
   return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleClearance;
 }
 
-BlockedColumns::BlockedColumns(const GroundWindow& window, const Obstacle& obstacle)
-    : first_(obstacle.first_ - window.first()),
-      nx_(obstacle.nx_),
-      ny_(obstacle.ny_),
-      blocked_(static_cast<std::size_t>(nx_ * ny_), 1) {
+BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles) {
+  for (const Obstacle& obstacle : obstacles)
+    if (!obstacle.empty()) masks_.emplace_back(ground, obstacle);
+}
+
+BlockedColumns::Mask::Mask(GroundColumns& ground, const Obstacle& obstacle)
+    : first(obstacle.first_),
+      nx(obstacle.nx_),
+      ny(obstacle.ny_),
+      blocked(static_cast<std::size_t>(nx * ny), 1) {
   // From beyond the obstacle soil comes to the columns that it doesn't stand in.
   std::vector<Coord2> open;
   const auto come_to = [&](int i, int j) {
-    if (i < 0 || j < 0 || i >= nx_ || j >= ny_) return;
-    const int x = first_.x() + i, y = first_.y() + j;
-    std::uint8_t& blocked = blocked_[static_cast<std::size_t>(i * ny_ + j)];
-    if (blocked == 0) return;
-    if (x >= 0 && y >= 0 && x < window.nx() && y < window.ny()) {
-      const Coord2 cell = window.first() + Coord2(x, y);
-      if (obstacle.blocks(cell.x(), cell.y(), window.at(x, y).surface)) return;
-    }
-    blocked = 0;
+    if (i < 0 || j < 0 || i >= nx || j >= ny) return;
+    std::uint8_t& here = blocked[static_cast<std::size_t>(i * ny + j)];
+    if (here == 0) return;
+    const Coord2 cell = first + Coord2(i, j);
+    if (obstacle.blocks(cell.x(), cell.y(), ground.column(cell).surface)) return;
+    here = 0;
     open.emplace_back(i, j);
   };
-  for (int i = 0; i < nx_; ++i)
-    for (const int j : {0, ny_ - 1}) come_to(i, j);
-  for (int j = 0; j < ny_; ++j)
-    for (const int i : {0, nx_ - 1}) come_to(i, j);
+  for (int i = 0; i < nx; ++i)
+    for (const int j : {0, ny - 1}) come_to(i, j);
+  for (int j = 0; j < ny; ++j)
+    for (const int i : {0, nx - 1}) come_to(i, j);
   while (!open.empty()) {
     const Coord2 at = open.back();
     open.pop_back();

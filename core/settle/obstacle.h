@@ -4,9 +4,10 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include "core/settle/ground_window.h"
+#include "core/settle/ground_columns.h"
 #include "soilvdb/bucket.h"
 
 namespace soilvdb::inline v0 {
@@ -17,6 +18,9 @@ class Obstacle {
   Obstacle() = default;
   Obstacle(const Bucket& bucket, const Pose& world_from_bucket, const Ground& ground);
 
+  bool empty() const { return lowest_.empty(); }
+  /// The cells of the columns that it is over.
+  Eigen::AlignedBox2i cells() const { return {first_, first_ + Coord2(nx_ - 1, ny_ - 1)}; }
   /// Does it reach into soil whose surface is at `top`? @param x, y cell
   bool blocks(int x, int y, double top) const;
 
@@ -27,22 +31,30 @@ class Obstacle {
   std::vector<float> lowest_;  // index space, cells above the ground's index 0
 };
 
-/// Columns of a window that take and give no soil: those in which an obstacle stands, and those
-/// that it surrounds, where soil would pile up as in a well.
+/// Columns that take and give no soil: those in which a tool stands, and those that it surrounds,
+/// where soil would pile up as in a well.
 class BlockedColumns {
  public:
-  BlockedColumns(const GroundWindow& window, const Obstacle& obstacle);
-  /// @param x, y in the window, from 0
-  bool operator()(int x, int y) const {
-    const int i = x - first_.x(), j = y - first_.y();
-    if (i < 0 || j < 0 || i >= nx_ || j >= ny_) return false;
-    return blocked_[static_cast<std::size_t>(i * ny_ + j)] != 0;
+  BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles);
+  bool operator()(const Coord2& cell) const {
+    for (const Mask& mask : masks_)
+      if (mask(cell)) return true;
+    return false;
   }
 
  private:
-  Coord2 first_;
-  int nx_, ny_;
-  std::vector<std::uint8_t> blocked_;
+  struct Mask {
+    Coord2 first;
+    int nx, ny;
+    std::vector<std::uint8_t> blocked;
+    Mask(GroundColumns& ground, const Obstacle& obstacle);
+    bool operator()(const Coord2& cell) const {
+      const int i = cell.x() - first.x(), j = cell.y() - first.y();
+      if (i < 0 || j < 0 || i >= nx || j >= ny) return false;
+      return blocked[static_cast<std::size_t>(i * ny + j)] != 0;
+    }
+  };
+  std::vector<Mask> masks_;
 };
 
 }  // namespace soilvdb::inline v0

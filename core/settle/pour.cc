@@ -47,19 +47,19 @@ struct Pourer::Work {
 /// Where the straight way from an anchor comes into a column below: through which side, and where
 /// soil runs over the edge there, if it only just does.
 Vec2 Pourer::Work::entrance(const Vec2& middle, const Anchor& from) const {
-  const Vec2 back = from.at - middle;
+  const Vec2 near = from.nearest(middle), back = near - middle;
   const int axis = std::abs(back.x()) > std::abs(back.y()) ? 0 : 1;
   const double far = std::abs(back[axis]);
-  if (!(far > 0.5)) return from.at;
+  if (!(far > 0.5)) return near;
   const Vec2 straight = middle + back * (0.5 / far);
   Vec2 first = straight, above = middle;
-  first[1 - axis] = std::clamp(from.at[1 - axis], middle[1 - axis] - 0.5, middle[1 - axis] + 0.5);
+  first[1 - axis] = std::clamp(near[1 - axis], middle[1 - axis] - 0.5, middle[1 - axis] + 0.5);
   above[axis] += back[axis] > 0 ? 1 : -1;
   double edge;
   if (!finder.step(static_cast<int>(above.x()), static_cast<int>(above.y()),
                    static_cast<int>(middle.x()), static_cast<int>(middle.y()), edge))
     return straight;
-  const double there = high.level - slope * side * (from.distance + (first - from.at).norm());
+  const double there = high.level - slope * side * (from.distance + (first - near).norm());
   return there - edge < kMinEdgeCover * side ? first : straight;
 }
 
@@ -82,6 +82,7 @@ bool Pourer::Work::runs_on(Source& lip, double& lip_level) {
     const Anchor& from = high.anchors[static_cast<std::size_t>(p.anchor)];
     if (is - was <= (from.lip ? edge_noise : noise) + (high.level - low.level)) continue;
     lip.column = p.column;
+    lip.along.setZero();
     const Vec2 middle(p.column / ground->ny + 0.5, p.column % ground->ny + 0.5);
     lip.at = from.lip ? from.opens : entrance(middle, from);
     lip_level = is + fall * (middle - lip.at).norm();
@@ -166,7 +167,8 @@ double Pourer::Work::commit(const Front& front, double level, Deposit& deposit) 
     raised += after_m - before_m;
     ground->at(p.column) = after_m;
     const Anchor& from = front.anchors[static_cast<std::size_t>(p.anchor)];
-    cone.columns.push_back({p.column, before_m, after_m, from.at * side});
+    const Vec2 middle(p.column / ground->ny + 0.5, p.column % ground->ny + 0.5);
+    cone.columns.push_back({p.column, before_m, after_m, from.nearest(middle) * side});
   }
   cone.volume_m3 = raised * side * side;
   if (!cone.columns.empty()) deposit.cones.push_back(std::move(cone));
@@ -179,7 +181,7 @@ Pourer::Pourer(Pourer&&) noexcept = default;
 Pourer& Pourer::operator=(Pourer&&) noexcept = default;
 
 Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, double slope,
-                     bool leaves) {
+                     bool leaves, const Vec2& along) {
   Deposit deposit;
   Work& w = *work_;
   w.ground = &ground;
@@ -195,13 +197,14 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
   }
   if (!(left > 0)) return deposit;
   w.finder.look_at(ground, slope);
-  const Source top{at, ground.index(x, y)};
+  const Source top{at, ground.index(x, y), along / ground.side_m};
   Source from = top;
   double level = kInfinity;  // of the soil that falls: at first it comes from above
   for (int n = 0; n < kMaxPourPiles && left > 0; ++n) {
     w.way.find(w.finder, ground, slope, from, level);
     Source lip = w.way.end();
-    if (leaves && lip.column != from.column && at_border(ground, lip.column, left, slope)) {
+    if (leaves && !from.is_line() && lip.column != from.column &&
+        at_border(ground, lip.column, left, slope)) {
       deposit.exit_m = lip.at * ground.side_m;
       break;
     }
@@ -219,6 +222,25 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
   }
   deposit.left_m3 = left * ground.side_m * ground.side_m;
   return deposit;
+}
+
+bool Pourer::rests(const Columns& ground, const Vec2& source, const Vec2& along, double slope) {
+  const int steps = static_cast<int>(std::ceil(along.norm() / (kSourceStep * ground.side_m)));
+  for (int i = 0; i <= steps; ++i) {
+    const Vec2 at =
+        (source + along * (static_cast<double>(i) / std::max(steps, 1))) / ground.side_m;
+    const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
+    if (!ground.open(x, y)) return false;
+    const double here = ground.at(ground.index(x, y));
+    for (int dx = -1; dx <= 1; ++dx) {
+      for (int dy = -1; dy <= 1; ++dy) {
+        if (!ground.open(x + dx, y + dy)) continue;
+        const double fall = here - ground.at(ground.index(x + dx, y + dy));
+        if (fall > (slope * std::hypot(dx, dy) + kRunOnDrop) * ground.side_m) return false;
+      }
+    }
+  }
+  return true;
 }
 
 }  // namespace soilvdb::inline v0

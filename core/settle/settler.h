@@ -3,18 +3,20 @@
 // Soil that falls, piles up and slides on a site's ground, with its mass.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "core/settle/base_columns.h"
-#include "core/settle/collapse.h"
 #include "core/settle/column_samples.h"
+#include "core/settle/flux_grid.h"
+#include "core/settle/ground_window.h"
 #include "core/settle/obstacle.h"
 #include "core/settle/overhangs.h"
 #include "core/settle/pour.h"
+#include "core/settle/tile_set.h"
 #include "core/settle/wall_failure.h"
 #include "soilvdb/earthmoving.h"
 #include "soilvdb/ground.h"
@@ -56,17 +58,33 @@ class Settler {
   double slope() const { return slope_; }  ///< tangent of the angle of repose
   const SettleTotals& totals() const { return totals_; }
 
-  /// Soil falls straight down, into a hopper or onto the ground, where it makes a pile. If an
-  /// obstacle or no ground is below, it falls beside that.
-  void drop(const Vec3& from_m, std::int64_t mass, double time_s, const Obstacle& obstacle);
-  /// Brings soil in and around a box to rest: overhangs break off, cuts that are too high for the
-  /// bank's cohesion fail, and loose soil that is too steep slides.
-  /// @param bank_fails false: cuts of any height stay for now
-  /// @return false if some soil is not at rest yet; call it again then
-  bool settle(const Eigen::AlignedBox3d& around_m, const Obstacle& obstacle, bool bank_fails);
+  /// The tools that stand in the ground are walls to soil. @param wall one of `machine`, or none
+  void set_wall(std::size_t machine, Obstacle wall);
+
+  using Line = std::array<Vec3, 2>;  ///< its ends, which may be one point
+
+  /// Soil falls straight down, evenly along a line, into a hopper or onto the ground, where it
+  /// makes a pile. If a tool or no ground is below, it falls beside that, to the side that `ahead`
+  /// looks to if it isn't 0.
+  void drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s);
+  /// Mean height of the ground before a line, world, between heights for its ends: lower ground
+  /// counts as `low_m`, higher as `high_m`. @param ahead of unit length
+  double mean_height(const Line& line_m, const Vec2& ahead, const std::array<double, 2>& low_m,
+                     const std::array<double, 2>& high_m);
+  /// Overhangs in and around a box break off, and, if the bank may fail, cuts fail that are too
+  /// high for its cohesion. @return false if some soil still has to fail; call it again then
+  bool fail(const Eigen::AlignedBox3d& around_m, bool bank_fails);
+  /// Loose soil that is too steep slides, for some steps of the solver: in and around tiles, which
+  /// then are those where some may still be too steep. @return whether all is at rest
+  bool slide(TileSet& unrest, int steps);
+  /// fail() and slide() in turn until all is at rest. @return whether it is
+  bool settle(const Eigen::AlignedBox3d& around_m, bool bank_fails, TileSet& unrest);
+  /// Tiles in which the ground changed since the last call.
+  void take_changes(TileSet& changed);
 
   void save(std::string& out) const;
-  void restore(const SettleTotals& totals) { totals_ = totals; }
+  /// Goes on with a state. What changed before then is no unrest.
+  void restore(const SettleTotals& totals);
 
  private:
   /// Columns of soil that become loose.
@@ -75,21 +93,24 @@ class Settler {
     std::vector<double> weights;  ///< approximate number of its samples
   };
 
+  void refresh();
+  BlockedColumns blocked() { return {columns_, walls_}; }
   void lose_off_terrain(double samples);
   int heap_radius(const Vec2& at);
-  bool pour(Vec2& at, int half, bool may_run_on, const Obstacle& obstacle);
+  void land(const Line& from_m, Vec2 ahead, std::int64_t mass);
+  bool come_down(Vec2 at, Vec2 along, const Vec2& ahead);
+  enum class Poured { kLies, kRunsOn, kNeedsRoom, kNowhere };
+  Poured pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool may_run_on);
   std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
                      std::int64_t samples);
-  bool fall(const GroundWindow& window, const Obstacle& obstacle);
-  void break_overhangs(const Eigen::AlignedBox3i& around, const Obstacle& obstacle);
-  std::optional<bool> fail(const GroundWindow& window, Eigen::AlignedBox2i& feet,
-                           const Obstacle& obstacle, bool last);
+  void break_overhangs(const Eigen::AlignedBox3i& around);
+  bool fail_banks(Eigen::AlignedBox2i changed);
+  std::optional<bool> fail_bank(const GroundWindow& window, Eigen::AlignedBox2i& feet, bool last);
   void loosen(Loosening& loosening);
-  bool settle_columns(Eigen::AlignedBox2i changed, const Obstacle& obstacle, bool bank_fails);
-  bool slide(const GroundWindow& window, const Obstacle& obstacle, bool last,
-             Eigen::AlignedBox2i& beyond);
-  Eigen::AlignedBox2i move(const GroundWindow& window, const Coord2& corner,
-                           const SoilColumns& before, const Collapse& after);
+  bool fall(const TileSet& tiles);
+  TileSet steep_tiles(const TileSet& changed, const BlockedColumns& blocked);
+  bool slide_from(std::span<const Coord2> tiles, const BlockedColumns& blocked, int steps);
+  void move(double zero);
 
   Ground& ground_;
   SoilProperties properties_;
@@ -99,8 +120,11 @@ class Settler {
   std::optional<BankStrength> strength_;  // empty: bank cannot fail
   OverhangStrength overhang_strength_;    // used with strength_
   SettleTotals totals_;
-  BaseColumns base_;
+  GroundColumns columns_;
+  TileSet changed_;              // since they were taken
+  std::vector<Obstacle> walls_;  // by machines
   Pourer pourer_;
+  FluxGrid flux_;
 };
 
 }  // namespace soilvdb::inline v0

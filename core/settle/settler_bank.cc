@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/constants.h"
+#include "core/lattice/chunk_math.h"
 #include "core/settle/settler.h"
 #include "core/settle/whole_samples.h"
 
@@ -27,12 +28,13 @@ void Settler::loosen(Loosening& loosening) {
 }
 
 /// What hangs on nothing falls straight down, and so do overhangs that are too long.
-void Settler::break_overhangs(const Eigen::AlignedBox3i& around, const Obstacle& obstacle) {
+void Settler::break_overhangs(const Eigen::AlignedBox3i& around) {
   for (int margin = kLedgeMargin, depth = kLedgeDepth;;) {
+    refresh();
     Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, depth),
                             around.max() + Coord3(margin, margin, kLedgeHeadroom));
     const Coord2 size = box.sizes().head<2>() + Coord2::Ones();
-    const GroundWindow window(base_, box.min().head<2>(), size.x(), size.y());
+    const GroundWindow window(columns_, box.min().head<2>(), size.x(), size.y());
     for (int x = 0; x < size.x(); ++x)
       for (int y = 0; y < size.y(); ++y)
         if (const auto& c = window.at(x, y); c.known)
@@ -41,7 +43,10 @@ void Settler::break_overhangs(const Eigen::AlignedBox3i& around, const Obstacle&
     Loosening falls;
     for (const UnsupportedPiece& piece :
          find_overhangs(ground_, box, strength_ ? &overhang_strength_ : nullptr, contact)) {
-      if (obstacle.blocks(piece.cell.x(), piece.cell.y(), piece.high)) continue;
+      const auto holds = [&](const Obstacle& tool) {
+        return tool.blocks(piece.cell.x(), piece.cell.y(), piece.high);
+      };
+      if (std::any_of(walls_.begin(), walls_.end(), holds)) continue;
       constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();
       falls.from.push_back({piece.cell, piece.low, piece.high, kEverySample, false, 0, 0});
       falls.to.push_back({piece.cell, piece.ground, piece.high + kFillCells, 0, false, 0, 0});
@@ -61,22 +66,55 @@ void Settler::break_overhangs(const Eigen::AlignedBox3i& around, const Obstacle&
   }
 }
 
+/// Lets cuts in and around columns of cells fail, and what is loose then slide, until all stands.
+bool Settler::fail_banks(Eigen::AlignedBox2i changed) {
+  int axis;
+  if (changed.sizes().maxCoeff(&axis) > kMaxWindowCells / 2) {
+    Eigen::AlignedBox2i low = changed, high = changed;
+    low.max()[axis] = changed.center()[axis];
+    high.min()[axis] = low.max()[axis] + 1;
+    const bool low_stands = fail_banks(low);
+    return fail_banks(high) && low_stands;
+  }
+  int margin = kWindowMargin;
+  for (int failures = 0; failures < kMaxBankFailures;) {
+    const Coord2 wide = Coord2::Constant(margin);
+    const Coord2 first = floor_to(changed.min() - wide, kChunkSide);
+    const Coord2 end = floor_to(changed.max() + wide, kChunkSide) + Coord2::Constant(kChunkSide);
+    const Coord2 size = end - first;
+    refresh();
+    const auto failed = fail_bank({columns_, first, size.x(), size.y()}, changed,
+                                  size.maxCoeff() >= kMaxWindowCells);
+    if (!failed) {
+      margin *= 2;
+    } else if (*failed) {
+      TileSet unrest;
+      slide(unrest, kMaxFluxSteps);
+      unrest.each([&](const Coord2& tile) { changed_.add(tile); });
+      ++failures;  // what is left may fail, too
+    } else {
+      return true;
+    }
+  }
+  return false;
+}
+
 /// Makes bank loose that stands too high for its cohesion. @param feet columns of cells at which
 /// something changed; grows by what fails
 /// @return whether some failed; nothing if the window is too small to know
-std::optional<bool> Settler::fail(const GroundWindow& window, Eigen::AlignedBox2i& feet,
-                                  const Obstacle& obstacle, bool last) {
+std::optional<bool> Settler::fail_bank(const GroundWindow& window, Eigen::AlignedBox2i& feet,
+                                       bool last) {
   Columns ground(window.nx(), window.ny(), 1);
   ground.firm_m = ground.height_m;
   ground.rigid.assign(ground.height_m.size(), 0);
-  const BlockedColumns blocked(window, obstacle);
+  const BlockedColumns walls = blocked();
   for (int x = 0; x < window.nx(); ++x) {
     for (int y = 0; y < window.ny(); ++y) {
       const GroundWindow::Column& c = window.at(x, y);
       const auto i = static_cast<std::size_t>(ground.index(x, y));
       ground.height_m[i] = c.top;
       ground.firm_m[i] = c.bank;
-      ground.rigid[i] = !c.known || blocked(x, y);
+      ground.rigid[i] = !c.known || walls(window.first() + Coord2(x, y));
     }
   }
   const Eigen::AlignedBox2i all(Coord2::Zero(), Coord2(window.nx() - 1, window.ny() - 1));
@@ -87,7 +125,7 @@ std::optional<bool> Settler::fail(const GroundWindow& window, Eigen::AlignedBox2
         const GroundWindow::Column& c = window.at(x, y);
         // Where a column is partly of one height and partly of another its mean is no ground.
         if (c.bank - c.bank_full > kMaxPartialCells) return 0.0;
-        const double depth = base_.height(cell) - c.bank;
+        const double depth = columns_.base().height(cell) - c.bank;
         return depth > kMinDugDepth ? depth : 0;
       });
   if (failure.at_border && !last) return std::nullopt;

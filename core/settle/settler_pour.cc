@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <vector>
 
 #include "core/constants.h"
 #include "core/lattice/chunk_math.h"
@@ -25,16 +26,15 @@ struct PourGround {
   Columns columns;
   double zero = std::numeric_limits<double>::infinity();
 
-  PourGround(const GroundWindow& window, const Obstacle& obstacle)
+  PourGround(const GroundWindow& window, const BlockedColumns& blocked)
       : columns(window.nx(), window.ny(), 1) {
     columns.firm_m = columns.height_m;
     columns.rigid.assign(columns.height_m.size(), 0);
-    const BlockedColumns blocked(window, obstacle);
     each(window, [&](const GroundWindow::Column& c, std::size_t, int, int) {
       if (c.known) zero = std::min(zero, c.bank);
     });
     each(window, [&](const GroundWindow::Column& c, std::size_t i, int x, int y) {
-      columns.rigid[i] = !c.known || blocked(x, y);
+      columns.rigid[i] = !c.known || blocked(window.first() + Coord2(x, y));
       if (!c.known) return;
       columns.height_m[i] = c.top - zero;
       columns.firm_m[i] = c.bank - zero;
@@ -46,17 +46,34 @@ struct PourGround {
       for (int y = 0; y < window.ny(); ++y)
         f(window.at(x, y), static_cast<std::size_t>(columns.index(x, y)), x, y);
   }
-  /// The nearest place to soil that falls, or nothing.
-  std::optional<Vec2> nearest_open(const Vec2& at) const {
+  /// The nearest line ahead on which soil can lie that falls along one, or nothing.
+  std::optional<Vec2> nearest_rest(const Vec2& from, const Vec2& along, const Vec2& ahead,
+                                   double slope) const {
+    const double norm = ahead.norm();
+    const Vec2 step = norm > 0 ? Vec2(ahead * (kSourceStep / norm)) : Vec2(0, 0);
+    const int steps = norm > 0 ? kMaxLineSteps : 0;
+    for (int i = 0; i <= steps; ++i) {
+      const Vec2 at = from + i * step;
+      if (Pourer::rests(columns, at, along, slope)) return at;
+    }
+    return std::nullopt;
+  }
+  /// The nearest place to soil that falls, ahead of it if there is one; or nothing.
+  std::optional<Vec2> nearest_open(const Vec2& at, const Vec2& ahead) const {
     const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
     if (columns.open(x, y)) return at;
     std::optional<Vec2> best;
+    bool best_ahead = false;
     double least = std::numeric_limits<double>::infinity();
     for (int i = 0; i < columns.nx; ++i) {
       for (int j = 0; j < columns.ny; ++j) {
-        const Vec2 middle(i + 0.5, j + 0.5);
-        const double distance = (middle - at).squaredNorm();
-        if (distance >= least || !columns.open(i, j)) continue;
+        if (!columns.open(i, j)) continue;
+        const Vec2 middle(i + 0.5, j + 0.5), way = middle - at;
+        const bool is_ahead = way.dot(ahead) >= 0;
+        // Of places as near the one straight ahead, so that no direction of the grid decides.
+        const double distance = way.squaredNorm() - kAheadShare * way.dot(ahead);
+        if (is_ahead < best_ahead || (is_ahead == best_ahead && distance >= least)) continue;
+        best_ahead = is_ahead;
         least = distance;
         best = middle;
       }
@@ -79,69 +96,134 @@ bool deposit_at_border(const Deposit& deposit, const Columns& columns) {
 
 }  // namespace
 
-void Settler::drop(const Vec3& from_m, std::int64_t mass, double time_s, const Obstacle& obstacle) {
-  const auto takes = [&](const Hopper& hopper) {
-    const bool there = std::isnan(time_s) || (time_s >= hopper.begin_s && time_s <= hopper.end_s);
-    return there && hopper.box_m.contains(from_m.head<2>()) && from_m.z() >= hopper.top_m;
+void Settler::drop(const Line& from_m, const Vec2& ahead, std::int64_t mass, double time_s) {
+  // Where the line comes over a hopper or leaves it, as shares of its length.
+  std::vector<double> ends = {0, 1};
+  const auto at = [&](double share) { return Vec3(from_m[0] + share * (from_m[1] - from_m[0])); };
+  const auto is_there = [&](const Hopper& hopper) {
+    return std::isnan(time_s) || (time_s >= hopper.begin_s && time_s <= hopper.end_s);
   };
-  if (std::any_of(hoppers_.begin(), hoppers_.end(), takes)) {
-    totals_.hauled += mass;
-    return;
-  }
-  totals_.pending += mass;
-  const std::int64_t samples = totals_.pending / units_.loose;
-  if (samples == 0) return;
-  Vec2 at = ground_.index_from_world(from_m).head<2>();
-  constexpr int kMaxHalf = kMaxWindowCells / 2;
-  const int radius = cone_radius(static_cast<double>(samples), slope_);
-  int half = radius + kPourMargin + heap_radius(at), most_run = kRunOnWindowCells / 2;
-  for (int windows = 0; windows < kMaxPourWindows; ++windows) {
-    const Vec2 before = at;
-    if (!pour(at, std::min(half, kMaxHalf), half >= most_run, obstacle)) {
-      half *= 2;
-    } else if (at == before) {
-      return;
-    } else {
-      half = most_run = kRunOnRadii * (radius + kWindowMargin);
+  const bool is_line = from_m[0] != from_m[1];
+  for (const Hopper& hopper : hoppers_) {
+    if (!is_line || !is_there(hopper)) continue;
+    for (int axis = 0; axis < 2; ++axis) {
+      for (const double side : {hopper.box_m.min()[axis], hopper.box_m.max()[axis]}) {
+        const double share = (side - from_m[0][axis]) / (from_m[1][axis] - from_m[0][axis]);
+        if (share > 0 && share < 1) ends.push_back(share);
+      }
     }
   }
-  pour(at, kMaxHalf, false, obstacle);  // it lies at the border
+  std::sort(ends.begin(), ends.end());
+  std::int64_t gone = 0;
+  for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
+    if (ends[i] == ends[i + 1]) continue;
+    const Vec3 middle = at((ends[i] + ends[i + 1]) / 2);
+    const auto takes = [&](const Hopper& hopper) {
+      return is_there(hopper) && hopper.box_m.contains(middle.head<2>()) &&
+             middle.z() >= hopper.top_m;
+    };
+    const std::int64_t until =
+        i + 2 == ends.size() ? mass : std::llround(ends[i + 1] * static_cast<double>(mass));
+    const std::int64_t part = until - gone;
+    gone = until;
+    if (std::any_of(hoppers_.begin(), hoppers_.end(), takes))
+      totals_.hauled += part;
+    else
+      land({at(ends[i]), at(ends[i + 1])}, ahead, part);
+  }
+}
+
+/// Soil comes down along a line: as a ridge where it can lie, else as a few heaps.
+void Settler::land(const Line& from_m, Vec2 ahead, std::int64_t mass) {
+  if (ahead != Vec2::Zero()) ahead.normalize();
+  const Vec2 from = ground_.index_from_world(from_m[0]).head<2>();
+  const Vec2 along = ground_.index_from_world(from_m[1]).head<2>() - from;
+  const double length = along.norm();
+  if (length > kMinLineCells && totals_.pending + mass >= units_.loose) {
+    totals_.pending += mass;
+    if (come_down(from, along, ahead)) return;
+    totals_.pending -= mass;
+  }
+  const int heaps =
+      std::clamp(static_cast<int>(std::ceil(length / kLineHeapCells)), 1, kMaxLineHeaps);
+  for (int i = 0; i < heaps; ++i) {
+    totals_.pending += mass * (i + 1) / heaps - mass * i / heaps;
+    come_down(from + (i + 0.5) / heaps * along, Vec2::Zero(), ahead);
+  }
+}
+
+/// Lets what is pending fall at a place, or along a line. @return false if it can't lie there
+bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
+  const std::int64_t samples = totals_.pending / units_.loose;
+  if (samples == 0) return true;
+  constexpr int kMaxHalf = kMaxWindowCells / 2;
+  const int radius = cone_radius(static_cast<double>(samples), slope_);
+  refresh();
+  int half = radius + kPourMargin + heap_radius(at + along / 2);
+  if (along != Vec2::Zero())
+    half += static_cast<int>(along.norm() / 2 + kMaxLineSteps * kSourceStep);
+  int most_run = kRunOnWindowCells / 2;
+  for (int windows = 0; windows < kMaxPourWindows; ++windows) {
+    const Vec2 before = at;
+    switch (pour(at, along, ahead, std::min(half, kMaxHalf), half >= most_run)) {
+      case Poured::kNowhere:
+        return false;
+      case Poured::kNeedsRoom:
+        half *= 2;
+        break;
+      case Poured::kLies:
+        return true;
+      case Poured::kRunsOn:
+        if (at == before) return true;
+        along.setZero();
+        half = most_run = kRunOnRadii * (radius + kWindowMargin);
+    }
+  }
+  pour(at, along, ahead, kMaxHalf, false);  // it lies at the border
+  return true;
 }
 
 /// About how far the heap that lies at a place reaches: more soil spreads over all of it.
 int Settler::heap_radius(const Vec2& at) {
   const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-  const GroundWindow::Column column = GroundWindow(base_, cell, 1, 1).at(0, 0);
+  const GroundColumn& column = columns_.column(cell);
   return std::min(kMaxWindowCells, static_cast<int>((column.top - column.bank) / slope_));
 }
 
 /// Pours what is in flight within a window. @param at where soil falls, index space; then where it
 /// runs on beyond the window, if it may
-/// @return false if the window is too small, and nothing was done
-bool Settler::pour(Vec2& at, int half, bool may_run_on, const Obstacle& obstacle) {
+Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half,
+                              bool may_run_on) {
+  refresh();
   const std::int64_t samples = totals_.pending / units_.loose;
-  const Coord2 first = floor_to(at.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
+  const Vec2 centre = at + along / 2;
+  const Coord2 first = floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
   const int side = 2 * half + kChunkSide;
-  const GroundWindow window(base_, first, side, side);
-  PourGround ground(window, obstacle);
-  const auto source = ground.nearest_open(at + Vec2(0.5, 0.5) - first.cast<double>());
+  const GroundWindow window(columns_, first, side, side);
+  PourGround ground(window, blocked());
+  const Vec2 place = at + Vec2(0.5, 0.5) - first.cast<double>();
+  const auto source = along == Vec2::Zero() ? ground.nearest_open(place, ahead)
+                                            : ground.nearest_rest(place, along, ahead, slope_);
   const bool last = half >= kMaxWindowCells / 2;
   if (!source) {
-    if (last) lose_off_terrain(static_cast<double>(samples));
-    return last;
+    if (along != Vec2::Zero()) return Poured::kNowhere;
+    if (!last) return Poured::kNeedsRoom;
+    lose_off_terrain(static_cast<double>(samples));
+    return Poured::kLies;
   }
-  const Deposit deposit =
-      pourer_.pour(ground.columns, *source, static_cast<double>(samples) / 64, slope_, may_run_on);
+  const Deposit deposit = pourer_.pour(ground.columns, *source, static_cast<double>(samples) / 64,
+                                       slope_, may_run_on, along);
   const bool runs_on = deposit.exit_m.has_value();
-  if (!last && deposit_at_border(deposit, ground.columns)) return false;
-  if (!last && !runs_on && deposit.left_m3 > 0) return false;
+  if (!last && deposit_at_border(deposit, ground.columns)) return Poured::kNeedsRoom;
+  if (!last && !runs_on && deposit.left_m3 > 0) return Poured::kNeedsRoom;
   const std::int64_t added = raise(deposit, window, ground.zero, samples);
   totals_.pending -= added * units_.loose;
-  if (runs_on)
-    at = *deposit.exit_m + first.cast<double>() - Vec2(0.5, 0.5);
-  else
+  if (!runs_on) {
     lose_off_terrain(64 * deposit.left_m3);
-  return true;
+    return Poured::kLies;
+  }
+  at = *deposit.exit_m + first.cast<double>() - Vec2(0.5, 0.5);
+  return Poured::kRunsOn;
 }
 
 /// Soil that finds no ground as far as is looked: it must not come down where something else falls.

@@ -21,8 +21,9 @@ double mouth_dip(const Pose& world_from_bucket) {
 
 }  // namespace
 
-Machine::Machine(Bucket bucket, const Ground& ground, Settler* settler)
-    : bucket_((bucket.validate(), std::move(bucket))),
+Machine::Machine(std::size_t number, Bucket bucket, const Ground& ground, Settler* settler)
+    : number_(number),
+      bucket_((bucket.validate(), std::move(bucket))),
       excavator_(bucket_),
       extremes_(extremes(bucket_)),
       settler_(settler) {
@@ -41,10 +42,10 @@ Update Machine::move(Ground& ground, const Pose& to) {
   const bool turns = placed_ && to.rotation.coeffs() != current_.rotation.coeffs();
   constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
   if (settler_ != nullptr && placed_) {
-    if (travel_m(current_, to) == 0) stop(ground, kNoTime, true);
+    if (travel_m(current_, to) == 0) stop(ground, kNoTime, Rest::kStands);
     for (const Pose& station : stations(ground, to)) {
       follow(ground, plan(ground, station), kNoTime);
-      stop(ground, kNoTime, ++stations_ >= kStationsPerRest);
+      stop(ground, kNoTime, Rest::kSlides);
     }
   }
   follow(ground, plan(ground, to), kNoTime);
@@ -52,8 +53,9 @@ Update Machine::move(Ground& ground, const Pose& to) {
     swept_box_.extend(box_around(std::span(&to, 1)));
     if (turns)
       pass_turn(ground, kNoTime);
-    else
+    else if (!wall_ && ledger_.cut() == cut_before_)
       let_go();
+    settler_->take_changes(unrest_);
   }
   return since(before, slid_before);
 }
@@ -69,13 +71,15 @@ Update Machine::move(Ground& ground, const Motion& motion, double begin_s, doubl
       if (kind == Stop::Kind::kTurn)
         pass_turn(ground, time_s);
       else
-        stop(ground, time_s, kind == Stop::Kind::kStandstill || ++stations_ >= kStationsPerRest);
+        stop(ground, time_s, kind == Stop::Kind::kStandstill ? Rest::kStands : Rest::kSlides);
       from_s = time_s;
     }
     pass_rows(motion, from_s, end_s);
   }
   follow(ground, plan(ground, motion, from_s, end_s), end_s);
-  let_go();
+  // In the ground, what it holds depends on the ground before it, which is as it was at a station.
+  if (!wall_ && ledger_.cut() == cut_before_) let_go();
+  if (settler_ != nullptr) settler_->take_changes(unrest_);
   return since(before, slid_before);
 }
 
@@ -206,8 +210,8 @@ void Machine::dump(const Ground& ground, const Pose& at, double time_s) {
   ledger_.dumped += mass;
   if (settler_ == nullptr) return;
   ledger_.spilled += mass;
-  settler_->drop(at * spill_point(at), mass, time_s, Obstacle(bucket_, at, ground));
-  note_leaning(ground, at);
+  set_wall(ground, at);
+  settler_->drop(spill_line(ground, at), (at.rotation * Vec3::UnitX()).head<2>(), mass, time_s);
 }
 
 Eigen::AlignedBox3d Machine::workspace(const Ground& ground, std::span<const Pose> path) const {

@@ -21,9 +21,10 @@ namespace soilvdb::inline v0 {
 /// fixed travel apart, independent of the updates.
 class Machine {
  public:
+  /// @param number among the site's machines
   /// @param settler null for rigid soil; otherwise it must outlive the machine
   /// @throw std::invalid_argument for a bad bucket.
-  Machine(Bucket bucket, const Ground& ground, Settler* settler);
+  Machine(std::size_t number, Bucket bucket, const Ground& ground, Settler* settler);
   /// A copy for a clone. @param settler of the clone
   Machine(const Machine& other, Settler* settler) : Machine(other) { settler_ = settler; }
 
@@ -53,7 +54,7 @@ class Machine {
   }
   /// Brings pushed soil, excess load and soil left behind to rest. Cuts may fail here in any case;
   /// during work they fail only with the bucket out of the ground, because it props them.
-  void come_to_rest(Ground& ground, double time_s) { stop(ground, time_s, true, true); }
+  void come_to_rest(Ground& ground, double time_s) { stop(ground, time_s, Rest::kEnds); }
   /// Soil that was pushed or let go and has not landed, units of mass.
   std::int64_t pending() const { return pushed_ + falling_; }
 
@@ -62,6 +63,8 @@ class Machine {
 
   /// Appends the state that the next move depends on, without the ground.
   void save(std::string& out) const;
+  /// Tells the settler of the wall that load() found.
+  void raise_wall(const Ground& ground) const;
   /// Takes it off again. @throw std::invalid_argument if the bytes are not from save()
   void load(std::string_view& in, const Ground& ground);
 
@@ -77,10 +80,14 @@ class Machine {
   void book(const Cut& cut);
   void dump(const Ground& ground, const Pose& at, double time_s);
   Update since(const Ledger& before, std::int64_t slid_before) const;
-  void stop(Ground& ground, double time_s, bool rests, bool ends = false);
+  /// How much of the soil's way to rest it goes at a stop.
+  enum class Rest { kSlides, kStands, kEnds };
+  void stop(Ground& ground, double time_s, Rest rest);
+  void set_wall(const Ground& ground, const Pose& at);
   void let_go();
+  double held_m() const;
   void pass_turn(Ground& ground, double time_s);
-  void drop_falling(double time_s, const Obstacle& obstacle);
+  void drop_falling(const Ground& ground, double time_s);
   std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
   struct Stop {
@@ -88,13 +95,14 @@ class Machine {
     enum class Kind { kStation, kStandstill, kTurn } kind;
   };
   std::vector<Stop> stops(const Ground& ground, const Motion& motion, double begin_s, double end_s);
-  void note_leaning(const Ground& ground, const Pose& at);
   void pass_rows(const Motion& motion, double begin_s, double end_s);
   double station_travel_m(const Ground& ground) const;
-  Vec3 spill_point(const Pose& at) const;
-  Vec3 push_point(const Pose& at) const;
+  Settler::Line spill_line(const Ground& ground, const Pose& at) const;
+  Vec2 push_way(const Pose& at) const;
+  Settler::Line push_line(const Pose& at, const Vec2& way) const;
   Eigen::AlignedBox3d box_around(std::span<const Pose> path) const;
 
+  std::size_t number_;
   Bucket bucket_;
   Excavator excavator_;
   std::vector<Vec3> extremes_;  // points of the bucket that bound it, bucket frame
@@ -111,10 +119,12 @@ class Machine {
   Pose station_;                       // the last one
   Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since then, at stations and rows
   std::int64_t cut_before_ = 0;        // samples, up to the last station
-  std::int32_t stations_ = 0;          // since soil came to rest
+  std::int32_t stations_ = 0;          // since overhangs were looked for
   std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass
   std::int64_t falling_ = 0;           // let go and not landed, units of mass
-  Eigen::AlignedBox3d unsettled_box_;  // where soil may stand too steep
+  TileSet unrest_;                     // where loose soil may be too steep
+  std::optional<Pose> wall_;           // of the bucket when it became a wall to soil
+  Eigen::AlignedBox3d unsettled_box_;  // where soil may hang
   Eigen::AlignedBox3d propped_box_;    // where bank may stand too steep once the bucket has left
 };
 

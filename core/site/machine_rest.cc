@@ -83,9 +83,9 @@ void Machine::pass_rows(const Motion& motion, double begin_s, double end_s) {
   }
 }
 
-/// Lets pushed soil and excess load fall. @param rests soil also comes to rest, as it does when the
-/// bucket leaves the ground @param ends cuts fail even with the bucket in the ground
-void Machine::stop(Ground& ground, double time_s, bool rests, bool ends) {
+/// Lets pushed soil and excess load fall, and soil slide: some way at a station, to rest at a
+/// standstill, and in the end cuts fail even with the bucket in the ground.
+void Machine::stop(Ground& ground, double time_s, Rest rest) {
   if (!placed_) return;
   const Pose& at = current_;
   const Pose here[] = {at};
@@ -93,38 +93,85 @@ void Machine::stop(Ground& ground, double time_s, bool rests, bool ends) {
     unsettled_box_.extend(swept_box_);
     unsettled_box_.extend(box_around(here));
   }
-  const bool in_air = stays_in_air(ground, here, 0), bank_fails = ends || in_air;
+  const bool in_air = stays_in_air(ground, here, 0), bank_fails = rest == Rest::kEnds || in_air;
   propped_box_.extend(unsettled_box_);
   let_go();
-  if (falling_ > 0 || pushed_ > 0 || !unsettled_box_.isEmpty() ||
-      (bank_fails && !propped_box_.isEmpty())) {
-    const Obstacle obstacle(bucket_, at, ground);
-    if (pushed_ > 0) settler_->drop(push_point(at), std::exchange(pushed_, 0), time_s, obstacle);
-    drop_falling(time_s, obstacle);
-    if (rests || in_air) {
-      const bool done =
-          settler_->settle(bank_fails ? propped_box_ : unsettled_box_, obstacle, bank_fails);
-      if (done) unsettled_box_.setEmpty();
-      if (done && bank_fails) propped_box_.setEmpty();
-      stations_ = 0;
-    }
-    note_leaning(ground, at);
+  set_wall(ground, at);
+  if (pushed_ > 0) {
+    const Vec2 way = push_way(at);
+    settler_->drop(push_line(at, way), way, std::exchange(pushed_, 0), time_s);
+  }
+  drop_falling(ground, time_s);
+  const Eigen::AlignedBox3d& around = bank_fails ? propped_box_ : unsettled_box_;
+  bool stands = false;
+  if (rest != Rest::kSlides) {
+    stands = settler_->settle(around, bank_fails, unrest_);
+  } else {
+    ++stations_;
+    if (in_air || stations_ >= kStationsPerRest) stands = settler_->fail(around, bank_fails);
+    if (in_air || stations_ % kStationsPerSlide == 0) settler_->slide(unrest_, kStationSteps);
+  }
+  if (stands) {
+    stations_ = 0;
+    unsettled_box_.setEmpty();
+    if (bank_fails) propped_box_.setEmpty();
   }
   station_ = at;
   swept_box_ = box_around(here);
   cut_before_ = ledger_.cut();
 }
 
+/// The bucket is a wall to soil where it is in the ground. What leant on it where it was may slide.
+void Machine::set_wall(const Ground& ground, const Pose& at) {
+  const auto lean = [&] {
+    if (!wall_) return;
+    unrest_.add(Obstacle(bucket_, *wall_, ground).cells());
+  };
+  const Pose here[] = {at};
+  const bool stands = !stays_in_air(ground, here, kObstacleClearance * ground.voxel_size_m());
+  if (wall_ && stands && wall_->position == at.position &&
+      wall_->rotation.coeffs() == at.rotation.coeffs())
+    return;
+  lean();
+  wall_.reset();
+  if (stands) wall_ = at;
+  settler_->set_wall(number_, stands ? Obstacle(bucket_, at, ground) : Obstacle());
+}
+
+void Machine::raise_wall(const Ground& ground) const {
+  if (settler_ != nullptr)
+    settler_->set_wall(number_, wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle());
+}
+
 /// Excess load at the present attitude leaves the bucket and is then in flight.
 void Machine::let_go() {
   if (!capacity_ || ledger_.load == 0) return;
-  const double hold_m3 = capacity_->at(current_.rotation, settler_->slope()).volume_m3;
-  const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
-  const std::int64_t spill =
-      std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
+  const auto surplus = [&](double held_m) {
+    const double hold_m3 = capacity_->at(current_.rotation, settler_->slope(), held_m).volume_m3;
+    const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
+    return std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
+  };
+  std::int64_t spill = surplus(0);
+  if (spill == 0) return;
+  spill = surplus(held_m());
   ledger_.load -= spill;
   ledger_.spilled += spill;
   falling_ += spill;
+}
+
+/// How far up the mouth, from the lip, the ground before it holds the load in.
+double Machine::held_m() const {
+  const Eigen::Matrix3d axes = current_.rotation.toRotationMatrix();
+  const double rise = axes(2, 2);  // of the mouth, from the lip to the upper edge
+  const Vec2 ahead = axes.col(0).head<2>();
+  if (rise < kMinMouthRise || ahead.norm() < kMinMouthRise) return 0;
+  const Vec3 half(0, bucket_.width_m / 2, 0);
+  const Settler::Line lip = {current_ * Vec3(-half), current_ * half};
+  const std::array<double, 2> low = {lip[0].z(), lip[1].z()};
+  const std::array<double, 2> high = {low[0] + rise * bucket_.height_m,
+                                      low[1] + rise * bucket_.height_m};
+  const double mean = settler_->mean_height(lip, ahead.normalized(), low, high);
+  return (mean - (low[0] + low[1]) / 2) / rise;
 }
 
 /// Soil that left the bucket in a turn lands now if it is much, otherwise at the next station.
@@ -134,44 +181,50 @@ void Machine::pass_turn(Ground& ground, double time_s) {
   if (!capacity_ || ledger_.units.loose_samples(falling_) * ledger_.sample_m3 <
                         kMinSpillShare * capacity_->struck_m3())
     return;
-  drop_falling(time_s, Obstacle(bucket_, current_, ground));
-  note_leaning(ground, current_);
+  set_wall(ground, current_);
+  drop_falling(ground, time_s);
 }
 
-void Machine::drop_falling(double time_s, const Obstacle& obstacle) {
-  if (falling_ > 0)
-    settler_->drop(current_ * spill_point(current_), std::exchange(falling_, 0), time_s, obstacle);
+void Machine::drop_falling(const Ground& ground, double time_s) {
+  if (falling_ == 0) return;
+  settler_->drop(spill_line(ground, current_), (current_.rotation * Vec3::UnitX()).head<2>(),
+                 std::exchange(falling_, 0), time_s);
 }
 
-/// Soil that leans on the bucket stays until the bucket has gone.
-void Machine::note_leaning(const Ground& ground, const Pose& at) {
-  const Pose here[] = {at};
-  if (!stays_in_air(ground, here, kObstacleClearance * ground.voxel_size_m()))
-    unsettled_box_.extend(box_around(here));
+/// Where soil leaves the bucket.
+Settler::Line Machine::spill_line(const Ground& ground, const Pose& at) const {
+  const double half_m = bucket_.width_m / 2;
+  Settler::Line line = {Vec3(0, -half_m, 0), Vec3(0, half_m, 0)};  // the lip
+  if (capacity_) {
+    line = capacity_->spill_line(at.rotation, settler_->slope(), ground.voxel_size_m());
+  } else if ((at.rotation * Vec3::UnitZ()).z() < 0) {
+    for (Vec3& end : line) end.z() = bucket_.height_m;
+  }
+  return {at * line[0], at * line[1]};
 }
 
-/// The place where soil leaves the bucket.
-Vec3 Machine::spill_point(const Pose& at) const {
-  if (capacity_) return capacity_->at(at.rotation, settler_->slope()).spill;
-  const Vec3 lip = Vec3::Zero(), upper_edge(0, 0, bucket_.height_m);
-  return (at * upper_edge).z() < (at * lip).z() ? upper_edge : lip;
+/// The way in plan from the last station, or that before the mouth without movement.
+Vec2 Machine::push_way(const Pose& at) const {
+  const Vec2 way = (at.position - station_.position).head<2>();
+  return way.norm() < kMinPushWay * radius_m_ ? Vec2((at.rotation * Vec3::UnitX()).head<2>()) : way;
 }
 
-/// The place of displaced soil, in front of the body: its point farthest along the way from the
-/// last station, or a point before the mouth without movement in plan.
-Vec3 Machine::push_point(const Pose& at) const {
-  Vec3 way = at.position - station_.position;
-  way.z() = 0;
-  if (way.norm() < kMinPushWay * radius_m_) way = at.rotation * Vec3::UnitX();
-  const auto along = [&](const Vec3& p) { return way.dot(at.rotation * p); };
-  // The middles of the faces' edges across the lip: pushed soil is not at a corner.
-  const double across = bucket_.shape ? bucket_.shape->box_m().center().y() : 0;
+/// Where displaced soil goes, in front of the body: through its point farthest along the way, along
+/// the lip, or at a side that it pushes with.
+Settler::Line Machine::push_line(const Pose& at, const Vec2& way) const {
+  const auto along = [&](const Vec3& p) { return way.dot((at.rotation * p).head<2>()); };
+  Eigen::AlignedBox3d box;
+  for (const Vec3& p : extremes_) box.extend(p);
+  const double across = box.center().y(), half_m = box.sizes().y() / 2;
   Vec3 farthest(0, across, 0);
   for (const Vec3& p : extremes_) {
     const Vec3 middle(p.x(), across, p.z());
     if (along(middle) > along(farthest)) farthest = middle;
   }
-  return at * farthest;
+  const Vec3 aside = half_m * Vec3::UnitY();
+  if (std::abs(along(aside)) > kMaxPushAside * half_m * way.norm())
+    return {at * farthest, at * farthest};
+  return {at * Vec3(farthest - aside), at * Vec3(farthest + aside)};
 }
 
 Eigen::AlignedBox3d Machine::box_around(std::span<const Pose> path) const {

@@ -130,6 +130,7 @@ Tracker::Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthm
   earthmoving_.validate();
   if (earthmoving_.soil)
     settler_ = std::make_unique<Settler>(ground, *earthmoving_.soil, earthmoving_.hoppers);
+  poured_unrest_ = std::make_unique<TileSet>();
   for (const Pour& pour : earthmoving_.pours) {
     const double mass =
         pour.volume_m3 / ground.sample_m3() * static_cast<double>(settler_->units().loose);
@@ -141,11 +142,15 @@ Tracker::Tracker(Ground& ground, std::vector<Bucket> buckets, Earthmoving earthm
                                   "': its volume is more than can be counted");
   }
   for (Bucket& bucket : buckets)
-    machines_.push_back(std::make_unique<Machine>(std::move(bucket), ground, settler_.get()));
+    machines_.push_back(
+        std::make_unique<Machine>(machines_.size(), std::move(bucket), ground, settler_.get()));
 }
 
 Tracker::Tracker(Ground& clone, const Tracker& other)
-    : ground_(clone), earthmoving_(other.earthmoving_), poured_parts_(other.poured_parts_) {
+    : ground_(clone),
+      earthmoving_(other.earthmoving_),
+      poured_parts_(other.poured_parts_),
+      poured_unrest_(std::make_unique<TileSet>(*other.poured_unrest_)) {
   const Ground& ground = other.ground_;
   if (clone.shared_terrain() != ground.shared_terrain() || clone.origin() != ground.origin() ||
       clone.voxel_size_m() != ground.voxel_size_m())
@@ -308,7 +313,9 @@ Update Tracker::pour(std::size_t pour, double until_s) {
     const PourParts all(source, ground_.voxel_size_m());
     while (parts < all.count() && all.falls_s(parts + 1) <= until_s) {
       const std::int64_t before = poured(source, parts++);
-      settler_->drop(source.at_m, poured(source, parts) - before, all.falls_s(parts), Obstacle{});
+      settler_->drop({source.at_m, source.at_m}, Vec2::Zero(), poured(source, parts) - before,
+                     all.falls_s(parts));
+      settler_->take_changes(*poured_unrest_);
     }
     Update update;
     update.slid_m3 = slid_m3(slid_before);
@@ -329,6 +336,7 @@ Update Tracker::come_to_rest(std::optional<double> time_s) {
     std::int64_t moved = -1;
     for (int n = 0; n < kMaxRestRounds && moved != settler_->totals().moved(); ++n) {
       moved = settler_->totals().moved();
+      settler_->settle({}, false, *poured_unrest_);
       for (const auto& machine : machines_)
         machine->come_to_rest(ground_, time_s.value_or(kAnyTime));
     }
@@ -374,6 +382,7 @@ std::string Tracker::state() const {
   for (const auto& machine : machines_) machine->save(bytes);
   if (settler_ == nullptr) return bytes;
   settler_->save(bytes);
+  poured_unrest_->save(bytes);
   for (const std::int64_t parts : poured_parts_) put(bytes, parts);
   return bytes;
 }
@@ -381,13 +390,16 @@ std::string Tracker::state() const {
 void Tracker::restore(std::string_view state) {
   std::vector<std::unique_ptr<Machine>> machines;
   for (const auto& machine : machines_) {
-    machines.push_back(std::make_unique<Machine>(machine->bucket(), ground_, settler_.get()));
+    machines.push_back(
+        std::make_unique<Machine>(machines.size(), machine->bucket(), ground_, settler_.get()));
     machines.back()->load(state, ground_);
   }
   Settler::SettleTotals totals;
+  TileSet unrest;
   std::vector<std::int64_t> parts(poured_parts_.size());
   if (settler_ != nullptr) {
     totals.load(state);
+    unrest.load(state);
     for (std::size_t i = 0; i < parts.size(); ++i) {
       take(state, parts[i]);
       if (parts[i] < 0 ||
@@ -398,7 +410,10 @@ void Tracker::restore(std::string_view state) {
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   machines_ = std::move(machines);
   poured_parts_ = std::move(parts);
-  if (settler_ != nullptr) settler_->restore(totals);
+  if (settler_ == nullptr) return;
+  settler_->restore(totals);
+  *poured_unrest_ = unrest;
+  for (const auto& machine : machines_) machine->raise_wall(ground_);
 }
 
 }  // namespace soilvdb::inline v0

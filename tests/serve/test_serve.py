@@ -581,9 +581,9 @@ def test_what_is_recorded_beside_is_known(tmp_path):
 
 def test_cycles_are_those_of_loads(tmp_path):
     """A load is at least a quarter of what the bucket holds, and ends when most of it is gone."""
-    def load_and_tip(y, curl, begin, tips):
+    def load_and_tip(y, curl, depth, begin, tips):
         back = [0.0, float(-np.sin(curl / 2)), 0.0, float(np.cos(curl / 2))]
-        way = [{**state, "rotation": back} for state in passes("digger", y, 0.2, 60, begin)]
+        way = [{**state, "rotation": back} for state in passes("digger", y, depth, 60, begin)]
         x = way[-1]["position"][0]
         up = [{"machine": "digger", "time": begin + 1 + 0.1 * i, "position": [x, y, 0.1 * i],
                "rotation": back} for i in range(20)]
@@ -593,9 +593,9 @@ def test_cycles_are_those_of_loads(tmp_path):
         return [*way, *up, *tipped]
 
     with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
-        # With its mouth upright a bucket holds little.
-        for n, (curl, tips, cycles) in enumerate(((0.5, 60, 1), (0.0, 60, 1), (0.5, 60, 2))):
-            answers = server.feed(load_and_tip(3.0 * n, curl, 20.0 * n, tips))
+        # A scrape fills little of a bucket.
+        for n, (curl, depth, cycles) in enumerate(((0.5, 0.2, 1), (0.0, 0.01, 1), (0.5, 0.2, 2))):
+            answers = server.feed(load_and_tip(3.0 * n, curl, depth, 20.0 * n, 60))
             loads = [answer["bucket_m3"] for answer in answers]
             _, body = server.get("/machines.csv")
             row = dict(zip(*(line.split(",") for line in body.decode().splitlines()[:2])))

@@ -142,5 +142,44 @@ TEST(CapacitySpill, FallsStraightOutOfAMouthThatLooksDown) {
   EXPECT_LT((spill - Vec3(0, 0, 0.4)).norm(), kRounding);
 }
 
+TEST(CapacitySpill, IsAlongAllOfALevelEdgeAndAtTheEndOfOneThatIsBanked) {
+  const Capacity c = capacity(round_bucket());
+  const double half = 0.6, level_m = 0.05;
+  const auto length = [&](double roll) {
+    const auto line = c.spill_line(from_rpy(roll, 0, 0), 0.7, level_m);
+    EXPECT_EQ(line[0].x(), 0);
+    EXPECT_EQ(line[0].z(), 0);
+    return (line[1] - line[0]).norm();
+  };
+  EXPECT_NEAR(length(0), 2 * half, kRounding);
+  EXPECT_NEAR(length(0.02), 2 * half, kRounding) << "within a voxel";
+  for (const double roll : {0.1, 0.3}) {
+    EXPECT_NEAR(length(roll), level_m / std::sin(roll), kRounding);
+    EXPECT_NEAR(c.spill_line(from_rpy(roll, 0, 0), 0.7, level_m)[0].y(), -half, kRounding);
+    EXPECT_NEAR(c.spill_line(from_rpy(-roll, 0, 0), 0.7, level_m)[1].y(), half, kRounding);
+  }
+}
+
+TEST(Capacity, GrowsToTheStruckVolumeAsGroundHoldsTheSoilIn) {
+  // Below the ground before it a box is full, above it soil is as steep as repose.
+  const double height_m = 0.8, depth_m = 0.6, slope = 0.7;
+  const Capacity c = capacity(box(1, height_m, depth_m));
+  for (const double held_m : {0.0, 0.1, 0.25, 0.37}) {
+    const double high_m = std::min(height_m - held_m, slope * depth_m);
+    const double wedge_m2 = high_m * high_m / 2 / slope + (depth_m - high_m / slope) * high_m;
+    EXPECT_NEAR(c.at(pitched(0), slope, held_m).volume_m3, held_m * depth_m + wedge_m2, 1e-4)
+        << held_m;
+  }
+  for (const double pitch : {-0.5, 0.0, 0.4}) {
+    double last = 0;
+    for (double held_m = 0; held_m < 1.2 * height_m; held_m += 0.05) {
+      const double holds = c.at(pitched(pitch), slope, held_m).volume_m3;
+      EXPECT_GE(holds, last - 1e-9) << pitch << ' ' << held_m;
+      EXPECT_LE(holds, c.struck_m3() + 1e-9);
+      last = holds;
+    }
+  }
+}
+
 }  // namespace capacity_test
 }  // namespace soilvdb::test

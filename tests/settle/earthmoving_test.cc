@@ -233,7 +233,7 @@ TEST(Earthmoving, HardlyDependsOnHowManyUpdatesThereAre) {
 
 TEST(Earthmoving, LooseSoilDoesntSwellAgain) {
   Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
-  Tracker tracker(ground, {digger()}, loam_with_pours({{"heap", {0, 0, 5}, 0, 0, 3}}));
+  Tracker tracker(ground, {digger()}, loam_with_pours({{"heap", {0, 0, 5}, 0, 0, 12}}));
   tracker.pour(0, 0);
   std::int64_t loads = 0;
   for (int i = 0; i <= 100; ++i) {

@@ -48,6 +48,52 @@ TEST(Pour, LiesAsTheTruthDoes) {
   }
 }
 
+/// Distance in plan from a line's points.
+double distance_m(const Vec2& at, const Vec2& from, const Vec2& along) {
+  return (at - from - std::clamp(along.dot(at - from) / along.squaredNorm(), 0.0, 1.0) * along)
+      .norm();
+}
+
+TEST(Pour, AlongALineIsARidgeWithALevelTop) {
+  Pourer pourer;
+  for (const double turn : {0.0, 0.3, kPi / 4, 2.0}) {
+    SCOPED_TRACE(turn);
+    const double height_m = 0.5, length_m = 1.6;
+    const Columns before = columns_of(5, 5, kSide_m, [](double, double) { return 0.0; });
+    const Vec2 along = length_m * Vec2(std::cos(turn), std::sin(turn));
+    const Vec2 from = Vec2(2.513, 2.481) - along / 2;
+    const double volume_m3 = height_m * height_m * length_m / kPourSlope +
+                             kPi * std::pow(height_m, 3) / (3 * kPourSlope * kPourSlope);
+    Columns ground = before, truth = before;
+    ASSERT_TRUE(Pourer::rests(ground, from, along, kPourSlope));
+    const Deposit deposit = pourer.pour(ground, from, volume_m3, kPourSlope, false, along);
+    for (int i = 0; i < truth.nx * truth.ny; ++i)
+      truth.at(i) =
+          std::max(0.0, height_m - kPourSlope * distance_m(middle_m(truth, i), from, along));
+    const Difference off = difference(before, ground, truth);
+    EXPECT_EQ(deposit.left_m3, 0);
+    EXPECT_NEAR(volume_between(before, ground), volume_m3, 1e-9);
+    EXPECT_LE(off.rms, 0.05);
+    EXPECT_LE(off.max, 0.15);
+  }
+}
+
+TEST(Pour, RestsAlongALineOnlyWhereNoneOfItIsTooSteepOrNoGround) {
+  const auto rests = [](const Columns& ground) {
+    return Pourer::rests(ground, {1, 2.5}, {3, 0}, kPourSlope);
+  };
+  const auto slope = [](double share) {
+    return columns_of(5, 5, kSide_m, [=](double x, double) { return share * kPourSlope * x; });
+  };
+  EXPECT_TRUE(rests(slope(0.9)));
+  EXPECT_FALSE(rests(slope(1.5)));
+  EXPECT_FALSE(rests(columns_of(5, 5, kSide_m, [](double x, double) { return x > 3 ? 1 : 0; })));
+  Columns walled = slope(0);
+  walled.rigid.assign(walled.height_m.size(), 0);
+  walled.rigid[static_cast<std::size_t>(walled.index(40, 50))] = 1;
+  EXPECT_FALSE(rests(walled));
+}
+
 /// Slope of the line fitted to the heights on a ray, in its worst of 48 directions.
 double worst_slope_deg(const Columns& c, const Vec2& from, double radius_m) {
   double worst = 0;

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/ground/ground_writer.h"
 #include "core/settle/column_samples.h"
 #include "core/settle/obstacle.h"
 #include "core/settle/settler.h"
@@ -102,6 +103,11 @@ TEST(SoilAtRest, StandstillsDontDependOnUpdates) {
   for (const int updates : {2, 3, 4, 6, 7, 12, 100}) EXPECT_EQ(dig(updates), once) << updates;
 }
 
+void settle(Settler& settler, const Eigen::AlignedBox3d& around_m) {
+  TileSet unrest;
+  settler.settle(around_m, true, unrest);
+}
+
 /// Loose soil over a gap, in columns of level ground.
 struct Roof {
   Ground ground{kVoxel, Vec3::Zero(), make_plane(-kVoxel / 2, {0, 0})};
@@ -135,7 +141,7 @@ TEST(SoilAtRest, ALooseRoofFallsWhetherItIsThickerOrThinnerThanTheGap) {
     Roof roof(gap, thickness);
     const std::int64_t samples = loose_samples(roof.ground);
     ASSERT_EQ(roof.at_height(0), 0);
-    roof.settler.settle({Vec3(-1, -1, -0.5), Vec3(1, 1, 1.5)}, Obstacle{}, true);
+    settle(roof.settler, {Vec3(-1, -1, -0.5), Vec3(1, 1, 1.5)});
     EXPECT_EQ(loose_samples(roof.ground), samples) << gap << ' ' << thickness;
     EXPECT_EQ(roof.settler.totals().pending, 0);
     EXPECT_EQ(pockets(roof.ground), 0);
@@ -147,7 +153,7 @@ TEST(SoilAtRest, ALooseRoofBesideWhatIsSettledFallsAsFarAsItIsLookedAt) {
   Roof roof(2, 5);
   const std::int64_t samples = loose_samples(roof.ground);
   // So far beside the roof that no overhang is looked for there, but what slides is.
-  roof.settler.settle({Vec3(1.15, -0.1, -0.5), Vec3(1.2, 0.1, 0.5)}, Obstacle{}, true);
+  settle(roof.settler, {Vec3(1.15, -0.1, -0.5), Vec3(1.2, 0.1, 0.5)});
   EXPECT_EQ(loose_samples(roof.ground), samples);
   EXPECT_EQ(roof.settler.totals().pending, 0);
   const GroundWindow window(roof.ground, {4, -3}, 3, 7);
@@ -156,20 +162,86 @@ TEST(SoilAtRest, ALooseRoofBesideWhatIsSettledFallsAsFarAsItIsLookedAt) {
   EXPECT_GT(roof.at_height(0), 0);
 }
 
+TEST(SoilAtRest, SoilThatACutLeftStandingInAPartOfItsColumnFallsWithinIt) {
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(-kVoxel / 2, {0, 0}));
+  // Half of a column's cells, six high, and nothing beside it.
+  SampleWords half{};
+  for (int z = 0; z < 6; ++z) {
+    const CellPoints& points = sample_points({0, 0, z});
+    for (int i = 0; i < 64; ++i)
+      if (points.x[i] < 0.5f) half[static_cast<std::size_t>(z)] |= std::uint64_t{1} << i;
+  }
+  GroundWriter(ground).add({0, 0, 0}, half, GroundWriter::Kind::kLoose);
+  std::vector<ColumnEdit> around;
+  for (int x = -1; x <= 1; ++x)
+    for (int y = -1; y <= 1; ++y)
+      if (x != 0 || y != 0) around.push_back({{x, y}, 0, 8, 64 * 3, false, 0, 0});
+  add_loose(ground, around, kSlope);
+  Settler settler(ground, *loam().soil, {});
+  const std::int64_t samples = loose_samples(ground);
+  ASSERT_GT(GroundWindow(ground, {0, 0}, 1, 1).at(0, 0).surface, 5);
+  TileSet unrest;
+  unrest.add(Coord2(0, 0));
+  settler.settle({}, false, unrest);
+  EXPECT_EQ(loose_samples(ground), samples);
+  const GroundColumn column = GroundWindow(ground, {0, 0}, 1, 1).at(0, 0);
+  EXPECT_LE(column.surface - column.top, 2);
+  EXPECT_TRUE(unrest.empty());
+}
+
+TEST(SoilAtRest, ALipHalfOverATruckGivesItHalf) {
+  Ground ground(0.05, Vec3::Zero(), make_plane(0, {0, 0}));
+  Hopper bed{"bed", {Vec2(-2, 0.1), Vec2(2, 5)}, 1};
+  Settler settler(ground, *loam().soil, {bed});
+  const std::int64_t mass = 40000 * settler.units().loose + 7;
+  settler.drop({Vec3(0, -0.5, 2), Vec3(0.1, 0.7, 2)}, Vec2::Zero(), mass,
+               std::numeric_limits<double>::quiet_NaN());
+  const Settler::SettleTotals& totals = settler.totals();
+  EXPECT_NEAR(static_cast<double>(totals.hauled), 0.5 * static_cast<double>(mass), 1);
+  EXPECT_EQ(totals.hauled + totals.pending + loose_samples(ground) * settler.units().loose, mass);
+}
+
+TEST(SoilAtRest, AnotherMachinesBucketIsAWall) {
+  // Without it the heap would reach 1 m behind where it stands.
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, {0, 0}));
+  const Bucket wall{4, 2, {{0, 0}, {-0.15, 0.7}, {-0.15, 1.4}, {0, 2}}, {}};
+  Tracker tracker(ground, {wall, digger()}, loam_with_pours({{"heap", {1.0, 0, 5}, 0, 0, 6}}));
+  tracker.update(0, {{0, 0, -0.3}, Eigen::Quaterniond::Identity()});
+  tracker.update(0, {{0, 0, -0.3}, Eigen::Quaterniond::Identity()});
+  tracker.pour(0, 1);
+  // Undercuts the heap's far toe, so that it moves.
+  for (const Pose& pose : drag({-1, 3, 0}, 4, 0.3, 30)) tracker.update(1, pose);
+  tracker.come_to_rest();
+  const auto behind = [&] {
+    double loose = 0;
+    const GroundWindow window = all_of(ground);
+    for (int x = 0; x < window.nx(); ++x)
+      for (int y = 0; y < window.ny(); ++y) {
+        const Coord2 cell = window.first() + Coord2(x, y);
+        if (cell.x() < -4 && std::abs(cell.y()) < 10)
+          loose += window.at(x, y).top - window.at(x, y).bank;
+      }
+    return loose;
+  };
+  EXPECT_EQ(behind(), 0);
+  EXPECT_EQ(residual(tracker), 0);
+}
+
 /// Columns that a bucket with its mouth down takes, on ground that falls away to one of its sides.
 int blocked(double yaw) {
   const Eigen::Vector2d fall = Eigen::Rotation2Dd(yaw) * Vec2(0, -0.9);
-  const Ground ground(kVoxel, Vec3::Zero(), make_plane(0, fall));
+  Ground ground(kVoxel, Vec3::Zero(), make_plane(0, fall));
   const Bucket box{1.6, 1.2, {{0, 0}, {-1, 0}, {-1, 1.2}, {0, 1.2}}, {}};
   // Its back is up; soil comes in below the edge that is over the lower ground.
   const Pose at{{0, 0, 0.05}, from_rpy(0, std::numbers::pi / 2, yaw)};
   const Vec3 middle = at * Vec3(0, 0, 0.6);
   const Pose centred{at.position - Vec3(middle.x(), middle.y(), 0), at.rotation};
-  const GroundWindow window(ground, {-16, -16}, 33, 33);
-  const BlockedColumns blocks(window, Obstacle(box, centred, ground));
+  GroundColumns columns(ground);
+  const Obstacle obstacle(box, centred, ground);
+  const BlockedColumns blocks(columns, {&obstacle, 1});
   int count = 0;
-  for (int x = 0; x < 33; ++x)
-    for (int y = 0; y < 33; ++y) count += blocks(x, y);
+  for (int x = -16; x <= 16; ++x)
+    for (int y = -16; y <= 16; ++y) count += blocks(Coord2(x, y));
   return count;
 }
 
@@ -199,10 +271,10 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsHoweverDeepTheHollow) {
     const auto box = [](double low) {
       return Eigen::AlignedBox3d(Vec3(-0.7, -0.7, low), Vec3(0.7, 0.7, 0));
     };
-    settler.settle(box(-0.4 - kVoxel * depth), Obstacle{}, true);
+    settle(settler, box(-0.4 - kVoxel * depth));
     EXPECT_EQ(settler.totals().failed_samples, 0) << "it hangs on the ground around";
     remove_top(ground, slot, kSlope, true);
-    settler.settle(box(-0.4), Obstacle{}, true);
+    settle(settler, box(-0.4));
     const GroundWindow window(ground, {-5, -5}, 11, 11);
     // It lies on the hollow's floor, swollen, or slid into the slot.
     const double most = -4.5 - depth + 5 * 1.25 + 0.1;
@@ -228,7 +300,7 @@ TEST(SoilAtRest, BankThatHangsOnTheGroundOfOneSideStaysWhicheverThatIs) {
     }
     remove_top(ground, cut, kSlope, true);
     const std::uint64_t before = ground.state_hash();
-    settler.settle({Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)}, Obstacle{}, true);
+    settle(settler, {Vec3(-0.5, -0.5, -0.8), Vec3(0.5, 0.5, 0)});
     EXPECT_EQ(settler.totals().failed_samples, 0) << dx << ' ' << dy;
     EXPECT_EQ(ground.state_hash(), before) << dx << ' ' << dy;
   }
@@ -254,7 +326,7 @@ TEST(SoilAtRest, BankThatHangsOnNothingFallsFromTheColdStoreToo) {
       EXPECT_THROW(ground.evict(), std::runtime_error);
       for (const Chunk* chunk : ground.chunks()) ASSERT_NE(chunk->swap_record, 0);
     }
-    settler.settle({Vec3(-0.6, -0.6, -0.7), Vec3(0.6, 0.6, 0)}, Obstacle{}, true);
+    settle(settler, {Vec3(-0.6, -0.6, -0.7), Vec3(0.6, 0.6, 0)});
     EXPECT_GT(settler.totals().failed_samples, 0);
     hashes.push_back(ground.state_hash());
   }
@@ -277,7 +349,7 @@ TEST(SoilAtRest, ALayerOfOneVoxelThatHangsOnNothingFallsWhereverInAChunkItIs) {
     remove_top(ground, below, kSlope, true);
     remove_top(ground, above, kSlope, true);
     const double low_m = kVoxel * z;
-    settler.settle({Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)}, Obstacle{}, true);
+    settle(settler, {Vec3(-0.6, -0.6, low_m), Vec3(0.6, 0.6, low_m)});
     EXPECT_GE(settler.totals().failed_samples, 11 * 11 * 64) << z;
     const GroundWindow window(ground, {-5, -5}, 11, 11);
     for (int x = 0; x < 11; ++x)

@@ -3,6 +3,7 @@
 // The volume of loose soil that a bucket holds at an attitude, and the point where it spills.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -50,14 +51,30 @@ class Capacity {
 
   /// @param world_from_bucket unit quaternion
   /// @param repose_slope tangent of the angle of repose, >= 0 (0: water)
+  /// @param held_m how far up the mouth, from the lip, ground before it holds the soil in; counts
+  /// if
+  ///        the lip is lower than the upper edge
   /// @return `spill` is the rim point with the least S at the body's centroid: soil at capacity
   ///        reaches the rim there
-  BucketCapacity at(const Eigen::Quaterniond& world_from_bucket, double repose_slope) const;
+  BucketCapacity at(const Eigen::Quaterniond& world_from_bucket, double repose_slope,
+                    double held_m = 0) const;
+  /// The part of the rim over which surplus soil leaves: of the edge on which `spill` of at() is,
+  /// what is within a height of its lowest point.
+  /// @param level_m that height, > 0: a rim is level to about a voxel
+  /// @return its ends, bucket frame, m
+  std::array<Vec3, 2> spill_line(const Eigen::Quaterniond& world_from_bucket, double repose_slope,
+                                 double level_m) const;
 
  private:
+  struct Edge {
+    Vec3 from, along;  // along: unit
+    double length_m;
+    Vec3 least;  // the point where soil at capacity reaches it
+  };
+
   explicit Capacity(const Bucket& bucket);
-  double hold_m3(const Vec3& up, double repose_slope) const;
-  Vec3 spill(const Vec3& up, double repose_slope) const;
+  double hold_m3(const Vec3& up, double repose_slope, double held_m = 0) const;
+  Edge spill_edge(const Vec3& up, double repose_slope) const;
 
   double width_m_, height_m_;
   double area_m2_ = 0;

@@ -79,6 +79,7 @@ struct InvalidMove {
 
 class Machine;  // core/site/machine.h
 class Settler;  // core/settle/settler.h
+class TileSet;  // core/settle/tile_set.h
 
 /// Tracks the ground and the loads of a site's machines.
 ///
@@ -159,6 +160,7 @@ class Tracker {
   std::unique_ptr<Settler> settler_;  // null: soil does not move
   std::vector<std::unique_ptr<Machine>> machines_;
   std::vector<std::int64_t> poured_parts_;  // per pour
+  std::unique_ptr<TileSet> poured_unrest_;  // where poured soil may be too steep
 };
 
 }  // namespace soilvdb::inline v0

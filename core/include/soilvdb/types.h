@@ -11,6 +11,7 @@ namespace soilvdb::inline v0 {
 
 using Vec2 = Eigen::Vector2d;
 using Vec3 = Eigen::Vector3d;
+using Coord2 = Eigen::Vector2i;
 using Coord3 = Eigen::Vector3i;
 
 /// A rigid transform; a_from_b maps coordinates in frame b to frame a.

@@ -14,6 +14,7 @@ import soilvdb
 
 RATE_HZ = 100.0
 SPEED_M_S = 0.8
+CURL_M3 = 0.07  # what lies before the mouth comes in while the bucket curls
 PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
 
 
@@ -25,7 +26,7 @@ def pitch(angle: float) -> tuple[float, float, float, float]:
 def dig(site: soilvdb.Site, wanted_m3: float, begin: tuple[float, float]) -> tuple[float, int]:
     """Fills the bucket from a place on; returns its load once it is lifted, m3, and the updates."""
     (x, y), lip, load, updates = begin, 0.1, 0.0, 0
-    while load < wanted_m3 and x < begin[0] + 6.0:
+    while load < wanted_m3 - CURL_M3 and x < begin[0] + 6.0:
         if updates % 10 == 0:  # it plans ten times a second
             ground = float(site.heights([(x + 0.3, y)])[0])
             # The missing load should come within the next 1.5 m.

@@ -1,0 +1,211 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "core/settle/ground_columns.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "core/constants.h"
+#include "core/lattice/affine.h"
+#include "core/lattice/chunk_math.h"
+#include "soilvdb/sample_tree.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+std::uint64_t tile_key(int cx, int cy) {
+  return std::uint64_t{static_cast<std::uint32_t>(cx)} << 32 | static_cast<std::uint32_t>(cy);
+}
+
+/// Goes down columns of chunks until all their columns of cells have come to bank soil.
+class TileReader {
+ public:
+  TileReader(BaseColumns& base, int cx, int cy)
+      : base_(base.at(cx, cy)),
+        ground_(base.ground()),
+        leaves_(ground_.grid().tree()),
+        above_(ground_.above_base()) {
+    const Eigen::AlignedBox2i plan(above_.min().head<2>(), above_.max().head<2>());
+    const bool raised = !above_.isEmpty() && plan.contains(Coord2(cx, cy));
+    if (!base_.some && !raised) return;
+    int z = base_.some ? base_.highest : above_.max().z();
+    if (raised) z = std::max(z, above_.max().z());
+    for (int c = 0; c < kCells; ++c) {
+      walks_[c].open = (base_.all_ground >> c & 1) != 0;
+      open_ += walks_[c].open;
+    }
+    for (z = floor_to(z, kChunkSide); open_ > 0; z -= kChunkSide) {
+      const SampleLeaf* leaf = leaves_.probeConstLeaf({cx, cy, z});
+      const Chunk* chunk = leaf != nullptr ? &leaf->chunk : nullptr;
+      if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
+        through_base(z);
+      } else if (chunk == nullptr || chunk->soil_count == 0) {
+        through_air(z);
+      } else if (chunk->swap_record != 0) {
+        const Chunk copy = ground_.copy(*chunk);
+        through_samples(copy, z);
+      } else {
+        through_samples(*chunk, z);
+      }
+    }
+  }
+
+  const ColumnTile& tile() const { return tile_; }
+
+ private:
+  /// What one column has come to on the way down.
+  struct Walk {
+    bool open = false;    // it is in the window, and its bank isn't found
+    bool some = false;    // it came to soil
+    bool filled = false;  // all cells are full from `full` down to here
+    int full = 0;
+    int piece_high = 0;             // topmost cell of the piece of soil it is in
+    int piece = 0, piece_bank = 0;  // samples of that, from there down
+    double above = 0;               // samples of cells that aren't full, above the topmost full one
+    double bank_above = 0;          // the same of bank soil, above the topmost cell full of that
+  };
+
+  static constexpr int kCells = BaseColumn::kCells;
+
+  GroundColumn& column(int c) { return tile_.columns[static_cast<std::size_t>(c)]; }
+  /// @param solid height of what is full from there down
+  /// @param full the topmost cell that surely is
+  void end(int c, double solid, int full) {
+    Walk& walk = walks_[c];
+    GroundColumn& out = column(c);
+    found(c, solid);
+    out.bank_full = full;
+    out.full = walk.filled ? walk.full : full;
+    out.top = solid + walk.above / 64.0;
+    out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
+    out.known = true;
+    walk.open = false;
+    --open_;
+  }
+  void found(int c, double surface) {
+    if (!walks_[c].some) column(c).surface = surface;
+    walks_[c].some = true;
+  }
+  /// @param z the cell without soil
+  void gap(int c, int z) {
+    Walk& walk = walks_[c];
+    if (walk.piece > 0 && walk.piece_bank == 0) {
+      GroundColumn& out = column(c);
+      out.hangs = walk.piece;
+      out.hangs_low = z + 1;
+      out.hangs_high = walk.piece_high;
+      tile_.has_hanging = true;
+    }
+    walk.piece = walk.piece_bank = 0;
+    walk.filled = false;
+  }
+
+  void through_air(int z) {
+    for (int c = 0; any_piece_ && c < kCells; ++c)
+      if (walks_[c].open) gap(c, z + kChunkSide - 1);
+  }
+
+  void through_base(int z) {
+    const double low = z - 0.5, high = low + kChunkSide;
+    for (int c = 0; c < kCells; ++c) {
+      Walk& walk = walks_[c];
+      if (!walk.open) continue;
+      const double ground = base_.heights[static_cast<std::size_t>(c)];
+      if (std::isnan(ground)) {  // a wall
+        walk.open = false;
+        --open_;
+      } else if (ground >= low + 1) {
+        if (ground < high - 1) gap(c, z + kChunkSide - 1);
+        const double solid = std::min(ground, high);
+        // Where ground slopes, cells below its middle have air, too.
+        end(c, solid, static_cast<int>(std::floor(solid - 0.5)) - kSlopeCells);
+      } else {
+        gap(c, z + kChunkSide - 1);
+        if (ground <= low) continue;
+        found(c, ground);
+        // The full cell is in the chunk below, if it's still there.
+        walk.above += 64 * (ground - low);
+        walk.bank_above += 64 * (ground - low);
+      }
+    }
+  }
+
+  SOILVDB_FOR_CPUS void through_samples(const Chunk& chunk, int z) {
+    tile_.has_loose |= chunk.loose_count > 0;
+    any_piece_ = true;
+    for (int c = 0; c < kCells; ++c) {
+      Walk& walk = walks_[c];
+      if (!walk.open) continue;
+      const int row = c * kChunkSide;
+      const std::uint32_t some = chunk.samples.any_of_row(row);
+      const std::uint32_t full = chunk.samples.full_of_row(row);
+      const std::uint32_t loose = chunk.loose_count > 0 ? chunk.loose.any_of_row(row) : 0;
+      for (int k = kChunkSide - 1; k >= 0 && walk.open;) {
+        if ((some >> k & 1) == 0) {  // down to the next that has some
+          gap(c, z + k);
+          k = static_cast<int>(std::bit_width(some & ((1u << k) - 1))) - 1;
+          continue;
+        }
+        const int all = (full >> k & 1) != 0 ? 64 : std::popcount(chunk.samples.word(row + k));
+        const int bank =
+            (loose >> k & 1) != 0 ? all - std::popcount(chunk.loose.word(row + k)) : all;
+        const double solid = z + k + 0.5;
+        found(c, solid);
+        if (bank == 64) {
+          end(c, solid, z + k);
+        } else if (all < 64) {
+          walk.filled = false;
+        } else if (!walk.filled) {
+          walk.filled = true;
+          walk.full = z + k;
+        }
+        if (walk.piece == 0) walk.piece_high = z + k;
+        walk.piece += all;
+        walk.piece_bank += bank;
+        walk.above += all;
+        walk.bank_above += bank;
+        --k;
+      }
+    }
+  }
+
+  const BaseColumn& base_;
+  const Ground& ground_;
+  openvdb::tree::ValueAccessor<const SampleTree, false> leaves_;
+  const Eigen::AlignedBox3i above_;
+  ColumnTile tile_;
+  Walk walks_[kCells];
+  int open_ = 0;
+  bool any_piece_ = false;
+};
+
+}  // namespace
+
+ColumnTile read_tile(BaseColumns& base, int cx, int cy) { return TileReader(base, cx, cy).tile(); }
+
+GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
+  changes_.take();  // what was there before
+}
+
+const ColumnTile& GroundColumns::tile(int cx, int cy) {
+  const auto known = tiles_.find(tile_key(cx, cy));
+  if (known != tiles_.end()) return known->second;
+  ColumnTile tile = read_tile(base_, cx, cy);
+  if (tiles_.size() >= kMaxColumnTiles) tiles_.clear();
+  return tiles_.emplace(tile_key(cx, cy), std::move(tile)).first->second;
+}
+
+std::vector<Coord2> GroundColumns::take_changes() {
+  std::vector<Coord2> changed;
+  for (const Coord3& origin : changes_.take()) {
+    const Coord2 tile(origin.head<2>());
+    if (!changed.empty() && changed.back() == tile) continue;
+    tiles_.erase(tile_key(tile.x(), tile.y()));
+    changed.push_back(tile);
+  }
+  return changed;
+}
+
+}  // namespace soilvdb::inline v0

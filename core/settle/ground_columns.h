@@ -1,0 +1,71 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The ground as columns of cells: tiles of 8 x 8, read once and kept until the ground changes
+// there.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "core/lattice/chunk_math.h"
+#include "core/settle/base_columns.h"
+#include "soilvdb/change_follower.h"
+#include "soilvdb/ground.h"
+
+namespace soilvdb::inline v0 {
+
+/// The topmost soil of a column of cells, in index space: the top of cell k is at k + 0.5. Heights
+/// are counted: soil above the topmost cell full of bank counts with its volume, so added soil
+/// fills pores below before heights rise.
+struct GroundColumn {
+  double top = 0;      ///< of all soil
+  double surface = 0;  ///< top of the topmost cell with soil, pores below it or not
+  double bank = 0;     ///< of the soil without the loose soil on it
+  int full = 0;        ///< all cells are full up to this one: nothing can be added below
+  int bank_full = 0;   ///< the topmost cell full of bank soil
+  bool known = false;  ///< the terrain has ground everywhere in it
+  /// Loose soil without support: the lowest piece, its cells and samples.
+  int hangs_low = 0, hangs_high = 0;
+  std::int64_t hangs = 0;
+};
+
+/// The columns over one column of chunks: column (x, y) from the lowest cell is entry x * 8 + y.
+struct ColumnTile {
+  std::array<GroundColumn, BaseColumn::kCells> columns;
+  bool has_loose = false, has_hanging = false;
+};
+
+/// Reads a tile. @param cx, cy the chunks' lowest cell
+ColumnTile read_tile(BaseColumns& base, int cx, int cy);
+
+/// The tiles of a ground that were looked at, up to kMaxColumnTiles. Not for several threads.
+class GroundColumns {
+ public:
+  /// @param ground outlives it
+  explicit GroundColumns(Ground& ground);
+  /// For a clone of the other's ground.
+  GroundColumns(Ground& clone, const GroundColumns& other)
+      : base_(clone, other.base_), changes_(clone, other.changes_) {}
+
+  BaseColumns& base() { return base_; }
+  /// As it was at the last call of take_changes(). @param cx, cy the lowest cell; valid until the
+  /// next call
+  const ColumnTile& tile(int cx, int cy);
+  const GroundColumn& column(const Coord2& cell) {
+    const Coord2 corner = floor_to(cell, kChunkSide), in = cell - corner;
+    return tile(corner.x(), corner.y())
+        .columns[static_cast<std::size_t>(in.x() * kChunkSide + in.y())];
+  }
+  /// Lowest cells of the tiles in which the ground changed since the last call. They are read anew.
+  std::vector<Coord2> take_changes();
+
+ private:
+  BaseColumns base_;
+  ChangeFollower changes_;
+  std::unordered_map<std::uint64_t, ColumnTile> tiles_;
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,266 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Loose soil that is too steep slides.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "core/constants.h"
+#include "core/settle/collapse.h"
+#include "core/settle/settler.h"
+#include "core/settle/whole_samples.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();
+
+double minmod(double a, double b) {
+  if (a * b <= 0) return 0;
+  return std::abs(a) < std::abs(b) ? a : b;
+}
+
+/// A tile and the columns that its slopes are measured over.
+class Surroundings {
+ public:
+  Surroundings(GroundColumns& ground, const Coord2& tile, const BlockedColumns& blocked)
+      : has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
+    if (!has_loose_) return;
+    for (int x = 0; x < kSide; ++x) {
+      for (int y = 0; y < kSide; ++y) {
+        const Coord2 cell = tile + Coord2(x - kFar, y - kFar);
+        const GroundColumn& column = ground.column(cell);
+        columns_[x * kSide + y] = {column.top, column.bank, column.known && !blocked(cell)};
+      }
+    }
+  }
+
+  /// Is loose soil surely steeper than repose allows? Between neighbours, what counts err by is a
+  /// slope; over some columns it isn't.
+  bool is_steep(double slope) const {
+    if (!has_loose_) return false;
+    for (int x = kFar; x < kSide - kFar; ++x) {
+      for (int y = kFar; y < kSide - kFar; ++y) {
+        const Column& c = at(x, y);
+        if (!c.open || c.top - c.bank < kFilmDepth) continue;
+        for (int far = 1; far <= kFar; ++far)
+          if (steepest(x, y, far) > far * slope + kSteepDrops[far - 1]) return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  static constexpr int kFar = kSteepColumns, kSide = kChunkSide + 2 * kFar;
+  struct Column {
+    double top = 0, bank = 0;
+    bool open = false;
+  };
+
+  const Column& at(int x, int y) const { return columns_[x * kSide + y]; }
+  static double drop(const Column& from, const Column& to) {
+    if (!to.open || from.top <= to.top) return 0.0;
+    // Over a brink: what a slope drops across a column stays on it.
+    return from.top - std::max(to.top, from.bank);
+  }
+  /// The largest drop over so many columns: along an axis, or down a square, as the mean of its
+  /// opposite sides. Of a cone, one side of a square alone is steeper than its slope.
+  double steepest(int x, int y, int far) const {
+    const Column& here = at(x, y);
+    double most = 0;
+    for (const int i : {x - far, x + far}) {
+      const double along_x = drop(here, at(i, y));
+      for (const int j : {y - far, y + far}) {
+        const double along_y = drop(here, at(x, j));
+        most = std::max({most, along_x, along_y});
+        if (!at(i, j).open) continue;
+        most = std::max(
+            most,
+            std::hypot(along_x + drop(at(x, j), at(i, j)), along_y + drop(at(i, y), at(i, j))) / 2);
+      }
+    }
+    return most;
+  }
+
+  bool has_loose_;
+  Column columns_[kSide * kSide];
+};
+
+/// Groups of tiles that are near each other.
+std::vector<std::vector<Coord2>> steep_groups(const TileSet& tiles) {
+  std::vector<std::vector<Coord2>> groups;
+  TileSet left = tiles;
+  tiles.each([&](const Coord2& first) {
+    if (!left.has(first)) return;
+    std::vector<Coord2> group;
+    const auto take = [&](const Coord2& tile) {
+      if (left.remove(tile)) group.push_back(tile);
+    };
+    take(first);
+    for (std::size_t i = 0; i < group.size(); ++i)
+      for (int x = -kNearTiles; x <= kNearTiles; ++x)
+        for (int y = -kNearTiles; y <= kNearTiles; ++y) take(group[i] + kChunkSide * Coord2(x, y));
+    groups.push_back(std::move(group));
+  });
+  return groups;
+}
+
+/// The change from which on columns are changed: of most on a slope it is less than a sample, which
+/// takes long and shows nowhere, but what is left out must not be missed by the others.
+double least_change(std::span<const FluxGrid::Change> changes) {
+  double least = kMaxHeightChangeLeft;
+  for (; least > kMinHeightChange; least /= 4) {
+    double fall = 0, rise = 0;
+    for (const FluxGrid::Change& change : changes) {
+      const double by = change.after - change.before;
+      if (std::abs(by) >= least) (by < 0 ? fall : rise) += std::abs(by);
+    }
+    if (fall > 0 && std::abs(rise - fall) <= kMaxLeftOutShare * std::min(rise, fall)) break;
+  }
+  return std::max(least, kMinHeightChange);
+}
+
+}  // namespace
+
+bool Settler::slide(TileSet& unrest, int steps) {
+  take_changes(unrest);
+  for (int pieces = 0; pieces < kMaxRestRounds && fall(unrest); ++pieces) take_changes(unrest);
+  const BlockedColumns walls = blocked();
+  const TileSet steep = steep_tiles(unrest, walls);
+  unrest.clear();
+  for (const std::vector<Coord2>& group : steep_groups(steep)) {
+    if (slide_from(group, walls, steps)) continue;
+    for (const Coord2& tile : group) unrest.add(tile);
+  }
+  take_changes(unrest);
+  return unrest.empty();
+}
+
+/// The tiles in which or beside which loose soil is too steep, of those that changed and those
+/// beside them.
+TileSet Settler::steep_tiles(const TileSet& changed, const BlockedColumns& blocked) {
+  TileSet around, steep;
+  changed.each([&](const Coord2& tile) {
+    for (const auto& [x, y] : {std::pair(0, 0), {-1, 0}, {1, 0}, {0, -1}, {0, 1}})
+      around.add(Coord2(tile + kChunkSide * Coord2(x, y)));
+  });
+  around.each([&](const Coord2& tile) {
+    if (Surroundings(columns_, tile, blocked).is_steep(slope_)) steep.add(tile);
+  });
+  return steep;
+}
+
+/// @return whether all that slid is at rest
+bool Settler::slide_from(std::span<const Coord2> tiles, const BlockedColumns& blocked, int steps) {
+  refresh();  // another group may have slid to here
+  // Heights are floats above this, so that they are as exact wherever the site is.
+  double zero = std::numeric_limits<double>::infinity();
+  for (const Coord2& tile : tiles)
+    for (const GroundColumn& c : columns_.tile(tile.x(), tile.y()).columns)
+      if (c.known) zero = std::min(zero, std::floor(c.top));
+  flux_.begin([&](const Coord2& tile, FluxTile& out) {
+    const Coord2 corner = kChunkSide * tile;
+    const ColumnTile& columns = columns_.tile(corner.x(), corner.y());
+    for (int x = 0; x < kChunkSide; ++x) {
+      for (int y = 0; y < kChunkSide; ++y) {
+        const GroundColumn& c = columns.columns[static_cast<std::size_t>(kChunkSide * x + y)];
+        const auto i = static_cast<std::size_t>(kChunkSide * y + x);
+        if (!c.known || blocked(corner + Coord2(x, y)))
+          out.set_missing(i);
+        else
+          out.set(i, c.bank - zero, 0, c.top - c.bank);
+      }
+    }
+  });
+  for (const Coord2& tile : tiles) flux_.activate(tile / kChunkSide);
+  const double slope = slope_ + kRestSlopeMargin;
+  if (flux_.unrest().steep <= slope_beyond(slope, kCollapseStartRad)) return true;
+  const int done = flux_.relax(steps, slope_beyond(slope, kRestToleranceRad));
+  move(zero);
+  return done < steps;
+}
+
+/// Loose soil falls within its column: what nothing is under, and what stands beside air because a
+/// cut went through the column: of each column its lowest piece. @return whether some fell
+bool Settler::fall(const TileSet& tiles) {
+  std::vector<ColumnEdit> from, to;
+  const BlockedColumns walls = blocked();
+  tiles.each([&](const Coord2& tile) {
+    const ColumnTile& columns = columns_.tile(tile.x(), tile.y());
+    if (!columns.has_loose) return;
+    for (int i = 0; i < BaseColumn::kCells; ++i) {
+      const GroundColumn& c = columns.columns[static_cast<std::size_t>(i)];
+      const Coord2 cell = tile + Coord2(i / kChunkSide, i % kChunkSide);
+      const bool stands = c.top - c.bank > kFilmDepth && c.surface - c.top > kMaxStandingCells;
+      if (!c.known || (c.hangs == 0 && !stands) || walls(cell)) continue;
+      // Up to its own top: what hangs may be thicker than the gap.
+      const int high = cell_of(c.surface);
+      if (c.hangs > 0)
+        from.push_back({cell, c.hangs_low, c.hangs_high, c.hangs, false, 0, 0});
+      else
+        from.push_back({cell, cell_of(c.top) + 1, high, kEverySample, false, 0, 0});
+      to.push_back({cell, (c.hangs > 0 ? c.bank_full : c.full) + 1, high, 0, false, 0, 0});
+    }
+  });
+  std::int64_t taken = 0, added = 0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    to[i].samples = remove_top(ground_, {&from[i], 1}, slope_, false).loose;
+    taken += to[i].samples;
+  }
+  if (taken == 0) return false;
+  added = add_loose(ground_, to, slope_);
+  totals_.pending += (taken - added) * units_.loose;
+  totals_.slid += taken * units_.loose;
+  totals_.failed_samples += taken;
+  totals_.fill_samples += added;
+  return true;
+}
+
+/// Makes what slid samples. @param zero height that the solver's are above
+void Settler::move(double zero) {
+  std::vector<ColumnEdit> lowered, raised;
+  std::vector<double> rises;
+  double all_rises = 0;
+  WholeSamples lost(64);
+  const std::vector<FluxGrid::Change> changes = flux_.changes();
+  const double least = least_change(changes);
+  for (const FluxGrid::Change& change : changes) {
+    const Coord2& cell = change.column;
+    const double rise = change.after - change.before;
+    if (std::abs(rise) < least) continue;
+    const GroundColumn& column = columns_.column(cell);
+    const double now = flux_.top(cell);
+    const auto slope = [&](int dx, int dy) {
+      const Coord2 step(dx, dy), next = cell + step, last = cell - step;
+      const auto rises_to = [&](const Coord2& to) {
+        return flux_.missing(to) ? 0.0 : flux_.top(to) - now;
+      };
+      return static_cast<float>(
+          std::clamp(minmod(rises_to(next), -rises_to(last)), -slope_, slope_));
+    };
+    const bool falls = rise < 0;
+    const int low = (falls ? column.bank_full : column.full) + 1;
+    const int high = cell_of(std::max(column.top, now + zero)) + kFillCells;
+    const std::int64_t samples = falls ? lost.next(-rise) : 0;
+    if (falls && samples == 0) continue;
+    (falls ? lowered : raised)
+        .push_back({cell, low, high, samples, false, slope(1, 0), slope(0, 1)});
+    if (falls) continue;
+    rises.push_back(rise);
+    all_rises += rise;
+  }
+  const Taken taken = remove_top(ground_, lowered, slope_, false);
+  const std::int64_t mass = taken.loose * units_.loose + taken.bank * units_.bank;
+  totals_.pending += mass;
+  totals_.slid += mass;
+  totals_.failed_samples += taken.loose + taken.bank;
+  if (raised.empty()) return;
+  WholeSamples share(static_cast<double>(totals_.pending / units_.loose) / all_rises);
+  for (std::size_t i = 0; i < raised.size(); ++i) raised[i].samples = share.next(rises[i]);
+  const std::int64_t added = add_loose(ground_, raised, slope_);
+  totals_.pending -= added * units_.loose;
+  totals_.fill_samples += added;
+}
+
+}  // namespace soilvdb::inline v0
