@@ -14,9 +14,9 @@ namespace {
 
 void run(const Options& options) {
   constexpr std::pair<const char*, void (*)(const Options&, Goals&)> kParts[] = {
-      {"cones", measure_cones},      {"pours", measure_pours},     {"collapse", measure_collapse},
-      {"cuts", measure_cuts},        {"buckets", measure_buckets}, {"cycles", measure_cycles},
-      {"random work", measure_work}, {"a shift", measure_shift}};
+      {"cones", measure_cones},   {"pours", measure_pours},      {"collapse", measure_collapse},
+      {"cuts", measure_cuts},     {"buckets", measure_buckets},  {"tools", measure_tools},
+      {"cycles", measure_cycles}, {"random work", measure_work}, {"a fleet", measure_fleet}};
   Goals goals(options.out);
   Progress progress(std::size(kParts));
   for (const auto& [name, measure] : kParts) {

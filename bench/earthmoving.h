@@ -63,8 +63,9 @@ void measure_pours(const Options& options, Goals& goals);
 void measure_collapse(const Options& options, Goals& goals);
 void measure_cuts(const Options& options, Goals& goals);
 void measure_buckets(const Options& options, Goals& goals);
+void measure_tools(const Options& options, Goals& goals);
 void measure_cycles(const Options& options, Goals& goals);
 void measure_work(const Options& options, Goals& goals);
-void measure_shift(const Options& options, Goals& goals);
+void measure_fleet(const Options& options, Goals& goals);
 
 }  // namespace soilvdb::bench

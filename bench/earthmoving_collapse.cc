@@ -19,7 +19,7 @@
 namespace soilvdb::bench {
 namespace {
 
-using test::Layers;
+using test::Collapse, test::collapse, test::Layers, test::Repose, test::SoilColumns;
 
 constexpr double kSideVoxel = 0.05;
 constexpr int kSides = 96;

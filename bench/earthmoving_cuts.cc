@@ -8,8 +8,8 @@
 #include <optional>
 
 #include "bench/earthmoving.h"
-#include "core/settle/ground_window.h"
 #include "tests/support/collapse_truths.h"
+#include "tests/support/ground_window.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -55,7 +55,7 @@ std::optional<Failed> cut(const CohesiveSoil& s, double until_m) {
       tracker.update(0, to);
     tracker.come_to_rest();
     // From the face back to where the bank still stands as it was.
-    const GroundWindow window(ground, {-90, 0}, 90, 1);
+    const test::GroundWindow window(ground, {-90, 0}, 90, 1);
     int standing = window.nx() - 1;
     while (standing > 0 && window.at(standing, 0).bank < -1) --standing;
     if (standing == window.nx() - 1) continue;

@@ -7,7 +7,7 @@
 #include "bench/earthmoving.h"
 #include "bench/site.h"
 #include "core/ground/ground_writer.h"
-#include "core/settle/ground_window.h"
+#include "tests/support/ground_window.h"
 
 namespace soilvdb::bench {
 namespace {
@@ -113,7 +113,7 @@ double Heights::at(double x, double y) const {
 }
 
 Heights heights(const Ground& ground, int x0, int y0, int nx, int ny) {
-  const GroundWindow window(ground, {x0, y0}, nx, ny);
+  const test::GroundWindow window(ground, {x0, y0}, nx, ny);
   Heights all{x0, y0, nx, ny, {}};
   for (int x = 0; x < nx; ++x)
     for (int y = 0; y < ny; ++y) all.z.push_back(window.at(x, y).top);

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <span>
 
-#include "core/settle/ground_window.h"
 #include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {

@@ -56,7 +56,11 @@ Descent descent(const FrontFinder& finder, const Columns& c, int x, int y) {
 void FallLine::find(const FrontFinder& finder, const Columns& columns, double slope,
                     const Source& from, double level) {
   nodes_.clear();
-  const double steep = (slope + kRunOnDrop) * columns.side_m;
+  // Too steep to the next column; and too steep on the whole, if it goes on so.
+  const double repose = slope * columns.side_m, noise = kRunOnDrop * columns.side_m;
+  double beyond = 0;
+  bool surely = true;
+  std::size_t sure = 1;
   int x = from.column / columns.ny, y = from.column % columns.ny;
   Vec2 at = from.at;
   nodes_.push_back({at, level, from.column});
@@ -72,7 +76,8 @@ void FallLine::find(const FrontFinder& finder, const Columns& columns, double sl
     double ground = columns.at(column) - down.fall * down.way.dot(at - middle);
     ground = std::min(ground, nodes_.back().level);
     if (!first || ground < level) nodes_.push_back({at, ground, column});
-    if (!(down.fall > steep)) break;
+    if (surely) sure = nodes_.size();
+    if (!(down.fall > kRunSlope * repose)) break;
     // To the column's side, and on into the column there; or to the lowest, where that isn't lower.
     double length = 2;
     int side_x = x, side_y = y;
@@ -95,7 +100,10 @@ void FallLine::find(const FrontFinder& finder, const Columns& columns, double sl
       y = down.y;
       at = (middle + Vec2(x + 0.5, y + 0.5)) / 2;
     }
+    beyond += down.fall - repose;
+    surely = down.fall > repose + noise || beyond > noise;
   }
+  nodes_.erase(nodes_.begin() + static_cast<std::ptrdiff_t>(sure), nodes_.end());
 }
 
 double FallLine::upright() const {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "core/constants.h"
@@ -11,6 +12,20 @@
 namespace soilvdb::inline v0 {
 
 namespace {
+
+// Angles by + - * / and sqrt alone, whose bits are the same on any build and CPU: continued
+// fractions, to 1e-9 up to 1 rad.
+double tangent(double rad) {
+  const double a2 = rad * rad;
+  return rad / (1 - a2 / (3 - a2 / (5 - a2 / (7 - a2 / 9))));
+}
+
+/// Slope beyond another that is steeper by an angle.
+float slope_beyond(double slope, double rad) {
+  const double t = tangent(rad), rest = 1 - slope * t;
+  return rest <= 0 ? std::numeric_limits<float>::max()
+                   : static_cast<float>(t * (1 + slope * slope) / rest);
+}
 
 /// What arrays hold where no tile is loaded.
 struct Nothing {
@@ -29,6 +44,12 @@ float FluxGrid::value_of_nothing(int array) {
   return array == kSoil || array == kDepth ? none.soil() : 0;
 }
 
+FluxGrid::FluxGrid(double slope, double swell)
+    : limit_(static_cast<float>(slope)),
+      swell_(static_cast<float>(swell)),
+      start_(slope_beyond(slope, kCollapseStartRad)),
+      tolerance_(slope_beyond(slope, kRestToleranceRad)) {}
+
 void FluxGrid::begin(Load load) {
   load_ = std::move(load);
   for (const Coord2& tile : loaded_) {
@@ -38,8 +59,8 @@ void FluxGrid::begin(Load load) {
       for (int a = 0; a < kArrays; ++a)
         std::fill_n(arrays_[static_cast<std::size_t>(a)].begin() + i, kTileSide,
                     value_of_nothing(a));
-      flows_[static_cast<std::size_t>(i / kTileSide)] = 0;
-      awake_[static_cast<std::size_t>(i / kTileSide)] = 0;
+      for (auto* flags : {&flows_, &awake_, &moved_})
+        (*flags)[static_cast<std::size_t>(i / kTileSide)] = 0;
     }
   }
   loaded_.clear();
@@ -83,8 +104,7 @@ void FluxGrid::make_room(const Coord2& tile) {
     enlarge(arrays_[static_cast<std::size_t>(a)], 1, value_of_nothing(a));
   enlarge(given_, 1, 0.0);
   enlarge(share_, 1, 1.0);
-  enlarge(flows_, kTileSide, std::uint8_t{0});
-  enlarge(awake_, kTileSide, std::uint8_t{0});
+  for (auto* flags : {&flows_, &awake_, &moved_}) enlarge(*flags, kTileSide, std::uint8_t{0});
   std::vector<TileState> tiles(static_cast<std::size_t>(size_.x() * size_.y()), kUnknown);
   std::swap(tiles, tiles_);
   for (int y = 0; y < old_size.y(); ++y)
@@ -122,14 +142,30 @@ void FluxGrid::activate(const Coord2& tile) {
     load(tile + Coord2(x, y));
   tiles_[number(tile)] = kActive;
   active_.push_back(tile);
+  const bool gentle = is_gentle(tile);
   for (int c = 0; c < kTileSide * kTileSide; ++c) {
     const std::size_t i = at(kTileSide * tile + Coord2(c % kTileSide, c / kTileSide));
-    if (c % kTileSide == 0) awake_[i / kTileSide] = 1;
-    if (missing(i)) continue;
+    if (c % kTileSide == 0) awake_[i / kTileSide] = flows_[i / kTileSide] = 1;
+    if (gentle || missing(i)) continue;
     const std::ptrdiff_t to[4] = {1, -1, stride_, -stride_};
     for (std::size_t n = 0; n < 4; ++n) arrays_[kBrink + n][i] = brink(i, to[n]);
   }
   active_rows_.clear();  // to be found anew
+}
+
+/// Is what stands nowhere steeper than repose, so that a tile has no brinks?
+bool FluxGrid::is_gentle(const Coord2& tile) const {
+  const std::vector<float>& base = arrays_[kBase];
+  float most = 0;
+  for (int y = 0; y < kTileSide; ++y) {
+    for (int x = -2; x < kTileSide + 1; ++x) {
+      const std::size_t i = at(kTileSide * tile + Coord2(x, y)),
+                        j = at(kTileSide * tile + Coord2(y, x));
+      most = std::max({most, std::abs(base[i] - base[i + 1]),
+                       std::abs(base[j] - base[j + static_cast<std::size_t>(stride_)])});
+    }
+  }
+  return most <= limit_;
 }
 
 /// Between the middles of two columns ground bends to something steeper than repose. Soil lies up
@@ -198,6 +234,7 @@ void FluxGrid::find_rows() {
     }
     r.flows = &flows_[i / kTileSide];
     r.awake = &awake_[i / kTileSide];
+    r.moved = &moved_[i / kTileSide];
     return r;
   };
   for (int y = 0; y < size_.y(); ++y) {
@@ -241,6 +278,7 @@ void FluxGrid::settle_by(Array fluxes) {
   for (const FluxRow& r : rows_) settle(r);
 }
 
+/// How far from rest active tiles are.
 Unrest FluxGrid::unrest() {
   find_rows();
   settle_by(kFlux);
@@ -264,13 +302,12 @@ double FluxGrid::step(float momentum) {
     for (std::size_t k = 0; k < kTileSide; ++k) row += double{uphill_[y + k]};
     sum += row;
   }
-  work_ += kTileSide * kTileSide * static_cast<std::int64_t>(active_.size());
   return sum;
 }
 
-int FluxGrid::relax(int most, float tolerance) {
-  find_rows();
-  double lead = 1;
+int FluxGrid::relax(int most) {
+  if (unrest().steep <= start_) return 0;
+  double lead = kFirstLead;
   for (int done = 1; done <= most; ++done) {
     const double next = (1 + std::sqrt(1 + 4 * lead * lead)) / 2;
     const double uphill = step(static_cast<float>((lead - 1) / next));
@@ -281,8 +318,8 @@ int FluxGrid::relax(int most, float tolerance) {
     }
     if (done % kRestCheckSteps != 0 && done < most) continue;
     const Unrest now = unrest();
-    if (done == most ||
-        (now.steep <= tolerance && now.flux <= kFluxTolerance * limit_ && now.hollow <= tolerance))
+    if (done == most || (now.steep <= tolerance_ && now.flux <= kFluxTolerance * limit_ &&
+                         now.hollow <= tolerance_))
       return done;
     settle_by(kAhead);
   }
@@ -294,6 +331,20 @@ double FluxGrid::flow_out(std::size_t i, int direction) const {
   constexpr std::size_t kPairs[4][2] = {{0, 4}, {2, 6}, {1, 3}, {5, 7}};
   const auto& pair = kPairs[direction];
   return double{arrays_[kFlux + pair[0]][i]} + double{arrays_[kFlux + pair[1]][i]};
+}
+
+/// Does nothing flow from or to eight columns of a row?
+bool FluxGrid::is_still(std::size_t first) const {
+  const auto out = [&](int direction, std::size_t i) {
+    return arrays_[static_cast<std::size_t>(kOut + direction)][i];
+  };
+  const auto stride = static_cast<std::size_t>(stride_);
+  float most = 0;
+  for (std::size_t i = first; i < first + kTileSide; ++i) {
+    most += out(0, i) + out(1, i) + out(2, i) + out(3, i);
+    most += out(0, i - 1) + out(1, i + 1) + out(2, i - stride) + out(3, i + stride);
+  }
+  return most == 0;
 }
 
 /// Fluxes are floats, but what one column gives another gets, so sums in double hold the mass.
@@ -313,6 +364,10 @@ std::vector<FluxGrid::Change> FluxGrid::changes() {
       for (int c = 0; c < kTileSide * kTileSide; ++c) {
         const Coord2 column = kTileSide * tile + Coord2(c % kTileSide, c / kTileSide);
         const std::size_t i = at(column);
+        if (c % kTileSide == 0 && is_still(i)) {
+          c += kTileSide - 1;
+          continue;
+        }
         if (missing(i)) continue;
         const double out = (flow_out(i, 0) + flow_out(i, 1)) + (flow_out(i, 2) + flow_out(i, 3));
         const double in =

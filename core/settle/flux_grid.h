@@ -49,20 +49,19 @@ class FluxGrid {
   /// Fills a tile. @param tile column (0, 0) of it, over 8
   using Load = std::function<void(const Coord2& tile, FluxTile& columns)>;
 
-  /// @param limit largest drop between neighbours @param swell loose volume over bank volume
-  FluxGrid(float limit, float swell) : limit_(limit), swell_(swell) {}
+  /// @param slope largest between neighbours @param swell loose volume over bank volume
+  FluxGrid(double slope, double swell);
 
   /// Forgets all tiles and keeps the memory.
   void begin(Load load);
   /// Lets soil leave a tile.
   void activate(const Coord2& tile);
 
-  /// How far from rest active tiles are.
-  Unrest unrest();
-  /// Projected gradient steps on the fluxes with momentum (Beck and Teboulle 2009) that starts
-  /// again where it leads uphill (O'Donoghue and Candes 2015), until at rest to a tolerance.
-  /// @return steps
-  int relax(int most, float tolerance);
+  /// Lets soil flow if some is steeper by more than kCollapseStartRad, until all is at rest to
+  /// kRestToleranceRad: projected gradient steps on the fluxes with momentum (Beck and Teboulle
+  /// 2009) that starts again where it leads uphill (O'Donoghue and Candes 2015).
+  /// @return steps; 0: nothing was too steep
+  int relax(int most);
 
   /// A column whose soil changed.
   struct Change {
@@ -72,12 +71,9 @@ class FluxGrid {
   /// No column has less than nothing, and their sum is 0 to rounding.
   std::vector<Change> changes();
 
-  /// Of loaded columns, after unrest() or relax(). Columns that aren't loaded are missing.
+  /// Of loaded columns, after relax(). Columns that aren't loaded are missing.
   double top(const Coord2& column) const { return double{arrays_[kTop][at(column)]}; }
   bool missing(const Coord2& column) const { return missing(at(column)); }
-
-  /// Columns times steps until now.
-  std::int64_t work() const { return work_; }
 
  private:
   enum Array {
@@ -104,28 +100,31 @@ class FluxGrid {
   bool missing(std::size_t i) const { return arrays_[kSoil][i] < FluxTile::kMissing / 2; }
   void make_room(const Coord2& tile);
   void load(const Coord2& tile);
+  bool is_gentle(const Coord2& tile) const;
   float brink(std::size_t i, std::ptrdiff_t to) const;
   void activate_reached();
   void find_rows();
   void settle_by(Array fluxes);
+  Unrest unrest();
   double step(float momentum);
   static float value_of_nothing(int array);
   double flow_out(std::size_t i, int direction) const;
+  bool is_still(std::size_t first) const;
 
   static constexpr int kTileSide = 8;  // lanes, so that rows begin where vectors do
 
   float limit_, swell_;
+  float start_, tolerance_;  // how much steeper than the limit
   Load load_;
   Coord2 first_{0, 0}, size_{0, 0};  // of the tiles that there is room for
   std::ptrdiff_t stride_ = 0;
   std::vector<TileState> tiles_;
   std::vector<Coord2> loaded_, active_;  // active ones are loaded, too
   std::array<std::vector<float>, kArrays> arrays_;
-  std::vector<double> given_, share_;        // soil; share of its flux that a column gives
-  std::vector<std::uint8_t> flows_, awake_;  // by eight columns
-  std::vector<FluxRow> active_rows_, rows_;  // with active tiles; and with those beside
-  std::vector<float> uphill_;                // by rows, eight parts of each
-  std::int64_t work_ = 0;
+  std::vector<double> given_, share_;                // soil; share of its flux that a column gives
+  std::vector<std::uint8_t> flows_, awake_, moved_;  // by eight columns
+  std::vector<FluxRow> active_rows_, rows_;          // with active tiles; and with those beside
+  std::vector<float> uphill_;                        // by rows, eight parts of each
 };
 
 }  // namespace soilvdb::inline v0

@@ -61,6 +61,13 @@ SOILVDB_INLINE Lanes step(const FluxRow& r, const Drops& d, int column, int t, L
   return allowed;
 }
 
+/// Flags of eight columns and of those beside them, in one.
+SOILVDB_INLINE int any_near(const std::uint8_t* flags, const FluxRow& r, int x) {
+  const std::uint8_t* here = flags + x / kChunkSide;
+  const std::ptrdiff_t above = r.stride / kChunkSide;
+  return here[0] | here[-1] | here[1] | here[-above] | here[above];
+}
+
 /// Nothing flows nor will: most columns, most of the time.
 SOILVDB_INLINE bool at_rest(const FluxRow& r, const Drops& d, int x) {
   if (r.flows[x / kChunkSide] > 1) return false;
@@ -103,8 +110,9 @@ SOILVDB_FOR_CPUS void push(const FluxRow& r, float momentum, float uphill_by[kCh
   Lanes uphill{};
   for (int x = 0; x < r.columns; x += kChunkSide) {
     if (r.awake[x / kChunkSide] == 0) continue;
-    const Drops d = drops(r, x);
     std::uint8_t& flows = r.flows[x / kChunkSide];
+    if ((flows | any_near(r.moved, r, x)) == 0) continue;
+    const Drops d = drops(r, x);
     if (at_rest(r, d, x)) {
       flows = 0;
       continue;
@@ -124,9 +132,9 @@ SOILVDB_FOR_CPUS void push(const FluxRow& r, float momentum, float uphill_by[kCh
 SOILVDB_FOR_CPUS void settle(const FluxRow& r) {
   const float shrunk = 1 - 1 / r.swell;
   for (int x = 0; x < r.columns; x += kChunkSide) {
-    const std::uint8_t* here = r.flows + x / kChunkSide;
-    const std::ptrdiff_t above = r.stride / kChunkSide;
-    if ((here[0] | here[-1] | here[1] | here[-above] | here[above]) == 0) continue;
+    const bool moves = any_near(r.flows, r, x) != 0;
+    r.moved[x / kChunkSide] = moves;
+    if (!moves) continue;
     const Lanes out = (lanes_at(r.out[0] + x) + lanes_at(r.out[1] + x)) +
                       (lanes_at(r.out[2] + x) + lanes_at(r.out[3] + x));
     const Lanes in = (lanes_at(r.out[0] + x - 1) + lanes_at(r.out[1] + x + 1)) +

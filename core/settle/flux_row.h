@@ -20,6 +20,7 @@ struct FluxRow {
   /// until the last step.
   std::uint8_t* flows;
   const std::uint8_t* awake;  ///< of each eight columns: 0 where soil doesn't leave them
+  std::uint8_t* moved;        ///< of each eight columns: 1 where heights changed in the last step
 };
 
 /// A step of all fluxes of a row.

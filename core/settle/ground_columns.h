@@ -59,6 +59,21 @@ class GroundColumns {
     return tile(corner.x(), corner.y())
         .columns[static_cast<std::size_t>(in.x() * kChunkSide + in.y())];
   }
+  /// Calls f(cell, column) for each column of a box of cells, tile by tile.
+  template <typename F>
+  void each(const Eigen::AlignedBox2i& cells, const F& f) {
+    const Coord2 first = floor_to(cells.min(), kChunkSide);
+    for (int cx = first.x(); cx <= cells.max().x(); cx += kChunkSide) {
+      for (int cy = first.y(); cy <= cells.max().y(); cy += kChunkSide) {
+        const ColumnTile& read = tile(cx, cy);
+        const Coord2 low = cells.min().cwiseMax(Coord2(cx, cy));
+        const Coord2 end = cells.max().cwiseMin(Coord2(cx, cy) + Coord2::Constant(kChunkSide - 1));
+        for (int x = low.x(); x <= end.x(); ++x)
+          for (int y = low.y(); y <= end.y(); ++y)
+            f(Coord2(x, y), read.columns[static_cast<std::size_t>((x - cx) * kChunkSide + y - cy)]);
+      }
+    }
+  }
   /// Lowest cells of the tiles in which the ground changed since the last call. They are read anew.
   std::vector<Coord2> take_changes();
 

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/settle/ground_window.h"
 #include "soilvdb/ground.h"
 
 namespace soilvdb::inline v0 {

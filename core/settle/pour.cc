@@ -224,6 +224,17 @@ Deposit Pourer::pour(Columns& ground, const Vec2& source, double volume_m3, doub
   return deposit;
 }
 
+Pourer::Foot Pourer::foot(const Columns& ground, const Vec2& source, double slope) {
+  const Vec2 at = source / ground.side_m;
+  const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
+  if (!ground.open(x, y)) return {source};
+  Work& w = *work_;
+  w.finder.look_at(ground, slope);
+  w.way.find(w.finder, ground, slope, {at, ground.index(x, y)}, kInfinity);
+  const Source end = w.way.end();
+  return {end.at * ground.side_m, at_border(ground, end.column, 0, slope)};
+}
+
 bool Pourer::rests(const Columns& ground, const Vec2& source, const Vec2& along, double slope) {
   const int steps = static_cast<int>(std::ceil(along.norm() / (kSourceStep * ground.side_m)));
   for (int i = 0; i <= steps; ++i) {

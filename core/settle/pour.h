@@ -66,6 +66,12 @@ class Pourer {
   /// @param leaves soil that runs down to the columns' border stays in left_m3, to run on
   Deposit pour(Columns& ground, const Vec2& source, double volume_m3, double slope,
                bool leaves = false, const Vec2& along = Vec2::Zero());
+  /// Where soil that falls at a place comes to, down ground that is too steep for it.
+  struct Foot {
+    Vec2 at_m;
+    bool at_border = false;  ///< of the columns: it may run on beyond
+  };
+  Foot foot(const Columns& ground, const Vec2& source, double slope);
   /// May soil lie along a line as it falls? Not where the ground under it is steeper than repose,
   /// or is no open column.
   static bool rests(const Columns& ground, const Vec2& source, const Vec2& along, double slope);

@@ -4,13 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/lattice/chunk_math.h"
-#include "core/settle/collapse.h"
 #include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
@@ -22,8 +22,7 @@ Settler::Settler(Ground& ground, const SoilProperties& properties, std::vector<H
       // Rounded, as C libraries differ in the last bits.
       slope_(static_cast<float>(std::tan(properties.repose_rad))),
       columns_(ground),
-      flux_(static_cast<float>(slope_ + kRestSlopeMargin),
-            static_cast<float>(1 + properties.swell)) {
+      flux_(slope_ + kRestSlopeMargin, 1 + properties.swell) {
   const SoilProperties& p = properties_;
   if (!p.cohesion_pa) return;
   const double friction_rad = p.friction_rad.value_or(p.repose_rad);
@@ -46,8 +45,7 @@ Settler::Settler(Ground& ground, const Settler& other)
       columns_(ground, other.columns_),
       changed_(other.changed_),
       walls_(other.walls_),
-      flux_(static_cast<float>(slope_ + kRestSlopeMargin),
-            static_cast<float>(1 + properties_.swell)) {}
+      flux_(slope_ + kRestSlopeMargin, 1 + properties_.swell) {}
 
 void Settler::set_wall(std::size_t machine, Obstacle wall) {
   if (walls_.size() <= machine) walls_.resize(machine + 1);
@@ -59,10 +57,53 @@ void Settler::refresh() {
   for (const Coord2& tile : columns_.take_changes()) changed_.add(tile);
 }
 
+/// Reads window_ anew.
+void Settler::look_at(const Coord2& first, const Coord2& size) {
+  refresh();
+  const BlockedColumns walls = blocked();
+  const Eigen::AlignedBox2i cells(first, first + size - Coord2::Ones());
+  Columns& to = window_.columns;
+  to.nx = size.x();
+  to.ny = size.y();
+  to.side_m = 1;
+  for (auto* heights : {&to.height_m, &to.firm_m})
+    heights->assign(static_cast<std::size_t>(to.nx * to.ny), 0);
+  to.rigid.assign(to.height_m.size(), 1);
+  window_.first = first;
+  window_.zero = std::numeric_limits<double>::infinity();
+  columns_.each(cells, [&](const Coord2&, const GroundColumn& c) {
+    if (c.known) window_.zero = std::min(window_.zero, c.bank);
+  });
+  columns_.each(cells, [&](const Coord2& cell, const GroundColumn& c) {
+    if (!c.known) return;
+    const auto i = static_cast<std::size_t>(to.index(cell.x() - first.x(), cell.y() - first.y()));
+    to.height_m[i] = c.top - window_.zero;
+    to.firm_m[i] = c.bank - window_.zero;
+    to.rigid[i] = walls(cell);
+  });
+}
+
 void Settler::take_changes(TileSet& changed) {
   refresh();
   changed_.each([&](const Coord2& tile) { changed.add(tile); });
   changed_.clear();
+}
+
+/// Takes samples out of columns, which are then pending. @return their mass
+std::int64_t Settler::take_out(std::span<const ColumnEdit> changes, bool bank) {
+  const Taken taken = remove_top(ground_, changes, slope_, bank);
+  const std::int64_t mass = taken.loose * units_.loose + taken.bank * units_.bank;
+  totals_.pending += mass;
+  totals_.failed_samples += taken.loose + taken.bank;
+  return mass;
+}
+
+/// Makes what is pending samples of columns. @return how many found room
+std::int64_t Settler::put_in(std::span<const ColumnEdit> changes) {
+  const std::int64_t added = add_loose(ground_, changes, slope_);
+  totals_.pending -= added * units_.loose;
+  totals_.fill_samples += added;
+  return added;
 }
 
 double Settler::mean_height(const Line& line_m, const Vec2& ahead,

@@ -12,7 +12,7 @@
 
 #include "core/settle/column_samples.h"
 #include "core/settle/flux_grid.h"
-#include "core/settle/ground_window.h"
+#include "core/settle/ground_columns.h"
 #include "core/settle/obstacle.h"
 #include "core/settle/overhangs.h"
 #include "core/settle/pour.h"
@@ -93,24 +93,34 @@ class Settler {
     std::vector<double> weights;  ///< approximate number of its samples
   };
 
+  /// Columns over a rectangle of cells.
+  struct Window {
+    Coord2 first;  ///< cell of column (0, 0)
+    double zero;   ///< heights are above this, index space
+    Columns columns;
+  };
+
   void refresh();
+  void look_at(const Coord2& first, const Coord2& size);
   BlockedColumns blocked() { return {columns_, walls_}; }
+  std::int64_t take_out(std::span<const ColumnEdit> changes, bool bank);
+  std::int64_t put_in(std::span<const ColumnEdit> changes);
   void lose_off_terrain(double samples);
   int heap_radius(const Vec2& at);
   void land(const Line& from_m, Vec2 ahead, std::int64_t mass);
   bool come_down(Vec2 at, Vec2 along, const Vec2& ahead);
+  bool run_down(Vec2& at, int radius);
   enum class Poured { kLies, kRunsOn, kNeedsRoom, kNowhere };
   Poured pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool may_run_on);
-  std::int64_t raise(const Deposit& deposit, const GroundWindow& window, double zero,
-                     std::int64_t samples);
+  void raise(const Deposit& deposit, std::int64_t samples);
   void break_overhangs(const Eigen::AlignedBox3i& around);
   bool fail_banks(Eigen::AlignedBox2i changed);
-  std::optional<bool> fail_bank(const GroundWindow& window, Eigen::AlignedBox2i& feet, bool last);
+  std::optional<bool> fail_bank(Eigen::AlignedBox2i& feet, bool last);
   void loosen(Loosening& loosening);
   bool fall(const TileSet& tiles);
   TileSet steep_tiles(const TileSet& changed, const BlockedColumns& blocked);
   bool slide_from(std::span<const Coord2> tiles, const BlockedColumns& blocked, int steps);
-  void move(double zero);
+  bool move(double zero);
 
   Ground& ground_;
   SoilProperties properties_;
@@ -123,6 +133,7 @@ class Settler {
   GroundColumns columns_;
   TileSet changed_;              // since they were taken
   std::vector<Obstacle> walls_;  // by machines
+  Window window_;                // the last one; keeps its memory
   Pourer pourer_;
   FluxGrid flux_;
 };

@@ -14,17 +14,13 @@ namespace soilvdb::inline v0 {
 
 /// Makes what is in columns loose: it is taken out, and put back where it falls to.
 void Settler::loosen(Loosening& loosening) {
-  const Taken taken = remove_top(ground_, loosening.from, slope_, true);
-  totals_.pending += taken.bank * units_.bank + taken.loose * units_.loose;
-  totals_.failed_samples += taken.bank + taken.loose;
+  take_out(loosening.from, true);
   double whole = 0;
   for (const double weight : loosening.weights) whole += weight;
   WholeSamples share(static_cast<double>(totals_.pending / units_.loose) / whole);
   for (std::size_t i = 0; i < loosening.to.size(); ++i)
     loosening.to[i].samples = share.next(loosening.weights[i]);
-  const std::int64_t added = add_loose(ground_, loosening.to, slope_);
-  totals_.pending -= added * units_.loose;
-  totals_.fill_samples += added;
+  put_in(loosening.to);
 }
 
 /// What hangs on nothing falls straight down, and so do overhangs that are too long.
@@ -33,12 +29,11 @@ void Settler::break_overhangs(const Eigen::AlignedBox3i& around) {
     refresh();
     Eigen::AlignedBox3i box(around.min() - Coord3(margin, margin, depth),
                             around.max() + Coord3(margin, margin, kLedgeHeadroom));
-    const Coord2 size = box.sizes().head<2>() + Coord2::Ones();
-    const GroundWindow window(columns_, box.min().head<2>(), size.x(), size.y());
-    for (int x = 0; x < size.x(); ++x)
-      for (int y = 0; y < size.y(); ++y)
-        if (const auto& c = window.at(x, y); c.known)
-          box.max().z() = std::max(box.max().z(), cell_of(c.top) + kLedgeHeadroom);
+    columns_.each({Coord2(box.min().head<2>()), Coord2(box.max().head<2>())},
+                  [&](const Coord2&, const GroundColumn& c) {
+                    if (!c.known) return;
+                    box.max().z() = std::max(box.max().z(), cell_of(c.top) + kLedgeHeadroom);
+                  });
     BoundaryContact contact;
     Loosening falls;
     for (const UnsupportedPiece& piece :
@@ -56,7 +51,7 @@ void Settler::break_overhangs(const Eigen::AlignedBox3i& around) {
     }
     if (!falls.from.empty()) {
       loosen(falls);
-    } else if (contact.holds && size.maxCoeff() < kMaxWindowCells) {
+    } else if (contact.holds && box.sizes().head<2>().maxCoeff() < kMaxWindowCells - 1) {
       margin *= 2;
     } else if (contact.ground && depth < kMaxWindowCells) {
       depth *= kLedgeDepthFactor;
@@ -82,9 +77,8 @@ bool Settler::fail_banks(Eigen::AlignedBox2i changed) {
     const Coord2 first = floor_to(changed.min() - wide, kChunkSide);
     const Coord2 end = floor_to(changed.max() + wide, kChunkSide) + Coord2::Constant(kChunkSide);
     const Coord2 size = end - first;
-    refresh();
-    const auto failed = fail_bank({columns_, first, size.x(), size.y()}, changed,
-                                  size.maxCoeff() >= kMaxWindowCells);
+    look_at(first, size);
+    const auto failed = fail_bank(changed, size.maxCoeff() >= kMaxWindowCells);
     if (!failed) {
       margin *= 2;
     } else if (*failed) {
@@ -99,30 +93,17 @@ bool Settler::fail_banks(Eigen::AlignedBox2i changed) {
   return false;
 }
 
-/// Makes bank loose that stands too high for its cohesion. @param feet columns of cells at which
-/// something changed; grows by what fails
+/// Makes bank loose in window_ that stands too high for its cohesion. @param feet columns of cells
+/// at which something changed; grows by what fails
 /// @return whether some failed; nothing if the window is too small to know
-std::optional<bool> Settler::fail_bank(const GroundWindow& window, Eigen::AlignedBox2i& feet,
-                                       bool last) {
-  Columns ground(window.nx(), window.ny(), 1);
-  ground.firm_m = ground.height_m;
-  ground.rigid.assign(ground.height_m.size(), 0);
-  const BlockedColumns walls = blocked();
-  for (int x = 0; x < window.nx(); ++x) {
-    for (int y = 0; y < window.ny(); ++y) {
-      const GroundWindow::Column& c = window.at(x, y);
-      const auto i = static_cast<std::size_t>(ground.index(x, y));
-      ground.height_m[i] = c.top;
-      ground.firm_m[i] = c.bank;
-      ground.rigid[i] = !c.known || walls(window.first() + Coord2(x, y));
-    }
-  }
-  const Eigen::AlignedBox2i all(Coord2::Zero(), Coord2(window.nx() - 1, window.ny() - 1));
-  const Eigen::AlignedBox2i inside(feet.min() - window.first(), feet.max() - window.first());
+std::optional<bool> Settler::fail_bank(Eigen::AlignedBox2i& feet, bool last) {
+  const Columns& ground = window_.columns;
+  const Eigen::AlignedBox2i all(Coord2::Zero(), Coord2(ground.nx - 1, ground.ny - 1));
+  const Eigen::AlignedBox2i inside(feet.min() - window_.first, feet.max() - window_.first);
   const WallFailure failure =
       find_wedge_failure(ground, inside.intersection(all), *strength_, [&](int x, int y) {
-        const Coord2 cell = window.first() + Coord2(x, y);
-        const GroundWindow::Column& c = window.at(x, y);
+        const Coord2 cell = window_.first + Coord2(x, y);
+        const GroundColumn& c = columns_.column(cell);
         // Where a column is partly of one height and partly of another its mean is no ground.
         if (c.bank - c.bank_full > kMaxPartialCells) return 0.0;
         const double depth = columns_.base().height(cell) - c.bank;
@@ -133,18 +114,19 @@ std::optional<bool> Settler::fail_bank(const GroundWindow& window, Eigen::Aligne
   Loosening wedge;
   for (int x = failure.failed.min().x(); x <= failure.failed.max().x(); ++x) {
     for (int y = failure.failed.min().y(); y <= failure.failed.max().y(); ++y) {
-      const WallFailure::Column& left =
+      const WallFailure::Column& found =
           failure.columns[static_cast<std::size_t>(ground.index(x, y))];
-      const GroundWindow::Column& c = window.at(x, y);
-      const auto samples = static_cast<std::int64_t>(std::llround(64 * (c.top - left.height)));
-      if (left.height >= c.bank || samples == 0) continue;
-      const double rise = (c.bank - left.height) * (1 + properties_.swell) + c.top - c.bank;
-      const Coord2 cell = window.first() + Coord2(x, y);
-      const int low = cell_of(left.height) - kFillCells;
+      const Coord2 cell = window_.first + Coord2(x, y);
+      const GroundColumn& c = columns_.column(cell);
+      const double left = window_.zero + found.height;
+      const auto samples = static_cast<std::int64_t>(std::llround(64 * (c.top - left)));
+      if (left >= c.bank || samples == 0) continue;
+      const double rise = (c.bank - left) * (1 + properties_.swell) + c.top - c.bank;
+      const int low = cell_of(left) - kFillCells;
       wedge.from.push_back({cell, low, cell_of(c.top) + kFillCells, samples, false,
-                            static_cast<float>(left.slope.x()),
-                            static_cast<float>(left.slope.y())});
-      wedge.to.push_back({cell, low, cell_of(left.height + rise) + kFillCells, 0, false, 0, 0});
+                            static_cast<float>(found.slope.x()),
+                            static_cast<float>(found.slope.y())});
+      wedge.to.push_back({cell, low, cell_of(left + rise) + kFillCells, 0, false, 0, 0});
       wedge.weights.push_back(64 * rise);
       feet.extend(cell);
     }

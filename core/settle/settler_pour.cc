@@ -21,66 +21,41 @@ int cone_radius(double samples, double slope) {
   return static_cast<int>(std::cbrt(3 * samples / (64 * std::numbers::pi * slope))) + 1;
 }
 
-/// The ground of a window as the pourer sees it, in cells above the lowest.
-struct PourGround {
-  Columns columns;
-  double zero = std::numeric_limits<double>::infinity();
+/// The nearest line ahead on which soil can lie that falls along one, or nothing.
+std::optional<Vec2> nearest_rest(const Columns& columns, const Vec2& from, const Vec2& along,
+                                 const Vec2& ahead, double slope) {
+  const double norm = ahead.norm();
+  const Vec2 step = norm > 0 ? Vec2(ahead * (kSourceStep / norm)) : Vec2(0, 0);
+  const int steps = norm > 0 ? kMaxLineSteps : 0;
+  for (int i = 0; i <= steps; ++i) {
+    const Vec2 at = from + i * step;
+    if (Pourer::rests(columns, at, along, slope)) return at;
+  }
+  return std::nullopt;
+}
 
-  PourGround(const GroundWindow& window, const BlockedColumns& blocked)
-      : columns(window.nx(), window.ny(), 1) {
-    columns.firm_m = columns.height_m;
-    columns.rigid.assign(columns.height_m.size(), 0);
-    each(window, [&](const GroundWindow::Column& c, std::size_t, int, int) {
-      if (c.known) zero = std::min(zero, c.bank);
-    });
-    each(window, [&](const GroundWindow::Column& c, std::size_t i, int x, int y) {
-      columns.rigid[i] = !c.known || blocked(window.first() + Coord2(x, y));
-      if (!c.known) return;
-      columns.height_m[i] = c.top - zero;
-      columns.firm_m[i] = c.bank - zero;
-    });
-  }
-  template <typename F>
-  void each(const GroundWindow& window, const F& f) const {
-    for (int x = 0; x < window.nx(); ++x)
-      for (int y = 0; y < window.ny(); ++y)
-        f(window.at(x, y), static_cast<std::size_t>(columns.index(x, y)), x, y);
-  }
-  /// The nearest line ahead on which soil can lie that falls along one, or nothing.
-  std::optional<Vec2> nearest_rest(const Vec2& from, const Vec2& along, const Vec2& ahead,
-                                   double slope) const {
-    const double norm = ahead.norm();
-    const Vec2 step = norm > 0 ? Vec2(ahead * (kSourceStep / norm)) : Vec2(0, 0);
-    const int steps = norm > 0 ? kMaxLineSteps : 0;
-    for (int i = 0; i <= steps; ++i) {
-      const Vec2 at = from + i * step;
-      if (Pourer::rests(columns, at, along, slope)) return at;
+/// The nearest place to soil that falls, ahead of it if there is one; or nothing.
+std::optional<Vec2> nearest_open(const Columns& columns, const Vec2& at, const Vec2& ahead) {
+  const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
+  if (columns.open(x, y)) return at;
+  std::optional<Vec2> best;
+  bool best_ahead = false;
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < columns.nx; ++i) {
+    for (int j = 0; j < columns.ny; ++j) {
+      if (!columns.open(i, j)) continue;
+      const Vec2 middle(i + 0.5, j + 0.5), way = middle - at;
+      const bool is_ahead = way.dot(ahead) >= 0;
+      // Of places as near the one straight ahead, so that no direction of the grid decides.
+      const double distance = way.squaredNorm() - kAheadShare * way.dot(ahead);
+      if (is_ahead < best_ahead || (is_ahead == best_ahead && distance >= least)) continue;
+      best_ahead = is_ahead;
+      least = distance;
+      best = middle;
     }
-    return std::nullopt;
   }
-  /// The nearest place to soil that falls, ahead of it if there is one; or nothing.
-  std::optional<Vec2> nearest_open(const Vec2& at, const Vec2& ahead) const {
-    const int x = static_cast<int>(std::floor(at.x())), y = static_cast<int>(std::floor(at.y()));
-    if (columns.open(x, y)) return at;
-    std::optional<Vec2> best;
-    bool best_ahead = false;
-    double least = std::numeric_limits<double>::infinity();
-    for (int i = 0; i < columns.nx; ++i) {
-      for (int j = 0; j < columns.ny; ++j) {
-        if (!columns.open(i, j)) continue;
-        const Vec2 middle(i + 0.5, j + 0.5), way = middle - at;
-        const bool is_ahead = way.dot(ahead) >= 0;
-        // Of places as near the one straight ahead, so that no direction of the grid decides.
-        const double distance = way.squaredNorm() - kAheadShare * way.dot(ahead);
-        if (is_ahead < best_ahead || (is_ahead == best_ahead && distance >= least)) continue;
-        best_ahead = is_ahead;
-        least = distance;
-        best = middle;
-      }
-    }
-    return best;
-  }
-};
+  return best;
+}
 
 /// Does a pile come to the border of the window, so that it may go on beyond?
 bool deposit_at_border(const Deposit& deposit, const Columns& columns) {
@@ -158,14 +133,16 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
   if (samples == 0) return true;
   constexpr int kMaxHalf = kMaxWindowCells / 2;
   const int radius = cone_radius(static_cast<double>(samples), slope_);
+  const int wide = kRunOnRadii * (radius + kWindowMargin);
   refresh();
   int half = radius + kPourMargin + heap_radius(at + along / 2);
   if (along != Vec2::Zero())
     half += static_cast<int>(along.norm() / 2 + kMaxLineSteps * kSourceStep);
-  int most_run = kRunOnWindowCells / 2;
+  else if (run_down(at, radius))
+    half = wide;
   for (int windows = 0; windows < kMaxPourWindows; ++windows) {
     const Vec2 before = at;
-    switch (pour(at, along, ahead, std::min(half, kMaxHalf), half >= most_run)) {
+    switch (pour(at, along, ahead, std::min(half, kMaxHalf), half >= wide)) {
       case Poured::kNowhere:
         return false;
       case Poured::kNeedsRoom:
@@ -176,10 +153,35 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
       case Poured::kRunsOn:
         if (at == before) return true;
         along.setZero();
-        half = most_run = kRunOnRadii * (radius + kWindowMargin);
+        run_down(at, radius);
+        half = wide;
     }
   }
   pour(at, along, ahead, kMaxHalf, false);  // it lies at the border
+  return true;
+}
+
+/// Follows soil down ground that is too steep for it, to so far above where it comes to rest that
+/// its pile knows the slope; what runs too far is lost. @return whether it runs
+bool Settler::run_down(Vec2& at, int radius) {
+  std::vector<Vec2> way = {at};
+  for (bool ends = false; !ends;) {
+    const Vec2 from = way.back();
+    const Coord2 first =
+        floor_to(from.unaryExpr(&cell_of) - Coord2::Constant(kRunWindowCells / 2), kChunkSide);
+    look_at(first, Coord2::Constant(kRunWindowCells + kChunkSide));
+    const Vec2 corner = first.cast<double>() - Vec2(0.5, 0.5);
+    const Pourer::Foot foot = pourer_.foot(window_.columns, from - corner, slope_);
+    way.push_back(foot.at_m + corner);
+    ends = !foot.at_border || way.back() == from;
+    if ((way.back() - at).norm() < kMaxRunCells) continue;
+    lose_off_terrain(static_cast<double>(totals_.pending / units_.loose));
+    return true;
+  }
+  const Vec2 end = way.back();
+  if (end == at) return false;
+  while (way.size() > 1 && (way.back() - end).norm() < radius + kWindowMargin) way.pop_back();
+  at = way.back();
   return true;
 }
 
@@ -194,16 +196,14 @@ int Settler::heap_radius(const Vec2& at) {
 /// runs on beyond the window, if it may
 Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half,
                               bool may_run_on) {
-  refresh();
   const std::int64_t samples = totals_.pending / units_.loose;
   const Vec2 centre = at + along / 2;
   const Coord2 first = floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
-  const int side = 2 * half + kChunkSide;
-  const GroundWindow window(columns_, first, side, side);
-  PourGround ground(window, blocked());
+  look_at(first, Coord2::Constant(2 * half + kChunkSide));
+  Columns& ground = window_.columns;
   const Vec2 place = at + Vec2(0.5, 0.5) - first.cast<double>();
-  const auto source = along == Vec2::Zero() ? ground.nearest_open(place, ahead)
-                                            : ground.nearest_rest(place, along, ahead, slope_);
+  const auto source = along == Vec2::Zero() ? nearest_open(ground, place, ahead)
+                                            : nearest_rest(ground, place, along, ahead, slope_);
   const bool last = half >= kMaxWindowCells / 2;
   if (!source) {
     if (along != Vec2::Zero()) return Poured::kNowhere;
@@ -211,13 +211,12 @@ Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, in
     lose_off_terrain(static_cast<double>(samples));
     return Poured::kLies;
   }
-  const Deposit deposit = pourer_.pour(ground.columns, *source, static_cast<double>(samples) / 64,
-                                       slope_, may_run_on, along);
+  const Deposit deposit =
+      pourer_.pour(ground, *source, static_cast<double>(samples) / 64, slope_, may_run_on, along);
   const bool runs_on = deposit.exit_m.has_value();
-  if (!last && deposit_at_border(deposit, ground.columns)) return Poured::kNeedsRoom;
+  if (!last && deposit_at_border(deposit, ground)) return Poured::kNeedsRoom;
   if (!last && !runs_on && deposit.left_m3 > 0) return Poured::kNeedsRoom;
-  const std::int64_t added = raise(deposit, window, ground.zero, samples);
-  totals_.pending -= added * units_.loose;
+  raise(deposit, samples);
   if (!runs_on) {
     lose_off_terrain(64 * deposit.left_m3);
     return Poured::kLies;
@@ -234,28 +233,25 @@ void Settler::lose_off_terrain(double samples) {
   totals_.lost_off_terrain += mass;
 }
 
-/// Makes what was poured samples. @param zero height that the pourer's are above, index space
-/// @return how many found room
-std::int64_t Settler::raise(const Deposit& deposit, const GroundWindow& window, double zero,
-                            std::int64_t samples) {
+/// Makes what was poured in window_ samples.
+void Settler::raise(const Deposit& deposit, std::int64_t samples) {
   double whole = deposit.left_m3;
   for (const Cone& cone : deposit.cones) whole += cone.volume_m3;
   WholeSamples share(static_cast<double>(samples) / whole);
-  std::int64_t added = 0;
   std::vector<ColumnEdit> changes;
   for (const Cone& cone : deposit.cones) {  // a column may be raised by several
     changes.clear();
     for (const RaisedColumn& c : cone.columns) {
-      const int x = c.column / window.ny(), y = c.column % window.ny();
-      changes.push_back({window.first() + Coord2(x, y), window.at(x, y).full + 1,
-                         cell_of(zero + c.after_m) + kFillCells, share.next(c.after_m - c.before_m),
-                         true, static_cast<float>(c.from_m.x() - x),
-                         static_cast<float>(c.from_m.y() - y)});
+      const Coord2 in(c.column / window_.columns.ny, c.column % window_.columns.ny);
+      const Vec2 apex = c.from_m - in.cast<double>();
+      const Coord2 cell = window_.first + in;
+      changes.push_back({cell, columns_.column(cell).full + 1,
+                         cell_of(window_.zero + c.after_m) + kFillCells,
+                         share.next(c.after_m - c.before_m), true, static_cast<float>(apex.x()),
+                         static_cast<float>(apex.y())});
     }
-    added += add_loose(ground_, changes, slope_);
+    put_in(changes);
   }
-  totals_.fill_samples += added;
-  return added;
 }
 
 }  // namespace soilvdb::inline v0

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/constants.h"
-#include "core/settle/collapse.h"
 #include "core/settle/settler.h"
 #include "core/settle/whole_samples.h"
 
@@ -27,13 +26,12 @@ class Surroundings {
   Surroundings(GroundColumns& ground, const Coord2& tile, const BlockedColumns& blocked)
       : has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
     if (!has_loose_) return;
-    for (int x = 0; x < kSide; ++x) {
-      for (int y = 0; y < kSide; ++y) {
-        const Coord2 cell = tile + Coord2(x - kFar, y - kFar);
-        const GroundColumn& column = ground.column(cell);
-        columns_[x * kSide + y] = {column.top, column.bank, column.known && !blocked(cell)};
-      }
-    }
+    const Coord2 first = tile - Coord2::Constant(kFar);
+    ground.each({first, first + Coord2::Constant(kSide - 1)}, [&](const Coord2& cell,
+                                                                  const GroundColumn& column) {
+      const Coord2 in = cell - first;
+      columns_[in.x() * kSide + in.y()] = {column.top, column.bank, column.known && !blocked(cell)};
+    });
   }
 
   /// Is loose soil surely steeper than repose allows? Between neighbours, what counts err by is a
@@ -44,8 +42,10 @@ class Surroundings {
       for (int y = kFar; y < kSide - kFar; ++y) {
         const Column& c = at(x, y);
         if (!c.open || c.top - c.bank < kFilmDepth) continue;
-        for (int far = 1; far <= kFar; ++far)
-          if (steepest(x, y, far) > far * slope + kSteepDrops[far - 1]) return true;
+        for (int far = 1; far <= kFar; ++far) {
+          const double most = far * slope + kSteepDrops[far - 1];
+          if (steepest2(x, y, far) > most * most) return true;
+        }
       }
     }
     return false;
@@ -64,20 +64,20 @@ class Surroundings {
     // Over a brink: what a slope drops across a column stays on it.
     return from.top - std::max(to.top, from.bank);
   }
-  /// The largest drop over so many columns: along an axis, or down a square, as the mean of its
-  /// opposite sides. Of a cone, one side of a square alone is steeper than its slope.
-  double steepest(int x, int y, int far) const {
+  /// The square of the largest drop over so many columns: along an axis, or down a square, as the
+  /// mean of its opposite sides. Of a cone, one side of a square alone is steeper than its slope.
+  double steepest2(int x, int y, int far) const {
     const Column& here = at(x, y);
     double most = 0;
     for (const int i : {x - far, x + far}) {
       const double along_x = drop(here, at(i, y));
       for (const int j : {y - far, y + far}) {
         const double along_y = drop(here, at(x, j));
-        most = std::max({most, along_x, along_y});
+        most = std::max({most, along_x * along_x, along_y * along_y});
         if (!at(i, j).open) continue;
-        most = std::max(
-            most,
-            std::hypot(along_x + drop(at(x, j), at(i, j)), along_y + drop(at(i, y), at(i, j))) / 2);
+        const double down_x = along_x + drop(at(x, j), at(i, j));
+        const double down_y = along_y + drop(at(i, y), at(i, j));
+        most = std::max(most, (down_x * down_x + down_y * down_y) / 4);
       }
     }
     return most;
@@ -108,15 +108,25 @@ std::vector<std::vector<Coord2>> steep_groups(const TileSet& tiles) {
 
 /// The change from which on columns are changed: of most on a slope it is less than a sample, which
 /// takes long and shows nowhere, but what is left out must not be missed by the others.
+/// @return infinity if heights err by more than anything changes
 double least_change(std::span<const FluxGrid::Change> changes) {
   double least = kMaxHeightChangeLeft;
   for (; least > kMinHeightChange; least /= 4) {
     double fall = 0, rise = 0;
+    int fallen = 0, risen = 0;
     for (const FluxGrid::Change& change : changes) {
       const double by = change.after - change.before;
-      if (std::abs(by) >= least) (by < 0 ? fall : rise) += std::abs(by);
+      if (std::abs(by) < least) continue;
+      (by < 0 ? fall : rise) += std::abs(by);
+      ++(by < 0 ? fallen : risen);
     }
-    if (fall > 0 && std::abs(rise - fall) <= kMaxLeftOutShare * std::min(rise, fall)) break;
+    if (least == kMaxHeightChangeLeft && fallen + risen == 0)
+      return std::numeric_limits<double>::infinity();
+    const double missed = std::abs(rise - fall);
+    if (fall > 0 && rise > 0 &&
+        (missed <= kMaxLeftOutShare * std::min(rise, fall) ||
+         missed <= 0.25 * kMaxHeightChangeLeft * (rise < fall ? risen : fallen)))
+      break;
   }
   return std::max(least, kMinHeightChange);
 }
@@ -174,11 +184,8 @@ bool Settler::slide_from(std::span<const Coord2> tiles, const BlockedColumns& bl
     }
   });
   for (const Coord2& tile : tiles) flux_.activate(tile / kChunkSide);
-  const double slope = slope_ + kRestSlopeMargin;
-  if (flux_.unrest().steep <= slope_beyond(slope, kCollapseStartRad)) return true;
-  const int done = flux_.relax(steps, slope_beyond(slope, kRestToleranceRad));
-  move(zero);
-  return done < steps;
+  const int done = flux_.relax(steps);
+  return done == 0 || !move(zero) || done < steps;
 }
 
 /// Loose soil falls within its column: what nothing is under, and what stands beside air because a
@@ -203,28 +210,27 @@ bool Settler::fall(const TileSet& tiles) {
       to.push_back({cell, (c.hangs > 0 ? c.bank_full : c.full) + 1, high, 0, false, 0, 0});
     }
   });
-  std::int64_t taken = 0, added = 0;
+  std::int64_t mass = 0;
   for (std::size_t i = 0; i < from.size(); ++i) {
-    to[i].samples = remove_top(ground_, {&from[i], 1}, slope_, false).loose;
-    taken += to[i].samples;
+    const std::int64_t fell = take_out({&from[i], 1}, false);
+    to[i].samples = fell / units_.loose;
+    mass += fell;
   }
-  if (taken == 0) return false;
-  added = add_loose(ground_, to, slope_);
-  totals_.pending += (taken - added) * units_.loose;
-  totals_.slid += taken * units_.loose;
-  totals_.failed_samples += taken;
-  totals_.fill_samples += added;
-  return true;
+  totals_.slid += mass;
+  if (mass > 0) put_in(to);
+  return mass > 0;
 }
 
 /// Makes what slid samples. @param zero height that the solver's are above
-void Settler::move(double zero) {
+/// @return whether it was more than heights err by
+bool Settler::move(double zero) {
   std::vector<ColumnEdit> lowered, raised;
   std::vector<double> rises;
   double all_rises = 0;
   WholeSamples lost(64);
   const std::vector<FluxGrid::Change> changes = flux_.changes();
   const double least = least_change(changes);
+  if (std::isinf(least)) return false;
   for (const FluxGrid::Change& change : changes) {
     const Coord2& cell = change.column;
     const double rise = change.after - change.before;
@@ -250,17 +256,11 @@ void Settler::move(double zero) {
     rises.push_back(rise);
     all_rises += rise;
   }
-  const Taken taken = remove_top(ground_, lowered, slope_, false);
-  const std::int64_t mass = taken.loose * units_.loose + taken.bank * units_.bank;
-  totals_.pending += mass;
-  totals_.slid += mass;
-  totals_.failed_samples += taken.loose + taken.bank;
-  if (raised.empty()) return;
+  totals_.slid += take_out(lowered, false);
   WholeSamples share(static_cast<double>(totals_.pending / units_.loose) / all_rises);
   for (std::size_t i = 0; i < raised.size(); ++i) raised[i].samples = share.next(rises[i]);
-  const std::int64_t added = add_loose(ground_, raised, slope_);
-  totals_.pending -= added * units_.loose;
-  totals_.fill_samples += added;
+  put_in(raised);
+  return true;
 }
 
 }  // namespace soilvdb::inline v0

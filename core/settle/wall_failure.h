@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/settle/columns.h"
-#include "core/settle/ground_window.h"
 
 namespace soilvdb::inline v0 {
 

@@ -51,12 +51,9 @@ Update Machine::move(Ground& ground, const Pose& to) {
   follow(ground, plan(ground, to), kNoTime);
   if (settler_ != nullptr) {
     swept_box_.extend(box_around(std::span(&to, 1)));
-    if (turns)
-      pass_turn(ground, kNoTime);
-    else if (!wall_ && ledger_.cut() == cut_before_)
-      let_go();
-    settler_->take_changes(unrest_);
+    if (turns) pass_turn(ground, kNoTime);
   }
+  end_update();
   return since(before, slid_before);
 }
 
@@ -77,9 +74,7 @@ Update Machine::move(Ground& ground, const Motion& motion, double begin_s, doubl
     pass_rows(motion, from_s, end_s);
   }
   follow(ground, plan(ground, motion, from_s, end_s), end_s);
-  // In the ground, what it holds depends on the ground before it, which is as it was at a station.
-  if (!wall_ && ledger_.cut() == cut_before_) let_go();
-  if (settler_ != nullptr) settler_->take_changes(unrest_);
+  end_update();
   return since(before, slid_before);
 }
 

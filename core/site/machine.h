@@ -85,9 +85,11 @@ class Machine {
   void stop(Ground& ground, double time_s, Rest rest);
   void set_wall(const Ground& ground, const Pose& at);
   void let_go();
+  void end_update();
   double held_m() const;
   void pass_turn(Ground& ground, double time_s);
-  void drop_falling(const Ground& ground, double time_s);
+  bool lands(const Ground& ground) const;
+  void land(const Ground& ground, double time_s, bool all);
   std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
   struct Stop {
@@ -122,6 +124,7 @@ class Machine {
   std::int32_t stations_ = 0;          // since overhangs were looked for
   std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass
   std::int64_t falling_ = 0;           // let go and not landed, units of mass
+  std::optional<Pose> tipped_;         // of the bucket when what falls began to
   TileSet unrest_;                     // where loose soil may be too steep
   std::optional<Pose> wall_;           // of the bucket when it became a wall to soil
   Eigen::AlignedBox3d unsettled_box_;  // where soil may hang

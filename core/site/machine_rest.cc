@@ -8,7 +8,6 @@
 
 #include "core/constants.h"
 #include "core/site/machine.h"
-#include "soilvdb/tool_shape.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -16,6 +15,10 @@ namespace {
 /// Sine of half the angle.
 double half_turn(const Pose& from, const Pose& to) {
   return (from.rotation.conjugate() * to.rotation).vec().norm();
+}
+
+double apart_m(const Settler::Line& a, const Settler::Line& b) {
+  return std::max((a[0] - b[0]).norm(), (a[1] - b[1]).norm());
 }
 
 }  // namespace
@@ -93,15 +96,11 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
     unsettled_box_.extend(swept_box_);
     unsettled_box_.extend(box_around(here));
   }
-  const bool in_air = stays_in_air(ground, here, 0), bank_fails = rest == Rest::kEnds || in_air;
   propped_box_.extend(unsettled_box_);
-  let_go();
   set_wall(ground, at);
-  if (pushed_ > 0) {
-    const Vec2 way = push_way(at);
-    settler_->drop(push_line(at, way), way, std::exchange(pushed_, 0), time_s);
-  }
-  drop_falling(ground, time_s);
+  const bool in_air = !wall_, bank_fails = rest == Rest::kEnds || in_air;
+  let_go();
+  land(ground, time_s, !in_air || rest != Rest::kSlides);
   const Eigen::AlignedBox3d& around = bank_fails ? propped_box_ : unsettled_box_;
   bool stands = false;
   if (rest != Rest::kSlides) {
@@ -114,7 +113,7 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
   if (stands) {
     stations_ = 0;
     unsettled_box_.setEmpty();
-    if (bank_fails) propped_box_.setEmpty();
+    if (in_air) propped_box_.setEmpty();
   }
   station_ = at;
   swept_box_ = box_around(here);
@@ -123,19 +122,14 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
 
 /// The bucket is a wall to soil where it is in the ground. What leant on it where it was may slide.
 void Machine::set_wall(const Ground& ground, const Pose& at) {
-  const auto lean = [&] {
-    if (!wall_) return;
-    unrest_.add(Obstacle(bucket_, *wall_, ground).cells());
-  };
   const Pose here[] = {at};
   const bool stands = !stays_in_air(ground, here, kObstacleClearance * ground.voxel_size_m());
   if (wall_ && stands && wall_->position == at.position &&
       wall_->rotation.coeffs() == at.rotation.coeffs())
     return;
-  lean();
-  wall_.reset();
-  if (stands) wall_ = at;
-  settler_->set_wall(number_, stands ? Obstacle(bucket_, at, ground) : Obstacle());
+  if (wall_) unrest_.add(Obstacle(bucket_, *wall_, ground).cells());
+  wall_ = stands ? std::optional(at) : std::nullopt;
+  raise_wall(ground);
 }
 
 void Machine::raise_wall(const Ground& ground) const {
@@ -159,6 +153,14 @@ void Machine::let_go() {
   falling_ += spill;
 }
 
+/// What an update may not leave to the next station.
+void Machine::end_update() {
+  if (settler_ == nullptr) return;
+  // In the ground, what it holds depends on the ground before it, which is as it was at a station.
+  if (!wall_ && ledger_.cut() == cut_before_) let_go();
+  settler_->take_changes(unrest_);
+}
+
 /// How far up the mouth, from the lip, the ground before it holds the load in.
 double Machine::held_m() const {
   const Eigen::Matrix3d axes = current_.rotation.toRotationMatrix();
@@ -174,21 +176,40 @@ double Machine::held_m() const {
   return (mean - (low[0] + low[1]) / 2) / rise;
 }
 
-/// Soil that left the bucket in a turn lands now if it is much, otherwise at the next station.
-/// Dense rows thus make as few piles as sparse rows.
+/// Dense rows make as few piles as sparse rows.
 void Machine::pass_turn(Ground& ground, double time_s) {
   let_go();
-  if (!capacity_ || ledger_.units.loose_samples(falling_) * ledger_.sample_m3 <
-                        kMinSpillShare * capacity_->struck_m3())
-    return;
+  if (!lands(ground)) return;
   set_wall(ground, current_);
-  drop_falling(ground, time_s);
+  land(ground, time_s, false);
 }
 
-void Machine::drop_falling(const Ground& ground, double time_s) {
-  if (falling_ == 0) return;
-  settler_->drop(spill_line(ground, current_), (current_.rotation * Vec3::UnitX()).head<2>(),
+/// Does soil in the air land now? It is much, or is to land elsewhere than what leaves now.
+bool Machine::lands(const Ground& ground) const {
+  if (falling_ == 0) return false;
+  return ledger_.units.loose_samples(falling_) * ledger_.sample_m3 >=
+             kMinSpillShare * capacity_->struck_m3() ||
+         (tipped_ && apart_m(spill_line(ground, *tipped_), spill_line(ground, current_)) >
+                         station_travel_m(ground));
+}
+
+/// Pushed soil lands, and what is in the air, if it does or `all` is to.
+void Machine::land(const Ground& ground, double time_s, bool all) {
+  if (falling_ > 0 && !tipped_) tipped_ = current_;
+  if (pushed_ > 0) {
+    const Vec2 way = push_way(current_);
+    const Settler::Line line = push_line(current_, way);
+    if (tipped_ && apart_m(line, spill_line(ground, *tipped_)) < ground.voxel_size_m()) {
+      falling_ += std::exchange(pushed_, 0);
+      all = true;
+    } else {
+      settler_->drop(line, way, std::exchange(pushed_, 0), time_s);
+    }
+  }
+  if (!lands(ground) && !(all && falling_ > 0)) return;
+  settler_->drop(spill_line(ground, *tipped_), (tipped_->rotation * Vec3::UnitX()).head<2>(),
                  std::exchange(falling_, 0), time_s);
+  tipped_.reset();
 }
 
 /// Where soil leaves the bucket.

@@ -36,8 +36,10 @@ void Machine::save(std::string& out) const {
   put(out, cut_before_);
   put(out, stations_);
   unrest_.save(out);
-  put(out, wall_.has_value());
-  put(out, wall_.value_or(Pose{}));
+  for (const std::optional<Pose>* pose : {&wall_, &tipped_}) {
+    put(out, pose->has_value());
+    put(out, pose->value_or(Pose{}));
+  }
   for (const Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     for (const double v : box->min()) put(out, v);
     for (const double v : box->max()) put(out, v);
@@ -74,12 +76,14 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take(in, stations_);
   require_valid(is_valid(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
   unrest_.load(in);
-  bool has_wall = false;
-  Pose wall;
-  take(in, has_wall);
-  take(in, wall);
-  require_valid(is_valid(wall) && (!has_wall || near(wall.position)));
-  wall_ = has_wall ? std::optional(wall) : std::nullopt;
+  for (std::optional<Pose>* pose : {&wall_, &tipped_}) {
+    bool there = false;
+    Pose value;
+    take(in, there);
+    take(in, value);
+    require_valid(is_valid(value) && (!there || near(value.position)));
+    *pose = there ? std::optional(value) : std::nullopt;
+  }
   for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     for (double& v : box->min()) take(in, v);
     for (double& v : box->max()) take(in, v);

@@ -31,7 +31,7 @@ Layers rigid(double top) { return {top, top, top}; }
 template <class T>
 Collapse check(const std::string& name, const SoilColumns& ground, const Soil& soil, const T& truth,
                double rms = kRms) {
-  const Collapse collapse = soilvdb::collapse(ground, soil.repose());
+  const Collapse collapse = test::collapse(ground, soil.repose());
   const Error e = off(ground, collapse, truth);
   const std::string label = name + "_" + std::to_string(soil.repose_deg).substr(0, 2) + "_" +
                             std::to_string(soil.swell).substr(0, 4);

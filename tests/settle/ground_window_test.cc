@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // Heights of columns against a count of every sample below them.
-#include "core/settle/ground_window.h"
+#include "tests/support/ground_window.h"
 
 #include <gtest/gtest.h>
 

@@ -151,7 +151,7 @@ TEST(PourLaws, MoreSoilNeverLiesLower) {
       for (int i = 0; i < kColumns * kColumns; ++i) {
         const double by = (last.at(i) - more.at(i)) / kSide_m;
         columns += more.at(i) > t.ground.at(i);
-        lower += by > kRounding * 100;
+        lower += by > kLevelTolerance;  // levels nearer than that are one
         most = std::max(most, by);
       }
       last = more;

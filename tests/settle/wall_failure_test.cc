@@ -210,6 +210,27 @@ TEST(WallFailure, BringsDownATrenchDugTooDeep) {
   }
 }
 
+TEST(WallFailure, BringsDownBothFacesOfAWideCut) {
+  // The tool leaves along one of them, right above whose crest it props it no longer.
+  for (const double cohesion_pa : {0.0, 1000.0}) {
+    SCOPED_TRACE(cohesion_pa);
+    Earthmoving all = loam();
+    all.soil->cohesion_pa = cohesion_pa;
+    Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+    Tracker tracker(ground, {Bucket{8.0, 8.0, {}, {}}}, all);
+    for (const Vec3& to : {Vec3(-3, 0, 1), Vec3(-3, 0, -1.4), Vec3(3, 0, -1.4), Vec3(3, 0, 3)})
+      tracker.update(0, {to});
+    tracker.come_to_rest();
+    EXPECT_EQ(residual(tracker), 0);
+    const GroundWindow window(ground, {-60, 0}, 121, 1);
+    for (const int x : {2, 4, 6}) {  // columns beyond the faces
+      const double low = window.at(60 - 30 - x, 0).top, high = window.at(60 + 30 + x, 0).top;
+      EXPECT_LT(low, -1) << x;
+      EXPECT_NEAR(high, low, 1) << x;
+    }
+  }
+}
+
 TEST(WallFailure, NeedsCohesion) {
   Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
   Tracker tracker(ground, {Bucket{2.0, 12.0, {}, {}}}, loam());

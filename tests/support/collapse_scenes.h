@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-#include "core/settle/collapse.h"
+#include "tests/support/collapse.h"
 
 namespace soilvdb::test {
 

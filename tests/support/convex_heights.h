@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/settle/collapse.h"
+#include "tests/support/collapse.h"
 
 namespace soilvdb::test {
 

@@ -12,9 +12,9 @@
 #include <vector>
 
 #include "core/ground/ground_writer.h"
-#include "core/settle/ground_window.h"
 #include "soilvdb/capacity.h"
 #include "soilvdb/tracker.h"
+#include "tests/support/ground_window.h"
 
 namespace soilvdb::test {
 

@@ -1,14 +1,12 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Soil that stands too steep comes down, on ground given as heights of columns.
+// The solver of soil that slides, on ground given as heights of columns: for its closed forms.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "core/constants.h"
-
-namespace soilvdb::inline v0 {
+namespace soilvdb::test {
 
 /// Square columns of ground, row by row: column (x, y) is entry y * nx + x of each list. From
 /// below: ground that stands at any slope up to `base_m`, bank soil that failed up to `bank_m`,
@@ -22,9 +20,6 @@ struct SoilColumns {
   std::vector<std::uint8_t> missing;
 };
 
-/// Slope beyond another that is steeper by an angle.
-float slope_beyond(double slope, double rad);
-
 struct Repose {
   double slope = 0;  ///< tangent of the angle of repose, > 0
   double swell = 1;  ///< loose volume over bank volume, >= 1
@@ -34,7 +29,6 @@ struct Collapse {
   std::vector<double> top_m;   ///< of each column; to the bit as it was where nothing moved
   std::vector<double> bank_m;  ///< soil above it that was not loose before is loose now
   int iterations = 0;          ///< on the columns themselves; 0: nothing was too steep
-  bool at_edge = false;  ///< soil reached or left the outermost columns: the grid is too small
 };
 
 /// The ground after soil that is too steep came to rest: the heights nearest to the old ones among
@@ -53,9 +47,9 @@ struct Collapse {
 /// thinner than the drop of a slope across a column may stay on brinks, however steep. Soil that
 /// runs over a steep brink at an angle to the grid comes to rest in several rounds of
 /// kMaxFluxSteps, 0.2 to 0.8 side rms from the truth on the slope below: columns that a brink cuts
-/// are means. kMaxCollapseTries may end it before.
+/// are means. Four rounds are the most.
 ///
 /// 96 x 96 columns take 2 to 20 ms, or 60 ms with all tries.
 Collapse collapse(const SoilColumns& columns, const Repose& repose);
 
-}  // namespace soilvdb::inline v0
+}  // namespace soilvdb::test

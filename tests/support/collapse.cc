@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/settle/collapse.h"
+#include "tests/support/collapse.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,15 +9,11 @@
 #include "core/constants.h"
 #include "core/settle/flux_grid.h"
 
-namespace soilvdb::inline v0 {
+namespace soilvdb::test {
 namespace {
 
-// Angles by + - * / and sqrt alone, whose bits are the same on any build and CPU: continued
-// fractions, to 1e-9 up to 1 rad.
-double tangent(double rad) {
-  const double a2 = rad * rad;
-  return rad / (1 - a2 / (3 - a2 / (5 - a2 / (7 - a2 / 9))));
-}
+constexpr int kMaxTries = 4;  // of as many steps as sliding soil may take
+
 /// What a column holds above what stands, in its sides: depths, and soil as loose volume.
 class SoilStack {
  public:
@@ -27,7 +23,6 @@ class SoilStack {
   double base() const { return base_; }
   double bank_soil() const { return swell_ * bank_; }
   double soil() const { return bank_soil() + loose_; }
-  double bank_depth(double soil) const { return std::min(soil / swell_, bank_); }
   double depth(double soil) const {
     return soil < bank_soil() ? soil / swell_ : bank_ + (soil - bank_soil());
   }
@@ -82,27 +77,16 @@ class StackedGround {
   std::vector<SoilStack> stacks_;
 };
 
-}  // namespace
-
-float slope_beyond(double slope, double rad) {
-  const double t = tangent(rad), rest = 1 - slope * t;
-  return rest <= 0 ? std::numeric_limits<float>::max()
-                   : static_cast<float>(t * (1 + slope * slope) / rest);
-}
-
-namespace {
-
 /// Lets soil flow until it is at rest, or for long enough. @param columns then hold what came of it
 /// @return steps; 0: nothing was too steep
 int flow(SoilColumns& columns, const Repose& repose) {
   const SoilColumns before = columns;
   const StackedGround ground(before, repose.swell);
-  FluxGrid grid(static_cast<float>(repose.slope), static_cast<float>(repose.swell));
+  FluxGrid grid(repose.slope, repose.swell);
   grid.begin([&](const Coord2& tile, FluxTile& out) { ground.load(tile, out); });
   for (int x = 0; 8 * x < columns.nx; ++x)
     for (int y = 0; 8 * y < columns.ny; ++y) grid.activate({x, y});
-  if (grid.unrest().steep <= slope_beyond(repose.slope, kCollapseStartRad)) return 0;
-  const int steps = grid.relax(kMaxFluxSteps, slope_beyond(repose.slope, kRestToleranceRad));
+  const int steps = grid.relax(kMaxFluxSteps);
   for (const FluxGrid::Change& change : grid.changes()) {
     const std::size_t c = ground.index(change.column);
     if (change.after == change.before) continue;
@@ -117,21 +101,14 @@ int flow(SoilColumns& columns, const Repose& repose) {
 Collapse collapse(const SoilColumns& columns, const Repose& repose) {
   SoilColumns now = columns;
   Collapse result;
-  for (int tries = 0; tries < kMaxCollapseTries; ++tries) {
+  for (int tries = 0; tries < kMaxTries; ++tries) {
     const int steps = flow(now, repose);
     result.iterations += steps;
     if (steps < kMaxFluxSteps) break;
   }
   result.top_m = std::move(now.top_m);
   result.bank_m = std::move(now.bank_m);
-  for (std::size_t c = 0; c < columns.top_m.size(); ++c) {
-    if (!columns.missing.empty() && columns.missing[c]) continue;
-    const int x = static_cast<int>(c) % columns.nx, y = static_cast<int>(c) / columns.nx;
-    const bool edge = x == 0 || y == 0 || x == columns.nx - 1 || y == columns.ny - 1;
-    result.at_edge |=
-        edge && std::abs(result.top_m[c] - columns.top_m[c]) > kMinEdgeChange * columns.side_m;
-  }
   return result;
 }
 
-}  // namespace soilvdb::inline v0
+}  // namespace soilvdb::test
