@@ -222,7 +222,7 @@ inline constexpr int kRunWindowCells = 64;
 /// Distance that soil runs down such ground before it is lost off the site, cells: 250 m at 5 cm.
 inline constexpr double kMaxRunCells = 5000;
 /// Largest number of windows that poured soil is looked at in.
-inline constexpr int kMaxPourWindows = 40;
+inline constexpr int kMaxPourWindows = 200;
 /// Half side of the window into which soil runs on, radii of its pile with margin.
 inline constexpr int kRunOnRadii = 4;
 /// Largest number of columns of chunks whose initial terrain is kept, 600 bytes each. With fewer,

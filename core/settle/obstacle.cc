@@ -80,9 +80,11 @@ bool Obstacle::blocks(int x, int y, double top) const {
   return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleClearance;
 }
 
-BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles) {
+BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles,
+                               const Eigen::AlignedBox2i& within) {
   for (const Obstacle& obstacle : obstacles)
-    if (!obstacle.empty()) masks_.emplace_back(ground, obstacle);
+    if (!obstacle.empty() && (within.isEmpty() || within.intersects(obstacle.cells())))
+      masks_.emplace_back(ground, obstacle);
 }
 
 BlockedColumns::Mask::Mask(GroundColumns& ground, const Obstacle& obstacle)

@@ -35,7 +35,9 @@ class Obstacle {
 /// where soil would pile up as in a well.
 class BlockedColumns {
  public:
-  BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles);
+  /// @param within cells that are asked for; empty: any
+  BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles,
+                 const Eigen::AlignedBox2i& within = {});
   bool operator()(const Coord2& cell) const {
     for (const Mask& mask : masks_)
       if (mask(cell)) return true;

@@ -60,8 +60,8 @@ void Settler::refresh() {
 /// Reads window_ anew.
 void Settler::look_at(const Coord2& first, const Coord2& size) {
   refresh();
-  const BlockedColumns walls = blocked();
   const Eigen::AlignedBox2i cells(first, first + size - Coord2::Ones());
+  const BlockedColumns walls(columns_, walls_, cells);
   Columns& to = window_.columns;
   to.nx = size.x();
   to.ny = size.y();
@@ -69,17 +69,17 @@ void Settler::look_at(const Coord2& first, const Coord2& size) {
   for (auto* heights : {&to.height_m, &to.firm_m})
     heights->assign(static_cast<std::size_t>(to.nx * to.ny), 0);
   to.rigid.assign(to.height_m.size(), 1);
+  window_.full.assign(to.height_m.size(), 0);
   window_.first = first;
-  window_.zero = std::numeric_limits<double>::infinity();
-  columns_.each(cells, [&](const Coord2&, const GroundColumn& c) {
-    if (c.known) window_.zero = std::min(window_.zero, c.bank);
-  });
+  window_.zero = std::numeric_limits<double>::quiet_NaN();
   columns_.each(cells, [&](const Coord2& cell, const GroundColumn& c) {
     if (!c.known) return;
+    if (std::isnan(window_.zero)) window_.zero = std::floor(c.bank);
     const auto i = static_cast<std::size_t>(to.index(cell.x() - first.x(), cell.y() - first.y()));
     to.height_m[i] = c.top - window_.zero;
     to.firm_m[i] = c.bank - window_.zero;
     to.rigid[i] = walls(cell);
+    window_.full[i] = c.full;
   });
 }
 

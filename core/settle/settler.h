@@ -98,6 +98,7 @@ class Settler {
     Coord2 first;  ///< cell of column (0, 0)
     double zero;   ///< heights are above this, index space
     Columns columns;
+    std::vector<int> full;  ///< by column: all cells are full up to this one
   };
 
   void refresh();

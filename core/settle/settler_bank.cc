@@ -120,7 +120,7 @@ std::optional<bool> Settler::fail_bank(Eigen::AlignedBox2i& feet, bool last) {
       const GroundColumn& c = columns_.column(cell);
       const double left = window_.zero + found.height;
       const auto samples = static_cast<std::int64_t>(std::llround(64 * (c.top - left)));
-      if (left >= c.bank || samples == 0) continue;
+      if (found.height >= ground.firm_at(ground.index(x, y)) || samples == 0) continue;
       const double rise = (c.bank - left) * (1 + properties_.swell) + c.top - c.bank;
       const int low = cell_of(left) - kFillCells;
       wedge.from.push_back({cell, low, cell_of(c.top) + kFillCells, samples, false,

@@ -141,6 +141,7 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
   else if (run_down(at, radius))
     half = wide;
   for (int windows = 0; windows < kMaxPourWindows; ++windows) {
+    if (totals_.pending < units_.loose) return true;
     const Vec2 before = at;
     switch (pour(at, along, ahead, std::min(half, kMaxHalf), half >= wide)) {
       case Poured::kNowhere:
@@ -162,24 +163,27 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
 }
 
 /// Follows soil down ground that is too steep for it, to so far above where it comes to rest that
-/// its pile knows the slope; what runs too far is lost. @return whether it runs
+/// its pile knows the slope; what finds no foot is lost. @return whether it runs
 bool Settler::run_down(Vec2& at, int radius) {
+  constexpr int kMaxWindows = static_cast<int>(4 * kMaxRunCells / kRunWindowCells);
   std::vector<Vec2> way = {at};
   for (bool ends = false; !ends;) {
     const Vec2 from = way.back();
     const Coord2 first =
         floor_to(from.unaryExpr(&cell_of) - Coord2::Constant(kRunWindowCells / 2), kChunkSide);
     look_at(first, Coord2::Constant(kRunWindowCells + kChunkSide));
-    const Vec2 corner = first.cast<double>() - Vec2(0.5, 0.5);
-    const Pourer::Foot foot = pourer_.foot(window_.columns, from - corner, slope_);
+    const Vec2 corner = first.cast<double>() - Vec2(0.5, 0.5), in = from - corner;
+    const Pourer::Foot foot = pourer_.foot(window_.columns, in, slope_);
+    if (foot.at_m == in) break;
     way.push_back(foot.at_m + corner);
-    ends = !foot.at_border || way.back() == from;
-    if ((way.back() - at).norm() < kMaxRunCells) continue;
+    ends = !foot.at_border;
+    const bool far = (way.back() - at).norm() > kMaxRunCells || way.size() > kMaxWindows;
+    if (ends || !far) continue;
     lose_off_terrain(static_cast<double>(totals_.pending / units_.loose));
     return true;
   }
+  if (way.size() == 1) return false;
   const Vec2 end = way.back();
-  if (end == at) return false;
   while (way.size() > 1 && (way.back() - end).norm() < radius + kWindowMargin) way.pop_back();
   at = way.back();
   return true;
@@ -245,7 +249,7 @@ void Settler::raise(const Deposit& deposit, std::int64_t samples) {
       const Coord2 in(c.column / window_.columns.ny, c.column % window_.columns.ny);
       const Vec2 apex = c.from_m - in.cast<double>();
       const Coord2 cell = window_.first + in;
-      changes.push_back({cell, columns_.column(cell).full + 1,
+      changes.push_back({cell, window_.full[static_cast<std::size_t>(c.column)] + 1,
                          cell_of(window_.zero + c.after_m) + kFillCells,
                          share.next(c.after_m - c.before_m), true, static_cast<float>(apex.x()),
                          static_cast<float>(apex.y())});

@@ -85,6 +85,7 @@ class Machine {
   void stop(Ground& ground, double time_s, Rest rest);
   void set_wall(const Ground& ground, const Pose& at);
   void let_go();
+  void tip(double time_s);
   void end_update();
   double held_m() const;
   void pass_turn(Ground& ground, double time_s);
@@ -125,6 +126,7 @@ class Machine {
   std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass
   std::int64_t falling_ = 0;           // let go and not landed, units of mass
   std::optional<Pose> tipped_;         // of the bucket when what falls began to
+  double tipped_s_ = 0;                // at that time
   TileSet unrest_;                     // where loose soil may be too steep
   std::optional<Pose> wall_;           // of the bucket when it became a wall to soil
   Eigen::AlignedBox3d unsettled_box_;  // where soil may hang

@@ -99,7 +99,7 @@ void Machine::stop(Ground& ground, double time_s, Rest rest) {
   propped_box_.extend(unsettled_box_);
   set_wall(ground, at);
   const bool in_air = !wall_, bank_fails = rest == Rest::kEnds || in_air;
-  let_go();
+  tip(time_s);
   land(ground, time_s, !in_air || rest != Rest::kSlides);
   const Eigen::AlignedBox3d& around = bank_fails ? propped_box_ : unsettled_box_;
   bool stands = false;
@@ -153,6 +153,14 @@ void Machine::let_go() {
   falling_ += spill;
 }
 
+/// Lets go at a stop, which says from where and when it falls.
+void Machine::tip(double time_s) {
+  let_go();
+  if (falling_ == 0 || tipped_) return;
+  tipped_ = current_;
+  tipped_s_ = time_s;
+}
+
 /// What an update may not leave to the next station.
 void Machine::end_update() {
   if (settler_ == nullptr) return;
@@ -178,7 +186,7 @@ double Machine::held_m() const {
 
 /// Dense rows make as few piles as sparse rows.
 void Machine::pass_turn(Ground& ground, double time_s) {
-  let_go();
+  tip(time_s);
   if (!lands(ground)) return;
   set_wall(ground, current_);
   land(ground, time_s, false);
@@ -189,13 +197,12 @@ bool Machine::lands(const Ground& ground) const {
   if (falling_ == 0) return false;
   return ledger_.units.loose_samples(falling_) * ledger_.sample_m3 >=
              kMinSpillShare * capacity_->struck_m3() ||
-         (tipped_ && apart_m(spill_line(ground, *tipped_), spill_line(ground, current_)) >
-                         station_travel_m(ground));
+         apart_m(spill_line(ground, *tipped_), spill_line(ground, current_)) >
+             station_travel_m(ground);
 }
 
 /// Pushed soil lands, and what is in the air, if it does or `all` is to.
 void Machine::land(const Ground& ground, double time_s, bool all) {
-  if (falling_ > 0 && !tipped_) tipped_ = current_;
   if (pushed_ > 0) {
     const Vec2 way = push_way(current_);
     const Settler::Line line = push_line(current_, way);
@@ -208,7 +215,7 @@ void Machine::land(const Ground& ground, double time_s, bool all) {
   }
   if (!lands(ground) && !(all && falling_ > 0)) return;
   settler_->drop(spill_line(ground, *tipped_), (tipped_->rotation * Vec3::UnitX()).head<2>(),
-                 std::exchange(falling_, 0), time_s);
+                 std::exchange(falling_, 0), tipped_s_);
   tipped_.reset();
 }
 

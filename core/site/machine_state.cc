@@ -33,6 +33,7 @@ void Machine::save(std::string& out) const {
   put(out, station_);
   put(out, pushed_);
   put(out, falling_);
+  put(out, tipped_s_);
   put(out, cut_before_);
   put(out, stations_);
   unrest_.save(out);
@@ -72,6 +73,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take(in, station_);
   take_amount(in, pushed_);
   take_amount(in, falling_);
+  take(in, tipped_s_);
   take_amount(in, cut_before_);
   take(in, stations_);
   require_valid(is_valid(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
@@ -84,6 +86,8 @@ void Machine::load(std::string_view& in, const Ground& ground) {
     require_valid(is_valid(value) && (!there || near(value.position)));
     *pose = there ? std::optional(value) : std::nullopt;
   }
+  require_valid(!std::isinf(tipped_s_) && (capacity_ || falling_ == 0) &&
+                (!tipped_ || falling_ > 0));
   for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     for (double& v : box->min()) take(in, v);
     for (double& v : box->max()) take(in, v);
