@@ -118,6 +118,10 @@ inline constexpr double kPathStride = 16;
 /// Number of parts that a thread makes of one machine's updates in a batch. With more parts threads
 /// meet at the lock more often. With fewer parts one thread waits longer for the other at the end.
 inline constexpr std::size_t kPartsOfSequence = 16;
+/// Room around a machine that its soil has at least where others move theirs at once, cells: 3 m at
+/// 5 cm. With more, machines near each other take turns. With less, soil leaves it more often, and
+/// all is done again in turns.
+inline constexpr double kSoilReachCells = 64;
 /// Largest bend of a path that only bounds the places of a bucket, voxels. A larger value takes
 /// more moves in the air for moves in the ground. A smaller one makes more poses.
 inline constexpr double kCoarseBend = 1;
@@ -174,11 +178,18 @@ inline constexpr int kStationsPerRest = 5;
 /// Steps of sliding soil at a station. With more, an update with a station takes longer. With
 /// fewer, soil behind the bucket stands too steep for longer.
 inline constexpr int kStationSteps = 60;
+/// Time after which soil beside a bucket that stands goes on as at a station, s. With more, it
+/// takes longer to rest; with less, updates take longer. And the way within which it stands,
+/// stations: what sensors err by, and less than a station.
+inline constexpr double kTick_s = 0.05, kMaxTremble = 0.2;
+/// Most ticks that are made up for at a row that comes late.
+inline constexpr int kMaxTicks = 20;
 /// Stations from one at which soil slides to the next.
 inline constexpr int kStationsPerSlide = 2;
-/// Columns before the lip over which the ground that holds a load in is measured. With fewer the
-/// column that the lip cuts counts too much.
+/// Places before the lip at which the ground that holds a load in is measured, a cell apart: their
+/// number, and the distance of the first, from which on the lip cuts no column beside it.
 inline constexpr int kColumnsBefore = 3;
+inline constexpr double kFirstBefore = 1.5;
 /// Smallest sine of the mouth's rise, and of its outward direction's length in plan, at which
 /// ground may hold a load in: a mouth that looks up or down has no ground before it.
 inline constexpr double kMinMouthRise = 0.1;
@@ -228,8 +239,8 @@ inline constexpr int kRunOnRadii = 4;
 /// Largest number of columns of chunks whose initial terrain is kept, 600 bytes each. With fewer,
 /// sites with many machines ask the surface anew.
 inline constexpr std::size_t kMaxBaseColumns = 8192;
-/// Largest number of tiles of columns that are kept, 4 kB each. With fewer, ground that several
-/// machines look at is read again and again.
+/// Largest number of tiles of columns that are kept for a machine, 4 kB each. With fewer, ground
+/// that it looks at is read again and again.
 inline constexpr std::size_t kMaxColumnTiles = 4096;
 /// Chunks from the top of the initial terrain downwards whose samples are counted for heights of
 /// columns. Columns of higher cliffs have the mean of a few heights, which is less exact.
@@ -282,6 +293,8 @@ inline constexpr double kMaxStandingCells = 2;
 /// the soil that may be missed by it where it falls or rises. With larger values slopes err by more
 /// than counts do; with smaller ones making samples takes longer than all else.
 inline constexpr double kMaxHeightChangeLeft = 0.03, kMaxLeftOutShare = 0.05;
+/// What may be missed in any case, cells, on the mean over the columns that change.
+inline constexpr double kMaxHeightMissed = 0.0075;
 /// Smallest change of a column's height that moves samples, cells. It is less than the error of a
 /// count.
 inline constexpr double kMinHeightChange = 1e-3;

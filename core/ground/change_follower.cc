@@ -5,7 +5,8 @@
 #include "core/ground/ground_state.h"
 
 namespace soilvdb::inline v0 {
-/// Adds the chunks touched since the last call to the followers' lists.
+/// Adds the chunks touched since the last call to the followers' lists. The caller holds the lock,
+/// or is alone.
 void Ground::tell_followers() {
   const std::vector<Coord3> touched = state_->touched.take();
   for (const Coord3& origin : touched)
@@ -40,8 +41,13 @@ void ChangeFollower::add_all(const Ground& ground) {
 }
 
 std::vector<Coord3> ChangeFollower::take() {
-  ground_->tell_followers();
-  return changed_->take();
+  ChunkList changed;
+  {
+    const std::unique_lock lock(ground_->state_->mutex);
+    ground_->tell_followers();
+    std::swap(changed, *changed_);
+  }
+  return changed.take();
 }
 
 void ChangeFollower::switch_to(Ground& other) {

@@ -62,6 +62,7 @@ std::unique_ptr<Ground> Ground::clone() const {
 }
 
 const Chunk* Ground::find(const Coord3& origin) const {
+  const std::shared_lock lock(state_->mutex);
   const SampleLeaf* leaf = state_->find(origin);
   return leaf != nullptr ? &leaf->chunk : nullptr;
 }
@@ -88,7 +89,8 @@ bool Ground::is_air(const Eigen::AlignedBox3d& box) const {
   for_each_chunk({part.min().cast<double>(), part.max().cast<double>()}, [&](const Coord3& origin) {
     if (!air) return;
     const SampleLeaf* leaf = leaves.probeConstLeaf(to_coord(origin));
-    if (leaf == nullptr || leaf->chunk.soil_count == 0) return;
+    // Soil of other chunks is the initial terrain's, which has none here.
+    if (leaf == nullptr || leaf->chunk.soil_count == 0 || !leaf->chunk.above) return;
     openvdb::CoordBBox soil;
     leaf->evalActiveBoundingBox(soil);
     air = !soil.hasOverlap({to_coord(part.min()), to_coord(part.max())});

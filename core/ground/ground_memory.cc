@@ -77,9 +77,15 @@ void Ground::evict() {
 }
 
 Chunk Ground::copy(const Chunk& chunk) const {
-  Chunk same = chunk;
-  same.touched = false;
-  same.used = 0;
+  Chunk same;  // but for what the ground notes of it
+  same.origin = chunk.origin;
+  same.swap_record = chunk.swap_record;
+  same.base_count = chunk.base_count;
+  same.soil_count = chunk.soil_count;
+  same.loose_count = chunk.loose_count;
+  same.above = chunk.above;
+  same.samples = chunk.samples;
+  same.loose = chunk.loose;
   if (same.swap_record != 0) load(same);
   return same;
 }

@@ -4,11 +4,14 @@
 #pragma once
 
 #include <atomic>
+#include <map>
 #include <memory>
+#include <optional>
 #include <shared_mutex>
 #include <vector>
 
 #include "core/lattice/chunk_list.h"
+#include "soilvdb/chunk_range.h"
 #include "soilvdb/sample_tree.h"
 
 namespace soilvdb::inline v0 {
@@ -30,8 +33,11 @@ struct Ground::State {
   /// Bounds of the cells of chunks with soil above the initial terrain, index space; may be empty.
   Eigen::AlignedBox3i above;
   std::atomic<bool> any_above = false;
-  /// Shared to find leaves, exclusive to add leaves or change `above`. A leaf belongs to its
-  /// writer, which holds no lock while it fills the leaf.
+  /// For GroundUndo: what changed chunks were; nullopt: not resident. Null: not wanted.
+  using Before = std::map<Coord3, std::optional<Chunk>, soilvdb::Before>;
+  Before* before = nullptr;
+  /// Shared to find leaves, exclusive to add leaves or change the members above. A leaf belongs to
+  /// its writer, which holds no lock while it fills the leaf.
   mutable std::shared_mutex mutex;
 
   // With a memory limit.

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 #include <utility>
 
 #include "core/ground/ground_state.h"
@@ -50,6 +51,7 @@ bool exceeds(const Samples& samples, const SampleWords& base) {
 struct GroundWriter::Target {
   SampleLeaf* leaf = nullptr;
   std::unique_ptr<SampleLeaf> made;
+  std::optional<Chunk> before;  // for GroundUndo
   bool left_out = false, changed = false;
 };
 
@@ -88,7 +90,10 @@ std::size_t GroundWriter::find(Operation operation, std::span<const Edit> edits,
       target.leaf = const_cast<SampleLeaf*>(leaves.probeConstLeaf(to_coord(edits[i].origin)));
       if (target.leaf == nullptr) continue;
       target.left_out = operation == Operation::kRemove && target.leaf->chunk.soil_count == 0;
-      if (limited && !target.left_out) state.use(target.leaf->chunk);
+      if (target.left_out) continue;
+      if (limited) state.use(target.leaf->chunk);
+      if (state.before != nullptr && !state.before->contains(edits[i].origin))
+        target.before = ground_.copy(target.leaf->chunk);
     }
   }
   std::size_t work = 0;
@@ -147,6 +152,7 @@ void GroundWriter::book(std::span<Target> targets) {
     Chunk& chunk = target.leaf->chunk;
     if (target.made != nullptr && chunk.soil_count == 0 && chunk.base_count == 0) continue;
     if (!alone.owns_lock()) alone.lock();
+    if (state.before != nullptr) state.before->try_emplace(chunk.origin, std::move(target.before));
     state.touch(chunk);
     state.note_above(chunk);
     if (target.made == nullptr) continue;
@@ -221,6 +227,39 @@ void GroundWriter::drop(const Coord3& origin) {
   state.touch(chunk);
   delete state.tree.root().stealNode<SampleLeaf>(to_coord(origin), false, false);
   --state.chunks;
+}
+
+struct GroundUndo::Before {
+  Ground::State::Before chunks;
+  std::vector<std::pair<std::weak_ptr<ChunkList>, ChunkList>> lists;  // of followers
+  bool undone = false;
+};
+
+GroundUndo::GroundUndo(Ground& ground) : ground_(ground), before_(std::make_unique<Before>()) {
+  ground_.tell_followers();
+  for (const auto& follower : ground_.state_->followers)
+    if (const auto list = follower.lock()) before_->lists.emplace_back(follower, *list);
+  ground_.state_->before = &before_->chunks;
+}
+
+GroundUndo::~GroundUndo() {
+  ground_.state_->before = nullptr;
+  if (!before_->undone) return;
+  ground_.tell_followers();
+  for (auto& [follower, then] : before_->lists)
+    if (const auto list = follower.lock()) *list = std::move(then);
+}
+
+void GroundUndo::undo() {
+  before_->undone = true;
+  GroundWriter writer(ground_);
+  for (auto& [origin, chunk] : before_->chunks) {
+    if (chunk)
+      writer.put(std::move(*chunk));
+    else
+      writer.drop(origin);
+  }
+  before_->chunks.clear();
 }
 
 }  // namespace soilvdb::inline v0

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 
 #include "soilvdb/ground.h"
@@ -69,6 +70,26 @@ class GroundWriter {
   std::int64_t change(Operation operation, const Coord3& origin, const SampleWords& samples,
                       Kind kind);
   Ground& ground_;
+};
+
+/// Takes back what writers edit() while it lives. Until then it keeps what chunks were, beyond a
+/// memory limit. All members need exclusive access to the ground.
+class GroundUndo {
+ public:
+  /// @param ground has no other
+  explicit GroundUndo(Ground& ground);
+  ~GroundUndo();
+  GroundUndo(const GroundUndo&) = delete;
+  GroundUndo& operator=(const GroundUndo&) = delete;
+  /// Sets all samples back. Followers hear of these changes while it lives; when it ends, their
+  /// lists are as they were at its begin. @throw exceptions of the swap store; the ground is then
+  /// unusable
+  void undo();
+
+ private:
+  struct Before;
+  Ground& ground_;
+  std::unique_ptr<Before> before_;
 };
 
 }  // namespace soilvdb::inline v0

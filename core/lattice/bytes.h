@@ -51,10 +51,11 @@ inline void take(std::string_view& in, bool& value) {
 }
 /// An amount of soil, in samples or units of mass. @throw std::invalid_argument if it is too large
 /// or negative
-inline void take_amount(std::string_view& in, std::int64_t& value) {
-  constexpr std::int64_t kMost = std::int64_t{1} << 62;
+inline constexpr std::int64_t kMostAmount = std::int64_t{1} << 62;
+inline void take_amount(std::string_view& in, std::int64_t& value,
+                        std::int64_t most = kMostAmount) {
   take(in, value);
-  if (value < 0 || value > kMost)
+  if (value < 0 || value > most)
     throw std::invalid_argument("the state has an amount of soil that can't be");
 }
 inline void take(std::string_view& in, Pose& pose) {

@@ -10,7 +10,6 @@
 #include "core/constants.h"
 #include "core/lattice/affine.h"
 #include "core/lattice/chunk_math.h"
-#include "soilvdb/sample_tree.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -23,10 +22,7 @@ std::uint64_t tile_key(int cx, int cy) {
 class TileReader {
  public:
   TileReader(BaseColumns& base, int cx, int cy)
-      : base_(base.at(cx, cy)),
-        ground_(base.ground()),
-        leaves_(ground_.grid().tree()),
-        above_(ground_.above_base()) {
+      : base_(base.at(cx, cy)), ground_(base.ground()), above_(ground_.above_base()) {
     const Eigen::AlignedBox2i plan(above_.min().head<2>(), above_.max().head<2>());
     const bool raised = !above_.isEmpty() && plan.contains(Coord2(cx, cy));
     if (!base_.some && !raised) return;
@@ -37,8 +33,7 @@ class TileReader {
       open_ += walks_[c].open;
     }
     for (z = floor_to(z, kChunkSide); open_ > 0; z -= kChunkSide) {
-      const SampleLeaf* leaf = leaves_.probeConstLeaf({cx, cy, z});
-      const Chunk* chunk = leaf != nullptr ? &leaf->chunk : nullptr;
+      const Chunk* chunk = ground_.find({cx, cy, z});
       if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
         through_base(z);
       } else if (chunk == nullptr || chunk->soil_count == 0) {
@@ -173,7 +168,6 @@ class TileReader {
 
   const BaseColumn& base_;
   const Ground& ground_;
-  openvdb::tree::ValueAccessor<const SampleTree, false> leaves_;
   const Eigen::AlignedBox3i above_;
   ColumnTile tile_;
   Walk walks_[kCells];
@@ -190,14 +184,15 @@ GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
 }
 
 const ColumnTile& GroundColumns::tile(int cx, int cy) {
+  if (!reaches({cx, cy})) throw OutOfReach();
   const auto known = tiles_.find(tile_key(cx, cy));
   if (known != tiles_.end()) return known->second;
   ColumnTile tile = read_tile(base_, cx, cy);
-  if (tiles_.size() >= kMaxColumnTiles) tiles_.clear();
   return tiles_.emplace(tile_key(cx, cy), std::move(tile)).first->second;
 }
 
 std::vector<Coord2> GroundColumns::take_changes() {
+  if (tiles_.size() > kMaxColumnTiles) tiles_.clear();
   std::vector<Coord2> changed;
   for (const Coord3& origin : changes_.take()) {
     const Coord2 tile(origin.head<2>());

@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <exception>
 #include <memory>
 #include <unordered_map>
 #include <vector>
@@ -41,7 +42,13 @@ struct ColumnTile {
 /// Reads a tile. @param cx, cy the chunks' lowest cell
 ColumnTile read_tile(BaseColumns& base, int cx, int cy);
 
-/// The tiles of a ground that were looked at, up to kMaxColumnTiles. Not for several threads.
+/// Columns are looked at that GroundColumns was not given.
+struct OutOfReach : std::exception {
+  const char* what() const noexcept override { return "soil moves farther than its machines do"; }
+};
+
+/// The tiles of a ground that were looked at. Several threads may each use
+/// their own, if no other changes the ground within the columns that each is given.
 class GroundColumns {
  public:
   /// @param ground outlives it
@@ -51,8 +58,11 @@ class GroundColumns {
       : base_(clone, other.base_), changes_(clone, other.changes_) {}
 
   BaseColumns& base() { return base_; }
-  /// As it was at the last call of take_changes(). @param cx, cy the lowest cell; valid until the
-  /// next call
+  /// Gives it the columns of a box of cells, whole tiles; empty: all.
+  void confine(const Eigen::AlignedBox2i& cells) { reach_ = cells; }
+  bool reaches(const Coord2& cell) const { return reach_.isEmpty() || reach_.contains(cell); }
+  /// As it was at the last call of take_changes(), and valid until the next. @param cx, cy the
+  /// lowest cell. @throw OutOfReach
   const ColumnTile& tile(int cx, int cy);
   const GroundColumn& column(const Coord2& cell) {
     const Coord2 corner = floor_to(cell, kChunkSide), in = cell - corner;
@@ -75,11 +85,13 @@ class GroundColumns {
     }
   }
   /// Lowest cells of the tiles in which the ground changed since the last call. They are read anew.
+  /// So are all, if more than kMaxColumnTiles were kept.
   std::vector<Coord2> take_changes();
 
  private:
   BaseColumns base_;
   ChangeFollower changes_;
+  Eigen::AlignedBox2i reach_;
   std::unordered_map<std::uint64_t, ColumnTile> tiles_;
 };
 

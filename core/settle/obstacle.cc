@@ -80,26 +80,28 @@ bool Obstacle::blocks(int x, int y, double top) const {
   return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleClearance;
 }
 
-BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles,
-                               const Eigen::AlignedBox2i& within) {
-  for (const Obstacle& obstacle : obstacles)
-    if (!obstacle.empty() && (within.isEmpty() || within.intersects(obstacle.cells())))
-      masks_.emplace_back(ground, obstacle);
+bool BlockedColumns::operator()(const Coord2& cell) {
+  for (std::size_t i = 0; i < obstacles_.size(); ++i) {
+    const Obstacle& obstacle = *obstacles_[i];
+    const Coord2 in = cell - obstacle.first_;
+    if (in.x() < 0 || in.y() < 0 || in.x() >= obstacle.nx_ || in.y() >= obstacle.ny_) continue;
+    if (masks_[i].empty()) look_at(obstacle, masks_[i]);
+    if (masks_[i][static_cast<std::size_t>(in.x() * obstacle.ny_ + in.y())] != 0) return true;
+  }
+  return false;
 }
 
-BlockedColumns::Mask::Mask(GroundColumns& ground, const Obstacle& obstacle)
-    : first(obstacle.first_),
-      nx(obstacle.nx_),
-      ny(obstacle.ny_),
-      blocked(static_cast<std::size_t>(nx * ny), 1) {
+void BlockedColumns::look_at(const Obstacle& obstacle, std::vector<std::uint8_t>& blocked) {
+  const int nx = obstacle.nx_, ny = obstacle.ny_;
+  blocked.assign(static_cast<std::size_t>(nx * ny), 1);
   // From beyond the obstacle soil comes to the columns that it doesn't stand in.
   std::vector<Coord2> open;
   const auto come_to = [&](int i, int j) {
     if (i < 0 || j < 0 || i >= nx || j >= ny) return;
     std::uint8_t& here = blocked[static_cast<std::size_t>(i * ny + j)];
     if (here == 0) return;
-    const Coord2 cell = first + Coord2(i, j);
-    if (obstacle.blocks(cell.x(), cell.y(), ground.column(cell).surface)) return;
+    const Coord2 cell = obstacle.first_ + Coord2(i, j);
+    if (obstacle.blocks(cell.x(), cell.y(), ground_->column(cell).surface)) return;
     here = 0;
     open.emplace_back(i, j);
   };

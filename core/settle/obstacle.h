@@ -32,31 +32,21 @@ class Obstacle {
 };
 
 /// Columns that take and give no soil: those in which a tool stands, and those that it surrounds,
-/// where soil would pile up as in a well.
+/// where soil would pile up as in a well. Each tool is looked at when a column under it is asked
+/// for.
 class BlockedColumns {
  public:
-  /// @param within cells that are asked for; empty: any
-  BlockedColumns(GroundColumns& ground, std::span<const Obstacle> obstacles,
-                 const Eigen::AlignedBox2i& within = {});
-  bool operator()(const Coord2& cell) const {
-    for (const Mask& mask : masks_)
-      if (mask(cell)) return true;
-    return false;
-  }
+  /// @param ground, obstacles must outlive it
+  BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles)
+      : ground_(&ground), obstacles_(obstacles), masks_(obstacles.size()) {}
+  bool operator()(const Coord2& cell);
 
  private:
-  struct Mask {
-    Coord2 first;
-    int nx, ny;
-    std::vector<std::uint8_t> blocked;
-    Mask(GroundColumns& ground, const Obstacle& obstacle);
-    bool operator()(const Coord2& cell) const {
-      const int i = cell.x() - first.x(), j = cell.y() - first.y();
-      if (i < 0 || j < 0 || i >= nx || j >= ny) return false;
-      return blocked[static_cast<std::size_t>(i * ny + j)] != 0;
-    }
-  };
-  std::vector<Mask> masks_;
+  void look_at(const Obstacle& obstacle, std::vector<std::uint8_t>& blocked);
+
+  GroundColumns* ground_;
+  std::span<const Obstacle* const> obstacles_;
+  std::vector<std::vector<std::uint8_t>> masks_;  // of each, over its cells, by x then y
 };
 
 }  // namespace soilvdb::inline v0

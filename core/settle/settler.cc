@@ -44,24 +44,29 @@ Settler::Settler(Ground& ground, const Settler& other)
       totals_(other.totals_),
       columns_(ground, other.columns_),
       changed_(other.changed_),
-      walls_(other.walls_),
       flux_(slope_ + kRestSlopeMargin, 1 + properties_.swell) {}
-
-void Settler::set_wall(std::size_t machine, Obstacle wall) {
-  if (walls_.size() <= machine) walls_.resize(machine + 1);
-  walls_[machine] = std::move(wall);
-}
 
 /// To be called before columns are looked at.
 void Settler::refresh() {
-  for (const Coord2& tile : columns_.take_changes()) changed_.add(tile);
+  for (const Coord2& tile : columns_.take_changes())
+    if (columns_.reaches(tile)) changed_.add(tile);
+}
+
+void Settler::forget_changes() {
+  refresh();
+  changed_.clear();
+}
+
+bool Settler::has_changes() {
+  refresh();
+  return !changed_.empty();
 }
 
 /// Reads window_ anew.
 void Settler::look_at(const Coord2& first, const Coord2& size) {
   refresh();
   const Eigen::AlignedBox2i cells(first, first + size - Coord2::Ones());
-  const BlockedColumns walls(columns_, walls_, cells);
+  BlockedColumns walls = blocked();
   Columns& to = window_.columns;
   to.nx = size.x();
   to.ny = size.y();
@@ -98,12 +103,11 @@ std::int64_t Settler::take_out(std::span<const ColumnEdit> changes, bool bank) {
   return mass;
 }
 
-/// Makes what is pending samples of columns. @return how many found room
-std::int64_t Settler::put_in(std::span<const ColumnEdit> changes) {
+/// Makes what is pending samples of columns, as many as find room.
+void Settler::put_in(std::span<const ColumnEdit> changes) {
   const std::int64_t added = add_loose(ground_, changes, slope_);
   totals_.pending -= added * units_.loose;
   totals_.fill_samples += added;
-  return added;
 }
 
 double Settler::mean_height(const Line& line_m, const Vec2& ahead,
@@ -116,12 +120,20 @@ double Settler::mean_height(const Line& line_m, const Vec2& ahead,
   for (int i = 0; i < steps; ++i) {
     const double share = (i + 0.5) / steps;
     const auto between = [&](const auto& ends) { return ends[0] + share * (ends[1] - ends[0]); };
+    const double low = between(low_m), high = between(high_m);
+    const auto height_m = [&](const Coord2& cell) {
+      const GroundColumn& column = columns_.column(cell);
+      return column.known ? std::clamp(ground_.origin().z() + h * column.top, low, high) : low;
+    };
     const Vec3 at = ground_.index_from_world(line_m[0] + share * (line_m[1] - line_m[0]));
-    for (int k = 1; k <= kColumnsBefore; ++k) {
-      const Vec2 place = at.head<2>() + k * ahead;
-      const GroundColumn& column = columns_.column(place.unaryExpr(&cell_of));
-      const double top_m = ground_.origin().z() + h * column.top;
-      sum += column.known ? std::clamp(top_m, between(low_m), between(high_m)) : between(low_m);
+    for (int k = 0; k < kColumnsBefore; ++k) {
+      // Between columns that the line does not cut, so that no step comes with each column.
+      const Vec2 place = at.head<2>() + (k + kFirstBefore) * ahead, corner = place.array().floor();
+      const Vec2 in = place - corner;
+      for (const int x : {0, 1})
+        for (const int y : {0, 1})
+          sum += (x == 1 ? in.x() : 1 - in.x()) * (y == 1 ? in.y() : 1 - in.y()) *
+                 height_m(corner.cast<int>() + Coord2(x, y));
     }
   }
   return sum / (steps * kColumnsBefore);
@@ -155,14 +167,23 @@ void Settler::save(std::string& out) const {
 
 void Settler::restore(const SettleTotals& totals) {
   totals_ = totals;
-  refresh();
-  changed_.clear();
+  forget_changes();
 }
 
-void Settler::SettleTotals::load(std::string_view& in) {
+SettleTotals& SettleTotals::operator+=(const SettleTotals& other) {
+  pending += other.pending;
+  hauled += other.hauled;
+  lost_off_terrain += other.lost_off_terrain;
+  slid += other.slid;
+  fill_samples += other.fill_samples;
+  failed_samples += other.failed_samples;
+  return *this;
+}
+
+void SettleTotals::load(std::string_view& in, std::size_t settlers) {
   for (std::int64_t* v :
        {&pending, &hauled, &lost_off_terrain, &slid, &fill_samples, &failed_samples})
-    take_amount(in, *v);
+    take_amount(in, *v, kMostAmount / static_cast<std::int64_t>(settlers));
 }
 
 }  // namespace soilvdb::inline v0

@@ -24,33 +24,35 @@
 
 namespace soilvdb::inline v0 {
 
+/// Soil outside the ground and the buckets, in units of mass, except samples.
+struct SettleTotals {
+  std::int64_t pending = 0;
+  std::int64_t hauled = 0;            ///< into hoppers
+  std::int64_t lost_off_terrain = 0;  ///< fell where the terrain has no ground
+  std::int64_t slid = 0;              ///< moved because it stood too steep
+  std::int64_t fill_samples = 0;      ///< added to the ground, slid soil included
+  std::int64_t failed_samples = 0;    ///< lost by failed slopes, in place
+
+  /// Changes each time soil moves.
+  std::int64_t moved() const { return fill_samples + failed_samples; }
+
+  /// @param settlers number of which the sum must be a number, too
+  /// @throw std::invalid_argument if the bytes are not from Settler::save()
+  void load(std::string_view& in, std::size_t settlers);
+  SettleTotals& operator+=(const SettleTotals& other);
+};
+
 /// Puts loose soil where it comes to rest.
 ///
 /// Guarantees: mass is exact. A rest of less than a sample stays pending and falls with the next
 /// soil. Soil without ground below is booked as lost off the terrain. The same bits for any number
 /// of threads. The cost of a call depends on the moved soil and the ground near it, not on the
-/// site.
+/// site. Each machine has its own, so that machines that are apart move soil at once.
 class Settler {
  public:
-  /// Soil outside the ground and the buckets, in units of mass, except samples.
-  struct SettleTotals {
-    std::int64_t pending = 0;
-    std::int64_t hauled = 0;            ///< into hoppers
-    std::int64_t lost_off_terrain = 0;  ///< fell where the terrain has no ground
-    std::int64_t slid = 0;              ///< moved because it stood too steep
-    std::int64_t fill_samples = 0;      ///< added to the ground, slid soil included
-    std::int64_t failed_samples = 0;    ///< lost by failed slopes, in place
-
-    /// Changes each time soil moves.
-    std::int64_t moved() const { return fill_samples + failed_samples; }
-
-    /// @throw std::invalid_argument if the bytes are not from Settler::save()
-    void load(std::string_view& in);
-  };
-
   /// @param ground must outlive it
   Settler(Ground& ground, const SoilProperties& properties, std::vector<Hopper> hoppers);
-  /// A copy on a clone of the other's ground.
+  /// A copy without walls, on the other's ground or a clone of it.
   Settler(Ground& ground, const Settler& other);
 
   const SoilProperties& properties() const { return properties_; }
@@ -58,8 +60,15 @@ class Settler {
   double slope() const { return slope_; }  ///< tangent of the angle of repose
   const SettleTotals& totals() const { return totals_; }
 
-  /// The tools that stand in the ground are walls to soil. @param wall one of `machine`, or none
-  void set_wall(std::size_t machine, Obstacle wall);
+  /// Tools that stand in the ground are walls to soil.
+  void set_walls(std::vector<const Obstacle*> walls) { walls_ = std::move(walls); }
+  /// Until the next call it looks at and changes no columns but these, whole tiles, and throws
+  /// OutOfReach where soil would move farther. Other threads may then change the ground elsewhere.
+  /// @param cells empty: all
+  void confine(const Eigen::AlignedBox2i& cells) { columns_.confine(cells); }
+  /// What changed is no unrest of its own.
+  void forget_changes();
+  bool has_changes();
 
   using Line = std::array<Vec3, 2>;  ///< its ends, which may be one point
 
@@ -79,7 +88,7 @@ class Settler {
   bool slide(TileSet& unrest, int steps);
   /// fail() and slide() in turn until all is at rest. @return whether it is
   bool settle(const Eigen::AlignedBox3d& around_m, bool bank_fails, TileSet& unrest);
-  /// Tiles in which the ground changed since the last call.
+  /// Tiles in which the ground changed since the last call, or since forget_changes().
   void take_changes(TileSet& changed);
 
   void save(std::string& out) const;
@@ -105,22 +114,23 @@ class Settler {
   void look_at(const Coord2& first, const Coord2& size);
   BlockedColumns blocked() { return {columns_, walls_}; }
   std::int64_t take_out(std::span<const ColumnEdit> changes, bool bank);
-  std::int64_t put_in(std::span<const ColumnEdit> changes);
+  void put_in(std::span<const ColumnEdit> changes);
   void lose_off_terrain(double samples);
   int heap_radius(const Vec2& at);
   void land(const Line& from_m, Vec2 ahead, std::int64_t mass);
   bool come_down(Vec2 at, Vec2 along, const Vec2& ahead);
-  bool run_down(Vec2& at, int radius);
-  enum class Poured { kLies, kRunsOn, kNeedsRoom, kNowhere };
-  Poured pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool may_run_on);
+  void run_down(Vec2& at, int radius);
+  enum class Poured { kLies, kRunsDown, kRunsOn, kNeedsRoom, kNowhere };
+  Poured pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half, bool has_run,
+              bool may_run_on);
   void raise(const Deposit& deposit, std::int64_t samples);
   void break_overhangs(const Eigen::AlignedBox3i& around);
   bool fail_banks(Eigen::AlignedBox2i changed);
   std::optional<bool> fail_bank(Eigen::AlignedBox2i& feet, bool last);
   void loosen(Loosening& loosening);
-  bool fall(const TileSet& tiles);
-  TileSet steep_tiles(const TileSet& changed, const BlockedColumns& blocked);
-  bool slide_from(std::span<const Coord2> tiles, const BlockedColumns& blocked, int steps);
+  bool fall(const TileSet& tiles, BlockedColumns& blocked);
+  TileSet steep_tiles(const TileSet& changed, BlockedColumns& blocked);
+  bool slide_from(std::span<const Coord2> tiles, BlockedColumns& blocked, int steps);
   bool move(double zero);
 
   Ground& ground_;
@@ -132,9 +142,9 @@ class Settler {
   OverhangStrength overhang_strength_;    // used with strength_
   SettleTotals totals_;
   GroundColumns columns_;
-  TileSet changed_;              // since they were taken
-  std::vector<Obstacle> walls_;  // by machines
-  Window window_;                // the last one; keeps its memory
+  TileSet changed_;                     // since they were taken
+  std::vector<const Obstacle*> walls_;  // of machines
+  Window window_;                       // the last one; keeps its memory
   Pourer pourer_;
   FluxGrid flux_;
 };

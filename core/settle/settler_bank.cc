@@ -38,8 +38,8 @@ void Settler::break_overhangs(const Eigen::AlignedBox3i& around) {
     Loosening falls;
     for (const UnsupportedPiece& piece :
          find_overhangs(ground_, box, strength_ ? &overhang_strength_ : nullptr, contact)) {
-      const auto holds = [&](const Obstacle& tool) {
-        return tool.blocks(piece.cell.x(), piece.cell.y(), piece.high);
+      const auto holds = [&](const Obstacle* tool) {
+        return tool->blocks(piece.cell.x(), piece.cell.y(), piece.high);
       };
       if (std::any_of(walls_.begin(), walls_.end(), holds)) continue;
       constexpr std::int64_t kEverySample = std::numeric_limits<std::int64_t>::max();

@@ -138,12 +138,11 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
   int half = radius + kPourMargin + heap_radius(at + along / 2);
   if (along != Vec2::Zero())
     half += static_cast<int>(along.norm() / 2 + kMaxLineSteps * kSourceStep);
-  else if (run_down(at, radius))
-    half = wide;
+  bool has_run = along != Vec2::Zero();
   for (int windows = 0; windows < kMaxPourWindows; ++windows) {
     if (totals_.pending < units_.loose) return true;
     const Vec2 before = at;
-    switch (pour(at, along, ahead, std::min(half, kMaxHalf), half >= wide)) {
+    switch (pour(at, along, ahead, std::min(half, kMaxHalf), has_run, half >= wide)) {
       case Poured::kNowhere:
         return false;
       case Poured::kNeedsRoom:
@@ -154,17 +153,20 @@ bool Settler::come_down(Vec2 at, Vec2 along, const Vec2& ahead) {
       case Poured::kRunsOn:
         if (at == before) return true;
         along.setZero();
+        [[fallthrough]];
+      case Poured::kRunsDown:
         run_down(at, radius);
+        has_run = true;
         half = wide;
     }
   }
-  pour(at, along, ahead, kMaxHalf, false);  // it lies at the border
+  pour(at, along, ahead, kMaxHalf, true, false);  // it lies at the border
   return true;
 }
 
 /// Follows soil down ground that is too steep for it, to so far above where it comes to rest that
-/// its pile knows the slope; what finds no foot is lost. @return whether it runs
-bool Settler::run_down(Vec2& at, int radius) {
+/// its pile knows the slope; what finds no foot is lost.
+void Settler::run_down(Vec2& at, int radius) {
   constexpr int kMaxWindows = static_cast<int>(4 * kMaxRunCells / kRunWindowCells);
   std::vector<Vec2> way = {at};
   for (bool ends = false; !ends;) {
@@ -179,14 +181,11 @@ bool Settler::run_down(Vec2& at, int radius) {
     ends = !foot.at_border;
     const bool far = (way.back() - at).norm() > kMaxRunCells || way.size() > kMaxWindows;
     if (ends || !far) continue;
-    lose_off_terrain(static_cast<double>(totals_.pending / units_.loose));
-    return true;
+    return lose_off_terrain(static_cast<double>(totals_.pending / units_.loose));
   }
-  if (way.size() == 1) return false;
   const Vec2 end = way.back();
   while (way.size() > 1 && (way.back() - end).norm() < radius + kWindowMargin) way.pop_back();
   at = way.back();
-  return true;
 }
 
 /// About how far the heap that lies at a place reaches: more soil spreads over all of it.
@@ -197,9 +196,9 @@ int Settler::heap_radius(const Vec2& at) {
 }
 
 /// Pours what is in flight within a window. @param at where soil falls, index space; then where it
-/// runs on beyond the window, if it may
+/// runs on beyond the window, if it may. @param has_run it is at the foot of what it runs down
 Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, int half,
-                              bool may_run_on) {
+                              bool has_run, bool may_run_on) {
   const std::int64_t samples = totals_.pending / units_.loose;
   const Vec2 centre = at + along / 2;
   const Coord2 first = floor_to(centre.unaryExpr(&cell_of) - Coord2::Constant(half), kChunkSide);
@@ -215,6 +214,7 @@ Settler::Poured Settler::pour(Vec2& at, const Vec2& along, const Vec2& ahead, in
     lose_off_terrain(static_cast<double>(samples));
     return Poured::kLies;
   }
+  if (!has_run && pourer_.foot(ground, *source, slope_).at_m != *source) return Poured::kRunsDown;
   const Deposit deposit =
       pourer_.pour(ground, *source, static_cast<double>(samples) / 64, slope_, may_run_on, along);
   const bool runs_on = deposit.exit_m.has_value();

@@ -23,7 +23,7 @@ double minmod(double a, double b) {
 /// A tile and the columns that its slopes are measured over.
 class Surroundings {
  public:
-  Surroundings(GroundColumns& ground, const Coord2& tile, const BlockedColumns& blocked)
+  Surroundings(GroundColumns& ground, const Coord2& tile, BlockedColumns& blocked)
       : has_loose_(ground.tile(tile.x(), tile.y()).has_loose) {
     if (!has_loose_) return;
     const Coord2 first = tile - Coord2::Constant(kFar);
@@ -125,7 +125,7 @@ double least_change(std::span<const FluxGrid::Change> changes) {
     const double missed = std::abs(rise - fall);
     if (fall > 0 && rise > 0 &&
         (missed <= kMaxLeftOutShare * std::min(rise, fall) ||
-         missed <= 0.25 * kMaxHeightChangeLeft * (rise < fall ? risen : fallen)))
+         missed <= kMaxHeightMissed * (rise < fall ? risen : fallen)))
       break;
   }
   return std::max(least, kMinHeightChange);
@@ -135,8 +135,11 @@ double least_change(std::span<const FluxGrid::Change> changes) {
 
 bool Settler::slide(TileSet& unrest, int steps) {
   take_changes(unrest);
-  for (int pieces = 0; pieces < kMaxRestRounds && fall(unrest); ++pieces) take_changes(unrest);
-  const BlockedColumns walls = blocked();
+  BlockedColumns walls = blocked();
+  for (int pieces = 0; pieces < kMaxRestRounds && fall(unrest, walls); ++pieces) {
+    take_changes(unrest);
+    walls = blocked();
+  }
   const TileSet steep = steep_tiles(unrest, walls);
   unrest.clear();
   for (const std::vector<Coord2>& group : steep_groups(steep)) {
@@ -149,7 +152,7 @@ bool Settler::slide(TileSet& unrest, int steps) {
 
 /// The tiles in which or beside which loose soil is too steep, of those that changed and those
 /// beside them.
-TileSet Settler::steep_tiles(const TileSet& changed, const BlockedColumns& blocked) {
+TileSet Settler::steep_tiles(const TileSet& changed, BlockedColumns& blocked) {
   TileSet around, steep;
   changed.each([&](const Coord2& tile) {
     for (const auto& [x, y] : {std::pair(0, 0), {-1, 0}, {1, 0}, {0, -1}, {0, 1}})
@@ -162,7 +165,7 @@ TileSet Settler::steep_tiles(const TileSet& changed, const BlockedColumns& block
 }
 
 /// @return whether all that slid is at rest
-bool Settler::slide_from(std::span<const Coord2> tiles, const BlockedColumns& blocked, int steps) {
+bool Settler::slide_from(std::span<const Coord2> tiles, BlockedColumns& blocked, int steps) {
   refresh();  // another group may have slid to here
   // Heights are floats above this, so that they are as exact wherever the site is.
   double zero = std::numeric_limits<double>::infinity();
@@ -190,9 +193,8 @@ bool Settler::slide_from(std::span<const Coord2> tiles, const BlockedColumns& bl
 
 /// Loose soil falls within its column: what nothing is under, and what stands beside air because a
 /// cut went through the column: of each column its lowest piece. @return whether some fell
-bool Settler::fall(const TileSet& tiles) {
+bool Settler::fall(const TileSet& tiles, BlockedColumns& blocked) {
   std::vector<ColumnEdit> from, to;
-  const BlockedColumns walls = blocked();
   tiles.each([&](const Coord2& tile) {
     const ColumnTile& columns = columns_.tile(tile.x(), tile.y());
     if (!columns.has_loose) return;
@@ -200,7 +202,7 @@ bool Settler::fall(const TileSet& tiles) {
       const GroundColumn& c = columns.columns[static_cast<std::size_t>(i)];
       const Coord2 cell = tile + Coord2(i / kChunkSide, i % kChunkSide);
       const bool stands = c.top - c.bank > kFilmDepth && c.surface - c.top > kMaxStandingCells;
-      if (!c.known || (c.hangs == 0 && !stands) || walls(cell)) continue;
+      if (!c.known || (c.hangs == 0 && !stands) || blocked(cell)) continue;
       // Up to its own top: what hangs may be thicker than the gap.
       const int high = cell_of(c.surface);
       if (c.hangs > 0)

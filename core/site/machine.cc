@@ -21,9 +21,8 @@ double mouth_dip(const Pose& world_from_bucket) {
 
 }  // namespace
 
-Machine::Machine(std::size_t number, Bucket bucket, const Ground& ground, Settler* settler)
-    : number_(number),
-      bucket_((bucket.validate(), std::move(bucket))),
+Machine::Machine(Bucket bucket, const Ground& ground, Settler* settler)
+    : bucket_((bucket.validate(), std::move(bucket))),
       excavator_(bucket_),
       extremes_(extremes(bucket_)),
       settler_(settler) {
@@ -38,7 +37,7 @@ double Machine::tolerance_m(const Ground& ground) { return kPathTolerance * grou
 
 Update Machine::move(Ground& ground, const Pose& to) {
   const Ledger before = ledger_;
-  const std::int64_t slid_before = slid();
+  const std::int64_t slid_before = begin_update();
   const bool turns = placed_ && to.rotation.coeffs() != current_.rotation.coeffs();
   constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
   if (settler_ != nullptr && placed_) {
@@ -59,14 +58,16 @@ Update Machine::move(Ground& ground, const Pose& to) {
 
 Update Machine::move(Ground& ground, const Motion& motion, double begin_s, double end_s) {
   const Ledger before = ledger_;
-  const std::int64_t slid_before = slid();
+  const std::int64_t slid_before = begin_update();
   double from_s = begin_s;
   if (settler_ != nullptr) {
-    for (const auto& [time_s, kind] : stops(ground, motion, begin_s, end_s)) {
+    for (const auto& [time_s, kind, ticks] : stops(ground, motion, begin_s, end_s)) {
       pass_rows(motion, from_s, time_s);
       follow(ground, plan(ground, motion, from_s, time_s), time_s);
       if (kind == Stop::Kind::kTurn)
         pass_turn(ground, time_s);
+      else if (kind == Stop::Kind::kTick)
+        pass_tick(ground, time_s, ticks);
       else
         stop(ground, time_s, kind == Stop::Kind::kStandstill ? Rest::kStands : Rest::kSlides);
       from_s = time_s;
@@ -112,7 +113,7 @@ Update Machine::since(const Ledger& before, std::int64_t slid_before) const {
   update.cut_m3 = static_cast<double>(ledger_.cut() - before.cut()) * ledger_.sample_m3;
   update.bucket_m3 = ledger_.bucket_m3();
   update.spilled_m3 = loose_m3(ledger_.spilled - before.spilled);
-  update.slid_m3 = loose_m3(slid() - slid_before);
+  if (settler_ != nullptr) update.slid_m3 = loose_m3(settler_->totals().slid - slid_before);
   return update;
 }
 
@@ -216,7 +217,20 @@ Eigen::AlignedBox3d Machine::workspace(const Ground& ground, std::span<const Pos
   for (const Pose& pose : path) add(pose);
   if (box.isEmpty()) return box;
   // The bucket, arcs between poses, and the rest of a chunk.
-  const Vec3 wide = Vec3::Constant(2 * radius_m_ / ground.voxel_size_m() + 2 * kChunkSide);
+  Vec3 wide = Vec3::Constant(2 * radius_m_ / ground.voxel_size_m() + 2 * kChunkSide);
+  if (settler_ != nullptr) {
+    if (tipped_) add(*tipped_);
+    for (const Eigen::AlignedBox3d* changed : {&swept_box_, &unsettled_box_, &propped_box_}) {
+      if (changed->isEmpty()) continue;
+      box.extend(ground.index_from_world(changed->min()));
+      box.extend(ground.index_from_world(changed->max()));
+    }
+    unrest_.each([&](const Coord2& tile) {
+      box.extend(Vec3(tile.x(), tile.y(), box.min().z()));
+      box.extend(Vec3(tile.x() + kChunkSide, tile.y() + kChunkSide, box.min().z()));
+    });
+    wide += Vec3(kSoilReachCells, kSoilReachCells, kMaxPlaceIndex);
+  }
   return {box.min() - wide, box.max() + wide};
 }
 

@@ -3,6 +3,7 @@
 // One machine of a site: its bucket, its pose and its load.
 #pragma once
 
+#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -21,10 +22,9 @@ namespace soilvdb::inline v0 {
 /// fixed travel apart, independent of the updates.
 class Machine {
  public:
-  /// @param number among the site's machines
   /// @param settler null for rigid soil; otherwise it must outlive the machine
   /// @throw std::invalid_argument for a bad bucket.
-  Machine(std::size_t number, Bucket bucket, const Ground& ground, Settler* settler);
+  Machine(Bucket bucket, const Ground& ground, Settler* settler);
   /// A copy for a clone. @param settler of the clone
   Machine(const Machine& other, Settler* settler) : Machine(other) { settler_ = settler; }
 
@@ -45,31 +45,43 @@ class Machine {
     bool placed = false;
     Pose current;
     double travel_m = 0;
+    Pose stands_at;
+    double stands_s = 0;
   };
-  KinematicState kinematic_state() const { return {placed_, current_, travel_m_}; }
+  KinematicState kinematic_state() const {
+    return {placed_, current_, travel_m_, stands_at_, stands_s_};
+  }
   void restore(const KinematicState& state) {
     placed_ = state.placed;
     current_ = state.current;
     travel_m_ = state.travel_m;
+    stands_at_ = state.stands_at;
+    stands_s_ = state.stands_s;
   }
   /// Brings pushed soil, excess load and soil left behind to rest. Cuts may fail here in any case;
   /// during work they fail only with the bucket out of the ground, because it props them.
-  void come_to_rest(Ground& ground, double time_s) { stop(ground, time_s, Rest::kEnds); }
-  /// Soil that was pushed or let go and has not landed, units of mass.
-  std::int64_t pending() const { return pushed_ + falling_; }
+  void come_to_rest(Ground& ground, double time_s) {
+    begin_update();
+    stop(ground, time_s, Rest::kEnds);
+  }
+  /// Soil that was pushed or let go and has not landed, and what goes on before the mouth, units of
+  /// mass.
+  std::int64_t pending() const { return pushed_ + falling_ + heaped_; }
 
-  /// A box in index space: moves along these poses change nothing outside it.
+  /// A box in index space: moves along these poses change nothing outside it. Of soil that moves
+  /// it has what may begin to, and most of where it may go.
   Eigen::AlignedBox3d workspace(const Ground& ground, std::span<const Pose> path) const;
 
   /// Appends the state that the next move depends on, without the ground.
   void save(std::string& out) const;
-  /// Tells the settler of the wall that load() found.
-  void raise_wall(const Ground& ground) const;
+  /// It as a wall to soil: valid while the machine lives, and always of now.
+  const Obstacle& wall() const { return obstacle_; }
   /// Takes it off again. @throw std::invalid_argument if the bytes are not from save()
   void load(std::string_view& in, const Ground& ground);
 
  private:
   Machine(const Machine&) = default;
+  static constexpr double kNotYet = std::numeric_limits<double>::infinity();
   bool plan(const Ground& ground, const Pose& to);
   bool plan(const Ground& ground, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Ground& ground, std::span<const Pose> path, double bend_m) const;
@@ -84,18 +96,21 @@ class Machine {
   enum class Rest { kSlides, kStands, kEnds };
   void stop(Ground& ground, double time_s, Rest rest);
   void set_wall(const Ground& ground, const Pose& at);
+  std::int64_t surplus();
   void let_go();
   void tip(double time_s);
+  std::int64_t begin_update();
   void end_update();
   double held_m() const;
   void pass_turn(Ground& ground, double time_s);
+  void pass_tick(Ground& ground, double time_s, int ticks);
   bool lands(const Ground& ground) const;
   void land(const Ground& ground, double time_s, bool all);
-  std::int64_t slid() const;
   double travel_m(const Pose& from, const Pose& to) const;
   struct Stop {
     double time_s;
-    enum class Kind { kStation, kStandstill, kTurn } kind;
+    enum class Kind { kStation, kStandstill, kTurn, kTick } kind;
+    int ticks = 0;
   };
   std::vector<Stop> stops(const Ground& ground, const Motion& motion, double begin_s, double end_s);
   void pass_rows(const Motion& motion, double begin_s, double end_s);
@@ -105,7 +120,6 @@ class Machine {
   Settler::Line push_line(const Pose& at, const Vec2& way) const;
   Eigen::AlignedBox3d box_around(std::span<const Pose> path) const;
 
-  std::size_t number_;
   Bucket bucket_;
   Excavator excavator_;
   std::vector<Vec3> extremes_;  // points of the bucket that bound it, bucket frame
@@ -119,16 +133,20 @@ class Machine {
   Settler* settler_;
   std::optional<Capacity> capacity_;
   double travel_m_ = 0;                // from the last station to the last row or pose
+  Pose stands_at_;                     // the row since which it has been about there
+  double stands_s_ = kNotYet;          // time of that row, or of the last tick
   Pose station_;                       // the last one
   Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since then, at stations and rows
   std::int64_t cut_before_ = 0;        // samples, up to the last station
   std::int32_t stations_ = 0;          // since overhangs were looked for
   std::int64_t pushed_ = 0;            // pushed by the body since the last station, units of mass
   std::int64_t falling_ = 0;           // let go and not landed, units of mass
+  std::int64_t heaped_ = 0;            // before the mouth, more than it holds, units of mass
   std::optional<Pose> tipped_;         // of the bucket when what falls began to
   double tipped_s_ = 0;                // at that time
   TileSet unrest_;                     // where loose soil may be too steep
   std::optional<Pose> wall_;           // of the bucket when it became a wall to soil
+  Obstacle obstacle_;                  // the same as columns
   Eigen::AlignedBox3d unsettled_box_;  // where soil may hang
   Eigen::AlignedBox3d propped_box_;    // where bank may stand too steep once the bucket has left
 };

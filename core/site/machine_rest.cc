@@ -42,8 +42,9 @@ std::vector<Pose> Machine::stations(const Ground& ground, const Pose& to) {
   return found;
 }
 
-/// Stations and ends of turns in (begin, end], and the beginnings of standstills in [begin, end).
-/// They are counted from row to row, so they do not depend on the updates.
+/// Stations, ends of turns and ticks of a bucket that stays about where it is in (begin, end], and
+/// the beginnings of standstills in [begin, end). They are counted from row to row, so they do not
+/// depend on the updates.
 std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& motion,
                                           double begin_s, double end_s) {
   const double every_m = station_travel_m(ground);
@@ -61,7 +62,19 @@ std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& mo
       const double at_s = std::min(to_s, from_s + (to_s - from_s) * (at_m / way_m));
       if (at_s > begin_s && at_s <= end_s) found.push_back({at_s, Stop::Kind::kStation});
     }
-    if (to_s <= end_s) travel_m_ = std::max(0.0, every_m - (at_m - way_m));
+    if (to_s <= end_s) {
+      travel_m_ = std::max(0.0, every_m - (at_m - way_m));
+      const Pose at = motion.row(row);
+      if (stands_s_ > to_s) stands_s_ = from_s;  // its clock was set back
+      const double ticks = std::min((to_s - stands_s_) / kTick_s, 1.0 * kMaxTicks);
+      if (travel_m(stands_at_, at) > kMaxTremble * every_m) {
+        stands_at_ = at;
+        stands_s_ = to_s;
+      } else if (ticks >= 1) {
+        found.push_back({to_s, Stop::Kind::kTick, static_cast<int>(ticks)});
+        stands_s_ = to_s;
+      }
+    }
     if (!capacity_) continue;
     const double turn_rad =  // or a bit more
         std::numbers::pi * half_turn(motion.row(row - 1), motion.row(row));
@@ -127,27 +140,25 @@ void Machine::set_wall(const Ground& ground, const Pose& at) {
   if (wall_ && stands && wall_->position == at.position &&
       wall_->rotation.coeffs() == at.rotation.coeffs())
     return;
-  if (wall_) unrest_.add(Obstacle(bucket_, *wall_, ground).cells());
+  if (wall_) unrest_.add(obstacle_.cells());
   wall_ = stands ? std::optional(at) : std::nullopt;
-  raise_wall(ground);
+  obstacle_ = wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle();
 }
 
-void Machine::raise_wall(const Ground& ground) const {
-  if (settler_ != nullptr)
-    settler_->set_wall(number_, wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle());
-}
-
-/// Excess load at the present attitude leaves the bucket and is then in flight.
-void Machine::let_go() {
-  if (!capacity_ || ledger_.load == 0) return;
-  const auto surplus = [&](double held_m) {
+/// The part of the load that the bucket can't hold at the present attitude.
+std::int64_t Machine::surplus() {
+  if (!capacity_ || ledger_.load == 0) return 0;
+  const auto beyond = [&](double held_m) {
     const double hold_m3 = capacity_->at(current_.rotation, settler_->slope(), held_m).volume_m3;
     const double most = hold_m3 / ledger_.sample_m3 * static_cast<double>(ledger_.units.loose);
     return std::max<std::int64_t>(0, ledger_.load - static_cast<std::int64_t>(most));
   };
-  std::int64_t spill = surplus(0);
-  if (spill == 0) return;
-  spill = surplus(held_m());
+  return beyond(0) == 0 ? 0 : beyond(held_m());
+}
+
+/// What the bucket can't hold leaves it and is then in flight.
+void Machine::let_go() {
+  const std::int64_t spill = surplus();
   ledger_.load -= spill;
   ledger_.spilled += spill;
   falling_ += spill;
@@ -161,12 +172,21 @@ void Machine::tip(double time_s) {
   tipped_s_ = time_s;
 }
 
-/// What an update may not leave to the next station.
+/// @return mass that slid before
+std::int64_t Machine::begin_update() {
+  if (settler_ == nullptr) return 0;
+  ledger_.load += std::exchange(heaped_, 0);
+  return settler_->totals().slid;
+}
+
+/// What an update may not leave to the next station. In the ground, what the bucket can't hold goes
+/// on before it until then: soil must not land at places that depend on the updates.
 void Machine::end_update() {
   if (settler_ == nullptr) return;
-  // In the ground, what it holds depends on the ground before it, which is as it was at a station.
-  if (!wall_ && ledger_.cut() == cut_before_) let_go();
   settler_->take_changes(unrest_);
+  if (!wall_ && ledger_.cut() == cut_before_) return let_go();
+  heaped_ = surplus();
+  ledger_.load -= heaped_;
 }
 
 /// How far up the mouth, from the lip, the ground before it holds the load in.
@@ -180,8 +200,17 @@ double Machine::held_m() const {
   const std::array<double, 2> low = {lip[0].z(), lip[1].z()};
   const std::array<double, 2> high = {low[0] + rise * bucket_.height_m,
                                       low[1] + rise * bucket_.height_m};
-  const double mean = settler_->mean_height(lip, ahead.normalized(), low, high);
-  return (mean - (low[0] + low[1]) / 2) / rise;
+  const double low_m = (low[0] + low[1]) / 2;
+  // Where the mouth leans over the lip, the ground below it is as it was cut. Not where it looks
+  // down: there it is what soil falls onto.
+  const double lean = std::clamp(axes.col(2).head<2>().dot(ahead.normalized()) / rise, 0.0, 1.0);
+  double held_m = rise * bucket_.height_m;
+  for (int n = 0; n < (lean > 0 ? 2 : 1); ++n) {
+    Settler::Line before = lip;
+    for (Vec3& end : before) end.head<2>() += lean * held_m * ahead.normalized();
+    held_m = settler_->mean_height(before, ahead.normalized(), low, high) - low_m;
+  }
+  return held_m / rise;
 }
 
 /// Dense rows make as few piles as sparse rows.
@@ -190,6 +219,16 @@ void Machine::pass_turn(Ground& ground, double time_s) {
   if (!lands(ground)) return;
   set_wall(ground, current_);
   land(ground, time_s, false);
+}
+
+/// What sensors err by is no way, so beside a bucket that stands soil comes to rest by time.
+void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
+  if (!placed_) return;
+  if (!wall_ || travel_m(*wall_, current_) > kMaxTremble * station_travel_m(ground))
+    set_wall(ground, current_);
+  tip(time_s);
+  land(ground, time_s, true);
+  settler_->slide(unrest_, ticks * kStationSteps);
 }
 
 /// Does soil in the air land now? It is much, or is to land elsewhere than what leaves now.
@@ -214,9 +253,10 @@ void Machine::land(const Ground& ground, double time_s, bool all) {
     }
   }
   if (!lands(ground) && !(all && falling_ > 0)) return;
-  settler_->drop(spill_line(ground, *tipped_), (tipped_->rotation * Vec3::UnitX()).head<2>(),
-                 std::exchange(falling_, 0), tipped_s_);
+  const Pose from = *tipped_;
   tipped_.reset();
+  settler_->drop(spill_line(ground, from), (from.rotation * Vec3::UnitX()).head<2>(),
+                 std::exchange(falling_, 0), tipped_s_);
 }
 
 /// Where soil leaves the bucket.
@@ -261,7 +301,5 @@ Eigen::AlignedBox3d Machine::box_around(std::span<const Pose> path) const {
     for (const Vec3& p : extremes_) box.extend(pose * p);
   return box;
 }
-
-std::int64_t Machine::slid() const { return settler_ != nullptr ? settler_->totals().slid : 0; }
 
 }  // namespace soilvdb::inline v0

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // A machine's state as bytes and back.
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -30,9 +31,12 @@ void Machine::save(std::string& out) const {
   put(out, ledger_.load);
   put(out, ledger_.spilled);
   put(out, travel_m_);
+  put(out, stands_at_);
+  put(out, stands_s_);
   put(out, station_);
   put(out, pushed_);
   put(out, falling_);
+  put(out, heaped_);
   put(out, tipped_s_);
   put(out, cut_before_);
   put(out, stations_);
@@ -70,13 +74,19 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
   take(in, travel_m_);
+  take(in, stands_at_);
+  take(in, stands_s_);
   take(in, station_);
   take_amount(in, pushed_);
   take_amount(in, falling_);
+  take_amount(in, heaped_);
+  constexpr std::int64_t kMostMass = std::int64_t{1} << 55;  // sums and products of some
+  require_valid(std::max({ledger_.load, pushed_, falling_, heaped_}) <= kMostMass);
   take(in, tipped_s_);
   take_amount(in, cut_before_);
   take(in, stations_);
-  require_valid(is_valid(station_) && std::isfinite(travel_m_) && travel_m_ >= 0 && stations_ >= 0);
+  require_valid(is_valid(stands_at_) && !std::isnan(stands_s_) && is_valid(station_) &&
+                travel_m_ >= 0 && travel_m_ <= station_travel_m(ground) && stations_ >= 0);
   unrest_.load(in);
   for (std::optional<Pose>* pose : {&wall_, &tipped_}) {
     bool there = false;
@@ -86,7 +96,8 @@ void Machine::load(std::string_view& in, const Ground& ground) {
     require_valid(is_valid(value) && (!there || near(value.position)));
     *pose = there ? std::optional(value) : std::nullopt;
   }
-  require_valid(!std::isinf(tipped_s_) && (capacity_ || falling_ == 0) &&
+  if (wall_) obstacle_ = Obstacle(bucket_, *wall_, ground);
+  require_valid(!std::isinf(tipped_s_) && (capacity_ || (falling_ == 0 && heaped_ == 0)) &&
                 (!tipped_ || falling_ > 0));
   for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {
     for (double& v : box->min()) take(in, v);

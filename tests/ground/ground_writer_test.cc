@@ -290,5 +290,24 @@ TEST(SampleTree, WorksWithWhatOpenVdbHasForTrees) {
   EXPECT_EQ(Mask(tree, false, openvdb::TopologyCopy()).activeVoxelCount(), on);
 }
 
+// Else what a machine finds would depend on what others do far away.
+TEST(GroundWriter, AirStaysAirWhateverIsRaisedElsewhere) {
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0.5, 0}));
+  GroundWriter writer(ground);
+  SampleWords some;
+  some.fill(1);
+  writer.remove({0, 0, 0}, some);  // a chunk with soil in its higher half
+  const Eigen::AlignedBox3d air(Vec3(0, 0, 0.25), Vec3(0.1, 0.1, 0.35));
+  ASSERT_NE(ground.find({0, 0, 0}), nullptr);
+  EXPECT_TRUE(ground.is_air(air));
+  for (const Coord3& origin : {Coord3(-16, -16, 0), Coord3(16, 16, 16)}) {
+    writer.add(origin, some, GroundWriter::Kind::kLoose);
+    EXPECT_TRUE(ground.is_air(air));
+  }
+  ASSERT_TRUE(ground.above_base().contains(Coord3(0, 0, 3)));
+  writer.add({0, 0, 0}, some, GroundWriter::Kind::kLoose);
+  EXPECT_FALSE(ground.is_air(air));
+}
+
 }  // namespace ground_writer_test
 }  // namespace soilvdb::test

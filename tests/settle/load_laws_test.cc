@@ -74,6 +74,45 @@ TEST(Load, OfABucketThatWasTippedIsWhatStaysOnItsFloor) {
   }
 }
 
+// What it digs from one station to the next it holds no more than what it held at a station.
+TEST(Load, OfAFullBucketInTheGroundDoesNotSwingFromUpdateToUpdate) {
+  Random random(41);
+  for (const double voxel_m : {0.1, 0.05}) {
+    for (int n = 0; n < 3; ++n) {
+      SCOPED_TRACE(::testing::Message() << voxel_m << " m, " << n);
+      Site site(voxel_m, digger());
+      const double struck_m3 = capacity(site.bucket).struck_m3();
+      const double depth_m = random(0.2, 0.4), pitch = random(-0.1, 0.2);
+      const auto at = [&](double x) { return Pose{{x, 0, -depth_m}, pitched(pitch)}; };
+      site.tracker.update(0, Pose{{-6, 0, 0.5}, pitched(pitch)});
+      for (double x = -5.6; x < 0; x += 0.05) site.tracker.update(0, at(x));  // it is full then
+      double before_m3 = site.load_m3();
+      for (double x = 0; x < 2;) {
+        x += random(0.005, 0.03);
+        const Update update = site.tracker.update(0, at(x));
+        EXPECT_LE(std::abs(update.bucket_m3 - before_m3), 0.03 * struck_m3) << x;
+        EXPECT_EQ(residual(site.tracker), 0);
+        before_m3 = update.bucket_m3;
+      }
+      EXPECT_GT(before_m3, 0.5 * struck_m3);
+    }
+  }
+}
+
+TEST(Load, IsHeldInByTheGroundBeforeTheMouthAsHighAsThatIs) {
+  double before_m3 = 0;
+  for (const double depth_m : {0.1, 0.2, 0.35}) {
+    Site site(0.05, digger());
+    for (double x = -8; x < 0; x += 0.05)
+      site.tracker.update(0, Pose{{x, 0, -depth_m}, pitched(0.2)});
+    EXPECT_GT(site.load_m3(), 1.05 * before_m3) << depth_m;
+    before_m3 = site.load_m3();
+    if (depth_m < 0.3) {
+      EXPECT_LT(before_m3, 0.9 * capacity(site.bucket).struck_m3()) << depth_m;
+    }
+  }
+}
+
 TEST(Load, IsNeverMoreThanTheBucketHoldsWhereverItTurns) {
   Random random(31);
   int full = 0;

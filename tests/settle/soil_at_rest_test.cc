@@ -196,7 +196,7 @@ TEST(SoilAtRest, ALipHalfOverATruckGivesItHalf) {
   const std::int64_t mass = 40000 * settler.units().loose + 7;
   settler.drop({Vec3(0, -0.5, 2), Vec3(0.1, 0.7, 2)}, Vec2::Zero(), mass,
                std::numeric_limits<double>::quiet_NaN());
-  const Settler::SettleTotals& totals = settler.totals();
+  const SettleTotals& totals = settler.totals();
   EXPECT_NEAR(static_cast<double>(totals.hauled), 0.5 * static_cast<double>(mass), 1);
   EXPECT_EQ(totals.hauled + totals.pending + loose_samples(ground) * settler.units().loose, mass);
 }
@@ -238,7 +238,8 @@ int blocked(double yaw) {
   const Pose centred{at.position - Vec3(middle.x(), middle.y(), 0), at.rotation};
   GroundColumns columns(ground);
   const Obstacle obstacle(box, centred, ground);
-  const BlockedColumns blocks(columns, {&obstacle, 1});
+  const Obstacle* const obstacles[] = {&obstacle};
+  BlockedColumns blocks(columns, obstacles);
   int count = 0;
   for (int x = -16; x <= 16; ++x)
     for (int y = -16; y <= 16; ++y) count += blocks(Coord2(x, y));

@@ -62,6 +62,13 @@ struct Site : ToolSite {
   /// @return columns with loose soil
   std::size_t expect_rest(const Eigen::AlignedBox2i& taken = {}) {
     tracker.come_to_rest();
+    const std::size_t columns = expect_no_faults(taken);
+    const std::uint64_t hash = ground.state_hash();
+    tracker.come_to_rest();
+    EXPECT_EQ(ground.state_hash(), hash) << "it wasn't at rest";
+    return columns;
+  }
+  std::size_t expect_no_faults(const Eigen::AlignedBox2i& taken) {
     EXPECT_EQ(residual(tracker), 0);
     const GroundWindow window = all_of(ground);
     const Faults faults(window, repose_rad(), taken);
@@ -70,10 +77,20 @@ struct Site : ToolSite {
     EXPECT_EQ(faults.needles(), 0);
     EXPECT_EQ(faults.slits(), 0);
     EXPECT_EQ(faults.hanging(), 0);
-    const std::uint64_t hash = ground.state_hash();
-    tracker.come_to_rest();
-    EXPECT_EQ(ground.state_hash(), hash) << "it wasn't at rest";
     return faults.loose_columns();
+  }
+  /// Cells under the bucket, and those from which a slope would be measured into it.
+  Eigen::AlignedBox2i taken(const Pose& at) const {
+    Eigen::AlignedBox2i cells;
+    for (const Vec3& p : extremes(bucket)) {
+      for (const double side : {-0.5, 0.5}) {
+        const Vec3 corner(p.x(), side * bucket.width_m, p.z());
+        const Vec2 cell = ground.index_from_world(at * corner).head<2>();
+        cells.extend(Coord2(cell.array().round().matrix().cast<int>()));
+      }
+    }
+    const Coord2 margin = Coord2::Constant(kFar + 1);
+    return {cells.min() - margin, cells.max() + margin};
   }
 };
 
@@ -176,20 +193,59 @@ TEST(ToolLaws, SoilComesToRestAroundATrembler) {
       at.position = stands.position + noise(random, tremble_m);
       site.tracker.update(0, at);
     }
-    Eigen::AlignedBox2i taken;
-    for (const Vec3& p : extremes(site.bucket)) {
-      for (const double side : {-0.5, 0.5}) {
-        const Vec3 corner(p.x(), side * width_m, p.z());
-        const Vec2 cell = site.ground.index_from_world(at * corner).head<2>();
-        taken.extend(Coord2(cell.array().round().matrix().cast<int>()));
-      }
-    }
-    // No slope is measured into it.
-    const Coord2 margin = Coord2::Constant(kFar + 1);
-    columns += site.expect_rest({taken.min() - margin, taken.max() + margin});
+    columns += site.expect_rest(site.taken(at));
     for (int i = 1; i <= 10; ++i)  // and what leant on it, once it has gone
       site.tracker.update(0, {at.position + Vec3(0, 0, 0.3 * i), at.rotation});
     columns += site.expect_rest();
+  }
+  EXPECT_GT(columns, 100 * scenes());
+}
+
+// As sensors see a machine that stands.
+TEST(ToolLaws, SoilBesideATremblerRestsAfterSomeTenthsOfASecond) {
+  constexpr double kStands_s = 0.3;
+  std::size_t columns = 0;
+  for (std::uint64_t seed = 0; seed < scenes(); ++seed) {
+    SCOPED_TRACE(seed);
+    Random random(1350 + seed);
+    const double width_m = random(0.6, 2.5), depth_m = random(0.1, 0.5);
+    const double length_m = random(2.5, 4), tremble_m = random(0.001, 0.003);
+    const double yaw = heading(random);
+    const auto base = terrain(random, seed);
+    Earthmoving all = soil(random);
+    all.pours = {{"heap", {0, 0, 6}, 0, 0, random(1.5, 3)}};  // through which it is cut
+    Site site(voxel_m(seed), base, digger(width_m), all);
+    site.tracker.pour(0, 0);
+    std::vector<Pose> rows;
+    for (const Pose& pose : drag({-length_m / 2, 0, 0}, length_m, depth_m, 300))
+      rows.push_back(site.placed(yaw, pose));
+    rows.resize(200);
+    const auto pass = [&](double begin_s, std::size_t from, double rows_hz) {
+      std::vector<double> times_s;
+      for (std::size_t i = from; i < rows.size(); ++i)
+        times_s.push_back(begin_s + static_cast<double>(i - from) / rows_hz);
+      const std::vector<Pose> part(rows.begin() + static_cast<std::ptrdiff_t>(from), rows.end());
+      const Motion motion(times_s, part);
+      for (double at_s = begin_s; at_s < motion.end_s();) {
+        const double to_s = std::min(motion.end_s(), at_s + random(0.001, 0.05));
+        site.tracker.update(0, motion, at_s, to_s);
+        at_s = to_s;
+      }
+    };
+    constexpr double kDigs_hz = 100, kDug_s = 1000;
+    pass(kDug_s, 0, kDigs_hz);
+    const Pose stands = rows.back();
+    const std::size_t dug = rows.size() - 1;
+    const int rows_more = seed % 3 == 0 ? 1 : 30;
+    for (int i = 0; i < rows_more; ++i)
+      rows.push_back({stands.position + noise(random, tremble_m), stands.rotation});
+    // Its clock may have been set back.
+    pass(seed % 2 == 0 ? kDug_s + static_cast<double>(dug) / kDigs_hz : 0, dug,
+         rows_more / kStands_s);
+    columns += site.expect_no_faults(site.taken(rows.back()));
+    const MassBalance balance = site.tracker.mass_balance();
+    EXPECT_LT(balance.units.loose_samples(balance.pending) * site.ground.sample_m3(), 0.005)
+        << "in the air";
   }
   EXPECT_GT(columns, 100 * scenes());
 }

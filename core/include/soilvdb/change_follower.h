@@ -13,9 +13,11 @@ namespace soilvdb::inline v0 {
 class ChunkList;  // core/lattice/chunk_list.h
 
 /// Lists the chunks that changed since the last take(). A ground may have many followers; each
-/// receives every change. Between calls a follower stores the origin of each changed chunk once.
+/// receives every change. Between calls a follower stores the origin of each changed chunk at most
+/// twice.
 ///
-/// All functions need exclusive access to the ground.
+/// take() may run while other threads change the ground elsewhere. All other functions need
+/// exclusive access to the ground.
 class ChangeFollower {
  public:
   /// @param ground must outlive the last take()

@@ -26,9 +26,9 @@ struct Chunk {
   std::uint16_t base_count = 0;   ///< soil samples of the initial terrain
   std::uint16_t soil_count = 0;   ///< current soil samples
   std::uint16_t loose_count = 0;  ///< loose samples among them
-  bool touched : 1 = false;       ///< listed for ChangeFollower
   bool above : 1 = false;         ///< holds added soil that the initial terrain does not have
   std::uint8_t used : 2 = 0;      ///< recency under a memory limit; 2: since the last evict()
+  bool touched = false;           ///< listed for ChangeFollower; the ground's lock guards it
   Samples samples;                ///< soil samples
   Samples loose;                  ///< samples of moved soil, a subset of `samples`
 
@@ -44,7 +44,8 @@ struct Chunk {
 /// Under a memory limit the swap store holds the samples of chunks that were not used recently;
 /// const members read them there.
 ///
-/// Const members may run together. They must not run while the ground changes, except is_air().
+/// Const members may run together. They must not run while the ground changes, except is_air(),
+/// and find(), read_*() and copy() of chunks that do not change.
 /// set_memory_limit() and evict() must run alone. A clone() counts as a separate ground in these
 /// rules.
 class Ground {
@@ -131,6 +132,7 @@ class Ground {
  private:
   friend class GroundWriter;
   friend class ChangeFollower;
+  friend class GroundUndo;
   struct State;  // core/ground/ground_state.h
   void tell_followers();
   std::size_t load(Chunk& chunk) const;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -41,7 +42,8 @@ struct Ledger {
 /// Mass balance of a site with moving soil, without its machines, in units of mass.
 struct MassBalance {
   std::int64_t ground = 0;  ///< change of the ground's mass, counted anew
-  /// Pushed or released soil still to come down (at rest < 1 sample each), plus lost_off_terrain.
+  /// Soil that was pushed, that left a bucket or goes on before it, and has not come down (at rest
+  /// < 1 sample for each machine), plus lost_off_terrain.
   std::int64_t pending = 0;
   std::int64_t lost_off_terrain = 0;  ///< part of `pending` that fell beyond the terrain
   std::int64_t poured = 0;            ///< brought by pours
@@ -79,6 +81,7 @@ struct InvalidMove {
 
 class Machine;  // core/site/machine.h
 class Settler;  // core/settle/settler.h
+struct SettleTotals;
 class TileSet;  // core/settle/tile_set.h
 
 /// Tracks the ground and the loads of a site's machines.
@@ -118,7 +121,7 @@ class Tracker {
   Update update(std::size_t machine, const Motion& motion, double begin_s, double end_s);
   /// Applies many moves, one update each. Machines that are far apart move in parallel; the result
   /// is bitwise that of sequential moves.
-  /// @throw NoGroundError; other machines may then have moved further than this one
+  /// @throw NoGroundError; with rigid soil other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
   /// The first of these moves that update() would refuse, if any; nothing moves.
@@ -153,14 +156,21 @@ class Tracker {
   void check(const Move& move) const;
   std::int64_t mass_of(const Pour& pour) const;
   std::int64_t poured(const Pour& pour, std::int64_t parts) const;
-  double slid_m3(std::int64_t before) const;
-  std::vector<std::vector<std::size_t>> apart(std::span<const Move> moves) const;
+  bool moves_soil() const { return !settlers_.empty(); }
+  Settler* settler(std::size_t machine) const;
+  SettleTotals settled() const;
+  struct Group;
+  std::vector<Group> apart(std::span<const Move> moves) const;
+  using Run = std::function<void(std::size_t)>;
+  bool run_apart(std::span<const Group> groups, std::span<const Move> moves, const Run& run);
+  void forget_changes_of(std::size_t settler);
+  void raise_walls();
   Ground& ground_;
   Earthmoving earthmoving_;
-  std::unique_ptr<Settler> settler_;  // null: soil does not move
   std::vector<std::unique_ptr<Machine>> machines_;
-  std::vector<std::int64_t> poured_parts_;  // per pour
-  std::unique_ptr<TileSet> poured_unrest_;  // where poured soil may be too steep
+  std::vector<std::unique_ptr<Settler>> settlers_;  // of machines, then of pours; empty: rigid soil
+  std::vector<std::int64_t> poured_parts_;          // per pour
+  std::unique_ptr<TileSet> poured_unrest_;          // where poured soil may be too steep
 };
 
 }  // namespace soilvdb::inline v0
