@@ -118,6 +118,9 @@ inline constexpr double kPathStride = 16;
 /// Number of parts that a thread makes of one machine's updates in a batch. With more parts threads
 /// meet at the lock more often. With fewer parts one thread waits longer for the other at the end.
 inline constexpr std::size_t kPartsOfSequence = 16;
+/// Most batches that are made in turn after one in which soil met another's. With more, machines
+/// that are apart again wait longer for it; with fewer, more batches are made twice.
+inline constexpr int kMaxBatchesInTurn = 63;
 /// Room around a machine that its soil has at least where others move theirs at once, cells: 3 m at
 /// 5 cm. With more, machines near each other take turns. With less, soil leaves it more often, and
 /// all is done again in turns.
@@ -179,11 +182,14 @@ inline constexpr int kStationsPerRest = 5;
 /// fewer, soil behind the bucket stands too steep for longer.
 inline constexpr int kStationSteps = 60;
 /// Time after which soil beside a bucket that stands goes on as at a station, s. With more, it
-/// takes longer to rest; with less, updates take longer. And the way within which it stands,
-/// stations: what sensors err by, and less than a station.
-inline constexpr double kTick_s = 0.05, kMaxTremble = 0.2;
-/// Most ticks that are made up for at a row that comes late.
-inline constexpr int kMaxTicks = 20;
+/// takes longer to rest; with less, updates take longer.
+inline constexpr double kTick_s = 0.05;
+/// A bucket stands that stays so near for so many ticks: as far as sensors err, and not so long
+/// that one is taken to stand that digs at 0.15 m/s. Later ticks are made up for, up to some.
+inline constexpr double kMaxTremble_m = 0.02;
+inline constexpr std::int64_t kTicksToStand = 3, kMaxTicks = 20;
+/// What times err by, ticks; and the longest time that is counted, s.
+inline constexpr double kTickRounding = 1e-3, kMaxStand_s = 1e12;
 /// Stations from one at which soil slides to the next.
 inline constexpr int kStationsPerSlide = 2;
 /// Places before the lip at which the ground that holds a load in is measured, a cell apart: their

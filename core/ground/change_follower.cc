@@ -11,8 +11,8 @@ void Ground::tell_followers() {
   const std::vector<Coord3> touched = state_->touched.take();
   for (const Coord3& origin : touched)
     if (SampleLeaf* leaf = state_->find(origin)) leaf->chunk.touched = false;
-  std::erase_if(state_->followers, [](const auto& follower) { return follower.expired(); });
   if (touched.empty()) return;
+  std::erase_if(state_->followers, [](const auto& follower) { return follower.expired(); });
   for (const auto& follower : state_->followers)
     if (const auto changed = follower.lock())
       for (const Coord3& origin : touched) changed->add(origin);

@@ -108,7 +108,9 @@ class TileReader {
       Walk& walk = walks_[c];
       if (!walk.open) continue;
       const double ground = base_.heights[static_cast<std::size_t>(c)];
-      if (std::isnan(ground)) {  // a wall
+      if (std::isnan(ground) && z > base_.highest) {
+        gap(c, z + kChunkSide - 1);
+      } else if (std::isnan(ground)) {  // a wall
         walk.open = false;
         --open_;
       } else if (ground >= low + 1) {

@@ -80,19 +80,27 @@ bool Obstacle::blocks(int x, int y, double top) const {
   return lowest_[static_cast<std::size_t>(i * ny_ + j)] < top + kObstacleClearance;
 }
 
+BlockedColumns::BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles)
+    : ground_(&ground) {
+  for (const Obstacle* obstacle : obstacles)
+    if (!obstacle->empty()) masks_.push_back({obstacle, {}});
+}
+
 bool BlockedColumns::operator()(const Coord2& cell) {
-  for (std::size_t i = 0; i < obstacles_.size(); ++i) {
-    const Obstacle& obstacle = *obstacles_[i];
+  for (Mask& mask : masks_) {
+    const Obstacle& obstacle = *mask.obstacle;
     const Coord2 in = cell - obstacle.first_;
     if (in.x() < 0 || in.y() < 0 || in.x() >= obstacle.nx_ || in.y() >= obstacle.ny_) continue;
-    if (masks_[i].empty()) look_at(obstacle, masks_[i]);
-    if (masks_[i][static_cast<std::size_t>(in.x() * obstacle.ny_ + in.y())] != 0) return true;
+    if (mask.blocked.empty()) look_at(mask);
+    if (mask.blocked[static_cast<std::size_t>(in.x() * obstacle.ny_ + in.y())] != 0) return true;
   }
   return false;
 }
 
-void BlockedColumns::look_at(const Obstacle& obstacle, std::vector<std::uint8_t>& blocked) {
+void BlockedColumns::look_at(Mask& mask) {
+  const Obstacle& obstacle = *mask.obstacle;
   const int nx = obstacle.nx_, ny = obstacle.ny_;
+  std::vector<std::uint8_t>& blocked = mask.blocked;
   blocked.assign(static_cast<std::size_t>(nx * ny), 1);
   // From beyond the obstacle soil comes to the columns that it doesn't stand in.
   std::vector<Coord2> open;

@@ -37,16 +37,18 @@ class Obstacle {
 class BlockedColumns {
  public:
   /// @param ground, obstacles must outlive it
-  BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles)
-      : ground_(&ground), obstacles_(obstacles), masks_(obstacles.size()) {}
+  BlockedColumns(GroundColumns& ground, std::span<const Obstacle* const> obstacles);
   bool operator()(const Coord2& cell);
 
  private:
-  void look_at(const Obstacle& obstacle, std::vector<std::uint8_t>& blocked);
+  struct Mask {
+    const Obstacle* obstacle;
+    std::vector<std::uint8_t> blocked;  // over its cells, by x then y; empty: not looked at yet
+  };
+  void look_at(Mask& mask);
 
   GroundColumns* ground_;
-  std::span<const Obstacle* const> obstacles_;
-  std::vector<std::vector<std::uint8_t>> masks_;  // of each, over its cells, by x then y
+  std::vector<Mask> masks_;
 };
 
 }  // namespace soilvdb::inline v0

@@ -53,7 +53,7 @@ void Settler::refresh() {
 }
 
 void Settler::forget_changes() {
-  refresh();
+  columns_.take_changes();
   changed_.clear();
 }
 

@@ -41,22 +41,24 @@ class Machine {
   /// @throw NoGroundError if move() would
   void require_ground(const Ground& ground, const Pose& to);
   void require_ground(const Ground& ground, const Motion& motion, double begin_s, double end_s);
+  /// Since when a bucket has been about where it was, and the ticks since then.
+  struct Stand {
+    Pose at;
+    double since_s = std::numeric_limits<double>::infinity();
+    std::int64_t ticks = 0;
+  };
   struct KinematicState {
     bool placed = false;
     Pose current;
     double travel_m = 0;
-    Pose stands_at;
-    double stands_s = 0;
+    Stand stands;
   };
-  KinematicState kinematic_state() const {
-    return {placed_, current_, travel_m_, stands_at_, stands_s_};
-  }
+  KinematicState kinematic_state() const { return {placed_, current_, travel_m_, stands_}; }
   void restore(const KinematicState& state) {
     placed_ = state.placed;
     current_ = state.current;
     travel_m_ = state.travel_m;
-    stands_at_ = state.stands_at;
-    stands_s_ = state.stands_s;
+    stands_ = state.stands;
   }
   /// Brings pushed soil, excess load and soil left behind to rest. Cuts may fail here in any case;
   /// during work they fail only with the bucket out of the ground, because it props them.
@@ -81,7 +83,6 @@ class Machine {
 
  private:
   Machine(const Machine&) = default;
-  static constexpr double kNotYet = std::numeric_limits<double>::infinity();
   bool plan(const Ground& ground, const Pose& to);
   bool plan(const Ground& ground, const Motion& motion, double begin_s, double end_s);
   bool stays_in_air(const Ground& ground, std::span<const Pose> path, double bend_m) const;
@@ -133,8 +134,7 @@ class Machine {
   Settler* settler_;
   std::optional<Capacity> capacity_;
   double travel_m_ = 0;                // from the last station to the last row or pose
-  Pose stands_at_;                     // the row since which it has been about there
-  double stands_s_ = kNotYet;          // time of that row, or of the last tick
+  Stand stands_;                       // at the last row
   Pose station_;                       // the last one
   Eigen::AlignedBox3d swept_box_;      // of the bucket in plan since then, at stations and rows
   std::int64_t cut_before_ = 0;        // samples, up to the last station

@@ -65,14 +65,15 @@ std::vector<Machine::Stop> Machine::stops(const Ground& ground, const Motion& mo
     if (to_s <= end_s) {
       travel_m_ = std::max(0.0, every_m - (at_m - way_m));
       const Pose at = motion.row(row);
-      if (stands_s_ > to_s) stands_s_ = from_s;  // its clock was set back
-      const double ticks = std::min((to_s - stands_s_) / kTick_s, 1.0 * kMaxTicks);
-      if (travel_m(stands_at_, at) > kMaxTremble * every_m) {
-        stands_at_ = at;
-        stands_s_ = to_s;
-      } else if (ticks >= 1) {
-        found.push_back({to_s, Stop::Kind::kTick, static_cast<int>(ticks)});
-        stands_s_ = to_s;
+      const bool goes = travel_m(stands_.at, at) > kMaxTremble_m;
+      if (goes) stands_ = {at, to_s, 0};
+      if (stands_.since_s > to_s) stands_ = {stands_.at, from_s, 0};  // its clock was set back
+      const auto ticks = static_cast<std::int64_t>(
+          std::min(kMaxStand_s, to_s - stands_.since_s) / kTick_s + kTickRounding);
+      if (ticks >= kTicksToStand && ticks > stands_.ticks) {
+        const auto due = static_cast<int>(std::min(ticks - stands_.ticks, kMaxTicks));
+        found.push_back({to_s, Stop::Kind::kTick, due});
+        stands_.ticks = ticks;
       }
     }
     if (!capacity_) continue;
@@ -224,8 +225,7 @@ void Machine::pass_turn(Ground& ground, double time_s) {
 /// What sensors err by is no way, so beside a bucket that stands soil comes to rest by time.
 void Machine::pass_tick(Ground& ground, double time_s, int ticks) {
   if (!placed_) return;
-  if (!wall_ || travel_m(*wall_, current_) > kMaxTremble * station_travel_m(ground))
-    set_wall(ground, current_);
+  if (!wall_ || travel_m(*wall_, current_) > kMaxTremble_m) set_wall(ground, current_);
   tip(time_s);
   land(ground, time_s, true);
   settler_->slide(unrest_, ticks * kStationSteps);

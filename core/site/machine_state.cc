@@ -31,8 +31,9 @@ void Machine::save(std::string& out) const {
   put(out, ledger_.load);
   put(out, ledger_.spilled);
   put(out, travel_m_);
-  put(out, stands_at_);
-  put(out, stands_s_);
+  put(out, stands_.at);
+  put(out, stands_.since_s);
+  put(out, stands_.ticks);
   put(out, station_);
   put(out, pushed_);
   put(out, falling_);
@@ -74,8 +75,9 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take_amount(in, ledger_.load);
   take_amount(in, ledger_.spilled);
   take(in, travel_m_);
-  take(in, stands_at_);
-  take(in, stands_s_);
+  take(in, stands_.at);
+  take(in, stands_.since_s);
+  take_amount(in, stands_.ticks);
   take(in, station_);
   take_amount(in, pushed_);
   take_amount(in, falling_);
@@ -85,7 +87,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
   take(in, tipped_s_);
   take_amount(in, cut_before_);
   take(in, stations_);
-  require_valid(is_valid(stands_at_) && !std::isnan(stands_s_) && is_valid(station_) &&
+  require_valid(is_valid(stands_.at) && !std::isnan(stands_.since_s) && is_valid(station_) &&
                 travel_m_ >= 0 && travel_m_ <= station_travel_m(ground) && stations_ >= 0);
   unrest_.load(in);
   for (std::optional<Pose>* pose : {&wall_, &tipped_}) {
@@ -96,7 +98,7 @@ void Machine::load(std::string_view& in, const Ground& ground) {
     require_valid(is_valid(value) && (!there || near(value.position)));
     *pose = there ? std::optional(value) : std::nullopt;
   }
-  if (wall_) obstacle_ = Obstacle(bucket_, *wall_, ground);
+  obstacle_ = wall_ ? Obstacle(bucket_, *wall_, ground) : Obstacle();
   require_valid(!std::isinf(tipped_s_) && (capacity_ || (falling_ == 0 && heaped_ == 0)) &&
                 (!tipped_ || falling_ > 0));
   for (Eigen::AlignedBox3d* box : {&swept_box_, &unsettled_box_, &propped_box_}) {

@@ -216,8 +216,8 @@ Update Tracker::pour(std::size_t pour, double until_s) {
       const std::int64_t before = poured(source, parts++);
       settler.drop({source.at_m, source.at_m}, Vec2::Zero(), poured(source, parts) - before,
                    all.falls_s(parts));
-      settler.take_changes(*poured_unrest_);
     }
+    settler.take_changes(*poured_unrest_);
     forget_changes_of(machines_.size());
     Update update;
     update.slid_m3 =
@@ -296,11 +296,10 @@ std::string Tracker::state() const {
 }
 
 void Tracker::restore(std::string_view state) {
-  std::vector<std::unique_ptr<Machine>> machines;
-  for (const auto& machine : machines_) {
-    machines.push_back(
-        std::make_unique<Machine>(machine->bucket(), ground_, settler(machines.size())));
-    machines.back()->load(state, ground_);
+  std::vector<std::string_view> machines;
+  for (std::size_t m = 0; m < machines_.size(); ++m) {
+    machines.push_back(state);
+    Machine(machines_[m]->bucket(), ground_, settler(m)).load(state, ground_);  // is it good?
   }
   std::vector<SettleTotals> totals(settlers_.size());
   TileSet unrest;
@@ -316,11 +315,10 @@ void Tracker::restore(std::string_view state) {
     }
   }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
-  machines_ = std::move(machines);
+  for (std::size_t m = 0; m < machines_.size(); ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);
   for (std::size_t i = 0; i < settlers_.size(); ++i) settlers_[i]->restore(totals[i]);
   *poured_unrest_ = unrest;
-  raise_walls();
 }
 
 }  // namespace soilvdb::inline v0

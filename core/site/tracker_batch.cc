@@ -137,7 +137,7 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
   };
   if (!moves_soil()) {
     run_sequences(groups, run);
-  } else if (groups.size() < 2 || settlers_.back()->has_changes() ||
+  } else if (groups.size() < 2 || settlers_.back()->has_changes() || !may_run_apart() ||
              !run_apart(groups, moves, run)) {
     planning_us = share_us();
     for (std::size_t i = 0; i < moves.size(); ++i) {
@@ -146,6 +146,13 @@ std::vector<Update> Tracker::update(std::span<const Move> moves) {
     }
   }
   return updates;
+}
+
+/// Where soil left its columns, it will soon do so again. So some batches are made in turn then.
+bool Tracker::may_run_apart() {
+  if (in_turn_ == 0) return true;
+  --in_turn_;
+  return false;
 }
 
 /// @return false if soil of one group might have met that of another; then nothing has happened
@@ -183,9 +190,14 @@ bool Tracker::run_apart(std::span<const Group> groups, std::span<const Move> mov
       }
     });
   }
-  if (!are_apart) {
+  if (are_apart) {
+    ++batch_counts_.apart;
+    last_in_turn_ = 0;
+  } else {
     undo.undo();
     restore(before);
+    ++batch_counts_.set_back;
+    in_turn_ = last_in_turn_ = std::min(2 * last_in_turn_ + 1, kMaxBatchesInTurn);
   }
   for (const auto& settler : settlers_) settler->forget_changes();  // those of other groups
   return are_apart;

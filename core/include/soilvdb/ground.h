@@ -44,10 +44,9 @@ struct Chunk {
 /// Under a memory limit the swap store holds the samples of chunks that were not used recently;
 /// const members read them there.
 ///
-/// Const members may run together. They must not run while the ground changes, except is_air(),
-/// and find(), read_*() and copy() of chunks that do not change.
-/// set_memory_limit() and evict() must run alone. A clone() counts as a separate ground in these
-/// rules.
+/// Const members may run together. They must not run while the ground changes, except is_air() and
+/// above_base(), and find(), read_*() and copy() of chunks that do not change. set_memory_limit()
+/// and evict() must run alone. A clone() counts as a separate ground in these rules.
 class Ground {
  public:
   /// @throw std::invalid_argument unless voxel_size_m is finite and > 0

@@ -124,6 +124,14 @@ class Tracker {
   /// @throw NoGroundError; with rigid soil other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
+  /// Batches of moves with moving soil that were made at once, and those that were set back, and
+  /// made in turn, because soil of one machine might have met that of another. Not part of the
+  /// state.
+  struct BatchCounts {
+    std::size_t apart = 0, set_back = 0;
+  };
+  const BatchCounts& batch_counts() const { return batch_counts_; }
+
   /// The first of these moves that update() would refuse, if any; nothing moves.
   /// @throw as update(), except for the reported errors
   std::optional<InvalidMove> first_invalid(std::span<const Move> moves);
@@ -162,6 +170,7 @@ class Tracker {
   struct Group;
   std::vector<Group> apart(std::span<const Move> moves) const;
   using Run = std::function<void(std::size_t)>;
+  bool may_run_apart();
   bool run_apart(std::span<const Group> groups, std::span<const Move> moves, const Run& run);
   void forget_changes_of(std::size_t settler);
   void raise_walls();
@@ -170,7 +179,9 @@ class Tracker {
   std::vector<std::unique_ptr<Machine>> machines_;
   std::vector<std::unique_ptr<Settler>> settlers_;  // of machines, then of pours; empty: rigid soil
   std::vector<std::int64_t> poured_parts_;          // per pour
-  std::unique_ptr<TileSet> poured_unrest_;          // where poured soil may be too steep
+  BatchCounts batch_counts_;
+  int in_turn_ = 0, last_in_turn_ = 0;  // batches to be made in turn; the same after the last one
+  std::unique_ptr<TileSet> poured_unrest_;  // where poured soil may be too steep
 };
 
 }  // namespace soilvdb::inline v0
