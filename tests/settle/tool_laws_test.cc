@@ -174,23 +174,35 @@ TEST(ToolLaws, SoilStrewnOnTheWayComesToRest) {
   EXPECT_GT(columns, 300 * scenes());
 }
 
+/// A digger that is dragged, stands in the ground and trembles.
+struct Tremble {
+  double width_m, depth_m, length_m, tremble_m, yaw;
+  explicit Tremble(Random& random)
+      : width_m(random(0.6, 2.5)),
+        depth_m(random(0.1, 0.5)),
+        length_m(random(2.5, 4)),
+        tremble_m(random(0.001, 0.003)),
+        yaw(heading(random)) {}
+  std::vector<Pose> path(int steps) const {
+    return drag({-length_m / 2, 0, 0}, length_m, depth_m, steps);
+  }
+};
+
 TEST(ToolLaws, SoilComesToRestAroundATrembler) {
   std::size_t columns = 0;
   for (std::uint64_t seed = 0; seed < scenes(); ++seed) {
     SCOPED_TRACE(seed);
     Random random(1300 + seed);
-    const double width_m = random(0.6, 2.5), depth_m = random(0.1, 0.5);
-    const double length_m = random(2.5, 4), tremble_m = random(0.001, 0.003);
-    const double yaw = heading(random);
+    const Tremble drawn(random);
     const auto base = terrain(random, seed);
-    Site site(voxel_m(seed), base, digger(width_m), soil(random));
-    std::vector<Pose> path = drag({-length_m / 2, 0, 0}, length_m, depth_m, 60);
+    Site site(voxel_m(seed), base, digger(drawn.width_m), soil(random));
+    std::vector<Pose> path = drawn.path(60);
     path.resize(40);  // it isn't curled yet
-    site.go(yaw, path);
-    const Pose stands = site.placed(yaw, path.back());
+    site.go(drawn.yaw, path);
+    const Pose stands = site.placed(drawn.yaw, path.back());
     Pose at = stands;
     for (int i = 0; i < 50; ++i) {
-      at.position = stands.position + noise(random, tremble_m);
+      at.position = stands.position + noise(random, drawn.tremble_m);
       site.tracker.update(0, at);
     }
     columns += site.expect_rest(site.taken(at));
@@ -208,17 +220,14 @@ TEST(ToolLaws, SoilBesideATremblerRestsAfterSomeTenthsOfASecond) {
   for (std::uint64_t seed = 0; seed < scenes(); ++seed) {
     SCOPED_TRACE(seed);
     Random random(1350 + seed);
-    const double width_m = random(0.6, 2.5), depth_m = random(0.1, 0.5);
-    const double length_m = random(2.5, 4), tremble_m = random(0.001, 0.003);
-    const double yaw = heading(random);
+    const Tremble drawn(random);
     const auto base = terrain(random, seed);
     Earthmoving all = soil(random);
     all.pours = {{"heap", {0, 0, 6}, 0, 0, random(1.5, 3)}};  // through which it is cut
-    Site site(voxel_m(seed), base, digger(width_m), all);
+    Site site(voxel_m(seed), base, digger(drawn.width_m), all);
     site.tracker.pour(0, 0);
     std::vector<Pose> rows;
-    for (const Pose& pose : drag({-length_m / 2, 0, 0}, length_m, depth_m, 300))
-      rows.push_back(site.placed(yaw, pose));
+    for (const Pose& pose : drawn.path(300)) rows.push_back(site.placed(drawn.yaw, pose));
     rows.resize(200);
     const auto pass = [&](double begin_s, std::size_t from, double rows_hz) {
       std::vector<double> times_s;
@@ -238,7 +247,7 @@ TEST(ToolLaws, SoilBesideATremblerRestsAfterSomeTenthsOfASecond) {
     const std::size_t dug = rows.size() - 1;
     const int rows_more = seed % 3 == 0 ? 3 : 30;
     for (int i = 0; i < rows_more; ++i)
-      rows.push_back({stands.position + noise(random, tremble_m), stands.rotation});
+      rows.push_back({stands.position + noise(random, drawn.tremble_m), stands.rotation});
     // Its clock may have been set back.
     pass(seed % 2 == 0 ? kDug_s + static_cast<double>(dug) / kDigs_hz : 0, dug,
          rows_more / kStands_s);
