@@ -7,41 +7,16 @@ Each part runs in processes with one and with two cores.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import json
-import os
-import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 
-PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+from goals import dug_site, measured, median, report
 
 
-def median(count, f):
-    times = []
-    for _ in range(count):
-        begin = time.perf_counter()
-        f()
-        times.append(time.perf_counter() - begin)
-    return statistics.median(times)
-
-
-def dug_site(soilvdb, soil=None):
-    """20 m2 dug in passes side by side, 5 cm voxels."""
-    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=soil)
-    x = np.linspace(-2.2, 2.2, 60)
-    for y in np.arange(-1.8, 1.9, 1.2):
-        path = np.stack([x, y + 0 * x, 0.5 - np.clip(4 * (2.2 - np.abs(x)), 0, 0.8)], axis=1)
-        site.update_path(0, positions=path)
-    return site
-
-
-def measure(cores, quick):
+def measure(quick):
     import soilvdb
 
     n = 400 if quick else 40000
@@ -63,9 +38,9 @@ def measure(cores, quick):
     side = 100 if quick else 1000
     xy = np.stack(np.meshgrid(np.linspace(-3, 3, side), np.linspace(-3, 3, side)), -1).reshape(-1, 2)
     begin = time.perf_counter()
-    dug.heights(xy)
+    dug.mesh_heights(xy)
     figures["first_heights_s"] = (time.perf_counter() - begin) * 1e6 / len(xy)
-    figures["heights_s"] = median(3, lambda: dug.heights(xy)) * 1e6 / len(xy)
+    figures["heights_s"] = median(3, lambda: dug.mesh_heights(xy)) * 1e6 / len(xy)
     figures["clone_ms"] = 1e3 * median(51, dug.clone)
     moved = dug_site(soilvdb, soilvdb.Soil(0.61, 0.25))
     figures["clone_moving_ms"] = 1e3 * median(51, moved.clone)
@@ -81,26 +56,12 @@ def measure(cores, quick):
     return figures
 
 
-def child(cores, quick):
-    done = subprocess.run([sys.executable, __file__, "--cores", str(cores)] + ["--quick"] * quick,
-                          check=True, capture_output=True, text=True)
-    return json.loads(done.stdout)
-
-
 def main():
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--out", type=Path, default=Path("out/bench/python"))
-    parser.add_argument("--cores", type=int)
-    options = parser.parse_args()
-    if options.cores:
-        print(json.dumps(measure(options.cores, options.quick)))
-        return
-    one, two = child(1, options.quick), child(2, options.quick)
+    one, two, out = measured("python", measure)
     importing = median(5, lambda: subprocess.run([sys.executable, "-c", "import soilvdb"], check=True))
     rows = [
         ("Python over C++, per update by poses", one["over_us"], "us", "<= 2"),
-        ("heights of 10^6 points on a dug site, 1 thread", one["heights_s"], "s", "<= 0.5"),
+        ("mesh_heights of 10^6 points on a dug site, 1 thread", one["heights_s"], "s", "<= 0.5"),
         ("the same, the first time", one["first_heights_s"], "s", ""),
         ("the same, 2 threads over 1", one["heights_s"] / two["heights_s"], "", ">= 1.7"),
         ("clone of a dig of 20 m2 at 5 cm", one["clone_ms"], "ms", "<= 1"),
@@ -108,21 +69,8 @@ def main():
         ("256 clones, 100 updates each, 2 threads over 1", one["many_s"] / two["many_s"], "", ">= 1.7"),
         ("import soilvdb", importing, "s", "<= 0.3"),
     ]
-    options.out.mkdir(parents=True, exist_ok=True)
-    with open(options.out / "goals.csv", "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["figure", "measured", "unit", "goal"])
-        for name, value, unit, goal in rows:
-            writer.writerow([name, f"{value:.4g}", unit, goal])
-    for name, value, unit, goal in rows:
-        verdict = ""
-        if goal:
-            limit = float(goal.split()[1])
-            verdict = "PASS" if (value <= limit if goal[0] == "<" else value >= limit) else "miss"
-        print(f"{name:50} {value:10.4g} {unit:3} {goal:7} {verdict}")
+    report(rows, out)
 
 
 if __name__ == "__main__":
-    if "--cores" in sys.argv:   # before the engine counts them
-        os.sched_setaffinity(0, set(range(int(sys.argv[sys.argv.index("--cores") + 1]))))
     main()

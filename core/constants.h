@@ -233,9 +233,10 @@ inline constexpr int kWindowMargin = 8, kPourMargin = 2;
 inline constexpr int kMaxWindowCells = 1024;
 /// Largest radius of a pile, cells: it fits into the largest window.
 inline constexpr int kMaxPileCells = 480;
-/// Side of a window in which soil is followed down ground too steep for it, cells. With a larger
-/// one more columns are read beside its way.
-inline constexpr int kRunWindowCells = 64;
+/// Side of a window in which soil is followed down ground too steep for it, and of that in which
+/// its way ends, cells. With larger ones more columns are read beside its way. A smaller second one
+/// takes ground for flat that is a little too steep.
+inline constexpr int kRunWindowCells = 16, kRunEndCells = 64;
 /// Distance that soil runs down such ground before it is lost off the site, cells: 250 m at 5 cm.
 inline constexpr double kMaxRunCells = 5000;
 /// Largest number of windows that poured soil is looked at in.
@@ -248,6 +249,20 @@ inline constexpr std::size_t kMaxBaseColumns = 8192;
 /// Largest number of tiles of columns that are kept for a machine, 4 kB each. With fewer, ground
 /// that it looks at is read again and again.
 inline constexpr std::size_t kMaxColumnTiles = 4096;
+/// Largest number of tiles of columns whose heights are kept for readers, 2.1 kB each. With
+/// fewer, large maps read their ground anew each time.
+inline constexpr std::size_t kMaxHeightTiles = 1 << 14;
+/// Columns of cells of which a map is made at a time, 8 bytes each. With fewer, columns at the
+/// borders of parts are read more often.
+inline constexpr int kMapPartColumns = 1 << 20;
+/// Columns for each point up to which those between points are read as well. One alone takes four
+/// and looks for them in their tiles.
+inline constexpr double kMapPointColumns = 32;
+/// Share of a voxel up to which a map's cells count as those of the voxels, and difference of a
+/// direction up to which it is that of an axis: rounding of their input.
+inline constexpr double kSameCell = 1e-6, kSameAxis = 1e-9;
+/// Smallest cell of a map, voxels. Smaller ones would be lost in rounding.
+inline constexpr double kMinMapCell = 1e-3;
 /// Chunks from the top of the initial terrain downwards whose samples are counted for heights of
 /// columns. Columns of higher cliffs have the mean of a few heights, which is less exact.
 inline constexpr int kMaxCountedChunks = 4;

@@ -3,6 +3,8 @@
 // Indices of voxels and of their chunks and blocks.
 #pragma once
 
+#include <cmath>
+
 #include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
@@ -27,5 +29,8 @@ inline Coord3 numbered_voxel(int n) { return {n >> 6, n >> 3 & 7, n & 7}; }
 
 /// Steps from a voxel or chunk to its 26 neighbours and itself, by x, then y, then z.
 inline Coord3 step_around(int n) { return {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}; }
+
+/// The cell that a height or place of index space is in.
+inline int cell_of(double at) { return static_cast<int>(std::floor(at + 0.5)); }
 
 }  // namespace soilvdb::inline v0

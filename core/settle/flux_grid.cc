@@ -333,6 +333,16 @@ double FluxGrid::flow_out(std::size_t i, int direction) const {
   return double{arrays_[kFlux + pair[0]][i]} + double{arrays_[kFlux + pair[1]][i]};
 }
 
+/// What a column has with what flows into it, and what flows out of it, as if it gave all.
+FluxGrid::Balance FluxGrid::balance(std::size_t i) const {
+  const auto stride = static_cast<std::size_t>(stride_);
+  const double out = (flow_out(i, 0) + flow_out(i, 1)) + (flow_out(i, 2) + flow_out(i, 3));
+  const double in =
+      (share_[i - 1] * flow_out(i - 1, 0) + share_[i + 1] * flow_out(i + 1, 1)) +
+      (share_[i - stride] * flow_out(i - stride, 2) + share_[i + stride] * flow_out(i + stride, 3));
+  return {in, given_[i] + in, out};
+}
+
 /// Does nothing flow from or to eight columns of a row?
 bool FluxGrid::is_still(std::size_t first) const {
   const auto out = [&](int direction, std::size_t i) {
@@ -347,44 +357,53 @@ bool FluxGrid::is_still(std::size_t first) const {
   return most == 0;
 }
 
-/// Fluxes are floats, but what one column gives another gets, so sums in double hold the mass.
-///
-/// Where they aren't quite at rest a column may give a little more than it has. It then gives as
-/// much less, to all alike, and so do those that got it and passed it on; those that soil went
-/// round in circles between give nothing.
-std::vector<FluxGrid::Change> FluxGrid::changes() {
-  std::vector<Change> changes;
-  std::vector<std::pair<std::size_t, double>> less;  // shares of columns that owe some
+/// Lets columns that owe some give less. A column may give a little more than it has where fluxes
+/// aren't quite at rest. It then gives as much less, to all alike, and so do those that got it and
+/// passed it on; those that soil went round in circles between give nothing.
+void FluxGrid::share_out(std::vector<std::size_t> columns) {
   const auto stride = static_cast<std::size_t>(stride_);
-  for (int round = 0; round == 0 || !less.empty(); ++round) {
-    for (const auto& [i, share] : less) share_[i] = share;
-    less.clear();
-    changes.clear();
-    for (const Coord2& tile : loaded_) {
-      for (int c = 0; c < kTileSide * kTileSide; ++c) {
-        const Coord2 column = kTileSide * tile + Coord2(c % kTileSide, c / kTileSide);
-        const std::size_t i = at(column);
-        if (c % kTileSide == 0 && is_still(i)) {
-          c += kTileSide - 1;
-          continue;
-        }
-        if (missing(i)) continue;
-        const double out = (flow_out(i, 0) + flow_out(i, 1)) + (flow_out(i, 2) + flow_out(i, 3));
-        const double in =
-            (share_[i - 1] * flow_out(i - 1, 0) + share_[i + 1] * flow_out(i + 1, 1)) +
-            (share_[i - stride] * flow_out(i - stride, 2) +
-             share_[i + stride] * flow_out(i + stride, 3));
-        if (in == 0 && out == 0) continue;
-        const double had = given_[i] + in, after = had - share_[i] * out;
-        changes.push_back({column, given_[i], std::max(after, 0.0)});
-        if (after < -kMaxOwedShare * had)
-          less.emplace_back(i, round < kMaxOwedRounds ? had / out : 0);
+  for (int round = 0; !columns.empty(); ++round) {
+    std::vector<std::pair<std::size_t, double>> less;
+    for (const std::size_t i : columns) {
+      if (missing(i)) continue;
+      const Balance b = balance(i);
+      if (b.had - share_[i] * b.out < -kMaxOwedShare * b.had)
+        less.emplace_back(i, round < kMaxOwedRounds ? b.had / b.out : 0);
+    }
+    columns.clear();
+    for (const auto& [i, share] : less) {
+      share_[i] = share;
+      columns.insert(columns.end(), {i - stride, i - 1, i, i + 1, i + stride});
+    }
+    std::sort(columns.begin(), columns.end());
+    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  }
+}
+
+/// Fluxes are floats, but what one column gives another gets, so sums in double hold the mass.
+std::vector<FluxGrid::Change> FluxGrid::changes() {
+  std::vector<Coord2> columns;
+  std::vector<std::size_t> numbers;
+  for (const Coord2& tile : loaded_) {
+    for (int y = 0; y < kTileSide; ++y) {
+      if (is_still(at(kTileSide * tile + Coord2(0, y)))) continue;
+      for (int x = 0; x < kTileSide; ++x) {
+        const Coord2 column = kTileSide * tile + Coord2(x, y);
+        if (missing(column)) continue;
+        columns.push_back(column);
+        numbers.push_back(at(column));
       }
     }
   }
-  for (const Coord2& tile : loaded_)
-    for (int c = 0; c < kTileSide * kTileSide; ++c)
-      share_[at(kTileSide * tile + Coord2(c % kTileSide, c / kTileSide))] = 1;
+  share_out(numbers);
+  std::vector<Change> changes;
+  for (std::size_t n = 0; n < columns.size(); ++n) {
+    const std::size_t i = numbers[n];
+    const Balance b = balance(i);
+    if (b.in == 0 && b.out == 0) continue;
+    changes.push_back({columns[n], given_[i], std::max(b.had - share_[i] * b.out, 0.0)});
+  }
+  for (const std::size_t i : numbers) share_[i] = 1;
   return changes;
 }
 

@@ -109,6 +109,11 @@ class FluxGrid {
   double step(float momentum);
   static float value_of_nothing(int array);
   double flow_out(std::size_t i, int direction) const;
+  struct Balance {
+    double in, had, out;
+  };
+  Balance balance(std::size_t i) const;
+  void share_out(std::vector<std::size_t> columns);
   bool is_still(std::size_t first) const;
 
   static constexpr int kTileSide = 8;  // lanes, so that rows begin where vectors do

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "core/settle/ground_columns.h"
+#include "core/ground/ground_columns.h"
 #include "soilvdb/bucket.h"
 
 namespace soilvdb::inline v0 {

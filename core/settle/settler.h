@@ -10,9 +10,9 @@
 #include <string_view>
 #include <vector>
 
+#include "core/ground/ground_columns.h"
 #include "core/settle/column_samples.h"
 #include "core/settle/flux_grid.h"
-#include "core/settle/ground_columns.h"
 #include "core/settle/obstacle.h"
 #include "core/settle/overhangs.h"
 #include "core/settle/pour.h"

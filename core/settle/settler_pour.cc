@@ -171,14 +171,21 @@ void Settler::run_down(Vec2& at, int radius) {
   std::vector<Vec2> way = {at};
   for (bool ends = false; !ends;) {
     const Vec2 from = way.back();
-    const Coord2 first =
-        floor_to(from.unaryExpr(&cell_of) - Coord2::Constant(kRunWindowCells / 2), kChunkSide);
-    look_at(first, Coord2::Constant(kRunWindowCells + kChunkSide));
-    const Vec2 corner = first.cast<double>() - Vec2(0.5, 0.5), in = from - corner;
-    const Pourer::Foot foot = pourer_.foot(window_.columns, in, slope_);
-    if (foot.at_m == in) break;
-    way.push_back(foot.at_m + corner);
-    ends = !foot.at_border;
+    Vec2 to = from;
+    // Where it seems to end in the small window it may go on in the wide one: what is a little too
+    // steep is so only over some columns.
+    for (const int side : {kRunWindowCells, kRunEndCells}) {
+      const Coord2 first =
+          floor_to(from.unaryExpr(&cell_of) - Coord2::Constant(side / 2), kChunkSide);
+      look_at(first, Coord2::Constant(side + kChunkSide));
+      const Vec2 corner = first.cast<double>() - Vec2(0.5, 0.5), in = from - corner;
+      const Pourer::Foot foot = pourer_.foot(window_.columns, in, slope_);
+      to = foot.at_m == in ? from : Vec2(foot.at_m + corner);
+      ends = !foot.at_border;
+      if (!ends && to != from) break;
+    }
+    if (to == from) break;
+    way.push_back(to);
     const bool far = (way.back() - at).norm() > kMaxRunCells || way.size() > kMaxWindows;
     if (ends || !far) continue;
     return lose_off_terrain(static_cast<double>(totals_.pending / units_.loose));

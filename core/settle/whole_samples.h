@@ -9,9 +9,6 @@
 
 namespace soilvdb::inline v0 {
 
-/// The cell that a height or place of index space is in.
-inline int cell_of(double at) { return static_cast<int>(std::floor(at + 0.5)); }
-
 /// Splits samples among volumes, none made or lost by rounding.
 class WholeSamples {
  public:

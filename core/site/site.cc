@@ -217,13 +217,11 @@ BatchResult Site::update(std::span<const MachineState> states) noexcept {
     }
     ground_->evict();
     moving = true;
-    if (model_->earthmoving.pours.empty()) {
-      made.updates = tracker_->update(moves);
-    } else {
-      for (std::size_t i = 0; i < moves.size(); ++i) {
-        pour_before(states[i].time_s);
-        made.updates.push_back(tracker_->update(std::span(moves).subspan(i, 1)).front());
-      }
+    for (std::size_t i = 0, end; i < moves.size(); i = end) {
+      pour_before(states[i].time_s);
+      for (end = i + 1; end < moves.size() && !pours_before(states[end].time_s);) ++end;
+      const std::vector<Update> part = tracker_->update(std::span(moves).subspan(i, end - i));
+      made.updates.insert(made.updates.end(), part.begin(), part.end());
     }
     inputs_ = std::move(inputs);
     return made;
@@ -289,8 +287,12 @@ void Site::pour_until(double until_s) {
   poured_s_ = std::max(poured_s_.value_or(until_s), until_s);
 }
 
+bool Site::pours_before(std::optional<double> time_s) const {
+  return !model_->earthmoving.pours.empty() && time_s && (!next_pour_s_ || *time_s > *next_pour_s_);
+}
+
 void Site::pour_before(std::optional<double> time_s) {
-  if (!model_->earthmoving.pours.empty() && time_s) pour_until(std::nextafter(*time_s, -kForever));
+  if (pours_before(time_s)) pour_until(std::nextafter(*time_s, -kForever));
 }
 
 StepResult Site::pour(double until_s) noexcept {

@@ -350,7 +350,7 @@ def test_buckets_and_planes_of_draws(tmp_path):
     assert np.array(bucket["profile"]) == pytest.approx(np.array(
         [[0, 0], [-0.5, 0.1 * scale], [-0.4, 0.7 * scale], [0, 0.8 * scale]]))
     xy = np.array([[0.0, 0.0], [3.0, -2.0], [-1.0, 4.0]])
-    assert site.heights(xy) == pytest.approx(2 + rise + xy @ [0.1, -0.2], abs=1e-5)
+    assert site.mesh_heights(xy) == pytest.approx(2 + rise + xy @ [0.1, -0.2], abs=1e-5)
 
 
 def test_scenarios_are_read_as_the_program_reads_them(tmp_path, uncertainty):
@@ -478,7 +478,7 @@ def test_loads_at_instants_and_sigma_of_heights(tmp_path):
             share = (t - times[row]) / (times[row + 1] - times[row])
             load.append(loads[row] + share * (loads[row + 1] - loads[row]))
         assert drawn.figures[i].loads_m3["digger"] == pytest.approx(load)
-        rises.append(dug.site.heights(grid.places()) - recorded.heights)
+        rises.append(dug.site.mesh_heights(grid.places()) - recorded.heights)
     rises = np.array(rises)
     assert sigma_of(drawn, 6) == pytest.approx(rises.std(axis=0, ddof=1), abs=1e-5)
     some = dataclasses.replace(drawn, count=np.where(np.arange(len(drawn.count)) < 5, 2, drawn.count))

@@ -77,7 +77,7 @@ def make_site(chance):
 def step(chance, site, others):
     """One call, sensible or not."""
     pick = chance.random.random
-    names = ["update", "update_path", "heights", "mesh", "changed_patches", "ledger", "save",
+    names = ["update", "update_path", "heights", "height_map", "maps", "mesh", "changed_patches", "ledger", "save",
              "restore", "clone", "pour", "come_to_rest", "change_m3", "pickle", "many", "value",
              "close"]
     name = chance.random.choice(names)
@@ -96,6 +96,17 @@ def step(chance, site, others):
         return site.update_path(machine, **{key: chance.thing() for key in keys})
     if name == "heights":
         return site.heights(chance.thing() if pick() < 0.5 else chance.arrays.uniform(-3, 3, (9, 2)))
+    if name in ("height_map", "maps"):
+        given = {"shape": (4, 3), "cell": 0.1, "origin": (0.0, 0.0)}
+        if pick() < 0.5:
+            del given["origin"]
+            given["machine"] = machine
+        for key in chance.random.sample(["machine", "origin", "pose", "shape", "cell", "turned",
+                                         "layer", "ceiling", "out"], chance.random.randrange(4)):
+            given[key] = chance.thing()
+        if name == "maps":
+            return soilvdb.height_maps(others if pick() < 0.8 else chance.thing(), **given)
+        return site.height_map(**given)
     if name == "restore":
         state = site.save()
         if pick() < 0.3:

@@ -331,6 +331,11 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: s.update(1.5, position=(0, 0, 0)), "machine must be int or str, not float"),
     (lambda s: s.update(0, position=(0, 0, 0), time="a"), "time must be float or None, not str"),
     (lambda s: s.heights(), "heights() misses 'xy'; it takes (xy)"),
+    (lambda s: s.height_map(shape=(2, 2), cell=0.1), "give one of machine, pose or origin"),
+    (lambda s: s.height_map(origin=(0, 0), machine=0, shape=(2, 2), cell=0.1),
+     "give one of machine, pose or origin"),
+    (lambda s: s.height_map(origin=(0, 0), cell=0.1), "height_map() misses 'shape'; it takes "
+     "(machine, origin, pose, shape, cell, turned, layer, ceiling, out)"),
     (lambda s: s.record(5), "folder must be path, not int"),
     (lambda s: s.record("x", sync="1"), "sync must be float or None, not str"),
     (lambda s: s.restore("x"), "state must be bytes, not str"),
@@ -350,6 +355,34 @@ PLANE = soilvdb.plane(0.0)
 ])
 def test_wrong_calls_are_told_in_one_line(call, message):
     with pytest.raises(TypeError) as told:
+        call(make_site())
+    assert str(told.value) == message
+
+
+@pytest.mark.parametrize("call, message", [
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 0), cell=0.1),
+     "shape is (2, 0); each must be from 1 to 65536"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=-1.0),
+     "a map's cells must be from a thousandth of a voxel to 1024 voxels wide"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, layer="depth"),
+     "layer is 'depth'; it must be 'height', 'loose' or 'dug'"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=np.zeros((2, 2), int)),
+     "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=np.zeros((4, 2))[::2]),
+     "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
+    (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=[0, 0]),
+     "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
+    (lambda s: s.height_map(machine=0, shape=(2, 2), cell=0.1),
+     "machine 'machine 0' has no place before its first state"),
+    (lambda s: s.height_map(machine=3, shape=(2, 2), cell=0.1),
+     "there is no machine 3; there are 1, numbered from 0"),
+    (lambda s: soilvdb.height_maps([s], machine=0, shape=(2, 2), cell=0.1),
+     "site 0: machine 'machine 0' has no place before its first state"),
+    (lambda s: soilvdb.height_maps([s, s], machine=0, shape=(2, 2), cell=0.1),
+     "a site is there twice"),
+])
+def test_maps_that_cant_be_are_told_in_one_line(call, message):
+    with pytest.raises(ValueError) as told:
         call(make_site())
     assert str(told.value) == message
 
@@ -406,6 +439,59 @@ def test_heights_take_any_layout():
     for same in (np.asfortranarray(xy), np.repeat(xy, 2, axis=0)[::2], read_only, xy.tolist(),
                  xy.astype(">f8"), unaligned):
         assert (site.heights(same) == wanted).all()
+
+
+def test_maps_are_the_ledger_and_go_with_the_machine(soil):
+    site = make_site(soil)
+    positions = dig()[0]  # without a turn it makes no roof
+    unlooked = make_site(soil)
+    kept = np.empty((80, 120), np.float32)
+    for position in positions:
+        site.update(0, position=position)
+        unlooked.update(0, position=position)
+        dug = site.height_map(origin=(-6, -4), shape=(80, 120), cell=0.1, layer="dug")
+        assert dug.sum() * 0.1**2 == pytest.approx(-site.change_m3(), abs=1e-9)
+        assert site.height_map(origin=(-6, -4), shape=(80, 120), cell=0.1, out=kept) is kept
+        assert kept == pytest.approx(-dug, abs=0.01), "the terrain is a plane at 0, by counts"
+    assert site.save() == unlooked.save() and site.ground_hash() == unlooked.ground_hash()
+    assert dug.dtype == np.float64
+    around = site.height_map(machine=0, shape=(5, 9), cell=0.1)
+    lip = positions[-1]
+    cells = [[lip[:2] + (0.1 * (j - 4), 0.1 * (i - 2)) for j in range(9)] for i in range(5)]
+    assert around == pytest.approx(site.heights(np.reshape(cells, (-1, 2))).reshape(5, 9), abs=0.03)
+    matrix = np.eye(4)
+    matrix[:3, 3] = lip
+    assert (site.height_map(pose=matrix, shape=(5, 9), cell=0.1) == around).all()
+    turn = np.array([[0, -1, 0, lip[0]], [1, 0, 0, lip[1]], [0, 0, 1, lip[2]], [0, 0, 0, 1.0]])
+    turned = site.height_map(pose=turn, shape=(9, 5), cell=0.1)
+    level = site.height_map(pose=turn, shape=(5, 9), cell=0.1, turned=False)
+    assert level == pytest.approx(around, abs=0)
+    assert turned == pytest.approx(around.T[::-1], abs=0.03), "ahead is world y, left is -x"
+    assert (site.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, ceiling=-3.0) <= -2.9).all()
+
+
+def test_maps_of_many_sites_are_those_of_each(soil):
+    sites = [make_site(soil) for _ in range(5)]
+    for n, site in enumerate(sites):
+        site.update_path(0, positions=dig()[0] + (0.1 * n, 0, 0), rotations=dig()[1])
+    for given in ({"machine": 0}, {"origin": (-1, 1)}, {"machine": "machine 0", "turned": False}):
+        every = soilvdb.height_maps(sites, shape=(6, 4), cell=0.2, layer="dug", **given)
+        assert every.shape == (5, 6, 4)
+        for site, one in zip(sites, every):
+            assert (site.height_map(shape=(6, 4), cell=0.2, layer="dug", **given) == one).all()
+    out = np.empty((5, 6, 4), np.float32)
+    assert soilvdb.height_maps(sites, machine=0, shape=(6, 4), cell=0.2, out=out) is out
+    assert np.isfinite(out).all()
+    assert soilvdb.height_maps([], machine=0, shape=(6, 4), cell=0.2).shape == (0, 6, 4)
+
+
+def test_heights_are_those_of_the_mesh():
+    site = make_site(voxel_size=0.05)
+    site.update_path(0, positions=dig()[0], rotations=dig()[1])
+    xy = np.random.default_rng(2).uniform((-2.2, -0.5), (-1.0, 0.5), (500, 2))  # the floor
+    assert site.heights(xy) == pytest.approx(site.mesh_heights(xy), abs=0.01)
+    far = np.random.default_rng(2).uniform(5, 9, (50, 2))
+    assert (site.heights(far) == 0).all() and (site.mesh_heights(far) == 0).all()
 
 
 def test_the_end_of_a_raster_is_no_ground(tmp_path):

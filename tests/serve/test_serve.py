@@ -52,14 +52,14 @@ def test_a_feed_answers_as_a_site_of_the_same(tmp_path):
         assert summary["volume_m3"]["residual"] == pytest.approx(0, abs=1e-9)
         assert summary["updates"] == len(states())
         places = np.random.default_rng(1).uniform([-1, -1], [5, 5], (50, 2))
-        wanted = site.heights(places)
+        wanted = site.mesh_heights(places)
         for (x, y), height in zip(places, wanted):
             answer = server.json(f"/height?x={x!r}&y={y!r}")
             assert answer["height_m"] == pytest.approx(height, abs=1e-12)
             assert answer["before_m"] == pytest.approx(0.02 * x, abs=1e-12)
         line = server.json("/section?from=0.5,-1&to=3.5,3&points=200")
         along = np.linspace([0.5, -1], [3.5, 3], 200)
-        assert np.allclose(line["now_m"], site.heights(along), atol=1e-9)
+        assert np.allclose(line["now_m"], site.mesh_heights(along), atol=1e-9)
         assert np.allclose(line["before_m"], 0.02 * along[:, 0], atol=1e-9)
         assert line["distance_m"][-1] == pytest.approx(5)
 
@@ -283,8 +283,8 @@ def test_times_are_shown_as_they_were(tmp_path):
         assert "is later than" in next(t["error"] for t in texts if t["type"] == "error")
         along = np.linspace([2, -1], [2, 3], 100)
         line = server.json("/section?from=2,-1&to=2,3&points=100&time=1.2&against=0.3")
-        assert np.allclose(line["now_m"], at(1.2).heights(along), atol=1e-9)
-        assert np.allclose(line["before_m"], at(0.3).heights(along), atol=1e-9)
+        assert np.allclose(line["now_m"], at(1.2).mesh_heights(along), atol=1e-9)
+        assert np.allclose(line["before_m"], at(0.3).mesh_heights(along), atol=1e-9)
         texts, blocks = asyncio.run(view(server, whole(1), [{"time": 1.2, "against": 0.3}]))
         shown = [b for (id, _), b in blocks.items() if id == 1 and len(b.points)]
         assert texts[-1]["blocks"] == sum(id == 1 for id, _ in blocks)
@@ -294,7 +294,7 @@ def test_times_are_shown_as_they_were(tmp_path):
         rows = server.get("/machines.csv?time=1.2")[1].decode().splitlines()
         assert float(rows[1].split(",")[7]) == fed(path, 1.2).ledger("digger")["cut_m3"]
         points = np.concatenate([b.points for b in shown])
-        before = at(0.3).heights(points[:, :2])
+        before = at(0.3).mesh_heights(points[:, :2])
         flat = np.isfinite(before)
         change = np.concatenate([b.change for b in shown])
         off = np.abs(change - (points[:, 2] - before))[flat]

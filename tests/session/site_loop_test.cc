@@ -79,6 +79,29 @@ TEST_P(Sites, TakeBatchesWhollyOrNotAtAll) {
   EXPECT_EQ(alone.ground().state_hash(), one_by_one.ground().state_hash());
 }
 
+TEST(SiteLoop, PoursPartBatchesOnlyWhereSomeOfThemFalls) {
+  const SiteModel model = {{{"a", digger()}, {"b", digger()}},
+                           loam_with_pours({{"tip", {0, 0, 3}, 10, 12, 1}})};
+  std::vector<MachineState> all;
+  const std::vector<Pose> here = cycle({-20, 0, 0}, 0.5, 80), there = cycle({20, 0, 0}, 0.5, 80);
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    all.push_back({0, 0.25 * static_cast<double>(i), here[i]});
+    all.push_back({1, 0.25 * static_cast<double>(i), there[i]});
+  }
+  const auto ground = [] {
+    return std::make_shared<Ground>(0.1, Vec3(0, 0, 0), make_plane(0, {0, 0}));
+  };
+  Site batch(ground(), model), one_by_one(ground(), model);
+  ASSERT_TRUE(batch.update(all).ok());
+  for (const MachineState& state : all) ASSERT_TRUE(one_by_one.update(state).ok());
+  EXPECT_GT(batch.tracker().mass_balance().poured, 0);
+  EXPECT_EQ(batch.ground().state_hash(), one_by_one.ground().state_hash());
+  EXPECT_EQ(batch.progress(), one_by_one.progress());
+  const Tracker::BatchCounts counts = batch.tracker().batch_counts();
+  EXPECT_GT(counts.apart + counts.set_back, 1u) << "machines move at once before and after";
+  EXPECT_LT(counts.apart + counts.set_back, all.size() / 4);
+}
+
 TEST_P(Sites, GoOnInACopyAndFromProgress) {
   Session session(site());
   Site first = site_like(session);

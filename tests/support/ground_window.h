@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "core/settle/ground_columns.h"
+#include "core/ground/ground_columns.h"
 
 namespace soilvdb::test {
 

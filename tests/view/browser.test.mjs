@@ -96,7 +96,7 @@ looking('a section is the heights along it, as the server and as Python have the
   assert.ok(Math.abs(json.distance_m[n - 1] - Math.hypot(to[0] - from[0], to[1] - from[1])) < 1e-9);
   const heights = site.python(`import json, soilvdb
 site = soilvdb.Site(0.05, soilvdb.snapshot(${JSON.stringify(path.join(done, 'soil_final.vdb'))}), [])
-print(json.dumps(list(site.heights(${JSON.stringify(Array.from({length: n}, (_, i) => at(i)))}))))`);
+print(json.dumps(list(site.mesh_heights(${JSON.stringify(Array.from({length: n}, (_, i) => at(i)))}))))`);
   for (let i = 0; i < n; i += 50) {
     const [x, y] = at(i), one = await (await fetch(`${server.url}height?x=${x}&y=${y}`)).json();
     assert.ok(Math.abs(one.height_m - json.now_m[i]) < 1e-6);

@@ -3,9 +3,11 @@
 // soilvdb.Site: a session for Python. Each call of the engine releases the interpreter's lock and
 // locks the site, so several threads may use one site.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
+#include <tbb/parallel_for.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -264,7 +266,9 @@ py::tuple pose_by_joints(Site& site, const MachineName& machine, const py::objec
   return py::make_tuple(positions.reshape({3}), turns.reshape({4}));
 }
 
-Array heights(Site& site, const py::object& xy) {
+/// @param heights_of Session::heights or Session::mesh_heights
+Array heights(Site& site, const py::object& xy,
+              void (Session::*heights_of)(std::span<const Vec2>, std::span<double>)) {
   const Array given = rows(xy, "xy", 2);
   const auto count = static_cast<std::size_t>(given.shape(0));
   std::vector<Vec2> places(count);
@@ -276,10 +280,106 @@ Array heights(Site& site, const py::object& xy) {
     for (std::size_t from = 0; from < count; from += kPiece) {
       if (from > 0) handle_signals();
       const std::size_t piece = std::min(kPiece, count - from);
-      session.heights(std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
+      (session.*heights_of)(std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
     }
   });
   return out;
+}
+
+/// What a height map is asked for.
+struct MapRequest {
+  MapGrid grid;  ///< its place and axis unless `machine` says them
+  std::optional<MachineName> machine;
+  bool turned = true;
+  MapLayer layer = MapLayer::kHeight;
+  std::optional<double> ceiling;
+
+  MapRequest(const std::optional<MachineName>& around, const py::object& origin,
+             const py::object& matrix, const std::pair<py::ssize_t, py::ssize_t>& shape,
+             double cell, bool turn, const std::string& name, std::optional<double> below)
+      : machine(around), turned(turn), ceiling(below) {
+    if (machine.has_value() + !origin.is_none() + !matrix.is_none() != 1)
+      throw py::type_error("give one of machine, pose or origin");
+    constexpr py::ssize_t kMost = 1 << 16;
+    if (std::min(shape.first, shape.second) < 1 || std::max(shape.first, shape.second) > kMost)
+      throw py::value_error(fmt::format("shape is ({}, {}); each must be from 1 to {}", shape.first,
+                                        shape.second, kMost));
+    constexpr const char* kNames[] = {"height", "loose", "dug"};
+    const auto* found = std::find(std::begin(kNames), std::end(kNames), name);
+    if (found == std::end(kNames))
+      throw py::value_error("layer is '" + name + "'; it must be 'height', 'loose' or 'dug'");
+    layer = static_cast<MapLayer>(found - std::begin(kNames));
+    grid.ny = static_cast<int>(shape.first);
+    grid.nx = static_cast<int>(shape.second);
+    grid.cell_m = cell;
+    if (!origin.is_none()) numbers(origin, "origin", {grid.first_m.data(), 2});
+    if (matrix.is_none()) return;
+    const Pose at = pose(py::none(), py::none(), matrix);
+    grid = MapGrid::around(at.position.head<2>(), cell, grid.nx, grid.ny, turned ? &at : nullptr);
+  }
+
+  MapGrid of(Session& session) const {
+    return machine ? session.map_around(machine_of(session, *machine), grid.cell_m, grid.nx,
+                                        grid.ny, turned)
+                   : grid;
+  }
+};
+
+/// An array for results: the caller's, or a new one of doubles. Calls f(its values).
+template <typename F>
+py::array fill_array(const py::object& given, const std::vector<py::ssize_t>& shape, const F& f) {
+  if (given.is_none()) {
+    Array made(shape);
+    f(std::span<double>(made.mutable_data(), static_cast<std::size_t>(made.size())));
+    return made;
+  }
+  py::array out;
+  if (py::isinstance<py::array>(given)) out = py::reinterpret_borrow<py::array>(given);
+  constexpr int kWanted = int{py::array::c_style} | int{py::detail::npy_api::NPY_ARRAY_ALIGNED_};
+  const bool fits = out && (out.flags() & kWanted) == kWanted && out.writeable() &&
+                    std::equal(shape.begin(), shape.end(), out.shape(), out.shape() + out.ndim());
+  const auto count = static_cast<std::size_t>(out ? out.size() : 0);
+  if (fits && py::isinstance<py::array_t<float>>(out)) {
+    f(std::span<float>(static_cast<float*>(out.mutable_data()), count));
+  } else if (fits && py::isinstance<py::array_t<double>>(out)) {
+    f(std::span<double>(static_cast<double*>(out.mutable_data()), count));
+  } else {
+    throw py::value_error(
+        fmt::format("out must be a writable C-contiguous array of float32 or float64 with the "
+                    "shape ({})",
+                    fmt::join(shape, ", ")));
+  }
+  return out;
+}
+
+using MapShape = std::pair<py::ssize_t, py::ssize_t>;
+
+py::array height_map(Site& site, const std::optional<MachineName>& machine,
+                     const py::object& origin, const py::object& matrix, const MapShape& shape,
+                     double cell, bool turned, const std::string& layer,
+                     std::optional<double> ceiling, const py::object& out) {
+  const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling);
+  return fill_array(out, {shape.first, shape.second}, [&](auto values) {
+    site.with([&](Session& session) {
+      const MapGrid all = map.of(session);
+      const double side = all.cell_m / session.voxel_size_m();
+      constexpr double kPiece =
+          1 << 22;  // columns of voxels: some tens of milliseconds, once known
+      const int rows = static_cast<int>(
+          std::clamp(kPiece / (all.nx * std::max(1.0, side * side)), 1.0, double(all.ny)));
+      for (int from = 0; from < all.ny; from += rows) {
+        if (from > 0) handle_signals();
+        MapGrid piece = all;
+        piece.first_m = all.middle_m(from, 0);
+        piece.ny = std::min(rows, all.ny - from);
+        const auto cells = static_cast<std::size_t>(all.nx);
+        session.height_map(piece, map.layer,
+                           values.subspan(static_cast<std::size_t>(from) * cells,
+                                          static_cast<std::size_t>(piece.ny) * cells),
+                           map.ceiling);
+      }
+    });
+  });
 }
 
 /// Points in the world and triangles, in memory of Python.
@@ -347,16 +447,66 @@ py::dict ledger_of(Site& site, const std::optional<MachineName>& machine) {
   return all;
 }
 
-/// @param states of the sites, (N, 3) or (N, 4)
-std::vector<Update> update_sites(const py::object& given, const MachineName& machine,
-                                 const py::object& positions, const py::object& rotations,
-                                 std::optional<double> time) {
-  const py::tuple kept = several(given, "sites", "soilvdb.Site");  // keeps the sites alive
+/// Different sites. @param kept keeps them alive
+std::vector<Site*> sites_of(const py::tuple& kept) {
   std::vector<Site*> sites;
   for (const py::handle& one : kept) {
     if (!py::isinstance<Site>(one)) not_of_kind(one, "sites", "soilvdb.Site");
     sites.push_back(&one.cast<Site&>());
   }
+  if (std::set<Site*>(sites.begin(), sites.end()).size() != sites.size())
+    throw py::value_error("a site is there twice");
+  return sites;
+}
+
+/// Calls f(their sessions) exclusively, without the interpreter's lock.
+template <typename F>
+void with_all(const std::vector<Site*>& sites, const F& f) {
+  require_own_process();
+  const Released released;
+  // A fixed order of locks avoids deadlocks between calls that share sites.
+  std::set<Site*> ordered(sites.begin(), sites.end());
+  std::vector<std::unique_lock<Turn>> locks;
+  for (Site* site : ordered) locks.emplace_back(site->turn());
+  const Inside inside;
+  std::vector<Session*> sessions;
+  for (Site* site : sites) sessions.push_back(&site->open());
+  f(sessions);
+}
+
+/// A map of each of many sites.
+py::array height_maps(const py::object& given, const std::optional<MachineName>& machine,
+                      const py::object& origin, const MapShape& shape, double cell, bool turned,
+                      const std::string& layer, std::optional<double> ceiling,
+                      const py::object& out) {
+  const py::tuple kept = several(given, "sites", "soilvdb.Site");
+  const std::vector<Site*> sites = sites_of(kept);
+  const MapRequest map(machine, origin, py::none(), shape, cell, turned, layer, ceiling);
+  const auto count = static_cast<py::ssize_t>(sites.size());
+  return fill_array(out, {count, shape.first, shape.second}, [&](auto values) {
+    with_all(sites, [&](const std::vector<Session*>& sessions) {
+      std::vector<MapGrid> grids;
+      for (std::size_t i = 0; i < sessions.size(); ++i) {
+        try {
+          grids.push_back(map.of(*sessions[i]));
+        } catch (const std::exception& e) {
+          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
+        }
+      }
+      const auto cells = static_cast<std::size_t>(shape.first * shape.second);
+      tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
+        sessions[i]->height_map(grids[i], map.layer, values.subspan(i * cells, cells), map.ceiling);
+      });
+    });
+  });
+}
+
+/// @param states of the sites, (N, 3) or (N, 4)
+std::vector<Update> update_sites(const py::object& given, const MachineName& machine,
+                                 const py::object& positions, const py::object& rotations,
+                                 std::optional<double> time) {
+  const py::tuple kept = several(given, "sites", "soilvdb.Site");  // keeps the sites alive
+  const std::vector<Site*> sites = sites_of(kept);
   const Array places = rows(positions, "positions", 3);
   const Array turns = rotations.is_none() ? Array() : rows(rotations, "rotations", 4);
   if (static_cast<std::size_t>(places.shape(0)) != sites.size() ||
@@ -365,9 +515,6 @@ std::vector<Update> update_sites(const py::object& given, const MachineName& mac
         fmt::format("there are {} sites; there must be as many positions and "
                     "rotations",
                     sites.size()));
-  if (std::set<Site*>(sites.begin(), sites.end()).size() != sites.size())
-    throw py::value_error("a site is there twice");
-  require_own_process();
   std::vector<MachineState> states(sites.size());
   for (std::size_t i = 0; i < sites.size(); ++i) {
     states[i].time_s = time;
@@ -375,20 +522,11 @@ std::vector<Update> update_sites(const py::object& given, const MachineName& mac
     if (!rotations.is_none()) states[i].pose.rotation = quaternion({turns.data() + 4 * i, 4});
   }
   std::vector<StepResult> results;
-  {
-    const Released released;
-    // A fixed order of locks avoids deadlocks between calls that share sites.
-    std::set<Site*> ordered(sites.begin(), sites.end());
-    std::vector<std::unique_lock<Turn>> locks;
-    for (Site* site : ordered) locks.emplace_back(site->turn());
-    const Inside inside;
-    std::vector<Session*> sessions;
-    for (std::size_t i = 0; i < sites.size(); ++i) {
-      sessions.push_back(&sites[i]->open());
-      states[i].machine = machine_of(*sessions.back(), machine);
-    }
+  with_all(sites, [&](const std::vector<Session*>& sessions) {
+    for (std::size_t i = 0; i < sites.size(); ++i)
+      states[i].machine = machine_of(*sessions[i], machine);
     results = soilvdb::update_many(sessions, states);
-  }
+  });
   std::vector<Update> updates;
   for (std::size_t i = 0; i < results.size(); ++i) {
     if (!results[i].ok()) refuse(results[i].status, fmt::format("site {}: {}", i, results[i].why));
@@ -568,9 +706,32 @@ void bind_site(py::module_& m) {
             require_good(s.with([](Session& session) { return session.come_to_rest(); }));
           },
           "Lets soil that is too steep or overhangs come to rest, as at the end of a run.")
-      .def("heights", &heights, py::arg("xy"),
-           "Returns heights of the topmost soil at xy (N, 2), m: (N,) float64, NaN where there is "
-           "no soil.")
+      .def(
+          "heights",
+          [](Site& s, const py::object& xy) { return heights(s, xy, &Session::heights); },
+          py::arg("xy"),
+          "Heights of the topmost soil at xy (N, 2), m, world: (N,) float64, NaN where there is no "
+          "ground. They come straight from the soil's samples, linear between columns of voxels. "
+          "After an update one costs about 20 us, each of many some tens of ns.")
+      .def(
+          "mesh_heights",
+          [](Site& s, const py::object& xy) { return heights(s, xy, &Session::mesh_heights); },
+          py::arg("xy"),
+          "As heights(), on the surface of mesh(): for pictures. It meshes what changed since the "
+          "last call, which takes milliseconds.")
+      .def("height_map", &height_map, py::kw_only(), py::arg("machine") = none,
+           py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
+           py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
+           py::arg("out") = none,
+           "Map of square cells, shape (ny, nx), side cell, m: (ny, nx) float64. Give one of: "
+           "origin (x, y), the middle of cell [0, 0]; machine, around the middle of its lip; pose, "
+           "a 4x4 array, as of a machine there. Around a machine or pose, x looks out of the mouth "
+           "and y along the lip, unless turned is False; else x and y are the world's. layer: "
+           "'height', mean height of the soil in a cell, so that sums are volumes; 'loose', depth "
+           "of the loose soil; 'dug', depth below the terrain; NaN where there is no ground. "
+           "ceiling: only soil below this height is looked at. out: a float32 or float64 array to "
+           "fill and return. Cells of the voxel's size cost about 10 ns each, wider ones as much "
+           "for each voxel in them.")
       .def(
           "mesh",
           [](Site& s) {
@@ -696,6 +857,10 @@ void bind_site(py::module_& m) {
                               py::make_tuple(site.made_from(), state));
       });
 
+  m.def("height_maps", &height_maps, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
+        py::arg("origin") = none, py::arg("shape"), py::arg("cell"), py::arg("turned") = true,
+        py::arg("layer") = "height", py::arg("ceiling") = none, py::arg("out") = none,
+        "Site.height_map() of many sites, on all cores: (sites, ny, nx).");
   m.def(
       "update_many", &update_sites, py::arg("sites"), py::arg("machine"), py::kw_only(),
       py::arg("positions"), py::arg("rotations") = none, py::arg("time") = none,

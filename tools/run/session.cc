@@ -232,13 +232,32 @@ double Session::change_m3() const { return state_->site.ground->change_m3(); }
 std::uint64_t Session::ground_hash() const { return state_->site.ground->state_hash(); }
 std::uint64_t Session::memory_bytes() const { return state_->site.ground->memory_bytes(); }
 
+HeightMap& Session::height_map() {
+  State& s = *state_;
+  if (!s.height_map) s.height_map.emplace(*s.site.ground);
+  return *s.height_map;
+}
+
 void Session::heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
+  height_map().at(xy_m, heights_m);
+}
+
+MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned) const {
+  const std::optional<MachineState> last = this->last(machine);
+  if (!last)
+    throw std::invalid_argument("machine '" + machines()[machine].name +
+                                "' has no place before its first state");
+  return MapGrid::around(last->pose.position.head<2>(), cell_m, nx, ny,
+                         turned ? &last->pose : nullptr);
+}
+
+void Session::mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   if (heights_m.size() < xy_m.size())
     throw std::invalid_argument("there must be room for as many heights as places");
   State& s = *state_;
-  if (!s.heights) s.heights.emplace(*s.site.ground);
-  s.heights->surface.update(s.heights->changes.take());
-  s.heights->surface.at(xy_m, heights_m);
+  if (!s.mesh_heights) s.mesh_heights.emplace(*s.site.ground);
+  s.mesh_heights->surface.update(s.mesh_heights->changes.take());
+  s.mesh_heights->surface.at(xy_m, heights_m);
 }
 
 Mesh Session::mesh() const { return mesh_all(*state_->site.ground); }

@@ -13,9 +13,12 @@
 
 namespace soilvdb::inline v0 {
 void Session::State::become(SiteState&& other) {
+  std::optional<HeightMap> of_other;
+  if (height_map) of_other.emplace(*other.site.ground, *height_map);
   patches.switch_to(*other.site.ground);
   chunks.switch_to(*other.site.ground);
-  heights.reset();
+  mesh_heights.reset();
+  height_map = std::move(of_other);
   const std::shared_ptr<const SiteModel> model = model_;  // keeps references to it valid
   SiteState::operator=(std::move(other));
   model_ = model;

@@ -36,6 +36,8 @@ struct Session::State : tools::SiteState {
       : SiteState(other),
         settings(other.settings),
         fed_count(other.fed_count),
+        height_map(other.height_map ? std::optional(HeightMap(*site.ground, *other.height_map))
+                                    : std::nullopt),
         patches(*site.ground, other.patches),
         chunks(*site.ground, other.chunks) {}
 
@@ -63,12 +65,13 @@ struct Session::State : tools::SiteState {
   Settings settings;
   std::uint64_t fed_count = 0;  ///< since it was opened
   // Caches for readers; updates do not depend on them.
-  struct Heights {
-    explicit Heights(Ground& ground) : surface(ground), changes(ground) { changes.take(); }
+  std::optional<HeightMap> height_map = {};
+  struct MeshHeights {
+    explicit MeshHeights(Ground& ground) : surface(ground), changes(ground) { changes.take(); }
     SurfaceHeight surface;
     ChangeFollower changes;
   };
-  std::optional<Heights> heights = {};
+  std::optional<MeshHeights> mesh_heights = {};
   ChangeFollower patches, chunks;                  ///< of changed_patches() and changed_chunks()
   std::unique_ptr<tools::RunFolder> folder = {};   ///< of the recording
   std::unique_ptr<tools::Recorder> recorder = {};  ///< destroyed first, because it reads the site

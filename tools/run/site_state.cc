@@ -30,6 +30,10 @@ std::vector<double> joints_at(const io::MotionRows& rows, double time_s) {
   return joints;
 }
 
+std::optional<double> time_of(const io::JournalUpdate& update) {
+  return std::isnan(update.end_s) ? std::nullopt : std::optional(update.end_s);
+}
+
 }  // namespace
 
 SiteModel model_of(const io::Scenario& scenario) {
@@ -199,14 +203,14 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
         case Kind::kMove: {
           std::vector<std::unique_ptr<Motion>> motions;
           std::vector<Move> moves;
+          pour_before(time_of(first));
           for (end = i; end < updates.size() && updates[end].kind == Kind::kMove &&
-                        (end == i || model_->earthmoving.pours.empty());
+                        (end == i || !pours_before(time_of(updates[end])));
                ++end) {
             require_mover(end, updates[end]);
             moves.push_back(move_of(updates[end], motions));
             follow(updates[end]);
           }
-          if (!std::isnan(first.end_s)) pour_before(first.end_s);
           const std::vector<Update> made = tracker_->update(moves);
           for (std::size_t k = i; k < end; ++k) require_same(k, updates[k], made[k - i]);
           break;
@@ -219,8 +223,7 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
           pour_until(first.end_s);
           break;
         case Kind::kRest:
-          tracker_->come_to_rest(std::isnan(first.end_s) ? std::nullopt
-                                                         : std::optional(first.end_s));
+          tracker_->come_to_rest(time_of(first));
           break;
         case Kind::kClock:
           follow(first);

@@ -80,12 +80,12 @@ GroundView::GroundView(Past now, std::shared_ptr<Session> before,
 Json GroundView::state() const { return log_ ? site_state(*now_, *log_) : Json(); }
 
 Heights GroundView::now_heights() {
-  return [this](std::span<const Vec2> xy_m, std::span<double> z) { now_->heights(xy_m, z); };
+  return [this](std::span<const Vec2> xy_m, std::span<double> z) { now_->mesh_heights(xy_m, z); };
 }
 
 Heights GroundView::before_heights() {
   if (!before_) return heights_of(now_->site().ground->initial_terrain());
-  return [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->heights(xy_m, z); };
+  return [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->mesh_heights(xy_m, z); };
 }
 
 Json GroundView::height(const Vec2& at) {

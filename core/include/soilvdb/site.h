@@ -139,6 +139,8 @@ class Site {
   void require(std::size_t machine) const;
   /// Checks and converts a state. @throw std::invalid_argument for an invalid state
   Input input(const MachineState& state) const;
+  /// May some of a pour fall before a move to a time?
+  bool pours_before(std::optional<double> time_s) const;
   /// Lets the pours fall that precede a move to a time, if the time is known.
   void pour_before(std::optional<double> time_s);
   void pour_until(double until_s);

@@ -3,8 +3,8 @@
 """A learning environment of the usual shape: reset() and step(), many at once.
 
 The task: fill the bucket in one stroke. An action moves and turns the lip for a tenth of a second.
-An observation is the load, the lip's place and heights of the ground ahead. A reset clones the
-untouched site, which is fast.
+An observation is the load, the lip's place and heights of the ground before and beside it. A reset
+clones the untouched site. Both are fast.
 
     python3 dig_env.py
 """
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 STEP_S = 0.1
 MOST_STEPS = 60
-LOOK_AHEAD = np.stack([np.linspace(0.1, 1.5, 8), np.zeros(8)], axis=1)
+MAP = (3, 15)  # cells across and along the machine, of 0.2 m
 PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
 
 
@@ -43,7 +43,7 @@ class DigEnv:
         return self._observe()
 
     def step(self, actions: Array) -> tuple[Array, Array, bool]:
-        """Returns observations (count, 12), rewards (count,) and whether the episode is over."""
+        """Returns observations (count, 49), rewards (count,) and whether the episode is over."""
         actions = np.clip(actions, -1, 1)
         self._lip[:, 0] += STEP_S * np.maximum(actions[:, 0], 0)
         self._lip[:, 2] = np.clip(self._lip[:, 2] + STEP_S * actions[:, 1], -1.0, 1.0)
@@ -60,10 +60,9 @@ class DigEnv:
         self._load = np.array([update.bucket_m3 for update in updates])
 
     def _observe(self) -> Array:
-        ahead = [site.heights(LOOK_AHEAD + lip[:2])
-                 for site, lip in zip(self._sites, self._lip)]
+        maps = soilvdb.height_maps(self._sites, machine=0, shape=MAP, cell=0.2)
         return np.column_stack([self._load, self._lip[:, 0], self._lip[:, 2], self._pitch,
-                                np.array(ahead)])
+                                maps.reshape(self.count, -1)])
 
 
 def main() -> None:

@@ -26,6 +26,7 @@ from ._soilvdb import (
     Terrain,
     Update,
     __version__,
+    height_maps,
     motions,
     plane,
     raster,
@@ -51,6 +52,7 @@ __all__ = [
     "Terrain",
     "Update",
     "__version__",
+    "height_maps",
     "motions",
     "plane",
     "raster",
@@ -62,8 +64,8 @@ __all__ = [
     "write_raster",
 ]
 
-for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, motions, plane,
-               raster, read_raster, snapshot, update_many, write_raster):
+for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, height_maps,
+               motions, plane, raster, read_raster, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 

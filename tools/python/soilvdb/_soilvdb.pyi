@@ -3,7 +3,7 @@
 import os
 from collections.abc import Iterable, Sequence
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ __version__: str
 
 _Numbers = Sequence[float] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 _Path = str | os.PathLike[str]
+_Layer = Literal["height", "loose", "dug"]
 _Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 
 class NoGroundError(RuntimeError): ...
@@ -164,6 +165,20 @@ class Site:
     def reset_clock(self, machine: int | str) -> None: ...
     def come_to_rest(self) -> None: ...
     def heights(self, xy: _Rows) -> npt.NDArray[np.float64]: ...
+    def mesh_heights(self, xy: _Rows) -> npt.NDArray[np.float64]: ...
+    def height_map(
+        self,
+        *,
+        machine: int | str | None = ...,
+        origin: _Numbers | None = ...,
+        pose: _Rows | None = ...,
+        shape: tuple[int, int],
+        cell: float,
+        turned: bool = ...,
+        layer: _Layer = ...,
+        ceiling: float | None = ...,
+        out: npt.NDArray[Any] | None = ...,
+    ) -> npt.NDArray[Any]: ...
     def mesh(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]: ...
     def changed_patches(self) -> list[Patch]: ...
     def ledger(self, machine: int | str | None = ...) -> dict[str, float]: ...
@@ -200,6 +215,18 @@ class Site:
         trace: TracebackType | None,
     ) -> None: ...
 
+def height_maps(
+    sites: Iterable[Site],
+    *,
+    machine: int | str | None = ...,
+    origin: _Numbers | None = ...,
+    shape: tuple[int, int],
+    cell: float,
+    turned: bool = ...,
+    layer: _Layer = ...,
+    ceiling: float | None = ...,
+    out: npt.NDArray[Any] | None = ...,
+) -> npt.NDArray[Any]: ...
 def update_many(
     sites: Iterable[Site],
     machine: int | str,

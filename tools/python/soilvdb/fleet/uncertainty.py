@@ -244,7 +244,7 @@ def draw_task(task: Task) -> Drawn:
         drawn.figures.append(_figures(scene, dug, recorded.cycles))
         if task.grid is None:
             continue
-        rise = dug.site.heights(task.grid.places()) - recorded.heights
+        rise = dug.site.mesh_heights(task.grid.places()) - recorded.heights
         known = np.isfinite(rise)
         grains = np.where(known, np.rint(np.where(known, rise, 0.0) / GRAINS_M), 0).astype(np.int64)
         drawn.count += known
@@ -267,7 +267,7 @@ def recorded_of(scene: Scene, grid: Grid | None) -> Recorded:
 def _recorded(scene: Scene, dug: Dug, grid: Grid | None) -> Recorded:
     cycles = {name: cycles_of(dug.load_m3[name], dug.cut_m3[name], scene.motions[name]["times"])
               for name in scene.names}
-    heights = dug.site.heights(grid.places()) if grid else np.empty(0)
+    heights = dug.site.mesh_heights(grid.places()) if grid else np.empty(0)
     return Recorded(_figures(scene, dug, cycles), cycles, heights)
 
 
@@ -296,7 +296,7 @@ def _grid(scene: Scene, dug: Dug) -> Grid:
     box = scene.box()
     coarse = _grid_of(box, scene.nominal.voxel_size)
     places = coarse.places()
-    before, after = (site.heights(places) for site in (scene.nominal, dug.site))
+    before, after = (site.mesh_heights(places) for site in (scene.nominal, dug.site))
     changed = places[np.abs(after - before) > 1e-9]
     if not len(changed):
         return coarse

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "soilvdb/height_map.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/mesher.h"
@@ -113,8 +114,21 @@ class Session {
   std::uint64_t ground_hash() const;
   std::uint64_t memory_bytes() const;
 
-  /// Heights of the topmost soil at places of the world, m; NaN without soil.
+  /// Heights of the topmost soil at places of the world from samples, m; NaN without soil. Cheap
+  /// enough for each step of a loop: see HeightMap.
   void heights(std::span<const Vec2> xy_m, std::span<double> heights_m);
+  /// A map as of HeightMap::map(), float or double.
+  template <typename T>
+  void height_map(const MapGrid& grid, MapLayer layer, std::span<T> out,
+                  std::optional<double> ceiling_m = {}) {
+    height_map().map(grid, layer, out, ceiling_m);
+  }
+  /// Cells around the middle of a machine's lip. @param turned with the lip as the map's y axis;
+  /// else with the world's axes. @throw std::invalid_argument before its first state
+  MapGrid map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned = true) const;
+  /// Heights on the mesh() at places of the world, m; NaN without soil. Meshes what changed since
+  /// the last call: milliseconds after an update.
+  void mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m);
   /// The surface of all touched ground; points in metres from origin().
   Mesh mesh() const;
   /// The patches of that surface that changed since the last call, by block; at first all.
@@ -168,6 +182,7 @@ class Session {
  private:
   struct State;
   explicit Session(std::unique_ptr<State> state);
+  HeightMap& height_map();
   std::unique_ptr<State> state_;
 };
 

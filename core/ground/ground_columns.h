@@ -7,12 +7,13 @@
 #include <array>
 #include <cstdint>
 #include <exception>
+#include <limits>
 #include <memory>
 #include <unordered_map>
 #include <vector>
 
+#include "core/ground/base_columns.h"
 #include "core/lattice/chunk_math.h"
-#include "core/settle/base_columns.h"
 #include "soilvdb/change_follower.h"
 #include "soilvdb/ground.h"
 
@@ -39,8 +40,17 @@ struct ColumnTile {
   bool has_loose = false, has_hanging = false;
 };
 
-/// Reads a tile. @param cx, cy the chunks' lowest cell
+/// Reads a tile. Where only some of a column's chunks are resident its heights may err by a sample
+/// or two. @param cx, cy the chunks' lowest cell
 ColumnTile read_tile(BaseColumns& base, int cx, int cy);
+/// Above all cells.
+inline constexpr int kNoCeiling = std::numeric_limits<int>::max() / 2;
+/// May chunks be resident over or in the surface of a tile?
+bool is_touched(BaseColumns& base, int cx, int cy);
+/// Reads a tile to the sample, which takes longer where chunks of the surface aren't resident.
+/// @param ceiling the highest cell that is looked at; all above it counts as air
+/// @param initial what the tile was before anything changed
+ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial);
 
 /// Columns are looked at that GroundColumns was not given.
 struct OutOfReach : std::exception {

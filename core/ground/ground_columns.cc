@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/settle/ground_columns.h"
+#include "core/ground/ground_columns.h"
 
 #include <algorithm>
 #include <bit>
@@ -21,20 +21,30 @@ std::uint64_t tile_key(int cx, int cy) {
 /// Goes down columns of chunks until all their columns of cells have come to bank soil.
 class TileReader {
  public:
-  TileReader(BaseColumns& base, int cx, int cy)
-      : base_(base.at(cx, cy)), ground_(base.ground()), above_(ground_.above_base()) {
-    const Eigen::AlignedBox2i plan(above_.min().head<2>(), above_.max().head<2>());
-    const bool raised = !above_.isEmpty() && plan.contains(Coord2(cx, cy));
-    if (!base_.some && !raised) return;
-    int z = base_.some ? base_.highest : above_.max().z();
-    if (raised) z = std::max(z, above_.max().z());
+  /// What is read: chunks, and heights of the terrain where none is resident; or samples alone; or
+  /// those of the terrain.
+  enum class By { kHeights, kSamples, kTerrain };
+
+  TileReader(BaseColumns& base, int cx, int cy, int ceiling, By by)
+      : cx_(cx),
+        cy_(cy),
+        by_(by),
+        base_(base.at(cx, cy)),
+        ground_(base.ground()),
+        above_(ground_.above_base()),
+        ceiling_(ceiling) {}
+
+  ColumnTile read() {
+    if (!base_.some && !raised()) return tile_;
     for (int c = 0; c < kCells; ++c) {
       walks_[c].open = (base_.all_ground >> c & 1) != 0;
       open_ += walks_[c].open;
     }
-    for (z = floor_to(z, kChunkSide); open_ > 0; z -= kChunkSide) {
-      const Chunk* chunk = ground_.find({cx, cy, z});
-      if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
+    for (int z = top_chunk(); open_ > 0; z -= kChunkSide) {
+      const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
+      if (chunk == nullptr && by_ != By::kHeights && is_mixed(z)) {
+        through_samples(terrain_chunk(z), z);
+      } else if (chunk == nullptr && !(base_.whole && z > base_.highest)) {
         through_base(z);
       } else if (chunk == nullptr || chunk->soil_count == 0) {
         through_air(z);
@@ -45,9 +55,20 @@ class TileReader {
         through_samples(*chunk, z);
       }
     }
+    if (by_ != By::kHeights) subtract_pores();
+    return tile_;
   }
 
-  const ColumnTile& tile() const { return tile_; }
+  /// The lowest chunk from which on all counts as undisturbed: cliffs may go on for ever.
+  int last_chunk() const {
+    return std::min(base_.highest, top_chunk()) - 2 * kMaxCountedChunks * kChunkSide;
+  }
+  bool is_touched() const {
+    if (!base_.some && !raised()) return false;
+    for (int z = top_chunk(); z >= last_chunk(); z -= kChunkSide)
+      if (ground_.find({cx_, cy_, z}) != nullptr) return true;
+    return false;
+  }
 
  private:
   /// What one column has come to on the way down.
@@ -64,6 +85,62 @@ class TileReader {
 
   static constexpr int kCells = BaseColumn::kCells;
 
+  bool raised() const {
+    const Eigen::AlignedBox2i plan(above_.min().head<2>(), above_.max().head<2>());
+    return by_ != By::kTerrain && !above_.isEmpty() && plan.contains(Coord2(cx_, cy_));
+  }
+  int top_chunk() const {
+    int z = base_.some ? base_.highest : above_.max().z();
+    if (raised()) z = std::max(z, above_.max().z());
+    return floor_to(std::min(z, ceiling_), kChunkSide);
+  }
+  /// May the terrain's surface be in a chunk, and be read as samples?
+  bool is_mixed(int z) const {
+    return z >= last_chunk() && ground_.classify({cx_, cy_, z}) == Content::kMixed;
+  }
+  Chunk terrain_chunk(int z) const {
+    SampleWords words;
+    ground_.read_base({cx_, cy_, z}, words);
+    Chunk chunk;
+    chunk.samples.assign(words);
+    return chunk;
+  }
+  /// Lowers columns by what is missing below their topmost full cell, as where a tool cut some
+  /// samples from the side. Not over a cell without soil: what is above that is a roof.
+  void subtract_pores() {
+    int lowest = top_chunk();
+    for (const GroundColumn& c : tile_.columns)
+      if (c.known) lowest = std::min(lowest, c.bank_full);
+    const int last = floor_to(lowest, kChunkSide) - kMaxCountedChunks * kChunkSide;
+    std::array<int, kCells> missing = {};
+    std::array<bool, kCells> roof = {};
+    for (int z = top_chunk(); z >= last; z -= kChunkSide) {
+      const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
+      if (chunk == nullptr && !is_mixed(z)) continue;
+      const Chunk made = chunk == nullptr          ? terrain_chunk(z)
+                         : chunk->swap_record != 0 ? ground_.copy(*chunk)
+                                                   : Chunk();
+      const Samples& samples =
+          chunk == nullptr || chunk->swap_record != 0 ? made.samples : chunk->samples;
+      for (int c = 0; c < kCells; ++c) {
+        const auto i = static_cast<std::size_t>(c);
+        const std::uint32_t full = samples.full_of_row(c * kChunkSide);
+        if (!column(c).known || roof[i] || full == (1u << kChunkSide) - 1) continue;
+        for (int k = std::min(kChunkSide - 1, column(c).bank_full - 1 - z); k >= 0; --k) {
+          const int some = std::popcount(samples.word(c * kChunkSide + k));
+          roof[i] = roof[i] || some == 0;
+          missing[i] += 64 - some;
+        }
+      }
+    }
+    for (std::size_t i = 0; i < kCells; ++i) {
+      if (missing[i] == 0 || roof[i]) continue;
+      tile_.columns[i].top -= missing[i] / 64.0;
+      tile_.columns[i].bank -= missing[i] / 64.0;
+    }
+  }
+  /// The cell of the chunk at z that is looked at first.
+  int topmost(int z) const { return std::min(kChunkSide - 1, ceiling_ - z); }
   GroundColumn& column(int c) { return tile_.columns[static_cast<std::size_t>(c)]; }
   /// @param solid height of what is full from there down
   /// @param full the topmost cell that surely is
@@ -103,7 +180,7 @@ class TileReader {
   }
 
   void through_base(int z) {
-    const double low = z - 0.5, high = low + kChunkSide;
+    const double low = z - 0.5, high = low + topmost(z) + 1;
     for (int c = 0; c < kCells; ++c) {
       Walk& walk = walks_[c];
       if (!walk.open) continue;
@@ -139,7 +216,7 @@ class TileReader {
       const std::uint32_t some = chunk.samples.any_of_row(row);
       const std::uint32_t full = chunk.samples.full_of_row(row);
       const std::uint32_t loose = chunk.loose_count > 0 ? chunk.loose.any_of_row(row) : 0;
-      for (int k = kChunkSide - 1; k >= 0 && walk.open;) {
+      for (int k = topmost(z); k >= 0 && walk.open;) {
         if ((some >> k & 1) == 0) {  // down to the next that has some
           gap(c, z + k);
           k = static_cast<int>(std::bit_width(some & ((1u << k) - 1))) - 1;
@@ -168,9 +245,12 @@ class TileReader {
     }
   }
 
+  const int cx_, cy_;
+  const By by_;
   const BaseColumn& base_;
   const Ground& ground_;
   const Eigen::AlignedBox3i above_;
+  const int ceiling_;
   ColumnTile tile_;
   Walk walks_[kCells];
   int open_ = 0;
@@ -179,7 +259,18 @@ class TileReader {
 
 }  // namespace
 
-ColumnTile read_tile(BaseColumns& base, int cx, int cy) { return TileReader(base, cx, cy).tile(); }
+ColumnTile read_tile(BaseColumns& base, int cx, int cy) {
+  return TileReader(base, cx, cy, kNoCeiling, TileReader::By::kHeights).read();
+}
+
+bool is_touched(BaseColumns& base, int cx, int cy) {
+  return TileReader(base, cx, cy, kNoCeiling, TileReader::By::kSamples).is_touched();
+}
+
+ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial) {
+  using By = TileReader::By;
+  return TileReader(base, cx, cy, ceiling, initial ? By::kTerrain : By::kSamples).read();
+}
 
 GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
   changes_.take();  // what was there before

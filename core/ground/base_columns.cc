@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-#include "core/settle/base_columns.h"
+#include "core/ground/base_columns.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,7 +11,6 @@
 #include "core/constants.h"
 #include "core/lattice/cell_counts.h"
 #include "core/lattice/chunk_math.h"
-#include "core/settle/whole_samples.h"
 
 namespace soilvdb::inline v0 {
 namespace {
@@ -62,10 +61,11 @@ void count_heights(const Ground& ground, int cx, int cy, BaseColumn& column) {
 
 BaseColumn column_of(const Ground& ground, int cx, int cy) {
   BaseColumn column;
+  const double h = ground.voxel_size_m();
   double low_m = std::numeric_limits<double>::infinity();
   const auto look = [&](int x, int y) {
     const auto height_m = height(ground, cx + x, cy + y);
-    if (!height_m) return;
+    if (!height_m || std::abs(*height_m - ground.origin().z()) > kMaxIndex * h) return;
     low_m = std::min(low_m, *height_m);
     const int chunk =
         floor_to(cell_of((*height_m - ground.origin().z()) / ground.voxel_size_m()), kChunkSide);
@@ -73,7 +73,6 @@ BaseColumn column_of(const Ground& ground, int cx, int cy) {
     column.some = true;
   };
   for (const auto& [x, y] : {std::pair(4, 4), {0, 0}, {7, 0}, {0, 7}, {7, 7}}) look(x, y);
-  const double h = ground.voxel_size_m();
   const Vec3 corner = ground.world_from_index(Vec3(cx - 0.5, cy - 0.5, 0));
   const Vec3 floor(corner.x(), corner.y(), low_m - h);
   column.whole = column.some && ground.terrain().has_data({floor, floor + Vec3(8 * h, 8 * h, h)});

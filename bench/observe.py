@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""What it costs to look at the ground, from Python: each figure beside its goal, and beside a NumPy
+array of heights with equal cells. Each part runs in processes with one and with two cores."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+
+import numpy as np
+
+from goals import PROFILE, dug_site, measured, report
+
+
+def drag(step, begin=0.0):
+    """Position and rotation of a machine that digs strokes of 4 m, 0.3 m deep, at 100 Hz, and lifts
+    between them."""
+    stroke, at = divmod(step, 600)
+    x = begin - 2 + 4 * min(at, 500) / 500
+    lift = 1.2 * max(0, at - 500) / 100 if at > 500 else 0
+    pitch = 0.3 - 1.8 * max(0, at - 450) / 150
+    z = -0.05 * stroke - 0.3 * min(1.0, at / 50) + lift
+    return (x, 1.3 * (stroke % 3), z), (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2))
+
+
+def looks(soilvdb, quick):
+    """Median times of a look after each update of a dig in soil that moves, us; misfit of volumes."""
+    loam = soilvdb.Soil(0.61, 0.25)
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=loam)
+    into = np.empty((64, 64), np.float32)
+    array, window = np.zeros((400, 400), np.float32), np.empty((64, 64), np.float32)
+
+    def numpy_window(p):
+        i, j = int((p[1] + 10) / 0.05), int((p[0] + 10) / 0.05)
+        window[:] = array[i - 32:i + 32, j - 32:j + 32]
+
+    around = [
+        ("one height", lambda p: site.heights([(p[0] + 0.3, p[1])])),
+        ("map, cells of the voxels", lambda p: site.height_map(
+            origin=(round(p[0] / 0.05) * 0.05 - 1.6, round(p[1] / 0.05) * 0.05 - 1.6),
+            shape=(64, 64), cell=0.05, out=into)),
+        ("map, cells of 10 cm", lambda p: site.height_map(
+            origin=(p[0] - 3.2, p[1] - 3.2), shape=(64, 64), cell=0.1, out=into)),
+        ("map turned with the machine, 5 cm", lambda p: site.height_map(
+            machine=0, shape=(64, 64), cell=0.05, out=into)),
+        ("map turned with the machine, 10 cm", lambda p: site.height_map(
+            machine=0, shape=(64, 64), cell=0.1, out=into)),
+        ("height on the mesh", lambda p: site.mesh_heights([(p[0] + 0.3, p[1])])),
+        ("NumPy window", numpy_window),
+    ]
+    times = {name: [] for name, _ in around}
+    steps = 120 if quick else 3600
+    for step in range(steps):
+        position, rotation = drag(step)
+        site.update(0, position=position, rotation=rotation, time=step / 100)
+        # One of them after each update, so that none finds the work of another done.
+        name, look = around[step % len(around)]
+        begin = time.perf_counter()
+        look(position)
+        times[name].append(1e6 * (time.perf_counter() - begin))
+    dug = site.height_map(origin=(-8, -8), shape=(320, 320), cell=0.05, layer="dug")
+    sample_m3 = 0.05**3 / 64
+    misfit = abs(dug.sum() * 0.05**2 + site.change_m3()) / sample_m3
+    return {name: statistics.median(t) for name, t in times.items()} | {
+        "slowest map": max(times["map, cells of the voxels"][3:]), "misfit": misfit}
+
+
+def many_points(soilvdb, quick):
+    """10^6 points of a dug site: the first time and later, s."""
+    site = dug_site(soilvdb)
+    count = 10**4 if quick else 10**6
+    xy = np.random.default_rng(1).uniform(-3, 3, (count, 2))
+    took = []
+    for _ in range(4):
+        begin = time.perf_counter()
+        site.heights(xy)
+        took.append((time.perf_counter() - begin) * 1e6 / count)
+    return {"first points": took[0], "points": statistics.median(took[1:])}
+
+
+def environment(soilvdb, soil, quick):
+    """Steps a second of 64 sites at 10 cm: an update, a 16 x 16 map around the lip, a reward."""
+    count, steps = 64, 8 if quick else 240
+    start = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=soil)
+    sites = [start.clone() for _ in range(count)]
+    maps, loads = np.empty((count, 16, 16), np.float32), np.zeros(count)
+    depth = np.linspace(0.1, 0.4, count)
+    begin = time.perf_counter()
+    for step in range(steps):
+        if step % 60 == 0:
+            sites = [start.clone() for _ in range(count)]
+            loads[:] = 0
+        s = step % 60 / 60
+        pitch = 0.3 - 1.8 * max(0.0, s - 0.75) / 0.25
+        at = np.stack([4 * s + 0 * depth, 0 * depth, 0.1 - depth * min(1, 5 * s) + 8 * max(0, s - 0.8)], 1)
+        turn = np.tile([0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2)], (count, 1))
+        updates = soilvdb.update_many(sites, 0, positions=at, rotations=turn)
+        soilvdb.height_maps(sites, machine=0, shape=(16, 16), cell=0.2, out=maps)
+        now = np.array([update.bucket_m3 for update in updates])
+        rewards, loads = now - loads, now
+    assert np.isfinite(maps).all() and np.isfinite(rewards).all()
+    return count * steps / (time.perf_counter() - begin)
+
+
+def measure(quick):
+    import soilvdb
+
+    figures = looks(soilvdb, quick) | many_points(soilvdb, quick)
+    figures["rigid"] = environment(soilvdb, None, quick)
+    figures["moving"] = environment(soilvdb, soilvdb.Soil(0.61, 0.25), quick)
+    return figures
+
+
+def main():
+    one, two, out = measured("observe", measure)
+    after = "after an update, 5 cm, moving soil"
+    rows = [
+        (f"one height {after}", two["one height"], "us", "<= 5"),
+        (f"64 x 64 map {after}: cells of the voxels", two["map, cells of the voxels"], "us", "<= 60"),
+        ("the slowest of these", two["slowest map"], "us", ""),
+        ("64 x 64 map: cells of 10 cm, anywhere", two["map, cells of 10 cm"], "us", "<= 250"),
+        ("64 x 64 map around the machine: 5 cm", two["map turned with the machine, 5 cm"], "us", "<= 250"),
+        ("64 x 64 map around the machine: 10 cm", two["map turned with the machine, 10 cm"], "us", "<= 250"),
+        ("a 64 x 64 window of a NumPy array", two["NumPy window"], "us", ""),
+        (f"one height on the mesh {after}", two["height on the mesh"], "us", ""),
+        ("10^6 points of a dug site", two["points"], "s", "<= 0.05"),
+        ("the same, the first time", two["first points"], "s", "<= 0.05"),
+        ("64 sites, rigid, 10 cm: steps with a 16 x 16 map", two["rigid"], "1/s", ">= 20000"),
+        ("the same, 2 cores over 1", two["rigid"] / one["rigid"], "", ">= 1.8"),
+        ("64 sites, moving soil, 10 cm: the same", two["moving"], "1/s", ">= 4000"),
+        ("the same, 2 cores over 1", two["moving"] / one["moving"], "", ">= 1.8"),
+        ("sum over a map against the ground's volume", two["misfit"], "samples", "<= 0.01"),
+    ]
+    report(rows, out)
+
+
+if __name__ == "__main__":
+    main()

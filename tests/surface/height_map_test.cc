@@ -1,0 +1,378 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Heights from samples: their sums are the ledger's volumes, their surface is that which was cut.
+#include "soilvdb/height_map.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <random>
+#include <tuple>
+#include <vector>
+
+#include "core/ground/ground_writer.h"
+#include "core/lattice/chunk_math.h"
+#include "tests/support/earthmoving_fixture.h"
+#include "tests/support/sanitized.h"
+
+namespace soilvdb::test {
+namespace height_map_test {
+
+std::vector<double> map_of(HeightMap& heights, const MapGrid& grid, MapLayer layer,
+                           std::optional<double> ceiling_m = {}) {
+  std::vector<double> out(static_cast<std::size_t>(grid.nx * grid.ny), -1);
+  heights.map(grid, layer, std::span<double>(out), ceiling_m);
+  return out;
+}
+
+double sum_of(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum;
+}
+
+/// A random stroke without a roof over it: down, along, and up.
+std::vector<Pose> random_way(std::mt19937_64& random) {
+  std::uniform_real_distribution<double> place(-1.5, 1.5), deep(0.1, 0.5), turn(-3, 3);
+  const double yaw = turn(random);
+  const Vec3 ahead(std::cos(yaw), std::sin(yaw), 0), up = Vec3::UnitZ();
+  const Vec3 begin(place(random), place(random), -deep(random)), end = begin + 1.5 * ahead;
+  std::vector<Pose> way;
+  for (const Vec3& at :
+       {Vec3(begin + 1.2 * up), begin, Vec3((begin + end) / 2), end, Vec3(end + 1.2 * up)})
+    way.push_back({at, from_rpy(0, 0, yaw)});
+  return way;
+}
+
+/// Covers the site, with cells of any size and place.
+MapGrid over_site(double cell_m, const Vec2& first_m) {
+  const int n = static_cast<int>(std::ceil(24 / cell_m));
+  return {first_m - Vec2::Constant(12), cell_m, n, n};
+}
+
+TEST(HeightMap, SumsOverCellsAreTheVolumesOfTheLedger) {
+  constexpr double h = 0.1;
+  std::mt19937_64 random(1);
+  for (int scene = 0; scene < (kLong ? 20 : 4); ++scene) {
+    const bool moves = scene % 2 == 1;
+    Ground ground(h, Vec3(300000, 5000000, 20),
+                  make_plane(20.013 - 0.02 * 300000 + 0.03 * 5000000, {0.02, -0.03}));
+    Tracker tracker(ground, {digger()}, moves ? loam() : Earthmoving());
+    HeightMap heights(ground);
+    for (Pose pose : random_way(random)) {
+      pose.position += Vec3(300000, 5000000, 20);
+      tracker.update(0, pose);
+      const Vec2 first = Vec2(300000, 5000000) + Vec2(0.013 * scene, 0.029);
+      for (const double cell_m : {h, 2 * h, 0.25, 0.07}) {
+        const MapGrid grid = over_site(cell_m, first);
+        const double dug_m3 = sum_of(map_of(heights, grid, MapLayer::kDug)) * cell_m * cell_m;
+        EXPECT_NEAR(dug_m3, -ground.change_m3(), 1e-7 * (1 + std::abs(dug_m3)))
+            << scene << ", " << cell_m;
+      }
+      // Where cells are the voxels', to the last sample.
+      const MapGrid grid = over_site(h, Vec2(300000, 5000000));
+      const double samples = 64 * sum_of(map_of(heights, grid, MapLayer::kDug)) / h;
+      EXPECT_EQ(std::llround(samples), -std::llround(ground.change_m3() / ground.sample_m3()));
+      EXPECT_NEAR(samples, std::round(samples), 1e-4);
+    }
+  }
+}
+
+TEST(HeightMap, KeepsNothingThatIsNoLongerSo) {
+  std::mt19937_64 random(2);
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0.1, 0.05}));
+  Tracker tracker(ground, {digger()}, loam());
+  HeightMap kept(ground);
+  std::vector<Vec2> places;
+  std::uniform_real_distribution<double> place(-5, 5);
+  for (int i = 0; i < 300; ++i) places.emplace_back(place(random), place(random));
+  for (int n = 0; n < 3; ++n) {
+    for (const Pose& pose : random_way(random)) {
+      tracker.update(0, pose);
+      HeightMap fresh(ground);
+      const MapGrid grid = MapGrid::around({0.3, -0.2}, 0.1, 90, 70, n == 2 ? &pose : nullptr);
+      for (const MapLayer layer : {MapLayer::kHeight, MapLayer::kLoose, MapLayer::kDug})
+        ASSERT_EQ(map_of(kept, grid, layer), map_of(fresh, grid, layer));
+      std::vector<double> a(places.size()), b(places.size());
+      kept.at(places, a);
+      fresh.at(places, b);
+      ASSERT_EQ(a, b);
+    }
+  }
+  const std::unique_ptr<Ground> clone = ground.clone();
+  HeightMap of_clone(*clone, kept);
+  const MapGrid grid = over_site(0.1, {0, 0});
+  EXPECT_EQ(map_of(kept, grid, MapLayer::kHeight), map_of(of_clone, grid, MapLayer::kHeight));
+}
+
+TEST(HeightMap, OnePlaceIsAsAmongMany) {
+  std::mt19937_64 random(3);
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0.1, 0.05}));
+  Tracker tracker(ground, {digger()});
+  for (const Pose& pose : random_way(random)) tracker.update(0, pose);
+  HeightMap heights(ground);
+  std::vector<Vec2> near, far;
+  std::uniform_real_distribution<double> place(-3, 3);
+  for (int i = 0; i < 200; ++i) near.emplace_back(place(random), place(random));
+  far = near;
+  far.emplace_back(4000, -3000);  // too far apart to be read at once
+  std::vector<double> a(near.size()), b(far.size());
+  heights.at(near, a);
+  heights.at(far, b);
+  for (std::size_t i = 0; i < near.size(); ++i) {
+    double alone;
+    heights.at({&near[i], 1}, {&alone, 1});
+    ASSERT_EQ(alone, a[i]);
+    ASSERT_EQ(alone, b[i]);
+  }
+  EXPECT_NEAR(b.back(), 0.1 * 4000 - 0.05 * 3000, 1e-9);
+}
+
+TEST(HeightMap, UntouchedGroundIsTheTerrainAndCutsAreWhereTheyWereMade) {
+  constexpr double h = 0.05;
+  const Vec3 origin(500000, 5400000, 100);
+  const auto rises = [&](double z, const Vec2& slope) {
+    return [=](const Vec2& at) { return z + slope.dot(at - origin.head<2>()); };
+  };
+  const auto before = rises(100.313, {0.02, -0.03}), cut = rises(99.9, {0.08, 0});
+  Ground ground(h, origin, make_plane(before({0, 0}), {0.02, -0.03}));
+  HeightMap heights(ground);
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> place(-2, 2);
+  const auto errors = [&](const auto& wanted) {
+    std::vector<double> all;
+    for (int i = 0; i < 400; ++i) {
+      const Vec2 at(origin.x() + place(random), origin.y() + 0.5 * place(random));
+      double z;
+      heights.at({&at, 1}, {&z, 1});
+      all.push_back(std::abs(z - wanted(at)));
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+  };
+  EXPECT_LT(errors(before).back(), 1e-8);
+  Tracker tracker(ground, {Bucket{3, 2, {}, {}}});
+  for (const double x : {-3.0, 3.0}) {
+    const Vec2 lip(origin.x() + x, origin.y());
+    tracker.update(0, {{lip.x(), lip.y(), cut(lip)}, {1, 0, 0, 0}});
+  }
+  const std::vector<double> off = errors(cut);
+  double sum2 = 0;
+  for (const double e : off) sum2 += e * e;
+  EXPECT_LT(std::sqrt(sum2 / 400), 0.03 * h) << "what counts err by";
+  EXPECT_LT(off.back(), 0.1 * h);
+}
+
+TEST(HeightMap, TurnsWithTheLip) {
+  constexpr double h = 0.1;
+  const auto slope = [](const Vec2& at) { return 0.2 * at.x() - 0.3 * at.y(); };
+  Ground ground(h, Vec3(0, 0, 0), make_plane(0, {0.2, -0.3}));
+  HeightMap heights(ground);
+  for (const double yaw : {0.0, 0.4, 1.5, 3.0, -2.0}) {
+    for (const double pitch : {-2.5, -1.0, 0.0, 1.0}) {  // the mouth looks back as well
+      const Pose pose{{1.3, -0.7, 0}, from_rpy(0, pitch, yaw)};
+      for (const double cell_m : {0.05, 0.1, 0.23}) {
+        const MapGrid grid = MapGrid::around(pose.position.head<2>(), cell_m, 7, 5, &pose);
+        const Vec2 ahead(std::cos(yaw), std::sin(yaw)), left(-ahead.y(), ahead.x());
+        const std::vector<double> map = map_of(heights, grid, MapLayer::kHeight);
+        for (int i = 0; i < 5; ++i) {
+          for (int j = 0; j < 7; ++j) {
+            const Vec2 at = pose.position.head<2>() + cell_m * ((j - 3) * ahead + (i - 2) * left);
+            EXPECT_LT((grid.middle_m(i, j) - at).norm(), 1e-9);
+            // Means by counts; with the world's axes of whole columns.
+            EXPECT_NEAR(map[static_cast<std::size_t>(7 * i + j)], slope(at), 0.2 * h);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(HeightMap, ACeilingShowsWhatIsUnderARoof) {
+  constexpr double h = 0.1;
+  Ground ground(h, Vec3(0, 0, 0), make_plane(2, {0, 0}));
+  SampleWords all;
+  all.fill(kAllSoil);
+  for (const int y : {-8, 0})
+    for (const int x : {-8, 0, 8}) GroundWriter(ground).remove({x, y, 0}, all);
+  HeightMap heights(ground);
+  const MapGrid inside{{-0.5, -0.5}, h, 10, 10}, beside{{5, 5}, h, 4, 4};
+  for (const double z : map_of(heights, inside, MapLayer::kHeight)) EXPECT_NEAR(z, 2, 0.01);
+  for (const double z : map_of(heights, inside, MapLayer::kHeight, 0.6))
+    EXPECT_NEAR(z, -0.05, 1e-9);
+  // To the voxel: its side nearest to 0.6 m.
+  for (const double z : map_of(heights, beside, MapLayer::kHeight, 0.6))
+    EXPECT_NEAR(z, 0.55, 0.051);
+  for (const double z : map_of(heights, inside, MapLayer::kHeight, 30.0)) EXPECT_NEAR(z, 2, 0.01);
+  std::vector<double> again = map_of(heights, inside, MapLayer::kHeight);
+  EXPECT_NEAR(again[0], 2, 0.01) << "a ceiling is of one look";
+}
+
+TEST(HeightMap, LooseSoilIsWhatLiesOnTheBank) {
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0.05, 0}));
+  Tracker tracker(ground, {digger()}, loam_with_pours({{"tip", {0, 0, 3}, 0, 0, 1.5}}));
+  tracker.pour(0, 1);
+  HeightMap heights(ground);
+  const MapGrid grid = over_site(0.1, {0, 0});
+  EXPECT_NEAR(sum_of(map_of(heights, grid, MapLayer::kLoose)) * 0.01, 1.5, 2e-4);
+  EXPECT_NEAR(sum_of(map_of(heights, grid, MapLayer::kDug)) * 0.01, -1.5, 2e-4);
+}
+
+TEST(HeightMap, EndsWithTheTerrain) {
+  HeightGrid posts;
+  posts.nx = posts.ny = 21;
+  posts.first = {-1, -1};
+  posts.spacing = {0.1, 0.1};
+  Ground ground(0.1, Vec3(0, 0, 0), raster(posts, [](double, double) { return 0.5; }));
+  HeightMap heights(ground);
+  const std::vector<double> map = map_of(heights, MapGrid{{-2, 0}, 0.5, 9, 1}, MapLayer::kHeight);
+  EXPECT_TRUE(std::isnan(map.front()) && std::isnan(map.back()));
+  EXPECT_NEAR(map[4], 0.5, 0.01);
+  const std::vector<Vec2> places = {
+      {0, 0}, {3, 0}, {1e12, 0}, {std::numeric_limits<double>::quiet_NaN(), 0}};
+  std::vector<double> z(places.size());
+  heights.at(places, z);
+  EXPECT_NEAR(z[0], 0.5, 1e-9);
+  for (const std::size_t i : {1, 2, 3}) EXPECT_TRUE(std::isnan(z[i])) << i;
+}
+
+// A hole that misses the middles and corners of columns of voxels, so that no voxel is ever full.
+TEST(HeightMap, EndsAboveASmallHoleAndABottomlessSite) {
+  HeightGrid posts;
+  posts.nx = posts.ny = 81;
+  posts.first = {-0.8, -0.8};
+  posts.spacing = {0.02, 0.02};
+  Ground ground(0.1, Vec3(0, 0, 0), raster(posts, [](double x, double y) {
+                  const bool hole = std::abs(x - 0.02) < 0.005 && std::abs(y - 0.02) < 0.005;
+                  return hole ? std::numeric_limits<double>::quiet_NaN() : 0.04;
+                }));
+  HeightMap heights(ground);
+  GroundWriter(ground).remove({0, 0, 0}, SampleWords{1});
+  std::vector<double> out(64);
+  heights.map(MapGrid{{0, 0}, 0.1, 8, 8}, MapLayer::kDug, std::span<double>(out));
+  const Vec2 nowhere(std::numeric_limits<double>::quiet_NaN(), 0);
+  heights.at({&nowhere, 1}, out);
+  EXPECT_TRUE(std::isnan(out[0]));
+  Ground high(0.05, Vec3(0, 0, 1e9), make_plane(0, {0.1, 0}));
+  const Vec2 place(3, 0);
+  HeightMap(high).at({&place, 1}, out);
+  EXPECT_NEAR(out[0], 0.3, 1e-9);
+}
+
+TEST(HeightMap, WhatNobodyTouchedIsNotDug) {
+  HeightGrid posts;
+  posts.nx = posts.ny = 81;
+  posts.first = {-2, -2};
+  posts.spacing = {0.05, 0.05};
+  // Walls that are higher than counts look, and fine ones between points at which heights are
+  // asked.
+  Ground ground(0.05, Vec3(0, 0, 0), raster(posts, [](double x, double y) {
+                  return (x > 0.31 ? 2.5 : 0.0) + (y > 0.7 ? 0.4 * std::floor(4 * y) : 0.1 * x);
+                }));
+  HeightMap heights(ground);
+  std::mt19937_64 random(5);
+  for (int n = 0; n < 30; ++n) {
+    const auto cell = [&] { return kChunkSide * (static_cast<int>(random() % 6) - 3); };
+    const Coord3 origin(cell(), cell(), kChunkSide * (static_cast<int>(random() % 9) - 1));
+    SampleWords words{};
+    words[random() % words.size()] = random();
+    GroundWriter(ground).remove(origin, words);
+  }
+  const MapGrid grid{{-1.5, -1.5}, 0.05, 60, 60};
+  const std::vector<double> dug = map_of(heights, grid, MapLayer::kDug);
+  const auto changed = std::count_if(dug.begin(), dug.end(), [](double d) { return d != 0; });
+  EXPECT_GE(changed, 1);
+  EXPECT_LE(changed, 30);
+}
+
+TEST(HeightMap, WhatAToolCutFromTheSideCounts) {
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(2, {0, 0}));
+  HeightMap heights(ground);
+  SampleWords half;
+  half.fill(0x0f0f0f0f0f0f0f0f);
+  for (const int z : {0, 8}) {
+    GroundWriter(ground).remove({0, 0, z}, half);
+    const double dug_m3 = sum_of(map_of(heights, over_site(0.1, {0, 0}), MapLayer::kDug)) * 0.01;
+    EXPECT_NEAR(dug_m3, -ground.change_m3(), 1e-9);
+  }
+}
+
+TEST(HeightMap, QuarterTurnsAreExactToo) {
+  std::mt19937_64 random(6);
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0.1, 0.05}));
+  Tracker tracker(ground, {digger()});
+  for (const Pose& pose : random_way(random)) tracker.update(0, pose);
+  HeightMap heights(ground);
+  const int n = 9, m = 5;
+  const auto map_at = [&](double yaw) {
+    const Pose pose{{0.31, -0.22, 0}, from_rpy(0, 0.3, yaw)};  // with rounding
+    return map_of(heights, MapGrid::around(pose.position.head<2>(), 0.17, n, n, &pose),
+                  MapLayer::kHeight);
+  };
+  const std::vector<double> level = map_at(0);
+  for (int turn = 1; turn < 4; ++turn) {
+    const std::vector<double> turned = map_at(turn * std::numbers::pi / 2);
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) {
+        int x = j, y = i;  // of the cell in the level map
+        for (int t = 0; t < turn; ++t) std::tie(x, y) = std::pair(n - 1 - y, x);
+        EXPECT_NEAR(turned[static_cast<std::size_t>(n * i + j)],
+                    level[static_cast<std::size_t>(n * y + x)], 1e-9);
+      }
+    }
+  }
+  const Pose north{{0, 0, 0}, from_rpy(0, 0, std::numbers::pi / 2)};
+  const MapGrid wide = MapGrid::around({0, 0}, 0.1, n, m, &north);
+  EXPECT_NEAR(wide.middle_m(0, n - 1).y(), 0.4, 1e-12);
+  EXPECT_NEAR(wide.middle_m(m - 1, 0).x(), -0.2, 1e-12);
+  EXPECT_EQ(map_of(heights, wide, MapLayer::kHeight).size(), 45u);
+}
+
+TEST(HeightMap, FloatsAreTheDoublesRounded) {
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(1, {0.3, 0.1}));
+  HeightMap heights(ground);
+  const MapGrid grid{{0.03, 0.04}, 0.17, 40, 30};
+  std::vector<float> small(40 * 30);
+  heights.map(grid, MapLayer::kHeight, std::span<float>(small));
+  const std::vector<double> exact = map_of(heights, grid, MapLayer::kHeight);
+  for (std::size_t i = 0; i < small.size(); ++i) ASSERT_EQ(small[i], static_cast<float>(exact[i]));
+}
+
+TEST(HeightMap, RefusesWhatIsNoMap) {
+  Ground ground(0.1, Vec3(0, 0, 0), make_plane(0, {0, 0}));
+  HeightMap heights(ground);
+  std::vector<double> out(6);
+  const auto refuses = [&](const MapGrid& grid, std::optional<double> ceiling_m = {}) {
+    EXPECT_THROW(heights.map(grid, MapLayer::kHeight, std::span<double>(out), ceiling_m),
+                 std::invalid_argument);
+  };
+  const MapGrid good{{0, 0}, 0.1, 3, 2};
+  EXPECT_NO_THROW(heights.map(good, MapLayer::kHeight, std::span<double>(out)));
+  const auto with = [&](auto change) {
+    MapGrid grid = good;
+    change(grid);
+    refuses(grid);
+  };
+  with([](MapGrid& g) { g.nx = 0; });
+  with([](MapGrid& g) { g.ny = 3; });
+  with([](MapGrid& g) {
+    g.nx = -3;
+    g.ny = -2;
+  });
+  for (const double side : {0.0, 1e-8, -1.0, std::numeric_limits<double>::quiet_NaN(), 1e9})
+    with([&](MapGrid& g) { g.cell_m = side; });
+  for (const double x : {1e9, -1e9, std::numeric_limits<double>::quiet_NaN()})
+    with([&](MapGrid& g) { g.first_m.x() = x; });
+  with([](MapGrid& g) { g.along = {1, 1}; });
+  with([](MapGrid& g) { g.along = {std::numeric_limits<double>::quiet_NaN(), 0}; });
+  refuses(good, std::numeric_limits<double>::quiet_NaN());
+  std::vector<double> none;
+  EXPECT_THROW(heights.at(std::vector<Vec2>{{0, 0}}, none), std::invalid_argument);
+}
+
+}  // namespace height_map_test
+}  // namespace soilvdb::test
