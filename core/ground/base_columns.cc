@@ -83,6 +83,7 @@ BaseColumn column_of(const Ground& ground, int cx, int cy) {
       if (!all_ground(ground, cx + x, cy + y)) column.all_ground &= ~(std::uint64_t{1} << c);
     }
   }
+  if (!column.some) column.all_ground = 0;
   while (column.some && ground.classify({cx, cy, column.highest + kChunkSide}) != Content::kAir)
     column.highest += kChunkSide;
   if (column.some) count_heights(ground, cx, cy, column);

@@ -36,6 +36,7 @@ class TileReader {
 
   ColumnTile read() {
     if (!base_.some && !raised()) return tile_;
+    if (by_ != By::kHeights) last_ = last_chunk();
     for (int c = 0; c < kCells; ++c) {
       walks_[c].open = (base_.all_ground >> c & 1) != 0;
       open_ += walks_[c].open;
@@ -59,13 +60,17 @@ class TileReader {
     return tile_;
   }
 
-  /// The lowest chunk from which on all counts as undisturbed: cliffs may go on for ever.
+  /// The lowest chunk that is looked at, some way below the terrain's lowest ground here.
   int last_chunk() const {
-    return std::min(base_.highest, top_chunk()) - 2 * kMaxCountedChunks * kChunkSide;
+    int lowest = std::min(base_.highest, top_chunk());
+    for (const double height : base_.heights)
+      if (base_.some && !std::isnan(height)) lowest = std::min(lowest, cell_of(height));
+    return floor_to(lowest, kChunkSide) - 2 * kMaxCountedChunks * kChunkSide;
   }
   bool is_touched() const {
     if (!base_.some && !raised()) return false;
-    for (int z = top_chunk(); z >= last_chunk(); z -= kChunkSide)
+    const int last = last_chunk();
+    for (int z = top_chunk(); z >= last; z -= kChunkSide)
       if (ground_.find({cx_, cy_, z}) != nullptr) return true;
     return false;
   }
@@ -96,7 +101,7 @@ class TileReader {
   }
   /// May the terrain's surface be in a chunk, and be read as samples?
   bool is_mixed(int z) const {
-    return z >= last_chunk() && ground_.classify({cx_, cy_, z}) == Content::kMixed;
+    return z >= last_ && ground_.classify({cx_, cy_, z}) == Content::kMixed;
   }
   Chunk terrain_chunk(int z) const {
     SampleWords words;
@@ -111,7 +116,7 @@ class TileReader {
     int lowest = top_chunk();
     for (const GroundColumn& c : tile_.columns)
       if (c.known) lowest = std::min(lowest, c.bank_full);
-    const int last = floor_to(lowest, kChunkSide) - kMaxCountedChunks * kChunkSide;
+    const int last = std::min(last_, floor_to(lowest, kChunkSide) - kMaxCountedChunks * kChunkSide);
     std::array<int, kCells> missing = {};
     std::array<bool, kCells> roof = {};
     for (int z = top_chunk(); z >= last; z -= kChunkSide) {
@@ -251,6 +256,7 @@ class TileReader {
   const Ground& ground_;
   const Eigen::AlignedBox3i above_;
   const int ceiling_;
+  int last_ = 0;  // as last_chunk(), if samples are read
   ColumnTile tile_;
   Walk walks_[kCells];
   int open_ = 0;

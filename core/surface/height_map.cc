@@ -140,7 +140,7 @@ class HeightMap::Reader {
     const bool touched = is_touched(base_, cx, cy);
     if (touched && !tile.before) {
       // Counted alike, so that what nobody touched is as it was.
-      const ColumnTile initial = read_tile_exactly(base_, cx, cy, kNoCeiling, true);
+      const ColumnTile initial = read_tile_exactly(base_, cx, cy, ceiling, true);
       tile.before = std::make_unique<std::array<double, BaseColumn::kCells>>();
       for (std::size_t i = 0; i < BaseColumn::kCells; ++i)
         (*tile.before)[i] = initial.columns[i].top;
@@ -233,8 +233,11 @@ template <typename T>
 void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
                      std::optional<double> ceiling_m) {
   MapGrid grid = given;
+  require(given.along.allFinite() && std::abs(given.along.norm() - 1) < kMaxUnitError,
+          "a map's axis must be a direction of unit length");
+  grid.along.normalize();
   for (const Vec2& axis : {Vec2(1, 0), Vec2(0, 1), Vec2(-1, 0), Vec2(0, -1)})
-    if ((given.along - axis).norm() < kSameAxis) grid.along = axis;
+    if ((grid.along - axis).norm() < kSameAxis) grid.along = axis;
   Reader& reader = *reader_;
   const Ground& ground = reader.ground();
   const double h = ground.voxel_size_m(), side = grid.cell_m / h;
@@ -244,8 +247,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   require(side >= kMinMapCell && side * side <= kMapPartColumns,
           "a map's cells must be from a thousandth of a voxel to " +
               std::to_string(static_cast<int>(std::sqrt(kMapPartColumns))) + " voxels wide");
-  require(grid.first_m.allFinite() && std::abs(grid.along.norm() - 1) < kMaxUnitError,
-          "a map's place and axis must be numbers, the axis of unit length");
+  require(grid.first_m.allFinite(), "a map's place must be numbers");
   for (const int i : {0, grid.ny - 1})
     for (const int j : {0, grid.nx - 1})
       require(((grid.middle_m(i, j) - ground.origin().head<2>()) / h).cwiseAbs().maxCoeff() <
@@ -255,7 +257,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   int ceiling = kNoCeiling;
   if (ceiling_m) {
     const double z = std::clamp((*ceiling_m - ground.origin().z()) / h, -kMaxIndex, kMaxIndex);
-    ceiling = static_cast<int>(std::round(z)) - 1;
+    ceiling = static_cast<int>(std::floor(z + 0.5 + kSameCell)) - 1;
   }
   reader.refresh();
   const double zero = layer == MapLayer::kHeight ? ground.origin().z() : 0;

@@ -208,6 +208,9 @@ TEST(HeightMap, ACeilingShowsWhatIsUnderARoof) {
   for (const double z : map_of(heights, beside, MapLayer::kHeight, 0.6))
     EXPECT_NEAR(z, 0.55, 0.051);
   for (const double z : map_of(heights, inside, MapLayer::kHeight, 30.0)) EXPECT_NEAR(z, 2, 0.01);
+  for (const double d : map_of(heights, MapGrid{{-3, -3}, h, 60, 60}, MapLayer::kDug, 1.5))
+    EXPECT_NEAR(d, 0, 1e-9) << "a ceiling is over the terrain as well";
+  EXPECT_NEAR(map_of(heights, beside, MapLayer::kHeight, -0.25)[0], -0.25, 1e-9);
   std::vector<double> again = map_of(heights, inside, MapLayer::kHeight);
   EXPECT_NEAR(again[0], 2, 0.01) << "a ceiling is of one look";
 }
@@ -287,6 +290,32 @@ TEST(HeightMap, WhatNobodyTouchedIsNotDug) {
   const auto changed = std::count_if(dug.begin(), dug.end(), [](double d) { return d != 0; });
   EXPECT_GE(changed, 1);
   EXPECT_LE(changed, 30);
+}
+
+TEST(HeightMap, TheFootOfAHighWallIsSeen) {
+  HeightGrid posts;
+  posts.nx = posts.ny = 81;
+  posts.first = {-2, -2};
+  posts.spacing = {0.05, 0.05};
+  Ground ground(0.05, Vec3(0, 0, 0),
+                raster(posts, [](double x, double) { return x > 0.21 ? 6.0 : 0.0; }));
+  HeightMap heights(ground);
+  const MapGrid grid{{-1.5, -1.5}, 0.05, 60, 60};
+  for (const MapLayer layer : {MapLayer::kLoose, MapLayer::kDug})
+    for (const double v : map_of(heights, grid, layer)) ASSERT_EQ(v, 0);
+  SampleWords foot{};
+  for (int x = 0; x < 3; ++x)  // of the tile that the wall stands in, at x = 0.2 m
+    for (int y = 0; y < kChunkSide; ++y)
+      for (int z = 0; z < kChunkSide; ++z)
+        foot[static_cast<std::size_t>(cell_number({x, y, z}))] = kAllSoil;
+  GroundWriter(ground).remove({0, 0, -8}, foot);
+  const std::vector<double> dug = map_of(heights, grid, MapLayer::kDug);
+  EXPECT_NEAR(sum_of(dug) * 0.05 * 0.05, -ground.change_m3(), 1e-9);
+  EXPECT_EQ(std::count_if(dug.begin(), dug.end(), [](double d) { return d != 0; }), 24);
+  const Vec2 in_it(0.05, 0.2);
+  double z;
+  heights.at({&in_it, 1}, {&z, 1});
+  EXPECT_LT(z, -0.3);
 }
 
 TEST(HeightMap, WhatAToolCutFromTheSideCounts) {

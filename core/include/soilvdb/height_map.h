@@ -35,10 +35,10 @@ enum class MapLayer {
 /// Heights of a ground by counts of its samples. No surface is made.
 ///
 /// A column of voxels has the mean height of its topmost soil: what lies above the topmost voxel
-/// that is full of bank soil counts with its volume, and what is missing below that as well. So
-/// sums over columns are volumes to the last sample. Not so under a roof, which is bank soil over a
-/// voxel without any: only what is above its topmost full voxel counts. Pieces of soil in the air
-/// count.
+/// that is full of bank soil counts with its volume, and what is missing in the 32 voxels below
+/// that as well. So sums over columns are volumes to the last sample. Not so under a roof, which is
+/// bank soil over a voxel without any: only what is above its topmost full voxel counts. Pieces of
+/// soil in the air count.
 ///
 /// Heights are kept by tiles of 8 x 8 columns until the ground changes there: looking costs some
 /// nanoseconds a column, and some microseconds for each tile that changed since. The first look
@@ -56,10 +56,12 @@ class HeightMap {
   ~HeightMap();
 
   /// The mean of a layer over each cell; NaN where no column has ground, else over those that have.
-  /// Exact if the grid's axes are the world's or a quarter turn from them. In a turned grid it is
-  /// that of heights() at points that are a voxel apart or closer.
+  /// Exact if the grid's axes are the world's or a quarter turn from them. In another grid it is
+  /// that of points a voxel apart or closer, linear between the middles of columns.
   /// @param out grid.nx * grid.ny values
-  /// @param ceiling_m only soil below is looked at, to the voxel; unset: all
+  /// @param ceiling_m only soil below is looked at, to the voxel; then nothing is kept, so that
+  /// each
+  ///        look costs as much as the first; unset: all
   /// @throw std::invalid_argument for a bad grid; std::runtime_error if a memory limit's file fails
   void map(const MapGrid& grid, MapLayer layer, std::span<double> out,
            std::optional<double> ceiling_m = {});
