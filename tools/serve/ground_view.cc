@@ -85,7 +85,8 @@ Heights GroundView::now_heights() {
 
 Heights GroundView::before_heights() {
   if (!before_) return heights_of(now_->site().ground->initial_terrain());
-  return [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->mesh_heights(xy_m, z); };
+  return
+      [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->mesh_heights(xy_m, z); };
 }
 
 Json GroundView::height(const Vec2& at) {
