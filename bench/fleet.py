@@ -6,7 +6,6 @@ how well loads are known, against closed forms and digs whose truth is known."""
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import multiprocessing
 import random
@@ -20,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/fleet"))
 
 import closed_forms
 import numpy as np
+from goals import report
 from processes import FLEET, Processes, done_count, fleet_run, lasting, write_jobs
 
 import soilvdb
@@ -186,18 +186,7 @@ def main():
         ("rows that a serial run has otherwise", wrong, "", "<= 0"),
         *known,
     ]
-    options.out.mkdir(parents=True, exist_ok=True)
-    with open(options.out / "goals.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["figure", "measured", "unit", "goal"])
-        for name, value, unit, goal in rows:
-            writer.writerow([name, f"{value:.4g}", unit, goal])
-    for name, value, unit, goal in rows:
-        verdict = ""
-        if goal:
-            limit = float(goal.split()[1])
-            verdict = "PASS" if (value <= limit if goal[0] == "<" else value >= limit) else "miss"
-        print(f"{name:60} {value:10.4g} {unit:3} {goal:8} {verdict}")
+    report(rows, options.out)
     if wrong:
         sys.exit("a result is wrong")
 

@@ -63,7 +63,7 @@ def measured(name, measure):
 def report(rows, out):
     """Prints rows (figure, measured, unit, goal) with verdicts, and keeps them in goals.csv."""
     out.mkdir(parents=True, exist_ok=True)
-    with open(out / "goals.csv", "w", newline="") as file:
+    with open(out / "goals.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["figure", "measured", "unit", "goal"])
         for name, value, unit, goal in rows:
