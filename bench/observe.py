@@ -14,15 +14,17 @@ import numpy as np
 from goals import PROFILE, dug_site, measured, report
 
 
-def drag(step, begin=0.0):
-    """Position and rotation of a machine that digs strokes of 4 m, 0.3 m deep, at 100 Hz, and lifts
-    between them."""
-    stroke, at = divmod(step, 600)
-    x = begin - 2 + 4 * min(at, 500) / 500
-    lift = 1.2 * max(0, at - 500) / 100 if at > 500 else 0
-    pitch = 0.3 - 1.8 * max(0, at - 450) / 150
-    z = -0.05 * stroke - 0.3 * min(1.0, at / 50) + lift
-    return (x, 1.3 * (stroke % 3), z), (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2))
+def drag(step):
+    """Position and rotation of a machine that digs strokes of 4 m, 0.3 m deep, at 100 Hz, lifts, and
+    goes back above the ground."""
+    stroke, at = divmod(step, 800)
+    back = max(0.0, at - 600) / 200
+    x = 2 - 4 * back if back else -2 + 4 * min(at, 500) / 500
+    lift = 1.5 * min(1.0, max(0.0, at - 500) / 100) * (1 - back)
+    pitch = 0.3 - 1.8 * min(1.0, max(0.0, at - 450) / 150) * (1 - back)
+    z = -0.05 * stroke - 0.3 * min(1.0, at / 50) * (1 - back) + lift
+    lane = stroke % 3 + ((stroke + 1) % 3 - stroke % 3) * back
+    return (x, 1.3 * lane, z), (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2))
 
 
 def looks(soilvdb, quick):
@@ -59,7 +61,8 @@ def looks(soilvdb, quick):
         name, look = around[step % len(around)]
         begin = time.perf_counter()
         look(position)
-        times[name].append(1e6 * (time.perf_counter() - begin))
+        if step % 800 < 600:  # on its way back it changes nothing
+            times[name].append(1e6 * (time.perf_counter() - begin))
     dug = site.height_map(origin=(-8, -8), shape=(320, 320), cell=0.05, layer="dug")
     sample_m3 = 0.05**3 / 64
     misfit = abs(dug.sum() * 0.05**2 + site.change_m3()) / sample_m3
@@ -83,25 +86,46 @@ def many_points(soilvdb, quick):
 def environment(soilvdb, soil, quick):
     """Steps a second of 64 sites at 10 cm: an update, a 16 x 16 map around the lip, a reward."""
     count, steps = 64, 8 if quick else 240
-    start = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=soil)
-    sites = [start.clone() for _ in range(count)]
+    env = soilvdb.VectorSite(
+        soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=soil), count)
     maps, loads = np.empty((count, 16, 16), np.float32), np.zeros(count)
     depth = np.linspace(0.1, 0.4, count)
     begin = time.perf_counter()
     for step in range(steps):
         if step % 60 == 0:
-            sites = [start.clone() for _ in range(count)]
-            loads[:] = 0
+            env.reset()
+            loads = np.zeros(count)
         s = step % 60 / 60
         pitch = 0.3 - 1.8 * max(0.0, s - 0.75) / 0.25
         at = np.stack([4 * s + 0 * depth, 0 * depth, 0.1 - depth * min(1, 5 * s) + 8 * max(0, s - 0.8)], 1)
         turn = np.tile([0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2)], (count, 1))
-        updates = soilvdb.update_many(sites, 0, positions=at, rotations=turn)
-        soilvdb.height_maps(sites, machine=0, shape=(16, 16), cell=0.2, out=maps)
-        now = np.array([update.bucket_m3 for update in updates])
-        rewards, loads = now - loads, now
-    assert np.isfinite(maps).all() and np.isfinite(rewards).all()
+        given = env.step(0, positions=at, rotations=turn)
+        env.height_map(machine=0, shape=(16, 16), cell=0.2, out=maps)
+        rewards, loads = given.bucket_m3 - loads, given.bucket_m3
+    assert np.isfinite(maps).all() and np.isfinite(rewards).all() and not given.errors
     return count * steps / (time.perf_counter() - begin)
+
+
+def controller(soilvdb, quick):
+    """A loop at 1 kHz in soil that moves, with a 32 x 32 map each step: how many steps took how long,
+    in bins that double from 16 us; steps over 1 ms, and how many of them were in time but for the
+    map."""
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)],
+                        soil=soilvdb.Soil(0.61, 0.25))
+    into, steps = np.empty((32, 32), np.float32), 600 if quick else 36000
+    update, look = np.zeros(steps), np.zeros(steps)
+    for step in range(steps):
+        position, rotation = drag(step / 10)
+        begin = time.perf_counter()
+        site.update(0, position=position, rotation=rotation, time=step / 1000)
+        between = time.perf_counter()
+        site.height_map(machine=0, shape=(32, 32), cell=0.1, out=into)
+        update[step], look[step] = between - begin, time.perf_counter() - between
+    whole = 1e6 * (update + look)
+    bins = np.clip(np.ceil(np.log2(whole / 16)), 0, 11).astype(int)
+    return {"bins": np.bincount(bins, minlength=12).tolist(),
+            "late": float((whole > 1000).sum() / steps),
+            "late by looking": float(((whole > 1000) & (update < 0.001)).sum() / steps)}
 
 
 def measure(quick):
@@ -110,6 +134,7 @@ def measure(quick):
     figures = looks(soilvdb, quick) | many_points(soilvdb, quick)
     figures["rigid"] = environment(soilvdb, None, quick)
     figures["moving"] = environment(soilvdb, soilvdb.Soil(0.61, 0.25), quick)
+    figures |= controller(soilvdb, quick)
     return figures
 
 
@@ -131,8 +156,14 @@ def main():
         ("the same, 2 cores over 1", two["rigid"] / one["rigid"], "", ">= 1.8"),
         ("64 sites, moving soil, 10 cm: the same", two["moving"], "1/s", ">= 4000"),
         ("the same, 2 cores over 1", two["moving"] / one["moving"], "", ">= 1.8"),
+        ("a loop at 1 kHz, moving soil, 5 cm, a 32 x 32 map each step: over 1 ms", 100 * two["late"], "%", ""),
+        ("the same, late by the map alone", 100 * two["late by looking"], "%", "<= 0"),
         ("sum over a map against the ground's volume", two["misfit"], "samples", "<= 0.01"),
     ]
+    print("steps of the loop at 1 kHz by duration:")
+    for n, count in enumerate(two["bins"]):
+        bar = "#" * math.ceil(60 * count / max(two["bins"]))
+        print(f"  {'over' if n == 11 else 'to'} {16 * 2 ** min(n, 10) / 1000:7.3f} ms {count:7} {bar}")
     report(rows, out)
 
 

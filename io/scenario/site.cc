@@ -4,8 +4,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
 
 #include "io/file/text.h"
 #include "io/scenario/workspace.h"
@@ -33,14 +37,65 @@ Base open_plane(const PlaneTerrain& plane) {
   return {make_plane(plane.height_m, plane.slope), {plane, ""}, "", {-all, all}};
 }
 
+class HeightsInMemory : public HeightSource {
+ public:
+  explicit HeightsInMemory(std::shared_ptr<const RasterHeights> all) : all_(std::move(all)) {}
+  void read(int x0, int y0, int nx, int ny, float* out) const override {
+    for (int j = 0; j < ny; ++j) {
+      const auto from = all_->values.begin() + (std::ptrdiff_t{y0} + j) * all_->grid.nx + x0;
+      out = std::copy(from, from + nx, out);
+    }
+  }
+
+ private:
+  std::shared_ptr<const RasterHeights> all_;
+};
+
+template <typename T>
+std::string_view bytes_of(const T* values, std::size_t count) {
+  return {reinterpret_cast<const char*>(values), count * sizeof(T)};
+}
+
+Vec2 last_post(const HeightGrid& grid) {
+  return grid.first + grid.spacing.cwiseProduct(Vec2(grid.nx - 1, grid.ny - 1));
+}
+
+/// @throw std::invalid_argument for heights that are no terrain
+Base open_raster_base(const std::shared_ptr<const RasterHeights>& heights) {
+  const auto& [grid, values] = *heights;
+  const auto require = [](bool holds, const char* what) {
+    if (!holds) throw std::invalid_argument(what);
+  };
+  require(grid.nx >= 2 && grid.ny >= 2 && static_cast<double>(values.size()) <= kMostRasterCells &&
+              values.size() == std::size_t(grid.nx) * std::size_t(grid.ny),
+          "heights of a terrain must have the shape (ny, nx), each 2 or more, 1e8 in all");
+  require(grid.first.allFinite() && grid.spacing.allFinite() && grid.spacing.minCoeff() > 0,
+          "the origin of a terrain's heights must be finite, and their cell more than 0 m");
+  constexpr float kHighest_m = 1e5;
+  bool any = false;
+  for (const float z : values) {
+    require(std::isnan(z) || std::abs(z) <= kHighest_m,
+            "a terrain's heights must be within 1e5 m, or nan where there is no ground");
+    any |= !std::isnan(z);
+  }
+  require(any, "a terrain needs a height that is not nan");
+  std::uint64_t sum = crc64(bytes_of(values.data(), values.size()));
+  for (const double side :
+       {grid.first.x(), grid.first.y(), grid.spacing.x(), grid.spacing.y(), double(grid.nx)})
+    sum = crc64(bytes_of(&side, 1), sum);
+  return {make_height_field(grid, std::make_shared<HeightsInMemory>(heights)),
+          {RasterTerrain{"", heights}, fmt::format("{:016x}", sum)},
+          "",
+          {grid.first, last_post(grid)}};
+}
+
 Base open_raster_base(const std::filesystem::path& file) {
   const RasterInput raster = open_raster(file);
   const HeightGrid& grid = raster.grid;
-  const Vec2 last = grid.first + grid.spacing.cwiseProduct(Vec2(grid.nx - 1, grid.ny - 1));
   return {make_height_field(grid, raster.source),
           {RasterTerrain{as_given(file)}, file_fingerprint(file)},
           raster.crs_wkt,
-          {grid.first, last},
+          {grid.first, last_post(grid)},
           std::nullopt,
           raster.warnings};
 }
@@ -118,7 +173,7 @@ Site open_site(const Terrain& terrain, double voxel_size_m, const std::optional<
 Base open_base(const Terrain& terrain) {
   if (const auto* plane = std::get_if<PlaneTerrain>(&terrain)) return open_plane(*plane);
   if (const auto* raster = std::get_if<RasterTerrain>(&terrain)) {
-    return open_raster_base(raster->file);
+    return raster->heights ? open_raster_base(raster->heights) : open_raster_base(raster->file);
   }
   const auto& level_set = std::get<LevelSetTerrain>(terrain);
   if (!is_snapshot(level_set.file)) return open_level_set_base(level_set);

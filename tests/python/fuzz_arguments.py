@@ -13,6 +13,7 @@ import pickle
 import random
 import sys
 import time
+import warnings
 
 import numpy as np
 
@@ -78,8 +79,8 @@ def step(chance, site, others):
     """One call, sensible or not."""
     pick = chance.random.random
     names = ["update", "update_path", "heights", "height_map", "maps", "mesh", "changed_patches", "ledger", "save",
-             "restore", "clone", "pour", "come_to_rest", "change_m3", "pickle", "many", "value",
-             "close"]
+             "restore", "clone", "pour", "come_to_rest", "change_m3", "pickle", "many", "vector",
+             "volume", "pose", "raster", "value", "close"]
     name = chance.random.choice(names)
     machine = 0 if pick() < 0.8 else chance.thing()
     if name == "update":
@@ -127,6 +128,30 @@ def step(chance, site, others):
         sites = others if pick() < 0.8 else chance.thing()
         at = [chance.sane(3) for _ in others] if pick() < 0.6 else chance.thing()
         return soilvdb.update_many(sites, machine, positions=at)
+    if name == "vector":
+        env = soilvdb.VectorSite(site, 2)
+        keys = chance.random.sample(["positions", "rotations", "poses", "joints", "times"],
+                                    chance.random.randrange(3))
+        given = {key: chance.thing() for key in keys} if pick() < 0.5 else {
+            "positions": [chance.sane(3), chance.sane(3)]}
+        which = chance.random.choice([None, [True, False], [1], chance.thing()])
+        if pick() < 0.3:
+            env.reset(which, chance.random.choice([None, site, site.save(), chance.thing()]))
+        if pick() < 0.3:
+            env.randomise(which, **{key: chance.thing() for key in chance.random.sample(
+                ["repose_angle", "swell", "density", "cohesion", "z", "slope", "heights", "origin",
+                 "cell"], 2)})
+        return env.step(machine, **given)
+    if name == "volume":
+        return site.volume(chance.arrays.uniform(-3, 3, (3, 2)) if pick() < 0.5 else chance.thing(),
+                           design=soilvdb.plane(-0.2) if pick() < 0.5 else chance.thing())
+    if name == "pose":
+        return site.pose(machine, chance.thing())
+    if name == "raster":
+        return soilvdb.Site(0.2, soilvdb.raster(
+            chance.arrays.uniform(-3, 3, (4, 5)) if pick() < 0.5 else chance.thing(),
+            origin=(0, 0) if pick() < 0.7 else chance.thing(),
+            cell=0.5 if pick() < 0.7 else chance.thing()), [soilvdb.Bucket(1, 1)])
     if name == "value":
         kind = chance.random.choice([soilvdb.Bucket, soilvdb.Soil, soilvdb.Pour, soilvdb.Hopper,
                                      soilvdb.Machine, soilvdb.plane, soilvdb.raster,
@@ -141,6 +166,7 @@ def main():
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else random.randrange(2**32)
     print("seed", seed, flush=True)
+    warnings.filterwarnings("ignore", "machine .* moved backwards")  # as random ones do
     chance, end = Chance(seed), time.monotonic() + seconds
     calls = refused = 0
     while time.monotonic() < end:

@@ -35,7 +35,7 @@ def public(names):
 
 
 def test_all_names_are_in_both():
-    stubs = {n.name for n in STUB.body if isinstance(n, (ast.ClassDef, ast.FunctionDef))}
+    stubs = public({n.name for n in STUB.body if isinstance(n, (ast.ClassDef, ast.FunctionDef))})
     assert stubs == public(vars(_soilvdb))
     assert stubs <= set(soilvdb.__all__)
 
@@ -43,13 +43,13 @@ def test_all_names_are_in_both():
 def test_classes_have_the_same_members_and_arguments():
     checked = 0
     for node in STUB.body:
-        if not isinstance(node, ast.ClassDef) or node.name == "NoGroundError":
+        if not isinstance(node, ast.ClassDef):
             continue
         real = getattr(_soilvdb, node.name)
         functions = {f.name: f for f in node.body if isinstance(f, ast.FunctionDef)}
         # Those without a constructor come from functions.
         assert public(functions) == public(vars(real)) - (
-            {"__init__"} if node.name in ("Update", "Patch", "Terrain") else set()), node.name
+            {"__init__"} if node.name in ("Update", "Patch", "Terrain", "Volume") else set()), node.name
         for name, function in functions.items():
             member = vars(real)[name]
             if isinstance(member, property) or name == "__exit__":
@@ -59,7 +59,7 @@ def test_classes_have_the_same_members_and_arguments():
             assert name.startswith("__") or member.__doc__.strip().count("\n") > 1, "undocumented"
             checked += 1
     for node in STUB.body:
-        if isinstance(node, ast.FunctionDef):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             assert stub_arguments(node) == real_arguments(getattr(_soilvdb, node.name)), node.name
             checked += 1
     assert checked > 25

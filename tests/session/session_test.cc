@@ -139,7 +139,12 @@ TEST_P(Sessions, RefuseWhatCantBeWithoutATrace) {
       {with([](auto& s) {
          s.pose.position = {0, 1e8, 0};
        }),
-       "machine 'plate': the position is (0, 1e+08, 0) m; it must be within 8388"},
+       "machine 'plate': would move 1e+08 m in one state; are these metres? Consecutive"},
+      {with([](auto& s) {
+         s.pose.position.x() += 20;
+         *s.time_s += 0.1;
+       }),
+       "machine 'plate': the bucket moves 20 m in 0.1 s since the state before; no machine does"},
       {with([&](auto& s) { s.joints = joints; }), "machine 'plate' has no joints; give it a pose"}};
   for (const auto& [state, why] : bad) {
     const StepResult step = session.update(state);

@@ -41,14 +41,14 @@ def is_property(node):
 
 def members(node, thing):
     functions = [n for n in node.body if isinstance(n, ast.FunctionDef)]
-    properties = [n.name for n in functions if is_property(n)]
+    properties = [n.name for n in functions if is_property(n) and not n.name.startswith("_")]
     for name in properties:
         text = text_of(getattr(thing, name))
         yield f"- `{name}`" + (f": {text[0].lower() + text[1:]}" if text else "")
     if properties:
         yield ""
     for function in functions:
-        if not function.name.startswith("__") and function.name not in properties:
+        if not function.name.startswith("_") and function.name not in properties:
             yield section(signature(function.name, function), getattr(thing, function.name))
 
 
@@ -80,26 +80,23 @@ def main():
             thing = getattr(soilvdb, node.name)
             print(f"## {node.name}\n")
             init = [n for n in node.body if isinstance(n, ast.FunctionDef) and n.name == "__init__"]
-            if node.name == "NoGroundError":
-                print("The bucket would reach ground where the terrain has no height. Nothing has "
-                      "moved.\n")
-                continue
             print(text_of(thing) + "\n")
             if init:
                 print(section(signature(node.name, init[0]), thing.__init__))
             for member in members(node, thing):
                 print(member)
-    for thing in (soilvdb.Ensemble, soilvdb.Spread):
+    for thing, names in (
+            (soilvdb.VectorSite, ("__init__", "step", "height_map", "loads", "reset", "randomise")),
+            (soilvdb.Steps, ()), (soilvdb.Ensemble, ("__init__", "update", "load", "cut")),
+            (soilvdb.Spread, ()), (soilvdb.StateError, ()), (soilvdb.NoGroundError, ())):
         print(f"## {thing.__name__}\n\n{text_of(thing)}\n")
-        if thing is soilvdb.Spread:
-            continue
-        for name in ("__init__", "update", "load", "cut"):
+        for name in names:
             function = getattr(thing, name)
             heading = f"{thing.__name__ if name == '__init__' else name}({arguments_of(function)})"
             print(section(heading, function) if name != "__init__" else f"### `{heading}`\n")
     print("## Functions\n")
     for node in stub.body:
-        if isinstance(node, ast.FunctionDef):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             print(section(signature(node.name, node), getattr(soilvdb, node.name)))
     print(section(f"run({arguments_of(soilvdb.run)})", soilvdb.run).strip())
 

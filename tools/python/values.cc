@@ -8,6 +8,7 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <array>
+#include <memory>
 
 #include "soilvdb/capacity.h"
 #include "soilvdb/io/mesh_file.h"
@@ -160,14 +161,20 @@ void bind_values(py::module_& m) {
           [](const TerrainValue& t) {
             if (const auto* plane = std::get_if<io::PlaneTerrain>(&t.terrain))
               return py::make_tuple(0, plane->height_m, plane->slope.x(), plane->slope.y());
-            if (const auto* raster = std::get_if<io::RasterTerrain>(&t.terrain))
-              return py::make_tuple(1, raster->file.string());
+            if (const auto* raster = std::get_if<io::RasterTerrain>(&t.terrain)) {
+              if (!raster->heights) return py::make_tuple(1, raster->file.string());
+              const auto& [grid, values] = *raster->heights;
+              return py::make_tuple(3, py::array_t<float>({grid.ny, grid.nx}, values.data()),
+                                    py::make_tuple(grid.first.x(), grid.first.y()),
+                                    grid.spacing.x());
+            }
             return py::make_tuple(2, std::get<io::LevelSetTerrain>(t.terrain).file.string());
           },
           [](const py::tuple& t) {
             const int kind = t[0].cast<int>();
             if (kind == 0)
               return plane(t[1].cast<double>(), {t[2].cast<double>(), t[3].cast<double>()});
+            if (kind == 3) return raster(t[1], t[2], t[3]);
             return kind == 1 ? raster(t[1].cast<std::string>())
                              : snapshot(t[1].cast<std::string>());
           }));
@@ -180,8 +187,15 @@ void bind_values(py::module_& m) {
       },
       py::arg("z") = 0.0, py::arg("slope") = py::none(),
       "A plane with height z (m) at x = y = 0 and slope (dz/dx, dz/dy).");
-  m.def("raster", &raster, py::arg("file"),
-        "Heights from a file that GDAL reads, such as GeoTIFF or .asc.");
+  m.def(
+      "raster", py::overload_cast<const py::object&, const py::object&, const py::object&>(&raster),
+      py::arg("source"), py::kw_only(), py::arg("origin") = py::none(),
+      py::arg("cell") = py::none(),
+      "Heights from a file that GDAL reads, such as GeoTIFF or .asc, or from an array (ny, nx), m, "
+      "kept as float32: linear between posts, NaN where there is no ground. With an array, origin: "
+      "(x, y) of the post [0, 0], world, m; row 0 has the lowest y. cell: distance of posts, m. "
+      "Site.write() writes an array's heights beside the snapshot; such a site can't be recorded. "
+      "Raises ValueError for an array that is no terrain.");
   m.def("snapshot", &snapshot, py::arg("file"),
         "The ground of a snapshot (.vdb), or a closed level set.");
 
@@ -286,6 +300,27 @@ TerrainValue plane(double z, const Vec2& slope) {
 }
 TerrainValue raster(const std::filesystem::path& file) {
   return {io::RasterTerrain{file}, fmt::format("soilvdb.raster('{}')", file.string())};
+}
+TerrainValue raster(const py::object& source, const py::object& origin, const py::object& cell) {
+  if (py::isinstance<py::str>(source) || py::hasattr(source, "__fspath__")) {
+    if (!origin.is_none() || !cell.is_none())
+      throw py::type_error("a file says its origin and cell itself; leave them out");
+    return raster(source.cast<std::filesystem::path>());
+  }
+  if (origin.is_none() || cell.is_none())
+    throw py::type_error("with an array of heights, origin (x, y) and cell must be given");
+  const Array given = array_of(source, "source");
+  if (given.ndim() != 2) throw py::value_error("source must have the shape (ny, nx)");
+  auto heights = std::make_shared<io::RasterHeights>();
+  heights->grid = {static_cast<int>(given.shape(1)), static_cast<int>(given.shape(0))};
+  numbers(origin, "origin", {heights->grid.first.data(), 2});
+  double side = 0;
+  numbers(py::make_tuple(cell), "cell", {&side, 1});
+  heights->grid.spacing = {side, side};
+  heights->values.assign(given.data(), given.data() + given.size());
+  const io::RasterTerrain terrain{"", std::move(heights)};
+  io::open_base(terrain);  // throws now, not when a site is made
+  return {terrain, fmt::format("soilvdb.raster(array of {} x {})", given.shape(0), given.shape(1))};
 }
 TerrainValue snapshot(const std::filesystem::path& file) {
   return {io::LevelSetTerrain{file, ""}, fmt::format("soilvdb.snapshot('{}')", file.string())};

@@ -18,6 +18,9 @@ struct TerrainValue {
 };
 TerrainValue plane(double z, const Vec2& slope);
 TerrainValue raster(const std::filesystem::path& file);
+/// @param source a file, or an array with its origin and cell
+TerrainValue raster(const pybind11::object& source, const pybind11::object& origin,
+                    const pybind11::object& cell);
 TerrainValue snapshot(const std::filesystem::path& file);
 
 /// A machine, and the source of its chain.

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cmath>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -38,9 +39,17 @@ constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();  // in a jo
 
 Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
 
-Session::Session(SessionSite site)
-    : state_(std::make_unique<State>(tools::SiteState(
-          {std::move(site.machines), std::move(site.earthmoving)}, open_checked(site)))) {}
+Session::Session(SessionSite site) {
+  const bool endless = std::holds_alternative<io::PlaneTerrain>(site.terrain);
+  const std::vector<Pour>& pours = site.earthmoving.pours;
+  if (endless && !site.near_m && !pours.empty() && is_place(pours.front().at_m))
+    site.near_m = pours.front().at_m;
+  io::Site opened = open_checked(site);
+  state_ = std::make_unique<State>(
+      tools::SiteState({std::move(site.machines), std::move(site.earthmoving)}, std::move(opened)));
+  state_->settings.limits = site.limits;
+  state_->settings.floats = endless && !site.near_m;
+}
 
 Session Session::open(const std::filesystem::path& file, std::optional<double> voxel_size_m) {
   io::Scenario scenario = io::read_scenario(file, {}, io::Motions::kOptional);
@@ -77,6 +86,17 @@ std::optional<MachineState> Session::last(std::size_t machine) const {
   return state_->last(machine);
 }
 
+void Session::set_limits(bool on) { state_->settings.limits = on; }
+bool Session::limits() const { return state_->settings.limits; }
+
+std::string Session::unlikely(const MachineState& state) const {
+  if (state.machine >= machines().size()) state_->input(state);  // throws
+  std::optional<State::Input> last = state_->inputs_[state.machine];
+  return state_->unlikely(state, last);
+}
+
+std::vector<std::string> Session::take_warnings() { return std::exchange(state_->warnings, {}); }
+
 /// Makes updates by `work()` if recording is possible, and records them by `record_made(result)`.
 template <typename Result, typename Work, typename Record>
 Result Session::State::recorded(const Work& work, const Record& record_made) noexcept {
@@ -97,6 +117,34 @@ Result Session::State::recorded(const Work& work, const Record& record_made) noe
     made.why = broken_;
   }
   return made;
+}
+
+/// The place of a first state becomes the site's.
+void Session::State::float_to(const MachineState& first) {
+  if (!settings.floats || fed_count > 0) return;
+  try {
+    float_to(input(first).pose.position);
+  } catch (const std::invalid_argument&) {  // the update reports it
+  }
+}
+
+/// Could the machines have these states, one after another? @param refused why not, and which
+bool Session::State::is_likely(std::span<const MachineState> states, BatchResult& refused) const {
+  std::map<std::size_t, std::optional<Input>> last;
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    try {
+      const std::size_t machine = states[i].machine;
+      if (machine >= inputs_.size()) require(machine);  // throws
+      refused.why = unlikely(states[i], last.try_emplace(machine, inputs_[machine]).first->second);
+    } catch (const std::invalid_argument& e) {
+      refused.why = e.what();
+    }
+    if (refused.why.empty()) continue;
+    refused.status = Status::kBadState;
+    refused.bad = i;
+    return false;
+  }
+  return true;
 }
 
 /// Records an update. If it must be on disk now but may not be, the result has an error.
@@ -147,12 +195,17 @@ void Session::State::record(const MachineState& state, const std::optional<Input
 BatchResult Session::update(std::span<const MachineState> states) noexcept {
   State& s = *state_;
   std::vector<std::optional<State::Input>> inputs;  // before each state
+  std::vector<State::Way> ways;
   return s.recorded<BatchResult>(
       [&] {
         if (s.recorder) inputs = s.inputs_;
+        if (BatchResult refused; s.settings.limits && !s.is_likely(states, refused)) return refused;
+        if (!states.empty()) s.float_to(states.front());
+        for (std::size_t i = 0; i < s.inputs_.size(); ++i) ways.push_back(s.way(i));
         return static_cast<Site&>(s).update(states);
       },
       [&](BatchResult& made) {
+        for (std::size_t i = 0; i < ways.size(); ++i) s.look_backwards(i, ways[i]);
         if (!s.recorder) {
           s.fed_count += states.size();
           return;
@@ -175,12 +228,18 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
 StepResult Session::update(const MachineState& state) noexcept {
   State& s = *state_;
   std::optional<State::Input> before;
+  State::Way way;
   return s.recorded<StepResult>(
       [&] {
         if (s.recorder && state.machine < s.inputs_.size()) before = s.inputs_[state.machine];
+        if (BatchResult refused; s.settings.limits && !s.is_likely({&state, 1}, refused))
+          return StepResult{refused.status, std::move(refused.why), {}};
+        s.float_to(state);
+        way = s.way(state.machine);
         return static_cast<Site&>(s).update(state);
       },
       [&](StepResult& made) {
+        s.look_backwards(state.machine, way);
         s.record(state, before, made.update, made);
         if (state.time_s && s.is_snapshot_due(*state.time_s)) s.write_snapshot(*state.time_s);
       });
@@ -249,6 +308,13 @@ MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, 
                                 "' has no place before its first state");
   return MapGrid::around(last->pose.position.head<2>(), cell_m, nx, ny,
                          turned ? &last->pose : nullptr);
+}
+
+BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialTerrain* design) {
+  const io::Site& site = state_->site;
+  return volume_inside(
+      site, *io::undug_site(site).ground, boundary,
+      [this](std::span<const Vec2> xy_m, std::span<double> z) { heights(xy_m, z); }, design);
 }
 
 void Session::mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {

@@ -5,6 +5,7 @@
 
 #include <new>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "io/file/json.h"
 #include "io/snapshot/snapshot_samples.h"
 #include "soilvdb/io/checksum.h"
+#include "soilvdb/io/raster.h"
 #include "soilvdb/io/snapshot.h"
 #include "tools/run/session_state.h"
 
@@ -21,6 +23,19 @@ namespace {
 constexpr std::string_view kMagic = "soilvdb state";
 constexpr std::uint32_t kVersion = 3;
 
+/// Of a site's description, if it has one on the earth.
+std::optional<Vec3> origin_of(const nlohmann::json& site) {
+  const auto found = site.is_object() ? site.find("origin_m") : site.end();
+  if (found == site.end() || !found->is_array() || found->size() != 3) return {};
+  Vec3 origin;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    const nlohmann::json& number = (*found)[static_cast<std::size_t>(i)];
+    if (!number.is_number()) return {};
+    origin[i] = number.get<double>();
+  }
+  return is_place(origin) ? std::optional(origin) : std::nullopt;
+}
+
 }  // namespace
 
 void Session::write(const std::filesystem::path& file) const {
@@ -29,7 +44,16 @@ void Session::write(const std::filesystem::path& file) const {
         fmt::format("{}: a session writes a snapshot; its name must end with .vdb", file.string()));
   io::SnapshotInfo info = state_->snapshot_info(state_->last_s().value_or(0));
   info.tracker_state.clear();
-  io::write_snapshot(file, state_->site, info);
+  const io::Site& site = state_->site;
+  const auto* raster = std::get_if<io::RasterTerrain>(&site.reference.terrain);
+  if (raster == nullptr || !raster->heights) return io::write_snapshot(file, site, info);
+  // A snapshot names its terrain's file.
+  const std::filesystem::path beside = file.parent_path() / (file.stem().string() + "_terrain.tif");
+  io::write_geotiff(beside, raster->heights->grid, {{"terrain", raster->heights->values}}, "");
+  io::Site named = io::undug_site(site);
+  named.ground = site.ground;
+  named.reference = io::open_base(io::RasterTerrain{beside}).reference;
+  io::write_snapshot(file, named, info);
 }
 
 std::string Session::save() const {
@@ -61,11 +85,17 @@ void Session::restore(std::string_view bytes) {
   if (checksum != io::crc64(bytes))
     throw std::invalid_argument("the state is damaged: its checksum doesn't match");
   const auto site = io::from_cbor(take_text(bytes));
-  if (const std::string what = difference(site, s.description(/*with_ground=*/false));
-      !what.empty())
+  nlohmann::json own = s.description(/*with_ground=*/false);
+  // One site on an endless plane, though its work may have begun elsewhere.
+  const std::optional<Vec3> origin = s.settings.floats ? origin_of(site) : std::nullopt;
+  if (origin) own["origin_m"] = io::numbers(*origin);
+  if (const std::string what = difference(site, own); !what.empty())
     throw std::invalid_argument(fmt::format("the state is of another site: {} differs", what));
   const std::string_view progress = take_text(bytes);
-  tools::SiteState restored(s.model(), io::undug_site(s.site));
+  io::Site undug = io::undug_site(s.site);
+  if (origin && *origin != s.site.ground->origin())
+    undug = io::open_site(undug.reference.terrain, s.site.ground->voxel_size_m(), origin);
+  tools::SiteState restored(s.model(), std::move(undug));
   try {
     io::restore_samples(take_text(bytes), *restored.site.ground);
   } catch (const std::bad_alloc&) {

@@ -75,6 +75,11 @@ io::JournalExtent Session::record(const Recording& given,
   if (s.recorder) throw std::invalid_argument("the session is recorded already");
   if (s.fed_count > 0)
     throw std::invalid_argument("a recording begins before the first state; this session has some");
+  const auto* raster = std::get_if<io::RasterTerrain>(&s.site.reference.terrain);
+  if (raster != nullptr && raster->heights)
+    throw std::invalid_argument(
+        "a recording names its terrain's file, but this terrain is an array; write it to a GeoTIFF "
+        "and make the site of that");
   const auto is_time = [](double time_s) { return time_s >= 0 && std::isfinite(time_s); };
   if (!is_time(recording.sync_s))
     throw std::invalid_argument("the time until a recording is synced must be 0 s or more");

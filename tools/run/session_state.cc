@@ -9,9 +9,20 @@
 #include <stdexcept>
 #include <utility>
 
+#include "io/motion/motion_checks.h"
+#include "soilvdb/lattice.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::inline v0 {
+namespace {
+
+/// Longest way between two states.
+constexpr double kFarthestMove_m = 100;
+/// Way through soil after which a bucket without any is held the wrong way round.
+constexpr double kBackwards_m = 2;
+
+}  // namespace
+
 void Session::State::become(SiteState&& other) {
   std::optional<HeightMap> of_other;
   if (height_map) of_other.emplace(*other.site.ground, *height_map);
@@ -43,6 +54,65 @@ std::string Session::State::recording_error(const std::string& why) const {
 bool Session::State::is_snapshot_due(double time_s) {
   if (!recorder || !recorder->error().empty() || !std::isfinite(time_s)) return false;
   return !(recorder->would_be_due(time_s) && recorder->is_busy()) && recorder->due(time_s);
+}
+
+void Session::State::float_to(const Vec3& near_m) {
+  if (!settings.floats || recorder || fed_count > 0 || !is_place(near_m)) return;
+  const Ground& ground = *site.ground;
+  const double h = ground.voxel_size_m();
+  if (lattice_origin(h, near_m) == ground.origin()) return;
+  become(SiteState(model(), io::open_site(site.reference.terrain, h, near_m)));
+}
+
+std::string Session::State::unlikely(const MachineState& state, std::optional<Input>& last) const {
+  Input now = input(state);
+  const SiteMachine& machine = model().machines[state.machine];
+  const auto fault = [&]() -> std::string {
+    const bool by_joints = !now.joints.empty();
+    if (by_joints)
+      if (std::string why = io::state_fault(*machine.chain, now.joints); !why.empty()) return why;
+    if (!last) return "";
+    const double way_m = (now.pose.position - last->pose.position).norm();
+    if (way_m > kFarthestMove_m)
+      return fmt::format(
+          "would move {:.6g} m in one state; are these metres? Consecutive states are at most {} m "
+          "apart",
+          way_m, kFarthestMove_m);
+    const double after_s = now.time_s && last->time_s ? *now.time_s - *last->time_s : -1;
+    if (after_s < 0) return "";  // unknown, or refused anyway
+    return by_joints && !last->joints.empty()
+               ? io::state_fault(*machine.chain, last->joints, now.joints, after_s)
+               : io::state_fault(last->pose, now.pose, after_s);
+  };
+  const std::string why = fault();
+  if (!why.empty()) return fmt::format("machine '{}': {}", machine.name, why);
+  if (!now.time_s && last) now.time_s = last->time_s;
+  last = std::move(now);
+  return "";
+}
+
+Session::State::Way Session::State::way(std::size_t machine) const {
+  if (machine >= inputs_.size()) return {};
+  const Ledger& of = tracker().ledger(machine);
+  return {inputs_[machine] ? std::optional(inputs_[machine]->pose) : std::nullopt, of.captured,
+          of.displaced};
+}
+
+void Session::State::look_backwards(std::size_t machine, const Way& before) {
+  Backwards& so_far = backwards[machine];
+  const SiteMachine& of = model().machines[machine];
+  if (so_far.warned || !before.pose || of.bucket.shape) return;
+  const Way now = way(machine);
+  if (now.captured > before.captured) so_far.way_m = 0;
+  if (now.captured > before.captured || now.displaced <= before.displaced) return;
+  const Vec3 moved = now.pose->position - before.pose->position;
+  so_far.way_m -= std::min(0.0, moved.dot(before.pose->rotation * Vec3::UnitX()));
+  if (so_far.way_m < kBackwards_m) return;
+  so_far.warned = true;
+  warnings.push_back(fmt::format(
+      "machine '{}' moved backwards through soil for {} m and caught none: the x axis of its "
+      "bucket must point out of the mouth, in the digging direction",
+      of.name, kBackwards_m));
 }
 
 }  // namespace soilvdb::inline v0

@@ -18,6 +18,12 @@
 
 namespace soilvdb::inline v0 {
 
+/// Could a site be there, in any coordinates of the earth? Beyond, doubles would be too coarse.
+inline bool is_place(const Vec3& at_m) {
+  constexpr double kFarthest_m = 1e8;
+  return at_m.cwiseAbs().maxCoeff() < kFarthest_m && at_m.allFinite();
+}
+
 struct Session::State : tools::SiteState {
   /// Settings, which clones share.
   struct Settings {
@@ -25,16 +31,22 @@ struct Session::State : tools::SiteState {
     std::filesystem::path scenario = {};     ///< absolute; empty: no scenario
     std::uint64_t memory_bytes = 0;          ///< 0: no limit
     std::filesystem::path swap_folder = {};  ///< with a memory limit
+    bool limits = true;
+    bool floats = false;  ///< an endless plane, whose origin is wherever work begins
   };
 
-  using Site::broken_, Site::Input, Site::input, Site::inputs_;  // for Session
+  using Site::broken_, Site::Input, Site::input, Site::inputs_, Site::require;  // for Session
 
   explicit State(SiteState site_state)
-      : SiteState(std::move(site_state)), patches(*site.ground), chunks(*site.ground) {}
+      : SiteState(std::move(site_state)),
+        backwards(model().machines.size()),
+        patches(*site.ground),
+        chunks(*site.ground) {}
   /// A copy for a clone.
   State(const State& other)
       : SiteState(other),
         settings(other.settings),
+        backwards(other.backwards),
         fed_count(other.fed_count),
         height_map(other.height_map ? std::optional(HeightMap(*site.ground, *other.height_map))
                                     : std::nullopt),
@@ -56,13 +68,36 @@ struct Session::State : tools::SiteState {
   template <typename Result>
   void record(const MachineState& state, const std::optional<Input>& before, const Update& update,
               Result& made);
+  /// @param last the machine's state before, if any; becomes this one
+  /// @return why no machine has such a state; empty if one may have
+  std::string unlikely(const MachineState& state, std::optional<Input>& last) const;
+  /// The same site around another place, if it may be anywhere and nothing has happened.
+  void float_to(const Vec3& near_m);
+  void float_to(const MachineState& first);
+  bool is_likely(std::span<const MachineState> states, BatchResult& refused) const;
+  /// What tells a bucket that moves backwards.
+  struct Way {
+    std::optional<Pose> pose;
+    std::int64_t captured = 0, displaced = 0;  ///< samples
+  };
+  Way way(std::size_t machine) const;
+  /// Warns of a bucket that moved backwards too far. @param before before an update of it
+  void look_backwards(std::size_t machine, const Way& before);
   bool is_snapshot_due(double time_s);
   void write_snapshot(double time_s) { recorder->write_snapshot(site, snapshot_info(time_s)); }
   void set_memory_limit();
   template <typename Result, typename Work, typename Record>
   Result recorded(const Work& work, const Record& record_made) noexcept;
 
+  /// How far a bucket has moved backwards through soil since it last caught some.
+  struct Backwards {
+    double way_m = 0;
+    bool warned = false;
+  };
+
   Settings settings;
+  std::vector<Backwards> backwards;  ///< by machine
+  std::vector<std::string> warnings = {};
   std::uint64_t fed_count = 0;  ///< since it was opened
   // Caches for readers; updates do not depend on them.
   std::optional<HeightMap> height_map = {};

@@ -4,18 +4,14 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
-#include <span>
 #include <string>
 #include <string_view>
 
+#include "soilvdb/boundary_volume.h"
 #include "soilvdb/ground.h"
 #include "soilvdb/mesher.h"
 
 namespace soilvdb::tools {
-
-/// Heights at places of the world, m; NaN without a height.
-using Heights = std::function<void(std::span<const Vec2> xy_m, std::span<double> heights_m)>;
 
 /// @param mesh of the block
 /// @param view number of the view

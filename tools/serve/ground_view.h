@@ -16,9 +16,6 @@
 
 namespace soilvdb::tools {
 
-/// A surface's heights() by single calls.
-Heights heights_of(const InitialTerrain& surface);
-
 /// Origins of the resident blocks, in order.
 std::vector<Coord3> resident_blocks(const Ground& ground);
 

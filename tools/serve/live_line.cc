@@ -13,7 +13,6 @@
 
 #include "io/file/json.h"
 #include "io/file/text.h"
-#include "io/motion/motion_checks.h"
 #include "tools/serve/live_site.h"
 #include "tools/serve/target.h"
 
@@ -22,8 +21,6 @@ namespace {
 
 using Line = nlohmann::json;
 
-/// Longest way between two states.
-constexpr double kFarthestMove_m = 100;
 /// Latest time, beyond any calendar's. After a wrong one, no later state would be accepted.
 constexpr double kMostTime_s = 1e10;
 /// Farthest ahead of all earlier times in one step.
@@ -131,32 +128,6 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
   }
   state.joints = joints;
   return state;
-}
-
-/// Refuses states that no machine has, as for rows of a motion: digging can't be undone.
-void LiveSite::require_likely(const MachineState& state) const {
-  const std::optional<MachineState> last = session_.last(state.machine);
-  const SiteMachine& machine = session_.machines()[state.machine];
-  const auto require = [&](const std::string& fault) {
-    if (!fault.empty())
-      throw std::invalid_argument(fmt::format("machine '{}': {}", machine.name, fault));
-  };
-  if (!state.joints.empty()) require(io::state_fault(*machine.chain, state.joints));
-  if (!last) return;
-  const Pose pose = state.joints.empty() ? state.pose : session_.pose(state.machine, state.joints);
-  const double way_m = (pose.position - last->pose.position).norm();
-  if (way_m > kFarthestMove_m)
-    throw std::invalid_argument(
-        fmt::format("machine '{}' would move {:.6g} m in one state; are these metres? Consecutive "
-                    "states are at most {} m apart",
-                    machine.name, way_m, kFarthestMove_m));
-  if (!state.time_s || !last->time_s) return;
-  const double after_s = *state.time_s - *last->time_s;
-  if (after_s < 0) return;  // the session reports it
-  if (!state.joints.empty() && !last->joints.empty())
-    require(io::state_fault(*machine.chain, last->joints, state.joints, after_s));
-  else
-    require(io::state_fault(last->pose, pose, after_s));
 }
 
 void LiveSite::reset_clock(const Line& json) {

@@ -76,7 +76,8 @@ std::string LiveSite::feed(std::string_view line) {
     }
     std::vector<double> joints;
     const MachineState state = parse(json, joints);
-    require_likely(state);
+    if (const std::string why = session_.unlikely(state); !why.empty())
+      throw std::invalid_argument(why);
     require_soon(state);
     const auto last = session_.last(state.machine);
     const StepResult step = feed(state);
@@ -92,6 +93,7 @@ std::string LiveSite::feed(std::string_view line) {
     }
     const io::JournalExtent done = session_.acknowledged();
     answer["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
+    for (const std::string& warning : session_.take_warnings()) answer["warning"] = warning;
     return line_of(answer);
   } catch (const std::exception& e) {
     return line_of({{"error", e.what()}});

@@ -79,7 +79,6 @@ class LiveSite {
   MachineState parse(const nlohmann::json& json, std::vector<double>& joints) const;
   void reset_clock(const nlohmann::json& json);
   std::string how_to_set_clock(std::size_t machine) const;
-  void require_likely(const MachineState& state) const;
   void require_soon(const MachineState& state);
 
   Session session_;

@@ -1,13 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A learning environment of the usual shape: reset() and step(), many at once.
+"""A learning environment with the calls of Gymnasium's vector environments; no learning library is
+needed, and any can use it.
 
 The task: fill the bucket in one stroke. An action moves and turns the lip for a tenth of a second.
-An observation is the load, the lip's place and heights of the ground before and beside it. A reset
-clones the untouched site. Both are fast.
+An observation is the load, the lip's place and heights of the ground before and beside it. Each
+episode has ground of its own slope. An environment whose episode is over begins anew in the next
+step. A step of 64 environments takes some milliseconds, nearly all of it in the soil.
 
     python3 dig_env.py
 """
+
+from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +21,7 @@ import numpy.typing as npt
 import soilvdb
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 STEP_S = 0.1
 MOST_STEPS = 60
@@ -23,57 +30,82 @@ PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0,
 
 
 class DigEnv:
-    """Actions (count, 3) in [-1, 1]: speed along x and z, and curl rate."""
+    """Actions (num_envs, 3) in [-1, 1]: speed along x and z, and curl rate. Observations
+    (num_envs, 49): load, x, z, pitch, and heights above the lip's first height."""
 
-    def __init__(self, count: int, voxel_size: float = 0.1, seed: int = 0) -> None:
+    def __init__(self, num_envs: int, voxel_size: float = 0.1, steepest: float = 0.1,
+                 soil: soilvdb.Soil | None = None) -> None:
         bucket = soilvdb.Bucket(width=1.2, height=0.9, profile=PROFILE)
-        self._start = soilvdb.Site(voxel_size, soilvdb.plane(0.0), [bucket])
-        self._random = np.random.default_rng(seed)
-        self.count = count
-        self.reset()
+        start = soilvdb.Site(voxel_size, soilvdb.plane(0.0), [bucket], soil=soil)
+        self.num_envs = num_envs
+        self._sites = soilvdb.VectorSite(start, num_envs)
+        self._steepest = steepest
+        self._lip = np.zeros((num_envs, 3))
+        self._pitch = np.zeros(num_envs)
+        self._load = np.zeros(num_envs)
+        self._steps = np.zeros(num_envs, dtype=int)
+        self._over = np.ones(num_envs, dtype=bool)
+        self._random = np.random.default_rng()
 
-    def reset(self) -> Array:
-        self._sites = [self._start.clone() for _ in range(self.count)]
-        self._lip = np.stack([self._random.uniform(-0.5, 0.5, self.count), np.zeros(self.count),
-                              np.full(self.count, 0.1)], axis=1)
-        self._pitch = np.full(self.count, 0.3)
-        self._load = np.zeros(self.count)
-        self._steps = 0
+    def reset(self, *, seed: int | None = None,
+              options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        if seed is not None:
+            self._random = np.random.default_rng(seed)
+        self._begin(np.ones(self.num_envs, dtype=bool))
         self._move()
-        return self._observe()
+        return self._observe(), {}
 
-    def step(self, actions: Array) -> tuple[Array, Array, bool]:
-        """Returns observations (count, 49), rewards (count,) and whether the episode is over."""
+    def step(self, actions: Array) -> tuple[Array, Array, Flags, Flags, dict[str, Any]]:
+        """Returns observations, rewards, terminations, truncations and infos."""
         actions = np.clip(actions, -1, 1)
         self._lip[:, 0] += STEP_S * np.maximum(actions[:, 0], 0)
         self._lip[:, 2] = np.clip(self._lip[:, 2] + STEP_S * actions[:, 1], -1.0, 1.0)
         self._pitch = np.clip(self._pitch + STEP_S * actions[:, 2], -1.5, 0.6)
-        before = self._load.copy()
-        self._move()
         self._steps += 1
-        return self._observe(), self._load - before, self._steps >= MOST_STEPS
+        anew = self._over.copy()
+        self._begin(anew)
+        before = self._load
+        steps = self._move()
+        rewards = np.where(anew, 0.0, self._load - before)
+        terminated = steps.status != 0  # its state was refused: steps.errors says why
+        truncated = self._steps >= MOST_STEPS
+        self._over = terminated | truncated
+        return self._observe(), rewards, terminated, truncated, {"errors": steps.errors}
 
-    def _move(self) -> None:
-        rotations = np.zeros((self.count, 4))
+    def _begin(self, which: Flags) -> None:
+        """Episodes begin on untouched ground."""
+        count = int(which.sum())
+        if count == 0:
+            return
+        self._sites.randomise(which, slope=self._random.uniform(-1, 1, (count, 2)) * self._steepest)
+        self._lip[which] = np.stack(
+            [self._random.uniform(-0.5, 0.5, count), np.zeros(count), np.full(count, 0.2)], axis=1)
+        self._pitch[which], self._load[which], self._steps[which] = 0.3, 0.0, 0
+        self._over[which] = False
+
+    def _move(self) -> soilvdb.Steps:
+        rotations = np.zeros((self.num_envs, 4))
         rotations[:, 1], rotations[:, 3] = np.sin(self._pitch / 2), np.cos(self._pitch / 2)
-        updates = soilvdb.update_many(self._sites, 0, positions=self._lip, rotations=rotations)
-        self._load = np.array([update.bucket_m3 for update in updates])
+        steps = self._sites.step(0, positions=self._lip, rotations=rotations)
+        self._load = steps.bucket_m3
+        return steps
 
     def _observe(self) -> Array:
-        maps = soilvdb.height_maps(self._sites, machine=0, shape=MAP, cell=0.2)
+        maps = self._sites.height_map(machine=0, shape=MAP, cell=0.2)
         return np.column_stack([self._load, self._lip[:, 0], self._lip[:, 2], self._pitch,
-                                maps.reshape(self.count, -1)])
+                                maps.reshape(self.num_envs, -1)])
 
 
 def main() -> None:
-    env = DigEnv(count=8)
-    observations, done, total = env.reset(), False, np.zeros(8)
-    while not done:
-        # A simple reference policy: down to 0.3 m, along, and up.
-        z, x = observations[:, 2], observations[:, 1]
-        actions = np.stack([np.ones(8), np.clip(3 * (np.where(x < 2.5, -0.3, 1.0) - z), -1, 1),
+    env = DigEnv(num_envs=8)
+    observations, _ = env.reset(seed=0)
+    total = np.zeros(8)
+    for _ in range(MOST_STEPS):
+        # A simple reference policy: down to 0.3 m below the ground ahead, along, and up.
+        z, x, ahead = observations[:, 2], observations[:, 1], observations[:, 4 + 22]
+        actions = np.stack([np.ones(8), np.clip(3 * (np.where(x < 2.5, ahead - 0.3, 1.0) - z), -1, 1),
                             np.where(x < 2.5, 0.0, -1.0)], axis=1)
-        observations, rewards, done = env.step(actions)
+        observations, rewards, _, _, _ = env.step(actions)
         total += rewards
     print("loads of eight buckets, m3:", np.round(total, 3))
 

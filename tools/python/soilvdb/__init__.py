@@ -13,18 +13,19 @@ one-line message and leaves the site unchanged.
 
 from typing import Any as _Any
 
+from ._errors import NoGroundError, StateError
 from ._run import run
 from ._soilvdb import (
     Bucket,
     Hopper,
     Machine,
-    NoGroundError,
     Patch,
     Pour,
     Site,
     Soil,
     Terrain,
     Update,
+    Volume,
     __version__,
     height_maps,
     motions,
@@ -37,6 +38,7 @@ from ._soilvdb import (
     write_raster,
 )
 from .ensemble import Ensemble, Spread
+from .vector import Steps, VectorSite
 
 __all__ = [
     "Bucket",
@@ -49,8 +51,12 @@ __all__ = [
     "Site",
     "Soil",
     "Spread",
+    "StateError",
+    "Steps",
     "Terrain",
     "Update",
+    "VectorSite",
+    "Volume",
     "__version__",
     "height_maps",
     "motions",
@@ -64,17 +70,18 @@ __all__ = [
     "write_raster",
 ]
 
-for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, height_maps,
+for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, Volume,
+               height_maps,
                motions, plane, raster, read_raster, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 
-def _unpickle(made_from: _Any, state: bytes) -> Site:
+def _unpickle(made_from: _Any, state: bytes, limits: bool) -> Site:
     if len(made_from) == 1:
-        site = Site.open(*made_from)
+        site = Site.open(*made_from, limits=limits)
     else:
         voxel_size, terrain, machines, soil, pours, hoppers, near = made_from
         site = Site(voxel_size, terrain, machines, soil=soil, pours=pours, hoppers=hoppers,
-                    near=near)
+                    near=near, limits=limits)
     site.restore(state)
     return site

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Literal
 
@@ -13,9 +13,8 @@ __version__: str
 _Numbers = Sequence[float] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 _Path = str | os.PathLike[str]
 _Layer = Literal["height", "loose", "dug"]
+_Joints = _Numbers | Mapping[str, float]
 _Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
-
-class NoGroundError(RuntimeError): ...
 
 class Bucket:
     def __init__(
@@ -56,7 +55,9 @@ class Machine:
 class Terrain: ...
 
 def plane(z: float = ..., slope: _Numbers | None = ...) -> Terrain: ...
-def raster(file: _Path) -> Terrain: ...
+def raster(
+    source: _Path | _Rows, *, origin: _Numbers | None = ..., cell: float | None = ...
+) -> Terrain: ...
 def snapshot(file: _Path) -> Terrain: ...
 def tool(mesh: _Path, voxel: float) -> Bucket: ...
 def motions(scenario: _Path) -> dict[str, dict[str, npt.NDArray[np.float64]]]: ...
@@ -120,6 +121,22 @@ class Patch:
     @property
     def triangles(self) -> npt.NDArray[np.uint32]: ...
 
+class Volume:
+    @property
+    def cut_m3(self) -> float: ...
+    @property
+    def fill_m3(self) -> float: ...
+    @property
+    def net_m3(self) -> float: ...
+    @property
+    def error_m3(self) -> float: ...
+    @property
+    def area_m2(self) -> float: ...
+    @property
+    def to_cut_m3(self) -> float | None: ...
+    @property
+    def to_fill_m3(self) -> float | None: ...
+
 class Site:
     def __init__(
         self,
@@ -131,9 +148,16 @@ class Site:
         pours: Iterable[Pour] = ...,
         hoppers: Iterable[Hopper] = ...,
         near: _Numbers | None = ...,
+        limits: bool = ...,
     ) -> None: ...
     @staticmethod
-    def open(scenario: _Path) -> Site: ...
+    def open(scenario: _Path, *, limits: bool = ...) -> Site: ...
+    @property
+    def limits(self) -> bool: ...
+    @limits.setter
+    def limits(self, on: bool) -> None: ...
+    @property
+    def _made_from(self) -> tuple[Any, ...]: ...
     def update(
         self,
         machine: int | str,
@@ -141,7 +165,7 @@ class Site:
         position: _Numbers | None = ...,
         rotation: _Numbers | None = ...,
         pose: _Rows | None = ...,
-        joints: _Numbers | None = ...,
+        joints: _Joints | None = ...,
         time: float | None = ...,
     ) -> Update: ...
     def update_path(
@@ -151,7 +175,7 @@ class Site:
         positions: _Rows | None = ...,
         rotations: _Rows | None = ...,
         poses: Any = ...,
-        joints: _Rows | None = ...,
+        joints: _Rows | Mapping[str, _Numbers] | None = ...,
         times: _Numbers | None = ...,
     ) -> dict[str, npt.NDArray[np.float64]]: ...
     def joints(self, machine: int | str) -> list[str]: ...
@@ -159,7 +183,9 @@ class Site:
         self, machine: int | str
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def pose(
-        self, machine: int | str, joints: _Numbers | _Rows
+        self,
+        machine: int | str,
+        joints: _Joints | _Rows | Mapping[str, _Numbers] | None = ...,
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
     def pour(self, until: float) -> None: ...
     def reset_clock(self, machine: int | str) -> None: ...
@@ -179,6 +205,7 @@ class Site:
         ceiling: float | None = ...,
         out: npt.NDArray[Any] | None = ...,
     ) -> npt.NDArray[Any]: ...
+    def volume(self, boundary: _Rows, *, design: Terrain | None = ...) -> Volume: ...
     def mesh(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]: ...
     def changed_patches(self) -> list[Patch]: ...
     def ledger(self, machine: int | str | None = ...) -> dict[str, float]: ...
@@ -226,7 +253,18 @@ def height_maps(
     layer: _Layer = ...,
     ceiling: float | None = ...,
     out: npt.NDArray[Any] | None = ...,
+    threads: int | None = ...,
 ) -> npt.NDArray[Any]: ...
+def _step_sites(
+    sites: tuple[Site, ...],
+    machine: int | str,
+    positions: Any,
+    rotations: Any,
+    poses: Any,
+    joints: Any,
+    times: Any,
+    threads: int | None,
+) -> tuple[dict[str, npt.NDArray[Any]], dict[int, Any]]: ...
 def update_many(
     sites: Iterable[Site],
     machine: int | str,

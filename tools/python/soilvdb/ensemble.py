@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._soilvdb import NoGroundError, Site, Update, update_many
+from ._errors import NoGroundError
+from ._soilvdb import Site, Update, update_many
 from .noise import Floats, Noise, Signal, of, turned, turned_about
 
 _Numbers = Sequence[float] | npt.NDArray[np.floating[Any]]
@@ -117,6 +118,8 @@ class Ensemble:
         if noise.all_joints and not any(site.joints(name) for name in names):
             raise ValueError("joints: no machine has any; leave them out")
         self._clones = [site.clone() for _ in range(clones)]
+        for clone in self._clones:
+            clone.limits = False  # errors may jump as no machine does
         self._machines = {
             name: _Machine(site, name, noise, clones, np.random.default_rng(
                 np.random.SeedSequence(seed, spawn_key=(number,))))

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <variant>
@@ -15,6 +16,7 @@
 
 #include "soilvdb/bucket.h"
 #include "soilvdb/earthmoving.h"
+#include "soilvdb/initial_terrain.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/motion_file.h"
 #include "soilvdb/io/swept_boxes.h"
@@ -26,8 +28,14 @@ struct PlaneTerrain {
   double height_m = 0;        ///< at x = y = 0
   Vec2 slope = Vec2::Zero();  ///< dz/dx, dz/dy
 };
+/// Posts of a raster in memory, row-major with rising y and x; NaN where there is no height.
+struct RasterHeights {
+  HeightGrid grid;
+  std::vector<float> values;
+};
 struct RasterTerrain {
-  std::filesystem::path file;
+  std::filesystem::path file;                              ///< empty with `heights`
+  std::shared_ptr<const RasterHeights> heights = nullptr;  ///< in place of a file
 };
 struct LevelSetTerrain {
   std::filesystem::path file;  ///< a snapshot or any closed level set

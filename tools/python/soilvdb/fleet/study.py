@@ -60,7 +60,7 @@ class Scene:
         self.study, self._file = study, Path(study.scenario)
         try:
             self.motions = soilvdb.motions(self._file)
-            self.nominal = soilvdb.Site.open(self._file)
+            self.nominal = soilvdb.Site.open(self._file, limits=False)
         except ValueError as error:
             raise InputError(str(error)) from error
         self._values: dict[str, Any] = values_of(
@@ -196,7 +196,7 @@ class Scene:
         scenario = folder / "draw.yaml"
         scenario.write_text(self._dump(values), encoding="utf-8")
         try:
-            return soilvdb.Site.open(scenario)
+            return soilvdb.Site.open(scenario, limits=False)
         except ValueError as error:
             raise RuntimeError(f"{self._file}: as it was drawn: {error}") from error
 

@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "soilvdb/boundary_volume.h"
 #include "soilvdb/height_map.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
@@ -28,8 +29,9 @@ struct SessionSite {
   std::vector<SiteMachine> machines = {};
   Earthmoving earthmoving = {};  ///< without `soil`, soil is rigid
   /// Where work begins, world; voxels within 2^15 of it are numbered exactly. Default: the
-  /// terrain's middle, or the world's origin.
+  /// terrain's middle; on a plane, the first pour or else the first state.
   std::optional<Vec3> near_m = {};
+  bool limits = true;  ///< see Session::set_limits()
 };
 
 /// Recording of a session to a folder.
@@ -74,7 +76,7 @@ class Session {
   Session& operator=(Session&&) noexcept;
 
   double voxel_size_m() const;
-  const Vec3& origin() const;
+  const Vec3& origin() const;  ///< on a plane it is final with the first state
   const std::vector<SiteMachine>& machines() const;
   const Earthmoving& earthmoving() const;
   /// The ground and its source, for reading between updates.
@@ -88,6 +90,19 @@ class Session {
   /// A machine's last state, with its pose also if it was given by joints; empty before the first.
   /// The joints are valid until the next update.
   std::optional<MachineState> last(std::size_t machine) const;
+
+  /// Whether states that no machine has are refused, as `soilvdb run` refuses such rows: joints
+  /// beyond their limits or wrapped, more than 100 m from the last state, and, if times are known,
+  /// more than 50 m/s, 10 rad/s or twice a joint's velocity limit. At first they are; clones take
+  /// the setting over.
+  void set_limits(bool on);
+  bool limits() const;
+  /// Why no machine has such a state after its last one; empty if one may have.
+  /// @throw std::invalid_argument for a state that update() refuses without limits
+  std::string unlikely(const MachineState& state) const;
+  /// Warnings since the last call: once for each bucket that moves backwards through soil for 2 m
+  /// and catches none.
+  std::vector<std::string> take_warnings();
 
   StepResult update(const MachineState& state) noexcept;
   /// All states in their order, or none. Machines that are apart move in parallel.
@@ -126,6 +141,9 @@ class Session {
   /// Cells around the middle of a machine's lip. @param turned with the lip as the map's y axis;
   /// else with the world's axes. @throw std::invalid_argument before its first state
   MapGrid map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned = true) const;
+  /// What was dug and filled inside a boundary, in place, against the terrain; see volume_inside().
+  /// @param design null: none
+  BoundaryVolume volume(const std::vector<Vec2>& boundary, const InitialTerrain* design = nullptr);
   /// Heights on the mesh() at places of the world, m; NaN without soil. Meshes what changed since
   /// the last call: milliseconds after an update.
   void mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m);

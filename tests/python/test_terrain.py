@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Terrain from arrays, sites far from the world's origin, and volumes inside boundaries."""
+
+import json
+import pickle
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+PROGRAM = Path(soilvdb.__file__).parents[2] / "soilvdb"
+PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+LOAM = soilvdb.Soil(repose_angle=0.61, swell=0.25)
+
+
+def site_on(terrain, soil=None, **options):
+    return soilvdb.Site(0.1, terrain, [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=soil, **options)
+
+
+def hills(seed=0, shape=(30, 40)):
+    return np.random.default_rng(seed).normal(0, 0.05, shape).cumsum(0).cumsum(1).astype(np.float32)
+
+
+def test_an_array_is_the_raster_of_its_file(tmp_path):
+    heights = hills()
+    heights[3:5, 30:] = np.nan
+    soilvdb.write_raster(tmp_path / "hills.tif", heights, (-10.25, -8.5), (0.5, 0.5))
+    sites = [site_on(terrain) for terrain in (
+        soilvdb.raster(tmp_path / "hills.tif"),
+        soilvdb.raster(heights, origin=(-10.25, -8.5), cell=0.5),
+        pickle.loads(pickle.dumps(soilvdb.raster(heights.tolist(), origin=(-10.25, -8.5), cell=0.5))))]
+    xy = np.random.default_rng(1).uniform((-10.5, -9), (9.5, 6.5), (500, 2))
+    wanted = sites[0].heights(xy)
+    assert np.isnan(wanted).any() and np.isfinite(wanted).sum() > 400
+    for site in sites:
+        np.testing.assert_array_equal(site.heights(xy), wanted)
+        top = site.heights([(-4, 0)])[0]
+        site.update_path(0, positions=[(-6 + 0.1 * i, 0, top - 0.3) for i in range(40)])
+    assert len({site.ground_hash() for site in sites}) == 1
+    assert sites[1].heights([(-10.25, -8.5), (9.25, 6)]) == pytest.approx(
+        [heights[0, 0], heights[-1, -1]], abs=1e-6)
+    again = pickle.loads(pickle.dumps(sites[1]))
+    assert again.save() == sites[1].save()
+
+
+def test_a_snapshot_of_an_arrays_site_is_complete(tmp_path):
+    site = site_on(soilvdb.raster(hills(), origin=(-10, -8), cell=0.5))
+    top = site.heights([(0, 0)])[0]
+    site.update_path(0, positions=[(0.1 * i, 0, top - 0.4) for i in range(30)])
+    (tmp_path / "a").mkdir()
+    site.write(tmp_path / "a" / "now.vdb")
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["now.vdb", "now_terrain.tif"]
+    (tmp_path / "a").rename(tmp_path / "b")  # both files move together
+    told = subprocess.run([PROGRAM, "info", tmp_path / "b" / "now.vdb"], capture_output=True, text=True,
+                          check=True).stdout
+    assert "now_terrain.tif" in told and "good" in told
+    again = site_on(soilvdb.snapshot(tmp_path / "b" / "now.vdb"))
+    assert again.ground_hash() == site.ground_hash()
+    with pytest.raises(ValueError, match="write it to a GeoTIFF"):
+        site_on(soilvdb.raster(hills(), origin=(-10, -8), cell=0.5)).record(tmp_path / "record")
+    assert not (tmp_path / "record").exists()
+
+
+@pytest.mark.parametrize("call, error, message", [
+    (lambda: soilvdb.raster(hills()), TypeError, "origin .* and cell must be given"),
+    (lambda: soilvdb.raster("a.tif", cell=1.0), TypeError, "leave them out"),
+    (lambda: soilvdb.raster(hills()[0], origin=(0, 0), cell=1), ValueError, "shape .ny, nx."),
+    (lambda: soilvdb.raster(hills()[:1], origin=(0, 0), cell=1), ValueError, "each 2 or more"),
+    (lambda: soilvdb.raster(hills(), origin=(0, 0), cell=0), ValueError, "more than 0"),
+    (lambda: soilvdb.raster(hills(), origin=(0, np.inf), cell=1), ValueError, "finite"),
+    (lambda: soilvdb.raster(hills() + 2e5, origin=(0, 0), cell=1), ValueError, "within 1e5 m"),
+    (lambda: soilvdb.raster(hills() * np.inf, origin=(0, 0), cell=1), ValueError, "1e5|not nan"),
+    (lambda: soilvdb.raster(hills() * np.nan, origin=(0, 0), cell=1), ValueError, "is not nan"),
+    (lambda: soilvdb.raster([["a"]], origin=(0, 0), cell=1), TypeError, "numbers"),
+])
+def test_arrays_that_are_no_terrain_are_refused(call, error, message):
+    with pytest.raises(error, match=message) as told:
+        call()
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("soil", [None, LOAM], ids=["rigid", "moving"])
+def test_a_plane_is_dug_in_any_coordinates(soil):
+    near, far = site_on(soilvdb.plane(0.0), soil), site_on(soilvdb.plane(0.0), soil)
+    # As many metres as leave the samples where they are, so that all bits agree.
+    shift = np.array([65536 * 0.1 * 80, 65536 * 0.1 * 800, 0])
+    path = np.stack([np.linspace(0, 3, 40), np.zeros(40), 0.1 - 0.5 * np.linspace(0, 1, 40)], 1)
+    a = near.update_path(0, positions=path)
+    b = far.update_path(0, positions=path + shift)
+    assert b["cut_m3"] == pytest.approx(a["cut_m3"], abs=1e-3)
+    assert far.change_m3() == pytest.approx(near.change_m3(), rel=1e-4)
+    points, _ = far.mesh()
+    assert np.abs(points.mean(0) - shift).max() < 3
+    other = site_on(soilvdb.plane(0.0), soil)
+    other.restore(far.save())
+    for again in (other, far.clone(), pickle.loads(pickle.dumps(far))):
+        assert again.save() == far.save()
+    with pytest.raises(soilvdb.StateError, match="within"):
+        far.limits = False
+        far.update(0, position=(0, 0, 0))
+
+
+def test_volumes_inside_boundaries():
+    site = site_on(soilvdb.plane(0.0), LOAM)
+    for x in np.linspace(0, 2, 30):
+        site.update(0, position=(x, 0, -0.3))
+    site.update(0, position=(2, 0, 1.5))
+    site.update(0, position=(6, 0, 1.5))
+    site.update(0, position=(6, 0, 1.5), rotation=(0, np.sin(0.8), 0, np.cos(0.8)))
+    site.come_to_rest()
+    whole = site.volume([(-5, -5), (15, -5), (15, 5), (-5, 5)])
+    books = site.ledger()
+    assert whole.net_m3 == pytest.approx(site.change_m3(), abs=1e-9)
+    assert whole.area_m2 == pytest.approx(200)
+    assert whole.cut_m3 > 0.4 and whole.fill_m3 > 0.4
+    assert whole.to_cut_m3 is None
+    assert whole.fill_m3 <= books["fill_m3"] + 1e-9
+    parts = [site.volume([(x0, -5), (x1, -5), (x1, 5), (x0, 5)]) for x0, x1 in ((-5, 1.23), (1.23, 15))]
+    assert sum(p.net_m3 for p in parts) == pytest.approx(whole.net_m3, abs=1e-9)
+    assert sum(p.cut_m3 for p in parts) == pytest.approx(whole.cut_m3, abs=1e-9)
+    left = site.volume([(-5, -5), (15, -5), (15, 5), (-5, 5)], design=soilvdb.plane(-0.5))
+    assert left.to_cut_m3 - left.to_fill_m3 == pytest.approx(100 + whole.net_m3, rel=2e-3)
+    assert left.cut_m3 == whole.cut_m3
+    for boundary, message in [([(0, 0), (1, 1)], "3 corners"), ([(0, 0), (1, np.nan), (1, 1)], "corner 1"),
+                              ([(0, 0), (1, 1), (1, 0), (0, 1)], "cross")]:
+        with pytest.raises(ValueError, match=message):
+            site.volume(boundary)
+    on_an_island = site_on(soilvdb.raster(np.zeros((5, 5)), origin=(0, 0), cell=1))
+    assert on_an_island.volume([(2, 2), (8, 2), (8, 3), (2, 3)]).area_m2 == pytest.approx(2, rel=0.02)
+    with pytest.raises(ValueError, match="no ground inside the boundary"):
+        on_an_island.volume([(20, 20), (21, 20), (21, 21)])
+    json.dumps([whole.cut_m3, whole.error_m3])

@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many sites in one call are those sites one by one; one that is refused fails alone."""
+
+import ctypes
+import pickle
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+LOAM = soilvdb.Soil(repose_angle=0.61, swell=0.25)
+COUNT = 5
+
+
+@pytest.fixture(params=[None, LOAM], ids=["rigid", "moving"])
+def start(request):
+    return soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)],
+                        soil=request.param)
+
+
+def paths(steps=20, seed=3):
+    """Positions (steps, COUNT, 3) of random drags, and rotations."""
+    random = np.random.default_rng(seed)
+    s = np.linspace(0, 1, steps)[:, None]
+    depth, way = random.uniform(0.1, 0.5, COUNT), random.uniform(1, 4, COUNT)
+    positions = np.stack([way * s, 0 * way + 0 * s, 0.1 - (depth + 0.1) * np.sin(np.pi * s)], 2)
+    pitch = random.uniform(-0.3, 0.4, COUNT) * s
+    zero = np.zeros_like(pitch)
+    return positions, np.stack([zero, np.sin(pitch / 2), zero, np.cos(pitch / 2)], 2)
+
+
+def test_sites_are_those_stepped_alone_on_any_number_of_threads(start):
+    positions, rotations = paths()
+    vectors = [soilvdb.VectorSite(start, COUNT, threads=threads) for threads in (None, 1, 2)]
+    alone = [start.clone() for _ in range(COUNT)]
+    for n, (p, q) in enumerate(zip(positions, rotations)):
+        one_by_one = [site.update(0, position=p[i], rotation=q[i], time=n)
+                      for i, site in enumerate(alone)]
+        for env in vectors:
+            steps = env.step(0, positions=p, rotations=q, times=n)
+            assert (steps.status == 0).all() and not steps.errors
+            for name in ("cut_m3", "bucket_m3", "spilled_m3", "slid_m3"):
+                assert (getattr(steps, name) == [getattr(u, name) for u in one_by_one]).all()
+    maps = soilvdb.height_maps(alone, machine=0, shape=(6, 8), cell=0.2)
+    assert steps.bucket_m3.max() > 0.1
+    for env in vectors:
+        assert [s.save() for s in env.sites] == [s.save() for s in alone]
+        assert (env.height_map(machine="machine 0", shape=(6, 8), cell=0.2) == maps).all()
+        assert (env.loads(0) == steps.bucket_m3).all()
+    again = pickle.loads(pickle.dumps(vectors[0]))
+    assert [s.save() for s in again.sites] == [s.save() for s in alone]
+
+
+def test_a_bad_state_fails_alone_and_says_why(start):
+    env = soilvdb.VectorSite(start, COUNT)
+    positions, _ = paths()
+    env.step(0, positions=positions[0])
+    for p in positions[1:9]:
+        held = env.step(0, positions=p)
+    before = [site.save() for site in env.sites]
+    bad = positions[9].copy()
+    bad[1, 2] = np.nan
+    bad[3, 0] += 200
+    steps = env.step(0, positions=bad)
+    assert steps.status.tolist() == [0, 1, 0, 1, 0]
+    assert list(steps.errors) == [1, 3]
+    for i, error in steps.errors.items():
+        assert isinstance(error, soilvdb.StateError) and error.machine == "machine 0"
+        assert str(error).startswith(f"site {i}: machine 'machine 0'")
+        assert str(error).endswith(error.reason)
+        assert steps.cut_m3[i] == 0 and steps.bucket_m3[i] == held.bucket_m3[i] > 0
+    assert "200" in steps.errors[3].reason and "finite" in steps.errors[1].reason
+    now = [site.save() for site in env.sites]
+    assert [a == b for a, b in zip(now, before)] == [False, True, False, True, False]
+    matrices = np.tile(np.eye(4), (COUNT, 1, 1))
+    matrices[:, :3, 3] = positions[9]
+    matrices[4, 0, 0] = 3
+    steps = env.step(0, poses=matrices)
+    assert steps.status.tolist() == [0, 0, 0, 0, 1] and "rigid transform" in str(steps.errors[4])
+
+
+def test_ground_that_ends_is_another_status():
+    flat = soilvdb.raster(np.zeros((13, 13)), origin=(-6, -6), cell=1.0)
+    env = soilvdb.VectorSite(soilvdb.Site(0.1, flat, [soilvdb.Bucket(1.2, 0.9)]), 2)
+    env.step(0, positions=[(4, 0, -0.2)] * 2)
+    steps = env.step(0, positions=[(9, 0, -0.2), (4.5, 0, -0.2)])
+    assert steps.status.tolist() == [2, 0]
+    assert isinstance(steps.errors[0], soilvdb.NoGroundError)
+    assert steps.cut_m3[1] > 0
+
+
+def test_sites_begin_anew_as_they_are_told(start):
+    positions, _ = paths()
+    env = soilvdb.VectorSite(start, COUNT)
+    dug = start.clone()
+    dug.update_path(0, positions=positions[:, 0])
+    for p in positions[:10]:
+        env.step(0, positions=p)
+    moved = [site.save() for site in env.sites]
+    env.reset([True, False, False, False, True], states=[dug, dug.save()])
+    assert env.sites[0].save() == env.sites[4].save() == dug.save()
+    assert [s.save() for s in env.sites[1:4]] == moved[1:4]
+    env.reset(np.array([2]))
+    assert env.sites[2].save() == start.save()
+    env.step(0, positions=positions[0] + (0, 5, 0))
+    assert dug.save() != env.sites[0].save()  # a pool's states stay
+    env.reset(states=dug)
+    env.reset([])
+    assert all(site.save() == dug.save() for site in env.sites)
+    env.reset()
+    assert all(site.save() == start.save() for site in env.sites)
+
+
+def test_bad_resets_change_nothing(start):
+    env = soilvdb.VectorSite(start, COUNT)
+    env.step(0, positions=paths()[0][5])
+    before = [site.save() for site in env.sites]
+    other = soilvdb.Site(0.2, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
+    for arguments, error, message in [
+            ((np.ones(COUNT + 1, bool),), ValueError, "mask has the shape"),
+            (([0, 0],), ValueError, "each once"),
+            (([COUNT],), ValueError, "0 to 4"),
+            (([-1],), ValueError, "0 to 4"),
+            (([0.5],), ValueError, "numbers of sites"),
+            (([0, 1], [start]), ValueError, "1 states for 2 sites"),
+            (([0, 1], [start, 3]), TypeError, "not int"),
+            (([0, 1], [start, b"x"]), ValueError, "not a saved state"),
+            (([0], other), ValueError, "another voxel size")]:
+        with pytest.raises(error, match=message):
+            env.reset(*arguments)
+    for values, message in [({"swell": [0.1, 0.2]}, "swell has the shape"),
+                            ({"repose_angle": 0.6, "swell": -1}, "swell"),
+                            ({"heights": np.zeros((2, 3, 3)), "origin": (0, 0), "cell": 1}, "5, ny"),
+                            ({"z": [0, 0, 0, 0, np.nan]}, "finite")]:
+        with pytest.raises(ValueError, match=message):
+            env.randomise(**values)
+    assert [site.save() for site in env.sites] == before
+
+
+def test_each_site_has_its_own_soil_and_terrain(start):
+    env = soilvdb.VectorSite(start, COUNT)
+    repose, z = np.linspace(0.4, 0.8, COUNT), np.linspace(-1, 1, COUNT)
+    env.randomise(repose_angle=repose, density=1900.0, cohesion=np.nan, z=z,
+                  slope=[(0.01 * i, 0) for i in range(COUNT)])
+    for i, site in enumerate(env.sites):
+        assert site.heights([(2, 0)])[0] == pytest.approx(z[i] + 0.02 * i)
+        alone = soilvdb.Site(0.1, soilvdb.plane(z[i], (0.01 * i, 0)),
+                             [soilvdb.Bucket(1.2, 0.9, PROFILE)],
+                             soil=soilvdb.Soil(repose[i], swell_of(start), 1900.0))
+        assert site.save() == alone.save()
+    env.step(0, positions=np.stack([0 * z, 0 * z, z - 0.2], 1))
+    env.reset([1, 2])
+    assert env.sites[1].heights([(0, 0)])[0] == pytest.approx(z[1])
+    heights = np.random.default_rng(1).uniform(0, 1, (2, 4, 6))
+    env.randomise([0, 3], heights=heights, origin=(-2, -1), cell=1.0)
+    assert env.sites[3].heights([(-1, 1), (1, 0)]) == pytest.approx(
+        [heights[1, 2, 1], heights[1, 1, 3]], abs=1e-6)
+    assert env.sites[1].heights([(0, 0)])[0] == pytest.approx(z[1])
+
+
+def swell_of(site):
+    soil = site._made_from[3]
+    return soil.swell if soil else 0.0
+
+
+def test_arrays_go_to_other_libraries_without_a_copy(start):
+    env = soilvdb.VectorSite(start, COUNT)
+    steps = env.step(0, positions=paths()[0][4])
+    assert np.shares_memory(np.from_dlpack(steps.bucket_m3), steps.bucket_m3)
+    assert memoryview(steps.status).nbytes == COUNT
+    wanted = env.height_map(machine=0, shape=(3, 4), cell=0.2)
+    memory = (ctypes.c_double * (COUNT * 12))()
+    view = memoryview(memory).cast("B").cast("d", (COUNT, 3, 4))
+    assert env.height_map(machine=0, shape=(3, 4), cell=0.2, out=view) is view
+    assert (np.array(memory).reshape(wanted.shape) == wanted).all()
+
+    class Tensor:
+        """An array of another library, as far as NumPy can tell."""
+
+        def __init__(self, values):
+            self.values = values
+            self.__array_interface__ = values.__array_interface__
+
+        def __dlpack__(self, **_):
+            return self.values.__dlpack__()
+
+    tensor = Tensor(np.zeros((COUNT, 3, 4), np.float32))
+    assert env.height_map(machine=0, shape=(3, 4), cell=0.2, out=tensor) is tensor
+    assert (tensor.values == wanted.astype(np.float32)).all()
+    for bad in (bytes(COUNT * 96), [[0.0] * 4] * 3):
+        with pytest.raises(ValueError, match="out must be a writable"):
+            env.height_map(machine=0, shape=(3, 4), cell=0.2, out=bad)
+
+
+def test_wrong_calls_are_told(start):
+    env = soilvdb.VectorSite(start, 2)
+    for call, error, message in [
+            (lambda: env.step(0), TypeError, "one of positions"),
+            (lambda: env.step(0, positions=np.zeros((3, 3))), ValueError, "3 states for 2 sites"),
+            (lambda: env.step(1, positions=np.zeros((2, 3))), ValueError, "no machine 1"),
+            (lambda: env.step(0, joints={"boom": [0, 0]}), ValueError, "machine has none"),
+            (lambda: env.step(0, positions=np.zeros((2, 3)), times=[1, np.nan]), ValueError, "nan"),
+            (lambda: soilvdb.VectorSite(start, 0), ValueError, "count is 0"),
+            (lambda: soilvdb.VectorSite(start, 2, threads=0), ValueError, "threads is 0")]:
+        with pytest.raises(error, match=message) as told:
+            call()
+        assert "\n" not in str(told.value)

@@ -1,0 +1,259 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Looking at the ground from Python: heights, maps, volumes.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "soilvdb/boundary_volume.h"
+#include "tools/python/site.h"
+#include "tools/python/values.h"
+
+namespace soilvdb::python {
+namespace {
+
+/// @param heights_of Session::heights or Session::mesh_heights
+Array heights(Site& site, const py::object& xy,
+              void (Session::*heights_of)(std::span<const Vec2>, std::span<double>)) {
+  const Array given = rows(xy, "xy", 2);
+  const auto count = static_cast<std::size_t>(given.shape(0));
+  std::vector<Vec2> places(count);
+  for (std::size_t i = 0; i < count; ++i) places[i] = Vec2(given.data() + 2 * i);
+  Array out(static_cast<py::ssize_t>(count));
+  const std::span<double> heights_m(out.mutable_data(), count);
+  site.with([&](Session& session) {
+    constexpr std::size_t kPiece = 1 << 18;  // some tens of milliseconds
+    for (std::size_t from = 0; from < count; from += kPiece) {
+      if (from > 0) handle_signals();
+      const std::size_t piece = std::min(kPiece, count - from);
+      (session.*heights_of)(std::span(places).subspan(from, piece), heights_m.subspan(from, piece));
+    }
+  });
+  return out;
+}
+
+/// What a height map is asked for.
+struct MapRequest {
+  MapGrid grid;  ///< its place and axis unless `machine` says them
+  std::optional<MachineName> machine;
+  bool turned = true;
+  MapLayer layer = MapLayer::kHeight;
+  std::optional<double> ceiling;
+
+  MapRequest(const std::optional<MachineName>& around, const py::object& origin,
+             const py::object& matrix, const std::pair<py::ssize_t, py::ssize_t>& shape,
+             double cell, bool turn, const std::string& name, std::optional<double> below)
+      : machine(around), turned(turn), ceiling(below) {
+    if (machine.has_value() + !origin.is_none() + !matrix.is_none() != 1)
+      throw py::type_error("give one of machine, pose or origin");
+    constexpr py::ssize_t kMost = 1 << 16;
+    if (std::min(shape.first, shape.second) < 1 || std::max(shape.first, shape.second) > kMost)
+      throw py::value_error(fmt::format("shape is ({}, {}); each must be from 1 to {}", shape.first,
+                                        shape.second, kMost));
+    constexpr const char* kNames[] = {"height", "loose", "dug"};
+    const auto* found = std::find(std::begin(kNames), std::end(kNames), name);
+    if (found == std::end(kNames))
+      throw py::value_error("layer is '" + name + "'; it must be 'height', 'loose' or 'dug'");
+    layer = static_cast<MapLayer>(found - std::begin(kNames));
+    grid.ny = static_cast<int>(shape.first);
+    grid.nx = static_cast<int>(shape.second);
+    grid.cell_m = cell;
+    if (!origin.is_none()) numbers(origin, "origin", {grid.first_m.data(), 2});
+    if (matrix.is_none()) return;
+    const Pose at = pose(py::none(), py::none(), matrix);
+    grid = MapGrid::around(at.position.head<2>(), cell, grid.nx, grid.ny, turned ? &at : nullptr);
+  }
+
+  MapGrid of(Session& session) const {
+    return machine ? session.map_around(machine_of(session, *machine), grid.cell_m, grid.nx,
+                                        grid.ny, turned)
+                   : grid;
+  }
+};
+
+/// An array for results: the caller's, or a new one of doubles. Calls f(its values).
+template <typename F>
+py::object fill_array(const py::object& given, const std::vector<py::ssize_t>& shape, const F& f) {
+  if (given.is_none()) {
+    Array made(shape);
+    f(std::span<double>(made.mutable_data(), static_cast<std::size_t>(made.size())));
+    return made;
+  }
+  // Another library's array: a view of its memory, not a copy of a list.
+  py::object view = given;
+  if (!py::isinstance<py::array>(given) &&
+      (PyObject_CheckBuffer(given.ptr()) != 0 || py::hasattr(given, "__dlpack__")))
+    view = py::module_::import("numpy").attr("asarray")(given);
+  py::array out;
+  if (py::isinstance<py::array>(view)) out = py::reinterpret_borrow<py::array>(view);
+  constexpr int kWanted = int{py::array::c_style} | int{py::detail::npy_api::NPY_ARRAY_ALIGNED_};
+  const bool fits = out && (out.flags() & kWanted) == kWanted && out.writeable() &&
+                    std::equal(shape.begin(), shape.end(), out.shape(), out.shape() + out.ndim());
+  const auto count = static_cast<std::size_t>(out ? out.size() : 0);
+  if (fits && py::isinstance<py::array_t<float>>(out)) {
+    f(std::span<float>(static_cast<float*>(out.mutable_data()), count));
+  } else if (fits && py::isinstance<py::array_t<double>>(out)) {
+    f(std::span<double>(static_cast<double*>(out.mutable_data()), count));
+  } else {
+    throw py::value_error(
+        fmt::format("out must be a writable C-contiguous array of float32 or float64 with the "
+                    "shape ({})",
+                    fmt::join(shape, ", ")));
+  }
+  return given;
+}
+
+using MapShape = std::pair<py::ssize_t, py::ssize_t>;
+
+py::object height_map(Site& site, const std::optional<MachineName>& machine,
+                      const py::object& origin, const py::object& matrix, const MapShape& shape,
+                      double cell, bool turned, const std::string& layer,
+                      std::optional<double> ceiling, const py::object& out) {
+  const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling);
+  return fill_array(out, {shape.first, shape.second}, [&](auto values) {
+    site.with([&](Session& session) {
+      const MapGrid all = map.of(session);
+      const double side = all.cell_m / session.voxel_size_m();
+      constexpr double kPiece =
+          1 << 22;  // columns of voxels: some tens of milliseconds, once known
+      const int rows = static_cast<int>(
+          std::clamp(kPiece / (all.nx * std::max(1.0, side * side)), 1.0, double(all.ny)));
+      for (int from = 0; from < all.ny; from += rows) {
+        if (from > 0) handle_signals();
+        MapGrid piece = all;
+        piece.first_m = all.middle_m(from, 0);
+        piece.ny = std::min(rows, all.ny - from);
+        const auto cells = static_cast<std::size_t>(all.nx);
+        session.height_map(piece, map.layer,
+                           values.subspan(static_cast<std::size_t>(from) * cells,
+                                          static_cast<std::size_t>(piece.ny) * cells),
+                           map.ceiling);
+      }
+    });
+  });
+}
+
+/// A map of each of many sites.
+py::object height_maps(const py::object& given, const std::optional<MachineName>& machine,
+                       const py::object& origin, const MapShape& shape, double cell, bool turned,
+                       const std::string& layer, std::optional<double> ceiling,
+                       const py::object& out, const std::optional<int>& threads) {
+  const py::tuple kept = several(given, "sites", "soilvdb.Site");
+  const std::vector<Site*> sites = sites_of(kept);
+  const MapRequest map(machine, origin, py::none(), shape, cell, turned, layer, ceiling);
+  const auto count = static_cast<py::ssize_t>(sites.size());
+  return fill_array(out, {count, shape.first, shape.second}, [&](auto values) {
+    with_all(sites, [&](const std::vector<Session*>& sessions) {
+      std::vector<MapGrid> grids;
+      for (std::size_t i = 0; i < sessions.size(); ++i) {
+        try {
+          grids.push_back(map.of(*sessions[i]));
+        } catch (const std::exception& e) {
+          throw std::invalid_argument(fmt::format("site {}: {}", i, e.what()));
+        }
+      }
+      const auto cells = static_cast<std::size_t>(shape.first * shape.second);
+      on_threads(threads, [&] {
+        tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
+          sessions[i]->height_map(grids[i], map.layer, values.subspan(i * cells, cells),
+                                  map.ceiling);
+        });
+      });
+    });
+  });
+}
+
+/// What was dug and filled inside a boundary.
+BoundaryVolume volume(Site& site, const py::object& boundary,
+                      const std::optional<TerrainValue>& design) {
+  const Array given = rows(boundary, "boundary", 2);
+  if (given.shape(0) < 3) throw py::value_error("boundary must have 3 corners or more");
+  std::vector<Vec2> corners;
+  for (py::ssize_t i = 0; i < given.shape(0); ++i) {
+    corners.emplace_back(given.data() + 2 * i);
+    if (!corners.back().allFinite())
+      throw py::value_error(fmt::format("boundary: corner {} is not finite", i));
+  }
+  return site.with([&](Session& session) {
+    if (!design) return session.volume(corners);
+    const io::Base wanted = io::open_base(design->terrain);
+    return session.volume(corners, wanted.surface.get());
+  });
+}
+
+py::object or_none(const std::optional<ToDesign>& left, double ToDesign::*volume) {
+  return left && left->area_m2 > 0 ? py::object(py::float_((*left).*volume)) : py::none();
+}
+
+void bind_volume(py::class_<Site>& site, py::module_& m) {
+  py::class_<BoundaryVolume>(m, "Volume", "Volumes inside a boundary, in place, m3.")
+      .def_readonly("cut_m3", &BoundaryVolume::cut_m3, "removed from the terrain")
+      .def_readonly("fill_m3", &BoundaryVolume::fill_m3, "added to the terrain")
+      .def_readonly("net_m3", &BoundaryVolume::net_m3, "fill less cut")
+      .def_readonly("error_m3", &BoundaryVolume::error_m3, "error bound of cut, and of fill")
+      .def_readonly("area_m2", &BoundaryVolume::area_m2, "area of the boundary that has ground")
+      .def_property_readonly(
+          "to_cut_m3",
+          [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::cut_m3); },
+          "soil above the design; None without a design there")
+      .def_property_readonly(
+          "to_fill_m3",
+          [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::fill_m3); },
+          "room below the design; None without a design there")
+      .def("__repr__", [](const BoundaryVolume& v) {
+        return fmt::format("soilvdb.Volume(cut_m3={:.6g}, fill_m3={:.6g}, area_m2={:.6g})",
+                           v.cut_m3, v.fill_m3, v.area_m2);
+      });
+  site.def(
+      "volume", &volume, py::arg("boundary"), py::kw_only(), py::arg("design") = py::none(),
+      "Cut and fill inside a boundary against the terrain, counted sample by sample. boundary: "
+      "corners (N, 2), m, world; the last connects to the first. Parts of an area sum to the "
+      "whole. design: a Terrain; then to_cut_m3 and to_fill_m3 say what is left to do, summed "
+      "over at most 250 000 places. Raises ValueError if sides of the boundary cross, or "
+      "without any ground inside.");
+}
+
+}  // namespace
+
+void bind_looks(py::class_<Site>& site, py::module_& m) {
+  const auto none = py::none();
+  site.def(
+          "heights",
+          [](Site& s, const py::object& xy) { return heights(s, xy, &Session::heights); },
+          py::arg("xy"),
+          "Heights of the topmost soil at xy (N, 2), m, world: (N,) float64, NaN where there is no "
+          "ground. They come straight from the soil's samples, linear between columns of voxels. "
+          "After an update one costs about 30 us, each of many some tens of ns.")
+      .def(
+          "mesh_heights",
+          [](Site& s, const py::object& xy) { return heights(s, xy, &Session::mesh_heights); },
+          py::arg("xy"),
+          "As heights(), on the surface of mesh(): for pictures. It meshes what changed since the "
+          "last call, which takes milliseconds.")
+      .def("height_map", &height_map, py::kw_only(), py::arg("machine") = none,
+           py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
+           py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
+           py::arg("out") = none,
+           "Map of square cells, shape (ny, nx), side cell, m: (ny, nx) float64. Give one of: "
+           "origin (x, y), the middle of cell [0, 0]; machine, around the middle of its lip; pose, "
+           "a 4x4 array, as of a machine there. Around a machine or pose, x looks out of the mouth "
+           "and y along the lip, unless turned is False; else x and y are the world's. layer: "
+           "'height', mean height of the soil in a cell, so that sums are volumes; 'loose', depth "
+           "of the loose soil; 'dug', depth below the terrain; NaN where there is no ground. "
+           "ceiling: only soil below this height is looked at. out: a float32 or float64 array to "
+           "fill and return. Cells of the voxel's size cost about 10 ns each, wider ones as much "
+           "for each voxel in them.");
+  bind_volume(site, m);
+  m.def("height_maps", &height_maps, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
+        py::arg("origin") = none, py::arg("shape"), py::arg("cell"), py::arg("turned") = true,
+        py::arg("layer") = "height", py::arg("ceiling") = none, py::arg("out") = none,
+        py::arg("threads") = none,
+        "Site.height_map() of many sites: (sites, ny, nx). threads: default: all cores.");
+}
+
+}  // namespace soilvdb::python

@@ -1,0 +1,137 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// soilvdb.Site for the files that bind it. Each call of the engine releases the interpreter's lock
+// and locks the site, so several threads may use one site.
+#pragma once
+
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <tbb/task_arena.h>
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "soilvdb/session.h"
+#include "tools/python/arguments.h"
+#include "tools/python/interpreter.h"
+
+namespace soilvdb::python {
+
+/// @throw std::runtime_error in a process that was forked from one that used the module
+void require_own_process();
+
+/// A session, and its construction arguments for pickle.
+class Site {
+ public:
+  Site(Session session, py::tuple made_from)
+      : session_(std::make_unique<Session>(std::move(session))), made_from_(std::move(made_from)) {}
+  ~Site() {
+    if (is_forked()) session_.release();  // this process lacks its threads
+  }
+
+  /// Calls f(session) exclusively, without the interpreter's lock.
+  template <typename F>
+  auto with(const F& f) {
+    require_own_process();
+    const Released released;
+    const std::lock_guard lock(turn_);
+    const Inside inside;
+    return f(open());
+  }
+  Session& open() {
+    if (!session_) throw std::runtime_error("the site is closed");
+    return *session_;
+  }
+  void close() {
+    require_own_process();
+    const Released released;
+    const std::lock_guard lock(turn_);
+    const Inside inside;
+    const std::unique_ptr<Session> session = std::move(session_);
+    if (session) session->stop_recording();
+  }
+  Turn& turn() { return turn_; }
+  const py::tuple& made_from() const { return made_from_; }
+
+ private:
+  Turn turn_;
+  std::unique_ptr<Session> session_;
+  py::tuple made_from_;
+};
+
+/// The number or name of a machine.
+using MachineName = std::variant<std::ptrdiff_t, std::string>;
+/// @throw py::value_error, std::invalid_argument that there is no such machine
+std::size_t machine_of(Session& session, const MachineName& given);
+
+/// The error of a refused state: StateError, NoGroundError or RuntimeError.
+/// @param before the message's beginning, such as "state 3: "
+py::object error_of(const StepResult& step, const std::string& machine,
+                    const std::string& before = "");
+/// @throw that error unless the step is good
+void require_good(const StepResult& step, const std::string& machine = "",
+                  const std::string& before = "");
+
+/// States of machines as arrays, one per row.
+class States {
+ public:
+  /// Exactly one of positions (N, 3) with or without rotations (N, 4), poses (N, 4, 4) and joints
+  /// (N, joints), or joints by name.
+  /// @param times (N,), or None
+  /// @param names of the machine's joints
+  States(const py::object& positions, const py::object& rotations, const py::object& poses,
+         const py::object& joints, const py::object& times, const std::vector<std::string>& names);
+  std::size_t count() const { return count_; }
+  /// Needs no lock of the interpreter. @throw py::value_error for a pose that is none
+  MachineState at(std::size_t row) const;
+
+ private:
+  enum class Kind { kPositions, kPoses, kJoints } kind_ = Kind::kPositions;
+  std::size_t count_ = 0, width_ = 0;
+  // Copies, because another thread may write to the arrays meanwhile.
+  std::vector<double> rows_, turns_, times_s_;
+};
+
+/// Joints as one array (..., joints). @param given an array, or values by name
+/// @throw py::value_error for a name that is unknown or missing
+py::object joints_of(const py::object& given, const std::vector<std::string>& names);
+std::vector<std::string> joint_names(Site& site, const MachineName& machine);
+
+/// Calls f() on so many threads; empty: on all cores. @throw py::value_error for less than one
+template <typename F>
+void on_threads(const std::optional<int>& threads, const F& f) {
+  if (!threads) return f();
+  if (*threads < 1)
+    throw py::value_error("threads is " + std::to_string(*threads) + "; it must be 1 or more");
+  tbb::task_arena(*threads).execute(f);
+}
+
+/// Different sites. @param kept keeps them alive
+std::vector<Site*> sites_of(const py::tuple& kept);
+
+/// Calls f(their sessions) exclusively, without the interpreter's lock.
+template <typename F>
+void with_all(const std::vector<Site*>& sites, const F& f) {
+  require_own_process();
+  const Released released;
+  // A fixed order of locks avoids deadlocks between calls that share sites.
+  std::set<Site*> ordered(sites.begin(), sites.end());
+  std::vector<std::unique_lock<Turn>> locks;
+  for (Site* site : ordered) locks.emplace_back(site->turn());
+  const Inside inside;
+  std::vector<Session*> sessions;
+  for (Site* site : sites) sessions.push_back(&site->open());
+  f(sessions);
+}
+
+/// Binds what looks at the ground, and what many sites do in one call.
+void bind_looks(py::class_<Site>& site, py::module_& m);
+void bind_many(py::module_& m);
+
+}  // namespace soilvdb::python

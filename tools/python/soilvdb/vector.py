@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many sites of one model in one call, for learning."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._errors import NoGroundError, StateError
+from ._soilvdb import Site, Soil, Terrain, _step_sites, height_maps, plane, raster
+
+Floats = npt.NDArray[np.float64]
+_State = Site | bytes
+
+
+@dataclasses.dataclass(frozen=True)
+class Steps:
+    """Results of VectorSite.step(), one per site: arrays (count,), float64 but for status.
+
+    cut_m3: cut from the ground, in place. bucket_m3: load afterwards, loose. spilled_m3, slid_m3:
+    what left the bucket and what slopes lost, loose. status, int8: 0 done, 1 refused, 2 refused for
+    want of ground, 3 failed. errors: for each site whose status is not 0 the error that
+    Site.update() would raise.
+    """
+
+    cut_m3: Floats
+    bucket_m3: Floats
+    spilled_m3: Floats
+    slid_m3: Floats
+    status: npt.NDArray[np.int8]
+    errors: dict[int, StateError | NoGroundError | RuntimeError]
+
+
+class VectorSite:
+    """Many sites of one model, as learners want them: arrays in, arrays out, on all cores.
+
+        env = soilvdb.VectorSite(site, 64)
+        steps = env.step("digger", positions=positions, rotations=rotations)
+        maps = env.height_map(machine="digger", shape=(16, 16), cell=0.2)
+        env.reset(steps.bucket_m3 > 0.8)
+
+    site: what all begin as; it is cloned. threads: default: all cores. Results do not depend on the
+    number of threads, and a site's results not on the others. Arrays belong to Python; other
+    libraries take them over without a copy by DLPack or the buffer protocol.
+    """
+
+    def __init__(self, site: Site, count: int, *, threads: int | None = None) -> None:
+        if count < 1:
+            raise ValueError(f"count is {count}; it must be 1 or more")
+        if threads is not None and threads < 1:
+            raise ValueError(f"threads is {threads}; it must be 1 or more")
+        self._threads = threads
+        self._starts = [site.clone()] * count
+        self._sites = tuple(start.clone() for start in self._starts)
+
+    @property
+    def count(self) -> int:
+        """Number of sites."""
+        return len(self._sites)
+
+    @property
+    def sites(self) -> tuple[Site, ...]:
+        """The sites as they are now; reset() and randomise() put others in their place."""
+        return self._sites
+
+    def step(self, machine: int | str, *, positions: Any = None, rotations: Any = None,
+             poses: Any = None, joints: Any = None, times: Any = None) -> Steps:
+        """One update of a machine in each site. A site whose state is refused stays as it is and
+        says why; the others move.
+
+        One of: positions (count, 3) with or without rotations (count, 4); poses (count, 4, 4);
+        joints (count, joints), or by name. times: (count,), or one for all, s.
+        """
+        if times is not None:
+            times = np.broadcast_to(np.asarray(times, dtype=float), (self.count,))
+        columns, errors = _step_sites(self._sites, machine, positions, rotations, poses, joints,
+                                      times, self._threads)
+        return Steps(**columns, errors=errors)
+
+    def height_map(self, *, shape: tuple[int, int], cell: float, **which: Any) -> npt.NDArray[Any]:
+        """Site.height_map() of each site: (count, ny, nx). It takes the arguments of height_maps()
+        """
+        return height_maps(self._sites, shape=shape, cell=cell, threads=self._threads, **which)
+
+    def loads(self, machine: int | str) -> Floats:
+        """Load of a machine's bucket in each site, loose, m3: (count,)."""
+        return np.array([site.ledger(machine)["bucket_m3"] for site in self._sites])
+
+    def reset(self, mask: Any = None,
+              states: _State | Sequence[_State] | None = None) -> None:
+        """Sites begin anew.
+
+        mask: (count,) of bool, or numbers of sites; default: all. states: what they begin as, each a
+        Site, which is cloned in some microseconds, or bytes of Site.save(): one for all, or one per
+        site that begins anew. Default: what the site began as, or what randomise() made of it.
+        Raises ValueError for a state of another model; then nothing has changed.
+        """
+        which = self._numbers(mask)
+        if states is None:
+            given: Sequence[_State] = [self._starts[i] for i in which]
+        elif isinstance(states, (Site, bytes)):
+            given = [states] * len(which)
+        else:
+            given = list(states)
+        if len(given) != len(which):
+            raise ValueError(f"there are {len(given)} states for {len(which)} sites")
+        self._put({i: self._begun(i, state) for i, state in zip(which, given)})
+
+    def randomise(self, mask: Any = None, *, repose_angle: Any = None, swell: Any = None,
+                  density: Any = None, cohesion: Any = None, friction_angle: Any = None,
+                  z: Any = None, slope: Any = None, heights: Any = None, origin: Any = None,
+                  cell: float | None = None) -> None:
+        """Sites begin anew, each in its own soil and on its own terrain.
+
+        mask: as for reset(). repose_angle to friction_angle: properties of Soil, each one for all or
+        (n,) for the n sites that begin anew; those that are left out stay, nan stands for the
+        default. z, (n,), and slope, (n, 2): planes. heights: (n, ny, nx), with origin and cell as in
+        raster(). Raises ValueError for impossible values, or if the sites come from Site.open();
+        then nothing has changed.
+        """
+        which = self._numbers(mask)
+        soils = {name: _per_site(name, values, (len(which),)) for name, values in (
+            ("repose_angle", repose_angle), ("swell", swell), ("density", density),
+            ("cohesion", cohesion), ("friction_angle", friction_angle)) if values is not None}
+        terrains = _terrains(len(which), z, slope, heights, origin, cell)
+        starts: dict[int, Site] = {}
+        for n, i in enumerate(which):
+            parts = self._starts[i]._made_from
+            if len(parts) == 1:
+                raise ValueError("sites of Site.open() can't be randomised; make one by Site()")
+            voxel_size, terrain, machines, soil, pours, hoppers, near = parts
+            if soils:
+                soil = _soil(soil, {name: float(values[n]) for name, values in soils.items()})
+            starts[i] = Site(voxel_size, terrains[n] if terrains else terrain, machines, soil=soil,
+                             pours=pours, hoppers=hoppers, near=near, limits=self._starts[i].limits)
+        for i, start in starts.items():
+            self._starts[i] = start
+        self._put({i: start.clone() for i, start in starts.items()})
+
+    def _numbers(self, mask: Any) -> list[int]:
+        if mask is None:
+            return list(range(self.count))
+        given = np.asarray(mask)
+        if given.dtype == bool:
+            if given.shape != (self.count,):
+                raise ValueError(f"mask has the shape {given.shape}; it must be ({self.count},)")
+            return [int(i) for i in np.flatnonzero(given)]
+        if given.size == 0:
+            return []
+        if given.ndim != 1 or given.dtype.kind not in "iu":
+            raise ValueError("mask must be an array of bool, or of numbers of sites")
+        numbers = [int(i) for i in given]
+        if min(numbers) < 0 or max(numbers) >= self.count or len(set(numbers)) < len(numbers):
+            raise ValueError(f"mask must name sites from 0 to {self.count - 1}, each once")
+        return numbers
+
+    def _begun(self, number: int, state: _State) -> Site:
+        start = self._starts[number]
+        if isinstance(state, bytes):
+            site = start.clone()
+            site.restore(state)
+            return site
+        if not isinstance(state, Site):
+            raise TypeError(f"states must be soilvdb.Site or bytes, not {type(state).__name__}")
+        if state.machines != start.machines or state.voxel_size != start.voxel_size:
+            raise ValueError(f"site {number}: the state is of other machines or another voxel size")
+        return state.clone()
+
+    def _put(self, changed: Mapping[int, Site]) -> None:
+        self._sites = tuple(changed.get(i, site) for i, site in enumerate(self._sites))
+
+
+def _per_site(name: str, values: Any, shape: tuple[int, ...]) -> Floats:
+    try:
+        return np.broadcast_to(np.asarray(values, dtype=float), shape)
+    except ValueError:
+        raise ValueError(f"{name} has the shape {np.shape(values)}; it must be {shape}") from None
+
+
+def _soil(soil: Soil | None, changed: Mapping[str, float]) -> Soil:
+    names = ("repose_angle", "swell", "density", "cohesion", "friction_angle")
+    values = {} if soil is None else {name: getattr(soil, name) for name in names}
+    values.update(changed)
+    if "repose_angle" not in values:
+        raise ValueError("the soil is rigid; it needs a repose_angle")
+    return Soil(**{name: value for name, value in values.items()
+                   if value is not None and not np.isnan(value)})
+
+
+def _terrains(count: int, z: Any, slope: Any, heights: Any, origin: Any,
+              cell: float | None) -> list[Terrain]:
+    if heights is not None:
+        if z is not None or slope is not None:
+            raise TypeError("give either heights or z and slope")
+        given = np.asarray(heights, dtype=float)
+        if given.ndim != 3 or given.shape[0] != count:
+            raise ValueError(f"heights has the shape {given.shape}; it must be ({count}, ny, nx)")
+        return [raster(one, origin=origin, cell=cell) for one in given]
+    if origin is not None or cell is not None:
+        raise TypeError("origin and cell are for heights")
+    if z is None and slope is None:
+        return []
+    rises = _per_site("z", 0.0 if z is None else z, (count,))
+    slopes = _per_site("slope", (0.0, 0.0) if slope is None else slope, (count, 2))
+    return [plane(float(rise), one) for rise, one in zip(rises, slopes)]
