@@ -79,6 +79,30 @@ Update Machine::move(Ground& ground, const Motion& motion, double begin_s, doubl
   return since(before, slid_before);
 }
 
+std::string Machine::misplaced(const Ground& ground, const Pose& at) const {
+  const Pose here[] = {at};
+  return stays_in_air(ground, here, 0)
+             ? ""
+             : "the bucket can only be placed in the air above ground, a voxel or more from it";
+}
+
+Update Machine::place(Ground& ground, const Pose& at, double time_s) {
+  const Ledger before = ledger_;
+  const std::int64_t slid_before = begin_update();
+  if (settler_ != nullptr) stop(ground, time_s, Rest::kEnds);
+  const Pose here[] = {at};
+  placed_ = true;
+  current_ = station_ = at;
+  travel_m_ = 0;
+  stands_ = {};
+  swept_box_ = box_around(here);
+  const bool dumps = bucket_.dump_angle_rad && mouth_dip(at) >= *bucket_.dump_angle_rad;
+  if (dumps && ledger_.load > 0) dump(ground, at, time_s);
+  if (settler_ != nullptr) stop(ground, time_s, Rest::kEnds);
+  end_update();
+  return since(before, slid_before);
+}
+
 /// Follows path_ without digging.
 void Machine::approach(const Ground& ground, bool digs) {
   if (digs && !placed_) excavator_.require_ground(ground, std::span(path_).first(1));

@@ -37,6 +37,10 @@ class Machine {
   /// As Tracker::update(). @throw NoGroundError
   Update move(Ground& ground, const Pose& to);
   Update move(Ground& ground, const Motion& motion, double begin_s, double end_s);
+  /// @return why it can't be placed at a pose; empty if it can
+  std::string misplaced(const Ground& ground, const Pose& at) const;
+  /// As Tracker::place(). @pre it can
+  Update place(Ground& ground, const Pose& at, double time_s);
   /// Traces the same path without digging. Afterwards restore() must set its state back.
   /// @throw NoGroundError if move() would
   void require_ground(const Ground& ground, const Pose& to);

@@ -128,6 +128,13 @@ std::optional<double> Site::last_s() const {
   return last_s;
 }
 
+void Site::require_order(std::size_t machine, const std::optional<Input>& last,
+                         std::optional<double> time_s) const {
+  if (time_s && last && last->time_s && *time_s < *last->time_s)
+    throw std::invalid_argument(name(machine) + ": time goes back from " +
+                                time_text(*last->time_s) + " s to " + time_text(*time_s) + " s");
+}
+
 Site::Input Site::input(const MachineState& state) const {
   require(state.machine);
   if (state.time_s && !std::isfinite(*state.time_s))
@@ -146,9 +153,7 @@ Move Site::move(const MachineState& state, std::optional<Input>& last,
                 std::deque<Motion>& motions) const {
   Input now = input(state);
   const std::optional<double> before_s = last ? last->time_s : std::nullopt;
-  if (now.time_s && before_s && *now.time_s < *before_s)
-    throw std::invalid_argument(name(state.machine) + ": time goes back from " +
-                                time_text(*before_s) + " s to " + time_text(*now.time_s) + " s");
+  require_order(state.machine, last, now.time_s);
   Move move;
   move.machine = state.machine;
   move.to = now.pose;
@@ -302,6 +307,24 @@ StepResult Site::pour(double until_s) noexcept {
     moving = true;
     pour_until(until_s);
     return StepResult();
+  });
+}
+
+StepResult Site::place(const MachineState& state) noexcept {
+  return guarded<StepResult>([&](bool& moving) {
+    Input now = input(state);
+    std::optional<Input>& last = inputs_[state.machine];
+    require_order(state.machine, last, now.time_s);
+    const std::string why = tracker_->misplaced(state.machine, now.pose);
+    if (!why.empty()) throw std::invalid_argument(name(state.machine) + ": " + why);
+    ground_->evict();
+    moving = true;
+    pour_before(state.time_s);
+    StepResult made;
+    made.update = tracker_->place(state.machine, now.pose, now.time_s);
+    if (!now.time_s && last) now.time_s = last->time_s;
+    last = std::move(now);
+    return made;
   });
 }
 

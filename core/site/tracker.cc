@@ -136,6 +136,24 @@ Update Tracker::update(std::size_t machine, const Motion& motion, double begin_s
   });
 }
 
+std::string Tracker::misplaced(std::size_t machine, const Pose& world_from_bucket) const {
+  const Machine& m = at(machine);
+  check_move(ground_, m, world_from_bucket);
+  return m.misplaced(ground_, world_from_bucket);
+}
+
+Update Tracker::place(std::size_t machine, const Pose& world_from_bucket,
+                      std::optional<double> time_s) {
+  return timed([&] {
+    if (const std::string why = misplaced(machine, world_from_bucket); !why.empty())
+      throw std::invalid_argument(why);
+    ground_.evict();
+    const Update update = at(machine).place(ground_, world_from_bucket, time_s.value_or(kAnyTime));
+    forget_changes_of(machine);
+    return update;
+  });
+}
+
 void Tracker::check(const Move& move) const {
   const Machine& machine = at(move.machine);
   if (move.motion != nullptr) {

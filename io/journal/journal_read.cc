@@ -78,7 +78,7 @@ JournalReader::~JournalReader() = default;
 bool JournalReader::take(std::string_view& bytes, JournalUpdate& update) {
   bool anew = false;
   if (!take_update(bytes, update, anew, before_)) return false;
-  if (update.kind != JournalUpdate::Kind::kMove) {
+  if (!update.has_rows()) {
     update.rows = {};
     return !anew;
   }

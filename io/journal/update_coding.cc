@@ -25,7 +25,7 @@ enum UpdateFlag : std::uint8_t {
   kSoilMoved = 64,  // spilled and slid volumes follow
 };
 constexpr int kKindAt = 7;
-constexpr std::uint64_t kKinds = 5;
+constexpr std::uint64_t kKinds = 6;
 
 // Head of a number in a series: one of these, or kNear plus the coded difference of whole numbers.
 constexpr std::uint64_t kSame = 0, kRaw = 1, kDecimals = 2, kNear = 3;

@@ -65,6 +65,8 @@ std::unique_ptr<Site> made(Session session, const py::tuple& from) {
   return std::make_unique<Site>(std::move(session), from);
 }
 
+/// @param step_of Session::update or Session::place
+template <StepResult (Session::*step_of)(const MachineState&) noexcept>
 Update update(Site& site, const MachineName& machine, const py::object& position,
               const py::object& rotation, const py::object& matrix, const py::object& joints,
               std::optional<double> time) {
@@ -85,7 +87,7 @@ Update update(Site& site, const MachineName& machine, const py::object& position
   std::vector<std::string> warnings;
   const StepResult step = site.with([&](Session& session) {
     state.machine = machine_of(session, machine);
-    StepResult made = session.update(state);
+    StepResult made = (session.*step_of)(state);
     if (!made.ok()) name = session.machines()[state.machine].name;
     warnings = session.take_warnings();
     return made;
@@ -348,9 +350,9 @@ void bind_site(py::module_& m) {
           "limits", [](Site& s) { return s.with([](Session& one) { return one.limits(); }); },
           [](Site& s, bool on) { s.with([&](Session& one) { one.set_limits(on); }); },
           "Are states refused that no machine has? May be set.")
-      .def("update", &update, py::arg("machine"), py::kw_only(), py::arg("position") = none,
-           py::arg("rotation") = none, py::arg("pose") = none, py::arg("joints") = none,
-           py::arg("time") = none,
+      .def("update", &update<&Session::update>, py::arg("machine"), py::kw_only(),
+           py::arg("position") = none, py::arg("rotation") = none, py::arg("pose") = none,
+           py::arg("joints") = none, py::arg("time") = none,
            "Moves a machine (number or name) to a state; the first state places it. position: (x, "
            "y, z) of the middle of the lip, m. rotation: quaternion (x, y, z, w), default: no "
            "rotation. pose: 4x4 array in place of these, world from bucket. joints: values in the "
@@ -359,6 +361,15 @@ void bind_site(py::module_& m) {
            "go. Raises StateError for an invalid state, or one that no machine has, NoGroundError "
            "where the terrain has no height; nothing has moved then. Warns once of a bucket that "
            "moves backwards through soil for 2 m and catches none.")
+      .def(
+          "place", &update<&Session::place>, py::arg("machine"), py::kw_only(),
+          py::arg("position") = none, py::arg("rotation") = none, py::arg("pose") = none,
+          py::arg("joints") = none, py::arg("time") = none,
+          "Takes a machine to a state without digging, however far it is, as if it were lifted "
+          "off: "
+          "soil that it pushed or held up comes to rest, its load stays as far as the bucket holds "
+          "it there. Arguments as for update(). The bucket must be in the air there, a voxel or "
+          "more above ground. Raises the errors of update(); nothing has changed then.")
       .def("update_path", &update_path, py::arg("machine"), py::kw_only(),
            py::arg("positions") = none, py::arg("rotations") = none, py::arg("poses") = none,
            py::arg("joints") = none, py::arg("times") = none,

@@ -161,7 +161,7 @@ void Session::State::record(const io::JournalUpdate& update, Result& made) {
 /// @param before the machine's last state
 template <typename Result>
 void Session::State::record(const MachineState& state, const std::optional<Input>& before,
-                            const Update& update, Result& made) {
+                            const Update& update, Result& made, Kind kind) {
   if (!recorder) {
     ++fed_count;
     return;
@@ -188,7 +188,8 @@ void Session::State::record(const MachineState& state, const std::optional<Input
           .ns = std::llround(1e3 * update.us),
           .rows = std::move(rows),
           .spilled = mass(update.spilled_m3),
-          .slid = mass(update.slid_m3)},
+          .slid = mass(update.slid_m3),
+          .kind = kind},
          made);
 }
 
@@ -241,6 +242,29 @@ StepResult Session::update(const MachineState& state) noexcept {
       [&](StepResult& made) {
         s.look_backwards(state.machine, way);
         s.record(state, before, made.update, made);
+        if (state.time_s && s.is_snapshot_due(*state.time_s)) s.write_snapshot(*state.time_s);
+      });
+}
+
+StepResult Session::place(const MachineState& state) noexcept {
+  State& s = *state_;
+  return s.recorded<StepResult>(
+      [&] {
+        s.float_to(state);
+        if (s.settings.limits && state.machine < s.inputs_.size()) {
+          std::optional<State::Input> anywhere;
+          try {
+            if (std::string why = s.unlikely(state, anywhere); !why.empty())
+              return StepResult{Status::kBadState, std::move(why), {}};
+          } catch (const std::invalid_argument& e) {
+            return StepResult{Status::kBadState, e.what(), {}};
+          }
+        }
+        return static_cast<Site&>(s).place(state);
+      },
+      [&](StepResult& made) {
+        s.backwards[state.machine].way_m = 0;
+        s.record(state, std::nullopt, made.update, made, Kind::kPlace);
         if (state.time_s && s.is_snapshot_due(*state.time_s)) s.write_snapshot(*state.time_s);
       });
 }

@@ -98,7 +98,7 @@ Pose SiteState::row_pose(std::size_t machine, const io::MotionRows& rows, std::s
 
 void SiteState::follow(const io::JournalUpdate& update) {
   using Kind = io::JournalUpdate::Kind;
-  if (update.kind != Kind::kMove && update.kind != Kind::kClock) return;
+  if (!update.has_rows() && update.kind != Kind::kClock) return;
   std::optional<Input>& input = inputs_[update.machine];
   if (update.kind == Kind::kClock) {
     if (input) input->time_s.reset();
@@ -224,6 +224,13 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
           break;
         case Kind::kRest:
           tracker_->come_to_rest(time_of(first));
+          break;
+        case Kind::kPlace:
+          pour_before(time_of(first));
+          require_same(i, first,
+                       tracker_->place(first.machine, row_pose(first.machine, first.rows, 0),
+                                       time_of(first)));
+          follow(first);
           break;
         case Kind::kClock:
           follow(first);

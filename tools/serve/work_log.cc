@@ -118,7 +118,7 @@ void WorkLog::add(const io::JournalUpdate& update) {
   if (update.kind == Kind::kClock && of_machine) set_clock(update.machine);
   if (std::isfinite(update.begin_s)) note_time(update.begin_s);
   if (std::isfinite(update.end_s)) note_time(update.end_s);
-  if (update.kind != Kind::kMove || !of_machine) return;
+  if (!update.has_rows() || !of_machine) return;
   const io::MotionRows& rows = update.rows;
   Machine& work = machines_[update.machine];
   std::vector<double> at = work.at;

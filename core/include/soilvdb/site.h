@@ -113,6 +113,9 @@ class Site {
   StepResult update(const MachineState& state) noexcept;
   /// Applies all states in order, or no state. Machines that are far apart move in parallel.
   BatchResult update(std::span<const MachineState> states) noexcept;
+  /// Takes a machine to a state without digging, however far it is, as if it were lifted off: see
+  /// Tracker::place(). The next state moves it on from there.
+  StepResult place(const MachineState& state) noexcept;
   /// Lets pours fall up to and including a time. A state with a time first lets the pours before
   /// that time fall.
   StepResult pour(double until_s) noexcept;
@@ -139,6 +142,9 @@ class Site {
   void require(std::size_t machine) const;
   /// Checks and converts a state. @throw std::invalid_argument for an invalid state
   Input input(const MachineState& state) const;
+  /// @throw std::invalid_argument if a machine's time would go back
+  void require_order(std::size_t machine, const std::optional<Input>& last,
+                     std::optional<double> time_s) const;
   /// May some of a pour fall before a move to a time?
   bool pours_before(std::optional<double> time_s) const;
   /// Lets the pours fall that precede a move to a time, if the time is known.

@@ -124,6 +124,15 @@ class Tracker {
   /// @throw NoGroundError; with rigid soil other machines may then have moved further than this one
   std::vector<Update> update(std::span<const Move> moves);
 
+  /// Why a machine can't be placed at a pose; empty if it can. @throw as update()
+  std::string misplaced(std::size_t machine, const Pose& world_from_bucket) const;
+  /// Takes a machine to a pose without digging on its way, as if it were lifted off. Soil that it
+  /// pushed or held up comes to rest; its load stays as far as the bucket holds it there.
+  /// @param time_s selects the hoppers that are present; unset: all
+  /// @throw std::invalid_argument if the pose is misplaced(); nothing has changed then
+  Update place(std::size_t machine, const Pose& world_from_bucket,
+               std::optional<double> time_s = {});
+
   /// Batches of moves with moving soil that were made at once, and those that were set back, and
   /// made in turn, because soil of one machine might have met that of another. Not part of the
   /// state.

@@ -168,6 +168,16 @@ class Site:
         joints: _Joints | None = ...,
         time: float | None = ...,
     ) -> Update: ...
+    def place(
+        self,
+        machine: int | str,
+        *,
+        position: _Numbers | None = ...,
+        rotation: _Numbers | None = ...,
+        pose: _Rows | None = ...,
+        joints: _Joints | None = ...,
+        time: float | None = ...,
+    ) -> Update: ...
     def update_path(
         self,
         machine: int | str,

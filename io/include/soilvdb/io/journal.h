@@ -40,8 +40,12 @@ struct JournalUpdate {
     kPour,   ///< soil of one pour fell up to end_s; pours are numbered after the machines
     kPours,  ///< soil of all pours fell up to end_s
     kRest,   ///< moving soil came to rest
-    kClock   ///< a machine's clock was set: its next time may be before its last
+    kClock,  ///< a machine's clock was set: its next time may be before its last
+    kPlace   ///< a machine was taken to the pose of the only row
   };
+  /// Is it of a machine that `rows` took to a pose?
+  bool has_rows() const { return kind == Kind::kMove || kind == Kind::kPlace; }
+
   std::uint32_t machine = 0;
   bool ends_update = true;  ///< else the machine's next move continues it
   double begin_s = std::numeric_limits<double>::quiet_NaN(), end_s = begin_s;

@@ -107,6 +107,9 @@ class Session {
   StepResult update(const MachineState& state) noexcept;
   /// All states in their order, or none. Machines that are apart move in parallel.
   BatchResult update(std::span<const MachineState> states) noexcept;
+  /// A machine is taken to a state without digging, however far it is: see Tracker::place(). Only
+  /// limits of joints hold.
+  StepResult place(const MachineState& state) noexcept;
   /// Pours fall up to and including a time. A state with a time does this, too, before its machine
   /// moves.
   StepResult pour(double until_s) noexcept;
