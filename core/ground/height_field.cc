@@ -8,7 +8,9 @@
 #include "core/constants.h"
 #include "core/ground/bilinear_patch.h"
 #include "core/ground/height_tiles.h"
+#include "core/ground/ray_terrain.h"
 #include "core/lattice/chunk_math.h"
+#include "core/lattice/ray_walk.h"
 #include "soilvdb/initial_terrain.h"
 
 namespace soilvdb::inline v0 {
@@ -17,7 +19,7 @@ namespace {
 constexpr double kCliff = 1e9;  // a slope that bounds nothing
 constexpr double kNoHeight = std::numeric_limits<double>::quiet_NaN();
 
-class HeightField final : public InitialTerrain {
+class HeightField final : public InitialTerrain, public RayTerrain {
  public:
   HeightField(const HeightGrid& grid, std::shared_ptr<const HeightSource> source)
       : tiles_(grid, std::move(source)), grid_(tiles_.grid()) {}
@@ -103,6 +105,40 @@ class HeightField final : public InitialTerrain {
     const double z = at(tiles_.window({x, y}, {x, y}), x, y);
     if (std::isnan(z)) return std::nullopt;
     return z;
+  }
+
+  double meet(const Vec3& origin, const Vec3& direction, double from_m) const override {
+    const Vec2 at = tiles_.post(origin.x(), origin.y());
+    RayWalk walk({at.x(), at.y(), origin.z()}, {direction.x() / grid_.spacing.x(),
+                                                direction.y() / grid_.spacing.y(), direction.z()});
+    double to = RayWalk::kNever;
+    if (!walk.clip({0, 0}, Vec2(grid_.nx - 1, grid_.ny - 1), from_m, to)) return RayWalk::kNever;
+    walk.start(from_m, {0, 0}, {grid_.nx - 2, grid_.ny - 2});
+    Coord2 block = Coord2::Constant(-1);
+    const float* highest = nullptr;
+    for (int level = kRayLevels;;) {
+      const Coord2 here(walk.x() / kRaySide, walk.y() / kRaySide);
+      if (here != block) highest = tiles_.highest(here.x(), here.y());
+      block = here;
+      const double end = std::min(walk.end(level), to);
+      if (level > 0 && walk.lowest(end) <= HeightTiles::highest_of(highest, level, walk)) {
+        --level;
+        continue;
+      }
+      if (level == 0) {
+        const int i = walk.x(), j = walk.y();
+        const double met = walk.meet(tiles_.at(i, j), tiles_.at(i + 1, j), tiles_.at(i, j + 1),
+                                     tiles_.at(i + 1, j + 1), end);
+        if (met != RayWalk::kNever) return met;
+      }
+      if (end >= to) return RayWalk::kNever;
+      const int x = walk.x(), y = walk.y();
+      walk.leave(level, end);
+      if (walk.x() < 0 || walk.y() < 0 || walk.x() > grid_.nx - 2 || walk.y() > grid_.ny - 2)
+        return RayWalk::kNever;
+      // In another square of the next level, that is worth a look.
+      if (level < kRayLevels && ((x ^ walk.x()) | (y ^ walk.y())) >> (level + 1) != 0) ++level;
+    }
   }
 
  private:

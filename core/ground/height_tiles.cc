@@ -10,15 +10,19 @@
 
 namespace soilvdb::inline v0 {
 
+static_assert(kHeightTileSide == kRaySide);
+
 HeightTiles::HeightTiles(const HeightGrid& grid, std::shared_ptr<const HeightSource> source)
     : grid_(grid),
       source_(std::move(source)),
       tiles_x_((grid.nx + kHeightTileSide - 1) / kHeightTileSide),
       tiles_y_((grid.ny + kHeightTileSide - 1) / kHeightTileSide),
-      tiles_(std::size_t(tiles_x_) * tiles_y_) {}
+      tiles_(std::size_t(tiles_x_) * tiles_y_),
+      highest_(tiles_.size()) {}
 
 void HeightTiles::forget() const {
   for (auto& tile : tiles_) delete tile.exchange(nullptr);
+  for (auto& block : highest_) delete block.exchange(nullptr);
   held_ = 0;
 }
 
@@ -46,6 +50,39 @@ const HeightTiles::Tile& HeightTiles::tile(int tx, int ty) const {
   held_ += sizeof(Tile) + t->posts.size() * sizeof(float);
   slot.store(t.get(), std::memory_order_release);
   return *t.release();
+}
+
+const float* HeightTiles::highest(int bx, int by) const {
+  std::atomic<Highest*>& slot = highest_[std::size_t(by) * tiles_x_ + bx];
+  if (const Highest* known = slot.load(std::memory_order_acquire)) return known->data();
+  auto made = std::make_unique<Highest>();
+  constexpr float kNothing = -std::numeric_limits<float>::infinity();
+  made->fill(kNothing);
+  const int x0 = bx * kRaySide, y0 = by * kRaySide;
+  for (int x = x0; x < std::min(x0 + kRaySide, grid_.nx - 1); ++x) {
+    for (int y = y0; y < std::min(y0 + kRaySide, grid_.ny - 1); ++y) {
+      const float corners[] = {at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)};
+      if (std::any_of(corners, corners + 4, [](float z) { return std::isnan(z); })) continue;
+      float& square = (*made)[square_of(x, y, 1)];
+      square = std::max(square, *std::max_element(corners, corners + 4));
+    }
+  }
+  for (int level = 2; level <= kRayLevels; ++level) {
+    const int side = kRaySide >> level;
+    for (int x = 0; x < 2 * side; ++x) {
+      for (int y = 0; y < 2 * side; ++y) {
+        const auto from = ray_level_begin(level - 1, 1) + std::size_t(x * 2 * side + y);
+        float& square = (*made)[ray_level_begin(level, 1) + std::size_t(x / 2 * side + y / 2)];
+        square = std::max(square, (*made)[from]);
+      }
+    }
+  }
+  Highest* none = nullptr;  // another thread may have been quicker
+  if (slot.compare_exchange_strong(none, made.get(), std::memory_order_acq_rel)) {
+    held_ += sizeof(Highest);
+    return made.release()->data();
+  }
+  return none->data();
 }
 
 /// Posts around a rectangle; `inside` if the rectangle is within the grid.

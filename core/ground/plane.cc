@@ -2,14 +2,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/ground/bilinear_patch.h"
+#include "core/ground/ray_terrain.h"
 #include "core/lattice/chunk_math.h"
 
 namespace soilvdb::inline v0 {
 namespace {
 
-class Plane final : public InitialTerrain {
+class Plane final : public InitialTerrain, public RayTerrain {
  public:
   Plane(double height_m, Vec2 slope)
       : height_(height_m), slope_(std::move(slope)), cosine_(1 / std::hypot(1.0, slope_.norm())) {}
@@ -62,6 +64,14 @@ class Plane final : public InitialTerrain {
   }
 
   std::optional<double> height(double x, double y) const override { return at(x, y); }
+
+  double meet(const Vec3& origin, const Vec3& direction, double from_m) const override {
+    const Vec3 p = origin + from_m * direction;
+    const double gap = p.z() - at(p.x(), p.y());
+    if (gap <= 0) return from_m;
+    const double sinks = slope_.dot(direction.head<2>()) - direction.z();
+    return sinks > 0 ? from_m + gap / sinks : std::numeric_limits<double>::infinity();
+  }
 
  private:
   double at(double x, double y) const { return height_ + slope_.x() * x + slope_.y() * y; }

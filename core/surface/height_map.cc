@@ -7,19 +7,13 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "core/constants.h"
-#include "core/ground/ground_columns.h"
-#include "core/lattice/chunk_math.h"
+#include "core/surface/height_reader.h"
 
 namespace soilvdb::inline v0 {
 namespace {
-
-constexpr double kNoGroundHere = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kTouched = 3;  // of Tile::layers: is it other than the terrain? 0 or 1
-static_assert(static_cast<std::size_t>(MapLayer::kDug) + 1 == kTouched);
 
 /// Cells of a map along an axis as columns of voxels: the first, and how much of each is inside.
 struct Overlap {
@@ -41,127 +35,6 @@ void require(bool holds, const std::string& why) {
 
 }  // namespace
 
-/// Reads columns of one ground, and keeps them.
-class HeightMap::Reader {
- public:
-  /// Layers of 8 x 8 columns, in voxels: heights in index space; NaN without ground.
-  struct Tile {
-    bool stale = true;
-    std::array<std::array<double, BaseColumn::kCells>, kTouched + 1> layers;
-    std::unique_ptr<std::array<double, BaseColumn::kCells>> before;  // heights, once it is touched
-  };
-
-  /// A layer over a rectangle of columns: column (x, y) from the first is entry x * ny + y.
-  struct Columns {
-    Coord2 first, size;
-    std::vector<double> values;
-
-    double at(int x, int y) const { return values[static_cast<std::size_t>(x * size.y() + y)]; }
-    /// The layer at a place of index space between columns' middles, whatever else was read; NaN if
-    /// the nearest has no ground.
-    double between(const Vec2& place) const {
-      const Vec2 low = place.array().floor();
-      const int x = static_cast<int>(low.x()) - first.x(),
-                y = static_cast<int>(low.y()) - first.y();
-      const double u = place.x() - low.x(), v = place.y() - low.y();
-      const double corners[4] = {at(x, y), at(x, y + 1), at(x + 1, y), at(x + 1, y + 1)};
-      const double weights[4] = {(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v};
-      double sum = 0, whole = 0;
-      for (int n = 0; n < 4; ++n) {
-        if (std::isnan(corners[n])) continue;
-        sum += weights[n] * corners[n];
-        whole += weights[n];
-      }
-      const int nearest = 2 * (u >= 0.5) + (v >= 0.5);
-      return std::isnan(corners[nearest]) ? kNoGroundHere : sum / whole;
-    }
-  };
-
-  explicit Reader(Ground& ground) : base_(ground), changes_(ground) { changes_.take(); }
-  /// @param other of a ground with the same initial terrain
-  Reader(Ground& ground, const Reader& other)
-      : base_(is_alike(ground, other.ground()) ? BaseColumns(ground, other.base_)
-                                               : BaseColumns(ground)),
-        changes_(ground) {
-    changes_.take();
-  }
-
-  const Ground& ground() const { return base_.ground(); }
-  /// To be called before columns are read.
-  void refresh() {
-    for (const Coord3& origin : changes_.take()) {
-      const auto known = tiles_.find(key(origin.head<2>()));
-      if (known != tiles_.end()) known->second.stale = true;
-    }
-  }
-  /// @param layer of Tile @param ceiling highest cell that is looked at
-  void read(const Coord2& first, const Coord2& size, std::size_t layer, int ceiling, Columns& out) {
-    out.first = first;
-    out.size = size;
-    out.values.resize(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
-    const Coord2 end = first + size;
-    for (int cx = floor_to(first.x(), kChunkSide); cx < end.x(); cx += kChunkSide) {
-      for (int cy = floor_to(first.y(), kChunkSide); cy < end.y(); cy += kChunkSide) {
-        Tile below;
-        if (ceiling != kNoCeiling) read(below, {cx, cy}, ceiling);
-        const Tile& tile = ceiling == kNoCeiling ? kept({cx, cy}) : below;
-        const double* from = tile.layers[layer].data();
-        const int low_y = std::max(cy, first.y()), end_y = std::min(cy + kChunkSide, end.y());
-        for (int x = std::max(cx, first.x()); x < std::min(cx + kChunkSide, end.x()); ++x)
-          std::copy_n(
-              from + (x - cx) * kChunkSide + low_y - cy, end_y - low_y,
-              out.values.begin() + std::ptrdiff_t{x - first.x()} * size.y() + low_y - first.y());
-      }
-    }
-  }
-
-  Columns columns, changed;  // scratch
-
- private:
-  static bool is_alike(const Ground& a, const Ground& b) {
-    return a.voxel_size_m() == b.voxel_size_m() && a.origin() == b.origin();
-  }
-  static std::uint64_t key(const Coord2& cell) {
-    return std::uint64_t{static_cast<std::uint32_t>(cell.x())} << 32 |
-           static_cast<std::uint32_t>(cell.y());
-  }
-  struct Hash {
-    std::size_t operator()(std::uint64_t key) const { return key * 0x9e3779b97f4a7c15u >> 20; }
-  };
-
-  const Tile& kept(const Coord2& cell) {
-    if (tiles_.size() >= kMaxHeightTiles && !tiles_.contains(key(cell))) tiles_.clear();
-    Tile& tile = tiles_[key(cell)];
-    if (tile.stale) read(tile, cell, kNoCeiling);
-    return tile;
-  }
-  void read(Tile& tile, const Coord2& cell, int ceiling) {
-    const int cx = cell.x(), cy = cell.y();
-    const bool touched = is_touched(base_, cx, cy);
-    if (touched && !tile.before) {
-      // Counted alike, so that what nobody touched is as it was.
-      const ColumnTile initial = read_tile_exactly(base_, cx, cy, ceiling, true);
-      tile.before = std::make_unique<std::array<double, BaseColumn::kCells>>();
-      for (std::size_t i = 0; i < BaseColumn::kCells; ++i)
-        (*tile.before)[i] = initial.columns[i].top;
-    }
-    const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !touched);
-    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
-      const GroundColumn& c = now.columns[i];
-      const double before = touched ? (*tile.before)[i] : c.top;
-      const double values[] = {c.top, c.top - c.bank, before - c.top,
-                               c.top != before || c.bank != c.top ? 1.0 : 0.0};
-      for (std::size_t n = 0; n < tile.layers.size(); ++n)
-        tile.layers[n][i] = c.known ? values[n] : kNoGroundHere;
-    }
-    tile.stale = false;
-  }
-
-  BaseColumns base_;
-  ChangeFollower changes_;
-  std::unordered_map<std::uint64_t, Tile, Hash> tiles_;
-};
-
 MapGrid MapGrid::around(const Vec2& middle_m, double cell_m, int nx, int ny, const Pose* turn) {
   MapGrid grid{{0, 0}, cell_m, nx, ny, {1, 0}};
   if (turn != nullptr) {
@@ -178,16 +51,16 @@ Vec2 MapGrid::middle_m(int i, int j) const {
   return first_m + cell_m * (j * along + i * Vec2(-along.y(), along.x()));
 }
 
-HeightMap::HeightMap(Ground& ground) : reader_(std::make_unique<Reader>(ground)) {}
+HeightMap::HeightMap(Ground& ground) : reader_(std::make_unique<HeightReader>(ground)) {}
 HeightMap::HeightMap(Ground& ground, const HeightMap& other)
-    : reader_(std::make_unique<Reader>(ground, *other.reader_)) {}
+    : reader_(std::make_unique<HeightReader>(ground, *other.reader_)) {}
 HeightMap::HeightMap(HeightMap&&) noexcept = default;
 HeightMap& HeightMap::operator=(HeightMap&&) noexcept = default;
 HeightMap::~HeightMap() = default;
 
 void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   require(heights_m.size() >= xy_m.size(), "there must be room for as many heights as places");
-  Reader& reader = *reader_;
+  HeightReader& reader = *reader_;
   const Ground& ground = reader.ground();
   reader.refresh();
   const auto index = [&](const Vec2& xy) {
@@ -197,14 +70,14 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
     return at.allFinite() && at.cwiseAbs().maxCoeff() < kMaxIndex;
   };
   const auto look = [&](const Vec2& xy) {
-    if (!xy.allFinite()) return kNoGroundHere;
+    if (!xy.allFinite()) return HeightReader::kNoGround;
     const Vec2 at = index(xy);
     const bool near = is_near(at);
     // What nobody touched is as high as the terrain, which counts only come near.
     if (!near || !(reader.changed.between(at) > 0))
       if (const auto z = ground.terrain().height(xy.x(), xy.y())) return *z;
     return near ? ground.origin().z() + ground.voxel_size_m() * reader.columns.between(at)
-                : kNoGroundHere;
+                : HeightReader::kNoGround;
   };
   const auto read = [&](const Vec2& low, const Vec2& high) {
     const Coord2 first = low.array().floor().matrix().cast<int>();
@@ -212,7 +85,7 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
     const Coord2 size = last - first + Coord2::Constant(2);
     reader.read(first, size, static_cast<std::size_t>(MapLayer::kHeight), kNoCeiling,
                 reader.columns);
-    reader.read(first, size, kTouched, kNoCeiling, reader.changed);
+    reader.read(first, size, HeightReader::kTouched, kNoCeiling, reader.changed);
   };
   Eigen::AlignedBox2d box;
   for (const Vec2& xy : xy_m)
@@ -238,7 +111,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   grid.along.normalize();
   for (const Vec2& axis : {Vec2(1, 0), Vec2(0, 1), Vec2(-1, 0), Vec2(0, -1)})
     if ((grid.along - axis).norm() < kSameAxis) grid.along = axis;
-  Reader& reader = *reader_;
+  HeightReader& reader = *reader_;
   const Ground& ground = reader.ground();
   const double h = ground.voxel_size_m(), side = grid.cell_m / h;
   require(grid.nx > 0 && grid.ny > 0, "a map must have a cell or more");
@@ -283,7 +156,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
             for (const double v : {-0.5, 0.5}) box.extend(place(i, j) + u * step_x + v * step_y);
       const Coord2 first = box.min().array().floor().matrix().template cast<int>() - Coord2::Ones();
       const Coord2 end = box.max().array().ceil().matrix().template cast<int>() + Coord2::Ones();
-      Reader::Columns& columns = reader.columns;
+      HeightReader::Columns& columns = reader.columns;
       reader.read(first, end - first, static_cast<std::size_t>(layer), ceiling, columns);
       const auto overlaps = [&](bool rows, std::vector<Overlap>& all) {
         const int axis = rows == upright ? 0 : 1;

@@ -12,6 +12,8 @@
 
 namespace soilvdb::inline v0 {
 
+class HeightReader;  // core/surface/height_reader.h
+
 /// Square cells in plan. Cell (i, j) is row i, column j; a map has it at i * nx + j.
 struct MapGrid {
   Vec2 first_m = {0, 0};  ///< middle of cell (0, 0), world
@@ -74,12 +76,32 @@ class HeightMap {
   /// high.
   void at(std::span<const Vec2> xy_m, std::span<double> heights_m);
 
+  /// Distances along rays to the surface of at(), m: 0 if a ray begins below it, infinity if it
+  /// meets none. A ray stops at the upright face of a step in that surface. It passes columns
+  /// without ground, and holes of the terrain that are narrower than a voxel.
+  ///
+  /// Planes and rasters are found at any distance, also beyond 2^23 voxels from the site's origin,
+  /// where nothing is dug. Other terrains are searched up to 2^24 voxels along a ray, which may
+  /// miss what it is in for less than a quarter voxel; roofs stop it from above, and from below
+  /// where it comes near soil. That takes a ray some 0.1 ms, else it takes tenths of a microsecond.
+  ///
+  /// Rays run on the threads of the caller's arena, with the same bits on any number of threads.
+  /// Where they first come to changed ground they read 64 x 64 columns, in up to some milliseconds.
+  /// These take 80 kB until the ground changes there.
+  /// @param origins_m one for each ray, or one for all
+  /// @param directions of any length
+  /// @param ranges_m one for each direction; without meaning after an exception
+  /// @throw std::invalid_argument for a ray whose origin or direction isn't finite or whose
+  /// direction is zero, with its number, and for sizes that don't fit; std::runtime_error if a
+  /// memory limit's file or a raster fails
+  void cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
+            std::span<double> ranges_m);
+
  private:
-  class Reader;
   template <typename T>
   void fill(const MapGrid& grid, MapLayer layer, std::span<T> out, std::optional<double> ceiling_m);
 
-  std::unique_ptr<Reader> reader_;
+  std::unique_ptr<HeightReader> reader_;
 };
 
 }  // namespace soilvdb::inline v0

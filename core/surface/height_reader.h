@@ -1,0 +1,151 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Heights of columns by counts of their samples, kept by tile until the ground changes there.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+#include "core/constants.h"
+#include "core/ground/ground_columns.h"
+#include "core/lattice/chunk_math.h"
+#include "core/surface/ray_pages.h"
+#include "soilvdb/height_map.h"
+
+namespace soilvdb::inline v0 {
+
+/// Reads columns of one ground, and keeps them.
+class HeightReader {
+ public:
+  static constexpr double kNoGround = std::numeric_limits<double>::quiet_NaN();
+  static constexpr std::size_t kTouched = 3;  // of Tile::layers: is it other than the terrain?
+  static_assert(static_cast<std::size_t>(MapLayer::kDug) + 1 == kTouched);
+
+  /// Layers of 8 x 8 columns, in voxels: heights in index space; NaN without ground.
+  struct Tile {
+    bool stale = true;
+    std::array<std::array<double, BaseColumn::kCells>, kTouched + 1> layers;
+    std::unique_ptr<std::array<double, BaseColumn::kCells>> before;  // heights, once it is touched
+  };
+
+  /// A layer over a rectangle of columns: column (x, y) from the first is entry x * ny + y.
+  struct Columns {
+    Coord2 first, size;
+    std::vector<double> values;
+
+    double at(int x, int y) const { return values[static_cast<std::size_t>(x * size.y() + y)]; }
+    /// The layer at a place of index space between columns' middles, whatever else was read; NaN if
+    /// the nearest has no ground.
+    double between(const Vec2& place) const {
+      const Vec2 low = place.array().floor();
+      const int x = static_cast<int>(low.x()) - first.x(),
+                y = static_cast<int>(low.y()) - first.y();
+      const double u = place.x() - low.x(), v = place.y() - low.y();
+      const double corners[4] = {at(x, y), at(x, y + 1), at(x + 1, y), at(x + 1, y + 1)};
+      const double weights[4] = {(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v};
+      double sum = 0, whole = 0;
+      for (int n = 0; n < 4; ++n) {
+        if (std::isnan(corners[n])) continue;
+        sum += weights[n] * corners[n];
+        whole += weights[n];
+      }
+      const int nearest = 2 * (u >= 0.5) + (v >= 0.5);
+      return std::isnan(corners[nearest]) ? kNoGround : sum / whole;
+    }
+  };
+
+  explicit HeightReader(Ground& ground) : base_(ground), changes_(ground) { changes_.take(); }
+  /// @param other of a ground with the same initial terrain
+  HeightReader(Ground& ground, const HeightReader& other)
+      : base_(is_alike(ground, other.ground()) ? BaseColumns(ground, other.base_)
+                                               : BaseColumns(ground)),
+        changes_(ground) {
+    changes_.take();
+  }
+
+  const Ground& ground() const { return base_.ground(); }
+  /// To be called before columns are read.
+  void refresh() {
+    for (const Coord3& origin : changes_.take()) {
+      const auto known = tiles_.find(plan_key(origin.head<2>()));
+      if (known != tiles_.end()) known->second.stale = true;
+      if (pages_) pages_->change(origin.head<2>());
+    }
+  }
+  /// Of all ground that changed; made by the first call.
+  RayPages& pages() {
+    if (!pages_) {
+      pages_ = std::make_unique<RayPages>();
+      for (const Coord3& origin : ground().origins()) pages_->change(origin.head<2>());
+    }
+    return *pages_;
+  }
+  /// @param layer of Tile @param ceiling highest cell that is looked at
+  void read(const Coord2& first, const Coord2& size, std::size_t layer, int ceiling, Columns& out) {
+    out.first = first;
+    out.size = size;
+    out.values.resize(static_cast<std::size_t>(size.x()) * static_cast<std::size_t>(size.y()));
+    const Coord2 end = first + size;
+    for (int cx = floor_to(first.x(), kChunkSide); cx < end.x(); cx += kChunkSide) {
+      for (int cy = floor_to(first.y(), kChunkSide); cy < end.y(); cy += kChunkSide) {
+        Tile below;
+        if (ceiling != kNoCeiling) read(below, {cx, cy}, ceiling);
+        const Tile& tile = ceiling == kNoCeiling ? kept({cx, cy}) : below;
+        const double* from = tile.layers[layer].data();
+        const int low_y = std::max(cy, first.y()), end_y = std::min(cy + kChunkSide, end.y());
+        for (int x = std::max(cx, first.x()); x < std::min(cx + kChunkSide, end.x()); ++x)
+          std::copy_n(
+              from + (x - cx) * kChunkSide + low_y - cy, end_y - low_y,
+              out.values.begin() + std::ptrdiff_t{x - first.x()} * size.y() + low_y - first.y());
+      }
+    }
+  }
+
+  Columns columns, changed;  // scratch
+
+ private:
+  static bool is_alike(const Ground& a, const Ground& b) {
+    return a.voxel_size_m() == b.voxel_size_m() && a.origin() == b.origin();
+  }
+
+  const Tile& kept(const Coord2& cell) {
+    if (tiles_.size() >= kMaxHeightTiles && !tiles_.contains(plan_key(cell))) tiles_.clear();
+    Tile& tile = tiles_[plan_key(cell)];
+    if (tile.stale) read(tile, cell, kNoCeiling);
+    return tile;
+  }
+  void read(Tile& tile, const Coord2& cell, int ceiling) {
+    const int cx = cell.x(), cy = cell.y();
+    const bool touched = is_touched(base_, cx, cy);
+    if (touched && !tile.before) {
+      // Counted alike, so that what nobody touched is as it was.
+      const ColumnTile initial = read_tile_exactly(base_, cx, cy, ceiling, true);
+      tile.before = std::make_unique<std::array<double, BaseColumn::kCells>>();
+      for (std::size_t i = 0; i < BaseColumn::kCells; ++i)
+        (*tile.before)[i] = initial.columns[i].top;
+    }
+    const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !touched);
+    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
+      const GroundColumn& c = now.columns[i];
+      const double before = touched ? (*tile.before)[i] : c.top;
+      const double values[] = {c.top, c.top - c.bank, before - c.top,
+                               c.top != before || c.bank != c.top ? 1.0 : 0.0};
+      for (std::size_t n = 0; n < tile.layers.size(); ++n)
+        tile.layers[n][i] = c.known ? values[n] : kNoGround;
+    }
+    tile.stale = false;
+  }
+
+  BaseColumns base_;
+  ChangeFollower changes_;
+  std::unordered_map<std::uint64_t, Tile, PlanHash> tiles_;
+  std::unique_ptr<RayPages> pages_;  // null until rays were cast
+};
+
+}  // namespace soilvdb::inline v0
