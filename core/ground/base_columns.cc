@@ -110,8 +110,7 @@ std::shared_ptr<const BaseColumn> BaseColumns::ask(std::uint64_t key, int cx, in
 
 const BaseColumn& BaseColumns::at(int cx, int cy) {
   if (columns_.size() >= kMaxBaseColumns) columns_.clear();
-  const std::uint64_t key =
-      std::uint64_t{static_cast<std::uint32_t>(cx)} << 32 | static_cast<std::uint32_t>(cy);
+  const std::uint64_t key = plan_key({cx, cy});
   auto& column = columns_[key];
   if (!column) column = ask(key, cx, cy);
   return *column;

@@ -14,10 +14,6 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-std::uint64_t tile_key(int cx, int cy) {
-  return std::uint64_t{static_cast<std::uint32_t>(cx)} << 32 | static_cast<std::uint32_t>(cy);
-}
-
 /// Goes down columns of chunks until all their columns of cells have come to bank soil.
 class TileReader {
  public:
@@ -25,20 +21,23 @@ class TileReader {
   /// those of the terrain.
   enum class By { kHeights, kSamples, kTerrain };
 
-  TileReader(BaseColumns& base, int cx, int cy, int ceiling, By by)
+  /// @param columns bits of those to read
+  TileReader(BaseColumns& base, int cx, int cy, int ceiling, By by,
+             std::uint64_t columns = ~std::uint64_t{0})
       : cx_(cx),
         cy_(cy),
         by_(by),
         base_(base.at(cx, cy)),
         ground_(base.ground()),
         above_(ground_.above_base()),
-        ceiling_(ceiling) {}
+        ceiling_(ceiling),
+        columns_(columns & base_.all_ground) {}
 
   ColumnTile read() {
     if (!base_.some && !raised()) return tile_;
     if (by_ != By::kHeights) last_ = last_chunk();
     for (int c = 0; c < kCells; ++c) {
-      walks_[c].open = (base_.all_ground >> c & 1) != 0;
+      walks_[c].open = (columns_ >> c & 1) != 0;
       open_ += walks_[c].open;
     }
     for (int z = top_chunk(); open_ > 0; z -= kChunkSide) {
@@ -256,6 +255,7 @@ class TileReader {
   const Ground& ground_;
   const Eigen::AlignedBox3i above_;
   const int ceiling_;
+  const std::uint64_t columns_;
   int last_ = 0;  // as last_chunk(), if samples are read
   ColumnTile tile_;
   Walk walks_[kCells];
@@ -273,9 +273,10 @@ bool is_touched(BaseColumns& base, int cx, int cy) {
   return TileReader(base, cx, cy, kNoCeiling, TileReader::By::kSamples).is_touched();
 }
 
-ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial) {
+ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial,
+                             std::uint64_t columns) {
   using By = TileReader::By;
-  return TileReader(base, cx, cy, ceiling, initial ? By::kTerrain : By::kSamples).read();
+  return TileReader(base, cx, cy, ceiling, initial ? By::kTerrain : By::kSamples, columns).read();
 }
 
 GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
@@ -284,10 +285,10 @@ GroundColumns::GroundColumns(Ground& ground) : base_(ground), changes_(ground) {
 
 const ColumnTile& GroundColumns::tile(int cx, int cy) {
   if (!reaches({cx, cy})) throw OutOfReach();
-  const auto known = tiles_.find(tile_key(cx, cy));
+  const auto known = tiles_.find(plan_key({cx, cy}));
   if (known != tiles_.end()) return known->second;
   ColumnTile tile = read_tile(base_, cx, cy);
-  return tiles_.emplace(tile_key(cx, cy), std::move(tile)).first->second;
+  return tiles_.emplace(plan_key({cx, cy}), std::move(tile)).first->second;
 }
 
 std::vector<Coord2> GroundColumns::take_changes() {
@@ -296,7 +297,7 @@ std::vector<Coord2> GroundColumns::take_changes() {
   for (const Coord3& origin : changes_.take()) {
     const Coord2 tile(origin.head<2>());
     if (!changed.empty() && changed.back() == tile) continue;
-    tiles_.erase(tile_key(tile.x(), tile.y()));
+    tiles_.erase(plan_key(tile));
     changed.push_back(tile);
   }
   return changed;

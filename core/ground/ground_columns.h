@@ -50,7 +50,9 @@ bool is_touched(BaseColumns& base, int cx, int cy);
 /// Reads a tile to the sample, which takes longer where chunks of the surface aren't resident.
 /// @param ceiling the highest cell that is looked at; all above it counts as air
 /// @param initial what the tile was before anything changed
-ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial);
+/// @param columns bits of those to read, by their numbers; others stay unknown
+ColumnTile read_tile_exactly(BaseColumns& base, int cx, int cy, int ceiling, bool initial,
+                             std::uint64_t columns = ~std::uint64_t{0});
 
 /// Columns are looked at that GroundColumns was not given.
 struct OutOfReach : std::exception {

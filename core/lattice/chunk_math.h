@@ -30,6 +30,15 @@ inline Coord3 numbered_voxel(int n) { return {n >> 6, n >> 3 & 7, n & 7}; }
 /// Steps from a voxel or chunk to its 26 neighbours and itself, by x, then y, then z.
 inline Coord3 step_around(int n) { return {n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1}; }
 
+/// A place in plan as a key, as of the lowest cell of a column of chunks.
+inline std::uint64_t plan_key(const Coord2& cell) {
+  return std::uint64_t{static_cast<std::uint32_t>(cell.x())} << 32 |
+         static_cast<std::uint32_t>(cell.y());
+}
+struct PlanHash {
+  std::size_t operator()(std::uint64_t key) const { return key * 0x9e3779b97f4a7c15u >> 20; }
+};
+
 /// The cell that a height or place of index space is in.
 inline int cell_of(double at) { return static_cast<int>(std::floor(at + 0.5)); }
 

@@ -104,7 +104,7 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
 
 template <typename T>
 void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
-                     std::optional<double> ceiling_m) {
+                     std::optional<double> ceiling_m, const InitialTerrain* design) {
   MapGrid grid = given;
   require(given.along.allFinite() && std::abs(given.along.norm() - 1) < kMaxUnitError,
           "a map's axis must be a direction of unit length");
@@ -127,6 +127,10 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
                   kMaxIndex - side,
               "a map must be within 2^23 voxels of the site's origin");
   require(!ceiling_m || std::isfinite(*ceiling_m), "a map's ceiling must be a number");
+  const bool to_design = layer == MapLayer::kDesign;
+  require(to_design == (design != nullptr), to_design
+                                                ? "a map of heights above a design needs the design"
+                                                : "a design is for a map of heights above it");
   int ceiling = kNoCeiling;
   if (ceiling_m) {
     const double z = std::clamp((*ceiling_m - ground.origin().z()) / h, -kMaxIndex, kMaxIndex);
@@ -157,7 +161,16 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
       const Coord2 first = box.min().array().floor().matrix().template cast<int>() - Coord2::Ones();
       const Coord2 end = box.max().array().ceil().matrix().template cast<int>() + Coord2::Ones();
       HeightReader::Columns& columns = reader.columns;
-      reader.read(first, end - first, static_cast<std::size_t>(layer), ceiling, columns);
+      const auto read = to_design ? MapLayer::kHeight : layer;
+      reader.read(first, end - first, static_cast<std::size_t>(read), ceiling, columns);
+      for (std::size_t n = 0; to_design && n < columns.values.size(); ++n) {
+        const int rows = columns.size.y();
+        const Coord2 cell = first + Coord2(static_cast<int>(n) / rows, static_cast<int>(n) % rows);
+        const Vec2 at = ground.origin().head<2>() + h * cell.cast<double>();
+        columns.values[n] -= (design->height(at.x(), at.y()).value_or(HeightReader::kNoGround) -
+                              ground.origin().z()) /
+                             h;
+      }
       const auto overlaps = [&](bool rows, std::vector<Overlap>& all) {
         const int axis = rows == upright ? 0 : 1;
         all.clear();
@@ -202,12 +215,12 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
 }
 
 void HeightMap::map(const MapGrid& grid, MapLayer layer, std::span<double> out,
-                    std::optional<double> ceiling_m) {
-  fill(grid, layer, out, ceiling_m);
+                    std::optional<double> ceiling_m, const InitialTerrain* design) {
+  fill(grid, layer, out, ceiling_m, design);
 }
 void HeightMap::map(const MapGrid& grid, MapLayer layer, std::span<float> out,
-                    std::optional<double> ceiling_m) {
-  fill(grid, layer, out, ceiling_m);
+                    std::optional<double> ceiling_m, const InitialTerrain* design) {
+  fill(grid, layer, out, ceiling_m, design);
 }
 
 }  // namespace soilvdb::inline v0

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -29,7 +30,7 @@ class HeightReader {
 
   /// Layers of 8 x 8 columns, in voxels: heights in index space; NaN without ground.
   struct Tile {
-    bool stale = true;
+    std::uint64_t known = 0;  ///< bits of the columns that are as the ground is
     std::array<std::array<double, BaseColumn::kCells>, kTouched + 1> layers;
     std::unique_ptr<std::array<double, BaseColumn::kCells>> before;  // heights, once it is touched
   };
@@ -74,7 +75,7 @@ class HeightReader {
   void refresh() {
     for (const Coord3& origin : changes_.take()) {
       const auto known = tiles_.find(plan_key(origin.head<2>()));
-      if (known != tiles_.end()) known->second.stale = true;
+      if (known != tiles_.end()) known->second.known = 0;
       if (pages_) pages_->change(origin.head<2>());
     }
   }
@@ -94,12 +95,17 @@ class HeightReader {
     const Coord2 end = first + size;
     for (int cx = floor_to(first.x(), kChunkSide); cx < end.x(); cx += kChunkSide) {
       for (int cy = floor_to(first.y(), kChunkSide); cy < end.y(); cy += kChunkSide) {
-        Tile below;
-        if (ceiling != kNoCeiling) read(below, {cx, cy}, ceiling);
-        const Tile& tile = ceiling == kNoCeiling ? kept({cx, cy}) : below;
-        const double* from = tile.layers[layer].data();
         const int low_y = std::max(cy, first.y()), end_y = std::min(cy + kChunkSide, end.y());
-        for (int x = std::max(cx, first.x()); x < std::min(cx + kChunkSide, end.x()); ++x)
+        const int low_x = std::max(cx, first.x()), end_x = std::min(cx + kChunkSide, end.x());
+        std::uint64_t wanted = 0;
+        for (int x = low_x; x < end_x; ++x)
+          wanted |= ((std::uint64_t{1} << (end_y - low_y)) - 1)
+                    << ((x - cx) * kChunkSide + low_y - cy);
+        Tile below;
+        if (ceiling != kNoCeiling) read(below, {cx, cy}, ceiling, wanted);
+        const Tile& tile = ceiling == kNoCeiling ? kept({cx, cy}, wanted) : below;
+        const double* from = tile.layers[layer].data();
+        for (int x = low_x; x < end_x; ++x)
           std::copy_n(
               from + (x - cx) * kChunkSide + low_y - cy, end_y - low_y,
               out.values.begin() + std::ptrdiff_t{x - first.x()} * size.y() + low_y - first.y());
@@ -114,15 +120,15 @@ class HeightReader {
     return a.voxel_size_m() == b.voxel_size_m() && a.origin() == b.origin();
   }
 
-  const Tile& kept(const Coord2& cell) {
+  const Tile& kept(const Coord2& cell, std::uint64_t wanted) {
     if (tiles_.size() >= kMaxHeightTiles && !tiles_.contains(plan_key(cell))) tiles_.clear();
     Tile& tile = tiles_[plan_key(cell)];
-    if (tile.stale) read(tile, cell, kNoCeiling);
+    if ((wanted & ~tile.known) != 0) read(tile, cell, kNoCeiling, wanted & ~tile.known);
     return tile;
   }
-  void read(Tile& tile, const Coord2& cell, int ceiling) {
+  void read(Tile& tile, const Coord2& cell, int ceiling, std::uint64_t wanted) {
     const int cx = cell.x(), cy = cell.y();
-    const bool touched = is_touched(base_, cx, cy);
+    const bool touched = tile.before || is_touched(base_, cx, cy);
     if (touched && !tile.before) {
       // Counted alike, so that what nobody touched is as it was.
       const ColumnTile initial = read_tile_exactly(base_, cx, cy, ceiling, true);
@@ -130,8 +136,9 @@ class HeightReader {
       for (std::size_t i = 0; i < BaseColumn::kCells; ++i)
         (*tile.before)[i] = initial.columns[i].top;
     }
-    const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !touched);
-    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
+    const ColumnTile now = read_tile_exactly(base_, cx, cy, ceiling, !touched, wanted);
+    for (std::uint64_t left = wanted; left != 0; left &= left - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(left));
       const GroundColumn& c = now.columns[i];
       const double before = touched ? (*tile.before)[i] : c.top;
       const double values[] = {c.top, c.top - c.bank, before - c.top,
@@ -139,7 +146,7 @@ class HeightReader {
       for (std::size_t n = 0; n < tile.layers.size(); ++n)
         tile.layers[n][i] = c.known ? values[n] : kNoGround;
     }
-    tile.stale = false;
+    tile.known |= wanted;
   }
 
   BaseColumns base_;

@@ -18,14 +18,6 @@
 
 namespace soilvdb::inline v0 {
 
-inline std::uint64_t plan_key(const Coord2& cell) {
-  return std::uint64_t{static_cast<std::uint32_t>(cell.x())} << 32 |
-         static_cast<std::uint32_t>(cell.y());
-}
-struct PlanHash {
-  std::size_t operator()(std::uint64_t key) const { return key * 0x9e3779b97f4a7c15u >> 20; }
-};
-
 /// A square of quads. Quad (x, y) has its corners at the middles of columns (x, y) to
 /// (x + 1, y + 1). It is changed if one of these is; the surface of other quads is the terrain.
 struct RayPage {

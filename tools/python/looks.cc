@@ -44,21 +44,24 @@ struct MapRequest {
   bool turned = true;
   MapLayer layer = MapLayer::kHeight;
   std::optional<double> ceiling;
+  std::optional<TerrainValue> design;
 
   MapRequest(const std::optional<MachineName>& around, const py::object& origin,
              const py::object& matrix, const std::pair<py::ssize_t, py::ssize_t>& shape,
-             double cell, bool turn, const std::string& name, std::optional<double> below)
-      : machine(around), turned(turn), ceiling(below) {
+             double cell, bool turn, const std::string& name, std::optional<double> below,
+             const std::optional<TerrainValue>& wanted)
+      : machine(around), turned(turn), ceiling(below), design(wanted) {
     if (machine.has_value() + !origin.is_none() + !matrix.is_none() != 1)
       throw py::type_error("give one of machine, pose or origin");
     constexpr py::ssize_t kMost = 1 << 16;
     if (std::min(shape.first, shape.second) < 1 || std::max(shape.first, shape.second) > kMost)
       throw py::value_error(fmt::format("shape is ({}, {}); each must be from 1 to {}", shape.first,
                                         shape.second, kMost));
-    constexpr const char* kNames[] = {"height", "loose", "dug"};
+    constexpr const char* kNames[] = {"height", "loose", "dug", "design"};
     const auto* found = std::find(std::begin(kNames), std::end(kNames), name);
     if (found == std::end(kNames))
-      throw py::value_error("layer is '" + name + "'; it must be 'height', 'loose' or 'dug'");
+      throw py::value_error("layer is '" + name +
+                            "'; it must be 'height', 'loose', 'dug' or 'design'");
     layer = static_cast<MapLayer>(found - std::begin(kNames));
     grid.ny = static_cast<int>(shape.first);
     grid.nx = static_cast<int>(shape.second);
@@ -69,6 +72,7 @@ struct MapRequest {
     grid = MapGrid::around(at.position.head<2>(), cell, grid.nx, grid.ny, turned ? &at : nullptr);
   }
 
+  const InitialTerrain* wanted() const { return design ? &design->surface() : nullptr; }
   MapGrid of(Session& session) const {
     return machine ? session.map_around(machine_of(session, *machine), grid.cell_m, grid.nx,
                                         grid.ny, turned)
@@ -113,8 +117,9 @@ using MapShape = std::pair<py::ssize_t, py::ssize_t>;
 py::object height_map(Site& site, const std::optional<MachineName>& machine,
                       const py::object& origin, const py::object& matrix, const MapShape& shape,
                       double cell, bool turned, const std::string& layer,
-                      std::optional<double> ceiling, const py::object& out) {
-  const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling);
+                      std::optional<double> ceiling, const std::optional<TerrainValue>& design,
+                      const py::object& out) {
+  const MapRequest map(machine, origin, matrix, shape, cell, turned, layer, ceiling, design);
   return fill_array(out, {shape.first, shape.second}, [&](auto values) {
     site.with([&](Session& session) {
       const MapGrid all = map.of(session);
@@ -132,7 +137,7 @@ py::object height_map(Site& site, const std::optional<MachineName>& machine,
         session.height_map(piece, map.layer,
                            values.subspan(static_cast<std::size_t>(from) * cells,
                                           static_cast<std::size_t>(piece.ny) * cells),
-                           map.ceiling);
+                           map.ceiling, map.wanted());
       }
     });
   });
@@ -142,10 +147,11 @@ py::object height_map(Site& site, const std::optional<MachineName>& machine,
 py::object height_maps(const py::object& given, const std::optional<MachineName>& machine,
                        const py::object& origin, const MapShape& shape, double cell, bool turned,
                        const std::string& layer, std::optional<double> ceiling,
-                       const py::object& out, const std::optional<int>& threads) {
+                       const std::optional<TerrainValue>& design, const py::object& out,
+                       const std::optional<int>& threads) {
   const py::tuple kept = several(given, "sites", "soilvdb.Site");
   const std::vector<Site*> sites = sites_of(kept);
-  const MapRequest map(machine, origin, py::none(), shape, cell, turned, layer, ceiling);
+  const MapRequest map(machine, origin, py::none(), shape, cell, turned, layer, ceiling, design);
   const auto count = static_cast<py::ssize_t>(sites.size());
   return fill_array(out, {count, shape.first, shape.second}, [&](auto values) {
     with_all(sites, [&](const std::vector<Session*>& sessions) {
@@ -161,11 +167,43 @@ py::object height_maps(const py::object& given, const std::optional<MachineName>
       on_threads(threads, [&] {
         tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
           sessions[i]->height_map(grids[i], map.layer, values.subspan(i * cells, cells),
-                                  map.ceiling);
+                                  map.ceiling, map.wanted());
         });
       });
     });
   });
+}
+
+/// @param directions (..., 3). @return (...)
+Array cast(Site& site, const py::object& origins, const py::object& directions) {
+  const auto points = [](const py::object& given, const char* name) {
+    Array array = array_of(given, name);
+    if (array.ndim() < 1 || array.shape(array.ndim() - 1) != 3)
+      throw py::value_error(std::string(name) + " must have the shape (..., 3)");
+    return array;
+  };
+  const Array from = points(origins, "origins"), to = points(directions, "directions");
+  if (from.ndim() > 1 &&
+      !std::equal(from.shape(), from.shape() + from.ndim(), to.shape(), to.shape() + to.ndim()))
+    throw py::value_error("origins must have the shape (3,), or that of directions");
+  Array ranges(std::vector<py::ssize_t>(to.shape(), to.shape() + to.ndim() - 1));
+  const auto vectors = [](const Array& array) {
+    static_assert(sizeof(Vec3) == 3 * sizeof(double));
+    return std::span(reinterpret_cast<const Vec3*>(array.data()),
+                     static_cast<std::size_t>(array.size() / 3));
+  };
+  const std::span<const Vec3> begins = vectors(from), ways = vectors(to);
+  const std::span<double> out(ranges.mutable_data(), ways.size());
+  site.with([&](Session& session) {
+    constexpr std::size_t kPiece = 1 << 20;  // some tenths of a second
+    for (std::size_t at = 0; at < ways.size(); at += kPiece) {
+      if (at > 0) handle_signals();
+      const std::size_t piece = std::min(kPiece, ways.size() - at);
+      session.cast(begins.size() == 1 ? begins : begins.subspan(at, piece), ways.subspan(at, piece),
+                   out.subspan(at, piece));
+    }
+  });
+  return ranges;
 }
 
 /// What was dug and filled inside a boundary.
@@ -180,9 +218,7 @@ BoundaryVolume volume(Site& site, const py::object& boundary,
       throw py::value_error(fmt::format("boundary: corner {} is not finite", i));
   }
   return site.with([&](Session& session) {
-    if (!design) return session.volume(corners);
-    const io::Base wanted = io::open_base(design->terrain);
-    return session.volume(corners, wanted.surface.get());
+    return session.volume(corners, design ? &design->surface() : nullptr);
   });
 }
 
@@ -238,21 +274,30 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
       .def("height_map", &height_map, py::kw_only(), py::arg("machine") = none,
            py::arg("origin") = none, py::arg("pose") = none, py::arg("shape"), py::arg("cell"),
            py::arg("turned") = true, py::arg("layer") = "height", py::arg("ceiling") = none,
-           py::arg("out") = none,
+           py::arg("design") = none, py::arg("out") = none,
            "Map of square cells, shape (ny, nx), side cell, m: (ny, nx) float64. Give one of: "
            "origin (x, y), the middle of cell [0, 0]; machine, around the middle of its lip; pose, "
            "a 4x4 array, as of a machine there. Around a machine or pose, x looks out of the mouth "
            "and y along the lip, unless turned is False; else x and y are the world's. layer: "
            "'height', mean height of the soil in a cell, so that sums are volumes; 'loose', depth "
-           "of the loose soil; 'dug', depth below the terrain; NaN where there is no ground. "
+           "of the loose soil; 'dug', depth below the terrain; 'design', height above the Terrain "
+           "design: "
+           "what is to be cut, negative: to be filled; NaN where there is no ground. "
            "ceiling: only soil below this height is looked at. out: a float32 or float64 array to "
            "fill and return. Cells of the voxel's size cost about 10 ns each, wider ones as much "
            "for each voxel in them.");
+  site.def(
+      "cast", &cast, py::arg("origins"), py::arg("directions"),
+      "Distances along rays to the ground, m: as a depth camera or a lidar measures them. "
+      "directions: (..., 3), of any length. origins: (3,) or one for each ray, world. Returns "
+      "(...) float64: infinity where a ray meets no ground, 0 where it begins below. The surface "
+      "is that of heights(); a ray stops at its upright steps. Runs on all cores, some tenths of "
+      "a microsecond a ray. Raises ValueError for a direction that is zero or not finite.");
   bind_volume(site, m);
   m.def("height_maps", &height_maps, py::arg("sites"), py::kw_only(), py::arg("machine") = none,
         py::arg("origin") = none, py::arg("shape"), py::arg("cell"), py::arg("turned") = true,
-        py::arg("layer") = "height", py::arg("ceiling") = none, py::arg("out") = none,
-        py::arg("threads") = none,
+        py::arg("layer") = "height", py::arg("ceiling") = none, py::arg("design") = none,
+        py::arg("out") = none, py::arg("threads") = none,
         "Site.height_map() of many sites: (sites, ny, nx). threads: default: all cores.");
 }
 

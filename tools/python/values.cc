@@ -295,6 +295,11 @@ MachineValue::MachineValue(const Bucket& bucket, std::string name,
   machine.chain->world_from_root = base;
 }
 
+const InitialTerrain& TerrainValue::surface() const {
+  std::call_once(opened->once, [&] { opened->surface = io::open_base(terrain).surface; });
+  return *opened->surface;
+}
+
 TerrainValue plane(double z, const Vec2& slope) {
   return {io::PlaneTerrain{z, slope}, fmt::format("soilvdb.plane({})", z)};
 }

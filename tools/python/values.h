@@ -5,6 +5,8 @@
 
 #include <pybind11/pybind11.h>
 
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -15,6 +17,16 @@ namespace soilvdb::python {
 struct TerrainValue {
   io::Terrain terrain;
   std::string text;  ///< its repr
+
+  /// Its heights, opened once for all copies. Needs no lock of the interpreter. @throw as
+  /// io::open_base()
+  const InitialTerrain& surface() const;
+
+  struct Opened {
+    std::once_flag once;
+    std::shared_ptr<const InitialTerrain> surface;
+  };
+  std::shared_ptr<Opened> opened = std::make_shared<Opened>();
 };
 TerrainValue plane(double z, const Vec2& slope);
 TerrainValue raster(const std::filesystem::path& file);

@@ -31,7 +31,8 @@ struct MapGrid {
 enum class MapLayer {
   kHeight,  ///< of the soil, world z
   kLoose,   ///< depth of the loose soil on the bank
-  kDug      ///< depth below the initial terrain; negative: higher
+  kDug,     ///< depth below the initial terrain; negative: higher
+  kDesign   ///< height above a design: what is to be cut; negative: to be filled
 };
 
 /// Heights of a ground by counts of its samples. No surface is made.
@@ -64,11 +65,13 @@ class HeightMap {
   /// @param ceiling_m only soil below is looked at, to the voxel; then nothing is kept, so that
   /// each
   ///        look costs as much as the first; unset: all
-  /// @throw std::invalid_argument for a bad grid; std::runtime_error if a memory limit's file fails
+  /// @param design for MapLayer::kDesign; a column without a height of it does not count
+  /// @throw std::invalid_argument for a bad grid, or without the design; std::runtime_error if a
+  ///        memory limit's file fails
   void map(const MapGrid& grid, MapLayer layer, std::span<double> out,
-           std::optional<double> ceiling_m = {});
+           std::optional<double> ceiling_m = {}, const InitialTerrain* design = nullptr);
   void map(const MapGrid& grid, MapLayer layer, std::span<float> out,
-           std::optional<double> ceiling_m = {});
+           std::optional<double> ceiling_m = {}, const InitialTerrain* design = nullptr);
 
   /// The surface at points: the initial terrain where all four columns around are as it was, else
   /// linear between their middles. Columns without ground do not count; NaN where the nearest has
@@ -99,7 +102,8 @@ class HeightMap {
 
  private:
   template <typename T>
-  void fill(const MapGrid& grid, MapLayer layer, std::span<T> out, std::optional<double> ceiling_m);
+  void fill(const MapGrid& grid, MapLayer layer, std::span<T> out, std::optional<double> ceiling_m,
+            const InitialTerrain* design);
 
   std::unique_ptr<HeightReader> reader_;
 };

@@ -12,7 +12,7 @@ __version__: str
 
 _Numbers = Sequence[float] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 _Path = str | os.PathLike[str]
-_Layer = Literal["height", "loose", "dug"]
+_Layer = Literal["height", "loose", "dug", "design"]
 _Joints = _Numbers | Mapping[str, float]
 _Rows = Sequence[Sequence[float]] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 
@@ -213,8 +213,12 @@ class Site:
         turned: bool = ...,
         layer: _Layer = ...,
         ceiling: float | None = ...,
+        design: Terrain | None = ...,
         out: npt.NDArray[Any] | None = ...,
     ) -> npt.NDArray[Any]: ...
+    def cast(
+        self, origins: _Rows | _Numbers, directions: _Numbers | _Rows
+    ) -> npt.NDArray[np.float64]: ...
     def volume(self, boundary: _Rows, *, design: Terrain | None = ...) -> Volume: ...
     def mesh(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint32]]: ...
     def changed_patches(self) -> list[Patch]: ...
@@ -262,6 +266,7 @@ def height_maps(
     turned: bool = ...,
     layer: _Layer = ...,
     ceiling: float | None = ...,
+    design: Terrain | None = ...,
     out: npt.NDArray[Any] | None = ...,
     threads: int | None = ...,
 ) -> npt.NDArray[Any]: ...

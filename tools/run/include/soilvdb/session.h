@@ -138,8 +138,13 @@ class Session {
   /// A map as of HeightMap::map(), float or double.
   template <typename T>
   void height_map(const MapGrid& grid, MapLayer layer, std::span<T> out,
-                  std::optional<double> ceiling_m = {}) {
-    height_map().map(grid, layer, out, ceiling_m);
+                  std::optional<double> ceiling_m = {}, const InitialTerrain* design = nullptr) {
+    height_map().map(grid, layer, out, ceiling_m, design);
+  }
+  /// Distances along rays to the ground, m: see HeightMap::cast().
+  void cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
+            std::span<double> ranges_m) {
+    height_map().cast(origins_m, directions, ranges_m);
   }
   /// Cells around the middle of a machine's lip. @param turned with the lip as the map's y axis;
   /// else with the world's axes. @throw std::invalid_argument before its first state
