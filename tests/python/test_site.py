@@ -321,6 +321,45 @@ def test_a_bucket_says_what_it_holds():
     assert heaped == pytest.approx(2.0 + 1 / 4 + 1 / 6), "a hipped roof of 2 m x 1 m at 1:1"
 
 
+def box_mesh(file):
+    """A box of 2 m x 1 m x 1 m without thickness, in mm, that is open towards -y and has its lip on x."""
+    corners = [(x, y, z) for x in (-1000, 1000) for y in (0, 1000) for z in (0, 1000)]
+    faces = [(1, 2, 4, 3), (5, 6, 8, 7), (1, 3, 7, 5), (2, 4, 8, 6), (3, 4, 8, 7)]
+    file.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) +
+                    "".join(f"f {' '.join(map(str, face))}\n" for face in faces))
+    return [(-1000, 0, 0), (1000, 0, 0)]
+
+
+@pytest.mark.parametrize("upper", [None, (300, 0, 1000)])
+def test_a_bucket_is_made_of_a_mesh(tmp_path, upper):
+    lip = box_mesh(tmp_path / "box.obj")
+    given = {"lip": np.array(lip), "unit": 0.001, "upper": upper}
+    made = soilvdb.Bucket.from_mesh(tmp_path / "box.obj", **given, dump_angle=1.0)
+    assert (made.width, made.height, made.dump_angle) == pytest.approx((2.0, 1.0, 1.0), rel=5e-3)
+    assert made.capacity[0] == pytest.approx(2.0, rel=5e-3)
+    pose = soilvdb.Bucket.pose_in_mesh(tmp_path / "box.obj", **given)
+    assert pose == pytest.approx(np.array([[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+
+
+@pytest.mark.parametrize("change, message", [
+    ({"file": "none.obj"}, "none.obj: "),
+    ({"file": "text.obj"}, "text.obj: has no triangles"),
+    ({"lip": [(0, 0, 0)]}, "lip has 1 points; it must be the 2 ends (x, y, z) of the cutting edge"),
+    ({"lip": [(0, 0), (1, 1)]}, "lip"),
+    ({"lip": [(-1000, 0, 500), (1000, -200, 0)]}, "box.obj: lip has the point (1000, -200, 0), which is "
+     "0.2 m off the mesh; the nearest point of the mesh is (1000, 0, 0)"),
+    ({"unit": 1.0}, "box.obj: the lip is 2e+03 m long with a unit of 1; unit must be the metres per "),
+    ({"upper": (0, 1000, 1000), "lip": [(-1000, 0, 0), (1000, 1000, 0)]}, "box.obj: "),
+])
+def test_a_mesh_that_is_no_bucket_is_told_in_one_line(tmp_path, monkeypatch, change, message):
+    monkeypatch.chdir(tmp_path)
+    given = {"file": "box.obj", "lip": box_mesh(tmp_path / "box.obj"), "unit": 0.001, **change}
+    (tmp_path / "text.obj").write_text("hello\n")
+    with pytest.raises(ValueError) as told:
+        soilvdb.Bucket.from_mesh(**given)
+    assert str(told.value).startswith(message) and "\n" not in str(told.value)
+
+
 PLANE = soilvdb.plane(0.0)
 
 

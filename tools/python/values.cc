@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "soilvdb/capacity.h"
+#include "soilvdb/io/bucket_mesh.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/urdf.h"
 #include "soilvdb/tool_shape.h"
@@ -32,6 +33,19 @@ py::list outline(const std::vector<Vec2>& points) {
   py::list list;
   for (const Vec2& p : points) list.append(py::make_tuple(p.x(), p.y()));
   return list;
+}
+
+io::MeshBucket mesh_bucket(const std::filesystem::path& file, const py::object& lip,
+                           const py::object& upper, double unit) {
+  const Array ends = rows(lip, "lip", 3);
+  if (ends.shape(0) != 2)
+    throw py::value_error(fmt::format(
+        "lip has {} points; it must be the 2 ends (x, y, z) of the cutting edge", ends.shape(0)));
+  io::MouthEdges edges;
+  for (int k = 0; k < 2; ++k) edges.lip[k] = Vec3(ends.at(k, 0), ends.at(k, 1), ends.at(k, 2));
+  if (!upper.is_none()) edges.upper = vector3(upper, "upper");
+  const py::gil_scoped_release others_run;
+  return io::read_bucket_mesh(file, edges, unit);
 }
 
 std::pair<double, double> span_of(const py::object& time, const char* name) {
@@ -62,6 +76,40 @@ void bind_values(py::module_& m) {
            "profile: (N, 2) points (x, z) of the body's side from the lip (0, 0) to the upper edge "
            "(0, height), x <= 0; default: the mouth alone digs. dump_angle: angle below the "
            "horizontal at which the whole load leaves at once, rad.")
+      .def_static(
+          "from_mesh",
+          [](const std::filesystem::path& file, const py::object& lip, const py::object& upper,
+             double unit, std::optional<double> dump_angle) {
+            Bucket bucket = mesh_bucket(file, lip, upper, unit).bucket;
+            bucket.dump_angle_rad = dump_angle;
+            bucket.validate();
+            return bucket;
+          },
+          py::arg("file"), py::kw_only(), py::arg("lip"), py::arg("upper") = py::none(),
+          py::arg("unit") = 1.0, py::arg("dump_angle") = py::none(),
+          "A bucket with the inside of a real bucket's mesh: profile, width between the side "
+          "plates, height of the mouth. The mesh may have thickness, teeth and lugs, and small "
+          "gaps. file: .stl or .obj. lip: (2, 3), both ends of the cutting edge, in coordinates of "
+          "the file, in any order. upper: (3,), a point of the mouth's upper edge; default: it is "
+          "found. unit: metres per unit of the file. Raises ValueError if the lip is not on the "
+          "mesh, or if the mesh is open elsewhere than at its mouth.")
+      .def_static(
+          "pose_in_mesh",
+          [](const std::filesystem::path& file, const py::object& lip, const py::object& upper,
+             double unit) {
+            const Pose pose = mesh_bucket(file, lip, upper, unit).mesh_from_bucket;
+            py::array_t<double> matrix({4, 4});
+            Eigen::Map<Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> out(matrix.mutable_data());
+            out.setIdentity();
+            out.topLeftCorner<3, 3>() = pose.rotation.toRotationMatrix();
+            out.topRightCorner<3, 1>() = pose.position;
+            return matrix;
+          },
+          py::arg("file"), py::kw_only(), py::arg("lip"), py::arg("upper") = py::none(),
+          py::arg("unit") = 1.0,
+          "Where the bucket of from_mesh() is in its file: a 4x4 array, mesh from bucket, m. Its "
+          "columns are x out of the mouth, y along the lip, z from the lip to the upper edge, and "
+          "the middle of the lip.")
       .def_readonly("width", &Bucket::width_m)
       .def_readonly("height", &Bucket::height_m)
       .def_property_readonly("profile", [](const Bucket& b) { return outline(b.profile); })

@@ -24,6 +24,19 @@ class Bucket:
         profile: _Rows | None = ...,
         dump_angle: float | None = ...,
     ) -> None: ...
+    @staticmethod
+    def from_mesh(
+        file: _Path,
+        *,
+        lip: _Rows,
+        upper: _Numbers | None = ...,
+        unit: float = ...,
+        dump_angle: float | None = ...,
+    ) -> Bucket: ...
+    @staticmethod
+    def pose_in_mesh(
+        file: _Path, *, lip: _Rows, upper: _Numbers | None = ..., unit: float = ...
+    ) -> npt.NDArray[np.float64]: ...
     @property
     def width(self) -> float: ...
     @property
