@@ -52,6 +52,7 @@ def test_it_has_all_files_and_no_other(wheel):
     assert metadata["Name"] == "soilvdb" and metadata["Version"] == version()
     assert metadata.get_all("Requires-Dist") == [
         "numpy", *(f"{name} ; extra == 'fleet'" for name in ("distributed", "matplotlib", "pyyaml"))]
+    assert metadata["Requires-Python"] == ">=3.9"
     tag = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert kind["Root-Is-Purelib"] == "false" and kind["Tag"].startswith(f"{tag}-{tag}-linux_")
 

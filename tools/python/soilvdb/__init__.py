@@ -13,6 +13,7 @@ one-line message and leaves the site unchanged.
 
 from typing import Any as _Any
 
+from . import _compiled as _compiled  # first: it names the Python that the rest is for
 from ._errors import NoGroundError, StateError
 from ._run import run
 from ._soilvdb import (

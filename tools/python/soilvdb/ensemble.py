@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from ._errors import NoGroundError
 from ._soilvdb import Site, Update, update_many
 from .noise import Floats, Noise, Signal, of, turned, turned_about
 
-_Numbers = Sequence[float] | npt.NDArray[np.floating[Any]]
+_Numbers = Union[Sequence[float], npt.NDArray[np.floating[Any]]]  # read by Python 3.9
 
 
 @dataclasses.dataclass(frozen=True)
