@@ -95,6 +95,7 @@ std::string words_of(const Vec3& p) {
 std::optional<Vec2> upper_of(const std::vector<Piece>& pieces) {
   double most = 0;
   for (const Piece& piece : pieces) most = std::max({most, piece.a.norm(), piece.b.norm()});
+  if (!(most > 0)) return std::nullopt;
   std::vector<Vec2> far, near;
   Vec2 middle(0, 0);
   for (const Piece& piece : pieces) {
@@ -158,10 +159,10 @@ class FilledSection {
     for (int axis = 0; axis < 2; ++axis) {  // rows cross edges along i, columns those along j
       const int along = axis, across = 1 - axis;
       const double from = std::min(a[across], b[across]), to = std::max(a[across], b[across]);
-      const int end =
-          std::min(across == 0 ? columns_ : rows_, static_cast<int>(std::min(to, 1e8)) + 1);
-      for (int k = std::max(0, static_cast<int>(std::ceil(std::max(from, -1.0))));
-           k < end && k <= to; ++k) {
+      const int lines = across == 0 ? columns_ : rows_;
+      const int begin = static_cast<int>(std::ceil(std::clamp(from, 0.0, double(lines))));
+      const int end = static_cast<int>(std::floor(std::clamp(to, -1.0, lines - 1.0))) + 1;
+      for (int k = begin; k < end; ++k) {
         const double share = to > from ? (k - a[across]) / (b[across] - a[across]) : 0;
         const double place = a[along] + share * (b[along] - a[along]);
         if (!(place >= 0 && place < (along == 0 ? columns_ : rows_) - 1)) continue;

@@ -320,5 +320,34 @@ TEST(BucketMesh, SaysWhatIsWrongAndWhatWouldBeRight) {
       HasSubstr("the outline is open in 33 of 33 sections"));
 }
 
+TEST(BucketMesh, TakesOrRefusesWhateverItIsGiven) {
+  const test::TempFolder folder;
+  Random random(11);
+  const Shape shape = shape_of(random, 0);
+  int taken = 0;
+  for (int k = 0; k < (test::kSanitized ? 4 : 16); ++k) {
+    Shape broken = shape;
+    for (Part& part : broken.parts) {
+      for (Vec3& p : part.points)
+        if (random() % 200 == 0) p *= std::pow(10, between(random, -4, 25 * double(k % 2)));
+      std::erase_if(part.triangles, [&](const auto&) { return random() % 50 == 0; });
+    }
+    const Placed at = placed(broken, folder / "broken.obj", Pose{}, 1);
+    MouthEdges edges = at.edges(shape);
+    const auto any_point = [&] {
+      const Part& part = broken.parts[random() % broken.parts.size()];
+      return part.points[random() % part.points.size()];
+    };
+    if (random() % 2 == 0) edges.lip[random() % 2] = any_point();
+    if (random() % 2 == 0) edges.upper = any_point();
+    try {
+      read_bucket_mesh(at.file, edges).bucket.validate();
+      ++taken;
+    } catch (const InputError&) {
+    }
+  }
+  EXPECT_GT(taken, 0);
+}
+
 }  // namespace bucket_mesh_test
 }  // namespace soilvdb::io
