@@ -83,6 +83,32 @@ def many_points(soilvdb, quick):
     return {"first points": took[0], "points": statistics.median(took[1:])}
 
 
+def depth_images(soilvdb, quick):
+    """A depth image of 640 x 480 of a dug site, from 4 m above and 40 degrees down: the first, after an
+    update, and again, ms."""
+    site = dug_site(soilvdb, soilvdb.Soil(0.61, 0.25))
+    u, v = np.meshgrid(np.arange(640) - 319.5, np.arange(480) - 239.5)
+    down = math.radians(40)
+    ahead, up = np.array([math.cos(down), 0, -math.sin(down)]), np.array([math.sin(down), 0, math.cos(down)])
+    ways = 550 * ahead - v[..., None] * up - u[..., None] * np.array([0.0, 1, 0])
+    eye = (-4.5, 0.0, 4.0)
+
+    def image():
+        begin = time.perf_counter()
+        ranges = site.cast(eye, ways)
+        took = 1000 * (time.perf_counter() - begin)
+        assert np.isfinite(ranges).mean() > 0.9
+        return took
+
+    first, after, again = image(), [], []
+    for n in range(3 if quick else 15):
+        site.update(0, position=(-1 + 0.1 * n, 0, -0.4))
+        after.append(image())
+        again.append(image())
+    return {"first image": first, "image": statistics.median(after),
+            "image again": statistics.median(again)}
+
+
 def environment(soilvdb, soil, quick):
     """Steps a second of 64 sites at 10 cm: an update, a 16 x 16 map around the lip, a reward."""
     count, steps = 64, 8 if quick else 240
@@ -131,7 +157,7 @@ def controller(soilvdb, quick):
 def measure(quick):
     import soilvdb
 
-    figures = looks(soilvdb, quick) | many_points(soilvdb, quick)
+    figures = looks(soilvdb, quick) | many_points(soilvdb, quick) | depth_images(soilvdb, quick)
     figures["rigid"] = environment(soilvdb, None, quick)
     figures["moving"] = environment(soilvdb, soilvdb.Soil(0.61, 0.25), quick)
     figures |= controller(soilvdb, quick)
@@ -152,6 +178,9 @@ def main():
         (f"one height on the mesh {after}", two["height on the mesh"], "us", ""),
         ("10^6 points of a dug site", two["points"], "s", "<= 0.05"),
         ("the same, the first time", two["first points"], "s", "<= 0.05"),
+        ("depth image of 640 x 480 of a dug site, after an update", two["image"], "ms", "<= 20"),
+        ("the same again", two["image again"], "ms", ""),
+        ("the first", two["first image"], "ms", ""),
         ("64 sites, rigid, 10 cm: steps with a 16 x 16 map", two["rigid"], "1/s", ">= 20000"),
         ("the same, 2 cores over 1", two["rigid"] / one["rigid"], "", ">= 1.8"),
         ("64 sites, moving soil, 10 cm: the same", two["moving"], "1/s", ">= 4000"),

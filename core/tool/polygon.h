@@ -10,15 +10,18 @@
 
 namespace soilvdb::inline v0 {
 
+/// Where a side that crosses a height crosses it, the same whichever way it is walked.
+inline double crossing_x(const Vec2& a, const Vec2& b, double y) {
+  const Vec2 &low = a.y() < b.y() ? a : b, &high = a.y() < b.y() ? b : a;
+  return low.x() + (high.x() - low.x()) * (y - low.y()) / (high.y() - low.y());
+}
+
 /// Even-odd rule.
 inline bool inside(const std::vector<Vec2>& polygon, const Vec2& p) {
   bool in = false;
   for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
     const Vec2 &a = polygon[i], &b = polygon[j];
-    if ((a.y() > p.y()) != (b.y() > p.y()) &&
-        p.x() < a.x() + (b.x() - a.x()) * (p.y() - a.y()) / (b.y() - a.y())) {
-      in = !in;
-    }
+    if ((a.y() > p.y()) != (b.y() > p.y()) && p.x() < crossing_x(a, b, p.y())) in = !in;
   }
   return in;
 }

@@ -33,6 +33,8 @@ std::filesystem::path as_given(const std::filesystem::path& file) {
 constexpr double kSameSize = 1e-9;  // relative: equal after a round trip through text
 
 Base open_plane(const PlaneTerrain& plane) {
+  if (!std::isfinite(plane.height_m) || !plane.slope.allFinite())
+    throw std::invalid_argument("the plane's height and slope must be finite");
   const Vec2 all = Vec2::Constant(std::numeric_limits<double>::infinity());
   return {make_plane(plane.height_m, plane.slope), {plane, ""}, "", {-all, all}};
 }

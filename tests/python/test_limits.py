@@ -4,6 +4,7 @@
 way round."""
 
 import pickle
+import types
 import warnings
 from pathlib import Path
 
@@ -97,7 +98,7 @@ def test_joints_have_names_in_every_call():
     sites[2].update_path("digger", joints=columns)
     env = soilvdb.VectorSite(sites[3], 2)
     for row in path:
-        steps = env.step(0, joints=dict(zip(names, np.tile(row[:, None], 2))))
+        steps = env.step(0, joints=types.MappingProxyType(dict(zip(names, np.tile(row[:, None], 2)))))
     assert (steps.status == 0).all()
     assert sites[0].save() == sites[1].save() == sites[2].save() == env.sites[1].save()
     for got, wanted in zip(sites[0].pose("digger", columns), sites[0].pose("digger", path)):
@@ -136,6 +137,40 @@ def test_a_bucket_that_moves_backwards_is_warned_of_once():
         blade = soilvdb.Site(0.1, soilvdb.plane(0.0), [_tool()])
         for x in np.linspace(0, -6, 61):
             blade.update(0, position=(x, 0, -0.2))
+
+
+def test_a_warning_that_is_an_error_costs_no_result(capfd):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = soilvdb.VectorSite(plain(), 1)
+        for x in np.linspace(0, -3, 31):
+            steps = env.step(0, positions=[(x, 0, -0.2)])
+        assert steps.status[0] == 0
+    with pytest.warns(UserWarning, match="backwards"), pytest.raises(soilvdb.StateError):
+        plain().update_path(0, positions=[(x, 0, -0.2) for x in np.linspace(0, -6, 61)]
+                            + [(np.nan, 0, 0)])
+
+
+def test_limits_are_true_or_false():
+    site = plain()
+    for wrong in (None, 2.5, "no"):
+        with pytest.raises(TypeError):
+            site.limits = wrong
+        with pytest.raises(TypeError):
+            soilvdb.Site(0.1, soilvdb.plane(0.0), [], limits=wrong)
+    assert site.limits
+
+
+def test_joints_by_name_of_machines_without_any_are_told():
+    site = plain()
+    for call in (lambda: site.update(0, joints={}), lambda: site.pose(0, {}),
+                 lambda: site.update_path(0, joints={"boom_joint": [1.0]})):
+        with pytest.raises(ValueError, match="the machine has none"):
+            call()
+    with pytest.raises(ValueError, match="as many values of each joint"):
+        arm = excavator()
+        names = arm.joints("digger")
+        arm.update_path("digger", joints={n: [0.0] * (i + 1) for i, n in enumerate(names)})
 
 
 def _tool():

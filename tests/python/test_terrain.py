@@ -53,11 +53,12 @@ def test_a_snapshot_of_an_arrays_site_is_complete(tmp_path):
     site.update_path(0, positions=[(0.1 * i, 0, top - 0.4) for i in range(30)])
     (tmp_path / "a").mkdir()
     site.write(tmp_path / "a" / "now.vdb")
-    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["now.vdb", "now_terrain.tif"]
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == [
+        "now.vdb", made := next((tmp_path / "a").glob("terrain_*.tif")).name]
     (tmp_path / "a").rename(tmp_path / "b")  # both files move together
     told = subprocess.run([PROGRAM, "info", tmp_path / "b" / "now.vdb"], capture_output=True, text=True,
                           check=True).stdout
-    assert "now_terrain.tif" in told and "good" in told
+    assert made in told and "good" in told
     again = site_on(soilvdb.snapshot(tmp_path / "b" / "now.vdb"))
     assert again.ground_hash() == site.ground_hash()
     with pytest.raises(ValueError, match="write it to a GeoTIFF"):
@@ -104,6 +105,72 @@ def test_a_plane_is_dug_in_any_coordinates(soil):
         far.update(0, position=(0, 0, 0))
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_sum_to_the_whole_whichever_way_their_edge_is_walked(seed):
+    random = np.random.default_rng(seed)
+    site = site_on(soilvdb.plane(0.0))
+    for x in np.linspace(0, 4, 40):
+        site.update(0, position=(x, 0, -0.3))
+    sample = 0.1**3 / 64
+    whole = site.volume([(-9, -9), (9, -9), (9, 9), (-9, 9)]).cut_m3
+    for _ in range(40):
+        a = random.integers(-400, 400, 2) / 10 - 0.0125 * random.integers(0, 8)
+        b = a + random.integers(1, 900, 2) / 10 * (1, random.choice([-1, 1]))
+        way = (b - a) / np.hypot(*(b - a))
+        a, b, aside = a - 60 * way, b + 60 * way, 150 * np.array([-way[1], way[0]])
+        left = site.volume([a, b, b + aside, a + aside]).cut_m3
+        right = site.volume([b, a, a - aside, b - aside]).cut_m3
+        assert (left + right - whole) / sample == pytest.approx(0, abs=1e-3)
+
+
+def test_masked_heights_are_no_ground():
+    heights = np.ma.masked_less(np.where(np.eye(10) > 0, -9999.0, 1.0), -100)
+    site = site_on(soilvdb.raster(heights, origin=(0, 0), cell=1))
+    assert np.isnan(site.heights([(3, 3)])[0])
+    assert site.heights([(7, 1)])[0] == 1
+    same = site_on(soilvdb.raster(heights.filled(-np.nan) + 0.0, origin=(0, 0), cell=1))
+    same.restore(site.save())
+
+
+def test_a_snapshot_never_replaces_another_terrain(tmp_path):
+    low, high = (site_on(soilvdb.raster(np.full((9, 9), z), origin=(-4, -4), cell=1)) for z in (0.0, 1.0))
+    low.write(tmp_path / "now.vdb")
+    high.write(tmp_path / "later.vdb")
+    high.write(tmp_path / "now.vdb")
+    low.write(tmp_path / "again.vdb")
+    for name, z in (("later", 1), ("now", 1), ("again", 0)):
+        assert site_on(soilvdb.snapshot(tmp_path / f"{name}.vdb")).heights([(0, 0)])[0] == z
+    files = sorted(p.name for p in tmp_path.iterdir())
+    with pytest.raises((RuntimeError, ValueError)):
+        site_on(soilvdb.raster(np.full((9, 9), 2.0), origin=(-4, -4), cell=1)).write(
+            tmp_path / "no" / "such.vdb")
+    (tmp_path / "folder.vdb").mkdir()
+    with pytest.raises((RuntimeError, ValueError)):
+        site_on(soilvdb.raster(np.full((9, 9), 2.0), origin=(-4, -4), cell=1)).write(
+            tmp_path / "folder.vdb")
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*files, "folder.vdb"])
+
+
+def test_a_plane_has_no_place_until_a_machine_is_there(tmp_path):
+    far = (5e5, 5e6, -0.2)
+    makes = [lambda s: s, lambda s: pickle.loads(pickle.dumps(s)), lambda s: s.clone()]
+    for make in makes:
+        for before in (lambda s: None, lambda s: s.restore(s.save()), lambda s: s.come_to_rest(),
+                       lambda s: s.reset_clock(0), lambda s: s.heights([(0, 0)])):
+            site = make(site_on(soilvdb.plane(0.0)))
+            before(site)
+            site.update(0, position=far)
+            assert site.change_m3() <= 0
+    recorded = site_on(soilvdb.plane(0.0))
+    recorded.record(tmp_path / "r")
+    with pytest.raises(soilvdb.StateError, match="too far from a recorded site at 0, 0, 0; say near"):
+        recorded.update(0, position=far)
+    recorded.update(0, position=(0, 0, 0))
+    near = site_on(soilvdb.plane(0.0), near=far)
+    near.record(tmp_path / "n")
+    near.update(0, position=far)
+
+
 def test_volumes_inside_boundaries():
     site = site_on(soilvdb.plane(0.0), LOAM)
     for x in np.linspace(0, 2, 30):
@@ -125,12 +192,22 @@ def test_volumes_inside_boundaries():
     left = site.volume([(-5, -5), (15, -5), (15, 5), (-5, 5)], design=soilvdb.plane(-0.5))
     assert left.to_cut_m3 - left.to_fill_m3 == pytest.approx(100 + whole.net_m3, rel=2e-3)
     assert left.cut_m3 == whole.cut_m3
-    for boundary, message in [([(0, 0), (1, 1)], "3 corners"), ([(0, 0), (1, np.nan), (1, 1)], "corner 1"),
+    copy = pickle.loads(pickle.dumps(left))
+    assert (copy.to_cut_m3, copy.net_m3) == (left.to_cut_m3, left.net_m3)
+    for boundary, message in [([(0, 0), (1, 1)], "3 corners"),
+                              ([(0, 0), (1, 1), (1e160, 0)], "within 1e\\+09 m"),
+                              ([(np.cos(a), np.sin(a)) for a in np.linspace(0, 6, 5000)], "3 to 4096"), ([(0, 0), (1, np.nan), (1, 1)], "corner 1"),
                               ([(0, 0), (1, 1), (1, 0), (0, 1)], "cross")]:
         with pytest.raises(ValueError, match=message):
             site.volume(boundary)
     on_an_island = site_on(soilvdb.raster(np.zeros((5, 5)), origin=(0, 0), cell=1))
     assert on_an_island.volume([(2, 2), (8, 2), (8, 3), (2, 3)]).area_m2 == pytest.approx(2, rel=0.02)
+    around = on_an_island.volume([(-2e4, -2e4), (2e4, -2e4), (2e4, 2e4), (-2e4, 2e4)])
+    assert around.area_m2 == pytest.approx(16)
+    strip = site.volume([(0, 5), (1000, 1005), (1000, 1006), (0, 6)], design=soilvdb.plane(-1.0))
+    assert strip.to_cut_m3 == pytest.approx(1000, rel=0.01) and strip.area_m2 == pytest.approx(1000)
+    with pytest.raises(ValueError, match="finite"):
+        site.volume([(0, 0), (1, 0), (1, 1)], design=soilvdb.plane(float("nan")))
     with pytest.raises(ValueError, match="no ground inside the boundary"):
         on_an_island.volume([(20, 20), (21, 20), (21, 21)])
     json.dumps([whole.cut_m3, whole.error_m3])

@@ -119,6 +119,7 @@ def test_bad_resets_change_nothing(start):
     env.step(0, positions=paths()[0][5])
     before = [site.save() for site in env.sites]
     other = soilvdb.Site(0.2, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
+    wider = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.3, 0.9, PROFILE)])
     for arguments, error, message in [
             ((np.ones(COUNT + 1, bool),), ValueError, "mask has the shape"),
             (([0, 0],), ValueError, "each once"),
@@ -128,12 +129,15 @@ def test_bad_resets_change_nothing(start):
             (([0, 1], [start]), ValueError, "1 states for 2 sites"),
             (([0, 1], [start, 3]), TypeError, "not int"),
             (([0, 1], [start, b"x"]), ValueError, "not a saved state"),
-            (([0], other), ValueError, "another voxel size")]:
+            (([0], other), ValueError, "another voxel size"),
+            (([0], wider), ValueError, "site 0: the state is of other machines"),
+            (([0], bytearray(start.save())), TypeError, "not bytearray")]:
         with pytest.raises(error, match=message):
             env.reset(*arguments)
     for values, message in [({"swell": [0.1, 0.2]}, "swell has the shape"),
                             ({"repose_angle": 0.6, "swell": -1}, "swell"),
                             ({"heights": np.zeros((2, 3, 3)), "origin": (0, 0), "cell": 1}, "5, ny"),
+                            ({"repose_angle": np.nan}, "repose_angle is nan"),
                             ({"z": [0, 0, 0, 0, np.nan]}, "finite")]:
         with pytest.raises(ValueError, match=message):
             env.randomise(**values)
@@ -187,16 +191,36 @@ def test_arrays_go_to_other_libraries_without_a_copy(start):
         def __dlpack__(self, **_):
             return self.values.__dlpack__()
 
-    tensor = Tensor(np.zeros((COUNT, 3, 4), np.float32))
-    assert env.height_map(machine=0, shape=(3, 4), cell=0.2, out=tensor) is tensor
-    assert (tensor.values == wanted.astype(np.float32)).all()
-    for bad in (bytes(COUNT * 96), [[0.0] * 4] * 3):
+    class OnlyDLPack:
+        """One whose memory is to be had in no other way."""
+
+        def __init__(self, values):
+            self.values = values
+
+        def __dlpack__(self, **_):
+            return self.values.__dlpack__()
+
+        def __dlpack_device__(self):
+            return self.values.__dlpack_device__()
+
+    class Copies(OnlyDLPack):
+        """One that gives NumPy a copy: writing into that would fill nothing."""
+
+        def __array__(self, *_, **__):
+            return self.values.copy()
+
+    for kind in (Tensor, OnlyDLPack):
+        tensor = kind(np.zeros((COUNT, 3, 4), np.float32))
+        assert env.height_map(machine=0, shape=(3, 4), cell=0.2, out=tensor) is tensor
+        assert (tensor.values == wanted.astype(np.float32)).all()
+    for bad in (bytes(COUNT * 96), [[0.0] * 4] * 3, Copies(np.zeros((COUNT, 3, 4), np.float32))):
         with pytest.raises(ValueError, match="out must be a writable"):
             env.height_map(machine=0, shape=(3, 4), cell=0.2, out=bad)
 
 
 def test_wrong_calls_are_told(start):
     env = soilvdb.VectorSite(start, 2)
+    env.step(0, positions=np.zeros((2, 3)))
     for call, error, message in [
             (lambda: env.step(0), TypeError, "one of positions"),
             (lambda: env.step(0, positions=np.zeros((3, 3))), ValueError, "3 states for 2 sites"),
@@ -204,6 +228,15 @@ def test_wrong_calls_are_told(start):
             (lambda: env.step(0, joints={"boom": [0, 0]}), ValueError, "machine has none"),
             (lambda: env.step(0, positions=np.zeros((2, 3)), times=[1, np.nan]), ValueError, "nan"),
             (lambda: soilvdb.VectorSite(start, 0), ValueError, "count is 0"),
+            (lambda: env.step(0, positions=np.zeros((2, 3)), times=[1, 2, 3]), ValueError,
+             r"times has the shape \(3,\)"),
+            (lambda: env.step(0, positions=np.ma.masked_equal(np.zeros((2, 3)), 0)), TypeError,
+             "masked"),
+            (lambda: soilvdb.VectorSite(start, 2.5), ValueError, "count is 2.5"),
+            (lambda: soilvdb.VectorSite(None, 2), TypeError, "not NoneType"),
+            (lambda: soilvdb.VectorSite(start, 2, threads=10**7), ValueError, "must be 1 to 1024"),
+            (lambda: env.height_map(machine=0, shape=(2, 2), cell=0.1, layer="design"), ValueError,
+             "needs the design"),
             (lambda: soilvdb.VectorSite(start, 2, threads=0), ValueError, "threads is 0")]:
         with pytest.raises(error, match=message) as told:
             call()

@@ -30,6 +30,11 @@ void not_of_kind(const py::handle& given, const char* name, const char* kind) {
 }
 
 Array array_of(const py::handle& given, const char* name) {
+  // A masked array's numbers under its mask mean nothing.
+  if (py::isinstance<py::array>(given) && py::hasattr(given, "mask") &&
+      given.attr("mask").attr("any")().cast<bool>())
+    throw py::type_error(
+        fmt::format("{} has masked values; fill them, for instance with nan", name));
   py::array any;
   try {
     any = py::array::ensure(given);

@@ -88,11 +88,9 @@ py::object fill_array(const py::object& given, const std::vector<py::ssize_t>& s
     f(std::span<double>(made.mutable_data(), static_cast<std::size_t>(made.size())));
     return made;
   }
-  // Another library's array: a view of its memory, not a copy of a list.
   py::object view = given;
-  if (!py::isinstance<py::array>(given) &&
-      (PyObject_CheckBuffer(given.ptr()) != 0 || py::hasattr(given, "__dlpack__")))
-    view = py::module_::import("numpy").attr("asarray")(given);
+  if (!py::isinstance<py::array>(given))
+    view = py::module_::import("soilvdb._arrays").attr("view_of")(given);
   py::array out;
   if (py::isinstance<py::array>(view)) out = py::reinterpret_borrow<py::array>(view);
   constexpr int kWanted = int{py::array::c_style} | int{py::detail::npy_api::NPY_ARRAY_ALIGNED_};
@@ -241,6 +239,19 @@ void bind_volume(py::class_<Site>& site, py::module_& m) {
           "to_fill_m3",
           [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::fill_m3); },
           "room below the design; None without a design there")
+      .def(py::pickle(
+          [](const BoundaryVolume& v) {
+            const ToDesign left = v.to_design.value_or(ToDesign{});
+            return std::tuple(v.cut_m3, v.fill_m3, v.net_m3, v.error_m3, v.area_m2, v.off_site_m2,
+                              v.to_design.has_value(), left.area_m2, left.cut_m3, left.fill_m3);
+          },
+          [](const std::tuple<double, double, double, double, double, double, bool, double, double,
+                              double>& t) {
+            const auto& [cut, fill, net, error, area, off, has, to_area, to_cut, to_fill] = t;
+            BoundaryVolume v{cut, fill, net, error, area, off, {}};
+            if (has) v.to_design = {to_area, to_cut, to_fill};
+            return v;
+          }))
       .def("__repr__", [](const BoundaryVolume& v) {
         return fmt::format("soilvdb.Volume(cut_m3={:.6g}, fill_m3={:.6g}, area_m2={:.6g})",
                            v.cut_m3, v.fill_m3, v.area_m2);

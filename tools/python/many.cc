@@ -64,7 +64,7 @@ py::tuple step_sites(const py::tuple& kept, const MachineName& machine, const py
   for (std::size_t i = 0; i < results.size(); ++i)
     if (!results[i].ok())
       errors[py::int_(i)] = error_of(results[i], machines[i], fmt::format("site {}: ", i));
-  warn(warnings);
+  tell(warnings);
   return py::make_tuple(all, errors);
 }
 
@@ -99,7 +99,7 @@ std::vector<Update> update_sites(const py::object& given, const MachineName& mac
       for (std::string& line : sessions[i]->take_warnings()) warnings.push_back(std::move(line));
     }
   });
-  warn(warnings);
+  tell(warnings);
   std::vector<Update> updates;
   for (std::size_t i = 0; i < results.size(); ++i) {
     require_good(results[i], machines[i], fmt::format("site {}: ", i));

@@ -78,8 +78,9 @@ Update update(Site& site, const MachineName& machine, const py::object& position
   } else {
     if (!position.is_none() || !rotation.is_none() || !matrix.is_none())
       throw py::type_error("give either joints or a pose");
-    const bool by_name = py::isinstance<py::dict>(joints);
-    values = numbers(by_name ? joints_of(joints, joint_names(site, machine)) : joints, "joints");
+    const bool is_row = PyTuple_Check(joints.ptr()) || PyList_Check(joints.ptr()) ||
+                        py::isinstance<py::array>(joints);
+    values = numbers(is_row ? joints : joints_of(joints, joint_names(site, machine)), "joints");
     if (values.empty()) throw py::value_error("joints has no numbers");
     state.joints = values;
   }
@@ -92,8 +93,8 @@ Update update(Site& site, const MachineName& machine, const py::object& position
     warnings = session.take_warnings();
     return made;
   });
+  tell(warnings);
   require_good(step, name);
-  warn(warnings);
   return step.update;
 }
 
@@ -135,8 +136,8 @@ py::dict update_path(Site& site, const MachineName& machine, const py::object& p
     }
     warnings = session.take_warnings();
   });
+  tell(warnings);
   require_good(step, name, fmt::format("state {}: ", done));
-  warn(warnings);
   py::dict all;
   for (std::size_t i = 0; i < std::size(names); ++i) all[names[i]] = columns[i];
   return all;
@@ -323,7 +324,7 @@ void bind_site(py::module_& m) {
            }),
            py::arg("voxel_size"), py::arg("terrain"), py::arg("machines"), py::kw_only(),
            py::arg("soil") = none, py::arg("pours") = py::tuple(), py::arg("hoppers") = py::tuple(),
-           py::arg("near") = none, py::arg("limits") = true,
+           py::arg("near") = none, py::arg("limits").noconvert() = true,
            "voxel_size: m. machines: each a Bucket or a Machine. soil: properties of moving soil; "
            "default: soil is rigid. near: (x, y, z) where work begins, for terrains wider than "
            "2**16 voxels; on a plane, default: where the first state is. limits: refuse states "
@@ -343,12 +344,16 @@ void bind_site(py::module_& m) {
             };
             return made(open(), py::make_tuple(scenario));
           },
-          py::arg("scenario"), py::kw_only(), py::arg("limits") = true,
+          py::arg("scenario"), py::kw_only(), py::arg("limits").noconvert() = true,
           "Opens a scenario: its site, machines and soil, before any machine moves. limits: as for "
           "Site().")
       .def_property(
           "limits", [](Site& s) { return s.with([](Session& one) { return one.limits(); }); },
-          [](Site& s, bool on) { s.with([&](Session& one) { one.set_limits(on); }); },
+          [](Site& s, const py::object& given) {
+            if (!PyBool_Check(given.ptr())) throw py::type_error("limits must be True or False");
+            const bool on = given.is(py::bool_(true));
+            s.with([&](Session& one) { one.set_limits(on); });
+          },
           "Are states refused that no machine has? May be set.")
       .def("update", &update<&Session::update>, py::arg("machine"), py::kw_only(),
            py::arg("position") = none, py::arg("rotation") = none, py::arg("pose") = none,
@@ -473,7 +478,8 @@ void bind_site(py::module_& m) {
           },
           py::arg("file"),
           "Writes a snapshot for soilvdb and other programs; its name must end with .vdb. `soilvdb "
-          "export` makes rasters and meshes from it.")
+          "export` makes rasters and meshes from it. Terrain of an array is written beside it, as "
+          "terrain_....tif, which it needs.")
       .def(
           "save",
           [](Site& s) {
@@ -542,6 +548,15 @@ void bind_site(py::module_& m) {
            "Flushes the recording, if any, and frees the site's memory. All later calls raise "
            "RuntimeError.")
       .def_property_readonly("_made_from", &Site::made_from)
+      .def(
+          "_has_machines_of",
+          [](Site& s, Site& other) {
+            bool same = false;
+            with_all({&s, &other},
+                     [&](const auto& both) { same = both[0]->has_machines_of(*both[1]); });
+            return same;
+          },
+          py::arg("other"))
       .def("__enter__", [](py::object self) { return self; })
       .def("__exit__", [](Site& s, const py::args&) { s.close(); })
       .def("__reduce__", [](const py::object& self) {

@@ -78,6 +78,10 @@ py::object error_of(const StepResult& step, const std::string& machine,
 void require_good(const StepResult& step, const std::string& machine = "",
                   const std::string& before = "");
 
+/// Warns of what was noticed during an update that is made: it may not raise, where warnings are
+/// errors, because the update's results would be lost.
+void tell(const std::vector<std::string>& lines);
+
 /// States of machines as arrays, one per row.
 class States {
  public:
@@ -107,8 +111,10 @@ std::vector<std::string> joint_names(Site& site, const MachineName& machine);
 template <typename F>
 void on_threads(const std::optional<int>& threads, const F& f) {
   if (!threads) return f();
-  if (*threads < 1)
-    throw py::value_error("threads is " + std::to_string(*threads) + "; it must be 1 or more");
+  constexpr int kMostThreads = 1024;
+  if (*threads < 1 || *threads > kMostThreads)
+    throw py::value_error("threads is " + std::to_string(*threads) + "; it must be 1 to " +
+                          std::to_string(kMostThreads));
   tbb::task_arena(*threads).execute(f);
 }
 

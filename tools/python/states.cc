@@ -17,6 +17,11 @@ void require_count(const char* what, py::ssize_t given, std::size_t states) {
   throw py::value_error(fmt::format("there are {} {} for {} states", given, what, states));
 }
 
+bool is_mapping(const py::object& given) {
+  return py::isinstance<py::dict>(given) ||
+         (py::hasattr(given, "keys") && py::hasattr(given, "__getitem__"));
+}
+
 }  // namespace
 
 void require_own_process() {
@@ -53,6 +58,11 @@ void require_good(const StepResult& step, const std::string& machine, const std:
   throw py::error_already_set();
 }
 
+void tell(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines)
+    if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), 1) != 0) PyErr_WriteUnraisable(nullptr);
+}
+
 std::vector<std::string> joint_names(Site& site, const MachineName& machine) {
   return site.with([&](Session& session) {
     const auto& chain = session.machines()[machine_of(session, machine)].chain;
@@ -61,15 +71,14 @@ std::vector<std::string> joint_names(Site& site, const MachineName& machine) {
 }
 
 py::object joints_of(const py::object& given, const std::vector<std::string>& names) {
-  if (!py::isinstance<py::dict>(given)) return given;
-  const auto by_name = py::reinterpret_borrow<py::dict>(given);
+  if (!is_mapping(given)) return given;
+  const py::dict by_name(given);
+  if (names.empty()) throw py::value_error("joints: the machine has none; give it a pose");
   for (const auto& [key, value] : by_name) {
     const std::string name = py::str(key);
     if (std::find(names.begin(), names.end(), name) != names.end()) continue;
-    throw py::value_error(names.empty()
-                              ? "joints: the machine has none; give it a pose"
-                              : fmt::format("joints: unknown joint '{}'; did you mean '{}'?",
-                                            io::printable(name), io::nearest(name, names)));
+    throw py::value_error(fmt::format("joints: unknown joint '{}'; did you mean '{}'?",
+                                      io::printable(name), io::nearest(name, names)));
   }
   py::list columns;
   for (const std::string& name : names) {
@@ -77,8 +86,10 @@ py::object joints_of(const py::object& given, const std::vector<std::string>& na
       throw py::value_error(fmt::format("joints: joint '{}' is missing", name));
     columns.append(array_of(by_name[name.c_str()], name.c_str()));
   }
-  const py::module_ numpy = py::module_::import("numpy");
-  return numpy.attr("stack")(numpy.attr("broadcast_arrays")(*columns), py::arg("axis") = -1);
+  for (const py::handle& column : columns)
+    if (!column.attr("shape").equal(columns[0].attr("shape")))
+      throw py::value_error("joints: there must be as many values of each joint");
+  return py::module_::import("numpy").attr("stack")(columns, py::arg("axis") = -1);
 }
 
 States::States(const py::object& positions, const py::object& rotations, const py::object& poses,

@@ -8,6 +8,8 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <array>
+#include <cmath>
+#include <limits>
 #include <memory>
 
 #include "soilvdb/capacity.h"
@@ -362,7 +364,10 @@ TerrainValue raster(const py::object& source, const py::object& origin, const py
   }
   if (origin.is_none() || cell.is_none())
     throw py::type_error("with an array of heights, origin (x, y) and cell must be given");
-  const Array given = array_of(source, "source");
+  py::object filled = source;  // of a masked array, nan under its mask
+  if (py::isinstance<py::array>(source) && py::hasattr(source, "mask"))
+    filled = source.attr("astype")("float32").attr("filled")(std::nan(""));
+  const Array given = array_of(filled, "source");
   if (given.ndim() != 2) throw py::value_error("source must have the shape (ny, nx)");
   auto heights = std::make_shared<io::RasterHeights>();
   heights->grid = {static_cast<int>(given.shape(1)), static_cast<int>(given.shape(0))};
@@ -370,7 +375,11 @@ TerrainValue raster(const py::object& source, const py::object& origin, const py
   double side = 0;
   numbers(py::make_tuple(cell), "cell", {&side, 1});
   heights->grid.spacing = {side, side};
-  heights->values.assign(given.data(), given.data() + given.size());
+  for (py::ssize_t i = 0; i < given.size(); ++i) {
+    const auto z = static_cast<float>(given.data()[i]);
+    // Equal heights have equal bits, so that sites of equal arrays are the same.
+    heights->values.push_back(std::isnan(z) ? std::numeric_limits<float>::quiet_NaN() : z + 0.0F);
+  }
   const io::RasterTerrain terrain{"", std::move(heights)};
   io::open_base(terrain);  // throws now, not when a site is made
   return {terrain, fmt::format("soilvdb.raster(array of {} x {})", given.shape(0), given.shape(1))};

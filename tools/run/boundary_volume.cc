@@ -15,23 +15,57 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-/// Sampling of a boundary's inside: the most cells, and the least number along a side.
-constexpr double kMostCells = 250'000, kLeastAcross = 64;
+/// Cells of a boundary's inside: the most, and how many there are at least.
+constexpr double kMostCells = 250'000, kLeastCells = 4096;
+constexpr std::size_t kMostCorners = 4096;
+constexpr double kFarthestCorner_m = 1e9;
 
-/// Centres of a grid of cells inside a boundary.
-std::vector<Vec2> places_in(const std::vector<Vec2>& boundary, double voxel_m) {
+/// The part of a polygon within a box, by cutting off what is beyond each side.
+std::vector<Vec2> clipped(std::vector<Vec2> polygon, const Eigen::AlignedBox2d& box) {
+  for (int side = 0; side < 4; ++side) {
+    const int axis = side / 2;
+    const double limit = side % 2 == 0 ? box.min()[axis] : box.max()[axis];
+    const double sign = side % 2 == 0 ? 1 : -1;
+    if (!std::isfinite(limit)) continue;
+    std::vector<Vec2> kept;
+    for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++) {
+      const Vec2 &from = polygon[j], &to = polygon[i];
+      const double u = sign * (from[axis] - limit), v = sign * (to[axis] - limit);
+      if ((u < 0) != (v < 0)) {
+        kept.push_back(from + u / (u - v) * (to - from));
+        kept.back()[axis] = limit;
+      }
+      if (v >= 0) kept.push_back(to);
+    }
+    polygon = std::move(kept);
+  }
+  return polygon;
+}
+
+/// Centres of the cells of a grid inside a polygon, row by row. @param area_m2 of the polygon
+std::vector<Vec2> places_in(const std::vector<Vec2>& polygon, double area_m2, double voxel_m) {
   Eigen::AlignedBox2d box;
-  for (const Vec2& corner : boundary) box.extend(corner);
-  const Vec2 size = box.sizes();
-  const double fine_m = std::min(voxel_m, size.maxCoeff() / kLeastAcross);
-  const double cell_m = std::max(fine_m, std::sqrt(box.volume() / kMostCells));
-  const Eigen::Array2d cells = (size.array() / cell_m).ceil().max(1).min(kMostCells);
+  for (const Vec2& corner : polygon) box.extend(corner);
+  const double fine_m = std::min(voxel_m, std::sqrt(area_m2 / kLeastCells));
+  const double cell_m = std::max(fine_m, std::sqrt(area_m2 / kMostCells));
+  // A narrow boundary has more rows than it needs.
+  const double rows = std::clamp(std::ceil(box.sizes().y() / cell_m), 1.0, kMostCells);
+  const double high_m = box.sizes().y() / rows, wide_m = cell_m * cell_m / high_m;
   std::vector<Vec2> places;
-  for (double j = 0.5; j < cells.y(); ++j)
-    for (double i = 0.5; i < cells.x(); ++i)
-      if (const Vec2 at = box.min().array() + size.array() * Eigen::Array2d(i, j) / cells;
-          inside(boundary, at))
-        places.push_back(at);
+  std::vector<double> crossings;
+  for (double row = 0.5; row < rows; ++row) {
+    const double y = box.min().y() + row * high_m;
+    crossings.clear();
+    for (std::size_t i = 0, j = polygon.size() - 1; i < polygon.size(); j = i++)
+      if ((polygon[i].y() > y) != (polygon[j].y() > y))
+        crossings.push_back(crossing_x(polygon[i], polygon[j], y));
+    std::sort(crossings.begin(), crossings.end());
+    for (std::size_t k = 0; k + 1 < crossings.size(); k += 2) {
+      const double first = std::ceil((crossings[k] - box.min().x()) / wide_m - 0.5);
+      for (double n = first; box.min().x() + (n + 0.5) * wide_m < crossings[k + 1]; ++n)
+        places.emplace_back(box.min().x() + (n + 0.5) * wide_m, y);
+    }
+  }
   return places;
 }
 
@@ -48,27 +82,37 @@ Heights heights_of(const InitialTerrain& surface) {
 BoundaryVolume volume_inside(const io::Site& site, const Ground& before,
                              const std::vector<Vec2>& boundary, const Heights& now,
                              const InitialTerrain* design) {
+  if (boundary.size() < 3 || boundary.size() > kMostCorners)
+    throw std::invalid_argument(fmt::format("a boundary must have 3 to {} corners", kMostCorners));
+  for (const Vec2& corner : boundary)
+    if (!(corner.cwiseAbs().maxCoeff() <= kFarthestCorner_m))
+      throw std::invalid_argument(
+          fmt::format("a boundary's corners must be within {:g} m of 0, 0", kFarthestCorner_m));
   const Difference change = difference(before, *site.ground, boundary);
-  const std::vector<Vec2> places = places_in(boundary, site.ground->voxel_size_m());
+  const std::vector<Vec2> on_site = clipped(boundary, site.bounds);
+  const double on_site_m2 = on_site.empty() ? 0 : area_of(on_site);
+  const std::vector<Vec2> places = on_site_m2 > 0
+                                       ? places_in(on_site, on_site_m2, site.ground->voxel_size_m())
+                                       : std::vector<Vec2>();
   std::vector<double> ground(places.size());
   heights_of(site.ground->initial_terrain())(places, ground);
-  const auto off_site =
+  const auto voids =
       std::count_if(ground.begin(), ground.end(), [](double z) { return std::isnan(z); });
   const auto all = static_cast<std::ptrdiff_t>(places.size());
-  if (all > 0 && off_site == all)
+  if (change.area_m2 > 0 && voids == all)
     throw std::invalid_argument(fmt::format(
         "there is no ground inside the boundary: the terrain goes from {:.0f}, {:.0f} to {:.0f}, "
         "{:.0f}",
         site.bounds.min().x(), site.bounds.min().y(), site.bounds.max().x(),
         site.bounds.max().y()));
-  const double cell_m2 = change.area_m2 / static_cast<double>(std::max<std::ptrdiff_t>(all, 1));
-  const double off_site_m2 = static_cast<double>(off_site) * cell_m2;
+  const double cell_m2 = on_site_m2 / static_cast<double>(std::max<std::ptrdiff_t>(all, 1));
+  const double area_m2 = on_site_m2 - static_cast<double>(voids) * cell_m2;
   BoundaryVolume volume{.cut_m3 = change.cut_m3,
                         .fill_m3 = change.fill_m3,
                         .net_m3 = change.net_m3,
                         .error_m3 = change.error_m3,
-                        .area_m2 = change.area_m2 - off_site_m2,
-                        .off_site_m2 = off_site_m2};
+                        .area_m2 = area_m2,
+                        .off_site_m2 = change.area_m2 - area_m2};
   if (design == nullptr) return volume;
   std::vector<double> heights(places.size()), wanted(places.size());
   now(places, heights);

@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -25,9 +26,6 @@ io::Site open_checked(const SessionSite& site) {
         fmt::format("the voxel size is {} m; it must be more than 0", site.voxel_size_m));
   if (site.near_m && !site.near_m->allFinite())
     throw std::invalid_argument("the place where work begins must be finite");
-  const auto* plane = std::get_if<io::PlaneTerrain>(&site.terrain);
-  if (plane != nullptr && !(std::isfinite(plane->height_m) && plane->slope.allFinite()))
-    throw std::invalid_argument("the plane's height and slope must be finite");
   return io::open_site(site.terrain, site.voxel_size_m, site.near_m);
 }
 
@@ -120,12 +118,9 @@ Result Session::State::recorded(const Work& work, const Record& record_made) noe
 }
 
 /// The place of a first state becomes the site's.
+/// @throw std::invalid_argument for a state that can't be, or that a recorded site is too far from
 void Session::State::float_to(const MachineState& first) {
-  if (!settings.floats || fed_count > 0) return;
-  try {
-    float_to(input(first).pose.position);
-  } catch (const std::invalid_argument&) {  // the update reports it
-  }
+  if (settings.floats) float_to(input(first).pose.position);
 }
 
 /// Could the machines have these states, one after another? @param refused why not, and which
@@ -201,7 +196,11 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       [&] {
         if (s.recorder) inputs = s.inputs_;
         if (BatchResult refused; s.settings.limits && !s.is_likely(states, refused)) return refused;
-        if (!states.empty()) s.float_to(states.front());
+        try {
+          if (!states.empty()) s.float_to(states.front());
+        } catch (const std::invalid_argument& e) {
+          return BatchResult{Status::kBadState, e.what(), 0, {}};
+        }
         for (std::size_t i = 0; i < s.inputs_.size(); ++i) ways.push_back(s.way(i));
         return static_cast<Site&>(s).update(states);
       },
@@ -235,7 +234,11 @@ StepResult Session::update(const MachineState& state) noexcept {
         if (s.recorder && state.machine < s.inputs_.size()) before = s.inputs_[state.machine];
         if (BatchResult refused; s.settings.limits && !s.is_likely({&state, 1}, refused))
           return StepResult{refused.status, std::move(refused.why), {}};
-        s.float_to(state);
+        try {
+          s.float_to(state);
+        } catch (const std::invalid_argument& e) {
+          return StepResult{Status::kBadState, e.what(), {}};
+        }
         way = s.way(state.machine);
         return static_cast<Site&>(s).update(state);
       },
@@ -250,15 +253,13 @@ StepResult Session::place(const MachineState& state) noexcept {
   State& s = *state_;
   return s.recorded<StepResult>(
       [&] {
-        s.float_to(state);
-        if (s.settings.limits && state.machine < s.inputs_.size()) {
+        try {
+          s.float_to(state);
           std::optional<State::Input> anywhere;
-          try {
-            if (std::string why = s.unlikely(state, anywhere); !why.empty())
-              return StepResult{Status::kBadState, std::move(why), {}};
-          } catch (const std::invalid_argument& e) {
-            return StepResult{Status::kBadState, e.what(), {}};
-          }
+          if (std::string why = s.settings.limits ? s.unlikely(state, anywhere) : ""; !why.empty())
+            return StepResult{Status::kBadState, std::move(why), {}};
+        } catch (const std::invalid_argument& e) {
+          return StepResult{Status::kBadState, e.what(), {}};
         }
         return static_cast<Site&>(s).place(state);
       },
@@ -332,6 +333,14 @@ MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, 
                                 "' has no place before its first state");
   return MapGrid::around(last->pose.position.head<2>(), cell_m, nx, ny,
                          turned ? &last->pose : nullptr);
+}
+
+bool Session::has_machines_of(const Session& other) const {
+  if (&state_->model() == &other.state_->model()) return true;
+  const auto machines = [](const Session& session) {
+    return session.state_->description(/*with_ground=*/false)["machines"];
+  };
+  return machines(*this) == machines(other);
 }
 
 BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialTerrain* design) {

@@ -47,13 +47,22 @@ void Session::write(const std::filesystem::path& file) const {
   const io::Site& site = state_->site;
   const auto* raster = std::get_if<io::RasterTerrain>(&site.reference.terrain);
   if (raster == nullptr || !raster->heights) return io::write_snapshot(file, site, info);
-  // A snapshot names its terrain's file.
-  const std::filesystem::path beside = file.parent_path() / (file.stem().string() + "_terrain.tif");
-  io::write_geotiff(beside, raster->heights->grid, {{"terrain", raster->heights->values}}, "");
+  // A snapshot names its terrain's file. Its name is that of its content, so it is never replaced.
+  const std::filesystem::path beside =
+      file.parent_path() / fmt::format("terrain_{}.tif", site.reference.checksum);
+  const bool is_new = !std::filesystem::exists(beside);
   io::Site named = io::undug_site(site);
   named.ground = site.ground;
-  named.reference = io::open_base(io::RasterTerrain{beside}).reference;
-  io::write_snapshot(file, named, info);
+  if (is_new)
+    io::write_geotiff(beside, raster->heights->grid, {{"terrain", raster->heights->values}}, "");
+  try {
+    named.reference = io::open_base(io::RasterTerrain{beside}).reference;
+    io::write_snapshot(file, named, info);
+  } catch (...) {
+    std::error_code none;
+    if (is_new) std::filesystem::remove(beside, none);
+    throw;
+  }
 }
 
 std::string Session::save() const {

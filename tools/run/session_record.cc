@@ -101,7 +101,7 @@ io::JournalExtent Session::record(const Recording& given,
     Session next(std::make_unique<State>(s));
     State& n = *next.state_;
     n.settings.recording = recording;
-    n.set_memory_limit();
+    n.set_memory_limit(*n.site.ground);
     const auto open_recorder = [&] {
       n.recorder = std::make_unique<tools::Recorder>(
           *folder, *n.site.ground, recording.sync_s,
@@ -220,10 +220,10 @@ void Session::set_memory_limit(std::uint64_t bytes, const fs::path& folder) {
   state_->settings.swap_folder = place;
 }
 
-void Session::State::set_memory_limit() {
+void Session::State::set_memory_limit(Ground& ground) const {
   const std::uint64_t bytes = settings.memory_bytes;
   if (bytes > 0)
-    site.ground->set_memory_limit(bytes, std::make_shared<io::SwapFile>(settings.swap_folder));
+    ground.set_memory_limit(bytes, std::make_shared<io::SwapFile>(settings.swap_folder));
 }
 
 }  // namespace soilvdb::inline v0

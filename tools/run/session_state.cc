@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -26,14 +27,15 @@ constexpr double kBackwards_m = 2;
 void Session::State::become(SiteState&& other) {
   std::optional<HeightMap> of_other;
   if (height_map) of_other.emplace(*other.site.ground, *height_map);
+  set_memory_limit(*other.site.ground);
   patches.switch_to(*other.site.ground);
   chunks.switch_to(*other.site.ground);
   mesh_heights.reset();
   height_map = std::move(of_other);
+  for (Backwards& so_far : backwards) so_far.way_m = 0;
   const std::shared_ptr<const SiteModel> model = model_;  // keeps references to it valid
   SiteState::operator=(std::move(other));
   model_ = model;
-  set_memory_limit();
 }
 
 void Session::State::require_recording() {
@@ -57,10 +59,23 @@ bool Session::State::is_snapshot_due(double time_s) {
 }
 
 void Session::State::float_to(const Vec3& near_m) {
-  if (!settings.floats || recorder || fed_count > 0 || !is_place(near_m)) return;
   const Ground& ground = *site.ground;
+  const bool is_fresh = ground.chunk_count() == 0 &&
+                        std::none_of(inputs_.begin(), inputs_.end(),
+                                     [](const auto& input) { return input.has_value(); });
+  if (!settings.floats || !is_fresh || !is_place(near_m)) return;
   const double h = ground.voxel_size_m();
   if (lattice_origin(h, near_m) == ground.origin()) return;
+  if (recorder) {
+    constexpr double kFarthest = 1 << 22;  // voxels; a tracker takes twice that
+    if ((near_m - ground.origin()).cwiseAbs().maxCoeff() < kFarthest * h) return;
+    throw std::invalid_argument(
+        fmt::format("the first state is at x {:.0f}, y {:.0f}, z {:.0f} m, too far from a recorded "
+                    "site at {:.0f}, "
+                    "{:.0f}, {:.0f}; say near it when the site is made",
+                    near_m.x(), near_m.y(), near_m.z(), ground.origin().x(), ground.origin().y(),
+                    ground.origin().z()));
+  }
   become(SiteState(model(), io::open_site(site.reference.terrain, h, near_m)));
 }
 

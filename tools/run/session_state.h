@@ -85,7 +85,7 @@ struct Session::State : tools::SiteState {
   void look_backwards(std::size_t machine, const Way& before);
   bool is_snapshot_due(double time_s);
   void write_snapshot(double time_s) { recorder->write_snapshot(site, snapshot_info(time_s)); }
-  void set_memory_limit();
+  void set_memory_limit(Ground& ground) const;
   template <typename Result, typename Work, typename Record>
   Result recorded(const Work& work, const Record& record_made) noexcept;
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from ._errors import NoGroundError, StateError
 from ._soilvdb import Site, Soil, Terrain, _step_sites, height_maps, plane, raster
 
 Floats = npt.NDArray[np.float64]
-_State = Site | bytes
+_State = Union[Site, bytes]  # read by Python 3.9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,10 +50,12 @@ class VectorSite:
     """
 
     def __init__(self, site: Site, count: int, *, threads: int | None = None) -> None:
-        if count < 1:
+        if not isinstance(site, Site):
+            raise TypeError(f"site must be soilvdb.Site, not {type(site).__name__}")
+        if not isinstance(count, int) or count < 1:
             raise ValueError(f"count is {count}; it must be 1 or more")
-        if threads is not None and threads < 1:
-            raise ValueError(f"threads is {threads}; it must be 1 or more")
+        if threads is not None and not 1 <= threads <= 1024:
+            raise ValueError(f"threads is {threads}; it must be 1 to 1024")
         self._threads = threads
         self._starts = [site.clone()] * count
         self._sites = tuple(start.clone() for start in self._starts)
@@ -77,7 +79,7 @@ class VectorSite:
         joints (count, joints), or by name. times: (count,), or one for all, s.
         """
         if times is not None:
-            times = np.broadcast_to(np.asarray(times, dtype=float), (self.count,))
+            times = _per_site("times", times, (self.count,))
         columns, errors = _step_sites(self._sites, machine, positions, rotations, poses, joints,
                                       times, self._threads)
         return Steps(**columns, errors=errors)
@@ -96,8 +98,8 @@ class VectorSite:
         """Sites begin anew.
 
         mask: (count,) of bool, or numbers of sites; default: all. states: what they begin as, each a
-        Site, which is cloned in some microseconds, or bytes of Site.save(): one for all, or one per
-        site that begins anew. Default: what the site began as, or what randomise() made of it.
+        Site of the same machines, which is cloned in some microseconds, or bytes of Site.save(): one
+        for all, or one per site that begins anew. Default: what the site began as, or what randomise() made of it.
         Raises ValueError for a state of another model; then nothing has changed.
         """
         which = self._numbers(mask)
@@ -105,6 +107,8 @@ class VectorSite:
             given: Sequence[_State] = [self._starts[i] for i in which]
         elif isinstance(states, (Site, bytes)):
             given = [states] * len(which)
+        elif isinstance(states, (bytearray, memoryview, str)):
+            raise TypeError(f"states must be soilvdb.Site or bytes, not {type(states).__name__}")
         else:
             given = list(states)
         if len(given) != len(which):
@@ -115,7 +119,8 @@ class VectorSite:
                   density: Any = None, cohesion: Any = None, friction_angle: Any = None,
                   z: Any = None, slope: Any = None, heights: Any = None, origin: Any = None,
                   cell: float | None = None) -> None:
-        """Sites begin anew, each in its own soil and on its own terrain.
+        """Sites begin anew on untouched ground, each in its own soil and on its own terrain; no
+        machine has a place yet. reset() then begins from there.
 
         mask: as for reset(). repose_angle to friction_angle: properties of Soil, each one for all or
         (n,) for the n sites that begin anew; those that are left out stay, nan stands for the
@@ -167,9 +172,11 @@ class VectorSite:
             return site
         if not isinstance(state, Site):
             raise TypeError(f"states must be soilvdb.Site or bytes, not {type(state).__name__}")
-        if state.machines != start.machines or state.voxel_size != start.voxel_size:
+        if state.voxel_size != start.voxel_size or not start._has_machines_of(state):
             raise ValueError(f"site {number}: the state is of other machines or another voxel size")
-        return state.clone()
+        site = state.clone()
+        site.limits = start.limits
+        return site
 
     def _put(self, changed: Mapping[int, Site]) -> None:
         self._sites = tuple(changed.get(i, site) for i, site in enumerate(self._sites))
@@ -188,6 +195,8 @@ def _soil(soil: Soil | None, changed: Mapping[str, float]) -> Soil:
     values.update(changed)
     if "repose_angle" not in values:
         raise ValueError("the soil is rigid; it needs a repose_angle")
+    if np.isnan(values["repose_angle"]):
+        raise ValueError("repose_angle is nan; it has no default")
     return Soil(**{name: value for name, value in values.items()
                    if value is not None and not np.isnan(value)})
 

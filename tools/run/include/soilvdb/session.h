@@ -83,6 +83,8 @@ class Session {
   const io::Site& site() const;
   /// The index of a machine by name. @throw std::invalid_argument naming the existing machines
   std::size_t machine(std::string_view name) const;
+  /// Are they the other's, with buckets and joints?
+  bool has_machines_of(const Session& other) const;
   /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
   /// chain, or another number of joints
   Pose pose(std::size_t machine, std::span<const double> joints) const;
