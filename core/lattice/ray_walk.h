@@ -52,7 +52,10 @@ class RayWalk {
   /// @param low, high the cells that are walked over
   void start(double from, const Coord2& low, const Coord2& high) {
     t_ = from;
-    for (int a = 0; a < 2; ++a) cell_[a] = cell_near(begin_[a] + from * along_[a], low[a], high[a]);
+    for (int a = 0; a < 2; ++a) {
+      cell_[a] = cell_near(begin_[a] + from * along_[a], low[a], high[a]);
+      last_[a] = high[a];
+    }
   }
 
   double t() const { return t_; }
@@ -108,7 +111,9 @@ class RayWalk {
     // Inside the square it is positive, so that cutting off is rounding down.
     const int low = cell_[kBeside] & -side;
     const double in = begin_[kBeside] + end * along_[kBeside] - low;
-    cell_[kBeside] = low + static_cast<int>(std::clamp(in, 0.0, side - 0.5));
+    // Along the last border it stays in the last cell.
+    const double most = std::min(side, last_[kBeside] - low + 1) - 0.5;
+    cell_[kBeside] = low + static_cast<int>(std::clamp(in, 0.0, most));
   }
   double border(int axis, int level) const {
     if (along_[axis] == 0) return kNever;
@@ -119,7 +124,7 @@ class RayWalk {
   Vec3 begin_, along_;
   double inverse_[2];
   int ahead_[2];  // all bits where it rises
-  int cell_[2] = {0, 0};
+  int cell_[2] = {0, 0}, last_[2] = {0, 0};
   double t_ = 0;
 };
 

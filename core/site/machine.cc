@@ -144,6 +144,7 @@ Update Machine::since(const Ledger& before, std::int64_t slid_before) const {
 /// Follows path_ and books the cut. @param digs true if it may meet soil
 void Machine::follow(Ground& ground, bool digs, double time_s) {
   if (digs && !placed_) {
+    excavator_.require_ground(ground, std::span(path_).first(1));
     book(excavator_.stamp(ground, path_.front()));
     current_ = station_ = path_.front();
     swept_box_ = box_around(std::span(path_).first(1));

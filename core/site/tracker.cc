@@ -145,10 +145,10 @@ std::string Tracker::misplaced(std::size_t machine, const Pose& world_from_bucke
 Update Tracker::place(std::size_t machine, const Pose& world_from_bucket,
                       std::optional<double> time_s) {
   return timed([&] {
-    if (const std::string why = misplaced(machine, world_from_bucket); !why.empty())
-      throw std::invalid_argument(why);
+    Machine& m = at(machine);
+    check_move(ground_, m, world_from_bucket);
     ground_.evict();
-    const Update update = at(machine).place(ground_, world_from_bucket, time_s.value_or(kAnyTime));
+    const Update update = m.place(ground_, world_from_bucket, time_s.value_or(kAnyTime));
     forget_changes_of(machine);
     return update;
   });

@@ -73,11 +73,11 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
     if (!xy.allFinite()) return HeightReader::kNoGround;
     const Vec2 at = index(xy);
     const bool near = is_near(at);
+    const double counted = near ? reader.columns.between(at) : HeightReader::kNoGround;
     // What nobody touched is as high as the terrain, which counts only come near.
-    if (!near || !(reader.changed.between(at) > 0))
+    if (std::isnan(counted) || !reader.changed.is_any(at))
       if (const auto z = ground.terrain().height(xy.x(), xy.y())) return *z;
-    return near ? ground.origin().z() + ground.voxel_size_m() * reader.columns.between(at)
-                : HeightReader::kNoGround;
+    return ground.origin().z() + ground.voxel_size_m() * counted;
   };
   const auto read = [&](const Vec2& low, const Vec2& high) {
     const Coord2 first = low.array().floor().matrix().cast<int>();

@@ -59,6 +59,13 @@ class HeightReader {
       const int nearest = 2 * (u >= 0.5) + (v >= 0.5);
       return std::isnan(corners[nearest]) ? kNoGround : sum / whole;
     }
+    /// Is the layer more than 0 in any of those four columns?
+    bool is_any(const Vec2& place) const {
+      const Vec2 low = place.array().floor();
+      const int x = static_cast<int>(low.x()) - first.x(),
+                y = static_cast<int>(low.y()) - first.y();
+      return at(x, y) > 0 || at(x, y + 1) > 0 || at(x + 1, y) > 0 || at(x + 1, y + 1) > 0;
+    }
   };
 
   explicit HeightReader(Ground& ground) : base_(ground), changes_(ground) { changes_.take(); }

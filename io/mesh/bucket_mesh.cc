@@ -27,6 +27,7 @@ constexpr double kOnMeshShare = 0.02;        // of the lip, from an end of it to
 constexpr double kBridgedShare = 0.05;       // of the height, from the lip's line to a curved lip
 constexpr double kTaperShare = 0.25;         // of the lip, from its end to a side plate
 constexpr double kShortestLipM = 0.02, kLongestLipM = 20;  // of models, and of mines
+constexpr double kMostAbove = 1.3;    // heights, of the inside: then the mouth is another
 constexpr double kLargestBucket = 3;  // heights, behind, below and above the mouth
 
 struct Piece {
@@ -542,6 +543,13 @@ class BucketReader {
     for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
     std::sort(order.begin(), order.end(), [&](auto a, auto b) { return areas[a] < areas[b]; });
     const auto& outline = outlines[order[order.size() / 2]];
+    double top = 0;
+    for (const Vec2& p : outline) top = std::max(top, p.y());
+    if (!edges_.upper && top > kMostAbove * height_m_)
+      fail(fmt::format(
+          "the inside goes up to {:.3g} m above the lip, but the upper edge was found at "
+          "{:.3g} m; take away faces that close the mouth, or give upper",
+          top, height_m_));
     double mean = 0;
     for (const double area : areas) mean += area / double(areas.size());
     const auto side = [&](const FilledSection& section, double from_m, int direction) {

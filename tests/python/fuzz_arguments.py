@@ -80,7 +80,7 @@ def step(chance, site, others):
     pick = chance.random.random
     names = ["update", "update_path", "heights", "height_map", "maps", "mesh", "changed_patches", "ledger", "save",
              "restore", "clone", "pour", "come_to_rest", "change_m3", "pickle", "many", "vector",
-             "volume", "pose", "raster", "value", "close"]
+             "volume", "pose", "place", "cast", "raster", "value", "close"]
     name = chance.random.choice(names)
     machine = 0 if pick() < 0.8 else chance.thing()
     if name == "update":
@@ -103,7 +103,7 @@ def step(chance, site, others):
             del given["origin"]
             given["machine"] = machine
         for key in chance.random.sample(["machine", "origin", "pose", "shape", "cell", "turned",
-                                         "layer", "ceiling", "out"], chance.random.randrange(4)):
+                                         "layer", "ceiling", "design", "out"], chance.random.randrange(4)):
             given[key] = chance.thing()
         if name == "maps":
             return soilvdb.height_maps(others if pick() < 0.8 else chance.thing(), **given)
@@ -145,6 +145,13 @@ def step(chance, site, others):
     if name == "volume":
         return site.volume(chance.arrays.uniform(-3, 3, (3, 2)) if pick() < 0.5 else chance.thing(),
                            design=soilvdb.plane(-0.2) if pick() < 0.5 else chance.thing())
+    if name == "place":
+        if pick() < 0.5:
+            return site.place(0, position=chance.sane(3), rotation=chance.rotation())
+        return site.place(machine, position=chance.thing(), time=chance.thing())
+    if name == "cast":
+        return site.cast(chance.sane(3) if pick() < 0.6 else chance.thing(),
+                         chance.arrays.normal(size=(2, 3, 3)) if pick() < 0.6 else chance.thing())
     if name == "pose":
         return site.pose(machine, chance.thing())
     if name == "raster":

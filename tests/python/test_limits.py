@@ -161,6 +161,27 @@ def test_limits_are_true_or_false():
     assert site.limits
 
 
+def test_a_lip_is_where_it_is_on_its_link():
+    lip = np.eye(4)
+    lip[:3, 3] = (1.42, 0.1, -0.2)
+    lip[:3, :3] = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+    machine = soilvdb.Machine(soilvdb.Bucket(1.2, 0.9, PROFILE), "digger",
+                              urdf=DATA / "excavator.urdf", link="bucket_link", lip=lip)
+    site = soilvdb.Site(0.2, soilvdb.plane(-3.0), [pickle.loads(pickle.dumps(machine))])
+    (at, turn), (x, y, z, w) = excavator().pose("digger", HOME), excavator().pose("digger", HOME)[1]
+    axes = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    assert site.pose("digger", HOME)[0] == pytest.approx(at + axes @ lip[:3, 3])
+    assert abs(site.pose("digger", HOME)[1] @ turn) == pytest.approx(np.sqrt(0.5))  # a quarter turn
+
+
+def test_a_reason_is_without_the_machine():
+    with pytest.raises(soilvdb.StateError) as told:
+        excavator().update("digger", joints=(0.0, 0.0))
+    assert told.value.reason.startswith("has 4 joints, not 2")
+
+
 def test_joints_by_name_of_machines_without_any_are_told():
     site = plain()
     for call in (lambda: site.update(0, joints={}), lambda: site.pose(0, {}),

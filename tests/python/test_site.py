@@ -374,7 +374,7 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: s.height_map(origin=(0, 0), machine=0, shape=(2, 2), cell=0.1),
      "give one of machine, pose or origin"),
     (lambda s: s.height_map(origin=(0, 0), cell=0.1), "height_map() misses 'shape'; it takes "
-     "(machine, origin, pose, shape, cell, turned, layer, ceiling, out)"),
+     "(machine, origin, pose, shape, cell, turned, layer, ceiling, design, out)"),
     (lambda s: s.record(5), "folder must be path, not int"),
     (lambda s: s.record("x", sync="1"), "sync must be float or None, not str"),
     (lambda s: s.restore("x"), "state must be bytes, not str"),
@@ -404,7 +404,7 @@ def test_wrong_calls_are_told_in_one_line(call, message):
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=-1.0),
      "a map's cells must be from a thousandth of a voxel to 1024 voxels wide"),
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, layer="depth"),
-     "layer is 'depth'; it must be 'height', 'loose' or 'dug'"),
+     "layer is 'depth'; it must be 'height', 'loose', 'dug' or 'design'"),
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=np.zeros((2, 2), int)),
      "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=np.zeros((4, 2))[::2]),
@@ -412,11 +412,11 @@ def test_wrong_calls_are_told_in_one_line(call, message):
     (lambda s: s.height_map(origin=(0, 0), shape=(2, 2), cell=0.1, out=[0, 0]),
      "out must be a writable C-contiguous array of float32 or float64 with the shape (2, 2)"),
     (lambda s: s.height_map(machine=0, shape=(2, 2), cell=0.1),
-     "machine 'machine 0' has no place before its first state"),
+     "machine 'machine 0' has no place before its first state, by update() or place()"),
     (lambda s: s.height_map(machine=3, shape=(2, 2), cell=0.1),
      "there is no machine 3; there are 1, numbered from 0"),
     (lambda s: soilvdb.height_maps([s], machine=0, shape=(2, 2), cell=0.1),
-     "site 0: machine 'machine 0' has no place before its first state"),
+     "site 0: machine 'machine 0' has no place before its first state, by update() or place()"),
     (lambda s: soilvdb.height_maps([s, s], machine=0, shape=(2, 2), cell=0.1),
      "a site is there twice"),
 ])
@@ -522,6 +522,84 @@ def test_maps_of_many_sites_are_those_of_each(soil):
     assert soilvdb.height_maps(sites, machine=0, shape=(6, 4), cell=0.2, out=out) is out
     assert np.isfinite(out).all()
     assert soilvdb.height_maps([], machine=0, shape=(6, 4), cell=0.2).shape == (0, 6, 4)
+
+
+def test_maps_above_a_design_are_what_is_to_be_done(soil):
+    site = make_site(soil)
+    site.update_path(0, positions=dig()[0], rotations=dig()[1])
+    cells = {"origin": (-4, -2), "shape": (30, 60), "cell": 0.1}
+    heights = site.height_map(**cells)
+    x = -4 + 0.1 * np.arange(60)
+    left = site.height_map(**cells, layer="design", design=soilvdb.plane(-0.4, (0.05, 0)))
+    assert left == pytest.approx(heights - (-0.4 + 0.05 * x), abs=1e-9)
+    assert (left > 0).any() and (left < 0.3).any()
+    part = soilvdb.raster(np.full((5, 5), -0.4), origin=(-2, -1), cell=0.5)
+    some = soilvdb.height_maps([site], **cells, layer="design", design=part)[0]
+    assert np.isfinite(some).sum() == 21 * 20 and np.nanmin(some) < np.nanmax(some)
+    with pytest.raises(ValueError, match="is for a map of heights above it"):
+        site.height_map(**cells, design=part)
+
+
+def test_looks_in_any_order_are_those_of_a_fresh_look(soil):
+    random, site = np.random.default_rng(4), make_site(soil)
+    for step, (p, q) in enumerate(zip(*dig(120))):
+        site.update(0, position=p, rotation=q)
+        at = p[:2] + random.uniform(-1.5, 1.5, 2)
+        fresh = soilvdb.Site(0.1, soilvdb.plane(0.0), [bucket()], soil=soil)
+        fresh.restore(site.save())
+        for _ in range(3):
+            kind = random.integers(4)
+            if kind == 0:
+                assert site.heights([at]) == fresh.heights([at])
+            elif kind == 1:
+                window = {"origin": at, "cell": random.choice([0.1, 0.07]), "layer": random.choice(
+                    ["height", "loose", "dug"]), "shape": tuple(random.integers(1, 12, 2))}
+                assert (site.height_map(**window) == fresh.height_map(**window)).all(), (step, window)
+            elif kind == 2:
+                assert (site.height_map(origin=at, shape=(3, 3), cell=0.1, ceiling=p[2] + 0.2) ==
+                        fresh.height_map(origin=at, shape=(3, 3), cell=0.1, ceiling=p[2] + 0.2)).all()
+            else:
+                ways = random.normal(size=(20, 3)) - (0, 0, 1)
+                assert (site.cast((*at, 2.0), ways) == fresh.cast((*at, 2.0), ways)).all()
+
+
+def test_rays_meet_the_heights(soil):
+    site = make_site(soil)
+    site.update_path(0, positions=dig()[0], rotations=dig()[1])
+    random = np.random.default_rng(6)
+    ways = random.normal(size=(40, 30, 3)) * (1, 0.3, 0.3) - (0, 0, 0.6)
+    ranges = site.cast((-4.0, 0.0, 1.5), ways)
+    assert ranges.shape == (40, 30) and np.isinf(ranges).any()
+    unit = ways / np.linalg.norm(ways, axis=2, keepdims=True)
+    met = np.isfinite(ranges)
+    hits = (-4.0, 0.0, 1.5) + ranges[met][:, None] * unit[met]
+    above = hits[:, 2] - site.heights(hits[:, :2])
+    assert np.quantile(np.abs(above), 0.9) < 1e-6 and (above < 1e-6).all()  # others end at a step
+    assert (site.cast(np.broadcast_to((-4.0, 0.0, 1.5), ways.shape), 4 * ways) == ranges).all()
+    assert site.cast((0, 0, -5), (1, 0, 0)) == 0 and site.cast((0, 0, 9), (0, 0, 1)) == np.inf
+    for origins, directions, message in [
+            ((0, 0, 1), (0, 0, 0), "ray 0: its direction must not be zero"),
+            ((0, 0, 1), [(1, 0, 0), (0, np.nan, 0)], "ray 1: its direction must be numbers"),
+            ((0, 0), (0, 0, 1), r"origins must have the shape \(..., 3\)"),
+            (np.zeros((2, 3)), np.ones((3, 3)), "or that of directions")]:
+        with pytest.raises(ValueError, match=message):
+            site.cast(origins, directions)
+
+
+def test_a_machine_is_placed_elsewhere(soil):
+    site = make_site(soil)
+    site.update_path(0, positions=dig()[0][:40], rotations=dig()[1][:40])
+    books, change = site.ledger(0), site.change_m3()
+    update = site.place(0, position=(40, 3, 2), time=5.0)
+    assert update.cut_m3 == 0 and site.ledger(0)["cut_m3"] == books["cut_m3"]
+    assert site.pose(0)[0].tolist() == [40, 3, 2]
+    if soil is None:
+        assert site.change_m3() == change
+    with pytest.raises(soilvdb.StateError, match="only be placed in the air") as told:
+        site.place(0, position=(40, 3, -0.2))
+    assert told.value.machine == "machine 0"
+    site.update(0, position=(40, 3, -0.2), time=9.0)
+    assert site.heights([(20, 1.5)])[0] == 0
 
 
 def test_heights_are_those_of_the_mesh():

@@ -66,6 +66,20 @@ def test_a_snapshot_of_an_arrays_site_is_complete(tmp_path):
     assert not (tmp_path / "record").exists()
 
 
+@pytest.mark.parametrize("soil", [None, LOAM], ids=["rigid", "moving"])
+def test_a_first_state_needs_ground_as_well(soil):
+    heights = np.zeros((21, 21))
+    heights[:, 15:] = np.nan
+    site = site_on(soilvdb.raster(heights, origin=(-10, -10), cell=1.0), soil)
+    before = site.save()
+    for place in ((7, 0, -0.5), (0, -10, -0.5), (30, 0, -0.5)):
+        with pytest.raises(soilvdb.NoGroundError, match="without a height"):
+            site.update(0, position=place)
+        assert site.save() == before
+    site.update(0, position=(7, 0, 2.0))  # in the air
+    site.update(0, position=(0, 0, 2.0))
+
+
 @pytest.mark.parametrize("call, error, message", [
     (lambda: soilvdb.raster(hills()), TypeError, "origin .* and cell must be given"),
     (lambda: soilvdb.raster("a.tif", cell=1.0), TypeError, "leave them out"),
@@ -141,6 +155,13 @@ def test_a_snapshot_never_replaces_another_terrain(tmp_path):
     for name, z in (("later", 1), ("now", 1), ("again", 0)):
         assert site_on(soilvdb.snapshot(tmp_path / f"{name}.vdb")).heights([(0, 0)])[0] == z
     files = sorted(p.name for p in tmp_path.iterdir())
+    terrains = sorted(tmp_path.glob("terrain_*.tif"))
+    terrains[0].write_bytes(terrains[1].read_bytes())
+    terrains[1].write_bytes(b"no raster")
+    low.write(tmp_path / "now.vdb")
+    high.write(tmp_path / "later.vdb")
+    for name, z in (("later", 1), ("now", 0), ("again", 0)):
+        assert site_on(soilvdb.snapshot(tmp_path / f"{name}.vdb")).heights([(0, 0)])[0] == z
     with pytest.raises((RuntimeError, ValueError)):
         site_on(soilvdb.raster(np.full((9, 9), 2.0), origin=(-4, -4), cell=1)).write(
             tmp_path / "no" / "such.vdb")
@@ -169,6 +190,17 @@ def test_a_plane_has_no_place_until_a_machine_is_there(tmp_path):
     near = site_on(soilvdb.plane(0.0), near=far)
     near.record(tmp_path / "n")
     near.update(0, position=far)
+
+
+@pytest.mark.parametrize("posts", [5, 6, 30, 64, 66])
+def test_rays_along_the_last_posts_meet_the_ground(posts):
+    end = posts - 1
+    site = site_on(soilvdb.raster(np.zeros((posts, posts)), origin=(0, 0), cell=1))
+    slant = 2.2 / end
+    far = 2 * np.hypot(1, slant) / slant
+    for at, way in (((end, end, 2), (0, -1)), ((0, end, 2), (1, 0)), ((0, 0, 2), (1, 0)),
+                    ((0, 0, 2), (0, 1)), ((end, end, 2), (-1, 0)), ((end, 0, 2), (0, 1))):
+        assert site.cast(at, (*way, -slant)) == pytest.approx(far)
 
 
 def test_volumes_inside_boundaries():

@@ -128,6 +128,30 @@ TEST_P(Placed, RefusedPlacesChangeNothing) {
   EXPECT_THAT(why({.machine = 4}), HasSubstr("there is no machine 4"));
 }
 
+TEST(PlacedBucket, APourThatComesDownMeanwhileRefusesNothing) {
+  Earthmoving pours = moving();
+  pours.pours = {{"truck", {5, 0, 6}, 1, 5, 10}};
+  pours.hoppers.clear();
+  Session session(site_of(pours));
+  ASSERT_TRUE(session.update(at({0, 0, 2}, 0)).ok());
+  const StepResult placed = session.place(at({5, 0, 1.2}, 6));
+  ASSERT_TRUE(placed.ok()) << placed.why;
+  ASSERT_TRUE(session.update(at({5, 0, 3}, 8)).ok());
+  EXPECT_EQ(mass(session), 0);
+}
+
+TEST(PlacedBucket, ARefusedFirstPlaceIsNotTheSites) {
+  Session session(site_of());
+  const std::string before = session.save();
+  for (const Vec3& place : {Vec3(1e6, 2e6, 5e4 - 5), Vec3(1e6, kNaN, 0)}) {
+    EXPECT_FALSE(session.place(at(place)).ok());
+    EXPECT_EQ(session.save(), before);
+  }
+  EXPECT_TRUE(session.place(at({1e6, 2e6, 5e4 + 5})).ok());
+  EXPECT_TRUE(session.update(at({1e6, 2e6, 5e4})).ok());
+  EXPECT_LT(session.change_m3(), 0);
+}
+
 TEST_P(Placed, StatesAndRecordingsHaveIt) {
   const TempFolder folder;
   std::string end;

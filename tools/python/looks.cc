@@ -232,13 +232,17 @@ void bind_volume(py::class_<Site>& site, py::module_& m) {
       .def_readonly("error_m3", &BoundaryVolume::error_m3, "error bound of cut, and of fill")
       .def_readonly("area_m2", &BoundaryVolume::area_m2, "area of the boundary that has ground")
       .def_property_readonly(
+          "design_area_m2",
+          [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::area_m2); },
+          "area where both ground and design are known, m2; None without any")
+      .def_property_readonly(
           "to_cut_m3",
           [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::cut_m3); },
-          "soil above the design; None without a design there")
+          "soil above the design where both are known; None without a design there")
       .def_property_readonly(
           "to_fill_m3",
           [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::fill_m3); },
-          "room below the design; None without a design there")
+          "room below the design where both are known; None without a design there")
       .def(py::pickle(
           [](const BoundaryVolume& v) {
             const ToDesign left = v.to_design.value_or(ToDesign{});
@@ -288,15 +292,22 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
            py::arg("design") = none, py::arg("out") = none,
            "Map of square cells, shape (ny, nx), side cell, m: (ny, nx) float64. Give one of: "
            "origin (x, y), the middle of cell [0, 0]; machine, around the middle of its lip; pose, "
-           "a 4x4 array, as of a machine there. Around a machine or pose, x looks out of the mouth "
-           "and y along the lip, unless turned is False; else x and y are the world's. layer: "
-           "'height', mean height of the soil in a cell, so that sums are volumes; 'loose', depth "
+           "a 4x4 array, as of a machine there. Around a machine or pose, y is the lip's direction "
+           "in "
+           "plan and x at right angles to it, out of the mouth, unless turned is False; else x and "
+           "y "
+           "are the world's. Columns go on along x, rows along y; half of the map is behind the "
+           "lip. layer: 'height', mean height of the soil in a cell, world z, so that sums are "
+           "volumes; 'loose', depth "
            "of the loose soil; 'dug', depth below the terrain; 'design', height above the Terrain "
            "design: "
            "what is to be cut, negative: to be filled; NaN where there is no ground. "
            "ceiling: only soil below this height is looked at. out: a float32 or float64 array to "
-           "fill and return. Cells of the voxel's size cost about 10 ns each, wider ones as much "
-           "for each voxel in them.");
+           "fill and return, C-contiguous. It takes about 10 ns for each column of voxels that a "
+           "cell "
+           "covers. Raises TypeError for none or several of origin, machine and pose, ValueError "
+           "for "
+           "a machine before its first state, a bad out, and a layer without its design.");
   site.def(
       "cast", &cast, py::arg("origins"), py::arg("directions"),
       "Distances along rays to the ground, m: as a depth camera or a lidar measures them. "

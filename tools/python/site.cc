@@ -354,7 +354,7 @@ void bind_site(py::module_& m) {
             const bool on = given.is(py::bool_(true));
             s.with([&](Session& one) { one.set_limits(on); });
           },
-          "Are states refused that no machine has? May be set.")
+          "True: states that no machine has are refused. May be set.")
       .def("update", &update<&Session::update>, py::arg("machine"), py::kw_only(),
            py::arg("position") = none, py::arg("rotation") = none, py::arg("pose") = none,
            py::arg("joints") = none, py::arg("time") = none,

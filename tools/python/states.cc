@@ -43,12 +43,14 @@ std::size_t machine_of(Session& session, const MachineName& given) {
 py::object error_of(const StepResult& step, const std::string& machine, const std::string& before) {
   if (step.status == Status::kFailed)
     return py::reinterpret_borrow<py::object>(PyExc_RuntimeError)(before + step.why);
-  const std::string named = fmt::format("machine '{}': ", machine);
-  const bool names = step.why.starts_with(named);
+  std::string reason = step.why;
+  for (const char* after : {": ", " "})
+    if (const std::string named = fmt::format("machine '{}'{}", machine, after);
+        reason == step.why && reason.starts_with(named))
+      reason.erase(0, named.size());
   return py::module_::import("soilvdb._errors")
       .attr(step.status == Status::kNoGround ? "NoGroundError" : "StateError")(
-          before + step.why, machine.empty() ? py::object(py::none()) : py::str(machine),
-          names ? step.why.substr(named.size()) : step.why);
+          before + step.why, machine.empty() ? py::object(py::none()) : py::str(machine), reason);
 }
 
 void require_good(const StepResult& step, const std::string& machine, const std::string& before) {

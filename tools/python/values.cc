@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <span>
 
 #include "soilvdb/capacity.h"
 #include "soilvdb/io/bucket_mesh.h"
@@ -56,8 +57,18 @@ std::pair<double, double> span_of(const py::object& time, const char* name) {
   return {both[0], both[1]};
 }
 
-Pose base_of(const py::object& base) {
-  return base.is_none() ? Pose{} : pose(py::none(), py::none(), base);
+Pose pose_if(const py::object& matrix) {
+  return matrix.is_none() ? Pose{} : pose(py::none(), py::none(), matrix);
+}
+
+std::vector<double> row_of(const Pose& pose) {
+  const auto& q = pose.rotation;
+  const Vec3& p = pose.position;
+  return {p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w()};
+}
+Pose pose_of_row(const py::handle& row) {
+  const auto v = row.cast<std::array<double, 7>>();
+  return {Vec3(v.data()), quaternion(std::span(v).subspan<3>())};
 }
 
 }  // namespace
@@ -166,16 +177,19 @@ void bind_values(py::module_& m) {
       "Raises ValueError if the mesh is not closed.");
 
   py::class_<MachineValue>(m, "Machine", "A bucket with a name and, if it has a URDF, joints.")
-      .def(py::init([](const Bucket& bucket, std::string name,
-                       const std::optional<std::filesystem::path>& urdf, const std::string& link,
-                       const py::object& base) {
-             return MachineValue(bucket, std::move(name), urdf, link, base_of(base));
-           }),
-           py::arg("bucket"), py::arg("name") = "machine", py::kw_only(),
-           py::arg("urdf") = py::none(), py::arg("link") = "bucket", py::arg("base") = py::none(),
-           "urdf: a file with a chain of joints that ends at `link`. The frame of link is the "
-           "bucket frame; default: the link named bucket. base: 4x4 array, the URDF's root in the "
-           "world. Raises ValueError if the file has no such link.")
+      .def(
+          py::init([](const Bucket& bucket, std::string name,
+                      const std::optional<std::filesystem::path>& urdf, const std::string& link,
+                      const py::object& base, const py::object& lip) {
+            return MachineValue(bucket, std::move(name), urdf, link, pose_if(base), pose_if(lip));
+          }),
+          py::arg("bucket"), py::arg("name") = "machine", py::kw_only(),
+          py::arg("urdf") = py::none(), py::arg("link") = "bucket", py::arg("base") = py::none(),
+          py::arg("lip") = py::none(),
+          "urdf: a file with a chain of joints that ends at `link`; default: the link named "
+          "bucket. base: 4x4 array, the URDF's root in the world. lip: 4x4 array, the bucket frame "
+          "in the frame of link, m; default: they are the same, which they seldom are. Raises "
+          "ValueError if the file has no such link.")
       .def_property_readonly("name", [](const MachineValue& v) { return v.machine.name; })
       .def_property_readonly("bucket", [](const MachineValue& v) { return v.machine.bucket; })
       .def_property_readonly("joints",
@@ -189,18 +203,13 @@ void bind_values(py::module_& m) {
            })
       .def(py::pickle(
           [](const MachineValue& v) {
-            const auto& q = v.base.rotation;
-            return py::make_tuple(
-                v.machine.bucket, v.machine.name, v.urdf, v.link,
-                std::vector<double>(v.base.position.begin(), v.base.position.end()),
-                std::vector<double>{q.x(), q.y(), q.z(), q.w()});
+            return py::make_tuple(v.machine.bucket, v.machine.name, v.urdf, v.link, row_of(v.base),
+                                  row_of(v.lip));
           },
           [](const py::tuple& t) {
-            const auto at = t[4].cast<std::array<double, 3>>();
-            const auto turn = t[5].cast<std::array<double, 4>>();
             return MachineValue(t[0].cast<Bucket>(), t[1].cast<std::string>(),
                                 t[2].cast<std::optional<std::filesystem::path>>(),
-                                t[3].cast<std::string>(), Pose{Vec3(at.data()), quaternion(turn)});
+                                t[3].cast<std::string>(), pose_of_row(t[4]), pose_of_row(t[5]));
           }));
 
   py::class_<TerrainValue>(m, "Terrain",
@@ -335,14 +344,16 @@ void bind_values(py::module_& m) {
 
 MachineValue::MachineValue(const Bucket& bucket, std::string name,
                            std::optional<std::filesystem::path> file, std::string link_name,
-                           const Pose& world_from_root)
+                           const Pose& world_from_root, const Pose& link_from_bucket)
     : machine{std::move(name), bucket, {}},
       urdf(std::move(file)),
       link(std::move(link_name)),
-      base(world_from_root) {
+      base(world_from_root),
+      lip(link_from_bucket) {
   if (!urdf) return;
   machine.chain = io::read_chain(*urdf, link);
   machine.chain->world_from_root = base;
+  machine.chain->link_from_bucket = lip;
 }
 
 const InitialTerrain& TerrainValue::surface() const {

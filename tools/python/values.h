@@ -38,11 +38,11 @@ TerrainValue snapshot(const std::filesystem::path& file);
 /// A machine, and the source of its chain.
 struct MachineValue {
   MachineValue(const Bucket& bucket, std::string name, std::optional<std::filesystem::path> file,
-               std::string link_name, const Pose& world_from_root);
+               std::string link_name, const Pose& world_from_root, const Pose& link_from_bucket);
   SiteMachine machine;
   std::optional<std::filesystem::path> urdf;
   std::string link;
-  Pose base;
+  Pose base, lip;
 };
 
 void bind_values(pybind11::module_& m);

@@ -117,10 +117,20 @@ Result Session::State::recorded(const Work& work, const Record& record_made) noe
   return made;
 }
 
-/// The place of a first state becomes the site's.
-/// @throw std::invalid_argument for a state that can't be, or that a recorded site is too far from
-void Session::State::float_to(const MachineState& first) {
-  if (settings.floats) float_to(input(first).pose.position);
+/// work() on a site whose place is that of its first state, or was before if it is refused.
+template <typename Result, typename Work>
+Result Session::State::placed(const MachineState& first, const Work& work) {
+  const Vec3 before = site.ground->origin();
+  Result made;
+  try {
+    if (settings.floats) float_to(input(first).pose.position);
+    made = work();
+  } catch (const std::invalid_argument& e) {
+    made.status = Status::kBadState;
+    made.why = e.what();
+  }
+  if (!made.ok() && site.ground->origin() != before) float_to(before);
+  return made;
 }
 
 /// Could the machines have these states, one after another? @param refused why not, and which
@@ -196,13 +206,10 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       [&] {
         if (s.recorder) inputs = s.inputs_;
         if (BatchResult refused; s.settings.limits && !s.is_likely(states, refused)) return refused;
-        try {
-          if (!states.empty()) s.float_to(states.front());
-        } catch (const std::invalid_argument& e) {
-          return BatchResult{Status::kBadState, e.what(), 0, {}};
-        }
         for (std::size_t i = 0; i < s.inputs_.size(); ++i) ways.push_back(s.way(i));
-        return static_cast<Site&>(s).update(states);
+        if (states.empty()) return BatchResult();
+        return s.placed<BatchResult>(states.front(),
+                                     [&] { return static_cast<Site&>(s).update(states); });
       },
       [&](BatchResult& made) {
         for (std::size_t i = 0; i < ways.size(); ++i) s.look_backwards(i, ways[i]);
@@ -234,13 +241,8 @@ StepResult Session::update(const MachineState& state) noexcept {
         if (s.recorder && state.machine < s.inputs_.size()) before = s.inputs_[state.machine];
         if (BatchResult refused; s.settings.limits && !s.is_likely({&state, 1}, refused))
           return StepResult{refused.status, std::move(refused.why), {}};
-        try {
-          s.float_to(state);
-        } catch (const std::invalid_argument& e) {
-          return StepResult{Status::kBadState, e.what(), {}};
-        }
         way = s.way(state.machine);
-        return static_cast<Site&>(s).update(state);
+        return s.placed<StepResult>(state, [&] { return static_cast<Site&>(s).update(state); });
       },
       [&](StepResult& made) {
         s.look_backwards(state.machine, way);
@@ -253,15 +255,12 @@ StepResult Session::place(const MachineState& state) noexcept {
   State& s = *state_;
   return s.recorded<StepResult>(
       [&] {
-        try {
-          s.float_to(state);
+        return s.placed<StepResult>(state, [&] {
           std::optional<State::Input> anywhere;
           if (std::string why = s.settings.limits ? s.unlikely(state, anywhere) : ""; !why.empty())
             return StepResult{Status::kBadState, std::move(why), {}};
-        } catch (const std::invalid_argument& e) {
-          return StepResult{Status::kBadState, e.what(), {}};
-        }
-        return static_cast<Site&>(s).place(state);
+          return static_cast<Site&>(s).place(state);
+        });
       },
       [&](StepResult& made) {
         s.backwards[state.machine].way_m = 0;
@@ -330,7 +329,7 @@ MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, 
   const std::optional<MachineState> last = this->last(machine);
   if (!last)
     throw std::invalid_argument("machine '" + machines()[machine].name +
-                                "' has no place before its first state");
+                                "' has no place before its first state, by update() or place()");
   return MapGrid::around(last->pose.position.head<2>(), cell_m, nx, ny,
                          turned ? &last->pose : nullptr);
 }

@@ -3,11 +3,14 @@
 // A session as a snapshot, as bytes and as a clone.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "core/lattice/bytes.h"
 #include "io/file/json.h"
@@ -22,6 +25,24 @@ namespace {
 
 constexpr std::string_view kMagic = "soilvdb state";
 constexpr std::uint32_t kVersion = 3;
+constexpr double kSamePost = 1e-6;  // of a cell: a GeoTIFF's rounding
+
+/// Has a file these heights, and can it be read?
+bool holds(const std::filesystem::path& file, const io::RasterHeights& heights) {
+  try {
+    const io::RasterInput raster = io::open_raster(file);
+    const auto& [grid, values] = heights;
+    std::vector<float> there(values.size());
+    if (raster.grid.nx != grid.nx || raster.grid.ny != grid.ny) return false;
+    raster.source->read(0, 0, grid.nx, grid.ny, there.data());
+    return (raster.grid.first - grid.first).norm() < kSamePost * grid.spacing.x() &&
+           (raster.grid.spacing - grid.spacing).norm() < kSamePost * grid.spacing.x() &&
+           std::equal(values.begin(), values.end(), there.begin(),
+                      [](float a, float b) { return a == b || (std::isnan(a) && std::isnan(b)); });
+  } catch (const std::exception&) {
+    return false;
+  }
+}
 
 /// Of a site's description, if it has one on the earth.
 std::optional<Vec3> origin_of(const nlohmann::json& site) {
@@ -53,7 +74,7 @@ void Session::write(const std::filesystem::path& file) const {
   const bool is_new = !std::filesystem::exists(beside);
   io::Site named = io::undug_site(site);
   named.ground = site.ground;
-  if (is_new)
+  if (is_new || !holds(beside, *raster->heights))
     io::write_geotiff(beside, raster->heights->grid, {{"terrain", raster->heights->values}}, "");
   try {
     named.reference = io::open_base(io::RasterTerrain{beside}).reference;

@@ -73,7 +73,8 @@ struct Session::State : tools::SiteState {
   std::string unlikely(const MachineState& state, std::optional<Input>& last) const;
   /// The same site around another place, if it may be anywhere and nothing has happened.
   void float_to(const Vec3& near_m);
-  void float_to(const MachineState& first);
+  template <typename Result, typename Work>
+  Result placed(const MachineState& first, const Work& work);
   bool is_likely(std::span<const MachineState> states, BatchResult& refused) const;
   /// What tells a bucket that moves backwards.
   struct Way {

@@ -128,8 +128,8 @@ class Tracker {
   std::string misplaced(std::size_t machine, const Pose& world_from_bucket) const;
   /// Takes a machine to a pose without digging on its way, as if it were lifted off. Soil that it
   /// pushed or held up comes to rest; its load stays as far as the bucket holds it there.
+  /// @param world_from_bucket not misplaced(), but for soil that a pour has brought since
   /// @param time_s selects the hoppers that are present; unset: all
-  /// @throw std::invalid_argument if the pose is misplaced(); nothing has changed then
   Update place(std::size_t machine, const Pose& world_from_bucket,
                std::optional<double> time_s = {});
 

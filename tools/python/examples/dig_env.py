@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""A learning environment with the calls of Gymnasium's vector environments; no learning library is
-needed, and any can use it.
+"""A learning environment with reset() and step() as of Gymnasium's vector environments. It needs no
+learning library.
 
 The task: fill the bucket in one stroke. An action moves and turns the lip for a tenth of a second.
-An observation is the load, the lip's place and heights of the ground before and beside it. Each
-episode has ground of its own slope. An environment whose episode is over begins anew in the next
-step. A step of 64 environments takes some milliseconds, nearly all of it in the soil.
+An observation is the load, the lip's place and heights of the ground around it. Each episode has
+ground of its own slope and soil of its own repose angle. An environment whose episode is over begins
+anew in the next step. A step of 64 environments takes some milliseconds, nearly all in the soil.
 
     python3 dig_env.py
 """
@@ -30,16 +30,17 @@ PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0,
 
 
 class DigEnv:
-    """Actions (num_envs, 3) in [-1, 1]: speed along x and z, and curl rate. Observations
-    (num_envs, 49): load, x, z, pitch, and heights above the lip's first height."""
+    """Actions (num_envs, 3): speed along x in [0, 1] m/s, along z in [-1, 1] m/s, and turn of the
+    mouth downwards in [-1, 1] rad/s. Observations (num_envs, 49): load, m3, x and z of the lip, m,
+    pitch, rad, and a map of heights, m, row by row: the middle one, at MAP, is under the lip."""
 
     def __init__(self, num_envs: int, voxel_size: float = 0.1, steepest: float = 0.1,
-                 soil: soilvdb.Soil | None = None) -> None:
+                 soil: soilvdb.Soil | None = soilvdb.Soil(0.61, 0.25)) -> None:
         bucket = soilvdb.Bucket(width=1.2, height=0.9, profile=PROFILE)
         start = soilvdb.Site(voxel_size, soilvdb.plane(0.0), [bucket], soil=soil)
         self.num_envs = num_envs
         self._sites = soilvdb.VectorSite(start, num_envs)
-        self._steepest = steepest
+        self._steepest, self._moves = steepest, soil is not None
         self._lip = np.zeros((num_envs, 3))
         self._pitch = np.zeros(num_envs)
         self._load = np.zeros(num_envs)
@@ -77,7 +78,9 @@ class DigEnv:
         count = int(which.sum())
         if count == 0:
             return
-        self._sites.randomise(which, slope=self._random.uniform(-1, 1, (count, 2)) * self._steepest)
+        repose = self._random.uniform(0.5, 0.75, count) if self._moves else None
+        self._sites.randomise(which, repose_angle=repose,
+                              slope=self._random.uniform(-1, 1, (count, 2)) * self._steepest)
         self._lip[which] = np.stack(
             [self._random.uniform(-0.5, 0.5, count), np.zeros(count), np.full(count, 0.2)], axis=1)
         self._pitch[which], self._load[which], self._steps[which] = 0.3, 0.0, 0
@@ -101,9 +104,10 @@ def main() -> None:
     observations, _ = env.reset(seed=0)
     total = np.zeros(8)
     for _ in range(MOST_STEPS):
-        # A simple reference policy: down to 0.3 m below the ground ahead, along, and up.
-        z, x, ahead = observations[:, 2], observations[:, 1], observations[:, 4 + 22]
-        actions = np.stack([np.ones(8), np.clip(3 * (np.where(x < 2.5, ahead - 0.3, 1.0) - z), -1, 1),
+        # A simple reference policy: down to 0.3 m below the ground, along, and up.
+        z, x = observations[:, 2], observations[:, 1]
+        ground = observations[:, 4:].reshape(8, *MAP)[:, 1, 9]  # 0.4 m ahead
+        actions = np.stack([np.ones(8), np.clip(3 * (np.where(x < 2.5, ground - 0.3, 1.0) - z), -1, 1),
                             np.where(x < 2.5, 0.0, -1.0)], axis=1)
         observations, rewards, _, _, _ = env.step(actions)
         total += rewards

@@ -20,12 +20,13 @@ _State = Union[Site, bytes]  # read by Python 3.9
 
 @dataclasses.dataclass(frozen=True)
 class Steps:
-    """Results of VectorSite.step(), one per site: arrays (count,), float64 but for status.
+    """Results of VectorSite.step(), arrays (count,) with an item for each site.
 
-    cut_m3: cut from the ground, in place. bucket_m3: load afterwards, loose. spilled_m3, slid_m3:
-    what left the bucket and what slopes lost, loose. status, int8: 0 done, 1 refused, 2 refused for
-    want of ground, 3 failed. errors: for each site whose status is not 0 the error that
-    Site.update() would raise.
+    cut_m3, float64: cut from the ground, in place, m3. bucket_m3: load afterwards, loose, m3; that
+    of a refused site is its load before. spilled_m3: left the bucket, loose, m3. slid_m3: moved by
+    slopes that failed, loose, m3. status, int8: 0 done, 1 refused, 2 refused because the bucket
+    would reach ground without a height, 3 failed. errors: for each site, by number, whose status is
+    not 0, the error that Site.update() would raise.
     """
 
     cut_m3: Floats
@@ -85,7 +86,9 @@ class VectorSite:
         return Steps(**columns, errors=errors)
 
     def height_map(self, *, shape: tuple[int, int], cell: float, **which: Any) -> npt.NDArray[Any]:
-        """Site.height_map() of each site: (count, ny, nx). It takes the arguments of height_maps()
+        """Site.height_map() of each site: (count, ny, nx), into `out` if it is given. which: machine
+        or origin, turned, layer, ceiling, design and out, as for height_maps(). Raises ValueError if
+        the machine of any site has no place yet.
         """
         return height_maps(self._sites, shape=shape, cell=cell, threads=self._threads, **which)
 
@@ -99,7 +102,8 @@ class VectorSite:
 
         mask: (count,) of bool, or numbers of sites; default: all. states: what they begin as, each a
         Site of the same machines, which is cloned in some microseconds, or bytes of Site.save(): one
-        for all, or one per site that begins anew. Default: what the site began as, or what randomise() made of it.
+        for all, or one per site that begins anew. A machine that has a place there digs its way to
+        its next state; Site.place() lifts it off. Default: what the site began as, or what randomise() made of it.
         Raises ValueError for a state of another model; then nothing has changed.
         """
         which = self._numbers(mask)
@@ -123,9 +127,10 @@ class VectorSite:
         machine has a place yet. reset() then begins from there.
 
         mask: as for reset(). repose_angle to friction_angle: properties of Soil, each one for all or
-        (n,) for the n sites that begin anew; those that are left out stay, nan stands for the
-        default. z, (n,), and slope, (n, 2): planes. heights: (n, ny, nx), with origin and cell as in
-        raster(). Raises ValueError for impossible values, or if the sites come from Site.open();
+        (n,) for the n sites that begin anew. One that is left out keeps its value, nan sets it to
+        its default; repose_angle makes rigid soil move. z, (n,), and slope, (n, 2): planes, with 0
+        for the one that is left out. heights: (n, ny, nx) in place of these, with origin and cell as
+        in raster(). Without any the terrain stays. Raises ValueError for impossible values, or if the sites come from Site.open();
         then nothing has changed.
         """
         which = self._numbers(mask)
