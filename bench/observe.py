@@ -19,55 +19,57 @@ def drag(step):
     goes back above the ground."""
     stroke, at = divmod(step, 800)
     back = max(0.0, at - 600) / 200
-    x = 2 - 4 * back if back else -2 + 4 * min(at, 500) / 500
-    lift = 1.5 * min(1.0, max(0.0, at - 500) / 100) * (1 - back)
+    down = min(1.0, at / 50)
+    high = 1.5 * min(1.0, max(0.0, at - 500) / 100) if at > 500 else 1.5 * (1 - down)
     pitch = 0.3 - 1.8 * min(1.0, max(0.0, at - 450) / 150) * (1 - back)
-    z = -0.05 * stroke - 0.3 * min(1.0, at / 50) * (1 - back) + lift
     lane = stroke % 3 + ((stroke + 1) % 3 - stroke % 3) * back
-    return (x, 1.3 * lane, z), (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2))
+    return ((2 - 4 * back if back else -2 + 4 * min(at, 500) / 500, 1.3 * lane,
+             -0.05 * stroke - 0.3 * down + high), (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2)))
 
 
 def looks(soilvdb, quick):
-    """Median times of a look after each update of a dig in soil that moves, us; misfit of volumes."""
-    loam = soilvdb.Soil(0.61, 0.25)
-    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)], soil=loam)
+    """Median times of a look after each update of a dig in soil that moves, each in a dig of its own,
+    us; misfit of volumes."""
     into = np.empty((64, 64), np.float32)
     array, window = np.zeros((400, 400), np.float32), np.empty((64, 64), np.float32)
 
-    def numpy_window(p):
+    def numpy_window(_, p):
         i, j = int((p[1] + 10) / 0.05), int((p[0] + 10) / 0.05)
         window[:] = array[i - 32:i + 32, j - 32:j + 32]
 
-    around = [
-        ("one height", lambda p: site.heights([(p[0] + 0.3, p[1])])),
-        ("map, cells of the voxels", lambda p: site.height_map(
+    kinds = {
+        "one height": lambda site, p: site.heights([(p[0] + 0.3, p[1])]),
+        "map, cells of the voxels": lambda site, p: site.height_map(
             origin=(round(p[0] / 0.05) * 0.05 - 1.6, round(p[1] / 0.05) * 0.05 - 1.6),
-            shape=(64, 64), cell=0.05, out=into)),
-        ("map, cells of 10 cm", lambda p: site.height_map(
-            origin=(p[0] - 3.2, p[1] - 3.2), shape=(64, 64), cell=0.1, out=into)),
-        ("map turned with the machine, 5 cm", lambda p: site.height_map(
-            machine=0, shape=(64, 64), cell=0.05, out=into)),
-        ("map turned with the machine, 10 cm", lambda p: site.height_map(
-            machine=0, shape=(64, 64), cell=0.1, out=into)),
-        ("height on the mesh", lambda p: site.mesh_heights([(p[0] + 0.3, p[1])])),
-        ("NumPy window", numpy_window),
-    ]
-    times = {name: [] for name, _ in around}
-    steps = 120 if quick else 3600
-    for step in range(steps):
-        position, rotation = drag(step)
-        site.update(0, position=position, rotation=rotation, time=step / 100)
-        # One of them after each update, so that none finds the work of another done.
-        name, look = around[step % len(around)]
-        begin = time.perf_counter()
-        look(position)
-        if step % 800 < 600:  # on its way back it changes nothing
-            times[name].append(1e6 * (time.perf_counter() - begin))
+            shape=(64, 64), cell=0.05, out=into),
+        "map, cells of 10 cm": lambda site, p: site.height_map(
+            origin=(p[0] - 3.2, p[1] - 3.2), shape=(64, 64), cell=0.1, out=into),
+        "map turned with the machine, 5 cm": lambda site, p: site.height_map(
+            machine=0, shape=(64, 64), cell=0.05, out=into),
+        "map turned with the machine, 10 cm": lambda site, p: site.height_map(
+            machine=0, shape=(64, 64), cell=0.1, out=into),
+        "height on the mesh": lambda site, p: site.mesh_heights([(p[0] + 0.3, p[1])]),
+        "NumPy window": numpy_window,
+    }
+    figures = {}
+    for name, look in kinds.items():
+        site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)],
+                            soil=soilvdb.Soil(0.61, 0.25))
+        times = []
+        for step in range(100 if quick else 2400):
+            position, rotation = drag(step)
+            site.update(0, position=position, rotation=rotation, time=step / 100)
+            begin = time.perf_counter()
+            look(site, position)
+            if step % 800 < 600:  # on its way back it changes nothing
+                times.append(1e6 * (time.perf_counter() - begin))
+        figures[name] = statistics.median(times)
+        if name == "map, cells of the voxels":
+            figures["slowest map"] = max(times[3:])
     dug = site.height_map(origin=(-8, -8), shape=(320, 320), cell=0.05, layer="dug")
     sample_m3 = 0.05**3 / 64
-    misfit = abs(dug.sum() * 0.05**2 + site.change_m3()) / sample_m3
-    return {name: statistics.median(t) for name, t in times.items()} | {
-        "slowest map": max(times["map, cells of the voxels"][3:]), "misfit": misfit}
+    figures["misfit"] = abs(dug.sum() * 0.05**2 + site.change_m3()) / sample_m3
+    return figures
 
 
 def many_points(soilvdb, quick):

@@ -61,12 +61,12 @@ Pose pose_if(const py::object& matrix) {
   return matrix.is_none() ? Pose{} : pose(py::none(), py::none(), matrix);
 }
 
-std::vector<double> row_of(const Pose& pose) {
+std::vector<double> seven_of(const Pose& pose) {
   const auto& q = pose.rotation;
   const Vec3& p = pose.position;
   return {p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w()};
 }
-Pose pose_of_row(const py::handle& row) {
+Pose pose_of_seven(const py::handle& row) {
   const auto v = row.cast<std::array<double, 7>>();
   return {Vec3(v.data()), quaternion(std::span(v).subspan<3>())};
 }
@@ -203,13 +203,13 @@ void bind_values(py::module_& m) {
            })
       .def(py::pickle(
           [](const MachineValue& v) {
-            return py::make_tuple(v.machine.bucket, v.machine.name, v.urdf, v.link, row_of(v.base),
-                                  row_of(v.lip));
+            return py::make_tuple(v.machine.bucket, v.machine.name, v.urdf, v.link,
+                                  seven_of(v.base), seven_of(v.lip));
           },
           [](const py::tuple& t) {
             return MachineValue(t[0].cast<Bucket>(), t[1].cast<std::string>(),
                                 t[2].cast<std::optional<std::filesystem::path>>(),
-                                t[3].cast<std::string>(), pose_of_row(t[4]), pose_of_row(t[5]));
+                                t[3].cast<std::string>(), pose_of_seven(t[4]), pose_of_seven(t[5]));
           }));
 
   py::class_<TerrainValue>(m, "Terrain",
