@@ -17,12 +17,12 @@ HeightTiles::HeightTiles(const HeightGrid& grid, std::shared_ptr<const HeightSou
       source_(std::move(source)),
       tiles_x_((grid.nx + kHeightTileSide - 1) / kHeightTileSide),
       tiles_y_((grid.ny + kHeightTileSide - 1) / kHeightTileSide),
-      tiles_(std::size_t(tiles_x_) * tiles_y_),
-      highest_(tiles_.size()) {}
+      tiles_(std::size_t(tiles_x_) * tiles_y_) {}
 
 void HeightTiles::forget() const {
   for (auto& tile : tiles_) delete tile.exchange(nullptr);
-  for (auto& block : highest_) delete block.exchange(nullptr);
+  if (const std::unique_ptr<Blocks> blocks{blocks_.exchange(nullptr)})
+    for (auto& block : *blocks) delete block.load();
   held_ = 0;
 }
 
@@ -52,8 +52,17 @@ const HeightTiles::Tile& HeightTiles::tile(int tx, int ty) const {
   return *t.release();
 }
 
+HeightTiles::Blocks& HeightTiles::blocks() const {
+  if (Blocks* known = blocks_.load(std::memory_order_acquire)) return *known;
+  auto made = std::make_unique<Blocks>(tiles_.size());
+  Blocks* none = nullptr;  // another thread may have been quicker
+  if (!blocks_.compare_exchange_strong(none, made.get(), std::memory_order_acq_rel)) return *none;
+  held_ += tiles_.size() * sizeof(Blocks::value_type);
+  return *made.release();
+}
+
 const float* HeightTiles::highest(int bx, int by) const {
-  std::atomic<Highest*>& slot = highest_[std::size_t(by) * tiles_x_ + bx];
+  std::atomic<Highest*>& slot = blocks()[std::size_t(by) * tiles_x_ + bx];
   if (const Highest* known = slot.load(std::memory_order_acquire)) return known->data();
   auto made = std::make_unique<Highest>();
   constexpr float kNothing = -std::numeric_limits<float>::infinity();

@@ -66,8 +66,7 @@ class HeightTiles {
   }
 
   std::uint64_t memory_bytes() const {
-    return tiles_.size() * (sizeof(tiles_[0]) + sizeof(highest_[0])) +
-           held_.load(std::memory_order_relaxed);
+    return tiles_.size() * sizeof(tiles_[0]) + held_.load(std::memory_order_relaxed);
   }
   void forget() const;
 
@@ -78,6 +77,8 @@ class HeightTiles {
     bool complete;
   };
   using Highest = std::array<float, ray_level_begin(kRayLevels + 1, 1)>;
+  using Blocks = std::vector<std::atomic<Highest*>>;
+  Blocks& blocks() const;
   /// Number of a patch's square within its block and level.
   static std::size_t square_of(int x, int y, int level) {
     const int in_x = x & (kRaySide - 1), in_y = y & (kRaySide - 1);
@@ -91,7 +92,7 @@ class HeightTiles {
   std::shared_ptr<const HeightSource> source_;
   int tiles_x_, tiles_y_;
   mutable std::vector<std::atomic<Tile*>> tiles_;
-  mutable std::vector<std::atomic<Highest*>> highest_;  // made when a ray first comes over a block
+  mutable std::atomic<Blocks*> blocks_ = nullptr;  // made when a ray first comes, each by its first
   mutable std::atomic<std::uint64_t> held_ = 0;
   mutable std::mutex mutex_;
 };
