@@ -40,7 +40,7 @@ export function python(code) {
   return JSON.parse(execFileSync(process.env.SOILVDB_PYTHON ?? '/usr/bin/python3', ['-c', code], {encoding: 'utf8', env: {...process.env, PYTHONPATH: modules}}));
 }
 
-/** Starts `soilvdb serve`; {url, stop()}. */
+/** Starts `soilvdb serve`; {url, signal(), stop()}. */
 export async function serve(...args) {
   const child = spawn(program, ['serve', ...args], {stdio: ['ignore', 'pipe', 'inherit']});
   const url = await new Promise((resolve, reject) => {
@@ -48,7 +48,7 @@ export async function serve(...args) {
     child.once('exit', (status) => reject(new Error(`soilvdb serve ended with ${status}`)));
   });
   const ended = new Promise((resolve) => child.once('exit', resolve));
-  return {url, stop: async (signal = 'SIGTERM') => {
+  return {url, signal: (name) => child.kill(name), stop: async (signal = 'SIGTERM') => {
     child.kill(signal);
     await ended;
   }};
@@ -91,18 +91,30 @@ export async function clickAt(page, [x, y]) {
 /** Mean colour of some pixels where the ground is drawn at a place of the world: red, green, blue. */
 export async function colorAt(page, [x, y]) {
   const [px, py] = await page.evaluate(([u, v]) => window.soilvdb.project([u, v, window.soilvdb.height(u, v)]), [x, y]);
-  const picture = await page.screenshot({clip: {x: px - 4, y: py - 4, width: 9, height: 9}});
+  const pixels = await pixelsIn(page, {x: px - 4, y: py - 4, width: 9, height: 9});
+  return [0, 1, 2].map((channel) => pixels.reduce((sum, pixel) => sum + pixel[channel] / pixels.length, 0));
+}
+
+/** All pixels of a part of the page: red, green, blue of each. */
+export async function pixelsIn(page, clip) {
+  const picture = await page.screenshot({clip});
   return page.evaluate(async (png) => {
-    const image = new Image(), canvas = document.createElement('canvas');
+    const image = new Image();
     image.src = `data:image/png;base64,${png}`;
     await image.decode();
-    const draw = canvas.getContext('2d');
+    const draw = new OffscreenCanvas(image.width, image.height).getContext('2d');
     draw.drawImage(image, 0, 0);
-    const {data} = draw.getImageData(0, 0, image.width, image.height), sum = [0, 0, 0];
-    data.forEach((v, i) => { if (i % 4 < 3) sum[i % 4] += (4 * v) / data.length; });
-    return sum;
+    const {data} = draw.getImageData(0, 0, image.width, image.height);
+    return Array.from({length: data.length / 4}, (_, i) => [...data.subarray(4 * i, 4 * i + 3)]);
   }, picture.toString('base64'));
 }
+
+/** Waits until a change of the page is drawn: sizes are known after one frame, the picture after the next. */
+export const drawn = (page) => page.evaluate(() => new Promise((done) => {
+  let frames = 4;
+  const next = () => (--frames > 0 ? requestAnimationFrame(next) : done());
+  next();
+}));
 
 /** The answer to the next query of a path that the page makes while something is done. */
 export async function answerTo(page, what, action) {

@@ -10,6 +10,7 @@ import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
 import {sectionAreas} from '../../tools/view/src/section_chart.js';
 import {placeTag} from '../../tools/view/src/tag_place.js';
+import {sliderStart} from '../../tools/view/src/timeline.js';
 
 /** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
 function planes(values, bytes) {
@@ -158,10 +159,15 @@ test('areas of a section are those of its triangles and trapezoids, also where i
   assert.deepEqual(sectionAreas({distance_m: [0, 1, 2], before_m: [0, 0, null], now_m: [-1, -1, -1]}), {cut_m2: 1, fill_m2: 0});
 });
 
-test('numbers have three digits, units and a minus sign', () => {
+test('numbers have three digits, at most three decimals, units and a minus sign', () => {
   const plain = (text) => text.replaceAll('\u2009', ' ');
   assert.equal(plain(format.volume(12.034)), '12.0 m³');
-  assert.equal(plain(format.volume(0.00012345)), '0.000123 m³');
+  assert.equal(plain(format.volume(0.0123456)), '0.012 m³');
+  assert.equal(plain(format.volume(0.00099)), '< 0.001 m³');
+  assert.equal(plain(format.area(0.000045)), '< 0.001 m²');
+  assert.equal(plain(format.signedVolume(-0.0004)), '< 0.001 m³');
+  assert.equal(plain(format.signedVolume(0.0004)), '< 0.001 m³');
+  assert.equal(plain(format.signedVolume(0.0104)), '+0.010 m³');
   assert.equal(plain(format.volume(0)), '0 m³');
   assert.equal(plain(format.volume(9.9996)), '10.0 m³');
   assert.equal(plain(format.volume(123456)), '123 000 m³');
@@ -172,6 +178,21 @@ test('numbers have three digits, units and a minus sign', () => {
   assert.equal(format.volume(null), '–');
   assert.equal(plain(format.time(130.6)), '2:10.6');
   assert.equal(plain(format.time(59.96)), '1:00.0');
+});
+
+test('times since 1970 are dates, smaller ones are durations', () => {
+  const date = (s) => new Date(1000 * s).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'medium'});
+  for (const s of [1.5e8, 0.99e9, 1.7e9]) assert.equal(format.time(s), date(s));
+  assert.equal(format.time(0.9e8), '25000:00:00.0');
+});
+
+test('the slider begins after a gap from a clock at 0 to one that counts from 1970', () => {
+  const begins = 1.7e9, day_s = 86400;
+  assert.equal(sliderStart({from: 0, to: 5000, snapshots: [100, 4000]}), 0);
+  assert.equal(sliderStart({from: begins, to: begins + 5000, snapshots: [begins + 100]}), begins);
+  assert.equal(sliderStart({from: 0, to: begins + 5000, snapshots: [3, begins, begins + 2000]}), begins);
+  assert.equal(sliderStart({from: 0, to: begins + 5000, snapshots: []}), begins + 5000 - day_s, 'no time after the gap is known');
+  assert.equal(sliderStart({from: 7, to: 7, snapshots: []}), 7);
 });
 
 test('a tag is in the picture, beside what lies over it, and no farther from its machine than that takes', () => {
@@ -200,3 +221,4 @@ test('a tag is in the picture, beside what lies over it, and no farther from its
   assert.deepEqual(beside(180, 300, 0, 300, 360, 400), [180, 300], 'it may touch what is below it');
   assert.deepEqual(placeTag([500, 500], size, picture, [{left: 0, top: 0, right: 360, bottom: 400}]), [300, 400], 'no room beside it: in the picture');
 });
+

@@ -1,18 +1,21 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Numbers for people: three significant digits, units, a real minus sign.
+// Numbers for people: three significant digits, at most three decimals, units, a real minus sign.
 
 const kThin = '\u2009';
+const kMostDecimals = 3, kLeast = 0.001;
+const kLeastEpoch_s = 1e8;   // larger times count from 1970
 export const kNone = '\u2013';
 
-/** Three significant digits, with spaces between thousands; 0 is "0". */
+/** Three significant digits, with spaces between thousands; 0 is "0", and less than is shown "< 0.001". */
 export function digits(value, significant = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return kNone;
   if (value === 0) return '0';
   const size = Math.abs(value);
+  if (size < kLeast) return `<${kThin}${kLeast}`;
   const rounded = Number(size.toPrecision(significant));
   const decimals = Math.max(0, significant - 1 - Math.floor(Math.log10(rounded)));
-  return (value < 0 ? '\u2212' : '') + grouped(rounded.toFixed(Math.min(decimals, 6)));
+  return (value < 0 ? '\u2212' : '') + grouped(rounded.toFixed(Math.min(decimals, kMostDecimals)));
 }
 
 /** "12 345.6" with thin spaces between thousands, from 10 000 on. */
@@ -34,10 +37,10 @@ export const area = (m2) => withUnit(m2, 'm²');
 /** Mass of a load: in kg, or in tonnes from 10 t on. */
 export const mass = (kg) => (Math.abs(kg ?? 0) >= 9999.5 ? withUnit(kg / 1000, 't') : withUnit(kg, 'kg'));
 
-/** Signed volume: + is fill. Below half a litre it is 0. */
+/** Signed volume: + is fill. */
 export function signedVolume(m3) {
   if (m3 === null || m3 === undefined) return kNone;
-  return (m3 > 0 ? '+' : '') + volume(m3);
+  return (m3 >= kLeast ? '+' : '') + volume(m3);
 }
 
 /** A length in a unit of suitable size. */
@@ -63,10 +66,10 @@ export function coordinate(metres, decimals = 2) {
 export const percent = (share) =>
   share === null || share === undefined ? kNone : `${(100 * share).toFixed(0)}${kThin}%`;
 
-/** Time of a site; times since 1970 become date and time of day. */
+/** Time of a site; seconds since 1970 become the date and time of day of this computer's time zone. */
 export function time(seconds) {
   if (seconds === null || seconds === undefined) return kNone;
-  if (seconds > 1e9) {
+  if (seconds > kLeastEpoch_s) {
     return new Date(seconds * 1000).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'medium'});
   }
   const negative = seconds < 0 ? '\u2212' : '';

@@ -7,8 +7,23 @@ import * as format from './format.js';
 
 const kMost = 10000;       // positions of the slider
 const kWhileMoving_ms = 250;
+const kLongestGap_s = 10 * 365.25 * 86400, kDay_s = 86400;
 
 const icon = (d) => svg('svg', {viewBox: '0 0 20 20', 'aria-hidden': 'true'}, svg('path', {d}));
+
+/**
+ * Where the slider begins. A clock that was first at 0 and then counts from 1970 would leave all of
+ * the work at the slider's end, so it begins after such a gap, or the last day if no time after the
+ * gap but the end is known.
+ * @param {{from: number, to: number, snapshots: number[]}} times
+ */
+export function sliderStart({from, to, snapshots}) {
+  const all = [from, ...snapshots.filter((t) => t > from && t < to), to];
+  const gaps = all.slice(1).map((t, i) => t - all[i]), largest = Math.max(...gaps);
+  if (!(largest > kLongestGap_s)) return from;
+  const first = all[gaps.indexOf(largest) + 1];
+  return first < to ? first : to - kDay_s;
+}
 
 export class Timeline {
   times = null;
@@ -37,6 +52,7 @@ export class Timeline {
     this.now = h('output', {id: 'time-now'});
     this.liveButton = button(live ? 'Show the ground as it is now' : 'Show the end', live ? 'Live' : 'End', () => this.show(null), 'l');
     this.compare = button('Changes from this time on', 'Compare', () => this.toggleAgainst(), 'a');
+    this.compare.id = 'compare';
     element.replaceChildren(this.before, h('div', {class: 'slider'}, this.input, this.ticks), this.after, this.now, this.compare, this.liveButton);
   }
 
@@ -48,18 +64,19 @@ export class Timeline {
                  times.snapshots.length === this.times.snapshots.length;
     this.times = times;
     if (same) return;
+    this.start = sliderStart(times);
     if (document.activeElement !== this.input || this.time === null) this.#place();
     this.#drawTicks();
   }
 
   #share(time) {
-    const {from, to} = this.times;
-    return to > from ? Math.min(1, Math.max(0, (time - from) / (to - from))) : 1;
+    const {start, times: {to}} = this;
+    return to > start ? Math.min(1, Math.max(0, (time - start) / (to - start))) : 1;
   }
 
   #drawTicks() {
     const {snapshots} = this.times, most = 200, every = Math.ceil(snapshots.length / most);
-    const ticks = snapshots.filter((_, i) => i % every === 0).map((t) => h('i', {style: `left:${100 * this.#share(t)}%`}));
+    const ticks = snapshots.filter((t, i) => i % every === 0 && t >= this.start).map((t) => h('i', {style: `left:${100 * this.#share(t)}%`}));
     if (this.against !== null) ticks.push(h('b', {style: `left:${100 * this.#share(this.against)}%`}));
     this.ticks.replaceChildren(...ticks);
   }
@@ -77,13 +94,14 @@ export class Timeline {
     this.liveButton.setAttribute('aria-pressed', String(this.time === null));
     this.compare.setAttribute('aria-pressed', String(this.against !== null));
     setText(this.compare, this.against === null ? 'Compare' : `Since ${format.time(this.against)} ×`);
-    this.compare.title = this.against === null ? 'Changes from this time on' : 'Changes since before digging';
-    this.compare.setAttribute('aria-label', this.against === null ? 'Changes from this time on' : `Changes are since ${format.time(this.against)}; show all since before digging`);
+    const label = this.against === null ? 'Changes from this time on' : `Changes are since ${format.time(this.against)}; show all since before digging`;
+    this.compare.title = label;
+    this.compare.setAttribute('aria-label', label);
   }
 
   #moved(done) {
-    const {from, to} = this.times, at = this.input.valueAsNumber / kMost;
-    let time = from + at * (to - from);
+    const {start, times: {to}} = this, at = this.input.valueAsNumber / kMost;
+    let time = start + at * (to - start);
     const near = this.times.snapshots.find((t) => Math.abs(this.#share(t) - at) < 0.004);   // snapshots load fast
     if (near !== undefined) time = near;
     this.time = at >= 1 ? null : Number(time.toFixed(3));
