@@ -285,6 +285,28 @@ test('what machines dig arrives as it is dug, also after the server was killed',
   }
 });
 
+test('a server that falls silent is said to be lost within 5 s, and found again', options, async () => {
+  const server = await site.serve(...live(), '--port', '0');
+  try {
+    const {page, close} = await site.open(browser, server.url);
+    const state = (name) => page.waitForSelector(`#connection[data-state=${name}]`);
+    await state('live');
+    server.signal('SIGSTOP');
+    const begin = performance.now();
+    await state('lost');
+    const took_s = (performance.now() - begin) / 1000;
+    assert.ok(took_s > 2 && took_s < 5, `${took_s} s`);
+    assert.ok(await page.locator('#notice').isVisible());
+    server.signal('SIGCONT');
+    await state('live');
+    assert.ok(await page.locator('#notice').isHidden());
+    await close();
+  } finally {
+    server.signal('SIGCONT');
+    await server.stop();
+  }
+});
+
 test('a clock that was at 0 first and then counts from 1970 has a slider over the latter', options, async () => {
   const server = await site.serve(...live(), '--port', '0'), now = 1.7e9;
   try {

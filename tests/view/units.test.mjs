@@ -222,3 +222,88 @@ test('a tag is in the picture, beside what lies over it, and no farther from its
   assert.deepEqual(placeTag([500, 500], size, picture, [{left: 0, top: 0, right: 360, bottom: 400}]), [300, 400], 'no room beside it: in the picture');
 });
 
+/** The link with a socket and a clock of the test; `answering` is the server's HTTP. */
+async function linked(t, answering) {
+  const said = [], sockets = [], timers = [];
+  let now = 0;
+  const every = (repeat) => (call, ms) => timers.push({call, at: now + ms, ms: repeat ? ms : Infinity});
+  class Socket {
+    static OPEN = 1;
+    constructor() { sockets.push(this); }
+    readyState = 0;
+    closed = false;
+    open() {
+      this.readyState = 1;
+      this.onopen();
+    }
+    close() { this.closed = true; }   // the peer never answers it
+  }
+  const asked = [];
+  const globals = {
+    setInterval: every(true), setTimeout: every(false), clearTimeout: (n) => { if (n) timers[n - 1].at = Infinity; },
+    WebSocket: Socket, location: new URL('http://site/'), addEventListener: () => {},
+    fetch: async (url) => {
+      asked.push(url.pathname);
+      if (!answering()) throw new Error('silence');
+      return {ok: true};
+    },
+  };
+  const saved = Object.fromEntries(Object.keys(globals).map((name) => [name, globalThis[name]]));
+  Object.assign(globalThis, globals);
+  t.after(() => Object.assign(globalThis, saved));
+  const {Link} = await import('../../tools/view/src/link.js');
+  const link = new Link({text: () => said.push('text'), binary: () => said.push('binary'), opened: () => said.push('opened'), lost: () => said.push('lost')});
+  const pass = async (seconds, each = () => {}) => {
+    for (let i = 0; i < 2 * seconds; ++i) {
+      each(i / 2);
+      now += 500;
+      for (const timer of timers) {
+        if (timer.at > now) continue;
+        timer.at += timer.ms;
+        timer.call();
+      }
+      await new Promise((done) => setImmediate(done));
+    }
+  };
+  return {link, said, sockets, asked, pass};
+}
+
+test('a silent server is lost within 5 s, whatever becomes of its socket', async (t) => {
+  const {said, sockets, pass} = await linked(t, () => false);
+  sockets[0].open();
+  await pass(3, () => sockets[0].onmessage({data: '{}'}));
+  assert.ok(!said.includes('lost'));
+  await pass(4.5);
+  assert.deepEqual(said.slice(-1), ['lost']);
+  assert.ok(sockets[0].closed && sockets[0].onmessage === null);
+  await pass(1);
+  assert.equal(sockets.length, 2, 'it tries again');
+  sockets[1].open();
+  assert.deepEqual(said.slice(-1), ['opened']);
+});
+
+test('a connection that carries a long message is not lost, and one that never brings it is', async (t) => {
+  const {said, sockets, asked, pass} = await linked(t, () => true);
+  sockets[0].open();
+  await pass(10, (at) => { if (at % 1 === 0) sockets[0].onmessage({data: '{}'}); });
+  assert.deepEqual(asked, [], 'nothing is asked while messages come');
+  await pass(25);
+  assert.ok(!said.includes('lost') && asked.length > 5);
+  sockets[0].onmessage({data: new ArrayBuffer(0)});
+  await pass(25);
+  assert.ok(!said.includes('lost'));
+  await pass(6);
+  assert.deepEqual(said.slice(-1), ['lost']);
+});
+
+test('an attempt that hangs is given up, or replaced on request', async (t) => {
+  const {link, said, sockets, pass} = await linked(t, () => false);
+  await pass(29);
+  assert.deepEqual(said, []);
+  link.retry();
+  assert.ok(sockets[0].closed);
+  assert.equal(sockets.length, 2);
+  await pass(31);
+  assert.deepEqual(said, ['lost']);
+});
+

@@ -45,5 +45,14 @@ export async function refusal() {
   }
 }
 
+/** Whether the server answers a small query in time. */
+export async function answers(within_ms) {
+  try {
+    return (await fetch(address('/machines.csv'), {cache: 'no-store', signal: AbortSignal.timeout(within_ms)})).ok;
+  } catch {
+    return false;
+  }
+}
+
 export const getJson = async (path, query) => (await get(path, query)).json();
 export const getBytes = async (path, query) => (await get(path, query)).arrayBuffer();

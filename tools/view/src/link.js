@@ -2,16 +2,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The WebSocket to the server. After a failure it reconnects after 1, 2, 4 s and so on, at most 30
 // s; at once when the browser is online again, or on request.
-import {address} from './api.js';
+import {address, answers} from './api.js';
 
 const kLongest_s = 30;
-const kSilence_ms = 8000;   // the server sends a message each second
+const kTick_ms = 500;
+const kAsk = 4, kSilent = 8;   // ticks without a sign of life; the server sends a message each second
+const kLongestMessage = 60;    // ticks until a message is here, or until the connection opens
 
 export class Link {
   #socket = null;
   #tries = 0;
   #timer = null;
-  #heard = 0;
+  // In ticks, not time: a page that was busy or asleep did not listen meanwhile.
+  #quiet = 0;    // since the last sign of life
+  #waited = 0;   // since the last message
 
   /**
    * @param {Object} on text(message), binary(buffer), opened(), and lost(seconds) with the time
@@ -20,9 +24,7 @@ export class Link {
   constructor(on) {
     this.on = on;
     addEventListener('online', () => this.retry());
-    setInterval(() => {
-      if (this.open && performance.now() - this.#heard > kSilence_ms) this.#socket.close();
-    }, 2000);
+    setInterval(() => this.#listen(), kTick_ms);
     this.#connect();
   }
 
@@ -38,7 +40,8 @@ export class Link {
 
   /** Connects now. */
   retry() {
-    if (this.#socket !== null) return;
+    if (this.open) return;
+    this.#drop();
     clearTimeout(this.#timer);
     this.#connect();
   }
@@ -48,23 +51,50 @@ export class Link {
     url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
     const socket = new WebSocket(url);
     this.#socket = socket;
+    this.#quiet = this.#waited = 0;
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
-      this.#heard = performance.now();
+      this.#quiet = this.#waited = 0;
       this.on.opened();
     };
     socket.onmessage = ({data}) => {
-      this.#heard = performance.now();
-      this.#tries = 0;
+      this.#quiet = this.#waited = this.#tries = 0;
       if (typeof data === 'string') this.on.text(JSON.parse(data));
       else this.on.binary(data);
     };
-    socket.onclose = () => {
-      if (this.#socket !== socket) return;
-      this.#socket = null;
-      const wait_s = Math.min(kLongest_s, 2 ** this.#tries++);
-      this.#timer = setTimeout(() => this.#connect(), 1000 * wait_s);
-      this.on.lost(wait_s);
-    };
+    socket.onclose = () => this.#lost();
+  }
+
+  /**
+   * The browser hands over a message only when all of it is here, which takes a slow connection
+   * long. A silent server is therefore asked by HTTP, too.
+   */
+  #listen() {
+    const socket = this.#socket;
+    if (socket === null) return;
+    ++this.#quiet;
+    ++this.#waited;
+    if (this.open && this.#quiet === kAsk) {
+      answers((kSilent - kAsk) * kTick_ms).then((alive) => {
+        if (alive && socket === this.#socket) this.#quiet = 0;
+      });
+    }
+    if ((this.open && this.#quiet >= kSilent) || this.#waited >= kLongestMessage) this.#lost();
+  }
+
+  /** Closes without waiting for the peer, whose answer to the close may never come. */
+  #drop() {
+    const socket = this.#socket;
+    this.#socket = null;
+    if (socket === null) return;
+    socket.onopen = socket.onmessage = socket.onclose = null;
+    socket.close();
+  }
+
+  #lost() {
+    this.#drop();
+    const wait_s = Math.min(kLongest_s, 2 ** this.#tries++);
+    this.#timer = setTimeout(() => this.#connect(), 1000 * wait_s);
+    this.on.lost(wait_s);
   }
 }
