@@ -326,6 +326,26 @@ test('a clock that was at 0 first and then counts from 1970 has a slider over th
   }
 });
 
+test('level ground on a contour has one colour', options, async () => {
+  const server = await site.serve(...live(), '--port', '0');   // at 2 m, with a line every 10 cm
+  try {
+    const {page, said, close} = await site.open(browser, server.url, {deviceScaleFactor: 1});
+    await page.selectOption('[aria-label="Colour by"]', 'height');
+    for (const key of ['f', 't']) {
+      await page.keyboard.press(key);
+      await site.drawn(page);
+      await site.settled(page);
+      const pixels = await site.pixelsIn(page, {x: 200, y: 250, width: 150, height: 100});
+      const most = (channel) => pixels.reduce((a, p) => Math.max(a, p[channel]), 0), least = (channel) => pixels.reduce((a, p) => Math.min(a, p[channel]), 255);
+      for (const channel of [0, 1, 2]) assert.ok(most(channel) - least(channel) <= 2, `${least(channel)} to ${most(channel)} after ${key}`);
+    }
+    assert.deepEqual(said, []);
+    await close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test('without the token the page says that it wants one', options, async () => {
   const server = await site.serve(...live(), '--port', '0');
   const context = await browser.newContext();

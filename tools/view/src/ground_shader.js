@@ -11,6 +11,8 @@ uniform bool patterns;
 uniform vec3 sun;
 
 const vec3 kSoil = vec3(0.79, 0.725, 0.63);
+const float kHalfUnit_m = 0.0005, kUnit_m = 0.001;         // changes are in mm
+const float kChangeSlope = 0.02, kLevelSlope = 0.0005;   // 1 mm and 0.025 mm in a voxel of 5 cm
 const vec3 kSection = vec3(0.50, 0.40, 0.31), kSectionDark = vec3(0.43, 0.335, 0.26);
 
 vec3 ramp(int row, float share) {
@@ -22,6 +24,15 @@ float lines(float value, float step_size, float width_px) {
   float u = value / step_size, w = fwidth(u);
   float off = abs(fract(u - 0.5) - 0.5) / max(w, 1e-6);
   return (1.0 - smoothstep(width_px - 0.5, width_px + 0.5, off)) * (1.0 - smoothstep(0.15, 0.4, w));
+}
+
+// Lines at the multiples of a step of a height. Where the height does not vary there is none: on
+// ground exactly at a multiple, rounding errors would decide for each pixel.
+// @param least_slope the height's errors, per metre
+float height_lines(vec3 at, float height, float step_size, float least_slope) {
+  float rise = fwidth(height), run = length(fwidth(at.xy));
+  float sloping = smoothstep(least_slope, 2.0 * least_slope, rise / max(run, 1e-9)) * step(1e-6 * abs(height), rise);
+  return lines(height, step_size, 0.7) * sloping;
 }
 
 // Loose soil is drawn as clods, as in soilvdb's pictures, so that no colour is needed. Their
@@ -48,24 +59,25 @@ vec3 marked(vec3 color, bool cut) {
 
 // @param change_m above (+) or below (-) the reference of the colours
 // @param known    whether there is a reference
-vec3 signed_color(vec3 soil, float change_m, bool known) {
+vec3 signed_color(vec3 at, vec3 soil, float change_m, bool known) {
   if (!known) return mix(soil, vec3(0.5), 0.6);
   float size = abs(change_m);
-  if (size < dead_m) return soil;
+  if (size < dead_m - kHalfUnit_m) return soil;
   bool cut = mode == 4 ? change_m > 0.0 : change_m < 0.0;   // ground above the design must be cut
   vec3 color = mix(soil, ramp(cut ? 0 : 1, size / most_m), 0.75 + 0.25 * min(1.0, 4.0 * size / most_m));
-  color *= 1.0 - 0.22 * lines(change_m, step_m, 0.7);
+  color *= 1.0 - 0.22 * height_lines(at, change_m, step_m, kChangeSlope);
   return patterns ? marked(color, cut) : color;
 }
 
-vec3 colored(vec3 at, float change_m, bool known, float loose, vec3 normal) {
+// @param above_low_m height above low_m: the scene's heights are too large for exact differences
+vec3 colored(vec3 at, float above_low_m, float change_m, bool known, float loose, vec3 normal) {
   vec3 soil = kSoil * (1.0 - 0.07 * max(lines(at.x, grid_m, 0.6), lines(at.y, grid_m, 0.6)));
   vec3 color = soil;
-  if (mode == 0 || mode == 4) color = signed_color(soil, change_m, known);
-  if (mode == 1 && -change_m >= max(dead_m, 1e-4)) color = ramp(2, -change_m / most_m);
+  if (mode == 0 || mode == 4) color = signed_color(at, soil, change_m, known);
+  if (mode == 1 && -change_m >= max(dead_m, kUnit_m) - kHalfUnit_m) color = ramp(2, -change_m / most_m);
   if (mode == 2) {
-    color = ramp(3, (at.z - low_m) / (high_m - low_m));
-    color *= 1.0 - 0.3 * lines(at.z, contour_m, 0.7);
+    color = ramp(3, above_low_m / (high_m - low_m));
+    color *= 1.0 - 0.3 * height_lines(at, above_low_m + contour_m * fract(low_m / contour_m), contour_m, kLevelSlope);
   }
   if (mode == 3) color = mix(soil, ramp(4, loose), step(0.02, loose));
   return lit(clods(color, at, normal, loose), normal);
@@ -108,7 +120,8 @@ attribute float above;         // height above the design; -1e9: unknown
 uniform float spacing_m, voxel_m;
 uniform vec3 tile_fraction;    // position of the tile's corner within its voxel
 varying vec3 scene_at, normal_at, voxel_at;
-varying float wall, above_m, unknown;
+uniform float low_m;
+varying float above_low_m, wall, above_m, unknown;
 void main() {
   unknown = above < -1e8 ? 1.0 : 0.0;
   above_m = unknown > 0.5 ? 0.0 : above;
@@ -116,6 +129,7 @@ void main() {
   voxel_at = local / voxel_m + tile_fraction;
   vec4 at = modelMatrix * vec4(local, 1.0);
   scene_at = at.xyz;
+  above_low_m = at.z - low_m;
   normal_at = facing.xyz;
   wall = facing.w;
   gl_Position = projectionMatrix * modelViewMatrix * vec4(local, 1.0);
@@ -125,7 +139,7 @@ export const kTerrainFragment = kColouring + kResident + /* glsl */ `
 uniform ivec3 tile_voxel;      // voxel of the tile's corner; an integer, because floats have 24 bits
 uniform float reach;           // largest distance of the triangles from the ground, voxels
 varying vec3 scene_at, normal_at, voxel_at;
-varying float wall, above_m, unknown;
+varying float above_low_m, wall, above_m, unknown;
 const float kOverlap = 1.0;
 
 bool covered(ivec2 column, int bottom, int top) {
@@ -152,7 +166,7 @@ void main() {
     gl_FragColor = vec4(lit(mix(kSection, kSectionDark, layers), normal), 1.0);
   } else {
     // Interpolates only if all corners of the triangle are known.
-    gl_FragColor = vec4(colored(scene_at, mode == 4 ? above_m : 0.0, mode != 4 || unknown < 1e-3, 0.0, normal), 1.0);
+    gl_FragColor = vec4(colored(scene_at, above_low_m, mode == 4 ? above_m : 0.0, mode != 4 || unknown < 1e-3, 0.0, normal), 1.0);
   }
 }`;
 
@@ -161,8 +175,9 @@ export const kBlockVertex = /* glsl */ `
 attribute vec3 facing;
 attribute float change, design, loose;
 uniform int mode;
+uniform float low_m;
 varying vec3 scene_at, normal_at;
-varying float change_m, unknown, loose_at;
+varying float above_low_m, change_m, unknown, loose_at;
 void main() {
   float value = mode == 4 ? design : change;
   unknown = value < -32767.5 ? 1.0 : 0.0;
@@ -170,13 +185,14 @@ void main() {
   loose_at = loose;
   normal_at = facing;
   scene_at = (modelMatrix * vec4(position, 1.0)).xyz;
+  above_low_m = scene_at.z - low_m;
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }`;
 
 export const kBlockFragment = kColouring + /* glsl */ `
 varying vec3 scene_at, normal_at;
-varying float change_m, unknown, loose_at;
+varying float above_low_m, change_m, unknown, loose_at;
 void main() {
   vec3 normal = normalize(normal_at) * (gl_FrontFacing ? 1.0 : -1.0);
-  gl_FragColor = vec4(colored(scene_at, change_m, unknown < 0.5, loose_at, normal), 1.0);
+  gl_FragColor = vec4(colored(scene_at, above_low_m, change_m, unknown < 0.5, loose_at, normal), 1.0);
 }`;
