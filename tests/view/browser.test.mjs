@@ -238,11 +238,11 @@ machines:
 let runs = 0;
 
 /** Feeds a scoop from x to x + 1 m at a depth; from the page, as a machine would. */
-const scoop = (page, begin_s, x, y, depth_m) => page.evaluate(([t, x0, y0, d]) => new Promise((resolve, reject) => {
+const scoop = (page, begin_s, x, y, depth_m, machine = 'digger') => page.evaluate(([t, x0, y0, d, name]) => new Promise((resolve, reject) => {
   const feed = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}feed?token=sesame`), states = [];
   for (let i = 0; i <= 20; ++i) {
     const z = 2 + (i < 4 ? 0.2 - (i / 4) * (0.2 + d) : i > 16 ? -d + ((i - 16) / 4) * (d + 0.3) : -d);
-    states.push({machine: 'digger', time: t + i / 10, position: [x0 + i / 20, y0, z], rotation: [0, Math.sin(-0.15), 0, Math.cos(-0.15)]});
+    states.push({machine: name, time: t + i / 10, position: [x0 + i / 20, y0, z], rotation: [0, Math.sin(-0.15), 0, Math.cos(-0.15)]});
   }
   let answers = 0;
   feed.onopen = () => states.forEach((s) => feed.send(JSON.stringify(s)));
@@ -253,7 +253,7 @@ const scoop = (page, begin_s, x, y, depth_m) => page.evaluate(([t, x0, y0, d]) =
       resolve(JSON.parse(data));
     }
   };
-}), [begin_s, x, y, depth_m]);
+}), [begin_s, x, y, depth_m, machine]);
 
 test('what machines dig arrives as it is dug, also after the server was killed', options, async () => {
   let args = live(), server = await site.serve(...args, '--port', '0');
@@ -283,6 +283,165 @@ test('what machines dig arrives as it is dug, also after the server was killed',
   } finally {
     await server.stop();
   }
+});
+
+const kNames = ['north excavator of the western pit', 'dozer 2', 'wheel loader number three', 'digger'];
+const yard = () => {
+  const machine = (name) => `  - {name: ${name}, bucket: {width: 0.8, height: 0.6, profile: [[0, 0], [-0.3, -0.05], [-0.6, 0.4], [0, 0.6]]}}`;
+  fs.writeFileSync(path.join(work, 'yard.yaml'), `soilvdb: 1
+name: gravel pit of the northern bypass, lot 3
+voxel_size: 0.05
+terrain: {plane: {z: 2.0}}
+soil: {repose_angle: 0.61}
+machines:
+${kNames.map(machine).join('\n')}
+`);
+  return [path.join(work, 'yard.yaml'), '--out', path.join(work, `live${++runs}`), '--token', 'sesame'];
+};
+
+/** What covers or is cut in a page: controls and panels that intersect, words out of their buttons, small targets for fingers. */
+const untidy = (page, least_px) => page.evaluate((least) => {
+  const found = [], visible = (e) => e.checkVisibility({visibilityProperty: true}) && e.getBoundingClientRect().width > 0;
+  const name = (e) => e.id || e.getAttribute('aria-label') || e.getAttribute('class') || e.tagName;
+  const boxOf = (e) => {   // what is to be seen of it
+    let {left, top, right, bottom} = e.getBoundingClientRect();
+    for (let p = e.parentElement; p; p = p.parentElement) {
+      if (getComputedStyle(p).overflow === 'visible') continue;
+      const box = p.getBoundingClientRect();
+      [left, top, right, bottom] = [Math.max(left, box.left), Math.max(top, box.top), Math.min(right, box.right), Math.min(bottom, box.bottom)];
+    }
+    return {left, top, right, bottom};
+  };
+  const controls = [...document.querySelectorAll('button, select, input, summary, #menu-list a')].filter(visible);
+  const parts = [...controls, ...[...document.querySelectorAll('.bar, #stage, #panel, #time, .tabs, .rail, .note, #legend, #readout, .card, h1, .chip, #time-now, circle[r="9"]')].filter(visible)];
+  const boxes = parts.map(boxOf);
+  parts.forEach((a, i) => {
+    for (let k = i + 1; k < parts.length; ++k) {
+      const b = parts[k], p = boxes[i], q = boxes[k];
+      if (a.contains(b) || b.contains(a)) continue;
+      const [w, h] = [Math.min(p.right, q.right) - Math.max(p.left, q.left), Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top)];
+      if (w > 0.5 && h > 0.5) found.push(`${name(a)} and ${name(b)} intersect by ${w} x ${h}`);
+    }
+  });
+  for (const e of controls) {
+    e.scrollIntoView({block: 'nearest', inline: 'nearest'});
+    const box = e.getBoundingClientRect(), at = document.elementFromPoint((box.left + box.right) / 2, (box.top + box.bottom) / 2);
+    if (getComputedStyle(e).pointerEvents !== 'none' && !(e.contains(at) || at?.contains(e) && at.tagName === 'LABEL')) found.push(`${name(e)} cannot be reached: ${at && name(at)}`);
+    const target = (e.closest('label') ?? e).getBoundingClientRect();
+    if (Math.min(target.width, target.height) < least - 0.5) found.push(`${name(e)} is ${target.width} x ${target.height}`);
+    for (const child of e.children) {
+      const inner = child.getBoundingClientRect();
+      if (visible(child) && (inner.left < box.left - 1 || inner.right > box.right + 1 || inner.bottom > box.bottom + 1)) found.push(`${child.textContent} is wider than ${name(e)}`);
+    }
+    for (const cut of [e, ...e.querySelectorAll('span')]) {
+      if (visible(cut) && (cut.scrollWidth > cut.clientWidth + 1 || cut.scrollHeight > cut.clientHeight + 1) && cut.clientWidth > 0 && !cut.closest('[title]')) found.push(`${cut.textContent} is cut`);
+    }
+  }
+  if (document.documentElement.scrollWidth > innerWidth) found.push(`the page is ${document.documentElement.scrollWidth} wide`);
+  return found;
+}, least_px);
+
+for (const [kind, sizes, touch] of [
+  ['screens', [[640, 400], [720, 450], [1024, 700], [1440, 900], [3840, 2160]], false],
+  ['phones and tablets', [[360, 640], [390, 844], [844, 390], [768, 1024], [1024, 768]], true],
+]) {
+  looking(`nothing covers anything on ${kind}, and all controls can be reached`, yard, async (page) => {
+    for (const [i, machine] of kNames.slice(0, 3).entries()) await scoop(page, 100 * i, 0.3 * i, 0.4 * i, 0.3, machine);
+    await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
+    await page.evaluate(() => { document.querySelector('#legend details').open = true; });
+    for (const [width, height] of sizes) {
+      await page.setViewportSize({width, height});
+      const tidy = async (when) => {
+        await site.drawn(page);
+        assert.deepEqual(await untidy(page, touch ? 40 : 0), [], `at ${width} x ${height} ${when}`);
+      };
+      await page.evaluate(() => document.querySelector('[data-tab][aria-pressed=true]')?.click());
+      await page.click('#work');
+      await site.settled(page);
+      await tidy('at first');
+      await page.evaluate(() => { document.querySelector('#notice').hidden = document.querySelector('#notice-do').hidden = false; document.querySelector('#notice-text').textContent = 'No connection to the site. Trying again in 30 s.'; });
+      await tidy('without a connection');
+      await page.evaluate(() => { document.querySelector('#notice').hidden = true; });
+      await page.click('[data-tool=boundary]');
+      await page.focus('#canvas');
+      await page.keyboard.press('Space');
+      await tidy('with a point');
+      await page.keyboard.press('Escape');
+      await page.keyboard.press('h');
+      for (let n = 0; n < 2; ++n) {   // two letters at one place
+        await site.answerTo(page, '/height', () => page.keyboard.press('Space'));
+      }
+      await page.keyboard.press('v');
+      await tidy('with measures');
+      await page.keyboard.press('a');
+      if (await page.locator('[data-tab=machines]').isVisible()) await page.click('[data-tab=machines]');
+      await page.click('.machine >> nth=0');
+      await tidy('with machines');
+      await page.keyboard.press('a');
+      await page.click('.machine >> nth=0');
+      while (await page.locator('.card').count() > 0) await page.evaluate(() => document.querySelector('[aria-label^=Remove]').click());
+    }
+  }, touch ? {hasTouch: true, isMobile: true} : {});
+}
+
+looking('a finger draws a boundary, takes a point back and ends it', yard, async (page) => {
+  await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.tap('#work');
+  await site.settled(page);
+  await page.tap('[data-tool=boundary]');
+  assert.ok(await page.locator('#undo').isHidden());
+  const {width, height, x, y} = await page.locator('#canvas').boundingBox();
+  const points = (n) => page.waitForFunction((all) => document.querySelectorAll('#marks circle').length === all, n);
+  for (const [i, [u, v]] of [[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]].entries()) {
+    await page.touchscreen.tap(x + u * width, y + v * height);
+    await points(i + 1);
+    assert.equal(await page.locator('#done').isEnabled(), i >= 2);
+  }
+  await page.tap('#undo');
+  await points(3);
+  const {query} = await site.answerTo(page, '/volume', () => page.tap('#done'));
+  assert.equal(query.get('boundary').split(',').length, 6);
+  assert.ok(await page.locator('#undo').isHidden());
+}, {viewport: {width: 390, height: 844}, hasTouch: true, isMobile: true});
+
+looking('keys alone move the picture, measure, and read a section', yard, async (page) => {
+  await scoop(page, 0, 0, 0, 0.3, kNames[3]);
+  await page.keyboard.press('g');
+  await site.settled(page);
+  const place = () => page.evaluate(() => [[0, 0, 2], [1, 0, 2], [0, 1, 2]].map((p) => window.soilvdb.project(p)));
+  /** Holds a key until the picture has moved. */
+  const hold = async (key, shift = false) => {
+    const before = await place();
+    if (shift) await page.keyboard.down('Shift');
+    await page.keyboard.down(key);
+    await page.waitForFunction(([x, y]) => Math.hypot(window.soilvdb.project([0, 0, 2])[0] - x, window.soilvdb.project([1, 0, 2])[1] - y) > 12, [before[0][0], before[1][1]]);
+    await page.keyboard.up(key);
+    if (shift) await page.keyboard.up('Shift');
+  };
+  await page.keyboard.press('b');   // the picture has the focus now
+  assert.ok(await page.locator('#crosshair').isVisible());
+  await page.waitForFunction(() => /E .*N .*height/.test(document.querySelector('#position').textContent));
+  await page.keyboard.press('Space');
+  await hold('ArrowRight');
+  await page.keyboard.press('Enter');
+  await hold('ArrowUp');
+  await page.keyboard.press('Space');
+  const {query} = await site.answerTo(page, '/volume', () => page.keyboard.press('Enter'));
+  assert.equal(query.get('boundary').split(',').length, 6);
+  for (const [key, shift] of [['ArrowLeft', true], ['ArrowUp', true], ['+', false], ['-', false]]) await hold(key, shift);
+  await page.keyboard.press('s');
+  await page.keyboard.press('Enter');
+  await hold('ArrowLeft');
+  await site.answerTo(page, '/section', () => page.keyboard.press('Enter'));
+  await page.waitForSelector('svg.chart');
+  for (let n = 0; n < 60 && !(await page.evaluate(() => document.activeElement.matches('svg.chart'))); ++n) await page.keyboard.press('Tab');
+  await page.keyboard.press('ArrowRight');
+  assert.match(await page.locator('.card[data-kind=section] .keys').textContent(), /^at /);
+  await page.keyboard.press('t');   // at once, because this browser asks for less motion
+  await site.drawn(page);
+  const there = await place();
+  await site.drawn(page);
+  assert.deepEqual(await place(), there);
 });
 
 test('a server that falls silent is said to be lost within 5 s, and found again', options, async () => {

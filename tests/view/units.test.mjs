@@ -9,7 +9,7 @@ import {decodeBlock, inflate} from '../../tools/view/src/decode.js';
 import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
 import {sectionAreas} from '../../tools/view/src/section_chart.js';
-import {placeTag} from '../../tools/view/src/tag_place.js';
+import {boxOf, placeTag} from '../../tools/view/src/tag_place.js';
 import {sliderStart} from '../../tools/view/src/timeline.js';
 
 /** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
@@ -219,7 +219,21 @@ test('a tag is in the picture, beside what lies over it, and no farther from its
   assert.deepEqual(beside(80, 200, 0, 0, 100, 400), [164, 200], 'right of');
   assert.deepEqual(beside(280, 200, 260, 0, 360, 400), [196, 200], 'left of');
   assert.deepEqual(beside(180, 300, 0, 300, 360, 400), [180, 300], 'it may touch what is below it');
-  assert.deepEqual(placeTag([500, 500], size, picture, [{left: 0, top: 0, right: 360, bottom: 400}]), [300, 400], 'no room beside it: in the picture');
+  assert.equal(placeTag([500, 500], size, picture, [{left: 0, top: 0, right: 360, bottom: 400}]), null, 'no room beside it');
+});
+
+test('tags of many machines at one place lie beside each other, and are soon placed', () => {
+  const picture = {width: 1400, height: 800}, size = {width: 120, height: 24}, boxes = [], begin = performance.now();
+  for (let n = 0; n < 150; ++n) {
+    const place = placeTag([700, 400], size, picture, boxes);
+    assert.ok(place);
+    boxes.push(boxOf(place, size));
+  }
+  assert.ok(performance.now() - begin < 2000);
+  for (const [i, a] of boxes.entries()) {
+    assert.ok(a.left >= 0 && a.top >= 0 && a.right <= 1400 && a.bottom <= 800);
+    for (const b of boxes.slice(i + 1)) assert.ok(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top);
+  }
 });
 
 /** The link with a socket and a clock of the test; `answering` is the server's HTTP. */

@@ -20,7 +20,7 @@ export class Controls {
     this.buttons = Object.entries(kTools).map(([tool, {name, key}]) => {
       const button = h('button', {
         type: 'button', role: 'radio', 'data-tool': tool, 'aria-checked': 'false', 'aria-keyshortcuts': key,
-        title: `${name} (${key.toUpperCase()})`, onclick: () => this.choose(tool),
+        title: `${name} (${key.toUpperCase()})`, onclick: (event) => this.choose(tool, event.detail === 0),
       }, svg('svg', {viewBox: '0 0 24 24', 'aria-hidden': 'true'}, svg('path', {d: kIcons[tool]})), h('span', {}, name));
       $('tools').append(button);
       return button;
@@ -32,9 +32,12 @@ export class Controls {
     $('above').onclick = () => this.above();
     $('whole').onclick = () => this.fitSite();
     $('work').onclick = () => this.fitWork();
+    $('undo').onclick = () => this.measures.undo();
+    $('done').onclick = () => this.#finish();
   }
 
-  choose(tool) {
+  /** @param {boolean} byKeys then the cross in the middle places points */
+  choose(tool, byKeys = false) {
     this.measures.choose(tool);
     $('stage').dataset.tool = tool;
     for (const button of this.buttons) {
@@ -42,6 +45,17 @@ export class Controls {
       button.tabIndex = 0;
     }
     hint(kTools[tool].hint);
+    if (byKeys && tool !== 'look') this.sceneView.canvas.focus();
+    this.hovered = false;
+  }
+
+  /** Buttons to undo and end an unfinished measure. */
+  showDraft() {
+    const {draft, tool} = this.measures, {least, most} = kTools[tool];
+    $('draft').hidden = draft.length === 0;
+    $('done').hidden = most !== undefined;
+    $('done').disabled = draft.length < least;
+    this.hovered = false;
   }
 
   north() {
@@ -81,6 +95,7 @@ export class Controls {
       this.pointer = null;
       this.hovered = false;
     });
+    for (const type of ['focus', 'blur']) canvas.addEventListener(type, () => { this.hovered = false; });
   }
 
   #pixel(event) {
@@ -106,19 +121,29 @@ export class Controls {
     if (measures.draft.length === 0) this.done();
   }
 
+  /** @return {boolean} whether there were enough points */
   #finish() {
-    if (this.measures.tool === 'boundary' && this.measures.finish()) this.done();
+    if (this.measures.tool !== 'boundary' || !this.measures.finish()) return false;
+    this.done();
+    return true;
   }
 
-  /** Updates the pointer's place on the ground, at most once per frame. */
+  get #crosshair() {
+    const {canvas, width, height} = this.sceneView;
+    return this.measures.tool !== 'look' && canvas.matches(':focus-visible') ? [width / 2, height / 2] : null;
+  }
+
+  /** Updates the place on the ground of the pointer, or of the cross, at most once per frame. */
   hover() {
-    if (this.hovered) return;
+    const {frames} = this.sceneView, at = this.pointer ?? this.#crosshair;
+    if (this.hovered && (this.pointer || !at || this.hoveredFrame === frames)) return;
     this.hovered = true;
-    const p = this.pointer ? this.pick.atPixel(...this.pointer) : null;
+    this.hoveredFrame = frames;
+    const p = at ? this.pick.atPixel(...at) : null, before = this.overlay.cursor;
     this.overlay.cursor = p;
-    const text = p ? this.#world(p) : null;
-    $('position').textContent = text ? `E ${format.coordinate(text[0])}  N ${format.coordinate(text[1])}  height ${format.coordinate(text[2])} m` : '';
-    if (this.measures.draft.length > 0) this.sceneView.changed();
+    const text = p ? ['E ', 'N ', 'height '].map((name, axis) => name + format.coordinate(this.#world(p)[axis])) : [];
+    $('position').replaceChildren(...text.flatMap((part, axis) => [h('span', {}, axis < 2 ? part : `${part} m`), ' ']));
+    if (this.measures.draft.length > 0 && !(p && before?.equals(p)) && p !== before) this.sceneView.changed();
   }
 
   #key(event) {
@@ -126,10 +151,12 @@ export class Controls {
     if (event.ctrlKey || event.metaKey || event.altKey || inField) return;
     const onCanvas = event.target === this.sceneView.canvas, key = event.key;
     const tool = Object.keys(kTools).find((t) => kTools[t].key === key.toLowerCase());
-    if (tool) this.choose(tool);
+    if (onCanvas) this.pointer = null;   // keys move the ground below the cross
+    if (tool) this.choose(tool, true);
     else if (key === 'Escape') this.measures.draft.length > 0 ? this.measures.choose(this.measures.tool) : this.choose('look');
-    else if (key === 'Enter' && onCanvas) this.#finish();
-    else if (key === ' ' && onCanvas) this.#point(this.sceneView.width / 2, this.sceneView.height / 2);
+    else if ((key === 'Enter' || key === ' ') && onCanvas) {
+      if (key === ' ' || !this.#finish()) this.#point(this.sceneView.width / 2, this.sceneView.height / 2);
+    }
     else if (key === 'Backspace') this.measures.undo();
     else if (key === 'n') this.north();
     else if (key === 't') this.above();

@@ -18,7 +18,7 @@ export class MachineTable {
     const body = h('tbody');
     site.machines.forEach((machine, i) => {
       const name = h('button', {
-        class: 'machine', type: 'button', 'aria-pressed': 'false', title: 'Go there and follow; again: stop following',
+        class: 'machine', type: 'button', 'aria-pressed': 'false', title: `${machine.name}: go there and follow; again: stop following`,
         onclick: () => pick(machine.name),
       }, h('span', {class: 'swatch', style: `background:${kMachineColors[i % kMachineColors.length]}`}), h('span', {}, machine.name));
       const row = {

@@ -6,11 +6,10 @@ import {Box3, Group, Quaternion, Vector3} from 'three';
 import {h} from './dom.js';
 import * as format from './format.js';
 import {MachineModel} from './machine_model.js';
-import {placeTag} from './tag_place.js';
+import {boxesOver, boxOf, placeTag} from './tag_place.js';
 
 /** Okabe and Ito's colours, safe for colour-blind people; tags also have the name. */
 export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
-const kOver = ['tools', 'camera', 'legend'];   // elements over the picture that tags must avoid
 const kSmooth_ms = 110;   // states come ten times a second
 
 export class Machines {
@@ -27,7 +26,7 @@ export class Machines {
       const model = new MachineModel(machine, color);
       const bar = h('span', {class: 'gauge-bar'});
       const text = h('span', {class: 'tag-load'});
-      const tag = h('button', {class: 'tag', type: 'button', hidden: true, onclick: () => pick(machine.name)},
+      const tag = h('button', {class: 'tag', type: 'button', hidden: true, title: machine.name, onclick: () => pick(machine.name)},
         h('span', {class: 'swatch', style: `background:${color}`}), h('span', {class: 'tag-name'}, machine.name),
         h('span', {class: 'gauge', 'aria-hidden': 'true'}, bar), text);
       tags.append(tag);
@@ -104,21 +103,22 @@ export class Machines {
     return box.isEmpty() ? null : box;
   }
 
-  /** Places tags above the buckets. */
-  placeTags() {
-    const over = kOver.map((id) => document.getElementById(id)).map((e) => ({
-      left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
+  /** Places tags above the buckets, beside each other. @param {Object[]} letters boxes of the measures' letters */
+  placeTags(letters) {
+    const over = [...boxesOver(), ...letters];
     for (const m of this.#machines) {
       if (!m.at) continue;
       const top = m.at.position.clone();
       top.z += 1.3 * (m.model.machine.height_m ?? 1);
       const px = this.sceneView.project(top);
       const inside = px && px[0] > -40 && px[0] < this.sceneView.width + 40 && px[1] > -20 && px[1] < this.sceneView.height + 20;
-      m.tag.classList.toggle('away', !inside || !this.group.visible);
-      if (!inside) continue;
       // Its sides may lie between pixels, but these are integers.
-      const [x, y] = placeTag(px, {width: m.tag.offsetWidth + 1, height: m.tag.offsetHeight + 1}, this.sceneView, over);
-      m.tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, -100%)`;
+      const size = {width: m.tag.offsetWidth + 1, height: m.tag.offsetHeight + 1};
+      const place = inside && placeTag(px, size, this.sceneView, over);
+      m.tag.classList.toggle('away', !place);
+      if (!place) continue;
+      over.push(boxOf(place, size));
+      m.tag.style.transform = `translate(${place[0].toFixed(1)}px, ${place[1].toFixed(1)}px) translate(-50%, -100%)`;
     }
   }
 

@@ -33,7 +33,7 @@ class Page {
     this.site = site;
     this.link = link;
     document.title = `${site.name} \u00b7 soilvdb`;
-    $('site-name').textContent = site.name;
+    $('site-name').textContent = $('site-name').title = site.name;
     const [xmin, ymin, xmax, ymax] = site.terrain.bounds, round = (v) => 1000 * Math.round(v / 1000);
     // Near the site, so that floats are precise; round, so that grid lines have round coordinates.
     this.origin = [round((xmin + xmax) / 2), round((ymin + ymax) / 2), 0];
@@ -42,6 +42,8 @@ class Page {
     this.sceneView = new SceneView($('canvas'));
     this.sceneView.size_m = this.size_m;
     const changed = () => this.sceneView.changed();
+    const resized = new ResizeObserver(changed);   // tags must avoid what is larger now
+    for (const part of document.querySelectorAll('.notes, .foot, #legend')) resized.observe(part);
     this.uniforms = new GroundUniforms();
     this.uniforms.values.voxel_m.value = site.voxel_size_m;
     this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
@@ -121,8 +123,8 @@ class Page {
   }
 
   afterFrame() {
-    this.machines.placeTags();
     this.overlay.draw();
+    this.machines.placeTags(this.overlay.letters);
     this.uniforms.values.grid_m.value = Math.min(1000, 2 * drawScale(this.sceneView));
     this.fitColours();
   }
@@ -174,6 +176,7 @@ class Page {
 
   measuresChanged() {
     this.cards?.update();
+    this.controls?.showDraft();
     this.sceneView.changed();
   }
 

@@ -93,8 +93,10 @@ export class MeasureCards {
       card.body.replaceChildren(h('p', {class: 'error'}, measure.error));
       return;
     }
+    const focused = card.body.contains(document.activeElement);
     card.body.replaceChildren(h('dl', {class: 'values'}, ...figures(measure)));
     if (measure.kind === 'section') card.body.append(sectionChart(measure.values, (d) => this.hover(measure, d)));
+    if (focused) card.body.querySelector('.chart')?.focus();
     if (measure.kind === 'height') {
       const [x, y] = measure.points[0];
       card.body.append(h('p', {class: 'faint'}, `E ${format.coordinate(x)}  N ${format.coordinate(y)}`));

@@ -6,7 +6,7 @@ import * as api from './api.js';
 
 export const kTools = {
   look: {name: 'Look', key: 'v', hint: ''},
-  boundary: {name: 'Boundary', key: 'b', least: 3, hint: 'Click corners on the ground; the first corner again, or Enter, closes the boundary'},
+  boundary: {name: 'Boundary', key: 'b', least: 3, hint: 'Click corners on the ground; the first corner again, or Done, closes the boundary'},
   section: {name: 'Section', key: 's', least: 2, most: 2, hint: 'Click where the section begins and where it ends'},
   height: {name: 'Height', key: 'h', least: 1, most: 1, hint: 'Click on the ground'},
   distance: {name: 'Distance', key: 'd', least: 2, most: 2, hint: 'Click two points'},

@@ -4,13 +4,16 @@
 import {Vector3} from 'three';
 import {svg} from './dom.js';
 import * as format from './format.js';
+import {boxesOver, boxOf, placeTag} from './tag_place.js';
 
 const kDrape = 24;   // points along each side
+const kLetter = {width: 22, height: 22};   // pixels
 
 export class Overlay {
   #draped = new Map();
   cursor = null;   // the pointer's place on the ground, in the scene
   spot = null;     // the place pointed at in a section's chart, in the scene
+  letters = [];    // boxes of the measures' letters, pixels
 
   /** @param {SVGElement} element @param {import('./scene_view.js').SceneView} sceneView @param {import('./ground_pick.js').GroundPick} pick */
   constructor(element, sceneView, pick, measures, origin) {
@@ -64,18 +67,31 @@ export class Overlay {
     points.forEach((p, i) => {
       const px = this.sceneView.project(this.local(p));
       if (!px) return;
-      const first = i === 0 && letter;
-      parts.push(svg('circle', {class: 'mark-dot', cx: px[0], cy: px[1], r: first ? 9 : 4}));
-      if (first) parts.push(svg('text', {class: 'mark-letter', x: px[0], y: px[1]}, letter));
+      parts.push(svg('circle', {class: 'mark-dot', cx: px[0], cy: px[1], r: 4}));
+      if (i === 0 && letter) parts.push(...this.#letter(px, letter));
     });
     return parts;
+  }
+
+  /** A letter on the measure's first point, or beside what is there. */
+  #letter([x, y], letter) {
+    const {width, height} = this.sceneView, half = kLetter.height / 2;
+    if (x < 0 || y < 0 || x > width || y > height) return [];
+    const place = placeTag([x, y + half], kLetter, this.sceneView, [...this.over, ...this.letters]);
+    if (!place) return [];
+    this.letters.push(boxOf(place, kLetter));
+    const at = [place[0], place[1] - half];
+    return [svg('path', {class: 'mark-line', d: `M${x} ${y}L${at}`}), svg('circle', {class: 'mark-dot', cx: at[0], cy: at[1], r: 9}),
+      svg('text', {class: 'mark-letter', x: at[0], y: at[1]}, letter)];
   }
 
   /** Redraws everything after each picture. */
   draw() {
     const {list, draft, tool} = this.measures;
+    this.letters = [];
     if (list.length === 0 && draft.length === 0 && !this.spot && this.element.childElementCount === 0) return;
     const parts = [];
+    this.over = boxesOver();
     for (const m of [...list].reverse()) parts.push(...this.#shape(m.points, m.kind === 'boundary', m.letter));
     if (draft.length > 0) {
       parts.push(...this.#shape(draft, false, ''));

@@ -88,7 +88,7 @@ export function sectionChart(section, hover) {
   const cursor = svg('line', {class: 'cursor', y1: kTop, y2: kHeight - kFoot, visibility: 'hidden'});
   const {cut_m2, fill_m2} = sectionAreas(section);
   const chart = svg('svg', {
-    class: 'chart', viewBox: `0 0 ${kWidth} ${kHeight}`, role: 'img',
+    class: 'chart', viewBox: `0 0 ${kWidth} ${kHeight}`, role: 'img', tabindex: 0,
     'aria-label': `Profile over ${format.length(total)}, heights from ${format.coordinate(Math.min(...heights))} to ${format.coordinate(Math.max(...heights))} m; cut ${format.area(cut_m2)}, fill ${format.area(fill_m2)}`,
   },
   ...up.ticks.flatMap((z) => [
@@ -100,17 +100,16 @@ export function sectionChart(section, hover) {
   svg('path', {class: 'before', d: linePath(distance_m, before_m, x, y)}),
   design_m ? svg('path', {class: 'design', d: linePath(distance_m, design_m, x, y)}) : null,
   svg('path', {class: 'now', d: linePath(distance_m, now_m, x, y)}), cursor);
-  const said = h('p', {class: 'keys'});
+  const said = h('p', {class: 'keys', 'aria-live': 'polite'});
+  let at = 0;   // the shown point
   const rest = () => {
     cursor.setAttribute('visibility', 'hidden');
     said.replaceChildren(...['— now', '╌ before', design_m ? '⋯ design' : null,
       exaggeration > 1.05 || exaggeration < 0.95 ? `heights × ${format.digits(exaggeration, 2)}` : null].filter(Boolean).map((t) => h('span', {}, t)));
     hover(null);
   };
-  chart.addEventListener('pointermove', (event) => {
-    const box = chart.getBoundingClientRect();
-    const d = (((event.clientX - box.left) / box.width) * kWidth - kLeft) / (kWidth - kLeft - kRight) * total;
-    const i = Math.round((Math.min(total, Math.max(0, d)) / total) * (distance_m.length - 1));
+  const show = (share) => {
+    const i = at = Math.round(Math.min(1, Math.max(0, share)) * (distance_m.length - 1));
     cursor.setAttribute('visibility', 'visible');
     cursor.setAttribute('x1', x(distance_m[i]));
     cursor.setAttribute('x2', x(distance_m[i]));
@@ -118,8 +117,18 @@ export function sectionChart(section, hover) {
     said.replaceChildren(...[`at ${format.length(distance_m[i])}`, `${format.coordinate(now_m[i])} m`, change === null ? null : format.signedLength(change)]
       .filter(Boolean).map((t) => h('span', {}, t)));
     hover(distance_m[i]);
+  };
+  chart.addEventListener('pointermove', (event) => {
+    const box = chart.getBoundingClientRect();
+    show((((event.clientX - box.left) / box.width) * kWidth - kLeft) / (kWidth - kLeft - kRight));
   });
-  chart.addEventListener('pointerleave', rest);
+  chart.addEventListener('keydown', (event) => {
+    const by = {ArrowLeft: -0.01, ArrowRight: 0.01}[event.key];
+    if (!by) return;
+    show(at / (distance_m.length - 1) + by);
+    event.preventDefault();
+  });
+  for (const type of ['pointerleave', 'blur']) chart.addEventListener(type, rest);
   rest();
   return h('div', {}, chart, said);
 }

@@ -26,14 +26,20 @@ export function notice(text, retry = null) {
   $('notice-do').onclick = retry;
 }
 
-let hintTimer = null;
+let lasting = '', hintTimer = null;
 
-/** Shows a hint; null clears it. @param {number} seconds 0: no limit */
+function showHint(text) {
+  $('hint').hidden = !text;
+  setText($('hint-text'), text);
+  $('hint-text').className = text === lasting ? 'lasting' : '';
+}
+
+/** Shows a hint. @param {number} seconds after which the last hint without a limit is back; 0: no limit */
 export function hint(text, seconds = 0) {
   clearTimeout(hintTimer);
-  $('hint').hidden = !text;
-  if (text) setText($('hint'), text);
-  if (text && seconds > 0) hintTimer = setTimeout(() => { $('hint').hidden = true; }, 1000 * seconds);
+  if (seconds > 0) hintTimer = setTimeout(() => showHint(lasting), 1000 * seconds);
+  else lasting = text;
+  showHint(text);
 }
 
 /** @param {Object} state from the server */

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The place of a machine's tag: near the machine, in the picture, and beside covering elements.
+// The place of a tag of a machine or measure: near it, in the picture, and beside what is there.
 
 const kGap = 4;
 
@@ -9,21 +9,35 @@ const kGap = 4;
  * @param {number[]} wanted @param {{width: number, height: number}} size of the tag
  * @param {{width: number, height: number}} picture
  * @param {{left: number, top: number, right: number, bottom: number}[]} over the picture
- * @return {number[]} the nearest place in the picture beside all of them; in the picture if there is none
+ * @return {?number[]} the nearest place in the picture beside all of them; null if there is none
  */
 export function placeTag([x, y], size, picture, over) {
   const half = size.width / 2;
   const inside = (u, v) => [Math.max(half, Math.min(picture.width - half, u)), Math.max(size.height, Math.min(picture.height, v))];
   const covered = ([u, v]) => over.some((box) => u + half > box.left && u - half < box.right && v > box.top && v - size.height < box.bottom);
-  const xs = [x, ...over.flatMap((box) => [box.left - kGap - half, box.right + kGap + half])];
-  const ys = [y, ...over.flatMap((box) => [box.top - kGap, box.bottom + kGap + size.height])];
+  const nearest = (places, to) => places.sort((a, b) => Math.abs(a - to) - Math.abs(b - to));
+  const xs = nearest([x, ...over.flatMap((box) => [box.left - kGap - half, box.right + kGap + half])].map((u) => inside(u, 0)[0]), x);
+  const ys = nearest([y, ...over.flatMap((box) => [box.top - kGap, box.bottom + kGap + size.height])].map((v) => inside(0, v)[1]), y);
   let best = null, least = Infinity;
   for (const u of xs) {
+    if (Math.abs(u - x) >= least) break;
     for (const v of ys) {
-      const at = inside(u, v), far = Math.hypot(at[0] - x, at[1] - y);
-      if (far >= least || covered(at)) continue;
-      [best, least] = [at, far];
+      const far = Math.hypot(u - x, v - y);
+      if (far >= least) break;
+      if (!covered([u, v])) [best, least] = [[u, v], far];
     }
   }
-  return best ?? inside(x, y);
+  return best;
+}
+
+/** The box of a placed tag. */
+export function boxOf([x, y], {width, height}) {
+  return {left: x - width / 2, top: y - height, right: x + width / 2, bottom: y};
+}
+
+/** Boxes of the elements over the picture, in its pixels. */
+export function boxesOver() {
+  return ['tools', 'camera', 'notice', 'hint', 'legend', 'readout', 'crosshair']
+    .map((id) => document.getElementById(id)).filter((e) => e.offsetWidth > 0)
+    .map((e) => ({left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
 }
