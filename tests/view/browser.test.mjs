@@ -346,7 +346,7 @@ for (const [kind, sizes, touch] of [
   ['phones and tablets', [[360, 640], [390, 844], [844, 390], [768, 1024], [1024, 768]], true],
 ]) {
   looking(`nothing covers anything on ${kind}, and all controls can be reached`, yard, async (page) => {
-    for (const [i, machine] of kNames.slice(0, 3).entries()) await scoop(page, 100 * i, 0.3 * i, 0.4 * i, 0.3, machine);
+    for (const [i, machine] of kNames.slice(0, 3).entries()) await scoop(page, 1.7e9 + 100 * i, 0.3 * i, 0.4 * i, 0.3, machine);   // dates are long
     await page.waitForFunction(() => window.soilvdb.view().blocks > 0);
     await page.evaluate(() => { document.querySelector('#legend details').open = true; });
     for (const [width, height] of sizes) {
@@ -381,7 +381,7 @@ for (const [kind, sizes, touch] of [
       await page.click('.machine >> nth=0');
       while (await page.locator('.card').count() > 0) await page.evaluate(() => document.querySelector('[aria-label^=Remove]').click());
     }
-  }, touch ? {hasTouch: true, isMobile: true} : {});
+  }, {deviceScaleFactor: 0.25, hasTouch: touch, isMobile: touch});   // coarse, because drawing takes the time
 }
 
 looking('a finger draws a boundary, takes a point back and ends it', yard, async (page) => {
