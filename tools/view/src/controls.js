@@ -32,8 +32,12 @@ export class Controls {
     $('above').onclick = () => this.above();
     $('whole').onclick = () => this.fitSite();
     $('work').onclick = () => this.fitWork();
-    $('undo').onclick = () => this.measures.undo();
-    $('done').onclick = () => this.#finish();
+    const then = (act) => (event) => {
+      act();
+      if (event.detail === 0 && $('draft').hidden) this.sceneView.canvas.focus();   // the pressed key's button is gone
+    };
+    $('undo').onclick = then(() => this.measures.undo());
+    $('done').onclick = then(() => this.#finish());
   }
 
   /** @param {boolean} byKeys then the cross in the middle places points */

@@ -6,7 +6,7 @@ import {address, answers} from './api.js';
 
 const kLongest_s = 30;
 const kTick_ms = 500;
-const kAsk = 4, kSilent = 8;   // ticks without a sign of life; the server sends a message each second
+const kAsk = 4, kSilent = 7;   // ticks without a sign of life; the server sends a message each second
 const kLongestMessage = 60;    // ticks until a message is here, or until the connection opens
 
 export class Link {
