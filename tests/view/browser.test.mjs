@@ -408,13 +408,24 @@ looking('keys alone move the picture, measure, and read a section', yard, async 
   await scoop(page, 0, 0, 0, 0.3, kNames[3]);
   await page.keyboard.press('g');
   await site.settled(page);
-  const place = () => page.evaluate(() => [[-4, -4, 2], [4, -4, 2], [4, 4, 2], [-4, 4, 2]].map((p) => window.soilvdb.project(p) ?? [0, 0]).flat());
-  /** Holds a key until the picture has moved. */
+  await page.evaluate(() => { window.place = () => [[-4, -4, 2], [4, -4, 2], [4, 4, 2], [-4, 4, 2]].map((p) => window.soilvdb.project(p) ?? [0, 0]).flat(); });
+  const place = () => page.evaluate(() => window.place());
+  /** Holds a key until the picture has moved; the page itself releases it, before the picture leaves the site. */
   const hold = async (key, shift = false) => {
-    const before = await place();
+    await page.evaluate((held) => {
+      const before = window.place();
+      window.moved = new Promise((done) => {
+        const look = () => {
+          if (window.place().every((v, i) => Math.abs(v - before[i]) < 10)) return requestAnimationFrame(look);
+          document.querySelector('#canvas').dispatchEvent(new KeyboardEvent('keyup', {key: held}));
+          done();
+        };
+        look();
+      });
+    }, key);
     if (shift) await page.keyboard.down('Shift');
     await page.keyboard.down(key);
-    while ((await place()).every((v, i) => Math.abs(v - before[i]) < 10)) await site.drawn(page);
+    await page.evaluate(() => window.moved);
     await page.keyboard.up(key);
     if (shift) await page.keyboard.up('Shift');
   };
