@@ -370,6 +370,52 @@ inline constexpr double kMinCutHeight = 1;
 /// Variance of the place of an upright cut that is due to the columns' width, sides squared.
 inline constexpr double kUprightSpread = 0.4;
 
+// ---- Resistance (core/force) -------------------------------------------------------------------
+
+/// Smallest angle between a failure plane and the direction in which a wedge can't slide, rad.
+inline constexpr double kLeastWedgeAngle = 1e-3;
+/// Share to which the place where a failure plane comes to the ground is found, and the most steps
+/// for it.
+inline constexpr double kWedgeTolerance = 1e-9;
+inline constexpr int kMaxWedgeSteps = 40;
+/// Cosine of a blade's rake up to which it counts as upright.
+inline constexpr double kNearlyUpright = 1e-12;
+/// Flattest face of a body of soil before a steep blade, rad: Miedema finds none flatter. Precision
+/// of the angle.
+inline constexpr double kFlattestBody = 0.35, kBodyAngleTolerance = 5e-4;
+/// Faces tried after which a body whose force is so many times that without one is given up.
+inline constexpr int kBodyTrials = 3;
+inline constexpr double kHopelessBody = 1.2;
+/// Largest difference between the angles of two slices' bodies beside each other, rad; else both
+/// are looked for from nothing.
+inline constexpr double kBodyGuessError = 0.03;
+/// Sum of rake, friction and tool friction up to which no body is looked for, rad. One needs less
+/// force there only before a blade that is all in soil with hardly any friction.
+inline constexpr double kLeastAngleWithBody = 1.8;
+/// Distance from the mouth within which columns may have been cut by it, voxels. The ground behind
+/// is continued with the terrain's shape, from the mean over some heights ahead.
+inline constexpr double kCutMargin = 2;
+inline constexpr int kHeightsAhead = 3;
+/// Length of ground ahead that is looked at, depths of the lip, and the least, voxels. Failure
+/// planes of strong soil come out at six depths on level ground.
+inline constexpr double kSliceDepths = 8;
+inline constexpr int kLeastSliceSteps = 16, kMostSliceSteps = 400;
+/// Width of a strip of the blade: two voxels, but at most this, m, and at least a voxel. Force
+/// changes slowly along a lip.
+inline constexpr double kStrip_m = 0.1;
+inline constexpr int kMostStrips = 256;
+/// Largest number of columns that lines of heights may span.
+inline constexpr double kMostLineColumns = 1 << 24;
+/// Largest bend between the first face of a bucket's profile and a later one that counts as the
+/// same blade, rad.
+inline constexpr double kBladeBend = 0.35;
+/// Smallest horizontal part of a unit vector along the lip at which soil is cut across it.
+inline constexpr double kLeastLevelLip = 0.5;
+/// Smallest angle of friction for bearing capacity, rad. Its factors are limits at 0.
+inline constexpr double kLeastFriction = 1e-4;
+/// Sine of the angle between a face and its way from which on it presses on the soil.
+inline constexpr double kLeastPress = 0.02;
+
 // ---- Pouring (core/settle/pour.cc, front.cc, fall_line.cc) --------------------------------------
 
 /// Drop beyond repose from which on soil runs on instead of lying there, sides. With a larger value

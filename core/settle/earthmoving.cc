@@ -30,6 +30,7 @@ void check_angle(const std::string& name, double angle_rad, bool zero_is_good) {
 }
 
 void check_given(const SoilProperties& soil) {
+  require_given(soil.repose_rad != 0, "soil that moves needs an angle of repose, in rad");
   check_angle("the angle of repose", soil.repose_rad, /*zero_is_good=*/false);
   if (soil.friction_rad)
     check_angle("the angle of friction", *soil.friction_rad, /*zero_is_good=*/true);
@@ -40,6 +41,10 @@ void check_given(const SoilProperties& soil) {
                 "density is " + text(soil.density_kg_m3, 6) + " kg/m3; it must be more than 0");
   const double cohesion_pa = soil.cohesion_pa.value_or(0);
   require_given(cohesion_pa >= 0 && std::isfinite(cohesion_pa), "cohesion must be 0 or more");
+  if (soil.tool_friction_rad)
+    check_angle("the angle of tool friction", *soil.tool_friction_rad, /*zero_is_good=*/true);
+  require_given(soil.adhesion_pa >= 0 && std::isfinite(soil.adhesion_pa),
+                "adhesion must be 0 or more");
 }
 
 void check_given(const Pour& pour) {

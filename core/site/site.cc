@@ -121,6 +121,27 @@ std::optional<MachineState> Site::last(std::size_t machine) const {
   return MachineState{machine, last->time_s, last->pose, last->joints};
 }
 
+Vec3 Site::direction(std::size_t machine) const {
+  require(machine);
+  return inputs_[machine] ? inputs_[machine]->direction : Vec3::Zero();
+}
+
+Vec3 Site::direction_to(const Pose& now, const std::optional<Input>& last) {
+  if (!last) return Vec3::Zero();
+  const Vec3 moved = now.position - last->pose.position;
+  return moved.isZero(0) ? last->direction : Vec3(moved.normalized());
+}
+
+CutGeometry Site::cut_geometry(std::size_t machine, HeightMap& map) const {
+  require(machine);
+  const std::optional<Input>& last = inputs_[machine];
+  if (!last) throw std::invalid_argument(name(machine) + " meets no soil before its first state");
+  const Ledger& ledger = tracker_->ledger(machine);
+  const double bank_m3 =
+      static_cast<double>(ledger.load) / static_cast<double>(ledger.units.bank) * ledger.sample_m3;
+  return {map, *ground_, model_->machines[machine].bucket, last->pose, last->direction, bank_m3};
+}
+
 std::optional<double> Site::last_s() const {
   std::optional<double> last_s;
   for (const std::optional<Input>& input : inputs_)
@@ -171,6 +192,7 @@ Move Site::move(const MachineState& state, std::optional<Input>& last,
     move.end_s = *now.time_s;
   }
   if (!now.time_s) now.time_s = before_s;
+  now.direction = direction_to(now.pose, last);
   last = std::move(now);
   return move;
 }
@@ -358,6 +380,8 @@ std::string Site::progress() const {
     if (!input) continue;
     for (const double value : input->joints) put(out, value);
   }
+  for (const std::optional<Input>& input : inputs_)
+    for (const double value : input ? input->direction : Vec3::Zero()) put(out, value);
   return out;
 }
 
@@ -390,6 +414,12 @@ void Site::set_progress(std::string_view bytes) {
       throw std::invalid_argument("the state has an invalid machine");
     if (!std::isnan(time_s)) now.time_s = time_s;
     inputs.push_back(placed ? std::optional(std::move(now)) : std::nullopt);
+  }
+  for (std::size_t i = 0; i < inputs.size() && !bytes.empty(); ++i) {  // earlier versions had none
+    Vec3 direction;
+    for (double& value : direction) take(bytes, value);
+    if (!direction.allFinite()) throw std::invalid_argument("the state has an invalid machine");
+    if (inputs[i]) inputs[i]->direction = direction;
   }
   tracker_->restore(tracker);
   inputs_ = std::move(inputs);

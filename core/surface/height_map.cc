@@ -102,6 +102,32 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   }
 }
 
+void HeightMap::lines(const Vec2& first_m, const Vec2& along_m, int count, const Vec2& across_m,
+                      int lines, std::span<double> heights_m) {
+  HeightReader& reader = *reader_;
+  const Ground& ground = reader.ground();
+  const double h = ground.voxel_size_m();
+  const Vec2 first = (first_m - ground.origin().head<2>()) / h, along = along_m / h,
+             across = across_m / h;
+  Eigen::AlignedBox2d box;
+  for (const int i : {0, count - 1})
+    for (const int k : {0, lines - 1}) box.extend(first + i * along + k * across);
+  require(box.min().allFinite() && box.max().allFinite() &&
+              box.min().cwiseAbs().maxCoeff() < kMaxIndex &&
+              box.max().cwiseAbs().maxCoeff() < kMaxIndex,
+          "points must be within 2^23 voxels of the site's origin");
+  require((box.sizes() + Vec2(2, 2)).prod() < kMostLineColumns,
+          "the lines span too many columns; take larger voxels or fewer lines");
+  reader.refresh();
+  const Coord2 low = box.min().array().floor().matrix().cast<int>();
+  const Coord2 size = box.max().array().floor().matrix().cast<int>() - low + Coord2::Constant(2);
+  reader.read(low, size, HeightReader::kSurface, kNoCeiling, reader.columns);
+  auto out = heights_m.begin();
+  for (int k = 0; k < lines; ++k)
+    for (int i = 0; i < count; ++i)
+      *out++ = ground.origin().z() + h * reader.columns.between(first + i * along + k * across);
+}
+
 template <typename T>
 void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
                      std::optional<double> ceiling_m, const InitialTerrain* design) {

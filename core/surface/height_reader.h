@@ -27,11 +27,14 @@ class HeightReader {
   static constexpr double kNoGround = std::numeric_limits<double>::quiet_NaN();
   static constexpr std::size_t kTouched = 3;  // of Tile::layers: is it other than the terrain?
   static_assert(static_cast<std::size_t>(MapLayer::kDug) + 1 == kTouched);
+  /// Heights, of the terrain at the middle of columns that are as it was.
+  static constexpr std::size_t kSurface = kTouched + 1;
 
   /// Layers of 8 x 8 columns, in voxels: heights in index space; NaN without ground.
   struct Tile {
-    std::uint64_t known = 0;  ///< bits of the columns that are as the ground is
-    std::array<std::array<double, BaseColumn::kCells>, kTouched + 1> layers;
+    std::uint64_t known = 0;    ///< bits of the columns that are as the ground is
+    std::uint64_t surface = 0;  ///< those of them whose kSurface is known
+    std::array<std::array<double, BaseColumn::kCells>, kSurface + 1> layers;
     std::unique_ptr<std::array<double, BaseColumn::kCells>> before;  // heights, once it is touched
   };
 
@@ -110,7 +113,8 @@ class HeightReader {
                     << ((x - cx) * kChunkSide + low_y - cy);
         Tile below;
         if (ceiling != kNoCeiling) read(below, {cx, cy}, ceiling, wanted);
-        const Tile& tile = ceiling == kNoCeiling ? kept({cx, cy}, wanted) : below;
+        Tile& tile = ceiling == kNoCeiling ? kept({cx, cy}, wanted) : below;
+        if (layer == kSurface) find_surface(tile, {cx, cy}, wanted);
         const double* from = tile.layers[layer].data();
         for (int x = low_x; x < end_x; ++x)
           std::copy_n(
@@ -127,7 +131,7 @@ class HeightReader {
     return a.voxel_size_m() == b.voxel_size_m() && a.origin() == b.origin();
   }
 
-  const Tile& kept(const Coord2& cell, std::uint64_t wanted) {
+  Tile& kept(const Coord2& cell, std::uint64_t wanted) {
     if (tiles_.size() >= kMaxHeightTiles && !tiles_.contains(plan_key(cell))) tiles_.clear();
     Tile& tile = tiles_[plan_key(cell)];
     if ((wanted & ~tile.known) != 0) read(tile, cell, kNoCeiling, wanted & ~tile.known);
@@ -150,10 +154,26 @@ class HeightReader {
       const double before = touched ? (*tile.before)[i] : c.top;
       const double values[] = {c.top, c.top - c.bank, before - c.top,
                                c.top != before || c.bank != c.top ? 1.0 : 0.0};
-      for (std::size_t n = 0; n < tile.layers.size(); ++n)
+      for (std::size_t n = 0; n < kSurface; ++n)
         tile.layers[n][i] = c.known ? values[n] : kNoGround;
     }
     tile.known |= wanted;
+    tile.surface &= ~wanted;
+  }
+  void find_surface(Tile& tile, const Coord2& cell, std::uint64_t wanted) {
+    const double h = ground().voxel_size_m();
+    for (std::uint64_t left = wanted & ~tile.surface; left != 0; left &= left - 1) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(left));
+      double& z = tile.layers[kSurface][i];
+      z = tile.layers[0][i];
+      if (tile.layers[kTouched][i] != 0) continue;
+      const Vec2 at =
+          ground().origin().head<2>() + h * Vec2(cell.x() + static_cast<int>(i) / kChunkSide,
+                                                 cell.y() + static_cast<int>(i) % kChunkSide);
+      if (const auto height = ground().terrain().height(at.x(), at.y()))
+        z = (*height - ground().origin().z()) / h;
+    }
+    tile.surface |= wanted;
   }
 
   BaseColumns base_;

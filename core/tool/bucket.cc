@@ -5,6 +5,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "core/constants.h"
 #include "core/lattice/text.h"
@@ -119,6 +120,10 @@ void Bucket::validate() const {
   if (shape && (!profile.empty() || dump_angle_rad))
     refuse("shape is there, so the tool holds nothing; leave out profile and dump_angle");
   if (!profile.empty()) check_profile(profile, height_m);
+  for (const auto& [name, thickness_m] : {std::pair("edge", edge_m), std::pair("plate", plate_m)})
+    if (!(thickness_m >= 0 && thickness_m <= height_m))
+      refuse(std::string(name) + " is " + text(thickness_m) +
+             " m; it must be a thickness from 0 to the bucket's height");
   if (dump_angle_rad && !(*dump_angle_rad >= 0 && *dump_angle_rad <= 1.5708)) {
     refuse("dump_angle is " + text(*dump_angle_rad) +
            " rad; it must be from 0 to 1.5708 (the mouth looks straight down)");

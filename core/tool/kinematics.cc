@@ -72,6 +72,24 @@ Pose Chain::world_from_bucket(std::span<const double> values) const {
   return world_from_bucket;
 }
 
+std::vector<double> Chain::joint_loads(std::span<const double> values, const Vec3& force,
+                                       const Vec3& moment) const {
+  const std::vector<std::string> names = movable();
+  std::vector<double> loads(names.size(), 0);
+  const Vec3 lip = world_from_bucket(values).position;
+  walk(*this, values, [&](const Joint& joint, const Pose& world_from_joint) {
+    if (joint.type == Joint::Type::kFixed) return;
+    const Vec3 axis = world_from_joint.rotation * joint.axis;
+    const double load = joint.type == Joint::Type::kPrismatic
+                            ? axis.dot(force)
+                            : axis.dot((lip - world_from_joint.position).cross(force) + moment);
+    const std::string& name = joint.mimics.empty() ? joint.name : joint.mimics;
+    for (std::size_t i = 0; i < names.size(); ++i)
+      if (names[i] == name) loads[i] += joint.mimics.empty() ? load : joint.multiplier * load;
+  });
+  return loads;
+}
+
 std::vector<Vec3> Chain::joint_places(std::span<const double> values) const {
   std::vector<Vec3> places;
   walk(*this, values, [&](const Joint& joint, const Pose& world_from_joint) {

@@ -118,13 +118,14 @@ std::string to_json(const Summary& s) {
   return to_text(json, 2) + '\n';
 }
 
-UpdatesCsv::UpdatesCsv(fs::path file, bool soil_moves) : file_(std::move(file)), part_(file_) {
+UpdatesCsv::UpdatesCsv(fs::path file, bool soil_moves, bool has_force)
+    : file_(std::move(file)), part_(file_), has_force_(has_force) {
   part_ += ".part";
   stream_.reset(open_for_writing(part_));
-  const char* head = soil_moves
-                         ? "time,machine,cut_m3,bucket_m3,update_us,bucket_kg,spilled_m3,slid_m3\n"
-                         : "time,machine,cut_m3,bucket_m3,update_us\n";
-  if (std::fputs(head, stream_.get()) < 0) fail_to_write(file_, errno);
+  std::string head = "time,machine,cut_m3,bucket_m3,update_us";
+  if (soil_moves) head += ",bucket_kg,spilled_m3,slid_m3";
+  if (has_force) head += ",force_x_n,force_y_n,force_z_n,moment_y_nm";
+  if (std::fputs((head + '\n').c_str(), stream_.get()) < 0) fail_to_write(file_, errno);
 }
 
 UpdatesCsv::~UpdatesCsv() {
@@ -134,10 +135,15 @@ UpdatesCsv::~UpdatesCsv() {
 }
 
 void UpdatesCsv::add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
-                     double update_us, const std::optional<Moved>& moved) {
+                     double update_us, const std::optional<Moved>& moved,
+                     const std::optional<std::array<double, 6>>& force) {
   std::string row =
       fmt::format("{},{},{},{},{:.3f}", time_s, csv_field(machine), cut_m3, bucket_m3, update_us);
   if (moved) row += fmt::format(",{},{},{}", moved->bucket_kg, moved->spilled_m3, moved->slid_m3);
+  if (force)
+    row += fmt::format(",{:.6g},{:.6g},{:.6g},{:.6g}", (*force)[0], (*force)[1], (*force)[2],
+                       (*force)[4]);
+  if (has_force_ && !force) row += ",,,,";
   row += '\n';
   if (std::fwrite(row.data(), 1, row.size(), stream_.get()) != row.size())
     fail_to_write(file_, errno);

@@ -88,13 +88,15 @@ class UpdatesCsv {
   };
 
   /// @throw std::runtime_error naming the file and the cause, as the other members do.
-  explicit UpdatesCsv(std::filesystem::path file, bool soil_moves = false);
+  /// @param has_force are there columns of the force on the bucket?
+  explicit UpdatesCsv(std::filesystem::path file, bool soil_moves = false, bool has_force = false);
   ~UpdatesCsv();
   UpdatesCsv(const UpdatesCsv&) = delete;
   UpdatesCsv& operator=(const UpdatesCsv&) = delete;
 
   void add(double time_s, std::string_view machine, double cut_m3, double bucket_m3,
-           double update_us, const std::optional<Moved>& moved = {});
+           double update_us, const std::optional<Moved>& moved = {},
+           const std::optional<std::array<double, 6>>& force = {});
   void close();
 
  private:
@@ -102,6 +104,7 @@ class UpdatesCsv {
     void operator()(std::FILE* f) const { std::fclose(f); }
   };
   std::filesystem::path file_, part_;
+  bool has_force_;
   std::unique_ptr<std::FILE, Closer> stream_;
 };
 

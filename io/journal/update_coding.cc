@@ -25,7 +25,9 @@ enum UpdateFlag : std::uint8_t {
   kSoilMoved = 64,  // spilled and slid volumes follow
 };
 constexpr int kKindAt = 7;
-constexpr std::uint64_t kKinds = 6;
+constexpr std::uint64_t kKinds = 6, kKindMask = 15;
+constexpr unsigned kHasForce = 1u << 11;  // six doubles follow
+static_assert(kHasForce > kKindMask << (kKindAt - 1) && kHasForce >> kKindAt == kKindMask + 1);
 
 // Head of a number in a series: one of these, or kNear plus the coded difference of whole numbers.
 constexpr std::uint64_t kSame = 0, kRaw = 1, kDecimals = 2, kNear = 3;
@@ -155,6 +157,7 @@ void append_update(std::string& bytes, const JournalUpdate& update,
   if (begins_at_end) flags |= kBeginsAtEnd;
   if (no_begin) flags |= kNoBegin;
   if (update.spilled != 0 || update.slid != 0) flags |= kSoilMoved;
+  if (update.force) flags |= kHasForce;
   append_count(bytes, update.machine);
   append_count(bytes, flags);
   if (anew) {
@@ -170,6 +173,8 @@ void append_update(std::string& bytes, const JournalUpdate& update,
     append_difference(bytes, 0, update.spilled);
     append_difference(bytes, 0, update.slid);
   }
+  if (update.force)
+    for (const double value : *update.force) put(bytes, value);
   append_difference(bytes, 0, update.ns);
   const auto fresh = static_cast<std::size_t>(
       anew ? 0
@@ -191,13 +196,13 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
                  std::vector<UpdateBefore>& all) {
   std::uint64_t machine = 0, flags = 0, count = 0;
   if (!take_count(bytes, machine) || machine >= kMostMachines || !take_count(bytes, flags) ||
-      flags >> kKindAt >= kKinds)
+      (flags & ~std::uint64_t{kHasForce}) >> kKindAt >= kKinds)
     return false;
   if (all.size() <= machine) all.resize(machine + 1);
   UpdateBefore& before = all[machine];
   if (flags & kFirst) before = {};
   update.machine = static_cast<std::uint32_t>(machine);
-  update.kind = static_cast<JournalUpdate::Kind>(flags >> kKindAt);
+  update.kind = static_cast<JournalUpdate::Kind>(flags >> kKindAt & kKindMask);
   update.ends_update = flags & kEndsUpdate;
   anew = flags & kAnew;
   if (anew) {
@@ -214,6 +219,9 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
   if ((flags & kSoilMoved) &&
       (!take_samples(bytes, 0, update.spilled) || !take_samples(bytes, 0, update.slid)))
     return false;
+  if (flags & kHasForce)
+    for (double& value : update.force.emplace())
+      if (!try_take(bytes, value)) return false;
   if (!take_difference(bytes, 0, update.ns) || !take_count(bytes, count) || count > bytes.size())
     return false;
   update.rows.joints = before.joints;

@@ -87,8 +87,8 @@ std::string Names::take(const YamlMap& map, const std::string& kind) {
 
 void read_soil(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("soil")) return;
-  const YamlMap map =
-      scenario.map("soil", {"repose_angle", "swell", "density", "cohesion", "friction_angle"});
+  const YamlMap map = scenario.map("soil", {"repose_angle", "swell", "density", "cohesion",
+                                            "friction_angle", "tool_friction", "adhesion"});
   SoilProperties soil;
   soil.repose_rad = read_angle(map, "repose_angle", /*zero_is_good=*/false);
   if (map.has("swell")) soil.swell = map.number("swell");
@@ -116,6 +116,11 @@ void read_soil(const YamlMap& scenario, Scenario& result) {
   }
   if (map.has("friction_angle"))
     soil.friction_rad = read_angle(map, "friction_angle", /*zero_is_good=*/true);
+  if (map.has("tool_friction"))
+    soil.tool_friction_rad = read_angle(map, "tool_friction", /*zero_is_good=*/true);
+  if (map.has("adhesion")) soil.adhesion_pa = map.number("adhesion");
+  if (soil.adhesion_pa < 0)
+    map.fail("adhesion", fmt::format("adhesion is {} Pa; it must be 0 or more", soil.adhesion_pa));
   if (soil.repose_rad > kSteepRepose) {
     result.warnings.push_back(
         fmt::format("{}: a repose_angle of {:g} rad, {:.1f} degrees, is steeper than loose soil "

@@ -106,7 +106,8 @@ Bucket read_tool(const YamlMap& machine, double voxel_size_m, Scenario& result) 
 }
 
 Bucket read_bucket(const YamlMap& machine, bool soil_moves) {
-  const YamlMap map = machine.map("bucket", {"width", "height", "profile", "dump_angle"});
+  const YamlMap map =
+      machine.map("bucket", {"width", "height", "profile", "dump_angle", "edge", "plate"});
   Bucket bucket;
   bucket.width_m = map.number("width");
   bucket.height_m = map.number("height");
@@ -117,6 +118,8 @@ Bucket read_bucket(const YamlMap& machine, bool soil_moves) {
     }
   }
   if (map.has("dump_angle")) bucket.dump_angle_rad = map.number("dump_angle");
+  if (map.has("edge")) bucket.edge_m = map.number("edge");
+  if (map.has("plate")) bucket.plate_m = map.number("plate");
   if (soil_moves) check_capacity(map, bucket);
   try {
     bucket.validate();
@@ -196,7 +199,8 @@ AngleUnit read_angle_unit(const YamlMap& machine) {
 
 void read_output(const YamlMap& scenario, Scenario& result) {
   if (!scenario.has("output")) return;
-  const YamlMap output = scenario.map("output", {"snapshots", "mesh", "raster", "mcap", "journal"});
+  const YamlMap output =
+      scenario.map("output", {"snapshots", "mesh", "raster", "mcap", "force", "journal"});
   if (output.has("snapshots")) {
     const YamlMap snapshots = output.map("snapshots", {"every", "incremental", "keep"});
     result.snapshot_every_s = snapshots.number("every", kMinEveryS, kMaxEveryS, "s");
@@ -214,6 +218,9 @@ void read_output(const YamlMap& scenario, Scenario& result) {
     result.raster_cell_m = output.map("raster", {"cell"}).number("cell", kMinCellM, kMaxCellM, "m");
   }
   if (output.has("mcap")) result.mcap = output.flag("mcap");
+  if (output.has("force")) result.force = output.flag("force");
+  if (result.force && !scenario.has("soil"))
+    output.fail("force", "force needs 'soil', which resists the bucket; add it, or remove 'force'");
   if (output.has("journal")) {
     const YamlMap journal = output.map("journal", {"sync"});
     const std::string sync = journal.text("sync");

@@ -150,6 +150,28 @@ for (const machine of summary.machines) {
   for (const {logTime, data} of messages) assert(Math.abs(Number(logTime) - data.time_s * 1e9) < 1e3);
 }
 
+// Forces are those of updates.csv, where they were asked for.
+const [head, ...updates] = run.endsWith("live") ? [[]]
+  : (await readFile(`${run}/updates.csv`, "utf8")).trim().split("\n").map((row) => row.split(","));
+if (head.includes("force_x_n")) {
+  for (const {name} of summary.machines) {
+    const {schema, messages} = topics.get(`/${name}/soil_wrench`);
+    assert.equal(schema.name, "geometry_msgs/msg/WrenchStamped");
+    const rows = updates.filter((row) => row[1] === name);
+    assert.equal(messages.length, rows.length);
+    let most = 0;
+    messages.forEach(({data: {header, wrench: {force, torque}}}, i) => {
+      assert.equal(header.frame_id, `${name}_bucket`);
+      [force.x, force.y, force.z, torque.y].forEach((value, k) => {
+        const given = Number(rows[i][head.indexOf("force_x_n") + k]);
+        assert(Math.abs(value - given) <= 1e-5 * Math.abs(given) + 1e-9, `${value} is ${given}`);
+      });
+      most = Math.max(most, -force.x);
+    });
+    assert(most > 1000, "it digs");
+  }
+}
+
 // The ledger counts samples, the mesh is true to a thousandth of what was cut.
 const {shown, deleted} = entities(topics.get("/ground").messages);
 assert(shown.size > 0 && (deleted > 0 || run.endsWith("live")));

@@ -41,6 +41,12 @@ END
 "$program" run runs/dig.yaml --out runs/dig >/dev/null
 node check.mjs runs/dig 500000 5400000
 
+# The same in soil that resists, with its force.
+sed -e 's/voxel_size: 0.05/voxel_size: 0.1/' -e 's/mcap: true/mcap: true, force: true/' runs/dig.yaml >runs/force.yaml
+echo 'soil: {repose_angle: 0.6, density: 1800, cohesion: 100000}' >>runs/force.yaml
+"$program" run runs/force.yaml --out runs/force >/dev/null 2>&1
+node check.mjs runs/force 500000 5400000
+
 # Cut off anywhere: what a kill leaves.
 size=$(wc -c <runs/dig/soil.mcap)
 head -c $((size * 9 / 10)) runs/dig/soil.mcap >runs/torn.part

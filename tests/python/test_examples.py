@@ -30,6 +30,17 @@ def test_the_environment_pays_what_the_buckets_hold(tmp_path):
     assert len(loads) == 8 and all(load > 0.3 for load in loads)
 
 
+def test_the_dig_by_force_gives_way(tmp_path):
+    largest = []
+    for limit in (8, 12, 100):
+        out = run("force_dig.py", str(limit), "dig.csv", cwd=tmp_path)
+        largest.append(float(re.search(r"largest force ([0-9.]+) kN", out).group(1)))
+        over_s = float(re.search(r"for ([0-9.]+) s", out).group(1))
+        assert over_s < 1.8, out  # of eight seconds
+    assert largest[0] < largest[1] < largest[2], largest
+    assert len((tmp_path / "dig.csv").read_text().splitlines()) > 800
+
+
 def test_the_plot_is_a_picture(tmp_path):
     out = run("plot_dig.py", "dig.png", cwd=tmp_path)
     assert (tmp_path / "dig.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

@@ -33,6 +33,22 @@ def joints(time_s, **changed):
     return state if time_s is None else {**state, "time": time_s}
 
 
+def test_force_is_told_to_who_asks(tmp_path):
+    path = scenario(tmp_path, "soil: {repose_angle: 0.6, density: 1800, cohesion: 3000}\n")
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        *_, last = server.feed([{**state, "force": True} for state in passes("digger", 0, 0.2, 40)])
+        assert last["force_n"][0] < -500 and abs(last["force_n"][1]) < 1, last
+        assert len(last["moment_nm"]) == 3
+        none, = server.feed([{**next(passes("plate", 3, -0.5, 40)), "force": False}])
+        assert "error" not in none and "force_n" not in none
+        bad, = server.feed([{**next(passes("plate", 3, -0.5, 40)), "force": 1}])
+        assert bad["error"] == "'force' must be true or false"
+    with Server(scenario(tmp_path), cwd=tmp_path) as server:
+        refused, = server.feed([{**next(passes("digger", 0, 0.2, 40)), "force": True}])
+        assert "needs the scenario's 'soil'" in refused["error"]
+        assert server.json("/summary.json")["updates"]["count"] == 0
+
+
 def test_joints_and_jumps_of_no_machine_are_refused_and_change_nothing(tmp_path):
     bad = [(joints(0.1, arm_joint=-52), "machine 'excavator': joint arm_joint is at -52 rad; the "
             "urdf limits it to -2.75 to -0.55, and at most 0.1 beyond is accepted; are these "

@@ -17,6 +17,7 @@
 #include "soilvdb/io/bucket_mesh.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/urdf.h"
+#include "soilvdb/resistance.h"
 #include "soilvdb/tool_shape.h"
 #include "tools/python/arguments.h"
 
@@ -79,16 +80,18 @@ void bind_values(py::module_& m) {
                      "y along the lip, z from the lip to the upper edge of the mouth, x out of the "
                      "mouth.")
       .def(py::init([](double width, double height, const py::object& profile,
-                       std::optional<double> dump_angle) {
-             Bucket bucket{width, height, outline(profile), dump_angle};
+                       std::optional<double> dump_angle, double edge, double plate) {
+             Bucket bucket{width, height, outline(profile), dump_angle, {}, edge, plate};
              bucket.validate();
              return bucket;
            }),
            py::arg("width"), py::arg("height"), py::arg("profile") = py::none(),
-           py::arg("dump_angle") = py::none(),
+           py::arg("dump_angle") = py::none(), py::kw_only(), py::arg("edge") = 0.0,
+           py::arg("plate") = 0.0,
            "profile: (N, 2) points (x, z) of the body's side from the lip (0, 0) to the upper edge "
            "(0, height), x <= 0; default: the mouth alone digs. dump_angle: angle below the "
-           "horizontal at which the whole load leaves at once, rad.")
+           "horizontal at which the whole load leaves at once, rad. edge, plate: thickness of the "
+           "lip's and of each side plate's blunt edge, m, for Site.resistance(); 0: sharp.")
       .def_static(
           "from_mesh",
           [](const std::filesystem::path& file, const py::object& lip, const py::object& upper,
@@ -127,6 +130,8 @@ void bind_values(py::module_& m) {
       .def_readonly("height", &Bucket::height_m)
       .def_property_readonly("profile", [](const Bucket& b) { return outline(b.profile); })
       .def_readonly("dump_angle", &Bucket::dump_angle_rad)
+      .def_readonly("edge", &Bucket::edge_m)
+      .def_readonly("plate", &Bucket::plate_m)
       .def_property_readonly(
           "capacity",
           [](const Bucket& b) -> py::object {
@@ -146,14 +151,19 @@ void bind_values(py::module_& m) {
       .def(py::pickle(
           [](const Bucket& b) {
             return py::make_tuple(b.width_m, b.height_m, outline(b.profile), b.dump_angle_rad,
-                                  b.shape ? py::object(py::bytes(b.shape->save())) : py::none());
+                                  b.shape ? py::object(py::bytes(b.shape->save())) : py::none(),
+                                  b.edge_m, b.plate_m);
           },
           [](const py::tuple& t) {
             const py::object profile = t[2];
             if (!t[4].is_none()) return tool_of(ToolShape::load(t[4].cast<std::string>()));
-            return Bucket{t[0].cast<double>(), t[1].cast<double>(),
+            return Bucket{t[0].cast<double>(),
+                          t[1].cast<double>(),
                           py::len(profile) > 0 ? outline(profile) : std::vector<Vec2>{},
-                          t[3].cast<std::optional<double>>()};
+                          t[3].cast<std::optional<double>>(),
+                          {},
+                          t[5].cast<double>(),
+                          t[6].cast<double>()};
           }));
 
   m.def(
@@ -258,34 +268,48 @@ void bind_values(py::module_& m) {
   m.def("snapshot", &snapshot, py::arg("file"),
         "The ground of a snapshot (.vdb), or a closed level set.");
 
-  py::class_<SoilProperties>(m, "Soil", "Properties of moving soil.")
-      .def(py::init([](double repose_angle, double swell, double density,
-                       std::optional<double> cohesion, std::optional<double> friction_angle) {
-             Earthmoving all;
-             all.soil = SoilProperties{repose_angle, swell, density, cohesion, friction_angle};
-             all.validate();
-             return *all.soil;
+  py::class_<SoilProperties>(m, "Soil", "Properties of soil that moves, or that resists a bucket.")
+      .def(py::init([](std::optional<double> repose_angle, double swell, double density,
+                       std::optional<double> cohesion, std::optional<double> friction_angle,
+                       std::optional<double> tool_friction, double adhesion) {
+             const SoilProperties soil{repose_angle.value_or(0), swell,         density, cohesion,
+                                       friction_angle,           tool_friction, adhesion};
+             if (repose_angle)
+               Earthmoving{soil, {}, {}}.validate();
+             else
+               SoilStrength::of(soil);
+             return soil;
            }),
-           py::arg("repose_angle"), py::arg("swell") = 0.0, py::arg("density") = 1800.0,
-           py::arg("cohesion") = py::none(), py::arg("friction_angle") = py::none(),
-           "repose_angle: steepest slope of loose soil, rad; usually 0.44 to 0.79. swell: loose "
-           "volume / bank volume - 1; usually 0.1 to 0.7, at most 3. density: kg/m3 of bank soil, "
-           "more than 0; usually 1200 to 2700. cohesion: Pa of bank soil; default: cuts stand as "
-           "made. friction_angle: rad, of bank soil; default: repose_angle.")
-      .def_readonly("repose_angle", &SoilProperties::repose_rad)
+           py::arg("repose_angle") = py::none(), py::arg("swell") = 0.0,
+           py::arg("density") = 1800.0, py::arg("cohesion") = py::none(),
+           py::arg("friction_angle") = py::none(), py::kw_only(),
+           py::arg("tool_friction") = py::none(), py::arg("adhesion") = 0.0,
+           "repose_angle: steepest slope of loose soil, rad; usually 0.44 to 0.79; without it the "
+           "soil is for Site.resistance() only. swell: loose volume / bank volume - 1; usually 0.1 "
+           "to 0.7, at most 3. density: kg/m3 of bank soil, more than 0; usually 1200 to 2700. "
+           "cohesion: Pa of bank soil; default: cuts stand as made. friction_angle: rad, of bank "
+           "soil; default: repose_angle. For resistance only: tool_friction: rad, of soil on "
+           "steel; default: two thirds of friction_angle. adhesion: Pa, of soil on steel.")
+      .def_property_readonly("repose_angle",
+                             [](const SoilProperties& s) {
+                               return s.repose_rad > 0 ? std::optional(s.repose_rad) : std::nullopt;
+                             })
       .def_readonly("swell", &SoilProperties::swell)
       .def_readonly("density", &SoilProperties::density_kg_m3)
       .def_readonly("cohesion", &SoilProperties::cohesion_pa)
       .def_readonly("friction_angle", &SoilProperties::friction_rad)
+      .def_readonly("tool_friction", &SoilProperties::tool_friction_rad)
+      .def_readonly("adhesion", &SoilProperties::adhesion_pa)
       .def(py::pickle(
           [](const SoilProperties& s) {
             return py::make_tuple(s.repose_rad, s.swell, s.density_kg_m3, s.cohesion_pa,
-                                  s.friction_rad);
+                                  s.friction_rad, s.tool_friction_rad, s.adhesion_pa);
           },
           [](const py::tuple& t) {
+            using Maybe = std::optional<double>;
             return SoilProperties{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>(),
-                                  t[3].cast<std::optional<double>>(),
-                                  t[4].cast<std::optional<double>>()};
+                                  t[3].cast<Maybe>(),  t[4].cast<Maybe>(),  t[5].cast<Maybe>(),
+                                  t[6].cast<double>()};
           }));
 
   py::class_<Pour>(m, "Pour",

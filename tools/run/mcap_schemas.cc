@@ -68,6 +68,9 @@ constexpr MessageType kCubePrimitive = {"foxglove_msgs/CubePrimitive", R"(geomet
 geometry_msgs/Vector3 size
 foxglove_msgs/Color color
 )"};
+constexpr MessageType kWrench = {"geometry_msgs/Wrench", R"(geometry_msgs/Vector3 force
+geometry_msgs/Vector3 torque
+)"};
 constexpr MessageType kVector3 = {"geometry_msgs/Vector3", R"(float64 x
 float64 y
 float64 z
@@ -186,6 +189,13 @@ io::McapSchema transforms_schema() {
   return schema_of("tf2_msgs/msg/TFMessage", R"(geometry_msgs/TransformStamped[] transforms
 )",
                    {kTransformStamped, kHeader, kTransform, kVector3, kQuaternion});
+}
+
+io::McapSchema wrench_schema() {
+  return schema_of("geometry_msgs/msg/WrenchStamped", R"(std_msgs/Header header
+geometry_msgs/Wrench wrench
+)",
+                   {kHeader, kWrench, kVector3});
 }
 
 io::McapSchema load_schema() {

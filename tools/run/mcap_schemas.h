@@ -10,6 +10,7 @@ namespace soilvdb::tools {
 io::McapSchema scene_update_schema();
 io::McapSchema grid_map_schema();
 io::McapSchema transforms_schema();
+io::McapSchema wrench_schema();
 io::McapSchema load_schema();
 
 }  // namespace soilvdb::tools

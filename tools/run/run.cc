@@ -56,6 +56,7 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, ResumePoint
       progress_(scenario_.name, schedule_.total(), " updates"),
       time_s_(schedule_.begin_s()) {
   if (!step_) throw io::InputError(schedule_.stops_at());
+  site_.records_force = scenario_.force;
   if (const auto mb = config_.options.memory_mb)
     site_.site.ground->set_memory_limit(static_cast<std::uint64_t>(*mb) << 20,
                                         std::make_shared<io::SwapFile>(folder_.path()));
@@ -117,7 +118,7 @@ void Run::replay_and_dig() {
     now = step_.value();
     step_ = schedule_.next();
     // Same batches as in the run, because the memory limit acts between batches.
-    return scenario_.machines.size() == 1 || ends_batch(now);
+    return scenario_.machines.size() == 1 || scenario_.force || ends_batch(now);
   };
   const auto made = [&](std::span<const io::JournalUpdate> updates) {
     for (const io::JournalUpdate& update : updates) {
@@ -155,7 +156,7 @@ void Run::begin_recording() {
 /// The next steps, up to one after which the ground is recorded.
 std::vector<Step> Run::next_batch() {
   const std::size_t machines = scenario_.machines.size();
-  const std::size_t most = machines == 1 ? 1 : kRunBatch * machines;
+  const std::size_t most = machines == 1 || scenario_.force ? 1 : kRunBatch * machines;
   std::vector<Step> batch;
   do {
     batch.push_back(*step_);

@@ -37,7 +37,7 @@ RunOutputs::RunOutputs(const RunConfig& config, const io::Scenario& scenario, Ru
       site_(site),
       begin_(begin),
       under_way_(scenario.machines.size() + scenario.pours.size()) {
-  csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value());
+  csv_.emplace(folder_.path() / kUpdatesName, scenario_.soil.has_value(), scenario_.force);
   if (scenario_.soil) most_load_.resize(under_way_.size());
   summary_.scenario = scenario_.name;
   summary_.voxel_size_m = scenario_.voxel_size_m;
@@ -47,7 +47,7 @@ RunOutputs::RunOutputs(const RunConfig& config, const io::Scenario& scenario, Ru
   std::vector<std::string> names;
   for (const io::MachineInput& machine : scenario_.machines) names.push_back(machine.name);
   mcap_.emplace(folder_.path() / kMcapName, *site_.site.ground, site_.site.crs_wkt, names,
-                span.begin_s, span.end_s);
+                span.begin_s, span.end_s, scenario_.force);
   mcap_->ground(span.begin_s);
   changes_.emplace(*site_.site.ground);
   changes_->take();  // the recording begins with all ground
@@ -71,7 +71,7 @@ void RunOutputs::add(const io::JournalUpdate& update) {
   }
   record_load(update, sum);
   csv_->add(update.end_s, name_of(update.machine), site_.volume_m3(sum.cut_samples),
-            site_.loose_m3(update.bucket_samples), us, moved);
+            site_.loose_m3(update.bucket_samples), us, moved, update.force);
   sum = {};
 }
 
@@ -87,6 +87,7 @@ void RunOutputs::record_load(const io::JournalUpdate& update, const PartialUpdat
   load.cut_m3 = site_.volume_m3(cut_samples_[update.machine] += sum.cut_samples);
   if (scenario_.soil) load.bucket_kg = site_.kg(update.bucket_samples);
   mcap_->load(update.end_s, update.machine, load);
+  if (update.force) mcap_->wrench(update.end_s, update.machine, *update.force);
 }
 
 void RunOutputs::look(double time_s) {

@@ -334,6 +334,26 @@ MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, 
                          turned ? &last->pose : nullptr);
 }
 
+CutGeometry Session::cut_geometry(std::size_t machine) {
+  return state_->cut_geometry(machine, height_map());
+}
+
+Resistance Session::resistance(std::size_t machine, const SoilStrength* soil, bool crescents) {
+  const CutGeometry geometry = cut_geometry(machine);
+  if (soil != nullptr) return geometry.resistance(*soil, crescents);
+  if (!earthmoving().soil)
+    throw std::invalid_argument("soil is rigid here; give the soil whose resistance is asked for");
+  return geometry.resistance(SoilStrength::of(*earthmoving().soil), crescents);
+}
+
+std::vector<double> Session::joint_loads(std::size_t machine, const Wrench& wrench) const {
+  const std::optional<MachineState> last = this->last(machine);
+  const SiteMachine& of = machines()[machine];
+  if (!last || last->joints.empty())
+    throw std::invalid_argument("machine '" + of.name + "' has no state that was given by joints");
+  return of.chain->joint_loads(last->joints, wrench.force, wrench.moment);
+}
+
 bool Session::has_machines_of(const Session& other) const {
   if (&state_->model() == &other.state_->model()) return true;
   const auto machines = [](const Session& session) {

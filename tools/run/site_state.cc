@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -113,6 +114,7 @@ void SiteState::follow(const io::JournalUpdate& update) {
                            .pose(update.end_s);
   if (rows.joints) now.joints = joints_at(rows, to_last ? rows.times_s[last] : update.end_s);
   if (std::isfinite(update.end_s)) now.time_s = update.end_s;
+  if (update.kind == Kind::kMove) now.direction = direction_to(now.pose, input);
   input = std::move(now);
 }
 
@@ -156,6 +158,13 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
          .slid = mass(update.slid_m3),
          .kind = step.motion ? io::JournalUpdate::Kind::kMove : io::JournalUpdate::Kind::kPour});
     follow(made.back());
+    if (!records_force || !step.motion || model_->machines[step.machine].bucket.shape) return;
+    if (!heights_) heights_.emplace(*site.ground);
+    const Wrench force = cut_geometry(step.machine, *heights_)
+                             .resistance(SoilStrength::of(*model_->earthmoving.soil))
+                             .total();
+    std::array<double, 6>& six = made.back().force.emplace();
+    std::copy_n(force.moment.data(), 3, std::copy_n(force.force.data(), 3, six.begin()));
   };
   for (std::size_t i = 0; i < steps.size();) {
     if (!steps[i].motion) {
@@ -163,8 +172,9 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
       ++i;
       continue;
     }
-    std::vector<Move> moves;  // up to the next pour
-    for (std::size_t k = i; k < steps.size() && steps[k].motion; ++k)
+    std::vector<Move> moves;  // up to the next pour; a force is that of its own ground
+    const std::size_t end = records_force ? i + 1 : steps.size();
+    for (std::size_t k = i; k < end && steps[k].motion; ++k)
       moves.push_back(
           {steps[k].machine, {}, steps[k].motion.get(), steps[k].begin_s, steps[k].end_s});
     for (const Update& update : tracker_->update(moves)) record(steps[i++], update);

@@ -6,11 +6,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "soilvdb/height_map.h"
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/scenario.h"
 #include "soilvdb/io/site.h"
@@ -63,6 +65,7 @@ struct SiteState : Site {
 
   io::Site site;  ///< the ground, and where it comes from
   MassUnits units;
+  bool records_force = false;  ///< advance() records forces of soil on buckets; not copied
 
  private:
   void follow(const io::JournalUpdate& update);
@@ -71,6 +74,8 @@ struct SiteState : Site {
                std::vector<std::unique_ptr<Motion>>& motions) const;
   void require_mover(std::size_t i, const io::JournalUpdate& update) const;
   void require_same(std::size_t i, const io::JournalUpdate& update, const Update& made) const;
+
+  std::optional<HeightMap> heights_;  // for forces
 };
 
 }  // namespace soilvdb::tools

@@ -78,7 +78,7 @@ SnapshotSchedule schedule_of(double every_s, double begin_s, std::optional<doubl
 
 SoilMcap::SoilMcap(std::filesystem::path file, const Ground& ground, const std::string& crs_wkt,
                    const std::vector<std::string>& machines, double begin_s,
-                   std::optional<double> end_s)
+                   std::optional<double> end_s, bool forces)
     : file_(std::move(file)),
       part_(end_s ? part_of(file_) : file_),
       writer_(part_),
@@ -94,9 +94,13 @@ SoilMcap::SoilMcap(std::filesystem::path file, const Ground& ground, const std::
     // Names come from the user's files and need not be UTF-8.
     const std::string json = io::to_text(nlohmann::json(name));
     loads_.push_back({});
-    loads_.back().id = writer_.add_channel("/load/" + io::parse_json(json).get<std::string>(),
-                                           load_schema(), "json");
+    const auto text = io::parse_json(json).get<std::string>();
+    loads_.back().id = writer_.add_channel("/load/" + text, load_schema(), "json");
     loads_.back().name = json;
+    if (!forces) continue;
+    loads_.back().wrenches =
+        writer_.add_channel("/" + text + "/soil_wrench", wrench_schema(), "cdr");
+    loads_.back().frame = text + "_bucket";
   }
   const Vec3& o = ground.origin();
   writer_.add_metadata("soilvdb", {{"origin", fmt::format("{} {} {}", o.x(), o.y(), o.z())},
@@ -212,6 +216,14 @@ void SoilMcap::load(double time_s, std::size_t machine, const Load& load) {
   if (!channel.any || tenth(time_s) > tenth(channel.written_s)) return put(time_s, channel, load);
   channel.newest = load;
   channel.newest_s = time_s;
+}
+
+void SoilMcap::wrench(double time_s, std::size_t machine, const std::array<double, 6>& force) {
+  io::CdrWriter cdr;
+  put_stamp(cdr, time_s);
+  cdr.put(std::string_view(loads_[machine].frame));
+  for (const double value : force) cdr.put(value);
+  writer_.write(loads_[machine].wrenches, ns_of(time_s), cdr.bytes());
 }
 
 void SoilMcap::close(double time_s) {

@@ -3,6 +3,7 @@
 // soil.mcap: changes of ground and loads, for Lichtblick and other readers of MCAP.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
@@ -26,6 +27,9 @@ namespace soilvdb::tools {
 ///   voxels; the same id replaces it;
 /// - `/elevation`, grid_map_msgs/msg/GridMap with the layer `elevation`;
 /// - `/load/MACHINE`, JSON: load of a bucket, at most ten times a second;
+/// - `/MACHINE/soil_wrench`, geometry_msgs/msg/WrenchStamped in the frame `MACHINE_bucket`: the
+/// force
+///   of the soil on a bucket after each update, if that is recorded;
 /// - `/tf_static`, tf2_msgs/msg/TFMessage, once: `site` in `world`, so that coordinates stay small.
 ///
 /// Times are those of the motions, from 0 to 2^31 s. The output depends only on the calls, so a run
@@ -44,8 +48,10 @@ class SoilMcap {
   /// @param machines names
   /// @param end_s end of a run, which is written to FILE.part; close() renames it to FILE, and
   ///        without close() FILE.part is removed and an older FILE stays. Empty: a live site
+  /// @param forces are forces recorded?
   SoilMcap(std::filesystem::path file, const Ground& ground, const std::string& crs_wkt,
-           const std::vector<std::string>& machines, double begin_s, std::optional<double> end_s);
+           const std::vector<std::string>& machines, double begin_s, std::optional<double> end_s,
+           bool forces = false);
   ~SoilMcap();
   SoilMcap(const SoilMcap&) = delete;
   SoilMcap& operator=(const SoilMcap&) = delete;
@@ -61,6 +67,8 @@ class SoilMcap {
   bool ground(double time_s, std::size_t most = std::numeric_limits<std::size_t>::max());
   /// Records the first load in each tenth of a second.
   void load(double time_s, std::size_t machine, const Load& load);
+  /// @param force and moment, N and N m
+  void wrench(double time_s, std::size_t machine, const std::array<double, 6>& force);
 
   void flush() { writer_.flush(); }
   /// Records the rest, and ends the file.
@@ -68,8 +76,9 @@ class SoilMcap {
 
  private:
   struct Channel {
-    std::uint16_t id = 0;
+    std::uint16_t id = 0, wrenches = 0;
     std::string name;                    // of the machine, as JSON
+    std::string frame;                   // of its bucket
     double written_s = 0, newest_s = 0;  // times of loads
     std::optional<Load> newest;          // not written yet
     bool any = false;                    // a load was written

@@ -91,7 +91,7 @@ Line object_of(std::string_view line) {
 
 /// @param joints storage for the state's joints
 MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
-  require_keys(json, {"machine", "time", "joints", "position", "rotation"});
+  require_keys(json, {"machine", "time", "joints", "position", "rotation", "force"});
   MachineState state;
   state.machine = session_.machine(machine_in(json).get<std::string>());
   if (json.contains("time") && !json["time"].is_null())
@@ -128,6 +128,18 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
   }
   state.joints = joints;
   return state;
+}
+
+bool LiveSite::asks_for_force(const Line& json, std::size_t machine) const {
+  if (!json.contains("force")) return false;
+  if (!json["force"].is_boolean()) throw std::invalid_argument("'force' must be true or false");
+  if (!json["force"].get<bool>()) return false;
+  if (!session_.earthmoving().soil)
+    throw std::invalid_argument("'force' needs the scenario's 'soil', which resists the bucket");
+  if (const SiteMachine& of = session_.machines()[machine]; of.bucket.shape)
+    throw std::invalid_argument(
+        fmt::format("machine '{}' has a closed tool; 'force' is known for buckets", of.name));
+  return true;
 }
 
 void LiveSite::reset_clock(const Line& json) {

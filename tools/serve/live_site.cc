@@ -76,6 +76,7 @@ std::string LiveSite::feed(std::string_view line) {
     }
     std::vector<double> joints;
     const MachineState state = parse(json, joints);
+    const bool wants_force = asks_for_force(json, state.machine);
     if (const std::string why = session_.unlikely(state); !why.empty())
       throw std::invalid_argument(why);
     require_soon(state);
@@ -90,6 +91,11 @@ std::string LiveSite::feed(std::string_view line) {
       answer["bucket_kg"] = session_.bucket_kg(state.machine);
       answer["spilled_m3"] = step.update.spilled_m3;
       answer["slid_m3"] = step.update.slid_m3;
+    }
+    if (wants_force) {
+      const Wrench all = session_.resistance(state.machine).total();
+      answer["force_n"] = io::numbers(all.force);
+      answer["moment_nm"] = io::numbers(all.moment);
     }
     const io::JournalExtent done = session_.acknowledged();
     answer["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();

@@ -77,6 +77,8 @@ class LiveSite {
  private:
   using Clock = std::chrono::steady_clock;
   MachineState parse(const nlohmann::json& json, std::vector<double>& joints) const;
+  /// @throw std::invalid_argument if no force is known of that machine
+  bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
   std::string how_to_set_clock(std::size_t machine) const;
   void require_soon(const MachineState& state);

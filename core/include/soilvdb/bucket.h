@@ -28,6 +28,8 @@ struct Bucket {
   /// A closed tool shape (tool_of()) that replaces mouth and body. It holds no soil and pushes soil
   /// aside. Width and height are then those of a mouth with the same reach.
   std::shared_ptr<const ToolShape> shape = {};
+  double edge_m = 0;   ///< thickness of the lip's blunt edge, for its resistance; 0: sharp
+  double plate_m = 0;  ///< thickness of each side plate's blunt edge, the same
 
   /// @throw std::invalid_argument with the field, its value and the allowed values
   void validate() const;

@@ -14,11 +14,15 @@ namespace soilvdb::inline v0 {
 
 /// Soil that moves: disturbed soil is loose, undisturbed soil is bank.
 struct SoilProperties {
-  double repose_rad = 0;               ///< angle of repose of loose soil, in (0, pi / 2)
-  double swell = 0;                    ///< ratio of loose to bank volume, minus 1; >= 0
+  double repose_rad =
+      0;             ///< angle of repose of loose soil, in (0, pi / 2); 0: none, for forces only
+  double swell = 0;  ///< ratio of loose to bank volume, minus 1; >= 0
   double density_kg_m3 = 1800;         ///< of bank soil, > 0
   std::optional<double> cohesion_pa;   ///< of bank soil; unset: cut banks do not fail
   std::optional<double> friction_rad;  ///< of bank soil, in [0, pi / 2); unset: repose_rad
+  /// Of soil on steel, in [0, pi / 2), for forces only; unset: two thirds of friction.
+  std::optional<double> tool_friction_rad = {};
+  double adhesion_pa = 0;  ///< of bank soil on steel, >= 0, for forces only
 };
 
 /// Soil from outside the site: a truck that tips, a conveyor. It falls vertically at a constant

@@ -79,6 +79,16 @@ class HeightMap {
   /// high.
   void at(std::span<const Vec2> xy_m, std::span<double> heights_m);
 
+  /// Heights along parallel lines, linear between the middles of columns; columns that are as the
+  /// terrain was have its height at their middle. NaN without ground.
+  /// @param first_m first point of the first line; from one to the next point by `along_m`, from
+  /// one
+  ///        to the next line by `across_m`
+  /// @param heights_m count * lines values, line by line
+  /// @throw std::invalid_argument for points farther than 2^23 voxels from the site's origin
+  void lines(const Vec2& first_m, const Vec2& along_m, int count, const Vec2& across_m, int lines,
+             std::span<double> heights_m);
+
   /// Distances along rays to the surface of at(), m: 0 if a ray begins below it, infinity if it
   /// meets none. A ray stops at the upright face of a step in that surface. It passes columns
   /// without ground, and holes of the terrain that are narrower than a voxel.

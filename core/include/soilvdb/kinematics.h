@@ -44,6 +44,11 @@ struct Chain {
   /// @param values rad or m, one per movable joint, not checked against the limits
   Pose world_from_bucket(std::span<const double> values) const;
 
+  /// What a force on the bucket does to the movable joints, N m or N: positive the way that a
+  /// joint's value grows. @param force N, world. @param moment about the bucket frame's origin, N m
+  std::vector<double> joint_loads(std::span<const double> values, const Vec3& force,
+                                  const Vec3& moment) const;
+
   /// Positions of the moving joints, from the root to the lip; world, m.
   std::vector<Vec3> joint_places(std::span<const double> values) const;
 };

@@ -15,6 +15,7 @@
 #include "soilvdb/bucket.h"
 #include "soilvdb/earthmoving.h"
 #include "soilvdb/kinematics.h"
+#include "soilvdb/resistance.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::inline v0 {
@@ -107,6 +108,14 @@ class Site {
   /// Last state of a machine, always with its pose; std::nullopt before the first. `joints` is
   /// valid until the next update. @throw std::invalid_argument for an unknown machine
   std::optional<MachineState> last(std::size_t machine) const;
+  /// Direction in which a machine's lip last moved, of unit length, world; zero before it moved and
+  /// after place(). @throw std::invalid_argument for an unknown machine
+  Vec3 direction(std::size_t machine) const;
+  /// What a machine's resistance depends on besides the strength of the soil, as of its last
+  /// update.
+  /// @param map of this site's ground. @throw std::invalid_argument before the machine's first
+  ///        state, or for a closed tool; as HeightMap
+  CutGeometry cut_geometry(std::size_t machine, HeightMap& map) const;
   /// The latest time of all machines.
   std::optional<double> last_s() const;
 
@@ -135,6 +144,7 @@ class Site {
     std::optional<double> time_s = {};
     Pose pose = {};
     std::vector<double> joints = {};  ///< empty: the state was a pose
+    Vec3 direction = Vec3::Zero();    ///< of the lip when it last moved, unit; zero: unknown
   };
 
   std::string name(std::size_t machine) const;
@@ -142,6 +152,8 @@ class Site {
   void require(std::size_t machine) const;
   /// Checks and converts a state. @throw std::invalid_argument for an invalid state
   Input input(const MachineState& state) const;
+  /// Of the lip on its way to a pose, as Site::direction().
+  static Vec3 direction_to(const Pose& now, const std::optional<Input>& last);
   /// @throw std::invalid_argument if a machine's time would go back
   void require_order(std::size_t machine, const std::optional<Input>& last,
                      std::optional<double> time_s) const;

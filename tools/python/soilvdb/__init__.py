@@ -15,13 +15,16 @@ from typing import Any as _Any
 
 from . import _compiled as _compiled  # first: it names the Python that the rest is for
 from ._errors import NoGroundError, StateError
+from ._force import Identified, Wrench, identify
 from ._run import run
 from ._soilvdb import (
     Bucket,
+    CutGeometry,
     Hopper,
     Machine,
     Patch,
     Pour,
+    Resistance,
     Site,
     Soil,
     Terrain,
@@ -33,6 +36,7 @@ from ._soilvdb import (
     plane,
     raster,
     read_raster,
+    resistances,
     snapshot,
     tool,
     update_many,
@@ -43,12 +47,15 @@ from .vector import Steps, VectorSite
 
 __all__ = [
     "Bucket",
+    "CutGeometry",
     "Ensemble",
     "Hopper",
+    "Identified",
     "Machine",
     "NoGroundError",
     "Patch",
     "Pour",
+    "Resistance",
     "Site",
     "Soil",
     "Spread",
@@ -58,12 +65,15 @@ __all__ = [
     "Update",
     "VectorSite",
     "Volume",
+    "Wrench",
     "__version__",
     "height_maps",
+    "identify",
     "motions",
     "plane",
     "raster",
     "read_raster",
+    "resistances",
     "run",
     "snapshot",
     "tool",
@@ -71,9 +81,8 @@ __all__ = [
     "write_raster",
 ]
 
-for _thing in (Bucket, Hopper, Machine, Patch, Pour, Site, Soil, Terrain, Update, Volume,
-               height_maps,
-               motions, plane, raster, read_raster, snapshot, update_many, write_raster):
+for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Site,
+               Soil, Terrain, Update, Volume, Wrench, height_maps, identify, resistances, motions, plane, raster, read_raster, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 

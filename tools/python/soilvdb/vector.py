@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._errors import NoGroundError, StateError
-from ._soilvdb import Site, Soil, Terrain, _step_sites, height_maps, plane, raster
+from ._soilvdb import Site, Soil, Terrain, _step_sites, height_maps, plane, raster, resistances
 
 Floats = npt.NDArray[np.float64]
 _State = Union[Site, bytes]  # read by Python 3.9
@@ -92,6 +92,14 @@ class VectorSite:
         """
         return height_maps(self._sites, shape=shape, cell=cell, threads=self._threads, **which)
 
+    def resistance(self, machine: int | str = 0, *, soil: Soil | None = None,
+                   crescents: bool = True) -> tuple[Floats, Floats]:
+        """Site.resistance() of each site: forces, N, and moments, N m, each (count, 3), on the
+        bucket in its frame; NaN before the machine's first state.
+        """
+        return resistances(self._sites, machine, soil=soil, crescents=crescents,
+                           threads=self._threads)
+
     def loads(self, machine: int | str) -> Floats:
         """Load of a machine's bucket in each site, loose, m3: (count,)."""
         return np.array([site.ledger(machine)["bucket_m3"] for site in self._sites])
@@ -121,12 +129,13 @@ class VectorSite:
 
     def randomise(self, mask: Any = None, *, repose_angle: Any = None, swell: Any = None,
                   density: Any = None, cohesion: Any = None, friction_angle: Any = None,
-                  z: Any = None, slope: Any = None, heights: Any = None, origin: Any = None,
+                  tool_friction: Any = None, adhesion: Any = None, z: Any = None,
+                  slope: Any = None, heights: Any = None, origin: Any = None,
                   cell: float | None = None) -> None:
         """Sites begin anew on untouched ground, each in its own soil and on its own terrain; no
         machine has a place yet. reset() then begins from there.
 
-        mask: as for reset(). repose_angle to friction_angle: properties of Soil, each one for all or
+        mask: as for reset(). repose_angle to adhesion: properties of Soil, each one for all or
         (n,) for the n sites that begin anew. One that is left out keeps its value, nan sets it to
         its default; repose_angle makes rigid soil move. z, (n,), and slope, (n, 2): planes, with 0
         for the one that is left out. heights: (n, ny, nx) in place of these, with origin and cell as
@@ -136,7 +145,8 @@ class VectorSite:
         which = self._numbers(mask)
         soils = {name: _per_site(name, values, (len(which),)) for name, values in (
             ("repose_angle", repose_angle), ("swell", swell), ("density", density),
-            ("cohesion", cohesion), ("friction_angle", friction_angle)) if values is not None}
+            ("cohesion", cohesion), ("friction_angle", friction_angle),
+            ("tool_friction", tool_friction), ("adhesion", adhesion)) if values is not None}
         terrains = _terrains(len(which), z, slope, heights, origin, cell)
         starts: dict[int, Site] = {}
         for n, i in enumerate(which):
@@ -195,7 +205,8 @@ def _per_site(name: str, values: Any, shape: tuple[int, ...]) -> Floats:
 
 
 def _soil(soil: Soil | None, changed: Mapping[str, float]) -> Soil:
-    names = ("repose_angle", "swell", "density", "cohesion", "friction_angle")
+    names = ("repose_angle", "swell", "density", "cohesion", "friction_angle", "tool_friction",
+             "adhesion")
     values = {} if soil is None else {name: getattr(soil, name) for name in names}
     values.update(changed)
     if "repose_angle" not in values:

@@ -8,6 +8,7 @@
 // therefore the trace of a crash, and ends the journal. A bad frame before that is damage.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <condition_variable>
 #include <cstdint>
@@ -55,6 +56,9 @@ struct JournalUpdate {
   MotionRows rows = {};
   std::int64_t spilled = 0, slid = 0;
   Kind kind = Kind::kMove;
+  /// Of the soil on the bucket after it, bucket frame, at the middle of the lip: force, N, and
+  /// moment, N m; if the run records it.
+  std::optional<std::array<double, 6>> force = {};
 };
 /// A file that was finished after this many updates.
 struct JournalFile {

@@ -74,6 +74,7 @@ struct Scenario {
   std::optional<std::string> mesh;            ///< "ply", "obj", "stl" or "glb"
   std::optional<double> raster_cell_m;
   bool mcap = false;          ///< record ground and loads as they change
+  bool force = false;         ///< updates.csv has the force on the bucket; only with soil
   double journal_sync_s = 1;  ///< interval between syncs of the journal, s; 0: every update
   std::vector<std::filesystem::path> inputs;  ///< motions and URDFs
   /// About unused columns, joints beyond limits, left-out bad rows, doubtful soil and buckets.

@@ -18,6 +18,7 @@
 #include "soilvdb/io/journal.h"
 #include "soilvdb/io/site.h"
 #include "soilvdb/mesher.h"
+#include "soilvdb/resistance.h"
 #include "soilvdb/site.h"
 
 namespace soilvdb::inline v0 {
@@ -151,6 +152,19 @@ class Session {
   /// Cells around the middle of a machine's lip. @param turned with the lip as the map's y axis;
   /// else with the world's axes. @throw std::invalid_argument before its first state
   MapGrid map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned = true) const;
+  /// What a bucket's resistance depends on besides the strength of the soil, as of the last update:
+  /// ground, pose, direction and load. Takes some microseconds.
+  /// @throw std::invalid_argument before the machine's first state, or for a closed tool
+  CutGeometry cut_geometry(std::size_t machine);
+  /// The force of the soil on a bucket, see CutGeometry::resistance().
+  /// @param soil null: that of the site. @throw as cut_geometry(); std::invalid_argument if soil is
+  ///        rigid and none is given
+  Resistance resistance(std::size_t machine, const SoilStrength* soil = nullptr,
+                        bool crescents = true);
+  /// What a force on a machine's bucket does to its joints, see Chain::joint_loads().
+  /// @param wrench about the middle of the lip, axes of the world
+  /// @throw std::invalid_argument unless the machine's last state was given by joints
+  std::vector<double> joint_loads(std::size_t machine, const Wrench& wrench) const;
   /// What was dug and filled inside a boundary, in place, against the terrain; see volume_inside().
   /// @param design null: none
   BoundaryVolume volume(const std::vector<Vec2>& boundary, const InitialTerrain* design = nullptr);

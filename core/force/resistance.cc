@@ -1,0 +1,141 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "soilvdb/resistance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <span>
+#include <stdexcept>
+
+#include "core/constants.h"
+#include "core/force/wedge.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+/// Factors of the pressure on a blunt edge: of a strip footing (Prandtl, Reissner, Vesic).
+struct BearingFactors {
+  double q, c, g;        // of depth, cohesion and thickness
+  double d_q, d_c, d_g;  // by friction
+
+  explicit BearingFactors(double friction) {
+    const double phi = std::max(friction, kLeastFriction), t = std::tan(phi), sine = std::sin(phi);
+    const double root = std::tan(std::numbers::pi / 4 + phi / 2);
+    q = std::exp(std::numbers::pi * t) * root * root;
+    c = (q - 1) / t;
+    g = 2 * (q + 1) * t;
+    d_q = q * (std::numbers::pi * (1 + t * t) + 2 / std::cos(phi));
+    d_c = d_q / t - (q - 1) / (sine * sine);
+    d_g = 2 * d_q * t + 2 * (q + 1) * (1 + t * t);
+  }
+};
+
+/// Pressure on an edge, Pa, and its derivatives in the order of WedgeSoil.
+struct BearingPressure {
+  double value;
+  std::array<double, kWedgeParameters> by;
+
+  BearingPressure(const BearingFactors& n, const WedgeSoil& soil, double depth, double thickness) {
+    const double of_weight = depth * n.q + thickness * n.g / 2;
+    value = soil.cohesion * n.c + soil.unit_weight * of_weight;
+    by = {of_weight, n.c,
+          soil.cohesion * n.d_c + soil.unit_weight * (depth * n.d_q + thickness * n.d_g / 2), 0, 0};
+  }
+};
+
+}  // namespace
+
+SoilStrength SoilStrength::of(const SoilProperties& soil) {
+  if (!soil.friction_rad && soil.repose_rad == 0)
+    throw std::invalid_argument("a force needs the soil's angle of friction or of repose");
+  SoilProperties given = soil;
+  if (given.repose_rad == 0) given.repose_rad = 0.5;  // of no concern here
+  Earthmoving{given, {}, {}}.validate();
+  const double friction = soil.friction_rad.value_or(soil.repose_rad);
+  return {soil.density_kg_m3, soil.cohesion_pa.value_or(0), friction,
+          soil.tool_friction_rad.value_or(2 * friction / 3), soil.adhesion_pa};
+}
+
+Wrench turned(const Wrench& wrench, const Eigen::Quaterniond& rotation) {
+  return {rotation * wrench.force, rotation * wrench.moment};
+}
+
+Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) const noexcept {
+  const WedgeSoil soil{given.density_kg_m3 * kGravity, given.cohesion_pa, given.friction_rad,
+                       given.tool_friction_rad, given.adhesion_pa};
+  const BearingFactors factors(soil.friction);
+  const Vec3 up = Vec3::UnitZ();
+  const Vec3 back = -std::cos(rake_rad_) * ahead_ + std::sin(rake_rad_) * up;
+  Resistance all;
+  Eigen::Matrix<double, 3, 5> by = Eigen::Matrix<double, 3, 5>::Zero();
+  const auto add = [](Wrench& to, const Vec3& force, const Vec3& at) {
+    to.force += force;
+    to.moment += at.cross(force);
+  };
+  const auto add_pressure = [&](Wrench& to, const BearingPressure& p, double area, const Vec3& at) {
+    add(to, -p.value * area * way_, at);
+    for (std::size_t i = 0; i < p.by.size(); ++i)
+      by.col(static_cast<Eigen::Index>(i)) -= p.by[i] * area * way_;
+  };
+  double above_m3 = 0, by_force = 0;
+  // The middle of the blade says whether soil rides before it.
+  BodyGuess body;
+  const auto slice_of = [&](const Strip& strip) {
+    SoilSlice slice{strip.first_x, step_m_, std::span(heights_).subspan(strip.first, strip.count),
+                    rake_rad_, face_m_};
+    slice.open_sides = crescents ? open_sides_ : 0;
+    slice.width = width_m_;
+    return slice;
+  };
+  if (cuts_) wedge_force(slice_of(strips_[strips_.size() / 2]), soil, body);
+  for (const Strip& strip : strips_) {
+    const std::span<const double> heights = std::span(heights_).subspan(strip.first, strip.count);
+    const double share = 1.0 / static_cast<double>(strips_.size());
+    if (heights.size() < 2) {
+      all.open = true;
+      continue;
+    }
+    double depth = 0;
+    if (cuts_) {
+      const WedgeForce wedge = wedge_force(slice_of(strip), soil, body);
+      depth = wedge.depth;
+      const Vec3 force = -strip_m_ * (wedge.ahead * ahead_ + wedge.up * up);
+      add(all.cut, force, strip.lip + wedge.arm * back);
+      for (std::size_t i = 0; i < wedge.d_ahead.size(); ++i)
+        by.col(static_cast<Eigen::Index>(i)) -=
+            strip_m_ * (wedge.d_ahead[i] * ahead_ + wedge.d_up[i] * up);
+      above_m3 += wedge.above * strip_m_;
+      all.angle_rad += wedge.failure * force.norm();
+      by_force += force.norm();
+      all.steep = all.steep || wedge.steep;
+      all.open = all.open || wedge.open;
+    } else {
+      const double at =
+          std::clamp(-strip.first_x / step_m_, 0.0, static_cast<double>(heights.size() - 1));
+      depth = std::max(0.0, heights[static_cast<std::size_t>(at)]);
+    }
+    all.depth_m += share * depth;
+    if (advances_ && edge_m_ > 0 && depth > 0)
+      add_pressure(all.edge, {factors, soil, depth, edge_m_}, edge_m_ * strip_m_, strip.lip);
+  }
+  if (by_force > 0) all.angle_rad /= by_force;
+  if (plates_m2_ > 0)
+    add_pressure(all.edge, {factors, soil, all.depth_m / 2, 0}, plates_m2_, plates_at_);
+  for (const Heel& heel : heels_) {
+    add_pressure(all.heel, {factors, soil, all.depth_m, 0}, heel.area, heel.at);
+    all.pressed = true;
+  }
+  const double load_m3 = std::max(0.0, load_m3_ - above_m3);
+  add(all.load, -soil.unit_weight * load_m3 * up, load_at_);
+  by.col(0) -= load_m3 * up;
+  by.col(0) *= kGravity;  // by density, not by weight
+
+  const Eigen::Quaterniond to_bucket = pose_.rotation.conjugate();
+  for (Wrench* part : {&all.cut, &all.edge, &all.load, &all.heel}) *part = turned(*part, to_bucket);
+  all.by_strength = to_bucket.toRotationMatrix() * by;
+  // In the order of SoilStrength: density, cohesion, friction, tool friction, adhesion.
+  return all;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,314 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Laws of the force of soil on a bucket in the ground.
+#include "soilvdb/resistance.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "soilvdb/site.h"
+
+namespace soilvdb::test {
+namespace resistance_test {
+
+constexpr double kPi = std::numbers::pi, kDeg = kPi / 180;
+const SoilStrength kLoam{18e3 / 9.80665, 10e3, 30 * kDeg, 20 * kDeg, 0};
+
+/// A site, and its heights.
+struct Dig {
+  std::shared_ptr<Ground> ground;
+  Site site;
+  HeightMap heights;
+
+  Dig(double voxel_m, std::unique_ptr<InitialTerrain> terrain, const Bucket& bucket,
+      const Earthmoving& earthmoving = {})
+      : ground(std::make_shared<Ground>(voxel_m, Vec3::Zero(), std::move(terrain))),
+        site(ground, {{{"digger", bucket, {}}}, earthmoving}),
+        heights(*ground) {}
+  void to(const Vec3& position, const Eigen::Quaterniond& rotation) {
+    const StepResult step = site.update({.machine = 0, .pose = {position, rotation}});
+    ASSERT_TRUE(step.ok()) << step.why;
+  }
+  Resistance resistance(const SoilStrength& soil = kLoam, bool crescents = false) {
+    return site.cut_geometry(0, heights).resistance(soil, crescents);
+  }
+};
+
+/// A blade without a body, which leans back by its rake.
+Bucket blade(double width_m = 1.2) { return {width_m, 1.0, {}, {}, {}}; }
+Eigen::Quaterniond lean(double rake_deg, double yaw = 0) {
+  return from_rpy(0, (rake_deg - 90) * kDeg, yaw);
+}
+/// A bucket whose floor rises behind the lip.
+Bucket bucket() {
+  return {1.2, 0.9, {{0, 0}, {-0.5, 0.1}, {-0.85, 0.4}, {-0.6, 0.9}, {0, 0.9}}, {}, {}};
+}
+
+constexpr int kPosts = 101;
+constexpr double kPostSpacing_m = 0.1;
+
+/// Ground with a bend every 0.1 m, 10 m wide, about (0, 0).
+struct Field : HeightSource {
+  std::function<double(double, double)> z;
+
+  void read(int x0, int y0, int nx, int ny, float* out) const override {
+    const auto at = [](int post) { return kPostSpacing_m * (post - kPosts / 2); };
+    for (int i = y0; i < y0 + ny; ++i)
+      for (int j = x0; j < x0 + nx; ++j) *out++ = static_cast<float>(z(at(j), at(i)));
+  }
+};
+std::unique_ptr<InitialTerrain> field(std::function<double(double, double)> z) {
+  const auto source = std::make_shared<Field>();
+  source->z = std::move(z);
+  const Vec2 first = Vec2::Constant(-kPostSpacing_m * (kPosts / 2));
+  return make_height_field({kPosts, kPosts, first, Vec2::Constant(kPostSpacing_m)}, source);
+}
+
+Wrench in_world(const Resistance& r, const Eigen::Quaterniond& rotation) {
+  return turned(r.total(), rotation);
+}
+
+/// The formula's force on a blade of this width: a search over 20 001 angles on exact geometry.
+TEST(Resistance, OfABladeIsThatOfTheFormulaAtAnyVoxelSize) {
+  struct Case {
+    double rake, slope_deg, width, ahead, up, moment;
+    bool crescents;
+  };
+  for (const Case& c : std::vector<Case>{{60, 0, 1.2, 10296.96, 1815.63, 1563.33, false},
+                                         {60, 15, 1.2, 14955.91, 2637.13, 1980.11, false},
+                                         {60, -15, 1.2, 7327.03, 1291.95, 1309.61, false},
+                                         {60, 0, 1.2, 14652.55, 2583.64, 2236.30, true},
+                                         {60, 0, 0.3, 26659.96, 4700.87, 4096.35, true}}) {
+    for (const double voxel_m : {0.1, 0.05, 0.025}) {
+      SCOPED_TRACE(testing::Message() << c.rake << " " << c.slope_deg << " " << voxel_m);
+      Dig dig(voxel_m, make_plane(0.3, {std::tan(c.slope_deg * kDeg), 0}), blade(c.width));
+      for (const double x : {-0.6, -0.3, 0.}) dig.to({x, 0, 0}, lean(c.rake));
+      const Resistance r = dig.resistance(kLoam, c.crescents);
+      const Wrench cut = turned(r.cut, lean(c.rake));
+      const double bound = (voxel_m > 0.04 ? 5e-3 : 1e-3) * c.ahead * c.width;
+      EXPECT_NEAR(cut.force.x(), -c.ahead * c.width, bound);
+      EXPECT_NEAR(cut.force.y(), 0, bound);
+      EXPECT_NEAR(cut.force.z(), -c.up * c.width, bound);
+      EXPECT_NEAR(cut.moment.y(), -c.moment * c.width, bound);
+      EXPECT_NEAR(r.depth_m, 0.3, 1e-3);
+      EXPECT_FALSE(r.steep || r.open || r.pressed);
+    }
+  }
+}
+
+TEST(Resistance, OfABucketIsTheSameAtAnyYawAndAfterAnyNumberOfUpdates) {
+  const auto force = [&](double yaw, int updates) {
+    Dig dig(0.05, make_plane(0.02, {0.1 * std::cos(yaw), 0.1 * std::sin(yaw)}), bucket());
+    const Eigen::Quaterniond q = from_rpy(0, 0.3, yaw);
+    const Vec3 way = Vec3(std::cos(yaw), std::sin(yaw), 0);
+    dig.to(-1.2 * way + Vec3(0, 0, 0.5), q);
+    dig.to(-0.8 * way + Vec3(0, 0, -0.3), q);
+    for (int i = 1; i <= updates; ++i)
+      dig.to((-0.8 + 0.8 * i / updates) * way - Vec3(0, 0, 0.3), q);
+    return dig.resistance();
+  };
+  const Resistance one = force(0, 20);
+  EXPECT_LT(one.cut.force.x(), -3000);
+  EXPECT_EQ(one.total().force.y(), 0);
+  for (const int updates : {5, 1000}) {
+    const Wrench all = force(0, updates).total();
+    EXPECT_LT((all.force - one.total().force).norm(), 1e-3 * one.total().force.norm());
+  }
+  for (const double yaw : {0.3, 0.8, kPi / 2, 2.0, kPi, -1.1}) {
+    const Resistance other = force(yaw, 20);
+    EXPECT_LT((other.cut.force - one.cut.force).norm(), 0.01 * one.cut.force.norm()) << yaw;
+    EXPECT_LT((other.total().force - one.total().force).norm(), 0.01 * one.total().force.norm());
+  }
+}
+
+TEST(Resistance, IsMirroredWithTheGround) {
+  const auto force = [](double side) {
+    Dig dig(0.05, field([=](double x, double y) {
+              return 0.3 + 0.2 * std::exp(-2 * (x - 1) * (x - 1)) * std::max(0.0, side * y);
+            }),
+            blade());
+    for (const double x : {-0.6, 0.}) dig.to({x, 0, 0}, lean(60));
+    return dig.resistance().total();
+  };
+  const Wrench left = force(1), right = force(-1);
+  EXPECT_GT(std::abs(left.moment.z()), 10);
+  EXPECT_NEAR(left.force.x(), right.force.x(), 1e-3 * std::abs(left.force.x()));
+  EXPECT_NEAR(left.force.z(), right.force.z(), 1e-3 * std::abs(left.force.z()));
+  EXPECT_NEAR(left.moment.z(), -right.moment.z(), 0.02 * std::abs(left.moment.z()));
+  EXPECT_NEAR(left.moment.x(), -right.moment.x(), 0.02 * std::abs(left.moment.x()));
+}
+
+TEST(Resistance, GrowsByAHeapAheadAndShrinksByADrop) {
+  const auto force = [](const std::function<double(double)>& z) {
+    Dig dig(0.025, field([&](double x, double) { return z(x); }), blade());
+    for (const double x : {-0.6, 0.}) dig.to({x, 0, 0}, lean(60));
+    return -in_world(dig.resistance(), lean(60)).force.x() / 1.2;
+  };
+  EXPECT_NEAR(force([](double) { return 0.3; }), 10297, 10);
+  EXPECT_NEAR(force([](double x) { return 0.3 + std::max(0.0, 0.2 - std::abs(x - 0.6) / 2); }),
+              14314.06, 0.005 * 14314.06);
+  EXPECT_LT(force([](double x) { return x < 0.35 ? 0.3 : 0.05; }), 5500);
+}
+
+TEST(Resistance, IsOnlyTheLoadWhereTheBucketLeaves) {
+  const SoilStrength sand{1800, 0, 0.6, 0.4, 0};
+  Earthmoving soil;
+  soil.soil = SoilProperties{};
+  soil.soil->repose_rad = 0.6;
+  soil.soil->swell = 0.25;
+  Dig dig(0.05, make_plane(0, {0, 0}), bucket(), soil);
+  for (const Vec3& p : {Vec3(-1.5, 0, 0.6), Vec3(-1.2, 0, -0.3), Vec3(0, 0, -0.3)})
+    dig.to(p, from_rpy(0, 0.2, 0));
+  EXPECT_LT(dig.resistance(sand).cut.force.x(), -300);
+  dig.to({-0.05, 0, -0.25}, from_rpy(0, 0.2, 0));
+  Resistance r = dig.resistance(sand);
+  EXPECT_EQ(r.cut.force, Vec3::Zero());
+  dig.to({-0.05, 0, -0.2}, from_rpy(0, 0.2, 0));  // straight up
+  r = dig.resistance(sand);
+  EXPECT_EQ(r.cut.force, Vec3::Zero());
+  EXPECT_EQ(r.cut.moment, Vec3::Zero());
+  const Ledger& ledger = dig.site.tracker().ledger(0);
+  const double kg = ledger.units.kg(ledger.load, ledger.sample_m3, *soil.soil);
+  ASSERT_GT(kg, 100);
+  const Wrench world = turned(r.load, from_rpy(0, 0.2, 0));
+  EXPECT_NEAR(world.force.z(), -9.80665 * kg, 1e-6 * kg);
+  EXPECT_NEAR(world.force.head<2>().norm(), 0, 1e-6);
+  // It lies in the bucket, behind the lip.
+  EXPECT_LT(world.moment.y(), -0.1 * 9.8 * kg);
+  EXPECT_GT(world.moment.y(), -0.85 * 9.8 * kg);
+}
+
+TEST(Resistance, OfTheDirectionOfTheLastUpdateStaysInClonesAndStates) {
+  Dig dig(0.05, make_plane(0.3, {0, 0}), blade());
+  for (const double x : {-0.6, 0.}) dig.to({x, 0, 0}, lean(60));
+  const Vec3 ahead = dig.site.direction(0);
+  EXPECT_EQ(ahead, Vec3::UnitX());
+  dig.to({0, 0, 0}, lean(60));  // stands
+  EXPECT_EQ(dig.site.direction(0), ahead);
+  const std::string bytes = dig.site.progress();
+  Site clone(dig.site);
+  EXPECT_EQ(clone.direction(0), ahead);
+  dig.to({-0.1, 0, 0.1}, lean(60));
+  EXPECT_LT(dig.site.direction(0).x(), 0);
+  EXPECT_EQ(dig.resistance().cut.force, Vec3::Zero());
+  dig.site.set_progress(bytes);
+  EXPECT_EQ(dig.site.direction(0), ahead);
+  // States of earlier versions had no directions.
+  dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 3 * sizeof(double)));
+  EXPECT_EQ(dig.site.direction(0), Vec3::Zero());
+  EXPECT_THROW(dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 8)),
+               std::invalid_argument);
+  ASSERT_TRUE(dig.site.place({.machine = 0, .pose = {{0, 0, 3}, lean(60)}}).ok());
+  EXPECT_EQ(dig.site.direction(0), Vec3::Zero());
+}
+
+/// Pressure on a blunt edge of 20 mm at a depth of 0.3 m: 4413, 9715, 15 592, 26 867 N.
+TEST(Resistance, OfABluntEdgeIsItsBearingCapacity) {
+  for (const auto& [friction_deg, expected] : {std::pair(20., 4413.), std::pair(30., 9715.),
+                                               std::pair(35., 15592.), std::pair(40., 26867.)}) {
+    Bucket blunt = blade();
+    blunt.edge_m = 0.02;
+    Dig dig(0.05, make_plane(0.3, {0, 0}), blunt);
+    for (const double x : {-0.6, 0.}) dig.to({x, 0, 0}, lean(60));
+    SoilStrength soil = kLoam;
+    soil.friction_rad = friction_deg * kDeg;
+    const Wrench edge = turned(dig.resistance(soil).edge, lean(60));
+    EXPECT_NEAR(edge.force.x(), -expected, 1);
+    EXPECT_NEAR(edge.force.z(), 0, 1e-6);
+  }
+}
+
+TEST(Resistance, PressesOnAFloorThatDescendsBackwards) {
+  Bucket low = bucket();
+  low.profile[1] = {-0.5, -0.1};
+  const auto at = [&](double pitch) {
+    Dig dig(0.05, make_plane(0, {0, 0}), low);
+    for (const double x : {-1., 0.}) dig.to({x, 0, -0.3}, from_rpy(0, pitch, 0));
+    return dig.resistance();
+  };
+  const Resistance heel = at(0);
+  EXPECT_TRUE(heel.pressed);
+  EXPECT_LT(heel.heel.force.x(), 0);
+  EXPECT_EQ(heel.cut.force, Vec3::Zero());
+  EXPECT_FALSE(at(0.4).pressed);
+}
+
+TEST(Resistance, HasExactDerivatives) {
+  Bucket blunt = bucket();
+  blunt.edge_m = 0.02;
+  blunt.plate_m = 0.03;
+  Dig dig(0.05, make_plane(0, {0.1, 0.05}), blunt);
+  for (const double x : {-1., 0.}) dig.to({x, 0, -0.3}, from_rpy(0, 0.5, 0));
+  SoilStrength soil{1750, 8000, 0.5, 0.3, 500};
+  const Resistance r = dig.resistance(soil);
+  double* const members[] = {&soil.density_kg_m3, &soil.cohesion_pa, &soil.friction_rad,
+                             &soil.tool_friction_rad, &soil.adhesion_pa};
+  for (int k = 0; k < 5; ++k) {
+    const double before = *members[k], d = 1e-5 * before;
+    *members[k] = before + d;
+    const Vec3 more = dig.resistance(soil).total().force;
+    *members[k] = before - d;
+    const Vec3 less = dig.resistance(soil).total().force;
+    *members[k] = before;
+    const Vec3 by = (more - less) / (2 * d);
+    EXPECT_LT((by - r.by_strength.col(k)).norm(), 1e-5 * r.by_strength.col(k).norm()) << k;
+  }
+}
+
+TEST(Resistance, IsTheWorkOfADragOverItsLength) {
+  Dig dig(0.05, make_plane(0.3, {0, 0}), blade());
+  dig.to({-1.5, 0, 0}, lean(60));
+  double work = 0, last = 0;
+  for (int i = 1; i <= 200; ++i) {
+    dig.to({-1.5 + 0.01 * i, 0, 0}, lean(60));
+    const double force = -turned(dig.resistance().cut, lean(60)).force.x();
+    if (i > 20) work += 0.01 * force;  // once it has soil before all of it
+    if (last > 0) {
+      EXPECT_LT(std::abs(force / last - 1), 0.005) << i;
+    }
+    last = force;
+  }
+  EXPECT_NEAR(work, 1.8 * 1.2 * 10296.96, 0.01 * 1.8 * 1.2 * 10296.96);
+}
+
+TEST(Resistance, IsNothingInTheAirAndOffTheGround) {
+  Dig dig(0.05, field([](double, double) { return 0.3; }), blade());
+  dig.to({0, 0, 1}, lean(60));
+  EXPECT_EQ(dig.resistance().total().force, Vec3::Zero());
+  Dig edge(0.05, field([](double, double) { return 0.3; }), blade());
+  edge.to({4.2, 0, 0}, lean(60));
+  edge.to({4.4, 0, 0}, lean(60));  // the terrain ends at 5 m
+  EXPECT_TRUE(edge.resistance().total().force.allFinite());
+  EXPECT_LT(edge.resistance().cut.force.x(), 0);
+  Bucket closed = blade();
+  EXPECT_THROW(Site(edge.site).cut_geometry(1, edge.heights), std::invalid_argument);
+}
+
+TEST(Strength, TakesWhatTheSoilOfASiteSays) {
+  SoilProperties soil;
+  EXPECT_THROW(SoilStrength::of(soil), std::invalid_argument);
+  soil.repose_rad = 0.6;
+  EXPECT_EQ(SoilStrength::of(soil).friction_rad, 0.6);
+  EXPECT_DOUBLE_EQ(SoilStrength::of(soil).tool_friction_rad, 0.4);
+  EXPECT_EQ(SoilStrength::of(soil).cohesion_pa, 0);
+  soil.friction_rad = 0.3;
+  soil.cohesion_pa = 1000;
+  soil.tool_friction_rad = 0.1;
+  soil.adhesion_pa = 50;
+  const SoilStrength all = SoilStrength::of(soil);
+  EXPECT_EQ(all.friction_rad, 0.3);
+  EXPECT_EQ(all.cohesion_pa, 1000);
+  EXPECT_EQ(all.tool_friction_rad, 0.1);
+  EXPECT_EQ(all.adhesion_pa, 50);
+  soil.adhesion_pa = -1;
+  EXPECT_THROW(SoilStrength::of(soil), std::invalid_argument);
+}
+
+}  // namespace resistance_test
+}  // namespace soilvdb::test

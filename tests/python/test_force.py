@@ -1,0 +1,241 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""The force of the soil on a bucket, from Python."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+DEG = math.pi / 180
+G = 9.80665
+LOAM = soilvdb.Soil(density=18e3 / G, cohesion=1e4, friction_angle=30 * DEG, tool_friction=20 * DEG)
+PROFILE = [(0, 0), (-0.5, 0.1), (-0.85, 0.4), (-0.6, 0.9), (0, 0.9)]
+
+
+def turned(pitch):
+    return (0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2))
+
+
+def blade(rake=60, voxel=0.05, terrain=None, soil=None):
+    """A blade 1.2 m wide, 0.3 m deep in level ground."""
+    site = soilvdb.Site(voxel, terrain or soilvdb.plane(0.3), [soilvdb.Bucket(1.2, 1.0)], soil=soil)
+    for x in (-0.6, -0.3, 0.0):
+        site.update(0, position=(x, 0, 0), rotation=turned((rake - 90) * DEG))
+    return site
+
+
+def test_force_of_a_blade_is_that_of_the_formula():
+    r = blade().resistance(0, soil=LOAM, crescents=False)
+    to_world = np.array([[math.cos(30 * DEG), 0, -0.5], [0, 1, 0], [0.5, 0, math.cos(30 * DEG)]])
+    cut = r.parts["cut"]
+    np.testing.assert_allclose(to_world @ cut.force, [-12356.4, 0, -2178.8], atol=5)
+    np.testing.assert_allclose(cut.moment, [0, -1876.0, 0], atol=3)
+    np.testing.assert_allclose(r.world.force, to_world @ r.force, atol=1e-6)
+    np.testing.assert_allclose(r.world.moment, to_world @ r.moment, atol=1e-6)
+    assert set(r.parts) == {"cut", "edge", "load", "heel"}
+    np.testing.assert_allclose(sum(p.force for p in r.parts.values()), r.force)
+    np.testing.assert_allclose(sum(p.moment for p in r.parts.values()), r.moment)
+    assert r.angle == pytest.approx(34.045 * DEG, abs=0.001)
+    assert r.depth_m == pytest.approx(0.3) and r.limited == ""
+    assert "soilvdb.Resistance(force=[" in repr(r)
+    more = blade().resistance(soil=LOAM)
+    assert np.linalg.norm(more.parts["cut"].force) > 1.3 * np.linalg.norm(cut.force)
+    assert blade(100).resistance(soil=LOAM).limited == "steep blade"
+
+
+def test_jacobian_is_that_of_differences():
+    site = blade()
+    names = ("density", "cohesion", "friction_angle", "tool_friction", "adhesion")
+    at = dict(zip(names, (1800.0, 9e3, 0.5, 0.3, 800.0)))
+    jacobian = site.resistance(soil=soilvdb.Soil(**at)).jacobian
+    for k, name in enumerate(names):
+        d = 1e-5 * at[name]
+        more, less = (site.resistance(soil=soilvdb.Soil(**{**at, name: at[name] + s * d})).force
+                      for s in (1, -1))
+        np.testing.assert_allclose(jacobian[:, k], (more - less) / (2 * d),
+                                   rtol=1e-4, atol=1e-5 * np.abs(jacobian[:, k]).max())
+
+
+def test_soil_says_what_a_force_needs():
+    rigid = blade()
+    with pytest.raises(ValueError, match="soil is rigid here; say soil="):
+        rigid.resistance(0)
+    with pytest.raises(ValueError, match="needs the soil's angle of friction or of repose"):
+        soilvdb.Soil(density=1800)
+    with pytest.raises(ValueError, match="needs an angle of repose"):
+        soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1, 1)], soil=LOAM)
+    with pytest.raises(ValueError, match="adhesion must be 0 or more"):
+        soilvdb.Soil(0.6, adhesion=-1)
+    with pytest.raises(ValueError, match="tool friction is 20; it must be in radians"):
+        soilvdb.Soil(0.6, tool_friction=20)
+    with pytest.raises(ValueError, match="edge is -1 m"):
+        soilvdb.Bucket(1, 1, edge=-1)
+    assert LOAM.repose_angle is None and LOAM.tool_friction == 20 * DEG
+    again = pickle.loads(pickle.dumps(soilvdb.Soil(0.6, tool_friction=0.2, adhesion=30)))
+    assert (again.repose_angle, again.tool_friction, again.adhesion) == (0.6, 0.2, 30)
+    bucket = pickle.loads(pickle.dumps(soilvdb.Bucket(1, 1, edge=0.02, plate=0.03)))
+    assert (bucket.edge, bucket.plate) == (0.02, 0.03)
+    with pytest.raises(ValueError, match="meets no soil before its first state"):
+        soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1, 1)]).resistance(soil=LOAM)
+
+
+def test_site_with_soil_needs_no_other():
+    soil = soilvdb.Soil(0.6, 0.2, 1800, 5e3, 0.55)
+    site = blade(soil=soil)
+    np.testing.assert_array_equal(site.resistance().force, site.resistance(soil=soil).force)
+    assert site.resistance().parts["load"].force[2] < 0
+
+
+def test_many_sites_are_each_as_alone():
+    sites = [blade(rake) for rake in (40, 60, 80)]
+    sites.append(soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1, 1)]))
+    forces, moments = soilvdb.resistances(sites, soil=LOAM, threads=2)
+    for k in range(3):
+        alone = sites[k].resistance(soil=LOAM)
+        np.testing.assert_array_equal(forces[k], alone.force)
+        np.testing.assert_array_equal(moments[k], alone.moment)
+    assert np.isnan(forces[3]).all() and np.isnan(moments[3]).all()
+
+
+def test_force_is_the_same_on_a_clone_and_after_a_restore():
+    site = blade()
+    before, state = site.resistance(soil=LOAM).force, site.save()
+    np.testing.assert_array_equal(site.clone().resistance(soil=LOAM).force, before)
+    site.update(0, position=(-0.2, 0, 0.1), rotation=turned(-30 * DEG))
+    np.testing.assert_array_equal(site.resistance(soil=LOAM).parts["cut"].force, 0)
+    site.restore(state)
+    np.testing.assert_array_equal(site.resistance(soil=LOAM).force, before)
+
+
+URDF = """<robot name="arm"><link name="root"/><link name="slide"/><link name="boom"/>
+<link name="bucket"/>
+<joint name="drive" type="prismatic"><parent link="root"/><child link="slide"/><axis xyz="1 0 0"/>
+<limit lower="-9" upper="9" velocity="1" effort="1"/></joint>
+<joint name="swing" type="revolute"><parent link="slide"/><child link="boom"/><axis xyz="0 0 1"/>
+<origin xyz="0 0 1.5"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+<joint name="curl" type="revolute"><parent link="boom"/><child link="bucket"/><axis xyz="0 1 0"/>
+<origin xyz="2 0 0"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint></robot>"""
+
+
+def test_torques_are_the_forces_work_over_the_joints_ways(tmp_path):
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF)
+    lip = np.eye(4)
+    lip[2, 3] = -1.5
+    machine = soilvdb.Machine(soilvdb.Bucket(1.2, 1.0), urdf=file, lip=lip)
+    site = soilvdb.Site(0.05, soilvdb.plane(0.3), [machine])
+    for drive in (-2.0, -1.8, -1.6):
+        joints = np.array([drive, 0.2, -0.3])
+        site.update(0, joints=joints)
+    r = site.resistance(soil=LOAM)
+    torques = site.torques(soil=LOAM)
+    assert torques.shape == (3,)
+    for k in range(3):
+        ends = []
+        for d in (1e-6, -1e-6):
+            step = joints.copy()
+            step[k] += d
+            ends.append(site.pose(0, joints=step))
+        (p1, q1), (p0, q0) = ends
+        way = (p1 - p0) / 2e-6
+        q0 = q0 * np.array([-1, -1, -1, 1])
+        turn = 2 * (q1[3] * q0[:3] + q0[3] * q1[:3] + np.cross(q1[:3], q0[:3])) / 2e-6
+        assert torques[k] == pytest.approx(r.world.force @ way + r.world.moment @ turn, rel=1e-5,
+                                           abs=1e-3)
+    with pytest.raises(ValueError, match="no state that was given by joints"):
+        blade().torques(soil=LOAM)
+
+
+def dig_rows(count, seed):
+    """Geometries over a dig whose depth changes."""
+    rng = np.random.default_rng(seed)
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
+    rows = []
+    for step in range(count):
+        depth = -0.35 + 0.25 * math.cos(step / 9) + rng.uniform(-0.01, 0.01)
+        pitch = 0.35 + 0.25 * math.sin(step / 13)
+        site.update(0, position=(0.04 * step, 0, depth), rotation=turned(pitch))
+        rows.append(site.cut_geometry())
+    return rows[5:]
+
+
+def test_identify_finds_the_soil_and_how_well():
+    rows = dig_rows(105, 1)
+    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52)
+    exact = np.array([row.resistance(truth).force for row in rows])
+    found = soilvdb.identify(rows, exact, soil=soilvdb.Soil(density=1750, friction_angle=0.7))
+    assert found.cohesion == pytest.approx(7e3, rel=1e-3)
+    assert found.friction_angle == pytest.approx(0.52, rel=1e-3)
+    assert found.told_apart and found.soil.density == 1750
+    rng = np.random.default_rng(2)
+    inside = np.zeros(2)
+    draws = 60
+    for _ in range(draws):
+        noisy = exact * (1 + 0.05 * rng.standard_normal(exact.shape))
+        got = soilvdb.identify(rows, noisy, soil=soilvdb.Soil(density=1750, friction_angle=0.6))
+        assert 0.01 < got.noise < 0.06
+        inside += [abs(got.cohesion - 7e3) < 2 * got.cohesion_sigma,
+                   abs(got.friction_angle - 0.52) < 2 * got.friction_angle_sigma]
+    assert (inside > 0.85 * draws).all()
+
+
+def test_identify_says_when_rows_do_not_tell():
+    site = blade()
+    rows = [site.cut_geometry()] * 50
+    forces = np.array([row.resistance(LOAM).force for row in rows])
+    forces *= 1 + 0.02 * np.random.default_rng(1).standard_normal(forces.shape)
+    found = soilvdb.identify(rows, forces, soil=soilvdb.Soil(density=18e3 / G, friction_angle=0.4,
+                                                             tool_friction=20 * DEG))
+    assert found.cohesion_sigma > 0 and (not found.told_apart or found.cohesion_sigma > 100)
+    with pytest.raises(ValueError, match="it must be \\(50, 3\\)"):
+        soilvdb.identify(rows, forces[:20], soil=LOAM)
+    with pytest.raises(ValueError, match="row 3 is not finite"):
+        forces[3, 1] = np.nan
+        soilvdb.identify(rows, forces, soil=LOAM)
+    air = soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1, 1)])
+    air.update(0, position=(0, 0, 3))
+    with pytest.raises(ValueError, match="fewer than 4 rows have soil"):
+        soilvdb.identify([air.cut_geometry()] * 9, np.zeros((9, 3)), soil=LOAM)
+
+
+def test_updates_of_a_run_have_forces_and_keep_them(tmp_path):
+    scenario = tmp_path / "drag.yaml"
+    scenario.write_text(f"""soilvdb: 1
+name: drag
+voxel_size: 0.05
+terrain: {{plane: {{z: 0.0}}}}
+soil: {{repose_angle: 0.6, swell: 0.2, density: 1800, cohesion: 4000, tool_friction: 0.3}}
+machines:
+  - name: digger
+    bucket: {{width: 1.2, height: 0.9, edge: 0.01, profile: {[list(p) for p in PROFILE]}}}
+    motion: drag.csv
+output: {{force: true}}
+""")
+    rows = ["time,x,y,z,qx,qy,qz,qw"]
+    q = turned(0.3)
+    for k in range(60):
+        z = 0.4 - min(0.7, 0.1 * k)
+        rows.append(f"{k / 10},{-2 + 0.05 * k},0,{z},{q[0]},{q[1]},{q[2]},{q[3]}")
+    (tmp_path / "drag.csv").write_text("\n".join(rows) + "\n")
+    soilvdb.run(scenario, out=tmp_path / "out")
+    lines = (tmp_path / "out/updates.csv").read_text().splitlines()
+    assert lines[0].endswith("slid_m3,force_x_n,force_y_n,force_z_n,moment_y_nm")
+    last = [float(x) for x in lines[-1].split(",")[-4:]]
+    assert last[0] < -1000 and abs(last[1]) < 1
+    site = soilvdb.Site.open(scenario)
+    for line in rows[1:]:
+        v = [float(x) for x in line.split(",")]
+        site.update(0, position=v[1:4], rotation=v[4:], time=v[0])
+    r = site.resistance()
+    np.testing.assert_allclose(last, [*r.force, r.moment[1]], rtol=1e-4, atol=0.5)
+    again = soilvdb.run(scenario, out=tmp_path / "again")
+    assert again["machines"][0]["name"] == "digger"
+    text = scenario.read_text()
+    scenario.write_text("\n".join(line for line in text.splitlines() if not line.startswith("soil")
+                                  or line == "soilvdb: 1"))
+    with pytest.raises(ValueError, match="force needs 'soil'"):
+        soilvdb.run(scenario, out=tmp_path / "rigid")

@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Forces of soil: their type, and what they tell of the soil."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ._soilvdb import CutGeometry, Soil
+
+_STEPS = 60
+_FRICTION = (0.02, 1.2)  # rad, what soils have and more
+_APART = 0.995           # correlation from which on rows can't tell the two apart
+
+
+class Wrench(NamedTuple):
+    """A force, (3,) N, and its moment about the middle of the lip, (3,) N m."""
+
+    force: npt.NDArray[np.float64]
+    moment: npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Identified:
+    """The soil that explains measured forces best.
+
+    cohesion, Pa, and friction_angle, rad, with their standard deviations; correlation: of the two
+    errors. noise: standard deviation of the rows, as a share of the force. soil: the Soil with
+    them. told_apart: False if other pairs of the two explain the rows as well, and why says so.
+    """
+
+    cohesion: float
+    friction_angle: float
+    cohesion_sigma: float
+    friction_angle_sigma: float
+    correlation: float
+    noise: float
+    soil: Soil
+    told_apart: bool
+    why: str
+
+
+def _with(soil: Soil, cohesion: float, friction: float) -> Soil:
+    return Soil(soil.repose_angle, soil.swell, soil.density, cohesion, friction,
+                tool_friction=soil.tool_friction, adhesion=soil.adhesion)
+
+
+def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
+             crescents: bool = True) -> Identified:
+    """Cohesion and friction of the soil from forces measured in a dig.
+
+    geometries: Site.cut_geometry() at each row. forces: (N, 3), N, on the bucket in its frame, as
+    Resistance.force; without the machine's own weight. soil: density, adhesion, and a first guess
+    of the others; without tool_friction that goes with friction, as two thirds of it. The errors of
+    rows are taken to be independent and to grow with the force; least squares (Gauss and Newton).
+
+    Raises ValueError for fewer than 4 rows, for forces that aren't finite, and if no row has soil
+    ahead of its bucket.
+    """
+    measured = np.asarray(forces, float)
+    if measured.ndim != 2 or measured.shape[1] != 3 or len(measured) != len(geometries):
+        raise ValueError(f"forces has the shape {measured.shape}; it must be "
+                         f"({len(geometries)}, 3), a row for each geometry")
+    if not np.isfinite(measured).all():
+        raise ValueError(f"forces: row {int(np.argmin(np.isfinite(measured).all(1)))} is not finite")
+    if len(measured) < 4:
+        raise ValueError(f"there are {len(measured)} rows; two unknowns need 4 or more")
+
+    ties = 2 / 3 if soil.tool_friction is None else 0.0
+
+    def rows(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
+        """Misfit of each row's force, its derivatives, and the force's size."""
+        now = _with(soil, cohesion, friction)
+        all_forces, by = [], []
+        for geometry in geometries:
+            r = geometry.resistance(now, crescents=crescents)
+            all_forces.append(r.force)
+            j = r.jacobian
+            by.append(np.stack([j[:, 1], j[:, 2] + ties * j[:, 3]], 1))
+        model = np.array(all_forces)
+        return measured - model, np.array(by), np.linalg.norm(model, axis=1)
+
+    def weighted(cohesion: float, friction: float) -> tuple[Any, Any]:
+        misfit, by, size = rows(cohesion, friction)
+        used = size > 1e-6 * max(float(size.max()), 1e-9)
+        if used.sum() < 4:
+            raise ValueError("fewer than 4 rows have soil ahead of the bucket")
+        return ((misfit[used] / size[used, None]).ravel(),
+                (by[used] / size[used, None, None]).reshape(-1, 2))
+
+    # Cohesion in units in which both unknowns change a force about as much.
+    scale = 1e4
+    low, high = _FRICTION
+    starts = [(soil.cohesion if soil.cohesion is not None else 0.3 * scale,
+               soil.friction_angle or soil.repose_angle or 0.55)]
+    starts += [(scale, 0.35), (0.2 * scale, 0.75)]
+    best: tuple[float, float, float] | None = None
+    for cohesion, friction in starts:
+        damping, cost = 1e-3, math.inf
+        for _ in range(_STEPS):
+            misfit, by = weighted(cohesion, friction)
+            cost = float(misfit @ misfit)
+            by = by * [scale, 1.0]
+            normal, right = by.T @ by, by.T @ misfit
+            moved = False
+            for _ in range(12):
+                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right)
+                c = max(0.0, cohesion + scale * step[0])
+                f = min(high, max(low, friction + step[1]))
+                new = weighted(c, f)[0]
+                if new @ new < cost:
+                    moved = abs(c - cohesion) > 1e-7 * scale or abs(f - friction) > 1e-9
+                    cohesion, friction, damping = c, f, damping / 5
+                    break
+                damping *= 5
+            if not moved:
+                break
+        if best is None or cost < best[0]:
+            best = (cost, cohesion, friction)
+    assert best is not None
+    _, cohesion, friction = best
+    misfit, by = weighted(cohesion, friction)
+    by = by * [scale, 1.0]
+    noise = math.sqrt(float(misfit @ misfit) / max(1, len(misfit) - 2))
+    # From the rows' own misfits (White's sandwich): right also if parts of a force err differently,
+    # or together.
+    inverse = np.linalg.pinv(by.T @ by)
+    scores = (by * misfit[:, None]).reshape(-1, 3, 2).sum(1)
+    count = len(scores)
+    spread = inverse @ (scores.T @ scores) @ inverse * count / max(1, count - 2)
+    sigmas = np.sqrt(np.diag(spread))
+    correlation = float(spread[0, 1] / max(sigmas[0] * sigmas[1], 1e-300))
+    why = ""
+    if abs(correlation) > _APART:
+        why = ("cohesion and friction explain these rows in other pairs as well; take rows of "
+               "other depths")
+    elif cohesion == 0 or friction in (low, high):
+        why = "the best values are at the border of what soils have; check forces and density"
+    return Identified(cohesion, friction, scale * float(sigmas[0]), float(sigmas[1]), correlation,
+                      noise, _with(soil, cohesion, friction), why == "", why)
