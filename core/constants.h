@@ -413,6 +413,14 @@ inline constexpr double kBladeBend = 0.35;
 inline constexpr double kLeastLevelLip = 0.5;
 /// Smallest angle of friction for bearing capacity, rad. Its factors are limits at 0.
 inline constexpr double kLeastFriction = 1e-4;
+/// Shortest way of a lip that tells its direction, voxels. A shorter one is noise of sensors.
+inline constexpr double kLeastWay = 0.1;
+/// Height of a face above the ground, voxels, up to which it presses on all of it, and from which
+/// on not at all. Ground that was cut at a face errs by an eighth.
+inline constexpr double kPressesBelow = 0.125, kFreeAbove = 0.25;
+/// Height of soil beside the bucket over that ahead from which on it is less and less, and no more,
+/// taken along: it is the wall of a slot.
+inline constexpr double kLowWall = 1.25, kHighWall = 1.75;
 /// Sine of the angle between a face and its way from which on it presses on the soil.
 inline constexpr double kLeastPress = 0.02;
 

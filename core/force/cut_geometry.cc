@@ -92,7 +92,8 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
   const double level = flat.norm();
   ahead_ = level > 0 ? Vec3(flat.y() / level, -flat.x() / level, 0) : Vec3(axes.col(0));
   way_ = way.isZero() ? ahead_ : Vec3(way.normalized());
-  if (level < kLeastLevelLip) return;  // a slice across the lip isn't upright
+  rolled_ = level < kLeastLevelLip;  // a slice across the lip isn't upright
+  if (rolled_) return;
   const SliceAxes slice{ahead_, Vec3(-ahead_.y(), ahead_.x(), 0), lip};
 
   const Vec2 end = blade_end(bucket);
@@ -143,33 +144,41 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
                      kMostSliceSteps);
   read(first_lip, count, strips + 2);
 
-  // Heels, while the heights are those of the ground itself.
-  for (std::size_t i = 0; i + 1 < bucket.profile.size(); ++i) {
+  // Faces that press on the ground, while the heights are those of the ground itself: where it was
+  // dug and lies at the face.
+  struct Contact {
+    Vec3 at;
+    double area;
+    std::size_t height;
+  };
+  std::vector<std::vector<Contact>> contacts;
+  for (std::size_t i = 0; i + 1 < bucket.profile.size() && advances_; ++i) {
     const Vec2 &a = bucket.profile[i], d = bucket.profile[i + 1] - a;
     const Vec3 out = -d.y() * axes.col(0) + d.x() * axes.col(2);
     const double press = out.dot(way_);
     if (press <= kLeastPress * d.norm()) continue;
+    contacts.emplace_back();
     const int parts = std::max(1, static_cast<int>(std::ceil(d.norm() / h)));
-    Heel heel{Vec3::Zero()};
     for (int k = 1; k <= strips; ++k) {
       for (int n = 0; n < parts; ++n) {
         const Vec2 p = a + (n + 0.5) / parts * d;
-        const Vec3 at = first_lip + k * across + axes.col(0) * p.x() + axes.col(2) * p.y();
-        const Vec2 in_slice = slice(axes.col(0) * p.x() + axes.col(2) * p.y());
-        const double x = std::clamp(in_slice.x() / h + behind, 0.0, count - 1.001);
-        const int j = static_cast<int>(x);
-        const double* z = heights_.data() + k * count + j;
-        const double ground_z = z[0] + (x - j) * (z[1] - z[0]);
-        if (std::isnan(ground_z)) continue;
-        const double deep = ground_z - (pose_.position.z() + at.z());
-        const double area = std::clamp(deep / h + 1, 0.0, 1.0) * press * width_m_ / strips / parts;
-        heel.area += area;
-        heel.at += area * at;
+        const Vec3 in_bucket = axes.col(0) * p.x() + axes.col(2) * p.y();
+        const Vec3 at = first_lip + k * across + in_bucket;
+        const double x = std::clamp(slice(in_bucket).x() / h + behind, 0.0, count - 1.001);
+        const auto j = static_cast<std::size_t>(k * count) + static_cast<std::size_t>(x);
+        const double ground_z = heights_[j] + (x - std::floor(x)) * (heights_[j + 1] - heights_[j]);
+        const Vec3 place = pose_.position + at;
+        const auto initial = ground.terrain().height(place.x(), place.y());
+        if (std::isnan(ground_z) || !initial ||
+            std::abs(*initial - ground_z) < kMinHeightChange * h)
+          continue;
+        const double above = (place.z() - ground_z) / h;
+        const double share =
+            std::clamp((kFreeAbove - above) / (kFreeAbove - kPressesBelow), 0.0, 1.0);
+        if (share > 0)
+          contacts.back().push_back({at, share * press * width_m_ / strips / parts, j});
       }
     }
-    if (heel.area <= 0) continue;
-    heel.at /= heel.area;
-    heels_.push_back(heel);
   }
 
   // Ground that the bucket has dug is continued from ahead of it.
@@ -217,6 +226,22 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
     strips_.push_back(strip);
   }
 
+  for (const auto& face : contacts) {
+    Heel heel;
+    for (const Contact& c : face) {
+      heel.area += c.area;
+      heel.at += c.area * c.at;
+      const double surface =
+          heights_[c.height] + strips_[c.height / static_cast<std::size_t>(count)].lip.z();
+      heel.depth += c.area * std::max(0.0, surface - c.at.z());
+    }
+    if (heel.area <= 0) continue;
+    heel.at /= heel.area;
+    heel.depth /= heel.area;
+    heel.length = heel.area / width_m_;
+    heels_.push_back(heel);
+  }
+
   const auto height = [&](int k, double x) {
     const Strip& strip = strips_[static_cast<std::size_t>(k)];
     const auto j = static_cast<std::size_t>(std::max(0.0, x / h + behind));
@@ -225,12 +250,13 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
   const double ahead_m = std::max(0.0, top.x()) + margin;
   const double middle = height((strips + 1) / 2, ahead_m);
   const bool has_plates = !bucket.profile.empty();
-  if (!has_plates || middle > top.y())
+  if (middle > 0 && (!has_plates || middle > top.y()))
     for (const int side : {0, strips + 1}) {
-      // Not beside the wall of a slot: that soil doesn't move.
+      // As far as soil stands beside the bucket, but is no wall of a slot: that doesn't move.
       const double beside = height(side, ahead_m);
-      if (beside > strips_[static_cast<std::size_t>(side)].lip.z() && beside < 1.5 * middle)
-        ++open_sides_;
+      const double lip_z = strips_[static_cast<std::size_t>(side)].lip.z();
+      open_sides_ += std::clamp((beside - lip_z) / middle, 0.0, 1.0) *
+                     std::clamp((kHighWall - beside / middle) / (kHighWall - kLowWall), 0.0, 1.0);
     }
   if (has_plates && way_.dot(axes.col(0)) > 0) {
     const double deep = std::max(0.0, height((strips + 1) / 2, 0));

@@ -79,6 +79,7 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       by.col(static_cast<Eigen::Index>(i)) -= p.by[i] * area * way_;
   };
   double above_m3 = 0, by_force = 0;
+  all.rolled = rolled_;
   // The middle of the blade says whether soil rides before it.
   BodyGuess body;
   const auto slice_of = [&](const Strip& strip) {
@@ -93,7 +94,7 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
     const std::span<const double> heights = std::span(heights_).subspan(strip.first, strip.count);
     const double share = 1.0 / static_cast<double>(strips_.size());
     if (heights.size() < 2) {
-      all.open = true;
+      all.open = all.open || cuts_;
       continue;
     }
     double depth = 0;
@@ -110,6 +111,7 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       by_force += force.norm();
       all.steep = all.steep || wedge.steep;
       all.open = all.open || wedge.open;
+      all.stuck = all.stuck || wedge.stuck;
     } else {
       const double at =
           std::clamp(-strip.first_x / step_m_, 0.0, static_cast<double>(heights.size() - 1));
@@ -123,7 +125,7 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
   if (plates_m2_ > 0)
     add_pressure(all.edge, {factors, soil, all.depth_m / 2, 0}, plates_m2_, plates_at_);
   for (const Heel& heel : heels_) {
-    add_pressure(all.heel, {factors, soil, all.depth_m, 0}, heel.area, heel.at);
+    add_pressure(all.heel, {factors, soil, heel.depth, heel.length}, heel.area, heel.at);
     all.pressed = true;
   }
   const double load_m3 = std::max(0.0, load_m3_ - above_m3);

@@ -390,6 +390,7 @@ WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess&
     }
   }
   force.depth = depth;
+  force.stuck = exit.p == kNoForce && !force.steep;
   if (end_x < 0) {
     // Between the blade and the ground above it.
     double area = 0;

@@ -26,8 +26,8 @@ struct SoilSlice {
   double rake = 0;                  ///< angle between the blade and the way ahead, rad, in (0, pi)
   double face = 0;                  ///< length of the blade, m
   double surcharge = 0;             ///< pressure on the ground, Pa
-  /// Soil beside the wedge moves with it on this many sides of a blade of this width, m.
-  int open_sides = 0;
+  /// Soil beside the wedge moves with it on so many sides, 0 to 2, of a blade of this width, m.
+  double open_sides = 0;
   double width = 0;
 };
 
@@ -40,6 +40,7 @@ struct WedgeForce {
   double above = 0;          ///< area of the wedge's part above the blade, m2
   bool steep = false;        ///< a body of soil rides in front of a steep blade
   bool open = false;         ///< the wedge ends where the heights do
+  bool stuck = false;  ///< no plane lets the soil fail; the force is then 0 in place of infinite
   std::array<double, kWedgeParameters> d_ahead{}, d_up{};  ///< derivatives by WedgeSoil's members
 };
 
@@ -55,8 +56,8 @@ struct BodyGuess {
 /// McKyes and Ali 1977. In front of a steep blade soil may ride as a body (Miedema, The Delft Sand,
 /// Clay and Rock Cutting Model); the lesser force counts.
 ///
-/// Guarantees: exact on the given ground but for rounding. Derivatives are exact without a body;
-/// with one those of `ahead`. Zero where no soil is ahead. Does not allocate.
+/// Guarantees: exact on the given ground but for rounding, a body within 1e-6. Derivatives are
+/// exact without a body; with one those of `ahead`. Zero where no soil is ahead. Does not allocate.
 /// @param guess from a slice beside it; saves most of the time for a steep blade
 WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess& guess) noexcept;
 inline WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil) noexcept {

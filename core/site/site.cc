@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/lattice/text.h"
 #include "soilvdb/pour_parts.h"
@@ -126,10 +127,13 @@ Vec3 Site::direction(std::size_t machine) const {
   return inputs_[machine] ? inputs_[machine]->direction : Vec3::Zero();
 }
 
-Vec3 Site::direction_to(const Pose& now, const std::optional<Input>& last) {
-  if (!last) return Vec3::Zero();
-  const Vec3 moved = now.position - last->pose.position;
-  return moved.isZero(0) ? last->direction : Vec3(moved.normalized());
+void Site::set_direction(Input& now, const std::optional<Input>& last) const {
+  now.direction = last ? last->direction : Vec3::Zero();
+  now.moved_from = last ? last->moved_from : now.pose.position;
+  const Vec3 moved = now.pose.position - now.moved_from;
+  if (moved.norm() < kLeastWay * ground_->voxel_size_m()) return;
+  now.direction = moved.normalized();
+  now.moved_from = now.pose.position;
 }
 
 CutGeometry Site::cut_geometry(std::size_t machine, HeightMap& map) const {
@@ -192,7 +196,7 @@ Move Site::move(const MachineState& state, std::optional<Input>& last,
     move.end_s = *now.time_s;
   }
   if (!now.time_s) now.time_s = before_s;
-  now.direction = direction_to(now.pose, last);
+  set_direction(now, last);
   last = std::move(now);
   return move;
 }
@@ -345,6 +349,7 @@ StepResult Site::place(const MachineState& state) noexcept {
     StepResult made;
     made.update = tracker_->place(state.machine, now.pose, now.time_s);
     if (!now.time_s && last) now.time_s = last->time_s;
+    set_direction(now, std::nullopt);
     last = std::move(now);
     return made;
   });
@@ -381,7 +386,9 @@ std::string Site::progress() const {
     for (const double value : input->joints) put(out, value);
   }
   for (const std::optional<Input>& input : inputs_)
-    for (const double value : input ? input->direction : Vec3::Zero()) put(out, value);
+    for (const Vec3& v :
+         {input ? input->direction : Vec3::Zero(), input ? input->moved_from : Vec3::Zero()})
+      for (const double value : v) put(out, value);
   return out;
 }
 
@@ -416,10 +423,14 @@ void Site::set_progress(std::string_view bytes) {
     inputs.push_back(placed ? std::optional(std::move(now)) : std::nullopt);
   }
   for (std::size_t i = 0; i < inputs.size() && !bytes.empty(); ++i) {  // earlier versions had none
-    Vec3 direction;
-    for (double& value : direction) take(bytes, value);
-    if (!direction.allFinite()) throw std::invalid_argument("the state has an invalid machine");
-    if (inputs[i]) inputs[i]->direction = direction;
+    Vec3 direction, from;
+    for (Vec3* v : {&direction, &from})
+      for (double& value : *v) take(bytes, value);
+    if (!direction.allFinite() || !from.allFinite())
+      throw std::invalid_argument("the state has an invalid machine");
+    if (!inputs[i]) continue;
+    inputs[i]->direction = direction;
+    inputs[i]->moved_from = from;
   }
   tracker_->restore(tracker);
   inputs_ = std::move(inputs);

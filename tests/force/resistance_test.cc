@@ -200,7 +200,7 @@ TEST(Resistance, OfTheDirectionOfTheLastUpdateStaysInClonesAndStates) {
   dig.site.set_progress(bytes);
   EXPECT_EQ(dig.site.direction(0), ahead);
   // States of earlier versions had no directions.
-  dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 3 * sizeof(double)));
+  dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 6 * sizeof(double)));
   EXPECT_EQ(dig.site.direction(0), Vec3::Zero());
   EXPECT_THROW(dig.site.set_progress(std::string_view(bytes).substr(0, bytes.size() - 8)),
                std::invalid_argument);

@@ -21,7 +21,7 @@ TEST_F(ScenarioFile, AnglesInDegreesAreRefused) {
 TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(error(9, "      widht: 1.2"),
             "s.yaml:9: unknown key 'widht' in bucket; did you mean 'width'? Its keys are "
-            "width, height, profile, dump_angle");
+            "width, height, profile, dump_angle, edge, plate");
   EXPECT_EQ(
       error(3, "voxelsize: 0.05"),
       "s.yaml:3: unknown key 'voxelsize' in scenario; did you mean 'voxel_size'? Its keys are "
@@ -37,7 +37,7 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
             "z, slope");
   EXPECT_EQ(error(15, "  snapshot: {every: 2}"),
             "s.yaml:15: unknown key 'snapshot' in output; did you mean 'snapshots'? Its keys are "
-            "snapshots, mesh, raster, mcap, journal");
+            "snapshots, mesh, raster, mcap, force, journal");
   EXPECT_EQ(error(2, "<<: {name: dig}"),
             "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'? Its keys are "
             "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");

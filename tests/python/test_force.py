@@ -90,6 +90,42 @@ def test_site_with_soil_needs_no_other():
     assert site.resistance().parts["load"].force[2] < 0
 
 
+def test_nothing_presses_in_the_air_or_on_the_way_back():
+    site = soilvdb.Site(0.1, soilvdb.plane(0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
+    for z in (0.5, 0.3, 0.2, 0.09, 0.04, 0.01):
+        site.update(0, position=(0, 0, z))
+        np.testing.assert_array_equal(site.resistance(soil=LOAM).force, 0)
+    for voxel in (0.1, 0.05):
+        site = soilvdb.Site(voxel, soilvdb.plane(0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
+        for k in range(41):
+            site.update(0, position=(0.05 * k, 0, 0.1 - min(0.3, 0.02 * k)), rotation=turned(0.1))
+        digging = site.resistance(soil=LOAM)
+        assert digging.parts["cut"].force[0] < -2000
+        rng = np.random.default_rng(1)
+        for _ in range(20):  # it stands, as sensors see it
+            site.update(0, position=np.array([2.0, 0, -0.2]) + rng.normal(0, 0.0005, 3),
+                        rotation=turned(0.1))
+            r = site.resistance(soil=LOAM)
+            np.testing.assert_array_equal(r.parts["heel"].force, digging.parts["heel"].force)
+            assert abs(r.force[0] / digging.force[0] - 1) < 0.1
+        site.update(0, position=(1.98, 0, -0.2), rotation=turned(0.1))
+        r = site.resistance(soil=LOAM)
+        np.testing.assert_array_equal(r.force, r.parts["load"].force)
+
+
+def test_what_can_not_be_told_is_said():
+    heights = np.full((61, 61), 0.3)
+    heights[:, 34:] = np.nan
+    wall = blade(90, 0.1, soilvdb.raster(heights, origin=(-3, -3), cell=0.1))
+    assert wall.resistance(soil=LOAM).limited != ""
+    firm = soilvdb.Soil(density=1800, friction_angle=1.5, tool_friction=1.5)
+    assert "no failure plane" in blade(60).resistance(soil=firm).limited
+    rolled = soilvdb.Site(0.1, soilvdb.plane(0.3), [soilvdb.Bucket(1.2, 1.0)])
+    for x in (-0.6, -0.3, 0.0):
+        rolled.update(0, position=(x, 0, 0), rotation=(math.sin(0.6), 0, 0, math.cos(0.6)))
+    assert rolled.resistance(soil=LOAM).limited == "rolled over"
+
+
 def test_many_sites_are_each_as_alone():
     sites = [blade(rake) for rake in (40, 60, 80)]
     sites.append(soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1, 1)]))
@@ -196,6 +232,24 @@ def test_identify_says_when_rows_do_not_tell():
     with pytest.raises(ValueError, match="row 3 is not finite"):
         forces[3, 1] = np.nan
         soilvdb.identify(rows, forces, soil=LOAM)
+    for wrong, why in (((row for row in [1]), "row 0 is int"), ([site], "row 0 is Site")):
+        with pytest.raises(TypeError, match=why):
+            soilvdb.identify(wrong, forces, soil=LOAM)
+    with pytest.raises(TypeError, match="forces must be an array"):
+        soilvdb.identify(rows, ["a"] * 50, soil=LOAM)
+    with pytest.raises(TypeError, match="soil must be soilvdb.Soil, not NoneType"):
+        soilvdb.identify(rows, forces, soil=None)
+    zero = soilvdb.identify(dig_rows(40, 2), np.zeros((35, 3)), soil=LOAM)
+    assert not zero.told_apart and "check signs" in zero.why
+    # A load that is lifted tells nothing of the soil.
+    lifted, loads = soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1.2, 0.9, PROFILE)]), []
+    for k in range(20):
+        lifted.update(0, position=(0.05 * k, 0, -0.2), rotation=turned(0.3))
+    for k in range(10):
+        lifted.update(0, position=(1, 0, 0.5 + 0.05 * k), rotation=turned(-0.3))
+        loads.append(lifted.cut_geometry())
+    with pytest.raises(ValueError, match="fewer than 4 rows have soil"):
+        soilvdb.identify(loads, [load.resistance(LOAM).force for load in loads], soil=LOAM)
     air = soilvdb.Site(0.1, soilvdb.plane(), [soilvdb.Bucket(1, 1)])
     air.update(0, position=(0, 0, 3))
     with pytest.raises(ValueError, match="fewer than 4 rows have soil"):

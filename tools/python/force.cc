@@ -34,6 +34,8 @@ std::string limits_of(const Resistance& r) {
   if (r.steep) why.emplace_back("steep blade");
   if (r.pressed) why.emplace_back("heel");
   if (r.open) why.emplace_back("ground ends ahead");
+  if (r.stuck) why.emplace_back("no failure plane");
+  if (r.rolled) why.emplace_back("rolled over");
   return fmt::format("{}", fmt::join(why, ", "));
 }
 
@@ -140,7 +142,8 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
       .def_property_readonly(
           "limited", [](const ResistanceValue& v) { return limits_of(v.of); },
           "why the force is a bound: 'steep blade', above: soil rides before it; 'heel', above; "
-          "'ground ends ahead'; empty if it is none")
+          "'ground ends ahead'; 'no failure plane', below: the soil can't fail before some of the "
+          "blade; 'rolled over', below: only the load counts; empty if it is none")
       .def("__repr__", [](const ResistanceValue& v) {
         const Vec3 force = v.of.total().force;
         return fmt::format("soilvdb.Resistance(force=[{:.5g}, {:.5g}, {:.5g}] N)", force.x(),

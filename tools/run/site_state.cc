@@ -114,7 +114,7 @@ void SiteState::follow(const io::JournalUpdate& update) {
                            .pose(update.end_s);
   if (rows.joints) now.joints = joints_at(rows, to_last ? rows.times_s[last] : update.end_s);
   if (std::isfinite(update.end_s)) now.time_s = update.end_s;
-  if (update.kind == Kind::kMove) now.direction = direction_to(now.pose, input);
+  set_direction(now, update.kind == Kind::kMove ? input : std::nullopt);
   input = std::move(now);
 }
 

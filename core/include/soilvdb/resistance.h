@@ -50,6 +50,8 @@ struct Resistance {
   bool steep = false;    ///< soil rides before a steep blade: an upper bound
   bool pressed = false;  ///< a heel presses: an upper bound
   bool open = false;     ///< the wedge ends where no more ground was looked at, or is known
+  bool stuck = false;  ///< the soil can't fail, at least before some of the blade: that is left out
+  bool rolled = false;  ///< the lip stands too steep for slices across it: only the load counts
 
   Wrench total() const { return cut + edge + load + heel; }
 };
@@ -88,8 +90,10 @@ class CutGeometry {
     std::size_t first = 0, count = 0;  // in heights_
   };
   struct Heel {
-    Vec3 at;          // from the middle of the lip
-    double area = 0;  // across the way, m2
+    Vec3 at = Vec3::Zero();  // from the middle of the lip
+    double area = 0;         // across the way, m2
+    double depth = 0;        // below the ground as it was, m
+    double length = 0;       // of the face in the ground, m
   };
 
   Pose pose_;
@@ -97,7 +101,8 @@ class CutGeometry {
   double strip_m_ = 0, step_m_ = 0, width_m_ = 0;
   double rake_rad_ = 0, face_m_ = 0;
   bool cuts_ = false, advances_ = false;
-  int open_sides_ = 0;
+  double open_sides_ = 0;
+  bool rolled_ = false;
   double edge_m_ = 0, plates_m2_ = 0;
   Vec3 plates_at_ = Vec3::Zero();
   double load_m3_ = 0;

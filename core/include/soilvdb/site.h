@@ -108,8 +108,8 @@ class Site {
   /// Last state of a machine, always with its pose; std::nullopt before the first. `joints` is
   /// valid until the next update. @throw std::invalid_argument for an unknown machine
   std::optional<MachineState> last(std::size_t machine) const;
-  /// Direction in which a machine's lip last moved, of unit length, world; zero before it moved and
-  /// after place(). @throw std::invalid_argument for an unknown machine
+  /// Direction in which a machine's lip last moved by a tenth of a voxel or more, of unit length,
+  /// world; zero before that and after place(). @throw std::invalid_argument for an unknown machine
   Vec3 direction(std::size_t machine) const;
   /// What a machine's resistance depends on besides the strength of the soil, as of its last
   /// update.
@@ -145,6 +145,7 @@ class Site {
     Pose pose = {};
     std::vector<double> joints = {};  ///< empty: the state was a pose
     Vec3 direction = Vec3::Zero();    ///< of the lip when it last moved, unit; zero: unknown
+    Vec3 moved_from = Vec3::Zero();   ///< where the lip was when that was known
   };
 
   std::string name(std::size_t machine) const;
@@ -152,8 +153,8 @@ class Site {
   void require(std::size_t machine) const;
   /// Checks and converts a state. @throw std::invalid_argument for an invalid state
   Input input(const MachineState& state) const;
-  /// Of the lip on its way to a pose, as Site::direction().
-  static Vec3 direction_to(const Pose& now, const std::optional<Input>& last);
+  /// Sets direction and moved_from of the state after `last`.
+  void set_direction(Input& now, const std::optional<Input>& last) const;
   /// @throw std::invalid_argument if a machine's time would go back
   void require_order(std::size_t machine, const std::optional<Input>& last,
                      std::optional<double> time_s) const;

@@ -17,6 +17,7 @@ from ._soilvdb import CutGeometry, Soil
 _STEPS = 60
 _FRICTION = (0.02, 1.2)  # rad, what soils have and more
 _APART = 0.995           # correlation from which on rows can't tell the two apart
+_NOISY = 0.3             # misfit from which on they tell nothing
 
 
 class Wrench(NamedTuple):
@@ -63,7 +64,17 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     Raises ValueError for fewer than 4 rows, for forces that aren't finite, and if no row has soil
     ahead of its bucket.
     """
-    measured = np.asarray(forces, float)
+    geometries = list(geometries)
+    for number, geometry in enumerate(geometries):
+        if not isinstance(geometry, CutGeometry):
+            raise TypeError(f"geometries: row {number} is {type(geometry).__name__}; it must be what "
+                            "Site.cut_geometry() gave")
+    if not isinstance(soil, Soil):
+        raise TypeError(f"soil must be soilvdb.Soil, not {type(soil).__name__}")
+    try:
+        measured = np.asarray(forces, float)
+    except (TypeError, ValueError):
+        raise TypeError("forces must be an array (N, 3) of numbers, N") from None
     if measured.ndim != 2 or measured.shape[1] != 3 or len(measured) != len(geometries):
         raise ValueError(f"forces has the shape {measured.shape}; it must be "
                          f"({len(geometries)}, 3), a row for each geometry")
@@ -88,7 +99,8 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
 
     def weighted(cohesion: float, friction: float) -> tuple[Any, Any]:
         misfit, by, size = rows(cohesion, friction)
-        used = size > 1e-6 * max(float(size.max()), 1e-9)
+        # Rows whose force depends on the soil, not only on the load.
+        used = np.abs(by[:, :, 1]).max(1) > 1e-6 * np.maximum(size, 1e-9)
         if used.sum() < 4:
             raise ValueError("fewer than 4 rows have soil ahead of the bucket")
         return ((misfit[used] / size[used, None]).ravel(),
@@ -140,6 +152,9 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     if abs(correlation) > _APART:
         why = ("cohesion and friction explain these rows in other pairs as well; take rows of "
                "other depths")
+    elif noise > _NOISY:
+        why = (f"rows differ from the best soil's forces by {100 * noise:.0f} %; check signs, frame "
+               "and outliers of the forces")
     elif cohesion == 0 or friction in (low, high):
         why = "the best values are at the border of what soils have; check forces and density"
     return Identified(cohesion, friction, scale * float(sigmas[0]), float(sigmas[1]), correlation,
