@@ -19,7 +19,6 @@ Vec2 blade_end(const Bucket& bucket) {
   if (bucket.profile.size() < 3) return {0, bucket.height_m};
   const auto angle = [](const Vec2& d) { return std::atan2(d.y(), -d.x()); };
   std::size_t last = 1;
-  while (last + 1 < bucket.profile.size() && bucket.profile[last].isZero()) ++last;
   const double first = angle(bucket.profile[last]);
   for (; last + 1 < bucket.profile.size(); ++last)
     if (std::abs(angle(bucket.profile[last + 1] - bucket.profile[last]) - first) > kBladeBend)
@@ -30,10 +29,11 @@ Vec2 blade_end(const Bucket& bucket) {
 /// Where the load lies: the centroid of the lowest part of the body with an area. @param up
 /// world's, in the profile's plane
 Vec2 load_centre(const std::vector<Vec2>& profile, const Vec2& up, double area_m2) {
+  std::vector<Vec2> part;
   const auto below = [&](double level) {
     double area = 0;
     Vec2 moment = Vec2::Zero();
-    std::vector<Vec2> part;
+    part.clear();
     for (std::size_t i = 0; i < profile.size(); ++i) {
       const Vec2 &a = profile[i], &b = profile[(i + 1) % profile.size()];
       const double ha = a.dot(up) - level, hb = b.dot(up) - level;
@@ -54,7 +54,8 @@ Vec2 load_centre(const std::vector<Vec2>& profile, const Vec2& up, double area_m
     high = std::max(high, p.dot(up));
   }
   if (area_m2 >= below(high).first) return below(high).second;
-  for (int n = 0; n < kMaxWedgeSteps; ++n) {
+  constexpr int kHalvings = 20;
+  for (int n = 0; n < kHalvings; ++n) {
     const double middle = (low + high) / 2;
     (below(middle).first < area_m2 ? low : high) = middle;
   }
