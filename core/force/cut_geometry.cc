@@ -76,7 +76,10 @@ struct SliceAxes {
 
 CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& bucket,
                          const Pose& world_from_bucket, const Vec3& way, double load_m3)
-    : pose_(world_from_bucket), width_m_(bucket.width_m), edge_m_(bucket.edge_m) {
+    : pose_(world_from_bucket),
+      width_m_(bucket.width_m),
+      edge_m_(bucket.edge_m),
+      plate_m_(bucket.plate_m) {
   if (bucket.shape)
     throw std::invalid_argument("a closed tool has no blade; only a bucket's resistance is known");
   const Eigen::Matrix3d axes = pose_.rotation.toRotationMatrix();
@@ -107,7 +110,11 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
   // Not where it goes back, or is lifted off.
   cuts_ = rake_rad_ > 0 && moves.x() > kLeastPress &&
           moves.x() * sine + moves.y() * cosine > kLeastPress;
-  advances_ = moves.x() * cosine - moves.y() * sine > 0;
+  const auto share = [](double sine_of_angle) {
+    return std::clamp(sine_of_angle / kFullPress, 0.0, 1.0);
+  };
+  lip_share_ = share(moves.x() * cosine - moves.y() * sine);
+  plates_share_ = share(way_.dot(axes.col(0)));
 
   // Strips side by side, and one more on either side.
   const int strips = std::clamp(
@@ -152,13 +159,18 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
     double area;
     std::size_t height;
   };
-  std::vector<std::vector<Contact>> contacts;
-  for (std::size_t i = 0; i + 1 < bucket.profile.size() && advances_; ++i) {
+  struct Face {
+    Vec3 out;
+    std::vector<Contact> parts;
+  };
+  std::vector<Face> contacts;
+  for (std::size_t i = 0; i + 1 < bucket.profile.size() && lip_share_ > 0; ++i) {
     const Vec2 &a = bucket.profile[i], d = bucket.profile[i + 1] - a;
     const Vec3 out = -d.y() * axes.col(0) + d.x() * axes.col(2);
-    const double press = out.dot(way_);
-    if (press <= kLeastPress * d.norm()) continue;
-    contacts.emplace_back();
+    const double press = out.dot(way_) / d.norm();
+    if (press <= kLeastPress) continue;
+    contacts.push_back({out / d.norm(), {}});
+    const double face_share = share((press - kLeastPress) / (1 - kLeastPress / kFullPress));
     const int parts = std::max(1, static_cast<int>(std::ceil(d.norm() / h)));
     for (int k = 1; k <= strips; ++k) {
       for (int n = 0; n < parts; ++n) {
@@ -174,10 +186,10 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
             std::abs(*initial - ground_z) < kMinHeightChange * h)
           continue;
         const double above = (place.z() - ground_z) / h;
-        const double share =
-            std::clamp((kFreeAbove - above) / (kFreeAbove - kPressesBelow), 0.0, 1.0);
-        if (share > 0)
-          contacts.back().push_back({at, share * press * width_m_ / strips / parts, j});
+        const double area =
+            std::clamp((kFreeAbove - above) / (kFreeAbove - kPressesBelow), 0.0, 1.0) * face_share *
+            d.norm() * width_m_ / strips / parts;
+        if (area > 0) contacts.back().parts.push_back({at, area, j});
       }
     }
   }
@@ -227,9 +239,10 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
     strips_.push_back(strip);
   }
 
-  for (const auto& face : contacts) {
+  for (const Face& face : contacts) {
     Heel heel;
-    for (const Contact& c : face) {
+    heel.out = face.out;
+    for (const Contact& c : face.parts) {
       heel.area += c.area;
       heel.at += c.area * c.at;
       const double surface =
@@ -251,15 +264,17 @@ CutGeometry::CutGeometry(HeightMap& map, const Ground& ground, const Bucket& buc
   const double ahead_m = std::max(0.0, top.x()) + margin;
   const double middle = height((strips + 1) / 2, ahead_m);
   const bool has_plates = !bucket.profile.empty();
-  if (middle > 0 && (!has_plates || middle > top.y()))
+  // Side plates shield what is lower than they are.
+  const double open = has_plates ? std::clamp((middle - top.y()) / middle, 0.0, 1.0) : 1;
+  if (middle > 0 && open > 0)
     for (const int side : {0, strips + 1}) {
       // As far as soil stands beside the bucket, but is no wall of a slot: that doesn't move.
       const double beside = height(side, ahead_m);
       const double lip_z = strips_[static_cast<std::size_t>(side)].lip.z();
-      open_sides_ += std::clamp((beside - lip_z) / middle, 0.0, 1.0) *
+      open_sides_ += open * std::clamp((beside - lip_z) / middle, 0.0, 1.0) *
                      std::clamp((kHighWall - beside / middle) / (kHighWall - kLowWall), 0.0, 1.0);
     }
-  if (has_plates && way_.dot(axes.col(0)) > 0) {
+  if (has_plates && plates_share_ > 0) {
     const double deep = std::max(0.0, height((strips + 1) / 2, 0));
     const double length = std::min(bucket.height_m, deep / std::max(mouth.y(), kLeastPress));
     plates_m2_ = 2 * bucket.plate_m * length;

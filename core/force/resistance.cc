@@ -73,12 +73,15 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
     to.force += force;
     to.moment += at.cross(force);
   };
-  const auto add_pressure = [&](Wrench& to, const BearingPressure& p, double area, const Vec3& at) {
-    add(to, -p.value * area * way_, at);
+  // On an area against a direction.
+  const auto add_pressure = [&](Wrench& to, const BearingPressure& p, double area, const Vec3& at,
+                                const Vec3& against) {
+    add(to, -p.value * area * against, at);
     for (std::size_t i = 0; i < p.by.size(); ++i)
-      by.col(static_cast<Eigen::Index>(i)) -= p.by[i] * area * way_;
+      by.col(static_cast<Eigen::Index>(i)) -= p.by[i] * area * against;
   };
-  double above_m3 = 0, by_force = 0;
+  double above_m3 = 0, by_force = 0;  // of the wedges, above the blade
+  Vec3 above_m4 = Vec3::Zero();       // its first moment
   all.rolled = rolled_;
   // The middle of the blade says whether soil rides before it.
   BodyGuess body;
@@ -106,7 +109,10 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       for (std::size_t i = 0; i < wedge.d_ahead.size(); ++i)
         by.col(static_cast<Eigen::Index>(i)) -=
             strip_m_ * (wedge.d_ahead[i] * ahead_ + wedge.d_up[i] * up);
-      above_m3 += wedge.above * strip_m_;
+      if (!wedge.steep && wedge.above > 0) {
+        above_m3 += wedge.above * strip_m_;
+        above_m4 += wedge.above * strip_m_ * (strip.lip + wedge.above_x * ahead_);
+      }
       all.angle_rad += wedge.failure * force.norm();
       by_force += force.norm();
       all.steep = all.steep || wedge.steep;
@@ -118,19 +124,27 @@ Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) co
       depth = std::max(0.0, heights[static_cast<std::size_t>(at)]);
     }
     all.depth_m += share * depth;
-    if (advances_ && edge_m_ > 0 && depth > 0)
-      add_pressure(all.edge, {factors, soil, depth, edge_m_}, edge_m_ * strip_m_, strip.lip);
+    if (edge_m_ > 0 && depth > 0)
+      add_pressure(all.edge, {factors, soil, depth, edge_m_}, lip_share_ * edge_m_ * strip_m_,
+                   strip.lip, way_);
   }
   if (by_force > 0) all.angle_rad /= by_force;
   if (plates_m2_ > 0)
-    add_pressure(all.edge, {factors, soil, all.depth_m / 2, 0}, plates_m2_, plates_at_);
+    add_pressure(all.edge, {factors, soil, all.depth_m / 2, plate_m_}, plates_share_ * plates_m2_,
+                 plates_at_, way_);
   for (const Heel& heel : heels_) {
-    add_pressure(all.heel, {factors, soil, heel.depth, heel.length}, heel.area, heel.at);
+    add_pressure(all.heel, {factors, soil, heel.depth, heel.length}, heel.area, heel.at, heel.out);
     all.pressed = true;
   }
-  const double load_m3 = std::max(0.0, load_m3_ - above_m3);
-  add(all.load, -soil.unit_weight * load_m3 * up, load_at_);
-  by.col(0) -= load_m3 * up;
+  // The load without what the wedges count: less there, not evenly.
+  const double counted = above_m3 > load_m3_ ? load_m3_ / above_m3 : 1;
+  add(all.load, -soil.unit_weight * load_m3_ * up, load_at_);
+  if (above_m3 > 0) {
+    const double counted_m3 = counted * above_m3;
+    add(all.load, soil.unit_weight * counted_m3 * up, above_m4 / above_m3);
+    by.col(0) += counted_m3 * up;
+  }
+  by.col(0) -= load_m3_ * up;
   by.col(0) *= kGravity;  // by density, not by weight
 
   const Eigen::Quaterniond to_bucket = pose_.rotation.conjugate();

@@ -393,12 +393,16 @@ WedgeForce wedge_force(const SoilSlice& slice, const WedgeSoil& soil, BodyGuess&
   force.stuck = exit.p == kNoForce && !force.steep;
   if (end_x < 0) {
     // Between the blade and the ground above it.
-    double area = 0;
+    double area = 0, moment = 0;
     constexpr int kParts = 8;
     for (int i = 0; i < kParts; ++i) {
       const double x = end_x * (i + 0.5) / kParts;
-      area += std::max(0.0, wedge.ground(x) + x * std::tan(slice.rake)) * -end_x / kParts;
+      const double part =
+          std::max(0.0, wedge.ground(x) + x * std::tan(slice.rake)) * -end_x / kParts;
+      area += part;
+      moment += part * x;
     }
+    if (area > 0) force.above_x = moment / area;
     force.above = area;
   }
   return force;

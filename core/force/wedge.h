@@ -38,6 +38,7 @@ struct WedgeForce {
   double failure = 0;        ///< angle of the failure plane with the way ahead, rad
   double depth = 0;          ///< of the lip below the ground, m
   double above = 0;          ///< area of the wedge's part above the blade, m2
+  double above_x = 0;        ///< place of its centroid, m
   bool steep = false;        ///< a body of soil rides in front of a steep blade
   bool open = false;         ///< the wedge ends where the heights do
   bool stuck = false;  ///< no plane lets the soil fail; the force is then 0 in place of infinite

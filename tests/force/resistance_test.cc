@@ -234,9 +234,32 @@ TEST(Resistance, PressesOnAFloorThatDescendsBackwards) {
   };
   const Resistance heel = at(0);
   EXPECT_TRUE(heel.pressed);
-  EXPECT_LT(heel.heel.force.x(), 0);
+  EXPECT_LT(heel.heel.force.x(), 0);  // at right angles to the floor
+  EXPECT_NEAR(heel.heel.force.z(), -5 * heel.heel.force.x(), 1e-6 * heel.heel.force.norm());
   EXPECT_EQ(heel.cut.force, Vec3::Zero());
   EXPECT_FALSE(at(0.4).pressed);
+}
+
+/// The part of the wedge above the blade, d^2 cot(rake) / 2, lies near the lip; the rest of the
+/// load farther back than the whole.
+TEST(Resistance, CountsSoilAboveTheBladeOnce) {
+  Bucket deep = bucket();
+  deep.profile[1] = {-0.5, 0.35};
+  const auto at = [&](double z) {
+    Dig dig(0.05, make_plane(0, {0, 0}), deep);
+    for (int i = 0; i <= 20; ++i) dig.to({-2 + 0.1 * i, 0, z}, from_rpy(0, 0.1, 0));
+    const Resistance r = dig.resistance();
+    const Ledger& ledger = dig.site.tracker().ledger(0);
+    const double whole = static_cast<double>(ledger.load) * ledger.sample_m3;
+    return std::pair(turned(r.load, from_rpy(0, 0.1, 0)), whole * 18e3);
+  };
+  const auto [load, whole_n] = at(-0.2);
+  const double rake = std::atan2(0.35, 0.5) + 0.1;
+  const double above_n = 18e3 * 1.2 * 0.2 * 0.2 / std::tan(rake) / 2;
+  ASSERT_GT(whole_n, 3 * above_n);
+  EXPECT_NEAR(load.force.z(), -(whole_n - above_n), 0.02 * above_n);
+  const double arm = 0.2 / std::tan(rake) / 3;  // of its centroid
+  EXPECT_GT(-load.moment.y() / (whole_n - above_n), arm);
 }
 
 TEST(Resistance, HasExactDerivatives) {

@@ -91,7 +91,7 @@ TEST_F(Earthmoving, SomethingMustHappen) {
 TEST_F(Earthmoving, UnknownAndMissingKeys) {
   EXPECT_EQ(soil("repose: 0.6"),
             "s.yaml:4: unknown key 'repose' in soil; did you mean 'repose_angle'? Its keys are "
-            "repose_angle, swell, density, cohesion, friction_angle");
+            "repose_angle, swell, density, cohesion, friction_angle, tool_friction, adhesion");
   EXPECT_EQ(soil("swell: 0.2"), "s.yaml:4: key 'repose_angle' is missing in soil");
   EXPECT_EQ(pours("- {name: a, at: [0, 0, 1], time: [0, 1], volum: 1}\n"),
             "s.yaml:6: unknown key 'volum' in pour; did you mean 'volume'? Its keys are name, at, "

@@ -45,7 +45,9 @@ def test_keys_of_the_summary(folder):
 def test_columns_of_the_updates(folder):
     rigid, moving = ((folder / f"out/{name}/updates.csv").read_text().split("\n")[0].split(",")
                      for name in ("rigid", "moving"))
-    assert [set(rigid), set(moving) - set(rigid)] == names("updates.csv")
+    *columns, of_forces = names("updates.csv")
+    assert [set(rigid), set(moving) - set(rigid)] == columns
+    assert of_forces == {"force_x_n", "force_y_n", "force_z_n", "moment_y_nm"}  # see test_force.py
 
 
 def test_keys_of_a_comparison(folder):

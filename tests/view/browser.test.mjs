@@ -342,8 +342,8 @@ const untidy = (page, least_px) => page.evaluate((least) => {
 }, least_px);
 
 for (const [kind, sizes, touch] of [
-  ['screens', [[640, 400], [720, 450], [1024, 700], [1440, 900], [3840, 2160]], false],
-  ['phones and tablets', [[360, 640], [390, 844], [844, 390], [768, 1024], [1024, 768]], true],
+  ['screens', [[640, 400], [720, 450], [1440, 900], [3840, 2160]], false],
+  ['phones and tablets', [[390, 844], [844, 390], [768, 1024]], true],
 ]) {
   looking(`nothing covers anything on ${kind}, and all controls can be reached`, yard, async (page) => {
     for (const [i, machine] of kNames.slice(0, 3).entries()) await scoop(page, 1.7e9 + 100 * i, 0.3 * i, 0.4 * i, 0.3, machine);   // dates are long

@@ -141,9 +141,9 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
           "of the lip below the ground, mean over its width")
       .def_property_readonly(
           "limited", [](const ResistanceValue& v) { return limits_of(v.of); },
-          "why the force is a bound: 'steep blade', above: soil rides before it; 'heel', above; "
-          "'ground ends ahead'; 'no failure plane', below: the soil can't fail before some of the "
-          "blade; 'rolled over', below: only the load counts; empty if it is none")
+          "why the force is a rough estimate: 'steep blade': soil rides before it; 'heel'; or too "
+          "low: 'ground ends ahead'; 'no failure plane': the soil can't fail before some of the "
+          "blade, which counts 0; 'rolled over': only the load counts; empty if it is none")
       .def("__repr__", [](const ResistanceValue& v) {
         const Vec3 force = v.of.total().force;
         return fmt::format("soilvdb.Resistance(force=[{:.5g}, {:.5g}, {:.5g}] N)", force.x(),

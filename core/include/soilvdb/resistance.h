@@ -47,8 +47,8 @@ struct Resistance {
   Eigen::Matrix<double, 3, 5> by_strength = Eigen::Matrix<double, 3, 5>::Zero();
   double angle_rad = 0;  ///< of the failure planes with the way ahead, mean by force
   double depth_m = 0;    ///< of the lip below the ground, mean over its width
-  bool steep = false;    ///< soil rides before a steep blade: an upper bound
-  bool pressed = false;  ///< a heel presses: an upper bound
+  bool steep = false;    ///< soil rides before a steep blade: a rough estimate
+  bool pressed = false;  ///< a heel presses: a rough estimate
   bool open = false;     ///< the wedge ends where no more ground was looked at, or is known
   bool stuck = false;  ///< the soil can't fail, at least before some of the blade: that is left out
   bool rolled = false;  ///< the lip stands too steep for slices across it: only the load counts
@@ -90,20 +90,22 @@ class CutGeometry {
     std::size_t first = 0, count = 0;  // in heights_
   };
   struct Heel {
-    Vec3 at = Vec3::Zero();  // from the middle of the lip
-    double area = 0;         // across the way, m2
-    double depth = 0;        // below the ground as it was, m
-    double length = 0;       // of the face in the ground, m
+    Vec3 at = Vec3::Zero();   // from the middle of the lip
+    Vec3 out = Vec3::Zero();  // from the bucket, unit
+    double area = 0;          // m2
+    double depth = 0;         // below the ground as it was, m
+    double length = 0;        // of the face in the ground, m
   };
 
   Pose pose_;
   Vec3 way_, ahead_;
   double strip_m_ = 0, step_m_ = 0, width_m_ = 0;
   double rake_rad_ = 0, face_m_ = 0;
-  bool cuts_ = false, advances_ = false;
+  bool cuts_ = false;
+  double lip_share_ = 0, plates_share_ = 0;  // of the pressure on edges, by their way
   double open_sides_ = 0;
   bool rolled_ = false;
-  double edge_m_ = 0, plates_m2_ = 0;
+  double edge_m_ = 0, plate_m_ = 0, plates_m2_ = 0;
   Vec3 plates_at_ = Vec3::Zero();
   double load_m3_ = 0;
   Vec3 load_at_ = Vec3::Zero();

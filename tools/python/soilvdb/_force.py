@@ -32,7 +32,7 @@ class Identified:
     """The soil that explains measured forces best.
 
     cohesion, Pa, and friction_angle, rad, with their standard deviations; correlation: of the two
-    errors. noise: standard deviation of the rows, as a share of the force. soil: the Soil with
+    errors. noise: misfit of a row's force as a share of it, root of the mean square. soil: the Soil with
     them. told_apart: False if other pairs of the two explain the rows as well, and why says so.
     """
 
@@ -97,14 +97,17 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
         model = np.array(all_forces)
         return measured - model, np.array(by), np.linalg.norm(model, axis=1)
 
-    def weighted(cohesion: float, friction: float) -> tuple[Any, Any]:
+    def weighted(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
+        """Misfits and derivatives over the forces' sizes, and a misfit at other values over the
+        same sizes."""
         misfit, by, size = rows(cohesion, friction)
         # Rows whose force depends on the soil, not only on the load.
         used = np.abs(by[:, :, 1]).max(1) > 1e-6 * np.maximum(size, 1e-9)
         if used.sum() < 4:
             raise ValueError("fewer than 4 rows have soil ahead of the bucket")
         return ((misfit[used] / size[used, None]).ravel(),
-                (by[used] / size[used, None, None]).reshape(-1, 2))
+                (by[used] / size[used, None, None]).reshape(-1, 2),
+                lambda c, f: (rows(c, f)[0][used] / size[used, None]).ravel())
 
     # Cohesion in units in which both unknowns change a force about as much.
     scale = 1e4
@@ -116,7 +119,7 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     for cohesion, friction in starts:
         damping, cost = 1e-3, math.inf
         for _ in range(_STEPS):
-            misfit, by = weighted(cohesion, friction)
+            misfit, by, elsewhere = weighted(cohesion, friction)
             cost = float(misfit @ misfit)
             by = by * [scale, 1.0]
             normal, right = by.T @ by, by.T @ misfit
@@ -125,7 +128,7 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
                 step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), right)
                 c = max(0.0, cohesion + scale * step[0])
                 f = min(high, max(low, friction + step[1]))
-                new = weighted(c, f)[0]
+                new = elsewhere(c, f)
                 if new @ new < cost:
                     moved = abs(c - cohesion) > 1e-7 * scale or abs(f - friction) > 1e-9
                     cohesion, friction, damping = c, f, damping / 5
@@ -137,9 +140,9 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
             best = (cost, cohesion, friction)
     assert best is not None
     _, cohesion, friction = best
-    misfit, by = weighted(cohesion, friction)
+    misfit, by, _ = weighted(cohesion, friction)
     by = by * [scale, 1.0]
-    noise = math.sqrt(float(misfit @ misfit) / max(1, len(misfit) - 2))
+    noise = math.sqrt(3 * float(misfit @ misfit) / max(1, len(misfit) - 2))
     # From the rows' own misfits (White's sandwich): right also if parts of a force err differently,
     # or together.
     inverse = np.linalg.pinv(by.T @ by)
