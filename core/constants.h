@@ -421,9 +421,9 @@ inline constexpr double kPressesBelow = 0.125, kFreeAbove = 0.25;
 /// Height of soil beside the bucket over that ahead from which on it is less and less, and no more,
 /// taken along: it is the wall of a slot.
 inline constexpr double kLowWall = 1.25, kHighWall = 1.75;
-/// Sine of the angle between a face and its way from which on it presses on the soil, and from which
-/// on with all of its force; the same between an edge's way and a line across it. In between, forces
-/// rise evenly, so that small turns don't switch them.
+/// Sine of the angle between a face and its way from which on it presses on the soil, and from
+/// which on with all of its force; the same between an edge's way and a line across it. In between,
+/// forces rise evenly, so that small turns don't switch them.
 inline constexpr double kLeastPress = 0.02, kFullPress = 0.17;
 
 // ---- Pouring (core/settle/pour.cc, front.cc, fall_line.cc) --------------------------------------
