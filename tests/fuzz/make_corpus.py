@@ -143,6 +143,38 @@ def mcaps(work):
     write('mcap', name, (work / 'm.mcap').read_bytes())
 
 
+def points():
+  """A scan of each format, in each way to pack it."""
+  xyz = [(1.0, 2.0, 3.0), (0.0, 0.0, 0.0), (-4.0, 5.5, 0.25)]
+  rows = b''.join(struct.pack('<fff', *p) for p in xyz)
+  header = ('ply\nformat {} 1.0\ncomment {}\nelement head 1\nproperty list uchar short l\n'
+            'element vertex 3\nproperty float x\nproperty float y\nproperty float z\n'
+            'element face 1\nproperty list uchar int vertex_indices\nend_header\n')
+  write('points', 'ply_text', header.format('ascii', 'text') + '2 7 8\n1 2 3\n0 0 0\n-4 5.5 .25\n3 0 1 2\n')
+  for order, name in [('<', 'little'), ('>', 'big')]:
+    data = struct.pack(order + 'Bhh', 2, 7, 8) + b''.join(struct.pack(order + 'fff', *p) for p in xyz)
+    write('points', 'ply_' + name, header.format(f'binary_{name}_endian', name).encode() + data)
+  head = ('# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z _ rgb\nSIZE 4 4 4 1 4\n'
+          'TYPE F F F U U\nCOUNT 1 1 1 2 1\nWIDTH 3\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 3\nDATA ')
+  write('points', 'pcd_text', head + 'ascii\n1 2 3 0 0 9\nnan nan nan 0 0 9\n-4 5.5 .25 0 0 9\n')
+  write('points', 'pcd_binary', head.encode() + b'binary\n' +
+        b''.join(struct.pack('<fff2sI', *p, b'__', 9) for p in xyz))
+  columns = struct.pack('<9f3I', *(p[k] for k in range(3) for p in xyz), 9, 9, 9)
+  block = bytes([31]) + columns[:32] + bytes([7]) + columns[32:40] + b'\xC0\x03'  # ends with a copy
+  write('points', 'pcd_compressed', head.encode() + b'binary_compressed\n' +
+        struct.pack('<II', len(block), len(columns)) + block)
+  for minor, form, size, record in [(2, 3, 227, 34), (4, 7, 375, 36)]:
+    las = struct.pack('<4s20xBB68xHIIBHI20xdddddd', b'LASF', 1, minor, size, size, 0, form, record,
+                      2 if minor < 4 else 0, 0.01, 0.01, 0.01, 5e5, 5.4e6, 1e2)
+    las = las.ljust(247, b'\0')[:size] + (struct.pack('<Q', 2) if minor == 4 else b'')
+    las = las.ljust(size, b'\0')
+    las += b''.join(struct.pack('<iii', *p).ljust(record, b'r') for p in [(1, 2, 3), (0, 0, 0)])
+    write('points', f'las_1_{minor}', las)
+  write('points', 'text', '# x y z\n1 2 3 255\n0 0 0 0\n-4e0\t5.5 +.25 9\n')
+  write('points', 'csv', 'time,Z,"X",y\n0.5,3,1,2\n1.5,nan,nan,nan\n')
+  write('points', 'pts', '2\n1 2 3 9 1 2 3\n4 5 6 9 4 5 6\n')
+
+
 def with_directives(text):
   """Names and numbers as directives of printf: text of a file must never be a format."""
   return re.sub(r'\b(grey|boom|turn|pit|digger|0\.5|1\.5)\b', '%s%n%1$s', text)
@@ -157,6 +189,7 @@ def main():
   write('motion', 'quaternions', QUATERNIONS)
   write('motion', 'joints', JOINTS)
   write('urdf', 'machine', MACHINE)
+  points()
   for target, text in [('scenario', SCENARIO), ('motion', JOINTS), ('urdf', MACHINE)]:
     write(target, 'directives', with_directives(text))
   with tempfile.TemporaryDirectory() as folder:

@@ -1,0 +1,73 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include "io/scan/cloud_builder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "io/file/text.h"
+
+namespace soilvdb::inline v0::io {
+namespace {
+
+template <typename T>
+double number_as(const char* at, bool swap) {
+  std::array<char, sizeof(T)> bytes;
+  std::memcpy(bytes.data(), at, sizeof(T));
+  if (swap) std::reverse(bytes.begin(), bytes.end());
+  T value;
+  std::memcpy(&value, bytes.data(), sizeof(T));
+  return static_cast<double>(value);
+}
+
+}  // namespace
+
+double number_at(const char* at, NumberType type, bool swap) {
+  switch (type) {
+    case NumberType::kI8:
+      return number_as<std::int8_t>(at, swap);
+    case NumberType::kU8:
+      return number_as<std::uint8_t>(at, swap);
+    case NumberType::kI16:
+      return number_as<std::int16_t>(at, swap);
+    case NumberType::kU16:
+      return number_as<std::uint16_t>(at, swap);
+    case NumberType::kI32:
+      return number_as<std::int32_t>(at, swap);
+    case NumberType::kU32:
+      return number_as<std::uint32_t>(at, swap);
+    case NumberType::kI64:
+      return number_as<std::int64_t>(at, swap);
+    case NumberType::kU64:
+      return number_as<std::uint64_t>(at, swap);
+    case NumberType::kF32:
+      return number_as<float>(at, swap);
+    default:
+      return number_as<double>(at, swap);
+  }
+}
+
+Vec3 point_at(const Axes& axes, std::size_t index, bool swap) {
+  Vec3 p;
+  for (std::size_t k = 0; k < axes.size(); ++k)
+    p[static_cast<Eigen::Index>(k)] =
+        number_at(axes[k].at + index * axes[k].stride, axes[k].type, swap);
+  return p;
+}
+
+std::optional<std::size_t> CloudBuilder::add(const Axes& axes, std::size_t count, bool swap) {
+  for (std::size_t i = 0; i < count; ++i)
+    if (!add(point_at(axes, i, swap))) return i;
+  return {};
+}
+
+bool CloudBuilder::is_too_far(const Vec3& p) { return !(p.cwiseAbs().maxCoeff() <= kMaxNumber); }
+
+std::string CloudBuilder::too_far(const Vec3& p) {
+  return fmt::format("is at ({:g}, {:g}, {:g}); coordinates must be metres within {:g}", p.x(),
+                     p.y(), p.z(), kMaxNumber);
+}
+
+}  // namespace soilvdb::inline v0::io
