@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The soilvdb authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions and rasters as arrays."""
+"""Motions, rasters and scans as arrays."""
 
 import subprocess
 from pathlib import Path
@@ -118,3 +118,28 @@ def test_ledgers_of_a_site_say_what_fell(tmp_path):
     assert ledger["fill_m3"] == pytest.approx(site.change_m3(), abs=1e-9)
     assert ledger["hauled_m3"] == 0 and ledger["slid_m3"] >= 0
     assert "poured_m3" not in site.ledger(0)
+
+
+def test_points_of_scans_are_rows(tmp_path):
+    xyz = np.random.default_rng(2).normal(size=(50, 3)) + [5e5, 5.4e6, 100]
+    np.savetxt(tmp_path / "a.xyz", xyz, fmt="%.17g")
+    assert (soilvdb.points(tmp_path / "a.xyz") == xyz).all()
+    header = ("ply\nformat binary_big_endian 1.0\nelement vertex 50\nproperty double x\n"
+              "property double y\nproperty double z\nend_header\n")
+    (tmp_path / "a.ply").write_bytes(header.encode() + xyz.astype(">f8").tobytes())
+    points = soilvdb.points(str(tmp_path / "a.ply"))
+    assert (points == xyz).all() and points.dtype == np.float64
+    (tmp_path / "a.csv").write_text("0,0,0\nnan,1,1\n")
+    assert soilvdb.points(tmp_path / "a.csv").shape == (0, 3)
+
+
+def test_wrong_scans_are_refused_in_one_line(tmp_path):
+    (tmp_path / "a.xyz").write_text("1 2 3\n4 5\n")
+    with pytest.raises(ValueError, match=r"a\.xyz:2: has 2 columns; at least 3 are needed"):
+        soilvdb.points(tmp_path / "a.xyz")
+    (tmp_path / "b.e57").write_bytes(b"ASTM-E57" + bytes(99))
+    with pytest.raises(ValueError, match="pdal translate b.e57 b.las"):
+        soilvdb.points(tmp_path / "b.e57")
+    (tmp_path / "c.ply").write_bytes(b"\xff\xfe\n")
+    with pytest.raises(ValueError, match=r"c\.ply: is not a ply file: at byte 0 it begins with"):
+        soilvdb.points(tmp_path / "c.ply")

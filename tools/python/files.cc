@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// Input files as arrays: motions of a scenario, rasters.
+// Input files as arrays: motions of a scenario, rasters, scans.
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 
+#include "soilvdb/io/point_cloud.h"
 #include "soilvdb/io/raster.h"
 #include "soilvdb/io/scenario.h"
 #include "tools/python/arguments.h"
@@ -153,6 +154,19 @@ void write_raster(const std::filesystem::path& file, const py::object& heights,
   io::write_geotiff(file, grid, bands, crs);
 }
 
+Array points(const std::filesystem::path& file) {
+  io::PointCloud cloud;
+  {
+    const Released released;
+    const Inside inside;
+    cloud = io::read_points(file);
+  }
+  Array array({static_cast<py::ssize_t>(cloud.points_m.size()), py::ssize_t{3}});
+  for (std::size_t i = 0; i < cloud.points_m.size(); ++i)
+    std::copy(cloud.points_m[i].begin(), cloud.points_m[i].end(), array.mutable_data(i, 0));
+  return array;
+}
+
 }  // namespace
 
 void bind_files(py::module_& m) {
@@ -162,6 +176,13 @@ void bind_files(py::module_& m) {
         "Each is a dict of times (N,), s, and either joints (N, k), rad or m, or positions (N, 3), "
         "m, and rotations (N, 4) x, y, z, w. Site.update_path() takes them: site.update_path(name, "
         "**motions[name]). Raises ValueError with the program's message.");
+  m.def("points", &points, py::arg("file"),
+        "Reads the points of a scan: (N, 3) float64, m, in the file's frame and order. file: PLY "
+        "or PCD, text or binary; LAS 1.0 to 1.4; or text with columns named x, y, z, or else these "
+        "three first. The content gives the format. Points without a return are left out: those "
+        "with a coordinate that is not finite, and except in LAS those at (0, 0, 0). Raises "
+        "ValueError with the line or byte for a file that is wrong or truncated; for LAZ and E57 "
+        "with the way to convert them.");
   m.def("read_raster", &read_raster, py::arg("file"), py::arg("box") = py::none(),
         "Reads a file that soilvdb.raster() takes: (heights, first, spacing, crs). heights: (ny, "
         "nx) float32, m, NaN where there is no height; row 0 has the lowest y. first: (x, y) of "

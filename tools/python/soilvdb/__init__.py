@@ -34,6 +34,7 @@ from ._soilvdb import (
     height_maps,
     motions,
     plane,
+    points,
     raster,
     read_raster,
     resistances,
@@ -71,6 +72,7 @@ __all__ = [
     "identify",
     "motions",
     "plane",
+    "points",
     "raster",
     "read_raster",
     "resistances",
@@ -82,7 +84,7 @@ __all__ = [
 ]
 
 for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Site,
-               Soil, Terrain, Update, Volume, Wrench, height_maps, identify, resistances, motions, plane, raster, read_raster, snapshot, update_many, write_raster):
+               Soil, Terrain, Update, Volume, Wrench, height_maps, identify, resistances, motions, plane, points, raster, read_raster, snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 
