@@ -47,6 +47,8 @@ class CdrReader {
     if (text.find('\0') != text.npos) throw CdrError("has a zero within a text");
     return text;
   }
+  /// A list of bytes.
+  std::string_view bytes() { return take(number<std::uint32_t>()); }
   /// Number of the following elements of at least `least` bytes each; never more than fit.
   std::uint32_t count(std::size_t least) {
     const auto n = number<std::uint32_t>();

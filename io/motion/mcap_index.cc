@@ -18,13 +18,6 @@ constexpr std::size_t kMostStreams = 100'000;
 constexpr std::size_t kMostStamps = 4096;  // of a stream, for the median interval
 constexpr long kBlockMessages = 256;       // block size in files without chunks
 
-/// "sensor_msgs/JointState" of "sensor_msgs/msg/JointState" or "sensor_msgs::msg::JointState".
-std::string plain_type(std::string name) {
-  for (auto at = name.find("::"); at != name.npos; at = name.find("::")) name.replace(at, 2, "/");
-  if (const auto at = name.find("/msg/"); at != name.npos) name.erase(at, 4);
-  return name;
-}
-
 /// @throw InputError if the topic's type or encoding is not that of a motion
 McapType type_of(const std::filesystem::path& file, const McapChannel& channel) {
   const std::string topic = printable(channel.topic), type = plain_type(channel.schema);
@@ -189,15 +182,9 @@ class Look {
   }
 
   [[noreturn]] void refuse() const {
-    std::set<std::string> topics;
-    for (const McapFacts::File& file : facts_->files)
-      for (const auto& [id, channel] : file.channels) topics.insert(printable(channel.topic));
-    std::vector<std::string> shown(topics.begin(), topics.end());
-    if (shown.size() > kMostTopicsShown) shown.resize(kMostTopicsShown);
-    throw InputError(
-        source_.file,
-        fmt::format("has no message of {}; {}", topics_text(source_.mcap),
-                    shown.empty() ? "it has no topics" : "its topics are " + quoted_list(shown)));
+    throw InputError(source_.file,
+                     fmt::format("has no message of {}; {}", topics_text(source_.mcap),
+                                 topics_there(facts_->files)));
   }
 
   const MotionSource& source_;
@@ -217,6 +204,23 @@ class Look {
 
 std::shared_ptr<const McapFacts> look_at(const MotionSource& source) {
   return Look(source).facts();
+}
+
+std::string topics_there(const std::vector<McapFacts::File>& files) {
+  std::set<std::string> topics;
+  for (const McapFacts::File& file : files)
+    for (const auto& [id, channel] : file.channels) topics.insert(printable(channel.topic));
+  std::vector<std::string> some(topics.begin(), topics.end());
+  if (some.size() > kMostTopicsShown) some.resize(kMostTopicsShown);
+  return some.empty() ? "it has no topics" : "its topics are " + quoted_list(some);
+}
+
+void warn_of_torn(const std::vector<McapFacts::File>& files, std::vector<std::string>& warnings) {
+  for (const McapFacts::File& file : files)
+    if (file.torn_at)
+      warnings.push_back(fmt::format(
+          "{}: has no footer, as after a killed recorder; the part up to byte {} is used",
+          file.path.string(), *file.torn_at));
 }
 
 bool is_topic(const McapTopic& source, const std::string& topic) {

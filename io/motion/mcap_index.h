@@ -86,6 +86,11 @@ struct McapFacts {
 /// @throw InputError if a file is damaged, or if no topic of the source is a motion
 std::shared_ptr<const McapFacts> look_at(const MotionSource& source);
 
+/// "its topics are '/a' and '/b'"
+std::string topics_there(const std::vector<McapFacts::File>& files);
+/// Adds a warning about each file without a footer.
+void warn_of_torn(const std::vector<McapFacts::File>& files, std::vector<std::string>& warnings);
+
 /// Is it one of the source's topics?
 bool is_topic(const McapTopic& source, const std::string& topic);
 /// "topic '/a'" or "topics '/a' and '/b'"

@@ -29,6 +29,13 @@ McapMerge::McapMerge(const MotionSource& source, std::shared_ptr<const McapFacts
   go_to(-kLatest_ns);
 }
 
+std::string clock_fault(std::int64_t time_ns, std::int64_t behind_ns) {
+  return fmt::format(
+      "has the stamp {} s, later than that of a message that was recorded {:.3g} s after it; "
+      "a clock was set, or a stamp is wrong",
+      stamp_text(time_ns), static_cast<double>(behind_ns) * 1e-9);
+}
+
 void McapMerge::go_to(std::int64_t time_ns) {
   waiting_.clear();
   loaded_ = 0;
@@ -53,10 +60,7 @@ bool McapMerge::next(McapEntry& entry) {
   const std::int64_t log_ns = first.mapped().log_ns;
   std::int64_t& last_log_ns = last_log_ns_[entry.stream];
   if (log_ns < last_log_ns - kMostBehind_ns && entry.fault.empty())
-    entry.fault = fmt::format(
-        "has the stamp {} s, later than that of a message that was recorded {:.3g} s after it; "
-        "a clock was set, or a stamp is wrong",
-        stamp_text(entry.place.time_ns), static_cast<double>(last_log_ns - log_ns) * 1e-9);
+    entry.fault = clock_fault(entry.place.time_ns, last_log_ns - log_ns);
   last_log_ns = std::max(last_log_ns, log_ns);
   return true;
 }

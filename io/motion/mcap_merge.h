@@ -33,6 +33,9 @@ struct McapEntry {
   std::string fault;  ///< why the item is unusable
 };
 
+/// What is wrong with a message that was recorded earlier than one with an earlier stamp.
+std::string clock_fault(std::int64_t time_ns, std::int64_t behind_ns);
+
 /// Holds only blocks with overlapping times in memory.
 class McapMerge {
  public:

@@ -14,11 +14,6 @@ namespace {
 constexpr std::int64_t kNsPerS = 1'000'000'000;
 constexpr std::size_t kPoseNumbers = 7;
 
-std::int64_t read_stamp(CdrReader& cdr) {
-  const std::int64_t s = cdr.number<std::int32_t>();
-  return s * kNsPerS + cdr.number<std::uint32_t>();
-}
-
 void read_item_pose(CdrReader& cdr, McapItem& item) {
   item.values.resize(kPoseNumbers);
   for (double& value : item.values) value = cdr.number<double>();
@@ -46,6 +41,17 @@ void read_transform(CdrReader& cdr, McapItem& item) {
 }
 
 }  // namespace
+
+std::int64_t read_stamp(CdrReader& cdr) {
+  const std::int64_t s = cdr.number<std::int32_t>();
+  return s * kNsPerS + cdr.number<std::uint32_t>();
+}
+
+std::string plain_type(std::string name) {
+  for (auto at = name.find("::"); at != name.npos; at = name.find("::")) name.replace(at, 2, "/");
+  if (const auto at = name.find("/msg/"); at != name.npos) name.erase(at, 4);
+  return name;
+}
 
 const char* type_name(McapType type) {
   switch (type) {

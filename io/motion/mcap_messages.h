@@ -16,6 +16,11 @@ enum class McapType { kJointState, kPoseStamped, kOdometry, kTransforms };
 
 /// The ROS name, "sensor_msgs/JointState".
 const char* type_name(McapType type);
+/// "sensor_msgs/JointState" of "sensor_msgs/msg/JointState" or "sensor_msgs::msg::JointState".
+std::string plain_type(std::string name);
+
+/// A builtin_interfaces/Time, ns. @throw CdrError
+std::int64_t read_stamp(CdrReader& cdr);
 
 /// Values of one thing at one time, from a message.
 struct McapItem {

@@ -107,11 +107,7 @@ void McapRows::seal(const std::vector<double>& v) {
 }
 
 void McapRows::warn(std::vector<std::string>& warnings) const {
-  for (const McapFacts::File& file : facts_->files)
-    if (file.torn_at)
-      warnings.push_back(fmt::format(
-          "{}: has no footer, as after a killed recorder; the part up to byte {} is used",
-          file.path.string(), *file.torn_at));
+  warn_of_torn(facts_->files, warnings);
   std::int64_t unstamped = 0;
   for (const std::uint32_t stream : wanted_) unstamped += facts_->streams[stream].unstamped;
   if (unstamped > 0)

@@ -130,6 +130,9 @@ class TrackRows : public McapRows {
 std::unique_ptr<RowSource> mcap_joint_rows(const MotionSource& source,
                                            const std::shared_ptr<const McapFacts>& facts,
                                            const Chain& chain);
+/// The pose of the source's frame in its parent, if no transform between them moves.
+/// @throw InputError if the frame is unknown, or not below the parent
+std::optional<Pose> fixed_pose(const MotionSource& source, const McapFacts& facts);
 std::unique_ptr<RowSource> mcap_tf_rows(const MotionSource& source,
                                         const std::shared_ptr<const McapFacts>& facts);
 

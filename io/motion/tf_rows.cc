@@ -16,7 +16,7 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr std::size_t kMostLinks = 1000;
+constexpr std::size_t kMostLinks = 1000, kMostLinksShown = 9;
 constexpr double kUnitTolerance = 0.01;  // as for a row's quaternion
 
 /// A frame between the bucket's frame and the root, and its parent.
@@ -48,7 +48,7 @@ Link link_of(const MotionSource& source, const McapFacts& facts, const std::stri
           source.file,
           fmt::format("frame '{}' has the parent '{}', and later '{}'; it must have one parent",
                       printable(child), printable(link.parent), printable(parent)));
-    if (stream.fixed) continue;
+    if (stream.fixed || stream.topic.ends_with("_static")) continue;
     link.stream = i;
     // A frame that never moves and is stamped in the future is a fixed one, published repeatedly.
     link.fixed = !stream.moves && stream.ahead;
@@ -62,12 +62,19 @@ Link link_of(const MotionSource& source, const McapFacts& facts, const std::stri
   return link;
 }
 
-/// The chain from the bucket's frame up.
-std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts) {
+/// "'lip' on 'boom' on 'base'"
+std::string way_up(const std::string& frame, const std::vector<Link>& links) {
+  std::string way = "'" + printable(frame) + "'";
+  for (std::size_t i = 0; i < links.size() && i < kMostLinksShown; ++i)
+    way += " on '" + printable(links[i].parent) + "'";
+  return way;
+}
+
+/// The chain from a frame up; empty if it is its own parent.
+std::vector<Link> links_above(const MotionSource& source, const McapFacts& facts) {
   const McapTopic& wanted = source.mcap;
   const Frames frames = frames_of(facts);
   std::vector<Link> links;
-  std::string way = "'" + printable(wanted.frame) + "'";
   for (std::string child = wanted.frame; child != wanted.parent;) {
     const auto at = frames.find(child);
     if (at == frames.end()) {
@@ -82,7 +89,7 @@ std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts)
                             printable(wanted.frame),
                             near.empty() ? "" : "; did you mean '" + printable(near) + "'?")
               : fmt::format("frame '{}' isn't below '{}'; its chain is {}", printable(wanted.frame),
-                            printable(wanted.parent), way));
+                            printable(wanted.parent), way_up(wanted.frame, links)));
     }
     links.push_back(link_of(source, facts, child, at->second));
     if (links.size() > kMostLinks)
@@ -90,13 +97,23 @@ std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts)
                        fmt::format("frame '{}' is its own ancestor, or has more than {} ancestors",
                                    printable(wanted.frame), kMostLinks));
     child = links.back().parent;
-    if (links.size() < 10) way += " on '" + printable(child) + "'";
   }
-  if (std::all_of(links.begin(), links.end(), [](const Link& link) { return link.fixed; }))
+  return links;
+}
+
+bool all_fixed(const std::vector<Link>& links) {
+  return std::all_of(links.begin(), links.end(), [](const Link& link) { return link.fixed; });
+}
+
+/// The chain from the bucket's frame up.
+std::vector<Link> find_links(const MotionSource& source, const McapFacts& facts) {
+  const std::vector<Link> links = links_above(source, facts);
+  if (all_fixed(links))
     throw InputError(
         source.file,
         fmt::format("frame '{}' never moves: topic '{}' has no transform in its chain, {}",
-                    printable(wanted.frame), printable(wanted.topic), way));
+                    printable(source.mcap.frame), printable(source.mcap.topic),
+                    way_up(source.mcap.frame, links)));
   return links;
 }
 
@@ -172,6 +189,18 @@ class TfRows : public TrackRows {
 };
 
 }  // namespace
+
+std::optional<Pose> fixed_pose(const MotionSource& source, const McapFacts& facts) {
+  const std::vector<Link> links = links_above(source, facts);
+  if (!all_fixed(links)) return {};
+  Pose pose;
+  for (const Link& link : links) {
+    Pose up = pose_of(facts.streams[link.stream].values.data());
+    up.rotation.normalize();
+    pose = up * pose;
+  }
+  return pose;
+}
 
 std::unique_ptr<RowSource> mcap_tf_rows(const MotionSource& source,
                                         const std::shared_ptr<const McapFacts>& facts) {
