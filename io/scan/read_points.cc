@@ -100,7 +100,7 @@ void ScanLines::add(CloudBuilder& cloud, const Vec3& p) const {
 }
 
 std::string_view next_word(std::string_view& line) {
-  constexpr std::string_view kSpace = " \t\r";
+  constexpr std::string_view kSpace = " \t";
   line.remove_prefix(std::min(line.find_first_not_of(kSpace), line.size()));
   const std::string_view word = line.substr(0, std::min(line.find_first_of(kSpace), line.size()));
   line.remove_prefix(word.size());

@@ -455,6 +455,8 @@ TEST_F(Points, OfBadTextAreRefusedAtTheirLine) {
   EXPECT_EQ(error("x,y,Z,z\n1,2,3,4\n"), "a.scan:1: has two columns 'z'");
   EXPECT_EQ(error("1 2 3e9\n"),
             "a.scan:1: a point is at (1, 2, 3e+09); coordinates must be metres within 1e+09");
+  EXPECT_EQ(error("1 2 3\r4 5 6\r"), "a.scan:1: z is '3?4'; it must be a number, such as -1.5e3");
+  EXPECT_THAT(error("\r\r"), HasSubstr("a.scan:1: has neither three numbers nor a column 'x'"));
   EXPECT_EQ(error("# nothing\n"), "a.scan: has no points");
   EXPECT_EQ(error(""), "a.scan: has no points");
   EXPECT_EQ(error("1 2 3\n\xFFs 5 6\n"),

@@ -63,6 +63,18 @@ class Recording {
   void bytes(const std::string& topic, double log_s, const std::string& message) {
     writer_.write(channels_.at(topic), ns(log_s), message);
   }
+  /// A message of any type.
+  void message(const std::string& topic, const std::string& type, const CdrWriter& cdr,
+               double log_s) {
+    write(topic, type, cdr, log_s);
+  }
+  /// The head of a message with a stamp and a frame.
+  static CdrWriter stamped(double s, const std::string& frame) {
+    CdrWriter cdr;
+    put_stamp(cdr, s);
+    cdr.put(std::string_view(frame));
+    return cdr;
+  }
   /// What comes next is in another chunk.
   void chunk() { writer_.flush(); }
   void close() { writer_.close(); }
@@ -72,12 +84,6 @@ class Recording {
   static void put_stamp(CdrWriter& cdr, double s) {
     cdr.put(static_cast<std::int32_t>(ns(s) / 1'000'000'000));
     cdr.put(static_cast<std::uint32_t>(ns(s) % 1'000'000'000));
-  }
-  static CdrWriter stamped(double s, const std::string& frame) {
-    CdrWriter cdr;
-    put_stamp(cdr, s);
-    cdr.put(std::string_view(frame));
-    return cdr;
   }
   static void put(CdrWriter& cdr, const Vec3& p) {
     cdr.put_all(p.x(), p.y(), p.z(), 0.0, 0.0, 0.0, 1.0);

@@ -1,0 +1,43 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Decodes the ROS messages of scans from CDR.
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+#include "io/mcap/cdr.h"
+#include "soilvdb/io/point_cloud.h"
+
+namespace soilvdb::inline v0::io {
+
+/// A message is CDR, but no scan that is read. The message lacks its subject.
+struct ScanFault : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// std_msgs/Header
+struct ScanHeader {
+  std::int64_t stamp_ns = 0;
+  std::string frame_id;
+};
+ScanHeader read_scan_header(std::string_view cdr);
+
+/// A pinhole camera: pixel (u, v) at depth z is ((u - cx) z / fx, (v - cy) z / fy, z).
+struct CameraModel {
+  std::uint32_t width = 0, height = 0;
+  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels; centres of pixels have whole numbers
+
+  bool operator==(const CameraModel&) const = default;
+};
+
+/// sensor_msgs/CameraInfo. @throw CdrError; ScanFault if the camera is no plain pinhole
+CameraModel read_camera_info(std::string_view cdr);
+/// sensor_msgs/PointCloud2. @throw CdrError; ScanFault
+PointCloud read_point_cloud2(std::string_view cdr);
+/// sensor_msgs/Image of depths. @throw CdrError; ScanFault
+PointCloud read_depth_image(std::string_view cdr, const CameraModel& camera);
+
+}  // namespace soilvdb::inline v0::io
