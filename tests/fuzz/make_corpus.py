@@ -143,6 +143,28 @@ def mcaps(work):
     write('mcap', name, (work / 'm.mcap').read_bytes())
 
 
+def scans(work):
+  """Messages of scans, and recordings of them; see scans_fuzz.cc for the first byte."""
+  sys.path.insert(0, str(HERE.parent / 'mcap'))
+  import make_mcap
+  for kind, row in [('cloud', {'x': '1', 'y': '2', 'z': '3'}), ('depth', {'mm': '1500'}),
+                    ('camera', {'f': '500', 'c': '0.5'})]:
+    for big_endian in (False, True):
+      message = make_mcap.message_of(kind, ['lidar'], {'time': '1.5', **row}, big_endian)[1]
+      write('scans', kind + '_big' * big_endian, kind[:2].encode() + message)
+  rows = {'c': 'time,x,y,z\n1.5,1,2,0.3\n2.25,-4,5,6\n', 'd': 'time,mm\n1.5,1000\n2.25,500\n',
+          'i': 'time,f,c\n1,500,1\n',
+          't': 'time,x,y,z,qx,qy,qz,qw\n1,1,0,0,0,0,0,1\n2,2,0,0,0,0.6,0,0.8\n3,3,0,0,0,0,0,1\n'}
+  for name, text in rows.items():
+    (work / f'{name}.csv').write_text(text)
+  topics = ['cloud:/points:lidar:c.csv', 'camera:/camera_info:lidar:i.csv',
+            'depth:/depth:lidar:d.csv', 'tf:/tf:map:base:t.csv', 'tf:/tf_static:base:lidar:t.csv']
+  for name, how in [('plain', []), ('chunks', ['--chunk', '3'])]:
+    subprocess.run([sys.executable, HERE.parent / 'mcap/make_mcap.py', 's.mcap', *how, '--no-crc',
+                    '--no-summary', *topics], cwd=work, check=True)
+    write('scans', name, b'mc' + (work / 's.mcap').read_bytes())
+
+
 def points():
   """A scan of each format, in each way to pack it."""
   xyz = [(1.0, 2.0, 3.0), (0.0, 0.0, 0.0), (-4.0, 5.5, 0.25)]
@@ -196,6 +218,7 @@ def main():
     work = pathlib.Path(folder)
     rasters(work)
     mcaps(work)
+    scans(work)
     # The bucket that snapshot_fuzz.cc has, digging and in the air.
     rigid = re.sub(', profile: .*]]', '', SCENARIO)
     moving = re.sub(', dump_angle: [^}]*', '', SCENARIO) + MOVING

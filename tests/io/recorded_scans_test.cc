@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/io/recorded_scans.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <random>
@@ -308,6 +311,42 @@ TEST_F(Scans, OfAnotherTopicOrTypeAreRefused) {
                                all_of({{}, "/points"});
                              }),
             "scans need a file or folder in MCAP");
+}
+
+TEST_F(Scans, AreTheSameHoweverAFileIsPacked) {
+  folder_.write("c.csv", "time,x,y,z\n1.5,1,2,0.3\n2.25,-4,5,6\n4,7,8,9\n");
+  folder_.write("d.csv", "time,mm\n1.5,1000\n2.25,500\n4,65000\n");
+  folder_.write("i.csv", "time,f,c\n1,500,1\n3,500,-9\n");
+  folder_.write("t.csv",
+                "time,x,y,z,qx,qy,qz,qw\n1,1,0,0,0,0,0,1\n2,2,0,0,0,0,0,1\n"
+                "3,3,0,0,0,0,0,1\n4,4,0,0,0,0,0,1\n");
+  for (const char* how : {"", "--chunk 1", "--chunk 3 --compression lz4",
+                          "--chunk 100 --compression zstd", "--big-endian --no-summary --idl"}) {
+    const std::string command = fmt::format(
+        "cd '{}' && python3 '{}/tests/mcap/make_mcap.py' m.mcap {} "
+        "cloud:/points:lidar:c.csv camera:/cam/camera_info:optical:i.csv "
+        "depth:/cam/depth:optical:d.csv tf:/tf:map:lidar:t.csv",
+        folder_.path().string(), SOILVDB_SOURCE_DIR, how);
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    const All all = all_of({{folder_ / "m.mcap"}, "/points"});
+    ASSERT_THAT(all.times_s(), ElementsAre(1.5, 2.25, 4)) << how;
+    EXPECT_THAT(all.warnings, IsEmpty());
+    const Vec3 points[] = {{1, 2, 0.3}, {-4, 5, 6}, {7, 8, 9}};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const RecordedScan& scan = all.scans[i];
+      EXPECT_EQ(scan.frame_id, "lidar");
+      EXPECT_THAT(scan.cloud.points_m, ElementsAre(points[i]));
+      EXPECT_EQ(scan.cloud.without_return, 1U);
+      ASSERT_TRUE(scan.world_from_sensor);
+      EXPECT_NEAR(scan.world_from_sensor->position.x(), scan.time_s, 1e-12);
+    }
+    const All depths = all_of({{folder_ / "m.mcap"}, "/cam/depth"});
+    ASSERT_THAT(depths.times_s(), ElementsAre(1.5, 2.25, 4)) << how;
+    EXPECT_THAT(depths.scans[0].cloud.points_m, ElementsAre(Vec3(-1. / 500, 0, 1)));
+    EXPECT_THAT(depths.scans[2].cloud.points_m, ElementsAre(Vec3(9. / 500 * 65, 0, 65)));
+    EXPECT_EQ(depths.scans[2].cloud.without_return, 1U);
+    EXPECT_FALSE(depths.scans[0].world_from_sensor);
+  }
 }
 
 // --- poses ---

@@ -6,7 +6,7 @@
     make_mcap.py OUT [--chunk N] [--compression lz4|zstd] [--big-endian] [--no-summary] [--idl] [--crc 0]
                  KIND:TOPIC[:PARENT:CHILD]:CSV ...
 
-KIND is joints, pose, tf or string; messages of all topics are in the order of their times. A chunk has N
+KIND is joints, pose, tf or string, or of scans cloud, depth or camera; messages of all topics are in the order of their times. A chunk has N
 messages; without, there are none. Compressed by the programs of those names.
 """
 import argparse
@@ -17,7 +17,9 @@ import zlib
 
 MAGIC = b'\x89MCAP0\r\n'
 TYPES = {'joints': 'sensor_msgs/msg/JointState', 'pose': 'geometry_msgs/msg/PoseStamped',
-         'tf': 'tf2_msgs/msg/TFMessage', 'string': 'std_msgs/msg/String'}
+         'tf': 'tf2_msgs/msg/TFMessage', 'string': 'std_msgs/msg/String',
+         'cloud': 'sensor_msgs/msg/PointCloud2', 'depth': 'sensor_msgs/msg/Image',
+         'camera': 'sensor_msgs/msg/CameraInfo'}
 
 
 def text(s):
@@ -52,6 +54,40 @@ def stamp_of(time):
     return int(whole), int((decimals + '000000000')[:9])
 
 
+def put_scan(cdr, kind, row):
+    """What a message has behind its header: a cloud of the row's point and one without a return, an
+    image of 2 x 1 depths, one of them missing, or the camera of that image."""
+    order = cdr.order
+    if kind == 'cloud':
+        cdr.put('I', 1, 2, 4)
+        for name, offset, datatype in [('x', 0, 7), ('y', 4, 7), ('z', 8, 8), ('intensity', 16, 4)]:
+            cdr.text(name)
+            cdr.put('I', offset)
+            cdr.put('B', datatype)
+            cdr.put('I', 1)
+        data = struct.pack(order + 'ffdHffdH', float(row['x']), float(row['y']), float(row['z']), 9,
+                           0, 0, float('nan'), 9)
+        cdr.put('B', order == '>')
+        cdr.put('I', 18, 36, len(data))
+        cdr.bytes += data
+        cdr.put('B', 0)
+    elif kind == 'depth':
+        cdr.put('I', 1, 2)
+        cdr.text('16UC1')
+        cdr.put('B', order == '>')
+        data = struct.pack(order + 'HH', int(row['mm']), 0)
+        cdr.put('I', len(data), len(data))
+        cdr.bytes += data
+    else:
+        cdr.put('I', 1, 2)
+        cdr.text('plumb_bob')
+        cdr.put('I', 5)
+        k = [float(row['f']), 0, float(row['c']), 0, float(row['f']), 0, 0, 0, 1]
+        cdr.put('d', *[0] * 5, *k, 1, 0, 0, 0, 1, 0, 0, 0, 1, *k[:3], 0, *k[3:6], 0, *k[6:], 0)
+        cdr.put('I', *[0] * 6)
+        cdr.put('B', 0)
+
+
 def message_of(kind, frames, row, big_endian):
     cdr = Cdr(big_endian)
     stamp = stamp_of(row.pop('time'))
@@ -63,6 +99,9 @@ def message_of(kind, frames, row, big_endian):
     cdr.put('i', stamp[0])
     cdr.put('I', stamp[1])
     cdr.text(frames[0] if frames else 'map')
+    if kind in ('cloud', 'depth', 'camera'):
+        put_scan(cdr, kind, row)
+        return stamp, cdr.message()
     if kind == 'joints':
         names = [name for name, value in row.items() if value != '']
         cdr.put('I', len(names))
@@ -136,4 +175,5 @@ def main():
         out.write(data + MAGIC)
 
 
-main()
+if __name__ == '__main__':
+    main()
