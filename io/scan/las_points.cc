@@ -4,7 +4,7 @@
 // looked at: some writers get them wrong, and the offset to the points is what counts.
 #include <fmt/format.h>
 
-#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 

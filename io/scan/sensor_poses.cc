@@ -4,9 +4,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
 #include <cmath>
+#include <utility>
 
 #include "io/file/text.h"
 #include "io/motion/mcap_rows.h"
