@@ -734,4 +734,77 @@ inline constexpr double kMinWedgeNormal = 0.01;
 /// Nice value of the background thread. A smaller one takes time from updates.
 inline constexpr int kBackgroundNice = 10;
 
+// ---- Scans (core/survey) ------------------------------------------------------------------------
+
+/// Standard deviations of what is expected of a column's own height, m: of the terrain, and of a
+/// floor that a machine dug. They hang together over a metre or so. With smaller values scans that
+/// err are believed less than they should be.
+inline constexpr double kNaturalSigmaM = 0.010, kDugSigmaM = 0.0075;
+/// Share of a thickness of moved soil by which its height errs: swell and repose are not known
+/// better.
+inline constexpr double kFilledSigma = 0.1;
+/// Standard deviation of a height of which scans say that it is another, m.
+inline constexpr double kChangedSigmaM = 0.3;
+/// A ray's residual counts if it is within three sigmas and this, m. A larger value takes what is
+/// new for noise.
+inline constexpr double kScanGateM = 0.07;
+/// Error of a ray that no sensor's noise has in it, m: how its column is made.
+inline constexpr double kScanErrorM = 0.003;
+/// Slope from which on a hit tells no height, and how far from such a wall a ray may end, m.
+inline constexpr double kWallSlope = 2.5, kWallGateM = 0.1;
+/// Rays that are flatter to the ground tell no height: sine of the angle.
+inline constexpr double kLeastDescent = 0.12;
+/// What a ray passes is gone if it is so far above the ray, m, and if it ends so much farther, m;
+/// it is followed from so far before the ground, m.
+inline constexpr double kThroughRoomM = 0.05, kThroughShortM = 0.12, kThroughBeforeM = 0.3;
+/// Height of a bin in which rays vote for a height, m. Wider bins take two floors for one.
+inline constexpr double kScanBinM = 0.04;
+/// Rays that must agree before a height is believed that is not expected. With fewer dust makes
+/// ground.
+inline constexpr std::int64_t kScanVotes = 6;
+/// Share of a column's rays that must agree on it. With a smaller one walls and edges, whose rays
+/// end at any height, make ground.
+inline constexpr double kScanShare = 0.15;
+/// Parts of a column, of 16, that rays ended in, and rays for each of these, from which on a part
+/// without any was not seen. With smaller numbers sparse rays leave ground as it was.
+inline constexpr int kDenseCells = 4;
+inline constexpr std::int64_t kDenseRays = 2;
+/// Integers of the area that a ray of 1 m straight down stands for.
+inline constexpr double kScanArea = 16;
+/// Parts of a column by which the height of one with an edge in it errs: the edge's place is known
+/// to a part.
+inline constexpr double kEdgeCells = 16;
+/// Heights farther from the ground are none of it, m.
+inline constexpr double kMostScanHeightM = 40;
+/// Room about a machine's body in which rays are not used, m.
+inline constexpr double kMaskRoomM = 0.12;
+/// What repeats from scan to scan does not average out, m: of a stereo camera, of a lidar, and for
+/// each unit of slope and of bend of the ground.
+inline constexpr double kStereoFloorM = 0.005, kLidarFloorM = 0.003, kSlopeFloorM = 0.01;
+inline constexpr double kBendFloor = 0.25;
+/// Neighbouring pixels of stereo that count as one.
+inline constexpr double kStereoPixels = 16;
+/// Side of the squares in which columns' own errors hang together, m.
+inline constexpr double kScanBlockM = 1;
+/// A column takes no part in common errors if the mean about it, or itself, is off by so many
+/// sigmas. With larger values a half filled floor pulls the lip.
+inline constexpr double kPooledGate = 2.5, kColumnGate = 3.5;
+/// Rounds in which these columns are looked for.
+inline constexpr int kGateRounds = 4;
+/// A correction is made from this on: of a voxel, and sigmas of ground that nobody touched, and of
+/// other ground. With smaller values scans that agree with the ground change it.
+inline constexpr double kLeastCorrection = 1.0 / 16, kNaturalSigmas = 2, kMovedSigmas = 0.5;
+/// Tiles of 8 x 8 columns that scans may see at most: some 700 MB.
+inline constexpr std::size_t kMaxSurveyTiles = 1 << 17;
+/// Steepest shape of what a scan changes, and cells above and below it that may change. Soil in
+/// the air farther up is left alone.
+inline constexpr double kMostCorrectedSlope = 4;
+inline constexpr int kCorrectedCells = 3;
+/// Least variance of an error that scans share: less is none.
+inline constexpr double kLeastScanVariance = 1e-12;
+/// Largest sigma of a sensor or a lip, in its unit.
+inline constexpr double kMostSensorSigma = 10;
+/// Largest distance of a scan's point from its sensor, m.
+inline constexpr double kMostScanRangeM = 1000;
+
 }  // namespace soilvdb::inline v0

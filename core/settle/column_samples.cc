@@ -182,11 +182,10 @@ std::int64_t count(const SampleWords& words) {
   return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
-}  // namespace
-
-std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope) {
+std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slope,
+                 bool is_loose) {
   const Stacks stacks(ground, changes, slope, true, false);
-  const auto add = [](const SampleWords& more, Samples& to) {
+  const auto add_to = [](const SampleWords& more, Samples& to) {
     SampleWords words;
     to.expand(words);
     for (std::size_t n = 0; n < words.size(); ++n) words[n] |= more[n];
@@ -194,12 +193,21 @@ std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, doub
   };
   edit(ground, stacks, GroundWriter::Operation::kAdd,
        [&](const SampleWords& more, Samples& samples, Samples& loose) {
-         add(more, samples);
-         add(more, loose);
+         add_to(more, samples);
+         if (is_loose) add_to(more, loose);
        });
   std::int64_t added = 0;
   for (const Stacks::Chosen& c : stacks.chosen()) added += count(*c.words);
   return added;
+}
+
+}  // namespace
+
+std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope) {
+  return add(ground, changes, slope, true);
+}
+std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope) {
+  return add(ground, changes, slope, false);
 }
 
 Taken remove_top(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool bank) {

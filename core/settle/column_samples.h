@@ -24,6 +24,8 @@ struct ColumnEdit {
 /// @param slope of cones
 /// @return number of samples added, fewer only if the columns' cells have no more room
 std::int64_t add_loose(Ground& ground, std::span<const ColumnEdit> changes, double slope);
+/// The same with bank soil, where soil is rigid.
+std::int64_t add_bank(Ground& ground, std::span<const ColumnEdit> changes, double slope);
 
 /// Removed soil, samples.
 struct Taken {

@@ -86,7 +86,8 @@ Site::Site(const Site& other)
       at_rest_(other.at_rest_),
       broken_(other.broken_),
       poured_s_(other.poured_s_),
-      next_pour_s_(other.next_pour_s_) {}
+      next_pour_s_(other.next_pour_s_),
+      survey_(other.survey_ ? std::make_unique<GroundSurvey>(*ground_, *other.survey_) : nullptr) {}
 
 std::string Site::name(std::size_t machine) const {
   return "machine '" + model_->machines[machine].name + "'";
@@ -255,6 +256,11 @@ BatchResult Site::update(std::span<const MachineState> states) noexcept {
       made.updates.insert(made.updates.end(), part.begin(), part.end());
     }
     inputs_ = std::move(inputs);
+    if (survey_) {
+      std::vector<std::size_t> machines;
+      for (const MachineState& state : states) machines.push_back(state.machine);
+      tell_survey(machines);
+    }
     return made;
   });
   result.bad = result.ok() ? 0 : at;
@@ -294,8 +300,53 @@ StepResult Site::update(const MachineState& state) noexcept {
       throw;
     }
     std::swap(inputs_[state.machine], last);
+    if (survey_) tell_survey({&state.machine, 1});
     return made;
   });
+}
+
+GroundSurvey& Site::survey() {
+  if (!survey_) {
+    std::vector<double> lip_sigmas_m;
+    for (const SiteMachine& machine : model_->machines) lip_sigmas_m.push_back(machine.lip_sigma_m);
+    survey_ = std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m);
+  }
+  return *survey_;
+}
+
+void Site::tell_survey(std::span<const std::size_t> machines) {
+  std::vector<Vec3> lips;
+  for (const std::size_t machine : machines) lips.push_back(inputs_[machine]->pose.position);
+  survey_->worked(machines, lips);
+}
+
+StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
+  return guarded<StepResult>([&](bool&) {
+    std::vector<const Pose*> poses;
+    for (const std::optional<Input>& input : inputs_)
+      poses.push_back(input ? &input->pose : nullptr);
+    survey().scan(sensor, points_m, poses);
+    return StepResult();
+  });
+}
+
+StepResult Site::apply_scans(Survey& survey) noexcept {
+  return guarded<StepResult>([&](bool& moving) {
+    survey = {};
+    const Surveyed before = tracker_->surveyed();
+    const std::vector<ColumnChange> changes = this->survey().solve();
+    moving = true;
+    tracker_->correct(changes);
+    survey = survey_->applied();
+    const Surveyed& now = tracker_->surveyed();
+    survey.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
+    survey.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
+    return StepResult();
+  });
+}
+
+void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
+  survey().sigmas(xy_m, sigmas_m);
 }
 
 void Site::pour_until(double until_s) {
@@ -389,6 +440,7 @@ std::string Site::progress() const {
     for (const Vec3& v :
          {input ? input->direction : Vec3::Zero(), input ? input->moved_from : Vec3::Zero()})
       for (const double value : v) put(out, value);
+  if (survey_) survey_->save(out);
   return out;
 }
 
@@ -432,7 +484,20 @@ void Site::set_progress(std::string_view bytes) {
     inputs[i]->direction = direction;
     inputs[i]->moved_from = from;
   }
+  std::unique_ptr<GroundSurvey> survey;
+  if (!bytes.empty()) {
+    std::swap(survey, survey_);
+    try {
+      this->survey().load(bytes);
+      if (!bytes.empty()) throw std::invalid_argument("the state is of a site with more");
+    } catch (...) {
+      survey_ = std::move(survey);
+      throw;
+    }
+    std::swap(survey, survey_);
+  }
   tracker_->restore(tracker);
+  survey_ = std::move(survey);
   inputs_ = std::move(inputs);
   poured_s_.reset();
   next_pour_s_.reset();

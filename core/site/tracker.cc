@@ -11,6 +11,7 @@
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
 #include "core/site/machine.h"
+#include "core/settle/column_samples.h"
 #include "core/site/timed.h"
 #include "soilvdb/pour_parts.h"
 
@@ -78,6 +79,7 @@ Tracker::Tracker(Ground& clone, const Tracker& other)
     : ground_(clone),
       earthmoving_(other.earthmoving_),
       poured_parts_(other.poured_parts_),
+      surveyed_(other.surveyed_),
       poured_unrest_(std::make_unique<TileSet>(*other.poured_unrest_)) {
   const Ground& ground = other.ground_;
   if (clone.shared_terrain() != ground.shared_terrain() || clone.origin() != ground.origin() ||
@@ -267,6 +269,36 @@ Update Tracker::come_to_rest(std::optional<double> time_s) {
   });
 }
 
+void Tracker::correct(std::span<const ColumnChange> changes) {
+  ground_.evict();
+  std::vector<ColumnEdit> lowered, raised;
+  for (const ColumnChange& change : changes) {
+    const auto slope = [&](double value) {
+      return static_cast<float>(std::clamp(value, -kMostCorrectedSlope, kMostCorrectedSlope));
+    };
+    const float a = slope(change.slope.x()), b = slope(change.slope.y());
+    const double after = change.top + static_cast<double>(change.samples) / 64;
+    const int room = kCorrectedCells + static_cast<int>(std::ceil(std::abs(a) + std::abs(b)));
+    (change.samples < 0 ? lowered : raised)
+        .push_back({change.cell, cell_of(std::min(change.top, after)) - room,
+                    cell_of(std::max(change.top, after)) + room, std::abs(change.samples), false, a,
+                    b});
+  }
+  const MassUnits units = moves_soil() ? settlers_.back()->units() : MassUnits();
+  if (!lowered.empty()) {
+    const Taken taken = remove_top(ground_, lowered, 0, true);
+    surveyed_.removed += taken.bank + taken.loose;
+    surveyed_.mass -= taken.bank * units.bank + taken.loose * units.loose;
+  }
+  if (!raised.empty()) {
+    const std::int64_t added =
+        moves_soil() ? add_loose(ground_, raised, 0) : add_bank(ground_, raised, 0);
+    surveyed_.added += added;
+    surveyed_.mass += added * (moves_soil() ? units.loose : units.bank);
+  }
+  forget_changes_of(settlers_.size());
+}
+
 SettleTotals Tracker::settled() const {
   SettleTotals sum;
   for (const auto& settler : settlers_) sum += settler->totals();
@@ -298,6 +330,7 @@ MassBalance Tracker::mass_balance_without_ground() const {
   balance.slid = totals.slid;
   balance.fill_samples = totals.fill_samples;
   balance.failed_samples = totals.failed_samples;
+  balance.surveyed = surveyed_.mass;
   return balance;
 }
 
@@ -306,10 +339,14 @@ double Tracker::tolerance_m() const { return Machine::tolerance_m(ground_); }
 std::string Tracker::state() const {
   std::string bytes;
   for (const auto& machine : machines_) machine->save(bytes);
-  if (!moves_soil()) return bytes;
-  for (const auto& settler : settlers_) settler->save(bytes);
-  poured_unrest_->save(bytes);
-  for (const std::int64_t parts : poured_parts_) put(bytes, parts);
+  if (moves_soil()) {
+    for (const auto& settler : settlers_) settler->save(bytes);
+    poured_unrest_->save(bytes);
+    for (const std::int64_t parts : poured_parts_) put(bytes, parts);
+  }
+  if (surveyed_.removed != 0 || surveyed_.added != 0)
+    for (const std::int64_t amount : {surveyed_.removed, surveyed_.added, surveyed_.mass})
+      put(bytes, amount);
   return bytes;
 }
 
@@ -332,11 +369,18 @@ void Tracker::restore(std::string_view state) {
         throw std::invalid_argument("the state is of another pour");
     }
   }
+  Surveyed surveyed;
+  if (state.size() == 3 * sizeof(std::int64_t)) {  // without scans there is none
+    take_amount(state, surveyed.removed);
+    take_amount(state, surveyed.added);
+    take(state, surveyed.mass);
+  }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
   for (std::size_t m = 0; m < machines_.size(); ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);
   for (std::size_t i = 0; i < settlers_.size(); ++i) settlers_[i]->restore(totals[i]);
   *poured_unrest_ = unrest;
+  surveyed_ = surveyed;
 }
 
 }  // namespace soilvdb::inline v0

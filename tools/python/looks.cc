@@ -275,11 +275,17 @@ void bind_looks(py::class_<Site>& site, py::module_& m) {
   const auto none = py::none();
   site.def(
           "heights",
-          [](Site& s, const py::object& xy) { return heights(s, xy, &Session::heights); },
-          py::arg("xy"),
+          [](Site& s, const py::object& xy, bool sigma) -> py::object {
+            Array z = heights(s, xy, &Session::heights);
+            if (!sigma) return z;
+            return py::make_tuple(z, heights(s, xy, &Session::sigmas));
+          },
+          py::arg("xy"), py::kw_only(), py::arg("sigma") = false,
           "Heights of the topmost soil at xy (N, 2), m, world: (N,) float64, NaN where there is no "
           "ground. They come straight from the soil's samples, linear between columns of voxels. "
-          "After an update one costs about 12 us, each of many some tens of ns.")
+          "After an update one costs about 12 us, each of many some tens of ns. With sigma a pair: "
+          "heights, and their standard deviations by what is known of the machines' lips and by "
+          "scans, see scan().")
       .def(
           "mesh_heights",
           [](Site& s, const py::object& xy) { return heights(s, xy, &Session::mesh_heights); },

@@ -570,6 +570,7 @@ void bind_site(py::module_& m) {
   bind_looks(bound, m);
   bind_many(m);
   bind_force(bound, m);
+  bind_scans(bound, m);
 }
 
 }  // namespace soilvdb::python

@@ -139,6 +139,8 @@ void with_all(const std::vector<Site*>& sites, const F& f) {
 /// Binds what looks at the ground, and what many sites do in one call.
 void bind_looks(py::class_<Site>& site, py::module_& m);
 void bind_many(py::module_& m);
+/// Binds scans.
+void bind_scans(py::class_<Site>& site, py::module_& m);
 /// Binds the force of the soil.
 void bind_force(py::class_<Site>& site, py::module_& m);
 

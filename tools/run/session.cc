@@ -296,6 +296,22 @@ StepResult Session::come_to_rest() noexcept {
       });
 }
 
+StepResult Session::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
+  State& s = *state_;
+  if (s.recorder)
+    return {Status::kFailed, "scans are not recorded; stop the recording, or make a site without"};
+  s.settings.floats = false;
+  const StepResult made = s.scan(sensor, points_m);
+  if (made.ok()) ++s.fed_count;
+  return made;
+}
+
+StepResult Session::apply_scans(Survey& survey) noexcept { return state_->apply_scans(survey); }
+
+void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
+  state_->sigmas(xy_m, sigmas_m);
+}
+
 const Ledger& Session::ledger(std::size_t machine) const {
   return state_->tracker().ledger(machine);
 }

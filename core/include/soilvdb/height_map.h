@@ -110,6 +110,9 @@ class HeightMap {
   void cast(std::span<const Vec3> origins_m, std::span<const Vec3> directions,
             std::span<double> ranges_m);
 
+  /// What it knows, for others of the engine that look at columns.
+  HeightReader& reader() { return *reader_; }
+
  private:
   template <typename T>
   void fill(const MapGrid& grid, MapLayer layer, std::span<T> out, std::optional<double> ceiling_m,

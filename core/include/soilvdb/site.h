@@ -16,6 +16,7 @@
 #include "soilvdb/earthmoving.h"
 #include "soilvdb/kinematics.h"
 #include "soilvdb/resistance.h"
+#include "soilvdb/survey.h"
 #include "soilvdb/tracker.h"
 
 namespace soilvdb::inline v0 {
@@ -24,6 +25,7 @@ struct SiteMachine {
   std::string name;
   Bucket bucket;
   std::optional<Chain> chain = {};  ///< for states with joint values
+  double lip_sigma_m = 0.02;        ///< standard deviation of its lip's height as told, for scans
 };
 
 /// The part of a site that no update changes. Clones share it.
@@ -134,6 +136,17 @@ class Site {
   /// Lets soil that is too steep or overhangs come to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
 
+  /// Takes what a sensor saw, to correct the ground by it. See GroundSurvey.
+  /// @param points_m where its rays ended, world
+  StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
+  /// Corrects the ground by all scans so far; without any nothing changes. What scans add or remove
+  /// is in Tracker::surveyed(); loads stay.
+  /// @param survey what was changed
+  StepResult apply_scans(Survey& survey) noexcept;
+  /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
+  /// by scans. @throw as HeightMap::at()
+  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+
   /// Serialized state for the next update, without the ground and the model.
   std::string progress() const;
   /// @throw std::invalid_argument if the bytes are of other machines; nothing has changed then
@@ -181,6 +194,9 @@ class Site {
 
   std::optional<double> poured_s_ = {};     // time up to which pours have fallen
   std::optional<double> next_pour_s_ = {};  // no part falls earlier
+  GroundSurvey& survey();
+  void tell_survey(std::span<const std::size_t> machines);
+  std::unique_ptr<GroundSurvey> survey_;  // from the first scan on
 };
 
 }  // namespace soilvdb::inline v0

@@ -17,6 +17,7 @@
 #include "soilvdb/ground.h"
 #include "soilvdb/mass.h"
 #include "soilvdb/motion.h"
+#include "soilvdb/survey.h"
 
 namespace soilvdb::inline v0 {
 
@@ -51,7 +52,14 @@ struct MassBalance {
   std::int64_t slid = 0;              ///< moved by slope failures
   std::int64_t fill_samples = 0;      ///< added to the ground
   std::int64_t failed_samples = 0;    ///< removed from the ground by slope failures
+  std::int64_t surveyed = 0;          ///< added by scans, less what they removed
   MassUnits units;
+};
+
+/// What scans corrected so far: no machine did it.
+struct Surveyed {
+  std::int64_t removed = 0, added = 0;  ///< samples
+  std::int64_t mass = 0;                ///< added less removed, units of mass
 };
 
 /// Result of one update.
@@ -152,6 +160,11 @@ class Tracker {
   /// that are present; unset: all
   Update come_to_rest(std::optional<double> time_s = {});
 
+  /// Changes columns as scans say. Added soil is loose where soil moves. It stays as it is, however
+  /// steep, until something else changes the ground there.
+  void correct(std::span<const ColumnChange> changes);
+  const Surveyed& surveyed() const { return surveyed_; }
+
   const Ledger& ledger(std::size_t machine) const;
   /// Mass of the soil outside of the ground and the buckets; zeros if soil does not move.
   MassBalance mass_balance() const;
@@ -188,6 +201,7 @@ class Tracker {
   std::vector<std::unique_ptr<Machine>> machines_;
   std::vector<std::unique_ptr<Settler>> settlers_;  // of machines, then of pours; empty: rigid soil
   std::vector<std::int64_t> poured_parts_;          // per pour
+  Surveyed surveyed_;
   BatchCounts batch_counts_;
   int in_turn_ = 0, last_in_turn_ = 0;  // batches to be made in turn; the same after the last one
   std::unique_ptr<TileSet> poured_unrest_;  // where poured soil may be too steep

@@ -25,8 +25,10 @@ from ._soilvdb import (
     Patch,
     Pour,
     Resistance,
+    Sensor,
     Site,
     Soil,
+    Survey,
     Terrain,
     Update,
     Volume,
@@ -57,11 +59,13 @@ __all__ = [
     "Patch",
     "Pour",
     "Resistance",
+    "Sensor",
     "Site",
     "Soil",
     "Spread",
     "StateError",
     "Steps",
+    "Survey",
     "Terrain",
     "Update",
     "VectorSite",
@@ -83,8 +87,10 @@ __all__ = [
     "write_raster",
 ]
 
-for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Site,
-               Soil, Terrain, Update, Volume, Wrench, height_maps, identify, resistances, motions, plane, points, raster, read_raster, snapshot, update_many, write_raster):
+for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Sensor,
+               Site, Soil, Survey, Terrain, Update, Volume, Wrench, height_maps, identify, motions,
+               plane, points, raster, read_raster, resistances, snapshot, update_many,
+               write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 

@@ -121,6 +121,12 @@ class Session {
   StepResult reset_clock(std::size_t machine) noexcept;
   /// Soil that is too steep or overhangs comes to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
+  /// Takes what a sensor saw, see Site::scan(). A recorded session refuses it.
+  StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
+  /// Corrects the ground by all scans so far. @param survey what was changed
+  StepResult apply_scans(Survey& survey) noexcept;
+  /// Sigmas of heights(), m; NaN without ground.
+  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
 
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;

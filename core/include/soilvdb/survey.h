@@ -1,0 +1,106 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What depth cameras and lidars see corrects the ground that machines are known to have dug.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "soilvdb/bucket.h"
+#include "soilvdb/ground.h"
+
+namespace soilvdb::inline v0 {
+
+/// A depth camera or a lidar. Sigmas are standard deviations.
+struct Sensor {
+  std::string name = "sensor";  ///< scans of one name share the errors of one mount
+  Pose pose = {};               ///< world_from_sensor
+  double range_sigma_m = 0.02;  ///< of a ray: range_sigma_m + range_squared_sigma_per_m * R^2
+  double range_squared_sigma_per_m = 0;  ///< more than 0: stereo, whose neighbours err alike
+  double mount_height_sigma_m = 0.01;
+  double mount_tilt_sigma_rad = 0.002;  ///< about each horizontal axis
+  double mount_scale_sigma = 0.002;     ///< of range
+
+  /// @throw std::invalid_argument with the field, its value and the allowed values
+  void validate() const;
+};
+
+/// What the rays of scans were used for.
+struct RayCounts {
+  std::int64_t used = 0;     ///< met the ground about where it was expected
+  std::int64_t masked = 0;   ///< met a machine's bucket
+  std::int64_t through = 0;  ///< went through soil that is expected there
+  std::int64_t added = 0;    ///< met new ground: many of them at one height
+  std::int64_t dropped = 0;  ///< met nothing that others met too, as dust, or no ground at all
+};
+
+/// An estimate.
+struct Estimate {
+  double mean = 0, sigma = 0;
+};
+
+/// What scans changed, since the last time that they were applied.
+struct Survey {
+  double removed_m3 = 0, added_m3 = 0;
+  double sigma_m3 = 0;                  ///< of the volume of the columns that were seen
+  std::vector<Estimate> lip_errors_m;   ///< of each machine: its lip's height as told, less the true
+  RayCounts rays;
+};
+
+/// Samples to be removed from a column, or added to it, in the shape of the ground's slope.
+struct ColumnChange {
+  Coord2 cell;               ///< x, y
+  double top = 0;            ///< height of the column, index space
+  std::int64_t samples = 0;  ///< to be added; negative: to be removed
+  Vec2 slope = {0, 0};
+};
+
+struct SurveyState;  // core/survey/survey_state.h
+
+/// Corrections of columns of voxels by scans, with their sigmas.
+///
+/// Of each column it is asked by how much its true height differs from the ground's. Ground that
+/// nobody touched is the datum. Ground that a machine dug errs by that machine's lip, all alike.
+/// Scans err by their mount: height, two tilts and scale, all alike. These common errors and the
+/// corrections are one linear problem, solved in closed form for all scans since a column last
+/// changed. See tools/guide/sensing.md.
+///
+/// Sums are integers: the result is the same for any order of scans and any split of a scan between
+/// two changes of the ground.
+class GroundSurvey {
+ public:
+  /// @param ground must outlive it @param buckets of the machines
+  /// @param lip_sigmas_m of each machine: standard deviation of its lip's height as told
+  GroundSurvey(Ground& ground, std::vector<Bucket> buckets, std::vector<double> lip_sigmas_m);
+  /// Of a clone of the other's ground.
+  GroundSurvey(Ground& clone, const GroundSurvey& other);
+  ~GroundSurvey();
+
+  /// The ground changed by work of these machines. @param lips their places, world
+  void worked(std::span<const std::size_t> machines, std::span<const Vec3> lips);
+  /// Takes a scan. @param points_m where its rays ended, world
+  /// @param buckets poses of the machines that have one; rays that meet a bucket are not used
+  /// @throw std::invalid_argument for a bad sensor or point, with its number; nothing is taken
+  void scan(const Sensor& sensor, std::span<const Vec3> points_m, std::span<const Pose* const> buckets);
+  /// What all scans so far say. @return changes of the ground that are worth it; the caller makes
+  /// them, and calls applied()
+  std::vector<ColumnChange> solve();
+  /// After the changes of solve() were made. Its volumes are left to the caller.
+  Survey applied();
+
+  /// Sigma of the heights of the columns at places, m; NaN without ground.
+  void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+
+  void save(std::string& out) const;
+  /// @throw std::invalid_argument if the bytes are of another site; then nothing has changed
+  void load(std::string_view& in);
+
+ private:
+  std::unique_ptr<SurveyState> state_;
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,244 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/constants.h"
+#include "core/lattice/bytes.h"
+#include "core/lattice/text.h"
+#include "core/survey/survey_state.h"
+#include "soilvdb/motion.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+void require_sigma(double value, const char* field, double least, double most) {
+  if (value >= least && value <= most) return;
+  throw std::invalid_argument(std::string(field) + " is " + text(value) + "; it must be from " +
+                              text(least) + " to " + text(most));
+}
+
+bool is_before(const SurveyTile* a, const SurveyTile* b) {
+  return std::pair(a->cell.x(), a->cell.y()) < std::pair(b->cell.x(), b->cell.y());
+}
+
+}  // namespace
+
+void Sensor::validate() const {
+  if (const std::string what = validation_error(pose); !what.empty())
+    throw std::invalid_argument("a sensor's pose: " + what);
+  require_sigma(range_sigma_m, "range_sigma", 0, kMostSensorSigma);
+  require_sigma(range_squared_sigma_per_m, "range_squared_sigma", 0, kMostSensorSigma);
+  if (range_sigma_m == 0 && range_squared_sigma_per_m == 0)
+    throw std::invalid_argument("range_sigma and range_squared_sigma are 0; one must be more");
+  require_sigma(mount_height_sigma_m, "mount_height_sigma", 0, kMostSensorSigma);
+  require_sigma(mount_tilt_sigma_rad, "mount_tilt_sigma", 0, kMostSensorSigma);
+  require_sigma(mount_scale_sigma, "mount_scale_sigma", 0, kMostSensorSigma);
+}
+
+SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets,
+                           std::vector<double> sigmas)
+    : ground(g),
+      buckets(std::move(all_buckets)),
+      lip_sigmas_m(std::move(sigmas)),
+      map(g),
+      changes(g) {
+  changes.take();
+  for (const double sigma : lip_sigmas_m) lips.push_back({0, sigma});
+  lip_sigmas_m.push_back(lip_sigmas_m.empty()
+                             ? kDugSigmaM
+                             : *std::max_element(lip_sigmas_m.begin(), lip_sigmas_m.end()));
+}
+
+SurveyState::SurveyState(Ground& clone, const SurveyState& other)
+    : ground(clone),
+      buckets(other.buckets),
+      lip_sigmas_m(other.lip_sigmas_m),
+      map(clone, other.map),
+      changes(clone, other.changes),
+      tiles(other.tiles),
+      workers(other.workers),
+      sensors(other.sensors),
+      retired(other.retired),
+      lips(other.lips),
+      rays(other.rays),
+      sigma_m3(other.sigma_m3) {}
+
+std::vector<SurveyTile*> SurveyState::sorted() {
+  std::vector<SurveyTile*> all;
+  for (auto& [key, tile] : tiles) all.push_back(&tile);
+  std::sort(all.begin(), all.end(), is_before);
+  return all;
+}
+
+void SurveyState::refresh(bool own) {
+  map.reader().refresh();
+  for (const Coord3& origin : changes.take())
+    if (const auto found = tiles.find(plan_key(origin.head<2>())); found != tiles.end())
+      found->second.known = false;
+  std::vector<SurveyTile*> stale;
+  for (auto& [key, tile] : tiles) {
+    if (tile.known) continue;
+    // Slopes at a tile's edge depend on the next one's columns.
+    for (int dx = -1; dx <= 1; ++dx)
+      for (int dy = -1; dy <= 1; ++dy)
+        if (const auto found = tiles.find(plan_key(tile.cell + kChunkSide * Coord2(dx, dy)));
+            found != tiles.end())
+          stale.push_back(&found->second);
+  }
+  std::sort(stale.begin(), stale.end(), is_before);
+  stale.erase(std::unique(stale.begin(), stale.end()), stale.end());
+  for (SurveyTile* tile : stale) read(*tile, own);
+}
+
+SurveyTile& SurveyState::tile(const Coord2& cell) {
+  const auto [found, is_new] = tiles.try_emplace(plan_key(cell));
+  SurveyTile& tile = found->second;
+  if (!is_new) return tile;
+  tile.cell = cell;
+  for (SurveyColumn& column : tile.columns) column.variance = -1;  // not read yet
+  read(tile, false);
+  return tile;
+}
+
+/// Reads a tile's columns. Those that changed begin anew, unless that was by scans.
+void SurveyState::read(SurveyTile& tile, bool own) {
+  HeightReader& reader = map.reader();
+  const double h = voxel_m();
+  constexpr int kSide = kChunkSide + 2;
+  HeightReader::Columns &tops = reader.columns, &loose = reader.changed;
+  const Coord2 size = Coord2::Constant(kChunkSide);
+  reader.read(tile.cell - Coord2::Ones(), Coord2::Constant(kSide),
+              static_cast<std::size_t>(MapLayer::kHeight), kNoCeiling, tops);
+  reader.read(tile.cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling, loose);
+  HeightReader::Columns touched;
+  reader.read(tile.cell, size, HeightReader::kTouched, kNoCeiling, touched);
+  const auto worker = workers.find(plan_key(tile.cell));
+  std::uint16_t tool = worker != workers.end() ? worker->second : kUnknownTool;
+  if (tool == kUnknownTool && buckets.size() == 1) tool = kFirstMachine;
+  for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
+    const int x = static_cast<int>(i) / kChunkSide, y = static_cast<int>(i) % kChunkSide;
+    const double top = tops.at(x + 1, y + 1), depth = h * loose.at(x, y);
+    const auto side = [&](int dx, int dy) {
+      const double z = tops.at(x + 1 + dx, y + 1 + dy);
+      return std::isnan(z) ? top : z;
+    };
+    tile.slopes[i] = {(side(1, 0) - side(-1, 0)) / 2, (side(0, 1) - side(0, -1)) / 2};
+    tile.bends[i] = static_cast<float>(std::max(std::abs(side(1, 0) - 2 * top + side(-1, 0)),
+                                                std::abs(side(0, 1) - 2 * top + side(0, -1))));
+    SurveyColumn& column = tile.columns[i];
+    const bool is_new = column.variance < 0;
+    if (!is_new && (top == column.top || (std::isnan(top) && std::isnan(column.top)))) continue;
+    if (own && !is_new) {
+      column.top = top;
+      continue;
+    }
+    const double dug = kDugSigmaM * kDugSigmaM, filled = kFilledSigma * kFilledSigma;
+    if (is_new) {
+      if (touched.at(x, y) > 0) column.origin = tool;
+      if (touched.at(x, y) > 0 && depth > 0) column.origin = kFilled;
+      column.variance = column.origin == kNatural || column.origin == kFilled
+                            ? kNaturalSigmaM * kNaturalSigmaM + filled * depth * depth
+                            : dug;
+    } else {
+      retire(tile, i);
+      const double rise = h * (top - column.top);
+      if (depth > 0 && rise > 0) {
+        column.variance += filled * rise * rise;
+      } else {
+        column.origin = tool;
+        column.variance = dug + filled * depth * depth;
+      }
+      for (auto& [sensor, sums] : tile.sums) sums[i] = {};
+      tile.votes.erase(static_cast<int>(i));
+      column.rays = column.height = 0;
+      column.cells = {};
+      column.known = -1;
+    }
+    column.first = column.top = top;
+  }
+  tile.known = true;
+}
+
+int SurveyState::sensor_of(const Sensor& sensor) {
+  for (std::size_t n = 0; n < sensors.size(); ++n)
+    if (sensors[n].name == sensor.name) return static_cast<int>(n);
+  sensors.push_back(sensor);
+  return static_cast<int>(sensors.size()) - 1;
+}
+
+GroundSurvey::GroundSurvey(Ground& ground, std::vector<Bucket> buckets,
+                           std::vector<double> lip_sigmas_m)
+    : state_(std::make_unique<SurveyState>(ground, std::move(buckets), std::move(lip_sigmas_m))) {}
+GroundSurvey::GroundSurvey(Ground& clone, const GroundSurvey& other)
+    : state_(std::make_unique<SurveyState>(clone, *other.state_)) {}
+GroundSurvey::~GroundSurvey() = default;
+
+void GroundSurvey::worked(std::span<const std::size_t> machines, std::span<const Vec3> lips) {
+  SurveyState& s = *state_;
+  for (const Coord3& origin : s.changes.take()) {
+    const std::uint64_t key = plan_key(origin.head<2>());
+    const Vec2 middle = (s.ground.origin() + s.voxel_m() * origin.cast<double>()).head<2>();
+    std::size_t nearest = 0;
+    for (std::size_t n = 1; n < machines.size(); ++n)
+      if ((lips[n].head<2>() - middle).squaredNorm() <
+          (lips[nearest].head<2>() - middle).squaredNorm())
+        nearest = n;
+    s.workers[key] = static_cast<std::uint16_t>(kFirstMachine + machines[nearest]);
+    if (const auto found = s.tiles.find(key); found != s.tiles.end()) found->second.known = false;
+  }
+}
+
+void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
+                        std::span<const Pose* const> poses) {
+  sensor.validate();
+  const Vec3& from = sensor.pose.position;
+  for (std::size_t i = 0; i < points_m.size(); ++i)
+    if (!((points_m[i] - from).norm() <= kMostScanRangeM))
+      throw std::invalid_argument("point " + std::to_string(i) + " must be numbers, and within " +
+                                  text(kMostScanRangeM) + " m of the sensor");
+  state_->refresh(false);
+  state_->add_rays(sensor, state_->sensor_of(sensor), points_m, poses);
+}
+
+std::vector<ColumnChange> GroundSurvey::solve() {
+  state_->refresh(false);
+  return state_->solve();
+}
+
+Survey GroundSurvey::applied() {
+  SurveyState& s = *state_;
+  s.refresh(true);
+  Survey survey;
+  survey.sigma_m3 = s.sigma_m3;
+  survey.lip_errors_m = s.lips;
+  survey.rays = s.rays;
+  s.rays = {};
+  return survey;
+}
+
+void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
+  SurveyState& s = *state_;
+  s.refresh(false);
+  for (std::size_t i = 0; i < xy_m.size(); ++i) {
+    const Vec2 at = (xy_m[i] - s.ground.origin().head<2>()) / s.voxel_m();
+    sigmas_m[i] = HeightReader::kNoGround;
+    if (!(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
+    const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
+    const SurveyColumn& column = s.tile_of(cell).columns[SurveyState::number_of(cell)];
+    if (std::isnan(column.top)) continue;
+    double variance = column.known;
+    if (variance < 0) {
+      variance = column.variance;
+      const auto lip = static_cast<std::size_t>(column.origin - kFirstMachine);
+      const double sigma = column.origin >= kFirstMachine  ? s.lips[lip].sigma
+                           : column.origin == kUnknownTool ? s.lip_sigmas_m.back()
+                                                           : 0;
+      variance += sigma * sigma;
+    }
+    sigmas_m[i] = std::sqrt(variance);
+  }
+}
+
+}  // namespace soilvdb::inline v0

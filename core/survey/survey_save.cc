@@ -1,0 +1,226 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The state of a GroundSurvey as bytes. Columns that no scan told anything of are left out.
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/constants.h"
+#include "core/lattice/bytes.h"
+#include "core/survey/survey_state.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr std::uint32_t kSurveyFormat = 1;
+
+[[noreturn]] void refuse_survey() {
+  throw std::invalid_argument("the state of the scans is of another site");
+}
+
+/// A number from 0 to below `end`.
+template <typename T>
+T take_number(std::string_view& in, std::uint64_t end) {
+  std::uint64_t value = 0;
+  take(in, value);
+  if (value >= end) refuse_survey();
+  return static_cast<T>(value);
+}
+void put_number(std::string& out, std::uint64_t value) { put(out, value); }
+
+double take_finite(std::string_view& in) {
+  double value = 0;
+  take(in, value);
+  if (!std::isfinite(value)) refuse_survey();
+  return value;
+}
+
+void put_sums(std::string& out, const ScanSums& sums) {
+  put(out, sums.rays);
+  put(out, sums.weight);
+  put(out, sums.residual);
+  for (const std::int64_t value : sums.sees) put(out, value);
+}
+void take_sums(std::string_view& in, ScanSums& sums) {
+  take_amount(in, sums.rays);
+  take_amount(in, sums.weight);
+  take(in, sums.residual);
+  for (std::int64_t& value : sums.sees) take(in, value);
+  if (sums.rays > 0 && sums.weight == 0) refuse_survey();
+}
+
+void put_cells(std::string& out, const ScanCells& cells) {
+  put(out, cells.rays);
+  for (const std::int64_t area : cells.areas) put(out, area);
+}
+void take_cells(std::string_view& in, ScanCells& cells) {
+  take_amount(in, cells.rays);
+  for (std::int64_t& area : cells.areas) take_amount(in, area);
+}
+
+void put_column(std::string& out, const SurveyColumn& column) {
+  for (const double value : {column.first, column.top, column.variance, column.known})
+    put(out, value);
+  put_number(out, column.origin);
+  for (const std::int64_t value : {column.rays, column.height}) put(out, value);
+  put_cells(out, column.cells);
+}
+void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origins) {
+  take(in, column.first);
+  take(in, column.top);  // NaN without ground
+  column.variance = take_finite(in);
+  column.known = take_finite(in);
+  if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_survey();
+  column.origin = take_number<std::uint16_t>(in, origins);
+  take_amount(in, column.rays);
+  take(in, column.height);
+  take_cells(in, column.cells);
+}
+
+void put_votes(std::string& out, const ScanVotes& votes) {
+  put(out, votes.through);
+  put(out, votes.ceiling);
+  put_number(out, votes.hits.size());
+  for (const auto& [bin, hits] : votes.hits) {
+    put(out, bin);
+    put_number(out, hits.size());
+    for (const auto& [sensor, of_sensor] : hits) {
+      put_number(out, static_cast<std::uint64_t>(sensor));
+      for (const std::int64_t value : {of_sensor.rays, of_sensor.height}) put(out, value);
+      put_cells(out, of_sensor.cells);
+      put_sums(out, of_sensor.sums);
+    }
+  }
+}
+void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors) {
+  take_amount(in, votes.through);
+  take(in, votes.ceiling);
+  for (auto bins = take_number<std::uint64_t>(in, in.size() + 1); bins > 0; --bins) {
+    int bin = 0;
+    take(in, bin);
+    for (auto count = take_number<std::uint64_t>(in, sensors + 1); count > 0; --count) {
+      ScanHits& hits = votes.hits[bin][take_number<int>(in, sensors)];
+      take_amount(in, hits.rays);
+      take(in, hits.height);
+      take_cells(in, hits.cells);
+      take_sums(in, hits.sums);
+    }
+  }
+}
+
+}  // namespace
+
+void GroundSurvey::save(std::string& out) const {
+  const SurveyState& s = *state_;
+  put(out, kSurveyFormat);
+  put_number(out, s.sensors.size());
+  for (const Sensor& sensor : s.sensors) {
+    put_text(out, sensor.name);
+    put(out, sensor.pose);
+    for (const double value : {sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
+                               sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad,
+                               sensor.mount_scale_sigma})
+      put(out, value);
+  }
+  for (const Estimate& lip : s.lips) {
+    put(out, lip.mean);
+    put(out, lip.sigma);
+  }
+  for (const std::int64_t value :
+       {s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped})
+    put(out, value);
+  std::vector<std::pair<std::uint64_t, std::uint16_t>> workers(s.workers.begin(), s.workers.end());
+  std::sort(workers.begin(), workers.end());
+  put_number(out, workers.size());
+  for (const auto& [key, origin] : workers) {
+    put_number(out, key);
+    put_number(out, origin);
+  }
+  put_number(out, s.retired.size());
+  for (const auto& [block, sums] : s.retired) {
+    put_number(out, block.origin);
+    put(out, block.x);
+    put(out, block.y);
+    for (const double value : {sums.weight, sums.residual, sums.variance}) put(out, value);
+    put_number(out, sums.sees.size());
+    for (const double value : sums.sees) put(out, value);
+  }
+  const std::vector<SurveyTile*> tiles = state_->sorted();
+  put_number(out, tiles.size());
+  for (const SurveyTile* tile : tiles) {
+    put(out, tile->cell.x());
+    put(out, tile->cell.y());
+    for (const SurveyColumn& column : tile->columns) put_column(out, column);
+    put_number(out, tile->sums.size());
+    for (const auto& [sensor, sums] : tile->sums) {
+      put_number(out, static_cast<std::uint64_t>(sensor));
+      for (const ScanSums& of_column : sums) put_sums(out, of_column);
+    }
+    put_number(out, tile->votes.size());
+    for (const auto& [column, votes] : tile->votes) {
+      put_number(out, static_cast<std::uint64_t>(column));
+      put_votes(out, votes);
+    }
+  }
+}
+
+void GroundSurvey::load(std::string_view& in) {
+  SurveyState& s = *state_;
+  std::uint32_t format = 0;
+  take(in, format);
+  if (format != kSurveyFormat) refuse_survey();
+  const std::uint64_t origins = kFirstMachine + s.buckets.size();
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+    Sensor sensor;
+    sensor.name = take_text(in);
+    take(in, sensor.pose);
+    for (double* value : {&sensor.range_sigma_m, &sensor.range_squared_sigma_per_m,
+                          &sensor.mount_height_sigma_m, &sensor.mount_tilt_sigma_rad,
+                          &sensor.mount_scale_sigma})
+      take(in, *value);
+    sensor.validate();
+    s.sensors.push_back(std::move(sensor));
+  }
+  for (Estimate& lip : s.lips) {
+    lip.mean = take_finite(in);
+    lip.sigma = take_finite(in);
+  }
+  for (std::int64_t* value :
+       {&s.rays.used, &s.rays.masked, &s.rays.through, &s.rays.added, &s.rays.dropped})
+    take_amount(in, *value);
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+    std::uint64_t key = 0;
+    take(in, key);
+    s.workers[key] = take_number<std::uint16_t>(in, origins);
+  }
+  const std::uint64_t errors = s.lip_sigmas_m.size() + 4 * s.sensors.size();
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+    SurveyState::Block block{take_number<std::uint16_t>(in, origins), 0, 0};
+    take(in, block.x);
+    take(in, block.y);
+    SurveyState::Retired& sums = s.retired[block];
+    for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
+    if (!(sums.weight > 0)) refuse_survey();
+    sums.sees.resize(take_number<std::size_t>(in, errors + 1));
+    for (double& value : sums.sees) value = take_finite(in);
+  }
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+    Coord2 cell;
+    take(in, cell.x());
+    take(in, cell.y());
+    if (floor_to(cell, kChunkSide) != cell || cell.cwiseAbs().maxCoeff() > kMaxIndex)
+      refuse_survey();
+    SurveyTile& tile = s.tiles[plan_key(cell)];
+    tile.cell = cell;
+    for (SurveyColumn& column : tile.columns) take_column(in, column, origins);
+    for (auto sums = take_number<std::uint64_t>(in, s.sensors.size() + 1); sums > 0; --sums)
+      for (ScanSums& of_column : tile.sums[take_number<int>(in, s.sensors.size())])
+        take_sums(in, of_column);
+    for (auto votes = take_number<std::uint64_t>(in, BaseColumn::kCells + 1); votes > 0; --votes) {
+      const int column = take_number<int>(in, BaseColumn::kCells);
+      take_votes_of(in, tile.votes[column], s.sensors.size());
+    }
+  }
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,386 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Corrections of all columns that were seen, with the errors that they share.
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+
+#include "core/constants.h"
+#include "core/survey/survey_state.h"
+
+namespace soilvdb::inline v0 {
+namespace {
+
+constexpr int kOfSensor = 4;  // common errors: height, tilts, scale
+constexpr double kSamplesOfCell = 64;
+
+double square(double value) { return value * value; }
+
+/// A column that was seen.
+struct Seen {
+  SurveyTile* tile;
+  std::size_t i;
+  ColumnResidual residual;
+  Eigen::VectorXd sees, predicted;
+  bool changed = false;  // is it other than errors explain?
+
+  SurveyColumn& column() const { return tile->columns[i]; }
+};
+
+}  // namespace
+
+std::vector<int> SurveyState::order() const {
+  std::vector<int> by_name(sensors.size()), places(sensors.size());
+  std::iota(by_name.begin(), by_name.end(), 0);
+  std::sort(by_name.begin(), by_name.end(), [&](int a, int b) {
+    return sensors[static_cast<std::size_t>(a)].name < sensors[static_cast<std::size_t>(b)].name;
+  });
+  for (std::size_t n = 0; n < by_name.size(); ++n)
+    places[static_cast<std::size_t>(by_name[n])] =
+        static_cast<int>(lip_sigmas_m.size()) + kOfSensor * static_cast<int>(n);
+  return places;
+}
+
+Eigen::VectorXd SurveyState::prior() const {
+  const std::vector<int> places = order();
+  Eigen::VectorXd variances(
+      static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
+  for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
+    variances[static_cast<Eigen::Index>(m)] = square(lip_sigmas_m[m]);
+  for (std::size_t s = 0; s < sensors.size(); ++s) {
+    const Sensor& sensor = sensors[s];
+    const double sigmas[] = {sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad,
+                             sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma};
+    for (int n = 0; n < kOfSensor; ++n)
+      variances[places[s] + n] = std::max(square(sigmas[n]), kLeastScanVariance);
+  }
+  return variances;
+}
+
+Eigen::VectorXd SurveyState::predicted(const SurveyColumn& column) const {
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(
+      static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
+  if (column.origin >= kFirstMachine) b[column.origin - kFirstMachine] = 1;
+  if (column.origin == kUnknownTool) b[static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1] = 1;
+  return b;
+}
+
+ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
+                                                Eigen::VectorXd& sees) const {
+  const std::vector<int> places = order();
+  sees = Eigen::VectorXd::Zero(
+      static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
+  const double bend = square(kBendFloor * tile.bends[i] * voxel_m());
+  const double rough = square(kSlopeFloorM) * tile.slopes[i].squaredNorm() + bend;
+  ColumnResidual all{0, 0, tile.columns[i].variance + bend};
+  for (const auto& [number, sums] : tile.sums) {
+    const ScanSums& sum = sums[i];
+    if (sum.rays == 0) continue;
+    const auto s = static_cast<std::size_t>(number);
+    const bool stereo = sensors[s].range_squared_sigma_per_m > 0;
+    const double whole = static_cast<double>(sum.weight);
+    const double single = whole / (stereo ? kStereoPixels : 1);
+    const double floor = square(stereo ? kStereoFloorM : kLidarFloorM) + rough;
+    const double weight = single / (1 + single * floor);
+    all.weight += weight;
+    all.residual += weight * kScanUnit_m * static_cast<double>(sum.residual) / whole;
+    for (int n = 0; n < kOfSensor; ++n)
+      sees[places[s] + n] +=
+          weight * kScanLever_m * static_cast<double>(sum.sees[static_cast<std::size_t>(n)]) / whole;
+  }
+  if (all.weight > 0) {
+    all.residual /= all.weight;
+    sees /= all.weight;
+  }
+  return all;
+}
+
+SurveyState::Block SurveyState::block_of(const SurveyTile& tile,
+                                                         std::size_t i) const {
+  const int side = std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
+  const auto part = [&](int at) {
+    return static_cast<int>(std::floor(static_cast<double>(at) / side));
+  };
+  const int n = static_cast<int>(i);
+  return {tile.columns[i].origin, part(tile.cell.x() + n / kChunkSide),
+          part(tile.cell.y() + n % kChunkSide)};
+}
+
+void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
+  const SurveyColumn& column = tile.columns[i];
+  Eigen::VectorXd sees;
+  const ColumnResidual residual = residual_of(tile, i, sees);
+  if (residual.weight <= 0 || column.origin == kSurveyed) return;
+  if (square(residual.residual) >
+      square(kColumnGate) * (column.variance + prior().maxCoeff() + 1 / residual.weight))
+    return;
+  Retired& block = retired[block_of(tile, i)];
+  // Sensors that come later stand behind: their entries are zero.
+  const std::vector<int> places = order();
+  const Eigen::VectorXd b = predicted(column);
+  block.sees.resize(lip_sigmas_m.size() + kOfSensor * sensors.size());
+  block.weight += residual.weight;
+  block.residual += residual.weight * residual.residual;
+  block.variance += residual.weight * residual.variance;
+  for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
+    block.sees[m] -= residual.weight * b[static_cast<Eigen::Index>(m)];
+  for (std::size_t s = 0; s < sensors.size(); ++s)
+    for (int n = 0; n < kOfSensor; ++n)
+      block.sees[lip_sigmas_m.size() + kOfSensor * s + static_cast<std::size_t>(n)] +=
+          residual.weight * sees[places[s] + n];
+}
+
+namespace {
+
+/// Heights of a column by what rays say of its quarters.
+struct Vote {
+  double height = 0;  ///< mean above the column's top, m
+  double spread = 0;  ///< variance of the quarters' heights, m^2
+  std::map<int, ScanSums> sums;
+};
+
+/// Of hits near one height.
+struct Level {
+  std::int64_t rays = 0, height = 0;
+  std::array<std::int64_t, 16> areas = {};
+};
+
+Level level_at(const ScanVotes& votes, int first, int last) {
+  Level level;
+  for (auto at = votes.hits.lower_bound(first); at != votes.hits.end() && at->first <= last; ++at) {
+    for (const auto& [sensor, hits] : at->second) {
+      level.rays += hits.rays;
+      level.height += hits.height;
+      for (std::size_t k = 0; k < level.areas.size(); ++k) level.areas[k] += hits.cells.areas[k];
+    }
+  }
+  return level;
+}
+
+/// What hits say of a column, if enough of them agree. An edge may go through a column, so heights
+/// are taken by its quarters along both axes.
+std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
+  std::int64_t all = column.cells.rays;
+  for (const auto& [bin, hits] : votes.hits)
+    for (const auto& [sensor, of_sensor] : hits) all += of_sensor.rays;
+  const double least =
+      std::max(static_cast<double>(kScanVotes), kScanShare * static_cast<double>(all));
+  std::map<int, Level> levels;  // bins that enough rays agree on
+  std::int64_t used = column.cells.rays;
+  for (const auto& [bin, hits] : votes.hits) {
+    if (static_cast<double>(level_at(votes, bin - 1, bin + 1).rays) < least) continue;
+    levels[bin] = level_at(votes, bin, bin);
+    used += levels[bin].rays;
+  }
+  if (levels.empty()) return {};
+  const double old = column.rays == 0 ? 0
+                                      : kScanUnit_m * static_cast<double>(column.height) /
+                                            static_cast<double>(column.rays);
+  double sum = 0, squares = 0;
+  int known = 0;
+  for (std::size_t k = 0; k < column.cells.areas.size(); ++k) {
+    auto area = static_cast<double>(column.cells.areas[k]);
+    double height = area * old;
+    for (const auto& [bin, level] : levels) {
+      const auto more = static_cast<double>(level.areas[k]);
+      area += more;
+      height += more * kScanUnit_m * static_cast<double>(level.height) /
+                static_cast<double>(level.rays);
+    }
+    if (area == 0) continue;
+    height /= area;
+    ++known;
+    sum += height;
+    squares += height * height;
+  }
+  const int cells = static_cast<int>(column.cells.areas.size());
+  // Where rays are dense, a quarter without any was not seen, and keeps its height.
+  const bool dense = known >= kDenseCells && used >= kDenseRays * known;
+  const double count = dense ? cells : known;
+  Vote made;
+  made.height = sum / count;
+  made.spread = std::max(0.0, squares / count - made.height * made.height);
+  for (const auto& [bin, level] : levels) {
+    for (const auto& [sensor, hits] : votes.hits.at(bin)) {
+      ScanSums& of_sensor = made.sums[sensor];
+      of_sensor.rays += hits.rays;
+      of_sensor.weight += hits.sums.weight;
+      for (std::size_t n = 0; n < hits.sums.sees.size(); ++n)
+        of_sensor.sees[n] += hits.sums.sees[n];
+    }
+  }
+  return made;
+}
+
+}  // namespace
+
+/// Columns of which enough rays say that they have another height get that.
+void SurveyState::take_votes() {
+  for (SurveyTile* tile : sorted()) {
+    for (const auto& [n, votes] : tile->votes) {
+      const auto i = static_cast<std::size_t>(n);
+      SurveyColumn& column = tile->columns[i];
+      if (std::isnan(column.top)) continue;
+      std::optional<Vote> now = vote(column, votes);
+      if (!now && votes.through >= kScanVotes && votes.through > column.rays)
+        now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, {}};
+      if (!now) continue;
+      retire(*tile, i);
+      for (auto& [number, of_tile] : tile->sums) of_tile[i] = {};
+      column.first = column.top + now->height / voxel_m();
+      column.origin = kSurveyed;
+      column.variance = square(kChangedSigmaM);
+      for (const auto& [sensor, sum] : now->sums) {
+        ScanSums& of_column = tile->sums[sensor][i];
+        of_column = sum;
+        // Rays tell less of a column that an edge goes through.
+        const double whole = static_cast<double>(sum.weight);
+        const double keep = 1 / (1 + now->spread / kEdgeCells * whole);
+        of_column.weight = std::max<std::int64_t>(1, std::llround(keep * whole));
+        for (std::int64_t& value : of_column.sees)
+          value = std::llround(static_cast<double>(value) *
+                               static_cast<double>(of_column.weight) / whole);
+      }
+    }
+    tile->votes.clear();
+    for (SurveyColumn& column : tile->columns) {
+      column.rays = column.height = 0;
+      column.cells = {};
+    }
+  }
+}
+
+std::vector<ColumnChange> SurveyState::solve() {
+  take_votes();
+  const double h = voxel_m();
+  std::vector<Seen> seen;
+  std::unordered_map<std::uint64_t, std::array<int, BaseColumn::kCells>, PlanHash> numbers;
+  for (SurveyTile* tile : sorted()) {
+    auto& of_tile = numbers[plan_key(tile->cell)];
+    of_tile.fill(-1);
+    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
+      if (std::isnan(tile->columns[i].top)) continue;
+      Seen column{tile, i, {}, {}, {}};
+      column.residual = residual_of(*tile, i, column.sees);
+      const bool is_told = column.column().origin == kSurveyed &&
+                           column.column().first != column.column().top;
+      if (column.residual.weight <= 0 && !is_told) continue;
+      column.predicted = predicted(column.column());
+      column.changed = column.column().origin == kSurveyed;
+      of_tile[i] = static_cast<int>(seen.size());
+      seen.push_back(std::move(column));
+    }
+  }
+  const auto estimate = [&] {
+    struct Sum {
+      double weight = 0, residual = 0, variance = 0;
+      Eigen::VectorXd sees;
+    };
+    std::map<Block, Sum> blocks;
+    const std::vector<int> places = order();
+    const Eigen::VectorXd variances = prior();
+    for (const auto& [block, old] : retired) {
+      Sum& sum = blocks[block];
+      sum = {old.weight, old.residual, old.variance, Eigen::VectorXd::Zero(variances.size())};
+      for (std::size_t n = 0; n < old.sees.size(); ++n) {
+        const std::size_t lips_count = lip_sigmas_m.size();
+        const Eigen::Index at =
+            n < lips_count ? static_cast<Eigen::Index>(n)
+                           : places[(n - lips_count) / kOfSensor] +
+                                 static_cast<Eigen::Index>((n - lips_count) % kOfSensor);
+        sum.sees[at] = old.sees[n];
+      }
+    }
+    for (const Seen& c : seen) {
+      if (c.changed || c.residual.weight <= 0) continue;
+      Sum& sum = blocks[block_of(*c.tile, c.i)];
+      if (sum.sees.size() == 0) sum.sees = Eigen::VectorXd::Zero(variances.size());
+      sum.weight += c.residual.weight;
+      sum.residual += c.residual.weight * c.residual.residual;
+      sum.variance += c.residual.weight * c.residual.variance;
+      sum.sees += c.residual.weight * (c.sees - c.predicted);
+    }
+    CommonErrors errors(variances);
+    for (const auto& [block, sum] : blocks)
+      errors.add({sum.residual / sum.weight, sum.weight, sum.variance / sum.weight},
+                 sum.sees / sum.weight);
+    errors.solve();
+    return errors;
+  };
+  CommonErrors errors = estimate();
+  for (int round = 0; round < kGateRounds; ++round) {
+    std::vector<double> off(seen.size());
+    for (std::size_t n = 0; n < seen.size(); ++n)
+      off[n] = seen[n].residual.residual -
+               (seen[n].sees - seen[n].predicted).dot(errors.mean());
+    for (std::size_t n = 0; n < seen.size(); ++n) {
+      Seen& c = seen[n];
+      if (c.column().origin == kSurveyed || c.residual.weight <= 0) continue;
+      double weight = 0, sum = 0;
+      const int at = static_cast<int>(c.i), x = at / kChunkSide, y = at % kChunkSide;
+      for (int dx = -2; dx <= 2; ++dx) {
+        for (int dy = -2; dy <= 2; ++dy) {
+          int other = -1;
+          const int u = x + dx, v = y + dy;
+          if (((u | v) & ~(kChunkSide - 1)) == 0) {
+            other = numbers.at(plan_key(c.tile->cell))[static_cast<std::size_t>(u * kChunkSide + v)];
+          } else {
+            const Coord2 cell = c.tile->cell + Coord2(u, v);
+            const auto found = numbers.find(plan_key(floor_to(cell, kChunkSide)));
+            if (found != numbers.end()) other = found->second[number_of(cell)];
+          }
+          if (other < 0) continue;
+          const Seen& near = seen[static_cast<std::size_t>(other)];
+          if (near.column().origin != c.column().origin || near.residual.weight <= 0) continue;
+          weight += near.residual.weight;
+          sum += near.residual.weight * off[static_cast<std::size_t>(other)];
+        }
+      }
+      const double variance = c.residual.variance;
+      c.changed = std::abs(sum / weight) > kPooledGate * std::sqrt(variance + 1 / weight) ||
+                  std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight);
+    }
+    errors = estimate();
+  }
+  for (std::size_t m = 0; m < lips.size(); ++m) {
+    const auto at = static_cast<Eigen::Index>(m);
+    lips[m] = {errors.mean()[at], std::sqrt(errors.covariance()(at, at))};
+  }
+
+  std::vector<ColumnChange> made;
+  struct Part {  // of the changed volume, a block of columns whose own errors hang together
+    double count = 0, prior = 0, weight = 0;
+  };
+  std::map<Block, Part> parts;
+  Eigen::VectorXd on = Eigen::VectorXd::Zero(errors.mean().size());
+  for (const Seen& c : seen) {
+    SurveyColumn& column = c.column();
+    ColumnResidual residual = c.residual;
+    if (c.changed) residual.variance = square(kChangedSigmaM);
+    const CommonErrors::Correction correction = errors.correct(residual, c.sees, c.predicted);
+    column.known = correction.variance(errors);
+    const double to_be = column.first + correction.mean / h, off = to_be - column.top;
+    const double sigmas = column.origin == kNatural && !c.changed ? kNaturalSigmas : kMovedSigmas;
+    if (std::abs(off) < kLeastCorrection || std::abs(off) * h < sigmas * std::sqrt(column.known))
+      continue;
+    const int at = static_cast<int>(c.i);
+    made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
+                    std::llround(off * kSamplesOfCell), c.tile->slopes[c.i]});
+    Part& part = parts[block_of(*c.tile, c.i)];
+    ++part.count;
+    part.prior += 1 / residual.variance;
+    part.weight += residual.weight;
+    on += correction.on;
+  }
+  double variance = on.dot(errors.covariance() * on);
+  for (const auto& [block, part] : parts) {
+    const double prior_weight = part.prior / part.count, weight = part.weight / part.count;
+    variance += square(part.count) * (prior_weight + weight / part.count) /
+                square(prior_weight + weight);
+  }
+  sigma_m3 = h * h * std::sqrt(variance);
+  return made;
+}
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,85 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// The state of a GroundSurvey.
+#pragma once
+
+#include <map>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "core/surface/height_reader.h"
+#include "core/survey/common_errors.h"
+#include "core/survey/survey_tiles.h"
+#include "soilvdb/height_map.h"
+#include "soilvdb/survey.h"
+
+namespace soilvdb::inline v0 {
+
+/// Units of integers: residuals and heights, m; levers of tilts, m.
+inline constexpr double kScanUnit_m = 1e-5, kScanLever_m = 1e-3;
+
+struct SurveyState {
+  SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> lip_sigmas_m);
+  SurveyState(Ground& clone, const SurveyState& other);
+
+  double voxel_m() const { return ground.voxel_size_m(); }
+  /// The tile of a lowest cell, as the ground is.
+  SurveyTile& tile(const Coord2& cell);
+  SurveyTile& tile_of(const Coord2& column) { return tile(floor_to(column, kChunkSide)); }
+  static std::size_t number_of(const Coord2& column) {
+    const Coord2 in = column - floor_to(column, kChunkSide);
+    return static_cast<std::size_t>(in.x() * kChunkSide + in.y());
+  }
+  /// Tiles by their cells.
+  std::vector<SurveyTile*> sorted();
+  /// Reads tiles anew where the ground changed. @param own by applied()
+  void refresh(bool own);
+  void read(SurveyTile& tile, bool own);
+  int sensor_of(const Sensor& sensor);
+
+  // scan_rays.cc
+  void add_rays(const Sensor& sensor, int number, std::span<const Vec3> points_m,
+                std::span<const Pose* const> poses);
+
+  // survey_solution.cc
+  /// A column as one residual. @param sees a, of all sensors
+  ColumnResidual residual_of(const SurveyTile& tile, std::size_t i, Eigen::VectorXd& sees) const;
+  /// b: how a column's predicted height depends on the common errors.
+  Eigen::VectorXd predicted(const SurveyColumn& column) const;
+  Eigen::VectorXd prior() const;
+  /// Where the common errors of sensors stand, by their names.
+  std::vector<int> order() const;
+  /// Keeps what a column says of the common errors when its ground has changed.
+  void retire(const SurveyTile& tile, std::size_t i);
+  void take_votes();
+  std::vector<ColumnChange> solve();
+
+  /// Mean of columns of one origin in a square, of which the ground has changed.
+  struct Retired {
+    double weight = 0, residual = 0, variance = 0;  // sums of w, w r, w s^2
+    std::vector<double> sees;                       // of w (a - b)
+  };
+  struct Block {
+    std::uint16_t origin;
+    int x, y;
+    auto operator<=>(const Block&) const = default;
+  };
+  Block block_of(const SurveyTile& tile, std::size_t i) const;
+
+  Ground& ground;
+  std::vector<Bucket> buckets;
+  std::vector<double> lip_sigmas_m;  // of machines, then of a tool that is not known
+  HeightMap map;
+  ChangeFollower changes;
+  std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
+  std::unordered_map<std::uint64_t, std::uint16_t, PlanHash> workers;  // last to change a tile
+  std::vector<Sensor> sensors;                                         // in order of their first scan
+  std::map<Block, Retired> retired;
+  std::vector<Estimate> lips;  // as last solved
+  RayCounts rays;
+  double sigma_m3 = 0;         // of the last solution
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,84 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// What is known of columns of voxels by scans: sums of residuals, and votes that the ground is
+// another one.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+
+#include "core/ground/base_columns.h"
+#include "soilvdb/types.h"
+
+namespace soilvdb::inline v0 {
+
+/// How a column came to its height. Machine m's is kFirstMachine + m.
+inline constexpr std::uint16_t kNatural = 0;      ///< as the terrain
+inline constexpr std::uint16_t kSurveyed = 1;     ///< as scans say
+inline constexpr std::uint16_t kUnknownTool = 2;  ///< dug, by which machine is not known
+inline constexpr std::uint16_t kFilled = 3;       ///< by soil that was moved
+inline constexpr std::uint16_t kFirstMachine = 4;
+
+/// Integer sums over the rays of one sensor that met a column about where it was expected.
+struct ScanSums {
+  std::int64_t weight = 0, residual = 0;    ///< sums of w and w r
+  std::array<std::int64_t, 4> sees = {};    ///< of w a: height, tilts, scale
+  std::int64_t rays = 0;
+
+  void add(std::int64_t w, std::int64_t r, const std::array<std::int64_t, 4>& a) {
+    ++rays;
+    weight += w;
+    residual += w * r;
+    for (std::size_t i = 0; i < a.size(); ++i) sees[i] += w * a[i];
+  }
+};
+
+/// Area in plan that rays stand for, by quarter of a column along x, and along y: 4 x + y.
+struct ScanCells {
+  std::array<std::int64_t, 16> areas = {};
+  std::int64_t rays = 0;
+
+  void add(std::size_t cell, std::int64_t area) {
+    ++rays;
+    areas[cell] += area;
+  }
+};
+
+/// Rays that met one height of a column, other than expected.
+struct ScanHits {
+  ScanCells cells;
+  std::int64_t rays = 0, height = 0;  ///< height: sum of heights above the column's top
+  ScanSums sums;                      ///< with residuals of 0
+};
+
+/// What speaks against a column's height, since its ground last changed or scans were applied.
+struct ScanVotes {
+  std::int64_t through = 0;                            ///< rays that went through its soil
+  std::int64_t ceiling = 0;                            ///< lowest of them, from the column's top
+  std::map<int, std::map<int, ScanHits>> hits = {};       ///< by height, and by sensor
+};
+
+struct SurveyColumn {
+  double first = 0;         ///< height from which residuals are counted, index space
+  double top = 0;           ///< height now; NaN: no ground
+  double variance = 0;      ///< of its own error before any scan, m^2
+  double known = -1;        ///< variance of its height as last solved, m^2; negative: not yet
+  std::uint16_t origin = kNatural;
+  /// Rays that met it as expected since its ground last changed or scans were applied.
+  std::int64_t rays = 0, height = 0;  ///< height: sum of residuals
+  ScanCells cells;                    ///< of those that ended in it as expected
+};
+
+/// 8 x 8 columns. Column (x, y) from `cell` is entry x * 8 + y.
+struct SurveyTile {
+  Coord2 cell = {0, 0};
+  bool known = false;                                 ///< columns are as the ground is
+  std::array<SurveyColumn, BaseColumn::kCells> columns;
+  std::array<Vec2, BaseColumn::kCells> slopes;        ///< of the ground, m/m
+  std::array<float, BaseColumn::kCells> bends;        ///< difference of slopes over a column
+  std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor
+  std::map<int, ScanVotes> votes;                     ///< by number of the column
+};
+
+}  // namespace soilvdb::inline v0

@@ -1,0 +1,202 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Scans of depth cameras and lidars, for Python.
+#include <fmt/format.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <array>
+#include <cmath>
+
+#include "soilvdb/survey.h"
+#include "tools/python/site.h"
+
+namespace soilvdb::python {
+namespace {
+
+Sensor sensor_of(const py::object& position, const py::object& rotation, const py::object& matrix,
+                 const std::string& name, double range_sigma, double range_squared_sigma,
+                 double height_sigma, double tilt_sigma, double scale_sigma) {
+  Sensor sensor;
+  sensor.name = name;
+  if (!position.is_none() || !matrix.is_none()) sensor.pose = pose(position, rotation, matrix);
+  if (position.is_none() && !rotation.is_none())
+    throw py::type_error("give a position with the rotation");
+  sensor.range_sigma_m = range_sigma;
+  sensor.range_squared_sigma_per_m = range_squared_sigma;
+  sensor.mount_height_sigma_m = height_sigma;
+  sensor.mount_tilt_sigma_rad = tilt_sigma;
+  sensor.mount_scale_sigma = scale_sigma;
+  sensor.validate();
+  return sensor;
+}
+
+/// Where rays ended, in the sensor's frame, of a depth image; NaN: nothing.
+std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsics) {
+  const Array image = array_of(depth, "depth");
+  if (image.ndim() != 2) throw py::value_error("depth must have the shape (H, W)");
+  std::array<double, 4> k;
+  if (intrinsics.is_none())
+    throw py::type_error("a depth image needs intrinsics=(fx, fy, cx, cy)");
+  numbers(intrinsics, "intrinsics", k);
+  if (!(k[0] > 0) || !(k[1] > 0) || !std::isfinite(k[0] + k[1] + k[2] + k[3]))
+    throw py::value_error("intrinsics must be (fx, fy, cx, cy) in pixels, fx and fy more than 0");
+  std::vector<Vec3> points;
+  points.reserve(static_cast<std::size_t>(image.size()));
+  for (py::ssize_t v = 0; v < image.shape(0); ++v) {
+    for (py::ssize_t u = 0; u < image.shape(1); ++u) {
+      const double z = image.at(v, u);
+      if (z > 0 && std::isfinite(z))
+        points.emplace_back(z * (static_cast<double>(u) - k[2]) / k[0],
+                            z * (static_cast<double>(v) - k[3]) / k[1], z);
+    }
+  }
+  return points;
+}
+
+void scan(Site& site, const Sensor& sensor, const py::object& points, const py::object& depth,
+          const py::object& intrinsics, bool world) {
+  if (points.is_none() == depth.is_none())
+    throw py::type_error("give points, or depth with intrinsics");
+  if (!depth.is_none() && world) throw py::type_error("a depth image is in the sensor's frame");
+  if (depth.is_none() && !intrinsics.is_none())
+    throw py::type_error("intrinsics are for a depth image");
+  std::vector<Vec3> ends;
+  if (!depth.is_none()) {
+    ends = points_of(depth, intrinsics);
+  } else {
+    const Array given = rows(points, "points", 3);
+    for (py::ssize_t i = 0; i < given.shape(0); ++i) {
+      const Vec3 p(given.data() + 3 * i);
+      if (p.allFinite() && (world || !p.isZero(0))) ends.push_back(p);
+    }
+  }
+  if (!world)
+    for (Vec3& p : ends) p = sensor.pose * p;
+  site.with([&](Session& session) { require_good(session.scan(sensor, ends)); });
+}
+
+/// What soilvdb.Survey has.
+struct SurveyValue {
+  Survey of;
+  std::vector<std::string> machines;
+};
+
+SurveyValue apply_scans(Site& site) {
+  return site.with([](Session& session) {
+    SurveyValue value;
+    require_good(session.apply_scans(value.of));
+    for (const SiteMachine& machine : session.machines()) value.machines.push_back(machine.name);
+    return value;
+  });
+}
+
+/// Errors by the numbers of machines, and by their names.
+py::object lip_errors_of(const SurveyValue& value) {
+  py::list estimates;
+  for (const Estimate& lip : value.of.lip_errors_m)
+    estimates.append(py::make_tuple(lip.mean, lip.sigma));
+  return py::module_::import("soilvdb._scan").attr("ByMachine")(value.machines, estimates);
+}
+
+py::dict rays_of(const SurveyValue& value) {
+  const RayCounts& rays = value.of.rays;
+  py::dict counts;
+  counts["used"] = rays.used;
+  counts["masked"] = rays.masked;
+  counts["through"] = rays.through;
+  counts["new"] = rays.added;
+  counts["dropped"] = rays.dropped;
+  return counts;
+}
+
+void bind_sensor(py::module_& m) {
+  const auto none = py::none();
+  py::class_<Sensor>(
+      m, "Sensor",
+      "A depth camera or a lidar, for Site.scan(). Its frame: points of a lidar are in it as given; "
+      "a depth image's is the optical frame: z ahead, x right, y down. Scans of one name share the "
+      "errors of one mount.")
+      .def(py::init(&sensor_of), py::kw_only(), py::arg("position") = none,
+           py::arg("rotation") = none, py::arg("pose") = none, py::arg("name") = "sensor",
+           py::arg("range_sigma") = Sensor{}.range_sigma_m, py::arg("range_squared_sigma") = 0.0,
+           py::arg("mount_height_sigma") = Sensor{}.mount_height_sigma_m,
+           py::arg("mount_tilt_sigma") = Sensor{}.mount_tilt_sigma_rad,
+           py::arg("mount_scale_sigma") = Sensor{}.mount_scale_sigma,
+           "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
+           "Without them points are in the world's axes from (0, 0, 0). Standard deviations: of a "
+           "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
+           "second, range_squared_sigma = subpixel / (f * baseline). Of the mount: height, m; tilt "
+           "about each horizontal axis, rad; scale of ranges. Raises ValueError for negative "
+           "sigmas, and without any noise of the range.")
+      .def_readonly("name", &Sensor::name)
+      .def_property_readonly(
+          "position", [](const Sensor& s) { return Array(py::ssize_t{3}, s.pose.position.data()); })
+      .def_property_readonly("rotation",
+                             [](const Sensor& s) {
+                               return Array(py::ssize_t{4}, s.pose.rotation.coeffs().data());
+                             },
+                             "(x, y, z, w): world from sensor")
+      .def_readonly("range_sigma", &Sensor::range_sigma_m, "m")
+      .def_readonly("range_squared_sigma", &Sensor::range_squared_sigma_per_m, "1/m")
+      .def_readonly("mount_height_sigma", &Sensor::mount_height_sigma_m, "m")
+      .def_readonly("mount_tilt_sigma", &Sensor::mount_tilt_sigma_rad, "rad")
+      .def_readonly("mount_scale_sigma", &Sensor::mount_scale_sigma, "share of range")
+      .def(py::pickle(
+          [](const Sensor& s) {
+            const Vec3& p = s.pose.position;
+            const Eigen::Vector4d q = s.pose.rotation.coeffs();
+            return py::make_tuple(s.name, std::array{p.x(), p.y(), p.z()},
+                                  std::array{q.x(), q.y(), q.z(), q.w()}, s.range_sigma_m,
+                                  s.range_squared_sigma_per_m, s.mount_height_sigma_m,
+                                  s.mount_tilt_sigma_rad, s.mount_scale_sigma);
+          },
+          [](const py::tuple& t) {
+            return sensor_of(t[1], t[2], py::none(), t[0].cast<std::string>(), t[3].cast<double>(),
+                             t[4].cast<double>(), t[5].cast<double>(), t[6].cast<double>(),
+                             t[7].cast<double>());
+          }))
+      .def("__repr__", [](const Sensor& s) {
+        const Vec3& p = s.pose.position;
+        return fmt::format("soilvdb.Sensor(name='{}', position=({:.6g}, {:.6g}, {:.6g}))", s.name,
+                           p.x(), p.y(), p.z());
+      });
+}
+
+}  // namespace
+
+void bind_scans(py::class_<Site>& site, py::module_& m) {
+  bind_sensor(m);
+  py::class_<SurveyValue>(m, "Survey", "What scans changed, from Site.apply_scans().")
+      .def_property_readonly(
+          "removed_m3", [](const SurveyValue& v) { return v.of.removed_m3; }, "soil taken away")
+      .def_property_readonly(
+          "added_m3", [](const SurveyValue& v) { return v.of.added_m3; }, "soil put in")
+      .def_property_readonly(
+          "sigma_m3", [](const SurveyValue& v) { return v.of.sigma_m3; },
+          "standard deviation of added_m3 - removed_m3")
+      .def_property_readonly("lip_error", &lip_errors_of,
+                             "by number or name of a machine: (mean, sigma), m, by how much its lip "
+                             "is told too high")
+      .def_property_readonly("rays", &rays_of,
+                             "numbers of rays: used, masked (met a bucket), through (went through "
+                             "soil expected there), new (met new ground), dropped")
+      .def("__repr__", [](const SurveyValue& v) {
+        return fmt::format("soilvdb.Survey(removed_m3={:.4g}, added_m3={:.4g}, sigma_m3={:.2g})",
+                           v.of.removed_m3, v.of.added_m3, v.of.sigma_m3);
+      });
+  const auto none = py::none();
+  site.def("scan", &scan, py::arg("sensor"), py::arg("points") = none, py::kw_only(),
+           py::arg("depth") = none, py::arg("intrinsics") = none, py::arg("world") = false,
+           "Takes what a sensor saw. points: (N, 3), m, in the sensor's frame, or the world's with "
+           "world; rows that aren't finite, or zero in the sensor's frame, are no return. Or depth: "
+           "(H, W), m along the optical axis, with intrinsics (fx, fy, cx, cy), pixels; NaN and 0 "
+           "are no return. Nothing changes before apply_scans(). Rays that meet the bucket of a "
+           "machine are not used. The result does not depend on the order of scans.")
+      .def("apply_scans", &apply_scans,
+           "Corrects the ground by all scans so far, and returns a Survey. The ground that nobody "
+           "touched is the datum. What is added or removed is booked as surveyed: loads and cuts "
+           "stay as they are.");
+}
+
+}  // namespace soilvdb::python
