@@ -751,7 +751,7 @@ inline constexpr double kScanGateM = 0.07;
 /// Error of a ray that no sensor's noise has in it, m: how its column is made.
 inline constexpr double kScanErrorM = 0.003;
 /// Slope from which on a hit tells no height, and how far from such a wall a ray may end, m.
-inline constexpr double kWallSlope = 2.5, kWallGateM = 0.1;
+inline constexpr double kScanWallSlope = 2.5, kWallGateM = 0.1;
 /// Rays that are flatter to the ground tell no height: sine of the angle.
 inline constexpr double kLeastDescent = 0.12;
 /// What a ray passes is gone if it is so far above the ray, m, and if it ends so much farther, m;
@@ -785,7 +785,7 @@ inline constexpr double kBendFloor = 0.25;
 /// Neighbouring pixels of stereo that count as one.
 inline constexpr double kStereoPixels = 16;
 /// Side of the squares in which columns' own errors hang together, m.
-inline constexpr double kScanBlockM = 1;
+inline constexpr double kScanBlockM = 2;
 /// A column takes no part in common errors if the mean about it, or itself, is off by so many
 /// sigmas. With larger values a half filled floor pulls the lip.
 inline constexpr double kPooledGate = 2.5, kColumnGate = 3.5;

@@ -85,9 +85,9 @@ Site::Site(const Site& other)
       inputs_(other.inputs_),
       at_rest_(other.at_rest_),
       broken_(other.broken_),
+      survey_(other.survey_ ? std::make_unique<GroundSurvey>(*ground_, *other.survey_) : nullptr),
       poured_s_(other.poured_s_),
-      next_pour_s_(other.next_pour_s_),
-      survey_(other.survey_ ? std::make_unique<GroundSurvey>(*ground_, *other.survey_) : nullptr) {}
+      next_pour_s_(other.next_pour_s_) {}
 
 std::string Site::name(std::size_t machine) const {
   return "machine '" + model_->machines[machine].name + "'";
@@ -252,15 +252,10 @@ BatchResult Site::update(std::span<const MachineState> states) noexcept {
     for (std::size_t i = 0, end; i < moves.size(); i = end) {
       pour_before(states[i].time_s);
       for (end = i + 1; end < moves.size() && !pours_before(states[end].time_s);) ++end;
-      const std::vector<Update> part = tracker_->update(std::span(moves).subspan(i, end - i));
+      const std::vector<Update> part = make(std::span(moves).subspan(i, end - i));
       made.updates.insert(made.updates.end(), part.begin(), part.end());
     }
     inputs_ = std::move(inputs);
-    if (survey_) {
-      std::vector<std::size_t> machines;
-      for (const MachineState& state : states) machines.push_back(state.machine);
-      tell_survey(machines);
-    }
     return made;
   });
   result.bad = result.ok() ? 0 : at;
@@ -300,7 +295,7 @@ StepResult Site::update(const MachineState& state) noexcept {
       throw;
     }
     std::swap(inputs_[state.machine], last);
-    if (survey_) tell_survey({&state.machine, 1});
+    if (survey_) survey_->worked(state.machine);
     return made;
   });
 }
@@ -314,10 +309,14 @@ GroundSurvey& Site::survey() {
   return *survey_;
 }
 
-void Site::tell_survey(std::span<const std::size_t> machines) {
-  std::vector<Vec3> lips;
-  for (const std::size_t machine : machines) lips.push_back(inputs_[machine]->pose.position);
-  survey_->worked(machines, lips);
+std::vector<Update> Site::make(std::span<const Move> moves) {
+  if (!survey_) return tracker_->update(moves);
+  std::vector<Update> made;
+  for (const Move& move : moves) {
+    made.push_back(tracker_->update(std::span(&move, 1)).front());
+    survey_->worked(move.machine);
+  }
+  return made;
 }
 
 StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
@@ -330,19 +329,54 @@ StepResult Site::scan(const Sensor& sensor, std::span<const Vec3> points_m) noex
   });
 }
 
-StepResult Site::apply_scans(Survey& survey) noexcept {
+StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
   return guarded<StepResult>([&](bool& moving) {
     survey = {};
     const Surveyed before = tracker_->surveyed();
-    const std::vector<ColumnChange> changes = this->survey().solve();
+    const std::vector<SurveyChange> changes = this->survey().solve();
     moving = true;
     tracker_->correct(changes);
     survey = survey_->applied();
     const Surveyed& now = tracker_->surveyed();
     survey.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     survey.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
+    if (record != nullptr) {
+      put(*record, std::uint64_t{changes.size()});
+      for (const SurveyChange& change : changes) {
+        for (const int at : change.cell) put(*record, at);
+        put(*record, change.top);
+        put(*record, change.samples);
+        for (const double slope : change.slope) put(*record, slope);
+      }
+      survey_->save(*record);
+    }
     return StepResult();
   });
+}
+
+void Site::repeat_scans(std::string_view record) {
+  std::uint64_t count = 0;
+  take(record, count);
+  std::vector<SurveyChange> changes;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    SurveyChange& change = changes.emplace_back();
+    for (int& at : change.cell) take(record, at);
+    take(record, change.top);
+    take(record, change.samples);
+    for (double& slope : change.slope) take(record, slope);
+    if (!(change.cell.cast<double>().cwiseAbs().maxCoeff() < kMaxIndex &&
+          std::abs(change.top) < kMaxIndex && std::abs(change.samples) < kMostAmount &&
+          change.slope.allFinite()))
+      throw std::invalid_argument("the record of scans has an impossible column");
+  }
+  tracker_->correct(changes);
+  survey_.reset();
+  survey().load(record);
+  if (!record.empty()) throw std::invalid_argument("the record of scans is of another site");
+}
+
+std::vector<Estimate> Site::lip_errors_m() const {
+  return survey_ ? survey_->lip_errors_m() : std::vector<Estimate>();
 }
 
 void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {

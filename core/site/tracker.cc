@@ -269,10 +269,10 @@ Update Tracker::come_to_rest(std::optional<double> time_s) {
   });
 }
 
-void Tracker::correct(std::span<const ColumnChange> changes) {
+void Tracker::correct(std::span<const SurveyChange> changes) {
   ground_.evict();
   std::vector<ColumnEdit> lowered, raised;
-  for (const ColumnChange& change : changes) {
+  for (const SurveyChange& change : changes) {
     const auto slope = [&](double value) {
       return static_cast<float>(std::clamp(value, -kMostCorrectedSlope, kMostCorrectedSlope));
     };

@@ -63,6 +63,8 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other)
       retired(other.retired),
       lips(other.lips),
       rays(other.rays),
+      through(other.through),
+      is_solved(other.is_solved),
       sigma_m3(other.sigma_m3) {}
 
 std::vector<SurveyTile*> SurveyState::sorted() {
@@ -119,7 +121,8 @@ void SurveyState::read(SurveyTile& tile, bool own) {
   if (tool == kUnknownTool && buckets.size() == 1) tool = kFirstMachine;
   for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
     const int x = static_cast<int>(i) / kChunkSide, y = static_cast<int>(i) % kChunkSide;
-    const double top = tops.at(x + 1, y + 1), depth = h * loose.at(x, y);
+    const double top = tops.at(x + 1, y + 1);
+    const double depth = std::isnan(top) ? 0 : h * loose.at(x, y);
     const auto side = [&](int dx, int dy) {
       const double z = tops.at(x + 1 + dx, y + 1 + dy);
       return std::isnan(z) ? top : z;
@@ -175,17 +178,11 @@ GroundSurvey::GroundSurvey(Ground& clone, const GroundSurvey& other)
     : state_(std::make_unique<SurveyState>(clone, *other.state_)) {}
 GroundSurvey::~GroundSurvey() = default;
 
-void GroundSurvey::worked(std::span<const std::size_t> machines, std::span<const Vec3> lips) {
+void GroundSurvey::worked(std::size_t machine) {
   SurveyState& s = *state_;
   for (const Coord3& origin : s.changes.take()) {
     const std::uint64_t key = plan_key(origin.head<2>());
-    const Vec2 middle = (s.ground.origin() + s.voxel_m() * origin.cast<double>()).head<2>();
-    std::size_t nearest = 0;
-    for (std::size_t n = 1; n < machines.size(); ++n)
-      if ((lips[n].head<2>() - middle).squaredNorm() <
-          (lips[nearest].head<2>() - middle).squaredNorm())
-        nearest = n;
-    s.workers[key] = static_cast<std::uint16_t>(kFirstMachine + machines[nearest]);
+    s.workers[key] = static_cast<std::uint16_t>(kFirstMachine + machine);
     if (const auto found = s.tiles.find(key); found != s.tiles.end()) found->second.known = false;
   }
 }
@@ -202,7 +199,7 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
   state_->add_rays(sensor, state_->sensor_of(sensor), points_m, poses);
 }
 
-std::vector<ColumnChange> GroundSurvey::solve() {
+std::vector<SurveyChange> GroundSurvey::solve() {
   state_->refresh(false);
   return state_->solve();
 }
@@ -217,6 +214,8 @@ Survey GroundSurvey::applied() {
   s.rays = {};
   return survey;
 }
+
+const std::vector<Estimate>& GroundSurvey::lip_errors_m() const { return state_->lips; }
 
 void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
   SurveyState& s = *state_;

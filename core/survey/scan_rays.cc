@@ -66,20 +66,16 @@ class Rays {
       return;
     }
     if (std::isfinite(range_m)) {
-      switch (meet(along, length, range_m, sigma)) {
-        case Meeting::kExpected: ++rays.used; return;
-        case Meeting::kWall: ++rays.used; return;
-        case Meeting::kOther: break;
+      if (meet(along, length, range_m, sigma)) {
+        ++rays.used;
+        return;
       }
+      if (length > range_m) state_.through.push_back({sensor_.pose.position, point, range_m, sigma});
     }
-    const bool gone = std::isfinite(range_m) && length > range_m && go_through(along, length, range_m, sigma);
-    if (gone) ++rays.through;
-    if (!hit(point, along, length, sigma) && !gone) ++rays.dropped;
+    if (!hit(point, along, length, sigma)) ++rays.dropped;
   }
 
  private:
-  enum class Meeting { kExpected, kWall, kOther };
-
   Coord2 column_at(const Vec3& p) const {
     const Vec3 at = state_.ground.index_from_world(p);
     return {cell_of(at.x()), cell_of(at.y())};
@@ -112,58 +108,37 @@ class Rays {
     return 4 * part(in.x()) + part(in.y());
   }
 
-  Meeting meet(const Vec3& along, double length, double range_m, double sigma) {
+  /// Did a ray end about where it was to meet the ground? Tells the column there.
+  bool meet(const Vec3& along, double length, double range_m, double sigma) {
     const Vec3 place = sensor_.pose.position + range_m * along;
-    if (!is_near(place)) return Meeting::kOther;
+    if (!is_near(place)) return false;
     const Coord2 cell = column_at(place);
     SurveyTile& tile = tile_of(cell);
     const std::size_t i = SurveyState::number_of(cell);
     SurveyColumn& column = tile.columns[i];
-    if (std::isnan(column.top)) return Meeting::kOther;
+    if (std::isnan(column.top)) return false;
     const Vec2& slope = tile.slopes[i];
     const double descent = along.z() - slope.dot(along.head<2>());
     const double residual = (length - range_m) * descent;
-    if (slope.squaredNorm() >= kWallSlope * kWallSlope)
-      return std::abs(length - range_m) < 3 * sigma + kWallGateM ? Meeting::kWall : Meeting::kOther;
     const double error = sigma * std::abs(descent) + kScanErrorM;
-    if (descent > -kLeastDescent || std::abs(residual) >= 3 * error + std::max(kScanGateM, h_))
-      return Meeting::kOther;
-    auto& sums = tile.sums[number_];
+    if (descent > -kLeastDescent || slope.squaredNorm() >= kScanWallSlope * kScanWallSlope)
+      return std::abs(length - range_m) < 3 * sigma + kWallGateM;  // which tells no height
+    if (std::abs(residual) >= 3 * error + std::max(kScanGateM, h_)) return false;
     const std::int64_t r = height_units(residual);
-    sums[i].add(weight_of(error),
-                r + height_units((column.top - column.first) * h_), sees(place, slope));
+    tile.sums[number_][i].add(weight_of(error),
+                              r + height_units((column.top - column.first) * h_),
+                              sees(place, slope));
     ++column.rays;
     column.height += r;
     const Vec3 end = sensor_.pose.position + length * along;
     if (is_near(end)) {
       const Coord2 own = column_at(end);
       tile_of(own).columns[SurveyState::number_of(own)].cells.add(quarter_of(end, own),
-                                                                   area_of(along, length));
+                                                                  area_of(along, length));
     }
-    return Meeting::kExpected;
+    return true;
   }
 
-  /// Votes of columns whose soil lies above a ray short of its end.
-  bool go_through(const Vec3& along, double length, double range_m, double sigma) {
-    const double flat = along.head<2>().norm(), step = h_ / std::max(flat, 0.3);
-    const double end = length - std::max(kThroughShortM, 3 * sigma);
-    const double room = kThroughRoomM + 3.5 * sigma * std::abs(along.z());
-    bool any = false;
-    for (double t = std::max(0.0, range_m - kThroughBeforeM); t < end; t += step) {
-      const Vec3 place = sensor_.pose.position + t * along;
-      if (!is_near(place)) break;
-      const Coord2 cell = column_at(place);
-      SurveyTile& tile = tile_of(cell);
-      const std::size_t i = SurveyState::number_of(cell);
-      const double below = place.z() + room - height_m(tile.columns[i]);
-      if (!(below < 0)) continue;
-      ScanVotes& votes = tile.votes[static_cast<int>(i)];
-      ++votes.through;
-      votes.ceiling = std::min(votes.ceiling, height_units(below));
-      any = true;
-    }
-    return any;
-  }
   /// A vote for the height at which a ray ended.
   bool hit(const Vec3& point, const Vec3& along, double length, double sigma) {
     if (!is_near(point)) return false;
@@ -193,6 +168,59 @@ class Rays {
 
 }  // namespace
 
+bool SurveyState::is_met(const Vec3& end) const {
+  const Vec3 at = ground.index_from_world(end);
+  const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
+  std::int64_t count = 0;
+  for (int dx = -1; dx <= 1; ++dx) {
+    for (int dy = -1; dy <= 1; ++dy) {
+      const Coord2 near = cell + Coord2(dx, dy);
+      const auto tile = tiles.find(plan_key(floor_to(near, kChunkSide)));
+      if (tile == tiles.end()) continue;
+      const std::size_t i = number_of(near);
+      const auto votes = tile->second.votes.find(static_cast<int>(i));
+      if (votes == tile->second.votes.end()) continue;
+      const double height = end.z() - ground.origin().z() - voxel_m() * tile->second.columns[i].top;
+      const int bin = static_cast<int>(std::floor(height / kScanBinM));
+      const auto& hits = votes->second.hits;
+      for (auto of = hits.lower_bound(bin - 1); of != hits.end() && of->first <= bin + 1; ++of)
+        for (const auto& [sensor, some] : of->second) count += some.rays;
+    }
+  }
+  return count >= kScanVotes;
+}
+
+/// Votes of columns whose soil lies above rays, short of their ends. Only where other rays end as
+/// well: mirrors and leaves let single rays end anywhere.
+void SurveyState::see_through() {
+  const double h = voxel_m();
+  for (const ThroughRay& ray : through) {
+    const Vec3 way = ray.to - ray.from;
+    const double length = way.norm();
+    const Vec3 along = way / length;
+    const double step = h / std::max(along.head<2>().norm(), 0.3);
+    const double end = length - std::max(kThroughShortM, 3 * ray.sigma_m);
+    const double room = kThroughRoomM + 3.5 * ray.sigma_m * std::abs(along.z());
+    if (!is_met(ray.to)) continue;
+    bool any = false;
+    for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
+      const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);
+      if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) break;
+      const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
+      SurveyTile& tile = tile_of(cell);
+      const std::size_t i = number_of(cell);
+      const double below = place.z() + room - ground.origin().z() - h * tile.columns[i].top;
+      if (!(below < 0)) continue;
+      ScanVotes& votes = tile.votes[static_cast<int>(i)];
+      ++votes.through;
+      votes.ceiling = std::min(votes.ceiling, height_units(below));
+      any = true;
+    }
+    rays.through += any;
+  }
+  through.clear();
+}
+
 void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec3> points_m,
                                    std::span<const Pose* const> poses) {
   struct Body {
@@ -218,6 +246,7 @@ void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec
   }
   std::vector<double> ranges(ways.size());
   map.cast(std::span(&sensor.pose.position, 1), ways, ranges);
+  is_solved = is_solved && ends.empty();
   Rays all(*this, sensor, number);
   for (std::size_t i = 0; i < ends.size(); ++i) all.take(ends[i], ranges[i]);
 }

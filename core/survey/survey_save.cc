@@ -77,14 +77,17 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
   take_cells(in, column.cells);
 }
 
-void put_votes(std::string& out, const ScanVotes& votes) {
-  put(out, votes.through);
-  put(out, votes.ceiling);
+/// @param numbers of sensors as they are saved
+void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>& numbers) {
   put_number(out, votes.hits.size());
   for (const auto& [bin, hits] : votes.hits) {
     put(out, bin);
     put_number(out, hits.size());
-    for (const auto& [sensor, of_sensor] : hits) {
+    std::map<int, const ScanHits*> sorted;
+    for (const auto& [sensor, of_sensor] : hits)
+      sorted[numbers[static_cast<std::size_t>(sensor)]] = &of_sensor;
+    for (const auto& [sensor, of] : sorted) {
+      const ScanHits& of_sensor = *of;
       put_number(out, static_cast<std::uint64_t>(sensor));
       for (const std::int64_t value : {of_sensor.rays, of_sensor.height}) put(out, value);
       put_cells(out, of_sensor.cells);
@@ -93,8 +96,6 @@ void put_votes(std::string& out, const ScanVotes& votes) {
   }
 }
 void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors) {
-  take_amount(in, votes.through);
-  take(in, votes.ceiling);
   for (auto bins = take_number<std::uint64_t>(in, in.size() + 1); bins > 0; --bins) {
     int bin = 0;
     take(in, bin);
@@ -113,8 +114,16 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors
 void GroundSurvey::save(std::string& out) const {
   const SurveyState& s = *state_;
   put(out, kSurveyFormat);
+  // Sensors by their names, so that the order of their first scans does not show.
+  std::vector<int> numbers = s.order();
+  std::vector<const Sensor*> sensors(s.sensors.size());
+  for (std::size_t n = 0; n < numbers.size(); ++n) {
+    numbers[n] = (numbers[n] - static_cast<int>(s.lip_sigmas_m.size())) / 4;
+    sensors[static_cast<std::size_t>(numbers[n])] = &s.sensors[n];
+  }
   put_number(out, s.sensors.size());
-  for (const Sensor& sensor : s.sensors) {
+  for (const Sensor* of : sensors) {
+    const Sensor& sensor = *of;
     put_text(out, sensor.name);
     put(out, sensor.pose);
     for (const double value : {sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
@@ -142,9 +151,23 @@ void GroundSurvey::save(std::string& out) const {
     put(out, block.x);
     put(out, block.y);
     for (const double value : {sums.weight, sums.residual, sums.variance}) put(out, value);
-    put_number(out, sums.sees.size());
-    for (const double value : sums.sees) put(out, value);
+    // Sensors that came later have zeros.
+    std::vector<double> sees(s.lip_sigmas_m.size() + 4 * s.sensors.size());
+    const std::size_t lips = s.lip_sigmas_m.size();
+    for (std::size_t n = 0; n < sums.sees.size(); ++n)
+      sees[n < lips ? n
+                    : lips + 4 * static_cast<std::size_t>(numbers[(n - lips) / 4]) +
+                          (n - lips) % 4] = sums.sees[n];
+    for (const double value : sees) put(out, value);
   }
+  std::vector<ThroughRay> through = s.through;
+  std::sort(through.begin(), through.end());
+  put_number(out, through.size());
+  for (const ThroughRay& ray : through)
+    for (const double value : {ray.from.x(), ray.from.y(), ray.from.z(), ray.to.x(), ray.to.y(),
+                               ray.to.z(), ray.met_m, ray.sigma_m})
+      put(out, value);
+  put(out, s.is_solved);
   const std::vector<SurveyTile*> tiles = state_->sorted();
   put_number(out, tiles.size());
   for (const SurveyTile* tile : tiles) {
@@ -152,14 +175,17 @@ void GroundSurvey::save(std::string& out) const {
     put(out, tile->cell.y());
     for (const SurveyColumn& column : tile->columns) put_column(out, column);
     put_number(out, tile->sums.size());
-    for (const auto& [sensor, sums] : tile->sums) {
+    std::map<int, const std::array<ScanSums, BaseColumn::kCells>*> sums;
+    for (const auto& [sensor, of_sensor] : tile->sums)
+      sums[numbers[static_cast<std::size_t>(sensor)]] = &of_sensor;
+    for (const auto& [sensor, of_sensor] : sums) {
       put_number(out, static_cast<std::uint64_t>(sensor));
-      for (const ScanSums& of_column : sums) put_sums(out, of_column);
+      for (const ScanSums& of_column : *of_sensor) put_sums(out, of_column);
     }
     put_number(out, tile->votes.size());
     for (const auto& [column, votes] : tile->votes) {
       put_number(out, static_cast<std::uint64_t>(column));
-      put_votes(out, votes);
+      put_votes(out, votes, numbers);
     }
   }
 }
@@ -201,9 +227,16 @@ void GroundSurvey::load(std::string_view& in) {
     SurveyState::Retired& sums = s.retired[block];
     for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
     if (!(sums.weight > 0)) refuse_survey();
-    sums.sees.resize(take_number<std::size_t>(in, errors + 1));
+    sums.sees.resize(errors);
     for (double& value : sums.sees) value = take_finite(in);
   }
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+    ThroughRay& ray = s.through.emplace_back();
+    for (double* value : {&ray.from.x(), &ray.from.y(), &ray.from.z(), &ray.to.x(), &ray.to.y(),
+                          &ray.to.z(), &ray.met_m, &ray.sigma_m})
+      *value = take_finite(in);
+  }
+  take(in, s.is_solved);
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     Coord2 cell;
     take(in, cell.x());

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "core/constants.h"
 #include "core/survey/survey_state.h"
@@ -18,7 +19,7 @@ constexpr double kSamplesOfCell = 64;
 double square(double value) { return value * value; }
 
 /// A column that was seen.
-struct Seen {
+struct SeenColumn {
   SurveyTile* tile;
   std::size_t i;
   ColumnResidual residual;
@@ -137,6 +138,7 @@ namespace {
 struct Vote {
   double height = 0;  ///< mean above the column's top, m
   double spread = 0;  ///< variance of the quarters' heights, m^2
+  std::int64_t rays = 0;  ///< that agreed
   std::map<int, ScanSums> sums;
 };
 
@@ -199,6 +201,7 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
   const bool dense = known >= kDenseCells && used >= kDenseRays * known;
   const double count = dense ? cells : known;
   Vote made;
+  made.rays = used - column.cells.rays;
   made.height = sum / count;
   made.spread = std::max(0.0, squares / count - made.height * made.height);
   for (const auto& [bin, level] : levels) {
@@ -217,14 +220,21 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
 
 /// Columns of which enough rays say that they have another height get that.
 void SurveyState::take_votes() {
+  see_through();
   for (SurveyTile* tile : sorted()) {
     for (const auto& [n, votes] : tile->votes) {
       const auto i = static_cast<std::size_t>(n);
       SurveyColumn& column = tile->columns[i];
       if (std::isnan(column.top)) continue;
       std::optional<Vote> now = vote(column, votes);
+      for (const auto& [bin, hits] : votes.hits)
+        for (const auto& [sensor, of_sensor] : hits) rays.dropped += of_sensor.rays;
+      if (now) {
+        rays.dropped -= now->rays;
+        rays.added += now->rays;
+      }
       if (!now && votes.through >= kScanVotes && votes.through > column.rays)
-        now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, {}};
+        now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) continue;
       retire(*tile, i);
       for (auto& [number, of_tile] : tile->sums) of_tile[i] = {};
@@ -251,17 +261,18 @@ void SurveyState::take_votes() {
   }
 }
 
-std::vector<ColumnChange> SurveyState::solve() {
+std::vector<SurveyChange> SurveyState::solve() {
+  if (std::exchange(is_solved, true)) return {};
   take_votes();
   const double h = voxel_m();
-  std::vector<Seen> seen;
+  std::vector<SeenColumn> seen;
   std::unordered_map<std::uint64_t, std::array<int, BaseColumn::kCells>, PlanHash> numbers;
   for (SurveyTile* tile : sorted()) {
     auto& of_tile = numbers[plan_key(tile->cell)];
     of_tile.fill(-1);
     for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
       if (std::isnan(tile->columns[i].top)) continue;
-      Seen column{tile, i, {}, {}, {}};
+      SeenColumn column{tile, i, {}, {}, {}};
       column.residual = residual_of(*tile, i, column.sees);
       const bool is_told = column.column().origin == kSurveyed &&
                            column.column().first != column.column().top;
@@ -292,7 +303,7 @@ std::vector<ColumnChange> SurveyState::solve() {
         sum.sees[at] = old.sees[n];
       }
     }
-    for (const Seen& c : seen) {
+    for (const SeenColumn& c : seen) {
       if (c.changed || c.residual.weight <= 0) continue;
       Sum& sum = blocks[block_of(*c.tile, c.i)];
       if (sum.sees.size() == 0) sum.sees = Eigen::VectorXd::Zero(variances.size());
@@ -315,7 +326,7 @@ std::vector<ColumnChange> SurveyState::solve() {
       off[n] = seen[n].residual.residual -
                (seen[n].sees - seen[n].predicted).dot(errors.mean());
     for (std::size_t n = 0; n < seen.size(); ++n) {
-      Seen& c = seen[n];
+      SeenColumn& c = seen[n];
       if (c.column().origin == kSurveyed || c.residual.weight <= 0) continue;
       double weight = 0, sum = 0;
       const int at = static_cast<int>(c.i), x = at / kChunkSide, y = at % kChunkSide;
@@ -331,7 +342,7 @@ std::vector<ColumnChange> SurveyState::solve() {
             if (found != numbers.end()) other = found->second[number_of(cell)];
           }
           if (other < 0) continue;
-          const Seen& near = seen[static_cast<std::size_t>(other)];
+          const SeenColumn& near = seen[static_cast<std::size_t>(other)];
           if (near.column().origin != c.column().origin || near.residual.weight <= 0) continue;
           weight += near.residual.weight;
           sum += near.residual.weight * off[static_cast<std::size_t>(other)];
@@ -348,13 +359,13 @@ std::vector<ColumnChange> SurveyState::solve() {
     lips[m] = {errors.mean()[at], std::sqrt(errors.covariance()(at, at))};
   }
 
-  std::vector<ColumnChange> made;
+  std::vector<SurveyChange> made;
   struct Part {  // of the changed volume, a block of columns whose own errors hang together
     double count = 0, prior = 0, weight = 0;
   };
   std::map<Block, Part> parts;
   Eigen::VectorXd on = Eigen::VectorXd::Zero(errors.mean().size());
-  for (const Seen& c : seen) {
+  for (const SeenColumn& c : seen) {
     SurveyColumn& column = c.column();
     ColumnResidual residual = c.residual;
     if (c.changed) residual.variance = square(kChangedSigmaM);

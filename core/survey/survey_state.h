@@ -53,8 +53,11 @@ struct SurveyState {
   std::vector<int> order() const;
   /// Keeps what a column says of the common errors when its ground has changed.
   void retire(const SurveyTile& tile, std::size_t i);
+  /// Do enough rays end about where a ray does?
+  bool is_met(const Vec3& end) const;
+  void see_through();
   void take_votes();
-  std::vector<ColumnChange> solve();
+  std::vector<SurveyChange> solve();
 
   /// Mean of columns of one origin in a square, of which the ground has changed.
   struct Retired {
@@ -79,6 +82,8 @@ struct SurveyState {
   std::map<Block, Retired> retired;
   std::vector<Estimate> lips;  // as last solved
   RayCounts rays;
+  std::vector<ThroughRay> through;  // since scans were applied
+  bool is_solved = true;            // no scan came since
   double sigma_m3 = 0;         // of the last solution
 };
 

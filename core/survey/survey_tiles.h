@@ -52,10 +52,24 @@ struct ScanHits {
   ScanSums sums;                      ///< with residuals of 0
 };
 
+/// A ray that ended farther away than the ground that it was to meet, m, world.
+struct ThroughRay {
+  Vec3 from, to;
+  double met_m, sigma_m;  ///< range of that ground; standard deviation of the ray's own
+
+  bool operator<(const ThroughRay& other) const {
+    const auto key = [](const ThroughRay& r) {
+      return std::array{r.to.x(),   r.to.y(),   r.to.z(), r.from.x(),
+                        r.from.y(), r.from.z(), r.met_m,  r.sigma_m};
+    };
+    return key(*this) < key(other);
+  }
+};
+
 /// What speaks against a column's height, since its ground last changed or scans were applied.
 struct ScanVotes {
-  std::int64_t through = 0;                            ///< rays that went through its soil
-  std::int64_t ceiling = 0;                            ///< lowest of them, from the column's top
+  std::int64_t through = 0;  ///< rays that went through its soil, while scans are applied
+  std::int64_t ceiling = 0;  ///< lowest of them, from the column's top
   std::map<int, std::map<int, ScanHits>> hits = {};       ///< by height, and by sensor
 };
 

@@ -67,6 +67,9 @@ std::string to_json(const Summary& s) {
                         {"bucket_m3", m.bucket_m3},
                         {"cut_m3", m.cut_m3},
                         {"bad_rows", m.bad_rows}});
+    if (m.lip_error_m)
+      machines.back()["lip_error_m"] = {{"mean", m.lip_error_m->mean},
+                                        {"sigma", m.lip_error_m->sigma}};
     if (!s.moved) continue;
     machines.back()["bucket_kg"] = m.bucket_kg;
     if (m.capacity)
@@ -77,6 +80,9 @@ std::string to_json(const Summary& s) {
       {"cut", s.cut_m3},       {"captured", s.captured_m3},           {"displaced", s.displaced_m3},
       {"dumped", s.dumped_m3}, {"ground_change", s.ground_change_m3}, {"residual", s.residual_m3}};
   if (s.net) volumes.update({{"net_cut", s.net->cut_m3}, {"net_fill", s.net->fill_m3}});
+  if (s.surveyed)
+    volumes.update({{"surveyed_removed", s.surveyed->removed_m3},
+                    {"surveyed_added", s.surveyed->added_m3}});
   Json masses;
   if (const auto& m = s.moved) {
     volumes.update({{"spilled", m->spilled_m3},
@@ -90,6 +96,7 @@ std::string to_json(const Summary& s) {
               {"poured", m->poured_kg},
               {"in_flight", m->pending_kg},
               {"residual", m->residual_kg}};
+    if (m->surveyed_kg) masses["surveyed"] = *m->surveyed_kg;
   }
   Json json = {
       {"soilvdb", 1},

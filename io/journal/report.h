@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "soilvdb/capacity.h"
+#include "soilvdb/survey.h"
 
 namespace soilvdb::inline v0::io {
 
@@ -44,12 +45,18 @@ struct Summary {
     std::int64_t bad_rows = 0;  ///< in its motion
     double bucket_kg = 0;       ///< with moving soil only, as the next ones
     std::optional<Capacity> capacity = {};
+    std::optional<Estimate> lip_error_m = {};  ///< with scans only
   };
   /// With moving soil.
   struct Moved {
     double spilled_m3 = 0, poured_m3 = 0, hauled_m3 = 0, slid_m3 = 0, fill_m3 = 0;
     double ground_change_kg = 0, buckets_kg = 0, hauled_kg = 0, poured_kg = 0, pending_kg = 0,
            residual_kg = 0;
+    std::optional<double> surveyed_kg = {};  ///< with scans only
+  };
+  /// Volumes that scans corrected, in place.
+  struct SurveyedVolumes {
+    double removed_m3 = 0, added_m3 = 0;
   };
   std::string scenario;
   double voxel_size_m = 0;
@@ -63,6 +70,7 @@ struct Summary {
   };
   std::optional<Net> net = {};
   std::optional<Moved> moved;
+  std::optional<SurveyedVolumes> surveyed = {};
   std::vector<Machine> machines;
   double acknowledged_s = 0;               ///< the recording is safe on disk up to this time
   std::uint64_t acknowledged_updates = 0;  ///< and this number of updates

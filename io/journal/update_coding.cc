@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <stdexcept>
 
 #include "io/journal/journal_format.h"
+#include "io/mcap/compression.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -25,7 +27,7 @@ enum UpdateFlag : std::uint8_t {
   kSoilMoved = 64,  // spilled and slid volumes follow
 };
 constexpr int kKindAt = 7;
-constexpr std::uint64_t kKinds = 6, kKindMask = 15;
+constexpr std::uint64_t kKinds = 7, kKindMask = 15;
 constexpr unsigned kHasForce = 1u << 11;  // six doubles follow
 static_assert(kHasForce > kKindMask << (kKindAt - 1) && kHasForce >> kKindAt == kKindMask + 1);
 
@@ -93,6 +95,22 @@ bool take_samples(std::string_view& bytes, std::int64_t before, std::int64_t& va
 }
 
 }  // namespace
+
+std::string pack_survey(std::string_view record) {
+  std::string bytes;
+  put(bytes, std::uint64_t{record.size()});
+  return bytes + compress_zstd(record);
+}
+
+std::string unpack_survey(std::string_view bytes) {
+  std::uint64_t size = 0;
+  if (!try_take(bytes, size)) throw std::invalid_argument("the record of scans ends too early");
+  try {
+    return decompress_zstd(bytes, size);
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(std::string("the bytes of the record of scans ") + e.what());
+  }
+}
 
 void Series::append(std::string& bytes, double value) {
   std::int64_t scaled = 0;
@@ -175,6 +193,10 @@ void append_update(std::string& bytes, const JournalUpdate& update,
   }
   if (update.force)
     for (const double value : *update.force) put(bytes, value);
+  if (update.kind == JournalUpdate::Kind::kSurvey) {
+    append_count(bytes, update.survey.size());
+    bytes += update.survey;
+  }
   append_difference(bytes, 0, update.ns);
   const auto fresh = static_cast<std::size_t>(
       anew ? 0
@@ -222,6 +244,11 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
   if (flags & kHasForce)
     for (double& value : update.force.emplace())
       if (!try_take(bytes, value)) return false;
+  if (update.kind == JournalUpdate::Kind::kSurvey) {
+    if (!take_count(bytes, count) || count > bytes.size()) return false;
+    update.survey = bytes.substr(0, count);
+    bytes.remove_prefix(count);
+  }
   if (!take_difference(bytes, 0, update.ns) || !take_count(bytes, count) || count > bytes.size())
     return false;
   update.rows.joints = before.joints;

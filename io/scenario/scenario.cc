@@ -13,6 +13,7 @@
 #include "io/file/text.h"
 #include "io/motion/mcap_files.h"
 #include "io/scenario/earthmoving.h"
+#include "io/scenario/scans.h"
 #include "io/scenario/yaml_map.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/urdf.h"
@@ -275,6 +276,8 @@ struct Section {
   std::optional<MotionSource> motion;
   AngleUnit angles = AngleUnit::kRadians;
   OnBadRow on_bad_row = OnBadRow::kStop;
+  std::filesystem::path chain_file;
+  double lip_sigma_m = SiteMachine{}.lip_sigma_m;
 };
 
 /// Adds the files of a motion; machines may share one.
@@ -290,7 +293,7 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
   if (!scenario.has("machines") && scenario.has("pours")) return sections;
   for (const YamlMap& machine : scenario.maps(
            "machines", "machine",
-           {"name", "bucket", "tool", "motion", "angles", "bad_rows", "urdf", "base", "lip"})) {
+           {"name", "bucket", "tool", "motion", "angles", "bad_rows", "urdf", "base", "lip", "known"})) {
     const std::string name = names.take(machine, "machine");
     if (machine.has("bucket") && machine.has("tool"))
       machine.fail("tool", "a machine has a bucket or a tool, not both; remove one of them");
@@ -298,7 +301,9 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                               : read_bucket(machine, result.soil.has_value());
     if (!bucket.shape) warn_if_never_dumps(machine, name, bucket, result);
     sections.push_back({name, bucket, read_machine_chain(machine, result), std::nullopt,
-                        read_angle_unit(machine), read_on_bad_row(machine)});
+                        read_angle_unit(machine), read_on_bad_row(machine), {}});
+    if (machine.has("known"))
+      sections.back().lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
     if (motions == Motions::kRequired || machine.has("motion")) {
       sections.back().motion = read_motion_source(machine);
       add_inputs(*sections.back().motion, result);
@@ -309,7 +314,10 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                         "radians, and each is answered",
                                         key));
     }
-    if (sections.back().chain) result.inputs.push_back(machine.path("urdf"));
+    if (sections.back().chain) {
+      sections.back().chain_file = machine.path("urdf");
+      result.inputs.push_back(machine.path("urdf"));
+    }
   }
   return sections;
 }
@@ -331,7 +339,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
                        Motions motions) {
   const YamlMap map = YamlMap::load(file, "scenario",
                                     {"soilvdb", "name", "voxel_size", "terrain", "soil", "machines",
-                                     "pours", "hoppers", "output"});
+                                     "pours", "hoppers", "sensors", "scans", "output"});
   check_version(map);
   Scenario scenario;
   scenario.file = file;
@@ -359,6 +367,8 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   for (const Section& section : sections) {
     if (!section.motion) {
       scenario.machines.emplace_back(section.name, section.bucket, section.chain);
+      scenario.machines.back().chain_file = section.chain_file;
+      scenario.machines.back().lip_sigma_m = section.lip_sigma_m;
       continue;
     }
     SweptBoxes swept;
@@ -373,7 +383,10 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
     scenario.machines.emplace_back(section.name, section.bucket, std::move(motion),
                                    std::move(swept));
     scenario.machines.back().chain = section.chain;
+    scenario.machines.back().chain_file = section.chain_file;
+    scenario.machines.back().lip_sigma_m = section.lip_sigma_m;
   }
+  read_scan_inputs(map, scenario);
   return scenario;
 }
 

@@ -75,6 +75,14 @@ YamlMap YamlMap::load(const std::filesystem::path& file, std::string what,
 bool YamlMap::has(const std::string& key) const { return node_[key].IsDefined(); }
 bool YamlMap::is_map(const std::string& key) const { return has(key) && node_[key].IsMap(); }
 
+std::vector<std::string> YamlMap::keys(const std::string& key) const {
+  const YAML::Node node = at(key);
+  if (!node.IsMap()) fail(key, fmt::format("{} must be a map", key));
+  std::vector<std::string> names;
+  for (const auto& entry : node) names.push_back(entry.first.as<std::string>());
+  return names;
+}
+
 YAML::Node YamlMap::at(const std::string& key) const {
   YAML::Node node = node_[key];
   if (!node.IsDefined()) fail(node_, fmt::format("key '{}' is missing in {}", key, what_));

@@ -28,6 +28,8 @@ class YamlMap {
 
   bool has(const std::string& key) const;
   bool is_map(const std::string& key) const;
+  /// Keys of the map under `key`, in the file's order.
+  std::vector<std::string> keys(const std::string& key) const;
   /// The map or list under `key`; throws if it is missing.
   YamlMap map(const std::string& key, std::vector<std::string> known) const;
   std::vector<YamlMap> maps(const std::string& key, const std::string& what,

@@ -57,6 +57,7 @@ Run::Run(RunConfig config, io::Scenario scenario, RunFolder& folder, ResumePoint
       time_s_(schedule_.begin_s()) {
   if (!step_) throw io::InputError(schedule_.stops_at());
   site_.records_force = scenario_.force;
+  site_.scans = scenario_.scans;
   if (const auto mb = config_.options.memory_mb)
     site_.site.ground->set_memory_limit(static_cast<std::uint64_t>(*mb) << 20,
                                         std::make_shared<io::SwapFile>(folder_.path()));

@@ -55,6 +55,10 @@ RunOutputs::RunOutputs(const RunConfig& config, const io::Scenario& scenario, Ru
 }
 
 void RunOutputs::add(const io::JournalUpdate& update) {
+  if (update.kind == io::JournalUpdate::Kind::kSurvey) {
+    summary_.updates.add(static_cast<double>(update.ns) / kNsPerUs);
+    return;
+  }
   PartialUpdate& sum = under_way_[update.machine];
   sum.ns += update.ns;
   sum.cut_samples += update.cut_samples;
@@ -175,11 +179,14 @@ void RunOutputs::summarise(bool stopped) {
   const Tracker& tracker = site_.tracker();
   RunTotals totals{
       *site_.site.ground,       scenario_.soil,     tracker.total(), tracker.mass_balance(), {},
-      config_.change_before_m3, config_.mass_before};
+      config_.change_before_m3, config_.mass_before, {}};
+  if (!scenario_.scans.empty()) totals.surveyed = tracker.surveyed();
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const io::MachineInput& machine = scenario_.machines[i];
     totals.machines.push_back(
-        {machine.name, machine.bucket, tracker.ledger(i), machine.motion.bad_rows().count});
+        {machine.name, machine.bucket, tracker.ledger(i), machine.motion.bad_rows().count, {}});
+    if (const auto lips = site_.lip_errors_m(); !lips.empty())
+      totals.machines.back().lip_error_m = lips[i];
   }
   put_totals(totals, summary_);
   if (scenario_.soil) warn_of_soil(stopped);

@@ -27,8 +27,11 @@ void put_moved(const RunTotals& totals, io::Summary& summary) {
   const auto kg = [&](std::int64_t mass) { return units.kg(mass, sample_m3, *totals.properties); };
   const std::int64_t ground = balance.ground - totals.mass_before;
   const std::int64_t residual =
-      ground + totals.total.load + balance.pending + balance.hauled - balance.poured;
-  const std::int64_t expected = balance.fill_samples - balance.failed_samples - totals.total.cut();
+      ground + totals.total.load + balance.pending + balance.hauled - balance.poured -
+      balance.surveyed;
+  const Surveyed surveyed = totals.surveyed.value_or(Surveyed());
+  const std::int64_t expected = balance.fill_samples - balance.failed_samples -
+                                totals.total.cut() + surveyed.added - surveyed.removed;
   const std::int64_t samples = std::llround(summary.ground_change_m3 / sample_m3);
   summary.residual_m3 = static_cast<double>(samples - expected) * sample_m3;
   io::Summary::Moved& moved = summary.moved.emplace(io::Summary::Moved{});
@@ -42,6 +45,7 @@ void put_moved(const RunTotals& totals, io::Summary& summary) {
   moved.hauled_kg = kg(balance.hauled);
   moved.poured_kg = kg(balance.poured);
   moved.pending_kg = kg(balance.pending);
+  if (totals.surveyed) moved.surveyed_kg = kg(balance.surveyed);
   moved.residual_kg = kg(residual);
   for (std::size_t i = 0; i < totals.machines.size(); ++i) {
     summary.machines[i].bucket_kg = kg(totals.machines[i].ledger.load);
@@ -60,6 +64,11 @@ void put_totals(const RunTotals& totals, io::Summary& summary) {
   summary.dumped_m3 = totals.total.dumped_m3();
   summary.ground_change_m3 = ground.change_m3() - totals.change_before_m3;
   summary.residual_m3 = summary.ground_change_m3 + summary.cut_m3;
+  if (const auto& surveyed = totals.surveyed) {
+    summary.surveyed = {static_cast<double>(surveyed->removed) * ground.sample_m3(),
+                        static_cast<double>(surveyed->added) * ground.sample_m3()};
+    summary.residual_m3 += summary.surveyed->removed_m3 - summary.surveyed->added_m3;
+  }
   summary.net.reset();
   if (totals.change_before_m3 == 0) {
     const io::CutAndFill net = io::cut_and_fill(ground);
@@ -69,6 +78,8 @@ void put_totals(const RunTotals& totals, io::Summary& summary) {
   for (const RunTotals::Machine& machine : totals.machines)
     summary.machines.push_back(
         {machine.name, machine.ledger.bucket_m3(), machine.ledger.cut_m3(), machine.bad_rows});
+  for (std::size_t i = 0; i < totals.machines.size(); ++i)
+    summary.machines[i].lip_error_m = totals.machines[i].lip_error_m;
   if (totals.properties) put_moved(totals, summary);
   summary.leaves = ground.chunks().size();
   summary.active_voxels = ground.active_voxels();

@@ -22,6 +22,7 @@ struct RunTotals {
     Bucket bucket;
     Ledger ledger;
     std::int64_t bad_rows = 0;
+    std::optional<Estimate> lip_error_m = {};  ///< where there were scans
   };
   const Ground& ground;
   std::optional<SoilProperties> properties;  ///< empty: soil is rigid
@@ -31,6 +32,7 @@ struct RunTotals {
   /// Of a site that was dug before: its ground's earlier change in volume and mass.
   double change_before_m3 = 0;
   std::int64_t mass_before = 0;
+  std::optional<Surveyed> surveyed = {};  ///< where there were scans
 };
 
 /// Adds volumes, masses, machines, and the ground's size and hash to a summary.

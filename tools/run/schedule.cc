@@ -27,6 +27,12 @@ Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> upd
     begin_s_ = std::min(begin_s_, pour.begin_s);
     end_s_ = std::max(end_s_, pour.end_s);
   }
+  for (const io::ScanInput& scan : scenario.scans) {
+    scans_s_.push_back(scan.time_s);
+    begin_s_ = std::min(begin_s_, scan.time_s);
+    end_s_ = std::max(end_s_, scan.time_s);
+    ++total_;
+  }
 }
 
 std::optional<Step> Schedule::next() {
@@ -38,6 +44,14 @@ std::optional<Step> Schedule::next() {
   for (PourCursor& pour : pours_) {
     if (!pour.at_end() && (!first_pour || pour.until_s() < first_pour->until_s()))
       first_pour = &pour;
+  }
+  if (scanned_ < scans_s_.size()) {
+    // A scan sees what was done at its time.
+    const double time_s = scans_s_[scanned_];
+    const bool is_next = (!first || time_s < first->until_s()) &&
+                         (!first_pour || time_s < first_pour->until_s());
+    if (is_next && (time_s > stop_s_ || stop_s_ <= begin_s_)) return std::nullopt;
+    if (is_next) return Step{cursors_.size() + pours_.size() + scanned_++, time_s, time_s, {}, true};
   }
   if (first_pour && (!first || first_pour->until_s() < first->until_s())) {
     if (first_pour->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;

@@ -17,7 +17,7 @@
 namespace soilvdb::tools {
 
 /// Machine `machine` moves over [begin_s, end_s]: an update, or a piece of one. Pours are numbered
-/// after the machines, and have no motion.
+/// after the machines, and scans after the pours. These have no motion.
 struct Step {
   std::size_t machine = 0;
   double begin_s = 0, end_s = 0;
@@ -96,6 +96,8 @@ class Schedule {
   };
   std::vector<Cursor> cursors_;
   std::vector<PourCursor> pours_;
+  std::vector<double> scans_s_;  ///< times of scans
+  std::size_t scanned_ = 0;      ///< scans that were taken
   std::int64_t total_ = 0;
   double begin_s_ = 0, end_s_ = 0;
   double stop_s_;

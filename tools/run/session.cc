@@ -298,15 +298,23 @@ StepResult Session::come_to_rest() noexcept {
 
 StepResult Session::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
   State& s = *state_;
-  if (s.recorder)
-    return {Status::kFailed, "scans are not recorded; stop the recording, or make a site without"};
   s.settings.floats = false;
   const StepResult made = s.scan(sensor, points_m);
   if (made.ok()) ++s.fed_count;
   return made;
 }
 
-StepResult Session::apply_scans(Survey& survey) noexcept { return state_->apply_scans(survey); }
+StepResult Session::apply_scans(Survey& survey) noexcept {
+  State& s = *state_;
+  std::string record;
+  return s.recorded<StepResult>(
+      [&] { return static_cast<Site&>(s).apply_scans(survey, s.recorder ? &record : nullptr); },
+      [&](StepResult& made) {
+        io::JournalUpdate update{.end_s = s.last_s().value_or(kNoTime), .kind = Kind::kSurvey};
+        if (s.recorder) update.survey = io::pack_survey(record);
+        s.record(update, made);
+      });
+}
 
 void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
   state_->sigmas(xy_m, sigmas_m);

@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <utility>
 
+#include "soilvdb/io/point_cloud.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
@@ -40,7 +42,7 @@ std::optional<double> time_of(const io::JournalUpdate& update) {
 SiteModel model_of(const io::Scenario& scenario) {
   SiteModel model{{}, {scenario.soil, scenario.pours, scenario.hoppers}};
   for (const io::MachineInput& machine : scenario.machines)
-    model.machines.push_back({machine.name, machine.bucket, machine.chain});
+    model.machines.push_back({machine.name, machine.bucket, machine.chain, machine.lip_sigma_m});
   return model;
 }
 
@@ -166,7 +168,12 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
     std::array<double, 6>& six = made.back().force.emplace();
     std::copy_n(force.moment.data(), 3, std::copy_n(force.force.data(), 3, six.begin()));
   };
+  const std::size_t first_scan = model_->machines.size() + model_->earthmoving.pours.size();
   for (std::size_t i = 0; i < steps.size();) {
+    if (steps[i].machine >= first_scan) {
+      made.push_back(take_scan(steps[i++]));
+      continue;
+    }
     if (!steps[i].motion) {
       record(steps[i], tracker_->pour(steps[i].machine - model_->machines.size(), steps[i].end_s));
       ++i;
@@ -177,9 +184,39 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
     for (std::size_t k = i; k < end && steps[k].motion; ++k)
       moves.push_back(
           {steps[k].machine, {}, steps[k].motion.get(), steps[k].begin_s, steps[k].end_s});
-    for (const Update& update : tracker_->update(moves)) record(steps[i++], update);
+    for (const Update& update : make(moves)) record(steps[i++], update);
   }
   return made;
+}
+
+/// Corrects the ground by the scan of a step.
+io::JournalUpdate SiteState::take_scan(const Step& step) {
+  const auto begin = std::chrono::steady_clock::now();
+  const std::size_t first = model_->machines.size() + model_->earthmoving.pours.size();
+  const io::ScanInput& scan = scans[step.machine - first];
+  Sensor sensor = scan.sensor;
+  if (scan.machine) {
+    const std::optional<Input>& input = inputs_[*scan.machine];
+    const std::string where = fmt::format("{}: scan at {} s", scan.file.string(), step.end_s);
+    if (!input || (scan.link && input->joints.empty()))
+      throw std::runtime_error(fmt::format("{}: {} has no place yet, which carries the sensor", where,
+                                           name(*scan.machine)));
+    sensor.pose = scan.world_from_link(input->pose, input->joints) * sensor.pose;
+  }
+  std::vector<Vec3> points_m = io::read_points(scan.file).points_m;
+  if (!scan.in_world)
+    for (Vec3& point : points_m) point = sensor.pose * point;
+  Survey survey;
+  std::string record;
+  StepResult made = Site::scan(sensor, points_m);
+  if (made.ok()) made = apply_scans(survey, &record);
+  if (!made.ok()) throw std::runtime_error(fmt::format("{}: {}", scan.file.string(), made.why));
+  return {.machine = static_cast<std::uint32_t>(step.machine),
+          .begin_s = step.begin_s,
+          .end_s = step.end_s,
+          .ns = std::chrono::nanoseconds(std::chrono::steady_clock::now() - begin).count(),
+          .kind = io::JournalUpdate::Kind::kSurvey,
+          .survey = io::pack_survey(record)};
 }
 
 void SiteState::require_mover(std::size_t i, const io::JournalUpdate& update) const {
@@ -206,7 +243,8 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
   using Kind = io::JournalUpdate::Kind;
   for (std::size_t i = 0; i < updates.size();) {
     const io::JournalUpdate& first = updates[i];
-    if (first.kind != Kind::kPours && first.kind != Kind::kRest) require_mover(i, first);
+    if (first.kind != Kind::kPours && first.kind != Kind::kRest && first.kind != Kind::kSurvey)
+      require_mover(i, first);
     std::size_t end = i + 1;
     try {
       switch (first.kind) {
@@ -221,7 +259,7 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
             moves.push_back(move_of(updates[end], motions));
             follow(updates[end]);
           }
-          const std::vector<Update> made = tracker_->update(moves);
+          const std::vector<Update> made = make(moves);
           for (std::size_t k = i; k < end; ++k) require_same(k, updates[k], made[k - i]);
           break;
         }
@@ -244,6 +282,9 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
           break;
         case Kind::kClock:
           follow(first);
+          break;
+        case Kind::kSurvey:
+          repeat_scans(io::unpack_survey(first.survey));
       }
     } catch (const UpdateDiffers&) {
       throw;

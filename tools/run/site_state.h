@@ -66,8 +66,11 @@ struct SiteState : Site {
   io::Site site;  ///< the ground, and where it comes from
   MassUnits units;
   bool records_force = false;  ///< advance() records forces of soil on buckets; not copied
+  /// Scans that advance() takes, numbered after the pours; not copied.
+  std::span<const io::ScanInput> scans = {};
 
  private:
+  io::JournalUpdate take_scan(const Step& step);
   void follow(const io::JournalUpdate& update);
   Pose row_pose(std::size_t machine, const io::MotionRows& rows, std::size_t row) const;
   Move move_of(const io::JournalUpdate& update,

@@ -67,6 +67,9 @@ void print_summary(const io::Summary& s, double motion_s, const RunFolder& folde
   } else {
     cubic_metres("dumped", s.dumped_m3);
   }
+  if (s.surveyed)
+    line("surveyed", fmt::format("removed {} m³, added {} m³", number(s.surveyed->removed_m3),
+                                 number(s.surveyed->added_m3)));
   print_machines(s.machines);
   line("balance",
        s.moved ? fmt::format("{} m³, {} kg of {} kg", residual(s.residual_m3),

@@ -141,8 +141,14 @@ class Site {
   StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
   /// Corrects the ground by all scans so far; without any nothing changes. What scans add or remove
   /// is in Tracker::surveyed(); loads stay.
-  /// @param survey what was changed
-  StepResult apply_scans(Survey& survey) noexcept;
+  /// @param survey what was changed @param record receives what repeat_scans() takes; null: nobody
+  /// needs it
+  StepResult apply_scans(Survey& survey, std::string* record = nullptr) noexcept;
+  /// Corrects the ground as apply_scans() did in another copy of this site, of which it has the
+  /// state from then on. @throw std::invalid_argument for bytes of another site
+  void repeat_scans(std::string_view record);
+  /// Of each machine: its lip's height as told less the true, as scans know it; empty before any.
+  std::vector<Estimate> lip_errors_m() const;
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
   /// by scans. @throw as HeightMap::at()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
@@ -176,6 +182,8 @@ class Site {
   /// Lets the pours fall that precede a move to a time, if the time is known.
   void pour_before(std::optional<double> time_s);
   void pour_until(double until_s);
+  /// Makes moves; one by one if it must be known which machine dug what.
+  std::vector<Update> make(std::span<const Move> moves);
   /// Makes all later updates fail: an update was applied in part.
   void fail(const std::string& why) noexcept;
 
@@ -185,6 +193,7 @@ class Site {
   std::vector<std::optional<Input>> inputs_;  // per machine
   bool at_rest_ = false;                      // soil has come to rest at the end of a run
   std::string broken_ = {};  // why the site refuses all updates; empty: it does not
+  std::unique_ptr<GroundSurvey> survey_ = {};  // from the first scan on
 
  private:
   template <typename Result, typename Work>
@@ -192,11 +201,10 @@ class Site {
   Move move(const MachineState& state, std::optional<Input>& last,
             std::deque<Motion>& motions) const;
 
+  GroundSurvey& survey();
+
   std::optional<double> poured_s_ = {};     // time up to which pours have fallen
   std::optional<double> next_pour_s_ = {};  // no part falls earlier
-  GroundSurvey& survey();
-  void tell_survey(std::span<const std::size_t> machines);
-  std::unique_ptr<GroundSurvey> survey_;  // from the first scan on
 };
 
 }  // namespace soilvdb::inline v0

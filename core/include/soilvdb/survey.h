@@ -52,7 +52,7 @@ struct Survey {
 };
 
 /// Samples to be removed from a column, or added to it, in the shape of the ground's slope.
-struct ColumnChange {
+struct SurveyChange {
   Coord2 cell;               ///< x, y
   double top = 0;            ///< height of the column, index space
   std::int64_t samples = 0;  ///< to be added; negative: to be removed
@@ -80,18 +80,20 @@ class GroundSurvey {
   GroundSurvey(Ground& clone, const GroundSurvey& other);
   ~GroundSurvey();
 
-  /// The ground changed by work of these machines. @param lips their places, world
-  void worked(std::span<const std::size_t> machines, std::span<const Vec3> lips);
+  /// What changed since the last call is this machine's work.
+  void worked(std::size_t machine);
   /// Takes a scan. @param points_m where its rays ended, world
   /// @param buckets poses of the machines that have one; rays that meet a bucket are not used
   /// @throw std::invalid_argument for a bad sensor or point, with its number; nothing is taken
   void scan(const Sensor& sensor, std::span<const Vec3> points_m, std::span<const Pose* const> buckets);
   /// What all scans so far say. @return changes of the ground that are worth it; the caller makes
   /// them, and calls applied()
-  std::vector<ColumnChange> solve();
+  std::vector<SurveyChange> solve();
   /// After the changes of solve() were made. Its volumes are left to the caller.
   Survey applied();
 
+  /// Of each machine, as last solved.
+  const std::vector<Estimate>& lip_errors_m() const;
   /// Sigma of the heights of the columns at places, m; NaN without ground.
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
 

@@ -162,7 +162,7 @@ class Tracker {
 
   /// Changes columns as scans say. Added soil is loose where soil moves. It stays as it is, however
   /// steep, until something else changes the ground there.
-  void correct(std::span<const ColumnChange> changes);
+  void correct(std::span<const SurveyChange> changes);
   const Surveyed& surveyed() const { return surveyed_; }
 
   const Ledger& ledger(std::size_t machine) const;

@@ -42,7 +42,8 @@ struct JournalUpdate {
     kPours,  ///< soil of all pours fell up to end_s
     kRest,   ///< moving soil came to rest
     kClock,  ///< a machine's clock was set: its next time may be before its last
-    kPlace   ///< a machine was taken to the pose of the only row
+    kPlace,  ///< a machine was taken to the pose of the only row
+    kSurvey  ///< scans corrected the ground, as `survey` says; scans are numbered after the pours
   };
   /// Is it of a machine that `rows` took to a pose?
   bool has_rows() const { return kind == Kind::kMove || kind == Kind::kPlace; }
@@ -59,6 +60,7 @@ struct JournalUpdate {
   /// Of the soil on the bucket after it, bucket frame, at the middle of the lip: force, N, and
   /// moment, N m; if the run records it.
   std::optional<std::array<double, 6>> force = {};
+  std::string survey = {};  ///< compressed, as Site::apply_scans() records it
 };
 /// A file that was finished after this many updates.
 struct JournalFile {
@@ -86,6 +88,11 @@ struct JournalExtent {
     if (std::isfinite(update.end_s)) time_s = update.end_s;
   }
 };
+
+/// Compresses what a survey's update holds, and back.
+/// @throw std::invalid_argument for other bytes
+std::string pack_survey(std::string_view record);
+std::string unpack_survey(std::string_view bytes);
 
 struct UpdateBefore;  // io/journal/update_coding.h
 

@@ -21,6 +21,8 @@
 #include "soilvdb/io/motion_file.h"
 #include "soilvdb/io/swept_boxes.h"
 #include "soilvdb/motion.h"
+#include "soilvdb/site.h"
+#include "soilvdb/survey.h"
 
 namespace soilvdb::inline v0::io {
 
@@ -55,8 +57,25 @@ struct MachineInput {
   MotionFile motion;
   SweptBoxes swept;            ///< of the bucket
   std::optional<Chain> chain;  ///< of a machine that moves by joints
+  std::filesystem::path chain_file;  ///< its URDF; empty without
+  double lip_sigma_m = SiteMachine{}.lip_sigma_m;
 
   bool has_motion() const { return motion.rows() > 0; }
+};
+
+/// A scan that corrects the ground at a time.
+struct ScanInput {
+  std::filesystem::path file;
+  double time_s = 0;
+  bool in_world = false;  ///< points are the world's; else the sensor's
+  Sensor sensor;          ///< its pose is in the world, or on `machine`
+  std::optional<std::size_t> machine = {};  ///< whose link carries the sensor
+  std::optional<Chain> link = {};           ///< to that link; without it the bucket is meant
+  /// Of the joints of `link`, their numbers among those of the machine.
+  std::vector<std::size_t> joints = {};
+
+  /// @param pose of the machine's bucket @param values of its joints
+  Pose world_from_link(const Pose& pose, const std::vector<double>& values) const;
 };
 
 struct Scenario {
@@ -68,6 +87,7 @@ struct Scenario {
   std::optional<SoilProperties> soil;  ///< empty: soil is rigid
   std::vector<Pour> pours;      ///< names are unique and differ from machines'; only with soil
   std::vector<Hopper> hoppers;  ///< the same; no two in the same place at the same time
+  std::vector<ScanInput> scans;  ///< by time
   std::optional<double> snapshot_every_s;
   bool incremental_snapshots = false;
   std::optional<std::size_t> snapshots_kept;  ///< number of newest ones, 2 or more; empty: all

@@ -121,7 +121,8 @@ class Session {
   StepResult reset_clock(std::size_t machine) noexcept;
   /// Soil that is too steep or overhangs comes to rest, as at the end of a run.
   StepResult come_to_rest() noexcept;
-  /// Takes what a sensor saw, see Site::scan(). A recorded session refuses it.
+  /// Takes what a sensor saw, see Site::scan(). What apply_scans() corrects is recorded; a scan
+  /// that was not applied yet is not.
   StepResult scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept;
   /// Corrects the ground by all scans so far. @param survey what was changed
   StepResult apply_scans(Survey& survey) noexcept;
