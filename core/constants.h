@@ -765,10 +765,6 @@ inline constexpr std::int64_t kScanVotes = 6;
 /// Share of a column's rays that must agree on it. With a smaller one walls and edges, whose rays
 /// end at any height, make ground.
 inline constexpr double kScanShare = 0.15;
-/// Parts of a column, of 16, that rays ended in, and rays for each of these, from which on a part
-/// without any was not seen. With smaller numbers sparse rays leave ground as it was.
-inline constexpr int kDenseCells = 4;
-inline constexpr std::int64_t kDenseRays = 2;
 /// Integers of the area that a ray of 1 m straight down stands for.
 inline constexpr double kScanArea = 16;
 /// Parts of a column by which the height of one with an edge in it errs: the edge's place is known

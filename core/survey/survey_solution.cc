@@ -160,59 +160,91 @@ Level level_at(const ScanVotes& votes, int first, int last) {
   return level;
 }
 
+int extent_of(const std::array<std::int64_t, 16>& areas) {
+  return static_cast<int>(std::count_if(areas.begin(), areas.end(), [](auto a) { return a > 0; }));
+}
+
 /// What hits say of a column, if enough of them agree. An edge may go through a column, so heights
-/// are taken by its quarters along both axes.
+/// are taken by its quarters along both axes. Hits on the face of a wall lie above each other, and
+/// so reach over few of these: they are left out.
 std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
   std::int64_t all = column.cells.rays;
+  std::map<int, std::int64_t> left;  // rays by bin
   for (const auto& [bin, hits] : votes.hits)
-    for (const auto& [sensor, of_sensor] : hits) all += of_sensor.rays;
+    for (const auto& [sensor, of_sensor] : hits) left[bin] += of_sensor.rays;
+  for (const auto& [bin, rays] : left) all += rays;
   const double least =
       std::max(static_cast<double>(kScanVotes), kScanShare * static_cast<double>(all));
-  std::map<int, Level> levels;  // bins that enough rays agree on
-  std::int64_t used = column.cells.rays;
-  for (const auto& [bin, hits] : votes.hits) {
-    if (static_cast<double>(level_at(votes, bin - 1, bin + 1).rays) < least) continue;
-    levels[bin] = level_at(votes, bin, bin);
-    used += levels[bin].rays;
+  struct Height {
+    double mean;  // m
+    int first_bin, last_bin;
+    std::array<std::int64_t, 16> areas;
+    std::int64_t rays;
+  };
+  std::vector<Height> heights;
+  for (;;) {
+    std::int64_t most = 0;
+    int best = 0;
+    for (const auto& [bin, rays] : left) {
+      std::int64_t near = 0;
+      for (auto at = left.lower_bound(bin - 1); at != left.end() && at->first <= bin + 1; ++at)
+        near += at->second;
+      if (near <= most) continue;
+      most = near;
+      best = bin;
+    }
+    if (static_cast<double>(most) < least) break;
+    int first = best, last = best;
+    if (left.contains(best - 1)) first = best - 1;
+    if (left.contains(best + 1)) last = best + 1;
+    const Level level = level_at(votes, first, last);
+    heights.push_back({kScanUnit_m * static_cast<double>(level.height) /
+                           static_cast<double>(level.rays),
+                       first, last, level.areas, level.rays});
+    for (int bin = first; bin <= last; ++bin) left.erase(bin);
   }
-  if (levels.empty()) return {};
-  const double old = column.rays == 0 ? 0
-                                      : kScanUnit_m * static_cast<double>(column.height) /
-                                            static_cast<double>(column.rays);
+  if (heights.empty()) return {};
+  if (column.cells.rays > 0) {
+    const double old = column.rays == 0 ? 0
+                                        : kScanUnit_m * static_cast<double>(column.height) /
+                                              static_cast<double>(column.rays);
+    heights.push_back({old, 1, 0, column.cells.areas, 0});
+  }
+  int widest = 0;
+  for (const Height& height : heights) widest = std::max(widest, extent_of(height.areas));
+  std::erase_if(heights, [&](const Height& height) { return 2 * extent_of(height.areas) < widest; });
   double sum = 0, squares = 0;
   int known = 0;
   for (std::size_t k = 0; k < column.cells.areas.size(); ++k) {
-    auto area = static_cast<double>(column.cells.areas[k]);
-    double height = area * old;
-    for (const auto& [bin, level] : levels) {
-      const auto more = static_cast<double>(level.areas[k]);
-      area += more;
-      height += more * kScanUnit_m * static_cast<double>(level.height) /
-                static_cast<double>(level.rays);
+    double area = 0, mean = 0;
+    for (const Height& height : heights) {
+      area += static_cast<double>(height.areas[k]);
+      mean += static_cast<double>(height.areas[k]) * height.mean;
     }
     if (area == 0) continue;
-    height /= area;
+    mean /= area;
     ++known;
-    sum += height;
-    squares += height * height;
+    sum += mean;
+    squares += mean * mean;
   }
-  const int cells = static_cast<int>(column.cells.areas.size());
-  // Where rays are dense, a quarter without any was not seen, and keeps its height.
-  const bool dense = known >= kDenseCells && used >= kDenseRays * known;
-  const double count = dense ? cells : known;
   Vote made;
-  made.rays = used - column.cells.rays;
-  made.height = sum / count;
-  made.spread = std::max(0.0, squares / count - made.height * made.height);
-  for (const auto& [bin, level] : levels) {
-    for (const auto& [sensor, hits] : votes.hits.at(bin)) {
-      ScanSums& of_sensor = made.sums[sensor];
-      of_sensor.rays += hits.rays;
-      of_sensor.weight += hits.sums.weight;
-      for (std::size_t n = 0; n < hits.sums.sees.size(); ++n)
-        of_sensor.sees[n] += hits.sums.sees[n];
+  made.height = sum / known;
+  made.spread = std::max(0.0, squares / known - made.height * made.height);
+  for (const Height& height : heights) {
+    made.rays += height.rays;
+    for (int bin = height.first_bin; bin <= height.last_bin; ++bin) {
+      const auto found = votes.hits.find(bin);
+      if (found == votes.hits.end()) continue;
+      for (const auto& [sensor, hits] : found->second) {
+        ScanSums& of_sensor = made.sums[sensor];
+        of_sensor.rays += hits.rays;
+        of_sensor.weight += hits.sums.weight;
+        for (std::size_t n = 0; n < hits.sums.sees.size(); ++n)
+          of_sensor.sees[n] += hits.sums.sees[n];
+      }
     }
   }
+  if (made.rays == 0) return {};
   return made;
 }
 
@@ -262,6 +294,7 @@ void SurveyState::take_votes() {
 }
 
 std::vector<SurveyChange> SurveyState::solve() {
+  sigma_m3 = 0;
   if (std::exchange(is_solved, true)) return {};
   take_votes();
   const double h = voxel_m();
