@@ -3,12 +3,13 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from ._force import Wrench
+from ._scan import ByMachine
 
 __version__: str
 
@@ -234,7 +235,22 @@ class Site:
     def pour(self, until: float) -> None: ...
     def reset_clock(self, machine: int | str) -> None: ...
     def come_to_rest(self) -> None: ...
-    def heights(self, xy: _Rows) -> npt.NDArray[np.float64]: ...
+    @overload
+    def heights(self, xy: _Rows, *, sigma: Literal[False] = ...) -> npt.NDArray[np.float64]: ...
+    @overload
+    def heights(
+        self, xy: _Rows, *, sigma: Literal[True]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
+    def scan(
+        self,
+        sensor: Sensor,
+        points: _Rows | None = ...,
+        *,
+        depth: _Rows | None = ...,
+        intrinsics: _Numbers | None = ...,
+        world: bool = ...,
+    ) -> None: ...
+    def apply_scans(self) -> Survey: ...
     def mesh_heights(self, xy: _Rows) -> npt.NDArray[np.float64]: ...
     def height_map(
         self,
@@ -296,6 +312,49 @@ class Site:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None: ...
+
+class Sensor:
+    def __init__(
+        self,
+        *,
+        position: _Numbers | None = ...,
+        rotation: _Numbers | None = ...,
+        pose: _Rows | None = ...,
+        name: str = ...,
+        range_sigma: float = ...,
+        range_squared_sigma: float = ...,
+        mount_height_sigma: float = ...,
+        mount_tilt_sigma: float = ...,
+        mount_scale_sigma: float = ...,
+    ) -> None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def position(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def rotation(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def range_sigma(self) -> float: ...
+    @property
+    def range_squared_sigma(self) -> float: ...
+    @property
+    def mount_height_sigma(self) -> float: ...
+    @property
+    def mount_tilt_sigma(self) -> float: ...
+    @property
+    def mount_scale_sigma(self) -> float: ...
+
+class Survey:
+    @property
+    def removed_m3(self) -> float: ...
+    @property
+    def added_m3(self) -> float: ...
+    @property
+    def sigma_m3(self) -> float: ...
+    @property
+    def lip_error(self) -> ByMachine: ...
+    @property
+    def rays(self) -> dict[str, int]: ...
 
 class Resistance:
     @property
