@@ -61,17 +61,21 @@ def measured(name, measure):
 
 
 def report(rows, out):
-    """Prints rows (figure, measured, unit, goal) with verdicts, and keeps them in goals.csv."""
+    """Prints rows (figure, measured, unit, goal) with verdicts, and keeps them in goals.csv. A goal is
+    "<= 1", ">= 1", "0.8 .. 1.3" or empty."""
     out.mkdir(parents=True, exist_ok=True)
     with open(out / "goals.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["figure", "measured", "unit", "goal"])
         for name, value, unit, goal in rows:
             writer.writerow([name, f"{value:.4g}", unit, goal])
-    wide = max(len(row[0]) for row in rows)
+    wide, tall = (max(8 * (k == 3), *(len(row[k]) for row in rows)) for k in (0, 3))
     for name, value, unit, goal in rows:
         verdict = ""
-        if goal:
+        if ".." in goal:
+            low, high = (float(limit) for limit in goal.split(".. "))
+            verdict = "PASS" if low <= value <= high else "miss"
+        elif goal:
             limit = float(goal.split()[1])
             verdict = "PASS" if (value <= limit if goal[0] == "<" else value >= limit) else "miss"
-        print(f"{name:{wide}} {value:10.4g} {unit:7} {goal:8} {verdict}")
+        print(f"{name:{wide}} {value:10.4g} {unit:7} {goal:{tall}} {verdict}")

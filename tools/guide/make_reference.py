@@ -98,7 +98,8 @@ def main():
     for node in stub.body:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             print(section(signature(node.name, node), getattr(soilvdb, node.name)))
-    print(section(f"run({arguments_of(soilvdb.run)})", soilvdb.run).strip())
+    written = (soilvdb.depth_image, soilvdb.lidar_turn, soilvdb.run)
+    print("\n".join(section(f"{f.__name__}({arguments_of(f)})", f) for f in written).strip())
 
 
 if __name__ == "__main__":

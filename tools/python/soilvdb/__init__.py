@@ -17,6 +17,7 @@ from . import _compiled as _compiled  # first: it names the Python that the rest
 from ._errors import NoGroundError, StateError
 from ._force import Identified, Wrench, identify
 from ._run import run
+from ._sensors import depth_image, lidar_turn
 from ._soilvdb import (
     Bucket,
     CutGeometry,
@@ -72,8 +73,10 @@ __all__ = [
     "Volume",
     "Wrench",
     "__version__",
+    "depth_image",
     "height_maps",
     "identify",
+    "lidar_turn",
     "motions",
     "plane",
     "points",
@@ -88,9 +91,9 @@ __all__ = [
 ]
 
 for _thing in (Bucket, CutGeometry, Hopper, Identified, Machine, Patch, Pour, Resistance, Sensor,
-               Site, Soil, Survey, Terrain, Update, Volume, Wrench, height_maps, identify, motions,
-               plane, points, raster, read_raster, resistances, snapshot, update_many,
-               write_raster):
+               Site, Soil, Survey, Terrain, Update, Volume, Wrench, depth_image, height_maps,
+               identify, lidar_turn, motions, plane, points, raster, read_raster, resistances,
+               snapshot, update_many, write_raster):
     _thing.__module__ = "soilvdb"  # where users find it, and pickle
 
 

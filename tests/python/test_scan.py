@@ -1,0 +1,394 @@
+# SPDX-FileCopyrightText: 2026 The soilvdb authors
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of scans, over random digs: which bits they give, which volumes they book, what they refuse."""
+
+import math
+
+import numpy as np
+import pytest
+
+import soilvdb
+
+PROFILE = [(0, 0), (-0.45, -0.1), (-0.85, 0.15), (-0.95, 0.55), (-0.7, 0.9), (0, 0.9)]
+LOAM = soilvdb.Soil(repose_angle=0.61, swell=0.25)
+VOXEL = 0.1
+SAMPLE_M3 = VOXEL**3 / 64
+SHAPE, INTRINSICS = (96, 128), (80.0, 80.0, 63.5, 47.5)
+AROUND = [(-3.5, -3.5), (3.5, -3.5), (3.5, 3.5), (-3.5, 3.5)]
+
+
+def product(p, q):
+    (a, b, c, d), (x, y, z, w) = p, q
+    return (d * x + a * w + b * z - c * y, d * y - a * z + b * w + c * x,
+            d * z + a * y - b * x + c * w, d * w - a * x - b * y - c * z)
+
+
+def looking(down, ahead=0.0):
+    """Rotation of a camera that looks along `ahead` (angle about z) and down by an angle, rad."""
+    turn = (0, 0, math.sin(ahead / 2), math.cos(ahead / 2))
+    lean = (0, math.sin(down / 2), 0, math.cos(down / 2))
+    return product(product(turn, lean), (-0.5, 0.5, -0.5, 0.5))
+
+
+def camera(position=(-4.0, 0.0, 3.5), rotation=None, name="camera", **sigmas):
+    given = {"range_sigma": 0.001, "range_squared_sigma": 0.001, **sigmas}
+    return soilvdb.Sensor(name=name, position=position, rotation=rotation or looking(0.75), **given)
+
+
+def dig(seed, lip=0.0, soil=None, buckets=1):
+    """A trench on rough ground; the machine reports its lip `lip` m too high."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.linspace(-6, 6, 61), np.linspace(-6, 6, 61))
+    hills = sum(rng.normal(0, 0.02) * np.sin(k * x + m * y + rng.uniform(0, 6))
+                for k in (0.5, 1, 2) for m in (-1.5, 0.3, 1.2))
+    terrain = soilvdb.raster(hills.astype(np.float32), origin=(-6, -6), cell=0.2)
+    site = soilvdb.Site(VOXEL, terrain, [soilvdb.Bucket(1.2, 0.9, PROFILE)] * buckets, soil=soil)
+    depth, yaw = rng.uniform(0.3, 0.5), rng.uniform(-0.4, 0.4)
+    s = np.linspace(-1.5, 1.5, 31)
+    way = np.array([math.cos(yaw), math.sin(yaw)])
+    down = 0.2 - (0.2 + depth) * np.minimum(1, 2 * (1.5 - np.abs(s)))
+    path = np.column_stack([s[:, None] * way, lip + down])
+    site.update_path(0, positions=path, rotations=np.tile(
+        (0, 0, math.sin(yaw / 2), math.cos(yaw / 2)), (31, 1)))
+    site.update(0, position=(*(1.8 * way), 1.5))
+    site.place(0, position=(-5, -5, 3))
+    return site
+
+
+def frames_of(site, sensor, count, seed=0):
+    return [soilvdb.depth_image(site, sensor, SHAPE, INTRINSICS, seed=seed + k) for k in range(count)]
+
+
+def points_of(depth):
+    """Points (N, 3) in the sensor's frame, of an image."""
+    fx, fy, cx, cy = INTRINSICS
+    u, v = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
+    return np.stack([(u - cx) / fx * depth, (v - cy) / fy * depth, depth], axis=-1).reshape(-1, 3)
+
+
+def applied(site, scans):
+    for sensor, points in scans:
+        site.scan(sensor, points)
+    return site.apply_scans()
+
+
+SCENES = [(1, None), (2, None), (3, LOAM)]
+
+
+class Scene:
+    """A site as it is believed to be, as it is, and scans (sensor, points) of how it is."""
+
+    def __init__(self, seed, soil):
+        self.seed, self.soil = seed, soil
+        self.true = dig(seed, 0.0, soil)
+        sensors = camera(), camera((3.5, -3.0, 3.0), looking(0.8, 2.4), "other")
+        self.scans = [(sensor, points_of(depth)) for sensor in sensors
+                      for depth in frames_of(self.true, sensor, 3, 10 * seed)]
+
+    def believed(self):
+        return dig(self.seed, 0.02, self.soil)
+
+
+@pytest.fixture(scope="module", params=SCENES, ids=["rigid 1", "rigid 2", "moving 3"])
+def scene(request):
+    return Scene(*request.param)
+
+
+def test_the_order_of_scans_and_their_split_do_not_show(scene):
+    scans = scene.scans
+    rng = np.random.default_rng(4)
+    sites = [scene.believed() for _ in range(4)]
+    surveys = [applied(sites[0], scans),
+               applied(sites[1], [scans[k] for k in rng.permutation(len(scans))]),
+               applied(sites[2], [(sensor, rng.permutation(points)) for sensor, points in scans])]
+    parts = [(sensor, part) for sensor, points in scans for part in np.array_split(points, 5)]
+    surveys.append(applied(sites[3], [parts[k] for k in rng.permutation(len(parts))]))
+    assert surveys[0].removed_m3 + surveys[0].added_m3 > 0
+    for site, survey in zip(sites[1:], surveys[1:]):
+        assert site.save() == sites[0].save()
+        assert (survey.removed_m3, survey.added_m3) == (surveys[0].removed_m3, surveys[0].added_m3)
+        assert survey.rays == surveys[0].rays
+
+
+@pytest.mark.parametrize(("seed", "soil"), SCENES)
+def test_a_scan_of_own_ground_without_noise_changes_nothing(seed, soil):
+    site = dig(seed, 0.0, soil)
+    was = site.ground_hash()
+    eye, lidar = camera(), soilvdb.Sensor(name="lidar", position=(-4, 0.5, 3), range_sigma=0.02)
+    for _ in range(4):
+        site.scan(eye, depth=soilvdb.depth_image(site, eye, SHAPE, INTRINSICS), intrinsics=INTRINSICS)
+        site.scan(lidar, soilvdb.lidar_turn(site, lidar, 32, 256))
+    survey = site.apply_scans()
+    assert survey.removed_m3 == survey.added_m3 == 0
+    assert site.ground_hash() == was
+    assert survey.rays["used"] > 0.5 * SHAPE[0] * SHAPE[1]
+    mean, sigma = survey.lip_error[0]
+    assert abs(mean) < 0.001 and 0 < sigma < 0.02
+
+
+def test_the_ledger_closes_with_what_was_surveyed(scene):
+    site, scans = scene.believed(), scene.scans
+    ledger, volume, was = site.ledger(), site.volume(AROUND), site.change_m3()
+    survey = applied(site, scans)
+    net = survey.added_m3 - survey.removed_m3
+    assert net < 0, "the trench is deeper than the machine reported"
+    assert site.change_m3() - was == pytest.approx(net, abs=SAMPLE_M3 / 2)
+    after = site.volume(AROUND)
+    assert after.net_m3 - volume.net_m3 == pytest.approx(net, abs=SAMPLE_M3 / 2)
+    for key in ("cut_m3", "captured_m3", "displaced_m3", "bucket_m3", "spilled_m3", "slid_m3"):
+        assert site.ledger()[key] == ledger[key], key
+    if scene.soil is None:
+        assert after.net_m3 == pytest.approx(net - ledger["cut_m3"], abs=SAMPLE_M3)
+    assert survey.sigma_m3 > 0
+
+
+def test_heights_and_lip_come_nearer_to_the_truth(scene):
+    site, scans = scene.believed(), scene.scans
+    xy = np.stack(np.meshgrid(np.arange(-1, 1.01, 0.1), [-0.2, 0.0, 0.2]), axis=-1).reshape(-1, 2)
+    exact = scene.true.heights(xy)
+    before, unsure = site.heights(xy, sigma=True)
+    np.testing.assert_array_equal(before, site.heights(xy))
+    mean, sigma = applied(site, scans).lip_error[0]
+    assert 0.005 < mean < 0.035 and abs(mean - 0.02) < 3 * sigma and sigma < 0.02
+    after, sure = site.heights(xy, sigma=True)
+    assert np.abs(after - exact).mean() < 0.6 * np.abs(before - exact).mean()
+    assert after.shape == sure.shape == (len(xy),) and (sure > 0).all() and (sure < unsure).mean() > 0.9
+    nowhere = site.heights([(50.0, 50.0)], sigma=True)
+    assert np.isnan(nowhere[0]).all() and np.isnan(nowhere[1]).all()
+
+
+@pytest.mark.parametrize("shift", [-0.03, 0.02, 0.05])
+def test_a_sensor_that_hangs_higher_leaves_the_trench_as_deep(shift):
+    believed, true = dig(5, 0.02), dig(5, 0.0)
+    eye = camera(mount_height_sigma=0.5)
+    told = camera((-4.0, 0.0, 3.5 + shift), mount_height_sigma=0.5)
+    images = frames_of(true, eye, 4)
+    floor = np.stack(np.meshgrid(np.arange(-0.6, 0.61, 0.1), [-0.1, 0.0, 0.1]), axis=-1).reshape(-1, 2)
+    beside = np.stack(np.meshgrid(np.arange(-1.5, 1.6, 0.1), [-1.8, 1.8]), axis=-1).reshape(-1, 2)
+    depths = []
+    for sensor in (eye, told):
+        site = believed.clone()
+        applied(site, [(sensor, points_of(image)) for image in images])
+        depths.append(site.heights(beside).mean() - site.heights(floor).mean())
+    # Columns stay as they are if less than 4 samples of a voxel's 64 would change: 2 in the mean.
+    assert depths[0] == pytest.approx(depths[1], abs=2 * VOXEL / 64)
+
+
+def block(out):
+    """Level ground with a dug strip, its ranges with a box of 1 m3 taken out or put down, and a camera
+    above."""
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
+    site.update_path(0, positions=[(x, -2.5, -0.2) for x in np.linspace(-2, 0, 21)])
+    site.place(0, position=(-6, -3, 3))
+    shape, intrinsics = (180, 240), (130.0, 130.0, 119.5, 89.5)
+    eye = np.array([0.45, 0.45, 4.0])
+    sensor = soilvdb.Sensor(position=eye, rotation=(1, 0, 0, 0), range_sigma=0.005)
+    u, v = np.meshgrid((np.arange(240) - 119.5) / 130, (np.arange(180) - 89.5) / 130)
+    ways = np.stack([u, -v, -np.ones(shape)], axis=-1)   # one metre down each
+    # 10 x 10 columns, which stand on multiples of the voxel.
+    low = np.array([-0.05, -0.05, -1.0 if out else 0.0])
+    high = np.array([0.95, 0.95, 0.0 if out else 1.0])
+    depth = soilvdb.depth_image(site, sensor, shape, intrinsics)
+    with np.errstate(divide="ignore"):
+        a, b = (low - eye) / ways, (high - eye) / ways
+    enter, leave = np.minimum(a, b).max(axis=-1), np.maximum(a, b).min(axis=-1)
+    if out:
+        at = eye[:2] + eye[2] * ways[..., :2]
+        inside = ((at > low[:2]) & (at < high[:2])).all(axis=-1)
+        depth = np.where(inside, leave, depth)
+    else:
+        depth = np.where(enter < leave, np.minimum(enter, depth), depth)
+    return site, sensor, depth, intrinsics
+
+
+@pytest.mark.parametrize("out", [True, False], ids=["out", "down"])
+def test_a_block_of_one_cubic_metre_is_surveyed(out):
+    site, sensor, depth, intrinsics = block(out)
+    load, cut = site.ledger()["bucket_m3"], site.ledger()["cut_m3"]
+    assert load > 0.3
+    for _ in range(8):
+        site.scan(sensor, depth=depth, intrinsics=intrinsics)
+    survey = site.apply_scans()
+    booked, other = survey.removed_m3, survey.added_m3
+    if not out:
+        booked, other = other, booked
+    assert booked == pytest.approx(1.0, abs=0.005) and other < 0.005
+    assert site.ledger()["bucket_m3"] == load and site.ledger()["cut_m3"] == cut
+    assert survey.rays["through" if out else "new"] > 100
+
+
+def test_applied_twice_is_applied_once(scene):
+    site, scans = scene.believed(), scene.scans
+    first = applied(site, scans)
+    state = site.save()
+    again = site.apply_scans()
+    assert again.removed_m3 == again.added_m3 == 0
+    assert site.save() == state
+    assert again.lip_error[0] == first.lip_error[0]
+
+
+def test_clones_and_restored_sites_continue_alike(scene):
+    site, scans = scene.believed(), scene.scans
+    applied(site, scans[:2])
+    for sensor, points in scans[2:4]:   # not applied yet
+        site.scan(sensor, points)
+    restored = scene.believed()
+    restored.restore(site.save())
+    others = [site.clone(), restored]
+    for other in (site, *others):
+        applied(other, scans[4:])
+        other.update(0, position=(0, 0.5, 1.5))
+        other.update(0, position=(0.3, 0.5, -0.6))   # cuts, and begins an epoch
+        applied(other, scans[:1])
+    for other in others:
+        assert other.save() == site.save()
+        xy = [(0.2, 0.4), (1.0, 0.0), (-1.0, 1.5)]
+        np.testing.assert_array_equal(other.heights(xy, sigma=True), site.heights(xy, sigma=True))
+
+
+def test_nothing_comes_of_scans_that_see_nothing(scene):
+    site, scans = scene.believed(), scene.scans
+    sensor = scans[0][0]
+    other = site.clone()
+    nothing = np.concatenate([np.full((50, 3), np.nan), np.zeros((50, 3))])
+    for each, extra in ((site, nothing[:0]), (other, nothing)):
+        applied(each, [(s, np.concatenate([extra, p, extra])) for s, p in scans])
+    assert other.save() == site.save()
+    survey = applied(site, [(sensor, nothing), (sensor, np.zeros((0, 3)))])
+    assert survey.removed_m3 == survey.added_m3 == 0
+    assert site.save() == other.save()
+
+
+def test_all_forms_of_a_scan_say_the_same():
+    believed, true = dig(6, 0.02), dig(6, 0.0)
+    eye = camera()
+    images = frames_of(true, eye, 3)
+    x, y, z, w = eye.rotation
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+    sites = [believed.clone() for _ in range(4)]
+    for image in images:
+        points = points_of(image)
+        sites[0].scan(eye, depth=image, intrinsics=INTRINSICS)
+        sites[1].scan(eye, points)
+        sites[2].scan(eye, points @ turn.T + eye.position, world=True)
+        sites[3].scan(eye, depth=image.astype(np.float32), intrinsics=INTRINSICS)
+    removed = [site.apply_scans().removed_m3 for site in sites]
+    assert removed[0] > 0
+    # Rounding may move a ray by a unit of its sum, and that a column by a sample or two.
+    np.testing.assert_allclose(removed, removed[0], rtol=0.02)
+
+
+def test_a_bucket_in_view_is_not_ground():
+    site = dig(7, buckets=2)
+    site.place(1, position=(0.3, 0.0, 1.0))
+    eye = camera()
+    depth = soilvdb.depth_image(site, eye, SHAPE, INTRINSICS)
+    # The camera sees the bucket's middle, 0.45 m above its lip, as a disc in front of the ground.
+    u, v = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
+    x, y, z, w = eye.rotation
+    towards = np.array([0.3 - 0.4, 0.0, 1.45]) - eye.position
+    axes = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)],
+                     [2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)],
+                     [2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)]])
+    at = axes @ towards
+    on_body = np.hypot(u - 80 * at[0] / at[2] - 63.5, v - 80 * at[1] / at[2] - 47.5) < 80 * 0.25 / at[2]
+    assert on_body.sum() > 30
+    depth[on_body] = at[2]
+    was = site.ground_hash()
+    for _ in range(10):
+        site.scan(eye, depth=depth, intrinsics=INTRINSICS)
+    survey = site.apply_scans()
+    assert survey.rays["masked"] >= 10 * on_body.sum()
+    assert site.ground_hash() == was
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize("wrong", [
+    {"position": (0, 0, NAN)}, {"position": (0, 0)}, {"rotation": (0, 0, 0, 0)},
+    {"rotation": (0, NAN, 0, 1)}, {"rotation": (0, 0, 1)}, {"range_sigma": -0.01}, {"range_sigma": NAN},
+    {"range_squared_sigma": -1e-3}, {"mount_height_sigma": -0.01}, {"mount_tilt_sigma": -1},
+    {"mount_scale_sigma": NAN}])
+def test_wrong_sensors_are_refused(wrong):
+    site = dig(8)
+    state = site.save()
+    with pytest.raises(ValueError):
+        site.scan(soilvdb.Sensor(**{"position": (0, 0, 4), **wrong}), np.ones((4, 3)))
+    assert site.save() == state
+
+
+@pytest.mark.parametrize("wrong", [
+    {"points": np.ones(3)}, {"points": np.ones((4, 2))}, {"points": np.ones((2, 3, 3))},
+    {"depth": np.ones(4), "intrinsics": INTRINSICS},
+    {"depth": np.ones((4, 4)), "intrinsics": (1, 1, 0)},
+    {"depth": np.ones((4, 4)), "intrinsics": (0, 1, 0, 0)},
+    {"depth": np.ones((4, 4)), "intrinsics": (NAN, 1, 0, 0)},
+    {"depth": np.ones((4, 4)), "points": np.ones((4, 3)), "intrinsics": INTRINSICS},
+    {"depth": np.ones((4, 4))}, {}])
+def test_wrong_scans_are_refused(wrong):
+    site = dig(8)
+    state = site.save()
+    with pytest.raises(ValueError if len(wrong) == 2 or "points" in wrong and len(wrong) == 1
+                       else TypeError):   # an argument is missing, or there are too many
+        site.scan(camera(), **wrong)
+    assert site.save() == state
+    assert site.apply_scans().removed_m3 == 0
+
+
+def test_simulated_images_have_the_sensors_noise():
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    down = soilvdb.Sensor(position=(0, 0, 4), rotation=(1, 0, 0, 0), range_sigma=0.02,
+                          range_squared_sigma=0.0)
+    exact = soilvdb.depth_image(site, down, (60, 80), (300, 300, 39.5, 29.5))
+    np.testing.assert_allclose(exact, 4.0, atol=1e-6)
+    noisy = soilvdb.depth_image(site, down, (60, 80), (300, 300, 39.5, 29.5), seed=1)
+    assert (noisy == soilvdb.depth_image(site, down, (60, 80), (300, 300, 39.5, 29.5), seed=1)).all()
+    assert (noisy - exact).std() == pytest.approx(0.02, rel=0.05)
+    stereo = soilvdb.Sensor(position=(0, 0, 4), rotation=(1, 0, 0, 0), range_sigma=0.0,
+                            range_squared_sigma=0.002)
+    errors = soilvdb.depth_image(site, stereo, (300, 400), (3000, 3000, 199.5, 149.5), seed=2) - 4
+    assert errors.std() == pytest.approx(0.032, rel=0.05)
+    of_patch = errors.reshape(60, 5, 80, 5).mean(axis=(1, 3))
+    # 0.8 of it in common, 0.6 by each of 25.
+    assert of_patch.std() == pytest.approx(0.032 * math.sqrt(0.64 + 0.36 / 25), rel=0.05)
+    up = soilvdb.Sensor(position=(0, 0, 4), rotation=(0, 0, 0, 1))
+    assert np.isnan(soilvdb.depth_image(site, up, (4, 4), (9, 9, 1.5, 1.5), seed=1)).all()
+
+
+def test_simulated_lidars_have_the_sensors_noise():
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    lidar = soilvdb.Sensor(position=(1, 2, 3), range_sigma=0.02)
+    points = soilvdb.lidar_turn(site, lidar, 16, 360)
+    assert points.shape == (16 * 360, 3)
+    assert np.isnan(points[8 * 360:]).all() and np.isfinite(points[:8 * 360]).all()
+    np.testing.assert_allclose(points[:8 * 360, 2], -3, atol=1e-6)
+    assert points[0, 0] > 0 and abs(points[0, 1]) < 1e-9 and points[90, 1] > 0
+    noisy = soilvdb.lidar_turn(site, lidar, [-0.5, -0.3], 1000, seed=3)
+    assert noisy.shape == (2000, 3)
+    ranges = np.linalg.norm(noisy, axis=1)
+    assert (ranges[:1000] - 3 / math.sin(0.5)).std() == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize(("function", "arguments", "kind"), [
+    ("depth_image", {"shape": (0, 4)}, ValueError), ("depth_image", {"shape": 5}, ValueError),
+    ("depth_image", {"shape": (4, 4.5)}, ValueError), ("depth_image", {"seed": -1}, ValueError),
+    ("depth_image", {"intrinsics": (1, 1, 0)}, ValueError),
+    ("depth_image", {"intrinsics": (0, 1, 0, 0)}, ValueError),
+    ("depth_image", {"intrinsics": (1, NAN, 0, 0)}, ValueError),
+    ("depth_image", {"sensor": 5}, TypeError),
+    ("lidar_turn", {"beams": 0}, ValueError), ("lidar_turn", {"beams": [2.0]}, ValueError),
+    ("lidar_turn", {"beams": "many"}, ValueError), ("lidar_turn", {"steps": 1.5}, ValueError),
+    ("lidar_turn", {"site": None}, TypeError), ("lidar_turn", {"seed": 0.5}, ValueError)])
+def test_wrong_simulations_are_refused(function, arguments, kind):
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    given = {"site": site, "sensor": soilvdb.Sensor(position=(0, 0, 3))}
+    if function == "depth_image":
+        given |= {"shape": (4, 4), "intrinsics": (4, 4, 1.5, 1.5)}
+    with pytest.raises(kind):
+        getattr(soilvdb, function)(**{**given, **arguments})
+    below = soilvdb.Sensor(position=(0, 0, -1))
+    with pytest.raises(ValueError, match="below the ground"):
+        getattr(soilvdb, function)(**{**given, "sensor": below})
