@@ -113,11 +113,12 @@ def draw(task):
     scene, rig = Scene(seed), RIGS[name](quick)
     site = scene.predicted(soilvdb, PROFILE, rig)
     truth, before = columns_of(scene.truth), columns(soilvdb, site)
-    frames = Frames(scene, rig, seed)
+    noise_of = (seed, list(RIGS).index(name))   # its seed, apart from the scene's
+    frames = Frames(scene, rig, (*noise_of, 0))
     hit, kinds = frames.hits(), kinds_of(scene, truth, before)
     kalman, mean = CellKalman(), CellMean()
     fused = site.clone()
-    survey = surveyed(soilvdb, scene, fused, rig, seed + 1, (kalman, mean), frames)
+    survey = surveyed(soilvdb, scene, fused, rig, (*noise_of, 1), (kalman, mean), frames)
     after, sigma = columns(soilvdb, fused), sigmas(fused)
     lip, lip_sigma = lip_of(survey, "digger", 0)
     way = np.linspace(-scene.half, scene.half, 50)
@@ -147,7 +148,7 @@ def draw(task):
         for which, noise in (("plain", {"flying": False, "dust": False}),
                              ("hard", {"mirrored": True, "body": True})):
             other = site.clone()
-            surveyed(soilvdb, scene, other, rig, seed + 2, (), frames, **noise)
+            surveyed(soilvdb, scene, other, rig, (*noise_of, 2), (), frames, **noise)
             error = (columns(soilvdb, other) - truth)[kinds["trench"] & hit]
             out[f"{which}_m3"] = area * float(error.sum())
     return out
