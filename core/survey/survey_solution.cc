@@ -208,11 +208,17 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
     const double old = column.rays == 0 ? 0
                                         : kScanUnit_m * static_cast<double>(column.height) /
                                               static_cast<double>(column.rays);
-    heights.push_back({old, 1, 0, column.cells.areas, 0});
+    heights.push_back({old, 1, 0, column.cells.areas, column.cells.rays});
   }
   int widest = 0;
-  for (const Height& height : heights) widest = std::max(widest, extent_of(height.areas));
-  std::erase_if(heights, [&](const Height& height) { return 2 * extent_of(height.areas) < widest; });
+  std::int64_t most_rays = 0;
+  for (const Height& height : heights) {
+    widest = std::max(widest, extent_of(height.areas));
+    most_rays = std::max(most_rays, height.rays);
+  }
+  std::erase_if(heights, [&](const Height& height) {
+    return 3 * extent_of(height.areas) <= 2 * widest || 2 * height.rays <= most_rays;
+  });
   double sum = 0, squares = 0;
   int known = 0;
   for (std::size_t k = 0; k < column.cells.areas.size(); ++k) {
@@ -231,7 +237,7 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
   made.height = sum / known;
   made.spread = std::max(0.0, squares / known - made.height * made.height);
   for (const Height& height : heights) {
-    made.rays += height.rays;
+    if (height.first_bin <= height.last_bin) made.rays += height.rays;  // of new ground
     for (int bin = height.first_bin; bin <= height.last_bin; ++bin) {
       const auto found = votes.hits.find(bin);
       if (found == votes.hits.end()) continue;

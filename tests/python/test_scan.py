@@ -181,10 +181,10 @@ def block(out):
     site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9, PROFILE)])
     site.update_path(0, positions=[(x, -2.5, -0.2) for x in np.linspace(-2, 0, 21)])
     site.place(0, position=(-6, -3, 3))
-    shape, intrinsics = (180, 240), (130.0, 130.0, 119.5, 89.5)
+    shape, intrinsics = (360, 480), (260.0, 260.0, 239.5, 179.5)
     eye = np.array([0.45, 0.45, 4.0])
     sensor = soilvdb.Sensor(position=eye, rotation=(1, 0, 0, 0), range_sigma=0.005)
-    u, v = np.meshgrid((np.arange(240) - 119.5) / 130, (np.arange(180) - 89.5) / 130)
+    u, v = np.meshgrid((np.arange(480) - 239.5) / 260, (np.arange(360) - 179.5) / 260)
     ways = np.stack([u, -v, -np.ones(shape)], axis=-1)   # one metre down each
     # 10 x 10 columns, which stand on multiples of the voxel.
     low = np.array([-0.05, -0.05, -1.0 if out else 0.0])

@@ -12,7 +12,7 @@ class ByMachine(Sequence[Tuple[float, float]]):
         self._names = names
         self._values = values
 
-    def __getitem__(self, machine: Union[int, str, slice]):  # type: ignore[no-untyped-def, override]
+    def __getitem__(self, machine: Union[int, str]) -> Tuple[float, float]:  # type: ignore[override]
         if isinstance(machine, str):
             if machine not in self._names:
                 raise KeyError(f"there is no machine '{machine}'; there are: {', '.join(self._names)}")
