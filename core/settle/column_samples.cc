@@ -182,8 +182,7 @@ std::int64_t count(const SampleWords& words) {
   return std::accumulate(counts.begin(), counts.end(), std::int64_t{0});
 }
 
-std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slope,
-                 bool is_loose) {
+std::int64_t add(Ground& ground, std::span<const ColumnEdit> changes, double slope, bool is_loose) {
   const Stacks stacks(ground, changes, slope, true, false);
   const auto add_to = [](const SampleWords& more, Samples& to) {
     SampleWords words;

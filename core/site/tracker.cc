@@ -10,8 +10,8 @@
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
-#include "core/site/machine.h"
 #include "core/settle/column_samples.h"
+#include "core/site/machine.h"
 #include "core/site/timed.h"
 #include "soilvdb/pour_parts.h"
 

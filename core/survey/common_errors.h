@@ -48,9 +48,9 @@ class CommonErrors {
 
   /// A column's correction u, and how it depends on the common errors.
   struct Correction {
-    double mean = 0;      ///< m
-    double own = 0;       ///< variance without that of the common errors, m^2
-    Eigen::VectorXd on;   ///< the correction's error is `own` and on . (error of c)
+    double mean = 0;     ///< m
+    double own = 0;      ///< variance without that of the common errors, m^2
+    Eigen::VectorXd on;  ///< the correction's error is `own` and on . (error of c)
     double variance(const CommonErrors& errors) const {
       return own + on.dot(errors.covariance() * on);
     }
@@ -58,9 +58,10 @@ class CommonErrors {
   Correction correct(const ColumnResidual& column, const Eigen::VectorXd& measured,
                      const Eigen::VectorXd& predicted) const {
     const double prior = 1 / column.variance, all = prior + column.weight;
-    return {(column.weight * (column.residual - measured.dot(mean_)) - prior * predicted.dot(mean_)) /
-                all,
-            1 / all, (prior * predicted + column.weight * measured) / all};
+    return {
+        (column.weight * (column.residual - measured.dot(mean_)) - prior * predicted.dot(mean_)) /
+            all,
+        1 / all, (prior * predicted + column.weight * measured) / all};
   }
 
  private:

@@ -37,8 +37,7 @@ void Sensor::validate() const {
   require_sigma(mount_scale_sigma, "mount_scale_sigma", 0, kMostSensorSigma);
 }
 
-SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets,
-                           std::vector<double> sigmas)
+SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas)
     : ground(g),
       buckets(std::move(all_buckets)),
       lip_sigmas_m(std::move(sigmas)),

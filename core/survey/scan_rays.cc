@@ -70,7 +70,8 @@ class Rays {
         ++rays.used;
         return;
       }
-      if (length > range_m) state_.through.push_back({sensor_.pose.position, point, range_m, sigma});
+      if (length > range_m)
+        state_.through.push_back({sensor_.pose.position, point, range_m, sigma});
     }
     if (!hit(point, along, length, sigma)) ++rays.dropped;
   }
@@ -125,8 +126,7 @@ class Rays {
       return std::abs(length - range_m) < 3 * sigma + kWallGateM;  // which tells no height
     if (std::abs(residual) >= 3 * error + std::max(kScanGateM, h_)) return false;
     const std::int64_t r = height_units(residual);
-    tile.sums[number_][i].add(weight_of(error),
-                              r + height_units((column.top - column.first) * h_),
+    tile.sums[number_][i].add(weight_of(error), r + height_units((column.top - column.first) * h_),
                               sees(place, slope));
     ++column.rays;
     column.height += r;
@@ -222,7 +222,7 @@ void SurveyState::see_through() {
 }
 
 void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec3> points_m,
-                                   std::span<const Pose* const> poses) {
+                           std::span<const Pose* const> poses) {
   struct Body {
     Eigen::AlignedBox3d box;
     Pose bucket_from_world;

@@ -126,9 +126,9 @@ void GroundSurvey::save(std::string& out) const {
     const Sensor& sensor = *of;
     put_text(out, sensor.name);
     put(out, sensor.pose);
-    for (const double value : {sensor.range_sigma_m, sensor.range_squared_sigma_per_m,
-                               sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad,
-                               sensor.mount_scale_sigma})
+    for (const double value :
+         {sensor.range_sigma_m, sensor.range_squared_sigma_per_m, sensor.mount_height_sigma_m,
+          sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma})
       put(out, value);
   }
   for (const Estimate& lip : s.lips) {
@@ -200,9 +200,9 @@ void GroundSurvey::load(std::string_view& in) {
     Sensor sensor;
     sensor.name = take_text(in);
     take(in, sensor.pose);
-    for (double* value : {&sensor.range_sigma_m, &sensor.range_squared_sigma_per_m,
-                          &sensor.mount_height_sigma_m, &sensor.mount_tilt_sigma_rad,
-                          &sensor.mount_scale_sigma})
+    for (double* value :
+         {&sensor.range_sigma_m, &sensor.range_squared_sigma_per_m, &sensor.mount_height_sigma_m,
+          &sensor.mount_tilt_sigma_rad, &sensor.mount_scale_sigma})
       take(in, *value);
     sensor.validate();
     s.sensors.push_back(std::move(sensor));

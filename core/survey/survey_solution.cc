@@ -68,7 +68,7 @@ Eigen::VectorXd SurveyState::predicted(const SurveyColumn& column) const {
 }
 
 ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
-                                                Eigen::VectorXd& sees) const {
+                                        Eigen::VectorXd& sees) const {
   const std::vector<int> places = order();
   sees = Eigen::VectorXd::Zero(
       static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
@@ -87,8 +87,8 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
     all.weight += weight;
     all.residual += weight * kScanUnit_m * static_cast<double>(sum.residual) / whole;
     for (int n = 0; n < kOfSensor; ++n)
-      sees[places[s] + n] +=
-          weight * kScanLever_m * static_cast<double>(sum.sees[static_cast<std::size_t>(n)]) / whole;
+      sees[places[s] + n] += weight * kScanLever_m *
+                             static_cast<double>(sum.sees[static_cast<std::size_t>(n)]) / whole;
   }
   if (all.weight > 0) {
     all.residual /= all.weight;
@@ -97,8 +97,7 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   return all;
 }
 
-SurveyState::Block SurveyState::block_of(const SurveyTile& tile,
-                                                         std::size_t i) const {
+SurveyState::Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
   const int side = std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
   const auto part = [&](int at) {
     return static_cast<int>(std::floor(static_cast<double>(at) / side));
@@ -136,8 +135,8 @@ namespace {
 
 /// Heights of a column by what rays say of its quarters.
 struct Vote {
-  double height = 0;  ///< mean above the column's top, m
-  double spread = 0;  ///< variance of the quarters' heights, m^2
+  double height = 0;      ///< mean above the column's top, m
+  double spread = 0;      ///< variance of the quarters' heights, m^2
   std::int64_t rays = 0;  ///< that agreed
   std::map<int, ScanSums> sums;
 };
@@ -198,9 +197,9 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
     if (left.contains(best - 1)) first = best - 1;
     if (left.contains(best + 1)) last = best + 1;
     const Level level = level_at(votes, first, last);
-    heights.push_back({kScanUnit_m * static_cast<double>(level.height) /
-                           static_cast<double>(level.rays),
-                       first, last, level.areas, level.rays});
+    heights.push_back(
+        {kScanUnit_m * static_cast<double>(level.height) / static_cast<double>(level.rays), first,
+         last, level.areas, level.rays});
     for (int bin = first; bin <= last; ++bin) left.erase(bin);
   }
   if (heights.empty()) return {};
@@ -287,8 +286,8 @@ void SurveyState::take_votes() {
         const double keep = 1 / (1 + now->spread / kEdgeCells * whole);
         of_column.weight = std::max<std::int64_t>(1, std::llround(keep * whole));
         for (std::int64_t& value : of_column.sees)
-          value = std::llround(static_cast<double>(value) *
-                               static_cast<double>(of_column.weight) / whole);
+          value = std::llround(static_cast<double>(value) * static_cast<double>(of_column.weight) /
+                               whole);
       }
     }
     tile->votes.clear();
@@ -313,8 +312,8 @@ std::vector<SurveyChange> SurveyState::solve() {
       if (std::isnan(tile->columns[i].top)) continue;
       SeenColumn column{tile, i, {}, {}, {}};
       column.residual = residual_of(*tile, i, column.sees);
-      const bool is_told = column.column().origin == kSurveyed &&
-                           column.column().first != column.column().top;
+      const bool is_told =
+          column.column().origin == kSurveyed && column.column().first != column.column().top;
       if (column.residual.weight <= 0 && !is_told) continue;
       column.predicted = predicted(column.column());
       column.changed = column.column().origin == kSurveyed;
@@ -335,10 +334,10 @@ std::vector<SurveyChange> SurveyState::solve() {
       sum = {old.weight, old.residual, old.variance, Eigen::VectorXd::Zero(variances.size())};
       for (std::size_t n = 0; n < old.sees.size(); ++n) {
         const std::size_t lips_count = lip_sigmas_m.size();
-        const Eigen::Index at =
-            n < lips_count ? static_cast<Eigen::Index>(n)
-                           : places[(n - lips_count) / kOfSensor] +
-                                 static_cast<Eigen::Index>((n - lips_count) % kOfSensor);
+        const Eigen::Index at = n < lips_count
+                                    ? static_cast<Eigen::Index>(n)
+                                    : places[(n - lips_count) / kOfSensor] +
+                                          static_cast<Eigen::Index>((n - lips_count) % kOfSensor);
         sum.sees[at] = old.sees[n];
       }
     }
@@ -362,8 +361,7 @@ std::vector<SurveyChange> SurveyState::solve() {
   for (int round = 0; round < kGateRounds; ++round) {
     std::vector<double> off(seen.size());
     for (std::size_t n = 0; n < seen.size(); ++n)
-      off[n] = seen[n].residual.residual -
-               (seen[n].sees - seen[n].predicted).dot(errors.mean());
+      off[n] = seen[n].residual.residual - (seen[n].sees - seen[n].predicted).dot(errors.mean());
     for (std::size_t n = 0; n < seen.size(); ++n) {
       SeenColumn& c = seen[n];
       if (c.column().origin == kSurveyed || c.residual.weight <= 0) continue;
@@ -374,7 +372,8 @@ std::vector<SurveyChange> SurveyState::solve() {
           int other = -1;
           const int u = x + dx, v = y + dy;
           if (((u | v) & ~(kChunkSide - 1)) == 0) {
-            other = numbers.at(plan_key(c.tile->cell))[static_cast<std::size_t>(u * kChunkSide + v)];
+            other =
+                numbers.at(plan_key(c.tile->cell))[static_cast<std::size_t>(u * kChunkSide + v)];
           } else {
             const Coord2 cell = c.tile->cell + Coord2(u, v);
             const auto found = numbers.find(plan_key(floor_to(cell, kChunkSide)));
@@ -426,8 +425,8 @@ std::vector<SurveyChange> SurveyState::solve() {
   double variance = on.dot(errors.covariance() * on);
   for (const auto& [block, part] : parts) {
     const double prior_weight = part.prior / part.count, weight = part.weight / part.count;
-    variance += square(part.count) * (prior_weight + weight / part.count) /
-                square(prior_weight + weight);
+    variance +=
+        square(part.count) * (prior_weight + weight / part.count) / square(prior_weight + weight);
   }
   sigma_m3 = h * h * std::sqrt(variance);
   return made;

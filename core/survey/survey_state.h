@@ -78,13 +78,13 @@ struct SurveyState {
   ChangeFollower changes;
   std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
   std::unordered_map<std::uint64_t, std::uint16_t, PlanHash> workers;  // last to change a tile
-  std::vector<Sensor> sensors;                                         // in order of their first scan
+  std::vector<Sensor> sensors;  // in order of their first scan
   std::map<Block, Retired> retired;
   std::vector<Estimate> lips;  // as last solved
   RayCounts rays;
   std::vector<ThroughRay> through;  // since scans were applied
   bool is_solved = true;            // no scan came since
-  double sigma_m3 = 0;         // of the last solution
+  double sigma_m3 = 0;              // of the last solution
 };
 
 }  // namespace soilvdb::inline v0

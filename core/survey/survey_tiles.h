@@ -22,8 +22,8 @@ inline constexpr std::uint16_t kFirstMachine = 4;
 
 /// Integer sums over the rays of one sensor that met a column about where it was expected.
 struct ScanSums {
-  std::int64_t weight = 0, residual = 0;    ///< sums of w and w r
-  std::array<std::int64_t, 4> sees = {};    ///< of w a: height, tilts, scale
+  std::int64_t weight = 0, residual = 0;  ///< sums of w and w r
+  std::array<std::int64_t, 4> sees = {};  ///< of w a: height, tilts, scale
   std::int64_t rays = 0;
 
   void add(std::int64_t w, std::int64_t r, const std::array<std::int64_t, 4>& a) {
@@ -70,14 +70,14 @@ struct ThroughRay {
 struct ScanVotes {
   std::int64_t through = 0;  ///< rays that went through its soil, while scans are applied
   std::int64_t ceiling = 0;  ///< lowest of them, from the column's top
-  std::map<int, std::map<int, ScanHits>> hits = {};       ///< by height, and by sensor
+  std::map<int, std::map<int, ScanHits>> hits = {};  ///< by height, and by sensor
 };
 
 struct SurveyColumn {
-  double first = 0;         ///< height from which residuals are counted, index space
-  double top = 0;           ///< height now; NaN: no ground
-  double variance = 0;      ///< of its own error before any scan, m^2
-  double known = -1;        ///< variance of its height as last solved, m^2; negative: not yet
+  double first = 0;     ///< height from which residuals are counted, index space
+  double top = 0;       ///< height now; NaN: no ground
+  double variance = 0;  ///< of its own error before any scan, m^2
+  double known = -1;    ///< variance of its height as last solved, m^2; negative: not yet
   std::uint16_t origin = kNatural;
   /// Rays that met it as expected since its ground last changed or scans were applied.
   std::int64_t rays = 0, height = 0;  ///< height: sum of residuals
@@ -87,12 +87,12 @@ struct SurveyColumn {
 /// 8 x 8 columns. Column (x, y) from `cell` is entry x * 8 + y.
 struct SurveyTile {
   Coord2 cell = {0, 0};
-  bool known = false;                                 ///< columns are as the ground is
+  bool known = false;  ///< columns are as the ground is
   std::array<SurveyColumn, BaseColumn::kCells> columns;
-  std::array<Vec2, BaseColumn::kCells> slopes;        ///< of the ground, m/m
-  std::array<float, BaseColumn::kCells> bends;        ///< difference of slopes over a column
+  std::array<Vec2, BaseColumn::kCells> slopes;  ///< of the ground, m/m
+  std::array<float, BaseColumn::kCells> bends;  ///< difference of slopes over a column
   std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor
-  std::map<int, ScanVotes> votes;                     ///< by number of the column
+  std::map<int, ScanVotes> votes;                                ///< by number of the column
 };
 
 }  // namespace soilvdb::inline v0

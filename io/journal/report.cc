@@ -81,8 +81,8 @@ std::string to_json(const Summary& s) {
       {"dumped", s.dumped_m3}, {"ground_change", s.ground_change_m3}, {"residual", s.residual_m3}};
   if (s.net) volumes.update({{"net_cut", s.net->cut_m3}, {"net_fill", s.net->fill_m3}});
   if (s.surveyed)
-    volumes.update({{"surveyed_removed", s.surveyed->removed_m3},
-                    {"surveyed_added", s.surveyed->added_m3}});
+    volumes.update(
+        {{"surveyed_removed", s.surveyed->removed_m3}, {"surveyed_added", s.surveyed->added_m3}});
   Json masses;
   if (const auto& m = s.moved) {
     volumes.update({{"spilled", m->spilled_m3},

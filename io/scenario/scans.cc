@@ -101,10 +101,10 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
   std::map<std::string, ScanInput> sensors;
   if (scenario.has("sensors"))
     for (const std::string& name : scenario.keys("sensors"))
-      sensors[name] = read_sensor(
-          scenario.map("sensors", scenario.keys("sensors"))
-              .map(name, {"at", "rotation", "machine", "link", "noise", "mount"}),
-          name, result);
+      sensors[name] =
+          read_sensor(scenario.map("sensors", scenario.keys("sensors"))
+                          .map(name, {"at", "rotation", "machine", "link", "noise", "mount"}),
+                      name, result);
   if (!scenario.has("scans")) return;
   for (const YamlMap& map : scenario.maps("scans", "scan", {"sensor", "file", "time", "frame"})) {
     const std::string name = map.text("sensor");

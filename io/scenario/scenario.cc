@@ -291,17 +291,22 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                    Names& names) {
   std::vector<Section> sections;
   if (!scenario.has("machines") && scenario.has("pours")) return sections;
-  for (const YamlMap& machine : scenario.maps(
-           "machines", "machine",
-           {"name", "bucket", "tool", "motion", "angles", "bad_rows", "urdf", "base", "lip", "known"})) {
+  for (const YamlMap& machine : scenario.maps("machines", "machine",
+                                              {"name", "bucket", "tool", "motion", "angles",
+                                               "bad_rows", "urdf", "base", "lip", "known"})) {
     const std::string name = names.take(machine, "machine");
     if (machine.has("bucket") && machine.has("tool"))
       machine.fail("tool", "a machine has a bucket or a tool, not both; remove one of them");
     const Bucket bucket = machine.has("tool") ? read_tool(machine, result.voxel_size_m, result)
                                               : read_bucket(machine, result.soil.has_value());
     if (!bucket.shape) warn_if_never_dumps(machine, name, bucket, result);
-    sections.push_back({name, bucket, read_machine_chain(machine, result), std::nullopt,
-                        read_angle_unit(machine), read_on_bad_row(machine), {}});
+    sections.push_back({name,
+                        bucket,
+                        read_machine_chain(machine, result),
+                        std::nullopt,
+                        read_angle_unit(machine),
+                        read_on_bad_row(machine),
+                        {}});
     if (machine.has("known"))
       sections.back().lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
     if (motions == Motions::kRequired || machine.has("motion")) {

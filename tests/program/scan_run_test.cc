@@ -28,7 +28,8 @@ class ScanRun : public Resume {
       for (double y = -1.5; y < 1.5; y += 0.02) {
         const bool floor = x > 0.4 && x < 1.9 && std::abs(y) < 0.5;
         if (floor || std::abs(y) > 0.8)
-          points += fmt::format("{:.4f},{:.4f},{:.4f}\n", x, y, (floor ? -0.23 : 0) + noise(random));
+          points +=
+              fmt::format("{:.4f},{:.4f},{:.4f}\n", x, y, (floor ? -0.23 : 0) + noise(random));
       }
     write_file(folder() / "floor.csv", points);
     write(kScans);
@@ -98,9 +99,10 @@ TEST_F(ScanRun, RefusesWhatIsNoScan) {
   expect_refused_line(
       "sensors: {mast: {at: [0, 0, 4]}}\nscans:\n  - {sensor: mast, file: none.ply, time: 1}\n",
       "none.ply");
-  expect_refused_line("sensors: {mast: {at: [0, 0, 4]}}\nscans:\n  - {sensor: mast, file: "
-                      "floor.csv, time: 1, frame: lidar}\n",
-                      "it must be world or sensor");
+  expect_refused_line(
+      "sensors: {mast: {at: [0, 0, 4]}}\nscans:\n  - {sensor: mast, file: "
+      "floor.csv, time: 1, frame: lidar}\n",
+      "it must be world or sensor");
 }
 
 }  // namespace scan_run_test

@@ -130,7 +130,8 @@ TEST_P(SessionScans, NeverReadBytesOfAnotherState) {
     if (i % 2 == 0)
       bad.resize(random() % bad.size());
     else
-      for (int k = 0; k < 4; ++k) bad[random() % bad.size()] ^= static_cast<char>(1 << random() % 8);
+      for (int k = 0; k < 4; ++k)
+        bad[random() % bad.size()] ^= static_cast<char>(1 << random() % 8);
     Session other(site());
     try {
       other.restore(bad);
@@ -140,9 +141,8 @@ TEST_P(SessionScans, NeverReadBytesOfAnotherState) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Soil, SessionScans, ::testing::Bool(), [](const auto& info) {
-  return info.param ? "Moves" : "IsRigid";
-});
+INSTANTIATE_TEST_SUITE_P(Soil, SessionScans, ::testing::Bool(),
+                         [](const auto& info) { return info.param ? "Moves" : "IsRigid"; });
 
 }  // namespace session_scan_test
 }  // namespace soilvdb::test

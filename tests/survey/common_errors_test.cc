@@ -14,7 +14,7 @@ namespace {
 using Vector = Eigen::VectorXd;
 
 constexpr double kMm = 1e-3;
-constexpr double kExact = 1e-14;    // variance of a column without an error of its own, m^2
+constexpr double kExact = 1e-14;   // variance of a column without an error of its own, m^2
 constexpr double kEndless = 1e14;  // weight of a column that was seen without end, 1 / m^2
 
 Vector vector(std::initializer_list<double> values) {
@@ -39,8 +39,8 @@ double height_mm(const CommonErrors& errors, const Vector& measured, const Vecto
 
 TEST(CommonErrors, WhiteNoiseAveragesOut) {
   CommonErrors errors(variances({1e-9}));
-  const auto correction =
-      errors.correct({0, 25 / (30 * kMm * 30 * kMm), 20 * kMm * 20 * kMm}, vector({0}), vector({0}));
+  const auto correction = errors.correct({0, 25 / (30 * kMm * 30 * kMm), 20 * kMm * 20 * kMm},
+                                         vector({0}), vector({0}));
   EXPECT_NEAR(std::sqrt(correction.own) / kMm, 5.7470, 5e-5);
   EXPECT_NEAR(std::sqrt(4000.0) * 0.0025 * std::sqrt(correction.own), 0.00091, 5e-6);
 }

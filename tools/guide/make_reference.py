@@ -47,8 +47,12 @@ def members(node, thing):
         yield f"- `{name}`" + (f": {text[0].lower() + text[1:]}" if text else "")
     if properties:
         yield ""
+    shown = set()  # of overloads the first
     for function in functions:
-        if not function.name.startswith("_") and function.name not in properties:
+        if function.name.startswith("_") or function.name in properties:
+            continue
+        if function.name not in shown:
+            shown.add(function.name)
             yield section(signature(function.name, function), getattr(thing, function.name))
 
 

@@ -36,8 +36,7 @@ std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsic
   const Array image = array_of(depth, "depth");
   if (image.ndim() != 2) throw py::value_error("depth must have the shape (H, W)");
   std::array<double, 4> k;
-  if (intrinsics.is_none())
-    throw py::type_error("a depth image needs intrinsics=(fx, fy, cx, cy)");
+  if (intrinsics.is_none()) throw py::type_error("a depth image needs intrinsics=(fx, fy, cx, cy)");
   numbers(intrinsics, "intrinsics", k);
   if (!(k[0] > 0) || !(k[1] > 0) || !std::isfinite(k[0] + k[1] + k[2] + k[3]))
     throw py::value_error("intrinsics must be (fx, fy, cx, cy) in pixels, fx and fy more than 0");
@@ -114,7 +113,8 @@ void bind_sensor(py::module_& m) {
   const auto none = py::none();
   py::class_<Sensor>(
       m, "Sensor",
-      "A depth camera or a lidar, for Site.scan(). Its frame: points of a lidar are in it as given; "
+      "A depth camera or a lidar, for Site.scan(). Its frame: points of a lidar are in it as "
+      "given; "
       "a depth image's is the optical frame: z ahead, x right, y down. Scans of one name share the "
       "errors of one mount.")
       .def(py::init(&sensor_of), py::kw_only(), py::arg("position") = none,
@@ -132,11 +132,10 @@ void bind_sensor(py::module_& m) {
       .def_readonly("name", &Sensor::name)
       .def_property_readonly(
           "position", [](const Sensor& s) { return Array(py::ssize_t{3}, s.pose.position.data()); })
-      .def_property_readonly("rotation",
-                             [](const Sensor& s) {
-                               return Array(py::ssize_t{4}, s.pose.rotation.coeffs().data());
-                             },
-                             "(x, y, z, w): world from sensor")
+      .def_property_readonly(
+          "rotation",
+          [](const Sensor& s) { return Array(py::ssize_t{4}, s.pose.rotation.coeffs().data()); },
+          "(x, y, z, w): world from sensor")
       .def_readonly("range_sigma", &Sensor::range_sigma_m, "m")
       .def_readonly("range_squared_sigma", &Sensor::range_squared_sigma_per_m, "1/m")
       .def_readonly("mount_height_sigma", &Sensor::mount_height_sigma_m, "m")
@@ -175,9 +174,10 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
       .def_property_readonly(
           "sigma_m3", [](const SurveyValue& v) { return v.of.sigma_m3; },
           "standard deviation of added_m3 - removed_m3")
-      .def_property_readonly("lip_error", &lip_errors_of,
-                             "by number or name of a machine: (mean, sigma), m, by how much its lip "
-                             "is told too high")
+      .def_property_readonly(
+          "lip_error", &lip_errors_of,
+          "by number or name of a machine: (mean, sigma), m, by how much its lip "
+          "is told too high")
       .def_property_readonly("rays", &rays_of,
                              "numbers of rays: used, masked (met a bucket), through (went through "
                              "soil expected there), new (met new ground), dropped")
@@ -186,13 +186,14 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
                            v.of.removed_m3, v.of.added_m3, v.of.sigma_m3);
       });
   const auto none = py::none();
-  site.def("scan", &scan, py::arg("sensor"), py::arg("points") = none, py::kw_only(),
-           py::arg("depth") = none, py::arg("intrinsics") = none, py::arg("world") = false,
-           "Takes what a sensor saw. points: (N, 3), m, in the sensor's frame, or the world's with "
-           "world; rows that aren't finite, or zero in the sensor's frame, are no return. Or depth: "
-           "(H, W), m along the optical axis, with intrinsics (fx, fy, cx, cy), pixels; NaN and 0 "
-           "are no return. Nothing changes before apply_scans(). Rays that meet the bucket of a "
-           "machine are not used. The result does not depend on the order of scans.")
+  site.def(
+          "scan", &scan, py::arg("sensor"), py::arg("points") = none, py::kw_only(),
+          py::arg("depth") = none, py::arg("intrinsics") = none, py::arg("world") = false,
+          "Takes what a sensor saw. points: (N, 3), m, in the sensor's frame, or the world's with "
+          "world; rows that aren't finite, or zero in the sensor's frame, are no return. Or depth: "
+          "(H, W), m along the optical axis, with intrinsics (fx, fy, cx, cy), pixels; NaN and 0 "
+          "are no return. Nothing changes before apply_scans(). Rays that meet the bucket of a "
+          "machine are not used. The result does not depend on the order of scans.")
       .def("apply_scans", &apply_scans,
            "Corrects the ground by all scans so far, and returns a Survey. The ground that nobody "
            "touched is the datum. What is added or removed is booked as surveyed: loads and cuts "

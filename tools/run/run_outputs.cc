@@ -177,9 +177,14 @@ void RunOutputs::write_ground(double time_s) {
 
 void RunOutputs::summarise(bool stopped) {
   const Tracker& tracker = site_.tracker();
-  RunTotals totals{
-      *site_.site.ground,       scenario_.soil,     tracker.total(), tracker.mass_balance(), {},
-      config_.change_before_m3, config_.mass_before, {}};
+  RunTotals totals{*site_.site.ground,
+                   scenario_.soil,
+                   tracker.total(),
+                   tracker.mass_balance(),
+                   {},
+                   config_.change_before_m3,
+                   config_.mass_before,
+                   {}};
   if (!scenario_.scans.empty()) totals.surveyed = tracker.surveyed();
   for (std::size_t i = 0; i < scenario_.machines.size(); ++i) {
     const io::MachineInput& machine = scenario_.machines[i];

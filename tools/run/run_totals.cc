@@ -26,12 +26,11 @@ void put_moved(const RunTotals& totals, io::Summary& summary) {
   const auto loose_m3 = [&](std::int64_t mass) { return units.loose_samples(mass) * sample_m3; };
   const auto kg = [&](std::int64_t mass) { return units.kg(mass, sample_m3, *totals.properties); };
   const std::int64_t ground = balance.ground - totals.mass_before;
-  const std::int64_t residual =
-      ground + totals.total.load + balance.pending + balance.hauled - balance.poured -
-      balance.surveyed;
+  const std::int64_t residual = ground + totals.total.load + balance.pending + balance.hauled -
+                                balance.poured - balance.surveyed;
   const Surveyed surveyed = totals.surveyed.value_or(Surveyed());
-  const std::int64_t expected = balance.fill_samples - balance.failed_samples -
-                                totals.total.cut() + surveyed.added - surveyed.removed;
+  const std::int64_t expected = balance.fill_samples - balance.failed_samples - totals.total.cut() +
+                                surveyed.added - surveyed.removed;
   const std::int64_t samples = std::llround(summary.ground_change_m3 / sample_m3);
   summary.residual_m3 = static_cast<double>(samples - expected) * sample_m3;
   io::Summary::Moved& moved = summary.moved.emplace(io::Summary::Moved{});

@@ -48,10 +48,11 @@ std::optional<Step> Schedule::next() {
   if (scanned_ < scans_s_.size()) {
     // A scan sees what was done at its time.
     const double time_s = scans_s_[scanned_];
-    const bool is_next = (!first || time_s < first->until_s()) &&
-                         (!first_pour || time_s < first_pour->until_s());
+    const bool is_next =
+        (!first || time_s < first->until_s()) && (!first_pour || time_s < first_pour->until_s());
     if (is_next && (time_s > stop_s_ || stop_s_ <= begin_s_)) return std::nullopt;
-    if (is_next) return Step{cursors_.size() + pours_.size() + scanned_++, time_s, time_s, {}, true};
+    if (is_next)
+      return Step{cursors_.size() + pours_.size() + scanned_++, time_s, time_s, {}, true};
   }
   if (first_pour && (!first || first_pour->until_s() < first->until_s())) {
     if (first_pour->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;

@@ -199,8 +199,8 @@ io::JournalUpdate SiteState::take_scan(const Step& step) {
     const std::optional<Input>& input = inputs_[*scan.machine];
     const std::string where = fmt::format("{}: scan at {} s", scan.file.string(), step.end_s);
     if (!input || (scan.link && input->joints.empty()))
-      throw std::runtime_error(fmt::format("{}: {} has no place yet, which carries the sensor", where,
-                                           name(*scan.machine)));
+      throw std::runtime_error(fmt::format("{}: {} has no place yet, which carries the sensor",
+                                           where, name(*scan.machine)));
     sensor.pose = scan.world_from_link(input->pose, input->joints) * sensor.pose;
   }
   std::vector<Vec3> points_m = io::read_points(scan.file).points_m;

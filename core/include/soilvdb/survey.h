@@ -46,8 +46,8 @@ struct Estimate {
 /// What scans changed, since the last time that they were applied.
 struct Survey {
   double removed_m3 = 0, added_m3 = 0;
-  double sigma_m3 = 0;                  ///< of the volume of the columns that were seen
-  std::vector<Estimate> lip_errors_m;   ///< of each machine: its lip's height as told, less the true
+  double sigma_m3 = 0;                 ///< of the volume of the columns that were seen
+  std::vector<Estimate> lip_errors_m;  ///< of each machine: its lip's height as told, less the true
   RayCounts rays;
 };
 
@@ -85,7 +85,8 @@ class GroundSurvey {
   /// Takes a scan. @param points_m where its rays ended, world
   /// @param buckets poses of the machines that have one; rays that meet a bucket are not used
   /// @throw std::invalid_argument for a bad sensor or point, with its number; nothing is taken
-  void scan(const Sensor& sensor, std::span<const Vec3> points_m, std::span<const Pose* const> buckets);
+  void scan(const Sensor& sensor, std::span<const Vec3> points_m,
+            std::span<const Pose* const> buckets);
   /// What all scans so far say. @return changes of the ground that are worth it; the caller makes
   /// them, and calls applied()
   std::vector<SurveyChange> solve();

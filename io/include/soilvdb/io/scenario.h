@@ -55,8 +55,8 @@ struct MachineInput {
   std::string name;
   Bucket bucket;
   MotionFile motion;
-  SweptBoxes swept;            ///< of the bucket
-  std::optional<Chain> chain;  ///< of a machine that moves by joints
+  SweptBoxes swept;                  ///< of the bucket
+  std::optional<Chain> chain;        ///< of a machine that moves by joints
   std::filesystem::path chain_file;  ///< its URDF; empty without
   double lip_sigma_m = SiteMachine{}.lip_sigma_m;
 
@@ -67,8 +67,8 @@ struct MachineInput {
 struct ScanInput {
   std::filesystem::path file;
   double time_s = 0;
-  bool in_world = false;  ///< points are the world's; else the sensor's
-  Sensor sensor;          ///< its pose is in the world, or on `machine`
+  bool in_world = false;                    ///< points are the world's; else the sensor's
+  Sensor sensor;                            ///< its pose is in the world, or on `machine`
   std::optional<std::size_t> machine = {};  ///< whose link carries the sensor
   std::optional<Chain> link = {};           ///< to that link; without it the bucket is meant
   /// Of the joints of `link`, their numbers among those of the machine.
@@ -85,8 +85,8 @@ struct Scenario {
   Terrain terrain;
   std::vector<MachineInput> machines;  ///< names are unique; may be empty only with pours
   std::optional<SoilProperties> soil;  ///< empty: soil is rigid
-  std::vector<Pour> pours;      ///< names are unique and differ from machines'; only with soil
-  std::vector<Hopper> hoppers;  ///< the same; no two in the same place at the same time
+  std::vector<Pour> pours;       ///< names are unique and differ from machines'; only with soil
+  std::vector<Hopper> hoppers;   ///< the same; no two in the same place at the same time
   std::vector<ScanInput> scans;  ///< by time
   std::optional<double> snapshot_every_s;
   bool incremental_snapshots = false;
