@@ -85,14 +85,16 @@ class Client:
 
 
 class Server(Client):
-    def __init__(self, *arguments, cwd, stdin=None):
+    def __init__(self, *arguments, cwd, stdin=None, env=None):
         self.process = subprocess.Popen(
             [PROGRAM, "serve", *map(str, arguments), "--port", "0"], cwd=cwd, text=True,
-            stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            env={**os.environ, **(env or {})})
         line = self.process.stdout.readline()
         if not line:
             raise AssertionError(self.process.stderr.read())
-        super().__init__(line.strip().split("#")[0])
+        self.printed = line.strip()
+        super().__init__(self.printed.split("#")[0])
 
     def __enter__(self):
         return self

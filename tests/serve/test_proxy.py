@@ -66,7 +66,7 @@ def test_a_proxy_is_told_what_to_pass_on_and_that_it_takes_a_token(tmp_path):
         # With it, without a token.
         for target, upgrade in (("/", False), ("/view", True)):
             status, body = ask(server, target, NAME, f"https://{NAME}", upgrade)
-            assert status == 403 and "give --token" in body and NAME in body
+            assert status == 403 and "give --token-file" in body and NAME in body
             assert "proxy_set_header" not in body
     with Server(scenario(tmp_path), "--out", tmp_path / "out", "--token", "abc", cwd=tmp_path) as server:
         status, body = ask(server, "/view?token=abc", server.url.split("/")[2], f"https://{NAME}", True)

@@ -629,7 +629,7 @@ def test_only_who_knows_the_token_and_no_page_from_elsewhere(tmp_path):
     path = scenario(tmp_path)
     refused = subprocess.run([PROGRAM, "serve", path, "--listen", "0.0.0.0", "--port", "0"],
                              capture_output=True, text=True)
-    assert refused.returncode == 2 and "give a --token" in refused.stderr
+    assert refused.returncode == 2 and "give a --token-file" in refused.stderr
     assert not (tmp_path / "out").exists()
     with Server(path, "--out", tmp_path / "a", "--token", "s3cret", cwd=tmp_path) as server:
         assert server.get("/")[0] == 200

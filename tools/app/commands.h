@@ -51,8 +51,10 @@ struct ServeOptions {
   std::filesystem::path scenario;            ///< or the folder of a run or a recording
   std::optional<std::filesystem::path> out;  ///< default: out/<scenario name>_live
   std::string listen = "127.0.0.1";
-  std::int64_t port = 8470;  ///< 0: any free port
-  std::string token;
+  std::int64_t port = 8470;                      ///< 0: any free port
+  std::optional<std::string> token, view_token;  ///< on the command line
+  std::optional<std::filesystem::path> token_file, view_token_file;
+  bool public_view = false;     ///< nobody who looks needs a token
   std::string base_path;        ///< "/dig" or empty
   std::optional<double> speed;  ///< factor at which the scenario's motions are played
   std::optional<std::filesystem::path> design;

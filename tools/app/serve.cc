@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <iostream>
 #include <memory>
 #include <string>
@@ -28,6 +29,7 @@ namespace fs = std::filesystem;
 
 /// Default interval of a live site's snapshots, from which a restart continues.
 constexpr double kSnapshotEvery_s = 300;
+constexpr std::size_t kMostToken_bytes = 4096;
 
 /// The page's folder, beside the program or where packages install it.
 fs::path page_folder() {
@@ -61,17 +63,56 @@ std::shared_ptr<const InitialTerrain> open_design(const std::optional<fs::path>&
   return make_height_field(raster.grid, raster.source);
 }
 
-/// Requires a token if other machines may connect.
-void check_reach(const ServeOptions& options) {
+/// A token of the command line, a file or the environment; empty if there is none.
+/// @param name of the option, "--token"
+std::string token_of(const std::string& name, const std::optional<std::string>& given,
+                     const std::optional<fs::path>& file, const char* variable) {
+  std::string token, from = name;
+  if (given && file) throw io::InputError(fmt::format("give either {0} or {0}-file", name));
+  if (given) {
+    token = *given;
+    say(
+        fmt::format("warning: other users of this computer can read {0} in its list of processes; "
+                    "use {0}-file or the variable {1}",
+                    name, variable));
+  } else if (file) {
+    from = file->string();
+    token = io::read_text(*file, kMostToken_bytes);
+    token.erase(token.find_last_not_of(" \t\r\n") + 1);
+  } else if (const char* value = std::getenv(variable)) {
+    from = variable;
+    token = value;
+  } else {
+    return "";
+  }
+  const auto fits = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '-' || c == '_' || c == '.';
+  };
+  if (token.empty()) throw io::InputError(fmt::format("{} holds no token", from));
+  if (!std::all_of(token.begin(), token.end(), fits))
+    throw io::InputError(fmt::format("{} must consist of letters, digits, '-', '_' and '.'", from));
+  return token;
+}
+
+/// The tokens, which must be there if other machines may connect.
+void set_tokens(const ServeOptions& options, ServerOptions& all) {
+  all.token = token_of("--token", options.token, options.token_file, "SOILVDB_TOKEN");
+  all.view_token =
+      token_of("--view-token", options.view_token, options.view_token_file, "SOILVDB_VIEW_TOKEN");
+  all.public_view = options.public_view;
   const bool loopback =
       options.listen == "127.0.0.1" || options.listen == "::1" || options.listen == "localhost";
-  if (!loopback && options.token.empty())
+  if (!loopback && all.token.empty())
+    throw io::InputError(fmt::format(
+        "--listen {} lets other machines in; give a --token-file with what they must send",
+        io::printable(options.listen)));
+  if (all.token.empty() && (all.public_view || !all.view_token.empty()))
     throw io::InputError(
-        fmt::format("--listen {} lets other machines in; give a --token, which they must send",
-                    io::printable(options.listen)));
-  for (const char c : options.token)
-    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '-' && c != '_' && c != '.')
-      throw io::InputError("--token must consist of letters, digits, '-', '_' and '.'");
+        "those who look are told from those who feed by a token; give a --token-file, too");
+  if (all.public_view && !all.view_token.empty())
+    throw io::InputError("with --public-view those who look have no token; leave theirs out");
+  if (!all.token.empty() && all.token == all.view_token)
+    throw io::InputError("those who look and those who feed must have different tokens");
 }
 
 /// "/dig", also for "dig" and "/dig/"; empty for the root. @throw io::InputError
@@ -93,7 +134,7 @@ ServerOptions server_options(const ServeOptions& options) {
   ServerOptions all;
   all.listen = options.listen == "localhost" ? "127.0.0.1" : options.listen;
   all.port = static_cast<std::uint16_t>(options.port);
-  all.token = options.token;
+  set_tokens(options, all);
   all.base_path = base_path_of(options.base_path);
   all.page = page_folder();
   if (all.page.empty())
@@ -112,10 +153,9 @@ void say_where(const Server& server) {
   std::fflush(stdout);
 }
 
-void show_past(const ServeOptions& options) {
+void show_past(const ServeOptions& options, ServerOptions all) {
   Opened opened = open_folder(options.scenario);
   LiveSite site(std::move(opened.session), opened.name, std::move(opened.log), opened.before);
-  ServerOptions all = server_options(options);
   all.takes_feeds = false;
   Server server(site, std::move(opened.history), open_design(options.design, site.session().site()),
                 all);
@@ -153,7 +193,7 @@ void feed_from_input(Server& server) {
   }
 }
 
-void serve_live(const ServeOptions& options) {
+void serve_live(const ServeOptions& options, ServerOptions all) {
   const io::Scenario scenario = io::read_scenario(options.scenario, {}, io::Motions::kOptional);
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
   const auto has_motion = [](const io::MachineInput& machine) { return machine.motion.rows() > 0; };
@@ -172,7 +212,6 @@ void serve_live(const ServeOptions& options) {
     recording.snapshot_every_s = kSnapshotEvery_s;
     recording.incremental = true;
   }
-  ServerOptions all = server_options(options);
   all.raster_cell_m = scenario.raster_cell_m;
   if (scenario.mcap) all.mcap_folder = recording.folder;
   // Errors of the command must be reported before a recording exists.
@@ -216,16 +255,16 @@ void serve_live(const ServeOptions& options) {
 }  // namespace
 
 void serve(const ServeOptions& options) {
-  check_reach(options);
   if (fs::is_directory(options.scenario) && (options.out || options.speed || options.feed_stdin))
     throw io::InputError(
         options.scenario,
         "is a folder, which can only be viewed; --out, --speed and --stdin need a scenario");
+  const ServerOptions all = server_options(options);
   with_threads(0, [&](int) {
     if (fs::is_directory(options.scenario))
-      show_past(options);
+      show_past(options, all);
     else
-      serve_live(options);
+      serve_live(options, all);
   });
 }
 

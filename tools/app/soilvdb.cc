@@ -185,9 +185,20 @@ class CommandLine {
                     "address of this machine to listen on; default: 127.0.0.1, for this machine "
                     "alone")
         ->type_name("ADDR");
+    sub->add_option("--token-file", serve_.token_file,
+                    "file with the secret of those who feed, and look; required with --listen. "
+                    "Default: the variable SOILVDB_TOKEN")
+        ->type_name("FILE");
+    sub->add_option("--view-token-file", serve_.view_token_file,
+                    "file with the secret of those who only look. Default: the variable "
+                    "SOILVDB_VIEW_TOKEN")
+        ->type_name("FILE");
     sub->add_option("--token", serve_.token,
-                    "secret that clients must send; required with --listen")
+                    "the secret itself, which other users of this machine can then read")
         ->type_name("T");
+    sub->add_option("--view-token", serve_.view_token, "the same of those who only look")
+        ->type_name("T");
+    sub->add_flag("--public-view", serve_.public_view, "whoever only looks needs no secret");
     sub->add_option("--base-path", serve_.base_path,
                     "path below which a proxy serves it, such as /dig; default: the root")
         ->type_name("PATH");

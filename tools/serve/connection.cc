@@ -154,15 +154,17 @@ class Connection : public std::enable_shared_from_this<Connection> {
     if (!base.empty() && path == base)
       return send({301, "text/plain", "", {}, false, base + '/' + target.substr(path.size())});
     if (is_page) return send(file->second);
-    if (!state_.has_token(target, text_of(request[http::field::authorization])))
+    const Role role = state_.role_of(target, text_of(request[http::field::authorization]));
+    if (role == Role::kNobody)
       return send(refusal(401,
                           "the token is missing or wrong; open the address that soilvdb serve "
                           "printed"));
     if (upgrade) {
+      if (path == "/feed" && role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
       if (path == "/feed" || path == "/view") return go_over(path == "/feed");
       return send(refusal(404, "streams are /feed and /view"));
     }
-    if (post) return send(state_.post(target));
+    if (post) return send(state_.post(target, role));
     stream_.expires_never();
     state_.answer(target,
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
@@ -174,7 +176,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::string foreign(const Request& request, bool is_page) const {
     const std::string said = text_of(request[http::field::host]);
     const Authority host(said);
-    const bool open = state_.options.token.empty();
+    const bool open = !state_.has_tokens();
     const auto origin = request.find(http::field::origin);
     const std::string from = origin == request.end() ? "" : text_of(origin->value());
     if (origin != request.end() && !is_page && !is_from(from, host))
@@ -183,12 +185,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
           "that is a proxy's doing, have the proxy pass the Host header on: proxy_set_header Host "
           "$http_host{}",
           io::printable(from), io::printable(said),
-          open ? "; and give --token to soilvdb serve" : "");
+          open ? "; and give --token-file to soilvdb serve" : "");
     if (open && host.host != "localhost" && host.host != "127.0.0.1" && host.host != "[::1]" &&
         host.host != state_.options.listen)
       return fmt::format(
           "the host isn't this machine: the request's Host is {}. If that is a proxy's name, give "
-          "--token to soilvdb serve",
+          "--token-file to soilvdb serve",
           io::printable(said));
     return "";
   }

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "io/file/json.h"
+#include "io/file/text.h"
 #include "soilvdb/io/mesh_file.h"
 #include "soilvdb/io/picture.h"
 #include "tools/run/outputs.h"
@@ -83,6 +84,17 @@ bool constant_time_equal(std::string_view a, std::string_view b) {
   return differs == 0;
 }
 
+/// The token of "Bearer TOKEN", in which the scheme may have any case.
+std::optional<std::string_view> bearer(std::string_view authorization) {
+  constexpr std::string_view kScheme = "bearer";
+  const std::string_view scheme = authorization.substr(0, kScheme.size());
+  if (io::lower_case(std::string(scheme)) != kScheme) return {};
+  authorization.remove_prefix(kScheme.size());
+  const std::size_t begin = authorization.find_first_not_of(' ');
+  if (begin == 0 || begin == std::string_view::npos) return {};
+  return authorization.substr(begin, authorization.find_last_not_of(' ') + 1 - begin);
+}
+
 }  // namespace
 
 Reply refusal(unsigned status, const std::string& why) {
@@ -91,13 +103,21 @@ Reply refusal(unsigned status, const std::string& why) {
   return reply;
 }
 
-bool ServerState::has_token(const std::string& target, const std::string& authorization) const {
-  if (options.token.empty()) return true;
-  if (constant_time_equal(authorization, "Bearer " + options.token)) return true;
-  const std::optional<Target> parsed = parse_target(target);
-  if (!parsed) return false;
-  const auto found = parsed->values.find("token");
-  return found != parsed->values.end() && constant_time_equal(found->second, options.token);
+Role ServerState::role_of(const std::string& target, const std::string& authorization) const {
+  if (!has_tokens()) return Role::kFeeder;
+  Role role = options.public_view ? Role::kViewer : Role::kNobody;
+  const auto take = [&](std::string_view sent) {
+    const auto is = [&](const std::string& token) {
+      return !token.empty() && constant_time_equal(sent, token);
+    };
+    if (is(options.view_token)) role = std::max(role, Role::kViewer);
+    if (is(options.token)) role = Role::kFeeder;
+  };
+  if (const auto token = bearer(authorization)) take(*token);
+  if (const std::optional<Target> parsed = parse_target(target))
+    if (const auto found = parsed->values.find("token"); found != parsed->values.end())
+      take(found->second);
+  return role;
 }
 
 Past ServerState::past(double time_s, std::uint64_t clocks_set) {
@@ -150,11 +170,12 @@ void ServerState::query(std::function<Reply()> make, std::function<void(Reply)> 
   if (!taken) done(refusal(429, "too many requests; try again later"));
 }
 
-Reply ServerState::post(const std::string& text) {
+Reply ServerState::post(const std::string& text, Role role) {
   try {
     const std::optional<Target> target = parse_target(text);
     if (!target || target->path != "/clock")
       return refusal(405, "only GET is answered, and POST of /clock");
+    if (role != Role::kFeeder) return refusal(403, kOnlyViewer);
     if (!options.takes_feeds) return refusal(403, kOnlyLookedAt);
     const QueryParameters parameters(*target, {"machine"});
     const std::string answer =

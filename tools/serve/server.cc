@@ -226,8 +226,12 @@ std::string Server::url() const {
   std::string host =
       at.address().is_v6() ? '[' + at.address().to_string() + ']' : at.address().to_string();
   if (at.address().is_unspecified()) host = net::ip::host_name();  // all addresses of this machine
-  const std::string& token = state_->options.token;
-  return fmt::format("http://{}:{}{}/{}", host, at.port(), state_->options.base_path,
+  // An address is passed on, so it lets others look only.
+  const ServerOptions& options = state_->options;
+  const std::string& token = options.public_view          ? std::string()
+                             : options.view_token.empty() ? options.token
+                                                          : options.view_token;
+  return fmt::format("http://{}:{}{}/{}", host, at.port(), options.base_path,
                      token.empty() ? "" : "#token=" + token);
 }
 

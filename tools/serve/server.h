@@ -19,12 +19,14 @@ namespace soilvdb::tools {
 struct ServerState;  // tools/serve/server_state.h
 
 struct ServerOptions {
-  std::string listen = "127.0.0.1";          ///< an address of this machine
-  std::uint16_t port = 0;                    ///< 0: any free port
-  std::string token = {};                    ///< empty: every user of this machine has access
-  std::string base_path = {};                ///< "/dig": also served below this path
-  bool takes_feeds = true;                   ///< false: viewing only
-  std::filesystem::path page = {};           ///< folder of index.html, view.js and view.css
+  std::string listen = "127.0.0.1";  ///< an address of this machine
+  std::uint16_t port = 0;            ///< 0: any free port
+  std::string token = {};            ///< of feeds; empty: every user of this machine has access
+  std::string view_token = {};       ///< of those who only look; empty: they need `token`
+  bool public_view = false;          ///< those who only look need no token
+  std::string base_path = {};        ///< "/dig": also served below this path
+  bool takes_feeds = true;           ///< false: viewing only
+  std::filesystem::path page = {};   ///< folder of index.html, view.js and view.css
   std::optional<double> raster_cell_m = {};  ///< of surface.tif; default: the voxel size
   std::filesystem::path mcap_folder = {};    ///< empty: no MCAP is recorded
 };
@@ -41,7 +43,7 @@ class Server {
          std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
   ~Server();
 
-  /// "http://127.0.0.1:8470/", with the token if there is one.
+  /// "http://127.0.0.1:8470/", with the token of those who look if there is one.
   std::string url() const;
   /// Runs until `stopped()` returns true; calls it ten times a second.
   /// @param play called some fifty times a second, for a source of states in this process

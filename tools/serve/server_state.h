@@ -43,6 +43,11 @@ struct Reply {
 Reply refusal(unsigned status, const std::string& why);
 inline constexpr const char* kOnlyLookedAt = "this site can only be viewed; nothing can be fed";
 
+/// Each may do what the one before may.
+enum class Role { kNobody, kViewer, kFeeder };
+inline constexpr const char* kOnlyViewer =
+    "whoever sent this may look, but not feed; send the token of feeds";
+
 struct ServerState {
   using Clock = std::chrono::steady_clock;
 
@@ -53,9 +58,11 @@ struct ServerState {
   /// Answers a GET: calls `done` once, now or later, on the thread of `io`.
   void answer(const std::string& target, std::function<void(Reply)> done);
   /// Answers a POST.
-  Reply post(const std::string& target);
-  /// May the sender access more than the page?
-  bool has_token(const std::string& target, const std::string& authorization) const;
+  Reply post(const std::string& target, Role role);
+  /// The role of a request's sender.
+  Role role_of(const std::string& target, const std::string& authorization) const;
+  /// Must anybody send a token?
+  bool has_tokens() const { return !options.token.empty() || !options.view_token.empty(); }
 
   /// Calls `make` on the query thread, and `done` here with its result.
   void query(std::function<Reply()> make, std::function<void(Reply)> done);
