@@ -191,6 +191,7 @@ void feed_from_input(Server& server) {
     fmt::print("{}\n", answer);
     std::fflush(stdout);
   }
+  server.end_feed();
 }
 
 void serve_live(const ServeOptions& options, ServerOptions all) {

@@ -1,20 +1,21 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// HTTP connections and feeds.
+// HTTP connections, until they become feeds or views.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <boost/asio/ip/address.hpp>
-#include <boost/asio/post.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
+#include <list>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
 
 #include "io/file/text.h"
+#include "tools/serve/feeder.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
 
@@ -29,7 +30,8 @@ using net::ip::tcp;
 using Socket = Viewer::Socket;
 using Request = http::request<http::empty_body>;
 
-constexpr std::chrono::seconds kRequestTime{20}, kAnswerTime{120}, kSilence{60};
+constexpr std::chrono::seconds kFirstRequestTime{5}, kRequestTime{20}, kAnswerTime{120};
+constexpr std::chrono::seconds kHandshakeTime{5}, kSilence{60};
 constexpr std::uint32_t kMostHeader = 8 << 10;
 constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
 
@@ -62,54 +64,6 @@ bool is_from(std::string_view origin, const Authority& host) {
   return false;
 }
 
-/// Answers the lines of a feed one after another, and reads no faster.
-class Feeder : public std::enable_shared_from_this<Feeder> {
- public:
-  Feeder(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {}
-
-  void start() {
-    ++state_.connections;
-    socket_.text(true);
-    read();
-  }
-
- private:
-  void read() {
-    socket_.async_read(in_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-      if (error) return self->end();
-      self->take();
-    });
-  }
-
-  void take() {
-    const std::string lines = beast::buffers_to_string(in_.data());
-    in_.consume(in_.size());
-    out_.clear();
-    for (std::size_t at = 0; at < lines.size();) {
-      const std::size_t end = std::min(lines.find('\n', at), lines.size());
-      const std::string_view line = std::string_view(lines).substr(at, end - at);
-      at = end + 1;
-      if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
-      if (!out_.empty()) out_ += '\n';
-      out_ += state_.options.takes_feeds ? state_.site.feed(line)
-                                         : fmt::format(R"({{"error":"{}"}})", kOnlyLookedAt);
-    }
-    if (out_.empty()) out_ = R"({"error":"an empty message; send a line of JSON"})";
-    socket_.async_write(net::buffer(out_),
-                        [self = shared_from_this()](beast::error_code error, std::size_t) {
-                          if (error) return self->end();
-                          self->read();
-                        });
-  }
-
-  void end() { --state_.connections; }
-
-  ServerState& state_;
-  Socket socket_;
-  beast::flat_buffer in_;
-  std::string out_;
-};
-
 /// Reads requests one after another until one asks for a feed or a view.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
@@ -118,16 +72,30 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void read() {
+    wait();
     parser_.emplace();
     parser_->header_limit(kMostHeader);
     parser_->body_limit(0);
-    stream_.expires_after(kRequestTime);
+    stream_.expires_after(std::exchange(asked_, true) ? kRequestTime : kFirstRequestTime);
     http::async_read(
         stream_, in_, *parser_,
         [self = shared_from_this()](beast::error_code error, std::size_t) { self->take(error); });
   }
 
  private:
+  /// Others may take its place from here on, until one of its requests is allowed.
+  void wait() {
+    if (!waits_)
+      waits_ = state_.waiting.insert(state_.waiting.end(), [this] {
+        wait_no_more();
+        beast::error_code ignored;
+        stream_.socket().close(ignored);
+      });
+  }
+  void wait_no_more() {
+    if (waits_) state_.waiting.erase(*std::exchange(waits_, std::nullopt));
+  }
+
   void take(beast::error_code error) {
     if (error) {
       const bool ours =
@@ -159,6 +127,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       return send(refusal(401,
                           "the token is missing or wrong; open the address that soilvdb serve "
                           "printed"));
+    wait_no_more();
     if (upgrade) {
       if (path == "/feed" && role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
       if (path == "/feed" || path == "/view") return go_over(path == "/feed");
@@ -229,8 +198,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
     auto socket = std::make_shared<Socket>(std::move(stream_));
     beast::get_lowest_layer(*socket).expires_never();
     auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
+    timeout.handshake_timeout = kHandshakeTime;
     timeout.idle_timeout = kSilence;
-    timeout.keep_alive_pings = true;
+    timeout.keep_alive_pings = !feeds;  // a Feeder sends its own
     socket->set_option(timeout);
     socket->read_message_max(feeds ? kMostFeed : kMostView);
     socket->auto_fragment(false);
@@ -251,13 +221,17 @@ class Connection : public std::enable_shared_from_this<Connection> {
     stream_.socket().shutdown(tcp::socket::shutdown_both, ignored);
     end_quietly();
   }
-  void end_quietly() { --state_.connections; }
+  void end_quietly() {
+    wait_no_more();
+    --state_.connections;
+  }
 
   ServerState& state_;
   beast::tcp_stream stream_;
   beast::flat_buffer in_;
   std::optional<http::request_parser<http::empty_body>> parser_;
-  bool head_ = false, close_after_ = false;
+  std::optional<std::list<std::function<void()>>::iterator> waits_;
+  bool asked_ = false, head_ = false, close_after_ = false;
 };
 
 }  // namespace

@@ -16,6 +16,11 @@ using Json = nlohmann::ordered_json;
 
 std::string line_of(const Json& json) { return io::to_text(json); }
 
+const char* word_of(const FeedSource* source) {
+  if (source == nullptr || source->link == FeedSource::Link::kEnded) return "none";
+  return source->link == FeedSource::Link::kLost ? "lost" : "live";
+}
+
 }  // namespace
 
 LiveSite::LiveSite(Session session, std::string name)
@@ -23,6 +28,7 @@ LiveSite::LiveSite(Session session, std::string name)
       name_(std::move(name)),
       log_(session_),
       moved_(session_.machines().size()),
+      fed_by_(session_.machines().size()),
       doubted_s_(session_.machines().size()),
       before_{session_.change_m3(), session_.mass_balance().ground} {
   for (const SiteMachine& machine : session_.machines())
@@ -67,7 +73,7 @@ StepResult LiveSite::feed(const MachineState& state) {
   return step;
 }
 
-std::string LiveSite::feed(std::string_view line) {
+std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const FeedSource>& source) {
   try {
     const nlohmann::json json = object_of(line);
     if (json.contains("clock")) {
@@ -76,6 +82,7 @@ std::string LiveSite::feed(std::string_view line) {
     }
     std::vector<double> joints;
     const MachineState state = parse(json, joints);
+    if (source) fed_by_[state.machine] = source;
     const bool wants_force = asks_for_force(json, state.machine);
     if (const std::string why = session_.unlikely(state); !why.empty())
       throw std::invalid_argument(why);
@@ -117,6 +124,8 @@ Json LiveSite::state() const {
   Json json = site_state(session_, log_, works);
   const io::JournalExtent done = session_.acknowledged();
   json["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
+  for (std::size_t i = 0; i < fed_by_.size(); ++i)
+    json["machines"][i]["link"] = word_of(fed_by_[i].get());
   return json;
 }
 

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -14,6 +15,7 @@
 #include "io/journal/report.h"
 #include "soilvdb/session.h"
 #include "tools/run/run_totals.h"
+#include "tools/serve/feed_source.h"
 #include "tools/serve/work_log.h"
 
 namespace soilvdb::tools {
@@ -43,8 +45,9 @@ class LiveSite {
   /// `"position": [x, y, z], "rotation": [x, y, z, w]`. A line `{"machine": "digger", "clock":
   /// "reset"}` declares a machine's clock right from here on: its times may go back, and its
   /// earlier times are forgotten.
+  /// @param source where it comes from; null: unknown
   /// @return a line: the update, or `{"error": ..}`, and then the site is unchanged
-  std::string feed(std::string_view line);
+  std::string feed(std::string_view line, const std::shared_ptr<const FeedSource>& source = {});
   StepResult feed(const MachineState& state);
 
   Session& session() { return session_; }
@@ -88,8 +91,9 @@ class LiveSite {
   std::string curl_ = "curl -X POST", address_ = "/";
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   WorkLog log_;
-  std::vector<Clock::time_point> moved_;          ///< by machine
-  std::vector<std::optional<double>> doubted_s_;  ///< by machine: refused as too far ahead
+  std::vector<Clock::time_point> moved_;                   ///< by machine
+  std::vector<std::shared_ptr<const FeedSource>> fed_by_;  ///< by machine; null: not fed yet
+  std::vector<std::optional<double>> doubted_s_;           ///< by machine: refused as too far ahead
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
   std::uint64_t fed_ = 0, clocks_set_ = 0;

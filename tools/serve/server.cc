@@ -18,6 +18,7 @@
 #include "io/file/json.h"
 #include "io/terrain/crs.h"
 #include "soilvdb/io/error.h"
+#include "tools/serve/feeder.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
 
@@ -31,7 +32,8 @@ using Json = nlohmann::ordered_json;
 constexpr std::chrono::milliseconds kTick{50}, kPlay{20}, kTellSoon{100};
 constexpr std::chrono::seconds kTellAgain{1}, kAskTimes{2};
 constexpr std::size_t kMostQueries = 32;
-constexpr std::size_t kMostConnections = 512;
+constexpr std::size_t kMostConnections = 512, kMostWaiting = 256;
+constexpr std::chrono::milliseconds kMostPassed{200}, kGoodbye{1000}, kLookWhoIsLeft{10};
 constexpr std::size_t kMostCacheBytes = 64 << 20;
 constexpr std::size_t kBlocksAtOnce = 8;
 
@@ -176,13 +178,36 @@ void ServerState::follow_ground() {
   if (recording) recording->tick(chunks, *beside);
 }
 
+bool ServerState::make_room() {
+  if (waiting.size() < kMostWaiting && connections < kMostConnections) return true;
+  if (waiting.empty()) return false;
+  const std::function<void()> drop_oldest = waiting.front();
+  drop_oldest();
+  return true;
+}
+
+void ServerState::end() {
+  const Clock::time_point now = Clock::now();
+  if (!std::exchange(ending, true)) {
+    constexpr const char* kWhy = "the site has ended";
+    ended = now;
+    for (Feeder* feeder : feeders) feeder->close(kWhy);
+    for (Viewer* viewer : viewers) viewer->close(kWhy);
+  }
+  if ((feeders.empty() && viewers.empty()) || now - ended > kGoodbye) return io.stop();
+  timer.expires_after(kLookWhoIsLeft);
+  timer.async_wait([this](const boost::system::error_code& error) {
+    if (!error) end();
+  });
+}
+
 /// Sends changes and the machines' state to viewers.
 void ServerState::tick() {
-  if (stopped()) {
-    io.stop();
-    return;
-  }
+  if (stopped()) return end();
   const Clock::time_point now = Clock::now();
+  // A server that was busy did not listen meanwhile.
+  const auto passed = std::min<Clock::duration>(now - std::exchange(ticked, now), kMostPassed);
+  for (Feeder* feeder : feeders) feeder->listen(passed);
   if (!viewers.empty() || recording) follow_ground();
   const auto since = now - told;
   if (!viewers.empty() &&
@@ -214,6 +239,7 @@ Server::Server(LiveSite& site, std::unique_ptr<History> history,
                std::shared_ptr<const InitialTerrain> design, const ServerOptions& options)
     : state_(std::make_unique<ServerState>(site, std::move(history), std::move(design), options)) {
   const std::string all = url();
+  state_->input->name = "standard input";
   site.set_address(
       options.token.empty() ? "curl -X POST" : "curl -X POST -H 'Authorization: Bearer TOKEN'",
       all.substr(0, all.find('#')));
@@ -249,7 +275,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   const std::function<void()> accept = [&] {
     s.acceptor.async_accept([&](const boost::system::error_code& error, tcp::socket socket) {
       if (!error) {
-        if (s.connections < kMostConnections) accept_connection(s, std::move(socket));
+        if (s.make_room()) accept_connection(s, std::move(socket));
         return accept();
       }
       rest.expires_after(kTick);  // for example, too many open files
@@ -284,10 +310,16 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
 std::string Server::feed(std::string line) {
   std::promise<std::string> answer;
   std::future<std::string> future = answer.get_future();
-  net::post(state_->io, [this, &answer, &line] { answer.set_value(state_->site.feed(line)); });
+  net::post(state_->io, [this, &answer, &line] {
+    answer.set_value(state_->ending ? "" : state_->site.feed(line, state_->input));
+  });
   while (future.wait_for(kTick) != std::future_status::ready)
     if (state_->io.stopped()) return "";
   return future.get();
+}
+
+void Server::end_feed() {
+  net::post(state_->io, [input = state_->input] { input->link = FeedSource::Link::kEnded; });
 }
 
 }  // namespace soilvdb::tools

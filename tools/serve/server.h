@@ -50,6 +50,8 @@ class Server {
   void run(const std::function<bool()>& stopped, const std::function<void()>& play = {});
   /// Feeds a line from another thread during run(). @return the answer; empty after run()
   std::string feed(std::string line);
+  /// There will be no more such lines.
+  void end_feed();
 
  private:
   std::unique_ptr<ServerState> state_;

@@ -28,6 +28,7 @@
 
 namespace soilvdb::tools {
 
+class Feeder;
 class Viewer;
 using Bytes = std::shared_ptr<const std::string>;
 
@@ -80,6 +81,10 @@ struct ServerState {
   /// A block's message as last registered; null: make_blocks() makes it and then resumes viewers.
   Bytes block(const Coord3& block);
   void tick();
+  /// Says goodbye to all clients, and stops when they are gone or a while has passed.
+  void end();
+  /// Makes room for a new connection if there can be any.
+  bool make_room();
   nlohmann::ordered_json times();
   Bytes description();
 
@@ -94,7 +99,13 @@ struct ServerState {
   boost::asio::ip::tcp::acceptor acceptor{io};
   boost::asio::steady_timer timer{io}, player{io};
   std::size_t connections = 0;
+  /// Drop connections whose requests are not allowed yet, the one that waits longest first.
+  std::list<std::function<void()>> waiting;
+  std::set<Feeder*> feeders;
   std::set<Viewer*> viewers;
+  bool ending = false;
+  /// Of Server::feed().
+  std::shared_ptr<FeedSource> input = std::make_shared<FeedSource>();
   std::function<bool()> stopped;
   std::function<void()> play;
 
@@ -118,7 +129,7 @@ struct ServerState {
   std::unique_ptr<CachedMesher> mesher;                ///< of `copy`, used by jobs only
 
   std::uint64_t told_fed = 0;
-  Clock::time_point told{}, asked_times{};
+  Clock::time_point told{}, asked_times{}, ticked = Clock::now(), ended{};
   History::Times known_times;                ///< as a query found them
   std::list<std::pair<double, Past>> pasts;  ///< recent queries, newest first
   std::uint64_t pasts_clocks_set = 0;        ///< number of clocks set that `pasts` belong to

@@ -169,8 +169,14 @@ void Viewer::send(const Bytes& message, bool text) {
                       });
 }
 
+void Viewer::close(const char* why) {
+  if (std::exchange(closing_, true)) return;
+  socket_.async_close({beast::websocket::close_code::going_away, why},
+                      [self = shared_from_this()](beast::error_code) {});
+}
+
 void Viewer::go_on() {
-  if (sending_) return;
+  if (sending_ || closing_) return;
   if (!texts_.empty()) {
     const Bytes text = texts_.front();
     texts_.pop_front();

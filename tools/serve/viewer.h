@@ -30,6 +30,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void tell_state(const Bytes& state) { told_ = state; }
   /// Sends the next due message, unless one is being sent.
   void go_on();
+  /// Ends the connection with a reason.
+  void close(const char* why);
 
  private:
   void read();
@@ -51,7 +53,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   std::shared_ptr<GroundView> ground_;  ///< of a view other than live
   std::size_t sent_ = 0;
   bool whole_ = false;  ///< was the viewer informed that all blocks were sent?
-  bool sending_ = false, asking_ = false;
+  bool sending_ = false, asking_ = false, closing_ = false;
 };
 
 }  // namespace soilvdb::tools

@@ -1,0 +1,52 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A connected feed, whose lines are answered one after another.
+#pragma once
+
+#include <boost/beast/core.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "tools/serve/feed_source.h"
+#include "tools/serve/server_state.h"
+
+namespace soilvdb::tools {
+
+/// Reads no faster than it answers. Between lines, other clients have their turn.
+///
+/// A client of which nothing is heard, neither data nor answers to pings, is lost after
+/// some seconds. It is live again when it is heard again.
+class Feeder : public std::enable_shared_from_this<Feeder> {
+ public:
+  using Socket = boost::beast::websocket::stream<boost::beast::tcp_stream>;
+
+  Feeder(ServerState& state, Socket socket);
+
+  void start();
+  /// Call it often. @param passed time since the last call in which the server could listen
+  void listen(std::chrono::duration<double> passed);
+  /// Ends the connection with a reason.
+  void close(const char* why);
+
+ private:
+  void read();
+  void take();
+  void work();
+  void heard();
+  void end(bool broken);
+  void set_link(FeedSource::Link link);
+
+  ServerState& state_;
+  Socket socket_;
+  std::shared_ptr<FeedSource> source_ = std::make_shared<FeedSource>();
+  boost::beast::flat_buffer in_;
+  std::string lines_, out_;
+  std::size_t at_ = 0;   ///< of the next of `lines_`
+  double silent_s_ = 0;  ///< time in which nothing was heard
+  double asked_s_ = 0;   ///< `silent_s_` at the last ping
+  bool pinging_ = false, closing_ = false;
+};
+
+}  // namespace soilvdb::tools
