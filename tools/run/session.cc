@@ -269,6 +269,11 @@ StepResult Session::place(const MachineState& state) noexcept {
       });
 }
 
+bool Session::in_air(const MachineState& state) const {
+  const Pose at = state_->input(state).pose;
+  return state_->tracker().misplaced(state.machine, at).empty();
+}
+
 StepResult Session::pour(double until_s) noexcept {
   State& s = *state_;
   return s.recorded<StepResult>([&] { return static_cast<Site&>(s).pour(until_s); },

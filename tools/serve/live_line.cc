@@ -91,7 +91,8 @@ Line object_of(std::string_view line) {
 
 /// @param joints storage for the state's joints
 MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
-  require_keys(json, {"machine", "time", "joints", "position", "rotation", "force"});
+  require_keys(json,
+               {"machine", "time", "joints", "position", "rotation", "force", "sequence", "fix"});
   MachineState state;
   state.machine = session_.machine(machine_in(json).get<std::string>());
   if (json.contains("time") && !json["time"].is_null())

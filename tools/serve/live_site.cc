@@ -16,9 +16,20 @@ using Json = nlohmann::ordered_json;
 
 std::string line_of(const Json& json) { return io::to_text(json); }
 
-const char* word_of(const FeedSource* source) {
-  if (source == nullptr || source->link == FeedSource::Link::kEnded) return "none";
-  return source->link == FeedSource::Link::kLost ? "lost" : "live";
+std::string word_in(const nlohmann::json& json, const char* key) {
+  if (!json[key].is_string())
+    throw std::invalid_argument(std::string("'") + key + "' must be a word");
+  return json[key].get<std::string>();
+}
+
+/// @throw std::invalid_argument
+std::optional<std::uint64_t> sequence_of(const nlohmann::json& json) {
+  if (!json.contains("sequence")) return {};
+  constexpr std::uint64_t kMostExact = std::uint64_t{1} << 53;  // many programs count in doubles
+  const nlohmann::json& number = json["sequence"];
+  if (!number.is_number_unsigned() || number.get<std::uint64_t>() > kMostExact)
+    throw std::invalid_argument("'sequence' must be a whole number from 0 on");
+  return number.get<std::uint64_t>();
 }
 
 }  // namespace
@@ -28,7 +39,7 @@ LiveSite::LiveSite(Session session, std::string name)
       name_(std::move(name)),
       log_(session_),
       moved_(session_.machines().size()),
-      fed_by_(session_.machines().size()),
+      feeds_(session_.machines().size()),
       doubted_s_(session_.machines().size()),
       before_{session_.change_m3(), session_.mass_balance().ground} {
   for (const SiteMachine& machine : session_.machines())
@@ -52,13 +63,18 @@ void LiveSite::record(const Recording& recording,
     if (fed == nullptr) continue;
     ++fed_;
     log_.add(*fed);
+    if (fed->has_rows() && fed->machine < feeds_.size())
+      feeds_[fed->machine].dug_before = fed->kind == io::JournalUpdate::Kind::kMove;
     if (fed->kind == io::JournalUpdate::Kind::kMove)
       durations_.add(static_cast<double>(fed->ns) * 1e-3);
   }
 }
 
 StepResult LiveSite::feed(const MachineState& state) {
-  StepResult step = session_.update(state);
+  return taken(state, session_.update(state));
+}
+
+StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   if (!step.ok()) return step;
   ++fed_;
   clocks_set_ += log_.machines()[state.machine].clock_is_set && state.time_s;
@@ -73,7 +89,59 @@ StepResult LiveSite::feed(const MachineState& state) {
   return step;
 }
 
+Json LiveSite::answer_to(const StepResult& step, std::size_t machine) {
+  Json answer = {{"cut_m3", step.update.cut_m3}, {"bucket_m3", step.update.bucket_m3}};
+  if (session_.earthmoving().soil) {
+    answer["bucket_kg"] = session_.bucket_kg(machine);
+    answer["spilled_m3"] = step.update.spilled_m3;
+    answer["slid_m3"] = step.update.slid_m3;
+  }
+  return answer;
+}
+
+Json LiveSite::dig(const nlohmann::json& json, const MachineState& state) {
+  const bool wants_force = asks_for_force(json, state.machine);
+  if (const std::string why = session_.unlikely(state); !why.empty())
+    throw std::invalid_argument(why);
+  require_soon(state);
+  const auto last = session_.last(state.machine);
+  const StepResult step = feed(state);
+  if (last && last->time_s && state.time_s && *state.time_s < *last->time_s && !step.ok())
+    throw std::invalid_argument(step.why + "; if its clock was ahead and is right now, " +
+                                how_to_set_clock(state.machine));
+  if (!step.ok()) throw std::runtime_error(step.why);
+  Json answer = answer_to(step, state.machine);
+  if (wants_force) {
+    const Wrench all = session_.resistance(state.machine).total();
+    answer["force_n"] = io::numbers(all.force);
+    answer["moment_nm"] = io::numbers(all.moment);
+  }
+  return answer;
+}
+
+/// A bucket in the ground stays where it was last: there is no way on which it did not dig.
+Json LiveSite::place(const MachineState& state) {
+  require_soon(state);
+  const bool in_air = session_.in_air(state);
+  StepResult step;
+  step.update.bucket_m3 = session_.ledger(state.machine).bucket_m3();
+  if (in_air) {
+    step = taken(state, session_.place(state));
+    if (!step.ok()) throw std::runtime_error(step.why);
+  }
+  Json answer = answer_to(step, state.machine);
+  answer["placed"] = in_air;
+  return answer;
+}
+
 std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const FeedSource>& source) {
+  std::optional<std::uint64_t> number;
+  std::size_t machine = 0, content = 0;
+  std::uint64_t missed = 0;
+  const auto numbered = [&](Json& answer) {
+    if (number) answer["sequence"] = *number;
+    if (missed > 0) answer["missed"] = missed;
+  };
   try {
     const nlohmann::json json = object_of(line);
     if (json.contains("clock")) {
@@ -82,35 +150,73 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
     }
     std::vector<double> joints;
     const MachineState state = parse(json, joints);
-    if (source) fed_by_[state.machine] = source;
-    const bool wants_force = asks_for_force(json, state.machine);
-    if (const std::string why = session_.unlikely(state); !why.empty())
-      throw std::invalid_argument(why);
-    require_soon(state);
-    const auto last = session_.last(state.machine);
-    const StepResult step = feed(state);
-    if (last && last->time_s && state.time_s && *state.time_s < *last->time_s && !step.ok())
-      return line_of({{"error", step.why + "; if its clock was ahead and is right now, " +
-                                    how_to_set_clock(state.machine)}});
-    if (!step.ok()) return line_of({{"error", step.why}});
-    Json answer = {{"cut_m3", step.update.cut_m3}, {"bucket_m3", step.update.bucket_m3}};
-    if (session_.earthmoving().soil) {
-      answer["bucket_kg"] = session_.bucket_kg(state.machine);
-      answer["spilled_m3"] = step.update.spilled_m3;
-      answer["slid_m3"] = step.update.slid_m3;
+    machine = state.machine;
+    MachineFeed& of = feeds_[machine];
+    of.require_owner(source.get(), session_.machines()[machine].name);
+    of.heard = MachineFeed::Clock::now();
+    if (const auto given = sequence_of(json)) {
+      content = std::hash<nlohmann::json>()(json);
+      const SequenceCheck::Place place = of.sequence.check(*given, content);
+      if (!place.answer_given.empty()) return place.answer_given;
+      number = given;
+      missed = place.missed;
     }
-    if (wants_force) {
-      const Wrench all = session_.resistance(state.machine).total();
-      answer["force_n"] = io::numbers(all.force);
-      answer["moment_nm"] = io::numbers(all.moment);
-    }
+    const Fix fix = json.contains("fix") ? fix_of(word_in(json, "fix")) : Fix::kFixed;
+    const bool digs = fix == Fix::kFixed && (of.dug_before || !session_.in_air(state));
+    Json answer = digs ? dig(json, state) : place(state);
+    of.dug_before = fix == Fix::kFixed;
+    of.fix = json.contains("fix") ? std::optional(fix) : std::nullopt;
+    if (source) of.source = source;
     const io::JournalExtent done = session_.acknowledged();
     answer["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
+    numbered(answer);
+    if (number) {
+      Json again = answer;
+      again["repeated"] = true;
+      of.sequence.taken(*number, content, line_of(again));
+    }
     for (const std::string& warning : session_.take_warnings()) answer["warning"] = warning;
     return line_of(answer);
   } catch (const std::exception& e) {
-    return line_of({{"error", e.what()}});
+    Json answer = {{"error", e.what()}};
+    numbered(answer);
+    if (number) feeds_[machine].sequence.refused(*number);
+    return line_of(answer);
   }
+}
+
+Json LiveSite::feeds() const {
+  Json all = Json::array();
+  const auto or_null = [](const auto& value) { return value ? Json(*value) : Json(); };
+  for (std::size_t i = 0; i < feeds_.size(); ++i) {
+    const MachineFeed& feed = feeds_[i];
+    const std::string& name = session_.machines()[i].name;
+    const bool owned = feed.source && feed.source->link == FeedSource::Link::kLive;
+    Json one = {{"name", name},
+                {"link", feed.link()},
+                {"owner", owned ? Json(feed.source->name) : Json()},
+                {"heard_s_ago", or_null(feed.silent_s())},
+                {"sequence", or_null(feed.sequence.last())},
+                {"fix", feed.fix ? Json(word_of(*feed.fix)) : Json()},
+                {"time_s", nullptr},
+                {"state", nullptr},
+                {"bucket_m3", session_.ledger(i).bucket_m3()}};
+    if (const std::optional<MachineState> last = session_.last(i)) {
+      one["time_s"] = or_null(last->time_s);
+      Json state = {{"machine", name}};
+      if (last->time_s) state["time"] = *last->time_s;
+      if (last->joints.empty()) {
+        state["position"] = io::numbers(last->pose.position);
+        state["rotation"] = io::numbers(last->pose.rotation.coeffs());
+      }
+      for (std::size_t j = 0; j < last->joints.size(); ++j)
+        state["joints"][joints_[i][j]] = last->joints[j];
+      one["state"] = std::move(state);
+    }
+    all.push_back(std::move(one));
+  }
+  const io::JournalExtent done = session_.acknowledged();
+  return {{"machines", all}, {"acknowledged_s", done.updates > 0 ? Json(done.time_s) : Json()}};
 }
 
 /// A live machine works if it moved in recent real time; others, if they moved before the log's
@@ -124,8 +230,13 @@ Json LiveSite::state() const {
   Json json = site_state(session_, log_, works);
   const io::JournalExtent done = session_.acknowledged();
   json["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
-  for (std::size_t i = 0; i < fed_by_.size(); ++i)
-    json["machines"][i]["link"] = word_of(fed_by_[i].get());
+  for (std::size_t i = 0; i < feeds_.size(); ++i) {
+    Json& machine = json["machines"][i];
+    const std::optional<double> silent_s = feeds_[i].silent_s();
+    machine["link"] = feeds_[i].link();
+    machine["heard_s_ago"] = silent_s ? Json(*silent_s) : Json();
+    machine["fix"] = feeds_[i].fix ? Json(word_of(*feeds_[i].fix)) : Json();
+  }
   return json;
 }
 

@@ -15,7 +15,7 @@
 #include "io/journal/report.h"
 #include "soilvdb/session.h"
 #include "tools/run/run_totals.h"
-#include "tools/serve/feed_source.h"
+#include "tools/serve/machine_feed.h"
 #include "tools/serve/work_log.h"
 
 namespace soilvdb::tools {
@@ -49,6 +49,8 @@ class LiveSite {
   /// @return a line: the update, or `{"error": ..}`, and then the site is unchanged
   std::string feed(std::string_view line, const std::shared_ptr<const FeedSource>& source = {});
   StepResult feed(const MachineState& state);
+  /// GET /machines: how each machine is fed, and where its feed can go on.
+  nlohmann::ordered_json feeds() const;
 
   Session& session() { return session_; }
   const Session& session() const { return session_; }
@@ -81,6 +83,12 @@ class LiveSite {
   using Clock = std::chrono::steady_clock;
   MachineState parse(const nlohmann::json& json, std::vector<double>& joints) const;
   /// @throw std::invalid_argument if no force is known of that machine
+  /// The answer to a state without "sequence".
+  nlohmann::ordered_json dig(const nlohmann::json& json, const MachineState& state);
+  /// As dig() of a state whose position is not good enough, or follows such a state.
+  nlohmann::ordered_json place(const MachineState& state);
+  StepResult taken(const MachineState& state, StepResult step);
+  nlohmann::ordered_json answer_to(const StepResult& step, std::size_t machine);
   bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
   std::string how_to_set_clock(std::size_t machine) const;
@@ -91,9 +99,9 @@ class LiveSite {
   std::string curl_ = "curl -X POST", address_ = "/";
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   WorkLog log_;
-  std::vector<Clock::time_point> moved_;                   ///< by machine
-  std::vector<std::shared_ptr<const FeedSource>> fed_by_;  ///< by machine; null: not fed yet
-  std::vector<std::optional<double>> doubted_s_;           ///< by machine: refused as too far ahead
+  std::vector<Clock::time_point> moved_;          ///< by machine
+  std::vector<MachineFeed> feeds_;                ///< by machine
+  std::vector<std::optional<double>> doubted_s_;  ///< by machine: refused as too far ahead
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
   std::uint64_t fed_ = 0, clocks_set_ = 0;

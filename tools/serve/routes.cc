@@ -241,6 +241,10 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
           },
           done);
     }
+    if (path == "/machines") {
+      const QueryParameters parameters(*target, {});
+      return done(json_reply(site.feeds()));
+    }
     if (path == "/machines.csv") {
       const QueryParameters parameters(*target, {"time"});
       const auto csv = [](const Json& state) {
@@ -290,7 +294,7 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
     }
     done(refusal(404,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
-                 "/mesh.glb, /machines.csv, /height, /section, /volume and /terrain"));
+                 "/mesh.glb, /machines, /machines.csv, /height, /section, /volume and /terrain"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

@@ -113,6 +113,9 @@ class Session {
   /// A machine is taken to a state without digging, however far it is: see Tracker::place(). Only
   /// limits of joints hold.
   StepResult place(const MachineState& state) noexcept;
+  /// Can place() take a machine to a state: is its bucket in the air, a voxel or more from the
+  /// ground? @throw std::invalid_argument for a state that update() refuses without limits
+  bool in_air(const MachineState& state) const;
   /// Pours fall up to and including a time. A state with a time does this, too, before its machine
   /// moves.
   StepResult pour(double until_s) noexcept;
