@@ -135,7 +135,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     }
     if (post) return send(state_.post(target, role));
     stream_.expires_never();
-    state_.answer(target,
+    state_.answer(target, client_of(request),
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
   }
 
@@ -162,6 +162,15 @@ class Connection : public std::enable_shared_from_this<Connection> {
           "--token-file to soilvdb serve",
           io::printable(said));
     return "";
+  }
+
+  /// The address from which a request comes; behind a proxy of this machine, that which it names.
+  std::string client_of(const Request& request) const {
+    beast::error_code none;
+    const net::ip::address from = stream_.socket().remote_endpoint(none).address();
+    if (!from.is_loopback()) return from.to_string();
+    const std::string said = text_of(request["X-Forwarded-For"]);
+    return said.substr(said.rfind(',') + 1);
   }
 
   void send(Reply reply) {
@@ -195,6 +204,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void go_over(bool feeds) {
+    const std::string client = client_of(parser_->get());
     auto socket = std::make_shared<Socket>(std::move(stream_));
     beast::get_lowest_layer(*socket).expires_never();
     auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
@@ -205,15 +215,15 @@ class Connection : public std::enable_shared_from_this<Connection> {
     socket->read_message_max(feeds ? kMostFeed : kMostView);
     socket->auto_fragment(false);
     auto request = std::make_shared<Request>(parser_->release());
-    socket->async_accept(
-        *request, [self = shared_from_this(), socket, request, feeds](beast::error_code error) {
-          self->end_quietly();
-          if (error) return;
-          if (feeds)
-            std::make_shared<Feeder>(self->state_, std::move(*socket))->start();
-          else
-            std::make_shared<Viewer>(self->state_, std::move(*socket))->start();
-        });
+    socket->async_accept(*request, [self = shared_from_this(), socket, request, feeds,
+                                    client](beast::error_code error) {
+      self->end_quietly();
+      if (error) return;
+      if (feeds)
+        std::make_shared<Feeder>(self->state_, std::move(*socket))->start();
+      else
+        std::make_shared<Viewer>(self->state_, std::move(*socket), client)->start();
+    });
   }
 
   void end() {

@@ -18,13 +18,89 @@ using Json = nlohmann::ordered_json;
 
 Json or_null(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
-Json all_of(const Heights& heights, const std::vector<Vec2>& places) {
+std::vector<double> all_of(const Heights& heights, const std::vector<Vec2>& places) {
   std::vector<double> z(places.size());
   heights(places, z);
-  Json all = Json::array();
-  for (const double value : z) all.push_back(or_null(value));
-  return all;
+  return z;
 }
+
+constexpr int kMostParts = 100'000;
+
+/// A line with points evenly along it. Each stands for the way half to its neighbours, in parts no
+/// longer than a voxel if there are not too many.
+class SectionLine {
+ public:
+  SectionLine(const Vec2& from, const Vec2& to, int points, double voxel_m)
+      : points_(points), length_m_((to - from).norm()) {
+    const double step_m = length_m_ / (points - 1);
+    const double wanted = std::ceil(step_m / voxel_m - 1e-9);
+    half_ = wanted > 1
+                ? static_cast<int>(std::min(std::ceil(wanted / 2), double(kMostParts) / points))
+                : 0;
+    const int parts = half_ > 0 ? 2 * half_ * (points - 1) : points - 1;
+    for (int i = 0; i < (half_ > 0 ? parts : points); ++i)
+      places_.emplace_back(from + (half_ > 0 ? i + 0.5 : i) / parts * (to - from));
+  }
+
+  const std::vector<Vec2>& places() const { return places_; }
+  double distance_m(int point) const { return length_m_ * point / (points_ - 1); }
+
+  /// At each point, from heights at places(). Unknown parts do not count.
+  Json at_points(const std::vector<double>& z) const {
+    Json all = Json::array();
+    for (int i = 0; i < points_; ++i) {
+      if (half_ == 0) {
+        all.push_back(or_null(z[static_cast<std::size_t>(i)]));
+        continue;
+      }
+      double sum = 0, count = 0;
+      const int middle = 2 * half_ * i;
+      for (int k = std::max(0, middle - half_);
+           k < std::min(middle + half_, static_cast<int>(z.size())); ++k) {
+        const double value = z[static_cast<std::size_t>(k)];
+        if (!std::isfinite(value)) continue;
+        sum += value;
+        ++count;
+      }
+      all.push_back(count > 0 ? Json(sum / count) : Json());
+    }
+    return all;
+  }
+
+  /// Areas of what lies lower and higher than before, m2.
+  std::pair<double, double> cut_and_fill_m2(const std::vector<double>& before,
+                                            const std::vector<double>& now) const {
+    double cut_m2 = 0, fill_m2 = 0;
+    const auto add = [&](double change_m, double way_m) {
+      if (!std::isfinite(change_m)) return;
+      (change_m < 0 ? cut_m2 : fill_m2) += std::abs(change_m) * way_m;
+    };
+    const double way_m =
+        length_m_ / static_cast<double>(half_ > 0 ? places_.size() : places_.size() - 1);
+    for (std::size_t i = 0; i < places_.size(); ++i) {
+      const double change_m = now[i] - before[i];
+      if (half_ > 0) {
+        add(change_m, way_m);
+        continue;
+      }
+      if (i + 1 == places_.size()) break;
+      const double next_m = now[i + 1] - before[i + 1];
+      if (change_m * next_m >= 0) {
+        add((change_m + next_m) / 2, way_m);
+      } else {  // the lines cross: a triangle on each side
+        const double split = change_m / (change_m - next_m);
+        add(change_m / 2, way_m * split);
+        add(next_m / 2, way_m * (1 - split));
+      }
+    }
+    return {cut_m2, fill_m2};
+  }
+
+ private:
+  int points_, half_ = 0;  ///< parts from a point half-way to the next; 0: heights of the points
+  double length_m_;
+  std::vector<Vec2> places_;
+};
 
 }  // namespace
 
@@ -39,15 +115,17 @@ std::vector<Coord3> resident_blocks(const Ground& ground) {
 }
 
 GroundView::GroundView(Past now, std::shared_ptr<Session> before,
-                       std::shared_ptr<const InitialTerrain> design)
+                       std::shared_ptr<const InitialTerrain> design, Heights live)
     : now_(std::move(now.site)),
       before_(std::move(before)),
       log_(std::move(now.log)),
-      design_(std::move(design)) {}
+      design_(std::move(design)),
+      live_(std::move(live)) {}
 
 Json GroundView::state() const { return log_ ? site_state(*now_, *log_) : Json(); }
 
 Heights GroundView::now_heights() {
+  if (live_) return live_;
   return [this](std::span<const Vec2> xy_m, std::span<double> z) { now_->mesh_heights(xy_m, z); };
 }
 
@@ -57,26 +135,32 @@ Heights GroundView::before_heights() {
       [this](std::span<const Vec2> xy_m, std::span<double> z) { before_->mesh_heights(xy_m, z); };
 }
 
-Json GroundView::height(const Vec2& at) {
+Json height_answer(const Vec2& at, const Heights& now, const Heights& before,
+                   const InitialTerrain* design) {
   const std::vector<Vec2> places = {at};
-  Json json = {{"height_m", all_of(now_heights(), places)[0]},
-               {"before_m", all_of(before_heights(), places)[0]}};
-  if (design_) json["design_m"] = all_of(heights_of(*design_), places)[0];
+  Json json = {{"height_m", or_null(all_of(now, places)[0])},
+               {"before_m", or_null(all_of(before, places)[0])}};
+  if (design != nullptr) json["design_m"] = or_null(all_of(heights_of(*design), places)[0]);
   return json;
 }
 
+Json GroundView::height(const Vec2& at) {
+  return height_answer(at, now_heights(), before_heights(), design_.get());
+}
+
 Json GroundView::section(const Vec2& from, const Vec2& to, int points) {
-  std::vector<Vec2> places;
+  const SectionLine line(from, to, points, now_->voxel_size_m());
   Json distances = Json::array();
-  for (int i = 0; i < points; ++i) {
-    const double share = double(i) / (points - 1);
-    places.emplace_back(from + share * (to - from));
-    distances.push_back(share * (to - from).norm());
-  }
+  for (int i = 0; i < points; ++i) distances.push_back(line.distance_m(i));
+  const std::vector<double> before = all_of(before_heights(), line.places());
+  const std::vector<double> now = all_of(now_heights(), line.places());
+  const auto [cut_m2, fill_m2] = line.cut_and_fill_m2(before, now);
   Json json = {{"distance_m", distances},
-               {"before_m", all_of(before_heights(), places)},
-               {"now_m", all_of(now_heights(), places)}};
-  if (design_) json["design_m"] = all_of(heights_of(*design_), places);
+               {"before_m", line.at_points(before)},
+               {"now_m", line.at_points(now)},
+               {"cut_m2", cut_m2},
+               {"fill_m2", fill_m2}};
+  if (design_) json["design_m"] = line.at_points(all_of(heights_of(*design_), line.places()));
   return json;
 }
 

@@ -25,11 +25,13 @@ class GroundView {
   /// @param now its log is null for the live site
   /// @param before null: the ground before digging
   /// @param design null: no design
+  /// @param live heights of the live site; empty: of `now`
   GroundView(Past now, std::shared_ptr<Session> before,
-             std::shared_ptr<const InitialTerrain> design);
+             std::shared_ptr<const InitialTerrain> design, Heights live = {});
 
   nlohmann::ordered_json height(const Vec2& at);
-  /// Heights at this number of points, evenly spaced along a line.
+  /// Heights at this number of points, evenly spaced along a line, and the areas of cut and fill.
+  /// Between points farther apart than a voxel, each is the mean of the way half to the next.
   nlohmann::ordered_json section(const Vec2& from, const Vec2& to, int points);
   /// Cut and fill inside a boundary, as `soilvdb diff` counts it.
   nlohmann::ordered_json volume(const std::vector<Vec2>& boundary);
@@ -44,6 +46,11 @@ class GroundView {
   std::shared_ptr<Session> now_, before_;
   std::shared_ptr<const WorkLog> log_;
   std::shared_ptr<const InitialTerrain> design_;
+  Heights live_;
 };
+
+/// The answer to a query of one place. @param design null: no design
+nlohmann::ordered_json height_answer(const Vec2& at, const Heights& now, const Heights& before,
+                                     const InitialTerrain* design);
 
 }  // namespace soilvdb::tools

@@ -135,7 +135,7 @@ Past ServerState::past(double time_s, std::uint64_t clocks_set) {
 }
 
 void ServerState::with_ground(std::optional<double> time_s, std::optional<double> against_s,
-                              std::function<Reply(GroundView&)> use,
+                              const std::string& client, std::function<Reply(GroundView&)> use,
                               std::function<void(Reply)> done) {
   const auto latest_s = options.takes_feeds ? site.time_s() : known_times.to_s;
   for (const auto& asked_s : {time_s, against_s})
@@ -145,18 +145,32 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
                                    *asked_s, time_text(*latest_s))));
   std::shared_ptr<Session> live;
   if (!time_s) live = std::make_shared<Session>(site.session().clone());
+  const bool is_live = !time_s && !against_s;
+  if (is_live) heights->post();
   query(
-      [this, time_s, against_s, clocks = site.clocks_set(), live = std::move(live),
+      is_live ? queries : other_times, client,
+      [this, is_live, time_s, against_s, clocks = site.clocks_set(), live = std::move(live),
        use = std::move(use)] {
         const Past now = time_s ? past(*time_s, clocks) : Past{live, nullptr};
-        GroundView ground(now, against_s ? past(*against_s, clocks).site : nullptr, design);
+        Heights now_heights;
+        if (is_live)
+          now_heights = [this](std::span<const Vec2> xy_m, std::span<double> z) {
+            heights->at(xy_m, z);
+          };
+        GroundView ground(now, against_s ? past(*against_s, clocks).site : nullptr, design,
+                          now_heights);
         return use(ground);
       },
       std::move(done));
 }
 
-void ServerState::query(std::function<Reply()> make, std::function<void(Reply)> done) {
-  const bool taken = queries.try_run([this, make = std::move(make), done]() mutable {
+void ServerState::drop_queries() {
+  for (QueryLane* lane : {&places, &queries, &other_times}) lane->drop();
+}
+
+void ServerState::query(QueryLane& lane, const std::string& client, std::function<Reply()> make,
+                        std::function<void(Reply)> done) {
+  const bool taken = lane.try_run(client, [this, make = std::move(make), done]() mutable {
     Reply reply;
     try {
       reply = make();
@@ -187,19 +201,31 @@ Reply ServerState::post(const std::string& text, Role role) {
   }
 }
 
-void ServerState::answer(const std::string& text, std::function<void(Reply)> done) {
+void ServerState::answer(const std::string& text, const std::string& client,
+                         std::function<void(Reply)> done) {
   try {
     const std::optional<Target> target = parse_target(text);
     if (!target) return done(refusal(400, "the address can't be read"));
     const std::string& path = target->path;
     const auto look = [&](const QueryParameters& parameters,
                           const std::function<Reply(GroundView&)>& use) {
-      with_ground(parameters.number_if("time"), parameters.number_if("against"), use, done);
+      with_ground(parameters.number_if("time"), parameters.number_if("against"), client, use, done);
     };
     if (path == "/height") {
       const QueryParameters parameters(*target, {"x", "y", "time", "against"});
       const Vec2 at(parameters.number("x"), parameters.number("y"));
-      return look(parameters, [at](GroundView& ground) { return json_reply(ground.height(at)); });
+      if (parameters.number_if("time") || parameters.number_if("against"))
+        return look(parameters, [at](GroundView& ground) { return json_reply(ground.height(at)); });
+      place_heights->post();
+      return query(
+          places, client,
+          [this, at, before = site.session().site().ground->shared_terrain()] {
+            const Heights now = [this](std::span<const Vec2> xy_m, std::span<double> z) {
+              place_heights->at(xy_m, z);
+            };
+            return json_reply(height_answer(at, now, heights_of(*before), design.get()));
+          },
+          done);
     }
     if (path == "/section") {
       const QueryParameters parameters(*target, {"from", "to", "points", "time", "against"});
@@ -234,6 +260,7 @@ void ServerState::answer(const std::string& text, std::function<void(Reply)> don
       };
       const int level = whole(parameters.number("level")), i = whole(tile.x()), j = whole(tile.y());
       return query(
+          queries, client,
           [this, level, i, j, designed] {
             const auto bytes = terrain->tile(level, i, j, designed ? design.get() : nullptr);
             if (!bytes) return refusal(404, "there is no such tile");

@@ -31,7 +31,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::chrono::milliseconds kTick{50}, kPlay{20}, kTellSoon{100};
 constexpr std::chrono::seconds kTellAgain{1}, kAskTimes{2};
-constexpr std::size_t kMostQueries = 32;
 constexpr std::size_t kMostConnections = 512, kMostWaiting = 256;
 constexpr std::chrono::milliseconds kMostPassed{200}, kGoodbye{1000}, kLookWhoIsLeft{10};
 constexpr std::size_t kMostCacheBytes = 64 << 20;
@@ -78,7 +77,6 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
       recording(options.mcap_folder.empty()
                     ? nullptr
                     : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
-      queries(/*thread=*/true, kMostQueries),
       beside(std::make_unique<GroundCopy>(*copy)) {
   try {
     const tcp::endpoint endpoint(net::ip::make_address(options.listen), options.port);
@@ -222,7 +220,7 @@ void ServerState::tick() {
   for (Viewer* viewer : viewers) viewer->go_on();
   if (history && now - asked_times >= kAskTimes && !viewers.empty()) {
     asked_times = now;
-    queries.try_run([this] {
+    other_times.try_run("", [this] {
       try {
         net::post(io, [this, found = history->times()] { known_times = found; });
       } catch (const std::exception&) {  // the folder is unreadable for now
@@ -265,6 +263,9 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   ServerState& s = *state_;
   s.stopped = stopped;
   s.terrain.emplace(s.site.session().site(), work_area(s.site.session()));
+  Ground& ground = *s.site.session().site().ground;
+  s.place_heights.emplace(ground);
+  s.heights.emplace(ground);
   if (s.history) {
     try {
       s.known_times = s.history->times();
@@ -295,11 +296,8 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   if (play) keep_playing();
   s.tick();
   s.io.run();
-  s.queries.drop();
-  try {
-    s.queries.wait();
-  } catch (const std::exception&) {  // the client of the query is gone
-  }
+  s.drop_queries();
+  for (QueryLane* lane : {&s.places, &s.queries, &s.other_times}) lane->wait();
   if (s.recording) {
     s.follow_ground();
     s.recording->finish(*s.beside);

@@ -16,12 +16,13 @@
 #include <set>
 #include <string>
 
-#include "soilvdb/background.h"
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/ground_copy.h"
 #include "soilvdb/mesher.h"
 #include "tools/serve/ground_view.h"
+#include "tools/serve/live_heights.h"
 #include "tools/serve/live_mcap.h"
+#include "tools/serve/query_lane.h"
 #include "tools/serve/server.h"
 #include "tools/serve/target.h"
 #include "tools/serve/terrain_tiles.h"
@@ -54,10 +55,12 @@ struct ServerState {
 
   ServerState(LiveSite& site, std::unique_ptr<History> history,
               std::shared_ptr<const InitialTerrain> design, const ServerOptions& options);
-  ~ServerState() { queries.drop(); }
+  ~ServerState() { drop_queries(); }
 
   /// Answers a GET: calls `done` once, now or later, on the thread of `io`.
-  void answer(const std::string& target, std::function<void(Reply)> done);
+  /// @param client whoever sends it, with whom others share the threads of queries
+  void answer(const std::string& target, const std::string& client,
+              std::function<void(Reply)> done);
   /// Answers a POST.
   Reply post(const std::string& target, Role role);
   /// The role of a request's sender.
@@ -65,14 +68,17 @@ struct ServerState {
   /// Must anybody send a token?
   bool has_tokens() const { return !options.token.empty() || !options.view_token.empty(); }
 
-  /// Calls `make` on the query thread, and `done` here with its result.
-  void query(std::function<Reply()> make, std::function<void(Reply)> done);
+  /// Calls `make` on a thread of queries, and `done` here with its result.
+  void query(QueryLane& lane, const std::string& client, std::function<Reply()> make,
+             std::function<void(Reply)> done);
+  void drop_queries();
   /// As query(), with the ground at given times.
   /// @param time_s empty: live
   /// @param against_s empty: before digging
   void with_ground(std::optional<double> time_s, std::optional<double> against_s,
-                   std::function<Reply(GroundView&)> use, std::function<void(Reply)> done);
-  /// On the query thread. @param clocks_set the site's number at the time of the request
+                   const std::string& client, std::function<Reply(GroundView&)> use,
+                   std::function<void(Reply)> done);
+  /// On the thread of `other_times`. @param clocks_set the site's number at the time of the request
   /// @throw std::invalid_argument if this time is not recorded
   Past past(double time_s, std::uint64_t clocks_set);
 
@@ -89,7 +95,7 @@ struct ServerState {
   Bytes description();
 
   LiveSite& site;
-  std::unique_ptr<History> history;  ///< used on the query thread during run()
+  std::unique_ptr<History> history;  ///< used by `other_times` during run()
   std::shared_ptr<const InitialTerrain> design;
   const ServerOptions options;
   std::map<std::string, Reply> page;    ///< by path
@@ -135,8 +141,11 @@ struct ServerState {
   std::uint64_t pasts_clocks_set = 0;        ///< number of clocks set that `pasts` belong to
   // The last members end first.
   std::unique_ptr<LiveMcap> recording;  ///< null: no recording
-  Background queries;                   ///< queries that have not begun at the end get no answer
-  std::unique_ptr<GroundCopy> beside;   ///< updates `copy`
+  /// Queries that have not begun at the end get no answer. A query of one place waits for no large
+  /// one, and a query of the live ground for none of another time.
+  std::optional<LiveHeights> place_heights, heights;  ///< during run()
+  QueryLane places, queries, other_times;
+  std::unique_ptr<GroundCopy> beside;  ///< updates `copy`
 };
 
 /// Takes over a connection that requested /feed or /view.

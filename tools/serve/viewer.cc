@@ -29,7 +29,8 @@ std::string message(const Json& json) { return io::to_text(json); }
 
 }  // namespace
 
-Viewer::Viewer(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {}
+Viewer::Viewer(ServerState& state, Socket socket, std::string client)
+    : state_(state), socket_(std::move(socket)), client_(std::move(client)) {}
 
 void Viewer::start() {
   state_.follow_ground();
@@ -110,7 +111,7 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
   auto state = std::make_shared<Json>();
   const auto self = shared_from_this();
   state_.with_ground(
-      time_s, against_s,
+      time_s, against_s, client_,
       [ground, blocks, state](GroundView& view) {
         *state = view.state();
         *ground = std::make_shared<GroundView>(view);
@@ -199,8 +200,8 @@ void Viewer::go_on() {
     return send(message_of_block, false);
   }
   sending_ = true;
-  const bool taken = state_.queries.try_run(
-      [self = shared_from_this(), ground = ground_, view = view_, at = *block]() mutable {
+  const bool taken = state_.other_times.try_run(
+      client_, [self = shared_from_this(), ground = ground_, view = view_, at = *block]() mutable {
         Bytes bytes;
         try {
           bytes = std::make_shared<const std::string>(ground->block(at, view));

@@ -21,7 +21,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
   using Socket = boost::beast::websocket::stream<boost::beast::tcp_stream>;
 
-  Viewer(ServerState& state, Socket socket);
+  /// @param client as in ServerState::answer()
+  Viewer(ServerState& state, Socket socket, std::string client);
 
   void start();
   /// A block of the live ground changed.
@@ -44,6 +45,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
 
   ServerState& state_;
   Socket socket_;
+  const std::string client_;
   boost::beast::flat_buffer in_;
   std::deque<Bytes> texts_;
   Bytes told_;

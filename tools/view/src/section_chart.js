@@ -15,9 +15,10 @@ function ticksOf(low, high, about) {
 
 const known = (v) => v !== null && v !== undefined;
 
-/** Areas of the section below and above the earlier ground, m2, by trapezoids. */
-export function sectionAreas({distance_m, before_m, now_m}) {
-  let cut_m2 = 0, fill_m2 = 0;
+/** Areas of the section below and above the earlier ground, m2: the server's, else by trapezoids. */
+export function sectionAreas({distance_m, before_m, now_m, cut_m2 = null, fill_m2 = null}) {
+  if (cut_m2 !== null && fill_m2 !== null) return {cut_m2, fill_m2};   // they count what is between points, too
+  cut_m2 = fill_m2 = 0;
   for (let i = 0; i + 1 < distance_m.length; ++i) {
     const a = known(now_m[i]) && known(before_m[i]) ? now_m[i] - before_m[i] : null;
     const b = known(now_m[i + 1]) && known(before_m[i + 1]) ? now_m[i + 1] - before_m[i + 1] : null;
