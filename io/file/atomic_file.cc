@@ -12,6 +12,8 @@
 #include <string>
 #include <system_error>
 
+#include "soilvdb/io/error.h"
+
 namespace soilvdb::inline v0::io {
 namespace {
 
@@ -86,8 +88,10 @@ class Temporary {
 }  // namespace
 
 void fail_to_write(const std::filesystem::path& file, int error) {
-  throw std::runtime_error(file.string() +
-                           ": can't be written: " + std::generic_category().message(error));
+  const std::string why =
+      file.string() + ": can't be written: " + std::generic_category().message(error);
+  if (error == ENOSPC || error == EDQUOT) throw DiskFull(why);
+  throw std::runtime_error(why);
 }
 
 void sync_folder(const std::filesystem::path& file) {

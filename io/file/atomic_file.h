@@ -8,7 +8,8 @@
 
 namespace soilvdb::inline v0::io {
 
-/// @throw std::runtime_error always: `file` can't be written, because of the errno `error`.
+/// @throw std::runtime_error always: `file` can't be written, because of the errno `error`;
+///        DiskFull if that says so.
 [[noreturn]] void fail_to_write(const std::filesystem::path& file, int error);
 
 /// Writes `bytes` to `file`: a temporary file in the same folder, each write checked, fsync, read

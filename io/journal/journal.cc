@@ -15,6 +15,7 @@
 #include "io/file/atomic_file.h"
 #include "io/journal/journal_format.h"
 #include "io/journal/update_coding.h"
+#include "soilvdb/io/error.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -50,8 +51,13 @@ std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConf
 }
 
 JournalWriter::JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done,
-                             double sync_s)
-    : file_(std::move(file)), sync_s_(sync_s), end_(end), added_(done), acknowledged_(done) {
+                             double sync_s, bool waits_for_room)
+    : file_(std::move(file)),
+      sync_s_(sync_s),
+      waits_for_room_(waits_for_room),
+      end_(end),
+      added_(done),
+      acknowledged_(done) {
   descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
   if (descriptor_ < 0) fail_to_write(file_, errno);
   if (::ftruncate(descriptor_, static_cast<off_t>(end)) != 0 || ::fsync(descriptor_) != 0 ||
@@ -109,7 +115,7 @@ void JournalWriter::added(std::unique_lock<std::mutex>& lock) {
   ++count_added_;
   if (pending_.size() >= kBatch) wake_.notify_one();
   done_.wait(lock, [&] { return pending_.size() < kMostPending || !error_.empty(); });
-  if (!error_.empty()) throw std::runtime_error(error_);
+  if (!error_.empty() && !full_) fail();
   if (sync_s_ > 0) return;
   lock.unlock();
   flush();
@@ -117,16 +123,23 @@ void JournalWriter::added(std::unique_lock<std::mutex>& lock) {
 
 void JournalWriter::flush() {
   std::unique_lock lock(mutex_);
-  const std::uint64_t count = count_added_;
+  const std::uint64_t count = count_added_, tries = tries_;
   hurry_ = true;
   wake_.notify_one();
-  done_.wait(lock, [&] { return count_acknowledged_ >= count || !error_.empty(); });
-  if (!error_.empty()) throw std::runtime_error(error_);
+  done_.wait(lock, [&] {
+    return count_acknowledged_ >= count || (!error_.empty() && (!full_ || tries_ > tries));
+  });
+  if (!error_.empty()) fail();
+}
+
+void JournalWriter::fail() const {
+  if (full_) throw DiskFull(error_);
+  throw std::runtime_error(error_);
 }
 
 void JournalWriter::check() const {
   const std::lock_guard lock(mutex_);
-  if (!error_.empty()) throw std::runtime_error(error_);
+  if (!error_.empty()) fail();
 }
 
 JournalExtent JournalWriter::acknowledged() const {
@@ -141,21 +154,38 @@ void JournalWriter::work() {
   Clock::time_point next_sync = Clock::now() + interval;
   std::unique_lock lock(mutex_);
   for (bool last = false; !last;) {
-    wake_.wait_until(lock, next_sync, [&] { return stop_ || hurry_ || pending_.size() >= kBatch; });
+    wake_.wait_until(lock, next_sync,
+                     [&] { return stop_ || hurry_ || (pending_.size() >= kBatch && !full_); });
     last = stop_;
     const bool sync = last || hurry_ || Clock::now() >= next_sync;
     hurry_ = false;
     if (sync) next_sync = Clock::now() + interval;
-    if (error_.empty()) {
+    if (error_.empty() || full_) {
+      std::string error;
+      bool full = false;
       try {
-        write_batch(lock, sync);
+        write_batch(lock, sync || full_);
+      } catch (const DiskFull& e) {
+        error = e.what();
+        full = waits_for_room_;
       } catch (const std::exception& e) {
-        if (!lock.owns_lock()) lock.lock();
-        error_ = e.what();
+        error = e.what();
       }
+      if (!lock.owns_lock()) lock.lock();
+      error_ = std::move(error);
+      full_ = full;
+      ++tries_;
     }
     done_.notify_all();
   }
+}
+
+/// Nothing that was not synced is certain after a failure.
+void JournalWriter::write_again() {
+  if (::ftruncate(descriptor_, static_cast<off_t>(synced_)) != 0 ||
+      ::lseek(descriptor_, static_cast<off_t>(synced_), SEEK_SET) < 0)
+    fail_to_write(file_, errno);
+  end_ = synced_;
 }
 
 void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
@@ -163,23 +193,25 @@ void JournalWriter::write_batch(std::unique_lock<std::mutex>& lock, bool sync) {
   batch_.swap(pending_);  // swaps buffers, so that both keep their capacity
   const JournalExtent upto = added_;
   const std::uint64_t count = count_added_;
+  const bool again = full_;
   lock.unlock();
-  if (!batch_.empty()) {
-    const std::string bytes = frame(batch_, end_, synced_);
-    for (std::string_view rest = bytes; !rest.empty();) {
-      const ssize_t n = ::write(descriptor_, rest.data(), rest.size());
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) fail_to_write(file_, errno);
-      rest.remove_prefix(static_cast<std::size_t>(n));
-    }
-    end_ += bytes.size();
+  if (again) write_again();
+  if (!batch_.empty()) unsynced_ += frame(batch_, synced_ + unsynced_.size(), synced_);
+  while (end_ < synced_ + unsynced_.size()) {
+    const std::string_view rest = std::string_view(unsynced_).substr(end_ - synced_);
+    const ssize_t n = ::write(descriptor_, rest.data(), rest.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail_to_write(file_, errno);
+    end_ += static_cast<std::uint64_t>(n);
   }
+  sync |= unsynced_.size() > kMostPending;
   if (sync && synced_ < end_) {
     if (::fdatasync(descriptor_) != 0) fail_to_write(file_, errno);
     // A removed file can't be named any more.
     struct stat now {};
     if (::fstat(descriptor_, &now) == 0 && now.st_nlink == 0) fail_to_write(file_, ENOENT);
     synced_ = end_;
+    unsynced_.clear();
   }
   lock.lock();
   if (!sync) return;

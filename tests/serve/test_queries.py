@@ -85,7 +85,8 @@ def test_clients_take_turns_and_none_fills_the_queue(tmp_path):
         begin = time.perf_counter()
         status, _ = server.get(path, {"X-Forwarded-For": client})
         return status, time.perf_counter() - begin
-    with Server(scenario(tmp_path, SOIL), "--out", tmp_path / "out", cwd=tmp_path) as server:
+    path = scenario(tmp_path, SOIL + "output: {snapshots: {every: 10}}\n")
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
         dig(server, 3)
         with ThreadPoolExecutor(60) as pool:
             # Each is another time, so each is dug again.

@@ -209,6 +209,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
       options.speed && !options.out ? std::optional<Played>(std::in_place) : std::nullopt;
   recording.folder =
       options.out.value_or(played ? played->folder : fs::path("out") / (scenario.name + "_live"));
+  recording.waits_for_room = true;
   if (!recording.snapshot_every_s) {
     recording.snapshot_every_s = kSnapshotEvery_s;
     recording.incremental = true;

@@ -9,20 +9,26 @@
 #include <stdexcept>
 #include <utility>
 
+#include "soilvdb/io/error.h"
 #include "tools/run/text.h"
 
 namespace soilvdb::tools {
 
 Recorder::Recorder(RunFolder& folder, Ground& ground, double sync_s,
-                   const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule)
-    : folder_(folder), sync_s_(sync_s), options_(snapshots), schedule_(schedule) {
+                   const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule,
+                   bool waits_for_room)
+    : folder_(folder),
+      sync_s_(sync_s),
+      waits_for_room_(waits_for_room),
+      options_(snapshots),
+      schedule_(schedule) {
   if (!options_.incremental) return;
   changes_.emplace(ground);
   changes_->take();  // the first snapshot is whole, or continues the snapshot that was read
 }
 
 void Recorder::open(std::uint64_t bytes, const io::JournalExtent& done) {
-  journal_.emplace(folder_.path() / kJournalName, bytes, done, sync_s_);
+  journal_.emplace(folder_.path() / kJournalName, bytes, done, sync_s_, waits_for_room_);
   snapshots_.emplace(folder_, *journal_, options_);
 }
 
@@ -55,8 +61,11 @@ void Recorder::note(const io::JournalUpdate& update) {
 
 bool Recorder::add(const io::JournalUpdate& update) noexcept {
   try {
-    journal_->add(update);
     note(update);
+    journal_->add(update);
+  } catch (const io::DiskFull& e) {
+    full_ = waits_for_room_;
+    error_ = e.what();
   } catch (const std::exception& e) {
     if (error_.empty()) error_ = e.what();
   }
@@ -64,14 +73,30 @@ bool Recorder::add(const io::JournalUpdate& update) noexcept {
 }
 
 void Recorder::check() {
-  if (!error_.empty()) throw std::runtime_error(error_);
+  if (!error_.empty() && !full_) throw std::runtime_error(error_);
   if (!journal_) return;
   try {
     journal_->check();
-    snapshots_->check();
+    with_snapshots([&] { snapshots_->check(); });
+    error_.clear();
+    full_ = false;
+  } catch (const io::DiskFull& e) {
+    error_ = e.what();
+    full_ = waits_for_room_;
+    throw;
   } catch (const std::exception& e) {
     error_ = e.what();
     throw;
+  }
+}
+
+template <typename F>
+void Recorder::with_snapshots(const F& f) {
+  try {
+    f();
+  } catch (const io::DiskFull&) {
+    if (!waits_for_room_) throw;
+    snapshots_->begin_again();
   }
 }
 
@@ -92,6 +117,7 @@ void Recorder::write_snapshot(const io::Site& site, io::SnapshotInfo info) noexc
       return known.name == file.name && known.updates == file.updates;
     });
     if (there != later_.end()) file = *there;
+    with_snapshots([&] { snapshots_->finish(); });
     const std::vector<Coord3> changed = changes_ ? changes_->take() : std::vector<Coord3>();
     snapshots_->write(std::move(file), there != later_.end(), changed, site, std::move(info));
   } catch (const std::exception& e) {
@@ -103,10 +129,11 @@ void Recorder::flush() {
   if (!journal_) return;
   check();
   try {
-    snapshots_->finish();
+    with_snapshots([&] { snapshots_->finish(); });
     journal_->flush();
   } catch (const std::exception& e) {
     error_ = e.what();
+    full_ = waits_for_room_ && dynamic_cast<const io::DiskFull*>(&e) != nullptr;
     throw;
   }
 }

@@ -26,8 +26,10 @@ class Recorder {
  public:
   /// @param folder must be locked; it and `ground` must outlive the recorder
   /// @param sync_s as in io::JournalWriter
+  /// @param waits_for_room a full disk stops it only until there is room
   Recorder(RunFolder& folder, Ground& ground, double sync_s,
-           const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule);
+           const SnapshotWriter::Options& snapshots, SnapshotSchedule schedule,
+           bool waits_for_room = false);
 
   /// Begins a journal in place of the folder's content. @param begin_s time before the first update
   /// @throw std::runtime_error if it can't be written
@@ -43,9 +45,11 @@ class Recorder {
   void note(const io::JournalUpdate& update);
   /// @return false if recording has failed; error() has the reason
   bool add(const io::JournalUpdate& update) noexcept;
-  /// Throws if recording has failed; it then records no more.
+  /// Throws if recording has failed; it then records no more, except after io::DiskFull.
   void check();
   const std::string& error() const { return error_; }
+  /// Is the error a full disk, after which it records again?
+  bool waits() const { return full_; }
 
   bool would_be_due(double time_s) const { return schedule_.would_be_due(time_s); }
   /// Is a snapshot due at a time?
@@ -63,11 +67,15 @@ class Recorder {
   io::JournalWriter& journal() { return *journal_; }
 
  private:
+  /// Calls f(), in which a snapshot may fail that the disk has no room for: the next one is whole.
+  template <typename F>
+  void with_snapshots(const F& f);
   void open(std::uint64_t bytes, const io::JournalExtent& done);
   std::string name_of_next(double time_s);
 
   RunFolder& folder_;
   const double sync_s_;
+  const bool waits_for_room_;
   const SnapshotWriter::Options options_;
   SnapshotSchedule schedule_;
   std::optional<ChangeFollower> changes_;  // since the last snapshot, if snapshots are incremental
@@ -77,6 +85,7 @@ class Recorder {
   std::set<std::string> names_;               // of snapshots, each of which is written once
   std::vector<io::JournalFile> later_;        // intact snapshots of future updates
   std::string error_;
+  bool full_ = false;  // the error may pass
 };
 
 }  // namespace soilvdb::tools

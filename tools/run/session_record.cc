@@ -106,7 +106,7 @@ io::JournalExtent Session::record(const Recording& given,
       n.recorder = std::make_unique<tools::Recorder>(
           *folder, *n.site.ground, recording.sync_s,
           tools::SnapshotWriter::Options{recording.incremental, recording.keep, true},
-          tools::SnapshotSchedule(recording.snapshot_every_s));
+          tools::SnapshotSchedule(recording.snapshot_every_s), recording.waits_for_room);
     };
     const auto become_next = [&] {
       n.folder = std::move(folder);
@@ -182,6 +182,15 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
   if (whole) t.rest_at_end(content.done.time_s);
   t.fed_count = until;
   return there;
+}
+
+std::string Session::recording_fault() const {
+  try {
+    state_->require_recording();
+    return "";
+  } catch (const std::exception& e) {
+    return e.what();
+  }
 }
 
 io::JournalExtent Session::acknowledged() const {

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "io/motion/motion_checks.h"
+#include "soilvdb/io/error.h"
 #include "soilvdb/lattice.h"
 #include "tools/run/text.h"
 
@@ -42,12 +43,17 @@ void Session::State::require_recording() {
   if (!recorder) return;
   try {
     recorder->check();
+  } catch (const io::DiskFull& e) {
+    throw io::DiskFull(recording_error(e.what()));
   } catch (const std::exception& e) {
     throw std::runtime_error(recording_error(e.what()));
   }
 }
 
 std::string Session::State::recording_error(const std::string& why) const {
+  if (recorder->waits())
+    return fmt::format("{}; states are refused until there is room; {} is good to {} s", why,
+                       folder->path().string(), tools::time_text(recorder->acknowledged().time_s));
   return fmt::format("{}; {} is good to {} s; stop recording or mend that and open it again", why,
                      folder->path().string(), tools::time_text(recorder->acknowledged().time_s));
 }

@@ -53,6 +53,8 @@ class SnapshotWriter {
   void write(io::JournalFile file, bool there, const std::vector<Coord3>& changed,
              const io::Site& site, io::SnapshotInfo info);
 
+  /// After a failure: the next snapshot is whole.
+  void begin_again() { depth_ = io::kMaxChainLength; }
   /// Deletes snapshots that need not stay.
   void delete_old();
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The exception that readers throw for wrong input files.
+// The exceptions of files: wrong input, and no room for output.
 #pragma once
 
 #include <filesystem>
@@ -25,6 +25,11 @@ struct InputError : std::runtime_error {
       : InputError(file.string() + ": " + message) {}
   InputError(const std::filesystem::path& file, long line, const std::string& message)
       : InputError(file.string() + ":" + std::to_string(line) + ": " + message) {}
+};
+
+/// A file can't be written because its disk is full.
+struct DiskFull : std::runtime_error {
+  using std::runtime_error::runtime_error;
 };
 
 }  // namespace soilvdb::inline v0::io

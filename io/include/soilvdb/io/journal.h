@@ -106,15 +106,18 @@ std::uint64_t begin_journal(const std::filesystem::path& file, const JournalConf
 /// Appends records to a journal. A thread of its own writes and syncs; add() only copies.
 ///
 /// A record is acknowledged when it is certainly on disk. After an error the writer stops, and the
-/// next call throws the error. One thread may add files and removals and call flush() while another
-/// adds updates; otherwise the class is not thread-safe.
+/// next call throws the error. If it waits for room, a full disk stops it only until there is room:
+/// it keeps what is not on disk and tries again, at least once in `sync_s`. Until it succeeds,
+/// check() and flush() throw DiskFull, and add() takes records. One thread may add files and
+/// removals and call flush() while another adds updates; otherwise the class is not thread-safe.
 class JournalWriter {
  public:
   /// @param end of the good part of the file, bytes; the constructor cuts off the rest
   /// @param done extent of the good part
   /// @param sync_s longest time until a record is acknowledged, s; 0: within add()
   /// @throw std::runtime_error naming the file and the cause, as the other members do.
-  JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done, double sync_s);
+  JournalWriter(std::filesystem::path file, std::uint64_t end, JournalExtent done, double sync_s,
+                bool waits_for_room = false);
   /// Syncs all records if possible.
   ~JournalWriter();
   JournalWriter(const JournalWriter&) = delete;
@@ -134,11 +137,15 @@ class JournalWriter {
   void added(std::unique_lock<std::mutex>& lock);
   void work();
   void write_batch(std::unique_lock<std::mutex>& lock, bool sync);
+  void write_again();
+  [[noreturn]] void fail() const;
 
   const std::filesystem::path file_;
   const double sync_s_;
+  const bool waits_for_room_;
   int descriptor_ = -1;
   std::uint64_t end_ = 0, synced_ = 0;  // bytes
+  std::string unsynced_;                // frames from `synced_` on
   std::string batch_;                   // records for the next frame
   std::vector<UpdateBefore> before_;    // by machine and pour
 
@@ -149,6 +156,8 @@ class JournalWriter {
   std::uint64_t count_added_ = 0, count_acknowledged_ = 0;  // records
   bool stop_ = false, hurry_ = false;
   std::string error_;
+  bool full_ = false;  // the error is a full disk, and the writer tries again
+  std::uint64_t tries_ = 0;
   std::thread worker_;
 };
 

@@ -42,6 +42,8 @@ struct Recording {
   std::optional<double> snapshot_every_s = {};  ///< in the states' times; empty: no snapshots
   bool incremental = false;                     ///< snapshots of the changes since the last one
   std::optional<std::size_t> keep = {};         ///< number of snapshots that stay; empty: all
+  /// After a full disk: updates are recorded again as soon as there is room. Else no more.
+  bool waits_for_room = false;
 };
 
 /// A block's part of the surface.
@@ -215,6 +217,8 @@ class Session {
   ///        recorded update gives another result
   io::JournalExtent record(const Recording& recording,
                            const std::function<void(const io::JournalExtent&)>& progress = {});
+  /// Why updates can't be recorded now; empty if they can, or need not be.
+  std::string recording_fault() const;
   /// The part of the recording that is certainly on disk.
   io::JournalExtent acknowledged() const;
   /// Another session of this site, in the state before the first update later than `time_s`, from a
