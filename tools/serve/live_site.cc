@@ -79,12 +79,13 @@ StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   ++fed_;
   clocks_set_ += log_.machines()[state.machine].clock_is_set && state.time_s;
   durations_.add(step.update.us);
-  std::vector<double> at(state.joints.begin(), state.joints.end());
-  if (at.empty()) {
+  WorkLog::Place at{{state.joints.begin(), state.joints.end()}, !state.joints.empty()};
+  if (!at.joints) {
     const auto row = io::row_of(state.pose);
-    at.assign(row.begin(), row.end());
+    at.numbers.assign(row.begin(), row.end());
   }
-  if (log_.add(state.machine, state.time_s, std::move(at), step.update.bucket_m3))
+  if (log_.add(state.machine, state.time_s, std::move(at), step.update.bucket_m3,
+               step.update.cut_m3 > 0))
     moved_[state.machine] = Clock::now();
   return step;
 }

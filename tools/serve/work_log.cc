@@ -49,21 +49,48 @@ Json machine_state(const Session& site, std::size_t i, const WorkLog::Machine& w
   return json;
 }
 
+/// Noise of sensors on a machine that stands: positions err by some millimetres, angles by a
+/// degree.
+constexpr double kStands_m = 0.03, kStands_rad = 0.03, kStandsJoint = 0.01;
+
+bool has_left(const WorkLog::Place& from, const WorkLog::Place& to) {
+  const std::vector<double>&a = from.numbers, &b = to.numbers;
+  if (from.joints != to.joints || a.size() != b.size()) return true;
+  if (!to.joints && a.size() == 7) {
+    const Vec3 way(b[0] - a[0], b[1] - a[1], b[2] - a[2]);
+    const double dot = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6];
+    return way.norm() > kStands_m || std::abs(dot) < std::cos(kStands_rad / 2);
+  }
+  for (std::size_t i = 0; i < a.size(); ++i)
+    if (std::abs(b[i] - a[i]) > kStandsJoint) return true;
+  return false;
+}
+
+/// Of a load, sticky soil may stay.
+constexpr double kMayStay = 0.4;
+
 }  // namespace
 
-void CycleCounter::add(double load_m3) {
+void CycleCounter::add(double load_m3, bool cuts) {
   if (emptying_) {
     trough_m3_ = std::min(trough_m3_, load_m3);
-    if (load_m3 < trough_m3_ + std::max(least_m3_, *last_m3_ / 4)) return;
-    emptying_ = false;
-    peak_m3_ = load_m3;
+    if (load_m3 >= trough_m3_ + std::max(least_m3_, peak_m3_ / 4)) {
+      emptying_ = false;  // the next load; or this one, which was only shaken in the ground
+      peak_m3_ = load_m3;
+    }
   }
   peak_m3_ = std::max(peak_m3_, load_m3);
-  if (!(peak_m3_ > least_m3_) || load_m3 > peak_m3_ / 4) return;
+  largest_m3_ = std::max(largest_m3_, load_m3);
+  if (!emptying_) {
+    if (!(peak_m3_ > least_m3_) || load_m3 > kMayStay * peak_m3_) return;
+    trough_m3_ = load_m3;
+    emptying_ = true;
+    counted_ = false;
+  }
+  if (cuts || counted_) return;
   ++cycles_;
-  last_m3_ = peak_m3_;
-  trough_m3_ = load_m3;
-  emptying_ = true;
+  last_m3_ = std::exchange(largest_m3_, 0);
+  counted_ = true;
 }
 
 WorkLog::WorkLog(const Session& site)
@@ -86,8 +113,8 @@ void WorkLog::note_time(double time_s) {
   time_s_ = std::max(time_s_, std::optional(time_s));
 }
 
-bool WorkLog::add(std::size_t machine, std::optional<double> time_s, std::vector<double> at,
-                  double load_m3) {
+bool WorkLog::add(std::size_t machine, std::optional<double> time_s, Place at, double load_m3,
+                  bool cuts) {
   Machine& work = machines_[machine];
   if (time_s) {
     if (work.clock_is_set && from_s_) from_s_ = std::min(*from_s_, *time_s);
@@ -95,11 +122,11 @@ bool WorkLog::add(std::size_t machine, std::optional<double> time_s, std::vector
     work.time_s = time_s;
     work.clock_is_set = false;
   }
-  work.cycles.add(load_m3);
-  const bool moved = at != work.at;
-  work.at = std::move(at);
-  if (moved && time_s_) work.moved_s = time_s_;
-  return moved;
+  work.cycles.add(load_m3, cuts);
+  if (!has_left(work.stood, at)) return false;
+  work.stood = std::move(at);
+  if (time_s_) work.moved_s = time_s_;
+  return true;
 }
 
 void WorkLog::set_clock(std::size_t machine) {
@@ -111,7 +138,7 @@ void WorkLog::set_clock(std::size_t machine) {
   for (Machine& other : machines_) other.moved_s = std::min(other.moved_s, time_s_);
 }
 
-/// A machine stands while its rows do not change.
+/// A machine stands while its rows hardly change.
 void WorkLog::add(const io::JournalUpdate& update) {
   using Kind = io::JournalUpdate::Kind;
   const bool of_machine = update.machine < machines_.size();
@@ -121,17 +148,18 @@ void WorkLog::add(const io::JournalUpdate& update) {
   if (!update.has_rows() || !of_machine) return;
   const io::MotionRows& rows = update.rows;
   Machine& work = machines_[update.machine];
-  std::vector<double> at = work.at;
+  Place at;
   bool moved = false;  // on the way to the last row
   for (std::size_t i = 0; i < rows.values.size(); i += rows.columns) {
     const auto row = rows.values.begin() + static_cast<std::ptrdiff_t>(i);
-    std::vector<double> next(row, row + static_cast<std::ptrdiff_t>(rows.columns));
-    moved |= next != at;
-    at = std::move(next);
+    at = {{row, row + static_cast<std::ptrdiff_t>(rows.columns)}, rows.joints};
+    if (!has_left(work.stood, at)) continue;
+    work.stood = at;
+    moved = true;
   }
   const bool has_time = std::isfinite(update.end_s);
   add(update.machine, has_time ? std::optional(update.end_s) : std::nullopt, std::move(at),
-      static_cast<double>(update.bucket_samples) * loose_m3_);
+      static_cast<double>(update.bucket_samples) * loose_m3_, update.cut_samples > 0);
   if (moved && time_s_) work.moved_s = time_s_;
 }
 

@@ -15,12 +15,14 @@
 
 namespace soilvdb::tools {
 
-/// Counts a machine's cycles: a cycle ends when the bucket loses most of its load.
+/// Counts a machine's cycles: a cycle ends when the bucket loses most of its load, and leaves the
+/// ground before it takes up the next.
 class CycleCounter {
  public:
   /// @param least_m3 smaller loads do not count
   explicit CycleCounter(double least_m3 = 0) : least_m3_(least_m3) {}
-  void add(double load_m3);
+  /// @param cuts the bucket is in the ground
+  void add(double load_m3, bool cuts);
   std::int64_t cycles() const { return cycles_; }
   /// Largest load in the last complete cycle, loose; empty before the first.
   std::optional<double> last_load_m3() const { return last_m3_; }
@@ -28,7 +30,9 @@ class CycleCounter {
  private:
   double least_m3_;
   double peak_m3_ = 0, trough_m3_ = 0;
+  double largest_m3_ = 0;  ///< since the last cycle
   bool emptying_ = false;
+  bool counted_ = false;  ///< the load that is or was lost
   std::int64_t cycles_ = 0;
   std::optional<double> last_m3_ = {};
 };
@@ -39,10 +43,15 @@ inline constexpr double kIdleAfter_s = 10;
 /// The work of all machines, from live states or a journal.
 class WorkLog {
  public:
+  /// Where a machine is.
+  struct Place {
+    std::vector<double> numbers = {};  ///< of its joints; or position and rotation
+    bool joints = false;
+  };
   struct Machine {
     double capacity_m3 = 0;  ///< struck; 0: unknown
     CycleCounter cycles;
-    std::vector<double> at = {};         ///< numbers of its last state
+    Place stood = {};                    ///< when it moved last
     std::optional<double> moved_s = {};  ///< the site's time when it moved last
     std::optional<double> time_s = {};   ///< its latest
     bool clock_is_set = false;           ///< its clock was set, and it has sent no time since
@@ -50,10 +59,9 @@ class WorkLog {
 
   explicit WorkLog(const Session& site);
 
-  /// A machine has a new state. @param at the numbers of its position or joints
-  /// @return whether it has moved
-  bool add(std::size_t machine, std::optional<double> time_s, std::vector<double> at,
-           double load_m3);
+  /// A machine has a new state. @param cuts its bucket is in the ground
+  /// @return whether it has moved, farther than a sensor errs
+  bool add(std::size_t machine, std::optional<double> time_s, Place at, double load_m3, bool cuts);
   void add(const io::JournalUpdate& update);
 
   const std::vector<Machine>& machines() const { return machines_; }
