@@ -535,6 +535,30 @@ test('without the token the page says that it wants one', options, async () => {
   }
 });
 
+test('alarms are shown while they last', options, async () => {
+  fs.writeFileSync(path.join(work, 'edge.csv'), '-2,-2\n2,-2\n2,2\n-2,2\n');
+  const server = await site.serve(...live(), '--port', '0', '--boundary', path.join(work, 'edge.csv'));
+  try {
+    const {page, close} = await site.open(browser, server.url);
+    const go = (x) => page.evaluate((x0) => new Promise((resolve) => {
+      window.feed ??= new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}feed?token=sesame`);
+      const send = () => window.feed.send(JSON.stringify({machine: 'digger', position: [x0, 0, 4], rotation: [0, 0, 0, 1]}));
+      window.feed.onmessage = () => resolve();
+      if (window.feed.readyState === WebSocket.OPEN) send();
+      else window.feed.onopen = send;
+    }), x);
+    await go(0);
+    await go(5);
+    await page.waitForFunction(() => /digger: it is 3\.0 m outside the boundary/.test(document.getElementById('alarms').textContent));
+    assert.ok(await page.isVisible('#alarms'));
+    await go(1);
+    await page.waitForFunction(() => !/outside/.test(document.getElementById('alarms').textContent));
+    await close();
+  } finally {
+    await server.stop();
+  }
+});
+
 test('below a path the page, its streams, queries and downloads are there', options, async () => {
   const server = await site.serve(...live(), '--port', '0', '--base-path', '/dig');
   try {

@@ -19,6 +19,7 @@
 #include "tools/app/commands.h"
 #include "tools/run/run.h"
 #include "tools/run/text.h"
+#include "tools/serve/alarms.h"
 #include "tools/serve/player.h"
 #include "tools/serve/server.h"
 
@@ -136,6 +137,7 @@ ServerOptions server_options(const ServeOptions& options) {
   all.port = static_cast<std::uint16_t>(options.port);
   set_tokens(options, all);
   all.base_path = base_path_of(options.base_path);
+  if (options.boundary) all.boundary = read_boundary(*options.boundary);
   all.page = page_folder();
   if (all.page.empty())
     say("warning: the page isn't built: tools/view/build makes it, with node and npm; feeds and "
@@ -215,6 +217,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
     recording.incremental = true;
   }
   all.raster_cell_m = scenario.raster_cell_m;
+  all.folder = recording.folder;
   if (scenario.mcap) all.mcap_folder = recording.folder;
   // Errors of the command must be reported before a recording exists.
   const auto server = std::make_shared<Server>(

@@ -208,6 +208,9 @@ class CommandLine {
         ->check(number_between(1e-3, 1e4, false, "a number from 0.001 to 10000"));
     sub->add_option("--design", serve_.design, "design surface to compare the ground with (raster)")
         ->type_name("FILE");
+    sub->add_option("--boundary", serve_.boundary,
+                    "boundary that machines must not leave: a line x,y for each corner")
+        ->type_name("FILE");
     sub->add_flag("--stdin", serve_.feed_stdin,
                   "feed lines from standard input, too; answers go to standard output");
     sub->callback([this] { stoppable([this] { serve(serve_); }); });

@@ -159,6 +159,11 @@ std::string LiveSite::how_to_set_clock(std::size_t machine) const {
                      in_address(session_.machines()[machine].name));
 }
 
+std::optional<double> LiveSite::clock_ahead_s(const MachineState& state) {
+  if (!state.time_s || *state.time_s < kLeastEpoch_s) return {};
+  return *state.time_s - host_time_s();
+}
+
 /// A state far ahead needs confirmation by another, because later states would be refused after it.
 void LiveSite::require_soon(const MachineState& state) {
   if (!state.time_s || log_.machines()[state.machine].clock_is_set) return;

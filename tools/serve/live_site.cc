@@ -155,6 +155,7 @@ std::string LiveSite::feed(std::string_view line, const std::shared_ptr<const Fe
     MachineFeed& of = feeds_[machine];
     of.require_owner(source.get(), session_.machines()[machine].name);
     of.heard = MachineFeed::Clock::now();
+    of.clock_ahead_s = clock_ahead_s(state);
     if (const auto given = sequence_of(json)) {
       content = std::hash<nlohmann::json>()(json);
       const SequenceCheck::Place place = of.sequence.check(*given, content);

@@ -51,6 +51,7 @@ class LiveSite {
   StepResult feed(const MachineState& state);
   /// GET /machines: how each machine is fed, and where its feed can go on.
   nlohmann::ordered_json feeds() const;
+  const std::vector<MachineFeed>& machine_feeds() const { return feeds_; }
 
   Session& session() { return session_; }
   const Session& session() const { return session_; }
@@ -93,6 +94,8 @@ class LiveSite {
   void reset_clock(const nlohmann::json& json);
   std::string how_to_set_clock(std::size_t machine) const;
   void require_soon(const MachineState& state);
+  /// How far a state's time is ahead of this computer's clock, if it counts from 1970.
+  static std::optional<double> clock_ahead_s(const MachineState& state);
 
   Session session_;
   std::string name_;

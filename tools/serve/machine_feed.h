@@ -62,6 +62,7 @@ struct MachineFeed {
   std::shared_ptr<const FeedSource> source = {};  ///< of its last state; null: none yet
   std::optional<Clock::time_point> heard = {};
   std::optional<Fix> fix = {};
+  std::optional<double> clock_ahead_s = {};  ///< of this computer's, if its times count from 1970
   bool dug_before = true;  ///< else its next state doesn't continue a way that is known
   SequenceCheck sequence = {};
 };

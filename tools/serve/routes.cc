@@ -21,6 +21,7 @@
 #include "tools/run/outputs.h"
 #include "tools/run/run_totals.h"
 #include "tools/run/text.h"
+#include "tools/serve/alarms.h"
 #include "tools/serve/server_state.h"
 
 namespace soilvdb::tools {
@@ -272,6 +273,12 @@ void ServerState::answer(const std::string& text, const std::string& client,
       const QueryParameters parameters(*target, {});
       return done(json_reply(site.feeds()));
     }
+    if (path == "/alarms") {
+      const QueryParameters parameters(*target, {});
+      if (!options.takes_feeds)
+        throw std::invalid_argument("nothing is fed here, so nothing alarms");
+      return done(json_reply(alarms(site, design.get(), options.boundary, options.folder)));
+    }
     if (path == "/machines.csv") {
       const QueryParameters parameters(*target, {"time"});
       const auto csv = [](const Json& state) {
@@ -319,9 +326,10 @@ void ServerState::answer(const std::string& text, const std::string& client,
         });
       });
     }
-    done(refusal(404,
-                 "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
-                 "/mesh.glb, /machines, /machines.csv, /height, /section, /volume and /terrain"));
+    done(refusal(
+        404,
+        "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
+        "/mesh.glb, /machines, /machines.csv, /alarms, /height, /section, /volume and /terrain"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

@@ -18,6 +18,7 @@
 #include "io/file/json.h"
 #include "io/terrain/crs.h"
 #include "soilvdb/io/error.h"
+#include "tools/serve/alarms.h"
 #include "tools/serve/feeder.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
@@ -154,6 +155,14 @@ Json ServerState::times() {
   return {{"from", *from_s}, {"to", *to_s}, {"snapshots", snapshots_s}};
 }
 
+Bytes ServerState::state_message() {
+  Json json = site.state();
+  json["times"] = times();
+  if (options.takes_feeds)
+    json["alarms"] = alarms(site, design.get(), options.boundary, options.folder);
+  return std::make_shared<const std::string>(io::to_text(json));
+}
+
 Bytes ServerState::description() {
   Json json = site.description();
   json["live"] = options.takes_feeds;
@@ -212,9 +221,7 @@ void ServerState::tick() {
       (since >= kTellAgain || (site.fed() != told_fed && since >= kTellSoon - kTick / 2))) {
     told = now;
     told_fed = site.fed();
-    Json json = site.state();
-    json["times"] = times();
-    const auto state = std::make_shared<const std::string>(io::to_text(json));
+    const Bytes state = state_message();
     for (Viewer* viewer : viewers) viewer->tell_state(state);
   }
   for (Viewer* viewer : viewers) viewer->go_on();

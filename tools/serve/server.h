@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "soilvdb/initial_terrain.h"
 #include "tools/serve/history.h"
@@ -28,6 +29,8 @@ struct ServerOptions {
   bool takes_feeds = true;           ///< false: viewing only
   std::filesystem::path page = {};   ///< folder of index.html, view.js and view.css
   std::optional<double> raster_cell_m = {};  ///< of surface.tif; default: the voxel size
+  std::vector<Vec2> boundary = {};           ///< that machines must not leave; empty: none
+  std::filesystem::path folder = {};         ///< of the recording, whose disk may fill; or empty
   std::filesystem::path mcap_folder = {};    ///< empty: no MCAP is recorded
 };
 

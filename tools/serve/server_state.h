@@ -92,6 +92,8 @@ struct ServerState {
   /// Makes room for a new connection if there can be any.
   bool make_room();
   nlohmann::ordered_json times();
+  /// The message about the machines that viewers receive repeatedly.
+  Bytes state_message();
   Bytes description();
 
   LiveSite& site;

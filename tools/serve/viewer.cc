@@ -38,11 +38,7 @@ void Viewer::start() {
   ++state_.connections;
   socket_.binary(true);
   texts_.push_back(state_.description());
-  texts_.push_back(std::make_shared<const std::string>([this] {
-    Json json = state_.site.state();
-    json["times"] = state_.times();
-    return message(json);
-  }()));
+  texts_.push_back(state_.state_message());
   for (const Coord3& block : resident_blocks(*state_.site.session().site().ground))
     due_.insert(block);
   go_on();

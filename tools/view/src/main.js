@@ -17,7 +17,7 @@ import {Overlay} from './overlay.js';
 import {MeasureCards} from './measure_cards.js';
 import {Measures} from './measures.js';
 import {SceneView} from './scene_view.js';
-import {hint, notice, openPanel, showConnection, showTotals, startDownloads, startPanels} from './surroundings.js';
+import {hint, notice, openPanel, showAlarms, showConnection, showTotals, startDownloads, startPanels} from './surroundings.js';
 import {Terrain} from './terrain.js';
 import {startTheme} from './theme.js';
 import {Timeline} from './timeline.js';
@@ -186,6 +186,7 @@ class Page {
 
   state(state) {
     this.live = state;
+    showAlarms(state.alarms ?? []);
     this.setTimes(state.times);
     this.sayConnection();
     if (this.shownTimes().time === null) this.showState(state, false);

@@ -26,6 +26,15 @@ export function notice(text, retry = null) {
   $('notice-do').onclick = retry;
 }
 
+/** Shows what must be known now. @param {{machine: ?string, text: string}[]} alarms */
+export function showAlarms(alarms) {
+  const lines = alarms.map(({machine, text}) => (machine === null ? text : `${machine}: ${text}`));
+  $('alarms').hidden = lines.length === 0;
+  if (JSON.stringify(lines) === $('alarms').dataset.lines) return;
+  $('alarms').dataset.lines = JSON.stringify(lines);
+  $('alarms').replaceChildren(...lines.map((line) => h('li', {}, line)));
+}
+
 let lasting = '', hintTimer = null;
 
 function showHint(text) {
