@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Recording of a session to a folder, and its continuation.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,10 +10,12 @@
 #include <stdexcept>
 #include <utility>
 
+#include "io/file/atomic_file.h"
 #include "io/file/json.h"
 #include "io/snapshot/swap_file.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/version.h"
+#include "tools/run/recording_change.h"
 #include "tools/run/run_config.h"
 #include "tools/run/run_files.h"
 #include "tools/run/session_state.h"
@@ -28,6 +31,15 @@ using tools::kJournalName;
 constexpr int kRecordFormat = 1;
 
 bool ends_no_batch(const io::JournalUpdate&) { return false; }
+
+/// The configuration of a session's journal that is made for this site: the same, or a changed one
+/// if other machines or hoppers came since. @throw io::InputError
+Json config_of(const io::JournalContent& journal, const Json& site,
+               std::optional<tools::MachineChange>& change) {
+  Json config = io::from_cbor(journal.config.text);
+  change = tools::change_of_machines(config["site"], site, journal.done.time_s);
+  return config;
+}
 
 /// @throw io::InputError unless a journal belongs to a session of this site
 void require_same_site(const std::string& config, const Json& site, const fs::path& folder) {
@@ -121,8 +133,11 @@ io::JournalExtent Session::record(const Recording& given,
       become_next();
       return {};
     }
-    const io::JournalContent content = io::read_journal(journal);
-    require_same_site(content.config.text, site, recording.folder);
+    io::JournalContent content = io::read_journal(journal);
+    std::optional<tools::MachineChange> change;
+    std::string config = content.config.text;
+    if (tools::is_of_session(config)) config = io::to_cbor(config_of(content, site, change));
+    require_same_site(config, site, recording.folder);
     if (content.damaged)
       throw io::InputError(
           journal,
@@ -131,6 +146,17 @@ io::JournalExtent Session::record(const Recording& given,
               "the file, name another folder, or give them up by `truncate -s {}` of it",
               content.good_bytes, tools::time_text(content.done.time_s), content.good_bytes));
     folder->clear();
+    // A copy for the changed site takes the journal's place when nothing can fail any more.
+    const fs::path changed = recording.folder / fmt::format(".journal.{}-0.tmp", getpid());
+    if (change) {
+      tools::copy_journal(journal, changed, config, *change);
+      content = io::read_journal(changed);
+    }
+    const auto drop_copy = [&](const fs::path* file) {
+      std::error_code none;
+      if (change) fs::remove(*file, none);
+    };
+    const std::unique_ptr<const fs::path, decltype(drop_copy)> unused(&changed, drop_copy);
     std::vector<io::JournalFile> good;
     for (const tools::RunFile& file : tools::check_files(recording.folder, content))
       if (file.fault.empty() && tools::is_periodic(file.known.name)) good.push_back(file.known);
@@ -146,7 +172,12 @@ io::JournalExtent Session::record(const Recording& given,
       }
       if (progress && at.updates > start.updates) progress(at);
     };
-    tools::replay(journal, start.updates, content.done.updates, n, ends_no_batch, made);
+    tools::replay(change ? changed : journal, start.updates, content.done.updates, n, ends_no_batch,
+                  made);
+    if (change) {
+      fs::rename(changed, journal);
+      io::sync_folder(journal);
+    }
     n.recorder->go_on(content, good, start);  // from here on the folder changes
     n.fed_count = content.done.updates;
     become_next();
