@@ -484,12 +484,13 @@ void Site::set_progress(std::string_view bytes) {
   std::uint64_t count = 0;
   take(bytes, at_rest);
   take(bytes, count);
-  if (count != model_->machines.size())
+  if (count > model_->machines.size())
     throw std::invalid_argument("the state is of " + std::to_string(count) +
                                 " machines; this site has " +
                                 std::to_string(model_->machines.size()));
   std::vector<std::optional<Input>> inputs;
-  for (const SiteMachine& machine : model_->machines) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const SiteMachine& machine = model_->machines[i];
     Input now;
     double time_s = kUnknown_s;
     std::uint64_t joints = 0;
@@ -530,8 +531,9 @@ void Site::set_progress(std::string_view bytes) {
     }
     std::swap(survey, survey_);
   }
-  tracker_->restore(tracker);
+  tracker_->restore(tracker, count);
   survey_ = std::move(survey);
+  inputs.resize(model_->machines.size());
   inputs_ = std::move(inputs);
   poured_s_.reset();
   next_pour_s_.reset();

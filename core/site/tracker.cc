@@ -350,9 +350,11 @@ std::string Tracker::state() const {
   return bytes;
 }
 
-void Tracker::restore(std::string_view state) {
+void Tracker::restore(std::string_view state) { restore(state, machines_.size()); }
+
+void Tracker::restore(std::string_view state, std::size_t count) {
   std::vector<std::string_view> machines;
-  for (std::size_t m = 0; m < machines_.size(); ++m) {
+  for (std::size_t m = 0; m < count; ++m) {
     machines.push_back(state);
     Machine(machines_[m]->bucket(), ground_, settler(m)).load(state, ground_);  // is it good?
   }
@@ -360,7 +362,8 @@ void Tracker::restore(std::string_view state) {
   TileSet unrest;
   std::vector<std::int64_t> parts(poured_parts_.size());
   if (moves_soil()) {
-    for (SettleTotals& of_one : totals) of_one.load(state, settlers_.size());
+    for (std::size_t i = 0; i < totals.size(); ++i)
+      if (i < count || i + 1 == totals.size()) totals[i].load(state, settlers_.size());
     unrest.load(state);
     for (std::size_t i = 0; i < parts.size(); ++i) {
       take(state, parts[i]);
@@ -376,7 +379,7 @@ void Tracker::restore(std::string_view state) {
     take(state, surveyed.mass);
   }
   if (!state.empty()) throw std::invalid_argument("the state is of more machines");
-  for (std::size_t m = 0; m < machines_.size(); ++m) machines_[m]->load(machines[m], ground_);
+  for (std::size_t m = 0; m < count; ++m) machines_[m]->load(machines[m], ground_);
   poured_parts_ = std::move(parts);
   for (std::size_t i = 0; i < settlers_.size(); ++i) settlers_[i]->restore(totals[i]);
   *poured_unrest_ = unrest;

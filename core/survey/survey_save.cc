@@ -131,6 +131,7 @@ void GroundSurvey::save(std::string& out) const {
           sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma})
       put(out, value);
   }
+  put_number(out, s.lips.size());
   for (const Estimate& lip : s.lips) {
     put(out, lip.mean);
     put(out, lip.sigma);
@@ -207,9 +208,11 @@ void GroundSurvey::load(std::string_view& in) {
     sensor.validate();
     s.sensors.push_back(std::move(sensor));
   }
-  for (Estimate& lip : s.lips) {
-    lip.mean = take_finite(in);
-    lip.sigma = take_finite(in);
+  // Machines may have come since.
+  const auto machines = take_number<std::size_t>(in, s.lips.size() + 1);
+  for (std::size_t m = 0; m < machines; ++m) {
+    s.lips[m].mean = take_finite(in);
+    s.lips[m].sigma = take_finite(in);
   }
   for (std::int64_t* value :
        {&s.rays.used, &s.rays.masked, &s.rays.through, &s.rays.added, &s.rays.dropped})
@@ -228,7 +231,9 @@ void GroundSurvey::load(std::string_view& in) {
     for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
     if (!(sums.weight > 0)) refuse_survey();
     sums.sees.resize(errors);
-    for (double& value : sums.sees) value = take_finite(in);
+    const std::size_t came = s.lips.size() - machines;
+    for (std::size_t n = 0; n + came < errors; ++n)
+      sums.sees[n < machines ? n : n + came] = take_finite(in);
   }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     ThroughRay& ray = s.through.emplace_back();

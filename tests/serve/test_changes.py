@@ -6,6 +6,7 @@ import subprocess
 from live import PROGRAM, Server, passes, scenario
 
 SOIL = ("soil: {repose_angle: 0.6, swell: 0.2}\noutput: {snapshots: {every: 0.3}, journal: {sync: always}}\n")
+THIRD = "  - {name: third, bucket: {width: 0.5, height: 0.5}}\n"
 SCRAPER = "  - {name: scraper, bucket: {width: 2.0, height: 0.5}}\n"
 
 
@@ -33,23 +34,23 @@ def test_machines_come_and_go_and_those_that_stay_go_on(tmp_path):
         assert not [a for a in server.feed([*states[:40]]) if "error" in a]
         dug, machines = hash_of(server), server.json("/machines")["machines"]
         server.stop()
-    # Another machine before the others, which thus have other numbers, and one that never came left.
-    changed(path, "machines:\n", "machines:\n" + SCRAPER)
+    # A scraper comes in place of one that never came, and a third machine.
     text = path.read_text()
     begin, end = text.index("  - name: digger"), text.index("  - name: plate")
-    path.write_text(text[:begin] + text[end:])
+    path.write_text(text[:begin] + SCRAPER + text[end:].replace("soil:", THIRD + "soil:"))
     for part in range(2):   # the second start finds the changed recording
         with Server(path, "--out", out, cwd=tmp_path) as server:
             assert hash_of(server) == dug
             now = {machine["name"]: machine for machine in server.json("/machines")["machines"]}
-            assert list(now) == ["scraper", "plate"] and now["scraper"]["state"] is None
+            assert list(now) == ["scraper", "plate", "third"] and now["scraper"]["state"] is None
             assert now["plate"]["state"] == machines[1]["state"]
             assert now["plate"]["bucket_m3"] == machines[1]["bucket_m3"]
             assert server.json("/summary.json")["mass_kg"]["residual"] == 0
             server.kill()
     with Server(path, "--out", out, cwd=tmp_path) as server:
         early = hash_of(server, "?time=0.2")
-        both = [state for pair in zip(states[40:], passes("scraper", 4.0, 0.2, 20, begin=0.4)) for state in pair]
+        both = [state for three in zip(states[40:], passes("scraper", 4.0, 0.2, 20, begin=0.4),
+                                       passes("third", 8.0, 0.2, 20, begin=0.4)) for state in three]
         assert not [a for a in server.feed(both) if "error" in a]
         dug = hash_of(server)
         server.kill()
@@ -75,6 +76,7 @@ def test_what_a_recording_needs_is_not_taken_away(tmp_path):
     good, journal = path.read_text(), (out / "journal").read_bytes()
     begin, end = good.index("  - name: digger"), good.index("  - name: plate")
     for text, why in ((good[:begin] + good[end:], "has states of machine 'digger', which the site no longer has"),
+                      (good[:begin] + SCRAPER + good[begin:], "'digger' as number 1 in the list of machines; keep its place"),
                       (good.replace("name: digger", "name: bagger"), "has states of machine 'digger'"),
                       (good.replace("width: 1.2", "width: 1.3"), "another site: machine 1: bucket differs"),
                       (good + SCRAPER.replace("  - ", "hoppers:\n  - ").replace(

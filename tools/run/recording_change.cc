@@ -86,7 +86,7 @@ void copy_journal(const std::filesystem::path& journal, const std::filesystem::p
     io::JournalWriter writer(copy, io::begin_journal(copy, {config}), {}, kSyncCopy_s);
     io::JournalReader reader(journal);
     while (std::optional<io::JournalRecord> record = reader.next()) {
-      if (auto* update = std::get_if<io::JournalUpdate>(&*record)) {
+      if (const auto* update = std::get_if<io::JournalUpdate>(&*record)) {
         const bool of_machine =
             update->has_rows() || update->kind == io::JournalUpdate::Kind::kClock;
         if (of_machine && update->machine < change.index.size()) {
@@ -97,7 +97,12 @@ void copy_journal(const std::filesystem::path& journal, const std::filesystem::p
                 fmt::format("has states of machine '{}', which the site no longer has; keep it in "
                             "the list of machines, even if it never comes back",
                             io::printable(change.names[update->machine])));
-          update->machine = *index;
+          if (*index != update->machine)  // snapshots know machines by their numbers
+            throw io::InputError(
+                journal.parent_path(),
+                fmt::format("has states of machine '{}' as number {} in the list of machines; keep "
+                            "its place, and add machines at the end",
+                            io::printable(change.names[update->machine]), update->machine + 1));
         }
         writer.add(*update);
       } else if (const auto* file = std::get_if<io::JournalFile>(&*record)) {

@@ -27,7 +27,8 @@ std::optional<MachineChange> change_of_machines(nlohmann::json& before, const nl
 
 /// Copies a journal for the changed site.
 /// @param config of the copy
-/// @throw io::InputError if a machine that is gone has states; std::runtime_error if it can't be
+/// @throw io::InputError if a machine with states is gone or elsewhere in the list;
+/// std::runtime_error if it can't be
 ///        written. There is no copy then.
 void copy_journal(const std::filesystem::path& journal, const std::filesystem::path& copy,
                   const std::string& config, const MachineChange& change);

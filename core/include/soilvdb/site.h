@@ -155,6 +155,7 @@ class Site {
 
   /// Serialized state for the next update, without the ground and the model.
   std::string progress() const;
+  /// Machines that follow those of the bytes came later; they must have no state yet.
   /// @throw std::invalid_argument if the bytes are of other machines; nothing has changed then
   void set_progress(std::string_view bytes);
 

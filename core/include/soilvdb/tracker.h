@@ -180,6 +180,8 @@ class Tracker {
   std::string state() const;
   /// @throw std::invalid_argument if the bytes are of other buckets, or not from state()
   void restore(std::string_view state);
+  /// As above, of a tracker of the first `count` machines, to which the others came.
+  void restore(std::string_view state, std::size_t count);
 
  private:
   Machine& at(std::size_t machine) const;
