@@ -196,6 +196,26 @@ void feed_from_input(Server& server) {
   server.end_feed();
 }
 
+/// The command that goes on with a site. Tokens must be given again.
+std::string command_again(const ServeOptions& options) {
+  std::string command = "soilvdb serve " + io::shell_quoted(options.scenario);
+  const auto add = [&](const char* option, const auto& value) {
+    if (value) command += fmt::format(" {} {}", option, io::shell_quoted(*value));
+  };
+  add("--out", options.out);
+  add("--design", options.design);
+  add("--boundary", options.boundary);
+  add("--token-file", options.token_file);
+  add("--view-token-file", options.view_token_file);
+  const ServeOptions usual;
+  if (options.listen != usual.listen) command += " --listen " + io::shell_quoted(options.listen);
+  if (options.port != usual.port) command += fmt::format(" --port {}", options.port);
+  if (!options.base_path.empty()) command += " --base-path " + io::shell_quoted(options.base_path);
+  if (options.public_view) command += " --public-view";
+  if (options.feed_stdin) command += " --stdin";
+  return command;
+}
+
 void serve_live(const ServeOptions& options, ServerOptions all) {
   const io::Scenario scenario = io::read_scenario(options.scenario, {}, io::Motions::kOptional);
   for (const std::string& warning : scenario.warnings) say("warning: " + warning);
@@ -251,10 +271,9 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
   site.session().flush();
   const io::JournalExtent done = site.session().acknowledged();
   if (!played)
-    say(fmt::format("safe in {}: {}, to {} s; `soilvdb serve {}{}` goes on",
-                    recording.folder.string(), counted(static_cast<double>(done.updates), "state"),
-                    time_text(done.time_s), io::shell_quoted(options.scenario),
-                    options.out ? " --out " + io::shell_quoted(*options.out) : ""));
+    say(fmt::format("safe in {}: {}, to {} s; `{}` goes on", recording.folder.string(),
+                    counted(static_cast<double>(done.updates), "state"), time_text(done.time_s),
+                    command_again(options)));
 }
 
 }  // namespace
