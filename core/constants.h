@@ -757,6 +757,8 @@ inline constexpr double kLeastDescent = 0.12;
 /// What a ray passes is gone if it is so far above the ray, m, and if it ends so much farther, m;
 /// it is followed from so far before the ground, m.
 inline constexpr double kThroughRoomM = 0.05, kThroughShortM = 0.12, kThroughBeforeM = 0.3;
+/// Rays that end farther behind the ground than this saw a mirror, such as water, m.
+inline constexpr double kMostThroughM = 20;
 /// Height of a bin in which rays vote for a height, m. Wider bins take two floors for one.
 inline constexpr double kScanBinM = 0.04;
 /// Rays that must agree before a height is believed that is not expected. With fewer dust makes
@@ -790,8 +792,8 @@ inline constexpr int kGateRounds = 4;
 /// A correction is made from this on: of a voxel, and sigmas of ground that nobody touched, and of
 /// other ground. With smaller values scans that agree with the ground change it.
 inline constexpr double kLeastCorrection = 1.0 / 16, kNaturalSigmas = 2, kMovedSigmas = 0.5;
-/// Tiles of 8 x 8 columns that scans may see at most: some 700 MB.
-inline constexpr std::size_t kMaxSurveyTiles = 1 << 17;
+/// Tiles of 8 x 8 columns that scans may see at most: some 800 MB.
+inline constexpr std::size_t kMaxSurveyTiles = 1 << 16;
 /// Steepest shape of what a scan changes, and cells above and below it that may change. Soil in
 /// the air farther up is left alone.
 inline constexpr double kMostCorrectedSlope = 4;

@@ -295,7 +295,7 @@ StepResult Site::update(const MachineState& state) noexcept {
       throw;
     }
     std::swap(inputs_[state.machine], last);
-    if (survey_) survey_->worked(state.machine);
+    tell_survey(state.machine);
     return made;
   });
 }
@@ -309,12 +309,16 @@ GroundSurvey& Site::survey() {
   return *survey_;
 }
 
+void Site::tell_survey(std::optional<std::size_t> machine) {
+  if (survey_) survey_->worked(machine);
+}
+
 std::vector<Update> Site::make(std::span<const Move> moves) {
   if (!survey_) return tracker_->update(moves);
   std::vector<Update> made;
   for (const Move& move : moves) {
     made.push_back(tracker_->update(std::span(&move, 1)).front());
-    survey_->worked(move.machine);
+    tell_survey(move.machine);
   }
   return made;
 }
@@ -333,14 +337,15 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
   return guarded<StepResult>([&](bool& moving) {
     survey = {};
     const Surveyed before = tracker_->surveyed();
-    const std::vector<SurveyChange> changes = this->survey().solve();
+    const bool is_news = this->survey().has_news();
+    const std::vector<SurveyChange> changes = survey_->solve();
     moving = true;
     tracker_->correct(changes);
     survey = survey_->applied();
     const Surveyed& now = tracker_->surveyed();
     survey.removed_m3 = static_cast<double>(now.removed - before.removed) * ground_->sample_m3();
     survey.added_m3 = static_cast<double>(now.added - before.added) * ground_->sample_m3();
-    if (record != nullptr) {
+    if (record != nullptr && is_news) {
       put(*record, std::uint64_t{changes.size()});
       for (const SurveyChange& change : changes) {
         for (const int at : change.cell) put(*record, at);
@@ -399,6 +404,7 @@ void Site::pour_until(double until_s) {
     times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
     for (const double time_s : times_s)
       for (std::size_t i = 0; i < model_->earthmoving.pours.size(); ++i) tracker_->pour(i, time_s);
+    tell_survey();
   }
   poured_s_ = std::max(poured_s_.value_or(until_s), until_s);
 }
@@ -433,6 +439,7 @@ StepResult Site::place(const MachineState& state) noexcept {
     pour_before(state.time_s);
     StepResult made;
     made.update = tracker_->place(state.machine, now.pose, now.time_s);
+    tell_survey();
     if (!now.time_s && last) now.time_s = last->time_s;
     set_direction(now, std::nullopt);
     last = std::move(now);
@@ -454,6 +461,7 @@ StepResult Site::come_to_rest() noexcept {
     StepResult made;
     moving = true;
     made.update = tracker_->come_to_rest(last_s());
+    tell_survey();
     return made;
   });
 }

@@ -1,8 +1,10 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
+#include <unordered_set>
 
 #include "core/constants.h"
 #include "core/lattice/bytes.h"
@@ -57,7 +59,8 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other)
       map(clone, other.map),
       changes(clone, other.changes),
       tiles(other.tiles),
-      workers(other.workers),
+      work(other.work),
+      time(other.time),
       sensors(other.sensors),
       retired(other.retired),
       lips(other.lips),
@@ -75,9 +78,10 @@ std::vector<SurveyTile*> SurveyState::sorted() {
 
 void SurveyState::refresh(bool own) {
   map.reader().refresh();
-  for (const Coord3& origin : changes.take())
-    if (const auto found = tiles.find(plan_key(origin.head<2>())); found != tiles.end())
-      found->second.known = false;
+  if (own)
+    for (const Coord3& origin : changes.take())
+      if (const auto found = tiles.find(plan_key(origin.head<2>())); found != tiles.end())
+        found->second.known = false;
   std::vector<SurveyTile*> stale;
   for (auto& [key, tile] : tiles) {
     if (tile.known) continue;
@@ -90,21 +94,36 @@ void SurveyState::refresh(bool own) {
   }
   std::sort(stale.begin(), stale.end(), is_before);
   stale.erase(std::unique(stale.begin(), stale.end()), stale.end());
-  for (SurveyTile* tile : stale) read(*tile, own);
+  for (SurveyTile* tile : stale) read(*tile, own ? How::kOwn : How::kChanged);
 }
 
 SurveyTile& SurveyState::tile(const Coord2& cell) {
   const auto [found, is_new] = tiles.try_emplace(plan_key(cell));
   SurveyTile& tile = found->second;
   if (!is_new) return tile;
-  tile.cell = cell;
-  for (SurveyColumn& column : tile.columns) column.variance = -1;  // not read yet
-  read(tile, false);
+  tile = new_tile(cell);
+  read(tile, How::kChanged);
   return tile;
 }
 
+SurveyTile SurveyState::new_tile(const Coord2& cell) {
+  SurveyTile tile;
+  tile.cell = cell;
+  for (SurveyColumn& column : tile.columns) column.variance = -1;  // not read yet
+  return tile;
+}
+
+SurveyColumn SurveyState::look(const Coord2& column) {
+  const Coord2 cell = floor_to(column, kChunkSide);
+  const auto found = tiles.find(plan_key(cell));
+  if (found != tiles.end() && found->second.known) return found->second.columns[number_of(column)];
+  SurveyTile tile = found == tiles.end() ? new_tile(cell) : found->second;
+  read(tile, How::kLook);
+  return tile.columns[number_of(column)];
+}
+
 /// Reads a tile's columns. Those that changed begin anew, unless that was by scans.
-void SurveyState::read(SurveyTile& tile, bool own) {
+void SurveyState::read(SurveyTile& tile, How how) {
   HeightReader& reader = map.reader();
   const double h = voxel_m();
   constexpr int kSide = kChunkSide + 2;
@@ -115,8 +134,9 @@ void SurveyState::read(SurveyTile& tile, bool own) {
   reader.read(tile.cell, size, static_cast<std::size_t>(MapLayer::kLoose), kNoCeiling, loose);
   HeightReader::Columns touched;
   reader.read(tile.cell, size, HeightReader::kTouched, kNoCeiling, touched);
-  const auto worker = workers.find(plan_key(tile.cell));
-  std::uint16_t tool = worker != workers.end() ? worker->second : kUnknownTool;
+  const auto known_work = work.find(plan_key(tile.cell));
+  const Work worked = known_work != work.end() ? known_work->second : Work{};
+  std::uint16_t tool = worked.origin;
   if (tool == kUnknownTool && buckets.size() == 1) tool = kFirstMachine;
   for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
     const int x = static_cast<int>(i) / kChunkSide, y = static_cast<int>(i) % kChunkSide;
@@ -132,7 +152,7 @@ void SurveyState::read(SurveyTile& tile, bool own) {
     SurveyColumn& column = tile.columns[i];
     const bool is_new = column.variance < 0;
     if (!is_new && (top == column.top || (std::isnan(top) && std::isnan(column.top)))) continue;
-    if (own && !is_new) {
+    if (how == How::kOwn && !is_new) {
       column.top = top;
       continue;
     }
@@ -144,7 +164,7 @@ void SurveyState::read(SurveyTile& tile, bool own) {
                             ? kNaturalSigmaM * kNaturalSigmaM + filled * depth * depth
                             : dug;
     } else {
-      retire(tile, i);
+      if (how == How::kChanged) retire(tile, i);
       const double rise = h * (top - column.top);
       if (depth > 0 && rise > 0) {
         column.variance += filled * rise * rise;
@@ -159,14 +179,40 @@ void SurveyState::read(SurveyTile& tile, bool own) {
       column.known = -1;
     }
     column.first = column.top = top;
+    column.changed = worked.time;
   }
   tile.known = true;
 }
 
+void SurveyState::require_room(std::span<const Vec3> points_m) const {
+  std::unordered_set<std::uint64_t> more;
+  for (const Vec3& point : points_m) {
+    const Vec3 at = ground.index_from_world(point);
+    if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) continue;
+    const std::uint64_t key =
+        plan_key(floor_to(Coord2(cell_of(at.x()), cell_of(at.y())), kChunkSide));
+    if (!tiles.contains(key)) more.insert(key);
+  }
+  if (tiles.size() + more.size() > kMaxSurveyTiles)
+    throw std::invalid_argument(
+        "scans may see " + std::to_string(kMaxSurveyTiles) + " squares of " +
+        std::to_string(kChunkSide) + " x " + std::to_string(kChunkSide) +
+        " voxels, and with this one see more; leave far points out, or take larger voxels");
+}
+
 int SurveyState::sensor_of(const Sensor& sensor) {
   for (std::size_t n = 0; n < sensors.size(); ++n)
-    if (sensors[n].name == sensor.name) return static_cast<int>(n);
+    if (sensors[n].name == sensor.name) {
+      const auto sigmas = [](const Sensor& s) {
+        return std::array{s.range_sigma_m, s.range_squared_sigma_per_m, s.mount_height_sigma_m,
+                          s.mount_tilt_sigma_rad, s.mount_scale_sigma};
+      };
+      if (sigmas(sensors[n]) == sigmas(sensor)) return static_cast<int>(n);
+      throw std::invalid_argument("sensor '" + sensor.name +
+                                  "' had other sigmas before; give it another name");
+    }
   sensors.push_back(sensor);
+  sensors.back().pose = {};  // which scans of one name need not share
   return static_cast<int>(sensors.size()) - 1;
 }
 
@@ -177,14 +223,20 @@ GroundSurvey::GroundSurvey(Ground& clone, const GroundSurvey& other)
     : state_(std::make_unique<SurveyState>(clone, *other.state_)) {}
 GroundSurvey::~GroundSurvey() = default;
 
-void GroundSurvey::worked(std::size_t machine) {
+void GroundSurvey::worked(std::optional<std::size_t> machine) {
   SurveyState& s = *state_;
-  for (const Coord3& origin : s.changes.take()) {
-    const std::uint64_t key = plan_key(origin.head<2>());
-    s.workers[key] = static_cast<std::uint16_t>(kFirstMachine + machine);
-    if (const auto found = s.tiles.find(key); found != s.tiles.end()) found->second.known = false;
+  const std::vector<Coord3> changed = s.changes.take();
+  if (!changed.empty()) ++s.time;
+  for (const Coord3& origin : changed) {
+    SurveyState::Work& work = s.work[plan_key(origin.head<2>())];
+    work.time = s.time;
+    if (machine) work.origin = static_cast<std::uint16_t>(kFirstMachine + *machine);
+    if (const auto found = s.tiles.find(plan_key(origin.head<2>())); found != s.tiles.end())
+      found->second.known = false;
   }
 }
+
+bool GroundSurvey::has_news() const { return !state_->is_solved; }
 
 void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
                         std::span<const Pose* const> poses) {
@@ -195,6 +247,7 @@ void GroundSurvey::scan(const Sensor& sensor, std::span<const Vec3> points_m,
       throw std::invalid_argument("point " + std::to_string(i) + " must be numbers, and within " +
                                   text(kMostScanRangeM) + " m of the sensor");
   state_->refresh(false);
+  state_->require_room(points_m);
   state_->add_rays(sensor, state_->sensor_of(sensor), points_m, poses);
 }
 
@@ -218,13 +271,13 @@ const std::vector<Estimate>& GroundSurvey::lip_errors_m() const { return state_-
 
 void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
   SurveyState& s = *state_;
-  s.refresh(false);
+  s.map.reader().refresh();
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
     const Vec2 at = (xy_m[i] - s.ground.origin().head<2>()) / s.voxel_m();
     sigmas_m[i] = HeightReader::kNoGround;
     if (!(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
     const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-    const SurveyColumn& column = s.tile_of(cell).columns[SurveyState::number_of(cell)];
+    const SurveyColumn column = s.look(cell);
     if (std::isnan(column.top)) continue;
     double variance = column.known;
     if (variance < 0) {

@@ -71,7 +71,8 @@ class Rays {
         return;
       }
       if (length > range_m)
-        state_.through.push_back({sensor_.pose.position, point, range_m, sigma});
+
+        state_.through.push_back({sensor_.pose.position, point, range_m, sigma, state_.time});
     }
     if (!hit(point, along, length, sigma)) ++rays.dropped;
   }
@@ -201,7 +202,7 @@ void SurveyState::see_through() {
     const double step = h / std::max(along.head<2>().norm(), 0.3);
     const double end = length - std::max(kThroughShortM, 3 * ray.sigma_m);
     const double room = kThroughRoomM + 3.5 * ray.sigma_m * std::abs(along.z());
-    if (!is_met(ray.to)) continue;
+    if (length - ray.met_m > kMostThroughM || !is_met(ray.to)) continue;
     bool any = false;
     for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
       const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);
@@ -210,7 +211,7 @@ void SurveyState::see_through() {
       SurveyTile& tile = tile_of(cell);
       const std::size_t i = number_of(cell);
       const double below = place.z() + room - ground.origin().z() - h * tile.columns[i].top;
-      if (!(below < 0)) continue;
+      if (!(below < 0) || tile.columns[i].changed > ray.time) continue;
       ScanVotes& votes = tile.votes[static_cast<int>(i)];
       ++votes.through;
       votes.ceiling = std::min(votes.ceiling, height_units(below));

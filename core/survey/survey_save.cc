@@ -62,6 +62,7 @@ void put_column(std::string& out, const SurveyColumn& column) {
   for (const double value : {column.first, column.top, column.variance, column.known})
     put(out, value);
   put_number(out, column.origin);
+  put(out, column.changed);
   for (const std::int64_t value : {column.rays, column.height}) put(out, value);
   put_cells(out, column.cells);
 }
@@ -72,6 +73,7 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
   column.known = take_finite(in);
   if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_survey();
   column.origin = take_number<std::uint16_t>(in, origins);
+  take(in, column.changed);
   take_amount(in, column.rays);
   take(in, column.height);
   take_cells(in, column.cells);
@@ -139,12 +141,15 @@ void GroundSurvey::save(std::string& out) const {
   for (const std::int64_t value :
        {s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped})
     put(out, value);
-  std::vector<std::pair<std::uint64_t, std::uint16_t>> workers(s.workers.begin(), s.workers.end());
-  std::sort(workers.begin(), workers.end());
-  put_number(out, workers.size());
-  for (const auto& [key, origin] : workers) {
+  put(out, s.time);
+  std::vector<std::uint64_t> keys;
+  for (const auto& [key, work] : s.work) keys.push_back(key);
+  std::sort(keys.begin(), keys.end());
+  put_number(out, keys.size());
+  for (const std::uint64_t key : keys) {
     put_number(out, key);
-    put_number(out, origin);
+    put_number(out, s.work.at(key).origin);
+    put(out, s.work.at(key).time);
   }
   put_number(out, s.retired.size());
   for (const auto& [block, sums] : s.retired) {
@@ -164,10 +169,12 @@ void GroundSurvey::save(std::string& out) const {
   std::vector<ThroughRay> through = s.through;
   std::sort(through.begin(), through.end());
   put_number(out, through.size());
-  for (const ThroughRay& ray : through)
+  for (const ThroughRay& ray : through) {
+    put(out, ray.time);
     for (const double value : {ray.from.x(), ray.from.y(), ray.from.z(), ray.to.x(), ray.to.y(),
                                ray.to.z(), ray.met_m, ray.sigma_m})
       put(out, value);
+  }
   put(out, s.is_solved);
   const std::vector<SurveyTile*> tiles = state_->sorted();
   put_number(out, tiles.size());
@@ -217,10 +224,13 @@ void GroundSurvey::load(std::string_view& in) {
   for (std::int64_t* value :
        {&s.rays.used, &s.rays.masked, &s.rays.through, &s.rays.added, &s.rays.dropped})
     take_amount(in, *value);
+  take(in, s.time);
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     std::uint64_t key = 0;
     take(in, key);
-    s.workers[key] = take_number<std::uint16_t>(in, origins);
+    SurveyState::Work& work = s.work[key];
+    work.origin = take_number<std::uint16_t>(in, origins);
+    take(in, work.time);
   }
   const std::uint64_t errors = s.lip_sigmas_m.size() + 4 * s.sensors.size();
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
@@ -237,6 +247,7 @@ void GroundSurvey::load(std::string_view& in) {
   }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     ThroughRay& ray = s.through.emplace_back();
+    take(in, ray.time);
     for (double* value : {&ray.from.x(), &ray.from.y(), &ray.from.z(), &ray.to.x(), &ray.to.y(),
                           &ray.to.z(), &ray.met_m, &ray.sigma_m})
       *value = take_finite(in);

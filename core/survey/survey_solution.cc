@@ -48,7 +48,7 @@ Eigen::VectorXd SurveyState::prior() const {
   Eigen::VectorXd variances(
       static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
   for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
-    variances[static_cast<Eigen::Index>(m)] = square(lip_sigmas_m[m]);
+    variances[static_cast<Eigen::Index>(m)] = std::max(square(lip_sigmas_m[m]), kLeastScanVariance);
   for (std::size_t s = 0; s < sensors.size(); ++s) {
     const Sensor& sensor = sensors[s];
     const double sigmas[] = {sensor.mount_height_sigma_m, sensor.mount_tilt_sigma_rad,
@@ -82,7 +82,7 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
     const bool stereo = sensors[s].range_squared_sigma_per_m > 0;
     const double whole = static_cast<double>(sum.weight);
     const double single = whole / (stereo ? kStereoPixels : 1);
-    const double floor = square(stereo ? kStereoFloorM : kLidarFloorM) + rough;
+    const double floor = square(stereo ? kStereoFloorM : kLidarFloorM);
     const double weight = single / (1 + single * floor);
     all.weight += weight;
     all.residual += weight * kScanUnit_m * static_cast<double>(sum.residual) / whole;
@@ -93,6 +93,7 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   if (all.weight > 0) {
     all.residual /= all.weight;
     sees /= all.weight;
+    all.weight /= 1 + all.weight * rough;  // which is the column's own, whichever sensors see it
   }
   return all;
 }
@@ -411,7 +412,8 @@ std::vector<SurveyChange> SurveyState::solve() {
     column.known = correction.variance(errors);
     const double to_be = column.first + correction.mean / h, off = to_be - column.top;
     const double sigmas = column.origin == kNatural && !c.changed ? kNaturalSigmas : kMovedSigmas;
-    if (std::abs(off) < kLeastCorrection || std::abs(off) * h < sigmas * std::sqrt(column.known))
+    if (!std::isfinite(off) || std::abs(off) < kLeastCorrection ||
+        std::abs(off) * h < sigmas * std::sqrt(column.known))
       continue;
     const int at = static_cast<int>(c.i);
     made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,

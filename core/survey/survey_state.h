@@ -36,7 +36,14 @@ struct SurveyState {
   std::vector<SurveyTile*> sorted();
   /// Reads tiles anew where the ground changed. @param own by applied()
   void refresh(bool own);
-  void read(SurveyTile& tile, bool own);
+  /// Why a tile is read: the ground changed, or by applied(), or for a look that changes nothing.
+  enum class How { kChanged, kOwn, kLook };
+  void read(SurveyTile& tile, How how);
+  static SurveyTile new_tile(const Coord2& cell);
+  /// A column as the ground is.
+  SurveyColumn look(const Coord2& column);
+  /// @throw std::invalid_argument if too many tiles would be seen
+  void require_room(std::span<const Vec3> points_m) const;
   int sensor_of(const Sensor& sensor);
 
   // scan_rays.cc
@@ -77,8 +84,13 @@ struct SurveyState {
   HeightMap map;
   ChangeFollower changes;
   std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
-  std::unordered_map<std::uint64_t, std::uint16_t, PlanHash> workers;  // last to change a tile
-  std::vector<Sensor> sensors;  // in order of their first scan
+  struct Work {
+    std::uint16_t origin = kUnknownTool;  // whose machine was the last in a tile
+    std::uint32_t time = 0;               // when the tile changed
+  };
+  std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
+  std::uint32_t time = 1;                                  // counts changes of the ground
+  std::vector<Sensor> sensors;                             // in order of their first scan
   std::map<Block, Retired> retired;
   std::vector<Estimate> lips;  // as last solved
   RayCounts rays;

@@ -56,11 +56,12 @@ struct ScanHits {
 struct ThroughRay {
   Vec3 from, to;
   double met_m, sigma_m;  ///< range of that ground; standard deviation of the ray's own
+  std::uint32_t time;     ///< of the ground, as of SurveyColumn::changed
 
   bool operator<(const ThroughRay& other) const {
     const auto key = [](const ThroughRay& r) {
-      return std::array{r.to.x(),   r.to.y(),   r.to.z(), r.from.x(),
-                        r.from.y(), r.from.z(), r.met_m,  r.sigma_m};
+      return std::array{r.to.x(),   r.to.y(), r.to.z(),  r.from.x(),    r.from.y(),
+                        r.from.z(), r.met_m,  r.sigma_m, double(r.time)};
     };
     return key(*this) < key(other);
   }
@@ -79,6 +80,7 @@ struct SurveyColumn {
   double variance = 0;  ///< of its own error before any scan, m^2
   double known = -1;    ///< variance of its height as last solved, m^2; negative: not yet
   std::uint16_t origin = kNatural;
+  std::uint32_t changed = 0;  ///< when it last changed, other than by scans
   /// Rays that met it as expected since its ground last changed or scans were applied.
   std::int64_t rays = 0, height = 0;  ///< height: sum of residuals
   ScanCells cells;                    ///< of those that ended in it as expected

@@ -8,12 +8,15 @@
 #include <map>
 #include <stdexcept>
 
+#include "core/constants.h"
 #include "io/file/text.h"
 #include "soilvdb/io/point_cloud.h"
 #include "soilvdb/io/urdf.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
+
+constexpr double kMostSigma = 10;  // as Sensor::validate() has it
 
 /// Rotation from x, y, z, w.
 Eigen::Quaterniond read_rotation(const YamlMap& map) {
@@ -70,15 +73,19 @@ ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& sce
     map.fail("link", "'link' goes with 'machine', whose it is; add that, or remove 'link'");
   if (map.has("noise")) {
     const YamlMap noise = map.map("noise", {"range", "range_squared"});
-    sensor.range_sigma_m = noise.has("range") ? noise.number("range") : 0;
+    sensor.range_sigma_m = noise.has("range") ? noise.number("range", 0, kMostSigma, "m") : 0;
     if (noise.has("range_squared"))
-      sensor.range_squared_sigma_per_m = noise.number("range_squared");
+      sensor.range_squared_sigma_per_m = noise.number("range_squared", 0, kMostSigma, "1/m");
+    if (sensor.range_sigma_m == 0 && sensor.range_squared_sigma_per_m == 0)
+      map.fail("noise", "noise has neither range nor range_squared; one must be more than 0");
   }
   if (map.has("mount")) {
     const YamlMap mount = map.map("mount", {"height", "tilt", "scale"});
-    if (mount.has("height")) sensor.mount_height_sigma_m = mount.number("height");
-    if (mount.has("tilt")) sensor.mount_tilt_sigma_rad = mount.number("tilt");
-    if (mount.has("scale")) sensor.mount_scale_sigma = mount.number("scale");
+    if (mount.has("height"))
+      sensor.mount_height_sigma_m = mount.number("height", 0, kMostSigma, "m");
+    if (mount.has("tilt")) sensor.mount_tilt_sigma_rad = mount.number("tilt", 0, kMostSigma, "rad");
+    if (mount.has("scale"))
+      sensor.mount_scale_sigma = mount.number("scale", 0, kMostSigma, "of range");
   }
   try {
     sensor.validate();
@@ -86,6 +93,21 @@ ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& sce
     map.fail(map.has("noise") ? "noise" : "at", fmt::format("sensor '{}': {}", name, e.what()));
   }
   return scan;
+}
+
+/// Refuses points that are too far from a sensor that stands still.
+void check_points(const YamlMap& map, const ScanInput& scan, const PointCloud& cloud) {
+  if (scan.machine) return;
+  const Pose& pose = scan.sensor.pose;
+  for (std::size_t i = 0; i < cloud.points_m.size(); ++i) {
+    const Vec3& point = cloud.points_m[i];
+    const double range_m = scan.in_world ? (point - pose.position).norm() : point.norm();
+    if (range_m <= kMostScanRangeM) continue;
+    map.fail("file",
+             fmt::format("file: {}: point {} is {:.4g} m from the sensor; it must be within "
+                         "{} m: is 'frame' right, and 'at'?",
+                         scan.file.string(), i + 1, range_m, kMostScanRangeM));
+  }
 }
 
 }  // namespace
@@ -123,9 +145,17 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
       scan.in_world = frame == "world";
     }
     try {
-      read_points(scan.file);
+      check_points(map, scan, read_points(scan.file));
     } catch (const InputError& e) {
+      if (std::string(e.what()).find(scan.file.string()) != 0) throw;
       map.fail("file", fmt::format("file: {}", e.what()));
+    }
+    if (scan.machine) {
+      const MachineInput& machine = result.machines[*scan.machine];
+      if (machine.has_motion() && scan.time_s < machine.motion.begin_s())
+        map.fail("time", fmt::format("time is {} s, before '{}', which carries the sensor, has a "
+                                     "place at {} s",
+                                     scan.time_s, machine.name, machine.motion.begin_s()));
     }
     if (std::find(result.inputs.begin(), result.inputs.end(), scan.file) == result.inputs.end())
       result.inputs.push_back(scan.file);

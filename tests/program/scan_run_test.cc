@@ -92,7 +92,7 @@ TEST_F(ScanRun, TakesWhatIsKnownOfTheLip) {
 TEST_F(ScanRun, RefusesWhatIsNoScan) {
   expect_refused_line("scans:\n  - {sensor: mast, file: floor.csv, time: 1}\n",
                       "dig.yaml:9: there is no sensor 'mast'");
-  expect_refused_line("sensors: {mast: {at: [0, 0, 4], noise: {range: -1}}}\n", "range_sigma");
+  expect_refused_line("sensors: {mast: {at: [0, 0, 4], noise: {range: -1}}}\n", "range is -1");
   expect_refused_line("sensors: {mast: {at: [0, 0, 4], mast: 3}}\n", "unknown");
   expect_refused_line("sensors: {mast: {machine: diger}}\n", "there is no machine 'diger'");
   expect_refused_line("sensors: {mast: {machine: digger, link: boom}}\n", "no 'urdf'");

@@ -142,7 +142,7 @@ TEST_P(SessionScans, NeverReadBytesOfAnotherState) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Soil, SessionScans, ::testing::Bool(),
-                         [](const auto& info) { return info.param ? "Moves" : "IsRigid"; });
+                         [](const auto& of) { return of.param ? "Moves" : "IsRigid"; });
 
 }  // namespace session_scan_test
 }  // namespace soilvdb::test

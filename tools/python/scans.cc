@@ -72,7 +72,7 @@ void scan(Site& site, const Sensor& sensor, const py::object& points, const py::
   }
   if (!world)
     for (Vec3& p : ends) p = sensor.pose * p;
-  site.with([&](Session& session) { require_good(session.scan(sensor, ends)); });
+  require_good(site.with([&](Session& session) { return session.scan(sensor, ends); }));
 }
 
 /// What soilvdb.Survey has.
@@ -82,12 +82,12 @@ struct SurveyValue {
 };
 
 SurveyValue apply_scans(Site& site) {
-  return site.with([](Session& session) {
-    SurveyValue value;
-    require_good(session.apply_scans(value.of));
+  SurveyValue value;
+  require_good(site.with([&](Session& session) {
     for (const SiteMachine& machine : session.machines()) value.machines.push_back(machine.name);
-    return value;
-  });
+    return session.apply_scans(value.of);
+  }));
+  return value;
 }
 
 /// Errors by the numbers of machines, and by their names.

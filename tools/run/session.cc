@@ -303,9 +303,16 @@ StepResult Session::come_to_rest() noexcept {
 
 StepResult Session::scan(const Sensor& sensor, std::span<const Vec3> points_m) noexcept {
   State& s = *state_;
+  StepResult made;
+  try {
+    if (s.settings.floats && is_place(sensor.pose.position)) s.float_to(sensor.pose.position);
+    made = static_cast<Site&>(s).scan(sensor, points_m);
+  } catch (const std::exception& e) {
+    made = {Status::kFailed, e.what(), {}};
+  }
+  if (!made.ok()) return made;
   s.settings.floats = false;
-  const StepResult made = s.scan(sensor, points_m);
-  if (made.ok()) ++s.fed_count;
+  ++s.fed_count;
   return made;
 }
 
@@ -315,8 +322,9 @@ StepResult Session::apply_scans(Survey& survey) noexcept {
   return s.recorded<StepResult>(
       [&] { return static_cast<Site&>(s).apply_scans(survey, s.recorder ? &record : nullptr); },
       [&](StepResult& made) {
+        if (record.empty()) return;  // no scan came since
         io::JournalUpdate update{.end_s = s.last_s().value_or(kNoTime), .kind = Kind::kSurvey};
-        if (s.recorder) update.survey = io::pack_survey(record);
+        update.survey = io::pack_survey(record);
         s.record(update, made);
       });
 }

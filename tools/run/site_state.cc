@@ -176,6 +176,7 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
     }
     if (!steps[i].motion) {
       record(steps[i], tracker_->pour(steps[i].machine - model_->machines.size(), steps[i].end_s));
+      tell_survey();
       ++i;
       continue;
     }
@@ -266,18 +267,21 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
         case Kind::kPour:
           require_same(i, first,
                        tracker_->pour(first.machine - model_->machines.size(), first.end_s));
+          tell_survey();
           break;
         case Kind::kPours:
           pour_until(first.end_s);
           break;
         case Kind::kRest:
           tracker_->come_to_rest(time_of(first));
+          tell_survey();
           break;
         case Kind::kPlace:
           pour_before(time_of(first));
           require_same(i, first,
                        tracker_->place(first.machine, row_pose(first.machine, first.rows, 0),
                                        time_of(first)));
+          tell_survey();
           follow(first);
           break;
         case Kind::kClock:
@@ -298,6 +302,7 @@ void SiteState::redo(std::span<const io::JournalUpdate> updates) {
 void SiteState::rest_at_end(double time_s) {
   if (!model_->earthmoving.soil || at_rest_) return;
   tracker_->come_to_rest(time_s);
+  tell_survey();
   at_rest_ = true;
 }
 

@@ -185,6 +185,8 @@ class Site {
   void pour_until(double until_s);
   /// Makes moves; one by one if it must be known which machine dug what.
   std::vector<Update> make(std::span<const Move> moves);
+  /// Tells the survey that the ground may have changed. @param machine whose work it was, if any's
+  void tell_survey(std::optional<std::size_t> machine = {});
   /// Makes all later updates fail: an update was applied in part.
   void fail(const std::string& why) noexcept;
 

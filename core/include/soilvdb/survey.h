@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -80,8 +81,10 @@ class GroundSurvey {
   GroundSurvey(Ground& clone, const GroundSurvey& other);
   ~GroundSurvey();
 
-  /// What changed since the last call is this machine's work.
-  void worked(std::size_t machine);
+  /// What changed since the last call is this machine's work; unset: that of no machine.
+  void worked(std::optional<std::size_t> machine);
+  /// Did scans come since solve()?
+  bool has_news() const;
   /// Takes a scan. @param points_m where its rays ended, world
   /// @param buckets poses of the machines that have one; rays that meet a bucket are not used
   /// @throw std::invalid_argument for a bad sensor or point, with its number; nothing is taken
