@@ -98,6 +98,22 @@ def test_a_feed_of_which_nothing_is_heard_is_lost_within_5_s_and_another_is_not(
         asyncio.run(work(server))
 
 
+@pytest.mark.skipif("SOILVDB_LONG" not in os.environ, reason="takes more than a minute")
+def test_a_feed_that_has_nothing_to_send_stays_and_a_dead_one_is_closed(tmp_path):
+    async def work(server):
+        async with server.connect("/feed", ping_interval=None) as idle:
+            bare = BareFeed(server)
+            await asyncio.sleep(66)
+            await idle.send(json.dumps(STATES[0]))
+            assert "error" not in json.loads(await idle.recv())
+            bare.socket.settimeout(1)
+            while bare.stream.read(1):   # pings that it has not answered
+                pass
+            bare.close()
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        asyncio.run(work(server))
+
+
 def test_a_message_that_takes_long_to_come_is_heard(tmp_path):
     async def work(server):
         async with server.connect("/view") as viewer:

@@ -209,8 +209,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
     beast::get_lowest_layer(*socket).expires_never();
     auto timeout = websocket::stream_base::timeout::suggested(beast::role_type::server);
     timeout.handshake_timeout = kHandshakeTime;
-    timeout.idle_timeout = kSilence;
-    timeout.keep_alive_pings = !feeds;  // a Feeder sends its own
+    timeout.idle_timeout =
+        feeds ? websocket::stream_base::none() : kSilence;  // a Feeder has its own
+    timeout.keep_alive_pings = !feeds;
     socket->set_option(timeout);
     socket->read_message_max(feeds ? kMostFeed : kMostView);
     socket->auto_fragment(false);

@@ -18,8 +18,8 @@ namespace beast = boost::beast;
 namespace websocket = beast::websocket;
 
 /// Silence after which a client is asked, and after which it is lost. Viewers must know within 5 s,
-/// and they are told once a second.
-constexpr double kAsk_s = 1, kLost_s = 3.8;
+/// and they are told once a second. After a minute its connection is closed.
+constexpr double kAsk_s = 1, kLost_s = 3.8, kGone_s = 60;
 constexpr std::size_t kMostRead = 16 << 10;
 /// Longest work on lines before others have their turn.
 constexpr std::chrono::microseconds kLinesTurn{200};
@@ -53,6 +53,7 @@ void Feeder::heard() {
 void Feeder::listen(std::chrono::duration<double> passed) {
   silent_s_ += passed.count();
   if (silent_s_ >= kLost_s) set_link(FeedSource::Link::kLost);
+  if (silent_s_ >= kGone_s) beast::get_lowest_layer(socket_).close();
   if (silent_s_ - asked_s_ < kAsk_s || pinging_ || closing_) return;
   asked_s_ = silent_s_;
   pinging_ = true;
