@@ -70,8 +70,11 @@ class Rays {
         ++rays.used;
         return;
       }
+      if (length - range_m > kMostThroughM) {  // a mirror, such as water
+        ++rays.dropped;
+        return;
+      }
       if (length > range_m)
-
         state_.through.push_back({sensor_.pose.position, point, range_m, sigma, state_.time});
     }
     if (!hit(point, along, length, sigma)) ++rays.dropped;
@@ -202,7 +205,7 @@ void SurveyState::see_through() {
     const double step = h / std::max(along.head<2>().norm(), 0.3);
     const double end = length - std::max(kThroughShortM, 3 * ray.sigma_m);
     const double room = kThroughRoomM + 3.5 * ray.sigma_m * std::abs(along.z());
-    if (length - ray.met_m > kMostThroughM || !is_met(ray.to)) continue;
+    if (!is_met(ray.to)) continue;
     bool any = false;
     for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
       const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);

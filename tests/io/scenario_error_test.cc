@@ -25,22 +25,24 @@ TEST_F(ScenarioFile, UnknownKeysNameTheNearest) {
   EXPECT_EQ(
       error(3, "voxelsize: 0.05"),
       "s.yaml:3: unknown key 'voxelsize' in scenario; did you mean 'voxel_size'? Its keys are "
-      "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
+      "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, sensors, scans, output");
   EXPECT_EQ(error(13, "    motoin: m.csv"),
             "s.yaml:13: unknown key 'motoin' in machine; did you mean 'motion'? Its keys are "
-            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip");
-  EXPECT_EQ(error(3, "voxel: 0.05"),
-            "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
-            "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
+            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip, known");
+  EXPECT_EQ(
+      error(3, "voxel: 0.05"),
+      "s.yaml:3: unknown key 'voxel' in scenario; did you mean 'voxel_size'? Its keys are "
+      "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, sensors, scans, output");
   EXPECT_EQ(error(5, "  plane: {hight: 1}"),
             "s.yaml:5: unknown key 'hight' in plane; did you mean 'z'? Its keys are "
             "z, slope");
   EXPECT_EQ(error(15, "  snapshot: {every: 2}"),
             "s.yaml:15: unknown key 'snapshot' in output; did you mean 'snapshots'? Its keys are "
             "snapshots, mesh, raster, mcap, force, journal");
-  EXPECT_EQ(error(2, "<<: {name: dig}"),
-            "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'? Its keys are "
-            "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, output");
+  EXPECT_EQ(
+      error(2, "<<: {name: dig}"),
+      "s.yaml:2: unknown key '<<' in scenario; did you mean 'name'? Its keys are "
+      "soilvdb, name, voxel_size, terrain, soil, machines, pours, hoppers, sensors, scans, output");
 }
 
 TEST_F(ScenarioFile, AKeyTwice) {
@@ -170,7 +172,7 @@ TEST_F(ScenarioFile, MachinesMustBeAListWithDifferentNames) {
             "s.yaml:4: machines is a map; it must be a list of at least one machine");
   EXPECT_EQ(error_of(head + "machines:\n- digger\n"),
             "s.yaml:5: machine is 'digger'; it must be a map with keys of "
-            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip");
+            "name, bucket, tool, motion, angles, bad_rows, urdf, base, lip, known");
   EXPECT_EQ(error_of(head + "machines:\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"
                             "- {name: a, bucket: {width: 1, height: 1}, motion: m.csv}\n"),

@@ -112,7 +112,7 @@ TEST_F(Earthmoving, UnknownAndMissingKeys) {
             "top, time");
   EXPECT_EQ(error_of(kHead + "soils: 3\n"),
             "s.yaml:4: unknown key 'soils' in scenario; did you mean 'soil'? Its keys are soilvdb, "
-            "name, voxel_size, terrain, soil, machines, pours, hoppers, output");
+            "name, voxel_size, terrain, soil, machines, pours, hoppers, sensors, scans, output");
 }
 
 TEST_F(Earthmoving, SoilWithoutSense) {

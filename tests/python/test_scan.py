@@ -393,3 +393,99 @@ def test_wrong_simulations_are_refused(function, arguments, kind):
     below = soilvdb.Sensor(position=(0, 0, -1))
     with pytest.raises(ValueError, match="below the ground"):
         getattr(soilvdb, function)(**{**given, "sensor": below})
+
+
+def over(site, level, low, high, step=0.02, noise=0.004, seed=0):
+    """Points of a level floor, world."""
+    x, y = np.meshgrid(np.arange(low[0], high[0], step), np.arange(low[1], high[1], step))
+    z = level + noise * np.random.default_rng(seed).standard_normal(x.shape)
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3)
+
+
+ABOVE = soilvdb.Sensor(position=(1, 0, 5), range_sigma=0.004)
+
+
+@pytest.mark.parametrize("points", [np.full((4, 3), 1e6), np.full((4, 3), 1e308)])
+def test_points_too_far_away_are_refused(points):
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    with pytest.raises(ValueError, match="point 0 must be numbers, and within 1000 m"):
+        site.scan(ABOVE, points)
+    with pytest.raises(ValueError, match="point 0"):  # a depth image in millimetres
+        site.scan(ABOVE, depth=np.full((4, 4), 2000, "u2"), intrinsics=(300, 300, 2, 2))
+
+
+def test_a_first_scan_gives_a_plane_its_place():
+    site = soilvdb.Site(0.1, soilvdb.plane(431.85), [soilvdb.Bucket(1, 1)])
+    far = soilvdb.Sensor(position=(512340, 5403640, 436), range_sigma=0.01)
+    site.scan(far, np.zeros((0, 3)))
+    site.update(0, position=(512345, 5403640, 433))
+    site.scan(far, over(site, 431.85, (512338, 5403638), (512342, 5403642)), world=True)
+    assert site.apply_scans().rays["used"] > 10_000
+    z, sigma = site.heights([(512340, 5403640)], sigma=True)
+    assert z[0] == pytest.approx(431.85, abs=0.01) and 0 < sigma[0] < 0.01
+
+
+def two_machines(soil=None, ask=False):
+    """Machine 0 digs with a lip told 4 cm too high; machine 1 passes through the air far away."""
+    site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)] * 2, soil=soil)
+    site.scan(ABOVE, np.zeros((0, 3)))
+    if ask:
+        site.heights([(1.0, 0.0)], sigma=True)
+    for x in np.linspace(-1, 3, 41):
+        site.update(0, position=(x, 0, -0.16))
+        if ask:
+            site.heights([(x, 0.0)], sigma=True)
+    site.place(0, position=(-8, -8, 4))
+    site.place(1, position=(1, 9, 2))
+    site.update(1, position=(1.1, 9, 2))
+    for seed in range(3):
+        site.scan(ABOVE, np.concatenate([over(site, -0.2, (0, -0.5), (2, 0.5), seed=seed),
+                                         over(site, 0.0, (0, 1), (2, 2), seed=seed)]), world=True)
+    return site, site.apply_scans()
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_machine_that_touched_nothing_is_told_nothing_of(moving):
+    soil = soilvdb.Soil(repose_angle=0.6) if moving else None
+    _, survey = two_machines(soil)
+    assert survey.lip_error[1] == pytest.approx((0, 0.02), abs=1e-6)
+    mean, sigma = survey.lip_error[0]
+    assert abs(mean - 0.04) < 3 * sigma and sigma < 0.01
+
+
+def test_looking_changes_nothing():
+    soil = soilvdb.Soil(repose_angle=0.6)
+    assert two_machines(soil)[0].ground_hash() == two_machines(soil, ask=True)[0].ground_hash()
+
+
+def test_what_comes_after_a_scan_stays():
+    soil = soilvdb.Soil(repose_angle=0.6)
+    sites = []
+    for applies_first in (True, False):
+        site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)], soil=soil,
+                            pours=[soilvdb.Pour(at=(0.3, 0, 3), time=(1, 2), volume=0.5)])
+        oblique = soilvdb.Sensor(position=(-3, 0, 2), range_sigma=0.005)
+        for seed in range(3):
+            site.scan(oblique, over(site, -0.6, (0.8, -0.2), (1.2, 0.2), step=0.01, seed=seed),
+                      world=True)
+        if applies_first:
+            site.apply_scans()
+        site.pour(2.5)
+        if not applies_first:
+            site.apply_scans()
+        sites.append(site.height_map(origin=(-0.3, -0.3), shape=(7, 7), cell=0.1).max())
+    assert sites[0] > 0.2 and sites[1] > sites[0] - 0.05  # the hole took a part of the heap
+
+
+def test_one_name_is_one_sensor():
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    site.scan(ABOVE, over(site, 0.0, (0, 0), (1, 1)), world=True)
+    with pytest.raises(ValueError, match="'sensor' had other sigmas before"):
+        site.scan(soilvdb.Sensor(position=(1, 0, 5), range_sigma=0.1), np.zeros((0, 3)))
+
+
+def test_reflections_in_water_dig_nothing():
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
+    low = soilvdb.Sensor(position=(0, 0, 2), range_sigma=0.005)
+    site.scan(low, np.repeat([[900.0, 3.0, -20.0]], 500, axis=0), world=True)
+    assert site.apply_scans().removed_m3 == 0

@@ -369,7 +369,7 @@ PLANE = soilvdb.plane(0.0)
     (lambda s: s.update(0, (0, 0, 0)), "update() takes 'position' by name"),
     (lambda s: s.update(1.5, position=(0, 0, 0)), "machine must be int or str, not float"),
     (lambda s: s.update(0, position=(0, 0, 0), time="a"), "time must be float or None, not str"),
-    (lambda s: s.heights(), "heights() misses 'xy'; it takes (xy)"),
+    (lambda s: s.heights(), "heights() misses 'xy'; it takes (xy, sigma)"),
     (lambda s: s.height_map(shape=(2, 2), cell=0.1), "give one of machine, pose or origin"),
     (lambda s: s.height_map(origin=(0, 0), machine=0, shape=(2, 2), cell=0.1),
      "give one of machine, pose or origin"),
