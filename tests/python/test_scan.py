@@ -473,8 +473,8 @@ def test_what_comes_after_a_scan_stays():
         site.pour(2.5)
         if not applies_first:
             site.apply_scans()
-        sites.append(site.height_map(origin=(-0.3, -0.3), shape=(7, 7), cell=0.1).max())
-    assert sites[0] > 0.2 and sites[1] > sites[0] - 0.05  # the hole took a part of the heap
+        sites.append(site.heights([(0.5, 0.0)])[0])  # over the rays' way through the ground
+    assert sites[0] > 0.2 and sites[1] > sites[0] - 0.05
 
 
 def test_one_name_is_one_sensor():
@@ -489,3 +489,56 @@ def test_reflections_in_water_dig_nothing():
     low = soilvdb.Sensor(position=(0, 0, 2), range_sigma=0.005)
     site.scan(low, np.repeat([[900.0, 3.0, -20.0]], 500, axis=0), world=True)
     assert site.apply_scans().removed_m3 == 0
+
+
+def floor_told(site, level, seeds, natural=True):
+    """Scans of a floor, and of the ground beside it."""
+    for seed in seeds:
+        parts = [over(site, level, (0, -0.5), (2, 0.5), seed=seed)] if level is not None else []
+        if natural:
+            parts.append(over(site, 0.0, (0, 1), (2, 2), seed=seed))
+        site.scan(ABOVE, np.concatenate(parts), world=True)
+    return site.apply_scans()
+
+
+def told_too_high(deeper=0.16, site=None):
+    """A floor that is told 4 cm too high."""
+    site = site or soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    site.place(0, position=(-1.1, 0, 0.5))
+    for x in np.linspace(-1, 3, 41):
+        site.update(0, position=(x, 0, -deeper))
+    site.place(0, position=(-8, -8, 4))
+    return site
+
+
+def test_scans_after_a_correction_confirm_it():
+    site = told_too_high()
+    first = floor_told(site, -0.2, range(4))
+    middle = [(1.0, 0.0), (0.5, 0.2), (1.5, -0.2)]
+    assert site.heights(middle) == pytest.approx(-0.2, abs=0.006)
+    again = floor_told(site, -0.2, range(10, 14))
+    assert site.heights(middle) == pytest.approx(-0.2, abs=0.006)
+    assert again.removed_m3 + again.added_m3 < 0.1 * first.removed_m3
+    mean, sigma = first.lip_error[0]
+    assert again.lip_error[0][0] == pytest.approx(mean, abs=sigma)
+
+
+def test_what_is_known_of_a_lip_outlives_its_floor():
+    site = told_too_high()
+    mean, sigma = floor_told(site, -0.2, range(4)).lip_error[0]
+    assert mean == pytest.approx(0.04, abs=3 * sigma) and sigma < 0.01
+    told_too_high(0.4, site)  # every column that was seen is dug away
+    later = floor_told(site, None, range(3)).lip_error[0]
+    assert later[0] == pytest.approx(mean, abs=0.003) and later[1] < 0.012
+
+
+def test_what_was_seen_stays_however_steep():
+    site = soilvdb.Site(VOXEL, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)], soil=LOAM)
+    for seed in range(2):
+        site.scan(ABOVE, over(site, 0.6, (0.45, -0.45), (1.45, 0.45), seed=seed), world=True)
+    assert site.apply_scans().added_m3 == pytest.approx(0.54, rel=0.02)
+    was = site.ground_hash()
+    for x in (9.0, 9.1):
+        site.update(0, position=(x, 9, 3))
+    site.come_to_rest()
+    assert site.ground_hash() == was
