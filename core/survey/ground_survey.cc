@@ -62,6 +62,7 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other)
       work(other.work),
       time(other.time),
       sensors(other.sensors),
+      places(other.places),
       retired(other.retired),
       lips(other.lips),
       rays(other.rays),
@@ -213,6 +214,7 @@ int SurveyState::sensor_of(const Sensor& sensor) {
     }
   sensors.push_back(sensor);
   sensors.back().pose = {};  // which scans of one name need not share
+  set_places();
   return static_cast<int>(sensors.size()) - 1;
 }
 

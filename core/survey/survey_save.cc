@@ -117,7 +117,7 @@ void GroundSurvey::save(std::string& out) const {
   const SurveyState& s = *state_;
   put(out, kSurveyFormat);
   // Sensors by their names, so that the order of their first scans does not show.
-  std::vector<int> numbers = s.order();
+  std::vector<int> numbers = s.places;
   std::vector<const Sensor*> sensors(s.sensors.size());
   for (std::size_t n = 0; n < numbers.size(); ++n) {
     numbers[n] = (numbers[n] - static_cast<int>(s.lip_sigmas_m.size())) / 4;
@@ -215,6 +215,7 @@ void GroundSurvey::load(std::string_view& in) {
     sensor.validate();
     s.sensors.push_back(std::move(sensor));
   }
+  s.set_places();
   // Machines may have come since.
   const auto machines = take_number<std::size_t>(in, s.lips.size() + 1);
   for (std::size_t m = 0; m < machines; ++m) {

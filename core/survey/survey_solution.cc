@@ -31,8 +31,9 @@ struct SeenColumn {
 
 }  // namespace
 
-std::vector<int> SurveyState::order() const {
-  std::vector<int> by_name(sensors.size()), places(sensors.size());
+void SurveyState::set_places() {
+  std::vector<int> by_name(sensors.size());
+  places.resize(sensors.size());
   std::iota(by_name.begin(), by_name.end(), 0);
   std::sort(by_name.begin(), by_name.end(), [&](int a, int b) {
     return sensors[static_cast<std::size_t>(a)].name < sensors[static_cast<std::size_t>(b)].name;
@@ -40,11 +41,9 @@ std::vector<int> SurveyState::order() const {
   for (std::size_t n = 0; n < by_name.size(); ++n)
     places[static_cast<std::size_t>(by_name[n])] =
         static_cast<int>(lip_sigmas_m.size()) + kOfSensor * static_cast<int>(n);
-  return places;
 }
 
 Eigen::VectorXd SurveyState::prior() const {
-  const std::vector<int> places = order();
   Eigen::VectorXd variances(
       static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
   for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
@@ -69,7 +68,6 @@ Eigen::VectorXd SurveyState::predicted(const SurveyColumn& column) const {
 
 ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
                                         Eigen::VectorXd& sees) const {
-  const std::vector<int> places = order();
   sees = Eigen::VectorXd::Zero(
       static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
   const double bend = square(kBendFloor * tile.bends[i] * voxel_m());
@@ -118,7 +116,6 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
     return;
   Retired& block = retired[block_of(tile, i)];
   // Sensors that come later stand behind: their entries are zero.
-  const std::vector<int> places = order();
   const Eigen::VectorXd b = predicted(column);
   block.sees.resize(lip_sigmas_m.size() + kOfSensor * sensors.size());
   block.weight += residual.weight;
@@ -328,7 +325,6 @@ std::vector<SurveyChange> SurveyState::solve() {
       Eigen::VectorXd sees;
     };
     std::map<Block, Sum> blocks;
-    const std::vector<int> places = order();
     const Eigen::VectorXd variances = prior();
     for (const auto& [block, old] : retired) {
       Sum& sum = blocks[block];

@@ -56,8 +56,8 @@ struct SurveyState {
   /// b: how a column's predicted height depends on the common errors.
   Eigen::VectorXd predicted(const SurveyColumn& column) const;
   Eigen::VectorXd prior() const;
-  /// Where the common errors of sensors stand, by their names.
-  std::vector<int> order() const;
+  /// To be called when a sensor has come.
+  void set_places();
   /// Keeps what a column says of the common errors when its ground has changed.
   void retire(const SurveyTile& tile, std::size_t i);
   /// Do enough rays end about where a ray does?
@@ -91,6 +91,7 @@ struct SurveyState {
   std::unordered_map<std::uint64_t, Work, PlanHash> work;  // by tile
   std::uint32_t time = 1;                                  // counts changes of the ground
   std::vector<Sensor> sensors;                             // in order of their first scan
+  std::vector<int> places;                                 // of their common errors, by their names
   std::map<Block, Retired> retired;
   std::vector<Estimate> lips;  // as last solved
   RayCounts rays;

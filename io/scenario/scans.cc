@@ -16,8 +16,6 @@
 namespace soilvdb::inline v0::io {
 namespace {
 
-constexpr double kMostSigma = 10;  // as Sensor::validate() has it
-
 /// Rotation from x, y, z, w.
 Eigen::Quaterniond read_rotation(const YamlMap& map) {
   const auto v = map.numbers("rotation", 4);
@@ -73,19 +71,20 @@ ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& sce
     map.fail("link", "'link' goes with 'machine', whose it is; add that, or remove 'link'");
   if (map.has("noise")) {
     const YamlMap noise = map.map("noise", {"range", "range_squared"});
-    sensor.range_sigma_m = noise.has("range") ? noise.number("range", 0, kMostSigma, "m") : 0;
+    sensor.range_sigma_m = noise.has("range") ? noise.number("range", 0, kMostSensorSigma, "m") : 0;
     if (noise.has("range_squared"))
-      sensor.range_squared_sigma_per_m = noise.number("range_squared", 0, kMostSigma, "1/m");
+      sensor.range_squared_sigma_per_m = noise.number("range_squared", 0, kMostSensorSigma, "1/m");
     if (sensor.range_sigma_m == 0 && sensor.range_squared_sigma_per_m == 0)
       map.fail("noise", "noise has neither range nor range_squared; one must be more than 0");
   }
   if (map.has("mount")) {
     const YamlMap mount = map.map("mount", {"height", "tilt", "scale"});
     if (mount.has("height"))
-      sensor.mount_height_sigma_m = mount.number("height", 0, kMostSigma, "m");
-    if (mount.has("tilt")) sensor.mount_tilt_sigma_rad = mount.number("tilt", 0, kMostSigma, "rad");
+      sensor.mount_height_sigma_m = mount.number("height", 0, kMostSensorSigma, "m");
+    if (mount.has("tilt"))
+      sensor.mount_tilt_sigma_rad = mount.number("tilt", 0, kMostSensorSigma, "rad");
     if (mount.has("scale"))
-      sensor.mount_scale_sigma = mount.number("scale", 0, kMostSigma, "of range");
+      sensor.mount_scale_sigma = mount.number("scale", 0, kMostSensorSigma, "of range");
   }
   try {
     sensor.validate();
