@@ -36,11 +36,8 @@ class TileReader {
   ColumnTile read() {
     if (!base_.some && !raised()) return tile_;
     if (by_ != By::kHeights) last_ = last_chunk();
-    for (int c = 0; c < kCells; ++c) {
-      walks_[c].open = (columns_ >> c & 1) != 0;
-      open_ += walks_[c].open;
-    }
-    for (int z = top_chunk(); open_ > 0; z -= kChunkSide) {
+    open_ = columns_;
+    for (int z = top_chunk(); open_ != 0; z -= kChunkSide) {
       const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
       if (chunk == nullptr && by_ != By::kHeights && is_mixed(z)) {
         through_samples(terrain_chunk(z), z);
@@ -77,7 +74,6 @@ class TileReader {
  private:
   /// What one column has come to on the way down.
   struct Walk {
-    bool open = false;    // it is in the window, and its bank isn't found
     bool some = false;    // it came to soil
     bool filled = false;  // all cells are full from `full` down to here
     int full = 0;
@@ -89,6 +85,11 @@ class TileReader {
 
   static constexpr int kCells = BaseColumn::kCells;
 
+  /// Calls f(c) for each bit of a set of columns.
+  template <typename F>
+  static void each_of(std::uint64_t columns, const F& f) {
+    for (; columns != 0; columns &= columns - 1) f(std::countr_zero(columns));
+  }
   bool raised() const {
     const Eigen::AlignedBox2i plan(above_.min().head<2>(), above_.max().head<2>());
     return by_ != By::kTerrain && !above_.isEmpty() && plan.contains(Coord2(cx_, cy_));
@@ -113,11 +114,15 @@ class TileReader {
   /// samples from the side. Not over a cell without soil: what is above that is a roof.
   void subtract_pores() {
     int lowest = top_chunk();
-    for (const GroundColumn& c : tile_.columns)
-      if (c.known) lowest = std::min(lowest, c.bank_full);
+    std::uint64_t known = 0;
+    each_of(columns_, [&](int c) {
+      if (!column(c).known) return;
+      known |= bit(c);
+      lowest = std::min(lowest, column(c).bank_full);
+    });
     const int last = std::min(last_, floor_to(lowest, kChunkSide) - kMaxCountedChunks * kChunkSide);
     std::array<int, kCells> missing = {};
-    std::array<bool, kCells> roof = {};
+    std::uint64_t roofs = 0;
     for (int z = top_chunk(); z >= last; z -= kChunkSide) {
       const Chunk* chunk = by_ == By::kTerrain ? nullptr : ground_.find({cx_, cy_, z});
       if (chunk == nullptr && !is_mixed(z)) continue;
@@ -126,23 +131,22 @@ class TileReader {
                                                    : Chunk();
       const Samples& samples =
           chunk == nullptr || chunk->swap_record != 0 ? made.samples : chunk->samples;
-      for (int c = 0; c < kCells; ++c) {
-        const auto i = static_cast<std::size_t>(c);
-        const std::uint32_t full = samples.full_of_row(c * kChunkSide);
-        if (!column(c).known || roof[i] || full == (1u << kChunkSide) - 1) continue;
+      each_of(known & ~roofs, [&](int c) {
+        if (samples.full_of_row(c * kChunkSide) == (1u << kChunkSide) - 1) return;
         for (int k = std::min(kChunkSide - 1, column(c).bank_full - 1 - z); k >= 0; --k) {
           const int some = std::popcount(samples.word(c * kChunkSide + k));
-          roof[i] = roof[i] || some == 0;
-          missing[i] += 64 - some;
+          if (some == 0) roofs |= bit(c);
+          missing[static_cast<std::size_t>(c)] += 64 - some;
         }
-      }
+      });
     }
-    for (std::size_t i = 0; i < kCells; ++i) {
-      if (missing[i] == 0 || roof[i]) continue;
-      tile_.columns[i].top -= missing[i] / 64.0;
-      tile_.columns[i].bank -= missing[i] / 64.0;
-    }
+    each_of(known & ~roofs, [&](int c) {
+      const double pores = missing[static_cast<std::size_t>(c)] / 64.0;
+      column(c).top -= pores;
+      column(c).bank -= pores;
+    });
   }
+  static constexpr std::uint64_t bit(int c) { return std::uint64_t{1} << c; }
   /// The cell of the chunk at z that is looked at first.
   int topmost(int z) const { return std::min(kChunkSide - 1, ceiling_ - z); }
   GroundColumn& column(int c) { return tile_.columns[static_cast<std::size_t>(c)]; }
@@ -157,8 +161,7 @@ class TileReader {
     out.top = solid + walk.above / 64.0;
     out.bank = std::min(out.top, solid + walk.bank_above / 64.0);
     out.known = true;
-    walk.open = false;
-    --open_;
+    open_ &= ~bit(c);
   }
   void found(int c, double surface) {
     if (!walks_[c].some) column(c).surface = surface;
@@ -179,21 +182,18 @@ class TileReader {
   }
 
   void through_air(int z) {
-    for (int c = 0; any_piece_ && c < kCells; ++c)
-      if (walks_[c].open) gap(c, z + kChunkSide - 1);
+    if (any_piece_) each_of(open_, [&](int c) { gap(c, z + kChunkSide - 1); });
   }
 
   void through_base(int z) {
     const double low = z - 0.5, high = low + topmost(z) + 1;
-    for (int c = 0; c < kCells; ++c) {
+    each_of(open_, [&](int c) {
       Walk& walk = walks_[c];
-      if (!walk.open) continue;
       const double ground = base_.heights[static_cast<std::size_t>(c)];
       if (std::isnan(ground) && z > base_.highest) {
         gap(c, z + kChunkSide - 1);
       } else if (std::isnan(ground)) {  // a wall
-        walk.open = false;
-        --open_;
+        open_ &= ~bit(c);
       } else if (ground >= low + 1) {
         if (ground < high - 1) gap(c, z + kChunkSide - 1);
         const double solid = std::min(ground, high);
@@ -201,26 +201,26 @@ class TileReader {
         end(c, solid, static_cast<int>(std::floor(solid - 0.5)) - kSlopeCells);
       } else {
         gap(c, z + kChunkSide - 1);
-        if (ground <= low) continue;
+        if (ground <= low) return;
         found(c, ground);
         // The full cell is in the chunk below, if it's still there.
         walk.above += 64 * (ground - low);
         walk.bank_above += 64 * (ground - low);
       }
-    }
+    });
   }
 
   SOILVDB_FOR_CPUS void through_samples(const Chunk& chunk, int z) {
     tile_.has_loose |= chunk.loose_count > 0;
     any_piece_ = true;
-    for (int c = 0; c < kCells; ++c) {
+    for (std::uint64_t left = open_; left != 0; left &= left - 1) {
+      const int c = std::countr_zero(left);
       Walk& walk = walks_[c];
-      if (!walk.open) continue;
       const int row = c * kChunkSide;
       const std::uint32_t some = chunk.samples.any_of_row(row);
       const std::uint32_t full = chunk.samples.full_of_row(row);
       const std::uint32_t loose = chunk.loose_count > 0 ? chunk.loose.any_of_row(row) : 0;
-      for (int k = topmost(z); k >= 0 && walk.open;) {
+      for (int k = topmost(z); k >= 0 && (open_ & bit(c)) != 0;) {
         if ((some >> k & 1) == 0) {  // down to the next that has some
           gap(c, z + k);
           k = static_cast<int>(std::bit_width(some & ((1u << k) - 1))) - 1;
@@ -259,7 +259,7 @@ class TileReader {
   int last_ = 0;  // as last_chunk(), if samples are read
   ColumnTile tile_;
   Walk walks_[kCells];
-  int open_ = 0;
+  std::uint64_t open_ = 0;  // columns whose bank isn't found
   bool any_piece_ = false;
 };
 

@@ -33,6 +33,7 @@ class RayWalk {
       inverse_[a] = along_[a] == 0 ? 0 : 1 / along_[a];
       ahead_[a] = along_[a] > 0 ? -1 : 0;
     }
+    fall_ = along_.z() < 0 ? 1 / along_.z() : 0;
   }
 
   /// Narrows [from, to] to where the ray is over a rectangle. False if that is nowhere.
@@ -74,6 +75,13 @@ class RayWalk {
       leave_over<1>(level, end);
     t_ = end;
   }
+  /// Goes on to where it comes down to a height, in the square of a level that it is in.
+  void fall_to(double height, int level) {
+    const double t = (height - begin_.z()) * fall_;
+    if (!(t > t_)) return;
+    for (int a = 0; a < 2; ++a) place_in(a, level, t);
+    t_ = t;
+  }
   /// The first t from here to `end` at which the ray is at or below a patch that is bilinear over
   /// the cell; kNever without one, or if a corner is NaN.
   double meet(double z00, double z10, double z01, double z11, double end) const {
@@ -108,12 +116,16 @@ class RayWalk {
     constexpr int kBeside = 1 - kOver;
     const int side = 1 << level;
     cell_[kOver] = ahead_[kOver] != 0 ? (cell_[kOver] & -side) + side : (cell_[kOver] & -side) - 1;
+    place_in(kBeside, level, end);
+  }
+  /// The cell at t along an axis, in the square of a level that the ray is in.
+  void place_in(int axis, int level, double t) {
+    const int side = 1 << level, low = cell_[axis] & -side;
     // Inside the square it is positive, so that cutting off is rounding down.
-    const int low = cell_[kBeside] & -side;
-    const double in = begin_[kBeside] + end * along_[kBeside] - low;
+    const double in = begin_[axis] + t * along_[axis] - low;
     // Along the last border it stays in the last cell.
-    const double most = std::min(side, last_[kBeside] - low + 1) - 0.5;
-    cell_[kBeside] = low + static_cast<int>(std::clamp(in, 0.0, most));
+    const double most = std::min(side, last_[axis] - low + 1) - 0.5;
+    cell_[axis] = low + static_cast<int>(std::clamp(in, 0.0, most));
   }
   double border(int axis, int level) const {
     if (along_[axis] == 0) return kNever;
@@ -123,6 +135,7 @@ class RayWalk {
 
   Vec3 begin_, along_;
   double inverse_[2];
+  double fall_;   // 1 / along z; 0 where it doesn't fall
   int ahead_[2];  // all bits where it rises
   int cell_[2] = {0, 0}, last_[2] = {0, 0};
   double t_ = 0;

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "soilvdb/height_map.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -14,6 +16,9 @@
 
 namespace soilvdb::inline v0 {
 namespace {
+
+/// Points that a thread looks at at a time. With fewer, tasks take time.
+constexpr std::size_t kPointsPerTask = 1 << 12;
 
 /// Cells of a map along an axis as columns of voxels: the first, and how much of each is inside.
 struct Overlap {
@@ -72,11 +77,13 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
   const auto look = [&](const Vec2& xy) {
     if (!xy.allFinite()) return HeightReader::kNoGround;
     const Vec2 at = index(xy);
-    const bool near = is_near(at);
-    const double counted = near ? reader.columns.between(at) : HeightReader::kNoGround;
+    const bool changed = is_near(at) && reader.changed.is_any(at);
+    double counted = changed ? reader.columns.between(at) : HeightReader::kNoGround;
     // What nobody touched is as high as the terrain, which counts only come near.
-    if (std::isnan(counted) || !reader.changed.is_any(at))
+    if (std::isnan(counted)) {
       if (const auto z = ground.terrain().height(xy.x(), xy.y())) return *z;
+      if (is_near(at)) counted = reader.columns.between(at);
+    }
     return ground.origin().z() + ground.voxel_size_m() * counted;
   };
   const auto read = [&](const Vec2& low, const Vec2& high) {
@@ -95,9 +102,20 @@ void HeightMap::at(std::span<const Vec2> xy_m, std::span<double> heights_m) {
       !box.isEmpty() &&
       (box.sizes() + Vec2(2, 2)).prod() <
           std::min<double>(kMapPartColumns, kMapPointColumns * static_cast<double>(xy_m.size()));
-  if (at_once) read(box.min(), box.max());
+  if (at_once) {
+    read(box.min(), box.max());
+    const auto look_from = [&](std::size_t begin) {
+      for (std::size_t i = begin; i < std::min(begin + kPointsPerTask, xy_m.size()); ++i)
+        heights_m[i] = look(xy_m[i]);
+    };
+    const std::size_t tasks = (xy_m.size() + kPointsPerTask - 1) / kPointsPerTask;
+    if (tasks == 1) return look_from(0);
+    tbb::parallel_for(std::size_t{0}, tasks,
+                      [&](std::size_t task) { look_from(task * kPointsPerTask); });
+    return;
+  }
   for (std::size_t i = 0; i < xy_m.size(); ++i) {
-    if (const Vec2 at = index(xy_m[i]); !at_once && is_near(at)) read(at, at);
+    if (const Vec2 at = index(xy_m[i]); is_near(at)) read(at, at);
     heights_m[i] = look(xy_m[i]);
   }
 }
@@ -207,15 +225,26 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
       };
       overlaps(true, of_rows);
       overlaps(false, of_columns);
+      const auto are_columns = [](const std::vector<Overlap>& all) {
+        return !all.empty() && std::all_of(all.begin(), all.end(), [](const Overlap& overlap) {
+          return overlap.shares.size() == 1;
+        });
+      };
+      const bool cells_are_columns = are_columns(of_rows) && are_columns(of_columns);
       for (int j = j0; j < j1; ++j) {
         for (int i = i0; i < i1; ++i) {
           double sum = 0, whole = 0;
           const auto add = [&](double value, double share) {
-            if (std::isnan(value)) return;
-            sum += share * value;
-            whole += share;
+            const bool some = !std::isnan(value);
+            sum += some ? share * value : 0;
+            whole += some ? share : 0;
           };
-          if (turned) {
+          if (cells_are_columns) {
+            const int row = of_rows[static_cast<std::size_t>(i - i0)].first,
+                      column = of_columns[static_cast<std::size_t>(j - j0)].first;
+            sum = upright ? columns.at(row, column) : columns.at(column, row);
+            whole = 1;
+          } else if (turned) {
             const Vec2 middle = place(i, j) - Vec2(0.5, 0.5);
             for (int a = 0; a < points; ++a)
               for (int b = 0; b < points; ++b)
@@ -226,10 +255,10 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
             const Overlap& row = of_rows[static_cast<std::size_t>(i - i0)];
             const Overlap& column = of_columns[static_cast<std::size_t>(j - j0)];
             const Overlap &in_x = upright ? row : column, &in_y = upright ? column : row;
-            for (std::size_t a = 0; a < in_x.shares.size(); ++a)
-              for (std::size_t b = 0; b < in_y.shares.size(); ++b)
-                add(columns.at(in_x.first + static_cast<int>(a), in_y.first + static_cast<int>(b)),
-                    in_x.shares[a] * in_y.shares[b]);
+            for (std::size_t a = 0; a < in_x.shares.size(); ++a) {
+              const double* value = columns.from(in_x.first + static_cast<int>(a), in_y.first);
+              for (const double share : in_y.shares) add(*value++, in_x.shares[a] * share);
+            }
           }
           out[static_cast<std::size_t>(i) * static_cast<std::size_t>(grid.nx) +
               static_cast<std::size_t>(j)] =

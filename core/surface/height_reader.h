@@ -43,31 +43,50 @@ class HeightReader {
     Coord2 first, size;
     std::vector<double> values;
 
-    double at(int x, int y) const { return values[static_cast<std::size_t>(x * size.y() + y)]; }
+    double at(int x, int y) const { return *from(x, y); }
+    /// A column, and those behind it along y.
+    const double* from(int x, int y) const {
+      return &values[static_cast<std::size_t>(x * size.y() + y)];
+    }
+    /// Four columns around a place of index space: entries (0, 0), (0, 1), (1, 0) and (1, 1).
+    struct Quad {
+      const double* corner;
+      int row;
+      double u, v;  ///< of the place, from the first corner
+
+      std::array<double, 4> corners() const {
+        return {corner[0], corner[1], corner[row], corner[row + 1]};
+      }
+    };
+    Quad quad(const Vec2& place) const {
+      const int low_x = floor_of(place.x()), low_y = floor_of(place.y());
+      return {from(low_x - first.x(), low_y - first.y()), size.y(), place.x() - low_x,
+              place.y() - low_y};
+    }
     /// The layer at a place of index space between columns' middles, whatever else was read; NaN if
     /// the nearest has no ground.
     double between(const Vec2& place) const {
-      const Vec2 low = place.array().floor();
-      const int x = static_cast<int>(low.x()) - first.x(),
-                y = static_cast<int>(low.y()) - first.y();
-      const double u = place.x() - low.x(), v = place.y() - low.y();
-      const double corners[4] = {at(x, y), at(x, y + 1), at(x + 1, y), at(x + 1, y + 1)};
+      const Quad quad = this->quad(place);
+      const double u = quad.u, v = quad.v;
+      const std::array<double, 4> corners = quad.corners();
       const double weights[4] = {(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v};
       double sum = 0, whole = 0;
-      for (int n = 0; n < 4; ++n) {
-        if (std::isnan(corners[n])) continue;
-        sum += weights[n] * corners[n];
-        whole += weights[n];
+      for (std::size_t n = 0; n < 4; ++n) {
+        const bool some = !std::isnan(corners[n]);
+        sum += some ? weights[n] * corners[n] : 0;
+        whole += some ? weights[n] : 0;
       }
-      const int nearest = 2 * (u >= 0.5) + (v >= 0.5);
+      const std::size_t nearest = 2 * (u >= 0.5) + (v >= 0.5);
       return std::isnan(corners[nearest]) ? kNoGround : sum / whole;
     }
     /// Is the layer more than 0 in any of those four columns?
     bool is_any(const Vec2& place) const {
-      const Vec2 low = place.array().floor();
-      const int x = static_cast<int>(low.x()) - first.x(),
-                y = static_cast<int>(low.y()) - first.y();
-      return at(x, y) > 0 || at(x, y + 1) > 0 || at(x + 1, y) > 0 || at(x + 1, y + 1) > 0;
+      const std::array<double, 4> corners = quad(place).corners();
+      return std::any_of(corners.begin(), corners.end(), [](double value) { return value > 0; });
+    }
+    static int floor_of(double value) {
+      const int cut_off = static_cast<int>(value);
+      return cut_off - (value < cut_off);
     }
   };
 

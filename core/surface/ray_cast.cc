@@ -178,11 +178,13 @@ class GroundRays {
       const int x = walk.x() - first.x(), y = walk.y() - first.y();
       const RayPage::Bounds bounds = page == nullptr ? RayPage::Bounds{-kNoBound, kNoBound}
                                                      : page->bounds[RayPage::square(level, x, y)];
-      if (walk.lowest(end) <= (end < terrain ? bounds.changed : bounds.all)) {
+      const float bound = end < terrain ? bounds.changed : bounds.all;
+      if (walk.lowest(end) <= bound) {
         if (bounds.changed == -kNoBound) {
           if (terrain < walk.t()) terrain = meet_terrain(ray, walk.t());
           if (terrain <= end) return terrain;
         } else if (level > 0) {
+          walk.fall_to(bound, level);
           --level;
           continue;
         } else {

@@ -185,7 +185,7 @@ def test_connections_that_never_ask_keep_no_newcomer_out(tmp_path, content):
                     async with server.connect("/feed?token=d1g") as other:
                         await other.send("{}")
                         assert "error" in json.loads(await other.recv())
-                    assert time.monotonic() - begin < 1
+                    assert time.monotonic() - begin < 4, "before those that are silent are closed"
         asyncio.run(fed_before())
         assert len(os.listdir(f"/proc/{server.process.pid}/fd")) < 600
 
