@@ -223,13 +223,13 @@ test('a tag is in the picture, beside what lies over it, and no farther from its
 });
 
 test('tags of many machines at one place lie beside each other, and are soon placed', () => {
-  const picture = {width: 1400, height: 800}, size = {width: 120, height: 24}, boxes = [], begin = performance.now();
+  const picture = {width: 1400, height: 800}, size = {width: 120, height: 24}, boxes = [], begin = process.cpuUsage();
   for (let n = 0; n < 150; ++n) {
     const place = placeTag([700, 400], size, picture, boxes);
     assert.ok(place);
     boxes.push(boxOf(place, size));
   }
-  assert.ok(performance.now() - begin < 2000);
+  assert.ok(process.cpuUsage(begin).user < 2e6, 'two seconds of CPU time');
   for (const [i, a] of boxes.entries()) {
     assert.ok(a.left >= 0 && a.top >= 0 && a.right <= 1400 && a.bottom <= 800);
     for (const b of boxes.slice(i + 1)) assert.ok(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top);
