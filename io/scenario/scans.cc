@@ -5,16 +5,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <map>
+#include <memory>
 #include <stdexcept>
 
 #include "core/constants.h"
 #include "io/file/text.h"
 #include "soilvdb/io/point_cloud.h"
+#include "soilvdb/io/recorded_scans.h"
 #include "soilvdb/io/urdf.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
+
+constexpr double kMostScanEveryS = 1e6;
 
 /// Rotation from x, y, z, w.
 Eigen::Quaterniond read_rotation(const YamlMap& map) {
@@ -59,11 +64,13 @@ void read_carrier(const YamlMap& map, Scenario& scenario, ScanInput& scan) {
   }
 }
 
-/// A sensor as part of a scan that has no file yet.
+/// A sensor as part of a scan that has no points yet. Where a recording has them its transforms
+/// place a sensor that has no place here.
 ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& scenario) {
   ScanInput scan;
   Sensor& sensor = scan.sensor;
   sensor.name = name;
+  scan.by_transforms = !map.has("at") && !map.has("rotation") && !map.has("machine");
   if (map.has("at")) sensor.pose.position = Vec3(map.numbers("at", 3).data());
   if (map.has("rotation")) sensor.pose.rotation = read_rotation(map);
   if (map.has("machine")) read_carrier(map, scenario, scan);
@@ -94,28 +101,132 @@ ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& sce
   return scan;
 }
 
-/// Refuses points that are too far from a sensor that stands still.
-void check_points(const YamlMap& map, const ScanInput& scan, const PointCloud& cloud) {
-  if (scan.machine) return;
-  const Pose& pose = scan.sensor.pose;
-  for (std::size_t i = 0; i < cloud.points_m.size(); ++i) {
-    const Vec3& point = cloud.points_m[i];
-    const double range_m = scan.in_world ? (point - pose.position).norm() : point.norm();
+/// Refuses points that are too far from their sensor. @param where they are, as in "file: a.ply"
+void check_points(const YamlMap& map, const std::string& key, const std::string& where,
+                  const std::vector<Vec3>& points_m, const Vec3& eye) {
+  for (std::size_t i = 0; i < points_m.size(); ++i) {
+    const double range_m = (points_m[i] - eye).norm();
     if (range_m <= kMostScanRangeM) continue;
-    map.fail("file",
-             fmt::format("file: {}: point {} is {:.4g} m from the sensor; it must be within "
-                         "{} m: is 'frame' right, and 'at'?",
-                         scan.file.string(), i + 1, range_m, kMostScanRangeM));
+    map.fail(key, fmt::format("{}: {}: point {} is {:.4g} m from the sensor; it must be within "
+                              "{} m: is 'frame' right, and 'at'?",
+                              key, where, i + 1, range_m, kMostScanRangeM));
   }
+}
+
+/// Is the machine that carries the sensor somewhere by then? Says since when where it is not.
+std::optional<double> begin_of_carrier(const ScanInput& scan, const Scenario& scenario) {
+  if (!scan.machine) return {};
+  const MachineInput& machine = scenario.machines[*scan.machine];
+  if (!machine.has_motion() || scan.time_s >= machine.motion.begin_s()) return {};
+  return machine.motion.begin_s();
+}
+
+/// A scan of a file.
+void read_file_scan(const YamlMap& map, ScanInput scan, Scenario& result) {
+  scan.by_transforms = false;
+  scan.file = map.path("file");
+  scan.time_s = map.number("time");
+  if (map.has("frame")) {
+    const std::string frame = map.text("frame");
+    if (frame != "world" && frame != "sensor")
+      map.fail("frame", fmt::format("frame is '{}'; it must be world or sensor: what the points "
+                                    "are in",
+                                    printable(frame)));
+    scan.in_world = frame == "world";
+  }
+  try {
+    const PointCloud cloud = read_points(scan.file);
+    if (!scan.machine)
+      check_points(map, "file", scan.file.string(), cloud.points_m,
+                   scan.in_world ? scan.sensor.pose.position : Vec3(0, 0, 0));
+  } catch (const InputError& e) {
+    if (std::string(e.what()).find(scan.file.string()) != 0) throw;
+    map.fail("file", fmt::format("file: {}", e.what()));
+  }
+  if (const auto begin_s = begin_of_carrier(scan, result))
+    map.fail("time",
+             fmt::format("time is {} s, before '{}', which carries the sensor, has a place at {} s",
+                         scan.time_s, result.machines[*scan.machine].name, *begin_s));
+  result.scans.push_back(std::move(scan));
+}
+
+/// The scans of a topic of a recording.
+void read_recorded_scans(const YamlMap& map, ScanInput scan, Scenario& result) {
+  ScanSource source{map.paths("mcap"), map.text("topic")};
+  if (map.has("parent")) {
+    source.world = map.text("parent");
+    if (!scan.by_transforms)
+      map.fail("parent",
+               fmt::format("sensor '{}' has a place, so the recording's transforms aren't "
+                           "looked at; remove 'parent', or the sensor's place",
+                           scan.sensor.name));
+  }
+  const double every_s = map.has("every") ? map.number("every", 0, kMostScanEveryS, "s") : 0;
+  const std::size_t before = result.scans.size();
+  std::size_t early = 0, lost = 0;
+  std::string frame;
+  double next_s = -std::numeric_limits<double>::infinity();
+  try {
+    scan.recording = std::make_shared<RecordedScans>(std::move(source));
+    scan.file = scan.recording->files().front();
+    scan.recording->each(
+        [&](RecordedScan&& recorded) {
+          if (recorded.time_s < next_s) return;
+          scan.time_s = recorded.time_s;
+          scan.number = recorded.number;
+          if (begin_of_carrier(scan, result)) {
+            ++early;
+          } else if (scan.by_transforms && !recorded.world_from_sensor) {
+            ++lost;
+            frame = recorded.frame_id;
+          } else {
+            check_points(map, "mcap",
+                         fmt::format("{}: scan at {} s", scan.file.string(), scan.time_s),
+                         recorded.cloud.points_m, Vec3(0, 0, 0));
+            next_s = scan.time_s + every_s;
+            result.scans.push_back(scan);
+          }
+        },
+        result.warnings);
+  } catch (const InputError& e) {
+    if (std::string(e.what()).find(map.place("mcap")) == 0) throw;
+    map.fail("mcap", fmt::format("mcap: {}", e.what()));
+  }
+  std::string why;
+  if (lost > 0)
+    why = fmt::format("the transforms do not say where frame '{}' is at the time of {} scan{}",
+                      printable(frame), lost, lost == 1 ? "" : "s");
+  if (early > 0)
+    why += fmt::format("{}{} scan{} from before '{}', which carries the sensor, has a place",
+                       why.empty() ? "" : ", and ", early, early == 1 ? " is" : "s are",
+                       result.machines[*scan.machine].name);
+  if (result.scans.size() == before)
+    map.fail("mcap", fmt::format("mcap: {}: no scan of topic '{}' can be used: {}",
+                                 scan.file.string(), printable(map.text("topic")), why));
+  if (!why.empty())
+    result.warnings.push_back(fmt::format("{}: {}; left out", map.place("mcap"), why));
 }
 
 }  // namespace
 
-Pose ScanInput::world_from_link(const Pose& pose, const std::vector<double>& values) const {
-  if (!link) return pose;
-  std::vector<double> own;
-  for (const std::size_t joint : joints) own.push_back(values.at(joint));
-  return link->world_from_bucket(own);
+ScanInput::Seen ScanInput::read(const Pose& pose, const std::vector<double>& values) const {
+  Seen seen{sensor, {}};
+  if (machine && !link) seen.sensor.pose = pose * sensor.pose;
+  if (link) {
+    std::vector<double> own;
+    for (const std::size_t joint : joints) own.push_back(values.at(joint));
+    seen.sensor.pose = link->world_from_bucket(own) * sensor.pose;
+  }
+  if (recording) {
+    RecordedScan recorded = recording->read(number);
+    seen.points_m = std::move(recorded.cloud.points_m);
+    if (by_transforms) seen.sensor.pose = recorded.world_from_sensor.value();
+  } else {
+    seen.points_m = read_points(file).points_m;
+  }
+  if (!in_world)
+    for (Vec3& point : seen.points_m) point = seen.sensor.pose * point;
+  return seen;
 }
 
 void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
@@ -127,38 +238,31 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
                           .map(name, {"at", "rotation", "machine", "link", "noise", "mount"}),
                       name, result);
   if (!scenario.has("scans")) return;
-  for (const YamlMap& map : scenario.maps("scans", "scan", {"sensor", "file", "time", "frame"})) {
+  for (const YamlMap& map :
+       scenario.maps("scans", "scan",
+                     {"sensor", "file", "time", "frame", "mcap", "topic", "parent", "every"})) {
     const std::string name = map.text("sensor");
     const auto sensor = sensors.find(name);
     if (sensor == sensors.end())
       map.fail("sensor", fmt::format("there is no sensor '{}' in 'sensors'", printable(name)));
-    ScanInput scan = sensor->second;
-    scan.file = map.path("file");
-    scan.time_s = map.number("time");
-    if (map.has("frame")) {
-      const std::string frame = map.text("frame");
-      if (frame != "world" && frame != "sensor")
-        map.fail("frame", fmt::format("frame is '{}'; it must be world or sensor: what the points "
-                                      "are in",
-                                      printable(frame)));
-      scan.in_world = frame == "world";
-    }
-    try {
-      check_points(map, scan, read_points(scan.file));
-    } catch (const InputError& e) {
-      if (std::string(e.what()).find(scan.file.string()) != 0) throw;
-      map.fail("file", fmt::format("file: {}", e.what()));
-    }
-    if (scan.machine) {
-      const MachineInput& machine = result.machines[*scan.machine];
-      if (machine.has_motion() && scan.time_s < machine.motion.begin_s())
-        map.fail("time", fmt::format("time is {} s, before '{}', which carries the sensor, has a "
-                                     "place at {} s",
-                                     scan.time_s, machine.name, machine.motion.begin_s()));
-    }
-    if (std::find(result.inputs.begin(), result.inputs.end(), scan.file) == result.inputs.end())
-      result.inputs.push_back(scan.file);
-    result.scans.push_back(std::move(scan));
+    const bool recorded = map.has("mcap");
+    for (const char* key : {"file", "time", "frame"})
+      if (recorded && map.has(key))
+        map.fail(key, fmt::format("'{}' does not go with 'mcap', whose messages have it", key));
+    for (const char* key : {"topic", "parent", "every"})
+      if (!recorded && map.has(key))
+        map.fail(key, fmt::format("'{}' goes with 'mcap', a recording; add that, or remove '{}'",
+                                  key, key));
+    const std::size_t before = result.scans.size();
+    if (recorded)
+      read_recorded_scans(map, sensor->second, result);
+    else
+      read_file_scan(map, sensor->second, result);
+    const ScanInput& first = result.scans[before];
+    const auto files = recorded ? first.recording->files() : std::vector{first.file};
+    for (const std::filesystem::path& file : files)
+      if (std::find(result.inputs.begin(), result.inputs.end(), file) == result.inputs.end())
+        result.inputs.push_back(file);
   }
   std::stable_sort(result.scans.begin(), result.scans.end(),
                    [](const ScanInput& a, const ScanInput& b) { return a.time_s < b.time_s; });

@@ -34,8 +34,8 @@ void read_file(const std::filesystem::path& file, const io::ScanSource& like, st
     source.files = {file};
     std::vector<std::string> warnings;
     double last_s = -1e300;
-    io::read_scans(
-        source,
+    io::RecordedScans recording(source);
+    recording.each(
         [&](io::RecordedScan&& scan) {
           check(scan.cloud, bytes);
           fuzz::require(scan.time_s >= last_s, "scans are in the order of their times");

@@ -38,8 +38,9 @@ class Scans : public RecordedMotion {
 
   static All all_of(const ScanSource& source) {
     All all;
-    read_scans(
-        source, [&](RecordedScan&& scan) { all.scans.push_back(std::move(scan)); }, all.warnings);
+    RecordedScans recording(source);
+    recording.each([&](RecordedScan&& scan) { all.scans.push_back(std::move(scan)); },
+                   all.warnings);
     return all;
   }
   All clouds(const Messages& messages, const ScanSource& like = {{}, "/points"}) const {

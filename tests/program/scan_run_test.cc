@@ -6,6 +6,7 @@
 #include <random>
 
 #include "tests/program/resume_fixture.h"
+#include "tests/support/scan_messages_fixture.h"
 
 namespace soilvdb::test {
 namespace scan_run_test {
@@ -103,6 +104,133 @@ TEST_F(ScanRun, RefusesWhatIsNoScan) {
       "sensors: {mast: {at: [0, 0, 4]}}\nscans:\n  - {sensor: mast, file: "
       "floor.csv, time: 1, frame: lidar}\n",
       "it must be world or sensor");
+}
+
+/// As ScanRun, and a lidar's recording of the same true ground: five scans from 4.6 s on, each from
+/// another place that the transforms say.
+class RecordedScanRun : public ScanRun {
+ protected:
+  void SetUp() override {
+    ScanRun::SetUp();
+    std::mt19937_64 random(2);
+    std::normal_distribution<double> noise(0, 0.005);
+    io::Recording recording(folder() / "drive.mcap");
+    std::string csv;
+    for (int n = 0; n < 5; ++n) {
+      const double time_s = 4.6 + 0.1 * n;
+      const v0::Pose at{{1 + 0.1 * n, -3, 3}, from_rpy(0.1 * n, 0.2, 1.5)};
+      io::CloudMessage cloud;
+      cloud.height = 1;
+      csv = "x,y,z\n";
+      for (double x = -1; x < 3; x += 0.03)
+        for (double y = -1.5; y < 1.5; y += 0.03) {
+          const bool floor = x > 0.4 && x < 1.9 && std::abs(y) < 0.5;
+          if (!floor && std::abs(y) < 0.8) continue;
+          const Vec3 point = at.inverse() * Vec3(x, y, (floor ? -0.23 : 0) + noise(random));
+          ++cloud.width;
+          const Eigen::Vector3f p = point.cast<float>();
+          cloud.data += io::bytes_of(false, p.x(), p.y(), p.z());
+          csv += fmt::format("{:.9g},{:.9g},{:.9g}\n", p.x(), p.y(), p.z());
+        }
+      cloud.row_step = cloud.width * cloud.point_step;
+      write_file(folder() / fmt::format("scan{}.csv", n), csv);
+      recording.message("/lidar/points", "sensor_msgs/msg/PointCloud2", cloud.cdr(time_s, "lidar"),
+                        time_s);
+      if (n < 4)  // of the last one nothing tells the place
+        recording.message("/tf", "tf2_msgs/msg/TFMessage", transform(time_s, at), time_s);
+      places.push_back(at);
+    }
+    recording.close();
+  }
+  static io::CdrWriter transform(double time_s, const v0::Pose& pose) {
+    io::CdrWriter cdr;
+    cdr.put(std::uint32_t{1});
+    const auto ns = std::llround(time_s * 1e9);
+    cdr.put(static_cast<std::int32_t>(ns / 1'000'000'000));
+    cdr.put(static_cast<std::uint32_t>(ns % 1'000'000'000));
+    cdr.put(std::string_view("map"));
+    cdr.put(std::string_view("lidar"));
+    const Vec3& p = pose.position;
+    const Eigen::Quaterniond& q = pose.rotation;
+    cdr.put_all(p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w());
+    return cdr;
+  }
+  static std::string sensor(const std::string& place) {
+    return fmt::format("sensors:\n  mast: {{{}noise: {{range: 0.005}}}}\n", place);
+  }
+  std::vector<v0::Pose> places;
+};
+
+TEST_F(RecordedScanRun, IsThatOfFilesWithTheSamePoints) {
+  write(sensor("") + "scans: [{sensor: mast, mcap: drive.mcap, topic: /lidar/points}]\n");
+  const Result recorded = good("run dig.yaml");
+  EXPECT_NE(recorded.err.find("where frame 'lidar' is at the time of 1 scan; left out"),
+            std::string::npos)
+      << recorded.err;
+  const nlohmann::json volumes = summary()["volume_m3"];
+  EXPECT_NEAR(volumes["surveyed_removed"].get<double>(), 0.045, 0.01);
+  // Each as a file, by a sensor of the same name and noise; its place as well.
+  std::string sensors = "sensors:\n", scans = "scans:\n";
+  for (int n = 0; n < 4; ++n) {
+    const v0::Pose& at = places[static_cast<std::size_t>(n)];
+    const Eigen::Vector4d q = at.rotation.coeffs();
+    sensors += fmt::format(
+        "  mast{}: {{at: [{:.17g}, {:.17g}, {:.17g}], rotation: [{:.17g}, {:.17g}, {:.17g}, "
+        "{:.17g}], noise: {{range: 0.005}}}}\n",
+        n, at.position.x(), at.position.y(), at.position.z(), q.x(), q.y(), q.z(), q.w());
+    scans +=
+        fmt::format("  - {{sensor: mast{}, file: scan{}.csv, time: {}}}\n", n, n, 4.6 + 0.1 * n);
+  }
+  fs::remove_all(out());
+  write(sensors + scans);
+  good("run dig.yaml");
+  EXPECT_NEAR(summary()["volume_m3"]["surveyed_removed"].get<double>(),
+              volumes["surveyed_removed"].get<double>(), 0.002)
+      << "four sensors' mounts instead of one's";
+}
+
+TEST_F(RecordedScanRun, IsPlacedByItsSensorIfThatHasAPlace) {
+  const Vec3 at = places[0].position;
+  const Eigen::Vector4d q = places[0].rotation.coeffs();
+  const std::string place = fmt::format(
+      "at: [{:.17g}, {:.17g}, {:.17g}], rotation: [{:.17g}, {:.17g}, {:.17g}, {:.17g}], ", at.x(),
+      at.y(), at.z(), q.x(), q.y(), q.z(), q.w());
+  // Only the first scan is from there.
+  write(sensor(place) +
+        "scans: [{sensor: mast, mcap: drive.mcap, topic: /lidar/points, every: 100}]\n");
+  good("run dig.yaml");
+  const double by_recording = summary()["volume_m3"]["surveyed_removed"].get<double>();
+  fs::remove_all(out());
+  write(sensor(place) + "scans: [{sensor: mast, file: scan0.csv, time: 4.6}]\n");
+  good("run dig.yaml");
+  EXPECT_EQ(summary()["volume_m3"]["surveyed_removed"].get<double>(), by_recording);
+  EXPECT_GT(by_recording, 0.02);
+}
+
+TEST_F(RecordedScanRun, GoesOnFromAnyPlace) {
+  write(sensor("") + "scans: [{sensor: mast, mcap: drive.mcap, topic: /lidar/points}]\n");
+  run_part(0.96);
+  expect_goes_on_to_the_same();
+}
+
+TEST_F(RecordedScanRun, RefusesWhatIsNoRecordingOfScans) {
+  const auto refused = [&](const std::string& scan, const std::string& words) {
+    expect_refused_line(sensor("") + "scans: [{sensor: mast, " + scan + "}]\n", words);
+  };
+  refused("mcap: drive.mcap, topic: /lidar", "topic '/lidar'");
+  refused("mcap: none.mcap, topic: /lidar/points", "none.mcap");
+  refused("mcap: drive.mcap, topic: /lidar/points, time: 3", "'time' does not go with 'mcap'");
+  refused("file: floor.csv, time: 3, topic: /lidar/points", "'topic' goes with 'mcap'");
+  refused("mcap: drive.mcap, topic: /lidar/points, parent: odom", "odom");
+  expect_refused_line(sensor("at: [0, 0, 4], ") +
+                          "scans: [{sensor: mast, mcap: drive.mcap, topic: /lidar/points, parent: "
+                          "map}]\n",
+                      "remove 'parent'");
+  io::Recording still(folder() / "still.mcap");
+  still.message("/lidar/points", "sensor_msgs/msg/PointCloud2", io::CloudMessage{}.cdr(1, "lidar"),
+                1);
+  still.close();
+  refused("mcap: still.mcap, topic: /lidar/points", "where frame 'lidar' is at the time of 1 scan");
 }
 
 }  // namespace scan_run_test

@@ -195,23 +195,23 @@ io::JournalUpdate SiteState::take_scan(const Step& step) {
   const auto begin = std::chrono::steady_clock::now();
   const std::size_t first = model_->machines.size() + model_->earthmoving.pours.size();
   const io::ScanInput& scan = scans[step.machine - first];
-  Sensor sensor = scan.sensor;
+  const std::string where = fmt::format("{}: scan at {} s", scan.file.string(), step.end_s);
+  Pose pose;
+  std::vector<double> joints;
   if (scan.machine) {
     const std::optional<Input>& input = inputs_[*scan.machine];
-    const std::string where = fmt::format("{}: scan at {} s", scan.file.string(), step.end_s);
     if (!input || (scan.link && input->joints.empty()))
       throw std::runtime_error(fmt::format("{}: {} has no place yet, which carries the sensor",
                                            where, name(*scan.machine)));
-    sensor.pose = scan.world_from_link(input->pose, input->joints) * sensor.pose;
+    pose = input->pose;
+    joints = input->joints;
   }
-  std::vector<Vec3> points_m = io::read_points(scan.file).points_m;
-  if (!scan.in_world)
-    for (Vec3& point : points_m) point = sensor.pose * point;
+  const auto [sensor, points_m] = scan.read(pose, joints);
   Survey survey;
   std::string record;
   StepResult made = Site::scan(sensor, points_m);
   if (made.ok()) made = apply_scans(survey, &record);
-  if (!made.ok()) throw std::runtime_error(fmt::format("{}: {}", scan.file.string(), made.why));
+  if (!made.ok()) throw std::runtime_error(fmt::format("{}: {}", where, made.why));
   return {.machine = static_cast<std::uint32_t>(step.machine),
           .begin_s = step.begin_s,
           .end_s = step.end_s,

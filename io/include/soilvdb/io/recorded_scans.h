@@ -3,8 +3,10 @@
 // Scans that a robot recorded in MCAP files.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,6 +29,8 @@ struct ScanSource {
 };
 
 struct RecordedScan {
+  std::size_t number =
+      0;                 ///< among all of the recording by time, as RecordedScans::read() takes it
   double time_s = 0;     ///< the message's stamp, or without one its time of recording
   std::string frame_id;  ///< the sensor's frame
   /// In the sensor's frame; of images in the optical frame (REP-103): z ahead, x to the right of
@@ -38,17 +42,32 @@ struct RecordedScan {
   std::optional<Pose> world_from_sensor;
 };
 
-/// Calls `take` with each scan of a recording, in the order of their times; messages may be in any
-/// order. Holds one scan in memory, and an index of all. Reads the files twice, and with transforms
-/// four times.
-///
-/// The points of a scan count as measured at once: times of points are not looked at.
-/// @param warnings receives one about scans that were left out because they are damaged or their
-///        stamps are wrong, and those about files without footers, stamps and transforms
-/// @throw InputError if a file is damaged, if no message of the topic is a scan, if images have no
-///        CameraInfo, or if `world` is given and the sensor's frame is not below it; what `take`
-///        throws
-void read_scans(const ScanSource& source, const std::function<void(RecordedScan&&)>& take,
-                std::vector<std::string>& warnings);
+/// The scans of a recording, in the order of their times; messages may be in any order. Holds one
+/// scan in memory, and an index of all. The points of a scan count as measured at once: times of
+/// points are not looked at. Not for several threads.
+class RecordedScans {
+ public:
+  /// Reads the files twice, and with transforms up to four times.
+  /// @throw InputError if a file is damaged, if no message of the topic is a scan, if images have
+  ///        no CameraInfo
+  explicit RecordedScans(ScanSource source);
+  ~RecordedScans();
+
+  /// Its files in MCAP, those of folders one by one.
+  const std::vector<std::filesystem::path>& files() const;
+  /// Calls `take` with each scan.
+  /// @param warnings receives one about scans that were left out because they are damaged or their
+  ///        stamps are wrong, and those about files without footers, stamps and transforms
+  /// @throw InputError if no scan is left, or if `world` is given and the sensor's frame is not
+  ///        below it; what `take` throws
+  void each(const std::function<void(RecordedScan&&)>& take, std::vector<std::string>& warnings);
+  /// One of those that each() took. Reads on from the scan before, and anew to go back.
+  /// @throw InputError if the file was changed
+  RecordedScan read(std::size_t number);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace soilvdb::inline v0::io

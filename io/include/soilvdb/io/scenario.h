@@ -19,6 +19,7 @@
 #include "soilvdb/initial_terrain.h"
 #include "soilvdb/io/error.h"
 #include "soilvdb/io/motion_file.h"
+#include "soilvdb/io/recorded_scans.h"
 #include "soilvdb/io/swept_boxes.h"
 #include "soilvdb/motion.h"
 #include "soilvdb/site.h"
@@ -65,17 +66,25 @@ struct MachineInput {
 
 /// A scan that corrects the ground at a time.
 struct ScanInput {
-  std::filesystem::path file;
+  std::filesystem::path file;  ///< of points, or the first of a recording
   double time_s = 0;
-  bool in_world = false;                    ///< points are the world's; else the sensor's
-  Sensor sensor;                            ///< its pose is in the world, or on `machine`
-  std::optional<std::size_t> machine = {};  ///< whose link carries the sensor
-  std::optional<Chain> link = {};           ///< to that link; without it the bucket is meant
+  bool in_world = false;                          ///< points are the world's; else the sensor's
+  std::shared_ptr<RecordedScans> recording = {};  ///< has the points; null: the file does
+  std::size_t number = 0;                         ///< of the recording's scans
+  bool by_transforms = false;                     ///< the recording says where the sensor was
+  Sensor sensor;                                  ///< its pose is in the world, or on `machine`
+  std::optional<std::size_t> machine = {};        ///< whose link carries the sensor
+  std::optional<Chain> link = {};                 ///< to that link; without it the bucket is meant
   /// Of the joints of `link`, their numbers among those of the machine.
   std::vector<std::size_t> joints = {};
 
-  /// @param pose of the machine's bucket @param values of its joints
-  Pose world_from_link(const Pose& pose, const std::vector<double>& values) const;
+  struct Seen {
+    Sensor sensor;               ///< where it was, world
+    std::vector<Vec3> points_m;  ///< world
+  };
+  /// Reads the points. @param pose of the bucket of `machine` @param values of its joints
+  /// @throw InputError if the file was changed
+  Seen read(const Pose& pose, const std::vector<double>& values) const;
 };
 
 struct Scenario {
