@@ -61,6 +61,19 @@ Wrench turned(const Wrench& wrench, const Eigen::Quaterniond& rotation) {
   return {rotation * wrench.force, rotation * wrench.moment};
 }
 
+std::string Resistance::limited() const {
+  std::string why;
+  const auto add = [&](bool holds, const char* word) {
+    if (holds) why += (why.empty() ? "" : ", ") + std::string(word);
+  };
+  add(steep, "steep blade");
+  add(pressed, "heel");
+  add(open, "ground ends ahead");
+  add(stuck, "no failure plane");
+  add(rolled, "rolled over");
+  return why;
+}
+
 Resistance CutGeometry::resistance(const SoilStrength& given, bool crescents) const noexcept {
   const WedgeSoil soil{given.density_kg_m3 * kGravity, given.cohesion_pa, given.friction_rad,
                        given.tool_friction_rad, given.adhesion_pa};

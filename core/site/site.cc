@@ -141,10 +141,8 @@ CutGeometry Site::cut_geometry(std::size_t machine, HeightMap& map) const {
   require(machine);
   const std::optional<Input>& last = inputs_[machine];
   if (!last) throw std::invalid_argument(name(machine) + " meets no soil before its first state");
-  const Ledger& ledger = tracker_->ledger(machine);
-  const double bank_m3 =
-      static_cast<double>(ledger.load) / static_cast<double>(ledger.units.bank) * ledger.sample_m3;
-  return {map, *ground_, model_->machines[machine].bucket, last->pose, last->direction, bank_m3};
+  return {map,        *ground_,        model_->machines[machine].bucket,
+          last->pose, last->direction, tracker_->ledger(machine).bank_m3()};
 }
 
 std::optional<double> Site::last_s() const {

@@ -237,13 +237,9 @@ machines:
 };
 let runs = 0;
 
-/** Feeds a scoop from x to x + 1 m at a depth; from the page, as a machine would. */
-const scoop = (page, begin_s, x, y, depth_m, machine = 'digger') => page.evaluate(([t, x0, y0, d, name]) => new Promise((resolve, reject) => {
-  const feed = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}feed?token=sesame`), states = [];
-  for (let i = 0; i <= 20; ++i) {
-    const z = 2 + (i < 4 ? 0.2 - (i / 4) * (0.2 + d) : i > 16 ? -d + ((i - 16) / 4) * (d + 0.3) : -d);
-    states.push({machine: name, time: t + i / 10, position: [x0 + i / 20, y0, z], rotation: [0, Math.sin(-0.15), 0, Math.cos(-0.15)]});
-  }
+/** Feeds states from the page, as a machine would; the last answer. */
+const feed = (page, all) => page.evaluate((states) => new Promise((resolve, reject) => {
+  const feed = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}feed?token=sesame`);
   let answers = 0;
   feed.onopen = () => states.forEach((s) => feed.send(JSON.stringify(s)));
   feed.onmessage = ({data}) => {
@@ -253,7 +249,13 @@ const scoop = (page, begin_s, x, y, depth_m, machine = 'digger') => page.evaluat
       resolve(JSON.parse(data));
     }
   };
-}), [begin_s, x, y, depth_m, machine]);
+}), all);
+
+/** Feeds a scoop from x to x + 1 m at a depth. */
+const scoop = (page, begin_s, x, y, depth_m, machine = 'digger') => feed(page, Array.from({length: 21}, (_, i) => ({
+  machine, time: begin_s + i / 10, rotation: [0, Math.sin(-0.15), 0, Math.cos(-0.15)],
+  position: [x + i / 20, y, 2 + (i < 4 ? 0.2 - (i / 4) * (0.2 + depth_m) : i > 16 ? -depth_m + ((i - 16) / 4) * (depth_m + 0.3) : -depth_m)],
+})));
 
 test('what machines dig arrives as it is dug, also after the server was killed', options, async () => {
   let args = live(), server = await site.serve(...args, '--port', '0');
@@ -314,7 +316,7 @@ const untidy = (page, least_px) => page.evaluate((least) => {
     return {left, top, right, bottom};
   };
   const controls = [...document.querySelectorAll('button, select, input, summary, #menu-list a')].filter(visible);
-  const parts = [...controls, ...[...document.querySelectorAll('.bar, #stage, #panel, #time, .tabs, .rail, .note, #legend, #readout, .card, h1, .chip, #time-now, circle[r="9"]')].filter(visible)];
+  const parts = [...controls, ...[...document.querySelectorAll('.bar, #stage, #panel, #time, .tabs, .rail, .note, #legend, #readout, .card, .force, h1, .chip, #time-now, circle[r="9"]')].filter(visible)];
   const boxes = parts.map(boxOf);
   parts.forEach((a, i) => {
     for (let k = i + 1; k < parts.length; ++k) {
@@ -378,6 +380,10 @@ for (const [kind, sizes, touch] of [
       if (await page.locator('[data-tab=machines]').isVisible()) await page.click('[data-tab=machines]');
       await page.click('.machine >> nth=0');
       await tidy('with machines');
+      await page.keyboard.press('k');
+      await page.waitForFunction(() => document.querySelectorAll('.force .gauge:not([hidden])').length === 3);
+      await tidy('with forces');
+      await page.keyboard.press('k');
       await page.keyboard.press('a');
       await page.click('.machine >> nth=0');
       while (await page.locator('.card').count() > 0) await page.evaluate(() => document.querySelector('[aria-label^=Remove]').click());
@@ -458,12 +464,115 @@ looking('keys alone move the picture, measure, and read a section', yard, async 
   assert.deepEqual(await place(), there);
 });
 
+const blades = () => {
+  fs.writeFileSync(path.join(work, 'blades.yaml'), `soilvdb: 1
+voxel_size: 0.05
+terrain: {plane: {z: 2.0}}
+soil: {repose_angle: 0.61, density: 1800, cohesion: 8000}
+machines:
+  - {name: digger, bucket: {width: 0.8, height: 0.6, profile: [[0, 0], [-0.3, 0.05], [-0.6, 0.4], [0, 0.6]]}}
+  - {name: blade, bucket: {width: 0.8, height: 0.6}}
+  - {name: waiting, bucket: {width: 0.8, height: 0.6}}
+`);
+  return [path.join(work, 'blades.yaml'), '--out', path.join(work, `live${++runs}`), '--token', 'sesame'];
+};
+const kNewtonsPerMetre = 5000, kLongest_m = 2;   // of arrows at such buckets
+
+/** A drag at a depth that ends in the ground. */
+const drag = (machine, begin_s, y, depth_m, pitch = 0) => Array.from({length: 21}, (_, i) => ({
+  machine, time: begin_s + i / 10, force: true, position: [i / 20, y, 2 - depth_m], rotation: [0, Math.sin(pitch / 2), 0, Math.cos(pitch / 2)],
+}));
+
+/** What the page shows of the force on a machine: its arrow and the texts of its gauge. */
+const shownForce = (page, machine) => page.evaluate((name) => {
+  const row = document.querySelector(`.force[data-machine="${name}"]`), text = (q) => row.querySelector(q).textContent.replaceAll('\u2009', ' ');
+  const {arrow} = window.soilvdb.machines().find((m) => m.name === name);
+  return {arrow, value: text('b'), why: text('.force-limit'), all: row.textContent.replaceAll('\u2009', ' '), said: row.querySelector('.gauge').getAttribute('aria-valuetext')?.replaceAll('\u2009', ' ')};
+}, machine);
+
+/** Waits until the page shows a force, and gives it. */
+async function forceOf(page, machine, size_n) {
+  await page.waitForFunction(([name, kn]) => Number(document.querySelector(`.force[data-machine="${name}"] b`)?.textContent.match(/[0-9.]+/)?.[0]) === kn, [machine, Number((size_n / 1000).toPrecision(2))]);
+  return shownForce(page, machine);
+}
+
+looking('the force on a bucket is an arrow to its lip and a gauge, while it is switched on', blades, async (page) => {
+  const frames = {state: 0, force: 0};
+  page.on('websocket', (socket) => socket.on('framereceived', ({payload}) => {
+    if (typeof payload === 'string' && socket.url().includes('/view')) ++frames[JSON.parse(payload).type];
+  }));
+  const states = async (more) => { for (const until = frames.state + more; frames.state < until;) await page.waitForTimeout(50); };
+  await page.reload();
+  await site.settled(page);
+  const pitch = -0.3, {force_n: [x, y, z]} = await feed(page, drag('digger', 0, 0, 0.3, pitch)), size_n = Math.hypot(x, y, z);
+  await states(2);
+  assert.equal(frames.force, 0);
+  await page.keyboard.press('k');
+  assert.ok(await page.isChecked('#force'));
+  const first = await forceOf(page, 'digger', size_n), world = [Math.cos(pitch) * x + Math.sin(pitch) * z, y, Math.cos(pitch) * z - Math.sin(pitch) * x];
+  const along = world.map((n) => (n / size_n) * Math.min(kLongest_m, size_n / kNewtonsPerMetre));
+  first.arrow.forEach((m, axis) => assert.ok(Math.abs(m - along[axis]) < 1e-6, `${first.arrow} is not ${along}`));
+  assert.ok(first.all.includes(`Largest ${first.value}`) && first.said.includes(first.value), JSON.stringify(first));
+  assert.equal((await shownForce(page, 'waiting')).why, 'not seen yet');
+  assert.ok((await page.getByRole('meter', {name: 'Force on digger'}).count()) === 1);
+  assert.ok((await page.locator('.tag >> nth=0').textContent()).replaceAll('\u2009', ' ').endsWith(first.value));
+  assert.match((await page.locator('#force-scale').textContent()).replaceAll('\u2009', ' '), /^1 m is 5\.0 kN$/);
+
+  const steep = await feed(page, drag('blade', 0, 3, 0.4)), steep_n = Math.hypot(...steep.force_n);
+  assert.ok(steep_n > kLongest_m * kNewtonsPerMetre);
+  const blade = await forceOf(page, 'blade', steep_n);
+  assert.ok(Math.abs(Math.hypot(...blade.arrow) - kLongest_m) < 1e-9, 'it is as long as arrows get');
+  assert.ok(blade.value.startsWith('≈') && blade.why === 'Rough estimate: steep blade', JSON.stringify(blade));
+  const {force_n: less} = await feed(page, [{...drag('digger', 3, 0, -0.5)[0], position: [1, 0, 2.5]}]);
+  const later = await forceOf(page, 'digger', Math.hypot(...less));
+  assert.ok(later.all.includes(`Largest ${first.value}`), `${later.all} has ${first.value}`);
+
+  await page.uncheck('#force');
+  assert.equal((await shownForce(page, 'blade')).arrow, null);
+  assert.ok(await page.isHidden('#forces'));
+  await states(2);
+  const {force} = frames;
+  await states(2);
+  assert.equal(frames.force, force, 'the server sends no more');
+});
+
+looking('forces at another time are those of then', recorded, async (page) => {
+  await page.check('#force');
+  await page.waitForSelector('.force .gauge:not([hidden])');
+  assert.match((await shownForce(page, 'excavator')).all, /Largest [0-9]/);
+  let largest_n = 0;
+  for (let n = 0; n < 3; ++n) {
+    await step(page, '[');
+    await page.waitForSelector('.force .gauge:not([hidden])');
+    const [force] = await page.evaluate((time) => new Promise((resolve) => {
+      const viewer = new WebSocket(`${location.href.replace('http', 'ws').split('#')[0]}view`);
+      viewer.onopen = () => [{time}, {force: true}].forEach((asked) => viewer.send(JSON.stringify(asked)));
+      viewer.onmessage = ({data}) => {
+        const message = typeof data === 'string' ? JSON.parse(data) : {};
+        if (message.type !== 'force' || message.id === 0) return;
+        viewer.close();
+        resolve(message.machines.map((m) => m.world_force_n));
+      };
+    }), await page.evaluate(() => window.soilvdb.time()));
+    const size_n = Math.hypot(...force), shown = await forceOf(page, 'excavator', size_n);
+    assert.ok(Math.abs(Math.hypot(...(shown.arrow ?? [0])) - size_n / 10000) < 0.03, `${shown.arrow} at ${size_n} N`);
+    assert.match(shown.all, /Largest: of live forces only/);
+    largest_n = Math.max(largest_n, size_n);
+  }
+  assert.ok(largest_n > 5000, 'it holds soil at one of these times');
+  await page.keyboard.press('l');
+  await page.waitForFunction(() => /Largest [0-9]/.test(document.querySelector('.force').textContent));
+});
+
 test('a server that falls silent is said to be lost within 5 s, and found again', options, async () => {
   const server = await site.serve(...live(), '--port', '0');
   try {
     const {page, close} = await site.open(browser, server.url);
     const state = (name) => page.waitForSelector(`#connection[data-state=${name}]`);
     await state('live');
+    await page.check('#force');
+    const sent = [];
+    page.on('websocket', (socket) => socket.on('framesent', ({payload}) => sent.push(payload)));
     let took_s = Infinity;
     for (let n = 0; n < 3 && took_s >= 5; ++n) {   // a busy computer may be late
       server.signal('SIGSTOP');
@@ -476,6 +585,7 @@ test('a server that falls silent is said to be lost within 5 s, and found again'
       assert.ok(await page.locator('#notice').isHidden());
     }
     assert.ok(took_s < 5, `${took_s} s`);
+    assert.ok(sent.length > 0 && sent.every((request) => request === '{"force":true}'), `${sent} asks for forces again`);
     await close();
   } finally {
     server.signal('SIGCONT');
@@ -618,6 +728,7 @@ machines:
   const server = await site.serve(path.join(work, 'wide.yaml'), '--out', path.join(work, 'wide'), '--port', '0');
   try {
     const {page, said, close} = await site.open(browser, server.url);
+    assert.equal(await page.locator('#force').count(), 0, 'rigid soil has no force');
     const far = await page.evaluate(() => window.soilvdb.terrain().tiles);
     for (let n = 0; n < 30; ++n) await page.mouse.wheel(0, -200);
     await site.settled(page);

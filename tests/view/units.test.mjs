@@ -6,6 +6,7 @@ import test from 'node:test';
 import zlib from 'node:zlib';
 import {ChunkTable} from '../../tools/view/src/chunk_table.js';
 import {decodeBlock, inflate} from '../../tools/view/src/decode.js';
+import {LargestForce, arrowScale, forceText, limitText} from '../../tools/view/src/force_values.js';
 import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
 import {sectionAreas} from '../../tools/view/src/section_chart.js';
@@ -184,6 +185,37 @@ test('times since 1970 are dates, smaller ones are durations', () => {
   const date = (s) => new Date(1000 * s).toLocaleString(undefined, {dateStyle: 'short', timeStyle: 'medium'});
   for (const s of [1.5e8, 0.99e9, 1.7e9]) assert.equal(format.time(s), date(s));
   assert.equal(format.time(0.9e8), '25000:00:00.0');
+});
+
+test('a force that is a bound has a sign and the reason', () => {
+  const plain = (...of) => forceText(...of).replaceAll('\u2009', ' ');
+  assert.equal(plain(12345, ''), '12 kN');
+  assert.equal(plain(0, ''), '0 kN');
+  assert.equal(plain(999, 'heel'), '≈ 1.0 kN');
+  assert.equal(plain(123456, 'no failure plane'), '≥ 120 kN');
+  assert.equal(plain(5e3, 'steep blade, ground ends ahead'), '≈ 5.0 kN', 'no bound if it is also rough');
+  assert.equal(limitText(''), '');
+  assert.equal(limitText('rolled over'), 'Too low: rolled over');
+  assert.equal(limitText('steep blade, heel, ground ends ahead'), 'Rough estimate: steep blade, heel. Too low: ground ends ahead');
+});
+
+test('the largest force is that of this and the last cycle', () => {
+  const largest = new LargestForce(), seen = [];
+  assert.equal(largest.value, null);
+  for (const [kn, cycle] of [[3, 4], [9, 4], [5, 4], [2, 5], [4, 5], [1, 6], [6, 6], [1, 7], [2, 8], [1, 8]]) {
+    largest.add(1000 * kn, '', cycle);
+    seen.push(largest.value.size_n / 1000);
+  }
+  assert.deepEqual(seen, [3, 9, 9, 9, 9, 4, 6, 6, 2, 2]);
+});
+
+test('arrows of a usual force are as long as a bucket, whatever its size', () => {
+  for (const [width_m, height_m] of [[0.3, 0.3], [0.8, 0.6], [1.2, 1.15], [4, 3]]) {
+    const {n_per_m, most_m} = arrowScale([{width_m, height_m}, {width_m: 0.1, height_m: 0.1}]);
+    const full_n = 0.6 * width_m * height_m ** 2 * 1600 * 9.81;   // weight of a load
+    assert.ok(full_n / n_per_m > 0.2 * height_m && full_n / n_per_m < 2 * height_m && most_m >= 2 * height_m, `${width_m} m: ${full_n / n_per_m} m`);
+    assert.match(String(n_per_m), /^[125]0*$/);
+  }
 });
 
 test('the slider begins after a gap from a clock at 0 to one that counts from 1970', () => {

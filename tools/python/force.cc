@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The force of the soil on a bucket, for Python.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 #include <tbb/parallel_for.h>
@@ -27,16 +26,6 @@ Array array_of_vector(const Vec3& v) { return Array(py::ssize_t{3}, v.data()); }
 py::object wrench_of(const Wrench& wrench) {
   return py::module_::import("soilvdb._force")
       .attr("Wrench")(array_of_vector(wrench.force), array_of_vector(wrench.moment));
-}
-
-std::string limits_of(const Resistance& r) {
-  std::vector<std::string> why;
-  if (r.steep) why.emplace_back("steep blade");
-  if (r.pressed) why.emplace_back("heel");
-  if (r.open) why.emplace_back("ground ends ahead");
-  if (r.stuck) why.emplace_back("no failure plane");
-  if (r.rolled) why.emplace_back("rolled over");
-  return fmt::format("{}", fmt::join(why, ", "));
 }
 
 /// @param soil null: the site's
@@ -140,7 +129,7 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
           "depth_m", [](const ResistanceValue& v) { return v.of.depth_m; },
           "of the lip below the ground, mean over its width")
       .def_property_readonly(
-          "limited", [](const ResistanceValue& v) { return limits_of(v.of); },
+          "limited", [](const ResistanceValue& v) { return v.of.limited(); },
           "why the force is a rough estimate: 'steep blade': soil rides before it; 'heel'; or too "
           "low: 'ground ends ahead'; 'no failure plane': the soil can't fail before some of the "
           "blade, which counts 0; 'rolled over': only the load counts; empty if it is none")

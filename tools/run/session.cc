@@ -371,6 +371,8 @@ MapGrid Session::map_around(std::size_t machine, double cell_m, int nx, int ny, 
                          turned ? &last->pose : nullptr);
 }
 
+Vec3 Session::direction(std::size_t machine) const { return state_->direction(machine); }
+
 CutGeometry Session::cut_geometry(std::size_t machine) {
   return state_->cut_geometry(machine, height_map());
 }

@@ -13,6 +13,7 @@
 #include "soilvdb/session.h"
 #include "tools/serve/block_message.h"
 #include "tools/serve/history.h"
+#include "tools/serve/live_forces.h"
 
 namespace soilvdb::tools {
 
@@ -37,6 +38,8 @@ class GroundView {
   nlohmann::ordered_json volume(const std::vector<Vec2>& boundary);
 
   std::string block(const Coord3& block, std::uint32_t view);
+  /// The message about forces. @param view its number
+  std::string forces(std::uint32_t view) { return force_message(*now_, view); }
   const Session& now() const { return *now_; }
   /// site_state() at this time.
   nlohmann::ordered_json state() const;

@@ -13,6 +13,7 @@
 
 #include "io/file/json.h"
 #include "io/file/text.h"
+#include "tools/serve/live_forces.h"
 #include "tools/serve/live_site.h"
 #include "tools/serve/target.h"
 
@@ -135,8 +136,7 @@ bool LiveSite::asks_for_force(const Line& json, std::size_t machine) const {
   if (!json.contains("force")) return false;
   if (!json["force"].is_boolean()) throw std::invalid_argument("'force' must be true or false");
   if (!json["force"].get<bool>()) return false;
-  if (!session_.earthmoving().soil)
-    throw std::invalid_argument("'force' needs the scenario's 'soil', which resists the bucket");
+  if (!session_.earthmoving().soil) throw std::invalid_argument(kForceNeedsSoil);
   if (const SiteMachine& of = session_.machines()[machine]; of.bucket.shape)
     throw std::invalid_argument(
         fmt::format("machine '{}' has a closed tool; 'force' is known for buckets", of.name));

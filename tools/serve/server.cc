@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <boost/asio/ip/address.hpp>
 #include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/post.hpp>
@@ -75,6 +76,7 @@ ServerState::ServerState(LiveSite& site_, std::unique_ptr<History> history_,
       copy(std::make_unique<Ground>(site.session().voxel_size_m(), site.session().origin(),
                                     site.session().site().ground->shared_terrain())),
       mesher(std::make_unique<CachedMesher>(*copy)),
+      forces(site.session(), *copy),
       recording(options.mcap_folder.empty()
                     ? nullptr
                     : std::make_unique<LiveMcap>(options.mcap_folder, site, *copy)),
@@ -208,6 +210,18 @@ void ServerState::end() {
   });
 }
 
+/// Nothing is computed if no viewer wants it.
+void ServerState::tell_forces() {
+  const auto wants = [](const Viewer* viewer) { return viewer->wants_live_forces(); };
+  if (std::none_of(viewers.begin(), viewers.end(), wants)) return;
+  forces.compute(*beside, [this, wants](std::string message) {
+    net::post(io, [this, wants, text = std::make_shared<const std::string>(std::move(message))] {
+      for (Viewer* viewer : viewers)
+        if (wants(viewer)) viewer->tell_forces(text);
+    });
+  });
+}
+
 /// Sends changes and the machines' state to viewers.
 void ServerState::tick() {
   if (stopped()) return end();
@@ -223,6 +237,7 @@ void ServerState::tick() {
     told_fed = site.fed();
     const Bytes state = state_message();
     for (Viewer* viewer : viewers) viewer->tell_state(state);
+    tell_forces();
   }
   for (Viewer* viewer : viewers) viewer->go_on();
   if (history && now - asked_times >= kAskTimes && !viewers.empty()) {

@@ -20,6 +20,7 @@
 #include "soilvdb/ground_copy.h"
 #include "soilvdb/mesher.h"
 #include "tools/serve/ground_view.h"
+#include "tools/serve/live_forces.h"
 #include "tools/serve/live_heights.h"
 #include "tools/serve/live_mcap.h"
 #include "tools/serve/query_lane.h"
@@ -87,6 +88,9 @@ struct ServerState {
   /// A block's message as last registered; null: make_blocks() makes it and then resumes viewers.
   Bytes block(const Coord3& block);
   void tick();
+  /// The next tick tells the state, and the forces to viewers that want them.
+  void tell_soon() { told = {}; }
+  void tell_forces();
   /// Says goodbye to all clients, and stops when they are gone or a while has passed.
   void end();
   /// Makes room for a new connection if there can be any.
@@ -135,6 +139,7 @@ struct ServerState {
   std::map<Coord3, std::uint64_t, Before> changed_at;  ///< by tick
   std::unique_ptr<Ground> copy;                        ///< of the ground, for make_blocks()
   std::unique_ptr<CachedMesher> mesher;                ///< of `copy`, used by jobs only
+  LiveForces forces;
 
   std::uint64_t told_fed = 0;
   Clock::time_point told{}, asked_times{}, ticked = Clock::now(), ended{};

@@ -49,6 +49,11 @@ void Viewer::changed(const Coord3& block) {
   if (view_ == 0) due_.insert(block);
 }
 
+void Viewer::tell_forces(const Bytes& forces) {
+  told_forces_ = forces;
+  go_on();
+}
+
 void Viewer::read() {
   socket_.async_read(in_, [self = shared_from_this()](beast::error_code error, std::size_t) {
     if (error) {
@@ -73,12 +78,35 @@ void Viewer::requested(const std::string& text) {
     if (json.is_discarded() || !json.is_object())
       throw std::invalid_argument("a request is a JSON object with 'time' and 'against'");
     for (const auto& [key, value] : json.items())
-      if (key != "time" && key != "against")
-        throw std::invalid_argument("a request has 'time' and 'against' only");
-    show(time_of(json, "time"), time_of(json, "against"));
+      if (key != "time" && key != "against" && (key != "force" || json.size() > 1))
+        throw std::invalid_argument("a request has 'time' and 'against' only, or 'force' only");
+    if (!json.contains("force")) return show(time_of(json, "time"), time_of(json, "against"));
+    if (!json["force"].is_boolean()) throw std::invalid_argument("'force' must be true or false");
+    if (!state_.site.session().earthmoving().soil) throw std::invalid_argument(kForceNeedsSoil);
+    const bool wants = json["force"].get<bool>();
+    if (std::exchange(wants_force_, wants) == wants) return;
+    told_forces_.reset();
+    ask_forces();
   } catch (const std::exception& e) {
     say(message({{"type", "error"}, {"error", e.what()}}));
   }
+}
+
+/// Has the forces of the shown time sent; those of live buckets follow with each state.
+void Viewer::ask_forces() {
+  if (!wants_force_) return;
+  if (!past_) return state_.tell_soon();
+  const bool taken = state_.other_times.try_run(
+      client_, [self = shared_from_this(), ground = ground_, view = view_]() mutable {
+        std::string text = ground->forces(view);
+        net::io_context& io = self->state_.io;
+        net::post(
+            io, [self = std::move(self), ground = std::move(ground), view, text = std::move(text)] {
+              if (self->view_ == view && self->wants_force_) self->say(text);
+              self->go_on();
+            });
+      });
+  if (!taken) say(message({{"type", "error"}, {"error", "too many requests; try again later"}}));
 }
 
 /// Switches to another view. Live ground with a comparison time is a view of the present time.
@@ -86,6 +114,7 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
   if (asking_) throw std::invalid_argument("the view requested before is not ready yet");
   if (!time_s && !against_s) {
     view_ = 0;
+    past_ = false;
     ground_.reset();
     due_.clear();
     sent_ = 0;
@@ -97,7 +126,7 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
                  {"time_s", nullptr},
                  {"against_s", nullptr},
                  {"state", nullptr}}));
-    return;
+    return ask_forces();
   }
   if (against_s && time_s && *against_s > *time_s)
     throw std::invalid_argument("compare with an earlier time");
@@ -123,7 +152,9 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
         } else {
           const auto or_null = [](std::optional<double> s) { return s ? Json(*s) : Json(); };
           self->view_ = ++self->views_;
+          self->past_ = time_s.has_value();
           self->ground_ = *ground;
+          self->told_forces_.reset();
           self->due_ = {blocks->begin(), blocks->end()};
           self->sent_ = 0;
           self->whole_ = false;
@@ -132,6 +163,7 @@ void Viewer::show(std::optional<double> time_s, std::optional<double> against_s)
                              {"time_s", or_null(time_s)},
                              {"against_s", or_null(against_s)},
                              {"state", *state}}));
+          self->ask_forces();
         }
         self->go_on();
       });
@@ -179,7 +211,8 @@ void Viewer::go_on() {
     texts_.pop_front();
     return send(text, true);
   }
-  if (told_) return send(std::exchange(told_, nullptr), true);
+  for (Bytes* told : {&told_, &told_forces_})
+    if (*told) return send(std::exchange(*told, nullptr), true);
   Bytes message_of_block;
   const std::optional<Coord3> block = next_block(message_of_block);
   if (!block) {

@@ -29,6 +29,10 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void changed(const Coord3& block);
   /// State of the machines; only the newest is sent.
   void tell_state(const Bytes& state) { told_ = state; }
+  /// Did it ask for forces, and looks at the live machines?
+  bool wants_live_forces() const { return wants_force_ && !past_; }
+  /// Forces on the live buckets; only the newest are sent.
+  void tell_forces(const Bytes& forces);
   /// Sends the next due message, unless one is being sent.
   void go_on();
   /// Ends the connection with a reason.
@@ -38,7 +42,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void read();
   void requested(const std::string& text);
   void show(std::optional<double> time_s, std::optional<double> against_s);
-  void shown(std::shared_ptr<GroundView> ground, std::vector<Coord3> blocks, const Bytes& text);
+  void ask_forces();
   void say(const std::string& text);
   void send(const Bytes& message, bool text);
   std::optional<Coord3> next_block(Bytes& message);
@@ -48,11 +52,13 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   const std::string client_;
   boost::beast::flat_buffer in_;
   std::deque<Bytes> texts_;
-  Bytes told_;
+  Bytes told_, told_forces_;
   std::set<Coord3, Before> due_;
   Coord3 last_ = Coord3::Zero();
   std::uint32_t view_ = 0, views_ = 0;  ///< 0: live; number of other views so far
   std::shared_ptr<GroundView> ground_;  ///< of a view other than live
+  bool past_ = false;                   ///< are its machines those of another time?
+  bool wants_force_ = false;
   std::size_t sent_ = 0;
   bool whole_ = false;  ///< was the viewer informed that all blocks were sent?
   bool sending_ = false, asking_ = false, closing_ = false;

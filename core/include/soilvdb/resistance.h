@@ -54,6 +54,8 @@ struct Resistance {
   bool rolled = false;  ///< the lip stands too steep for slices across it: only the load counts
 
   Wrench total() const { return cut + edge + load + heel; }
+  /// Why the force is a rough estimate or too low, in words; empty if it is neither.
+  std::string limited() const;
 };
 
 /// The same in another frame that moves with the bucket. @param rotation frame_from_bucket

@@ -36,6 +36,10 @@ struct Ledger {
   double displaced_m3() const { return static_cast<double>(displaced) * sample_m3; }
   /// Loose volumes in the bucket and out of it.
   double bucket_m3() const { return units.loose_samples(load) * sample_m3; }
+  /// The load as bank soil.
+  double bank_m3() const {
+    return static_cast<double>(load) / static_cast<double>(units.bank) * sample_m3;
+  }
   double spilled_m3() const { return units.loose_samples(spilled) * sample_m3; }
   double dumped_m3() const { return units.loose_samples(dumped) * sample_m3; }
 };

@@ -151,7 +151,7 @@ export class Controls {
   }
 
   #key(event) {
-    const inField = event.target.closest('input, select, textarea, dialog');
+    const inField = event.target.closest('input:not([type=checkbox]), select, textarea, dialog');
     if (event.ctrlKey || event.metaKey || event.altKey || inField) return;
     const onCanvas = event.target === this.sceneView.canvas, key = event.key;
     const tool = Object.keys(kTools).find((t) => kTools[t].key === key.toLowerCase());

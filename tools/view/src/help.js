@@ -15,6 +15,7 @@ const kKeys = [
   ['North up · From above', ['N', 'T'], ''],
   ['Whole site · Where the work is', ['F', 'G'], ''],
   ['Next colours', ['C'], ''],
+  ['Force of the soil on the buckets', ['K'], 'if the scenario has soil'],
   ['Live · Compare from this time', ['L', 'A'], ''],
   ['Previous · next snapshot', ['[', ']'], ''],
   ['This help', ['?'], ''],
@@ -30,6 +31,8 @@ export function fillHelp(site) {
     h('p', {}, 'Choose a tool, then click on the ground. The server computes volumes and heights from the ground, not from the picture, and updates them while the site is live. Cut is soil taken away, fill is soil added, both against the ground before digging or, with Compare, against another time.'),
     h('h3', {}, 'Colours'),
     h('p', {}, 'Amber to red with stripes was cut, blue with dots was filled; clods are loose soil. Changes smaller than the band under Options are shown as ground.'),
+    h('h3', {}, 'Force'),
+    h('p', {}, 'With Force in the legend, an arrow at each lip is the force of the soil on the bucket, by the ground ahead and the scenario\u2019s soil, with the weight of the load. \u2248 is before a rough estimate, \u2265 before a force that is too low; the gauge says why.'),
     h('h3', {}, 'Keys'), keys,
     site ? h('p', {class: 'faint'}, `Voxels of ${site.voxel_size_m} m. Coordinates E, N and height in metres${site.crs ? `, ${site.crs}` : ''}.`) : '');
 }

@@ -1,16 +1,19 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// The machines in the picture: poses interpolated between states of the server, and a tag with name
-// and load above each machine.
+// The machines in the picture: poses interpolated between states of the server, and a tag with name,
+// load and force above each machine.
 import {Box3, Group, Quaternion, Vector3} from 'three';
-import {h} from './dom.js';
+import {h, setText} from './dom.js';
+import {ForceArrow} from './force_arrow.js';
+import {arrowScale} from './force_values.js';
 import * as format from './format.js';
 import {MachineModel} from './machine_model.js';
-import {boxesOver, boxOf, placeTag} from './tag_place.js';
+import {boxAround, boxesOver, boxOf, placeTag} from './tag_place.js';
 
 /** Okabe and Ito's colours, safe for colour-blind people; tags also have the name. */
 export const kMachineColors = ['#e69f00', '#56b4e9', '#009e73', '#cc79a7', '#f0e442', '#0072b2', '#d55e00'];
 const kSmooth_ms = 110;   // states come ten times a second
+const kArrowBoxes = 4, kArrow_px = 5;   // of an arrow, and half its width
 
 export class Machines {
   group = new Group();
@@ -21,17 +24,18 @@ export class Machines {
   constructor(site, origin, sceneView, tags, pick) {
     this.sceneView = sceneView;
     this.origin = origin;
+    const scale = arrowScale(site.machines);
     site.machines.forEach((machine, i) => {
       const color = kMachineColors[i % kMachineColors.length];
-      const model = new MachineModel(machine, color);
+      const model = new MachineModel(machine, color), arrow = new ForceArrow(scale);
       const bar = h('span', {class: 'gauge-bar'});
-      const text = h('span', {class: 'tag-load'});
+      const text = h('span', {class: 'tag-load'}), forceText = h('span', {class: 'tag-force'});
       const tag = h('button', {class: 'tag', type: 'button', hidden: true, title: machine.name, onclick: () => pick(machine.name)},
         h('span', {class: 'swatch', style: `background:${color}`}), h('span', {class: 'tag-name'}, machine.name),
-        h('span', {class: 'gauge', 'aria-hidden': 'true'}, bar), text);
+        h('span', {class: 'gauge', 'aria-hidden': 'true'}, bar), text, forceText);
       tags.append(tag);
-      this.group.add(model.group);
-      this.#machines.push({name: machine.name, capacity_m3: machine.capacity_m3, model, tag, bar, text, from: null, to: null, at: null, start: 0});
+      this.group.add(model.group, arrow.group);
+      this.#machines.push({name: machine.name, capacity_m3: machine.capacity_m3, model, arrow, tag, bar, text, forceText, from: null, to: null, at: null, start: 0});
     });
   }
 
@@ -47,6 +51,7 @@ export class Machines {
       if (!said.position) {
         m.at = m.to = null;
         m.model.group.visible = false;
+        m.arrow.show(null);
         m.tag.hidden = true;
         continue;
       }
@@ -65,11 +70,33 @@ export class Machines {
       m.bar.style.width = `${Math.min(100, 100 * Math.max(0, m.fill ?? 0))}%`;
       m.bar.parentElement.hidden = m.fill === null;
       m.text.textContent = format.volume(said.bucket_m3);
-      m.tag.setAttribute('aria-label', `${said.name}: holds ${format.volume(said.bucket_m3)}${m.fill === null ? '' : `, ${format.percent(m.fill)} full`}; go there`);
+      m.holds = `holds ${m.text.textContent}${m.fill === null ? '' : `, ${format.percent(m.fill)} full`}`;
+      this.#label(m);
       m.tag.hidden = false;
       m.moving = true;
     }
     this.sceneView.changed();
+  }
+
+  #label(m) {
+    const force = m.forceText.textContent && `; force ${m.forceText.textContent}`;
+    m.tag.setAttribute('aria-label', `${m.name}: ${m.holds}${force}; go there`);
+  }
+
+  /** @param {Map<string, {world_force_n: ?number[], text: string}>} forces by machine; of others there are none */
+  showForces(forces) {
+    for (const m of this.#machines) {
+      const {world_force_n, text} = forces.get(m.name) ?? {world_force_n: null, text: ''};
+      m.arrow.show(m.to && world_force_n);
+      setText(m.forceText, text);
+      if (m.to) this.#label(m);
+    }
+    this.sceneView.changed();
+  }
+
+  /** Fits the arrows to the picture, before it is drawn. */
+  placeArrows() {
+    for (const {at, arrow} of this.#machines) if (at) arrow.place(at.position, this.sceneView.pixelAt_m(at.position));
   }
 
   /** @return {boolean} whether something still moves */
@@ -103,9 +130,18 @@ export class Machines {
     return box.isEmpty() ? null : box;
   }
 
-  /** Places tags above the buckets, beside each other. @param {Object[]} letters boxes of the measures' letters */
+  /** Boxes of the arrows in the picture, some along each. */
+  #arrowBoxes() {
+    return this.#machines.flatMap(({at, arrow: {along}}) => {
+      if (!at || !along) return [];
+      const px = Array.from({length: kArrowBoxes + 1}, (_, i) => this.sceneView.project(at.position.clone().addScaledVector(along, -i / kArrowBoxes)));
+      return px.slice(1).flatMap((b, i) => (b && px[i] ? [boxAround(px[i], b, kArrow_px)] : []));
+    });
+  }
+
+  /** Places tags above the buckets, beside each other and the arrows. @param {Object[]} letters boxes of the measures' letters */
   placeTags(letters) {
-    const over = [...boxesOver(), ...letters];
+    const over = [...boxesOver(), ...letters, ...this.#arrowBoxes()];
     for (const m of this.#machines) {
       if (!m.at) continue;
       const top = m.at.position.clone();
@@ -123,7 +159,7 @@ export class Machines {
   }
 
   get places() {
-    return this.#machines.map(({name, to}) => ({name, position: to?.position ?? null}));
+    return this.#machines.map(({name, to, arrow}) => ({name, position: to?.position ?? null, arrow: arrow.along}));
   }
 
   positionOf(name) {

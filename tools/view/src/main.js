@@ -8,6 +8,7 @@ import * as format from './format.js';
 import {GroundPick} from './ground_pick.js';
 import {GroundUniforms} from './ground_uniforms.js';
 import {Controls, drawScale} from './controls.js';
+import {Forces} from './forces.js';
 import {fillHelp} from './help.js';
 import {Legend} from './legend.js';
 import {Link} from './link.js';
@@ -57,6 +58,7 @@ class Page {
     this.sceneView.scene.add(this.terrain.group, this.machines.group);
     this.table = new MachineTable($('machine-table'), site, pick);
     this.legend = new Legend($('legend'), site, this.uniforms, changed);
+    this.forces = new Forces(site, (force) => this.link.send({force}), (forces) => this.machines.showForces(forces));
     this.timeline = new Timeline($('time'), site.live, (time, against) => this.link.send({time, against}));
     this.pick = new GroundPick(this.sceneView, this.terrain, this.views);
     this.measures = new Measures(() => this.shownTimes(), () => this.measuresChanged());
@@ -66,7 +68,7 @@ class Page {
       sceneView: this.sceneView, pick: this.pick, overlay: this.overlay, measures: this.measures, origin: this.origin,
       fitSite: () => this.fitSite(), fitWork: () => this.fitWork(), done: () => openPanel('measures'),
       keys: {
-        'c': () => this.legend.next(), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
+        'c': () => this.legend.next(), 'k': () => this.forces.switch(!this.forces.on), 'l': () => this.timeline.show(null), 'a': () => this.timeline.toggleAgainst(),
         '[': () => this.timeline.step(-1), ']': () => this.timeline.step(1), '?': () => $('help').showModal(),
       },
     });
@@ -115,6 +117,7 @@ class Page {
     this.uniforms.values.pixel_ratio.value = this.sceneView.renderer.getPixelRatio();
     this.terrain.showsDesign = this.legend.mode === 'design';
     this.terrain.update(this.sceneView.camera, this.sceneView.height);
+    this.machines.placeArrows();
     if (!this.lifted && Number.isFinite(this.terrain.low)) {   // the ground's height is known now
       this.lifted = true;
       this.middle.z = (this.terrain.low + this.terrain.high) / 2;
@@ -186,6 +189,7 @@ class Page {
 
   state(state) {
     this.live = state;
+    this.forces.state(state);
     showAlarms(state.alarms ?? []);
     this.setTimes(state.times);
     this.sayConnection();
@@ -214,16 +218,23 @@ class Page {
     this.view = view;
     this.views.expect(view.id);
     if (view.state ?? this.live) this.showState(view.state ?? this.live, true);
+    this.forces.wait(view.time_s !== null);
     this.sayConnection();
     this.measures.again();
     this.timeline.answered();
     this.sceneView.changed();
   }
 
+  /** Forces of live machines, or of those of the shown view. */
+  forcesCome({id, machines}) {
+    if (id === (this.shownTimes().time === null ? 0 : this.view.id)) this.forces.take(machines);
+  }
+
   reconnected() {
     if (this.views.shown.seen) this.views.expect(0);
     this.view = null;
     this.timeline.restore();
+    this.forces.again();
   }
 }
 
@@ -240,6 +251,7 @@ function text(message) {
   } else if (page) {
     if (message.type === 'state') page.state(message);
     if (message.type === 'view') page.viewComes(message);
+    if (message.type === 'force') page.forcesCome(message);
     if (message.type === 'whole') page.views.whole(message.id);
   }
 }

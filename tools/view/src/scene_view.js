@@ -209,7 +209,12 @@ export class SceneView {
 
   /** Metres of a pixel at the target. */
   get pixel_m() {
-    return (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.distance) / this.height;
+    return this.pixelAt_m(this.controls.target);
+  }
+
+  /** Metres of a pixel at a place in the scene. */
+  pixelAt_m(place) {
+    return (2 * Math.tan((this.camera.fov * Math.PI) / 360) * this.camera.position.distanceTo(place)) / this.height;
   }
 
   /** Direction of view, clockwise from north. */

@@ -35,9 +35,14 @@ export function boxOf([x, y], {width, height}) {
   return {left: x - width / 2, top: y - height, right: x + width / 2, bottom: y};
 }
 
+/** The box of a line between two places. */
+export function boxAround([x, y], [u, v], margin) {
+  return {left: Math.min(x, u) - margin, top: Math.min(y, v) - margin, right: Math.max(x, u) + margin, bottom: Math.max(y, v) + margin};
+}
+
 /** Boxes of the elements over the picture, in its pixels. */
 export function boxesOver() {
-  return ['tools', 'camera', 'notice', 'hint', 'legend', 'readout', 'crosshair']
+  return ['tools', 'camera', 'notice', 'alarms', 'hint', 'legend', 'readout', 'crosshair']
     .map((id) => document.getElementById(id)).filter((e) => e.offsetWidth > 0)
     .map((e) => ({left: e.offsetLeft, top: e.offsetTop, right: e.offsetLeft + e.offsetWidth, bottom: e.offsetTop + e.offsetHeight}));
 }

@@ -14,8 +14,8 @@ export function handle(page) {
     terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles, fromDesign_m: page.terrain.fromDesign_m}),
     /** The shown time, s. */
     time: () => page.shownTimes().time ?? page.live?.time_s ?? null,
-    /** Name and drawn position of each machine. */
-    machines: () => page.machines.places.map(({name, position}) => ({name, position: position && page.world(position)})),
+    /** Name and drawn position of each machine, and the arrow of its force from there, m. */
+    machines: () => page.machines.places.map(({name, position, arrow}) => ({name, position: position && page.world(position), arrow: arrow && arrow.toArray()})),
     frames: () => page.sceneView.frames,
     memory: () => ({...page.sceneView.renderer.info.memory}),
     /** Window pixel of a place in the world, or null. */

@@ -164,6 +164,8 @@ class Session {
   /// Cells around the middle of a machine's lip. @param turned with the lip as the map's y axis;
   /// else with the world's axes. @throw std::invalid_argument before its first state
   MapGrid map_around(std::size_t machine, double cell_m, int nx, int ny, bool turned = true) const;
+  /// See Site::direction().
+  Vec3 direction(std::size_t machine) const;
   /// What a bucket's resistance depends on besides the strength of the soil, as of the last update:
   /// ground, pose, direction and load. Takes some microseconds.
   /// @throw std::invalid_argument before the machine's first state, or for a closed tool
