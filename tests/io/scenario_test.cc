@@ -138,7 +138,7 @@ std::string guides_example(const std::string& terrain) {
     if (!line.starts_with(" ")) section = line.substr(0, line.find(' '));
     const bool other_kind = section == "terrain:" && line.starts_with(" ") && terrain != "all" &&
                             !line.starts_with("  " + terrain + ": ");
-    for (const char* other : {"# tool: ", "# machine: ", "# link: "}) {
+    for (const char* other : {"# tool: ", "# machine: ", "# link: ", "# - {"}) {
       const std::size_t at = terrain == "all" ? line.find(other) : line.npos;
       if (at != line.npos) line.erase(at, 2);
     }
