@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <numbers>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -311,6 +312,38 @@ TEST(Resistance, IsNothingInTheAirAndOffTheGround) {
   EXPECT_LT(edge.resistance().cut.force.x(), 0);
   Bucket closed = blade();
   EXPECT_THROW(Site(edge.site).cut_geometry(1, edge.heights), std::invalid_argument);
+}
+
+TEST(CutGeometry, ResistsAlikeAfterItWasBytes) {
+  Bucket sharp = bucket(), blunt = bucket();
+  blunt.edge_m = 0.02;
+  blunt.plate_m = 0.03;
+  for (const Bucket& of : {sharp, blunt}) {
+    for (const double pitch : {0.3, -0.1}) {  // with a heel
+      Dig dig(0.05, make_plane(0.02, {0.1, 0.05}), of);
+      for (int i = 0; i < 20; ++i)
+        dig.to({0.05 * i, 0, 0.1 - 0.03 * std::min(i, 12)}, from_rpy(0, 0.3, 0.2));
+      dig.to({1.0, 0, -0.3}, from_rpy(0, pitch, 0.2));
+      const CutGeometry geometry = dig.site.cut_geometry(0, dig.heights);
+      const std::string bytes = geometry.save();
+      const CutGeometry again = CutGeometry::load(bytes);
+      EXPECT_EQ(again.save(), bytes);
+      EXPECT_EQ(again.world_from_bucket().position, geometry.world_from_bucket().position);
+      for (const bool crescents : {false, true}) {
+        const Resistance one = geometry.resistance(kLoam, crescents);
+        const Resistance other = again.resistance(kLoam, crescents);
+        EXPECT_EQ(one.total().force, other.total().force);
+        EXPECT_EQ(one.total().moment, other.total().moment);
+        EXPECT_EQ(one.by_strength, other.by_strength);
+        EXPECT_NE(one.total().force.norm(), 0);
+      }
+      for (const std::size_t size :
+           {std::size_t{0}, std::size_t{1}, bytes.size() / 2, bytes.size() - 1})
+        EXPECT_THROW(CutGeometry::load(bytes.substr(0, size)), std::invalid_argument) << size;
+      EXPECT_THROW(CutGeometry::load(bytes + "0"), std::invalid_argument);
+      EXPECT_THROW(CutGeometry::load("\2" + bytes.substr(1)), std::invalid_argument);
+    }
+  }
 }
 
 TEST(Strength, TakesWhatTheSoilOfASiteSays) {

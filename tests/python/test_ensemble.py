@@ -15,10 +15,10 @@ WIDTH, LENGTH, DEPTH = 1.2, 2.5, 0.25
 TURN = (0.0, 0.0, 0.0, 1.0)
 
 
-def flat_pass(site_or_ensemble, rows=26, duration=5.0):
+def flat_pass(site_or_ensemble, rows=26, duration=5.0, rotation=TURN):
     for k in range(rows):
         s = k / (rows - 1)
-        update = site_or_ensemble.update(0, position=(LENGTH * s, 0, -DEPTH), rotation=TURN,
+        update = site_or_ensemble.update(0, position=(LENGTH * s, 0, -DEPTH), rotation=rotation,
                                          time=duration * s)
     return update
 
@@ -124,7 +124,96 @@ def test_a_clone_that_cannot_follow_waits(tmp_path):
         ensemble.update(0, position=(5, 2, -0.1), rotation=TURN)
 
 
+LEAN = (0.0, -math.sin(math.pi / 12), 0.0, math.cos(math.pi / 12))  # rake of 60 degrees
+LOAM = soilvdb.Soil(density=1800, cohesion=8e3, friction_angle=0.5, tool_friction=0.3)
+
+
+def chi_square_bounds(count):
+    """Of sigma found over sigma, from so many normal draws: 1 in 1000 is beyond either
+    (Wilson and Hilferty)."""
+    free = count - 1
+    return [(1 - 2 / (9 * free) + z * math.sqrt(2 / (9 * free)))**1.5 for z in (-3.09, 3.09)]
+
+
+@pytest.mark.parametrize("key, sigma, column", [
+    ("density", 40.0, 0), ("cohesion", 200.0, 1), ("friction_angle", 0.005, 2),
+    ("tool_friction", 0.005, 3)])
+def test_sigma_of_a_force_is_that_of_the_soil_times_the_derivative(key, sigma, column):
+    clones = 200
+    site = new_site()
+    ensemble = soilvdb.Ensemble(site, {"soil": {key: sigma}}, clones=clones)
+    flat_pass(ensemble, rotation=LEAN)
+    force = ensemble.resistance(0, soil=LOAM)
+    assert not site.resistance(0, soil=LOAM).limited
+    alone = site.resistance(0, soil=LOAM)
+    np.testing.assert_array_equal(force.recorded.force, alone.force)
+    np.testing.assert_array_equal(force.recorded.moment, alone.moment)
+    low, high = chi_square_bounds(clones)
+    right = np.abs(alone.jacobian[:, column]) * sigma
+    # The failure plane moves with the soil: that is of second order, below 1 % here.
+    for axis in (0, 2):
+        assert 0.99 * low < force.sigma.force[axis] / right[axis] < 1.01 * high, axis
+    assert force.sigma.force[1] == 0 and force.sigma.moment[1] > 0
+    assert np.abs(force.mean.force - alone.force).max() < 4 * right.max() / math.sqrt(clones)
+    assert (force.p05.force <= force.mean.force).all() and (
+        force.mean.force <= force.p95.force).all()
+    assert ensemble.load(0).sigma == 0
+
+
+def test_force_of_clones_that_do_not_err_has_no_sigma():
+    soil = soilvdb.Soil(0.6, 0.2, 1800, 5e3, 0.55)
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(WIDTH, 0.9)], soil=soil)
+    ensemble = soilvdb.Ensemble(site, {"position": {"bias": 0.0}}, clones=7)
+    flat_pass(ensemble, rotation=LEAN)
+    force = ensemble.resistance(0)
+    for part in ("force", "moment"):
+        assert not getattr(force.sigma, part).any()
+        for each in (force.mean, force.p05, force.p95):
+            np.testing.assert_array_equal(getattr(each, part), getattr(force.recorded, part))
+    assert force.recorded.force[0] < -1000
+    assert ensemble.load(0).sigma == 0
+
+
+def test_force_errs_by_the_place_and_by_the_soil():
+    def sigmas(noise, seed=0):
+        ensemble = soilvdb.Ensemble(new_site(), noise, clones=100, seed=seed)
+        flat_pass(ensemble, rotation=LEAN)
+        return ensemble.resistance(0, soil=LOAM).sigma.force.tolist()
+
+    place, soil = {"position": {"bias": [0, 0, 0.01]}}, {"soil": {"cohesion": 500.0}}
+    both = sigmas(place | soil)
+    assert both == sigmas(place | soil) != sigmas(place | soil, seed=1)
+    for axis in (0, 2):
+        apart = math.hypot(sigmas(place)[axis], sigmas(soil)[axis])
+        assert both[axis] == pytest.approx(apart, rel=0.25) and both[axis] > sigmas(place)[axis]
+
+
+def test_force_of_clones_is_refused_as_that_of_the_site():
+    ensemble = soilvdb.Ensemble(new_site(), {"soil": {"cohesion": 500.0}}, clones=4)
+    with pytest.raises(ValueError, match="meets no soil before its first state"):
+        ensemble.resistance(0, soil=LOAM)
+    flat_pass(ensemble, rotation=LEAN)
+    with pytest.raises(ValueError, match="soil is rigid here; say soil="):
+        ensemble.resistance(0)
+    with pytest.raises(soilvdb.noise.NoiseError, match="soil.cohesion is 500; it must be at most"):
+        ensemble.resistance(0, soil=soilvdb.Soil(cohesion=400, friction_angle=0.5))
+    with pytest.raises(soilvdb.noise.NoiseError, match="soil.cohesion: the soil's cohesion isn't"):
+        ensemble.resistance(0, soil=soilvdb.Soil(friction_angle=0.5))
+
+
+def test_clones_without_a_place_have_no_force(tmp_path):
+    soilvdb.write_raster(tmp_path / "g.tif", np.zeros((9, 9)), (0, 0), (0.5, 0.5))
+    bucket = soilvdb.Bucket(0.5, 0.4, [(0, 0), (-0.3, 0.1), (0, 0.4)])
+    site = soilvdb.Site(0.05, soilvdb.raster(tmp_path / "g.tif"), [bucket])
+    ensemble = soilvdb.Ensemble(site, {"position": {"bias": [10, 0, 0]}}, clones=2, seed=1)
+    ensemble.update(0, position=(2, 2, -0.1), rotation=TURN)
+    force = ensemble.resistance(0, soil=LOAM)
+    assert np.isfinite(force.recorded.force).all()
+    assert np.isnan(force.sigma.force).all() and np.isnan(force.mean.moment).all()
+
+
 @pytest.mark.parametrize("noise, clones, why", [
+    ({"soil": {"swell": 0.1}}, 16, "soil.swell: clones share bucket, terrain and soil that moves;"),
     ({"terrain": {"bias": 0.1}}, 16, "terrain.bias: clones share bucket, terrain and soil"),
     ({}, 16, "noise: is empty"),
     ({"joints": {"boom": {"bias": 0.1}}}, 16, "joints.boom: no machine has that joint"),

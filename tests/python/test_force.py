@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import soilvdb
+from soilvdb._row_errors import covariance
 
 DEG = math.pi / 180
 G = 9.80665
@@ -137,6 +138,71 @@ def test_many_sites_are_each_as_alone():
     assert np.isnan(forces[3]).all() and np.isnan(moments[3]).all()
 
 
+def test_each_site_may_have_a_soil_of_its_own():
+    sites = [blade(rake) for rake in (40, 60)]
+    soft = soilvdb.Soil(density=1600, cohesion=2e3, friction_angle=0.5)
+    forces, _ = soilvdb.resistances(sites, soil=[LOAM, soft])
+    np.testing.assert_array_equal(forces[0], sites[0].resistance(soil=LOAM).force)
+    np.testing.assert_array_equal(forces[1], sites[1].resistance(soil=soft).force)
+    with pytest.raises(ValueError, match="there are 1 soils for 2 sites"):
+        soilvdb.resistances(sites, soil=[LOAM])
+    with pytest.raises(TypeError, match="each of soil must be soilvdb.Soil, not int"):
+        soilvdb.resistances(sites, soil=[LOAM, 3])
+    with pytest.raises(TypeError, match="soil must be a list of soilvdb.Soil, not int"):
+        soilvdb.resistances(sites, soil=3)
+    assert sites[0].soil is None
+    assert blade(soil=soilvdb.Soil(0.6, 0.2, cohesion=5e3)).soil.cohesion == 5e3
+
+
+def test_geometry_resists_alike_after_pickle():
+    """To the bit: a blade, a bucket with a load, edges and a heel, one that rolled over."""
+    edged = soilvdb.Site(0.05, soilvdb.plane(0, (0.1, 0.05)),
+                         [soilvdb.Bucket(1.2, 0.9, PROFILE, edge=0.02, plate=0.03)])
+    for k in range(30):
+        edged.update(0, position=(0.05 * k, 0, 0.1 - min(0.4, 0.03 * k)), rotation=turned(0.1))
+    heel = edged.cut_geometry()
+    edged.update(0, position=(1.5, 0, -0.33), rotation=turned(-0.1))
+    rolled = soilvdb.Site(0.1, soilvdb.plane(0.3), [soilvdb.Bucket(1.2, 1.0)])
+    for x in (-0.3, 0.0):
+        rolled.update(0, position=(x, 0, 0), rotation=(math.sin(0.6), 0, 0, math.cos(0.6)))
+    found = []
+    for geometry in (blade().cut_geometry(), blade(100).cut_geometry(), heel, edged.cut_geometry(),
+                     rolled.cut_geometry()):
+        again = pickle.loads(pickle.dumps(geometry))
+        for crescents in (True, False):
+            one, other = (g.resistance(LOAM, crescents=crescents) for g in (geometry, again))
+            for part in ("cut", "edge", "load", "heel"):
+                np.testing.assert_array_equal(one.parts[part].force, other.parts[part].force)
+                np.testing.assert_array_equal(one.parts[part].moment, other.parts[part].moment)
+            np.testing.assert_array_equal(one.jacobian, other.jacobian)
+            np.testing.assert_array_equal(one.world.force, other.world.force)
+            assert (one.angle, one.depth_m, one.limited) == (other.angle, other.depth_m,
+                                                             other.limited)
+        found.append(one.limited)
+    assert found[1] == "steep blade" and "heel" in found[3] and found[4] == "rolled over"
+
+
+def test_bytes_of_no_geometry_are_refused():
+    geometry = blade().cut_geometry()
+    state = geometry.__getstate__()
+    rng = np.random.default_rng(1)
+    for size in (0, 1, 9, 100, len(state) - 1):
+        with pytest.raises(ValueError):
+            soilvdb.CutGeometry.__new__(soilvdb.CutGeometry).__setstate__(state[:size])
+    with pytest.raises(ValueError, match="not the geometry of a cut"):
+        soilvdb.CutGeometry.__new__(soilvdb.CutGeometry).__setstate__(state + b"0")
+    for _ in range(300):  # damaged ones are refused, or resist somehow
+        damaged = bytearray(state)
+        for at in rng.integers(0, len(state), 3):
+            damaged[at] = rng.integers(256)
+        made = soilvdb.CutGeometry.__new__(soilvdb.CutGeometry)
+        try:
+            made.__setstate__(bytes(damaged))
+        except ValueError:
+            continue
+        assert made.resistance(LOAM).force.shape == (3,)
+
+
 def test_force_is_the_same_on_a_clone_and_after_a_restore():
     site = blade()
     before, state = site.resistance(soil=LOAM).force, site.save()
@@ -217,6 +283,62 @@ def test_identify_finds_the_soil_and_how_well():
         inside += [abs(got.cohesion - 7e3) < 2 * got.cohesion_sigma,
                    abs(got.friction_angle - 0.52) < 2 * got.friction_angle_sigma]
     assert (inside > 0.85 * draws).all()
+    # Errors that go on from row to row tell less.
+    last = [soilvdb.identify(rows, exact * (1 + 0.05 * lasting(rng, len(rows), 0.8)),
+                             soil=soilvdb.Soil(density=1750, friction_angle=0.6))
+            for _ in range(20)]
+    assert np.median([each.cohesion_sigma for each in last]) > 1.5 * got.cohesion_sigma
+    assert sum(abs(each.cohesion - 7e3) < 2.5 * each.cohesion_sigma for each in last) > 15
+
+
+def lasting(rng, count, rho):
+    """(count, 3), variance 1: an autoregressive process from row to row; rho 0: independent."""
+    errors = rng.standard_normal((count, 3))
+    for row in range(1, count):
+        errors[row] = rho * errors[row - 1] + math.sqrt(1 - rho**2) * errors[row]
+    return errors
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_truth_is_inside_two_sigma_of_errors_that_go_on(rho):
+    """Of the fit's linear part with a dig's own derivatives; `tools/bench force` has the whole."""
+    rows = dig_rows(205, 1)
+    felt = [row.resistance(soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52))
+            for row in rows]
+    sizes = np.array([np.linalg.norm(r.force) for r in felt])
+    by = np.array([np.stack([1e4 * r.jacobian[:, 1], r.jacobian[:, 2] + 2 / 3 * r.jacobian[:, 3]],
+                            axis=1) for r in felt]) / sizes[:, None, None]
+    inverse = np.linalg.inv(np.einsum("nip,niq->pq", by, by))
+    rng, inside, draws = np.random.default_rng(4), np.zeros(2), 500
+    for _ in range(draws):
+        error = 0.03 * lasting(rng, len(rows), rho)
+        off = inverse @ np.einsum("nip,ni->p", by, error)
+        sigma = np.sqrt(np.diag(covariance(np.arange(200.0), by, error - by @ off)))
+        inside += np.abs(off) < 2 * sigma
+    # 95.4 % would be inside; three standard errors of 500 draws are 2.8 %.
+    assert (np.abs(inside / draws - 0.954) < 0.03).all(), inside / draws
+
+
+def test_sigmas_know_gaps_and_rows_that_are_exact():
+    rows = dig_rows(105, 1)
+    truth = soilvdb.Soil(density=1750, cohesion=7e3, friction_angle=0.52)
+    exact = np.array([row.resistance(truth).force for row in rows])
+    found = soilvdb.identify(rows, exact, soil=truth)
+    assert found.cohesion_sigma < 1e-3 and found.friction_angle_sigma < 1e-7
+    assert not covariance(np.arange(9.0), np.ones((9, 3, 2)), np.zeros((9, 3))).any()
+    rng = np.random.default_rng(3)
+    by = rng.standard_normal((200, 3, 2)) + 1
+
+    def sigma(numbers, error):
+        return np.sqrt(np.diag(covariance(numbers.astype(float), by, error)))
+
+    apart = np.flatnonzero(np.arange(1000) % 50 < 10)  # ten rows of each fifty
+    more, less = [], []
+    for _ in range(20):
+        error = lasting(rng, 1000, 0.8)
+        more.append(sigma(np.arange(200), error[:200]) / sigma(np.arange(200), error[::5]))
+        less.append(sigma(apart, error[apart]) / sigma(np.arange(200), error[apart]))
+    assert (np.mean(more, axis=0) > 1.2).all() and (np.mean(less, axis=0) < 0.99).all()
 
 
 def test_identify_says_when_rows_do_not_tell():

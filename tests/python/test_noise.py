@@ -144,6 +144,40 @@ def test_scalars_stay_within_what_can_be():
     assert -0.1 <= min(draws) < -0.05 and 0.15 < max(draws) <= 0.2
 
 
+def test_strength_of_soil_is_what_its_sigmas_say():
+    """Mean and sigma are kept, also where sigma is as large as the value; all draws are valid."""
+    sigmas = {"density": 100.0, "cohesion": 4000.0, "friction_angle": 0.06, "tool_friction": 0.05,
+              "adhesion": 500.0}
+    soil = {"density": 1800.0, "cohesion": 4000.0, "friction_angle": 0.5, "tool_friction": 0.3,
+            "adhesion": 900.0}
+    noise = of({"soil": sigmas | {"swell": 0}})
+    assert noise.strength() == list(sigmas) and noise.sources() == [f"soil.{key}" for key in sigmas]
+    noise.check_strength(soil)
+    count = 4000
+    for key, sigma in sigmas.items():
+        draws = np.array([noise.draw(3, i).soil(key, soil[key]) for i in range(count)])
+        # Of a lognormal of that sigma: fourth moment over sigma^4, less 1, by w = 1 + (sigma / mean)^2.
+        w = 1 + (sigma / soil[key])**2 if key not in ("friction_angle", "tool_friction") else 1
+        fourth = w**4 + 2 * w**3 + 3 * w**2 - 3
+        assert draws.mean() == pytest.approx(soil[key], abs=4 * sigma / math.sqrt(count)), key
+        assert draws.var() == pytest.approx(sigma**2, rel=4 * math.sqrt((fourth - 1) / count)), key
+        assert draws.min() > 0
+    assert noise.draw(3, {}).soil("cohesion", 4000.0) == 4000
+    assert noise.draw(3, 0).soil("swell", 0.2) == 0.2
+
+
+@pytest.mark.parametrize("sigmas, why", [
+    ({"cohesion": 4001}, "soil.cohesion is 4001; it must be at most the soil's cohesion, 4000"),
+    ({"adhesion": 1}, "soil.adhesion is 1; it must be at most the soil's adhesion, 0"),
+    ({"friction_angle": 0.2}, "soil.friction_angle is 0.2; it must be at most a third of what the"),
+    ({"tool_friction": 0.1}, "soil.tool_friction: the soil's tool_friction isn't given; an error")])
+def test_strength_that_can_not_err_so_is_refused(sigmas, why):
+    with pytest.raises(noises.NoiseError) as error:
+        of({"soil": sigmas}).check_strength({"density": 1800, "cohesion": 4000, "adhesion": 0,
+                                             "friction_angle": 0.5, "tool_friction": None})
+    assert str(error.value).startswith(why)
+
+
 def test_a_file_says_what_a_dict_does(tmp_path):
     (tmp_path / "n.yaml").write_text(
         "position: {bias: [1, 2, 3], drift: {sigma: 0.5, tau: 30}}\n"

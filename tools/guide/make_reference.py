@@ -91,8 +91,10 @@ def main():
                 print(member)
     for thing, names in (
             (soilvdb.VectorSite, ("__init__", "step", "height_map", "loads", "reset", "randomise")),
-            (soilvdb.Steps, ()), (soilvdb.Ensemble, ("__init__", "update", "load", "cut")),
-            (soilvdb.Spread, ()), (soilvdb.StateError, ()), (soilvdb.NoGroundError, ())):
+            (soilvdb.Steps, ()),
+            (soilvdb.Ensemble, ("__init__", "update", "load", "cut", "resistance")),
+            (soilvdb.Spread, ()), (soilvdb.WrenchSpread, ()), (soilvdb.Wrench, ()),
+            (soilvdb.Identified, ()), (soilvdb.StateError, ()), (soilvdb.NoGroundError, ())):
         print(f"## {thing.__name__}\n\n{text_of(thing)}\n")
         for name in names:
             function = getattr(thing, name)
@@ -102,7 +104,7 @@ def main():
     for node in stub.body:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             print(section(signature(node.name, node), getattr(soilvdb, node.name)))
-    written = (soilvdb.depth_image, soilvdb.lidar_turn, soilvdb.run)
+    written = (soilvdb.identify, soilvdb.depth_image, soilvdb.lidar_turn, soilvdb.run)
     print("\n".join(section(f"{f.__name__}({arguments_of(f)})", f) for f in written).strip())
 
 

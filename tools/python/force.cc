@@ -49,21 +49,36 @@ ResistanceValue resistance(Site& site, const MachineName& machine,
   });
 }
 
+/// The soil of each site. @param given one for all, one for each, or None: their own
+std::vector<std::optional<SoilProperties>> soils_of(const py::object& given, std::size_t sites) {
+  using Soils = std::vector<std::optional<SoilProperties>>;
+  if (given.is_none()) return Soils(sites);
+  if (py::isinstance<SoilProperties>(given)) return Soils(sites, given.cast<SoilProperties>());
+  Soils soils;
+  for (const py::handle& soil : several(given, "soil", "soilvdb.Soil")) {
+    if (!py::isinstance<SoilProperties>(soil)) not_of_kind(soil, "soil", "soilvdb.Soil");
+    soils.emplace_back(soil.cast<SoilProperties>());
+  }
+  if (soils.size() != sites)
+    throw py::value_error(fmt::format("there are {} soils for {} sites", soils.size(), sites));
+  return soils;
+}
+
 /// Forces and moments of many sites; NaN where a machine had no state.
-py::tuple resistances(const py::object& given, const MachineName& machine,
-                      const std::optional<SoilProperties>& soil, bool crescents,
-                      const std::optional<int>& threads) {
+py::tuple resistances(const py::object& given, const MachineName& machine, const py::object& soil,
+                      bool crescents, const std::optional<int>& threads) {
   const py::tuple kept = several(given, "sites", "soilvdb.Site");
   const std::vector<Site*> sites = sites_of(kept);
+  const std::vector<std::optional<SoilProperties>> soils = soils_of(soil, sites.size());
   const auto count = static_cast<py::ssize_t>(sites.size());
   Array forces({count, py::ssize_t{3}}), moments({count, py::ssize_t{3}});
   double *const force = forces.mutable_data(), *const moment = moments.mutable_data();
   with_all(sites, [&](const std::vector<Session*>& sessions) {
     std::vector<SoilStrength> strengths;
     std::vector<std::size_t> numbers;
-    for (Session* session : sessions) {
-      strengths.push_back(strength_of(*session, soil));
-      numbers.push_back(machine_of(*session, machine));
+    for (std::size_t i = 0; i < sessions.size(); ++i) {
+      strengths.push_back(strength_of(*sessions[i], soils[i]));
+      numbers.push_back(machine_of(*sessions[i], machine));
     }
     on_threads(threads, [&] {
       tbb::parallel_for(std::size_t{0}, sessions.size(), [&](std::size_t i) {
@@ -143,14 +158,19 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
   py::class_<CutGeometry, Geometry>(
       m, "CutGeometry",
       "Ground, blade and load at one place of a bucket: all that its resistance depends on besides "
-      "the soil's strength. It stays as it is when the site goes on.")
+      "the soil's strength. It stays as it is when the site goes on, and can be pickled.")
       .def(
           "resistance",
           [](const CutGeometry& g, const SoilProperties& soil, bool crescents) {
             return value_of(g, SoilStrength::of(soil), crescents);
           },
           py::arg("soil"), py::kw_only(), py::arg("crescents") = true,
-          "As Site.resistance() at that place, for any soil.");
+          "As Site.resistance() at that place, for any soil.")
+      .def(py::pickle([](const CutGeometry& g) { return py::bytes(g.save()); },
+                      [](const py::bytes& bytes) {
+                        return std::make_shared<CutGeometry>(
+                            CutGeometry::load(bytes.cast<std::string>()));
+                      }));
 
   const auto none = py::none();
   site.def("resistance", &resistance, py::arg("machine") = 0, py::kw_only(), py::arg("soil") = none,
@@ -193,8 +213,9 @@ void bind_force(py::class_<Site>& site, py::module_& m) {
           "unless the last state was given by joints.");
   m.def("resistances", &resistances, py::arg("sites"), py::arg("machine") = 0, py::kw_only(),
         py::arg("soil") = none, py::arg("crescents") = true, py::arg("threads") = none,
-        "Site.resistance() of many sites: forces (sites, 3) and moments (sites, 3), in the "
-        "bucket's frame; NaN before the machine's first state. threads: default: all cores.");
+        "Site.resistance() of many sites: forces (sites, 3), N, and moments (sites, 3), N m, in "
+        "the bucket's frame; NaN before the machine's first state. soil: one for all, or a list "
+        "with one for each; default: each site's own. threads: default: all cores.");
 }
 
 }  // namespace soilvdb::python

@@ -471,6 +471,12 @@ void bind_site(py::module_& m) {
             return names;
           },
           "Names of the machines.")
+      .def_property_readonly(
+          "soil",
+          [](Site& s) {
+            return s.with([](Session& session) { return session.earthmoving().soil; });
+          },
+          "Properties of the soil that moves, a Soil; None where soil is rigid.")
       .def(
           "write",
           [](Site& s, const std::filesystem::path& file) {

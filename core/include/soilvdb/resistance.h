@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "soilvdb/bucket.h"
@@ -85,6 +86,11 @@ class CutGeometry {
 
   const Pose& world_from_bucket() const { return pose_; }
 
+  /// Serialization: resistance() of what load() gives has the same bits. @throw
+  /// std::invalid_argument if the bytes are not from save()
+  std::string save() const;
+  static CutGeometry load(std::string_view bytes);
+
  private:
   struct Strip {
     Vec3 lip = Vec3::Zero();  // world, from the middle of the lip
@@ -99,8 +105,13 @@ class CutGeometry {
     double length = 0;        // of the face in the ground, m
   };
 
+  CutGeometry() = default;  // for load()
+  /// Calls each(value) for all numbers but those of strips, heights and heels.
+  template <typename Geometry, typename Each>
+  static void each_number(Geometry& of, const Each& each);
+
   Pose pose_;
-  Vec3 way_, ahead_;
+  Vec3 way_ = Vec3::Zero(), ahead_ = Vec3::Zero();
   double strip_m_ = 0, step_m_ = 0, width_m_ = 0;
   double rake_rad_ = 0, face_m_ = 0;
   bool cuts_ = false;

@@ -46,7 +46,7 @@ from ._soilvdb import (
     update_many,
     write_raster,
 )
-from .ensemble import Ensemble, Spread
+from .ensemble import Ensemble, Spread, WrenchSpread
 from .vector import Steps, VectorSite
 
 __all__ = [
@@ -72,6 +72,7 @@ __all__ = [
     "VectorSite",
     "Volume",
     "Wrench",
+    "WrenchSpread",
     "__version__",
     "depth_image",
     "height_maps",

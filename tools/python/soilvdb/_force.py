@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ._row_errors import covariance
 from ._soilvdb import CutGeometry, Soil
 
 _STEPS = 60
@@ -31,9 +33,10 @@ class Wrench(NamedTuple):
 class Identified:
     """The soil that explains measured forces best.
 
-    cohesion, Pa, and friction_angle, rad, with their standard deviations; correlation: of the two
-    errors. noise: misfit of a row's force as a share of it, root of the mean square. soil: the Soil with
-    them. told_apart: False if other pairs of the two explain the rows as well, and why says so.
+    cohesion, Pa, and friction_angle, rad, with their standard deviations, also where errors go on
+    from row to row; correlation: of the errors of both. noise: misfit of a row's force as a share
+    of it, root of the mean square. soil: the Soil with them. told_apart: False if other pairs of
+    the two explain the rows as well, and why says so.
     """
 
     cohesion: float
@@ -56,10 +59,13 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
              crescents: bool = True) -> Identified:
     """Cohesion and friction of the soil from forces measured in a dig.
 
-    geometries: Site.cut_geometry() at each row. forces: (N, 3), N, on the bucket in its frame, as
-    Resistance.force; without the machine's own weight. soil: density, adhesion, and a first guess
-    of the others; without tool_friction that goes with friction, as two thirds of it. The errors of
-    rows are taken to be independent and to grow with the force; least squares (Gauss and Newton).
+    geometries: Site.cut_geometry() at each row, in the order of time and evenly apart. forces: (N,
+    3), N, on the bucket in its frame, as Resistance.force; without the machine's own weight. soil:
+    density, adhesion, and a first guess of the others; without tool_friction that goes with
+    friction, as two thirds of it. Least squares (Gauss and Newton) of errors that grow with the
+    force. The sigmas are for errors of which a share is new in each row and a share fades over some
+    rows, at most a quarter of all; the rows tell how much and how fast. An error that is the same
+    in all rows is not in them.
 
     Raises ValueError for fewer than 4 rows, for forces that aren't finite, and if no row has soil
     ahead of its bucket.
@@ -85,21 +91,18 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
 
     ties = 2 / 3 if soil.tool_friction is None else 0.0
 
+    @functools.lru_cache(maxsize=2)  # a step that is taken, and the next trial
     def rows(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
         """Misfit of each row's force, its derivatives, and the force's size."""
         now = _with(soil, cohesion, friction)
-        all_forces, by = [], []
-        for geometry in geometries:
-            r = geometry.resistance(now, crescents=crescents)
-            all_forces.append(r.force)
-            j = r.jacobian
-            by.append(np.stack([j[:, 1], j[:, 2] + ties * j[:, 3]], 1))
-        model = np.array(all_forces)
-        return measured - model, np.array(by), np.linalg.norm(model, axis=1)
+        felt = [geometry.resistance(now, crescents=crescents) for geometry in geometries]
+        model, j = np.array([r.force for r in felt]), np.array([r.jacobian for r in felt])
+        by = np.stack([j[:, :, 1], j[:, :, 2] + ties * j[:, :, 3]], axis=2)
+        return measured - model, by, np.linalg.norm(model, axis=1)
 
-    def weighted(cohesion: float, friction: float) -> tuple[Any, Any, Any]:
-        """Misfits and derivatives over the forces' sizes, and a misfit at other values over the
-        same sizes."""
+    def weighted(cohesion: float, friction: float) -> tuple[Any, Any, Any, Any]:
+        """Misfits and derivatives over the forces' sizes, a misfit at other values over the same
+        sizes, and the numbers of the rows."""
         misfit, by, size = rows(cohesion, friction)
         # Rows whose force depends on the soil, not only on the load.
         used = np.abs(by[:, :, 1]).max(1) > 1e-6 * np.maximum(size, 1e-9)
@@ -107,7 +110,8 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
             raise ValueError("fewer than 4 rows have soil ahead of the bucket")
         return ((misfit[used] / size[used, None]).ravel(),
                 (by[used] / size[used, None, None]).reshape(-1, 2),
-                lambda c, f: (rows(c, f)[0][used] / size[used, None]).ravel())
+                lambda c, f: (rows(c, f)[0][used] / size[used, None]).ravel(),
+                np.flatnonzero(used))
 
     # Cohesion in units in which both unknowns change a force about as much.
     scale = 1e4
@@ -119,7 +123,7 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
     for cohesion, friction in starts:
         damping, cost = 1e-3, math.inf
         for _ in range(_STEPS):
-            misfit, by, elsewhere = weighted(cohesion, friction)
+            misfit, by, elsewhere, _ = weighted(cohesion, friction)
             cost = float(misfit @ misfit)
             by = by * [scale, 1.0]
             normal, right = by.T @ by, by.T @ misfit
@@ -140,15 +144,10 @@ def identify(geometries: Sequence[CutGeometry], forces: Any, *, soil: Soil,
             best = (cost, cohesion, friction)
     assert best is not None
     _, cohesion, friction = best
-    misfit, by, _ = weighted(cohesion, friction)
+    misfit, by, _, numbers = weighted(cohesion, friction)
     by = by * [scale, 1.0]
     noise = math.sqrt(3 * float(misfit @ misfit) / max(1, len(misfit) - 2))
-    # From the rows' own misfits (White's sandwich): right also if parts of a force err differently,
-    # or together.
-    inverse = np.linalg.pinv(by.T @ by)
-    scores = (by * misfit[:, None]).reshape(-1, 3, 2).sum(1)
-    count = len(scores)
-    spread = inverse @ (scores.T @ scores) @ inverse * count / max(1, count - 2)
+    spread = covariance(numbers.astype(float), by.reshape(-1, 3, 2), misfit.reshape(-1, 3))
     sigmas = np.sqrt(np.diag(spread))
     correlation = float(spread[0, 1] / max(sigmas[0] * sigmas[1], 1e-300))
     why = ""

@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ._errors import NoGroundError
-from ._soilvdb import Site, Update, update_many
+from ._force import Wrench
+from ._soilvdb import Site, Soil, Update, resistances, update_many
 from .noise import Floats, Noise, Signal, of, turned, turned_about
 
 _Numbers = Union[Sequence[float], npt.NDArray[np.floating[Any]]]  # read by Python 3.9
@@ -28,6 +29,25 @@ class Spread:
     sigma: float
     p05: float
     p95: float
+
+
+@dataclasses.dataclass(frozen=True)
+class WrenchSpread:
+    """Force (3,), N, and moment (3,), N m, on a bucket in its frame at the middle of the lip: of a
+    site, and their statistics over the clones, for each component."""
+
+    recorded: Wrench
+    mean: Wrench
+    sigma: Wrench
+    p05: Wrench
+    p95: Wrench
+
+
+def _statistics(values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Mean, sigma, percentiles 5 and 95 of values (clones, ...); sigma is 0 if all are the same."""
+    apart = values - values[0]
+    p05, p95 = np.percentile(values, (5, 95), axis=0)
+    return values[0] + apart.mean(axis=0), apart.std(axis=0, ddof=1), p05, p95
 
 
 class _Errors:
@@ -82,20 +102,28 @@ class _Machine:
         return values
 
 
+def _values(soil: Soil) -> dict[str, Any]:
+    """The properties of a soil by the names of its arguments."""
+    names = ("repose_angle", "swell", "density", "cohesion", "friction_angle", "tool_friction",
+             "adhesion")
+    return {name: getattr(soil, name) for name in names}
+
+
 class Ensemble:
     """A site and clones of it. The clones receive the same states with errors; the spread of their
-    loads is the uncertainty of the site's load.
+    loads and forces is the uncertainty of the site's.
 
         ensemble = soilvdb.Ensemble(site, {"position": {"bias": 0.01, "white": 0.002}})
         update = ensemble.update("digger", position=position, rotation=rotation, time=t)
         update.bucket_m3, ensemble.load("digger").sigma
 
-    noise: soilvdb.noise.Noise, or a dict with the keys position, rotation and joints of a noise
-    file. Position errors are along the world's axes, rotation errors about the bucket's axes; for a
-    machine that joints move, both are errors of its base. The clones share terrain, bucket and
-    soil; `python3 -m soilvdb.fleet uncertainty` varies those too. The same seed gives the same
-    errors. An update costs one update of the site and one of each clone; the clones use both cores.
-    Only one thread may use an ensemble.
+    noise: soilvdb.noise.Noise, or a dict with the keys position, rotation, joints and soil of a
+    noise file. Position errors are along the world's axes, rotation errors about the bucket's axes;
+    for a machine that joints move, both are errors of its base. Errors of the soil's density,
+    cohesion, friction_angle, tool_friction and adhesion change resistance() only: the clones share
+    terrain, bucket and the soil that moves. `python3 -m soilvdb.fleet uncertainty` varies those
+    too. The same seed gives the same errors. An update costs one update of the site and one of each
+    clone; the clones use both cores. Only one thread may use an ensemble.
     """
 
     def __init__(self, site: Site, noise: Noise | Mapping[str, Any], *, clones: int = 16,
@@ -105,10 +133,12 @@ class Ensemble:
         if not 2 <= clones <= 1000:
             raise ValueError(f"clones is {clones}; it must be 2 to 1000")
         for source in noise.sources():
-            if source.startswith(("bucket.", "terrain.", "soil.")):
-                raise ValueError(f"{source}: clones share bucket, terrain and soil; position, "
-                                 "rotation and joints may err")
+            if source.startswith(("bucket.", "terrain.", "soil.repose", "soil.swell")):
+                raise ValueError(f"{source}: clones share bucket, terrain and soil that moves; "
+                                 "position, rotation, joints and the soil's strength may err")
         self._site, self._noise, self._seed = site, noise, seed
+        self._drawn_about: dict[str, Any] = {}
+        self._drawn: list[Soil] = []
         if seed < 0:
             raise ValueError(f"seed is {seed}; it must be 0 or more")
         names = site.machines
@@ -167,8 +197,41 @@ class Ensemble:
         """The cut of the machine, in place, m3; default: of all machines."""
         return self._spread(machine, "cut_m3")
 
+    def resistance(self, machine: int | str, *, soil: Soil | None = None,
+                   crescents: bool = True) -> WrenchSpread:
+        """The force of the soil on the machine's bucket, as Site.resistance(). soil: mean values of
+        what resists; default: the site's soil, and rigid soil needs one. Each clone has its own
+        soil about it if the noise has errors of the soil. Clones that wait for their first state
+        are left out; with fewer than two others the statistics are nan.
+
+        Raises the errors of Site.resistance(), and ValueError (NoiseError) if errors of the soil
+        are too large for its values.
+        """
+        recorded = self._site.resistance(machine, soil=soil, crescents=crescents)
+        soils = self._soils(soil or self._site.soil) if self._noise.strength() else soil
+        forces, moments = resistances(self._clones, self._name(machine), soil=soils,
+                                      crescents=crescents)
+        known = np.isfinite(forces).all(axis=1)
+        if known.sum() < 2:
+            forces = moments = np.full((2, 3), np.nan)
+            known = np.ones(2, dtype=bool)
+        return WrenchSpread(Wrench(recorded.force, recorded.moment),
+                            *(Wrench(force, moment) for force, moment in
+                              zip(_statistics(forces[known]), _statistics(moments[known]))))
+
+    def _soils(self, mean: Soil | None) -> list[Soil]:
+        """The soil of each clone."""
+        assert mean is not None  # Site.resistance() has refused that
+        values = _values(mean)
+        if values != self._drawn_about:
+            self._noise.check_strength(values)
+            draws = [self._noise.draw(self._seed, number) for number in range(len(self._clones))]
+            self._drawn = [Soil(**(values | {key: draw.soil(key, values[key])
+                                             for key in self._noise.strength()}))
+                           for draw in draws]
+            self._drawn_about = values
+        return self._drawn
+
     def _spread(self, machine: int | str | None, key: str) -> Spread:
         values = np.array([clone.ledger(machine)[key] for clone in self._clones])
-        p05, p95 = np.percentile(values, (5, 95))
-        return Spread(self._site.ledger(machine)[key], float(values.mean()),
-                      float(values.std(ddof=1)), float(p05), float(p95))
+        return Spread(self._site.ledger(machine)[key], *map(float, _statistics(values)))

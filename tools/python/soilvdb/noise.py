@@ -32,9 +32,15 @@ PARTS = ("bias", "drift", "white")
 AXES = ("x", "y", "z")
 KEYS: dict[str, tuple[str, ...]] = {
     "position": PARTS, "rotation": PARTS, "bucket": ("width", "height"),
-    "terrain": ("bias", "correlated", "white", "cell"), "soil": ("repose", "swell")}
+    "terrain": ("bias", "correlated", "white", "cell"),
+    "soil": ("repose", "swell", "density", "cohesion", "friction_angle", "tool_friction",
+             "adhesion")}
 FINEST = 1 / 500  # of the range of what is correlated
 MOST = {"position": 10.0, "rotation": 0.5, "joint": 0.5, "bucket": 1.0, "terrain": 10.0, "soil": 1.0}
+STRENGTH = KEYS["soil"][2:]  # that a force depends on
+POSITIVE = {"density": 1e4, "cohesion": 1e8, "adhesion": 1e8}  # of soil, with their largest sigmas
+SOIL_LIMITS = {"repose": (0.02, 1.5), "swell": (0.0, 3.0), "friction_angle": (0.0, 1.5),
+               "tool_friction": (0.0, 1.5)}  # of what isn't in POSITIVE
 
 
 class NoiseError(ValueError):
@@ -78,7 +84,8 @@ class Noise:
     all_joints: Signal | None = None  # of those that `joints` doesn't have; rad, or m
     bucket: Mapping[str, float] = dataclasses.field(default_factory=dict)  # width, height, m
     terrain: TerrainNoise = TerrainNoise()
-    soil: Mapping[str, float] = dataclasses.field(default_factory=dict)  # repose, rad; swell
+    # Keys as in a noise file; rad, 1, kg/m3 or Pa.
+    soil: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     def sources(self) -> list[str]:
         """Names of all sources of errors, such as position.bias, joints.boom.white,
@@ -92,6 +99,27 @@ class Noise:
         names += [f"bucket.{name}" for name, sigma in self.bucket.items() if sigma]
         names += [f"terrain.{part}" for part in self.terrain.parts()]
         return names + [f"soil.{name}" for name, sigma in self.soil.items() if sigma]
+
+    def strength(self) -> list[str]:
+        """The properties of soil that err and that a force depends on."""
+        return [key for key in STRENGTH if self.soil.get(key)]
+
+    def check_strength(self, soil: Mapping[str, float | None]) -> None:
+        """Raises NoiseError if draws of this soil's properties could not have these sigmas."""
+        for key in self.strength():
+            sigma, value = self.soil[key], soil.get(key)
+            if value is None:
+                raise NoiseError(f"soil.{key}: the soil's {key} isn't given; an error needs a "
+                                 "value that it is added to")
+            if key in POSITIVE and sigma > value:
+                raise NoiseError(f"soil.{key} is {sigma:g}; it must be at most the soil's {key}, "
+                                 f"{value:g}")
+            room = math.inf if key in POSITIVE else min(value - SOIL_LIMITS[key][0],
+                                                        SOIL_LIMITS[key][1] - value)
+            if sigma > room / 3:
+                low, high = SOIL_LIMITS[key]
+                raise NoiseError(f"soil.{key} is {sigma:g}; it must be at most a third of what the "
+                                 f"soil's {key}, {value:g}, is from {low:g} and {high:g} rad")
 
     def moves_base(self) -> bool:
         return any(name.startswith(("position.", "rotation.")) for name in self.sources())
@@ -159,6 +187,20 @@ class Draw:
         while not low <= (error := sigma * float(random.standard_normal())) <= high:
             pass
         return error
+
+    def soil(self, key: str, value: float) -> float:
+        """A property of soil as drawn. Density, cohesion and adhesion are lognormal, with the value
+        as mean and the given sigma; others are normal, and drawn again beyond SOIL_LIMITS."""
+        source, sigma = f"soil.{key}", self.noise.soil.get(key, 0.0)
+        if key not in POSITIVE:
+            low, high = SOIL_LIMITS[key]
+            return value + self.scalar(source, sigma, min(low - value, 0.0), max(high - value, 0.0))
+        random = self._random(source)
+        if random is None:
+            return value
+        variance = math.log1p((sigma / value)**2)
+        normal = float(random.standard_normal())
+        return value * math.exp(math.sqrt(variance) * normal - variance / 2)
 
     def terrain(self, shape: tuple[int, int], spacing: tuple[float, float]) -> Floats:
         """Errors (ny, nx) of heights with the spacing (dx, dy), m."""
@@ -439,9 +481,9 @@ def _noise(given: Any, where: str) -> Noise:
         _signal(_mapping(given, key, "", PARTS), key, MOST[key], 3) if key in given else None
         for key in ("position", "rotation"))
     bucket, soil = (
-        {name: _number(value, name, key, MOST[key]) for name in value} for key, value in
-        ((key, _mapping(given, key, "", KEYS[key]) if key in given else {})
-         for key in ("bucket", "soil")))
+        {name: _number(value, name, key, POSITIVE.get(name, MOST[key])) for name in value}
+        for key, value in ((key, _mapping(given, key, "", KEYS[key]) if key in given else {})
+                           for key in ("bucket", "soil")))
     everyone, named = _joints(given) if "joints" in given else (None, {})
     terrain = _terrain(given) if "terrain" in given else TerrainNoise()
     return Noise(position, rotation, named, everyone, bucket, terrain, soil)

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 import soilvdb
-from soilvdb.noise import Draw, Floats, Noise, scalar_of, turned
+from soilvdb.noise import Draw, Floats, Noise, NoiseError, scalar_of, turned
 
 from . import InputError, nearest
 
@@ -27,6 +27,8 @@ BASE = tuple(f"soilvdb_base_{name}" for name in ("x", "y", "z", "roll", "pitch",
 MARGIN_M = 10.0  # of ground with an error of its own around where machines come
 MOST_POSTS = 4e6
 NAMED_ROWS = 200  # of a motion, that say where a site is
+SOIL_KEYS = {"repose": "repose_angle"}  # keys of a scenario's soil where a noise file has others
+SOIL_DEFAULTS = {"density": 1800.0, "adhesion": 0.0}
 TEXTS = ("name", "raster", "level_set", "grid", "motion", "mcap", "topic", "frame", "parent",
          "angles", "bad_rows", "urdf", "link")  # keys whose values are no numbers, though they look it
 
@@ -50,6 +52,9 @@ class Dug:
     fill_m3: float  # added to the ground
     site: soilvdb.Site
     waited: int  # rows that were left out, at ground without a height
+    # After each of its rows, (rows, 4): force x, y, z, N, and moment y, N m, in the bucket's frame;
+    # NaN before its first state. Empty where the scenario doesn't ask for forces.
+    force: dict[str, Floats]
 
 
 class Scene:
@@ -67,12 +72,17 @@ class Scene:
             yaml.compose(self._file.read_text(encoding="utf-8"), yaml.SafeLoader))
         self._machines: list[dict[str, Any]] = self._values.get("machines") or []
         self.names = [name for name in self.nominal.machines if name in self.motions]
+        asked = (self._values.get("output") or {}).get("force") == "true"
+        self.blades = [machine["name"] for machine in self._machines
+                       if asked and machine["name"] in self.names and "bucket" in machine]
         self._joints = {name: self.nominal.joints(name) for name in self.names}
         self._dump = yaml.safe_dump
         self._check()
         self.inputs_were = self.inputs_are()
         self._folder = tempfile.TemporaryDirectory(prefix="soilvdb-")
         self._order = list(self._rows_in_order())
+        if self.blades:  # a force after each row
+            self._order = _single(self._order)
         sources = study.noise.sources()
         self._floats = study.noise.moves_base() and any(self._joints.values())
         self._each_opened = any(s.startswith(("bucket.", "terrain.", "soil.")) for s in sources)
@@ -97,6 +107,8 @@ class Scene:
             self._refuse("soil: doesn't move in the scenario; leave it out")
         if noise.soil.get("swell") and not (soil or {}).get("swell"):
             self._refuse("soil.swell: soil doesn't swell in the scenario; leave it out")
+        if soil is not None:
+            self._check_strength(soil)
         for machine in self._machines:
             for key, sigma in noise.bucket.items():
                 if sigma > machine["bucket"][key] / 5:
@@ -112,6 +124,18 @@ class Scene:
                 self._refuse(f"terrain.cell is {noise.terrain.cell:g}; it must be at most "
                              f"correlated.length, {noise.terrain.length:g} m")
             self._posts_of_plane(self.box())
+
+    def _check_strength(self, soil: dict[str, Any]) -> None:
+        noise = self.study.noise
+        try:
+            noise.check_strength(SOIL_DEFAULTS | soil)
+        except NoiseError as error:
+            self._refuse(str(error))
+        digs = () if soil.get("cohesion") is None else ("density", "cohesion", "friction_angle")
+        for key in noise.strength():
+            if not self.blades and key not in digs:
+                self._refuse(f"soil.{key}: changes forces only, and the scenario has no output: "
+                             "{force: true}; leave it out")
 
     def _refuse(self, why: str) -> NoReturn:
         raise InputError(f"{self.study.noise_file}: {why}")
@@ -182,12 +206,11 @@ class Scene:
                     self._resize(machine["bucket"], key, draw.scalar(f"bucket.{key}", sigma, -half,
                                                                      half, machine["name"]))
         if draw:
-            for key, name, low, high in (("repose", "repose_angle", 0.02, 1.5),
-                                         ("swell", "swell", 0.0, 3.0)):
-                if spread := self.study.noise.soil.get(key):
-                    was = values["soil"][name]
-                    values["soil"][name] = was + draw.scalar(
-                        f"soil.{key}", spread, min(low - was, 0.0), max(high - was, 0.0))
+            for key, sigma in self.study.noise.soil.items():
+                name = SOIL_KEYS.get(key, key)
+                if sigma:
+                    values["soil"][name] = draw.soil(
+                        key, values["soil"].get(name, SOIL_DEFAULTS.get(name)))
             if self.study.noise.terrain.parts():
                 self._write_terrain(draw, values, folder / "terrain.tif")
         first = next(m for m in values["machines"] if m["name"] == self.names[0])
@@ -340,8 +363,7 @@ class Scene:
         except soilvdb.NoGroundError as error:
             if draw is None:
                 raise RuntimeError(f"{self._file}: {error}") from error
-        return self._dig(draw, [(name, row, row + 1) for name, begin, end in self._order
-                                for row in range(begin, end)], waits=True)
+        return self._dig(draw, _single(self._order), waits=True)
 
     def _dig(self, draw: Draw | None, order: Iterable[tuple[str, int, int]],
              waits: bool = False) -> Dug:
@@ -350,6 +372,7 @@ class Scene:
         rows = self._perturbed(draw)
         load = {name: np.zeros(len(rows[name]["times"])) for name in self.names}
         cut = {name: np.zeros(len(rows[name]["times"])) for name in self.names}
+        force = {name: np.full((len(rows[name]["times"]), 4), np.nan) for name in self.blades}
         waited = 0
         for name, begin, end in order:
             part = {key: values[begin:end] for key, values in rows[name].items()}
@@ -360,16 +383,21 @@ class Scene:
                     raise
                 waited += 1
                 load[name][begin] = load[name][begin - 1] if begin else 0.0
+                if name in force and begin:
+                    force[name][begin] = force[name][begin - 1]
                 continue
             except ValueError as error:
                 raise RuntimeError(f"{self._file}: machine '{name}', drawn from {end - begin} rows "
                                    f"on from {part['times'][0]:g} s: {error}") from error
             load[name][begin:end] = updates["bucket_m3"]
             cut[name][begin:end] = updates["cut_m3"]
+            if name in force:
+                felt = site.resistance(name)
+                force[name][begin] = (*felt.force, felt.moment[1])
         site.pour(self.end_s)
         site.come_to_rest()
         return Dug(load, {name: np.cumsum(c) for name, c in cut.items()},
-                   site.ledger()["fill_m3"], site, waited)
+                   site.ledger()["fill_m3"], site, waited, force)
 
     def inputs_are(self) -> list[tuple[str, int, int]]:
         """The present state of the input files: name, time, size."""
@@ -386,6 +414,11 @@ class Scene:
             files += map(str, sorted(path.glob("*.mcap")) if path.is_dir() else [path])
         return [(file, stat.st_mtime_ns, stat.st_size)
                 for file, stat in ((file, os.stat(file)) for file in files)]
+
+
+def _single(order: Iterable[tuple[str, int, int]]) -> list[tuple[str, int, int]]:
+    """The same order, row by row."""
+    return [(name, row, row + 1) for name, begin, end in order for row in range(begin, end)]
 
 
 def values_of(node: Any, key: str = "") -> Any:

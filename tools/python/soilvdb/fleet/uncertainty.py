@@ -28,8 +28,10 @@ from soilvdb.noise import Draw, Floats
 
 from . import InputError, cluster
 from .cycles import Cycle, cycles_of, nearest_cycles
+from .forces import FORCES, kept_rows, largest_n, sizes_n, write_forces
 from .plots import plot_loads
 from .progress import Progress
+from .spread import spread
 from .study import Dug, Scene, Study, scene_of
 
 LEAST_DRAWS, MOST_DRAWS = 2, 100_000
@@ -38,10 +40,11 @@ MOST_CELLS = 250_000  # of the raster of heights
 INSTANTS = 400  # of the band over time
 MOST_CYCLES = 12  # that are printed
 GRAINS_M = 2.0**-20  # heights are summed in whole numbers of it, so no order matters
-FILES = ("uncertainty.json", "draws.csv", "load.png", "height_sigma.tif")
+FILES = ("uncertainty.json", "draws.csv", "load.png", "height_sigma.tif", FORCES)
 PARTS = "draws.part"  # folder of what was drawn by now
 
 Ints = npt.NDArray[np.int64]
+Singles = npt.NDArray[np.float32]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,8 +78,11 @@ class Figures:
     cut_m3: dict[str, float]
     fill_m3: float
     loads_m3: dict[str, Floats]  # at the instants
-    cycles: dict[str, list[tuple[float, float]]]  # load and cut of each of the recorded ones; NaN
+    cycles: dict[str, list[tuple[float, ...]]]  # Cycle.figures() of each of the recorded ones; NaN
     waited: int = 0  # rows at ground without a height
+    # Of machines whose forces are asked for: the largest, and those of kept_rows(), as Dug.force.
+    force_n: dict[str, float] = dataclasses.field(default_factory=dict)
+    forces: dict[str, Singles] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass
@@ -102,8 +108,8 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "uncertainty", help="uncertainty of a scenario's loads and ground", allow_abbrev=False,
         description="Digs a scenario many times with random errors of its recorded data, and "
-                    "writes the results to DIR: uncertainty.json, draws.csv, "
-                    "load.png, height_sigma.tif.")
+                    "writes the results to DIR: uncertainty.json, draws.csv, load.png, "
+                    "height_sigma.tif, and force.csv if the scenario asks for forces.")
     parser.add_argument("scenario", metavar="SCENARIO", type=Path)
     parser.add_argument("--noise", metavar="NOISE.yaml", type=Path, required=True)
     parser.add_argument("--draws", metavar="N", type=_draws, required=True,
@@ -243,6 +249,7 @@ def draw_task(task: Task) -> Drawn:
         dug = scene.dig(Draw(task.study.noise, task.study.seed, dict(numbers)))
         drawn.figures.append(_figures(scene, dug, recorded.cycles))
         if task.grid is None:
+            drawn.figures[-1].forces = {}  # those of the first design are written
             continue
         rise = dug.site.mesh_heights(task.grid.places()) - recorded.heights
         known = np.isfinite(rise)
@@ -265,8 +272,7 @@ def recorded_of(scene: Scene, grid: Grid | None) -> Recorded:
 
 
 def _recorded(scene: Scene, dug: Dug, grid: Grid | None) -> Recorded:
-    cycles = {name: cycles_of(dug.load_m3[name], dug.cut_m3[name], scene.motions[name]["times"])
-              for name in scene.names}
+    cycles = {name: _cycles(scene, dug, name) for name in scene.names}
     heights = dug.site.mesh_heights(grid.places()) if grid else np.empty(0)
     return Recorded(_figures(scene, dug, cycles), cycles, heights)
 
@@ -277,17 +283,24 @@ def instants(scene: Scene) -> Floats:
     return np.asarray(np.linspace(begin, scene.end_s, INSTANTS))
 
 
+def _cycles(scene: Scene, dug: Dug, name: str) -> list[Cycle]:
+    return cycles_of(dug.load_m3[name], dug.cut_m3[name], scene.motions[name]["times"],
+                     sizes_n(dug.force[name]) if name in dug.force else None)
+
+
 def _figures(scene: Scene, dug: Dug, cycles: dict[str, list[Cycle]]) -> Figures:
     at = instants(scene)
     loads, of_cycles = {}, {}
     for name in scene.names:
         times = scene.motions[name]["times"]
         loads[name] = np.interp(at, times, dug.load_m3[name], left=0.0)
-        own = cycles_of(dug.load_m3[name], dug.cut_m3[name], times)
-        of_cycles[name] = nearest_cycles(cycles[name], own)
+        of_cycles[name] = nearest_cycles(cycles[name], _cycles(scene, dug, name))
     return Figures({name: float(load[-1]) for name, load in dug.load_m3.items()},
                    {name: float(cut[-1]) for name, cut in dug.cut_m3.items()},
-                   dug.fill_m3, loads, of_cycles, dug.waited)
+                   dug.fill_m3, loads, of_cycles, dug.waited,
+                   {name: largest_n(force) for name, force in dug.force.items()},
+                   {name: force[kept_rows(len(force))].astype(np.float32)
+                    for name, force in dug.force.items()})
 
 
 def _grid(scene: Scene, dug: Dug) -> Grid:
@@ -312,21 +325,6 @@ def _grid_of(box: tuple[float, float, float, float], least_m: float) -> Grid:
     first = [cell * (np.floor(box[axis] / cell) + 0.5) for axis in (0, 1)]
     shape = [max(2, int(np.ceil(size[axis] / cell)) + 1) for axis in (0, 1)]
     return Grid((float(first[0]), float(first[1])), cell, (shape[0], shape[1]))
-
-
-def spread(values: Sequence[float] | Floats) -> dict[str, float]:
-    """Mean, sigma, and percentiles 5 and 95 of the finite values."""
-    finite = np.array(values, dtype=float)
-    finite = finite[np.isfinite(finite)]
-    if len(finite) < 2:
-        return {"mean": float("nan"), "sigma": float("nan"), "p05": float("nan"),
-                "p95": float("nan")}
-    if np.ptp(finite) == 0:  # whose mean may be off by a bit, and then so is sigma
-        same = float(finite[0])
-        return {"mean": same, "sigma": 0.0, "p05": same, "p95": same}
-    p05, p95 = np.percentile(finite, (5, 95))
-    return {"mean": float(finite.mean()), "sigma": float(finite.std(ddof=1)), "p05": float(p05),
-            "p95": float(p95)}
 
 
 def sigma_of(drawn: Drawn, draws: int) -> Floats:
@@ -386,6 +384,14 @@ def _report(scene: Scene, recorded: Recorded, drawn: Sequence[Figures], count: i
              "cut_m3": {"recorded": cycle.cut_m3,
                         **spread([f.cycles[name][i][1] for f in drawn[:count]])}}
             for i, cycle in enumerate(recorded.cycles[name])]
+        if name in own.force_n:
+            for i, cycle in enumerate(recorded.cycles[name]):
+                one["cycles"][i]["force_n"] = {
+                    "recorded": cycle.force_n,
+                    **spread([f.cycles[name][i][2] for f in drawn[:count]])}
+            of_all = np.array([f.force_n[name] for f in drawn])
+            one["force_n"] = {"recorded": own.force_n[name], **spread(of_all[:count]),
+                              "sobol": _indices(first, second, of_all)}
         machines.append(one)
     cuts = np.array([sum(f.cut_m3.values()) for f in drawn])
     fills = np.array([f.fill_m3 for f in drawn])
@@ -408,11 +414,14 @@ def _write(out: Path, scene: Scene, recorded: Recorded, drawn: Drawn, report: di
                {name: recorded.figures.loads_m3[name] for name in scene.names})
     with open(out / ".draws.tmp", "w", newline="", encoding="utf-8") as text:
         table = csv.writer(text, lineterminator="\n")
-        table.writerow(["draw", "machine", "bucket_m3", "cut_m3"])
+        table.writerow(["draw", "machine", "bucket_m3", "cut_m3", *["force_n"] * bool(scene.blades)])
         for number, figures in enumerate(drawn.figures[:count]):
             for name in scene.names:
-                table.writerow([number, name, figures.load_m3[name], figures.cut_m3[name]])
+                force = [figures.force_n.get(name, "")] if scene.blades else []
+                table.writerow([number, name, figures.load_m3[name], figures.cut_m3[name], *force])
     os.replace(out / ".draws.tmp", out / "draws.csv")
+    write_forces(out, {name: scene.motions[name]["times"] for name in scene.blades},
+                 recorded.figures.forces, [figures.forces for figures in drawn.figures[:count]])
     (out / ".uncertainty.tmp").write_text(json.dumps(_without_nan(report), indent=2) + "\n",
                                           encoding="utf-8")
     os.replace(out / ".uncertainty.tmp", out / "uncertainty.json")
@@ -435,16 +444,19 @@ def _print(report: dict[str, Any], out: Path) -> None:
             print(f"  and {more} more")
         for key, title in (("bucket_m3", "load at the end"), ("cut_m3", "cut")):
             _print_figure(f"{machine['name']}: {title}", machine[key])
+        if "force_n" in machine:
+            _print_figure(f"{machine['name']}: largest force", machine["force_n"], "kN", 1e-3)
     if report["fill_m3"]["sigma"] > 0:
         _print_figure("fill", report["fill_m3"])
     print(f"in {out}: {', '.join(name for name in FILES if (out / name).exists())}")
 
 
-def _print_figure(title: str, figure: dict[str, Any]) -> None:
-    mean, sigma = figure["mean"], figure["sigma"]
+def _print_figure(title: str, figure: dict[str, Any], unit: str = "m3",
+                  scale: float = 1.0) -> None:
+    mean, sigma, p05, p95 = (scale * figure[key] for key in ("mean", "sigma", "p05", "p95"))
     of_mean = f" ({100 * sigma / abs(mean):.1f} %)" if mean else ""
     most = [f"{name} {max(0.0, 100 * index['first_order']):.0f} %"
             for name, index in list(figure.get("sobol", {}).items())[:3]
             if index["first_order"] > max(0.01, 2 * index["error"])]
-    print(f"  {title:24} {mean:.4g} +- {sigma:.2g} m3{of_mean}, 5..95 %: {figure['p05']:.4g} .. "
-          f"{figure['p95']:.4g}" + (f"; of {', '.join(most)}" if most and sigma > 0 else ""))
+    print(f"  {title:24} {mean:.4g} +- {sigma:.2g} {unit}{of_mean}, 5..95 %: {p05:.4g} .. "
+          f"{p95:.4g}" + (f"; of {', '.join(most)}" if most and sigma > 0 else ""))
