@@ -648,3 +648,23 @@ def test_many_rows_keep_some_forces():
     many = kept_rows(100_003)
     assert len(many) == MOST_ROWS and (many[0], many[-1]) == (0, 100_002)
     assert (np.diff(many) > 200).all()
+
+
+def test_a_machine_with_a_closed_tool_is_refused(tmp_path, uncertainty):
+    scenario = write_pass(tmp_path)
+    text = yaml.safe_load(scenario.read_text())
+    text["machines"][0].pop("bucket")
+    text["machines"][0]["tool"] = {"mesh": "box.stl"}
+    (tmp_path / "box.stl").write_text("solid box\n" + "".join(
+        "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
+        + "endloop\nendfacet\n" for corners in TETRAHEDRON) + "endsolid box\n")
+    scenario.write_text(yaml.safe_dump(text))
+    (tmp_path / "noise.yaml").write_text("position: {white: 0.001}\n")
+    refused = uncertainty(scenario, tmp_path / "noise.yaml", tmp_path / "out", "--draws", 4)
+    assert refused.returncode == 2
+    assert "has a closed tool; a study knows buckets only" in refused.stderr
+    assert refused.stderr.count("\n") == 1
+
+
+_A, _B, _C, _D = (0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)
+TETRAHEDRON = [(_A, _C, _B), (_A, _B, _D), (_A, _D, _C), (_B, _C, _D)]

@@ -74,7 +74,7 @@ class Scene:
         self.names = [name for name in self.nominal.machines if name in self.motions]
         asked = (self._values.get("output") or {}).get("force") == "true"
         self.blades = [machine["name"] for machine in self._machines
-                       if asked and machine["name"] in self.names and "bucket" in machine]
+                       if asked and machine["name"] in self.names]
         self._joints = {name: self.nominal.joints(name) for name in self.names}
         self._dump = yaml.safe_dump
         self._check()
@@ -95,6 +95,10 @@ class Scene:
         noise, file = self.study.noise, self._file
         if not self.names:
             raise InputError(f"{file}: no machine has a motion; noise needs at least one")
+        for machine in self._machines:
+            if "bucket" not in machine:
+                raise InputError(f"{file}: machine '{machine['name']}' has a closed tool; a study "
+                                 "knows buckets only")
         joints = sorted({joint for names in self._joints.values() for joint in names})
         for joint in noise.joints:
             if joint not in joints:
