@@ -213,6 +213,25 @@ TEST_F(RecordedScanRun, GoesOnFromAnyPlace) {
   expect_goes_on_to_the_same();
 }
 
+TEST_F(RecordedScanRun, LeavesOutWhatIsFromBeforeItsMachineHasAPlace) {
+  io::Recording recording(folder() / "bucket.mcap");
+  for (const double time_s : {1.0, 4.7})
+    recording.message("/camera", "sensor_msgs/msg/PointCloud2", io::CloudMessage{}.cdr(time_s, "c"),
+                      time_s);
+  recording.close();
+  std::string csv = read_file(folder() / "dig.csv");
+  csv.replace(csv.find("\n0,") + 1, csv.find("\n1.5,") - csv.find("\n0,"), "");
+  write_file(folder() / "dig.csv", csv);
+  write(sensor("machine: digger, ") +
+        "scans: [{sensor: mast, mcap: bucket.mcap, topic: /camera}]\n");
+  const Result result = good("run dig.yaml");
+  EXPECT_NE(
+      result.err.find("1 scan is from before 'digger', which carries the sensor, has a place; "
+                      "left out"),
+      std::string::npos)
+      << result.err;
+}
+
 TEST_F(RecordedScanRun, RefusesWhatIsNoRecordingOfScans) {
   const auto refused = [&](const std::string& scan, const std::string& words) {
     expect_refused_line(sensor("") + "scans: [{sensor: mast, " + scan + "}]\n", words);
