@@ -123,6 +123,13 @@ std::string quoted_list(std::span<const std::string> words) {
   return list;
 }
 
+std::string csv_field(std::string_view text) {
+  if (text.find_first_of(",\"\r\n") == std::string_view::npos) return std::string(text);
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + '"';
+}
+
 std::string shell_quoted(const std::filesystem::path& path) {
   const std::string text = path.string();
   const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) {

@@ -55,6 +55,9 @@ std::string nearest(std::string_view word, std::span<const std::string> candidat
 /// 'a', 'b' and 'c'
 std::string quoted_list(std::span<const std::string> words);
 
+/// A field of a CSV file, quoted as in RFC 4180.
+std::string csv_field(std::string_view text);
+
 /// `path` as an argument for a shell.
 std::string shell_quoted(const std::filesystem::path& path);
 

@@ -24,14 +24,6 @@ std::FILE* open_for_writing(const fs::path& file) {
   return stream;
 }
 
-/// A field of a CSV file, quoted as in RFC 4180.
-std::string csv_field(std::string_view text) {
-  if (text.find_first_of(",\"\r\n") == std::string_view::npos) return std::string(text);
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + '"';
-}
-
 }  // namespace
 
 void Durations::add(double us) {

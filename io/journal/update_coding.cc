@@ -29,6 +29,7 @@ enum UpdateFlag : std::uint8_t {
 constexpr int kKindAt = 7;
 constexpr std::uint64_t kKinds = 7, kKindMask = 15;
 constexpr unsigned kHasForce = 1u << 11;  // six doubles follow
+constexpr unsigned kHasHauled = 1u << 12;
 static_assert(kHasForce > kKindMask << (kKindAt - 1) && kHasForce >> kKindAt == kKindMask + 1);
 
 // Head of a number in a series: one of these, or kNear plus the coded difference of whole numbers.
@@ -176,6 +177,7 @@ void append_update(std::string& bytes, const JournalUpdate& update,
   if (no_begin) flags |= kNoBegin;
   if (update.spilled != 0 || update.slid != 0) flags |= kSoilMoved;
   if (update.force) flags |= kHasForce;
+  if (update.hauled) flags |= kHasHauled;
   append_count(bytes, update.machine);
   append_count(bytes, flags);
   if (anew) {
@@ -191,6 +193,7 @@ void append_update(std::string& bytes, const JournalUpdate& update,
     append_difference(bytes, 0, update.spilled);
     append_difference(bytes, 0, update.slid);
   }
+  if (update.hauled) append_difference(bytes, 0, *update.hauled);
   if (update.force)
     for (const double value : *update.force) put(bytes, value);
   if (update.kind == JournalUpdate::Kind::kSurvey) {
@@ -218,7 +221,7 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
                  std::vector<UpdateBefore>& all) {
   std::uint64_t machine = 0, flags = 0, count = 0;
   if (!take_count(bytes, machine) || machine >= kMostMachines || !take_count(bytes, flags) ||
-      (flags & ~std::uint64_t{kHasForce}) >> kKindAt >= kKinds)
+      (flags & ~std::uint64_t{kHasForce | kHasHauled}) >> kKindAt >= kKinds)
     return false;
   if (all.size() <= machine) all.resize(machine + 1);
   UpdateBefore& before = all[machine];
@@ -241,6 +244,7 @@ bool take_update(std::string_view& bytes, JournalUpdate& update, bool& anew,
   if ((flags & kSoilMoved) &&
       (!take_samples(bytes, 0, update.spilled) || !take_samples(bytes, 0, update.slid)))
     return false;
+  if ((flags & kHasHauled) && !take_samples(bytes, 0, update.hauled.emplace())) return false;
   if (flags & kHasForce)
     for (double& value : update.force.emplace())
       if (!try_take(bytes, value)) return false;

@@ -64,6 +64,7 @@ inline std::string as_text(const JournalRecord& record) {
     text << static_cast<int>(m->kind) << ' ' << m->machine << ' ' << m->ends_update;
     text << ' ' << m->cut_samples << ' ' << m->bucket_samples << ' ' << m->ns;
     text << ' ' << m->spilled << ' ' << m->slid << ' ' << m->rows.joints;
+    if (m->hauled) text << " hauled " << *m->hauled;
     for (const double v : {m->begin_s, m->end_s}) text << ' ' << v;
     for (const double v : m->rows.times_s) text << ' ' << v;
     for (const double v : m->rows.values) text << ' ' << v;

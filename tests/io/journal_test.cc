@@ -261,6 +261,8 @@ TEST_F(Journal, KeepsUpdatesOfEveryKindToTheLastBit) {
       for (std::int64_t* value :
            {&update.cut_samples, &update.bucket_samples, &update.ns, &update.spilled, &update.slid})
         *value = static_cast<std::int64_t>(random()) >> (11 + random() % 50);
+      if (random() % 3 == 0)
+        update.hauled = static_cast<std::int64_t>(random()) >> (11 + random() % 50);
       writer.add(update);
       made.push_back(as_text(update));
     }

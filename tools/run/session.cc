@@ -99,9 +99,13 @@ std::vector<std::string> Session::take_warnings() { return std::exchange(state_-
 template <typename Result, typename Work, typename Record>
 Result Session::State::recorded(const Work& work, const Record& record_made) noexcept {
   Result made;
+  const bool hauls = recorder && !model().earthmoving.hoppers.empty();
   try {
     require_recording();
+    const auto so_far = [&] { return tracker().mass_balance_without_ground().hauled; };
+    const std::int64_t before = hauls ? so_far() : 0;
     made = work();
+    hauled = hauls ? std::optional(so_far() - before) : std::nullopt;
   } catch (const std::exception& e) {
     made.status = Status::kFailed;
     made.why = e.what();
@@ -194,7 +198,8 @@ void Session::State::record(const MachineState& state, const std::optional<Input
           .rows = std::move(rows),
           .spilled = mass(update.spilled_m3),
           .slid = mass(update.slid_m3),
-          .kind = kind},
+          .kind = kind,
+          .hauled = update.spilled_m3 != 0 || hauled != 0 ? hauled : std::nullopt},
          made);
 }
 
@@ -213,6 +218,7 @@ BatchResult Session::update(std::span<const MachineState> states) noexcept {
       },
       [&](BatchResult& made) {
         for (std::size_t i = 0; i < ways.size(); ++i) s.look_backwards(i, ways[i]);
+        if (states.size() > 1 && s.hauled != 0) s.hauled.reset();
         if (!s.recorder) {
           s.fed_count += states.size();
           return;

@@ -100,6 +100,8 @@ struct Session::State : tools::SiteState {
   std::vector<Backwards> backwards;  ///< by machine
   std::vector<std::string> warnings = {};
   std::uint64_t fed_count = 0;  ///< since it was opened
+  /// Mass that hoppers received in the last update; empty: no hoppers, or several machines moved.
+  std::optional<std::int64_t> hauled = {};
   // Caches for readers; updates do not depend on them.
   std::optional<HeightMap> height_map = {};
   struct MeshHeights {

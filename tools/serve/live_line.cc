@@ -26,8 +26,6 @@ using Line = nlohmann::json;
 constexpr double kMostTime_s = 1e10;
 /// Farthest ahead of all earlier times in one step.
 constexpr double kFarthestAhead_s = 3600;
-/// Larger times count from 1970, as computers' clocks do; smaller ones from any beginning.
-constexpr double kLeastEpoch_s = 1e9;
 /// Tolerance for the norm of rotations, which JSON often rounds.
 constexpr double kUnitTolerance = 1e-3;
 

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/serve/live_site.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -56,6 +57,7 @@ void LiveSite::record(const Recording& recording,
                       const std::function<void(const io::JournalExtent&)>& progress) {
   session_.record(recording, progress);
   recorded_ = true;
+  hauled_ = session_.mass_balance_without_ground().hauled;
   // The journal contains the loads, so cycles can be counted again.
   io::JournalReader reader(recording.folder / kJournalName);
   while (std::optional<io::JournalRecord> record = reader.next()) {
@@ -84,8 +86,13 @@ StepResult LiveSite::taken(const MachineState& state, StepResult step) {
     const auto row = io::row_of(state.pose);
     at.numbers.assign(row.begin(), row.end());
   }
-  if (log_.add(state.machine, state.time_s, std::move(at), step.update.bucket_m3,
-               step.update.cut_m3 > 0))
+  const Ledger& now = session_.ledger(state.machine);
+  const std::int64_t hauled = session_.mass_balance_without_ground().hauled;
+  if (log_.add(state.machine, state.time_s, std::move(at),
+               {std::llround(step.update.cut_m3 / now.sample_m3), now.load,
+                std::llround(step.update.spilled_m3 / now.sample_m3 *
+                             static_cast<double>(now.units.loose)),
+                hauled - std::exchange(hauled_, hauled)}))
     moved_[state.machine] = Clock::now();
   return step;
 }

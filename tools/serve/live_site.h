@@ -61,6 +61,7 @@ class LiveSite {
   /// First and latest time fed, if a state had one.
   std::optional<double> from_s() const { return log_.from_s(); }
   std::optional<double> time_s() const { return log_.time_s(); }
+  const WorkLog& log() const { return log_; }
   /// Number of clocks set, after which earlier states have other times.
   std::uint64_t clocks_set() const { return clocks_set_; }
   /// Sets the commands in messages. @param curl "curl -X POST" with its options
@@ -108,6 +109,7 @@ class LiveSite {
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
   std::uint64_t fed_ = 0, clocks_set_ = 0;
+  std::int64_t hauled_ = 0;  ///< so far, units of mass
   ChangeBefore before_;
   bool recorded_ = false;
 };

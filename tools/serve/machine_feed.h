@@ -15,6 +15,9 @@
 
 namespace soilvdb::tools {
 
+/// Larger times count from 1970, as computers' clocks do; smaller ones from any beginning.
+inline constexpr double kLeastEpoch_s = 1e9;
+
 /// Kinds of a position by satellites, best first.
 enum class Fix { kFixed, kFloat, kSingle };
 /// As in a feed. @throw std::invalid_argument for another word

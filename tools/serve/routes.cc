@@ -22,6 +22,7 @@
 #include "tools/run/run_totals.h"
 #include "tools/run/text.h"
 #include "tools/serve/alarms.h"
+#include "tools/serve/report.h"
 #include "tools/serve/server_state.h"
 
 namespace soilvdb::tools {
@@ -287,6 +288,19 @@ void ServerState::answer(const std::string& text, const std::string& client,
       if (!parameters.number_if("time")) return done(csv(site.state()));
       return look(parameters, [csv](GroundView& ground) { return csv(ground.state()); });
     }
+    if (path == "/report" || path == "/report.csv") {
+      const QueryParameters parameters(*target, {"from", "to", "every", "units"});
+      const std::string token = parameters.text_if("token");
+      auto report = std::make_shared<Report>(site, ReportQuery(parameters));
+      return query(
+          queries, client,
+          [report, token, page = path == "/report"] {
+            report->sum();
+            if (page) return Reply{200, "text/html; charset=utf-8", report_page(*report, token)};
+            return Reply{200, "text/csv; charset=utf-8", report_csv(*report), "report.csv"};
+          },
+          done);
+    }
     if (path == "/summary.json") {
       const QueryParameters parameters(*target, {"time"});
       io::Summary summary = site.summary();
@@ -326,10 +340,10 @@ void ServerState::answer(const std::string& text, const std::string& client,
         });
       });
     }
-    done(refusal(
-        404,
-        "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
-        "/mesh.glb, /machines, /machines.csv, /alarms, /height, /section, /volume and /terrain"));
+    done(refusal(404,
+                 "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
+                 "/mesh.glb, /machines, /machines.csv, /report, /report.csv, /alarms, /height, "
+                 "/section, /volume and /terrain"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

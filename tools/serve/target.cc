@@ -72,6 +72,10 @@ const std::string& QueryParameters::text(const std::string& name) const {
   return found->second;
 }
 
+std::string QueryParameters::text_if(const std::string& name) const {
+  return target_.values.contains(name) ? text(name) : std::string();
+}
+
 std::vector<double> QueryParameters::numbers(const std::string& name, double most) const {
   std::vector<double> all;
   const std::string_view whole = text(name);

@@ -31,6 +31,8 @@ class QueryParameters {
   QueryParameters(const Target& target, std::initializer_list<const char*> known);
 
   const std::string& text(const std::string& name) const;
+  /// Empty if it is missing.
+  std::string text_if(const std::string& name) const;
   /// Comma-separated numbers; magnitudes beyond `most` are refused.
   std::vector<double> numbers(const std::string& name, double most = kFarthest_m) const;
   double number(const std::string& name, double most = kFarthest_m) const;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "io/file/json.h"
+#include "io/file/text.h"
 #include "soilvdb/capacity.h"
 
 namespace soilvdb::tools {
@@ -96,7 +97,8 @@ void CycleCounter::add(double load_m3, bool cuts) {
 WorkLog::WorkLog(const Session& site)
     : loose_m3_(site.site().ground->sample_m3() /
                 static_cast<double>(
-                    site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)) {
+                    site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)),
+      knows_hauled_(site.earthmoving().hoppers.empty()) {
   for (const SiteMachine& machine : site.machines()) {
     const Bucket& bucket = machine.bucket;
     Machine& work = machines_.emplace_back();
@@ -113,20 +115,47 @@ void WorkLog::note_time(double time_s) {
   time_s_ = std::max(time_s_, std::optional(time_s));
 }
 
-bool WorkLog::add(std::size_t machine, std::optional<double> time_s, Place at, double load_m3,
-                  bool cuts) {
+bool WorkLog::add(std::size_t machine, std::optional<double> time_s, Place at, const Soil& soil) {
+  const bool moved = has_left(machines_[machine].stood, at);
+  if (moved) machines_[machine].stood = std::move(at);
+  add(machine, time_s, moved, soil);
+  return moved;
+}
+
+void WorkLog::add(std::size_t machine, std::optional<double> time_s, bool moved, const Soil& soil) {
   Machine& work = machines_[machine];
+  const std::optional<double> before_s = work.time_s;
   if (time_s) {
-    if (work.clock_is_set && from_s_) from_s_ = std::min(*from_s_, *time_s);
+    if (work.clock_is_set) {
+      if (from_s_) from_s_ = std::min(*from_s_, *time_s);
+      work.minutes.end_at(*time_s);
+    }
     note_time(*time_s);
     work.time_s = time_s;
     work.clock_is_set = false;
+    add_time(work, before_s, *time_s, moved);
   }
-  work.cycles.add(load_m3, cuts);
-  if (!has_left(work.stood, at)) return false;
-  work.stood = std::move(at);
-  if (time_s_) work.moved_s = time_s_;
-  return true;
+  const std::int64_t cycles = work.cycles.cycles();
+  work.cycles.add(static_cast<double>(soil.load) * loose_m3_, soil.cut > 0);
+  Work made{.cut = soil.cut,
+            .loaded = soil.load - std::exchange(work.load, soil.load) + soil.put_down,
+            .put_down = soil.put_down,
+            .hauled = soil.hauled,
+            .cycles = work.cycles.cycles() - cycles};
+  if (made.cycles > 0) made.cycle_loads_m3 = work.cycles.last_load_m3().value_or(0);
+  if (time_s) made.add_state(*time_s);
+  (time_s_ ? work.minutes.at(time_s.value_or(*time_s_)) : work.untimed) += made;
+  if (moved && time_s_) work.moved_s = time_s_;
+}
+
+/// The time since a machine's last state: it works up to some seconds after it moved.
+void WorkLog::add_time(Machine& work, std::optional<double> before_s, double time_s, bool moved) {
+  if (!before_s || time_s - *before_s > kSilentAfter_s) return;
+  const double stops_s =
+      moved ? time_s
+            : std::clamp(work.moved_s.value_or(*before_s) + kIdleAfter_s, *before_s, time_s);
+  work.minutes.spread(*before_s, stops_s, &Work::working_s);
+  work.minutes.spread(stops_s, time_s, &Work::idle_s);
 }
 
 void WorkLog::set_clock(std::size_t machine) {
@@ -148,19 +177,20 @@ void WorkLog::add(const io::JournalUpdate& update) {
   if (!update.has_rows() || !of_machine) return;
   const io::MotionRows& rows = update.rows;
   Machine& work = machines_[update.machine];
-  Place at;
   bool moved = false;  // on the way to the last row
   for (std::size_t i = 0; i < rows.values.size(); i += rows.columns) {
     const auto row = rows.values.begin() + static_cast<std::ptrdiff_t>(i);
-    at = {{row, row + static_cast<std::ptrdiff_t>(rows.columns)}, rows.joints};
+    Place at = {{row, row + static_cast<std::ptrdiff_t>(rows.columns)}, rows.joints};
     if (!has_left(work.stood, at)) continue;
-    work.stood = at;
+    work.stood = std::move(at);
     moved = true;
   }
   const bool has_time = std::isfinite(update.end_s);
-  add(update.machine, has_time ? std::optional(update.end_s) : std::nullopt, std::move(at),
-      static_cast<double>(update.bucket_samples) * loose_m3_, update.cut_samples > 0);
-  if (moved && time_s_) work.moved_s = time_s_;
+  if (!work.time_s && std::isfinite(update.begin_s)) work.time_s = update.begin_s;
+  const bool all_known = knows_hauled_ || update.spilled == 0;
+  add(update.machine, has_time ? std::optional(update.end_s) : std::nullopt, moved,
+      {update.cut_samples, update.bucket_samples, update.spilled,
+       update.hauled || !all_known ? update.hauled : 0});
 }
 
 bool WorkLog::works(std::size_t machine) const {
@@ -193,21 +223,16 @@ Json site_state(const Session& site, const WorkLog& log) {
 std::string machines_csv(const Json& state) {
   std::string csv = "machine,state,x_m,y_m,z_m,bucket_m3,bucket_kg,cut_m3,cycles,last_load_m3\n";
   for (const Json& json : state["machines"]) {
-    std::string name = json["name"];
-    if (name.find_first_of(",\"\n\r") != std::string::npos) {
-      std::string quoted;
-      for (const char c : name) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-      name = '"' + quoted + '"';
-    }
     const auto cell = [](const Json& value) {
       return value.is_null() ? std::string() : io::to_text(value);
     };
     const Json& at = json["position"];
     csv += fmt::format(
-        "{},{},{},{},{},{},{},{},{},{}\n", name, json["state"].get<std::string>(),
-        at.is_null() ? "" : io::to_text(at[0]), at.is_null() ? "" : io::to_text(at[1]),
-        at.is_null() ? "" : io::to_text(at[2]), cell(json["bucket_m3"]), cell(json["bucket_kg"]),
-        cell(json["cut_m3"]), cell(json["cycles"]), cell(json["last_load_m3"]));
+        "{},{},{},{},{},{},{},{},{},{}\n", io::csv_field(json["name"].get<std::string>()),
+        json["state"].get<std::string>(), at.is_null() ? "" : io::to_text(at[0]),
+        at.is_null() ? "" : io::to_text(at[1]), at.is_null() ? "" : io::to_text(at[2]),
+        cell(json["bucket_m3"]), cell(json["bucket_kg"]), cell(json["cut_m3"]),
+        cell(json["cycles"]), cell(json["last_load_m3"]));
   }
   return csv;
 }

@@ -12,6 +12,7 @@
 
 #include "soilvdb/io/journal.h"
 #include "soilvdb/session.h"
+#include "tools/serve/work_minutes.h"
 
 namespace soilvdb::tools {
 
@@ -39,6 +40,8 @@ class CycleCounter {
 
 /// A machine is idle if it has not moved for this time.
 inline constexpr double kIdleAfter_s = 10;
+/// After a longer silence nobody knows whether it worked or was idle.
+inline constexpr double kSilentAfter_s = 60;
 
 /// The work of all machines, from live states or a journal.
 class WorkLog {
@@ -48,9 +51,19 @@ class WorkLog {
     std::vector<double> numbers = {};  ///< of its joints; or position and rotation
     bool joints = false;
   };
+  /// Soil of a new state.
+  struct Soil {
+    std::int64_t cut = 0;                    ///< samples
+    std::int64_t load = 0;                   ///< in the bucket after it, units of mass
+    std::int64_t put_down = 0;               ///< left the bucket
+    std::optional<std::int64_t> hauled = 0;  ///< into hoppers; empty: not recorded
+  };
   struct Machine {
     double capacity_m3 = 0;  ///< struck; 0: unknown
     CycleCounter cycles;
+    WorkMinutes minutes = {};
+    Work untimed = {};                   ///< before the site's first time
+    std::int64_t load = 0;               ///< after its last state, units of mass
     Place stood = {};                    ///< when it moved last
     std::optional<double> moved_s = {};  ///< the site's time when it moved last
     std::optional<double> time_s = {};   ///< its latest
@@ -59,9 +72,8 @@ class WorkLog {
 
   explicit WorkLog(const Session& site);
 
-  /// A machine has a new state. @param cuts its bucket is in the ground
-  /// @return whether it has moved, farther than a sensor errs
-  bool add(std::size_t machine, std::optional<double> time_s, Place at, double load_m3, bool cuts);
+  /// A machine has a new state. @return whether it has moved, farther than a sensor errs
+  bool add(std::size_t machine, std::optional<double> time_s, Place at, const Soil& soil);
   void add(const io::JournalUpdate& update);
 
   const std::vector<Machine>& machines() const { return machines_; }
@@ -75,8 +87,11 @@ class WorkLog {
 
  private:
   void note_time(double time_s);
+  void add(std::size_t machine, std::optional<double> time_s, bool moved, const Soil& soil);
+  void add_time(Machine& work, std::optional<double> before_s, double time_s, bool moved);
 
-  double loose_m3_;  ///< per unit of mass
+  double loose_m3_;    ///< per unit of mass
+  bool knows_hauled_;  ///< without a record: there are no hoppers
   std::vector<Machine> machines_;
   std::optional<double> from_s_, time_s_;
 };

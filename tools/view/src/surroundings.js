@@ -73,6 +73,7 @@ export function startDownloads(timeShown) {
     const time = timeShown();
     $('download-list').replaceChildren(...kDownloads.map(([file, name, kind]) =>
       h('a', {href: address(`/${file}`, {time}), download: file}, name, h('small', {}, `${kind}, ${file}`))),
+      h('a', {href: address('/report'), target: '_blank'}, 'Report', h('small', {}, 'page to print, CSV')),
       h('p', {}, time === null ? 'As of now.' : `As of ${format.time(time)}.`));
   });
   document.addEventListener('pointerdown', (event) => { if (!menu.contains(event.target)) menu.open = false; });

@@ -61,6 +61,8 @@ struct JournalUpdate {
   /// moment, N m; if the run records it.
   std::optional<std::array<double, 6>> force = {};
   std::string survey = {};  ///< compressed, as Site::apply_scans() records it
+  /// Mass that hoppers received in it; empty: not recorded.
+  std::optional<std::int64_t> hauled = {};
 };
 /// A file that was finished after this many updates.
 struct JournalFile {

@@ -1,0 +1,91 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// A report of the machines' work by period, as CSV and as a page to print.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "soilvdb/earthmoving.h"
+#include "soilvdb/mass.h"
+#include "tools/serve/live_site.h"
+#include "tools/serve/target.h"
+#include "tools/serve/work_log.h"
+
+namespace soilvdb::tools {
+
+struct ReportQuery {
+  std::optional<double> from_s = {}, to_s = {};
+  double every_s = 3600;
+  bool yards = false, short_tons = false;
+
+  ReportQuery() = default;
+  /// @throw std::invalid_argument with one line
+  explicit ReportQuery(const QueryParameters& parameters);
+};
+
+/// The work of all machines of a site in periods. Sums of amounts are those of the ledger.
+class Report {
+ public:
+  struct Period {
+    double from_s = 0, to_s = 0;
+    std::vector<Work> machines;  ///< by machine
+    Work all() const;
+  };
+  /// Amounts in the units of the query. Empty: unknown.
+  struct Row {
+    double cut = 0, put_down = 0;        ///< in place; loose
+    std::optional<double> hauled, load;  ///< loose; mass
+    std::optional<double> load_factor;   ///< mean load per cycle / struck capacity
+  };
+
+  /// Copies what it needs of a site.
+  Report(const LiveSite& site, ReportQuery query);
+  /// Sums the periods; may run on another thread.
+  /// @throw std::invalid_argument with one line for times that are not recorded, or too many
+  /// periods
+  void sum();
+
+  const std::string& site() const { return site_; }
+  const std::vector<std::string>& names() const { return names_; }
+  const ReportQuery& query() const { return query_; }
+  const std::vector<Period>& periods() const { return periods_; }
+  /// Over all periods.
+  const Period& total() const { return total_; }
+  /// @param machine empty: of all
+  Row row(const Period& period, std::optional<std::size_t> machine) const;
+  bool has_hoppers() const { return has_hoppers_; }
+  bool has_mass() const { return soil_.has_value(); }
+  const char* volume_unit() const { return query_.yards ? "yd3" : "m3"; }
+  const char* mass_unit() const { return query_.short_tons ? "short_tons" : "t"; }
+  /// Do times count from 1970?
+  bool has_dates() const;
+
+ private:
+  struct Range {
+    std::int64_t from = 0, to = 0;  ///< minutes
+  };
+  std::optional<Range> range() const;
+
+  std::string site_;
+  std::vector<std::string> names_;
+  WorkLog log_;
+  ReportQuery query_;
+  std::optional<SoilProperties> soil_;
+  MassUnits units_;
+  double sample_m3_;
+  bool has_hoppers_;
+  std::vector<Period> periods_ = {};
+  Period total_ = {};
+};
+
+/// "2026-11-27T06:00:00Z" of seconds since 1970.
+std::string utc_text(double time_s);
+
+/// A row per machine and period, a row of all machines per period, and such rows over all periods.
+std::string report_csv(const Report& report);
+/// A page of HTML without scripts. @param token for links to other pages; empty: none
+std::string report_page(const Report& report, const std::string& token);
+
+}  // namespace soilvdb::tools
