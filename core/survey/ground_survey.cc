@@ -13,6 +13,15 @@
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0 {
+
+std::string RayCounts::doubt() const {
+  const std::int64_t all = used + through + added + dropped;
+  if (2 * used >= all) return {};
+  return std::to_string(
+             std::llround(100.0 * static_cast<double>(all - used) / static_cast<double>(all))) +
+         " % of the rays do not meet the ground where it is expected; are the sensor's place and "
+         "axes right, and its points in metres?";
+}
 namespace {
 
 void require_sigma(double value, const char* field, double least, double most) {

@@ -149,25 +149,46 @@ Motion::Motion(std::vector<double> times_s, std::vector<double> joint_values, Ch
   }
 }
 
-Pose Motion::pose(double time_s) const {
+std::pair<std::size_t, std::size_t> Motion::rows_around(double time_s) const {
   const auto after = std::upper_bound(times_s_.begin(), times_s_.end(), time_s);
   const auto j = std::min(static_cast<std::size_t>(after - times_s_.begin()), times_s_.size() - 1);
-  return between(j == 0 ? 0 : j - 1, j, time_s);
+  return {j == 0 ? 0 : j - 1, j};
+}
+
+double Motion::share_of(std::size_t i, std::size_t j, double time_s) const {
+  const double span = times_s_[j] - times_s_[i];
+  return span > 0 ? std::clamp((time_s - times_s_[i]) / span, 0.0, 1.0) : 0.0;
+}
+
+Pose Motion::pose(double time_s) const {
+  const auto [i, j] = rows_around(time_s);
+  return between(i, j, time_s);
 }
 
 Pose Motion::between(std::size_t i, std::size_t j, double time_s) const {
-  const double span = times_s_[j] - times_s_[i];
-  const double s = span > 0 ? std::clamp((time_s - times_s_[i]) / span, 0.0, 1.0) : 0.0;
+  const double s = share_of(i, j, time_s);
   if (!poses_.empty()) return interpolate(poses_[i], poses_[j], s);
   const std::size_t n = joints();
   std::array<double, kStackJoints> few;
   std::vector<double> many(n > kStackJoints ? n : 0);
   double* q = n > kStackJoints ? many.data() : few.data();
+  joints_between(i, j, s, q);
+  return chain_.world_from_bucket({q, n});
+}
+
+void Motion::joints_between(std::size_t i, std::size_t j, double share, double* values) const {
+  const std::size_t n = joints();
   for (std::size_t k = 0; k < n; ++k) {
     const double a = joint_values_[i * n + k], b = joint_values_[j * n + k];
-    q[k] = a + s * (b - a);
+    values[k] = a + share * (b - a);
   }
-  return chain_.world_from_bucket({q, n});
+}
+
+std::vector<double> Motion::joint_values(double time_s) const {
+  std::vector<double> values(joints());
+  const auto [i, j] = rows_around(time_s);
+  joints_between(i, j, share_of(i, j, time_s), values.data());
+  return values;
 }
 
 Motion Motion::simplified(const Bucket& bucket, double tolerance_m) const {

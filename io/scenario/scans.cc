@@ -20,6 +20,8 @@ namespace soilvdb::inline v0::io {
 namespace {
 
 constexpr double kMostScanEveryS = 1e6;
+/// Share of `every` from which on two scans are so far apart: stamps jitter, and are rounded.
+constexpr double kSameEvery = 0.9;
 
 /// Rotation from x, y, z, w.
 Eigen::Quaterniond read_rotation(const YamlMap& map) {
@@ -101,16 +103,23 @@ ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& sce
   return scan;
 }
 
-/// Refuses points that are too far from their sensor. @param where they are, as in "file: a.ply"
-void check_points(const YamlMap& map, const std::string& key, const std::string& where,
-                  const std::vector<Vec3>& points_m, const Vec3& eye) {
+/// Refuses points of a file that are too far from their sensor.
+void check_points(const YamlMap& map, const ScanInput& scan, const std::vector<Vec3>& points_m) {
+  const Vec3 eye = scan.in_world ? scan.sensor.pose.position : Vec3(0, 0, 0);
   for (std::size_t i = 0; i < points_m.size(); ++i) {
     const double range_m = (points_m[i] - eye).norm();
     if (range_m <= kMostScanRangeM) continue;
-    map.fail(key, fmt::format("{}: {}: point {} is {:.4g} m from the sensor; it must be within "
-                              "{} m: is 'frame' right, and 'at'?",
-                              key, where, i + 1, range_m, kMostScanRangeM));
+    map.fail("file",
+             fmt::format("file: {}: point {} is {:.4g} m from the sensor; it must be within "
+                         "{} m: is 'frame' right, and 'at'?",
+                         scan.file.string(), i + 1, range_m, kMostScanRangeM));
   }
+}
+
+/// Leaves out points of a recording that no sensor sees.
+std::vector<Vec3> near_points(std::vector<Vec3> points_m) {
+  std::erase_if(points_m, [](const Vec3& point) { return point.norm() > kMostScanRangeM; });
+  return points_m;
 }
 
 /// Is the machine that carries the sensor somewhere by then? Says since when where it is not.
@@ -123,7 +132,10 @@ std::optional<double> begin_of_carrier(const ScanInput& scan, const Scenario& sc
 
 /// A scan of a file.
 void read_file_scan(const YamlMap& map, ScanInput scan, Scenario& result) {
-  scan.by_transforms = false;
+  if (scan.by_transforms)
+    map.fail("sensor", fmt::format("sensor '{}' has no place; give it 'at', or the 'machine' that "
+                                   "carries it",
+                                   scan.sensor.name));
   scan.file = map.path("file");
   scan.time_s = map.number("time");
   if (map.has("frame")) {
@@ -136,9 +148,7 @@ void read_file_scan(const YamlMap& map, ScanInput scan, Scenario& result) {
   }
   try {
     const PointCloud cloud = read_points(scan.file);
-    if (!scan.machine)
-      check_points(map, "file", scan.file.string(), cloud.points_m,
-                   scan.in_world ? scan.sensor.pose.position : Vec3(0, 0, 0));
+    if (!scan.machine) check_points(map, scan, cloud.points_m);
   } catch (const InputError& e) {
     if (std::string(e.what()).find(scan.file.string()) != 0) throw;
     map.fail("file", fmt::format("file: {}", e.what()));
@@ -151,76 +161,119 @@ void read_file_scan(const YamlMap& map, ScanInput scan, Scenario& result) {
 }
 
 /// The scans of a topic of a recording.
-void read_recorded_scans(const YamlMap& map, ScanInput scan, Scenario& result) {
-  ScanSource source{map.paths("mcap"), map.text("topic")};
-  if (map.has("parent")) {
-    source.world = map.text("parent");
-    if (!scan.by_transforms)
-      map.fail("parent",
-               fmt::format("sensor '{}' has a place, so the recording's transforms aren't "
-                           "looked at; remove 'parent', or the sensor's place",
-                           scan.sensor.name));
+class RecordedInputs {
+ public:
+  RecordedInputs(const YamlMap& map, ScanInput scan, Scenario& result)
+      : map_(map), scan_(std::move(scan)), result_(result), before_(result.scans.size()) {}
+
+  void read() {
+    ScanSource source{map_.paths("mcap"), map_.text("topic")};
+    if (map_.has("parent")) source.world = map_.text("parent");
+    if (map_.has("parent") && !scan_.by_transforms)
+      map_.fail("parent",
+                fmt::format("sensor '{}' has a place, so the recording's transforms aren't "
+                            "looked at; remove 'parent', or the sensor's place",
+                            scan_.sensor.name));
+    if (map_.has("every")) every_s_ = map_.number("every", 0, kMostScanEveryS, "s");
+    try {
+      scan_.recording = std::make_shared<RecordedScans>(std::move(source));
+      scan_.file = scan_.recording->files().front();
+      scan_.recording->each([&](RecordedScan&& recorded) { take(std::move(recorded)); }, warnings_);
+    } catch (const InputError& e) {
+      map_.fail("mcap", fmt::format("mcap: {}", e.what()));
+    }
+    tell_left_out();
+    tell_times();
   }
-  const double every_s = map.has("every") ? map.number("every", 0, kMostScanEveryS, "s") : 0;
-  const std::size_t before = result.scans.size();
-  std::size_t early = 0, lost = 0;
-  std::string frame;
-  double next_s = -std::numeric_limits<double>::infinity();
-  try {
-    scan.recording = std::make_shared<RecordedScans>(std::move(source));
-    scan.file = scan.recording->files().front();
-    scan.recording->each(
-        [&](RecordedScan&& recorded) {
-          if (recorded.time_s < next_s) return;
-          scan.time_s = recorded.time_s;
-          scan.number = recorded.number;
-          if (begin_of_carrier(scan, result)) {
-            ++early;
-          } else if (scan.by_transforms && !recorded.world_from_sensor) {
-            ++lost;
-            frame = recorded.frame_id;
-          } else {
-            check_points(map, "mcap",
-                         fmt::format("{}: scan at {} s", scan.file.string(), scan.time_s),
-                         recorded.cloud.points_m, Vec3(0, 0, 0));
-            next_s = scan.time_s + every_s;
-            result.scans.push_back(scan);
-          }
-        },
-        result.warnings);
-  } catch (const InputError& e) {
-    if (std::string(e.what()).find(map.place("mcap")) == 0) throw;
-    map.fail("mcap", fmt::format("mcap: {}", e.what()));
+
+ private:
+  void take(RecordedScan&& recorded) {
+    if (recorded.time_s < next_s_) return;
+    scan_.time_s = recorded.time_s;
+    scan_.number = recorded.number;
+    if (begin_of_carrier(scan_, result_)) {
+      ++early_;
+    } else if (scan_.by_transforms && (!recorded.world_from_sensor || recorded.frame_id.empty())) {
+      ++lost_;
+      frame_ = recorded.frame_id;
+    } else {
+      const std::size_t points = recorded.cloud.points_m.size();
+      far_ += points - near_points(std::move(recorded.cloud.points_m)).size();
+      next_s_ = scan_.time_s + kSameEvery * every_s_;
+      result_.scans.push_back(scan_);
+    }
   }
-  std::string why;
-  if (lost > 0)
-    why = fmt::format("the transforms do not say where frame '{}' is at the time of {} scan{}",
-                      printable(frame), lost, lost == 1 ? "" : "s");
-  if (early > 0)
-    why += fmt::format("{}{} scan{} from before '{}', which carries the sensor, has a place",
-                       why.empty() ? "" : ", and ", early, early == 1 ? " is" : "s are",
-                       result.machines[*scan.machine].name);
-  if (result.scans.size() == before)
-    map.fail("mcap", fmt::format("mcap: {}: no scan of topic '{}' can be used: {}",
-                                 scan.file.string(), printable(map.text("topic")), why));
-  if (!why.empty())
-    result.warnings.push_back(fmt::format("{}: {}; left out", map.place("mcap"), why));
-}
+  void warn(const std::string& what) {
+    result_.warnings.push_back(fmt::format("{}: {}", map_.place("mcap"), what));
+  }
+  void tell_left_out() {
+    std::string why;
+    if (lost_ > 0)
+      why = fmt::format("the transforms do not say where frame '{}' is at the time of {} scan{}",
+                        printable(frame_), lost_, lost_ == 1 ? "" : "s");
+    if (early_ > 0)
+      why += fmt::format("{}{} scan{} from before '{}', which carries the sensor, has a place",
+                         why.empty() ? "" : ", and ", early_, early_ == 1 ? " is" : "s are",
+                         result_.machines[*scan_.machine].name);
+    if (result_.scans.size() == before_)
+      map_.fail("mcap", fmt::format("mcap: {}: no scan of topic '{}' can be used: {}{}",
+                                    scan_.file.string(), printable(map_.text("topic")), why,
+                                    warnings_.empty() ? "" : "; " + warnings_.front()));
+    result_.warnings.insert(result_.warnings.end(), warnings_.begin(), warnings_.end());
+    if (!why.empty()) warn(why + "; left out");
+    if (far_ > 0)
+      warn(fmt::format("{} point{} more than {} m from the sensor; left out", far_,
+                       far_ == 1 ? " is" : "s are", kMostScanRangeM));
+  }
+  /// Scans that no motion is about may have another clock.
+  void tell_times() {
+    double begin_s = std::numeric_limits<double>::infinity(), end_s = -begin_s;
+    for (const MachineInput& machine : result_.machines) {
+      if (!machine.has_motion()) continue;
+      begin_s = std::min(begin_s, machine.motion.begin_s());
+      end_s = std::max(end_s, machine.motion.end_s());
+    }
+    const auto first = result_.scans.begin() + static_cast<std::ptrdiff_t>(before_);
+    const auto count = std::count_if(first, result_.scans.end(), [&](const ScanInput& scan) {
+      return scan.time_s < begin_s || scan.time_s > end_s;
+    });
+    if (begin_s <= end_s && count > 0)
+      warn(
+          fmt::format("{} of {} scans {} before or after all motions: scans are from {:.10g} to "
+                      "{:.10g} s, motions from {:.10g} to {:.10g} s",
+                      count, result_.scans.end() - first, count == 1 ? "is" : "are", first->time_s,
+                      result_.scans.back().time_s, begin_s, end_s));
+  }
+
+  const YamlMap& map_;
+  ScanInput scan_;
+  Scenario& result_;
+  const std::size_t before_;
+  double every_s_ = 0, next_s_ = -std::numeric_limits<double>::infinity();
+  std::size_t early_ = 0, lost_ = 0, far_ = 0;
+  std::string frame_;
+  std::vector<std::string> warnings_;
+};
 
 }  // namespace
 
-ScanInput::Seen ScanInput::read(const Pose& pose, const std::vector<double>& values) const {
+ScanInput::Seen ScanInput::read(const Motion* carrier) const {
   Seen seen{sensor, {}};
-  if (machine && !link) seen.sensor.pose = pose * sensor.pose;
+  if (machine && carrier == nullptr)
+    throw InputError(file, "the machine that carries its sensor has no motion");
+  if (machine && !link) seen.sensor.pose = carrier->pose(time_s) * sensor.pose;
   if (link) {
+    const std::vector<double> values = carrier->joint_values(time_s);
     std::vector<double> own;
     for (const std::size_t joint : joints) own.push_back(values.at(joint));
     seen.sensor.pose = link->world_from_bucket(own) * sensor.pose;
   }
   if (recording) {
     RecordedScan recorded = recording->read(number);
-    seen.points_m = std::move(recorded.cloud.points_m);
-    if (by_transforms) seen.sensor.pose = recorded.world_from_sensor.value();
+    seen.points_m = near_points(std::move(recorded.cloud.points_m));
+    if (by_transforms && !recorded.world_from_sensor)
+      throw InputError(file, "changed while it was being read");
+    if (by_transforms) seen.sensor.pose = *recorded.world_from_sensor;
   } else {
     seen.points_m = read_points(file).points_m;
   }
@@ -255,7 +308,7 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
                                   key, key));
     const std::size_t before = result.scans.size();
     if (recorded)
-      read_recorded_scans(map, sensor->second, result);
+      RecordedInputs(map, sensor->second, result).read();
     else
       read_file_scan(map, sensor->second, result);
     const ScanInput& first = result.scans[before];

@@ -5,6 +5,9 @@
 
 #include <random>
 
+#include "soilvdb/height_map.h"
+#include "soilvdb/io/scenario.h"
+#include "soilvdb/io/snapshot.h"
 #include "tests/program/resume_fixture.h"
 #include "tests/support/scan_messages_fixture.h"
 
@@ -230,6 +233,86 @@ TEST_F(RecordedScanRun, LeavesOutWhatIsFromBeforeItsMachineHasAPlace) {
                       "left out"),
       std::string::npos)
       << result.err;
+}
+
+/// A machine that drives along x at 1 m/s carries a lidar 4 m above the ground.
+class CarriedScanRun : public ScanRun {
+ protected:
+  static constexpr double kScan_s = 4.515;
+
+  void SetUp() override {
+    ScanRun::SetUp();
+    std::string csv = "time,x,y,z\n";
+    for (int i = 0; i <= 500; ++i) csv += fmt::format("{0},{0},0,3\n", 0.02 * i);
+    write_file(folder() / "dig.csv", csv);
+    std::string points = "x,y,z\n";
+    for (double x = -1; x < 1; x += 0.01)
+      for (double y = -1; y < 1; y += 0.01)
+        points += fmt::format("{:.4f},{:.4f},{}\n", x, y, std::abs(x) < 0.5 ? -4.3 : -4.0);
+    write_file(folder() / "below.csv", points);
+    write(fmt::format(
+        "sensors: {{mast: {{machine: digger, at: [1, 0, 1], noise: {{range: 0.005}}}}}}\n"
+        "scans: [{{sensor: mast, file: below.csv, time: {}}}]\n",
+        kScan_s));
+  }
+};
+
+TEST_F(CarriedScanRun, IsSeenFromWhereItsMachineIsThen) {
+  for (const char* updates : {"", " --updates 100", " --updates 7", " --updates 1"}) {
+    SCOPED_TRACE(updates);
+    good(std::string("run dig.yaml") + updates);
+    EXPECT_NEAR(summary()["volume_m3"]["surveyed_removed"].get<double>(), 0.6, 0.06);
+    const io::Site site = io::read_snapshot(out() / "soil_final.vdb");
+    const std::vector<Vec2> at = {{5.1, 0}, {5.9, 0}, {4.85, 0}, {6.15, 0}};
+    std::vector<double> z(at.size());
+    HeightMap(*site.ground).at(at, z);
+    for (std::size_t i = 0; i < at.size(); ++i) EXPECT_NEAR(z[i], i < 2 ? -0.3 : 0, 0.05) << i;
+    fs::remove_all(out());
+  }
+}
+
+TEST_F(RecordedScanRun, AreThinnedByTimeWhateverTheyAreRoundedTo) {
+  for (const double begin_s : {0.0, 1.7e9}) {
+    io::Recording recording(folder() / "many.mcap");
+    for (int i = 0; i < 60; ++i) {
+      const double time_s = begin_s + 1 + 0.05 * i;
+      recording.message("/camera", "sensor_msgs/msg/PointCloud2",
+                        io::CloudMessage{}.cdr(time_s, "c"), time_s);
+    }
+    recording.close();
+    for (const auto& [every, scans] : {std::pair("0.05", 60), {"0.1", 30}, {"0.3", 10}}) {
+      write(sensor("at: [0, 0, 3], ") +
+            fmt::format("scans: [{{sensor: mast, mcap: many.mcap, topic: /camera, every: {}}}]\n",
+                        every));
+      const io::Scenario read = io::read_scenario(folder() / "dig.yaml");
+      EXPECT_EQ(read.scans.size(), static_cast<std::size_t>(scans)) << every << " " << begin_s;
+      const bool told =
+          !read.warnings.empty() &&
+          read.warnings.back().find("before or after all motions") != std::string::npos;
+      EXPECT_EQ(told, begin_s > 0);
+    }
+  }
+}
+
+TEST_F(ScanRun, TellsOfRaysThatDoNotFitTheGround) {
+  std::string points = "x,y,z\n";
+  for (int i = 0; i < 400; ++i)
+    points += fmt::format("{},{},1\n", -1 - 0.1 * (i % 20), 0.1 * (i / 20));
+  write_file(folder() / "above.csv", points);
+  write(
+      "sensors: {mast: {at: [1, -4, 4], noise: {range: 0.005}}}\n"
+      "scans: [{sensor: mast, file: above.csv, time: 4.8, frame: world}]\n");
+  const std::string told = good("run dig.yaml").err;
+  EXPECT_NE(told.find("100 % of the rays do not meet the ground where it is expected"), told.npos)
+      << told;
+  fs::remove_all(out());
+  write(kScans);
+  EXPECT_EQ(good("run dig.yaml").err.find("% of the rays"), told.npos);
+  fs::remove_all(out());
+  expect_refused_line(
+      "sensors: {mast: {noise: {range: 0.005}}}\n"
+      "scans: [{sensor: mast, file: floor.csv, time: 4.8}]\n",
+      "sensor 'mast' has no place");
 }
 
 TEST_F(RecordedScanRun, RefusesWhatIsNoRecordingOfScans) {

@@ -38,7 +38,10 @@ def folder(tmp_path_factory):
 def test_keys_of_the_summary(folder):
     rigid, moving = (keys(json.loads((folder / f"out/{name}/summary.json").read_text()))
                      for name in ("rigid", "moving"))
-    assert [rigid, moving - rigid] == names("summary.json")
+    *tables, of_scans = names("summary.json")
+    assert [rigid, moving - rigid] == tables
+    assert of_scans == {"volume_m3.surveyed_removed", "volume_m3.surveyed_added", "mass_kg.surveyed",
+                        "machines[].lip_error_m.mean", "machines[].lip_error_m.sigma"}
     assert rigid < moving
 
 

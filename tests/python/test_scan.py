@@ -3,6 +3,7 @@
 """Laws of scans, over random digs: which bits they give, which volumes they book, what they refuse."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -410,8 +411,6 @@ def test_points_too_far_away_are_refused(points):
     site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1, 1)])
     with pytest.raises(ValueError, match="point 0 must be numbers, and within 1000 m"):
         site.scan(ABOVE, points)
-    with pytest.raises(ValueError, match="point 0"):  # a depth image in millimetres
-        site.scan(ABOVE, depth=np.full((4, 4), 2000, "u2"), intrinsics=(300, 300, 2, 2))
 
 
 def test_a_first_scan_gives_a_plane_its_place():
@@ -530,6 +529,30 @@ def test_what_is_known_of_a_lip_outlives_its_floor():
     told_too_high(0.4, site)  # every column that was seen is dug away
     later = floor_told(site, None, range(3)).lip_error[0]
     assert later[0] == pytest.approx(mean, abs=0.003) and later[1] < 0.012
+
+
+def test_rays_that_do_not_fit_the_ground_are_told_once():
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    x, y = np.meshgrid(np.arange(-2, 2, 0.05), np.arange(-2, 2, 0.05))
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1)
+    high = soilvdb.Sensor(position=(0, 0, 4))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        site.scan(high, points, world=True)
+        site.apply_scans()
+    site.scan(high, points + (0, 0, 1), world=True)
+    with pytest.warns(UserWarning, match="% of the rays do not meet the ground"):
+        site.apply_scans()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        site.scan(high, points + (0, 0, 2.5), world=True)
+        site.apply_scans()
+
+
+def test_depths_in_millimetres_are_told():
+    site = soilvdb.Site(0.1, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+    with pytest.raises(ValueError, match=r"pixel \(0, 0\) has 1500.*millimetres"):
+        site.scan(soilvdb.Sensor(), depth=np.full((4, 4), 1500, np.uint16), intrinsics=(4, 4, 2, 2))
 
 
 def test_what_was_seen_stays_however_steep():

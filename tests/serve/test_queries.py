@@ -3,6 +3,7 @@
 """Queries that share a computer, and sections as fine as they need to be."""
 import asyncio
 import json
+import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -96,13 +97,16 @@ def test_clients_take_turns_and_none_fills_the_queue(tmp_path):
             return int(head.split()[1]), time.perf_counter()
 
         async def ask():
-            # All are connected before the first asks, so that the queue fills at once on any machine.
+            # All have asked before the server reads the first, so that the queue fills on any machine.
             connections = await asyncio.gather(*map(connected, range(52)))
+            server.process.send_signal(signal.SIGSTOP)
             for i, (_, writer) in enumerate(connections):
                 client = "greedy" if i < 50 else "modest"
                 # Each is another time, so each is dug again.
                 writer.write(f"GET /summary.json?time={20 + 0.01 * i} HTTP/1.1\r\nHost: {host}:{port}\r\n"
                              f"X-Forwarded-For: {client}\r\nConnection: close\r\n\r\n".encode())
+                await writer.drain()
+            server.process.send_signal(signal.SIGCONT)
             return await asyncio.gather(*map(reply, connections))
         replies = asyncio.run(ask())
         live, _ = server.get("/section?from=0,0&to=4,4&points=50")

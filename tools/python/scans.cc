@@ -14,6 +14,8 @@
 namespace soilvdb::python {
 namespace {
 
+constexpr double kMostDepthM = 1000;
+
 Sensor sensor_of(const py::object& position, const py::object& rotation, const py::object& matrix,
                  const std::string& name, double range_sigma, double range_squared_sigma,
                  double height_sigma, double tilt_sigma, double scale_sigma) {
@@ -45,6 +47,11 @@ std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsic
   for (py::ssize_t v = 0; v < image.shape(0); ++v) {
     for (py::ssize_t u = 0; u < image.shape(1); ++u) {
       const double z = image.at(v, u);
+      if (z > kMostDepthM && std::isfinite(z))
+        throw py::value_error(
+            fmt::format("depth must be in metres, at most {}; pixel ({}, {}) has {}: is it in "
+                        "millimetres?",
+                        kMostDepthM, v, u, z));
       if (z > 0 && std::isfinite(z))
         points.emplace_back(z * (static_cast<double>(u) - k[2]) / k[0],
                             z * (static_cast<double>(v) - k[3]) / k[1], z);
@@ -83,10 +90,15 @@ struct SurveyValue {
 
 SurveyValue apply_scans(Site& site) {
   SurveyValue value;
-  require_good(site.with([&](Session& session) {
+  std::vector<std::string> warnings;
+  const StepResult made = site.with([&](Session& session) {
     for (const SiteMachine& machine : session.machines()) value.machines.push_back(machine.name);
-    return session.apply_scans(value.of);
-  }));
+    StepResult applied = session.apply_scans(value.of);
+    warnings = session.take_warnings();
+    return applied;
+  });
+  tell(warnings);
+  require_good(made);
   return value;
 }
 
@@ -124,7 +136,11 @@ void bind_sensor(py::module_& m) {
            py::arg("mount_tilt_sigma") = Sensor{}.mount_tilt_sigma_rad,
            py::arg("mount_scale_sigma") = Sensor{}.mount_scale_sigma,
            "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
-           "Without them points are in the world's axes from (0, 0, 0). Standard deviations: of a "
+           "Without them points are in the world's axes from (0, 0, 0). Scans with world=True need "
+           "the "
+           "position as well: rays begin there. Defaults of the standard deviations: range_sigma "
+           "0.02, range_squared_sigma 0, mount_height_sigma 0.01, mount_tilt_sigma 0.002, "
+           "mount_scale_sigma 0.002. Standard deviations: of a "
            "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
            "second, range_squared_sigma = subpixel / (f * baseline). Of the mount: height, m; tilt "
            "about each horizontal axis, rad; scale of ranges. Raises ValueError for negative "
@@ -173,7 +189,9 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
           "added_m3", [](const SurveyValue& v) { return v.of.added_m3; }, "soil put in")
       .def_property_readonly(
           "sigma_m3", [](const SurveyValue& v) { return v.of.sigma_m3; },
-          "standard deviation of added_m3 - removed_m3")
+          "standard deviation of added_m3 - removed_m3; soil that scans did not correct has no "
+          "part "
+          "in it")
       .def_property_readonly(
           "lip_error", &lip_errors_of,
           "by number or name of a machine: (mean, sigma), m, by how much its lip "
@@ -197,7 +215,9 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
       .def("apply_scans", &apply_scans,
            "Corrects the ground by all scans so far, and returns a Survey. The ground that nobody "
            "touched is the datum. What is added or removed is booked as surveyed: loads and cuts "
-           "stay as they are.");
+           "stay as they are. Warns, once, if most rays do not meet the ground where it is "
+           "expected, "
+           "as with a wrong place of the sensor.");
 }
 
 }  // namespace soilvdb::python

@@ -195,6 +195,11 @@ void RunOutputs::summarise(bool stopped) {
   }
   put_totals(totals, summary_);
   if (scenario_.soil) warn_of_soil(stopped);
+  if (site_.doubtful_scans > 0)
+    say(fmt::format("warning: {}{}", site_.doubt,
+                    site_.doubtful_scans > 1
+                        ? fmt::format(" So of {} more scans", site_.doubtful_scans - 1)
+                        : ""));
 }
 
 void RunOutputs::warn_of_soil(bool stopped) const {

@@ -9,7 +9,10 @@
 namespace soilvdb::tools {
 Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> updates,
                    const std::vector<double>& ends_s, double tolerance_m)
-    : begin_s_(std::numeric_limits<double>::infinity()), end_s_(-begin_s_), stop_s_(begin_s_) {
+    : scans_(scenario.scans),
+      begin_s_(std::numeric_limits<double>::infinity()),
+      end_s_(-begin_s_),
+      stop_s_(begin_s_) {
   for (std::size_t i = 0; i < scenario.machines.size(); ++i) {
     const io::MachineInput& machine = scenario.machines[i];
     // With moving soil all rows stay, because soil settles at places counted from row to row.
@@ -28,7 +31,6 @@ Schedule::Schedule(const io::Scenario& scenario, std::optional<std::int64_t> upd
     end_s_ = std::max(end_s_, pour.end_s);
   }
   for (const io::ScanInput& scan : scenario.scans) {
-    scans_s_.push_back(scan.time_s);
     begin_s_ = std::min(begin_s_, scan.time_s);
     end_s_ = std::max(end_s_, scan.time_s);
     ++total_;
@@ -45,14 +47,16 @@ std::optional<Step> Schedule::next() {
     if (!pour.at_end() && (!first_pour || pour.until_s() < first_pour->until_s()))
       first_pour = &pour;
   }
-  if (scanned_ < scans_s_.size()) {
+  if (scanned_ < scans_.size()) {
     // A scan sees what was done at its time.
-    const double time_s = scans_s_[scanned_];
+    const io::ScanInput& scan = scans_[scanned_];
+    const double time_s = scan.time_s;
     const bool is_next =
         (!first || time_s < first->until_s()) && (!first_pour || time_s < first_pour->until_s());
     if (is_next && (time_s > stop_s_ || stop_s_ <= begin_s_)) return std::nullopt;
     if (is_next)
-      return Step{cursors_.size() + pours_.size() + scanned_++, time_s, time_s, {}, true};
+      return Step{cursors_.size() + pours_.size() + scanned_++, time_s, time_s,
+                  scan.machine ? cursors_[*scan.machine].motion_at(time_s) : nullptr, true};
   }
   if (first_pour && (!first || first_pour->until_s() < first->until_s())) {
     if (first_pour->until_s() > stop_s_ || stop_s_ <= begin_s_) return std::nullopt;
@@ -128,6 +132,15 @@ Step Schedule::Cursor::step() {
     load(part_ + 1);
   }
   return step;
+}
+
+std::shared_ptr<const Motion> Schedule::Cursor::motion_at(double time_s) const {
+  std::shared_ptr<const Motion> motion = motion_;
+  for (std::size_t part = part_ + 1; motion && time_s > motion->end_s(); ++part) {
+    if (part >= machine_->motion.parts()) break;
+    motion = machine_->motion.part(part);
+  }
+  return motion;
 }
 
 Step Schedule::PourCursor::step() {

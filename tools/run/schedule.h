@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,8 @@ namespace soilvdb::tools {
 struct Step {
   std::size_t machine = 0;
   double begin_s = 0, end_s = 0;
-  std::shared_ptr<const Motion> motion;  ///< the part of the machine's motion that covers the step
+  /// The part of the machine's motion that covers the step; of a scan, that of its carrier.
+  std::shared_ptr<const Motion> motion;
   bool ends_update = true;
 };
 
@@ -66,6 +68,8 @@ class Schedule {
     bool at_end() const { return done_ == count_; }
     double until_s() const { return until_s_; }  ///< end of the current update
     Step step();
+    /// The part of the motion at a time from the last step on; null without one.
+    std::shared_ptr<const Motion> motion_at(double time_s) const;
 
    private:
     void load(std::size_t part);
@@ -96,8 +100,8 @@ class Schedule {
   };
   std::vector<Cursor> cursors_;
   std::vector<PourCursor> pours_;
-  std::vector<double> scans_s_;  ///< times of scans
-  std::size_t scanned_ = 0;      ///< scans that were taken
+  std::span<const io::ScanInput> scans_;
+  std::size_t scanned_ = 0;  ///< scans that were taken
   std::int64_t total_ = 0;
   double begin_s_ = 0, end_s_ = 0;
   double stop_s_;

@@ -328,6 +328,9 @@ StepResult Session::apply_scans(Survey& survey) noexcept {
   return s.recorded<StepResult>(
       [&] { return static_cast<Site&>(s).apply_scans(survey, s.recorder ? &record : nullptr); },
       [&](StepResult& made) {
+        const std::string doubt = survey.rays.doubt();
+        if (!doubt.empty() && !std::exchange(s.warned_of_rays, true))
+          s.warnings.push_back("scans: " + doubt);
         if (record.empty()) return;  // no scan came since
         io::JournalUpdate update{.end_s = s.last_s().value_or(kNoTime), .kind = Kind::kSurvey};
         update.survey = io::pack_survey(record);

@@ -99,6 +99,7 @@ struct Session::State : tools::SiteState {
   Settings settings;
   std::vector<Backwards> backwards;  ///< by machine
   std::vector<std::string> warnings = {};
+  bool warned_of_rays = false;
   std::uint64_t fed_count = 0;  ///< since it was opened
   /// Mass that hoppers received in the last update; empty: no hoppers, or several machines moved.
   std::optional<std::int64_t> hauled = {};

@@ -182,7 +182,7 @@ std::vector<io::JournalUpdate> SiteState::advance(std::span<const Step> steps) {
     }
     std::vector<Move> moves;  // up to the next pour; a force is that of its own ground
     const std::size_t end = records_force ? i + 1 : steps.size();
-    for (std::size_t k = i; k < end && steps[k].motion; ++k)
+    for (std::size_t k = i; k < end && steps[k].machine < first_scan && steps[k].motion; ++k)
       moves.push_back(
           {steps[k].machine, {}, steps[k].motion.get(), steps[k].begin_s, steps[k].end_s});
     for (const Update& update : make(moves)) record(steps[i++], update);
@@ -196,22 +196,14 @@ io::JournalUpdate SiteState::take_scan(const Step& step) {
   const std::size_t first = model_->machines.size() + model_->earthmoving.pours.size();
   const io::ScanInput& scan = scans[step.machine - first];
   const std::string where = fmt::format("{}: scan at {} s", scan.file.string(), step.end_s);
-  Pose pose;
-  std::vector<double> joints;
-  if (scan.machine) {
-    const std::optional<Input>& input = inputs_[*scan.machine];
-    if (!input || (scan.link && input->joints.empty()))
-      throw std::runtime_error(fmt::format("{}: {} has no place yet, which carries the sensor",
-                                           where, name(*scan.machine)));
-    pose = input->pose;
-    joints = input->joints;
-  }
-  const auto [sensor, points_m] = scan.read(pose, joints);
+  const auto [sensor, points_m] = scan.read(step.motion.get());
   Survey survey;
   std::string record;
   StepResult made = Site::scan(sensor, points_m);
   if (made.ok()) made = apply_scans(survey, &record);
   if (!made.ok()) throw std::runtime_error(fmt::format("{}: {}", where, made.why));
+  if (const std::string why = survey.rays.doubt(); !why.empty() && doubtful_scans++ == 0)
+    doubt = fmt::format("{}: {}", where, why);
   return {.machine = static_cast<std::uint32_t>(step.machine),
           .begin_s = step.begin_s,
           .end_s = step.end_s,

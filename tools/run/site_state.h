@@ -68,6 +68,9 @@ struct SiteState : Site {
   bool records_force = false;  ///< advance() records forces of soil on buckets; not copied
   /// Scans that advance() takes, numbered after the pours; not copied.
   std::span<const io::ScanInput> scans = {};
+  /// Scans whose rays are in doubt, and why the first is; not copied.
+  std::int64_t doubtful_scans = 0;
+  std::string doubt = {};
 
  private:
   io::JournalUpdate take_scan(const Step& step);

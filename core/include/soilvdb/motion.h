@@ -5,6 +5,7 @@
 
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "soilvdb/bucket.h"
@@ -39,6 +40,8 @@ class Motion {
 
   /// Pose at `time_s`, clamped to [begin_s, end_s].
   Pose pose(double time_s) const;
+  /// The same of joints; empty for a motion of poses.
+  std::vector<double> joint_values(double time_s) const;
 
   /// A motion with the fewest rows that keep each corner of the bucket within `tolerance_m` of its
   /// position at each original row's time.
@@ -53,7 +56,10 @@ class Motion {
 
  private:
   std::size_t joints() const { return joint_values_.size() / times_s_.size(); }
+  std::pair<std::size_t, std::size_t> rows_around(double time_s) const;
+  double share_of(std::size_t i, std::size_t j, double time_s) const;
   Pose between(std::size_t i, std::size_t j, double time_s) const;
+  void joints_between(std::size_t i, std::size_t j, double share, double* values) const;
 
   std::vector<double> times_s_;
   std::vector<Pose> poses_;

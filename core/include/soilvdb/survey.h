@@ -37,6 +37,10 @@ struct RayCounts {
   std::int64_t through = 0;  ///< went through soil that is expected there
   std::int64_t added = 0;    ///< met new ground: many of them at one height
   std::int64_t dropped = 0;  ///< met nothing that others met too, as dust, or no ground at all
+
+  /// Says so if most rays did not meet the ground about where it was expected, as with a wrong
+  /// place of the sensor; else empty.
+  std::string doubt() const;
 };
 
 /// An estimate.

@@ -82,9 +82,9 @@ struct ScanInput {
     Sensor sensor;               ///< where it was, world
     std::vector<Vec3> points_m;  ///< world
   };
-  /// Reads the points. @param pose of the bucket of `machine` @param values of its joints
+  /// Reads the points. @param carrier the motion of `machine` at that time, or null without one
   /// @throw InputError if the file was changed
-  Seen read(const Pose& pose, const std::vector<double>& values) const;
+  Seen read(const Motion* carrier) const;
 };
 
 struct Scenario {
