@@ -74,9 +74,10 @@ void LiveForces::compute(GroundCopy& beside, std::function<void(std::string)> do
     if (!heights_) heights_.emplace(copy_);
     Json json = message_of(0);
     json["number"] = number;
-    for (const auto& [machine, pose, way, load_m3] : buckets)
-      json["machines"].push_back(force_on(*machine, soil, [&, &bucket = machine->bucket] {
-        return CutGeometry(*heights_, copy_, bucket, pose, way, load_m3);
+    for (const BucketThere& there : buckets)
+      json["machines"].push_back(force_on(*there.machine, soil, [&] {
+        return CutGeometry(*heights_, copy_, there.machine->bucket, there.world_from_bucket,
+                           there.way, there.load_m3);
       }));
     done(io::to_text(json));
     busy_ = false;
