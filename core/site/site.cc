@@ -386,6 +386,10 @@ void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
   survey().sigmas(xy_m, sigmas_m);
 }
 
+double Site::volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2) {
+  return survey().volume_sigma_m3(xy_m, area_m2);
+}
+
 void Site::pour_until(double until_s) {
   if (!next_pour_s_ || until_s >= *next_pour_s_) {
     std::vector<double> times_s;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <utility>
 
 namespace soilvdb::inline v0 {
 
@@ -29,6 +30,9 @@ class CommonErrors {
         sum_(Eigen::VectorXd::Zero(prior.size())),
         mean_(sum_),
         covariance_(prior.asDiagonal()) {}
+  /// As they were solved.
+  CommonErrors(Eigen::VectorXd mean, Eigen::MatrixXd covariance)
+      : mean_(std::move(mean)), covariance_(std::move(covariance)) {}
 
   /// Adds a column, or the mean of a block of columns whose own errors hang together.
   /// @param sees a - b

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
 #include <unordered_set>
 
@@ -24,41 +25,24 @@ std::string RayCounts::doubt() const {
 }
 namespace {
 
-void require_sigma(double value, const char* field, double least, double most) {
-  if (value >= least && value <= most) return;
-  throw std::invalid_argument(std::string(field) + " is " + text(value) + "; it must be from " +
-                              text(least) + " to " + text(most));
-}
-
 bool is_before(const SurveyTile* a, const SurveyTile* b) {
   return std::pair(a->cell.x(), a->cell.y()) < std::pair(b->cell.x(), b->cell.y());
 }
 
 }  // namespace
 
-void Sensor::validate() const {
-  if (const std::string what = validation_error(pose); !what.empty())
-    throw std::invalid_argument("a sensor's pose: " + what);
-  require_sigma(range_sigma_m, "range_sigma", 0, kMostSensorSigma);
-  require_sigma(range_squared_sigma_per_m, "range_squared_sigma", 0, kMostSensorSigma);
-  if (range_sigma_m == 0 && range_squared_sigma_per_m == 0)
-    throw std::invalid_argument("range_sigma and range_squared_sigma are 0; one must be more");
-  require_sigma(mount_height_sigma_m, "mount_height_sigma", 0, kMostSensorSigma);
-  require_sigma(mount_tilt_sigma_rad, "mount_tilt_sigma", 0, kMostSensorSigma);
-  require_sigma(mount_scale_sigma, "mount_scale_sigma", 0, kMostSensorSigma);
-}
-
 SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas)
     : ground(g),
       buckets(std::move(all_buckets)),
       lip_sigmas_m(std::move(sigmas)),
       map(g),
-      changes(g) {
+      changes(g),
+      errors(Eigen::VectorXd()) {
   changes.take();
-  for (const double sigma : lip_sigmas_m) lips.push_back({0, sigma});
   lip_sigmas_m.push_back(lip_sigmas_m.empty()
                              ? kDugSigmaM
                              : *std::max_element(lip_sigmas_m.begin(), lip_sigmas_m.end()));
+  errors = CommonErrors(prior());
 }
 
 SurveyState::SurveyState(Ground& clone, const SurveyState& other)
@@ -73,7 +57,7 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other)
       sensors(other.sensors),
       places(other.places),
       retired(other.retired),
-      lips(other.lips),
+      errors(other.errors),
       rays(other.rays),
       through(other.through),
       is_solved(other.is_solved),
@@ -123,13 +107,12 @@ SurveyTile SurveyState::new_tile(const Coord2& cell) {
   return tile;
 }
 
-SurveyColumn SurveyState::look(const Coord2& column) {
-  const Coord2 cell = floor_to(column, kChunkSide);
+const SurveyTile& SurveyState::look(const Coord2& cell, std::optional<SurveyTile>& own) {
   const auto found = tiles.find(plan_key(cell));
-  if (found != tiles.end() && found->second.known) return found->second.columns[number_of(column)];
-  SurveyTile tile = found == tiles.end() ? new_tile(cell) : found->second;
-  read(tile, How::kLook);
-  return tile.columns[number_of(column)];
+  if (found != tiles.end() && found->second.known) return found->second;
+  own = found == tiles.end() ? new_tile(cell) : found->second;
+  read(*own, How::kLook);
+  return *own;
 }
 
 /// Reads a tile's columns. Those that changed begin anew, unless that was by scans.
@@ -183,10 +166,13 @@ void SurveyState::read(SurveyTile& tile, How how) {
         column.variance = dug + filled * depth * depth;
       }
       for (auto& [sensor, sums] : tile.sums) sums[i] = {};
-      tile.votes.erase(static_cast<int>(i));
+      if (const auto votes = tile.votes.find(static_cast<int>(i)); votes != tile.votes.end()) {
+        if (how == How::kChanged) rays.dropped += votes->second.rays() - votes->second.told;
+        tile.votes.erase(votes);
+      }
       column.rays = column.height = 0;
       column.cells = {};
-      column.known = -1;
+      column.prior = -1;
     }
     column.first = column.top = top;
     column.changed = worked.time;
@@ -272,13 +258,20 @@ Survey GroundSurvey::applied() {
   s.refresh(true);
   Survey survey;
   survey.sigma_m3 = s.sigma_m3;
-  survey.lip_errors_m = s.lips;
+  survey.lip_errors_m = lip_errors_m();
   survey.rays = s.rays;
   s.rays = {};
   return survey;
 }
 
-const std::vector<Estimate>& GroundSurvey::lip_errors_m() const { return state_->lips; }
+std::vector<Estimate> GroundSurvey::lip_errors_m() const {
+  std::vector<Estimate> lips(state_->buckets.size());
+  for (std::size_t m = 0; m < lips.size(); ++m) {
+    const auto at = static_cast<Eigen::Index>(m);
+    lips[m] = {state_->errors.mean()[at], std::sqrt(state_->errors.covariance()(at, at))};
+  }
+  return lips;
+}
 
 void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
   SurveyState& s = *state_;
@@ -288,19 +281,34 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
     sigmas_m[i] = HeightReader::kNoGround;
     if (!(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
     const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
-    const SurveyColumn column = s.look(cell);
-    if (std::isnan(column.top)) continue;
-    double variance = column.known;
-    if (variance < 0) {
-      variance = column.variance;
-      const auto lip = static_cast<std::size_t>(column.origin - kFirstMachine);
-      const double sigma = column.origin >= kFirstMachine  ? s.lips[lip].sigma
-                           : column.origin == kUnknownTool ? s.lip_sigmas_m.back()
-                                                           : 0;
-      variance += sigma * sigma;
-    }
-    sigmas_m[i] = std::sqrt(variance);
+    std::optional<SurveyTile> own;
+    const SurveyTile& tile = s.look(floor_to(cell, kChunkSide), own);
+    const std::size_t n = SurveyState::number_of(cell);
+    if (!std::isnan(tile.columns[n].top))
+      sigmas_m[i] = std::sqrt(s.knowledge_of(tile, n).variance(s.errors));
   }
+}
+
+double GroundSurvey::volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2) {
+  SurveyState& s = *state_;
+  s.map.reader().refresh();
+  // By tile, so that each is read once; by column in it, how often that is meant.
+  std::map<std::pair<int, int>, std::map<std::size_t, double>> areas_m2;
+  for (const Vec2& place : xy_m) {
+    const Vec2 at = (place - s.ground.origin().head<2>()) / s.voxel_m();
+    if (!(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
+    const Coord2 column(cell_of(at.x()), cell_of(at.y())), cell = floor_to(column, kChunkSide);
+    areas_m2[{cell.x(), cell.y()}][SurveyState::number_of(column)] += area_m2;
+  }
+  SurveyState::VolumeError error(s.errors);
+  for (const auto& [cell, columns] : areas_m2) {
+    std::optional<SurveyTile> own;
+    const SurveyTile& tile = s.look({cell.first, cell.second}, own);
+    for (const auto& [n, area] : columns)
+      if (!std::isnan(tile.columns[n].top) && !SurveyState::is_datum(tile.columns[n]))
+        error.add(s.block_of(tile, n), s.knowledge_of(tile, n), area);
+  }
+  return error.sigma_m3();
 }
 
 }  // namespace soilvdb::inline v0

@@ -129,9 +129,8 @@ class Rays {
     if (descent > -kLeastDescent || slope.squaredNorm() >= kScanWallSlope * kScanWallSlope)
       return std::abs(length - range_m) < 3 * sigma + kWallGateM;  // which tells no height
     if (std::abs(residual) >= 3 * error + std::max(kScanGateM, h_)) return false;
-    const std::int64_t r = height_units(residual);
-    tile.sums[number_][i].add(weight_of(error), r + height_units((column.top - column.first) * h_),
-                              sees(place, slope));
+    const std::int64_t r = height_units(residual) + height_units((column.top - column.first) * h_);
+    tile.sums[number_][i].add(weight_of(error), r, sees(place, slope));
     ++column.rays;
     column.height += r;
     const Vec3 end = sensor_.pose.position + length * along;
@@ -149,7 +148,7 @@ class Rays {
     const Coord2 cell = column_at(point);
     SurveyTile& tile = tile_of(cell);
     const std::size_t i = SurveyState::number_of(cell);
-    const double height = point.z() - height_m(tile.columns[i]);
+    const double height = point.z() - state_.first_m(tile.columns[i]);
     if (!(std::abs(height) < kMostScanHeightM)) return false;
     const int bin = static_cast<int>(std::floor(height / kScanBinM));
     ScanHits& hits = tile.votes[static_cast<int>(i)].hits[bin][number_];
@@ -158,9 +157,6 @@ class Rays {
     hits.height += height_units(height);
     hits.sums.add(weight_of(sigma * std::abs(along.z()) + kScanErrorM), 0, sees(point, {0, 0}));
     return true;
-  }
-  double height_m(const SurveyColumn& column) const {
-    return state_.ground.origin().z() + h_ * column.top;
   }
 
   SurveyState& state_;
@@ -184,8 +180,8 @@ bool SurveyState::is_met(const Vec3& end) const {
       const std::size_t i = number_of(near);
       const auto votes = tile->second.votes.find(static_cast<int>(i));
       if (votes == tile->second.votes.end()) continue;
-      const double height = end.z() - ground.origin().z() - voxel_m() * tile->second.columns[i].top;
-      const int bin = static_cast<int>(std::floor(height / kScanBinM));
+      const int bin =
+          static_cast<int>(std::floor((end.z() - first_m(tile->second.columns[i])) / kScanBinM));
       const auto& hits = votes->second.hits;
       for (auto of = hits.lower_bound(bin - 1); of != hits.end() && of->first <= bin + 1; ++of)
         for (const auto& [sensor, some] : of->second) count += some.rays;
@@ -213,11 +209,13 @@ void SurveyState::see_through() {
       const Coord2 cell(cell_of(at.x()), cell_of(at.y()));
       SurveyTile& tile = tile_of(cell);
       const std::size_t i = number_of(cell);
-      const double below = place.z() + room - ground.origin().z() - h * tile.columns[i].top;
-      if (!(below < 0) || tile.columns[i].changed > ray.time) continue;
+      const SurveyColumn& column = tile.columns[i];
+      const double ceiling = place.z() + room;
+      if (!(ceiling < ground.origin().z() + h * column.top) || column.changed > ray.time) continue;
       ScanVotes& votes = tile.votes[static_cast<int>(i)];
+      const std::int64_t height = height_units(ceiling - first_m(column));
+      votes.ceiling = votes.through == 0 ? height : std::min(votes.ceiling, height);
       ++votes.through;
-      votes.ceiling = std::min(votes.ceiling, height_units(below));
       any = true;
     }
     rays.through += any;

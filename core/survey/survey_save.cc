@@ -12,7 +12,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 1;
+constexpr std::uint32_t kSurveyFormat = 2;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -59,7 +59,7 @@ void take_cells(std::string_view& in, ScanCells& cells) {
 }
 
 void put_column(std::string& out, const SurveyColumn& column) {
-  for (const double value : {column.first, column.top, column.variance, column.known})
+  for (const double value : {column.first, column.top, column.variance, column.prior})
     put(out, value);
   put_number(out, column.origin);
   put(out, column.changed);
@@ -70,7 +70,7 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
   take(in, column.first);
   take(in, column.top);  // NaN without ground
   column.variance = take_finite(in);
-  column.known = take_finite(in);
+  column.prior = take_finite(in);
   if (std::isnan(column.first) != std::isnan(column.top) || !(column.variance > 0)) refuse_survey();
   column.origin = take_number<std::uint16_t>(in, origins);
   take(in, column.changed);
@@ -81,6 +81,7 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
 
 /// @param numbers of sensors as they are saved
 void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>& numbers) {
+  for (const std::int64_t value : {votes.through, votes.ceiling, votes.told}) put(out, value);
   put_number(out, votes.hits.size());
   for (const auto& [bin, hits] : votes.hits) {
     put(out, bin);
@@ -98,6 +99,9 @@ void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>&
   }
 }
 void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors) {
+  take_amount(in, votes.through);
+  take(in, votes.ceiling);
+  take_amount(in, votes.told);
   for (auto bins = take_number<std::uint64_t>(in, in.size() + 1); bins > 0; --bins) {
     int bin = 0;
     take(in, bin);
@@ -109,6 +113,7 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors
       take_sums(in, hits.sums);
     }
   }
+  if (votes.told > votes.rays()) refuse_survey();
 }
 
 }  // namespace
@@ -133,10 +138,12 @@ void GroundSurvey::save(std::string& out) const {
           sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma})
       put(out, value);
   }
-  put_number(out, s.lips.size());
-  for (const Estimate& lip : s.lips) {
-    put(out, lip.mean);
-    put(out, lip.sigma);
+  put_number(out, s.buckets.size());
+  // Whose places are by the sensors' names.
+  const CommonErrors& errors = s.errors;
+  for (Eigen::Index i = 0; i < errors.mean().size(); ++i) {
+    put(out, errors.mean()[i]);
+    for (Eigen::Index j = 0; j <= i; ++j) put(out, errors.covariance()(i, j));
   }
   for (const std::int64_t value :
        {s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped})
@@ -217,11 +224,21 @@ void GroundSurvey::load(std::string_view& in) {
   }
   s.set_places();
   // Machines may have come since.
-  const auto machines = take_number<std::size_t>(in, s.lips.size() + 1);
-  for (std::size_t m = 0; m < machines; ++m) {
-    s.lips[m].mean = take_finite(in);
-    s.lips[m].sigma = take_finite(in);
+  const auto machines = take_number<std::size_t>(in, s.buckets.size() + 1);
+  const std::size_t came = s.buckets.size() - machines;
+  const std::size_t all_errors = s.lip_sigmas_m.size() + 4 * s.sensors.size();
+  const auto known_errors = static_cast<Eigen::Index>(all_errors - came);
+  Eigen::VectorXd mean(known_errors);
+  Eigen::MatrixXd covariance(known_errors, known_errors);
+  std::vector<Eigen::Index> to;
+  for (Eigen::Index i = 0; i < known_errors; ++i) {
+    to.push_back(i + static_cast<Eigen::Index>(to.size() < machines ? 0 : came));
+    mean[i] = take_finite(in);
+    for (Eigen::Index j = 0; j <= i; ++j) covariance(i, j) = covariance(j, i) = take_finite(in);
+    if (!(covariance(i, i) > 0)) refuse_survey();
   }
+  s.errors = CommonErrors(std::move(mean), std::move(covariance));
+  s.widen_errors(to);
   for (std::int64_t* value :
        {&s.rays.used, &s.rays.masked, &s.rays.through, &s.rays.added, &s.rays.dropped})
     take_amount(in, *value);
@@ -233,7 +250,6 @@ void GroundSurvey::load(std::string_view& in) {
     work.origin = take_number<std::uint16_t>(in, origins);
     take(in, work.time);
   }
-  const std::uint64_t errors = s.lip_sigmas_m.size() + 4 * s.sensors.size();
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     SurveyState::Block block{take_number<std::uint16_t>(in, origins), 0, 0};
     take(in, block.x);
@@ -241,9 +257,8 @@ void GroundSurvey::load(std::string_view& in) {
     SurveyState::Retired& sums = s.retired[block];
     for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
     if (!(sums.weight > 0)) refuse_survey();
-    sums.sees.resize(errors);
-    const std::size_t came = s.lips.size() - machines;
-    for (std::size_t n = 0; n + came < errors; ++n)
+    sums.sees.resize(all_errors);
+    for (std::size_t n = 0; n + came < all_errors; ++n)
       sums.sees[n < machines ? n : n + came] = take_finite(in);
   }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {

@@ -32,6 +32,7 @@ struct SeenColumn {
 }  // namespace
 
 void SurveyState::set_places() {
+  const std::vector<int> before = places;
   std::vector<int> by_name(sensors.size());
   places.resize(sensors.size());
   std::iota(by_name.begin(), by_name.end(), 0);
@@ -41,6 +42,24 @@ void SurveyState::set_places() {
   for (std::size_t n = 0; n < by_name.size(); ++n)
     places[static_cast<std::size_t>(by_name[n])] =
         static_cast<int>(lip_sigmas_m.size()) + kOfSensor * static_cast<int>(n);
+  std::vector<Eigen::Index> to(lip_sigmas_m.size() + kOfSensor * before.size());
+  for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m) to[m] = static_cast<Eigen::Index>(m);
+  for (std::size_t s = 0; s < before.size(); ++s)
+    for (int n = 0; n < kOfSensor; ++n) to[static_cast<std::size_t>(before[s] + n)] = places[s] + n;
+  widen_errors(to);
+}
+
+void SurveyState::widen_errors(const std::vector<Eigen::Index>& to) {
+  const Eigen::VectorXd variances = prior();
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(variances.size());
+  Eigen::MatrixXd covariance = variances.asDiagonal();
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    mean[to[i]] = errors.mean()[static_cast<Eigen::Index>(i)];
+    for (std::size_t j = 0; j < to.size(); ++j)
+      covariance(to[i], to[j]) =
+          errors.covariance()(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+  }
+  errors = CommonErrors(std::move(mean), std::move(covariance));
 }
 
 Eigen::VectorXd SurveyState::prior() const {
@@ -66,13 +85,17 @@ Eigen::VectorXd SurveyState::predicted(const SurveyColumn& column) const {
   return b;
 }
 
+double SurveyState::own_variance(const SurveyTile& tile, std::size_t i) const {
+  return tile.columns[i].variance + square(kBendFloor * tile.bends[i] * voxel_m());
+}
+
 ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
                                         Eigen::VectorXd& sees) const {
   sees = Eigen::VectorXd::Zero(
       static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
-  const double bend = square(kBendFloor * tile.bends[i] * voxel_m());
+  ColumnResidual all{0, 0, own_variance(tile, i)};
+  const double bend = all.variance - tile.columns[i].variance;
   const double rough = square(kSlopeFloorM) * tile.slopes[i].squaredNorm() + bend;
-  ColumnResidual all{0, 0, tile.columns[i].variance + bend};
   for (const auto& [number, sums] : tile.sums) {
     const ScanSums& sum = sums[i];
     if (sum.rays == 0) continue;
@@ -133,7 +156,7 @@ namespace {
 
 /// Heights of a column by what rays say of its quarters.
 struct Vote {
-  double height = 0;      ///< mean above the column's top, m
+  double height = 0;      ///< mean above the column's `first`, m
   double spread = 0;      ///< variance of the quarters' heights, m^2
   std::int64_t rays = 0;  ///< that agreed
   std::map<int, ScanSums> sums;
@@ -165,11 +188,10 @@ int extent_of(const std::array<std::int64_t, 16>& areas) {
 /// are taken by its quarters along both axes. Hits on the face of a wall lie above each other, and
 /// so reach over few of these: they are left out.
 std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
-  std::int64_t all = column.cells.rays;
+  const std::int64_t all = column.cells.rays + votes.rays();
   std::map<int, std::int64_t> left;  // rays by bin
   for (const auto& [bin, hits] : votes.hits)
     for (const auto& [sensor, of_sensor] : hits) left[bin] += of_sensor.rays;
-  for (const auto& [bin, rays] : left) all += rays;
   const double least =
       std::max(static_cast<double>(kScanVotes), kScanShare * static_cast<double>(all));
   struct Height {
@@ -253,27 +275,34 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
 
 }  // namespace
 
-/// Columns of which enough rays say that they have another height get that.
+/// Columns of which enough rays say that they have another height get that. What too few rays say
+/// is kept, until there are so many that enough of them would have agreed.
 void SurveyState::take_votes() {
   see_through();
   for (SurveyTile* tile : sorted()) {
-    for (const auto& [n, votes] : tile->votes) {
+    std::map<int, ScanVotes> undecided;
+    for (auto& [n, votes] : tile->votes) {
       const auto i = static_cast<std::size_t>(n);
       SurveyColumn& column = tile->columns[i];
       if (std::isnan(column.top)) continue;
       std::optional<Vote> now = vote(column, votes);
-      for (const auto& [bin, hits] : votes.hits)
-        for (const auto& [sensor, of_sensor] : hits) rays.dropped += of_sensor.rays;
-      if (now) {
-        rays.dropped -= now->rays;
-        rays.added += now->rays;
-      }
+      const std::int64_t news = votes.rays() - votes.told;
+      const std::int64_t added = now ? std::min(now->rays, news) : 0;
+      rays.added += added;
+      rays.dropped += news - added;
       if (!now && votes.through >= kScanVotes && votes.through > column.rays)
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
-      if (!now) continue;
+      if (!now) {
+        votes.told += news;
+        const std::int64_t all =
+            votes.told + votes.through + std::max(column.rays, column.cells.rays);
+        if (kScanShare * static_cast<double>(all) < kScanVotes)
+          undecided.emplace(n, std::move(votes));
+        continue;
+      }
       retire(*tile, i);
       for (auto& [number, of_tile] : tile->sums) of_tile[i] = {};
-      column.first = column.top + now->height / voxel_m();
+      column.first += now->height / voxel_m();
       column.origin = kSurveyed;
       column.variance = square(kChangedSigmaM);
       for (const auto& [sensor, sum] : now->sums) {
@@ -288,12 +317,55 @@ void SurveyState::take_votes() {
                                whole);
       }
     }
-    tile->votes.clear();
-    for (SurveyColumn& column : tile->columns) {
+    tile->votes = std::move(undecided);
+    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
+      if (tile->votes.contains(static_cast<int>(i))) continue;
+      SurveyColumn& column = tile->columns[i];
       column.rays = column.height = 0;
       column.cells = {};
     }
   }
+}
+
+bool SurveyState::is_datum(const SurveyColumn& column) {
+  return column.origin == kNatural && column.top == column.first &&
+         column.prior < square(kChangedSigmaM);
+}
+
+SurveyState::Knowledge SurveyState::knowledge_of(const SurveyTile& tile, std::size_t i) const {
+  Eigen::VectorXd sees;
+  const ColumnResidual residual = residual_of(tile, i, sees);
+  return knowledge_of(tile.columns[i], residual, sees, predicted(tile.columns[i]));
+}
+
+SurveyState::Knowledge SurveyState::knowledge_of(const SurveyColumn& column,
+                                                 const ColumnResidual& residual,
+                                                 const Eigen::VectorXd& sees,
+                                                 const Eigen::VectorXd& b) const {
+  Knowledge known{residual, {}, 0};
+  if (column.prior >= 0) known.residual.variance = column.prior;
+  known.correction = errors.correct(known.residual, sees, b);
+  known.off = voxel_m() * (column.first - column.top) + known.correction.mean;
+  return known;
+}
+
+void SurveyState::VolumeError::add(const Block& block, const Knowledge& column, double area_m2) {
+  Part& part = parts_[block];
+  part.area += area_m2;
+  part.squares += square(area_m2);
+  part.prior += area_m2 / column.residual.variance;
+  part.weight += area_m2 * column.residual.weight;
+  on_ += area_m2 * column.correction.on;
+  off_m3_ += area_m2 * column.off;
+}
+
+double SurveyState::VolumeError::sigma_m3() const {
+  double variance = on_.dot(errors_.covariance() * on_) + square(off_m3_);
+  for (const auto& [block, part] : parts_) {
+    const double prior = part.prior / part.area, weight = part.weight / part.area;
+    variance += (square(part.area) * prior + part.squares * weight) / square(prior + weight);
+  }
+  return std::sqrt(variance);
 }
 
 std::vector<SurveyChange> SurveyState::solve() {
@@ -347,14 +419,14 @@ std::vector<SurveyChange> SurveyState::solve() {
       sum.variance += c.residual.weight * c.residual.variance;
       sum.sees += c.residual.weight * (c.sees - c.predicted);
     }
-    CommonErrors errors(variances);
+    CommonErrors all(variances);
     for (const auto& [block, sum] : blocks)
-      errors.add({sum.residual / sum.weight, sum.weight, sum.variance / sum.weight},
-                 sum.sees / sum.weight);
-    errors.solve();
-    return errors;
+      all.add({sum.residual / sum.weight, sum.weight, sum.variance / sum.weight},
+              sum.sees / sum.weight);
+    all.solve();
+    return all;
   };
-  CommonErrors errors = estimate();
+  errors = estimate();
   for (int round = 0; round < kGateRounds; ++round) {
     std::vector<double> off(seen.size());
     for (std::size_t n = 0; n < seen.size(); ++n)
@@ -389,44 +461,27 @@ std::vector<SurveyChange> SurveyState::solve() {
     }
     errors = estimate();
   }
-  for (std::size_t m = 0; m < lips.size(); ++m) {
-    const auto at = static_cast<Eigen::Index>(m);
-    lips[m] = {errors.mean()[at], std::sqrt(errors.covariance()(at, at))};
-  }
 
   std::vector<SurveyChange> made;
-  struct Part {  // of the changed volume, a block of columns whose own errors hang together
-    double count = 0, prior = 0, weight = 0;
-  };
-  std::map<Block, Part> parts;
-  Eigen::VectorXd on = Eigen::VectorXd::Zero(errors.mean().size());
+  VolumeError error(errors);
   for (const SeenColumn& c : seen) {
     SurveyColumn& column = c.column();
-    ColumnResidual residual = c.residual;
-    if (c.changed) residual.variance = square(kChangedSigmaM);
-    const CommonErrors::Correction correction = errors.correct(residual, c.sees, c.predicted);
-    column.known = correction.variance(errors);
-    const double to_be = column.first + correction.mean / h, off = to_be - column.top;
+    column.prior = c.changed ? square(kChangedSigmaM) : c.residual.variance;
+    Knowledge known = knowledge_of(column, c.residual, c.sees, c.predicted);
+    if (!std::isfinite(known.off)) continue;
     const double sigmas = column.origin == kNatural && !c.changed ? kNaturalSigmas : kMovedSigmas;
-    if (!std::isfinite(off) || std::abs(off) < kLeastCorrection ||
-        std::abs(off) * h < sigmas * std::sqrt(column.known))
-      continue;
-    const int at = static_cast<int>(c.i);
-    made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
-                    std::llround(off * kSamplesOfCell), c.tile->slopes[c.i]});
-    Part& part = parts[block_of(*c.tile, c.i)];
-    ++part.count;
-    part.prior += 1 / residual.variance;
-    part.weight += residual.weight;
-    on += correction.on;
+    const bool is_worth_it =
+        std::abs(known.off) >= kLeastCorrection * h &&
+        std::abs(known.off) >= sigmas * std::sqrt(known.correction.variance(errors));
+    if (is_worth_it) {
+      const int at = static_cast<int>(c.i);
+      made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
+                      std::llround(known.off / h * kSamplesOfCell), c.tile->slopes[c.i]});
+      known.off = 0;
+    }
+    if (is_worth_it || !is_datum(column)) error.add(block_of(*c.tile, c.i), known, h * h);
   }
-  double variance = on.dot(errors.covariance() * on);
-  for (const auto& [block, part] : parts) {
-    const double prior_weight = part.prior / part.count, weight = part.weight / part.count;
-    variance +=
-        square(part.count) * (prior_weight + weight / part.count) / square(prior_weight + weight);
-  }
-  sigma_m3 = h * h * std::sqrt(variance);
+  sigma_m3 = error.sigma_m3();
   return made;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -25,6 +26,10 @@ struct SurveyState {
   SurveyState(Ground& clone, const SurveyState& other);
 
   double voxel_m() const { return ground.voxel_size_m(); }
+  /// The height from which a column's residuals and votes are counted, world.
+  double first_m(const SurveyColumn& column) const {
+    return ground.origin().z() + voxel_m() * column.first;
+  }
   /// The tile of a lowest cell, as the ground is.
   SurveyTile& tile(const Coord2& cell);
   SurveyTile& tile_of(const Coord2& column) { return tile(floor_to(column, kChunkSide)); }
@@ -40,8 +45,8 @@ struct SurveyState {
   enum class How { kChanged, kOwn, kLook };
   void read(SurveyTile& tile, How how);
   static SurveyTile new_tile(const Coord2& cell);
-  /// A column as the ground is.
-  SurveyColumn look(const Coord2& column);
+  /// A tile as the ground is, and changes nothing. @param own storage for one that is not known
+  const SurveyTile& look(const Coord2& cell, std::optional<SurveyTile>& own);
   /// @throw std::invalid_argument if too many tiles would be seen
   void require_room(std::span<const Vec3> points_m) const;
   int sensor_of(const Sensor& sensor);
@@ -51,6 +56,8 @@ struct SurveyState {
                 std::span<const Pose* const> poses);
 
   // survey_solution.cc
+  /// Variance of a column's own height, before any scan, m^2.
+  double own_variance(const SurveyTile& tile, std::size_t i) const;
   /// A column as one residual. @param sees a, of all sensors
   ColumnResidual residual_of(const SurveyTile& tile, std::size_t i, Eigen::VectorXd& sees) const;
   /// b: how a column's predicted height depends on the common errors.
@@ -58,6 +65,21 @@ struct SurveyState {
   Eigen::VectorXd prior() const;
   /// To be called when a sensor has come.
   void set_places();
+  /// Makes room for errors that came. @param to the new numbers of those that were
+  void widen_errors(const std::vector<Eigen::Index>& to);
+  /// What is known of a column's height.
+  struct Knowledge {
+    ColumnResidual residual;
+    CommonErrors::Correction correction;
+    double off = 0;  ///< of the correction, what the ground does not have, m
+
+    double variance(const CommonErrors& all) const { return correction.variance(all) + off * off; }
+  };
+  Knowledge knowledge_of(const SurveyTile& tile, std::size_t i) const;
+  Knowledge knowledge_of(const SurveyColumn& column, const ColumnResidual& residual,
+                         const Eigen::VectorXd& sees, const Eigen::VectorXd& predicted) const;
+  /// Is a column as the terrain, and nothing speaks against that?
+  static bool is_datum(const SurveyColumn& column);
   /// Keeps what a column says of the common errors when its ground has changed.
   void retire(const SurveyTile& tile, std::size_t i);
   /// Do enough rays end about where a ray does?
@@ -78,6 +100,24 @@ struct SurveyState {
   };
   Block block_of(const SurveyTile& tile, std::size_t i) const;
 
+  /// The error of a volume: of columns' heights times areas.
+  class VolumeError {
+   public:
+    explicit VolumeError(const CommonErrors& errors)
+        : errors_(errors), on_(Eigen::VectorXd::Zero(errors.mean().size())) {}
+    void add(const Block& block, const Knowledge& column, double area_m2);
+    double sigma_m3() const;
+
+   private:
+    struct Part {  // columns whose own errors hang together
+      double area = 0, squares = 0, prior = 0, weight = 0;  // sums of a, a^2, a / s^2, a w
+    };
+    const CommonErrors& errors_;
+    Eigen::VectorXd on_;
+    double off_m3_ = 0;
+    std::map<Block, Part> parts_;
+  };
+
   Ground& ground;
   std::vector<Bucket> buckets;
   std::vector<double> lip_sigmas_m;  // of machines, then of a tool that is not known
@@ -93,7 +133,7 @@ struct SurveyState {
   std::vector<Sensor> sensors;                             // in order of their first scan
   std::vector<int> places;                                 // of their common errors, by their names
   std::map<Block, Retired> retired;
-  std::vector<Estimate> lips;  // as last solved
+  CommonErrors errors;  // as last solved
   RayCounts rays;
   std::vector<ThroughRay> through;  // since scans were applied
   bool is_solved = true;            // no scan came since

@@ -48,7 +48,7 @@ struct ScanCells {
 /// Rays that met one height of a column, other than expected.
 struct ScanHits {
   ScanCells cells;
-  std::int64_t rays = 0, height = 0;  ///< height: sum of heights above the column's top
+  std::int64_t rays = 0, height = 0;  ///< height: sum of heights above the column's `first`
   ScanSums sums;                      ///< with residuals of 0
 };
 
@@ -67,22 +67,30 @@ struct ThroughRay {
   }
 };
 
-/// What speaks against a column's height, since its ground last changed or scans were applied.
+/// What speaks against a column's height, until that is decided or its ground changes.
 struct ScanVotes {
-  std::int64_t through = 0;  ///< rays that went through its soil, while scans are applied
-  std::int64_t ceiling = 0;  ///< lowest of them, from the column's top
+  std::int64_t through = 0;  ///< rays that went through its soil
+  std::int64_t ceiling = 0;  ///< lowest of them, above the column's `first`
+  std::int64_t told = 0;     ///< hits that were counted as dropped when scans were applied
   std::map<int, std::map<int, ScanHits>> hits = {};  ///< by height, and by sensor
+
+  std::int64_t rays() const {
+    std::int64_t all = 0;
+    for (const auto& [bin, of_bin] : hits)
+      for (const auto& [sensor, of_sensor] : of_bin) all += of_sensor.rays;
+    return all;
+  }
 };
 
 struct SurveyColumn {
   double first = 0;     ///< height from which residuals are counted, index space
   double top = 0;       ///< height now; NaN: no ground
   double variance = 0;  ///< of its own error before any scan, m^2
-  double known = -1;    ///< variance of its height as last solved, m^2; negative: not yet
+  double prior = -1;    ///< variance of its own error as last solved, m^2; negative: not yet
   std::uint16_t origin = kNatural;
   std::uint32_t changed = 0;  ///< when it last changed, other than by scans
-  /// Rays that met it as expected since its ground last changed or scans were applied.
-  std::int64_t rays = 0, height = 0;  ///< height: sum of residuals
+  /// Rays that met it as expected while its height is in doubt, or since scans were applied.
+  std::int64_t rays = 0, height = 0;  ///< height: sum of heights above `first`
   ScanCells cells;                    ///< of those that ended in it as expected
 };
 

@@ -78,7 +78,15 @@ ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& sce
   if (map.has("machine")) read_carrier(map, scenario, scan);
   if (map.has("link") && !map.has("machine"))
     map.fail("link", "'link' goes with 'machine', whose it is; add that, or remove 'link'");
-  if (map.has("noise")) {
+  if (map.has("noise") && !map.is_map("noise")) {
+    try {
+      const RangeNoise noise = noise_of(map.text("noise"));
+      sensor.range_sigma_m = noise.sigma_m;
+      sensor.range_squared_sigma_per_m = noise.squared_per_m;
+    } catch (const std::invalid_argument& e) {
+      map.fail("noise", fmt::format("noise: {}", printable(e.what())));
+    }
+  } else if (map.has("noise")) {
     const YamlMap noise = map.map("noise", {"range", "range_squared"});
     sensor.range_sigma_m = noise.has("range") ? noise.number("range", 0, kMostSensorSigma, "m") : 0;
     if (noise.has("range_squared"))

@@ -78,6 +78,13 @@ TEST_F(ScanRun, CorrectsTheFloorAndFindsTheLip) {
   EXPECT_EQ(updates().size(), 44u) << "a row for each of the machine's, and the heading";
 }
 
+TEST_F(ScanRun, IsSaidByInfo) {
+  const std::string out = good("info dig.yaml").out;
+  EXPECT_NE(out.find("mast: at x 1.00, y -4.00, z 4.00 m, noise 0.005 m\n"), std::string::npos)
+      << out;
+  EXPECT_NE(out.find("2 scans, 4.8 s to 4.9 s, from floor.csv\n"), std::string::npos) << out;
+}
+
 TEST_F(ScanRun, GoesOnFromAnyPlace) {
   for (const double share : {0.5, 0.99}) {
     run_part(share);

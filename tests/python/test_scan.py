@@ -219,6 +219,41 @@ def test_a_block_of_one_cubic_metre_is_surveyed(out):
     assert survey.rays["through" if out else "new"] > 100
 
 
+def sparse(depth, rng, share=0.01, dust=0.02):
+    """A few pixels of an image; some end before the ground, anywhere."""
+    some = np.where(rng.random(depth.shape) < share, depth, np.nan)
+    return np.where(rng.random(depth.shape) < dust, some * rng.uniform(0.4, 0.99, depth.shape), some)
+
+
+@pytest.mark.parametrize("out", [True, False], ids=["out", "down"])
+def test_sparse_scans_that_are_applied_one_by_one_find_new_ground(out):
+    site, sensor, depth, intrinsics = block(out)
+    was = soilvdb.depth_image(site, sensor, depth.shape, intrinsics)
+    rng = np.random.default_rng(7)
+    for image, volume in ((depth, 1.0), (was, 0.0)):   # there it is, and gone again
+        for _ in range(60):
+            site.scan(sensor, depth=sparse(image, rng), intrinsics=intrinsics)
+            survey = site.apply_scans()
+            assert min(survey.rays.values()) >= 0
+            copy = site.clone()
+            copy.restore(site.save())
+            site = copy
+        change = site.volume(AROUND)
+        assert abs(change.net_m3 + site.ledger()["cut_m3"]) == pytest.approx(volume, abs=0.03)
+
+
+def test_dust_makes_no_ground_however_often_scans_are_applied():
+    site, sensor, _, intrinsics = block(True)
+    ground = soilvdb.depth_image(site, sensor, (360, 480), intrinsics)
+    rng = np.random.default_rng(8)
+    for _ in range(60):
+        site.scan(sensor, depth=sparse(ground, rng), intrinsics=intrinsics)
+        survey = site.apply_scans()
+        assert survey.rays["new"] == 0 < survey.rays["dropped"]
+    # Dust just above the ground is noise of it.
+    assert abs(site.volume(AROUND).net_m3 + site.ledger()["cut_m3"]) < 0.02
+
+
 def test_applied_twice_is_applied_once(scene):
     site, scans = scene.believed(), scene.scans
     first = applied(site, scans)
@@ -529,6 +564,54 @@ def test_what_is_known_of_a_lip_outlives_its_floor():
     told_too_high(0.4, site)  # every column that was seen is dug away
     later = floor_told(site, None, range(3)).lip_error[0]
     assert later[0] == pytest.approx(mean, abs=0.003) and later[1] < 0.012
+
+
+def test_the_sigma_of_what_was_not_corrected_has_its_error_in_it():
+    site = told_too_high()
+    hidden, seen = [(-0.8, 0.0), (2.8, 0.0)], [(1.0, 0.0), (0.5, 0.2)]
+    survey = floor_told(site, -0.2, range(4))
+    heights, sigmas = site.heights(hidden, sigma=True)
+    assert heights == pytest.approx(-0.16, abs=0.002)   # which is 4 cm too high
+    assert np.all(sigmas > 0.03)
+    assert np.all(site.heights(seen, sigma=True)[1] < 0.01)
+    # Half a sample's layer is left as it is: the volume is not known better for it.
+    exact = told_too_high(0.2 + 0.05 / 40)
+    same = floor_told(exact, -0.2, range(4))
+    assert same.removed_m3 + same.added_m3 < 0.1 * (survey.removed_m3 + survey.added_m3)
+    assert same.sigma_m3 > 0.5 * survey.sigma_m3
+
+
+def square(x, y, side):
+    return [(x, y), (x + side, y), (x + side, y + side), (x, y + side)]
+
+
+def test_the_sigma_of_a_volume_before_any_scan_is_that_of_the_lip_and_the_floor():
+    site = told_too_high()
+    # All of a volume errs with the lip, 20 mm; the floor, 7.5 mm, alike in each square of 2 m.
+    volume = site.volume(square(0.2, -0.5, 1.0), sigma=True)
+    assert volume.sigma_m3 == pytest.approx(math.hypot(0.02, 0.0075 * math.sqrt(0.5)), rel=0.02)
+    assert site.volume(square(0.2, 0.05, 0.5), sigma=True).sigma_m3 == pytest.approx(
+        0.25 * math.hypot(0.02, 0.0075), rel=0.02)
+    assert site.volume(square(0.2, 1.5, 1.0), sigma=True).sigma_m3 == 0   # nobody touched it
+    assert site.volume(square(0.2, -0.5, 1.0)).sigma_m3 is None
+
+
+def test_the_error_of_a_volume_is_as_large_as_its_sigma_says():
+    shares = []
+    for seed in range(20, 36):
+        rng = np.random.default_rng(seed)
+        true = dig(seed)
+        believed = dig(seed, rng.normal(0, 0.02))
+        hung = camera((-4, 0, 3.5 + rng.normal(0, 0.01)), looking(0.75 + rng.normal(0, 0.002)))
+        for image in frames_of(true, hung, 4, 10 * seed):
+            believed.scan(camera(), points_of(image))
+        believed.apply_scans()
+        for place in [(-0.8, -0.3), (0.0, -0.3), (-0.4, 0.0)]:
+            boundary = square(*place, 0.5)
+            volume = believed.volume(boundary, sigma=True)
+            shares.append((volume.net_m3 - true.volume(boundary).net_m3) / volume.sigma_m3)
+    assert np.max(np.abs(shares)) < 4
+    assert 0.3 < np.sqrt(np.mean(np.square(shares))) < 1.5
 
 
 def test_rays_that_do_not_fit_the_ground_are_told_once():

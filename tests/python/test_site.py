@@ -736,12 +736,14 @@ def test_a_handler_of_signals_is_refused_the_site_whose_call_it_interrupts():
 def test_a_program_ends_beside_threads_that_go_on():
     code = LONG_PATH + (
         "def go_on(call):\n    while True:\n        call()\n"
-        "calls = [lambda: site.update(0, position=(0, 0, 0)), lambda: site.heights(p[:9, :2]),\n"
-        "         lambda: other.update_path(0, positions=p)]\n"
+        "def start(call):\n    threading.Thread(target=go_on, args=(call,), daemon=True).start()\n"
         "other = site.clone()\n"
-        "for call in calls:\n"
-        "    threading.Thread(target=go_on, args=(call,), daemon=True).start()\n"
-        "time.sleep(0.1)\n")
+        "start(lambda: other.update_path(0, positions=np.tile(p, (1000, 1))))\n"
+        # It is in a call that takes minutes when the program has used so much of the processor.
+        "while time.process_time() < 0.5 + begun:\n    time.sleep(0.01)\n"
+        "start(lambda: site.update(0, position=(0, 0, 0)))\n"
+        "start(lambda: site.heights(p[:9, :2]))\n"
+        "time.sleep(0.1)\n").replace("other = site", "begun = time.process_time()\nother = site")
     # One waits for a site that another will never give back.
     code += "threading.Thread(target=go_on, args=(other.change_m3,), daemon=True).start()\n"
     for _ in range(5 if LONG else 2):

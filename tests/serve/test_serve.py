@@ -9,6 +9,9 @@ import socket
 import subprocess
 import threading
 import time
+import urllib.error
+import urllib.request
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +118,35 @@ def test_what_cannot_be_asked_is_said(tmp_path):
         for path, (status, why) in asked.items():
             got, body = server.get(path)
             assert (got, why in json.loads(body)["error"]) == (status, True), (path, body)
+
+
+def test_the_page_comes_compressed_and_only_once(tmp_path):
+    with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
+        def ask(path, **headers):
+            request = urllib.request.Request(server.url.rstrip("/") + path, headers={
+                name.replace("_", "-"): value for name, value in headers.items()})
+            try:
+                with urllib.request.urlopen(request, timeout=60) as response:
+                    return response.status, response.headers, response.read()
+            except urllib.error.HTTPError as error:
+                with error:
+                    return error.code, error.headers, error.read()
+
+        paths = [path for path in ("/", "/view.js", "/view.css") if server.get(path)[0] == 200]
+        for path in paths:
+            status, plain, body = ask(path)
+            assert status == 200 and "Content-Encoding" not in plain
+            if plain["ETag"] is None:   # the page was not built
+                continue
+            _, packed, small = ask(path, Accept_Encoding="gzip, deflate, br")
+            assert packed["Content-Encoding"] == "deflate" and zlib.decompress(small) == body
+            assert len(small) < 0.5 * len(body)
+            assert packed["ETag"] == plain["ETag"] and packed["Cache-Control"] == "no-cache"
+            status, headers, nothing = ask(path, If_None_Match=f'"x", {plain["ETag"]}')
+            assert (status, nothing, headers["ETag"]) == (304, b"", plain["ETag"])
+            assert ask(path, If_None_Match='W/"0"')[0] == 200
+        _, live, _ = ask("/summary.json", Accept_Encoding="deflate")
+        assert live["Cache-Control"] == "no-store" and live["ETag"] is None
 
 
 def test_addresses_may_be_written_in_percent(tmp_path):

@@ -285,7 +285,13 @@ async function linked(t, answering) {
     close() { this.closed = true; }   // the peer never answers it
   }
   const asked = [];
+  const document = {hidden: false, addEventListener: (_, call) => { document.changed = call; }};
+  const show = (visible) => {
+    document.hidden = !visible;
+    document.changed();
+  };
   const globals = {
+    document,
     setInterval: every(true), setTimeout: every(false), clearTimeout: (n) => { if (n) timers[n - 1].at = Infinity; },
     WebSocket: Socket, location: new URL('http://site/'), addEventListener: () => {},
     fetch: async (url) => {
@@ -311,7 +317,7 @@ async function linked(t, answering) {
       await new Promise((done) => setImmediate(done));
     }
   };
-  return {link, said, sockets, asked, pass};
+  return {link, said, sockets, asked, pass, show};
 }
 
 test('a silent server is lost within 5 s, whatever becomes of its socket', async (t) => {
@@ -353,3 +359,36 @@ test('an attempt that hangs is given up, or replaced on request', async (t) => {
   assert.deepEqual(said, ['lost']);
 });
 
+test('a page that nobody sees disconnects after a while, and is back at once when it is seen', async (t) => {
+  const {said, sockets, pass, show} = await linked(t, () => true);
+  const hear = () => sockets.at(-1).onmessage({data: '{}'});
+  sockets[0].open();
+  show(false);
+  await pass(8, hear);
+  show(true);   // it was away for a moment only
+  await pass(20, hear);
+  assert.equal(sockets.length, 1);
+  show(false);
+  await pass(9, hear);
+  assert.ok(!sockets[0].closed);
+  await pass(120);
+  assert.ok(sockets[0].closed && sockets.length === 1, 'it stays disconnected');
+  assert.ok(!said.includes('lost'));
+  show(true);
+  assert.equal(sockets.length, 2);
+  sockets[1].open();
+  assert.deepEqual(said.slice(-1), ['opened']);
+});
+
+test('a hidden page that had lost its server does not look for it', async (t) => {
+  const {sockets, pass, show} = await linked(t, () => false);
+  sockets[0].open();
+  show(false);
+  await pass(5);   // lost
+  await pass(10);
+  const tries = sockets.length;
+  await pass(60);
+  assert.equal(sockets.length, tries);
+  show(true);
+  assert.equal(sockets.length, tries + 1);
+});

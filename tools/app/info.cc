@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <string>
 #include <string_view>
@@ -184,6 +185,31 @@ void print_earthmoving(const io::Scenario& scenario) {
   }
 }
 
+/// Prints sensors, each with its scans.
+void print_scans(const io::Scenario& scenario) {
+  std::map<std::string, std::vector<const io::ScanInput*>> by_sensor;
+  for (const io::ScanInput& scan : scenario.scans) by_sensor[scan.sensor.name].push_back(&scan);
+  for (const auto& [name, scans] : by_sensor) {
+    const io::ScanInput& first = *scans.front();
+    const Vec3& at = first.sensor.pose.position;
+    line("sensor",
+         fmt::format("{}: {}, noise {:g} m{}", name,
+                     first.machine ? "on " + scenario.machines[*first.machine].name
+                     : first.by_transforms
+                         ? std::string("placed by transforms")
+                         : fmt::format("at x {:.2f}, y {:.2f}, z {:.2f} m", at.x(), at.y(), at.z()),
+                     first.sensor.range_sigma_m,
+                     first.sensor.range_squared_sigma_per_m > 0
+                         ? fmt::format(" and {:g} m at 10 m of range",
+                                       100 * first.sensor.range_squared_sigma_per_m)
+                         : ""));
+    line("  scans",
+         fmt::format("{}, {} s to {} s, from {}",
+                     counted(static_cast<double>(scans.size()), "scan"), time_text(first.time_s),
+                     time_text(scans.back()->time_s), first.file.filename().string()));
+  }
+}
+
 /// Adds a run's warnings about the terrain; not for level sets, which take long to open.
 void warn_of_ground(io::Scenario& scenario) {
   if (std::holds_alternative<io::LevelSetTerrain>(scenario.terrain)) return;
@@ -244,6 +270,7 @@ void info_scenario(const fs::path& file) {
     if (motion.stops()) line("warning", motion.bad_rows().first + "; a run ends before this row");
   }
   print_earthmoving(scenario);
+  print_scans(scenario);
   if (scenario.snapshot_every_s)
     line("snapshots", fmt::format("every {} s{}{}", *scenario.snapshot_every_s,
                                   scenario.incremental_snapshots ? ", incremental" : "",

@@ -206,7 +206,7 @@ Array cast(Site& site, const py::object& origins, const py::object& directions) 
 
 /// What was dug and filled inside a boundary.
 BoundaryVolume volume(Site& site, const py::object& boundary,
-                      const std::optional<TerrainValue>& design) {
+                      const std::optional<TerrainValue>& design, bool sigma) {
   const Array given = rows(boundary, "boundary", 2);
   if (given.shape(0) < 3) throw py::value_error("boundary must have 3 corners or more");
   std::vector<Vec2> corners;
@@ -216,7 +216,7 @@ BoundaryVolume volume(Site& site, const py::object& boundary,
       throw py::value_error(fmt::format("boundary: corner {} is not finite", i));
   }
   return site.with([&](Session& session) {
-    return session.volume(corners, design ? &design->surface() : nullptr);
+    return session.volume(corners, design ? &design->surface() : nullptr, sigma);
   });
 }
 
@@ -243,16 +243,22 @@ void bind_volume(py::class_<Site>& site, py::module_& m) {
           "to_fill_m3",
           [](const BoundaryVolume& v) { return or_none(v.to_design, &ToDesign::fill_m3); },
           "room below the design where both are known; None without a design there")
+      .def_readonly(
+          "sigma_m3", &BoundaryVolume::sigma_m3,
+          "standard deviation of net_m3 by what is known of the machines' lips and by scans; "
+          "None unless it was asked for")
       .def(py::pickle(
           [](const BoundaryVolume& v) {
             const ToDesign left = v.to_design.value_or(ToDesign{});
             return std::tuple(v.cut_m3, v.fill_m3, v.net_m3, v.error_m3, v.area_m2, v.off_site_m2,
-                              v.to_design.has_value(), left.area_m2, left.cut_m3, left.fill_m3);
+                              v.to_design.has_value(), left.area_m2, left.cut_m3, left.fill_m3,
+                              v.sigma_m3);
           },
           [](const std::tuple<double, double, double, double, double, double, bool, double, double,
-                              double>& t) {
-            const auto& [cut, fill, net, error, area, off, has, to_area, to_cut, to_fill] = t;
-            BoundaryVolume v{cut, fill, net, error, area, off, {}};
+                              double, std::optional<double>>& t) {
+            const auto& [cut, fill, net, error, area, off, has, to_area, to_cut, to_fill, sigma] =
+                t;
+            BoundaryVolume v{cut, fill, net, error, area, off, {}, sigma};
             if (has) v.to_design = {to_area, to_cut, to_fill};
             return v;
           }))
@@ -262,10 +268,12 @@ void bind_volume(py::class_<Site>& site, py::module_& m) {
       });
   site.def(
       "volume", &volume, py::arg("boundary"), py::kw_only(), py::arg("design") = py::none(),
+      py::arg("sigma") = false,
       "Cut and fill inside a boundary against the terrain, counted sample by sample. boundary: "
       "corners (N, 2), m, world; the last connects to the first. Parts of an area sum to the "
       "whole. design: a Terrain; then to_cut_m3 and to_fill_m3 say what is left to do, summed "
-      "over at most 250 000 places. Raises ValueError if sides of the boundary cross, or "
+      "over at most 250 000 places. sigma: then sigma_m3 says how well net_m3 is known. Raises "
+      "ValueError if sides of the boundary cross, or "
       "without any ground inside.");
 }
 

@@ -7,25 +7,29 @@
 
 #include <array>
 #include <cmath>
+#include <optional>
 
+#include "core/constants.h"
 #include "soilvdb/survey.h"
 #include "tools/python/site.h"
 
 namespace soilvdb::python {
 namespace {
 
-constexpr double kMostDepthM = 1000;
-
 Sensor sensor_of(const py::object& position, const py::object& rotation, const py::object& matrix,
-                 const std::string& name, double range_sigma, double range_squared_sigma,
-                 double height_sigma, double tilt_sigma, double scale_sigma) {
+                 const std::string& name, std::optional<double> range_sigma,
+                 std::optional<double> range_squared_sigma, double height_sigma, double tilt_sigma,
+                 double scale_sigma, const std::optional<std::string>& noise) {
   Sensor sensor;
   sensor.name = name;
   if (!position.is_none() || !matrix.is_none()) sensor.pose = pose(position, rotation, matrix);
   if (position.is_none() && !rotation.is_none())
     throw py::type_error("give a position with the rotation");
-  sensor.range_sigma_m = range_sigma;
-  sensor.range_squared_sigma_per_m = range_squared_sigma;
+  if (noise && (range_sigma || range_squared_sigma))
+    throw py::type_error("give noise, or range_sigma and range_squared_sigma");
+  const RangeNoise range = noise ? noise_of(*noise) : RangeNoise{sensor.range_sigma_m, 0};
+  sensor.range_sigma_m = range_sigma.value_or(range.sigma_m);
+  sensor.range_squared_sigma_per_m = range_squared_sigma.value_or(range.squared_per_m);
   sensor.mount_height_sigma_m = height_sigma;
   sensor.mount_tilt_sigma_rad = tilt_sigma;
   sensor.mount_scale_sigma = scale_sigma;
@@ -47,11 +51,11 @@ std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsic
   for (py::ssize_t v = 0; v < image.shape(0); ++v) {
     for (py::ssize_t u = 0; u < image.shape(1); ++u) {
       const double z = image.at(v, u);
-      if (z > kMostDepthM && std::isfinite(z))
+      if (z > kMostScanRangeM && std::isfinite(z))
         throw py::value_error(
             fmt::format("depth must be in metres, at most {}; pixel ({}, {}) has {}: is it in "
                         "millimetres?",
-                        kMostDepthM, v, u, z));
+                        kMostScanRangeM, v, u, z));
       if (z > 0 && std::isfinite(z))
         points.emplace_back(z * (static_cast<double>(u) - k[2]) / k[0],
                             z * (static_cast<double>(v) - k[3]) / k[1], z);
@@ -129,22 +133,24 @@ void bind_sensor(py::module_& m) {
       "given; "
       "a depth image's is the optical frame: z ahead, x right, y down. Scans of one name share the "
       "errors of one mount.")
-      .def(py::init(&sensor_of), py::kw_only(), py::arg("position") = none,
-           py::arg("rotation") = none, py::arg("pose") = none, py::arg("name") = "sensor",
-           py::arg("range_sigma") = Sensor{}.range_sigma_m, py::arg("range_squared_sigma") = 0.0,
-           py::arg("mount_height_sigma") = Sensor{}.mount_height_sigma_m,
-           py::arg("mount_tilt_sigma") = Sensor{}.mount_tilt_sigma_rad,
-           py::arg("mount_scale_sigma") = Sensor{}.mount_scale_sigma,
-           "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
-           "Without them points are in the world's axes from (0, 0, 0). Scans with world=True need "
-           "the "
-           "position as well: rays begin there. Defaults of the standard deviations: range_sigma "
-           "0.02, range_squared_sigma 0, mount_height_sigma 0.01, mount_tilt_sigma 0.002, "
-           "mount_scale_sigma 0.002. Standard deviations: of a "
-           "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
-           "second, range_squared_sigma = subpixel / (f * baseline). Of the mount: height, m; tilt "
-           "about each horizontal axis, rad; scale of ranges. Raises ValueError for negative "
-           "sigmas, and without any noise of the range.")
+      .def(
+          py::init(&sensor_of), py::kw_only(), py::arg("position") = none,
+          py::arg("rotation") = none, py::arg("pose") = none, py::arg("name") = "sensor",
+          py::arg("range_sigma") = none, py::arg("range_squared_sigma") = none,
+          py::arg("mount_height_sigma") = Sensor{}.mount_height_sigma_m,
+          py::arg("mount_tilt_sigma") = Sensor{}.mount_tilt_sigma_rad,
+          py::arg("mount_scale_sigma") = Sensor{}.mount_scale_sigma, py::arg("noise") = none,
+          "position (3,), m, and rotation (x, y, z, w): the sensor in the world; or pose, 4x4. "
+          "Without them points are in the world's axes from (0, 0, 0). Scans with world=True need "
+          "the "
+          "position as well: rays begin there. Defaults of the standard deviations: range_sigma "
+          "0.02, range_squared_sigma 0, mount_height_sigma 0.01, mount_tilt_sigma 0.002, "
+          "mount_scale_sigma 0.002. Standard deviations: of a "
+          "ray of R metres range_sigma + range_squared_sigma * R**2, m; a stereo camera has the "
+          "second, range_squared_sigma = subpixel / (f * baseline). Or noise, that of a known "
+          "sensor: 'ouster_os1', 'realsense_d435', 'realsense_d455'. Of the mount: height, m; tilt "
+          "about each horizontal axis, rad; scale of ranges. Raises ValueError for negative "
+          "sigmas, and without any noise of the range.")
       .def_readonly("name", &Sensor::name)
       .def_property_readonly(
           "position", [](const Sensor& s) { return Array(py::ssize_t{3}, s.pose.position.data()); })
@@ -169,7 +175,7 @@ void bind_sensor(py::module_& m) {
           [](const py::tuple& t) {
             return sensor_of(t[1], t[2], py::none(), t[0].cast<std::string>(), t[3].cast<double>(),
                              t[4].cast<double>(), t[5].cast<double>(), t[6].cast<double>(),
-                             t[7].cast<double>());
+                             t[7].cast<double>(), std::nullopt);
           }))
       .def("__repr__", [](const Sensor& s) {
         const Vec3& p = s.pose.position;
@@ -189,9 +195,9 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
           "added_m3", [](const SurveyValue& v) { return v.of.added_m3; }, "soil put in")
       .def_property_readonly(
           "sigma_m3", [](const SurveyValue& v) { return v.of.sigma_m3; },
-          "standard deviation of added_m3 - removed_m3; soil that scans did not correct has no "
-          "part "
-          "in it")
+          "standard deviation, after the correction, of the volume of the columns that were seen "
+          "and "
+          "are not as the terrain")
       .def_property_readonly(
           "lip_error", &lip_errors_of,
           "by number or name of a machine: (mean, sigma), m, by how much its lip "
@@ -199,9 +205,32 @@ void bind_scans(py::class_<Site>& site, py::module_& m) {
       .def_property_readonly("rays", &rays_of,
                              "numbers of rays: used, masked (met a bucket), through (went through "
                              "soil expected there), new (met new ground), dropped")
+      .def(py::pickle(
+          [](const SurveyValue& v) {
+            std::vector<std::array<double, 2>> lips;
+            for (const Estimate& lip : v.of.lip_errors_m) lips.push_back({lip.mean, lip.sigma});
+            const RayCounts& rays = v.of.rays;
+            return py::make_tuple(
+                v.of.removed_m3, v.of.added_m3, v.of.sigma_m3, lips,
+                std::array{rays.used, rays.masked, rays.through, rays.added, rays.dropped},
+                v.machines);
+          },
+          [](const py::tuple& t) {
+            SurveyValue v{{t[0].cast<double>(), t[1].cast<double>(), t[2].cast<double>(), {}, {}},
+                          t[5].cast<std::vector<std::string>>()};
+            for (const auto& lip : t[3].cast<std::vector<std::array<double, 2>>>())
+              v.of.lip_errors_m.push_back({lip[0], lip[1]});
+            const auto rays = t[4].cast<std::array<std::int64_t, 5>>();
+            v.of.rays = {rays[0], rays[1], rays[2], rays[3], rays[4]};
+            return v;
+          }))
       .def("__repr__", [](const SurveyValue& v) {
-        return fmt::format("soilvdb.Survey(removed_m3={:.4g}, added_m3={:.4g}, sigma_m3={:.2g})",
-                           v.of.removed_m3, v.of.added_m3, v.of.sigma_m3);
+        const RayCounts& rays = v.of.rays;
+        return fmt::format(
+            "soilvdb.Survey(removed_m3={:.4g}, added_m3={:.4g}, sigma_m3={:.2g}, rays: {} used, {} "
+            "masked, {} through, {} new, {} dropped)",
+            v.of.removed_m3, v.of.added_m3, v.of.sigma_m3, rays.used, rays.masked, rays.through,
+            rays.added, rays.dropped);
       });
   const auto none = py::none();
   site.def(

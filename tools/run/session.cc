@@ -410,11 +410,17 @@ bool Session::has_machines_of(const Session& other) const {
   return machines(*this) == machines(other);
 }
 
-BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialTerrain* design) {
+BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialTerrain* design,
+                               bool with_sigma) {
   const io::Site& site = state_->site;
-  return volume_inside(
+  BoundaryVolume volume = volume_inside(
       site, *io::undug_site(site).ground, boundary,
       [this](std::span<const Vec2> xy_m, std::span<double> z) { heights(xy_m, z); }, design);
+  if (with_sigma) {
+    const PlacesInside inside = places_inside(site, boundary);
+    volume.sigma_m3 = state_->volume_sigma_m3(inside.xy_m, inside.cell_m2);
+  }
+  return volume;
 }
 
 void Session::mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m) {

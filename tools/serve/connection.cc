@@ -121,7 +121,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       return send(refusal(405, "only GET and POST are answered"));
     if (!base.empty() && path == base)
       return send({301, "text/plain", "", {}, false, base + '/' + target.substr(path.size())});
-    if (is_page) return send(file->second);
+    if (is_page) return send(page_reply(file->second, request));
     const Role role = state_.role_of(target, text_of(request[http::field::authorization]));
     if (role == Role::kNobody)
       return send(refusal(401,
@@ -137,6 +137,16 @@ class Connection : public std::enable_shared_from_this<Connection> {
     stream_.expires_never();
     state_.answer(target, client_of(request),
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
+  }
+
+  /// A file of the page, or word that what the browser has is still that.
+  static Reply page_reply(const PageFile& file, const Request& request) {
+    const std::string& tag = file.plain.tag;
+    if (!tag.empty() && text_of(request[http::field::if_none_match]).find(tag) != std::string::npos)
+      return {304, file.plain.type, {}, {}, false, {}, tag};
+    const bool packs =
+        text_of(request[http::field::accept_encoding]).find("deflate") != std::string::npos;
+    return packs ? file.packed : file.plain;
   }
 
   /// Why a request comes from a foreign page; empty for a page of this server, or no page. Foreign
@@ -179,7 +189,11 @@ class Connection : public std::enable_shared_from_this<Connection> {
     response->result(reply.status);
     response->set(http::field::server, "soilvdb");
     response->set(http::field::content_type, reply.type);
-    response->set(http::field::cache_control, "no-store");
+    response->set(http::field::cache_control, reply.tag.empty() ? "no-store" : "no-cache");
+    if (!reply.tag.empty()) {
+      response->set(http::field::etag, reply.tag);
+      response->set(http::field::vary, "Accept-Encoding");
+    }
     response->set("X-Content-Type-Options", "nosniff");
     response->set("Referrer-Policy", "no-referrer");
     response->set("Content-Security-Policy",

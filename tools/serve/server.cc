@@ -11,6 +11,7 @@
 #include <boost/asio/socket_base.hpp>
 #include <boost/system/system_error.hpp>
 #include <fstream>
+#include <functional>
 #include <future>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -20,6 +21,7 @@
 #include "io/terrain/crs.h"
 #include "soilvdb/io/error.h"
 #include "tools/serve/alarms.h"
+#include "tools/serve/block_message.h"
 #include "tools/serve/feeder.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
@@ -48,18 +50,25 @@ constexpr const char* kNoPage =
     "<h1>soilvdb</h1><p>The page isn't built: tools/view/build makes it, with node and npm; "
     "then start soilvdb serve again. Feeds and queries work.</p></html>\n";
 
-std::map<std::string, Reply> read_page(const std::filesystem::path& folder) {
-  std::map<std::string, Reply> page;
+std::map<std::string, PageFile> read_page(const std::filesystem::path& folder) {
+  std::map<std::string, PageFile> page;
   const auto add = [&](const char* path, const char* file, const char* type) {
-    if (std::string text = read_file(folder / file); !text.empty())
-      page[path] = {200, type, std::move(text), {}, false};
+    std::string text = read_file(folder / file);
+    if (text.empty()) return;
+    const std::string tag = fmt::format("W/\"{:016x}\"", std::hash<std::string>{}(text));
+    std::string packed = deflated(text);
+    page[path] = {{200, type, std::move(text), {}, false, {}, tag},
+                  {200, type, std::move(packed), {}, true, {}, tag}};
   };
   if (!folder.empty()) {
     add("/", "index.html", "text/html; charset=utf-8");
     add("/view.js", "view.js", "text/javascript; charset=utf-8");
     add("/view.css", "view.css", "text/css; charset=utf-8");
   }
-  if (!page.contains("/")) page["/"] = {200, "text/html; charset=utf-8", kNoPage, {}, false};
+  if (!page.contains("/")) {
+    const Reply none{200, "text/html; charset=utf-8", kNoPage};
+    page["/"] = {none, none};
+  }
   return page;
 }
 

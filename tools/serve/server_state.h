@@ -42,9 +42,15 @@ struct Reply {
   std::string file = {};      ///< name for saving; empty: the browser shows it
   bool deflate = false;       ///< the body is a zlib stream
   std::string location = {};  ///< with status 301: the new address
+  std::string tag = {};  ///< a browser may keep this reply, and asks with the tag for a newer one
 };
 Reply refusal(unsigned status, const std::string& why);
 inline constexpr const char* kOnlyLookedAt = "this site can only be viewed; nothing can be fed";
+
+/// A file of the page, as it is and compressed.
+struct PageFile {
+  Reply plain, packed;
+};
 
 /// Each may do what the one before may.
 enum class Role { kNobody, kViewer, kFeeder };
@@ -104,8 +110,8 @@ struct ServerState {
   std::unique_ptr<History> history;  ///< used by `other_times` during run()
   std::shared_ptr<const InitialTerrain> design;
   const ServerOptions options;
-  std::map<std::string, Reply> page;    ///< by path
-  std::optional<TerrainTiles> terrain;  ///< during run(): the recording determines where work was
+  std::map<std::string, PageFile> page;  ///< by path
+  std::optional<TerrainTiles> terrain;   ///< during run(): the recording determines where work was
 
   boost::asio::io_context io{1};
   boost::asio::ip::tcp::acceptor acceptor{io};

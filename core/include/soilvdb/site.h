@@ -152,6 +152,10 @@ class Site {
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
   /// by scans. @throw as HeightMap::at()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+  /// Sigma of the change of volume against the terrain of the columns at places, by the same. Soil
+  /// that has no error of its own, as untouched ground, has no part in it.
+  /// @param area_m2 that each place stands for
+  double volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2);
 
   /// Serialized state for the next update, without the ground and the model.
   std::string progress() const;

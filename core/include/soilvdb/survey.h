@@ -30,6 +30,14 @@ struct Sensor {
   void validate() const;
 };
 
+/// Standard deviation of a ray of R metres: sigma_m + squared_per_m * R^2.
+struct RangeNoise {
+  double sigma_m = 0, squared_per_m = 0;
+};
+/// That of a sensor on the market, as its maker has it: "ouster_os1", "realsense_d435",
+/// "realsense_d455". @throw std::invalid_argument for another
+RangeNoise noise_of(std::string_view model);
+
 /// What the rays of scans were used for.
 struct RayCounts {
   std::int64_t used = 0;     ///< met the ground about where it was expected
@@ -51,7 +59,7 @@ struct Estimate {
 /// What scans changed, since the last time that they were applied.
 struct Survey {
   double removed_m3 = 0, added_m3 = 0;
-  double sigma_m3 = 0;                 ///< of the volume of the columns that were seen
+  double sigma_m3 = 0;  ///< of the volume of columns that were seen and are not as the terrain
   std::vector<Estimate> lip_errors_m;  ///< of each machine: its lip's height as told, less the true
   RayCounts rays;
 };
@@ -101,9 +109,12 @@ class GroundSurvey {
   Survey applied();
 
   /// Of each machine, as last solved.
-  const std::vector<Estimate>& lip_errors_m() const;
+  std::vector<Estimate> lip_errors_m() const;
   /// Sigma of the heights of the columns at places, m; NaN without ground.
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
+  /// Sigma of the change of volume, against the terrain, of the columns at places.
+  /// @param area_m2 that each place stands for
+  double volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2);
 
   void save(std::string& out) const;
   /// @throw std::invalid_argument if the bytes are of another site; then nothing has changed

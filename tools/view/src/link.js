@@ -1,13 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // The WebSocket to the server. After a failure it reconnects after 1, 2, 4 s and so on, at most 30
-// s; at once when the browser is online again, or on request.
+// s; at once when the browser is online again, or on request. A page that nobody sees for a while
+// disconnects until it is seen again.
 import {address, answers} from './api.js';
 
 const kLongest_s = 30;
 const kTick_ms = 500;
 const kAsk = 4, kSilent = 7;   // ticks without a sign of life; the server sends a message each second
 const kLongestMessage = 60;    // ticks until a message is here, or until the connection opens
+const kHidden_ms = 10_000;     // that a page is hidden before it disconnects
 
 export class Link {
   #socket = null;
@@ -16,6 +18,7 @@ export class Link {
   // In ticks, not time: a page that was busy or asleep did not listen meanwhile.
   #quiet = 0;    // since the last sign of life
   #waited = 0;   // since the last message
+  #sleep = null;   // timer to disconnect a hidden page
 
   /**
    * @param {Object} on text(message), binary(buffer), opened(), and lost(seconds) with the time
@@ -23,7 +26,9 @@ export class Link {
    */
   constructor(on) {
     this.on = on;
-    addEventListener('online', () => this.retry());
+    addEventListener('online', () => document.hidden || this.retry());
+    document.addEventListener('visibilitychange', () => this.#show(!document.hidden));
+    if (document.hidden) this.#show(false);
     setInterval(() => this.#listen(), kTick_ms);
     this.#connect();
   }
@@ -44,6 +49,17 @@ export class Link {
     this.#drop();
     clearTimeout(this.#timer);
     this.#connect();
+  }
+
+  #show(visible) {
+    clearTimeout(this.#sleep);
+    if (visible) this.retry();
+    else this.#sleep = setTimeout(() => this.#rest(), kHidden_ms);
+  }
+
+  #rest() {
+    this.#drop();
+    clearTimeout(this.#timer);
   }
 
   #connect() {

@@ -181,7 +181,9 @@ class Session {
   std::vector<double> joint_loads(std::size_t machine, const Wrench& wrench) const;
   /// What was dug and filled inside a boundary, in place, against the terrain; see volume_inside().
   /// @param design null: none
-  BoundaryVolume volume(const std::vector<Vec2>& boundary, const InitialTerrain* design = nullptr);
+  /// @param with_sigma also sigma_m3, by what is known of the machines' lips and by scans
+  BoundaryVolume volume(const std::vector<Vec2>& boundary, const InitialTerrain* design = nullptr,
+                        bool with_sigma = false);
   /// Heights on the mesh() at places of the world, m; NaN without soil. Meshes what changed since
   /// the last call: milliseconds after an update.
   void mesh_heights(std::span<const Vec2> xy_m, std::span<double> heights_m);
