@@ -22,10 +22,20 @@ constexpr std::size_t ray_level_begin(int level, int lowest) {
   return begin;
 }
 
+/// Where a ray is in its walk: at t, in a cell, about to look at the square of a level around it.
+struct RayPlace {
+  int x, y, level;
+  double t;
+};
+
 /// The point at t is begin + t * along; plan in cells, height in any unit.
 class RayWalk {
  public:
   static constexpr double kNever = std::numeric_limits<double>::infinity();
+  /// A ray that leaves its cell so slowly stands upright.
+  static constexpr double kLeastPlan = 1e-18;
+  /// Rounding there is as large as a cell.
+  static constexpr double kFarthest = 1e15;
 
   RayWalk(const Vec3& begin, const Vec3& along) : begin_(begin), along_(along) {
     for (int a = 0; a < 2; ++a) {
@@ -57,6 +67,18 @@ class RayWalk {
       cell_[a] = cell_near(begin_[a] + from * along_[a], low[a], high[a]);
       last_[a] = high[a];
     }
+  }
+
+  void start(const RayPlace& at, const Coord2& high) {
+    t_ = at.t;
+    cell_[0] = at.x;
+    cell_[1] = at.y;
+    last_[0] = high.x();
+    last_[1] = high.y();
+  }
+  static int cell_near(double at, int low, int high) {
+    return static_cast<int>(
+        std::clamp(std::floor(at), static_cast<double>(low), static_cast<double>(high)));
   }
 
   double t() const { return t_; }
@@ -102,15 +124,6 @@ class RayWalk {
   Vec3 at(double t) const { return begin_ + t * along_; }
 
  private:
-  // A ray that leaves its cell so slowly stands upright.
-  static constexpr double kLeastPlan = 1e-18;
-  // Rounding there is as large as a cell.
-  static constexpr double kFarthest = 1e15;
-
-  static int cell_near(double at, int low, int high) {
-    return static_cast<int>(
-        std::clamp(std::floor(at), static_cast<double>(low), static_cast<double>(high)));
-  }
   template <int kOver>
   void leave_over(int level, double end) {
     constexpr int kBeside = 1 - kOver;

@@ -6,13 +6,16 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
 #include "core/ground/ray_terrain.h"
+#include "core/lattice/ray_beam.h"
 #include "core/lattice/ray_walk.h"
 #include "core/surface/height_reader.h"
 #include "core/surface/ray_pages.h"
@@ -26,6 +29,8 @@ constexpr double kMeetsNone = RayWalk::kNever;
 constexpr std::size_t kMaxRayPages = 4096;
 /// Rays that a thread takes at a time. With fewer, tasks take time; with more, threads wait.
 constexpr std::size_t kRaysPerTask = 256;
+/// Rays in a row that walk together at first. Fewer save less; more part earlier.
+constexpr std::size_t kRaysPerBeam = 16;
 /// Steps in which a curve over a quad with a corner missing is looked at.
 constexpr int kRaggedSteps = 16;
 /// Length to which an interval with a meeting is halved, m.
@@ -153,31 +158,112 @@ class GroundRays {
         terrain_(dynamic_cast<const RayTerrain*>(&ground_.terrain())),
         h_(ground_.voxel_size_m()) {}
 
-  /// @param direction of unit length
-  double range(const Vec3& origin, const Vec3& direction) const {
-    const Ray ray{origin, direction};
-    double terrain = meet_terrain(ray, 0);  // the first meeting from here on, whatever was dug
+  /// Casts rays from one origin. Neighbours among them may go the same way.
+  /// @param directions of unit length
+  void cast(const Vec3& origin, std::span<const Vec3> directions, std::span<double> ranges) const {
+    for (std::size_t i = 0; i < directions.size(); ++i)
+      ranges[i] = meet_terrain({origin, directions[i]}, 0);
+    if (pages_.box().isEmpty()) return;
+    std::optional<RayPlace> from;
+    if (directions.size() > 1 && all_meet_terrain(origin, directions, ranges, from)) return;
+    for (std::size_t i = 0; i < directions.size(); ++i)
+      ranges[i] = range({origin, directions[i]}, ranges[i], from);
+  }
+
+ private:
+  struct Ray {
+    const Vec3 &origin, &direction;
+  };
+  static constexpr float kNoBound = std::numeric_limits<float>::infinity();
+
+  /// The page around the place of a walk, if it has one.
+  struct Page {
+    Coord2 first;
+    const RayPage* page;
+
+    bool holds(int x, int y) const {
+      return (((x ^ first.x()) | (y ^ first.y())) & -kRaySide) == 0;
+    }
+    RayPage::Bounds bounds(int level, int x, int y) const {
+      if (page == nullptr) return {-kNoBound, kNoBound};
+      return page->bounds[RayPage::square(level, x - first.x(), y - first.y())];
+    }
+  };
+  Page page_at(int x, int y) const {
+    const Coord2 first = floor_to(Coord2(x, y), kRaySide);
+    return {first, pages_.find(first, [&](RayPage& p) { make_page(reader_, first, p); })};
+  }
+
+  /// @param ranges where they meet the terrain, whatever was dug
+  /// @param from becomes the last place from which each ray surely goes on with the bits of its
+  /// whole walk
+  /// @return whether surely all meet the terrain before changed ground
+  bool all_meet_terrain(const Vec3& origin, std::span<const Vec3> directions,
+                        std::span<const double> ranges, std::optional<RayPlace>& from) const {
+    std::array<Span, 3> along;
+    Span terrain;
+    for (std::size_t i = 0; i < directions.size(); ++i) {
+      for (std::size_t a = 0; a < 3; ++a) along[a].extend(directions[i][static_cast<int>(a)]);
+      terrain.extend(ranges[i]);
+    }
+    for (Span& s : along) s = {s.low / h_, s.high / h_};
+    RayBeam beam(ground_.index_from_world(origin), along);
+    if (!beam.is_narrow()) return false;
     const Eigen::AlignedBox2i& box = pages_.box();
-    if (box.isEmpty()) return terrain;
-    RayWalk walk(ground_.index_from_world(origin), direction / h_);
+    Span begin, to;
+    beam.clip(box.min().cast<double>(), (box.max() + Coord2::Ones()).cast<double>(), begin, to);
+    if (begin.low > to.high || terrain.high < begin.low) return true;
+    if (begin.high > to.low || terrain.low < begin.high) return false;
+    beam.start(begin, box.min(), box.max());
+    std::optional<Page> page;
+    for (int level = kRayLevels; beam.is_in_one(level);) {
+      const int x = beam.x(), y = beam.y();
+      if (!page || !page->holds(x, y)) page = page_at(x, y);
+      const Span over_x = beam.border(0, level), over_y = beam.border(1, level);
+      const Span out = min(over_x, over_y), end = max(beam.t(), out);
+      if (end.high >= to.low) return false;
+      const RayPage::Bounds bounds = page->bounds(level, x, y);
+      const Span bound = {end.low < terrain.high ? bounds.changed : bounds.all,
+                          end.high < terrain.low ? bounds.changed : bounds.all};
+      const Span lowest = beam.lowest(end);
+      const RayPlace here{x, y, level, beam.t().low};
+      if (lowest.high <= bound.low) {
+        if (bounds.changed == -kNoBound) return terrain.low >= beam.t().high;
+        if (level == 0) return false;
+        if (beam.fall_to(bound, level)) from = here;  // wherever in the square they came from
+        --level;
+        continue;
+      }
+      const bool is_over_x = over_x.high <= over_y.low;
+      if (lowest.low <= bound.high || (!is_over_x && over_y.high >= over_x.low)) return false;
+      if (beam.t().high <= out.low) from = here;
+      beam.leave(is_over_x ? 0 : 1, level, end);
+      if (!page->holds(beam.x(), beam.y()))
+        level = kRayLevels;
+      else if (level < kRayLevels && ((x ^ beam.x()) | (y ^ beam.y())) >> (level + 1) != 0)
+        ++level;
+    }
+    return false;
+  }
+  /// @param terrain where it meets that, whatever was dug
+  double range(const Ray& ray, double terrain, const std::optional<RayPlace>& place) const {
+    const Eigen::AlignedBox2i& box = pages_.box();
+    RayWalk walk(ground_.index_from_world(ray.origin), ray.direction / h_);
     double from = 0, to = kMeetsNone;
     if (!walk.clip(box.min().cast<double>(), (box.max() + Coord2::Ones()).cast<double>(), from, to))
       return terrain;
     if (terrain < from) return terrain;
-    walk.start(from, box.min(), box.max());
-    Coord2 first = floor_to(Coord2(walk.x(), walk.y()), kRaySide) + Coord2::Constant(kRaySide);
-    const RayPage* page = nullptr;
-    for (int level = kRayLevels;;) {
-      if ((((walk.x() ^ first.x()) | (walk.y() ^ first.y())) & -kRaySide) != 0) {
-        const Coord2 here = floor_to(Coord2(walk.x(), walk.y()), kRaySide);
-        page = pages_.find(here, [&](RayPage& p) { make_page(reader_, here, p); });
-        first = here;
-        level = kRayLevels;
-      }
+    int level = kRayLevels;
+    if (place) {
+      walk.start(*place, box.max());
+      level = place->level;
+    } else {
+      walk.start(from, box.min(), box.max());
+    }
+    for (Page page = page_at(walk.x(), walk.y());;) {
       const double end = std::min(walk.end(level), to);
-      const int x = walk.x() - first.x(), y = walk.y() - first.y();
-      const RayPage::Bounds bounds = page == nullptr ? RayPage::Bounds{-kNoBound, kNoBound}
-                                                     : page->bounds[RayPage::square(level, x, y)];
+      const int x = walk.x(), y = walk.y();
+      const RayPage::Bounds bounds = page.bounds(level, x, y);
       const float bound = end < terrain ? bounds.changed : bounds.all;
       if (walk.lowest(end) <= bound) {
         if (bounds.changed == -kNoBound) {
@@ -188,28 +274,25 @@ class GroundRays {
           --level;
           continue;
         } else {
+          const int in_x = x - page.first.x(), in_y = y - page.first.y();
           const double met = bounds.all == kNoBound
-                                 ? meet_ragged(ray, walk, end, *page, x, y, terrain)
-                                 : meet_whole(walk, end, *page, x, y);
+                                 ? meet_ragged(ray, walk, end, *page.page, in_x, in_y, terrain)
+                                 : meet_whole(walk, end, *page.page, in_x, in_y);
           if (met != kMeetsNone) return met;
         }
       }
       if (end >= to) break;
-      const int old_x = walk.x(), old_y = walk.y();
       walk.leave(level, end);
-      // In another square of the next level, that is worth a look.
-      if (level < kRayLevels && ((old_x ^ walk.x()) | (old_y ^ walk.y())) >> (level + 1) != 0)
-        ++level;
+      if (!page.holds(walk.x(), walk.y())) {
+        page = page_at(walk.x(), walk.y());
+        level = kRayLevels;
+      } else if (level < kRayLevels && ((x ^ walk.x()) | (y ^ walk.y())) >> (level + 1) != 0) {
+        ++level;  // in another square of the next level, that is worth a look
+      }
     }
     if (to == kMeetsNone) return kMeetsNone;  // upright, over one quad
     return terrain < to ? meet_terrain(ray, to) : terrain;
   }
-
- private:
-  struct Ray {
-    const Vec3 &origin, &direction;
-  };
-  static constexpr float kNoBound = std::numeric_limits<float>::infinity();
 
   double meet_terrain(const Ray& ray, double from) const {
     if (terrain_ != nullptr) return terrain_->meet(ray.origin, ray.direction, from);
@@ -310,16 +393,20 @@ void HeightMap::cast(std::span<const Vec3> origins_m, std::span<const Vec3> dire
   reader.pages().prepare(kMaxRayPages);
   const GroundRays rays(reader);
   std::atomic<std::size_t> bad = count;  // the first
+  const bool has_one_origin = origins_m.size() == 1;
   const auto cast_some = [&](std::size_t task) {
-    for (std::size_t i = task * kRaysPerTask; i < std::min(count, (task + 1) * kRaysPerTask); ++i) {
-      const Vec3& origin = origins_m[origins_m.size() == 1 ? 0 : i];
-      Vec3 unit;
-      if (!make_unit(directions[i], unit) || !origin.allFinite()) {
-        for (std::size_t known = bad; i < known && !bad.compare_exchange_weak(known, i);) {
+    const std::size_t end = std::min(count, (task + 1) * kRaysPerTask);
+    std::array<Vec3, kRaysPerBeam> units;
+    for (std::size_t i = task * kRaysPerTask, n = 0; i < end; i += n) {
+      const Vec3& origin = origins_m[has_one_origin ? 0 : i];
+      const std::size_t most = std::min(kRaysPerBeam, end - i);
+      for (n = 0; n < most && (has_one_origin || origins_m[i + n] == origin || n == 0); ++n) {
+        if (make_unit(directions[i + n], units[n]) && origin.allFinite()) continue;
+        for (std::size_t known = bad; i + n < known && !bad.compare_exchange_weak(known, i + n);) {
         }
         return;
       }
-      ranges_m[i] = rays.range(origin, unit);
+      rays.cast(origin, std::span(units).first(n), ranges_m.subspan(i, n));
     }
   };
   const std::size_t tasks = (count + kRaysPerTask - 1) / kRaysPerTask;
@@ -330,7 +417,7 @@ void HeightMap::cast(std::span<const Vec3> origins_m, std::span<const Vec3> dire
   }
   if (bad < count) {
     const Vec3& direction = directions[bad];
-    const bool is_origin = !origins_m[origins_m.size() == 1 ? 0 : bad.load()].allFinite();
+    const bool is_origin = !origins_m[has_one_origin ? 0 : bad.load()].allFinite();
     throw std::invalid_argument("ray " + std::to_string(bad) +
                                 (is_origin               ? ": its origin must be numbers"
                                  : direction.allFinite() ? ": its direction must not be zero"
