@@ -20,21 +20,14 @@ namespace {
 /// Points that a thread looks at at a time. With fewer, tasks take time.
 constexpr std::size_t kPointsPerTask = 1 << 12;
 
-/// Cells of a map along an axis as columns of voxels: the first, and how much of each is inside.
-struct Overlap {
-  int first = 0;
-  std::vector<double> shares;
-};
+using Overlap = HeightReader::Overlap;
 
 Overlap overlap(double low, double high) {
-  const double first = std::floor(low + kSameCell), last = std::ceil(high - kSameCell);
-  Overlap found{static_cast<int>(first), {}};
-  for (double x = first; x < last; ++x)
-    found.shares.push_back(std::min(high, x + 1) - std::max(low, x));
-  return found;
+  const auto first = static_cast<int>(std::floor(low + kSameCell));
+  return {low, high, first, static_cast<int>(std::ceil(high - kSameCell)) - first};
 }
 
-void require(bool holds, const std::string& why) {
+void require(bool holds, const char* why) {
   if (!holds) throw std::invalid_argument(why);
 }
 
@@ -161,9 +154,10 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   require(grid.nx > 0 && grid.ny > 0, "a map must have a cell or more");
   require(out.size() == static_cast<std::size_t>(grid.nx) * static_cast<std::size_t>(grid.ny),
           "there must be room for the map's cells");
-  require(side >= kMinMapCell && side * side <= kMapPartColumns,
-          "a map's cells must be from a thousandth of a voxel to " +
-              std::to_string(static_cast<int>(std::sqrt(kMapPartColumns))) + " voxels wide");
+  if (!(side >= kMinMapCell && side * side <= kMapPartColumns))
+    throw std::invalid_argument("a map's cells must be from a thousandth of a voxel to " +
+                                std::to_string(static_cast<int>(std::sqrt(kMapPartColumns))) +
+                                " voxels wide");
   require(grid.first_m.allFinite(), "a map's place must be numbers");
   for (const int i : {0, grid.ny - 1})
     for (const int j : {0, grid.nx - 1})
@@ -193,7 +187,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
   const Vec2 step_x = side * grid.along, step_y(-step_x.y(), step_x.x());
   // So many cells at a time that their columns are few enough.
   const int most = std::max(1, static_cast<int>(std::sqrt(kMapPartColumns) / (1.5 * side + 1)));
-  std::vector<Overlap> of_rows, of_columns;
+  std::vector<Overlap>&of_rows = reader.of_rows, &of_columns = reader.of_columns;
   for (int i0 = 0; i0 < grid.ny; i0 += most) {
     for (int j0 = 0; j0 < grid.nx; j0 += most) {
       const int i1 = std::min(i0 + most, grid.ny), j1 = std::min(j0 + most, grid.nx);
@@ -227,7 +221,7 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
       overlaps(false, of_columns);
       const auto are_columns = [](const std::vector<Overlap>& all) {
         return !all.empty() && std::all_of(all.begin(), all.end(), [](const Overlap& overlap) {
-          return overlap.shares.size() == 1;
+          return overlap.count == 1;
         });
       };
       const bool cells_are_columns = are_columns(of_rows) && are_columns(of_columns);
@@ -255,9 +249,10 @@ void HeightMap::fill(const MapGrid& given, MapLayer layer, std::span<T> out,
             const Overlap& row = of_rows[static_cast<std::size_t>(i - i0)];
             const Overlap& column = of_columns[static_cast<std::size_t>(j - j0)];
             const Overlap &in_x = upright ? row : column, &in_y = upright ? column : row;
-            for (std::size_t a = 0; a < in_x.shares.size(); ++a) {
-              const double* value = columns.from(in_x.first + static_cast<int>(a), in_y.first);
-              for (const double share : in_y.shares) add(*value++, in_x.shares[a] * share);
+            for (int a = 0; a < in_x.count; ++a) {
+              const double* value = columns.from(in_x.first + a, in_y.first);
+              const double share = in_x.share(a);
+              for (int b = 0; b < in_y.count; ++b) add(*value++, share * in_y.share(b));
             }
           }
           out[static_cast<std::size_t>(i) * static_cast<std::size_t>(grid.nx) +

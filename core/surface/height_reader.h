@@ -143,6 +143,18 @@ class HeightReader {
     }
   }
 
+  /// Cells of a map along an axis as columns: the first, and how many.
+  struct Overlap {
+    double low, high;
+    int first, count;
+
+    /// How much of a column, from the first on, is inside.
+    double share(int column) const {
+      const double x = first + column;
+      return std::min(high, x + 1) - std::max(low, x);
+    }
+  };
+
   Columns columns, changed;  // scratch
 
  private:
@@ -199,6 +211,9 @@ class HeightReader {
   ChangeFollower changes_;
   std::unordered_map<std::uint64_t, Tile, PlanHash> tiles_;
   std::unique_ptr<RayPages> pages_;  // null until rays were cast
+
+ public:
+  std::vector<Overlap> of_rows, of_columns;  // scratch
 };
 
 }  // namespace soilvdb::inline v0

@@ -6,9 +6,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <memory>
+#include <new>
 #include <numbers>
 #include <random>
 #include <tuple>
@@ -18,6 +21,21 @@
 #include "core/lattice/chunk_math.h"
 #include "tests/support/earthmoving_fixture.h"
 #include "tests/support/sanitized.h"
+
+namespace soilvdb::test::height_map_test {
+
+std::atomic<std::size_t> allocations = 0;  // of this program
+
+}  // namespace soilvdb::test::height_map_test
+
+// Not inlined: GCC would take malloc and delete for a wrong pair.
+[[gnu::noinline]] void* operator new(std::size_t size) {
+  ++soilvdb::test::height_map_test::allocations;
+  if (void* const memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
+[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace soilvdb::test {
 namespace height_map_test {
@@ -369,6 +387,37 @@ TEST(HeightMap, FloatsAreTheDoublesRounded) {
   heights.map(grid, MapLayer::kHeight, std::span<float>(small));
   const std::vector<double> exact = map_of(heights, grid, MapLayer::kHeight);
   for (std::size_t i = 0; i < small.size(); ++i) ASSERT_EQ(small[i], static_cast<float>(exact[i]));
+}
+
+TEST(HeightMap, LookingAgainAllocatesNothing) {
+  Work work(make_plane(0, {0.02, 0.05}), 14);
+  for (int n = 0; n < 20; ++n) work.step();
+  HeightMap heights(work.ground);
+  std::mt19937_64 random(15);
+  std::uniform_real_distribution<double> any(-2, 2);
+  std::vector<Vec2> places;
+  std::vector<Vec3> ways;
+  for (int n = 0; n < 200; ++n) {
+    places.emplace_back(any(random), any(random));
+    ways.emplace_back(any(random), any(random), -1);
+  }
+  std::vector<double> out(32 * 32);
+  const Pose turn{{0, 0, 0}, from_rpy(0, 0, 0.5)};
+  const Vec3 eye(0, 0, 3);
+  const auto look = [&] {
+    heights.at({places.data(), 1}, out);
+    heights.at(places, out);
+    for (const double cell_m : {0.1, 0.13})
+      for (const Pose* turned : {static_cast<const Pose*>(nullptr), &turn})
+        heights.map(MapGrid::around({0.01, 0}, cell_m, 32, 32, turned), MapLayer::kHeight,
+                    std::span<double>(out));
+    heights.lines({-1, -1}, {0.1, 0}, 20, {0, 0.1}, 20, out);
+    heights.cast({&eye, 1}, ways, std::span(out).first(ways.size()));
+  };
+  look();
+  const std::size_t before = allocations;
+  look();
+  EXPECT_EQ(allocations, before);
 }
 
 TEST(HeightMap, RefusesWhatIsNoMap) {
