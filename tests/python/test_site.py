@@ -738,9 +738,9 @@ def test_a_program_ends_beside_threads_that_go_on():
         "def go_on(call):\n    while True:\n        call()\n"
         "def start(call):\n    threading.Thread(target=go_on, args=(call,), daemon=True).start()\n"
         "other = site.clone()\n"
-        "start(lambda: other.update_path(0, positions=np.tile(p, (1000, 1))))\n"
-        # It is in a call that takes minutes when the program has used so much of the processor.
-        "while time.process_time() < 0.5 + begun:\n    time.sleep(0.01)\n"
+        "start(lambda: other.update_path(0, positions=p))\n"
+        # It is in that long call once the program has used so much of the processor.
+        "while time.process_time() < 1.5 + begun:\n    time.sleep(0.01)\n"
         "start(lambda: site.update(0, position=(0, 0, 0)))\n"
         "start(lambda: site.heights(p[:9, :2]))\n"
         "time.sleep(0.1)\n").replace("other = site", "begun = time.process_time()\nother = site")

@@ -44,7 +44,7 @@ def scan(truth, scenario):
 
 
 def final(scenario, out):
-    soilvdb.run(scenario, out, mesh=False, snapshots=False)
+    soilvdb.run(scenario, out, mesh=False)
     view = out / "view.png"
     subprocess.run([PROGRAM, "export", out / "soil_final.vdb", "--to", view, "--view", "perspective"],
                    check=True, stdout=subprocess.DEVNULL)
