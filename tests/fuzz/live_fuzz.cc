@@ -1,11 +1,15 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
 // What reaches a live site: lines of a feed, and, behind "GET ", addresses.
+#include <algorithm>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "tests/fuzz/fuzz.h"
+#include "tools/serve/feed_lines.h"
 #include "tools/serve/live_site.h"
 #include "tools/serve/target.h"
 
@@ -22,7 +26,7 @@ Session site() {
                   .machines = {{"digger", {1, 1, {}, {}}}, {"arm", {1, 1, {}, {}}, chain}}});
 }
 
-void feed(tools::LiveSite& live, std::string_view line) {
+std::string feed(tools::LiveSite& live, std::string_view line) {
   const std::uint64_t before = live.session().ground_hash();
   const std::string answer = live.feed(line);
   const auto json = nlohmann::json::parse(answer, nullptr, /*allow_exceptions=*/false);
@@ -32,6 +36,23 @@ void feed(tools::LiveSite& live, std::string_view line) {
                 "it is an update, of a clock or an error");
   if (json.contains("error"))
     fuzz::require(live.session().ground_hash() == before, "what is refused changes nothing");
+  fuzz::require(json.contains("error") == tools::is_refusal(answer), "a refusal is known as one");
+  return answer;
+}
+
+/// Feeds lines as a message does.
+void feed_all(tools::LiveSite& live, std::string text) {
+  std::ptrdiff_t fed = 0;
+  tools::FeedLines lines(std::move(text));
+  while (lines.feed([&](std::string_view line) {
+    ++fed;
+    return feed(live, line);
+  }))
+    continue;
+  const std::string& answers = lines.answers();
+  fuzz::require(
+      std::count(answers.begin(), answers.end(), '\n') + 1 == std::max(fed, std::ptrdiff_t{1}),
+      "each line has an answer, and a message one or more");
 }
 
 }  // namespace
@@ -40,15 +61,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   static const Session start = site();
   tools::LiveSite live(start.clone(), "site");
   const std::string text(reinterpret_cast<const char*>(data), std::min<std::size_t>(size, 4096));
+  std::string lines;
   for (std::size_t at = 0; at < text.size();) {
     const std::size_t end = std::min(text.find('\n', at), text.size());
     const std::string line = text.substr(at, end - at);
     at = end + 1;
     if (!line.starts_with("GET ")) {
-      feed(live, line);
+      lines += line + '\n';
     } else if (const auto target = tools::parse_target(line.substr(4))) {
       fuzz::require(target->path.starts_with('/'), "a path begins with a slash");
     }
   }
+  feed_all(live, std::move(lines));
   return 0;
 }

@@ -49,10 +49,10 @@ class Client:
     def __init__(self, url):
         self.url = url
 
-    def get(self, path, headers=None, method="GET"):
+    def get(self, path, headers=None, method="GET", data=None):
         """Status and body."""
         request = urllib.request.Request(self.url.rstrip("/") + path, headers=headers or {},
-                                         method=method)
+                                         method=method, data=data)
         try:
             with urllib.request.urlopen(request, timeout=60) as response:
                 body = response.read()
@@ -62,6 +62,13 @@ class Client:
         except urllib.error.HTTPError as error:
             with error:
                 return error.code, error.read()
+
+    def post(self, path, data=b"", headers=None):
+        """Status, and what the body's lines say."""
+        if not isinstance(data, (str, bytes)):
+            data = "\n".join(state if isinstance(state, str) else json.dumps(state) for state in data)
+        status, body = self.get(path, headers, "POST", data if isinstance(data, bytes) else data.encode())
+        return status, [json.loads(line) for line in body.decode().splitlines()]
 
     def json(self, path):
         status, body = self.get(path)

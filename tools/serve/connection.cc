@@ -28,10 +28,10 @@ namespace http = beast::http;
 namespace websocket = beast::websocket;
 using net::ip::tcp;
 using Socket = Viewer::Socket;
-using Request = http::request<http::empty_body>;
+using Request = http::request<http::string_body>;
 
 constexpr std::chrono::seconds kFirstRequestTime{5}, kRequestTime{20}, kAnswerTime{120};
-constexpr std::chrono::seconds kHandshakeTime{5}, kSilence{60};
+constexpr std::chrono::seconds kHandshakeTime{5}, kSilence{60}, kGoodbyeTime{2};
 constexpr std::uint32_t kMostHeader = 8 << 10;
 constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
 
@@ -75,9 +75,9 @@ class Connection : public std::enable_shared_from_this<Connection> {
     wait();
     parser_.emplace();
     parser_->header_limit(kMostHeader);
-    parser_->body_limit(0);
+    parser_->body_limit(kMostFeed);
     stream_.expires_after(std::exchange(asked_, true) ? kRequestTime : kFirstRequestTime);
-    http::async_read(
+    http::async_read_header(
         stream_, in_, *parser_,
         [self = shared_from_this()](beast::error_code error, std::size_t) { self->take(error); });
   }
@@ -97,15 +97,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void take(beast::error_code error) {
-    if (error) {
-      const bool ours =
-          error.category() == http::make_error_code(http::error::bad_method).category();
-      if (!ours || error == http::error::end_of_stream) return end();
-      close_after_ = true;
-      return send(refusal(400, "the request can't be answered: " + error.message()));
-    }
+    if (error) return refuse(error);
     const Request& request = parser_->get();
-    close_after_ = !request.keep_alive();
+    // A body is read only from those who may post.
+    close_after_ = !request.keep_alive() || !parser_->is_done();
     head_ = request.method() == http::verb::head;
     std::string target = text_of(request.target());
     const std::string& base = state_.options.base_path;
@@ -128,12 +123,17 @@ class Connection : public std::enable_shared_from_this<Connection> {
                           "the token is missing or wrong; open the address that soilvdb serve "
                           "printed"));
     wait_no_more();
+    if (!post && !parser_->is_done()) return send(refusal(400, "only a POST may have a body"));
     if (upgrade) {
       if (path == "/feed" && role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
       if (path == "/feed" || path == "/view") return go_over(path == "/feed");
       return send(refusal(404, "streams are /feed and /view"));
     }
-    if (post) return send(state_.post(target, role));
+    if (post) {
+      if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
+      if (!state_.options.takes_feeds) return send(refusal(403, kOnlyLookedAt));
+      return expect_body(target);
+    }
     stream_.expires_never();
     state_.answer(target, client_of(request),
                   [self = shared_from_this()](Reply reply) { self->send(std::move(reply)); });
@@ -147,6 +147,43 @@ class Connection : public std::enable_shared_from_this<Connection> {
     const bool packs =
         text_of(request[http::field::accept_encoding]).find("deflate") != std::string::npos;
     return packs ? file.packed : file.plain;
+  }
+
+  void refuse(beast::error_code error) {
+    const bool ours = error.category() == http::make_error_code(http::error::bad_method).category();
+    if (!ours || error == http::error::end_of_stream) return end();
+    close_after_ = true;
+    if (error == http::error::body_limit)
+      return send(refusal(
+          413, fmt::format("the body is larger than {} kB; send it in parts", kMostFeed >> 10)));
+    send(refusal(400, "the request can't be answered: " + error.message()));
+  }
+
+  /// Some clients wait until they are asked for the body.
+  void expect_body(const std::string& target) {
+    const bool waits =
+        !parser_->is_done() && beast::iequals(parser_->get()[http::field::expect], "100-continue");
+    if (!waits) return read_body(target);
+    auto go_on = std::make_shared<http::response<http::empty_body>>(http::status::continue_, 11);
+    http::async_write(
+        stream_, *go_on,
+        [self = shared_from_this(), go_on, target](beast::error_code error, std::size_t) {
+          if (error) return self->end();
+          self->read_body(target);
+        });
+  }
+
+  void read_body(const std::string& target) {
+    stream_.expires_after(kRequestTime);
+    http::async_read(stream_, in_, *parser_,
+                     [self = shared_from_this(), target](beast::error_code error, std::size_t) {
+                       if (error) return self->refuse(error);
+                       self->close_after_ = !self->parser_->get().keep_alive();
+                       self->stream_.expires_never();
+                       self->state_.post(target, std::move(self->parser_->get().body()),
+                                         name_of(self->stream_.socket()),
+                                         [self](Reply reply) { self->send(std::move(reply)); });
+                     });
   }
 
   /// Why a request comes from a foreign page; empty for a page of this server, or no page. Foreign
@@ -243,8 +280,22 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
   void end() {
     beast::error_code ignored;
-    stream_.socket().shutdown(tcp::socket::shutdown_both, ignored);
-    end_quietly();
+    if (!parser_ || parser_->is_done()) {
+      stream_.socket().shutdown(tcp::socket::shutdown_both, ignored);
+      return end_quietly();
+    }
+    // If data arrived after the end, the client would lose its answer.
+    stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+    stream_.expires_after(kGoodbyeTime);
+    drain();
+  }
+  void drain() {
+    in_.clear();
+    stream_.async_read_some(in_.prepare(kMostFeed),
+                            [self = shared_from_this()](beast::error_code error, std::size_t) {
+                              if (error) return self->end_quietly();
+                              self->drain();
+                            });
   }
   void end_quietly() {
     wait_no_more();
@@ -254,7 +305,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   ServerState& state_;
   beast::tcp_stream stream_;
   beast::flat_buffer in_;
-  std::optional<http::request_parser<http::empty_body>> parser_;
+  std::optional<http::request_parser<http::string_body>> parser_;
   std::optional<std::list<std::function<void()>>::iterator> waits_;
   bool asked_ = false, head_ = false, close_after_ = false;
 };

@@ -4,10 +4,8 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
-#include <string_view>
 #include <utility>
 
 namespace soilvdb::tools {
@@ -21,16 +19,17 @@ namespace websocket = beast::websocket;
 /// and they are told once a second. After a minute its connection is closed.
 constexpr double kAsk_s = 1, kLost_s = 3.8, kGone_s = 60;
 constexpr std::size_t kMostRead = 16 << 10;
-/// Longest work on lines before others have their turn.
-constexpr std::chrono::microseconds kLinesTurn{200};
 
 }  // namespace
 
-Feeder::Feeder(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {
+std::string name_of(const net::ip::tcp::socket& socket) {
   beast::error_code none;
-  const auto from = beast::get_lowest_layer(socket_).socket().remote_endpoint(none);
-  source_->name =
-      none ? "a connection" : fmt::format("{}:{}", from.address().to_string(), from.port());
+  const auto from = socket.remote_endpoint(none);
+  return none ? "a connection" : fmt::format("{}:{}", from.address().to_string(), from.port());
+}
+
+Feeder::Feeder(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {
+  source_->name = name_of(beast::get_lowest_layer(socket_).socket());
 }
 
 void Feeder::start() {
@@ -72,29 +71,17 @@ void Feeder::read() {
 }
 
 void Feeder::take() {
-  lines_ = beast::buffers_to_string(in_.data());
+  lines_ = FeedLines(beast::buffers_to_string(in_.data()));
   in_.consume(in_.size());
-  at_ = 0;
-  out_.clear();
   work();
 }
 
 void Feeder::work() {
-  const auto until = ServerState::Clock::now() + kLinesTurn;
-  while (at_ < lines_.size() && !state_.ending) {
-    const std::size_t end = std::min(lines_.find('\n', at_), lines_.size());
-    const std::string_view line = std::string_view(lines_).substr(at_, end - at_);
-    at_ = end + 1;
-    if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
-    if (!out_.empty()) out_ += '\n';
-    out_ += state_.options.takes_feeds ? state_.site.feed(line, source_)
-                                       : fmt::format(R"({{"error":"{}"}})", kOnlyLookedAt);
-    if (ServerState::Clock::now() < until) continue;
+  if (lines_.feed(state_.feed_of(source_)) && !state_.ending) {
     silent_s_ = 0;  // it was not listened to
     return net::post(state_.io, [self = shared_from_this()] { self->work(); });
   }
-  if (out_.empty()) out_ = R"({"error":"an empty message; send a line of JSON"})";
-  socket_.async_write(net::buffer(out_),
+  socket_.async_write(net::buffer(lines_.answers()),
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
                         if (error) return self->end(true);
                         self->read();

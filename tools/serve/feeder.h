@@ -9,10 +9,14 @@
 #include <memory>
 #include <string>
 
+#include "tools/serve/feed_lines.h"
 #include "tools/serve/feed_source.h"
 #include "tools/serve/server_state.h"
 
 namespace soilvdb::tools {
+
+/// "127.0.0.1:40000": where a feed comes from.
+std::string name_of(const boost::asio::ip::tcp::socket& socket);
 
 /// Reads no faster than it answers. Between lines, other clients have their turn.
 ///
@@ -42,8 +46,7 @@ class Feeder : public std::enable_shared_from_this<Feeder> {
   Socket socket_;
   std::shared_ptr<FeedSource> source_ = std::make_shared<FeedSource>();
   boost::beast::flat_buffer in_;
-  std::string lines_, out_;
-  std::size_t at_ = 0;   ///< of the next of `lines_`
+  FeedLines lines_;
   double silent_s_ = 0;  ///< time in which nothing was heard
   double asked_s_ = 0;   ///< `silent_s_` at the last ping
   bool pinging_ = false, closing_ = false;

@@ -29,6 +29,9 @@ struct ChangeBefore {
 /// The JSON object of a line. @throw std::invalid_argument for any other line
 nlohmann::json object_of(std::string_view line);
 
+/// Is an answer of LiveSite::feed() a refusal?
+inline bool is_refusal(std::string_view answer) { return answer.starts_with(R"({"error")"); }
+
 /// Not thread-safe.
 class LiveSite {
  public:

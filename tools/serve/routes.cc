@@ -186,20 +186,40 @@ void ServerState::query(QueryLane& lane, const std::string& client, std::functio
   if (!taken) done(refusal(429, "too many requests; try again later"));
 }
 
-Reply ServerState::post(const std::string& text, Role role) {
+FeedLines::Feed ServerState::feed_of(std::shared_ptr<const FeedSource> source) {
+  return [this, source = std::move(source)](std::string_view line) {
+    return options.takes_feeds ? site.feed(line, source)
+                               : io::to_text(Json{{"error", kOnlyLookedAt}});
+  };
+}
+
+/// The feed lives as long as its lines are fed.
+void ServerState::feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<FeedSource> source,
+                            std::function<void(Reply)> done) {
+  if (lines->feed(feed_of(source)) && !ending)
+    return boost::asio::post(io, [this, lines, source, done] { feed_post(lines, source, done); });
+  source->link = FeedSource::Link::kEnded;
+  done({lines->any_taken() ? 200u : 400u, "application/x-ndjson", lines->answers() + '\n'});
+}
+
+void ServerState::post(const std::string& text, std::string body, const std::string& from,
+                       std::function<void(Reply)> done) {
   try {
     const std::optional<Target> target = parse_target(text);
-    if (!target || target->path != "/clock")
-      return refusal(405, "only GET is answered, and POST of /clock");
-    if (role != Role::kFeeder) return refusal(403, kOnlyViewer);
-    if (!options.takes_feeds) return refusal(403, kOnlyLookedAt);
+    const std::string path = target ? target->path : std::string();
+    if (path == "/feed") {
+      const QueryParameters parameters(*target, {});
+      return feed_post(std::make_shared<FeedLines>(std::move(body)),
+                       std::make_shared<FeedSource>(FeedSource{from}), std::move(done));
+    }
+    if (path != "/clock")
+      return done(refusal(405, "only GET is answered, and POST of /feed and /clock"));
     const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
         site.feed(io::to_text(Json{{"machine", parameters.text("machine")}, {"clock", "reset"}}));
-    const bool bad = io::parse_json(answer).contains("error");
-    return {bad ? 400u : 200u, "application/json", answer + '\n', {}, false};
+    done({is_refusal(answer) ? 400u : 200u, "application/json", answer + '\n'});
   } catch (const std::exception& e) {
-    return refusal(400, e.what());
+    done(refusal(400, e.what()));
   }
 }
 

@@ -340,7 +340,7 @@ std::string Server::feed(std::string line) {
   std::promise<std::string> answer;
   std::future<std::string> future = answer.get_future();
   net::post(state_->io, [this, &answer, &line] {
-    answer.set_value(state_->ending ? "" : state_->site.feed(line, state_->input));
+    answer.set_value(state_->ending ? "" : state_->feed_of(state_->input)(line));
   });
   while (future.wait_for(kTick) != std::future_status::ready)
     if (state_->io.stopped()) return "";

@@ -19,6 +19,7 @@
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/ground_copy.h"
 #include "soilvdb/mesher.h"
+#include "tools/serve/feed_lines.h"
 #include "tools/serve/ground_view.h"
 #include "tools/serve/live_forces.h"
 #include "tools/serve/live_heights.h"
@@ -68,8 +69,14 @@ struct ServerState {
   /// @param client whoever sends it, with whom others share the threads of queries
   void answer(const std::string& target, const std::string& client,
               std::function<void(Reply)> done);
-  /// Answers a POST.
-  Reply post(const std::string& target, Role role);
+  /// Answers a POST of somebody who may feed: calls `done` once, now or later.
+  /// @param from whose feed it is
+  void post(const std::string& target, std::string body, const std::string& from,
+            std::function<void(Reply)> done);
+  /// Feeds lines of a source.
+  FeedLines::Feed feed_of(std::shared_ptr<const FeedSource> source);
+  void feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<FeedSource> source,
+                 std::function<void(Reply)> done);
   /// The role of a request's sender.
   Role role_of(const std::string& target, const std::string& authorization) const;
   /// Must anybody send a token?
