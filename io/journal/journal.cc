@@ -88,6 +88,13 @@ void JournalWriter::add(const JournalUpdate& update) {
   added(lock);
 }
 
+void JournalWriter::add(const JournalConfig& config) {
+  std::unique_lock lock(mutex_);
+  pending_ += kConfigTag;
+  append_text(pending_, config.text);
+  added(lock);
+}
+
 void JournalWriter::add(const JournalFile& file) {
   std::unique_lock lock(mutex_);
   pending_ += kFileTag;

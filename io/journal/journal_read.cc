@@ -206,7 +206,8 @@ JournalContent read_journal(const std::filesystem::path& file) {
   return content;
 }
 
-std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
+std::uint64_t updates_until(const std::filesystem::path& file, double time_s,
+                            std::optional<std::uint32_t> machine) {
   constexpr double kNoTime = std::numeric_limits<double>::quiet_NaN();
   const auto each_update = [&](const auto& use) {
     JournalReader reader(file);
@@ -215,7 +216,9 @@ std::uint64_t updates_until(const std::filesystem::path& file, double time_s) {
       const auto* update = std::get_if<JournalUpdate>(&*record);
       if (update == nullptr || !update->ends_update) continue;
       // kRest carries the time of the most advanced machine, not one of its own.
-      const bool timed = update->kind != JournalUpdate::Kind::kRest;
+      const bool of_machine = update->has_rows() || update->kind == JournalUpdate::Kind::kClock;
+      const bool timed = machine ? of_machine && update->machine == *machine
+                                 : update->kind != JournalUpdate::Kind::kRest;
       use(*update, timed ? update->end_s : kNoTime, made.updates);
       made.add(*update);
     }

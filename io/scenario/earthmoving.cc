@@ -11,6 +11,7 @@
 
 #include "core/constants.h"
 #include "io/file/text.h"
+#include "io/scenario/newcomer.h"
 
 namespace soilvdb::inline v0::io {
 namespace {
@@ -46,9 +47,10 @@ bool overlap(const Hopper& a, const Hopper& b) {
          b.begin_s < a.end_s;
 }
 
-Hopper read_hopper(const YamlMap& map, Names& names) {
+/// A hopper without its time.
+Hopper read_box(const YamlMap& map, const std::string& name) {
   Hopper hopper;
-  hopper.name = names.take(map, "hopper");
+  hopper.name = name;
   const auto box = map.numbers("box", 4);
   for (std::size_t i = 0; i < 2; ++i) {
     if (box[i] < box[i + 2]) continue;
@@ -59,6 +61,11 @@ Hopper read_hopper(const YamlMap& map, Names& names) {
   }
   hopper.box_m = {Vec2(box[0], box[1]), Vec2(box[2], box[3])};
   hopper.top_m = map.number("top");
+  return hopper;
+}
+
+Hopper hopper_of(const YamlMap& map, Names& names) {
+  Hopper hopper = read_box(map, names.take(map, "hopper"));
   if (!map.has("time")) return hopper;
   const auto time = map.numbers("time", 2);
   if (time[0] >= time[1]) {
@@ -69,6 +76,15 @@ Hopper read_hopper(const YamlMap& map, Names& names) {
   hopper.begin_s = time[0];
   hopper.end_s = time[1];
   return hopper;
+}
+
+void require_apart(const YamlMap& map, const Hopper& hopper, const Scenario& result) {
+  const auto in_the_way = std::find_if(result.hoppers.begin(), result.hoppers.end(),
+                                       [&](const Hopper& other) { return overlap(hopper, other); });
+  if (in_the_way == result.hoppers.end()) return;
+  map.fail("box", fmt::format("hopper '{}' overlaps hopper '{}'; they must be apart in plan, "
+                              "or one gone when the other comes",
+                              hopper.name, in_the_way->name));
 }
 
 }  // namespace
@@ -160,17 +176,26 @@ void read_hoppers(const YamlMap& scenario, Scenario& result, Names& names) {
                   fmt::format("hoppers has {}; it may have at most {}", maps.size(), kMostHoppers));
   }
   for (const YamlMap& map : maps) {
-    Hopper hopper = read_hopper(map, names);
-    const auto in_the_way =
-        std::find_if(result.hoppers.begin(), result.hoppers.end(),
-                     [&](const Hopper& other) { return overlap(hopper, other); });
-    if (in_the_way != result.hoppers.end()) {
-      map.fail("box", fmt::format("hopper '{}' overlaps hopper '{}'; they must be apart in plan, "
-                                  "or one gone when the other comes",
-                                  hopper.name, in_the_way->name));
-    }
+    Hopper hopper = hopper_of(map, names);
+    require_apart(map, hopper, result);
     result.hoppers.push_back(std::move(hopper));
   }
+}
+
+Hopper read_hopper(const std::string& text, double begin_s, double end_s, const Scenario& site) {
+  if (!site.soil) throw InputError("hoppers are for a site with 'soil', and this one has none");
+  if (site.hoppers.size() >= kMostHoppers)
+    throw InputError(fmt::format("a site has at most {} hoppers", kMostHoppers));
+  Hopper hopper;
+  read_newcomer(text, site, "hopper", {"name", "box", "top"}, [&](const YamlMap& map) {
+    const std::string name = map.name("name");
+    require_new_name(name, site);
+    hopper = read_box(map, name);
+    hopper.begin_s = begin_s;
+    hopper.end_s = end_s;
+    require_apart(map, hopper, site);
+  });
+  return hopper;
 }
 
 void check_capacity(const YamlMap& map, const Bucket& bucket) {

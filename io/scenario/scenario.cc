@@ -13,6 +13,7 @@
 #include "io/file/text.h"
 #include "io/motion/mcap_files.h"
 #include "io/scenario/earthmoving.h"
+#include "io/scenario/newcomer.h"
 #include "io/scenario/scans.h"
 #include "io/scenario/yaml_map.h"
 #include "soilvdb/io/mesh_file.h"
@@ -287,6 +288,29 @@ void add_inputs(const MotionSource& motion, Scenario& result) {
       result.inputs.push_back(file);
 }
 
+/// A machine without its motion.
+Section read_section(const YamlMap& machine, const std::string& name, Scenario& result) {
+  if (machine.has("bucket") && machine.has("tool"))
+    machine.fail("tool", "a machine has a bucket or a tool, not both; remove one of them");
+  Section section;
+  section.name = name;
+  section.bucket = machine.has("tool") ? read_tool(machine, result.voxel_size_m, result)
+                                       : read_bucket(machine, result.soil.has_value());
+  if (!section.bucket.shape) warn_if_never_dumps(machine, name, section.bucket, result);
+  section.chain = read_machine_chain(machine, result);
+  if (section.chain) section.chain_file = machine.path("urdf");
+  if (machine.has("known"))
+    section.lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
+  return section;
+}
+
+MachineInput input_of(const Section& section) {
+  MachineInput input(section.name, section.bucket, section.chain);
+  input.chain_file = section.chain_file;
+  input.lip_sigma_m = section.lip_sigma_m;
+  return input;
+}
+
 std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Scenario& result,
                                    Names& names) {
   std::vector<Section> sections;
@@ -294,21 +318,9 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
   for (const YamlMap& machine : scenario.maps("machines", "machine",
                                               {"name", "bucket", "tool", "motion", "angles",
                                                "bad_rows", "urdf", "base", "lip", "known"})) {
-    const std::string name = names.take(machine, "machine");
-    if (machine.has("bucket") && machine.has("tool"))
-      machine.fail("tool", "a machine has a bucket or a tool, not both; remove one of them");
-    const Bucket bucket = machine.has("tool") ? read_tool(machine, result.voxel_size_m, result)
-                                              : read_bucket(machine, result.soil.has_value());
-    if (!bucket.shape) warn_if_never_dumps(machine, name, bucket, result);
-    sections.push_back({name,
-                        bucket,
-                        read_machine_chain(machine, result),
-                        std::nullopt,
-                        read_angle_unit(machine),
-                        read_on_bad_row(machine),
-                        {}});
-    if (machine.has("known"))
-      sections.back().lip_sigma_m = machine.map("known", {"lip"}).number("lip", 0, 10, "m");
+    sections.push_back(read_section(machine, names.take(machine, "machine"), result));
+    sections.back().angles = read_angle_unit(machine);
+    sections.back().on_bad_row = read_on_bad_row(machine);
     if (motions == Motions::kRequired || machine.has("motion")) {
       sections.back().motion = read_motion_source(machine);
       add_inputs(*sections.back().motion, result);
@@ -319,10 +331,7 @@ std::vector<Section> read_machines(const YamlMap& scenario, Motions motions, Sce
                                         "radians, and each is answered",
                                         key));
     }
-    if (sections.back().chain) {
-      sections.back().chain_file = machine.path("urdf");
-      result.inputs.push_back(machine.path("urdf"));
-    }
+    if (sections.back().chain) result.inputs.push_back(sections.back().chain_file);
   }
   return sections;
 }
@@ -339,6 +348,17 @@ MachineInput::MachineInput(std::string n, Bucket b, MotionFile m, SweptBoxes w)
 
 MachineInput::MachineInput(std::string n, Bucket b, std::optional<Chain> c)
     : name(std::move(n)), bucket(std::move(b)), chain(std::move(c)) {}
+
+MachineInput read_machine(const std::string& text, Scenario& site) {
+  std::optional<MachineInput> read;
+  read_newcomer(text, site, "machine", {"name", "bucket", "tool", "urdf", "base", "lip", "known"},
+                [&](const YamlMap& machine) {
+                  const std::string name = machine.name("name");
+                  require_new_name(name, site);
+                  read = input_of(read_section(machine, name, site));
+                });
+  return *read;
+}
 
 Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& progress,
                        Motions motions) {
@@ -371,9 +391,7 @@ Scenario read_scenario(const std::filesystem::path& file, const ReadProgress& pr
   for (const Section& section : sections) total += size(section);
   for (const Section& section : sections) {
     if (!section.motion) {
-      scenario.machines.emplace_back(section.name, section.bucket, section.chain);
-      scenario.machines.back().chain_file = section.chain_file;
-      scenario.machines.back().lip_sigma_m = section.lip_sigma_m;
+      scenario.machines.push_back(input_of(section));
       continue;
     }
     SweptBoxes swept;

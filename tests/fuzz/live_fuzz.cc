@@ -1,12 +1,14 @@
 // SPDX-FileCopyrightText: 2026 The soilvdb authors
 // SPDX-License-Identifier: Apache-2.0
-// What reaches a live site: lines of a feed, and, behind "GET ", addresses.
+// What reaches a live site: lines of a feed, behind "GET " addresses, and behind "machines " and
+// "hoppers " changes of these lists.
 #include <algorithm>
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "tests/fuzz/fuzz.h"
 #include "tools/serve/feed_lines.h"
@@ -21,9 +23,12 @@ Session site() {
   Chain chain;
   chain.joints = {{"boom", Joint::Type::kRevolute, {}, Vec3::UnitY(), -1, 1},
                   {"stick", Joint::Type::kPrismatic, {}, Vec3::UnitX(), 0, 2}};
+  Earthmoving earthmoving;
+  earthmoving.soil.emplace().repose_rad = 0.6;
   return Session({.voxel_size_m = 0.2,
                   .terrain = io::PlaneTerrain{},
-                  .machines = {{"digger", {1, 1, {}, {}}}, {"arm", {1, 1, {}, {}}, chain}}});
+                  .machines = {{"digger", {1, 1, {}, {}}}, {"arm", {1, 1, {}, {}}, chain}},
+                  .earthmoving = earthmoving});
 }
 
 std::string feed(tools::LiveSite& live, std::string_view line) {
@@ -38,6 +43,28 @@ std::string feed(tools::LiveSite& live, std::string_view line) {
     fuzz::require(live.session().ground_hash() == before, "what is refused changes nothing");
   fuzz::require(json.contains("error") == tools::is_refusal(answer), "a refusal is known as one");
   return answer;
+}
+
+void change(tools::LiveSite& live, const std::string& list, std::string_view text) {
+  const Session& session = live.session();
+  const auto names = [&] {
+    std::vector<std::string> all;
+    for (const SiteMachine& machine : session.machines()) all.push_back(machine.name);
+    for (const Hopper& hopper : session.earthmoving().hoppers) all.push_back(hopper.name);
+    return all;
+  };
+  const std::vector<std::string> before = names();
+  const std::uint64_t ground = session.ground_hash();
+  try {
+    live.change_list(list, text);
+  } catch (const std::exception& e) {
+    fuzz::require(names() == before, "what is refused changes nothing");
+    fuzz::require(std::string_view(e.what()).find('\n') == std::string_view::npos, "it is a line");
+  }
+  fuzz::require(session.ground_hash() == ground, "the ground stays");
+  fuzz::require(live.feeds()["machines"].size() <= session.machines().size() &&
+                    live.machine_feeds().size() == session.machines().size(),
+                "each machine has a feed");
 }
 
 /// Feeds lines as a message does.
@@ -66,7 +93,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const std::size_t end = std::min(text.find('\n', at), text.size());
     const std::string line = text.substr(at, end - at);
     at = end + 1;
-    if (!line.starts_with("GET ")) {
+    const std::size_t blank = line.find(' ');
+    const std::string list = line.substr(0, blank);
+    if (list == "machines" || list == "hoppers") {
+      if (blank != line.npos) change(live, list, std::string_view(line).substr(blank + 1));
+    } else if (!line.starts_with("GET ")) {
       lines += line + '\n';
     } else if (const auto target = tools::parse_target(line.substr(4))) {
       fuzz::require(target->path.starts_with('/'), "a path begins with a slash");

@@ -168,7 +168,8 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
     std::uint32_t machine;
     double time_s;
   };
-  const auto until = [&](const std::vector<Fed>& all, double time_s) {
+  const auto until = [&](const std::vector<Fed>& all, double time_s,
+                         std::optional<std::uint32_t> machine = {}) {
     const auto file = folder_ / "journal";
     JournalWriter writer(file, begin_journal(file, {"configuration"}), {}, 3600);
     for (const Fed& fed : all) {
@@ -188,7 +189,7 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
       writer.add(update);
     }
     writer.flush();
-    return updates_until(file, time_s);
+    return updates_until(file, time_s, machine);
   };
   // Clocks that differ a little: up to the first state that is later.
   const std::vector<Fed> sound = {{0, 1}, {1, 0.9}, {0, 2}, {1, 1.9}, {0, 3}, {1, 2.9}};
@@ -215,6 +216,30 @@ TEST_F(Journal, KnowsWhatWasFedByATimeAlsoWhereAClockWasAhead) {
   EXPECT_EQ(until(first, 0.5), 0u);
   EXPECT_EQ(until(first, 1), 3u);
   EXPECT_EQ(until(first, 2), 4u);
+  // Of one machine.
+  EXPECT_EQ(until(sound, 0.95, 0), 0u);
+  EXPECT_EQ(until(sound, 0.95, 1), 3u);
+  EXPECT_EQ(until(sound, 2.9, 1), 6u) << "none is later";
+  EXPECT_EQ(until(ahead, 2.5, 0), 2u);
+  EXPECT_EQ(until(ahead, 4.5, 0), 9u) << "its clock was set since";
+  EXPECT_EQ(until(ahead, 2.5, 1), 5u);
+  EXPECT_EQ(until(others, 1.7, 0), 6u) << "pours and rest are of no machine";
+}
+
+TEST_F(Journal, ALaterConfigurationTakesThePlaceOfTheFirst) {
+  const auto file = folder_ / "journal";
+  const Motion way = motion(4);
+  {
+    JournalWriter writer(file, begin_journal(file, {"first"}), {}, 3600);
+    for (int i = 0; i < 2; ++i) writer.add(update(way, i));
+    writer.add(JournalConfig{"second"});
+    for (int i = 2; i < 4; ++i) writer.add(update(way, i));
+    writer.flush();
+  }
+  const JournalContent content = read_journal(file);
+  EXPECT_EQ(content.config.text, "second");
+  EXPECT_EQ(content.done.updates, 4u);
+  EXPECT_EQ(updates_until(file, 1e9), 4u);
 }
 
 /// As sessions are fed: poses and joints in turn, times known or not, clocks that are set.

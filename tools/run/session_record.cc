@@ -104,7 +104,6 @@ io::JournalExtent Session::record(const Recording& given,
   // Absolute, because the working directory may change.
   if (!recording.folder.empty()) recording.folder = fs::absolute(recording.folder);
   const fs::path journal = recording.folder / kJournalName;
-  const Json site = s.description(/*with_ground=*/true);
   auto folder = std::make_unique<tools::RunFolder>(recording.folder);
   folder->make();
   try {
@@ -126,18 +125,25 @@ io::JournalExtent Session::record(const Recording& given,
     };
     if (!fs::exists(journal)) {
       folder->replace(tools::is_periodic);
-      Json all = {{"session", kRecordFormat}, {"version", SOILVDB_VERSION}, {"site", site}};
+      Json all = {{"session", kRecordFormat},
+                  {"version", SOILVDB_VERSION},
+                  {"site", s.description(/*with_ground=*/true)}};
       if (!s.settings.scenario.empty()) all["scenario"] = s.settings.scenario.string();
+      if (!s.settings.changes.empty()) all["changes"] = s.settings.changes;
+      n.journal_config = io::to_cbor(all);
       open_recorder();
-      n.recorder->begin({io::to_cbor(all)}, /*begin_s=*/0);
+      n.recorder->begin({n.journal_config}, /*begin_s=*/0);
       become_next();
       return {};
     }
     io::JournalContent content = io::read_journal(journal);
     std::optional<tools::MachineChange> change;
-    std::string config = content.config.text;
-    if (tools::is_of_session(config)) config = io::to_cbor(config_of(content, site, change));
-    require_same_site(config, site, recording.folder);
+    n.journal_config = content.config.text;
+    const bool of_session = tools::is_of_session(n.journal_config);
+    if (of_session) n.repeat_changes(io::from_cbor(n.journal_config), recording.folder);
+    const Json site = n.description(/*with_ground=*/true);
+    if (of_session) n.journal_config = io::to_cbor(config_of(content, site, change));
+    require_same_site(n.journal_config, site, recording.folder);
     if (content.damaged)
       throw io::InputError(
           journal,
@@ -149,7 +155,7 @@ io::JournalExtent Session::record(const Recording& given,
     // A copy for the changed site takes the journal's place when nothing can fail any more.
     const fs::path changed = recording.folder / fmt::format(".journal.{}-0.tmp", getpid());
     if (change) {
-      tools::copy_journal(journal, changed, config, *change);
+      tools::copy_journal(journal, changed, n.journal_config, *change);
       content = io::read_journal(changed);
     }
     const auto drop_copy = [&](const fs::path* file) {
@@ -194,10 +200,14 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
     throw std::invalid_argument("a recording can be read only before the session's first state");
   const fs::path journal = folder / kJournalName;
   const io::JournalContent content = io::read_journal(journal);
-  if (tools::is_of_session(content.config.text))
-    require_same_site(content.config.text, s.description(/*with_ground=*/true), folder);
-  else
+  Session there(std::make_unique<State>(s));
+  State& t = *there.state_;
+  if (tools::is_of_session(content.config.text)) {
+    t.repeat_changes(io::from_cbor(content.config.text), folder);
+    require_same_site(content.config.text, t.description(/*with_ground=*/true), folder);
+  } else {
     tools::parse_run_config(content.config.text, folder);  // checks its inputs
+  }
   const std::uint64_t until = io::updates_until(journal, time_s);
   const bool whole = content.ended && until == content.done.updates;
   std::vector<io::JournalFile> snapshots;
@@ -205,8 +215,6 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
     const bool is_snapshot = tools::is_periodic(file.name) || file.name == tools::kFinalName;
     if (is_snapshot && file.updates <= until) snapshots.push_back(file);
   }
-  Session there(std::make_unique<State>(s));
-  State& t = *there.state_;
   const tools::ResumePoint start = t.find_start(folder, snapshots, whole);
   tools::replay(journal, start.updates, until, t, ends_no_batch,
                 [](std::span<const io::JournalUpdate>) {});

@@ -33,6 +33,9 @@ struct Session::State : tools::SiteState {
     std::filesystem::path swap_folder = {};  ///< with a memory limit
     bool limits = true;
     bool floats = false;  ///< an endless plane, whose origin is wherever work begins
+    /// Of its lists of machines and hoppers since it was opened, in order, as JSON.
+    std::vector<std::string> changes = {};
+    std::vector<bool> retired = {};  ///< by machine; those that are missing are not
   };
 
   using Site::broken_, Site::Input, Site::input, Site::inputs_, Site::require;  // for Session
@@ -55,6 +58,12 @@ struct Session::State : tools::SiteState {
 
   /// Takes over ground and machines of the same site; changed_patches() then reports all changes.
   void become(SiteState&& other);
+  void rebuild(SiteModel model, std::string_view progress);
+  /// @param change as Session::change_list() takes it, with its "list"
+  /// @throw as that
+  void change_lists(nlohmann::json change);
+  /// Makes the changes that a recording has. @throw io::InputError naming it
+  void repeat_changes(const nlohmann::json& config, const std::filesystem::path& recording);
   /// A description of the site, with all that an update's result depends on.
   /// @param with_ground also the ground when the session was opened
   nlohmann::json description(bool with_ground) const;
@@ -112,6 +121,7 @@ struct Session::State : tools::SiteState {
   };
   std::optional<MeshHeights> mesh_heights = {};
   ChangeFollower patches, chunks;                  ///< of changed_patches() and changed_chunks()
+  std::string journal_config = {};                 ///< of the recording
   std::unique_ptr<tools::RunFolder> folder = {};   ///< of the recording
   std::unique_ptr<tools::Recorder> recorder = {};  ///< destroyed first, because it reads the site
 };

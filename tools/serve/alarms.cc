@@ -100,6 +100,7 @@ Json alarms(const LiveSite& site, const InitialTerrain* design, const std::vecto
   Json all = Json::array();
   const Session& session = site.session();
   for (std::size_t i = 0; i < session.machines().size(); ++i) {
+    if (session.is_retired(i)) continue;
     const SiteMachine& machine = session.machines()[i];
     const MachineFeed& feed = site.machine_feeds()[i];
     const auto add = [&](const char* kind, const std::string& text) {

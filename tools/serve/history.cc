@@ -34,7 +34,8 @@ class RecordedHistory : public History {
 
   Times times() override {
     if (!times_.from_s) {
-      const WorkLog all = log(std::numeric_limits<double>::infinity());
+      constexpr double kForever_s = std::numeric_limits<double>::infinity();
+      const WorkLog all = log(start_.recorded(folder_, -kForever_s), kForever_s);
       times_.from_s = all.from_s();
       times_.to_s = all.time_s();
     }
@@ -50,13 +51,13 @@ class RecordedHistory : public History {
   }
 
   Past at(double time_s) override {
-    return {std::make_shared<Session>(start_.recorded(folder_, time_s)),
-            std::make_shared<const WorkLog>(log(time_s))};
+    auto there = std::make_shared<Session>(start_.recorded(folder_, time_s));
+    return {there, std::make_shared<const WorkLog>(log(*there, time_s))};
   }
 
-  /// The machines' work up to a time.
-  WorkLog log(double time_s) const {
-    WorkLog log(start_);
+  /// The machines' work up to a time. @param there has all machines
+  WorkLog log(const Session& there, double time_s) const {
+    WorkLog log(there);
     const fs::path journal = folder_ / kJournalName;
     std::uint64_t left = io::updates_until(journal, time_s);
     io::JournalReader reader(journal);

@@ -94,6 +94,10 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
                {"machine", "time", "joints", "position", "rotation", "force", "sequence", "fix"});
   MachineState state;
   state.machine = session_.machine(machine_in(json).get<std::string>());
+  if (session_.is_retired(state.machine))
+    throw std::invalid_argument(
+        fmt::format("machine '{}' is retired; POST /machines with a 'restore' brings it back",
+                    session_.machines()[state.machine].name));
   if (json.contains("time") && !json["time"].is_null())
     state.time_s = number_of(json["time"], "'time'");
   if (state.time_s && std::abs(*state.time_s) > kMostTime_s)

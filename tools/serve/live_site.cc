@@ -39,12 +39,8 @@ LiveSite::LiveSite(Session session, std::string name)
     : session_(std::move(session)),
       name_(std::move(name)),
       log_(session_),
-      moved_(session_.machines().size()),
-      feeds_(session_.machines().size()),
-      doubted_s_(session_.machines().size()),
       before_{session_.change_m3(), session_.mass_balance().ground} {
-  for (const SiteMachine& machine : session_.machines())
-    joints_.push_back(machine.chain ? machine.chain->movable() : std::vector<std::string>());
+  follow_machines();
 }
 
 LiveSite::LiveSite(Session session, std::string name, WorkLog log, const ChangeBefore& before)
@@ -57,6 +53,8 @@ void LiveSite::record(const Recording& recording,
                       const std::function<void(const io::JournalExtent&)>& progress) {
   session_.record(recording, progress);
   recorded_ = true;
+  log_ = WorkLog(session_);
+  follow_machines();
   hauled_ = session_.mass_balance_without_ground().hauled;
   // The journal contains the loads, so cycles can be counted again.
   io::JournalReader reader(recording.folder / kJournalName);
@@ -65,8 +63,10 @@ void LiveSite::record(const Recording& recording,
     if (fed == nullptr) continue;
     ++fed_;
     log_.add(*fed);
-    if (fed->has_rows() && fed->machine < feeds_.size())
+    if (fed->has_rows() && fed->machine < feeds_.size()) {
       feeds_[fed->machine].dug_before = fed->kind == io::JournalUpdate::Kind::kMove;
+      note_time(std::isnan(fed->end_s) ? std::nullopt : std::optional(fed->end_s));
+    }
     if (fed->kind == io::JournalUpdate::Kind::kMove)
       durations_.add(static_cast<double>(fed->ns) * 1e-3);
   }
@@ -76,9 +76,17 @@ StepResult LiveSite::feed(const MachineState& state) {
   return taken(state, session_.update(state));
 }
 
+void LiveSite::note_time(std::optional<double> time_s) {
+  if (time_s)
+    latest_s_ = std::max(latest_s_, time_s);
+  else
+    is_untimed_ = true;
+}
+
 StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   if (!step.ok()) return step;
   ++fed_;
+  note_time(state.time_s);
   clocks_set_ += log_.machines()[state.machine].clock_is_set && state.time_s;
   durations_.add(step.update.us);
   WorkLog::Place at{{state.joints.begin(), state.joints.end()}, !state.joints.empty()};
@@ -198,6 +206,7 @@ Json LiveSite::feeds() const {
   Json all = Json::array();
   const auto or_null = [](const auto& value) { return value ? Json(*value) : Json(); };
   for (std::size_t i = 0; i < feeds_.size(); ++i) {
+    if (session_.is_retired(i)) continue;
     const MachineFeed& feed = feeds_[i];
     const std::string& name = session_.machines()[i].name;
     const bool owned = feed.source && feed.source->link == FeedSource::Link::kLive;
@@ -239,8 +248,9 @@ Json LiveSite::state() const {
   Json json = site_state(session_, log_, works);
   const io::JournalExtent done = session_.acknowledged();
   json["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
-  for (std::size_t i = 0; i < feeds_.size(); ++i) {
-    Json& machine = json["machines"][i];
+  for (std::size_t i = 0, shown = 0; i < feeds_.size(); ++i) {
+    if (session_.is_retired(i)) continue;
+    Json& machine = json["machines"][shown++];
     const std::optional<double> silent_s = feeds_[i].silent_s();
     machine["link"] = feeds_[i].link();
     machine["heard_s_ago"] = silent_s ? Json(*silent_s) : Json();
@@ -253,6 +263,7 @@ Json LiveSite::description() const {
   const Ground& ground = *session_.site().ground;
   Json machines = Json::array();
   for (std::size_t i = 0; i < moved_.size(); ++i) {
+    if (session_.is_retired(i)) continue;
     const SiteMachine& machine = session_.machines()[i];
     const double capacity_m3 = log_.machines()[i].capacity_m3;
     Bucket drawn = machine.bucket;

@@ -52,6 +52,10 @@ class LiveSite {
   /// @return a line: the update, or `{"error": ..}`, and then the site is unchanged
   std::string feed(std::string_view line, const std::shared_ptr<const FeedSource>& source = {});
   StepResult feed(const MachineState& state);
+  /// Adds, renames or retires a machine or hopper, see Session::change_list(). Without a time,
+  /// hoppers come and go now.
+  /// @return the list. @throw std::exception with one line
+  nlohmann::ordered_json change_list(const std::string& list, std::string_view text);
   /// GET /machines: how each machine is fed, and where its feed can go on.
   nlohmann::ordered_json feeds() const;
   const std::vector<MachineFeed>& machine_feeds() const { return feeds_; }
@@ -93,9 +97,14 @@ class LiveSite {
   /// As dig() of a state whose position is not good enough, or follows such a state.
   nlohmann::ordered_json place(const MachineState& state);
   StepResult taken(const MachineState& state, StepResult step);
+  /// A state has this time.
+  void note_time(std::optional<double> time_s);
   nlohmann::ordered_json answer_to(const StepResult& step, std::size_t machine);
   bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
+  void set_time(nlohmann::json& change) const;
+  /// Keeps a record of each machine of the session.
+  void follow_machines();
   std::string how_to_set_clock(std::size_t machine) const;
   void require_soon(const MachineState& state);
   /// How far a state's time is ahead of this computer's clock, if it counts from 1970.
@@ -112,7 +121,9 @@ class LiveSite {
   io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
   std::uint64_t fed_ = 0, clocks_set_ = 0;
-  std::int64_t hauled_ = 0;  ///< so far, units of mass
+  std::optional<double> latest_s_ = {};  ///< of all states, also by clocks that were ahead
+  bool is_untimed_ = false;              ///< a state had no time
+  std::int64_t hauled_ = 0;              ///< so far, units of mass
   ChangeBefore before_;
   bool recorded_ = false;
 };

@@ -212,8 +212,13 @@ void ServerState::post(const std::string& text, std::string body, const std::str
       return feed_post(std::make_shared<FeedLines>(std::move(body)),
                        std::make_shared<FeedSource>(FeedSource{from}), std::move(done));
     }
+    if (path == "/machines" || path == "/hoppers") {
+      const QueryParameters parameters(*target, {});
+      return done(json_reply(change_list(path.substr(1), body)));
+    }
     if (path != "/clock")
-      return done(refusal(405, "only GET is answered, and POST of /feed and /clock"));
+      return done(
+          refusal(405, "only GET is answered, and POST of /feed, /machines, /hoppers and /clock"));
     const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
         site.feed(io::to_text(Json{{"machine", parameters.text("machine")}, {"clock", "reset"}}));

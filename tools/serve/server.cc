@@ -196,6 +196,22 @@ void ServerState::follow_ground() {
   if (recording) recording->tick(chunks, *beside);
 }
 
+Json ServerState::change_list(const std::string& list, const std::string& change) {
+  beside->finish();  // its jobs look at the machines
+  Json answer = site.change_list(list, change);
+  const Bytes site_now = description();
+  for (Viewer* viewer : viewers) viewer->tell(site_now);
+  tell_soon();
+  if (!recording) return answer;
+  // The list of machines of an MCAP file is fixed. The next has all of the ground, too.
+  follow_ground();
+  recording->finish(*beside);
+  beside->finish();
+  recording = std::make_unique<LiveMcap>(options.mcap_folder, site, *copy);
+  recording->tick(site.session().site().ground->origins(), *beside);
+  return answer;
+}
+
 bool ServerState::make_room() {
   if (waiting.size() < kMostWaiting && connections < kMostConnections) return true;
   if (waiting.empty()) return false;

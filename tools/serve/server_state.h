@@ -73,6 +73,8 @@ struct ServerState {
   /// @param from whose feed it is
   void post(const std::string& target, std::string body, const std::string& from,
             std::function<void(Reply)> done);
+  /// Changes the machines or hoppers, and tells viewers.
+  nlohmann::ordered_json change_list(const std::string& list, const std::string& change);
   /// Feeds lines of a source.
   FeedLines::Feed feed_of(std::shared_ptr<const FeedSource> source);
   void feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<FeedSource> source,

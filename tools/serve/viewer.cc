@@ -49,6 +49,11 @@ void Viewer::changed(const Coord3& block) {
   if (view_ == 0) due_.insert(block);
 }
 
+void Viewer::tell(const Bytes& text) {
+  texts_.push_back(text);
+  go_on();
+}
+
 void Viewer::tell_forces(const Bytes& forces) {
   told_forces_ = forces;
   go_on();

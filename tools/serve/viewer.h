@@ -27,6 +27,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void start();
   /// A block of the live ground changed.
   void changed(const Coord3& block);
+  /// Sends a text in its turn.
+  void tell(const Bytes& text);
   /// State of the machines; only the newest is sent.
   void tell_state(const Bytes& state) { told_ = state; }
   /// Did it ask for forces, and looks at the live machines?

@@ -97,10 +97,16 @@ void CycleCounter::add(double load_m3, bool cuts) {
 WorkLog::WorkLog(const Session& site)
     : loose_m3_(site.site().ground->sample_m3() /
                 static_cast<double>(
-                    site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)),
-      knows_hauled_(site.earthmoving().hoppers.empty()) {
-  for (const SiteMachine& machine : site.machines()) {
-    const Bucket& bucket = machine.bucket;
+                    site.earthmoving().soil ? MassUnits(*site.earthmoving().soil).loose : 1)) {
+  follow(site);
+}
+
+void WorkLog::follow(const Session& site) {
+  hauls_from_s_.reset();
+  for (const Hopper& hopper : site.earthmoving().hoppers)
+    hauls_from_s_ = std::min(hauls_from_s_.value_or(hopper.begin_s), hopper.begin_s);
+  for (std::size_t i = machines_.size(); i < site.machines().size(); ++i) {
+    const Bucket& bucket = site.machines()[i].bucket;
     Machine& work = machines_.emplace_back();
     work.capacity_m3 = struck_m3(bucket);
     const double about_m3 = work.capacity_m3 > 0
@@ -187,7 +193,7 @@ void WorkLog::add(const io::JournalUpdate& update) {
   }
   const bool has_time = std::isfinite(update.end_s);
   if (!work.time_s && std::isfinite(update.begin_s)) work.time_s = update.begin_s;
-  const bool all_known = knows_hauled_ || update.spilled == 0;
+  const bool all_known = !hauls_from_s_ || update.end_s < *hauls_from_s_ || update.spilled == 0;
   add(update.machine, has_time ? std::optional(update.end_s) : std::nullopt, moved,
       {update.cut_samples, update.bucket_samples, update.spilled,
        update.hauled || !all_known ? update.hauled : 0});
@@ -201,7 +207,8 @@ bool WorkLog::works(std::size_t machine) const {
 Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>& works) {
   Json machines = Json::array();
   for (std::size_t i = 0; i < works.size(); ++i)
-    machines.push_back(machine_state(site, i, log.machines()[i], works[i]));
+    if (!site.is_retired(i))
+      machines.push_back(machine_state(site, i, log.machines()[i], works[i]));
   const Ledger total = site.total();
   const MassBalance balance = site.mass_balance_without_ground();
   const double sample_m3 = site.site().ground->sample_m3();

@@ -71,6 +71,8 @@ class WorkLog {
   };
 
   explicit WorkLog(const Session& site);
+  /// Takes over machines and hoppers that came since.
+  void follow(const Session& site);
 
   /// A machine has a new state. @return whether it has moved, farther than a sensor errs
   bool add(std::size_t machine, std::optional<double> time_s, Place at, const Soil& soil);
@@ -90,8 +92,9 @@ class WorkLog {
   void add(std::size_t machine, std::optional<double> time_s, bool moved, const Soil& soil);
   void add_time(Machine& work, std::optional<double> before_s, double time_s, bool moved);
 
-  double loose_m3_;    ///< per unit of mass
-  bool knows_hauled_;  ///< without a record: there are no hoppers
+  double loose_m3_;  ///< per unit of mass
+  /// Time from which updates must record what hoppers received; empty: there are no hoppers.
+  std::optional<double> hauls_from_s_;
   std::vector<Machine> machines_;
   std::optional<double> from_s_, time_s_;
 };

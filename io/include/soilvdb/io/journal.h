@@ -27,7 +27,8 @@
 
 namespace soilvdb::inline v0::io {
 
-/// The run's configuration, as the program encodes it; the first record.
+/// The run's configuration, as the program encodes it; the first record. A later one takes its
+/// place.
 struct JournalConfig {
   std::string text;
 };
@@ -125,6 +126,7 @@ class JournalWriter {
   JournalWriter(const JournalWriter&) = delete;
   JournalWriter& operator=(const JournalWriter&) = delete;
 
+  void add(const JournalConfig& config);
   void add(const JournalUpdate& update);
   void add(const JournalFile& file);
   void add(const JournalRemoval& removed);
@@ -216,7 +218,9 @@ JournalContent read_journal(const std::filesystem::path& file);
 
 /// Number of updates before the first that ended later than a time. An update before its machine's
 /// clock was set does not count as later if an update after that is not later: the clock was ahead.
+/// @param machine only its updates count as later; empty: those of all
 /// @throw InputError as JournalReader does.
-std::uint64_t updates_until(const std::filesystem::path& file, double time_s);
+std::uint64_t updates_until(const std::filesystem::path& file, double time_s,
+                            std::optional<std::uint32_t> machine = {});
 
 }  // namespace soilvdb::inline v0::io

@@ -86,6 +86,16 @@ class Session {
   const io::Site& site() const;
   /// The index of a machine by name. @throw std::invalid_argument naming the existing machines
   std::size_t machine(std::string_view name) const;
+  /// Adds, renames or retires a machine or a hopper. Recordings keep it.
+  /// @param list "machines" or "hoppers"
+  /// @param json `{"add": {..}}` with the keys of a scenario, `{"rename": {"from": .., "to": ..}}`,
+  ///        `{"retire": name}`, or for machines `{"restore": name}`. A hopper must begin, and a
+  ///        retired one end ("time"), when no state was made yet that it may have taken soil of.
+  /// @throw std::invalid_argument, io::InputError with one line: nothing has changed;
+  ///        std::runtime_error if it can't be recorded
+  void change_list(const std::string& list, const std::string& json);
+  /// Does a machine take no more states? Nothing here refuses them.
+  bool is_retired(std::size_t machine) const;
   /// Are they the other's, with buckets and joints?
   bool has_machines_of(const Session& other) const;
   /// world_from_bucket of a machine at joint values. @throw std::invalid_argument if it has no
