@@ -36,6 +36,7 @@ class Recorder {
   void begin(const io::JournalConfig& config, double begin_s);
   /// Continues the folder's journal and snapshots.
   /// @param good the intact snapshots, by updates
+  /// @param from without a snapshot, the next one is whole
   /// @throw std::runtime_error if it can't be written
   void go_on(const io::JournalContent& journal, std::span<const io::JournalFile> good,
              const ResumePoint& from);

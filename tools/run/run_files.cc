@@ -71,4 +71,12 @@ std::vector<RunFile> check_files(const fs::path& folder, const io::JournalConten
   return files;
 }
 
+std::vector<io::JournalFile> good_snapshots(const fs::path& folder,
+                                            const io::JournalContent& journal) {
+  std::vector<io::JournalFile> good;
+  for (const RunFile& file : check_files(folder, journal))
+    if (file.fault.empty() && is_periodic(file.known.name)) good.push_back(file.known);
+  return good;
+}
+
 }  // namespace soilvdb::tools

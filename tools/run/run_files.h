@@ -27,4 +27,8 @@ std::vector<RunFile> check_files(const std::filesystem::path& folder,
 /// The fault of a single file; empty if it is intact.
 std::string fault_of(const std::filesystem::path& file, const io::JournalFile& known);
 
+/// The periodic snapshots that are intact, by updates.
+std::vector<io::JournalFile> good_snapshots(const std::filesystem::path& folder,
+                                            const io::JournalContent& journal);
+
 }  // namespace soilvdb::tools

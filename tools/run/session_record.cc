@@ -114,10 +114,7 @@ io::JournalExtent Session::record(const Recording& given,
     n.settings.recording = recording;
     n.set_memory_limit(*n.site.ground);
     const auto open_recorder = [&] {
-      n.recorder = std::make_unique<tools::Recorder>(
-          *folder, *n.site.ground, recording.sync_s,
-          tools::SnapshotWriter::Options{recording.incremental, recording.keep, true},
-          tools::SnapshotSchedule(recording.snapshot_every_s), recording.waits_for_room);
+      n.recorder = n.new_recorder(*folder, tools::SnapshotSchedule(recording.snapshot_every_s));
     };
     const auto become_next = [&] {
       n.folder = std::move(folder);
@@ -163,9 +160,7 @@ io::JournalExtent Session::record(const Recording& given,
       if (change) fs::remove(*file, none);
     };
     const std::unique_ptr<const fs::path, decltype(drop_copy)> unused(&changed, drop_copy);
-    std::vector<io::JournalFile> good;
-    for (const tools::RunFile& file : tools::check_files(recording.folder, content))
-      if (file.fault.empty() && tools::is_periodic(file.known.name)) good.push_back(file.known);
+    const std::vector<io::JournalFile> good = tools::good_snapshots(recording.folder, content);
     const tools::ResumePoint start = n.find_start(recording.folder, good, /*may_rest=*/false);
     open_recorder();
     io::JournalExtent at;
@@ -194,7 +189,20 @@ io::JournalExtent Session::record(const Recording& given,
   }
 }
 
+std::unique_ptr<tools::Recorder> Session::State::new_recorder(
+    tools::RunFolder& to, tools::SnapshotSchedule schedule) const {
+  const Recording& recording = settings.recording;
+  return std::make_unique<tools::Recorder>(
+      to, *site.ground, recording.sync_s,
+      tools::SnapshotWriter::Options{recording.incremental, recording.keep, true},
+      std::move(schedule), recording.waits_for_room);
+}
+
 Session Session::recorded(const fs::path& folder, double time_s) const {
+  return at_update(folder, io::updates_until(folder / kJournalName, time_s));
+}
+
+Session Session::at_update(const fs::path& folder, std::uint64_t until) const {
   const State& s = *state_;
   if (s.fed_count > 0)
     throw std::invalid_argument("a recording can be read only before the session's first state");
@@ -208,7 +216,6 @@ Session Session::recorded(const fs::path& folder, double time_s) const {
   } else {
     tools::parse_run_config(content.config.text, folder);  // checks its inputs
   }
-  const std::uint64_t until = io::updates_until(journal, time_s);
   const bool whole = content.ended && until == content.done.updates;
   std::vector<io::JournalFile> snapshots;
   for (const io::JournalFile& file : content.files) {

@@ -38,7 +38,7 @@ struct Session::State : tools::SiteState {
     std::vector<bool> retired = {};  ///< by machine; those that are missing are not
   };
 
-  using Site::broken_, Site::Input, Site::input, Site::inputs_, Site::require;  // for Session
+  using Site::broken_, Site::fail, Site::Input, Site::input, Site::inputs_, Site::require;
 
   explicit State(SiteState site_state)
       : SiteState(std::move(site_state)),
@@ -93,6 +93,8 @@ struct Session::State : tools::SiteState {
   Way way(std::size_t machine) const;
   /// Warns of a bucket that moved backwards too far. @param before before an update of it
   void look_backwards(std::size_t machine, const Way& before);
+  std::unique_ptr<tools::Recorder> new_recorder(tools::RunFolder& to,
+                                                tools::SnapshotSchedule schedule) const;
   bool is_snapshot_due(double time_s);
   void write_snapshot(double time_s) { recorder->write_snapshot(site, snapshot_info(time_s)); }
   void set_memory_limit(Ground& ground) const;

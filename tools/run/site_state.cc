@@ -232,63 +232,90 @@ void SiteState::require_same(std::size_t i, const io::JournalUpdate& update,
     throw UpdateDiffers(i, "spilled or slid another volume");
 }
 
+std::vector<Update> SiteState::repeat(std::span<const io::JournalUpdate> updates, std::size_t i,
+                                      std::size_t& end) {
+  using Kind = io::JournalUpdate::Kind;
+  const io::JournalUpdate& first = updates[i];
+  std::vector<Update> made;
+  end = i + 1;
+  switch (first.kind) {
+    case Kind::kMove: {
+      std::vector<std::unique_ptr<Motion>> motions;
+      std::vector<Move> moves;
+      pour_before(time_of(first));
+      for (end = i; end < updates.size() && updates[end].kind == Kind::kMove &&
+                    (end == i || !pours_before(time_of(updates[end])));
+           ++end) {
+        require_mover(end, updates[end]);
+        moves.push_back(move_of(updates[end], motions));
+        follow(updates[end]);
+      }
+      made = make(moves);
+      break;
+    }
+    case Kind::kPour:
+      made = {tracker_->pour(first.machine - model_->machines.size(), first.end_s)};
+      tell_survey();
+      break;
+    case Kind::kPours:
+      pour_until(first.end_s);
+      break;
+    case Kind::kRest:
+      tracker_->come_to_rest(time_of(first));
+      tell_survey();
+      break;
+    case Kind::kPlace:
+      pour_before(time_of(first));
+      made = {
+          tracker_->place(first.machine, row_pose(first.machine, first.rows, 0), time_of(first))};
+      tell_survey();
+      follow(first);
+      break;
+    case Kind::kClock:
+      follow(first);
+      break;
+    case Kind::kSurvey:
+      repeat_scans(io::unpack_survey(first.survey));
+  }
+  return made;
+}
+
 void SiteState::redo(std::span<const io::JournalUpdate> updates) {
   using Kind = io::JournalUpdate::Kind;
-  for (std::size_t i = 0; i < updates.size();) {
-    const io::JournalUpdate& first = updates[i];
-    if (first.kind != Kind::kPours && first.kind != Kind::kRest && first.kind != Kind::kSurvey)
-      require_mover(i, first);
-    std::size_t end = i + 1;
+  for (std::size_t i = 0, end = 0; i < updates.size(); i = end) {
+    const Kind kind = updates[i].kind;
+    if (kind != Kind::kPours && kind != Kind::kRest && kind != Kind::kSurvey)
+      require_mover(i, updates[i]);
     try {
-      switch (first.kind) {
-        case Kind::kMove: {
-          std::vector<std::unique_ptr<Motion>> motions;
-          std::vector<Move> moves;
-          pour_before(time_of(first));
-          for (end = i; end < updates.size() && updates[end].kind == Kind::kMove &&
-                        (end == i || !pours_before(time_of(updates[end])));
-               ++end) {
-            require_mover(end, updates[end]);
-            moves.push_back(move_of(updates[end], motions));
-            follow(updates[end]);
-          }
-          const std::vector<Update> made = make(moves);
-          for (std::size_t k = i; k < end; ++k) require_same(k, updates[k], made[k - i]);
-          break;
-        }
-        case Kind::kPour:
-          require_same(i, first,
-                       tracker_->pour(first.machine - model_->machines.size(), first.end_s));
-          tell_survey();
-          break;
-        case Kind::kPours:
-          pour_until(first.end_s);
-          break;
-        case Kind::kRest:
-          tracker_->come_to_rest(time_of(first));
-          tell_survey();
-          break;
-        case Kind::kPlace:
-          pour_before(time_of(first));
-          require_same(i, first,
-                       tracker_->place(first.machine, row_pose(first.machine, first.rows, 0),
-                                       time_of(first)));
-          tell_survey();
-          follow(first);
-          break;
-        case Kind::kClock:
-          follow(first);
-          break;
-        case Kind::kSurvey:
-          repeat_scans(io::unpack_survey(first.survey));
-      }
+      const std::vector<Update> made = repeat(updates, i, end);
+      for (std::size_t k = 0; k < made.size(); ++k) require_same(i + k, updates[i + k], made[k]);
     } catch (const UpdateDiffers&) {
       throw;
     } catch (const std::exception& e) {
       throw UpdateDiffers(i, fmt::format("can't be made any more: {}", e.what()));
     }
-    i = end;
   }
+}
+
+std::optional<io::JournalUpdate> SiteState::make_anew(io::JournalUpdate update) {
+  if (update.kind == io::JournalUpdate::Kind::kPlace &&
+      !tracker_->misplaced(update.machine, row_pose(update.machine, update.rows, 0)).empty())
+    return {};
+  const auto so_far = [&] { return tracker_->mass_balance_without_ground().hauled; };
+  const std::int64_t before = so_far();
+  std::size_t end = 0;
+  const std::vector<Update> made = repeat(std::span(&update, 1), 0, end);
+  if (made.empty()) return update;
+  const std::int64_t hauled = so_far() - before;
+  update.cut_samples = samples(made[0].cut_m3);
+  update.bucket_samples = mass(made[0].bucket_m3);
+  update.spilled = mass(made[0].spilled_m3);
+  update.slid = mass(made[0].slid_m3);
+  update.ns = std::llround(1e3 * made[0].us);
+  update.hauled.reset();
+  if (!model_->earthmoving.hoppers.empty() && (made[0].spilled_m3 != 0 || hauled != 0))
+    update.hauled = hauled;
+  return update;
 }
 
 void SiteState::rest_at_end(double time_s) {

@@ -56,6 +56,9 @@ struct SiteState : Site {
   /// Repeats updates that follow the last one.
   /// @throw UpdateDiffers
   void redo(std::span<const io::JournalUpdate> updates);
+  /// Makes an update of other ground here. @return its record; empty: a machine can't be placed
+  /// there, and nothing has changed
+  std::optional<io::JournalUpdate> make_anew(io::JournalUpdate update);
   /// Lets moving soil come to rest at a run's end, once.
   void rest_at_end(double time_s);
   bool rests_at_end() const { return at_rest_; }
@@ -78,6 +81,10 @@ struct SiteState : Site {
   Pose row_pose(std::size_t machine, const io::MotionRows& rows, std::size_t row) const;
   Move move_of(const io::JournalUpdate& update,
                std::vector<std::unique_ptr<Motion>>& motions) const;
+  /// Makes updates from number i on. @param end receives the number after the last that was made
+  /// @return results of those that have any
+  std::vector<Update> repeat(std::span<const io::JournalUpdate> updates, std::size_t i,
+                             std::size_t& end);
   void require_mover(std::size_t i, const io::JournalUpdate& update) const;
   void require_same(std::size_t i, const io::JournalUpdate& update, const Update& made) const;
 

@@ -50,6 +50,7 @@ void Feeder::heard() {
 }
 
 void Feeder::listen(std::chrono::duration<double> passed) {
+  if (state_.undoing) return;  // it may not be read
   silent_s_ += passed.count();
   if (silent_s_ >= kLost_s) set_link(FeedSource::Link::kLost);
   if (silent_s_ >= kGone_s) beast::get_lowest_layer(socket_).close();
@@ -77,6 +78,7 @@ void Feeder::take() {
 }
 
 void Feeder::work() {
+  if (state_.waits_for_undo([self = shared_from_this()] { self->work(); })) return;
   if (lines_.feed(state_.feed_of(source_)) && !state_.ending) {
     silent_s_ = 0;  // it was not listened to
     return net::post(state_.io, [self = shared_from_this()] { self->work(); });

@@ -55,6 +55,22 @@ class RecordedHistory : public History {
     return {there, std::make_shared<const WorkLog>(log(*there, time_s))};
   }
 
+  StatesAfter states_after(std::size_t machine, double time_s) override {
+    return start_.states_after(folder_, machine, time_s);
+  }
+
+  std::pair<std::shared_ptr<Undone>, FedStates> without(
+      const StatesAfter& states, std::optional<double> snapshot_every_s,
+      const std::function<void()>& go_on) override {
+    FedStates fed(start_.recorded(folder_, -std::numeric_limits<double>::infinity()));
+    auto undone =
+        start_.without(folder_, states, snapshot_every_s, [&](const io::JournalUpdate& update) {
+          fed.add(update);
+          go_on();
+        });
+    return {std::move(undone), std::move(fed)};
+  }
+
   /// The machines' work up to a time. @param there has all machines
   WorkLog log(const Session& there, double time_s) const {
     WorkLog log(there);

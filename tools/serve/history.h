@@ -4,8 +4,11 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "soilvdb/session.h"
@@ -34,6 +37,13 @@ class History {
   /// Ground and machines at the newest recorded time up to `time_s`.
   /// @throw std::exception with one line if that fails
   virtual Past at(double time_s) = 0;
+  /// A machine's states later than a time. @throw as at()
+  virtual StatesAfter states_after(std::size_t machine, double time_s) = 0;
+  /// The recording without such states, and what it has.
+  /// @param snapshot_every_s as in Recording @param go_on an exception from it ends that
+  virtual std::pair<std::shared_ptr<Undone>, FedStates> without(
+      const StatesAfter& states, std::optional<double> snapshot_every_s,
+      const std::function<void()>& go_on) = 0;
 };
 
 /// @param start the session before its first state

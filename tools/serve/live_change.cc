@@ -39,21 +39,21 @@ Json list_of_hoppers(const Session& session) {
 
 /// Hoppers take soil by time. What was dug so far must stay as it is when it is dug again.
 void LiveSite::set_time(nlohmann::json& change) const {
-  if (is_untimed_)
+  if (fed_.is_untimed)
     throw std::invalid_argument(
         "states without times were fed, and hoppers of a running site come and go at times; list "
         "them in the scenario");
-  if (!latest_s_) return;
-  if (change.contains("retire")) change["time"] = *latest_s_;
+  if (!fed_.latest_s) return;
+  if (change.contains("retire")) change["time"] = *fed_.latest_s;
   if (!change.contains("add") || !change["add"].is_object()) return;
   nlohmann::json& time = change["add"]["time"];
-  const double next_s = std::nextafter(*latest_s_, std::numeric_limits<double>::infinity());
+  const double next_s = std::nextafter(*fed_.latest_s, std::numeric_limits<double>::infinity());
   if (time.is_null()) time = {next_s};
   if (time.is_array() && !time.empty() && time[0].is_number() && !(time[0] >= next_s))
     throw std::invalid_argument(fmt::format(
         "the hopper's 'time' begins at {} s; it must be later than all that was fed, {} s. Leave "
         "it out to begin now",
-        io::to_text(time[0]), time_text(*latest_s_)));
+        io::to_text(time[0]), time_text(*fed_.latest_s)));
 }
 
 void LiveSite::follow_machines() {
@@ -64,7 +64,7 @@ void LiveSite::follow_machines() {
   moved_.resize(machines.size());
   feeds_.resize(machines.size());
   doubted_s_.resize(machines.size());
-  log_.follow(session_);
+  fed_.log.follow(session_);
 }
 
 Json LiveSite::change_list(const std::string& list, std::string_view text) {

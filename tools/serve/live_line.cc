@@ -151,9 +151,9 @@ void LiveSite::reset_clock(const Line& json) {
   const std::size_t machine = session_.machine(machine_in(json).get<std::string>());
   const StepResult step = session_.reset_clock(machine);
   if (!step.ok()) throw std::runtime_error(step.why);
-  ++fed_;
-  ++clocks_set_;
-  log_.set_clock(machine);
+  ++fed_.count;
+  ++changes_of_past_;
+  fed_.log.set_clock(machine);
 }
 
 std::string LiveSite::how_to_set_clock(std::size_t machine) const {
@@ -168,8 +168,8 @@ std::optional<double> LiveSite::clock_ahead_s(const MachineState& state) {
 
 /// A state far ahead needs confirmation by another, because later states would be refused after it.
 void LiveSite::require_soon(const MachineState& state) {
-  if (!state.time_s || log_.machines()[state.machine].clock_is_set) return;
-  const std::optional<double> latest_s = log_.time_s();
+  if (!state.time_s || fed_.log.machines()[state.machine].clock_is_set) return;
+  const std::optional<double> latest_s = fed_.log.time_s();
   const std::optional<double> doubted_s = std::exchange(doubted_s_[state.machine], {});
   const double time_s = *state.time_s;
   if (latest_s && time_s - *latest_s <= kFarthestAhead_s) return;

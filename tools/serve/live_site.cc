@@ -38,57 +38,70 @@ std::optional<std::uint64_t> sequence_of(const nlohmann::json& json) {
 LiveSite::LiveSite(Session session, std::string name)
     : session_(std::move(session)),
       name_(std::move(name)),
-      log_(session_),
+      fed_(session_),
       before_{session_.change_m3(), session_.mass_balance().ground} {
   follow_machines();
 }
 
 LiveSite::LiveSite(Session session, std::string name, WorkLog log, const ChangeBefore& before)
     : LiveSite(std::move(session), std::move(name)) {
-  log_ = std::move(log);
+  fed_.log = std::move(log);
   before_ = before;
+}
+
+void FedStates::note_time(std::optional<double> time_s) {
+  if (time_s)
+    latest_s = std::max(latest_s, time_s);
+  else
+    is_untimed = true;
+}
+
+void FedStates::add(const io::JournalUpdate& update) {
+  ++count;
+  log.add(update);
+  if (!update.has_rows()) return;
+  note_time(std::isnan(update.end_s) ? std::nullopt : std::optional(update.end_s));
+  const bool digs = update.kind == io::JournalUpdate::Kind::kMove;
+  dug[update.machine] = digs;
+  if (digs) durations.add(static_cast<double>(update.ns) * 1e-3);
 }
 
 void LiveSite::record(const Recording& recording,
                       const std::function<void(const io::JournalExtent&)>& progress) {
   session_.record(recording, progress);
   recorded_ = true;
-  log_ = WorkLog(session_);
-  follow_machines();
   hauled_ = session_.mass_balance_without_ground().hauled;
+  fed_ = FedStates(session_);
+  follow_machines();
   // The journal contains the loads, so cycles can be counted again.
   io::JournalReader reader(recording.folder / kJournalName);
-  while (std::optional<io::JournalRecord> record = reader.next()) {
-    const auto* fed = std::get_if<io::JournalUpdate>(&*record);
-    if (fed == nullptr) continue;
-    ++fed_;
-    log_.add(*fed);
-    if (fed->has_rows() && fed->machine < feeds_.size()) {
-      feeds_[fed->machine].dug_before = fed->kind == io::JournalUpdate::Kind::kMove;
-      note_time(std::isnan(fed->end_s) ? std::nullopt : std::optional(fed->end_s));
-    }
-    if (fed->kind == io::JournalUpdate::Kind::kMove)
-      durations_.add(static_cast<double>(fed->ns) * 1e-3);
-  }
+  while (std::optional<io::JournalRecord> record = reader.next())
+    if (const auto* fed = std::get_if<io::JournalUpdate>(&*record)) fed_.add(*fed);
+  for (const auto& [machine, digs] : fed_.dug) feeds_[machine].dug_before = digs;
+}
+
+void LiveSite::undo(std::size_t machine, Undone& undone, FedStates fed) {
+  session_.undo(undone);
+  hauled_ = session_.mass_balance_without_ground().hauled;
+  fed_ = std::move(fed);
+  ++changes_of_past_;
+  moved_[machine] = {};
+  feeds_[machine].sequence = {};  // what was taken back may be sent again, corrected
+  feeds_[machine].dug_before = true;
+  for (const auto& [of, digs] : fed_.dug) feeds_[of].dug_before = digs;
+  doubted_s_.assign(doubted_s_.size(), {});
 }
 
 StepResult LiveSite::feed(const MachineState& state) {
   return taken(state, session_.update(state));
 }
 
-void LiveSite::note_time(std::optional<double> time_s) {
-  if (time_s)
-    latest_s_ = std::max(latest_s_, time_s);
-  else
-    is_untimed_ = true;
-}
-
 StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   if (!step.ok()) return step;
-  ++fed_;
-  note_time(state.time_s);
-  clocks_set_ += log_.machines()[state.machine].clock_is_set && state.time_s;
-  durations_.add(step.update.us);
+  ++fed_.count;
+  fed_.note_time(state.time_s);
+  changes_of_past_ += fed_.log.machines()[state.machine].clock_is_set && state.time_s;
+  fed_.durations.add(step.update.us);
   WorkLog::Place at{{state.joints.begin(), state.joints.end()}, !state.joints.empty()};
   if (!at.joints) {
     const auto row = io::row_of(state.pose);
@@ -96,11 +109,11 @@ StepResult LiveSite::taken(const MachineState& state, StepResult step) {
   }
   const Ledger& now = session_.ledger(state.machine);
   const std::int64_t hauled = session_.mass_balance_without_ground().hauled;
-  if (log_.add(state.machine, state.time_s, std::move(at),
-               {std::llround(step.update.cut_m3 / now.sample_m3), now.load,
-                std::llround(step.update.spilled_m3 / now.sample_m3 *
-                             static_cast<double>(now.units.loose)),
-                hauled - std::exchange(hauled_, hauled)}))
+  if (fed_.log.add(state.machine, state.time_s, std::move(at),
+                   {std::llround(step.update.cut_m3 / now.sample_m3), now.load,
+                    std::llround(step.update.spilled_m3 / now.sample_m3 *
+                                 static_cast<double>(now.units.loose)),
+                    hauled - std::exchange(hauled_, hauled)}))
     moved_[state.machine] = Clock::now();
   return step;
 }
@@ -241,11 +254,11 @@ Json LiveSite::feeds() const {
 /// end.
 Json LiveSite::state() const {
   std::vector<bool> works;
-  const bool fed = recorded_ || fed_ > 0;
+  const bool fed = recorded_ || fed_.count > 0;
   for (std::size_t i = 0; i < moved_.size(); ++i)
     works.push_back(fed ? Clock::now() - moved_[i] < std::chrono::duration<double>(kIdleAfter_s)
-                        : log_.works(i));
-  Json json = site_state(session_, log_, works);
+                        : fed_.log.works(i));
+  Json json = site_state(session_, fed_.log, works);
   const io::JournalExtent done = session_.acknowledged();
   json["acknowledged_s"] = done.updates > 0 ? Json(done.time_s) : Json();
   for (std::size_t i = 0, shown = 0; i < feeds_.size(); ++i) {
@@ -265,7 +278,7 @@ Json LiveSite::description() const {
   for (std::size_t i = 0; i < moved_.size(); ++i) {
     if (session_.is_retired(i)) continue;
     const SiteMachine& machine = session_.machines()[i];
-    const double capacity_m3 = log_.machines()[i].capacity_m3;
+    const double capacity_m3 = fed_.log.machines()[i].capacity_m3;
     Bucket drawn = machine.bucket;
     if (drawn.shape) {  // drawn as its bounding box
       const Vec3 low = drawn.shape->box_m().min(), high = drawn.shape->box_m().max();
@@ -298,7 +311,7 @@ Json LiveSite::description() const {
 io::Summary LiveSite::summary() const {
   io::Summary summary;
   summary.scenario = name_;
-  summary.updates = durations_;
+  summary.updates = fed_.durations;
   const io::JournalExtent done = session_.acknowledged();
   summary.acknowledged_s = done.time_s;
   summary.acknowledged_updates = done.updates;

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -28,6 +30,21 @@ struct ChangeBefore {
 
 /// The JSON object of a line. @throw std::invalid_argument for any other line
 nlohmann::json object_of(std::string_view line);
+
+/// What was fed so far, from live states or a journal.
+struct FedStates {
+  explicit FedStates(const Session& site) : log(site) {}
+  void add(const io::JournalUpdate& update);
+  /// A state has this time.
+  void note_time(std::optional<double> time_s);
+
+  WorkLog log;
+  io::Durations durations = {};
+  std::uint64_t count = 0;
+  std::optional<double> latest_s = {};   ///< of all states, also by clocks that were ahead
+  bool is_untimed = false;               ///< a state had no time
+  std::map<std::size_t, bool> dug = {};  ///< by machine: not placed last, as journals tell it
+};
 
 /// Is an answer of LiveSite::feed() a refusal?
 inline bool is_refusal(std::string_view answer) { return answer.starts_with(R"({"error")"); }
@@ -56,6 +73,10 @@ class LiveSite {
   /// hoppers come and go now.
   /// @return the list. @throw std::exception with one line
   nlohmann::ordered_json change_list(const std::string& list, std::string_view text);
+  /// Takes a machine's states back.
+  /// @param undone the recording without them @param fed what it has
+  /// @throw std::exception with one line
+  void undo(std::size_t machine, Undone& undone, FedStates fed);
   /// GET /machines: how each machine is fed, and where its feed can go on.
   nlohmann::ordered_json feeds() const;
   const std::vector<MachineFeed>& machine_feeds() const { return feeds_; }
@@ -64,13 +85,14 @@ class LiveSite {
   const Session& session() const { return session_; }
   const std::string& name() const { return name_; }
   /// Number of fed states.
-  std::uint64_t fed() const { return fed_; }
+  std::uint64_t fed() const { return fed_.count; }
   /// First and latest time fed, if a state had one.
-  std::optional<double> from_s() const { return log_.from_s(); }
-  std::optional<double> time_s() const { return log_.time_s(); }
-  const WorkLog& log() const { return log_; }
-  /// Number of clocks set, after which earlier states have other times.
-  std::uint64_t clocks_set() const { return clocks_set_; }
+  std::optional<double> from_s() const { return fed_.log.from_s(); }
+  std::optional<double> time_s() const { return fed_.log.time_s(); }
+  const WorkLog& log() const { return fed_.log; }
+  /// Number of changes of the past: clocks set, after which earlier states have other times, and
+  /// states taken back.
+  std::uint64_t changes_of_past() const { return changes_of_past_; }
   /// Sets the commands in messages. @param curl "curl -X POST" with its options
   /// @param address of the server, "http://127.0.0.1:8470/"
   void set_address(std::string curl, std::string address) {
@@ -97,8 +119,6 @@ class LiveSite {
   /// As dig() of a state whose position is not good enough, or follows such a state.
   nlohmann::ordered_json place(const MachineState& state);
   StepResult taken(const MachineState& state, StepResult step);
-  /// A state has this time.
-  void note_time(std::optional<double> time_s);
   nlohmann::ordered_json answer_to(const StepResult& step, std::size_t machine);
   bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
@@ -114,16 +134,13 @@ class LiveSite {
   std::string name_;
   std::string curl_ = "curl -X POST", address_ = "/";
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
-  WorkLog log_;
+  FedStates fed_;
   std::vector<Clock::time_point> moved_;          ///< by machine
   std::vector<MachineFeed> feeds_;                ///< by machine
   std::vector<std::optional<double>> doubted_s_;  ///< by machine: refused as too far ahead
-  io::Durations durations_;
   Clock::time_point begin_ = Clock::now();
-  std::uint64_t fed_ = 0, clocks_set_ = 0;
-  std::optional<double> latest_s_ = {};  ///< of all states, also by clocks that were ahead
-  bool is_untimed_ = false;              ///< a state had no time
-  std::int64_t hauled_ = 0;              ///< so far, units of mass
+  std::uint64_t changes_of_past_ = 0;
+  std::int64_t hauled_ = 0;  ///< so far, units of mass
   ChangeBefore before_;
   bool recorded_ = false;
 };

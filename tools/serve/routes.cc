@@ -122,9 +122,9 @@ Role ServerState::role_of(const std::string& target, const std::string& authoriz
   return role;
 }
 
-Past ServerState::past(double time_s, std::uint64_t clocks_set) {
+Past ServerState::past(double time_s, std::uint64_t changes) {
   if (!history) throw std::invalid_argument("nothing is recorded, so there is no other time");
-  if (std::exchange(pasts_clocks_set, clocks_set) != clocks_set) pasts.clear();
+  if (std::exchange(changes_of_pasts, changes) != changes) pasts.clear();
   const auto found = std::find_if(pasts.begin(), pasts.end(),
                                   [&](const auto& past) { return past.first == time_s; });
   if (found != pasts.end()) {
@@ -151,7 +151,7 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
   if (is_live) heights->post();
   query(
       is_live ? queries : other_times, client,
-      [this, is_live, time_s, against_s, clocks = site.clocks_set(), live = std::move(live),
+      [this, is_live, time_s, against_s, clocks = site.changes_of_past(), live = std::move(live),
        use = std::move(use)] {
         const Past now = time_s ? past(*time_s, clocks) : Past{live, nullptr};
         Heights now_heights;
@@ -196,6 +196,7 @@ FeedLines::Feed ServerState::feed_of(std::shared_ptr<const FeedSource> source) {
 /// The feed lives as long as its lines are fed.
 void ServerState::feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<FeedSource> source,
                             std::function<void(Reply)> done) {
+  if (waits_for_undo([this, lines, source, done] { feed_post(lines, source, done); })) return;
   if (lines->feed(feed_of(source)) && !ending)
     return boost::asio::post(io, [this, lines, source, done] { feed_post(lines, source, done); });
   source->link = FeedSource::Link::kEnded;
@@ -212,13 +213,19 @@ void ServerState::post(const std::string& text, std::string body, const std::str
       return feed_post(std::make_shared<FeedLines>(std::move(body)),
                        std::make_shared<FeedSource>(FeedSource{from}), std::move(done));
     }
+    if (waits_for_undo([this, text, body, from, done] { post(text, body, from, done); })) return;
+    if (path == "/undo") {
+      const QueryParameters parameters(*target, {"machine", "time"});
+      const std::size_t machine = site.session().machine(parameters.text("machine"));
+      return undo(machine, parameters.time("time"), done);
+    }
     if (path == "/machines" || path == "/hoppers") {
       const QueryParameters parameters(*target, {});
       return done(json_reply(change_list(path.substr(1), body)));
     }
     if (path != "/clock")
-      return done(
-          refusal(405, "only GET is answered, and POST of /feed, /machines, /hoppers and /clock"));
+      return done(refusal(
+          405, "only GET is answered, and POST of /feed, /machines, /hoppers, /undo and /clock"));
     const QueryParameters parameters(*target, {"machine"});
     const std::string answer =
         site.feed(io::to_text(Json{{"machine", parameters.text("machine")}, {"clock", "reset"}}));
@@ -299,6 +306,11 @@ void ServerState::answer(const std::string& text, const std::string& client,
       const QueryParameters parameters(*target, {});
       return done(json_reply(site.feeds()));
     }
+    if (path == "/undo") {
+      const QueryParameters parameters(*target, {"machine", "time"});
+      const std::size_t machine = site.session().machine(parameters.text("machine"));
+      return ask_undo(machine, parameters.time("time"), client, done);
+    }
     if (path == "/alarms") {
       const QueryParameters parameters(*target, {});
       if (!options.takes_feeds)
@@ -367,8 +379,8 @@ void ServerState::answer(const std::string& text, const std::string& client,
     }
     done(refusal(404,
                  "there is no such page; there are /summary.json, /soil.vdb, /surface.tif, "
-                 "/mesh.glb, /machines, /machines.csv, /report, /report.csv, /alarms, /height, "
-                 "/section, /volume and /terrain"));
+                 "/mesh.glb, /machines, /machines.csv, /report, /report.csv, /alarms, /undo, "
+                 "/height, /section, /volume and /terrain"));
   } catch (const std::invalid_argument& e) {
     done(refusal(400, e.what()));
   } catch (const std::exception& e) {

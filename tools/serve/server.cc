@@ -222,7 +222,7 @@ bool ServerState::make_room() {
 
 void ServerState::end() {
   const Clock::time_point now = Clock::now();
-  if (!std::exchange(ending, true)) {
+  if (!ending.exchange(true)) {
     constexpr const char* kWhy = "the site has ended";
     ended = now;
     for (Feeder* feeder : feeders) feeder->close(kWhy);
@@ -333,7 +333,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
     });
   };
   const std::function<void()> keep_playing = [&] {
-    play();
+    if (!s.undoing) play();
     s.player.expires_after(kPlay);
     s.player.async_wait([&](const boost::system::error_code& error) {
       if (!error) keep_playing();
@@ -355,9 +355,11 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
 std::string Server::feed(std::string line) {
   std::promise<std::string> answer;
   std::future<std::string> future = answer.get_future();
-  net::post(state_->io, [this, &answer, &line] {
+  const std::function<void()> feed = [&] {
+    if (state_->waits_for_undo(feed)) return;
     answer.set_value(state_->ending ? "" : state_->feed_of(state_->input)(line));
-  });
+  };
+  net::post(state_->io, feed);
   while (future.wait_for(kTick) != std::future_status::ready)
     if (state_->io.stopped()) return "";
   return future.get();

@@ -3,6 +3,7 @@
 // The state of a server. Private to the server's files.
 #pragma once
 
+#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -15,6 +16,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "soilvdb/chunk_range.h"
 #include "soilvdb/ground_copy.h"
@@ -77,6 +79,13 @@ struct ServerState {
   nlohmann::ordered_json change_list(const std::string& list, const std::string& change);
   /// Feeds lines of a source.
   FeedLines::Feed feed_of(std::shared_ptr<const FeedSource> source);
+  /// Tells what undo() would do, and changes nothing.
+  void ask_undo(std::size_t machine, double time_s, const std::string& client,
+                std::function<void(Reply)> done);
+  /// Takes back a machine's states after a time. Feeds wait meanwhile, all else goes on.
+  void undo(std::size_t machine, double time_s, std::function<void(Reply)> done);
+  /// Is one at work? Then `go_on` is called at its end.
+  bool waits_for_undo(std::function<void()> go_on);
   void feed_post(std::shared_ptr<FeedLines> lines, std::shared_ptr<FeedSource> source,
                  std::function<void(Reply)> done);
   /// The role of a request's sender.
@@ -94,9 +103,10 @@ struct ServerState {
   void with_ground(std::optional<double> time_s, std::optional<double> against_s,
                    const std::string& client, std::function<Reply(GroundView&)> use,
                    std::function<void(Reply)> done);
-  /// On the thread of `other_times`. @param clocks_set the site's number at the time of the request
+  /// On the thread of `other_times`. @param changes the site's number of changes of the past at the
+  /// request
   /// @throw std::invalid_argument if this time is not recorded
-  Past past(double time_s, std::uint64_t clocks_set);
+  Past past(double time_s, std::uint64_t changes);
 
   /// Registers changes of the live ground.
   void follow_ground();
@@ -130,7 +140,9 @@ struct ServerState {
   std::list<std::function<void()>> waiting;
   std::set<Feeder*> feeders;
   std::set<Viewer*> viewers;
-  bool ending = false;
+  std::atomic<bool> ending = false;
+  bool undoing = false;
+  std::vector<std::function<void()>> waiting_feeds;  ///< until states are taken back
   /// Of Server::feed().
   std::shared_ptr<FeedSource> input = std::make_shared<FeedSource>();
   std::function<bool()> stopped;
@@ -160,7 +172,7 @@ struct ServerState {
   Clock::time_point told{}, asked_times{}, ticked = Clock::now(), ended{};
   History::Times known_times;                ///< as a query found them
   std::list<std::pair<double, Past>> pasts;  ///< recent queries, newest first
-  std::uint64_t pasts_clocks_set = 0;        ///< number of clocks set that `pasts` belong to
+  std::uint64_t changes_of_pasts = 0;        ///< number of changes that `pasts` belong to
   // The last members end first.
   std::unique_ptr<LiveMcap> recording;  ///< null: no recording
   /// Queries that have not begun at the end get no answer. A query of one place waits for no large

@@ -97,6 +97,8 @@ double QueryParameters::number(const std::string& name, double most) const {
   return all[0];
 }
 
+double QueryParameters::time(const std::string& name) const { return number(name, kMostTime_s); }
+
 std::optional<double> QueryParameters::number_if(const std::string& name) const {
   if (!target_.values.contains(name)) return {};
   return number(name, kMostTime_s);

@@ -37,6 +37,8 @@ class QueryParameters {
   std::vector<double> numbers(const std::string& name, double most = kFarthest_m) const;
   double number(const std::string& name, double most = kFarthest_m) const;
   /// One number, also for a time in s; empty if it is missing.
+  /// A time, which must be there, s.
+  double time(const std::string& name) const;
   std::optional<double> number_if(const std::string& name) const;
   /// One of these words; default: the first.
   std::string word(const std::string& name, const std::vector<std::string>& words) const;

@@ -52,6 +52,16 @@ struct SurfacePatch {
   Mesh mesh;     ///< points in metres from Session::origin(); empty: no surface is left
 };
 
+/// A machine's states that are later than a time, in a recording.
+struct StatesAfter {
+  std::size_t machine = 0;
+  std::uint64_t before = 0;  ///< updates before the first of them
+  std::uint64_t states = 0;
+  std::uint64_t others = 0;  ///< updates of others after that
+  double about_s = 0;        ///< about how long it takes to make the recording anew without them
+};
+struct Undone;  // tools/run/session_undo.h
+
 /// A site with machines that takes one state after another. It writes files only if it is recorded.
 ///
 /// Guarantees: updates do not throw. A refused update leaves ground, loads and times unchanged. The
@@ -239,6 +249,22 @@ class Session {
   /// recording or from `soilvdb run` of its scenario. Another process may continue to record there.
   /// @throw as record()
   Session recorded(const std::filesystem::path& folder, double time_s) const;
+  /// The states of a machine that are later than a time, as recorded() sees times, and all that
+  /// follow them.
+  /// @throw std::invalid_argument if what followed can't be made anew
+  StatesAfter states_after(const std::filesystem::path& folder, std::size_t machine,
+                           double time_s) const;
+  /// Makes a recording of this site anew without them, in a file beside it: others' updates are
+  /// made on the ground that they then find. Nothing may be recorded there meanwhile.
+  /// @param snapshot_every_s as in Recording
+  /// @param made called with each update of the new recording; an exception from it ends that
+  /// @throw as recorded()
+  std::shared_ptr<Undone> without(const std::filesystem::path& folder, const StatesAfter& states,
+                                  std::optional<double> snapshot_every_s,
+                                  const std::function<void(const io::JournalUpdate&)>& made) const;
+  /// This session, which records there, goes on from that. A crash leaves one of both recordings.
+  /// @throw std::exception if it can't be written: nothing has changed
+  void undo(Undone& undone);
   /// Returns when the whole recording is on disk. @throw std::runtime_error if that fails
   void flush();
   /// Calls flush() and releases the folder, even if flush() throws.
@@ -252,6 +278,8 @@ class Session {
  private:
   struct State;
   explicit Session(std::unique_ptr<State> state);
+  /// A recording's state after a number of updates.
+  Session at_update(const std::filesystem::path& folder, std::uint64_t updates) const;
   HeightMap& height_map();
   std::unique_ptr<State> state_;
 };
