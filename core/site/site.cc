@@ -298,12 +298,14 @@ StepResult Site::update(const MachineState& state) noexcept {
   });
 }
 
+std::unique_ptr<GroundSurvey> Site::new_survey() const {
+  std::vector<double> lip_sigmas_m;
+  for (const SiteMachine& machine : model_->machines) lip_sigmas_m.push_back(machine.lip_sigma_m);
+  return std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m);
+}
+
 GroundSurvey& Site::survey() {
-  if (!survey_) {
-    std::vector<double> lip_sigmas_m;
-    for (const SiteMachine& machine : model_->machines) lip_sigmas_m.push_back(machine.lip_sigma_m);
-    survey_ = std::make_unique<GroundSurvey>(*ground_, buckets_of(*model_), lip_sigmas_m);
-  }
+  if (!survey_) survey_ = new_survey();
   return *survey_;
 }
 
@@ -382,12 +384,15 @@ std::vector<Estimate> Site::lip_errors_m() const {
   return survey_ ? survey_->lip_errors_m() : std::vector<Estimate>();
 }
 
+// Looking must not begin a survey: what it then knows of who digs would depend on who looks.
 void Site::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
-  survey().sigmas(xy_m, sigmas_m);
+  const auto none_yet = survey_ ? nullptr : new_survey();
+  (survey_ ? *survey_ : *none_yet).sigmas(xy_m, sigmas_m);
 }
 
-double Site::volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2) {
-  return survey().volume_sigma_m3(xy_m, area_m2);
+double Site::volume_sigma_m3(const std::vector<Vec2>& boundary) {
+  const auto none_yet = survey_ ? nullptr : new_survey();
+  return (survey_ ? *survey_ : *none_yet).volume_sigma_m3(boundary);
 }
 
 void Site::pour_until(double until_s) {

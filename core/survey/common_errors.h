@@ -42,8 +42,9 @@ class CommonErrors {
     sum_ += weight * column.residual * sees;
   }
   void solve() {
-    covariance_ = information_.ldlt().solve(
+    const Eigen::MatrixXd inverse = information_.ldlt().solve(
         Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
+    covariance_ = (inverse + inverse.transpose()) / 2;  // the same bits on both sides
     mean_ = covariance_ * sum_;
   }
 

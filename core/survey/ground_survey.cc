@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <unordered_set>
 
@@ -11,6 +12,7 @@
 #include "core/lattice/bytes.h"
 #include "core/lattice/text.h"
 #include "core/survey/survey_state.h"
+#include "core/tool/polygon.h"
 #include "soilvdb/motion.h"
 
 namespace soilvdb::inline v0 {
@@ -56,6 +58,7 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other)
       time(other.time),
       sensors(other.sensors),
       places(other.places),
+      by_name(other.by_name),
       retired(other.retired),
       errors(other.errors),
       rays(other.rays),
@@ -70,24 +73,23 @@ std::vector<SurveyTile*> SurveyState::sorted() {
   return all;
 }
 
+void SurveyState::has_changed(const Coord2& cell) {
+  // Slopes at a tile's edge depend on the next one's columns.
+  for (int dx = -1; dx <= 1; ++dx)
+    for (int dy = -1; dy <= 1; ++dy)
+      if (const auto found = tiles.find(plan_key(cell + kChunkSide * Coord2(dx, dy)));
+          found != tiles.end())
+        found->second.known = false;
+}
+
 void SurveyState::refresh(bool own) {
   map.reader().refresh();
   if (own)
-    for (const Coord3& origin : changes.take())
-      if (const auto found = tiles.find(plan_key(origin.head<2>())); found != tiles.end())
-        found->second.known = false;
+    for (const Coord3& origin : changes.take()) has_changed(origin.head<2>());
   std::vector<SurveyTile*> stale;
-  for (auto& [key, tile] : tiles) {
-    if (tile.known) continue;
-    // Slopes at a tile's edge depend on the next one's columns.
-    for (int dx = -1; dx <= 1; ++dx)
-      for (int dy = -1; dy <= 1; ++dy)
-        if (const auto found = tiles.find(plan_key(tile.cell + kChunkSide * Coord2(dx, dy)));
-            found != tiles.end())
-          stale.push_back(&found->second);
-  }
+  for (auto& [key, tile] : tiles)
+    if (!tile.known) stale.push_back(&tile);
   std::sort(stale.begin(), stale.end(), is_before);
-  stale.erase(std::unique(stale.begin(), stale.end()), stale.end());
   for (SurveyTile* tile : stale) read(*tile, own ? How::kOwn : How::kChanged);
 }
 
@@ -160,6 +162,9 @@ void SurveyState::read(SurveyTile& tile, How how) {
       if (how == How::kChanged) retire(tile, i);
       const double rise = h * (top - column.top);
       if (depth > 0 && rise > 0) {
+        // What was known of the ground below stays known.
+        if (column.prior >= 0) column.variance = knowledge_of(tile, i).variance(errors);
+        if (column.prior >= 0 || column.origin == kNatural) column.origin = kFilled;
         column.variance += filled * rise * rise;
       } else {
         column.origin = tool;
@@ -228,8 +233,7 @@ void GroundSurvey::worked(std::optional<std::size_t> machine) {
     SurveyState::Work& work = s.work[plan_key(origin.head<2>())];
     work.time = s.time;
     if (machine) work.origin = static_cast<std::uint16_t>(kFirstMachine + *machine);
-    if (const auto found = s.tiles.find(plan_key(origin.head<2>())); found != s.tiles.end())
-      found->second.known = false;
+    s.has_changed(origin.head<2>());
   }
 }
 
@@ -289,24 +293,39 @@ void GroundSurvey::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m
   }
 }
 
-double GroundSurvey::volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2) {
+double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   SurveyState& s = *state_;
   s.map.reader().refresh();
-  // By tile, so that each is read once; by column in it, how often that is meant.
-  std::map<std::pair<int, int>, std::map<std::size_t, double>> areas_m2;
-  for (const Vec2& place : xy_m) {
-    const Vec2 at = (place - s.ground.origin().head<2>()) / s.voxel_m();
-    if (!(at.cwiseAbs().maxCoeff() < kMaxIndex)) continue;
-    const Coord2 column(cell_of(at.x()), cell_of(at.y())), cell = floor_to(column, kChunkSide);
-    areas_m2[{cell.x(), cell.y()}][SurveyState::number_of(column)] += area_m2;
-  }
+  Eigen::AlignedBox2d box;
+  for (const Vec2& corner : boundary)
+    box.extend((corner - s.ground.origin().head<2>()) / s.voxel_m());
+  std::set<std::pair<int, int>> cells;  // of tiles that are not as the terrain
+  const auto add = [&](const Coord2& cell) {
+    const Vec2 low = cell.cast<double>().array() - 0.5, high = low.array() + kChunkSide;
+    if (box.intersects(Eigen::AlignedBox2d(low, high))) cells.emplace(cell.x(), cell.y());
+  };
+  for (const auto& [key, tile] : s.tiles) add(tile.cell);
+  for (const Chunk* chunk : s.ground.chunks()) add(chunk->origin.head<2>());
+  // Parts of a column along each axis that are inside or not.
+  constexpr int kParts = 4;
   SurveyState::VolumeError error(s.errors);
-  for (const auto& [cell, columns] : areas_m2) {
+  for (const auto& [x, y] : cells) {
     std::optional<SurveyTile> own;
-    const SurveyTile& tile = s.look({cell.first, cell.second}, own);
-    for (const auto& [n, area] : columns)
-      if (!std::isnan(tile.columns[n].top) && !SurveyState::is_datum(tile.columns[n]))
-        error.add(s.block_of(tile, n), s.knowledge_of(tile, n), area);
+    const SurveyTile& tile = s.look({x, y}, own);
+    for (std::size_t n = 0; n < BaseColumn::kCells; ++n) {
+      const SurveyColumn& column = tile.columns[n];
+      if (std::isnan(column.top) || SurveyState::is_datum(column)) continue;
+      const int at = static_cast<int>(n);
+      int parts = 0;
+      for (int part = 0; part < kParts * kParts; ++part) {
+        const Vec2 in((part / kParts + 0.5) / kParts - 0.5, (part % kParts + 0.5) / kParts - 0.5);
+        const Vec2 place = Vec2(x + at / kChunkSide, y + at % kChunkSide) + in;
+        parts += inside(boundary, s.ground.origin().head<2>() + s.voxel_m() * place) ? 1 : 0;
+      }
+      if (parts > 0)
+        error.add(s.block_of(tile, n), s.knowledge_of(tile, n),
+                  s.voxel_m() * s.voxel_m() * parts / (kParts * kParts));
+    }
   }
   return error.sigma_m3();
 }

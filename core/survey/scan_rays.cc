@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 
 #include "core/constants.h"
 #include "core/survey/survey_state.h"
@@ -132,12 +133,12 @@ class Rays {
     const std::int64_t r = height_units(residual) + height_units((column.top - column.first) * h_);
     tile.sums[number_][i].add(weight_of(error), r, sees(place, slope));
     ++column.rays;
-    column.height += r;
     const Vec3 end = sensor_.pose.position + length * along;
     if (is_near(end)) {
-      const Coord2 own = column_at(end);
-      tile_of(own).columns[SurveyState::number_of(own)].cells.add(quarter_of(end, own),
-                                                                  area_of(along, length));
+      const Coord2 own_cell = column_at(end);
+      SurveyColumn& own = tile_of(own_cell).columns[SurveyState::number_of(own_cell)];
+      own.cells.add(quarter_of(end, own_cell), area_of(along, length));
+      if (!std::isnan(own.first)) own.height += height_units(end.z() - state_.first_m(own));
     }
     return true;
   }
@@ -203,6 +204,7 @@ void SurveyState::see_through() {
     const double room = kThroughRoomM + 3.5 * ray.sigma_m * std::abs(along.z());
     if (!is_met(ray.to)) continue;
     bool any = false;
+    std::optional<Coord2> last;
     for (double t = std::max(0.0, ray.met_m - kThroughBeforeM); t < end; t += step) {
       const Vec3 place = ray.from + t * along, at = ground.index_from_world(place);
       if (!(at.head<2>().cwiseAbs().maxCoeff() < kMaxIndex)) break;
@@ -215,7 +217,8 @@ void SurveyState::see_through() {
       ScanVotes& votes = tile.votes[static_cast<int>(i)];
       const std::int64_t height = height_units(ceiling - first_m(column));
       votes.ceiling = votes.through == 0 ? height : std::min(votes.ceiling, height);
-      ++votes.through;
+      votes.through += last == cell ? 0 : 1;
+      last = cell;
       any = true;
     }
     rays.through += any;

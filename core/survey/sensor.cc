@@ -38,7 +38,7 @@ RangeNoise noise_of(std::string_view model) {
     all += std::string(all.empty() ? "" : ", ") + std::string(known.model);
   }
   throw std::invalid_argument("the noise of '" + std::string(model) + "' is not known; known are " +
-                              all + ". Or give range and range_squared");
+                              all + ". Or give the sigmas of its ranges");
 }
 
 void Sensor::validate() const {

@@ -81,7 +81,8 @@ void take_column(std::string_view& in, SurveyColumn& column, std::uint64_t origi
 
 /// @param numbers of sensors as they are saved
 void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>& numbers) {
-  for (const std::int64_t value : {votes.through, votes.ceiling, votes.told}) put(out, value);
+  for (const std::int64_t value : {votes.through, votes.ceiling, votes.told, votes.others})
+    put(out, value);
   put_number(out, votes.hits.size());
   for (const auto& [bin, hits] : votes.hits) {
     put(out, bin);
@@ -102,6 +103,7 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors
   take_amount(in, votes.through);
   take(in, votes.ceiling);
   take_amount(in, votes.told);
+  take_amount(in, votes.others);
   for (auto bins = take_number<std::uint64_t>(in, in.size() + 1); bins > 0; --bins) {
     int bin = 0;
     take(in, bin);
@@ -183,6 +185,7 @@ void GroundSurvey::save(std::string& out) const {
       put(out, value);
   }
   put(out, s.is_solved);
+  put(out, s.sigma_m3);
   const std::vector<SurveyTile*> tiles = state_->sorted();
   put_number(out, tiles.size());
   for (const SurveyTile* tile : tiles) {
@@ -269,6 +272,7 @@ void GroundSurvey::load(std::string_view& in) {
       *value = take_finite(in);
   }
   take(in, s.is_solved);
+  s.sigma_m3 = take_finite(in);
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     Coord2 cell;
     take(in, cell.x());

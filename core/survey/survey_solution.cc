@@ -33,7 +33,7 @@ struct SeenColumn {
 
 void SurveyState::set_places() {
   const std::vector<int> before = places;
-  std::vector<int> by_name(sensors.size());
+  by_name.resize(sensors.size());
   places.resize(sensors.size());
   std::iota(by_name.begin(), by_name.end(), 0);
   std::sort(by_name.begin(), by_name.end(), [&](int a, int b) {
@@ -96,9 +96,10 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   ColumnResidual all{0, 0, own_variance(tile, i)};
   const double bend = all.variance - tile.columns[i].variance;
   const double rough = square(kSlopeFloorM) * tile.slopes[i].squaredNorm() + bend;
-  for (const auto& [number, sums] : tile.sums) {
-    const ScanSums& sum = sums[i];
-    if (sum.rays == 0) continue;
+  for (const int number : by_name) {  // so that the order of their first scans does not show
+    const auto sums = tile.sums.find(number);
+    if (sums == tile.sums.end() || sums->second[i].rays == 0) continue;
+    const ScanSums& sum = sums->second[i];
     const auto s = static_cast<std::size_t>(number);
     const bool stereo = sensors[s].range_squared_sigma_per_m > 0;
     const double whole = static_cast<double>(sum.weight);
@@ -133,7 +134,8 @@ void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   const SurveyColumn& column = tile.columns[i];
   Eigen::VectorXd sees;
   const ColumnResidual residual = residual_of(tile, i, sees);
-  if (residual.weight <= 0 || column.origin == kSurveyed) return;
+  if (residual.weight <= 0 || column.origin == kSurveyed || column.prior >= square(kChangedSigmaM))
+    return;
   if (square(residual.residual) >
       square(kColumnGate) * (column.variance + prior().maxCoeff() + 1 / residual.weight))
     return;
@@ -224,10 +226,18 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
   }
   if (heights.empty()) return {};
   if (column.cells.rays > 0) {
-    const double old = column.rays == 0 ? 0
-                                        : kScanUnit_m * static_cast<double>(column.height) /
-                                              static_cast<double>(column.rays);
-    heights.push_back({old, 1, 0, column.cells.areas, column.cells.rays});
+    const double old =
+        kScanUnit_m * static_cast<double>(column.height) / static_cast<double>(column.cells.rays);
+    // Beside a needle rays end as expected that speak for the same height as the others.
+    const auto same = std::find_if(heights.begin(), heights.end(), [&](const Height& height) {
+      return std::abs(height.mean - old) < kScanBinM;
+    });
+    if (same == heights.end()) {
+      heights.push_back({old, 1, 0, column.cells.areas, column.cells.rays});
+    } else {
+      for (std::size_t k = 0; k < same->areas.size(); ++k) same->areas[k] += column.cells.areas[k];
+      same->rays += column.cells.rays;
+    }
   }
   int widest = 0;
   std::int64_t most_rays = 0;
@@ -294,8 +304,8 @@ void SurveyState::take_votes() {
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {
         votes.told += news;
-        const std::int64_t all =
-            votes.told + votes.through + std::max(column.rays, column.cells.rays);
+        votes.others += std::max(column.rays, column.cells.rays);
+        const std::int64_t all = votes.told + votes.through + votes.others;
         if (kScanShare * static_cast<double>(all) < kScanVotes)
           undecided.emplace(n, std::move(votes));
         continue;
@@ -318,9 +328,8 @@ void SurveyState::take_votes() {
       }
     }
     tile->votes = std::move(undecided);
-    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
-      if (tile->votes.contains(static_cast<int>(i))) continue;
-      SurveyColumn& column = tile->columns[i];
+    // Of the rays that met the ground as expected only new ones count: it may have changed since.
+    for (SurveyColumn& column : tile->columns) {
       column.rays = column.height = 0;
       column.cells = {};
     }
@@ -350,26 +359,23 @@ SurveyState::Knowledge SurveyState::knowledge_of(const SurveyColumn& column,
 }
 
 void SurveyState::VolumeError::add(const Block& block, const Knowledge& column, double area_m2) {
-  Part& part = parts_[block];
-  part.area += area_m2;
-  part.squares += square(area_m2);
-  part.prior += area_m2 / column.residual.variance;
-  part.weight += area_m2 * column.residual.weight;
+  const double prior = 1 / column.residual.variance, weight = column.residual.weight;
+  const double share = square(area_m2 / (prior + weight));
+  // What scans found to be another height errs by itself.
+  const bool alone = block.origin == kSurveyed;
+  apart_ += share * (alone ? prior + weight : weight);
+  if (!alone) alike_[block] += std::sqrt(share * prior);
   on_ += area_m2 * column.correction.on;
   off_m3_ += area_m2 * column.off;
 }
 
 double SurveyState::VolumeError::sigma_m3() const {
-  double variance = on_.dot(errors_.covariance() * on_) + square(off_m3_);
-  for (const auto& [block, part] : parts_) {
-    const double prior = part.prior / part.area, weight = part.weight / part.area;
-    variance += (square(part.area) * prior + part.squares * weight) / square(prior + weight);
-  }
+  double variance = on_.dot(errors_.covariance() * on_) + square(off_m3_) + apart_;
+  for (const auto& [block, sigma] : alike_) variance += square(sigma);
   return std::sqrt(variance);
 }
 
 std::vector<SurveyChange> SurveyState::solve() {
-  sigma_m3 = 0;
   if (std::exchange(is_solved, true)) return {};
   take_votes();
   const double h = voxel_m();

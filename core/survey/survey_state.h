@@ -39,6 +39,8 @@ struct SurveyState {
   }
   /// Tiles by their cells.
   std::vector<SurveyTile*> sorted();
+  /// Tells that the ground of a tile changed.
+  void has_changed(const Coord2& cell);
   /// Reads tiles anew where the ground changed. @param own by applied()
   void refresh(bool own);
   /// Why a tile is read: the ground changed, or by applied(), or for a look that changes nothing.
@@ -109,13 +111,10 @@ struct SurveyState {
     double sigma_m3() const;
 
    private:
-    struct Part {  // columns whose own errors hang together
-      double area = 0, squares = 0, prior = 0, weight = 0;  // sums of a, a^2, a / s^2, a w
-    };
     const CommonErrors& errors_;
     Eigen::VectorXd on_;
-    double off_m3_ = 0;
-    std::map<Block, Part> parts_;
+    double off_m3_ = 0, apart_ = 0;  // apart: variance of errors that do not hang together, m^6
+    std::map<Block, double> alike_;  // sigmas of those that do, m^3
   };
 
   Ground& ground;
@@ -132,6 +131,7 @@ struct SurveyState {
   std::uint32_t time = 1;                                  // counts changes of the ground
   std::vector<Sensor> sensors;                             // in order of their first scan
   std::vector<int> places;                                 // of their common errors, by their names
+  std::vector<int> by_name;                                // their numbers
   std::map<Block, Retired> retired;
   CommonErrors errors;  // as last solved
   RayCounts rays;

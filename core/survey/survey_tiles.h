@@ -72,6 +72,7 @@ struct ScanVotes {
   std::int64_t through = 0;  ///< rays that went through its soil
   std::int64_t ceiling = 0;  ///< lowest of them, above the column's `first`
   std::int64_t told = 0;     ///< hits that were counted as dropped when scans were applied
+  std::int64_t others = 0;   ///< rays that met the column as expected, until scans were applied
   std::map<int, std::map<int, ScanHits>> hits = {};  ///< by height, and by sensor
 
   std::int64_t rays() const {
@@ -89,9 +90,10 @@ struct SurveyColumn {
   double prior = -1;    ///< variance of its own error as last solved, m^2; negative: not yet
   std::uint16_t origin = kNatural;
   std::uint32_t changed = 0;  ///< when it last changed, other than by scans
-  /// Rays that met it as expected while its height is in doubt, or since scans were applied.
-  std::int64_t rays = 0, height = 0;  ///< height: sum of heights above `first`
-  ScanCells cells;                    ///< of those that ended in it as expected
+  // Since scans were applied:
+  std::int64_t rays = 0;    ///< that met it as expected
+  ScanCells cells;          ///< of those that ended in it as expected
+  std::int64_t height = 0;  ///< sum of the latter's heights above `first`
 };
 
 /// 8 x 8 columns. Column (x, y) from `cell` is entry x * 8 + y.

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Laws of scans, over random digs: which bits they give, which volumes they book, what they refuse."""
 
+import itertools
 import math
 import warnings
 
@@ -612,6 +613,120 @@ def test_the_error_of_a_volume_is_as_large_as_its_sigma_says():
             shares.append((volume.net_m3 - true.volume(boundary).net_m3) / volume.sigma_m3)
     assert np.max(np.abs(shares)) < 4
     assert 0.3 < np.sqrt(np.mean(np.square(shares))) < 1.5
+
+
+def pouring(z=0.0, volume=1.0):
+    return soilvdb.Site(VOXEL, soilvdb.plane(z), [soilvdb.Bucket(1.2, 0.9)], soil=LOAM,
+                        pours=[soilvdb.Pour(at=(1, 0, 3), time=(1, 2), volume=volume)])
+
+
+def test_soil_that_comes_onto_scanned_ground_has_a_sigma():
+    sites = [pouring(), pouring()]
+    for site in sites:
+        site.place(0, position=(-8, -8, 4))
+    sites[0].scan(ABOVE, over(sites[0], 0.0, (-1, -2), (3, 2)), world=True)
+    sites[0].apply_scans()
+    sigmas = []
+    for site in sites:
+        site.pour(3)
+        site.come_to_rest()
+        sigmas.append(site.volume(square(-2, -3, 6), sigma=True).sigma_m3)
+    assert sigmas[0] == pytest.approx(sigmas[1], rel=0.1) and sigmas[1] > 0.01
+
+
+def test_soil_on_ground_that_scans_found_is_known_as_well_as_both():
+    site = pouring(volume=0.1)
+    site.place(0, position=(-8, -8, 4))
+    for seed in range(3):   # the ground is half a metre lower than anybody said
+        site.scan(ABOVE, over(site, -0.5, (-1, -2), (3, 2), step=0.04, seed=seed), world=True)
+    site.apply_scans()
+    middle = [(1.0, 0.0)]
+    before, known = site.heights(middle, sigma=True)
+    site.pour(3)
+    site.come_to_rest()
+    after, sigma = site.heights(middle, sigma=True)
+    thick = after[0] - before[0]
+    # Beside steep flanks a quarter of the bend comes to it.
+    assert thick > 0.1 and known[0] < 0.01 and 0.1 * thick < sigma[0] < 0.3 * thick
+    part, whole = (site.volume(square(1 - side / 2, -side / 2, side), sigma=True).sigma_m3
+                   for side in (0.4, 1.6))
+    assert part < whole
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sigmas_of_parts_hold_for_the_whole(seed):
+    site = told_too_high()
+    floor_told(site, -0.46 if seed % 2 else -0.2, [seed, seed + 10])
+    rng = np.random.default_rng(seed)
+    cut = rng.uniform(0.3, 1.7)
+    lower, upper = [(-0.5, -0.6), (cut, -0.6), (cut, 0.6), (-0.5, 0.6)], [
+        (cut, -0.6), (2.5, -0.6), (2.5, 0.6), (cut, 0.6)]
+    a, b, both = (site.volume(each, sigma=True).sigma_m3 for each in (
+        lower, upper, [(-0.5, -0.6), (2.5, -0.6), (2.5, 0.6), (-0.5, 0.6)]))
+    assert abs(a - b) * (1 - 1e-9) <= both <= (a + b) * (1 + 1e-9)
+
+
+def test_a_boundary_may_be_larger_than_what_was_dug():
+    site = told_too_high()
+    floor_told(site, -0.2, range(2))
+    sigmas = [site.volume(square(1 - side / 2, -side / 2, side), sigma=True).sigma_m3
+              for side in (8.0, 40.0, 2000.0)]
+    assert sigmas[0] > 0.001 and sigmas[1:] == pytest.approx([sigmas[0]] * 2, rel=1e-9)
+
+
+def test_ground_that_was_found_to_be_another_tells_nothing_of_the_lip():
+    def lip_of(settled):
+        site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)])
+        site.place(0, position=(-8, -8, 4))
+        floor_told(site, -settled, range(3))
+        told_too_high(0.3, site)
+        return floor_told(site, -0.3, range(20, 23)).lip_error[0]
+    (mean, sigma), (calm, _) = lip_of(0.055), lip_of(0.0)
+    assert abs(mean - calm) < sigma
+
+
+def test_the_order_of_three_sensors_does_not_show():
+    def state(order):
+        site = told_too_high()
+        for name in order:
+            sigma = {"a": 0.004, "b": 0.007, "c": 0.011}[name]
+            sensor = soilvdb.Sensor(name=name, position=(1, 0, 5), range_sigma=sigma)
+            site.scan(sensor, np.concatenate([
+                over(site, -0.19, (0, -0.5), (2, 0.5), seed=ord(name)),
+                over(site, 0.0, (0, 1), (2, 2), seed=ord(name))]), world=True)
+        site.apply_scans()
+        restored = told_too_high()
+        restored.restore(site.save())
+        assert restored.save() == site.save()
+        return site.save()
+    assert len({state(order) for order in itertools.permutations("abc")}) == 1
+
+
+def test_a_restored_site_says_the_same_sigmas():
+    site = told_too_high()
+    floor_told(site, -0.2, range(2))
+    site.place(0, position=(0, 1.5, 0.5))
+    for x in np.linspace(0, 1, 11):
+        site.update(0, position=(x, 1.5, -0.3))
+    restored = told_too_high()
+    restored.restore(site.save())
+    x, y = np.meshgrid(np.arange(-1, 3, 0.05), np.arange(-1, 3, 0.05))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    assert np.array_equal(*(each.heights(places, sigma=True)[1] for each in (site, restored)),
+                          equal_nan=True)
+
+
+def test_looking_at_sigmas_begins_no_survey():
+    def scanned(looks):
+        site = soilvdb.Site(0.05, soilvdb.plane(0.0), [soilvdb.Bucket(1.2, 0.9)] * 2)
+        if looks:
+            site.heights([(1, 0)], sigma=True)
+            site.volume(AROUND, sigma=True)
+        told_too_high(site=site)
+        site.place(1, position=(-8, 8, 4))
+        return floor_told(site, -0.2, range(2)), site.save()
+    (looked, state), (not_looked, other) = scanned(True), scanned(False)
+    assert state == other and [*looked.lip_error.values()] == [*not_looked.lip_error.values()]
 
 
 def test_rays_that_do_not_fit_the_ground_are_told_once():

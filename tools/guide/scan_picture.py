@@ -21,8 +21,8 @@ import soilvdb
 
 ROOT = Path(__file__).parents[2]
 DATA, PROGRAM = ROOT / "data", ROOT / "build/soilvdb"
-BEAMS, STEPS, FARTHEST_M = np.linspace(-0.39, 0.39, 64), 1024, 12
-SECTION_X, BASE = 512347.2, (512340.0, 5403640.0)
+SHAPE, INTRINSICS = (116, 168), (225.0, 225.0, 83.5, 57.5)
+SECTION_X, BASE = 512346.2, (512340.0, 5403640.0)
 INK, RED, BLUE, GREY = "#222222", "#c0392b", "#1f6fb2", "#777777"
 
 
@@ -36,11 +36,15 @@ def write_ply(file, points):
 
 
 def scan(truth, scenario):
-    mast = scenario["sensors"]["mast"]
-    sensor = soilvdb.Sensor(position=mast["at"], rotation=mast["rotation"], noise=mast["noise"])
-    for turn, entry in enumerate(scenario["scans"]):
-        points = soilvdb.lidar_turn(truth, sensor, beams=BEAMS, steps=STEPS, seed=turn)
-        write_ply(DATA / entry["file"], points[np.linalg.norm(points, axis=1) < FARTHEST_M])
+    drone = scenario["sensors"]["drone"]
+    sensor = soilvdb.Sensor(position=drone["at"], rotation=drone["rotation"],
+                            range_sigma=drone["noise"]["range"])
+    fx, fy, cx, cy = INTRINSICS
+    u, v = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
+    for image, entry in enumerate(scenario["scans"]):
+        z = soilvdb.depth_image(truth, sensor, SHAPE, INTRINSICS, seed=image)
+        points = np.stack([(u - cx) / fx * z, (v - cy) / fy * z, z], axis=-1).reshape(-1, 3)
+        write_ply(DATA / entry["file"], points[np.isfinite(points).all(axis=1)])
 
 
 def final(scenario, out):
@@ -73,7 +77,7 @@ def draw(truth, before, after, before_view, after_view):
     grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1), left=0.05, right=0.985, top=0.955,
                                bottom=0.07, hspace=0.12, wspace=0.03)
     for column, (view, title) in enumerate(((before_view, "Expected from the machine's joints alone"),
-                                            (after_view, "Corrected by three turns of a lidar"))):
+                                            (after_view, "Corrected by a depth camera"))):
         axes = figure.add_subplot(grid[0, column])
         axes.imshow(view)
         axes.set_title(title, fontsize=15, color=INK)

@@ -79,17 +79,6 @@ Heights heights_of(const InitialTerrain& surface) {
   };
 }
 
-PlacesInside places_inside(const io::Site& site, const std::vector<Vec2>& boundary) {
-  PlacesInside inside;
-  const std::vector<Vec2> on_site = clipped(boundary, site.bounds);
-  if (!on_site.empty()) inside.area_m2 = area_of(on_site);
-  if (inside.area_m2 > 0)
-    inside.xy_m = places_in(on_site, inside.area_m2, site.ground->voxel_size_m());
-  inside.cell_m2 =
-      inside.area_m2 / static_cast<double>(std::max<std::size_t>(inside.xy_m.size(), 1));
-  return inside;
-}
-
 BoundaryVolume volume_inside(const io::Site& site, const Ground& before,
                              const std::vector<Vec2>& boundary, const Heights& now,
                              const InitialTerrain* design) {
@@ -100,7 +89,11 @@ BoundaryVolume volume_inside(const io::Site& site, const Ground& before,
       throw std::invalid_argument(
           fmt::format("a boundary's corners must be within {:g} m of 0, 0", kFarthestCorner_m));
   const Difference change = difference(before, *site.ground, boundary);
-  const auto [places, cell_m2, on_site_m2] = places_inside(site, boundary);
+  const std::vector<Vec2> on_site = clipped(boundary, site.bounds);
+  const double on_site_m2 = on_site.empty() ? 0 : area_of(on_site);
+  const std::vector<Vec2> places = on_site_m2 > 0
+                                       ? places_in(on_site, on_site_m2, site.ground->voxel_size_m())
+                                       : std::vector<Vec2>();
   std::vector<double> ground(places.size());
   heights_of(site.ground->initial_terrain())(places, ground);
   const auto voids =
@@ -112,6 +105,7 @@ BoundaryVolume volume_inside(const io::Site& site, const Ground& before,
         "{:.0f}",
         site.bounds.min().x(), site.bounds.min().y(), site.bounds.max().x(),
         site.bounds.max().y()));
+  const double cell_m2 = on_site_m2 / static_cast<double>(std::max<std::ptrdiff_t>(all, 1));
   const double area_m2 = on_site_m2 - static_cast<double>(voids) * cell_m2;
   BoundaryVolume volume{.cut_m3 = change.cut_m3,
                         .fill_m3 = change.fill_m3,

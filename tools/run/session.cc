@@ -416,10 +416,7 @@ BoundaryVolume Session::volume(const std::vector<Vec2>& boundary, const InitialT
   BoundaryVolume volume = volume_inside(
       site, *io::undug_site(site).ground, boundary,
       [this](std::span<const Vec2> xy_m, std::span<double> z) { heights(xy_m, z); }, design);
-  if (with_sigma) {
-    const PlacesInside inside = places_inside(site, boundary);
-    volume.sigma_m3 = state_->volume_sigma_m3(inside.xy_m, inside.cell_m2);
-  }
+  if (with_sigma) volume.sigma_m3 = state_->volume_sigma_m3(boundary);
   return volume;
 }
 

@@ -152,10 +152,9 @@ class Site {
   /// Sigmas of the heights of the ground, m, NaN without ground: of what is known of machines, and
   /// by scans. @throw as HeightMap::at()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
-  /// Sigma of the change of volume against the terrain of the columns at places, by the same. Soil
-  /// that has no error of its own, as untouched ground, has no part in it.
-  /// @param area_m2 that each place stands for
-  double volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2);
+  /// Sigma of the change of volume inside a boundary against the terrain, by the same. Ground that
+  /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd rule
+  double volume_sigma_m3(const std::vector<Vec2>& boundary);
 
   /// Serialized state for the next update, without the ground and the model.
   std::string progress() const;
@@ -209,6 +208,7 @@ class Site {
             std::deque<Motion>& motions) const;
 
   GroundSurvey& survey();
+  std::unique_ptr<GroundSurvey> new_survey() const;
 
   std::optional<double> poured_s_ = {};     // time up to which pours have fallen
   std::optional<double> next_pour_s_ = {};  // no part falls earlier

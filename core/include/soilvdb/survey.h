@@ -112,9 +112,8 @@ class GroundSurvey {
   std::vector<Estimate> lip_errors_m() const;
   /// Sigma of the heights of the columns at places, m; NaN without ground.
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
-  /// Sigma of the change of volume, against the terrain, of the columns at places.
-  /// @param area_m2 that each place stands for
-  double volume_sigma_m3(std::span<const Vec2> xy_m, double area_m2);
+  /// Sigma of the change of volume inside a boundary, against the terrain.
+  double volume_sigma_m3(const std::vector<Vec2>& boundary);
 
   void save(std::string& out) const;
   /// @throw std::invalid_argument if the bytes are of another site; then nothing has changed

@@ -35,13 +35,6 @@ struct BoundaryVolume {
       {};  ///< of net, by what scans say; by Session::volume() on request
 };
 
-/// The part of a site inside a boundary, as places that stand for a cell each.
-struct PlacesInside {
-  std::vector<Vec2> xy_m;
-  double cell_m2 = 0, area_m2 = 0;
-};
-PlacesInside places_inside(const io::Site& site, const std::vector<Vec2>& boundary);
-
 /// @param before of the same lattice and initial terrain as the site's ground
 /// @param boundary corners in the world, m; the last connects to the first; inside by the even-odd
 ///        rule
