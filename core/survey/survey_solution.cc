@@ -300,7 +300,10 @@ void SurveyState::take_votes() {
       const std::int64_t added = now ? std::min(now->rays, news) : 0;
       rays.added += added;
       rays.dropped += news - added;
-      if (!now && votes.through >= kScanVotes && votes.through > column.rays)
+      // Rays that end in the column will tell its height better than those that pass above it.
+      const bool waits =
+          static_cast<double>(votes.rays()) >= kScanShare * static_cast<double>(votes.through);
+      if (!now && !waits && votes.through >= kScanVotes && votes.through > column.rays)
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {
         votes.told += news;
@@ -475,7 +478,8 @@ std::vector<SurveyChange> SurveyState::solve() {
     column.prior = c.changed ? square(kChangedSigmaM) : c.residual.variance;
     Knowledge known = knowledge_of(column, c.residual, c.sees, c.predicted);
     if (!std::isfinite(known.off)) continue;
-    const double sigmas = column.origin == kNatural && !c.changed ? kNaturalSigmas : kMovedSigmas;
+    double sigmas = column.origin == kNatural && !c.changed ? kNaturalSigmas : kMovedSigmas;
+    if (c.residual.weight <= 0) sigmas = 0;  // the soil that rays passed through is surely gone
     const bool is_worth_it =
         std::abs(known.off) >= kLeastCorrection * h &&
         std::abs(known.off) >= sigmas * std::sqrt(known.correction.variance(errors));

@@ -153,7 +153,8 @@ class Site {
   /// by scans. @throw as HeightMap::at()
   void sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m);
   /// Sigma of the change of volume inside a boundary against the terrain, by the same. Ground that
-  /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd rule
+  /// nobody touched has no part in it. @param boundary corners, world, m; inside by the even-odd
+  /// rule
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
 
   /// Serialized state for the next update, without the ground and the model.
