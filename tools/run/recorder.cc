@@ -48,7 +48,6 @@ void Recorder::go_on(const io::JournalContent& journal, std::span<const io::Jour
     names_.insert(file.name);
     folder_.done(file.name);
   }
-  updates_ = std::max(updates_, from.updates);
   snapshots_->go_on(std::move(seen), from.parent);
   if (from.snapshot.empty()) snapshots_->begin_again();
   folder_.remove(journal.removed);

@@ -44,6 +44,8 @@ class Recorder {
 
   /// Counts an update that is already in the journal, for the times of snapshots.
   void note(const io::JournalUpdate& update);
+  /// Counts updates of the journal that are not noted.
+  void skip(std::uint64_t updates) { updates_ += updates; }
   /// @return false if recording has failed; error() has the reason
   bool add(const io::JournalUpdate& update) noexcept;
   /// Throws if recording has failed; it then records no more, except after io::DiskFull.

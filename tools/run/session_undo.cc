@@ -160,6 +160,7 @@ void Session::undo(Undone& undone) {
     become_equal(*s.site.ground, *undone.site.state_->site.ground);
     s.rebuild(s.model(), undone.site.state_->progress());
     s.recorder = s.new_recorder(*s.folder, undone.schedule);
+    s.recorder->skip(undone.content.done.updates);
     s.recorder->go_on(undone.content, undone.snapshots,
                       {nullptr, undone.content.done.updates, {}, {}});
     s.fed_count = undone.content.done.updates;
