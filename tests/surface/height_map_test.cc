@@ -28,6 +28,8 @@ std::atomic<std::size_t> allocations = 0;  // of this program
 
 }  // namespace soilvdb::test::height_map_test
 
+// Sanitizers have an allocator of their own.
+#if !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 // Not inlined: GCC would take malloc and delete for a wrong pair.
 [[gnu::noinline]] void* operator new(std::size_t size) {
   ++soilvdb::test::height_map_test::allocations;
@@ -36,6 +38,7 @@ std::atomic<std::size_t> allocations = 0;  // of this program
 }
 [[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
 [[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#endif
 
 namespace soilvdb::test {
 namespace height_map_test {
