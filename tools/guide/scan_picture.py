@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 DATA, PROGRAM = ROOT / "data", ROOT / "build/soilvdb"
 SHAPE, INTRINSICS = (116, 168), (225.0, 225.0, 83.5, 57.5)
 SECTION_X, BASE = 512346.2, (512340.0, 5403640.0)
-INK, RED, BLUE, GREY = "#222222", "#c0392b", "#1f6fb2", "#777777"
+INK, RED, BLUE = "#222222", "#c0392b", "#1f6fb2"
 
 
 def write_ply(file, points):
