@@ -343,6 +343,14 @@ inline constexpr int kMaxBankFailures = 32;
 /// Directions from a foot of a cut in which vertical slices are searched. With fewer, a cut askew
 /// to them fails too late. More take longer.
 inline constexpr int kSliceDirections = 32;
+/// Columns around the foot of a cut from which its face's direction is known. With fewer, a cut
+/// askew to the columns has the direction of their steps. With more, short faces have none.
+inline constexpr int kFaceColumns = 3;
+/// Directions in which bank rises beyond which the foot is in a corner, 225 degrees, and those
+/// between the one across a face and the face itself. With smaller ones, wedges reach behind what
+/// stands beside them. With larger ones, corners of pits fail too late.
+inline constexpr std::ptrdiff_t kMostOfFace = 20;
+inline constexpr std::size_t kFaceDirections = 7;
 /// Planes that are tried through each column where the ground falls off behind a cut.
 inline constexpr int kSlicePlanes = 4;
 /// Fall from one column to the next from which on the ground falls off there, sides.

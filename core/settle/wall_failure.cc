@@ -44,10 +44,23 @@ class Slice {
   Slice(const Columns& ground, int x, int y, const Vec2& direction, const BankStrength& strength)
       : ground_(ground), x_(x), y_(y), direction_(direction), strength_(strength) {}
 
+  /// Bank rises from here more steeply than friction holds it, and it doesn't behind.
+  bool is_foot() const {
+    const auto next = heights(1), behind = heights(-1);
+    if (!next || next->firm - zero() <= strength_.friction) return false;
+    return !behind || zero() - behind->top <= strength_.friction;
+  }
+
+  /// Bank is still as steep some columns on: not where a step of a cut askew to the columns is all.
+  bool rises_on() const {
+    const auto there = heights(kFaceColumns);
+    return there && there->firm - zero() > kFaceColumns * strength_.friction;
+  }
+
+  /// Of a slice at whose toe a cut has its foot.
   /// @param most columns that a plane may go through
   /// @param at_border set if the ground ends before it is known
   std::optional<FailurePlane> weakest(int most, bool& at_border) {
-    if (!is_foot()) return std::nullopt;
     read(most, at_border);
     if (highest_ <= strength_.least_height()) return std::nullopt;
     find_foot();
@@ -85,13 +98,6 @@ class Slice {
   double zero() const { return ground_.at(ground_.index(x_, y_)); }
   double rise(int k) const { return rises_[static_cast<std::size_t>(k)]; }
   int last() const { return static_cast<int>(rises_.size()) - 1; }
-
-  /// Bank rises from here more steeply than friction holds it, and it doesn't behind.
-  bool is_foot() const {
-    const auto next = heights(1), behind = heights(-1);
-    if (!next || next->firm - zero() <= strength_.friction) return false;
-    return !behind || zero() - behind->top <= strength_.friction;
-  }
 
   /// Reads as far as a plane might come out.
   void read(int most, bool& at_border) {
@@ -172,6 +178,49 @@ class Slice {
   double highest_ = 0, foot_ = 0;
 };
 
+/// Which of all directions are in use.
+using Directions = std::array<bool, kSliceDirections>;
+
+/// The directions in which wedges slide off a cut with its foot at a column: across its face, and
+/// in the corner of a pit all between those across both faces. A slice askew to an upright face
+/// needs the same cohesion, but behind the face's end it would take the ground from behind what
+/// stands.
+Directions across_faces(const Columns& ground, int x, int y, const BankStrength& strength) {
+  constexpr std::size_t n = kSliceDirections;
+  Directions rising, wide, across{};
+  for (std::size_t i = 0; i < n; ++i) {
+    const Slice slice(ground, x, y, directions()[i], strength);
+    rising[i] = slice.is_foot();
+    wide[i] = rising[i] && slice.rises_on();
+  }
+  if (std::count(wide.begin(), wide.end(), true) > kMostOfFace) {
+    const auto has = [&](std::size_t i) {
+      for (std::size_t k = 0; k <= kFaceDirections; ++k)
+        if (!wide[(i + k) % n] || !wide[(i + n - k) % n]) return false;
+      return true;
+    };
+    for (std::size_t i = 0; i < n; ++i) across[i] = has(i);
+    return across;
+  }
+  Vec2 uphill(0, 0);
+  for (int i = -kFaceColumns; i <= kFaceColumns; ++i) {
+    for (int j = -kFaceColumns; j <= kFaceColumns; ++j) {
+      if (i * i + j * j > kFaceColumns * kFaceColumns || !ground.open(x + i, y + j)) continue;
+      uphill +=
+          (ground.firm_at(ground.index(x + i, y + j)) - ground.at(ground.index(x, y))) * Vec2(i, j);
+    }
+  }
+  // None where bank rises only aside: on the face itself.
+  const double least = static_cast<float>(std::cos(2 * kHalfSector)) * uphill.norm();
+  std::size_t best = n;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!rising[i] || directions()[i].dot(uphill) < least) continue;
+    if (best == n || directions()[i].dot(uphill) > directions()[best].dot(uphill)) best = i;
+  }
+  if (best < n) across[best] = true;
+  return across;
+}
+
 }  // namespace
 
 double BankStrength::least_height() const {
@@ -182,22 +231,28 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
                                const BankStrength& strength,
                                const std::function<double(int x, int y)>& dug) {
   WallFailure failure;
-  const auto lower = [&](int x, int y, const Vec2& direction, const FailurePlane& plane) {
+  Directions across;
+  const auto lower = [&](int x, int y, std::size_t slice, const FailurePlane& plane) {
     if (failure.columns.empty()) {
       for (std::size_t c = 0; c < ground.height_m.size(); ++c)
         failure.columns.push_back({ground.firm_at(static_cast<int>(c))});
     }
     const double zero = ground.at(ground.index(x, y));
     const int far = static_cast<int>(plane.end) + 1;
+    const Vec2& direction = directions()[slice];
     // Of the foot's column as seen along the slice: those of a cut that runs askew leave no gaps.
     const double half_width = (std::abs(direction.x()) + std::abs(direction.y())) / 2;
     for (int i = std::max(0, x - far); i <= std::min(ground.nx - 1, x + far); ++i) {
       for (int j = std::max(0, y - far); j <= std::min(ground.ny - 1, y + far); ++j) {
         const Vec2 to(i - x, j - y);
         const double along = to.dot(direction);
-        const double aside = std::abs(to.x() * direction.y() - to.y() * direction.x());
+        const double aside = direction.x() * to.y() - direction.y() * to.x();
         if (along <= 0 || along > plane.end || !ground.open(i, j)) continue;
-        if (aside > std::max(half_width, along * std::tan(kHalfSector))) continue;
+        // A fan of slices has no gaps, but is no wider than its outermost slices.
+        const bool in_fan =
+            across[(slice + (aside > 0 ? 1 : kSliceDirections - 1)) % kSliceDirections];
+        const double wide = in_fan ? along * std::tan(kHalfSector) : 0;
+        if (std::abs(aside) > std::max(half_width, wide)) continue;
         const double height = zero + plane.slope * std::max(0.0, along - plane.foot);
         WallFailure::Column& column = failure.columns[static_cast<std::size_t>(ground.index(i, j))];
         if (height >= column.height) continue;
@@ -214,24 +269,26 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
           return true;
     return false;
   };
-  std::vector<std::pair<Vec2, FailurePlane>> planes;
+  std::vector<std::pair<std::size_t, FailurePlane>> planes;
   for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
     for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
       if (!ground.open(x, y) || !rises(x, y)) continue;
       const int most = static_cast<int>(kMaxPlaneDepths * dug(x, y));
       planes.clear();
       bool fails = false;
-      for (const Vec2& direction : directions()) {
-        Slice slice(ground, x, y, direction, strength);
+      across = across_faces(ground, x, y, strength);
+      for (std::size_t i = 0; i < kSliceDirections; ++i) {
+        if (!across[i]) continue;
+        Slice slice(ground, x, y, directions()[i], strength);
         const auto plane = slice.weakest(most, failure.at_border);
         if (!plane) continue;
-        planes.emplace_back(direction, *plane);
+        planes.emplace_back(i, *plane);
         fails = fails || plane->cohesion > strength.cohesion;
       }
       // Slices at different angles to a cut need the same but for what columns err by.
-      for (const auto& [direction, plane] : planes)
+      for (const auto& [slice, plane] : planes)
         if (fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
-          lower(x, y, direction, plane);
+          lower(x, y, slice, plane);
     }
   }
   return failure;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "core/settle/column_samples.h"
 #include "core/settle/overhangs.h"
@@ -18,6 +19,9 @@ namespace soilvdb::test {
 namespace wall_failure_test {
 
 constexpr double kDegree = std::numbers::pi / 180;
+
+/// Two of the directions in which slices are searched.
+constexpr double kHalfSlices = 22.5 * kDegree;
 
 struct CohesiveSoil {
   double cohesion_pa, friction, weight_n_m3;  // friction in rad
@@ -119,6 +123,47 @@ TEST(WallFailure, TakesTheWedgeAboveItsPlane) {
       EXPECT_NEAR(crest, height * cot, 2) << angle / kDegree;
       EXPECT_NEAR(wedge / (height * height / 2 * (cot - 1 / std::tan(cut))), 1, 0.05);
     }
+  }
+}
+
+TEST(WallFailure, TakesNoGroundFromBehindWhatStands) {
+  std::mt19937 random(53);
+  std::uniform_real_distribution<double> share(0, 1);
+  constexpr double kFoot = 20;
+  for (int n = 0; n < 60; ++n) {
+    const CohesiveSoil& soil = kSoils[static_cast<std::size_t>(n) % std::size(kSoils)];
+    const double height = 15 + 25 * share(random);
+    // Some directions are those of the columns.
+    const double direction =
+        n % 3 == 0 ? 90 * kDegree * (n / 3) : 2 * std::numbers::pi * share(random);
+    const BankStrength strength{
+        height / (1.1 * soil.critical_height_m(90 * kDegree)) * soil.cohesion_pa / soil.weight_n_m3,
+        std::tan(soil.friction), 1.25};
+    const Columns ground = straight_cut(220, kFoot, direction, 90 * kDegree, height);
+    const WallFailure failure = failure_of(ground, strength, kFoot, direction);
+    ASSERT_FALSE(failure.failed.isEmpty());
+    const Vec2 into(std::cos(direction), std::sin(direction)), along(-into.y(), into.x());
+    // How far the failure reaches along the cut, at the cut and behind it.
+    Eigen::AlignedBox1d front;
+    double beyond = 0;
+    const auto each_failed = [&](const auto& f) {
+      for (int x = 0; x < ground.nx; ++x) {
+        for (int y = 0; y < ground.ny; ++y) {
+          const int c = ground.index(x, y);
+          if (failure.columns[static_cast<std::size_t>(c)].height >= ground.firm_at(c)) continue;
+          const Vec2 at = Vec2(x + 0.5, y + 0.5) - Vec2::Constant(110);
+          f(at.dot(into) + kFoot, at.dot(along));
+        }
+      }
+    };
+    each_failed([&](double way, double aside) {
+      if (way < 2) front.extend(Eigen::Matrix<double, 1, 1>(aside));
+    });
+    each_failed([&](double way, double aside) {
+      const double out = std::max(aside - front.max()[0], front.min()[0] - aside);
+      beyond = std::max(beyond, out - (n % 3 == 0 ? 0 : 1 + way * std::tan(kHalfSlices)));
+    });
+    EXPECT_LE(beyond, 1e-9) << direction / kDegree << ' ' << height;
   }
 }
 
