@@ -123,7 +123,8 @@ std::optional<bool> Settler::fail_bank(Eigen::AlignedBox2i& feet, bool last) {
       if (found.height >= ground.firm_at(ground.index(x, y)) || samples == 0) continue;
       const double rise = (c.bank - left) * (1 + properties_.swell) + c.top - c.bank;
       const int low = cell_of(left) - kFillCells;
-      wedge.from.push_back({cell, low, cell_of(c.top) + kFillCells, samples, false,
+      // Where a cut went through the column, what is left of it stands far above its mean.
+      wedge.from.push_back({cell, low, cell_of(c.surface), samples, false,
                             static_cast<float>(found.slope.x()),
                             static_cast<float>(found.slope.y())});
       wedge.to.push_back({cell, low, cell_of(left + rise) + kFillCells, 0, false, 0, 0});

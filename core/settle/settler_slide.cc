@@ -249,7 +249,7 @@ bool Settler::move(double zero) {
     };
     const bool falls = rise < 0;
     const int low = (falls ? column.bank_full : column.full) + 1;
-    const int high = cell_of(std::max(column.top, now + zero)) + kFillCells;
+    const int high = falls ? cell_of(column.surface) : cell_of(now + zero) + kFillCells;
     const std::int64_t samples = falls ? lost.next(-rise) : 0;
     if (falls && samples == 0) continue;
     (falls ? lowered : raised)

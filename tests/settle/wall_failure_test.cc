@@ -10,6 +10,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/ground/ground_columns.h"
 #include "core/settle/column_samples.h"
 #include "core/settle/overhangs.h"
 #include "soilvdb/bucket.h"
@@ -234,6 +235,17 @@ class Trench {
     return retreat;
   }
 
+  /// How far soil stands above the mean of a column of which it fills a part, cells.
+  double stands_above() {
+    const int first = -static_cast<int>(10 / ground.voxel_size_m());
+    double most = 0;
+    GroundColumns(ground).each({Coord2(first, -20), Coord2(-first, 20)},
+                               [&](const Coord2&, const GroundColumn& column) {
+                                 most = std::max(most, column.surface - column.top);
+                               });
+    return most;
+  }
+
   Ground ground;
   Tracker tracker;
   double depth_m = 0;
@@ -243,11 +255,17 @@ TEST(WallFailure, BringsDownATrenchDugTooDeep) {
   for (const CohesiveSoil& with : {kSoils[0], kSoils[1]}) {
     Trench trench(with, 0.1);
     const double critical = with.critical_height_m(90 * kDegree);
-    while (trench.tracker.mass_balance().slid == 0 && trench.depth_m < critical + 1) trench.pass();
+    double stood = 0;
+    while (trench.tracker.mass_balance().slid == 0 && trench.depth_m < critical + 1) {
+      stood = trench.stands_above();
+      trench.pass();
+    }
     EXPECT_NEAR(trench.depth_m, critical, 0.1 + 1e-9);
+    EXPECT_GT(stood, 10);  // the walls are in the middle of columns
     // The wall that fails first; what comes down holds the other.
     EXPECT_NEAR(std::max(trench.retreat_m(-1), trench.retreat_m(1)),
                 trench.depth_m / std::tan(with.plane(90 * kDegree)), 0.2);
+    EXPECT_LT(trench.stands_above(), 2);
     // What is at rest stays.
     const std::uint64_t hash = trench.ground.state_hash();
     trench.tracker.come_to_rest();
