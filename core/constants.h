@@ -349,8 +349,10 @@ inline constexpr int kFaceColumns = 3;
 /// Directions in which bank rises beyond which the foot is in a corner, 225 degrees, and those
 /// between the one across a face and the face itself. With smaller ones, wedges reach behind what
 /// stands beside them. With larger ones, corners of pits fail too late.
-inline constexpr std::ptrdiff_t kMostOfFace = 20;
-inline constexpr std::size_t kFaceDirections = 7;
+inline constexpr std::size_t kMostOfFace = 20, kFaceDirections = 7;
+/// Columns on each side of one that stands up to the next that fails, for it to fail with them. With
+/// fewer, needles are left between slices. With more, walls between two cuts come down.
+inline constexpr int kGapColumns = 3;
 /// Planes that are tried through each column where the ground falls off behind a cut.
 inline constexpr int kSlicePlanes = 4;
 /// Fall from one column to the next from which on the ground falls off there, sides.

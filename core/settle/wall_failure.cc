@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bitset>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -179,7 +180,7 @@ class Slice {
 };
 
 /// Which of all directions are in use.
-using Directions = std::array<bool, kSliceDirections>;
+using Directions = std::bitset<kSliceDirections>;
 
 /// The directions in which wedges slide off a cut with its foot at a column: across its face, and
 /// in the corner of a pit all between those across both faces. A slice askew to an upright face
@@ -187,13 +188,13 @@ using Directions = std::array<bool, kSliceDirections>;
 /// stands.
 Directions across_faces(const Columns& ground, int x, int y, const BankStrength& strength) {
   constexpr std::size_t n = kSliceDirections;
-  Directions rising, wide, across{};
+  Directions rising, wide, across;
   for (std::size_t i = 0; i < n; ++i) {
     const Slice slice(ground, x, y, directions()[i], strength);
     rising[i] = slice.is_foot();
     wide[i] = rising[i] && slice.rises_on();
   }
-  if (std::count(wide.begin(), wide.end(), true) > kMostOfFace) {
+  if (wide.count() > kMostOfFace) {
     const auto has = [&](std::size_t i) {
       for (std::size_t k = 0; k <= kFaceDirections; ++k)
         if (!wide[(i + k) % n] || !wide[(i + n - k) % n]) return false;
@@ -221,6 +222,66 @@ Directions across_faces(const Columns& ground, int x, int y, const BankStrength&
   return across;
 }
 
+/// The directions of a face, and those up to half-way to that of a face beside it, so that their
+/// slices leave no gap.
+Directions turned_towards(const Directions& face, const Directions& beside) {
+  constexpr int n = kSliceDirections;
+  Directions all = face;
+  if (face.count() != 1 || beside.count() != 1) return all;
+  const auto only = [](const Directions& of) {
+    int i = 0;
+    while (!of[static_cast<std::size_t>(i)]) ++i;
+    return i;
+  };
+  const int from = only(face), turn = (only(beside) - from + n + n / 2) % n - n / 2;
+  if (std::abs(turn) > n / 4) return all;
+  for (int k = 1; k <= std::abs(turn) / 2; ++k)
+    all.set(static_cast<std::size_t>((from + (turn > 0 ? k : n - k)) % n));
+  return all;
+}
+
+/// Fails also what stands between columns that fail, or that failed before and bear loose soil:
+/// slices of feet whose faces differ leave gaps, and a needle in a gap does not stand.
+void close_gaps(const Columns& ground, WallFailure& failure) {
+  const std::vector<WallFailure::Column> found = failure.columns;
+  const auto fails = [&](int c) {
+    return found[static_cast<std::size_t>(c)].height < ground.firm_at(c);
+  };
+  const auto is_low = [&](int c) {
+    return fails(c) || ground.at(c) - ground.firm_at(c) > kFilmDepth;
+  };
+  const Eigen::AlignedBox2i all = failure.failed;
+  for (int x = all.min().x() - kGapColumns; x <= all.max().x() + kGapColumns; ++x) {
+    for (int y = all.min().y() - kGapColumns; y <= all.max().y() + kGapColumns; ++y) {
+      if (!ground.open(x, y) || is_low(ground.index(x, y))) continue;
+      WallFailure::Column highest{-std::numeric_limits<double>::infinity()};
+      for (const auto& [i, j] : {std::pair(1, 0), {0, 1}, {1, 1}, {1, -1}}) {
+        // The nearest low columns on both sides.
+        const auto nearest = [&](int side) {
+          for (int k = 1; k <= kGapColumns && ground.open(x + side * k * i, y + side * k * j); ++k)
+            if (is_low(ground.index(x + side * k * i, y + side * k * j))) return k;
+          return 0;
+        };
+        const int ahead = nearest(1), behind = nearest(-1);
+        if (ahead == 0 || behind == 0) continue;
+        const int a = ground.index(x + ahead * i, y + ahead * j),
+                  b = ground.index(x - behind * i, y - behind * j);
+        if (!fails(a) && !fails(b)) continue;
+        const double share = static_cast<double>(ahead) / (ahead + behind);
+        const WallFailure::Column &from = found[static_cast<std::size_t>(a)],
+                                  &to = found[static_cast<std::size_t>(b)];
+        const double height = from.height + share * (to.height - from.height);
+        if (height > highest.height)
+          highest = {height, from.slope + share * (to.slope - from.slope)};
+      }
+      WallFailure::Column& here = failure.columns[static_cast<std::size_t>(ground.index(x, y))];
+      if (std::isinf(highest.height) || highest.height >= here.height) continue;
+      here = highest;
+      failure.failed.extend(Coord2(x, y));
+    }
+  }
+}
+
 }  // namespace
 
 double BankStrength::least_height() const {
@@ -231,7 +292,6 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
                                const BankStrength& strength,
                                const std::function<double(int x, int y)>& dug) {
   WallFailure failure;
-  Directions across;
   const auto lower = [&](int x, int y, std::size_t slice, const FailurePlane& plane) {
     if (failure.columns.empty()) {
       for (std::size_t c = 0; c < ground.height_m.size(); ++c)
@@ -246,13 +306,9 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
       for (int j = std::max(0, y - far); j <= std::min(ground.ny - 1, y + far); ++j) {
         const Vec2 to(i - x, j - y);
         const double along = to.dot(direction);
-        const double aside = direction.x() * to.y() - direction.y() * to.x();
+        const double aside = std::abs(direction.x() * to.y() - direction.y() * to.x());
         if (along <= 0 || along > plane.end || !ground.open(i, j)) continue;
-        // A fan of slices has no gaps, but is no wider than its outermost slices.
-        const bool in_fan =
-            across[(slice + (aside > 0 ? 1 : kSliceDirections - 1)) % kSliceDirections];
-        const double wide = in_fan ? along * std::tan(kHalfSector) : 0;
-        if (std::abs(aside) > std::max(half_width, wide)) continue;
+        if (aside > std::max(half_width, along * std::tan(kHalfSector))) continue;
         const double height = zero + plane.slope * std::max(0.0, along - plane.foot);
         WallFailure::Column& column = failure.columns[static_cast<std::size_t>(ground.index(i, j))];
         if (height >= column.height) continue;
@@ -269,14 +325,28 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
           return true;
     return false;
   };
+  const Coord2 size = feet.sizes() + Coord2::Ones();
+  std::vector<Directions> all(static_cast<std::size_t>(std::max(0, size.prod())));
+  const auto of_foot = [&](int x, int y) {
+    const Coord2 in = Coord2(x, y) - feet.min();
+    const bool has = (in.array() >= 0).all() && (in.array() < size.array()).all();
+    return has ? &all[static_cast<std::size_t>(in.x() * size.y() + in.y())] : nullptr;
+  };
+  for (int x = feet.min().x(); x <= feet.max().x(); ++x)
+    for (int y = feet.min().y(); y <= feet.max().y(); ++y)
+      if (ground.open(x, y) && rises(x, y)) *of_foot(x, y) = across_faces(ground, x, y, strength);
   std::vector<std::pair<std::size_t, FailurePlane>> planes;
   for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
     for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
-      if (!ground.open(x, y) || !rises(x, y)) continue;
+      const Directions& face = *of_foot(x, y);
+      Directions across = face;
+      for (int i = x - 1; i <= x + 1; ++i)
+        for (int j = y - 1; j <= y + 1; ++j)
+          if (const Directions* beside = of_foot(i, j)) across |= turned_towards(face, *beside);
+      if (across.none()) continue;
       const int most = static_cast<int>(kMaxPlaneDepths * dug(x, y));
       planes.clear();
       bool fails = false;
-      across = across_faces(ground, x, y, strength);
       for (std::size_t i = 0; i < kSliceDirections; ++i) {
         if (!across[i]) continue;
         Slice slice(ground, x, y, directions()[i], strength);
@@ -291,6 +361,7 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
           lower(x, y, slice, plane);
     }
   }
+  if (!failure.failed.isEmpty()) close_gaps(ground, failure);
   return failure;
 }
 

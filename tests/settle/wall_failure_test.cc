@@ -21,8 +21,8 @@ namespace wall_failure_test {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// Two of the directions in which slices are searched.
-constexpr double kHalfSlices = 22.5 * kDegree;
+/// Angle between slices of every other direction.
+constexpr double kSlices = 22.5 * kDegree;
 
 struct CohesiveSoil {
   double cohesion_pa, friction, weight_n_m3;  // friction in rad
@@ -162,9 +162,46 @@ TEST(WallFailure, TakesNoGroundFromBehindWhatStands) {
     });
     each_failed([&](double way, double aside) {
       const double out = std::max(aside - front.max()[0], front.min()[0] - aside);
-      beyond = std::max(beyond, out - (n % 3 == 0 ? 0 : 1 + way * std::tan(kHalfSlices)));
+      const double slices = n % 3 == 0 ? 0.25 : 1;
+      beyond = std::max(beyond, out - 1 - way * std::tan(slices * kSlices));
     });
     EXPECT_LE(beyond, 1e-9) << direction / kDegree << ' ' << height;
+  }
+}
+
+TEST(WallFailure, TakesAWholeRingAroundAPit) {
+  std::mt19937 random(54);
+  std::uniform_real_distribution<double> share(0, 1);
+  for (int n = 0; n < 20; ++n) {
+    const CohesiveSoil& soil = kSoils[static_cast<std::size_t>(n) % std::size(kSoils)];
+    const double radius = 6 + 24 * share(random), height = 15 + 15 * share(random);
+    const Vec2 middle(100 + share(random), 100 + share(random));
+    const double critical = soil.critical_height_m(90 * kDegree);
+    const BankStrength strength{height / (1.1 * critical) * soil.cohesion_pa / soil.weight_n_m3,
+                                std::tan(soil.friction), 1.25};
+    const double width = height / std::tan(soil.plane(90 * kDegree));
+    Columns ground(200, 200, 1);
+    const auto beyond = [&](int x, int y) {
+      return (Vec2(x + 0.5, y + 0.5) - middle).norm() - radius;
+    };
+    for (int x = 0; x < 200; ++x)
+      for (int y = 0; y < 200; ++y)
+        if (beyond(x, y) > 0) ground.at(ground.index(x, y)) = height;
+    ground.firm_m = ground.height_m;
+    const WallFailure failure = find_wedge_failure(ground, {Coord2(60, 60), Coord2(140, 140)},
+                                                   strength, [](int, int) { return 100; });
+    int missing = 0, surplus = 0;
+    for (int x = 0; x < 200; ++x) {
+      for (int y = 0; y < 200; ++y) {
+        const int c = ground.index(x, y);
+        const bool fails = !failure.columns.empty() &&
+                           failure.columns[static_cast<std::size_t>(c)].height < ground.firm_at(c);
+        missing += !fails && beyond(x, y) > 0 && beyond(x, y) < 0.9 * width - 2;
+        surplus += fails && beyond(x, y) > width + 3;
+      }
+    }
+    EXPECT_EQ(missing, 0) << radius << ' ' << height;
+    EXPECT_EQ(surplus, 0) << radius << ' ' << height;
   }
 }
 
