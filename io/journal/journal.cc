@@ -139,6 +139,13 @@ void JournalWriter::flush() {
   if (!error_.empty()) fail();
 }
 
+std::uint64_t JournalWriter::hurry() {
+  const std::lock_guard lock(mutex_);
+  hurry_ = true;
+  wake_.notify_one();
+  return added_.updates;
+}
+
 void JournalWriter::fail() const {
   if (full_) throw DiskFull(error_);
   throw std::runtime_error(error_);

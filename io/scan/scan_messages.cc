@@ -114,7 +114,7 @@ CameraModel read_camera_info(std::string_view bytes) {
   return camera;
 }
 
-PointCloud read_point_cloud2(std::string_view bytes) {
+PointCloud read_point_cloud2(std::string_view bytes, std::size_t most) {
   CdrReader cdr(bytes);
   next_scan_header(cdr);
   const auto height = cdr.number<std::uint32_t>(), width = cdr.number<std::uint32_t>();
@@ -129,6 +129,8 @@ PointCloud read_point_cloud2(std::string_view bytes) {
   const std::size_t row = checked_rows(height, width, step, row_step, data.size());
   CloudBuilder cloud;
   const std::size_t rows = width == 0 ? 0 : height;
+  if (rows > 0 && width > most / rows)
+    throw ScanFault(fmt::format("has {} x {} points; there may be {}", width, height, most));
   cloud.expect(rows * width);
   for (std::size_t v = 0; v < rows; ++v) {
     Axes axes;

@@ -3,7 +3,9 @@
 // Decodes the ROS messages of scans from CDR.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -35,8 +37,9 @@ struct CameraModel {
 
 /// sensor_msgs/CameraInfo. @throw CdrError; ScanFault if the camera is no plain pinhole
 CameraModel read_camera_info(std::string_view cdr);
-/// sensor_msgs/PointCloud2. @throw CdrError; ScanFault
-PointCloud read_point_cloud2(std::string_view cdr);
+/// sensor_msgs/PointCloud2. @param most points that it may have @throw CdrError; ScanFault
+PointCloud read_point_cloud2(std::string_view cdr,
+                             std::size_t most = std::numeric_limits<std::size_t>::max());
 /// sensor_msgs/Image of depths. @throw CdrError; ScanFault
 PointCloud read_depth_image(std::string_view cdr, const CameraModel& camera);
 

@@ -36,7 +36,7 @@ Eigen::Quaterniond read_rotation(const YamlMap& map) {
 }
 
 /// The link of a machine that carries a sensor.
-void read_carrier(const YamlMap& map, Scenario& scenario, ScanInput& scan) {
+void read_carrier(const YamlMap& map, Scenario& scenario, SensorInput& scan) {
   const std::string name = map.text("machine");
   const auto found = std::find_if(scenario.machines.begin(), scenario.machines.end(),
                                   [&](const MachineInput& m) { return m.name == name; });
@@ -66,10 +66,9 @@ void read_carrier(const YamlMap& map, Scenario& scenario, ScanInput& scan) {
   }
 }
 
-/// A sensor as part of a scan that has no points yet. Where a recording has them its transforms
-/// place a sensor that has no place here.
-ScanInput read_sensor(const YamlMap& map, const std::string& name, Scenario& scenario) {
-  ScanInput scan;
+/// Where a recording has its points, transforms place a sensor that has no place here.
+SensorInput read_sensor(const YamlMap& map, const std::string& name, Scenario& scenario) {
+  SensorInput scan;
   Sensor& sensor = scan.sensor;
   sensor.name = name;
   scan.by_transforms = !map.has("at") && !map.has("rotation") && !map.has("machine");
@@ -265,17 +264,19 @@ class RecordedInputs {
 
 }  // namespace
 
+Pose SensorInput::carried(const Pose& bucket, std::span<const double> values) const {
+  if (!link) return bucket * sensor.pose;
+  std::vector<double> own;
+  for (const std::size_t joint : joints) own.push_back(values[joint]);
+  return link->world_from_bucket(own) * sensor.pose;
+}
+
 ScanInput::Seen ScanInput::read(const Motion* carrier) const {
   Seen seen{sensor, {}};
   if (machine && carrier == nullptr)
     throw InputError(file, "the machine that carries its sensor has no motion");
-  if (machine && !link) seen.sensor.pose = carrier->pose(time_s) * sensor.pose;
-  if (link) {
-    const std::vector<double> values = carrier->joint_values(time_s);
-    std::vector<double> own;
-    for (const std::size_t joint : joints) own.push_back(values.at(joint));
-    seen.sensor.pose = link->world_from_bucket(own) * sensor.pose;
-  }
+  if (machine && !link) seen.sensor.pose = carried(carrier->pose(time_s), {});
+  if (link) seen.sensor.pose = carried({}, carrier->joint_values(time_s));
   if (recording) {
     RecordedScan recorded = recording->read(number);
     seen.points_m = near_points(std::move(recorded.cloud.points_m));
@@ -291,7 +292,7 @@ ScanInput::Seen ScanInput::read(const Motion* carrier) const {
 }
 
 void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
-  std::map<std::string, ScanInput> sensors;
+  std::map<std::string, SensorInput>& sensors = result.sensors;
   if (scenario.has("sensors"))
     for (const std::string& name : scenario.keys("sensors"))
       sensors[name] =
@@ -316,9 +317,9 @@ void read_scan_inputs(const YamlMap& scenario, Scenario& result) {
                                   key, key));
     const std::size_t before = result.scans.size();
     if (recorded)
-      RecordedInputs(map, sensor->second, result).read();
+      RecordedInputs(map, {sensor->second}, result).read();
     else
-      read_file_scan(map, sensor->second, result);
+      read_file_scan(map, {sensor->second}, result);
     const ScanInput& first = result.scans[before];
     const auto files = recorded ? first.recording->files() : std::vector{first.file};
     for (const std::filesystem::path& file : files)

@@ -225,6 +225,7 @@ void serve_live(const ServeOptions& options, ServerOptions all) {
         options.scenario,
         "--speed needs machines with motions, and there are none; feed states instead");
   LiveSite site(Session::open(options.scenario), scenario.name);
+  site.set_sensors(scenario.sensors);
   for (const std::string& warning : site.session().site().warnings) say("warning: " + warning);
   Recording recording = site.session().recording();
   const std::optional<Played> played =

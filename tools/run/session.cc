@@ -345,6 +345,11 @@ void Session::sigmas(std::span<const Vec2> xy_m, std::span<double> sigmas_m) {
 const Ledger& Session::ledger(std::size_t machine) const {
   return state_->tracker().ledger(machine);
 }
+std::optional<Surveyed> Session::surveyed() const {
+  if (!state_->survey_) return {};
+  return state_->tracker().surveyed();
+}
+std::vector<Estimate> Session::lip_errors_m() const { return state_->lip_errors_m(); }
 Ledger Session::total() const { return state_->tracker().total(); }
 MassBalance Session::mass_balance() const { return state_->tracker().mass_balance(); }
 MassBalance Session::mass_balance_without_ground() const {

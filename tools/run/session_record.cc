@@ -243,6 +243,10 @@ io::JournalExtent Session::acknowledged() const {
   return state_->recorder ? state_->recorder->acknowledged() : io::JournalExtent{};
 }
 
+std::uint64_t Session::hurry() {
+  return state_->recorder ? state_->recorder->journal().hurry() : 0;
+}
+
 void Session::flush() {
   State& s = *state_;
   if (!s.recorder) return;

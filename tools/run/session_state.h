@@ -38,7 +38,8 @@ struct Session::State : tools::SiteState {
     std::vector<bool> retired = {};  ///< by machine; those that are missing are not
   };
 
-  using Site::broken_, Site::fail, Site::Input, Site::input, Site::inputs_, Site::require;
+  using Site::broken_, Site::fail, Site::Input, Site::input, Site::inputs_, Site::require,
+      Site::survey_;
 
   explicit State(SiteState site_state)
       : SiteState(std::move(site_state)),

@@ -16,6 +16,7 @@
 
 #include "io/file/text.h"
 #include "tools/serve/feeder.h"
+#include "tools/serve/scanner.h"
 #include "tools/serve/server_state.h"
 #include "tools/serve/viewer.h"
 
@@ -33,7 +34,7 @@ using Request = http::request<http::string_body>;
 constexpr std::chrono::seconds kFirstRequestTime{5}, kRequestTime{20}, kAnswerTime{120};
 constexpr std::chrono::seconds kHandshakeTime{5}, kSilence{60}, kGoodbyeTime{2};
 constexpr std::uint32_t kMostHeader = 8 << 10;
-constexpr std::size_t kMostFeed = 64 << 10, kMostView = 4 << 10;
+constexpr std::size_t kMostView = 4 << 10;
 
 std::string text_of(boost::string_view view) { return {view.data(), view.size()}; }
 
@@ -125,9 +126,11 @@ class Connection : public std::enable_shared_from_this<Connection> {
     wait_no_more();
     if (!post && !parser_->is_done()) return send(refusal(400, "only a POST may have a body"));
     if (upgrade) {
-      if (path == "/feed" && role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
-      if (path == "/feed" || path == "/view") return go_over(path == "/feed");
-      return send(refusal(404, "streams are /feed and /view"));
+      if (path == "/view") return go_over(path);
+      if (path != "/feed" && path != "/scan")
+        return send(refusal(404, "streams are /feed, /scan and /view"));
+      if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
+      return go_over(path);
     }
     if (post) {
       if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
@@ -254,7 +257,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
                       });
   }
 
-  void go_over(bool feeds) {
+  void go_over(const std::string& path) {
+    const bool feeds = path != "/view", scans = path == "/scan";
     const std::string client = client_of(parser_->get());
     auto socket = std::make_shared<Socket>(std::move(stream_));
     beast::get_lowest_layer(*socket).expires_never();
@@ -264,14 +268,18 @@ class Connection : public std::enable_shared_from_this<Connection> {
         feeds ? websocket::stream_base::none() : kSilence;  // a Feeder has its own
     timeout.keep_alive_pings = !feeds;
     socket->set_option(timeout);
-    socket->read_message_max(feeds ? kMostFeed : kMostView);
+    socket->read_message_max(scans   ? 0
+                             : feeds ? kMostFeed
+                                     : kMostView);  // 0: a Scanner has its own
     socket->auto_fragment(false);
     auto request = std::make_shared<Request>(parser_->release());
-    socket->async_accept(*request, [self = shared_from_this(), socket, request, feeds,
+    socket->async_accept(*request, [self = shared_from_this(), socket, request, feeds, scans,
                                     client](beast::error_code error) {
       self->end_quietly();
       if (error) return;
-      if (feeds)
+      if (scans)
+        std::make_shared<Scanner>(self->state_, std::move(*socket))->start();
+      else if (feeds)
         std::make_shared<Feeder>(self->state_, std::move(*socket))->start();
       else
         std::make_shared<Viewer>(self->state_, std::move(*socket), client)->start();

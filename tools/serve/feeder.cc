@@ -18,7 +18,7 @@ namespace websocket = beast::websocket;
 /// Silence after which a client is asked, and after which it is lost. Viewers must know within 5 s,
 /// and they are told once a second. After a minute its connection is closed.
 constexpr double kAsk_s = 1, kLost_s = 3.8, kGone_s = 60;
-constexpr std::size_t kMostRead = 16 << 10;
+constexpr std::size_t kMostRead = 64 << 10;
 
 }  // namespace
 
@@ -28,7 +28,8 @@ std::string name_of(const net::ip::tcp::socket& socket) {
   return none ? "a connection" : fmt::format("{}:{}", from.address().to_string(), from.port());
 }
 
-Feeder::Feeder(ServerState& state, Socket socket) : state_(state), socket_(std::move(socket)) {
+Feeder::Feeder(ServerState& state, Socket socket, std::size_t most)
+    : state_(state), socket_(std::move(socket)), most_(most) {
   source_->name = name_of(beast::get_lowest_layer(socket_).socket());
 }
 
@@ -50,7 +51,7 @@ void Feeder::heard() {
 }
 
 void Feeder::listen(std::chrono::duration<double> passed) {
-  if (state_.undoing) return;  // it may not be read
+  if (state_.undoing || works_) return;  // it may not be read
   silent_s_ += passed.count();
   if (silent_s_ >= kLost_s) set_link(FeedSource::Link::kLost);
   if (silent_s_ >= kGone_s) beast::get_lowest_layer(socket_).close();
@@ -63,27 +64,34 @@ void Feeder::listen(std::chrono::duration<double> passed) {
 
 void Feeder::read() {
   socket_.async_read_some(in_, kMostRead,
-                          [self = shared_from_this()](beast::error_code error, std::size_t) {
+                          [self = shared_from_this()](beast::error_code error, std::size_t size) {
                             if (error) return self->end(error != websocket::error::closed);
                             self->heard();
+                            self->size_ += size;
+                            if (self->size_ > self->most_) self->in_.clear();
                             if (!self->socket_.is_message_done()) return self->read();
-                            self->take();
+                            self->works_ = true;
+                            self->take(std::exchange(self->in_, {}), std::exchange(self->size_, 0));
                           });
 }
 
-void Feeder::take() {
-  lines_ = FeedLines(beast::buffers_to_string(in_.data()));
-  in_.consume(in_.size());
+void Feeder::take(beast::flat_buffer message, std::uint64_t) {
+  lines_ = FeedLines(beast::buffers_to_string(message.data()));
   work();
 }
 
 void Feeder::work() {
   if (state_.waits_for_undo([self = shared_from_this()] { self->work(); })) return;
-  if (lines_.feed(state_.feed_of(source_)) && !state_.ending) {
-    silent_s_ = 0;  // it was not listened to
+  if (lines_.feed(state_.feed_of(source_)) && !state_.ending)
     return net::post(state_.io, [self = shared_from_this()] { self->work(); });
-  }
-  socket_.async_write(net::buffer(lines_.answers()),
+  answer(lines_.answers());
+}
+
+void Feeder::answer(std::string text) {
+  works_ = false;
+  silent_s_ = asked_s_ = 0;  // it was not listened to
+  out_ = std::move(text);
+  socket_.async_write(net::buffer(out_),
                       [self = shared_from_this()](beast::error_code error, std::size_t) {
                         if (error) return self->end(true);
                         self->read();

@@ -12,6 +12,7 @@
 #include "io/file/json.h"
 #include "io/file/text.h"
 #include "tools/run/text.h"
+#include "tools/serve/line_values.h"
 #include "tools/serve/live_site.h"
 
 namespace soilvdb::tools {

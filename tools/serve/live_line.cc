@@ -13,6 +13,7 @@
 
 #include "io/file/json.h"
 #include "io/file/text.h"
+#include "tools/serve/line_values.h"
 #include "tools/serve/live_forces.h"
 #include "tools/serve/live_site.h"
 #include "tools/serve/target.h"
@@ -22,46 +23,8 @@ namespace {
 
 using Line = nlohmann::json;
 
-/// Latest time, beyond any calendar's. After a wrong one, no later state would be accepted.
-constexpr double kMostTime_s = 1e10;
 /// Farthest ahead of all earlier times in one step.
 constexpr double kFarthestAhead_s = 3600;
-/// Tolerance for the norm of rotations, which JSON often rounds.
-constexpr double kUnitTolerance = 1e-3;
-
-double number_of(const Line& json, const std::string& what) {
-  if (!json.is_number()) throw std::invalid_argument(what + " must be a number");
-  return json.get<double>();
-}
-
-template <std::size_t N>
-std::array<double, N> array_of(const Line& json, const std::string& what) {
-  std::array<double, N> all{};
-  if (!json.is_array() || json.size() != N)
-    throw std::invalid_argument(fmt::format("'{}' must be an array of {} numbers", what, N));
-  for (std::size_t i = 0; i < N; ++i)
-    all[i] = number_of(json[i], fmt::format("'{}' [{}]", what, i));
-  return all;
-}
-
-Pose line_pose(const Line& position, const Line& rotation) {
-  const auto p = array_of<3>(position, "position");
-  const auto q = array_of<4>(rotation, "rotation");
-  Pose pose{{p[0], p[1], p[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2])};
-  const double norm = pose.rotation.norm();
-  if (!(std::abs(norm - 1) <= kUnitTolerance))
-    throw std::invalid_argument(
-        fmt::format("'rotation' must be a unit quaternion x, y, z, w; its length is {:.6g}", norm));
-  pose.rotation.normalize();
-  return pose;
-}
-
-void require_keys(const Line& json, const std::vector<std::string>& known) {
-  for (const auto& [key, value] : json.items())
-    if (std::find(known.begin(), known.end(), key) == known.end())
-      throw std::invalid_argument(fmt::format("unknown key '{}'; there are {}", io::printable(key),
-                                              io::quoted_list(known)));
-}
 
 const Line& machine_in(const Line& json) {
   if (!json.contains("machine") || !json["machine"].is_string())
@@ -76,18 +39,6 @@ double host_time_s() {
 
 }  // namespace
 
-Line object_of(std::string_view line) {
-  Line json = io::parse_json(line);
-  if (json.is_discarded() || !json.is_object())
-    throw std::invalid_argument(
-        fmt::format("not a JSON object: '{}'{}", io::printable(line),
-                    json.is_discarded() && (line.find("NaN") != std::string_view::npos ||
-                                            line.find("Infinity") != std::string_view::npos)
-                        ? "; JSON has no NaN and no Infinity: leave such a state out"
-                        : ""));
-  return json;
-}
-
 /// @param joints storage for the state's joints
 MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) const {
   require_keys(json,
@@ -98,12 +49,7 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
     throw std::invalid_argument(
         fmt::format("machine '{}' is retired; POST /machines with a 'restore' brings it back",
                     session_.machines()[state.machine].name));
-  if (json.contains("time") && !json["time"].is_null())
-    state.time_s = number_of(json["time"], "'time'");
-  if (state.time_s && std::abs(*state.time_s) > kMostTime_s)
-    throw std::invalid_argument(
-        fmt::format("'time' is {:.6g} s; it must be within {:g} s of 0; are these milliseconds?",
-                    *state.time_s, kMostTime_s));
+  if (json.contains("time") && !json["time"].is_null()) state.time_s = time_of(json["time"]);
   const bool has_pose = json.contains("position") || json.contains("rotation");
   if (has_pose == json.contains("joints"))
     throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");
@@ -154,6 +100,7 @@ void LiveSite::reset_clock(const Line& json) {
   ++fed_.count;
   ++changes_of_past_;
   fed_.log.set_clock(machine);
+  fed_.places.set_clock(machine);
 }
 
 std::string LiveSite::how_to_set_clock(std::size_t machine) const {

@@ -9,6 +9,7 @@
 #include "io/file/json.h"
 #include "soilvdb/tool_shape.h"
 #include "tools/run/run_folder.h"
+#include "tools/serve/line_values.h"
 
 namespace soilvdb::tools {
 namespace {
@@ -59,6 +60,7 @@ void FedStates::note_time(std::optional<double> time_s) {
 void FedStates::add(const io::JournalUpdate& update) {
   ++count;
   log.add(update);
+  places.add(update);
   if (!update.has_rows()) return;
   note_time(std::isnan(update.end_s) ? std::nullopt : std::optional(update.end_s));
   const bool digs = update.kind == io::JournalUpdate::Kind::kMove;
@@ -107,6 +109,7 @@ StepResult LiveSite::taken(const MachineState& state, StepResult step) {
     const auto row = io::row_of(state.pose);
     at.numbers.assign(row.begin(), row.end());
   }
+  fed_.places.add(state.machine, state.time_s, at);
   const Ledger& now = session_.ledger(state.machine);
   const std::int64_t hauled = session_.mass_balance_without_ground().hauled;
   if (fed_.log.add(state.machine, state.time_s, std::move(at),
@@ -326,10 +329,13 @@ RunTotals LiveSite::totals(const Session& ground) const {
                    ground.mass_balance(),
                    {},
                    before_.change_m3,
-                   before_.mass};
+                   before_.mass,
+                   ground.surveyed()};
+  const std::vector<Estimate> lips_m = ground.lip_errors_m();
   for (std::size_t i = 0; i < ground.machines().size(); ++i)
-    totals.machines.push_back(
-        {ground.machines()[i].name, ground.machines()[i].bucket, ground.ledger(i)});
+    totals.machines.push_back({ground.machines()[i].name, ground.machines()[i].bucket,
+                               ground.ledger(i), 0,
+                               i < lips_m.size() ? std::optional(lips_m[i]) : std::nullopt});
   return totals;
 }
 

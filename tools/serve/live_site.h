@@ -10,26 +10,29 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <set>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "io/journal/report.h"
+#include "soilvdb/io/scenario.h"
 #include "soilvdb/session.h"
 #include "tools/run/run_totals.h"
 #include "tools/serve/machine_feed.h"
+#include "tools/serve/machine_places.h"
 #include "tools/serve/work_log.h"
 
 namespace soilvdb::tools {
+
+struct ScanHead;
 
 /// A site's change before it was opened.
 struct ChangeBefore {
   double change_m3 = 0;
   std::int64_t mass = 0;  ///< in MassUnits
 };
-
-/// The JSON object of a line. @throw std::invalid_argument for any other line
-nlohmann::json object_of(std::string_view line);
 
 /// What was fed so far, from live states or a journal.
 struct FedStates {
@@ -39,6 +42,7 @@ struct FedStates {
   void note_time(std::optional<double> time_s);
 
   WorkLog log;
+  MachinePlaces places = {};
   io::Durations durations = {};
   std::uint64_t count = 0;
   std::optional<double> latest_s = {};   ///< of all states, also by clocks that were ahead
@@ -69,6 +73,18 @@ class LiveSite {
   /// @return a line: the update, or `{"error": ..}`, and then the site is unchanged
   std::string feed(std::string_view line, const std::shared_ptr<const FeedSource>& source = {});
   StepResult feed(const MachineState& state);
+  /// Those of its scenario.
+  void set_sensors(std::map<std::string, io::SensorInput> sensors) {
+    sensors_ = std::move(sensors);
+  }
+  /// The sensor of a scan at its place in the world, as far as states were fed.
+  /// @throw std::invalid_argument with one line
+  Sensor sensor_of(const ScanHead& head) const;
+  /// Corrects the ground by a scan. @param points_m where its rays ended, world
+  /// @return what was changed; `acknowledged_s` is left to the caller
+  /// @throw std::exception with one line, and then the site is unchanged
+  nlohmann::ordered_json scan(const ScanHead& head, const Sensor& sensor,
+                              std::span<const Vec3> points_m);
   /// Adds, renames or retires a machine or hopper, see Session::change_list(). Without a time,
   /// hoppers come and go now.
   /// @return the list. @throw std::exception with one line
@@ -122,6 +138,7 @@ class LiveSite {
   nlohmann::ordered_json answer_to(const StepResult& step, std::size_t machine);
   bool asks_for_force(const nlohmann::json& json, std::size_t machine) const;
   void reset_clock(const nlohmann::json& json);
+  Pose carried(const io::SensorInput& input, std::optional<double> time_s) const;
   void set_time(nlohmann::json& change) const;
   /// Keeps a record of each machine of the session.
   void follow_machines();
@@ -135,9 +152,11 @@ class LiveSite {
   std::string curl_ = "curl -X POST", address_ = "/";
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   FedStates fed_;
-  std::vector<Clock::time_point> moved_;          ///< by machine
-  std::vector<MachineFeed> feeds_;                ///< by machine
-  std::vector<std::optional<double>> doubted_s_;  ///< by machine: refused as too far ahead
+  std::map<std::string, io::SensorInput> sensors_;  ///< by name
+  std::set<std::string> scanned_;                   ///< names of sensors whose scans came
+  std::vector<Clock::time_point> moved_;            ///< by machine
+  std::vector<MachineFeed> feeds_;                  ///< by machine
+  std::vector<std::optional<double>> doubted_s_;    ///< by machine: refused as too far ahead
   Clock::time_point begin_ = Clock::now();
   std::uint64_t changes_of_past_ = 0;
   std::int64_t hauled_ = 0;  ///< so far, units of mass

@@ -167,7 +167,7 @@ void ServerState::with_ground(std::optional<double> time_s, std::optional<double
 }
 
 void ServerState::drop_queries() {
-  for (QueryLane* lane : {&places, &queries, &other_times}) lane->drop();
+  for (QueryLane* lane : {&places, &queries, &other_times, &scans}) lane->drop();
 }
 
 void ServerState::query(QueryLane& lane, const std::string& client, std::function<Reply()> make,

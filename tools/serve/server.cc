@@ -344,7 +344,7 @@ void Server::run(const std::function<bool()>& stopped, const std::function<void(
   s.tick();
   s.io.run();
   s.drop_queries();
-  for (QueryLane* lane : {&s.places, &s.queries, &s.other_times}) lane->wait();
+  for (QueryLane* lane : {&s.places, &s.queries, &s.other_times, &s.scans}) lane->wait();
   if (s.recording) {
     s.follow_ground();
     s.recording->finish(*s.beside);

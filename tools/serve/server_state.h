@@ -179,6 +179,7 @@ struct ServerState {
   /// one, and a query of the live ground for none of another time.
   std::optional<LiveHeights> place_heights, heights;  ///< during run()
   QueryLane places, queries, other_times;
+  QueryLane scans;                     ///< reads points, which needs no site
   std::unique_ptr<GroundCopy> beside;  ///< updates `copy`
 };
 

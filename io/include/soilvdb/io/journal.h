@@ -133,6 +133,8 @@ class JournalWriter {
   void add(const JournalEnd& end);
   /// Returns when all records added before are acknowledged.
   void flush();
+  /// As flush(), but does not wait. @return acknowledged().updates when it is done
+  std::uint64_t hurry();
   /// Throws if writing has failed; does not wait.
   void check() const;
   JournalExtent acknowledged() const;

@@ -10,6 +10,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -64,19 +65,27 @@ struct MachineInput {
   bool has_motion() const { return motion.rows() > 0; }
 };
 
+/// A sensor of a scenario.
+struct SensorInput {
+  Sensor sensor = {};                       ///< its pose is in the world, or on `machine`
+  bool by_transforms = false;               ///< it has no place: a recording says where it was
+  std::optional<std::size_t> machine = {};  ///< whose link carries the sensor
+  std::optional<Chain> link = {};           ///< to that link; without it the bucket is meant
+  /// Of the joints of `link`, their numbers among those of the machine.
+  std::vector<std::size_t> joints = {};
+
+  /// Where it is on its machine, world. @param bucket world_from_bucket, without a `link`
+  /// @param values of all joints of the machine, with a `link`
+  Pose carried(const Pose& bucket, std::span<const double> values) const;
+};
+
 /// A scan that corrects the ground at a time.
-struct ScanInput {
-  std::filesystem::path file;  ///< of points, or the first of a recording
+struct ScanInput : SensorInput {
+  std::filesystem::path file = {};  ///< of points, or the first of a recording
   double time_s = 0;
   bool in_world = false;                          ///< points are the world's; else the sensor's
   std::shared_ptr<RecordedScans> recording = {};  ///< has the points; null: the file does
   std::size_t number = 0;                         ///< of the recording's scans
-  bool by_transforms = false;                     ///< the recording says where the sensor was
-  Sensor sensor;                                  ///< its pose is in the world, or on `machine`
-  std::optional<std::size_t> machine = {};        ///< whose link carries the sensor
-  std::optional<Chain> link = {};                 ///< to that link; without it the bucket is meant
-  /// Of the joints of `link`, their numbers among those of the machine.
-  std::vector<std::size_t> joints = {};
 
   struct Seen {
     Sensor sensor;               ///< where it was, world
@@ -94,9 +103,10 @@ struct Scenario {
   Terrain terrain;
   std::vector<MachineInput> machines;  ///< names are unique; may be empty only with pours
   std::optional<SoilProperties> soil;  ///< empty: soil is rigid
-  std::vector<Pour> pours;       ///< names are unique and differ from machines'; only with soil
-  std::vector<Hopper> hoppers;   ///< the same; no two in the same place at the same time
-  std::vector<ScanInput> scans;  ///< by time
+  std::vector<Pour> pours;      ///< names are unique and differ from machines'; only with soil
+  std::vector<Hopper> hoppers;  ///< the same; no two in the same place at the same time
+  std::map<std::string, SensorInput> sensors;  ///< by name
+  std::vector<ScanInput> scans;                ///< by time
   std::optional<double> snapshot_every_s;
   bool incremental_snapshots = false;
   std::optional<std::size_t> snapshots_kept;  ///< number of newest ones, 2 or more; empty: all

@@ -156,6 +156,10 @@ class Session {
 
   /// @throw std::out_of_range if there is no such machine
   const Ledger& ledger(std::size_t machine) const;
+  /// What scans removed and added so far; empty before any.
+  std::optional<Surveyed> surveyed() const;
+  /// See Site::lip_errors_m().
+  std::vector<Estimate> lip_errors_m() const;
   Ledger total() const;
   MassBalance mass_balance() const;
   /// As above without `ground`, which needs a count of chunks.
@@ -265,6 +269,9 @@ class Session {
   /// This session, which records there, goes on from that. A crash leaves one of both recordings.
   /// @throw std::exception if it can't be written: nothing has changed
   void undo(Undone& undone);
+  /// Has all updates so far written to disk soon, and does not wait.
+  /// @return acknowledged().updates when they are there
+  std::uint64_t hurry();
   /// Returns when the whole recording is on disk. @throw std::runtime_error if that fails
   void flush();
   /// Calls flush() and releases the folder, even if flush() throws.

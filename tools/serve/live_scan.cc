@@ -1,0 +1,140 @@
+// SPDX-FileCopyrightText: 2026 The soilvdb authors
+// SPDX-License-Identifier: Apache-2.0
+// Scans that correct the ground of a live site.
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "io/file/text.h"
+#include "soilvdb/io/motion_rows.h"
+#include "tools/serve/live_site.h"
+#include "tools/serve/scan_message.h"
+
+namespace soilvdb::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// The time of a correction grows with the cube of their number.
+constexpr std::size_t kMostSensorNames = 32;
+constexpr std::size_t kLongestSensorName = 100;  // bytes
+/// What was dug since a scan would be filled again by it.
+constexpr double kOldestScan_s = 10;
+
+}  // namespace
+
+/// Where a sensor of the scenario was that a machine carries, world.
+Pose LiveSite::carried(const io::SensorInput& input, std::optional<double> time_s) const {
+  const std::size_t machine = *input.machine;
+  const std::string& name = session_.machines()[machine].name;
+  const MachinePlaces::State* state = fed_.places.at(machine, time_s);
+  if (state == nullptr) {
+    const std::optional<double> from_s = fed_.places.from_s(machine);
+    throw std::invalid_argument(
+        from_s
+            ? fmt::format("header: 'time' is {} s, and where '{}' was, which carries the sensor, "
+                          "is known from {} s on",
+                          *time_s, name, *from_s)
+            : fmt::format("header: machine '{}', which carries the sensor, has no state yet; "
+                          "feed one first",
+                          name));
+  }
+  const std::vector<double>& numbers = state->at.numbers;
+  if (!input.link)
+    return input.carried(
+        state->at.joints ? session_.pose(machine, numbers) : io::pose_of(numbers.data()), {});
+  if (!state->at.joints)
+    throw std::invalid_argument(
+        fmt::format("header: the link of '{}' that carries the sensor has no place, because the "
+                    "machine was fed "
+                    "'position' and 'rotation'; feed its 'joints'",
+                    name));
+  return input.carried({}, numbers);
+}
+
+Sensor LiveSite::sensor_of(const ScanHead& head) const {
+  const auto found = sensors_.find(head.sensor);
+  const io::SensorInput* known = found == sensors_.end() ? nullptr : &found->second;
+  if (known == nullptr && !head.pose) {
+    std::vector<std::string> names;
+    for (const auto& [name, sensor] : sensors_) names.push_back(name);
+    throw std::invalid_argument(fmt::format(
+        "header: {}; name one of the scenario's 'sensors'{}, or give 'position' and 'rotation'",
+        head.sensor.empty() ? "'sensor' is missing"
+                            : fmt::format("there is no sensor '{}'", io::printable(head.sensor)),
+        names.empty() ? ", which has none" : ": " + io::quoted_list(names)));
+  }
+  if (head.sensor.size() > kLongestSensorName)
+    throw std::invalid_argument(fmt::format("header: 'sensor' has {} bytes, and may have {}",
+                                            head.sensor.size(), kLongestSensorName));
+  if (known != nullptr && known->by_transforms && !head.pose)
+    throw std::invalid_argument(
+        fmt::format("header: sensor '{}' has no place in the scenario; give 'position' and "
+                    "'rotation'",
+                    head.sensor));
+  if (const auto latest_s = fed_.places.latest_s();
+      head.time_s && latest_s && *head.time_s < *latest_s - kOldestScan_s)
+    throw std::invalid_argument(fmt::format(
+        "header: 'time' is {} s, more than {} s before the latest state, {} s; what was dug since "
+        "would be filled again. Send scans at once",
+        *head.time_s, kOldestScan_s, *latest_s));
+  Sensor sensor = known != nullptr ? known->sensor : Sensor();
+  if (!head.sensor.empty()) sensor.name = head.sensor;
+  if (head.pose)
+    sensor.pose = *head.pose;
+  else if (known->machine)
+    sensor.pose = carried(*known, head.time_s);
+  if (head.noise) {
+    sensor.range_sigma_m = head.noise->sigma_m;
+    sensor.range_squared_sigma_per_m = head.noise->squared_per_m;
+  }
+  sensor.mount_height_sigma_m = head.mount.height_m.value_or(sensor.mount_height_sigma_m);
+  sensor.mount_tilt_sigma_rad = head.mount.tilt_rad.value_or(sensor.mount_tilt_sigma_rad);
+  sensor.mount_scale_sigma = head.mount.scale.value_or(sensor.mount_scale_sigma);
+  try {
+    sensor.validate();
+  } catch (const std::invalid_argument& e) {
+    throw std::invalid_argument(fmt::format("header: {}", e.what()));
+  }
+  return sensor;
+}
+
+Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const Vec3> points_m) {
+  if (!scanned_.contains(sensor.name) && scanned_.size() >= kMostSensorNames)
+    throw std::invalid_argument(fmt::format(
+        "header: 'sensor' is '{}', and {} other names were sent; give a sensor one name, not one "
+        "for each scan",
+        io::printable(sensor.name), kMostSensorNames));
+  // A scan that can't be recorded must not be left for the next one.
+  if (const std::string why = session_.recording_fault(); !why.empty())
+    throw std::runtime_error(why);
+  if (const StepResult step = session_.scan(sensor, points_m); !step.ok())
+    throw std::invalid_argument(step.why);
+  scanned_.insert(sensor.name);
+  Survey survey;
+  const StepResult step = session_.apply_scans(survey);
+  session_.take_warnings();  // of the first doubtful scan only
+  if (!step.ok()) throw std::runtime_error(step.why);
+  fed_.count += !points_m.empty();  // without points there is nothing to record
+  Json answer = {{"time", head.time_s ? Json(*head.time_s) : Json()},
+                 {"acknowledged_s", nullptr},
+                 {"removed_m3", survey.removed_m3},
+                 {"added_m3", survey.added_m3},
+                 {"sigma_m3", survey.sigma_m3},
+                 {"rays",
+                  {{"used", survey.rays.used},
+                   {"masked", survey.rays.masked},
+                   {"through", survey.rays.through},
+                   {"new", survey.rays.added},
+                   {"dropped", survey.rays.dropped}}},
+                 {"lip_error", Json::object()}};
+  for (std::size_t i = 0; i < survey.lip_errors_m.size(); ++i)
+    answer["lip_error"][session_.machines()[i].name] = {survey.lip_errors_m[i].mean,
+                                                        survey.lip_errors_m[i].sigma};
+  if (const std::string doubt = survey.rays.doubt(); !doubt.empty()) answer["warning"] = doubt;
+  return answer;
+}
+
+}  // namespace soilvdb::tools
