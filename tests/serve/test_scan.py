@@ -6,12 +6,14 @@ import functools
 import json
 import math
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soilvdb
 from live import Server, passes
+from test_disk import fill, small_disk
 from test_feeds import START
 
 DATA = Path(__file__).parents[2] / "data"
@@ -426,3 +428,32 @@ def test_feeds_scans_and_newcomers_go_on_beside_each_other(tmp_path):
         server.kill()
     with Server(path, "--out", out, cwd=tmp_path) as server:
         assert ground(server) == last
+
+
+def test_a_full_disk_is_told_and_the_correction_is_kept(tmp_path):
+    image, volume = pit()
+    one, flat = message(DEPTH, image.tobytes()), message(DEPTH, FLAT)
+    path = site(tmp_path)
+    with small_disk(tmp_path / "disk", 3000) as disk:
+        with Server(path, "--out", disk / "out", cwd=tmp_path) as server:
+            server.feed([PARKED])
+            fill(disk)
+            told, = scan(server, [one])
+            assert "the ground is corrected by this scan, but that is not on disk yet" in told["error"]
+            assert "No space left on device" in told["error"]
+            kept = ground(server)
+            assert kept[1]["surveyed_removed"] == pytest.approx(volume, rel=0.005)
+            refused, = scan(server, [flat])
+            assert "No space left on device" in refused["error"] and "corrected" not in refused["error"]
+            assert ground(server) == kept
+            (disk / "other").unlink()
+            until = time.monotonic() + 60
+            while "error" in (answer := scan(server, [flat])[0]):
+                assert time.monotonic() < until and "No space left on device" in answer["error"]
+                assert ground(server) == kept
+                time.sleep(0.2)
+            assert answer["added_m3"] == pytest.approx(volume, rel=0.005)
+            last = ground(server)
+            server.kill()
+        with Server(path, "--out", disk / "out", cwd=tmp_path) as server:
+            assert ground(server) == last
