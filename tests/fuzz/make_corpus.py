@@ -5,6 +5,7 @@
 
     tests/fuzz/make_corpus.py build/soilvdb     # needs gdal_translate, too
 """
+import json
 import pathlib
 import re
 import struct
@@ -197,6 +198,26 @@ def points():
   write('points', 'pts', '2\n1 2 3 9 1 2 3\n4 5 6 9 4 5 6\n')
 
 
+def live_scans():
+  """Messages of a live site's stream /scan."""
+  def message(name, head, points):
+    head = json.dumps(head).encode()
+    write('live_scan', name, struct.pack('<I', len(head)) + head + points)
+  place = {'position': [0, 0, 4], 'rotation': [1, 0, 0, 0], 'noise': {'range': 0.01}, 'mount': {'tilt': 0.001}}
+  down = [(0.1 * i, 0.1 * j, 4.3) for i in range(4) for j in range(4)]
+  floats = b''.join(struct.pack('<3f', *p) for p in down)
+  message('points', {'sensor': 'mast', 'time': 1.5, 'format': 'float32_xyz', 'frame': 'sensor'}, floats)
+  message('world', {'format': 'float64_xyz', 'frame': 'world', **place},
+          b''.join(struct.pack('<3d', x, y, -0.3) for x, y, _ in down))
+  message('depth', {'sensor': 'mast', 'format': 'depth_float32', 'shape': [4, 4],
+                    'intrinsics': [40, 40, 1.5, 1.5]}, struct.pack('<16f', *[4.3] * 16))
+  message('carried', {'sensor': 'bucket', 'format': 'float32_xyz', 'noise': 'ouster_os1'}, floats)
+  fields = b''.join(struct.pack('<I2sxxIBxxxI', 2, name, 4 * k, 7, 1) for k, name in enumerate([b'x', b'y', b'z']))
+  message('cloud', {'sensor': 'mast', 'format': 'cdr', 'type': 'sensor_msgs/msg/PointCloud2'},
+          b'\0\1\0\0' + struct.pack('<iII2sxxIII', 1, 0, 2, b'm', 1, len(down), 3) + fields +
+          struct.pack('<BxxxIII', 0, 12, len(floats), len(floats)) + floats + b'\1')
+
+
 def with_directives(text):
   """Names and numbers as directives of printf: text of a file must never be a format."""
   return re.sub(r'\b(grey|boom|turn|pit|digger|0\.5|1\.5)\b', '%s%n%1$s', text)
@@ -212,6 +233,7 @@ def main():
   write('motion', 'joints', JOINTS)
   write('urdf', 'machine', MACHINE)
   points()
+  live_scans()
   for target, text in [('scenario', SCENARIO), ('motion', JOINTS), ('urdf', MACHINE)]:
     write(target, 'directives', with_directives(text))
   with tempfile.TemporaryDirectory() as folder:

@@ -258,7 +258,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   }
 
   void go_over(const std::string& path) {
-    const bool feeds = path != "/view", scans = path == "/scan";
+    const bool feeds = path != "/view";
+    const bool scans = path == "/scan";  // a Scanner itself drops what is too long
     const std::string client = client_of(parser_->get());
     auto socket = std::make_shared<Socket>(std::move(stream_));
     beast::get_lowest_layer(*socket).expires_never();
@@ -268,9 +269,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
         feeds ? websocket::stream_base::none() : kSilence;  // a Feeder has its own
     timeout.keep_alive_pings = !feeds;
     socket->set_option(timeout);
-    socket->read_message_max(scans   ? 0
-                             : feeds ? kMostFeed
-                                     : kMostView);  // 0: a Scanner has its own
+    socket->read_message_max(scans ? 0 : feeds ? kMostFeed : kMostView);
     socket->auto_fragment(false);
     auto request = std::make_shared<Request>(parser_->release());
     socket->async_accept(*request, [self = shared_from_this(), socket, request, feeds, scans,

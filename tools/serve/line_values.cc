@@ -42,7 +42,7 @@ double number_of(const nlohmann::json& json, const std::string& what) {
   return json.get<double>();
 }
 
-double time_of(const nlohmann::json& json) {
+double line_time(const nlohmann::json& json) {
   const double time_s = number_of(json, "'time'");
   if (!(std::abs(time_s) <= kMostTime_s))
     throw std::invalid_argument(

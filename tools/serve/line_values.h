@@ -23,7 +23,7 @@ void require_keys(const nlohmann::json& json, const std::vector<std::string>& kn
 
 double number_of(const nlohmann::json& json, const std::string& what);
 /// A time, s.
-double time_of(const nlohmann::json& json);
+double line_time(const nlohmann::json& json);
 Pose line_pose(const nlohmann::json& position, const nlohmann::json& rotation);
 
 template <std::size_t N>

@@ -49,7 +49,7 @@ MachineState LiveSite::parse(const Line& json, std::vector<double>& joints) cons
     throw std::invalid_argument(
         fmt::format("machine '{}' is retired; POST /machines with a 'restore' brings it back",
                     session_.machines()[state.machine].name));
-  if (json.contains("time") && !json["time"].is_null()) state.time_s = time_of(json["time"]);
+  if (json.contains("time") && !json["time"].is_null()) state.time_s = line_time(json["time"]);
   const bool has_pose = json.contains("position") || json.contains("rotation");
   if (has_pose == json.contains("joints"))
     throw std::invalid_argument("give either 'joints' or 'position' and 'rotation'");

@@ -233,7 +233,7 @@ ScanHead::ScanHead(std::string_view message) {
     require_keys(json, {"sensor", "time", "format", "frame", "shape", "intrinsics", "type",
                         "position", "rotation", "noise", "mount"});
     if (json.contains("sensor")) sensor = text_in(json, "sensor");
-    if (json.contains("time") && !json["time"].is_null()) time_s = time_of(json["time"]);
+    if (json.contains("time") && !json["time"].is_null()) time_s = line_time(json["time"]);
     format = format_in(json);
     require_format_keys(json, format);
     if (json.contains("frame")) {
@@ -257,7 +257,8 @@ ScanHead::ScanHead(std::string_view message) {
   }
 }
 
-std::vector<Vec3> points_of(const ScanHead& head, std::string_view message, const Sensor& sensor) {
+std::vector<Vec3> scan_points(const ScanHead& head, std::string_view message,
+                              const Sensor& sensor) {
   io::PointCloud cloud = cloud_of(head, message.substr(head.points_at));
   std::vector<Vec3>& points_m = cloud.points_m;
   if (points_m.empty() && cloud.without_return > 0)

@@ -44,6 +44,6 @@ struct ScanHead {
 /// Where the rays of a message ended, world. Needs no site.
 /// @param sensor at its place in the world
 /// @throw std::invalid_argument with one line
-std::vector<Vec3> points_of(const ScanHead& head, std::string_view message, const Sensor& sensor);
+std::vector<Vec3> scan_points(const ScanHead& head, std::string_view message, const Sensor& sensor);
 
 }  // namespace soilvdb::tools

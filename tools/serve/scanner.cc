@@ -66,7 +66,7 @@ void Scanner::take(boost::beast::flat_buffer message, std::uint64_t size) {
   }
   const bool taken = state_.scans.try_run(source_->name, [scanner = self(), scan]() mutable {
     try {
-      scan->points_m = points_of(*scan->head, scan->bytes(), scan->sensor);
+      scan->points_m = scan_points(*scan->head, scan->bytes(), scan->sensor);
     } catch (const std::exception& e) {
       scan->fault = e.what();
     }
