@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soilvdb
-from live import Server, passes
+from live import Server, passes, view
 from test_disk import fill, small_disk
 from test_feeds import START
 
@@ -153,6 +153,9 @@ def test_soil_that_was_taken_behind_the_servers_back_is_found(tmp_path):
         assert after["mass_kg"]["buckets"] == before["mass_kg"]["buckets"]
         mean, sigma = answer["lip_error"]["digger"]
         assert after["machines"][0]["lip_error_m"] == {"mean": mean, "sigma": sigma}
+        texts, _ = asyncio.run(view(server, lambda texts, _: any(text["type"] == "state" for text in texts)))
+        state = next(text for text in texts if text["type"] == "state")
+        assert state["change_m3"] == pytest.approx(after["volume_m3"]["ground_change"], abs=1e-9)
         empty, = scan(server, [message(POINTS)])
         assert empty["removed_m3"] == empty["added_m3"] == 0 and empty["time"] is None
 
@@ -213,6 +216,10 @@ def test_a_sensor_is_where_its_machine_was(tmp_path):
         assert again["removed_m3"] + again["added_m3"] < 0.005 * volume
         old, = scan(server, [message({**DEPTH, "time": -8.1}, image.tobytes())])
         assert "more than 10 s before the latest state, 2 s" in old["error"]
+        reset, = server.feed([{"machine": "digger", "clock": "reset"}])
+        assert "error" not in reset
+        any_time, = scan(server, [message({**POINTS, "sensor": "bucket", "time": -50.0})])
+        assert "error" not in any_time, "the times before count no more"
 
 
 def test_a_sensor_on_a_link_moves_with_its_joints(tmp_path):
@@ -430,10 +437,11 @@ def test_feeds_scans_and_newcomers_go_on_beside_each_other(tmp_path):
         assert ground(server) == last
 
 
-def test_a_full_disk_is_told_and_the_correction_is_kept(tmp_path):
+@pytest.mark.parametrize("sync", ["1", "always"])
+def test_a_full_disk_is_told_and_the_correction_is_kept(tmp_path, sync):
     image, volume = pit()
     one, flat = message(DEPTH, image.tobytes()), message(DEPTH, FLAT)
-    path = site(tmp_path)
+    path = site(tmp_path, f"output: {{journal: {{sync: {sync}}}}}\n")
     with small_disk(tmp_path / "disk", 3000) as disk:
         with Server(path, "--out", disk / "out", cwd=tmp_path) as server:
             server.feed([PARKED])

@@ -116,7 +116,8 @@ Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const 
   Survey survey;
   const StepResult step = session_.apply_scans(survey);
   session_.take_warnings();  // of the first doubtful scan only
-  if (!step.ok()) throw std::runtime_error(step.why);
+  if (!step.ok())
+    throw std::runtime_error(session_.recording_fault().empty() ? step.why : kNotOnDisk + step.why);
   fed_.count += !points_m.empty();  // without points there is nothing to record
   Json answer = {{"time", head.time_s ? Json(*head.time_s) : Json()},
                  {"acknowledged_s", nullptr},

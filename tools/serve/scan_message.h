@@ -19,6 +19,10 @@ namespace soilvdb::tools {
 inline constexpr std::size_t kMostScanBytes = 32 << 20, kMostScanHeader = 16 << 10;
 inline constexpr std::size_t kMostScanPoints = 1 << 20;
 
+/// Before the reason why a correction that was made is not on disk.
+inline const std::string kNotOnDisk =
+    "the ground is corrected by this scan, but that is not on disk yet; do not send it again: ";
+
 /// The header of a message, checked as far as that needs no site.
 struct ScanHead {
   enum class Format { kFloat32, kFloat64, kDepth, kCloud2 };

@@ -97,10 +97,7 @@ void Scanner::wait_for_disk(std::uint64_t updates) {
     return answer(io::to_text(made_));
   }
   if (const std::string why = session.recording_fault(); !why.empty())
-    return refuse(
-        "the ground is corrected by this scan, but that is not on disk yet; do not send "
-        "it again: " +
-        why);
+    return refuse(kNotOnDisk + why);
   disk_.expires_after(kLookAtDisk);
   disk_.async_wait([scanner = self(), updates](const boost::system::error_code& error) {
     if (!error) scanner->wait_for_disk(updates);

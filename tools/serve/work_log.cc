@@ -212,7 +212,9 @@ Json site_state(const Session& site, const WorkLog& log, const std::vector<bool>
   const Ledger total = site.total();
   const MassBalance balance = site.mass_balance_without_ground();
   const double sample_m3 = site.site().ground->sample_m3();
-  const std::int64_t change = balance.fill_samples - balance.failed_samples - total.cut();
+  const Surveyed surveyed = site.surveyed().value_or(Surveyed());
+  const std::int64_t change = balance.fill_samples - balance.failed_samples - total.cut() +
+                              surveyed.added - surveyed.removed;
   return {{"type", "state"},
           {"time_s", log.time_s() ? Json(*log.time_s()) : Json()},
           {"machines", machines},
