@@ -350,8 +350,8 @@ inline constexpr int kFaceColumns = 3;
 /// between the one across a face and the face itself. With smaller ones, wedges reach behind what
 /// stands beside them. With larger ones, corners of pits fail too late.
 inline constexpr std::size_t kMostOfFace = 20, kFaceDirections = 7;
-/// Columns on each side of one that stands up to the next that fails, for it to fail with them. With
-/// fewer, needles are left between slices. With more, walls between two cuts come down.
+/// Columns on each side of one that stands up to the next that fails, for it to fail with them.
+/// With fewer, needles are left between slices. With more, walls between two cuts come down.
 inline constexpr int kGapColumns = 3;
 /// Planes that are tried through each column where the ground falls off behind a cut.
 inline constexpr int kSlicePlanes = 4;
