@@ -255,17 +255,21 @@ void close_gaps(const Columns& ground, WallFailure& failure) {
     for (int y = all.min().y() - kGapColumns; y <= all.max().y() + kGapColumns; ++y) {
       if (!ground.open(x, y) || is_low(ground.index(x, y))) continue;
       WallFailure::Column highest{-std::numeric_limits<double>::infinity()};
-      for (const auto& [i, j] : {std::pair(1, 0), {0, 1}, {1, 1}, {1, -1}}) {
+      for (const Coord2& step : {Coord2(1, 0), Coord2(0, 1), Coord2(1, 1), Coord2(1, -1)}) {
+        const auto along = [&](int k) { return Coord2(Coord2(x, y) + k * step); };
         // The nearest low columns on both sides.
         const auto nearest = [&](int side) {
-          for (int k = 1; k <= kGapColumns && ground.open(x + side * k * i, y + side * k * j); ++k)
-            if (is_low(ground.index(x + side * k * i, y + side * k * j))) return k;
+          for (int k = side; std::abs(k) <= kGapColumns; k += side) {
+            const Coord2 at = along(k);
+            if (!ground.open(at.x(), at.y())) return 0;
+            if (is_low(ground.index(at.x(), at.y()))) return std::abs(k);
+          }
           return 0;
         };
         const int ahead = nearest(1), behind = nearest(-1);
         if (ahead == 0 || behind == 0) continue;
-        const int a = ground.index(x + ahead * i, y + ahead * j),
-                  b = ground.index(x - behind * i, y - behind * j);
+        const Coord2 first = along(ahead), last = along(-behind);
+        const int a = ground.index(first.x(), first.y()), b = ground.index(last.x(), last.y());
         if (!fails(a) && !fails(b)) continue;
         const double share = static_cast<double>(ahead) / (ahead + behind);
         const WallFailure::Column &from = found[static_cast<std::size_t>(a)],

@@ -181,8 +181,10 @@ TEST(WallFailure, TakesAWholeRingAroundAPit) {
                                 std::tan(soil.friction), 1.25};
     const double width = height / std::tan(soil.plane(90 * kDegree));
     Columns ground(200, 200, 1);
-    const auto beyond = [&](int x, int y) {
-      return (Vec2(x + 0.5, y + 0.5) - middle).norm() - radius;
+    const auto beyond = [&](int x, int y) {  // round pits and square ones
+      const Vec2 at = Vec2(x + 0.5, y + 0.5) - middle;
+      return n % 2 == 0 ? at.norm() - radius
+                        : (at.cwiseAbs() - Vec2::Constant(radius)).cwiseMax(0).norm();
     };
     for (int x = 0; x < 200; ++x)
       for (int y = 0; y < 200; ++y)

@@ -81,7 +81,8 @@ void Scanner::correct(const std::shared_ptr<Scan>& scan) {
   if (state_.waits_for_undo([scanner = self(), scan] { scanner->correct(scan); })) return;
   if (!scan->fault.empty()) return refuse(scan->fault);
   try {
-    made_ = state_.site.scan(*scan->head, scan->sensor, scan->points_m);
+    made_ = std::make_shared<nlohmann::ordered_json>(
+        state_.site.scan(*scan->head, scan->sensor, scan->points_m));
   } catch (const std::exception& e) {
     return refuse(e.what());
   }
@@ -93,8 +94,8 @@ void Scanner::wait_for_disk(std::uint64_t updates) {
   const Session& session = state_.site.session();
   const io::JournalExtent done = session.acknowledged();
   if (done.updates >= updates) {
-    if (done.updates > 0) made_["acknowledged_s"] = done.time_s;
-    return answer(io::to_text(made_));
+    if (done.updates > 0) (*made_)["acknowledged_s"] = done.time_s;
+    return answer(io::to_text(*made_));
   }
   if (const std::string why = session.recording_fault(); !why.empty())
     return refuse(kNotOnDisk + why);

@@ -30,7 +30,7 @@ class Scanner : public Feeder {
   std::shared_ptr<Scanner> self();
 
   boost::asio::steady_timer disk_;
-  nlohmann::ordered_json made_;
+  std::shared_ptr<nlohmann::ordered_json> made_;  // the answer, until it may be sent
 };
 
 }  // namespace soilvdb::tools
