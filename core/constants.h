@@ -346,10 +346,6 @@ inline constexpr int kSliceDirections = 32;
 /// Columns around the foot of a cut from which its face's direction is known. With fewer, a cut
 /// askew to the columns has the direction of their steps. With more, short faces have none.
 inline constexpr int kFaceColumns = 3;
-/// Directions in which bank rises beyond which the foot is in a corner, 225 degrees, and those
-/// between the one across a face and the face itself. With smaller ones, wedges reach behind what
-/// stands beside them. With larger ones, corners of pits fail too late.
-inline constexpr std::size_t kMostOfFace = 20, kFaceDirections = 7;
 /// Columns on each side of one that stands up to the next that fails, for it to fail with them.
 /// With fewer, needles are left between slices. With more, walls between two cuts come down.
 inline constexpr int kGapColumns = 3;

@@ -52,12 +52,6 @@ class Slice {
     return !behind || zero() - behind->top <= strength_.friction;
   }
 
-  /// Bank is still as steep some columns on: not where a step of a cut askew to the columns is all.
-  bool rises_on() const {
-    const auto there = heights(kFaceColumns);
-    return there && there->firm - zero() > kFaceColumns * strength_.friction;
-  }
-
   /// Of a slice at whose toe a cut has its foot.
   /// @param most columns that a plane may go through
   /// @param at_border set if the ground ends before it is known
@@ -182,27 +176,10 @@ class Slice {
 /// Which of all directions are in use.
 using Directions = std::bitset<kSliceDirections>;
 
-/// The directions in which wedges slide off a cut with its foot at a column: across its face, and
-/// in the corner of a pit all between those across both faces. A slice askew to an upright face
-/// needs the same cohesion, but behind the face's end it would take the ground from behind what
-/// stands.
-Directions across_faces(const Columns& ground, int x, int y, const BankStrength& strength) {
-  constexpr std::size_t n = kSliceDirections;
-  Directions rising, wide, across;
-  for (std::size_t i = 0; i < n; ++i) {
-    const Slice slice(ground, x, y, directions()[i], strength);
-    rising[i] = slice.is_foot();
-    wide[i] = rising[i] && slice.rises_on();
-  }
-  if (wide.count() > kMostOfFace) {
-    const auto has = [&](std::size_t i) {
-      for (std::size_t k = 0; k <= kFaceDirections; ++k)
-        if (!wide[(i + k) % n] || !wide[(i + n - k) % n]) return false;
-      return true;
-    };
-    for (std::size_t i = 0; i < n; ++i) across[i] = has(i);
-    return across;
-  }
+/// The direction in which wedges slide off a cut with its foot at a column, across its face. A
+/// slice askew to an upright face needs the same cohesion, but behind the face's end it would take
+/// the ground from behind what stands.
+Directions across_face(const Columns& ground, int x, int y, const BankStrength& strength) {
   Vec2 uphill(0, 0);
   for (int i = -kFaceColumns; i <= kFaceColumns; ++i) {
     for (int j = -kFaceColumns; j <= kFaceColumns; ++j) {
@@ -213,12 +190,14 @@ Directions across_faces(const Columns& ground, int x, int y, const BankStrength&
   }
   // None where bank rises only aside: on the face itself.
   const double least = static_cast<float>(std::cos(2 * kHalfSector)) * uphill.norm();
-  std::size_t best = n;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!rising[i] || directions()[i].dot(uphill) < least) continue;
-    if (best == n || directions()[i].dot(uphill) > directions()[best].dot(uphill)) best = i;
+  std::optional<std::size_t> best;
+  for (std::size_t i = 0; i < kSliceDirections; ++i) {
+    const double along = directions()[i].dot(uphill);
+    if (along < least || (best && along <= directions()[*best].dot(uphill))) continue;
+    if (Slice(ground, x, y, directions()[i], strength).is_foot()) best = i;
   }
-  if (best < n) across[best] = true;
+  Directions across;
+  if (best) across.set(*best);
   return across;
 }
 
@@ -338,7 +317,7 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
   };
   for (int x = feet.min().x(); x <= feet.max().x(); ++x)
     for (int y = feet.min().y(); y <= feet.max().y(); ++y)
-      if (ground.open(x, y) && rises(x, y)) *of_foot(x, y) = across_faces(ground, x, y, strength);
+      if (ground.open(x, y) && rises(x, y)) *of_foot(x, y) = across_face(ground, x, y, strength);
   std::vector<std::pair<std::size_t, FailurePlane>> planes;
   for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
     for (int y = feet.min().y(); y <= feet.max().y(); ++y) {

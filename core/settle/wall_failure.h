@@ -35,9 +35,9 @@ struct WallFailure {
 /// Finds the planes along which soil slides off behind feet of cuts: those through a foot that need
 /// the most cohesion, if more than there is (Culmann 1866: c = W sin(theta - phi) / (L cos phi) for
 /// a wedge of weight W on a plane of length L and angle theta). Wedges are tested in vertical
-/// slices across the face at each foot, in one of 32 directions, and in corners of pits in all
-/// between two faces. Loose soil on a wedge has weight but no strength. What stands in a gap
-/// between columns that fail fails with them.
+/// slices across the face at each foot, in one of 32 directions, and in those between it and the
+/// faces beside it. Loose soil on a wedge has weight but no strength. What stands in a gap between
+/// columns that fail fails with them.
 ///
 /// Accuracy: a straight cut fails within one side of its critical height. Its crest is within two
 /// sides of its plane's upper end if it is some 20 sides high. Caveats: each slice stands or falls

@@ -22,6 +22,8 @@ constexpr std::size_t kMostSensorNames = 32;
 constexpr std::size_t kLongestSensorName = 100;  // bytes
 /// What was dug since a scan would be filled again by it.
 constexpr double kOldestScan_s = 10;
+/// A clock that is farther ahead of all machines is wrong.
+constexpr double kScanAhead_s = 60;
 
 }  // namespace
 
@@ -80,6 +82,12 @@ Sensor LiveSite::sensor_of(const ScanHead& head) const {
         "header: 'time' is {} s, more than {} s before the latest state, {} s; what was dug since "
         "would be filled again. Send scans at once",
         *head.time_s, kOldestScan_s, *latest_s));
+  if (const auto latest_s = fed_.places.latest_s();
+      head.time_s && latest_s && *head.time_s > *latest_s + kScanAhead_s)
+    throw std::invalid_argument(
+        fmt::format("header: 'time' is {} s, more than {} s after the latest state, {} s; is the "
+                    "sensor's clock right?",
+                    *head.time_s, kScanAhead_s, *latest_s));
   Sensor sensor = known != nullptr ? known->sensor : Sensor();
   if (!head.sensor.empty()) sensor.name = head.sensor;
   if (head.pose)

@@ -87,6 +87,7 @@ void LiveSite::undo(std::size_t machine, Undone& undone, FedStates fed) {
   hauled_ = session_.mass_balance_without_ground().hauled;
   fed_ = std::move(fed);
   ++changes_of_past_;
+  ++undos_;
   moved_[machine] = {};
   feeds_[machine].sequence = {};  // what was taken back may be sent again, corrected
   feeds_[machine].dug_before = true;

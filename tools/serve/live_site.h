@@ -109,6 +109,7 @@ class LiveSite {
   /// Number of changes of the past: clocks set, after which earlier states have other times, and
   /// states taken back.
   std::uint64_t changes_of_past() const { return changes_of_past_; }
+  std::uint64_t undos() const { return undos_; }
   /// Sets the commands in messages. @param curl "curl -X POST" with its options
   /// @param address of the server, "http://127.0.0.1:8470/"
   void set_address(std::string curl, std::string address) {
@@ -158,6 +159,7 @@ class LiveSite {
   std::vector<MachineFeed> feeds_;                  ///< by machine
   std::vector<std::optional<double>> doubted_s_;    ///< by machine: refused as too far ahead
   Clock::time_point begin_ = Clock::now();
+  std::uint64_t undos_ = 0;
   std::uint64_t changes_of_past_ = 0;
   std::int64_t hauled_ = 0;  ///< so far, units of mass
   ChangeBefore before_;

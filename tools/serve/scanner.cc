@@ -18,6 +18,7 @@ namespace soilvdb::tools {
 namespace {
 
 constexpr std::chrono::milliseconds kLookAtDisk{2};
+constexpr const char* kTakenBack = "states were taken back meanwhile; send the scan again";
 
 }  // namespace
 
@@ -26,6 +27,7 @@ struct Scanner::Scan {
   std::optional<ScanHead> head = {};
   Sensor sensor = {};
   std::vector<Vec3> points_m = {};
+  std::uint64_t undos = 0;  // of the site, when the sensor was placed
   std::string fault = {};
 
   std::string_view bytes() const {
@@ -53,7 +55,9 @@ void Scanner::look_up(Scan& scan, std::uint64_t size) {
                     size, kMostScanBytes));
   if (socket_.got_text())
     throw std::invalid_argument("message: it is a text; scans are binary messages");
+  if (state_.undoing) throw std::invalid_argument(kTakenBack);
   scan.head.emplace(scan.bytes());
+  scan.undos = state_.site.undos();
   scan.sensor = state_.site.sensor_of(*scan.head);
 }
 
@@ -78,7 +82,8 @@ void Scanner::take(boost::beast::flat_buffer message, std::uint64_t size) {
 }
 
 void Scanner::correct(const std::shared_ptr<Scan>& scan) {
-  if (state_.waits_for_undo([scanner = self(), scan] { scanner->correct(scan); })) return;
+  // A state that was taken back may have placed its sensor.
+  if (state_.undoing || scan->undos != state_.site.undos()) return refuse(kTakenBack);
   if (!scan->fault.empty()) return refuse(scan->fault);
   try {
     made_ = std::make_shared<nlohmann::ordered_json>(
