@@ -742,6 +742,8 @@ inline constexpr int kBackgroundNice = 10;
 
 // ---- Scans (core/survey) ------------------------------------------------------------------------
 
+/// Most sensors of a site: the time of a correction grows with the cube of their number.
+inline constexpr std::size_t kMostSensors = 32;
 /// Standard deviations of what is expected of a column's own height, m: of the terrain, and of a
 /// floor that a machine dug. They hang together over a metre or so. With smaller values scans that
 /// err are believed less than they should be.

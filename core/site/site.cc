@@ -353,7 +353,7 @@ StepResult Site::apply_scans(Survey& survey, std::string* record) noexcept {
         put(*record, change.samples);
         for (const double slope : change.slope) put(*record, slope);
       }
-      survey_->save(*record);
+      survey_->save_changes(*record);
     }
     return StepResult();
   });
@@ -375,7 +375,6 @@ void Site::repeat_scans(std::string_view record) {
       throw std::invalid_argument("the record of scans has an impossible column");
   }
   tracker_->correct(changes);
-  survey_.reset();
   survey().load(record);
   if (!record.empty()) throw std::invalid_argument("the record of scans is of another site");
 }

@@ -25,13 +25,6 @@ std::string RayCounts::doubt() const {
          " % of the rays do not meet the ground where it is expected; are the sensor's place and "
          "axes right, and its points in metres?";
 }
-namespace {
-
-bool is_before(const SurveyTile* a, const SurveyTile* b) {
-  return std::pair(a->cell.x(), a->cell.y()) < std::pair(b->cell.x(), b->cell.y());
-}
-
-}  // namespace
 
 SurveyState::SurveyState(Ground& g, std::vector<Bucket> all_buckets, std::vector<double> sigmas)
     : ground(g),
@@ -54,43 +47,39 @@ SurveyState::SurveyState(Ground& clone, const SurveyState& other)
       map(clone, other.map),
       changes(clone, other.changes),
       tiles(other.tiles),
+      stale(other.stale),
+      news(other.news),
+      unsummed(other.unsummed),
+      untold(other.untold),
       work(other.work),
       time(other.time),
       sensors(other.sensors),
       places(other.places),
       by_name(other.by_name),
-      retired(other.retired),
+      blocks(other.blocks),
+      untold_blocks(other.untold_blocks),
+      has_corrected(other.has_corrected),
+      is_first(other.is_first),
       errors(other.errors),
       rays(other.rays),
       through(other.through),
       is_solved(other.is_solved),
       sigma_m3(other.sigma_m3) {}
 
-std::vector<SurveyTile*> SurveyState::sorted() {
-  std::vector<SurveyTile*> all;
-  for (auto& [key, tile] : tiles) all.push_back(&tile);
-  std::sort(all.begin(), all.end(), is_before);
-  return all;
-}
-
 void SurveyState::has_changed(const Coord2& cell) {
   // Slopes at a tile's edge depend on the next one's columns.
   for (int dx = -1; dx <= 1; ++dx)
     for (int dy = -1; dy <= 1; ++dy)
-      if (const auto found = tiles.find(plan_key(cell + kChunkSide * Coord2(dx, dy)));
-          found != tiles.end())
-        found->second.known = false;
+      if (const Coord2 near = cell + kChunkSide * Coord2(dx, dy); tiles.contains(plan_key(near)))
+        stale.insert(mark(near));
 }
 
 void SurveyState::refresh(bool own) {
   map.reader().refresh();
   if (own)
     for (const Coord3& origin : changes.take()) has_changed(origin.head<2>());
-  std::vector<SurveyTile*> stale;
-  for (auto& [key, tile] : tiles)
-    if (!tile.known) stale.push_back(&tile);
-  std::sort(stale.begin(), stale.end(), is_before);
-  for (SurveyTile* tile : stale) read(*tile, own ? How::kOwn : How::kChanged);
+  for (const auto& cell : stale) read(marked(cell), own ? How::kOwn : How::kChanged);
+  stale.clear();
 }
 
 SurveyTile& SurveyState::tile(const Coord2& cell) {
@@ -111,7 +100,7 @@ SurveyTile SurveyState::new_tile(const Coord2& cell) {
 
 const SurveyTile& SurveyState::look(const Coord2& cell, std::optional<SurveyTile>& own) {
   const auto found = tiles.find(plan_key(cell));
-  if (found != tiles.end() && found->second.known) return found->second;
+  if (found != tiles.end() && !stale.contains(mark(cell))) return found->second;
   own = found == tiles.end() ? new_tile(cell) : found->second;
   read(*own, How::kLook);
   return *own;
@@ -133,6 +122,7 @@ void SurveyState::read(SurveyTile& tile, How how) {
   const Work worked = known_work != work.end() ? known_work->second : Work{};
   std::uint16_t tool = worked.origin;
   if (tool == kUnknownTool && buckets.size() == 1) tool = kFirstMachine;
+  if (how != How::kLook) unsummed.insert(mark(tile.cell));
   for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
     const int x = static_cast<int>(i) / kChunkSide, y = static_cast<int>(i) % kChunkSide;
     const double top = tops.at(x + 1, y + 1);
@@ -147,6 +137,7 @@ void SurveyState::read(SurveyTile& tile, How how) {
     SurveyColumn& column = tile.columns[i];
     const bool is_new = column.variance < 0;
     if (!is_new && (top == column.top || (std::isnan(top) && std::isnan(column.top)))) continue;
+    if (how != How::kLook) untold.insert(mark(tile.cell));
     if (how == How::kOwn && !is_new) {
       column.top = top;
       continue;
@@ -182,7 +173,6 @@ void SurveyState::read(SurveyTile& tile, How how) {
     column.first = column.top = top;
     column.changed = worked.time;
   }
-  tile.known = true;
 }
 
 void SurveyState::require_room(std::span<const Vec3> points_m) const {
@@ -212,6 +202,10 @@ int SurveyState::sensor_of(const Sensor& sensor) {
       throw std::invalid_argument("sensor '" + sensor.name +
                                   "' had other sigmas before; give it another name");
     }
+  if (sensors.size() >= kMostSensors)
+    throw std::invalid_argument("sensor '" + sensor.name + "': there were " +
+                                std::to_string(kMostSensors) +
+                                " others; give a sensor one name, not one for each scan");
   sensors.push_back(sensor);
   sensors.back().pose = {};  // which scans of one name need not share
   set_places();
@@ -260,6 +254,9 @@ std::vector<SurveyChange> GroundSurvey::solve() {
 Survey GroundSurvey::applied() {
   SurveyState& s = *state_;
   s.refresh(true);
+  if (std::exchange(s.has_corrected, false))
+    s.telling = {std::exchange(s.is_first, false), std::exchange(s.untold, {}),
+                 std::exchange(s.untold_blocks, {})};
   Survey survey;
   survey.sigma_m3 = s.sigma_m3;
   survey.lip_errors_m = lip_errors_m();
@@ -308,7 +305,8 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
   for (const Chunk* chunk : s.ground.chunks()) add(chunk->origin.head<2>());
   // Parts of a column along each axis that are inside or not.
   constexpr int kParts = 4;
-  SurveyState::VolumeError error(s.errors);
+  std::map<Block, BlockSums> blocks;
+  Eigen::VectorXd sees(s.error_count()), scratch;
   for (const auto& [x, y] : cells) {
     std::optional<SurveyTile> own;
     const SurveyTile& tile = s.look({x, y}, own);
@@ -322,11 +320,15 @@ double GroundSurvey::volume_sigma_m3(const std::vector<Vec2>& boundary) {
         const Vec2 place = Vec2(x + at / kChunkSide, y + at % kChunkSide) + in;
         parts += inside(boundary, s.ground.origin().head<2>() + s.voxel_m() * place) ? 1 : 0;
       }
-      if (parts > 0)
-        error.add(s.block_of(tile, n), s.knowledge_of(tile, n),
-                  s.voxel_m() * s.voxel_m() * parts / (kParts * kParts));
+      if (parts == 0) continue;
+      const ColumnResidual residual = s.residual_of(tile, n, sees);
+      s.add_volume(blocks.try_emplace(s.block_of(tile, n), s.error_count()).first->second, column,
+                   residual, sees, s.voxel_m() * s.voxel_m() * parts / (kParts * kParts), false,
+                   scratch);
     }
   }
+  SurveyState::VolumeError error(s.errors);
+  for (const auto& [block, sums] : blocks) error.add(sums);
   return error.sigma_m3();
 }
 

@@ -91,7 +91,10 @@ class Rays {
   }
   SurveyTile& tile_of(const Coord2& column) {
     const Coord2 cell = floor_to(column, kChunkSide);
-    if (last_ == nullptr || last_->cell != cell) last_ = &state_.tile(cell);
+    if (last_ == nullptr || last_->cell != cell) {
+      last_ = &state_.tile(cell);
+      state_.news.insert(SurveyState::mark(cell));
+    }
     return *last_;
   }
   /// How a height that a ray measures errs with its sensor's mount.
@@ -214,6 +217,7 @@ void SurveyState::see_through() {
       const SurveyColumn& column = tile.columns[i];
       const double ceiling = place.z() + room;
       if (!(ceiling < ground.origin().z() + h * column.top) || column.changed > ray.time) continue;
+      news.insert(mark(tile.cell));
       ScanVotes& votes = tile.votes[static_cast<int>(i)];
       const std::int64_t height = height_units(ceiling - first_m(column));
       votes.ceiling = votes.through == 0 ? height : std::min(votes.ceiling, height);
@@ -230,16 +234,20 @@ void SurveyState::add_rays(const Sensor& sensor, int number, std::span<const Vec
                            std::span<const Pose* const> poses) {
   struct Body {
     Eigen::AlignedBox3d box;
-    Pose bucket_from_world;
+    Eigen::Matrix3d rotation;  // bucket from world
+    Vec3 offset, from;         // from: the sensor, in the bucket
   };
   std::vector<Body> bodies;
-  for (std::size_t m = 0; m < poses.size(); ++m)
-    if (poses[m] != nullptr) bodies.push_back({body_of(buckets[m]), poses[m]->inverse()});
+  for (std::size_t m = 0; m < poses.size(); ++m) {
+    if (poses[m] == nullptr) continue;
+    const Pose inverse = poses[m]->inverse();
+    bodies.push_back({body_of(buckets[m]), inverse.rotation.toRotationMatrix(), inverse.position,
+                      inverse * sensor.pose.position});
+  }
   std::vector<Vec3> ends, ways;
   for (const Vec3& point : points_m) {
     const bool masked = std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
-      return meets(body.box, body.bucket_from_world * sensor.pose.position,
-                   body.bucket_from_world * point);
+      return meets(body.box, body.from, body.rotation * point + body.offset);
     });
     const Vec3 way = point - sensor.pose.position;
     if (masked) {

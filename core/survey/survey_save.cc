@@ -3,6 +3,7 @@
 // The state of a GroundSurvey as bytes. Columns that no scan told anything of are left out.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 #include "core/constants.h"
@@ -12,7 +13,7 @@
 namespace soilvdb::inline v0 {
 namespace {
 
-constexpr std::uint32_t kSurveyFormat = 2;
+constexpr std::uint32_t kSurveyFormat = 3;
 
 [[noreturn]] void refuse_survey() {
   throw std::invalid_argument("the state of the scans is of another site");
@@ -99,7 +100,8 @@ void put_votes(std::string& out, const ScanVotes& votes, const std::vector<int>&
     }
   }
 }
-void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors) {
+/// @param numbers of the saved sensors now
+void take_votes_of(std::string_view& in, ScanVotes& votes, const std::vector<int>& numbers) {
   take_amount(in, votes.through);
   take(in, votes.ceiling);
   take_amount(in, votes.told);
@@ -107,8 +109,8 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors
   for (auto bins = take_number<std::uint64_t>(in, in.size() + 1); bins > 0; --bins) {
     int bin = 0;
     take(in, bin);
-    for (auto count = take_number<std::uint64_t>(in, sensors + 1); count > 0; --count) {
-      ScanHits& hits = votes.hits[bin][take_number<int>(in, sensors)];
+    for (auto count = take_number<std::uint64_t>(in, numbers.size() + 1); count > 0; --count) {
+      ScanHits& hits = votes.hits[bin][numbers[take_number<std::size_t>(in, numbers.size())]];
       take_amount(in, hits.rays);
       take(in, hits.height);
       take_cells(in, hits.cells);
@@ -118,26 +120,120 @@ void take_votes_of(std::string_view& in, ScanVotes& votes, std::uint64_t sensors
   if (votes.told > votes.rays()) refuse_survey();
 }
 
-}  // namespace
+using Tiles = SurveyState::Tiles;
 
-void GroundSurvey::save(std::string& out) const {
-  const SurveyState& s = *state_;
-  put(out, kSurveyFormat);
-  // Sensors by their names, so that the order of their first scans does not show.
-  std::vector<int> numbers = s.places;
-  std::vector<const Sensor*> sensors(s.sensors.size());
-  for (std::size_t n = 0; n < numbers.size(); ++n) {
-    numbers[n] = (numbers[n] - static_cast<int>(s.lip_sigmas_m.size())) / 4;
-    sensors[static_cast<std::size_t>(numbers[n])] = &s.sensors[n];
+void put_cells_of(std::string& out, const Tiles& tiles) {
+  put_number(out, tiles.size());
+  for (const auto& [x, y] : tiles) {
+    put(out, x);
+    put(out, y);
   }
-  put_number(out, s.sensors.size());
-  for (const Sensor* of : sensors) {
-    const Sensor& sensor = *of;
-    put_text(out, sensor.name);
-    put(out, sensor.pose);
+}
+Coord2 take_cell(std::string_view& in) {
+  Coord2 cell;
+  take(in, cell.x());
+  take(in, cell.y());
+  if (floor_to(cell, kChunkSide) != cell || cell.cwiseAbs().maxCoeff() > kMaxIndex) refuse_survey();
+  return cell;
+}
+/// Of tiles that there are.
+void take_cells_of(std::string_view& in, const SurveyState& s, Tiles& tiles) {
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+    const Coord2 cell = take_cell(in);
+    if (!s.tiles.contains(plan_key(cell))) refuse_survey();
+    tiles.insert(SurveyState::mark(cell));
+  }
+}
+
+void put_block(std::string& out, const Block& block) {
+  put_number(out, block.origin);
+  put(out, block.x);
+  put(out, block.y);
+}
+Block take_block(std::string_view& in, std::uint64_t origins) {
+  Block block{take_number<std::uint16_t>(in, origins), 0, 0};
+  take(in, block.x);
+  take(in, block.y);
+  return block;
+}
+
+/// Numbers of sensors by their names, so that the order of their first scans does not show.
+std::vector<int> saved_numbers(const SurveyState& s) {
+  std::vector<int> numbers = s.places;
+  for (int& number : numbers) number = (number - static_cast<int>(s.lip_sigmas_m.size())) / 4;
+  return numbers;
+}
+
+/// @param numbers as saved_numbers() has them
+void put_tile(std::string& out, const SurveyTile& tile, const std::vector<int>& numbers) {
+  put(out, tile.cell.x());
+  put(out, tile.cell.y());
+  for (const SurveyColumn& column : tile.columns) put_column(out, column);
+  put_number(out, tile.sums.size());
+  std::map<int, const std::array<ScanSums, BaseColumn::kCells>*> sums;
+  for (const auto& [sensor, of_sensor] : tile.sums)
+    sums[numbers[static_cast<std::size_t>(sensor)]] = &of_sensor;
+  for (const auto& [sensor, of_sensor] : sums) {
+    put_number(out, static_cast<std::uint64_t>(sensor));
+    for (const ScanSums& of_column : *of_sensor) put_sums(out, of_column);
+  }
+  put_number(out, tile.votes.size());
+  for (const auto& [column, votes] : tile.votes) {
+    put_number(out, static_cast<std::uint64_t>(column));
+    put_votes(out, votes, numbers);
+  }
+}
+/// @param numbers of the saved sensors now
+void take_tile(std::string_view& in, SurveyState& s, const std::vector<int>& numbers,
+               std::uint64_t origins) {
+  const Coord2 cell = take_cell(in);
+  SurveyTile& tile = s.tiles[plan_key(cell)];
+  std::map<Block, BlockSums> parts = std::move(tile.parts);  // which sums still have in them
+  tile = {};
+  tile.cell = cell;
+  tile.parts = std::move(parts);
+  for (SurveyColumn& column : tile.columns) take_column(in, column, origins);
+  for (auto sums = take_number<std::uint64_t>(in, numbers.size() + 1); sums > 0; --sums)
+    for (ScanSums& of_column : tile.sums[numbers[take_number<std::size_t>(in, numbers.size())]])
+      take_sums(in, of_column);
+  for (auto votes = take_number<std::uint64_t>(in, BaseColumn::kCells + 1); votes > 0; --votes) {
+    const int column = take_number<int>(in, BaseColumn::kCells);
+    take_votes_of(in, tile.votes[column], numbers);
+  }
+  s.stale.insert(SurveyState::mark(cell));
+  s.unsummed.insert(SurveyState::mark(cell));
+}
+
+void put_block_state(std::string& out, const SurveyState::BlockState& state,
+                     const std::vector<int>& numbers, std::size_t lips) {
+  const SurveyState::Retired& sums = state.retired;
+  for (const double value : {sums.weight, sums.residual, sums.variance}) put(out, value);
+  std::vector<double> sees(lips + 4 * numbers.size());  // sensors that came later have zeros
+  for (std::size_t n = 0; n < sums.sees.size(); ++n)
+    sees[n < lips ? n
+                  : lips + 4 * static_cast<std::size_t>(numbers[(n - lips) / 4]) + (n - lips) % 4] =
+        sums.sees[n];
+  if (sums.weight > 0)
+    for (const double value : sees) put(out, value);
+  put(out, state.solved.size() > 0);
+  for (const double value : state.solved) put(out, value);
+}
+
+void put_survey(std::string& out, const SurveyState& s, bool all, const Tiles& tiles,
+                const std::set<Block>& blocks) {
+  put(out, kSurveyFormat);
+  put(out, all);
+  const std::vector<int> numbers = saved_numbers(s);
+  std::vector<const Sensor*> sensors(s.sensors.size());
+  for (std::size_t n = 0; n < numbers.size(); ++n)
+    sensors[static_cast<std::size_t>(numbers[n])] = &s.sensors[n];
+  put_number(out, sensors.size());
+  for (const Sensor* sensor : sensors) {
+    put_text(out, sensor->name);
+    put(out, sensor->pose);
     for (const double value :
-         {sensor.range_sigma_m, sensor.range_squared_sigma_per_m, sensor.mount_height_sigma_m,
-          sensor.mount_tilt_sigma_rad, sensor.mount_scale_sigma})
+         {sensor->range_sigma_m, sensor->range_squared_sigma_per_m, sensor->mount_height_sigma_m,
+          sensor->mount_tilt_sigma_rad, sensor->mount_scale_sigma})
       put(out, value);
   }
   put_number(out, s.buckets.size());
@@ -151,29 +247,19 @@ void GroundSurvey::save(std::string& out) const {
        {s.rays.used, s.rays.masked, s.rays.through, s.rays.added, s.rays.dropped})
     put(out, value);
   put(out, s.time);
-  std::vector<std::uint64_t> keys;
-  for (const auto& [key, work] : s.work) keys.push_back(key);
-  std::sort(keys.begin(), keys.end());
-  put_number(out, keys.size());
-  for (const std::uint64_t key : keys) {
-    put_number(out, key);
-    put_number(out, s.work.at(key).origin);
-    put(out, s.work.at(key).time);
+  if (all) {
+    const std::map<std::uint64_t, SurveyState::Work> work(s.work.begin(), s.work.end());
+    put_number(out, work.size());
+    for (const auto& [key, of] : work) {
+      put_number(out, key);
+      put_number(out, of.origin);
+      put(out, of.time);
+    }
   }
-  put_number(out, s.retired.size());
-  for (const auto& [block, sums] : s.retired) {
-    put_number(out, block.origin);
-    put(out, block.x);
-    put(out, block.y);
-    for (const double value : {sums.weight, sums.residual, sums.variance}) put(out, value);
-    // Sensors that came later have zeros.
-    std::vector<double> sees(s.lip_sigmas_m.size() + 4 * s.sensors.size());
-    const std::size_t lips = s.lip_sigmas_m.size();
-    for (std::size_t n = 0; n < sums.sees.size(); ++n)
-      sees[n < lips ? n
-                    : lips + 4 * static_cast<std::size_t>(numbers[(n - lips) / 4]) +
-                          (n - lips) % 4] = sums.sees[n];
-    for (const double value : sees) put(out, value);
+  put_number(out, blocks.size());
+  for (const Block& block : blocks) {
+    put_block(out, block);
+    put_block_state(out, s.blocks.at(block), numbers, s.lip_sigmas_m.size());
   }
   std::vector<ThroughRay> through = s.through;
   std::sort(through.begin(), through.end());
@@ -186,34 +272,57 @@ void GroundSurvey::save(std::string& out) const {
   }
   put(out, s.is_solved);
   put(out, s.sigma_m3);
-  const std::vector<SurveyTile*> tiles = state_->sorted();
   put_number(out, tiles.size());
-  for (const SurveyTile* tile : tiles) {
-    put(out, tile->cell.x());
-    put(out, tile->cell.y());
-    for (const SurveyColumn& column : tile->columns) put_column(out, column);
-    put_number(out, tile->sums.size());
-    std::map<int, const std::array<ScanSums, BaseColumn::kCells>*> sums;
-    for (const auto& [sensor, of_sensor] : tile->sums)
-      sums[numbers[static_cast<std::size_t>(sensor)]] = &of_sensor;
-    for (const auto& [sensor, of_sensor] : sums) {
-      put_number(out, static_cast<std::uint64_t>(sensor));
-      for (const ScanSums& of_column : *of_sensor) put_sums(out, of_column);
-    }
-    put_number(out, tile->votes.size());
-    for (const auto& [column, votes] : tile->votes) {
-      put_number(out, static_cast<std::uint64_t>(column));
-      put_votes(out, votes, numbers);
-    }
+  for (const auto& [x, y] : tiles) put_tile(out, s.tiles.at(plan_key({x, y})), numbers);
+  put_cells_of(out, s.news);
+  put(out, s.has_corrected);
+  put(out, s.is_first);
+  if (!all) return;
+  put_cells_of(out, s.untold);
+  put_number(out, s.untold_blocks.size());
+  for (const Block& block : s.untold_blocks) put_block(out, block);
+}
+
+/// What is to be saved of all blocks.
+std::set<Block> told_blocks(const SurveyState& s) {
+  std::set<Block> told;
+  for (const auto& [block, state] : s.blocks)
+    if (state.retired.weight > 0 || state.solved.size() > 0) told.insert(block);
+  return told;
+}
+
+}  // namespace
+
+void GroundSurvey::save(std::string& out) const {
+  Tiles tiles;
+  for (const auto& [key, tile] : state_->tiles) tiles.insert(SurveyState::mark(tile.cell));
+  put_survey(out, *state_, true, tiles, told_blocks(*state_));
+}
+
+void GroundSurvey::save_changes(std::string& out) const {
+  const SurveyState::Telling& telling = state_->telling;
+  if (telling.all) {
+    save(out);
+  } else {
+    put_survey(out, *state_, false, telling.tiles, telling.blocks);
   }
 }
 
 void GroundSurvey::load(std::string_view& in) {
-  SurveyState& s = *state_;
   std::uint32_t format = 0;
+  bool all = false;
   take(in, format);
-  if (format != kSurveyFormat) refuse_survey();
+  if (format != kSurveyFormat)
+    throw std::invalid_argument("the state of the scans is of another version of soilvdb");
+  take(in, all);
+  if (all) {
+    std::vector<double> lips = state_->lip_sigmas_m;
+    lips.pop_back();  // that of a tool that is not known
+    state_ = std::make_unique<SurveyState>(state_->ground, state_->buckets, std::move(lips));
+  }
+  SurveyState& s = *state_;
   const std::uint64_t origins = kFirstMachine + s.buckets.size();
+  std::vector<int> numbers;  // now, of the saved sensors
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     Sensor sensor;
     sensor.name = take_text(in);
@@ -223,14 +332,13 @@ void GroundSurvey::load(std::string_view& in) {
           &sensor.mount_tilt_sigma_rad, &sensor.mount_scale_sigma})
       take(in, *value);
     sensor.validate();
-    s.sensors.push_back(std::move(sensor));
+    numbers.push_back(s.sensor_of(sensor));
   }
-  s.set_places();
+  if (numbers.size() != s.sensors.size()) refuse_survey();
   // Machines may have come since.
   const auto machines = take_number<std::size_t>(in, s.buckets.size() + 1);
   const std::size_t came = s.buckets.size() - machines;
-  const std::size_t all_errors = s.lip_sigmas_m.size() + 4 * s.sensors.size();
-  const auto known_errors = static_cast<Eigen::Index>(all_errors - came);
+  const auto known_errors = s.error_count() - static_cast<Eigen::Index>(came);
   Eigen::VectorXd mean(known_errors);
   Eigen::MatrixXd covariance(known_errors, known_errors);
   std::vector<Eigen::Index> to;
@@ -245,24 +353,37 @@ void GroundSurvey::load(std::string_view& in) {
   for (std::int64_t* value :
        {&s.rays.used, &s.rays.masked, &s.rays.through, &s.rays.added, &s.rays.dropped})
     take_amount(in, *value);
+  const std::uint32_t time = s.time;
   take(in, s.time);
+  if (!all && s.time != time) refuse_survey();
+  if (all)
+    for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
+      std::uint64_t key = 0;
+      take(in, key);
+      SurveyState::Work& work = s.work[key];
+      work.origin = take_number<std::uint16_t>(in, origins);
+      take(in, work.time);
+    }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
-    std::uint64_t key = 0;
-    take(in, key);
-    SurveyState::Work& work = s.work[key];
-    work.origin = take_number<std::uint16_t>(in, origins);
-    take(in, work.time);
-  }
-  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
-    SurveyState::Block block{take_number<std::uint16_t>(in, origins), 0, 0};
-    take(in, block.x);
-    take(in, block.y);
-    SurveyState::Retired& sums = s.retired[block];
+    SurveyState::BlockState& state = s.blocks[take_block(in, origins)];
+    SurveyState::Retired& sums = state.retired;
     for (double* value : {&sums.weight, &sums.residual, &sums.variance}) *value = take_finite(in);
-    if (!(sums.weight > 0)) refuse_survey();
-    sums.sees.resize(all_errors);
-    for (std::size_t n = 0; n + came < all_errors; ++n)
-      sums.sees[n < machines ? n : n + came] = take_finite(in);
+    if (!(sums.weight >= 0)) refuse_survey();
+    if (sums.weight > 0) {
+      const std::size_t lips = s.lip_sigmas_m.size();
+      sums.sees.assign(static_cast<std::size_t>(s.error_count()), 0);
+      for (std::size_t n = 0; n < static_cast<std::size_t>(known_errors); ++n) {
+        const std::size_t at = n < machines ? n : n + came;
+        sums.sees[at < lips ? at
+                            : lips + 4 * static_cast<std::size_t>(numbers[(at - lips) / 4]) +
+                                  (at - lips) % 4] = take_finite(in);
+      }
+    }
+    bool is_solved = false;
+    take(in, is_solved);
+    state.solved = Eigen::VectorXd::Zero(is_solved ? s.error_count() : 0);
+    for (Eigen::Index n = 0; is_solved && n < known_errors; ++n)
+      state.solved[to[static_cast<std::size_t>(n)]] = take_finite(in);
   }
   for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
     ThroughRay& ray = s.through.emplace_back();
@@ -273,23 +394,22 @@ void GroundSurvey::load(std::string_view& in) {
   }
   take(in, s.is_solved);
   s.sigma_m3 = take_finite(in);
-  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count) {
-    Coord2 cell;
-    take(in, cell.x());
-    take(in, cell.y());
-    if (floor_to(cell, kChunkSide) != cell || cell.cwiseAbs().maxCoeff() > kMaxIndex)
-      refuse_survey();
-    SurveyTile& tile = s.tiles[plan_key(cell)];
-    tile.cell = cell;
-    for (SurveyColumn& column : tile.columns) take_column(in, column, origins);
-    for (auto sums = take_number<std::uint64_t>(in, s.sensors.size() + 1); sums > 0; --sums)
-      for (ScanSums& of_column : tile.sums[take_number<int>(in, s.sensors.size())])
-        take_sums(in, of_column);
-    for (auto votes = take_number<std::uint64_t>(in, BaseColumn::kCells + 1); votes > 0; --votes) {
-      const int column = take_number<int>(in, BaseColumn::kCells);
-      take_votes_of(in, tile.votes[column], s.sensors.size());
-    }
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count)
+    take_tile(in, s, numbers, origins);
+  s.news.clear();
+  take_cells_of(in, s, s.news);
+  take(in, s.has_corrected);
+  take(in, s.is_first);
+  s.untold.clear();
+  s.untold_blocks.clear();
+  if (!all) {
+    // Corrections, which whoever loads this has made as well, are no work.
+    for (const Coord3& origin : s.changes.take()) s.has_changed(origin.head<2>());
+    return;
   }
+  take_cells_of(in, s, s.untold);
+  for (auto count = take_number<std::uint64_t>(in, in.size() + 1); count > 0; --count)
+    s.untold_blocks.insert(take_block(in, origins));
 }
 
 }  // namespace soilvdb::inline v0

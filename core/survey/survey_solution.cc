@@ -3,6 +3,7 @@
 // Corrections of all columns that were seen, with the errors that they share.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -17,17 +18,6 @@ constexpr int kOfSensor = 4;  // common errors: height, tilts, scale
 constexpr double kSamplesOfCell = 64;
 
 double square(double value) { return value * value; }
-
-/// A column that was seen.
-struct SeenColumn {
-  SurveyTile* tile;
-  std::size_t i;
-  ColumnResidual residual;
-  Eigen::VectorXd sees, predicted;
-  bool changed = false;  // is it other than errors explain?
-
-  SurveyColumn& column() const { return tile->columns[i]; }
-};
 
 }  // namespace
 
@@ -47,6 +37,17 @@ void SurveyState::set_places() {
   for (std::size_t s = 0; s < before.size(); ++s)
     for (int n = 0; n < kOfSensor; ++n) to[static_cast<std::size_t>(before[s] + n)] = places[s] + n;
   widen_errors(to);
+  for (auto& [block, state] : blocks) {
+    state.sums.reset();
+    if (state.solved.size() == 0) continue;
+    const Eigen::VectorXd old = std::exchange(state.solved, Eigen::VectorXd::Zero(error_count()));
+    for (std::size_t i = 0; i < to.size(); ++i)
+      state.solved[to[i]] = old[static_cast<Eigen::Index>(i)];
+  }
+  for (auto& [key, tile] : tiles) {
+    tile.parts.clear();
+    unsummed.insert(mark(tile.cell));
+  }
 }
 
 void SurveyState::widen_errors(const std::vector<Eigen::Index>& to) {
@@ -62,9 +63,12 @@ void SurveyState::widen_errors(const std::vector<Eigen::Index>& to) {
   errors = CommonErrors(std::move(mean), std::move(covariance));
 }
 
+Eigen::Index SurveyState::error_count() const {
+  return static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size());
+}
+
 Eigen::VectorXd SurveyState::prior() const {
-  Eigen::VectorXd variances(
-      static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
+  Eigen::VectorXd variances(error_count());
   for (std::size_t m = 0; m < lip_sigmas_m.size(); ++m)
     variances[static_cast<Eigen::Index>(m)] = std::max(square(lip_sigmas_m[m]), kLeastScanVariance);
   for (std::size_t s = 0; s < sensors.size(); ++s) {
@@ -77,11 +81,15 @@ Eigen::VectorXd SurveyState::prior() const {
   return variances;
 }
 
+Eigen::Index SurveyState::lip_of(const SurveyColumn& column) const {
+  if (column.origin >= kFirstMachine) return column.origin - kFirstMachine;
+  if (column.origin == kUnknownTool) return static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1;
+  return -1;
+}
+
 Eigen::VectorXd SurveyState::predicted(const SurveyColumn& column) const {
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(
-      static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
-  if (column.origin >= kFirstMachine) b[column.origin - kFirstMachine] = 1;
-  if (column.origin == kUnknownTool) b[static_cast<Eigen::Index>(lip_sigmas_m.size()) - 1] = 1;
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(error_count());
+  if (const Eigen::Index lip = lip_of(column); lip >= 0) b[lip] = 1;
   return b;
 }
 
@@ -90,9 +98,8 @@ double SurveyState::own_variance(const SurveyTile& tile, std::size_t i) const {
 }
 
 ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
-                                        Eigen::VectorXd& sees) const {
-  sees = Eigen::VectorXd::Zero(
-      static_cast<Eigen::Index>(lip_sigmas_m.size() + kOfSensor * sensors.size()));
+                                        Eigen::Ref<Eigen::VectorXd> sees) const {
+  sees.setZero();
   ColumnResidual all{0, 0, own_variance(tile, i)};
   const double bend = all.variance - tile.columns[i].variance;
   const double rough = square(kSlopeFloorM) * tile.slopes[i].squaredNorm() + bend;
@@ -120,8 +127,8 @@ ColumnResidual SurveyState::residual_of(const SurveyTile& tile, std::size_t i,
   return all;
 }
 
-SurveyState::Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
-  const int side = std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
+Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) const {
+  const int side = block_side();
   const auto part = [&](int at) {
     return static_cast<int>(std::floor(static_cast<double>(at) / side));
   };
@@ -132,14 +139,15 @@ SurveyState::Block SurveyState::block_of(const SurveyTile& tile, std::size_t i) 
 
 void SurveyState::retire(const SurveyTile& tile, std::size_t i) {
   const SurveyColumn& column = tile.columns[i];
-  Eigen::VectorXd sees;
+  Eigen::VectorXd sees(error_count());
   const ColumnResidual residual = residual_of(tile, i, sees);
-  if (residual.weight <= 0 || column.origin == kSurveyed || column.prior >= square(kChangedSigmaM))
-    return;
+  if (residual.weight <= 0 || column.origin == kSurveyed || is_other(column)) return;
   if (square(residual.residual) >
       square(kColumnGate) * (column.variance + prior().maxCoeff() + 1 / residual.weight))
     return;
-  Retired& block = retired[block_of(tile, i)];
+  const Block of = block_of(tile, i);
+  untold_blocks.insert(of);
+  Retired& block = blocks[of].retired;
   // Sensors that come later stand behind: their entries are zero.
   const Eigen::VectorXd b = predicted(column);
   block.sees.resize(lip_sigmas_m.size() + kOfSensor * sensors.size());
@@ -289,24 +297,25 @@ std::optional<Vote> vote(const SurveyColumn& column, const ScanVotes& votes) {
 /// is kept, until there are so many that enough of them would have agreed.
 void SurveyState::take_votes() {
   see_through();
-  for (SurveyTile* tile : sorted()) {
+  for (const auto& cell : news) {
+    SurveyTile* tile = &marked(cell);
     std::map<int, ScanVotes> undecided;
     for (auto& [n, votes] : tile->votes) {
       const auto i = static_cast<std::size_t>(n);
       SurveyColumn& column = tile->columns[i];
       if (std::isnan(column.top)) continue;
       std::optional<Vote> now = vote(column, votes);
-      const std::int64_t news = votes.rays() - votes.told;
-      const std::int64_t added = now ? std::min(now->rays, news) : 0;
+      const std::int64_t fresh = votes.rays() - votes.told;
+      const std::int64_t added = now ? std::min(now->rays, fresh) : 0;
       rays.added += added;
-      rays.dropped += news - added;
+      rays.dropped += fresh - added;
       // Rays that end in the column will tell its height better than those that pass above it.
       const bool waits =
           static_cast<double>(votes.rays()) >= kScanShare * static_cast<double>(votes.through);
       if (!now && !waits && votes.through >= kScanVotes && votes.through > column.rays)
         now = Vote{kScanUnit_m * static_cast<double>(votes.ceiling), 0, 0, {}};
       if (!now) {
-        votes.told += news;
+        votes.told += fresh;
         votes.others += std::max(column.rays, column.cells.rays);
         const std::int64_t all = votes.told + votes.through + votes.others;
         if (kScanShare * static_cast<double>(all) < kScanVotes)
@@ -339,159 +348,336 @@ void SurveyState::take_votes() {
   }
 }
 
+bool SurveyState::is_other(const SurveyColumn& column) {
+  return column.prior >= square(kChangedSigmaM);
+}
+
 bool SurveyState::is_datum(const SurveyColumn& column) {
-  return column.origin == kNatural && column.top == column.first &&
-         column.prior < square(kChangedSigmaM);
+  return column.origin == kNatural && column.top == column.first && !is_other(column);
 }
 
 SurveyState::Knowledge SurveyState::knowledge_of(const SurveyTile& tile, std::size_t i) const {
-  Eigen::VectorXd sees;
-  const ColumnResidual residual = residual_of(tile, i, sees);
-  return knowledge_of(tile.columns[i], residual, sees, predicted(tile.columns[i]));
-}
-
-SurveyState::Knowledge SurveyState::knowledge_of(const SurveyColumn& column,
-                                                 const ColumnResidual& residual,
-                                                 const Eigen::VectorXd& sees,
-                                                 const Eigen::VectorXd& b) const {
-  Knowledge known{residual, {}, 0};
+  const SurveyColumn& column = tile.columns[i];
+  Eigen::VectorXd sees(error_count());
+  Knowledge known{residual_of(tile, i, sees), {}, 0};
   if (column.prior >= 0) known.residual.variance = column.prior;
-  known.correction = errors.correct(known.residual, sees, b);
+  known.correction = errors.correct(known.residual, sees, predicted(column));
   known.off = voxel_m() * (column.first - column.top) + known.correction.mean;
   return known;
 }
 
-void SurveyState::VolumeError::add(const Block& block, const Knowledge& column, double area_m2) {
-  const double prior = 1 / column.residual.variance, weight = column.residual.weight;
-  const double share = square(area_m2 / (prior + weight));
+void SurveyState::add_volume(BlockSums& to, const SurveyColumn& column,
+                             const ColumnResidual& residual,
+                             const Eigen::Ref<const Eigen::VectorXd>& sees, double area_m2,
+                             bool is_corrected, Eigen::VectorXd& on) const {
+  const double own = column.prior >= 0 ? column.prior : residual.variance;
+  const double prior = 1 / own, weight = residual.weight, all = prior + weight;
+  on = weight / all * sees;
+  if (const Eigen::Index lip = lip_of(column); lip >= 0) on[lip] += prior / all;
+  const double off =
+      is_corrected ? on.dot(errors.mean())
+                   : voxel_m() * (column.first - column.top) + weight / all * residual.residual;
+  const double share = square(area_m2 / all);
   // What scans found to be another height errs by itself.
-  const bool alone = block.origin == kSurveyed;
-  apart_ += share * (alone ? prior + weight : weight);
-  if (!alone) alike_[block] += std::sqrt(share * prior);
-  on_ += area_m2 * column.correction.on;
-  off_m3_ += area_m2 * column.off;
+  const bool alone = column.origin == kSurveyed;
+  to.apart += share * (alone ? all : weight);
+  if (!alone) to.alike_m3 += std::sqrt(share * prior);
+  to.volume_on += area_m2 * on;
+  to.off_m3 += area_m2 * off;
 }
 
 double SurveyState::VolumeError::sigma_m3() const {
-  double variance = on_.dot(errors_.covariance() * on_) + square(off_m3_) + apart_;
-  for (const auto& [block, sigma] : alike_) variance += square(sigma);
-  return std::sqrt(variance);
+  const double off = off_m3_ - on_.dot(errors_.mean());
+  return std::sqrt(on_.dot(errors_.covariance() * on_) + square(off) + variance_);
 }
 
+std::vector<SurveyTile*> SurveyState::tiles_of(const Block& block) {
+  const int side = block_side();
+  std::vector<SurveyTile*> found;
+  for (int x = floor_to(block.x * side, kChunkSide); x < (block.x + 1) * side; x += kChunkSide)
+    for (int y = floor_to(block.y * side, kChunkSide); y < (block.y + 1) * side; y += kChunkSide)
+      if (const auto tile = tiles.find(plan_key({x, y})); tile != tiles.end())
+        found.push_back(&tile->second);
+  return found;
+}
+
+CommonErrors SurveyState::estimate() const {
+  CommonErrors all(prior());
+  Eigen::VectorXd sees(error_count());
+  const std::size_t lips = lip_sigmas_m.size();
+  for (const auto& [block, state] : blocks) {
+    ColumnResidual sum{state.retired.residual, state.retired.weight, state.retired.variance};
+    sees.setZero();
+    for (std::size_t n = 0; n < state.retired.sees.size(); ++n)
+      sees[n < lips ? static_cast<Eigen::Index>(n)
+                    : places[(n - lips) / kOfSensor] +
+                          static_cast<Eigen::Index>((n - lips) % kOfSensor)] =
+          state.retired.sees[n];
+    if (state.sums) {
+      sum.weight += state.sums->weight;
+      sum.residual += state.sums->residual;
+      sum.variance += state.sums->variance;
+      sees += state.sums->sees;
+    }
+    if (sum.weight <= 0) continue;
+    all.add({sum.residual / sum.weight, sum.weight, sum.variance / sum.weight}, sees / sum.weight);
+  }
+  all.solve();
+  return all;
+}
+
+class SurveyState::SeenColumns {
+ public:
+  SeenColumns(SurveyState& state, const Tiles& tiles)
+      : state_(state), errors_(state.error_count()), on_(errors_) {
+    for (const auto& cell : tiles) add(state.marked(cell));
+    own_tiles_ = tiles_.size();
+    own_ = columns_.size();
+  }
+
+  /// Adds up what the columns say of the common errors, and the errors of their volume.
+  void sum_up() {
+    std::set<Block> changed;
+    for (std::size_t t = 0; t < own_tiles_; ++t) {
+      std::map<Block, BlockSums>& parts = tiles_[t].tile->parts;
+      for (const auto& [block, part] : parts) changed.insert(block);
+      parts.clear();
+      for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) {
+        const Column& c = columns_[n];
+        const Block block = state_.block_of(*c.tile, c.i);
+        BlockSums& part = parts.try_emplace(block, errors_).first->second;
+        if (!is_other(c.column()) && c.residual.weight > 0) {
+          part.weight += c.residual.weight;
+          part.residual += c.residual.weight * c.residual.residual;
+          part.variance += c.residual.weight * c.residual.variance;
+          part.sees += c.residual.weight * sees(n);
+          if (c.lip >= 0) part.sees[c.lip] -= c.residual.weight;
+        }
+        ++part.columns;
+        depends(n);
+        part.on += on_;
+        if (c.is_corrected || !is_datum(c.column()))
+          state_.add_volume(part, c.column(), c.residual, sees(n), square(state_.voxel_m()),
+                            c.is_corrected, on_);
+      }
+      for (const auto& [block, part] : parts) changed.insert(block);
+    }
+    for (const Block& block : changed) {
+      std::optional<BlockSums>& sums = state_.blocks[block].sums;
+      sums.reset();
+      for (const SurveyTile* tile : state_.tiles_of(block))
+        if (const auto part = tile->parts.find(block); part != tile->parts.end()) {
+          if (!sums) sums.emplace(errors_);
+          sums->add(part->second);
+        }
+    }
+  }
+
+  /// Finds the common errors, and the columns that are off by more than these explain.
+  void find_others() {
+    for (std::size_t n = 0; n < own_; ++n) tell(columns_[n], columns_[n].is_surveyed());
+    sum_up();
+    state_.errors = state_.estimate();
+    look_beside();
+    for (int round = 0; round < kGateRounds; ++round) {
+      std::vector<double> off(columns_.size());
+      for (std::size_t n = 0; n < columns_.size(); ++n) {
+        const Eigen::VectorXd& mean = state_.errors.mean();
+        const Column& c = columns_[n];
+        off[n] = c.residual.residual - sees(n).dot(mean) + (c.lip >= 0 ? mean[c.lip] : 0);
+      }
+      for (std::size_t t = 0; t < own_tiles_; ++t)
+        for (std::size_t n = tiles_[t].first; n < tiles_[t].last; ++n) judge(tiles_[t], n, off);
+      sum_up();
+      state_.errors = state_.estimate();
+    }
+  }
+
+  /// Corrections that are worth it.
+  std::vector<SurveyChange> corrections() {
+    const double h = state_.voxel_m();
+    std::vector<SurveyChange> made;
+    for (std::size_t n = 0; n < own_; ++n) {
+      Column& c = columns_[n];
+      const SurveyColumn& column = c.column();
+      const double all = depends(n);
+      const double mean =
+          c.residual.weight / all * c.residual.residual - on_.dot(state_.errors.mean());
+      const double off = h * (column.first - column.top) + mean;
+      if (!(std::abs(off) >= kLeastCorrection * h) || !std::isfinite(off)) continue;
+      double sigmas =
+          column.origin == kNatural && !is_other(column) ? kNaturalSigmas : kMovedSigmas;
+      if (c.residual.weight <= 0) sigmas = 0;  // the soil that rays passed through is surely gone
+      const double variance = 1 / all + on_.dot(state_.errors.covariance() * on_);
+      if (std::abs(off) < sigmas * std::sqrt(variance)) continue;
+      const int at = static_cast<int>(c.i);
+      made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
+                      std::llround(off / h * kSamplesOfCell), c.tile->slopes[c.i]});
+      c.is_corrected = true;
+    }
+    return made;
+  }
+
+ private:
+  struct Column {
+    SurveyTile* tile;
+    std::size_t i;
+    ColumnResidual residual;
+    Eigen::Index lip;  // as of lip_of()
+    bool is_corrected = false;
+
+    SurveyColumn& column() const { return tile->columns[i]; }
+    bool is_surveyed() const { return column().origin == kSurveyed; }
+  };
+  static constexpr int kReach = 2, kWindow = kChunkSide + 2 * kReach;  // columns
+  struct OfTile {
+    SurveyTile* tile;
+    std::size_t first, last;                           // its columns
+    std::array<int, BaseColumn::kCells> numbers = {};  // of its columns; -1: not seen
+    std::array<int, kWindow* kWindow> about = {};      // the same, and of those beside it
+  };
+
+  Eigen::Map<Eigen::VectorXd> sees(std::size_t n) {
+    return {sees_.data() + n * static_cast<std::size_t>(errors_), errors_};
+  }
+
+  void add(SurveyTile& tile) {
+    OfTile& of = tiles_.emplace_back(&tile, columns_.size(), 0);
+    of.numbers.fill(-1);
+    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
+      const SurveyColumn& column = tile.columns[i];
+      if (std::isnan(column.top)) continue;
+      const std::size_t n = columns_.size();
+      sees_.resize((n + 1) * static_cast<std::size_t>(errors_));
+      const ColumnResidual residual = state_.residual_of(tile, i, sees(n));
+      const bool is_told = column.origin == kSurveyed && column.first != column.top;
+      if (residual.weight <= 0 && !is_told) continue;
+      of.numbers[i] = static_cast<int>(n);
+      columns_.push_back({&tile, i, residual, state_.lip_of(column)});
+    }
+    of.last = columns_.size();
+  }
+
+  /// Adds the tiles beside, whose columns count where it is asked what a column's surroundings say.
+  void look_beside() {
+    Tiles own, beside;
+    for (const OfTile& of : tiles_) own.insert(mark(of.tile->cell));
+    for (const auto& [x, y] : own)
+      for (int dx = -kChunkSide; dx <= kChunkSide; dx += kChunkSide)
+        for (int dy = -kChunkSide; dy <= kChunkSide; dy += kChunkSide)
+          if (!own.contains({x + dx, y + dy}) && state_.tiles.contains(plan_key({x + dx, y + dy})))
+            beside.emplace(x + dx, y + dy);
+    for (const auto& cell : beside) add(state_.marked(cell));
+    std::unordered_map<std::uint64_t, const OfTile*, PlanHash> by_cell;
+    for (const OfTile& of : tiles_) by_cell[plan_key(of.tile->cell)] = &of;
+    for (std::size_t t = 0; t < own_tiles_; ++t) {
+      const Coord2& low = tiles_[t].tile->cell;
+      for (int x = 0; x < kWindow; ++x) {
+        for (int y = 0; y < kWindow; ++y) {
+          const Coord2 cell = low + Coord2(x - kReach, y - kReach);
+          const auto found = by_cell.find(plan_key(floor_to(cell, kChunkSide)));
+          tiles_[t].about[static_cast<std::size_t>(x * kWindow + y)] =
+              found == by_cell.end() ? -1 : found->second->numbers[number_of(cell)];
+        }
+      }
+    }
+  }
+
+  void tell(const Column& c, bool is_other) {
+    c.column().prior = is_other ? square(kChangedSigmaM) : c.residual.variance;
+  }
+
+  /// Is a column other than errors explain, by itself or with those about it?
+  void judge(const OfTile& of, std::size_t n, const std::vector<double>& off) {
+    const Column& c = columns_[n];
+    if (c.is_surveyed() || c.residual.weight <= 0) return;
+    double weight = 0, sum = 0;
+    const int at = static_cast<int>(c.i), x = at / kChunkSide, y = at % kChunkSide;
+    for (int u = x; u <= x + 2 * kReach; ++u) {
+      for (int v = y; v <= y + 2 * kReach; ++v) {
+        const int other = of.about[static_cast<std::size_t>(u * kWindow + v)];
+        if (other < 0) continue;
+        const Column& near = columns_[static_cast<std::size_t>(other)];
+        if (near.column().origin != c.column().origin || near.residual.weight <= 0) continue;
+        weight += near.residual.weight;
+        sum += near.residual.weight * off[static_cast<std::size_t>(other)];
+      }
+    }
+    const double variance = c.residual.variance;
+    tell(c, std::abs(sum / weight) > kPooledGate * std::sqrt(variance + 1 / weight) ||
+                std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight));
+  }
+
+  /// Sets on_ to how a column's correction depends on the common errors. @return its information
+  double depends(std::size_t n) {
+    const Column& c = columns_[n];
+    const double prior = 1 / (c.column().prior >= 0 ? c.column().prior : c.residual.variance);
+    const double all = prior + c.residual.weight;
+    on_ = c.residual.weight / all * sees(n);
+    if (c.lip >= 0) on_[c.lip] += prior / all;
+    return all;
+  }
+
+  SurveyState& state_;
+  const Eigen::Index errors_;
+  std::vector<Column> columns_;
+  std::vector<double> sees_;  // a, without b, of each column
+  std::vector<OfTile> tiles_;
+  std::size_t own_tiles_ = 0, own_ = 0;  // those beside stand behind
+  Eigen::VectorXd on_;
+};
+
+SurveyState::Tiles SurveyState::moved() {
+  Tiles found;
+  for (const auto& [block, state] : blocks) {
+    if (!state.sums || state.sums->columns == 0 || state.solved.size() == 0) continue;
+    const double by = state.sums->on.dot(errors.mean() - state.solved) / state.sums->columns;
+    if (std::abs(by) < kLeastCorrection / 2 * voxel_m()) continue;
+    for (const SurveyTile* tile : tiles_of(block)) found.insert(mark(tile->cell));
+  }
+  return found;
+}
+
+/// Only the tiles of which scans told something are corrected, so that it costs as much as these,
+/// whatever was ever scanned. Others are when the common errors have become others.
 std::vector<SurveyChange> SurveyState::solve() {
   if (std::exchange(is_solved, true)) return {};
   take_votes();
-  const double h = voxel_m();
-  std::vector<SeenColumn> seen;
-  std::unordered_map<std::uint64_t, std::array<int, BaseColumn::kCells>, PlanHash> numbers;
-  for (SurveyTile* tile : sorted()) {
-    auto& of_tile = numbers[plan_key(tile->cell)];
-    of_tile.fill(-1);
-    for (std::size_t i = 0; i < BaseColumn::kCells; ++i) {
-      if (std::isnan(tile->columns[i].top)) continue;
-      SeenColumn column{tile, i, {}, {}, {}};
-      column.residual = residual_of(*tile, i, column.sees);
-      const bool is_told =
-          column.column().origin == kSurveyed && column.column().first != column.column().top;
-      if (column.residual.weight <= 0 && !is_told) continue;
-      column.predicted = predicted(column.column());
-      column.changed = column.column().origin == kSurveyed;
-      of_tile[i] = static_cast<int>(seen.size());
-      seen.push_back(std::move(column));
-    }
+  Tiles now = news;
+  Tiles others;
+  std::set_difference(unsummed.begin(), unsummed.end(), now.begin(), now.end(),
+                      std::inserter(others, others.end()));
+  SeenColumns(*this, others).sum_up();
+  std::optional<SeenColumns> seen(std::in_place, *this, now);
+  seen->find_others();
+  const std::size_t count = now.size();
+  now.merge(moved());
+  if (now.size() > count) {
+    seen.emplace(*this, now);
+    seen->find_others();
   }
-  const auto estimate = [&] {
-    struct Sum {
-      double weight = 0, residual = 0, variance = 0;
-      Eigen::VectorXd sees;
-    };
-    std::map<Block, Sum> blocks;
-    const Eigen::VectorXd variances = prior();
-    for (const auto& [block, old] : retired) {
-      Sum& sum = blocks[block];
-      sum = {old.weight, old.residual, old.variance, Eigen::VectorXd::Zero(variances.size())};
-      for (std::size_t n = 0; n < old.sees.size(); ++n) {
-        const std::size_t lips_count = lip_sigmas_m.size();
-        const Eigen::Index at = n < lips_count
-                                    ? static_cast<Eigen::Index>(n)
-                                    : places[(n - lips_count) / kOfSensor] +
-                                          static_cast<Eigen::Index>((n - lips_count) % kOfSensor);
-        sum.sees[at] = old.sees[n];
-      }
-    }
-    for (const SeenColumn& c : seen) {
-      if (c.changed || c.residual.weight <= 0) continue;
-      Sum& sum = blocks[block_of(*c.tile, c.i)];
-      if (sum.sees.size() == 0) sum.sees = Eigen::VectorXd::Zero(variances.size());
-      sum.weight += c.residual.weight;
-      sum.residual += c.residual.weight * c.residual.residual;
-      sum.variance += c.residual.weight * c.residual.variance;
-      sum.sees += c.residual.weight * (c.sees - c.predicted);
-    }
-    CommonErrors all(variances);
-    for (const auto& [block, sum] : blocks)
-      all.add({sum.residual / sum.weight, sum.weight, sum.variance / sum.weight},
-              sum.sees / sum.weight);
-    all.solve();
-    return all;
-  };
-  errors = estimate();
-  for (int round = 0; round < kGateRounds; ++round) {
-    std::vector<double> off(seen.size());
-    for (std::size_t n = 0; n < seen.size(); ++n)
-      off[n] = seen[n].residual.residual - (seen[n].sees - seen[n].predicted).dot(errors.mean());
-    for (std::size_t n = 0; n < seen.size(); ++n) {
-      SeenColumn& c = seen[n];
-      if (c.column().origin == kSurveyed || c.residual.weight <= 0) continue;
-      double weight = 0, sum = 0;
-      const int at = static_cast<int>(c.i), x = at / kChunkSide, y = at % kChunkSide;
-      for (int dx = -2; dx <= 2; ++dx) {
-        for (int dy = -2; dy <= 2; ++dy) {
-          int other = -1;
-          const int u = x + dx, v = y + dy;
-          if (((u | v) & ~(kChunkSide - 1)) == 0) {
-            other =
-                numbers.at(plan_key(c.tile->cell))[static_cast<std::size_t>(u * kChunkSide + v)];
-          } else {
-            const Coord2 cell = c.tile->cell + Coord2(u, v);
-            const auto found = numbers.find(plan_key(floor_to(cell, kChunkSide)));
-            if (found != numbers.end()) other = found->second[number_of(cell)];
-          }
-          if (other < 0) continue;
-          const SeenColumn& near = seen[static_cast<std::size_t>(other)];
-          if (near.column().origin != c.column().origin || near.residual.weight <= 0) continue;
-          weight += near.residual.weight;
-          sum += near.residual.weight * off[static_cast<std::size_t>(other)];
-        }
-      }
-      const double variance = c.residual.variance;
-      c.changed = std::abs(sum / weight) > kPooledGate * std::sqrt(variance + 1 / weight) ||
-                  std::abs(off[n]) > kColumnGate * std::sqrt(variance + 1 / c.residual.weight);
-    }
-    errors = estimate();
+  std::vector<SurveyChange> made = seen->corrections();
+  seen->sum_up();
+  unsummed.clear();
+  for (const SurveyChange& change : made) unsummed.insert(mark(floor_to(change.cell, kChunkSide)));
+  std::set<Block> seen_blocks;
+  for (const auto& cell : now)
+    for (const auto& [block, part] : marked(cell).parts) seen_blocks.insert(block);
+  for (const Block& block : seen_blocks) {
+    const std::vector<SurveyTile*> reached = tiles_of(block);
+    if (!std::all_of(reached.begin(), reached.end(),
+                     [&](const SurveyTile* tile) { return now.contains(mark(tile->cell)); }))
+      continue;
+    blocks[block].solved = errors.mean();
+    untold_blocks.insert(block);
   }
-
-  std::vector<SurveyChange> made;
   VolumeError error(errors);
-  for (const SeenColumn& c : seen) {
-    SurveyColumn& column = c.column();
-    column.prior = c.changed ? square(kChangedSigmaM) : c.residual.variance;
-    Knowledge known = knowledge_of(column, c.residual, c.sees, c.predicted);
-    if (!std::isfinite(known.off)) continue;
-    double sigmas = column.origin == kNatural && !c.changed ? kNaturalSigmas : kMovedSigmas;
-    if (c.residual.weight <= 0) sigmas = 0;  // the soil that rays passed through is surely gone
-    const bool is_worth_it =
-        std::abs(known.off) >= kLeastCorrection * h &&
-        std::abs(known.off) >= sigmas * std::sqrt(known.correction.variance(errors));
-    if (is_worth_it) {
-      const int at = static_cast<int>(c.i);
-      made.push_back({c.tile->cell + Coord2(at / kChunkSide, at % kChunkSide), column.top,
-                      std::llround(known.off / h * kSamplesOfCell), c.tile->slopes[c.i]});
-      known.off = 0;
-    }
-    if (is_worth_it || !is_datum(column)) error.add(block_of(*c.tile, c.i), known, h * h);
-  }
+  for (const auto& [block, state] : blocks)
+    if (state.sums) error.add(*state.sums);
   sigma_m3 = error.sigma_m3();
+  untold.insert(now.begin(), now.end());
+  news.clear();
+  has_corrected = true;
   return made;
 }
 

@@ -5,6 +5,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -37,8 +38,11 @@ struct SurveyState {
     const Coord2 in = column - floor_to(column, kChunkSide);
     return static_cast<std::size_t>(in.x() * kChunkSide + in.y());
   }
-  /// Tiles by their cells.
-  std::vector<SurveyTile*> sorted();
+  using Tiles = std::set<std::pair<int, int>>;  // their lowest cells
+  static std::pair<int, int> mark(const Coord2& cell) { return {cell.x(), cell.y()}; }
+  SurveyTile& marked(const std::pair<int, int>& cell) {
+    return tiles.at(plan_key({cell.first, cell.second}));
+  }
   /// Tells that the ground of a tile changed.
   void has_changed(const Coord2& cell);
   /// Reads tiles anew where the ground changed. @param own by applied()
@@ -61,10 +65,14 @@ struct SurveyState {
   /// Variance of a column's own height, before any scan, m^2.
   double own_variance(const SurveyTile& tile, std::size_t i) const;
   /// A column as one residual. @param sees a, of all sensors
-  ColumnResidual residual_of(const SurveyTile& tile, std::size_t i, Eigen::VectorXd& sees) const;
+  ColumnResidual residual_of(const SurveyTile& tile, std::size_t i,
+                             Eigen::Ref<Eigen::VectorXd> sees) const;
+  /// The only common error on which a column's predicted height depends, one to one; -1: none.
+  Eigen::Index lip_of(const SurveyColumn& column) const;
   /// b: how a column's predicted height depends on the common errors.
   Eigen::VectorXd predicted(const SurveyColumn& column) const;
   Eigen::VectorXd prior() const;
+  Eigen::Index error_count() const;
   /// To be called when a sensor has come.
   void set_places();
   /// Makes room for errors that came. @param to the new numbers of those that were
@@ -78,8 +86,8 @@ struct SurveyState {
     double variance(const CommonErrors& all) const { return correction.variance(all) + off * off; }
   };
   Knowledge knowledge_of(const SurveyTile& tile, std::size_t i) const;
-  Knowledge knowledge_of(const SurveyColumn& column, const ColumnResidual& residual,
-                         const Eigen::VectorXd& sees, const Eigen::VectorXd& predicted) const;
+  /// Do scans say that a column is other than its errors explain?
+  static bool is_other(const SurveyColumn& column);
   /// Is a column as the terrain, and nothing speaks against that?
   static bool is_datum(const SurveyColumn& column);
   /// Keeps what a column says of the common errors when its ground has changed.
@@ -90,31 +98,48 @@ struct SurveyState {
   void take_votes();
   std::vector<SurveyChange> solve();
 
-  /// Mean of columns of one origin in a square, of which the ground has changed.
+  int block_side() const {
+    return std::max(1, static_cast<int>(std::lround(kScanBlockM / voxel_m())));
+  }
+  Block block_of(const SurveyTile& tile, std::size_t i) const;
+  /// The tiles that a block reaches into, by their cells.
+  std::vector<SurveyTile*> tiles_of(const Block& block);
+  /// Columns of which the ground has changed, that may say something of the common errors.
   struct Retired {
     double weight = 0, residual = 0, variance = 0;  // sums of w, w r, w s^2
-    std::vector<double> sees;                       // of w (a - b)
+    std::vector<double> sees;                       // of w (a - b), by the sensors' first scans
   };
-  struct Block {
-    std::uint16_t origin;
-    int x, y;
-    auto operator<=>(const Block&) const = default;
+  struct BlockState {
+    Retired retired = {};
+    std::optional<BlockSums> sums = {};  // of its tiles' parts, if it has some
+    /// The common errors with which all of its columns were last corrected; empty: none yet.
+    Eigen::VectorXd solved = {};
   };
-  Block block_of(const SurveyTile& tile, std::size_t i) const;
-
-  /// The error of a volume: of columns' heights times areas.
+  /// Columns of some tiles that scans told something of.
+  class SeenColumns;
+  CommonErrors estimate() const;
+  /// Tiles of the blocks whose corrections would be others with the present common errors.
+  Tiles moved();
+  /// Adds an area of a column to the error of a volume. @param on scratch
+  void add_volume(BlockSums& to, const SurveyColumn& column, const ColumnResidual& residual,
+                  const Eigen::Ref<const Eigen::VectorXd>& sees, double area_m2, bool is_corrected,
+                  Eigen::VectorXd& on) const;
+  /// Sigma of the volume of all columns that were added. Each block at most once.
   class VolumeError {
    public:
     explicit VolumeError(const CommonErrors& errors)
         : errors_(errors), on_(Eigen::VectorXd::Zero(errors.mean().size())) {}
-    void add(const Block& block, const Knowledge& column, double area_m2);
+    void add(const BlockSums& block) {
+      on_ += block.volume_on;
+      off_m3_ += block.off_m3;
+      variance_ += block.apart + block.alike_m3 * block.alike_m3;
+    }
     double sigma_m3() const;
 
    private:
     const CommonErrors& errors_;
     Eigen::VectorXd on_;
-    double off_m3_ = 0, apart_ = 0;  // apart: variance of errors that do not hang together, m^6
-    std::map<Block, double> alike_;  // sigmas of those that do, m^3
+    double off_m3_ = 0, variance_ = 0;
   };
 
   Ground& ground;
@@ -123,6 +148,10 @@ struct SurveyState {
   HeightMap map;
   ChangeFollower changes;
   std::unordered_map<std::uint64_t, SurveyTile, PlanHash> tiles;
+  Tiles stale;     // where the ground has changed since they were read
+  Tiles news;      // of which scans told something since solve()
+  Tiles unsummed;  // that changed since their parts were made
+  Tiles untold;    // that changed since telling was set
   struct Work {
     std::uint16_t origin = kUnknownTool;  // whose machine was the last in a tile
     std::uint32_t time = 0;               // when the tile changed
@@ -132,8 +161,17 @@ struct SurveyState {
   std::vector<Sensor> sensors;                             // in order of their first scan
   std::vector<int> places;                                 // of their common errors, by their names
   std::vector<int> by_name;                                // their numbers
-  std::map<Block, Retired> retired;
-  CommonErrors errors;  // as last solved
+  std::map<Block, BlockState> blocks;
+  std::set<Block> untold_blocks;
+  /// What save_changes() tells of: what changed from one correction to the next.
+  struct Telling {
+    bool all = true;
+    Tiles tiles = {};
+    std::set<Block> blocks = {};
+  } telling;
+  bool has_corrected = false;  // solve() had news since scans were applied
+  bool is_first = true;        // nothing was told yet
+  CommonErrors errors;         // as last solved
   RayCounts rays;
   std::vector<ThroughRay> through;  // since scans were applied
   bool is_solved = true;            // no scan came since

@@ -4,7 +4,9 @@
 // another one.
 #pragma once
 
+#include <Eigen/Dense>
 #include <array>
+#include <compare>
 #include <cstdint>
 #include <map>
 
@@ -96,15 +98,50 @@ struct SurveyColumn {
   std::int64_t height = 0;  ///< sum of the latter's heights above `first`
 };
 
+/// The columns of one origin in a square: their own errors hang together.
+struct Block {
+  std::uint16_t origin;
+  int x, y;
+  auto operator<=>(const Block&) const = default;
+};
+
+/// What columns of a block say.
+struct BlockSums {
+  explicit BlockSums(Eigen::Index errors)
+      : sees(Eigen::VectorXd::Zero(errors)), on(sees), volume_on(sees) {}
+
+  double weight = 0, residual = 0, variance = 0;  ///< sums of w, w r, w s^2
+  Eigen::VectorXd sees;                           ///< sum of w (a - b)
+  double columns = 0;                             ///< that scans saw
+  Eigen::VectorXd on;         ///< how their corrections depend on the common errors: sum
+  double off_m3 = 0;          ///< error of their volume, were there no common errors
+  Eigen::VectorXd volume_on;  ///< how that depends on the common errors, m^2
+  double apart = 0;           ///< variance of what errs column by column, m^6
+  double alike_m3 = 0;        ///< sigma of what errs alike in the block
+
+  void add(const BlockSums& other) {
+    weight += other.weight;
+    residual += other.residual;
+    variance += other.variance;
+    sees += other.sees;
+    columns += other.columns;
+    on += other.on;
+    off_m3 += other.off_m3;
+    volume_on += other.volume_on;
+    apart += other.apart;
+    alike_m3 += other.alike_m3;
+  }
+};
+
 /// 8 x 8 columns. Column (x, y) from `cell` is entry x * 8 + y.
 struct SurveyTile {
   Coord2 cell = {0, 0};
-  bool known = false;  ///< columns are as the ground is
   std::array<SurveyColumn, BaseColumn::kCells> columns;
   std::array<Vec2, BaseColumn::kCells> slopes;  ///< of the ground, m/m
   std::array<float, BaseColumn::kCells> bends;  ///< difference of slopes over a column
   std::map<int, std::array<ScanSums, BaseColumn::kCells>> sums;  ///< by sensor
   std::map<int, ScanVotes> votes;                                ///< by number of the column
+  std::map<Block, BlockSums> parts;                              ///< of blocks, as last solved
 };
 
 }  // namespace soilvdb::inline v0

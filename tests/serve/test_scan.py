@@ -216,6 +216,8 @@ def test_a_sensor_is_where_its_machine_was(tmp_path):
         assert again["removed_m3"] + again["added_m3"] < 0.005 * volume
         old, = scan(server, [message({**DEPTH, "time": -8.1}, image.tobytes())])
         assert "more than 10 s before the latest state, 2 s" in old["error"]
+        ahead, = scan(server, [message({**DEPTH, "time": 62.1}, image.tobytes())])
+        assert "more than 60 s after the latest state, 2 s; is the sensor's clock right?" in ahead["error"]
         reset, = server.feed([{"machine": "digger", "clock": "reset"}])
         assert "error" not in reset
         any_time, = scan(server, [message({**POINTS, "sensor": "bucket", "time": -50.0})])
@@ -364,7 +366,7 @@ def test_bad_messages_are_refused_and_change_nothing(tmp_path):
         names = [message({**OWN, "sensor": f"camera {i}"}) for i in range(32)]
         answers = scan(server, names)
         assert all("error" not in answer for answer in answers[:31])
-        assert "32 other names were sent; give a sensor one name" in answers[31]["error"]
+        assert "there were 32 others; give a sensor one name" in answers[31]["error"]
         assert ground(server) == before
 
 
@@ -435,6 +437,27 @@ def test_feeds_scans_and_newcomers_go_on_beside_each_other(tmp_path):
         server.kill()
     with Server(path, "--out", out, cwd=tmp_path) as server:
         assert ground(server) == last
+
+
+def test_scans_while_states_are_taken_back_are_refused(tmp_path):
+    path, flat = site(tmp_path), np.full(SHAPE, EYE[2], dtype="<f4")
+    with Server(path, "--out", tmp_path / "out", cwd=tmp_path) as server:
+        server.feed([state for n in range(40) for state in
+                     passes("digger", 0.0, 0.2 + 0.005 * n, 20, begin=1 + 2 * n)])
+
+        async def work():
+            loop, answers = asyncio.get_running_loop(), []
+            async with server.connect("/scan") as sensor:
+                undone = loop.run_in_executor(None, lambda: server.get("/undo?machine=digger&time=0", method="POST"))
+                while not undone.done():
+                    await sensor.send(message(DEPTH, flat.tobytes()))
+                    answers.append(json.loads(await sensor.recv()))
+            return await undone, answers
+        (status, _), answers = asyncio.run(work())
+        assert status == 200
+        # A scan of level ground, before or after, agrees or fills what was dug; the others do nothing.
+        refused = [answer for answer in answers if "error" in answer]
+        assert refused and {answer["error"] for answer in refused} == {"states were taken back meanwhile; send the scan again"}
 
 
 @pytest.mark.parametrize("sync", ["1", "always"])

@@ -12,21 +12,26 @@
 namespace soilvdb::test {
 namespace session_scan_test {
 
-const Sensor kAbove{.name = "above", .pose = {{-1, 0, 6}, {0, 1, 0, 0}}, .range_sigma_m = 0.01};
+/// Stands above the dig, or beside it.
+Sensor above(double x = -1) {
+  return {.name = "above", .pose = {{x, 0, 6}, {0, 1, 0, 0}}, .range_sigma_m = 0.01};
+}
+const Sensor kAbove = above();
 
 /// Rays of a grid to the ground of a session that stands `deeper` than it is.
-std::vector<Vec3> seen(Session& session, double deeper, std::uint64_t seed) {
+std::vector<Vec3> seen(Session& session, double deeper, std::uint64_t seed,
+                       const Sensor& sensor = kAbove) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> noise(0, 0.01);
   std::vector<Vec3> ways;
   for (int i = 0; i < 90; ++i)
     for (int j = 0; j < 60; ++j) ways.emplace_back(0.012 * (i - 45), 0.012 * (j - 30), -1);
   std::vector<double> ranges(ways.size());
-  session.cast(std::span(&kAbove.pose.position, 1), ways, ranges);
+  session.cast(std::span(&sensor.pose.position, 1), ways, ranges);
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < ways.size(); ++i)
     if (std::isfinite(ranges[i]))
-      points.push_back(kAbove.pose.position + (ranges[i] + noise(random)) * ways[i].normalized() -
+      points.push_back(sensor.pose.position + (ranges[i] + noise(random)) * ways[i].normalized() -
                        Vec3(0, 0, deeper));
   return points;
 }
@@ -37,8 +42,9 @@ void work(Session& session, const std::vector<MachineState>& all, std::uint64_t 
     const StepResult step = session.update(all[i]);
     ASSERT_TRUE(step.ok()) << step.why;
     if (i % 12 != 5) continue;
-    const std::vector<Vec3> points = seen(session, i % 24 == 5 ? 0.04 : -0.3, seed + i);
-    const StepResult scanned = session.scan(kAbove, points);
+    const Sensor sensor = above(-1.0 + 3.0 * static_cast<double>(i / 12 % 3));
+    const std::vector<Vec3> points = seen(session, i % 24 == 5 ? 0.04 : -0.3, seed + i, sensor);
+    const StepResult scanned = session.scan(sensor, points);
     ASSERT_TRUE(scanned.ok()) << scanned.why;
     Survey survey;
     const StepResult applied = session.apply_scans(survey);
@@ -80,6 +86,71 @@ TEST_P(SessionScans, GoOnFromWhereTheyWereRecorded) {
     work(never_stopped, part(states(), 0.6, 1), 2);
     EXPECT_EQ(session.save(), never_stopped.save());
   }
+}
+
+// A correction tells and costs what its scans saw, not what was ever scanned.
+TEST(SiteScans, AreRecordedByWhatTheySaw) {
+  Site site(std::make_shared<Ground>(0.1, Vec3::Zero(), make_plane(0, {0, 0})),
+            {{{"digger", digger()}}});
+  std::vector<std::size_t> sizes;
+  for (int round = 0; round < 2; ++round)
+    for (int n = 0; n < 12; ++n) {
+      std::vector<Vec3> points;
+      for (int x = -30; x < 30; ++x)
+        for (int y = -30; y < 30; ++y) points.emplace_back(12.0 * n + 0.1 * x, 0.1 * y, 0);
+      ASSERT_TRUE(site.scan(above(12.0 * n), points).ok());
+      Survey survey;
+      std::string record;
+      ASSERT_TRUE(site.apply_scans(survey, &record).ok());
+      sizes.push_back(record.size());
+    }
+  for (const std::size_t size : sizes) EXPECT_LT(size, sizes[0] * 5 / 4);
+}
+
+// What a scan tells of a lip corrects what that lip dug elsewhere, and was seen before by a sensor
+// that could not tell its own error from the lip's.
+TEST(SiteScans, CorrectEarlierGroundWhenALipIsKnownBetter) {
+  constexpr double kError_m = 0.03, kSide_m = 2, kDepth_m = 0.3;
+  Site site(std::make_shared<Ground>(0.05, Vec3::Zero(), make_plane(0, {0, 0})),
+            {{{"plate", Bucket{kSide_m, 0.6, {}, 0.8}, {}, 0.02}}});
+  double time_s = 0;
+  const std::vector<double> places = {0, 20};
+  for (const double place : places) {
+    ASSERT_TRUE(
+        site.place({.machine = 0, .time_s = ++time_s, .pose = {{place, 0, 1}, {1, 0, 0, 0}}}).ok());
+    for (const double x : {0.0, kSide_m})
+      ASSERT_TRUE(site.update({.machine = 0,
+                               .time_s = ++time_s,
+                               .pose = {{place + x, 0, -kDepth_m}, {1, 0, 0, 0}}})
+                      .ok());
+    ASSERT_TRUE(
+        site.update(
+                {.machine = 0, .time_s = ++time_s, .pose = {{place + kSide_m, 0, 1}, {1, 0, 0, 0}}})
+            .ok());
+  }
+  const auto scan = [&](double place, double mount_sigma_m, bool sees_natural) {
+    Sensor sensor = above(place + 1);
+    sensor.name = std::to_string(place);
+    sensor.mount_height_sigma_m = mount_sigma_m;
+    sensor.mount_tilt_sigma_rad = sensor.mount_scale_sigma = 1e-5;
+    std::vector<Vec3> points;
+    for (double y = -0.85; y < 0.9; y += 0.02)
+      for (double x = 0.2; x < 1.8; x += 0.02) {
+        points.emplace_back(place + x, y, -kDepth_m - kError_m);
+        if (sees_natural) points.emplace_back(place + x, y + 3, 0);
+      }
+    EXPECT_TRUE(site.scan(sensor, points).ok());
+    Survey survey;
+    EXPECT_TRUE(site.apply_scans(survey).ok());
+    return survey.removed_m3 - survey.added_m3;
+  };
+  const double all_m3 = 1.6 * 1.75 * kError_m;
+  const double first = scan(places[0], 0.05, false);
+  EXPECT_LT(first, all_m3 / 3);
+  const double both = first + scan(places[1], 0.001, true);
+  EXPECT_GT(both, 1.6 * all_m3);  // a tenth or so is what floors err by themselves
+  EXPECT_LT(both, 2.05 * all_m3);
+  EXPECT_NEAR(site.lip_errors_m()[0].mean, kError_m, 0.003);
 }
 
 TEST_P(SessionScans, AreBookedAndLeaveLoads) {

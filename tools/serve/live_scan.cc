@@ -17,8 +17,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// The time of a correction grows with the cube of their number.
-constexpr std::size_t kMostSensorNames = 32;
 constexpr std::size_t kLongestSensorName = 100;  // bytes
 /// What was dug since a scan would be filled again by it.
 constexpr double kOldestScan_s = 10;
@@ -76,18 +74,19 @@ Sensor LiveSite::sensor_of(const ScanHead& head) const {
         fmt::format("header: sensor '{}' has no place in the scenario; give 'position' and "
                     "'rotation'",
                     head.sensor));
-  if (const auto latest_s = fed_.places.latest_s();
-      head.time_s && latest_s && *head.time_s < *latest_s - kOldestScan_s)
-    throw std::invalid_argument(fmt::format(
-        "header: 'time' is {} s, more than {} s before the latest state, {} s; what was dug since "
-        "would be filled again. Send scans at once",
-        *head.time_s, kOldestScan_s, *latest_s));
-  if (const auto latest_s = fed_.places.latest_s();
-      head.time_s && latest_s && *head.time_s > *latest_s + kScanAhead_s)
-    throw std::invalid_argument(
-        fmt::format("header: 'time' is {} s, more than {} s after the latest state, {} s; is the "
-                    "sensor's clock right?",
-                    *head.time_s, kScanAhead_s, *latest_s));
+  if (const auto latest_s = fed_.places.latest_s(); head.time_s && latest_s) {
+    const double ahead_s = *head.time_s - *latest_s;
+    if (ahead_s < -kOldestScan_s)
+      throw std::invalid_argument(fmt::format(
+          "header: 'time' is {} s, more than {} s before the latest state, {} s; what was dug "
+          "since would be filled again. Send scans at once",
+          *head.time_s, kOldestScan_s, *latest_s));
+    if (ahead_s > kScanAhead_s)
+      throw std::invalid_argument(
+          fmt::format("header: 'time' is {} s, more than {} s after the latest state, {} s; is the "
+                      "sensor's clock right?",
+                      *head.time_s, kScanAhead_s, *latest_s));
+  }
   Sensor sensor = known != nullptr ? known->sensor : Sensor();
   if (!head.sensor.empty()) sensor.name = head.sensor;
   if (head.pose)
@@ -110,17 +109,11 @@ Sensor LiveSite::sensor_of(const ScanHead& head) const {
 }
 
 Json LiveSite::scan(const ScanHead& head, const Sensor& sensor, std::span<const Vec3> points_m) {
-  if (!scanned_.contains(sensor.name) && scanned_.size() >= kMostSensorNames)
-    throw std::invalid_argument(fmt::format(
-        "header: 'sensor' is '{}', and {} other names were sent; give a sensor one name, not one "
-        "for each scan",
-        io::printable(sensor.name), kMostSensorNames));
   // A scan that can't be recorded must not be left for the next one.
   if (const std::string why = session_.recording_fault(); !why.empty())
     throw std::runtime_error(why);
   if (const StepResult step = session_.scan(sensor, points_m); !step.ok())
     throw std::invalid_argument(step.why);
-  scanned_.insert(sensor.name);
   Survey survey;
   const StepResult step = session_.apply_scans(survey);
   session_.take_warnings();  // of the first doubtful scan only

@@ -10,7 +10,6 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <string_view>
@@ -154,7 +153,6 @@ class LiveSite {
   std::vector<std::vector<std::string>> joints_;  ///< of each machine, by name
   FedStates fed_;
   std::map<std::string, io::SensorInput> sensors_;  ///< by name
-  std::set<std::string> scanned_;                   ///< names of sensors whose scans came
   std::vector<Clock::time_point> moved_;            ///< by machine
   std::vector<MachineFeed> feeds_;                  ///< by machine
   std::vector<std::optional<double>> doubted_s_;    ///< by machine: refused as too far ahead

@@ -80,7 +80,8 @@ struct SurveyState;  // core/survey/survey_state.h
 /// nobody touched is the datum. Ground that a machine dug errs by that machine's lip, all alike.
 /// Scans err by their mount: height, two tilts and scale, all alike. These common errors and the
 /// corrections are one linear problem, solved in closed form for all scans since a column last
-/// changed. See tools/guide/sensing.md.
+/// changed. Of its columns those are corrected that scans told something of since the last time,
+/// and those that the common errors move. See tools/guide/sensing.md.
 ///
 /// Sums are integers: the result is the same for any order of scans and any split of a scan between
 /// two changes of the ground.
@@ -115,8 +116,13 @@ class GroundSurvey {
   /// Sigma of the change of volume inside a boundary, against the terrain.
   double volume_sigma_m3(const std::vector<Vec2>& boundary);
 
+  /// Adds all that is known.
   void save(std::string& out) const;
-  /// @throw std::invalid_argument if the bytes are of another site; then nothing has changed
+  /// Adds what changed from one correction, of solve() with news and applied(), to the last one:
+  /// for a survey that has heard of the same work, and loaded what was added at those before.
+  void save_changes(std::string& out) const;
+  /// Takes what save() or save_changes() added. @throw std::invalid_argument if it is of another
+  /// site or of another past; what is known is then of no use
   void load(std::string_view& in);
 
  private:
