@@ -173,13 +173,10 @@ class Slice {
   double highest_ = 0, foot_ = 0;
 };
 
-/// Which of all directions are in use.
-using Directions = std::bitset<kSliceDirections>;
-
-/// The direction in which wedges slide off a cut with its foot at a column, across its face. A
-/// slice askew to an upright face needs the same cohesion, but behind the face's end it would take
-/// the ground from behind what stands.
-Directions across_face(const Columns& ground, int x, int y, const BankStrength& strength) {
+/// The number of the direction in which wedges slide off a cut with its foot at a column, across
+/// its face. A slice askew to an upright face needs the same cohesion, but behind the face's end it
+/// would take the ground from behind what stands.
+std::optional<int> across_face(const Columns& ground, int x, int y, const BankStrength& strength) {
   Vec2 uphill(0, 0);
   for (int i = -kFaceColumns; i <= kFaceColumns; ++i) {
     for (int j = -kFaceColumns; j <= kFaceColumns; ++j) {
@@ -189,79 +186,94 @@ Directions across_face(const Columns& ground, int x, int y, const BankStrength& 
     }
   }
   // None where bank rises only aside: on the face itself.
-  const double least = static_cast<float>(std::cos(2 * kHalfSector)) * uphill.norm();
-  std::optional<std::size_t> best;
-  for (std::size_t i = 0; i < kSliceDirections; ++i) {
-    const double along = directions()[i].dot(uphill);
-    if (along < least || (best && along <= directions()[*best].dot(uphill))) continue;
-    if (Slice(ground, x, y, directions()[i], strength).is_foot()) best = i;
+  static const double aside = static_cast<float>(std::cos(2 * kHalfSector));
+  double most = aside * uphill.norm();
+  std::optional<int> across;
+  for (int i = 0; i < kSliceDirections; ++i) {
+    const Vec2& direction = directions()[static_cast<std::size_t>(i)];
+    const double along = direction.dot(uphill);
+    if (across ? along <= most : along < most) continue;
+    if (!Slice(ground, x, y, direction, strength).is_foot()) continue;
+    across = i;
+    most = along;
   }
-  Directions across;
-  if (best) across.set(*best);
   return across;
 }
 
-/// The directions of a face, and those up to half-way to that of a face beside it, so that their
-/// slices leave no gap.
-Directions turned_towards(const Directions& face, const Directions& beside) {
+using Directions = std::bitset<kSliceDirections>;
+
+/// Adds the direction of a face, and those up to half-way to that of a face beside it, so that
+/// their slices leave no gap.
+void turn_towards(const std::optional<int>& face, const std::optional<int>& beside,
+                  Directions& across) {
   constexpr int n = kSliceDirections;
-  Directions all = face;
-  if (face.count() != 1 || beside.count() != 1) return all;
-  const auto only = [](const Directions& of) {
-    int i = 0;
-    while (!of[static_cast<std::size_t>(i)]) ++i;
-    return i;
-  };
-  const int from = only(face), turn = (only(beside) - from + n + n / 2) % n - n / 2;
-  if (std::abs(turn) > n / 4) return all;
+  if (!face) return;
+  across.set(static_cast<std::size_t>(*face));
+  const int turn = beside ? (*beside - *face + n + n / 2) % n - n / 2 : 0;
+  if (std::abs(turn) > n / 4) return;
   for (int k = 1; k <= std::abs(turn) / 2; ++k)
-    all.set(static_cast<std::size_t>((from + (turn > 0 ? k : n - k)) % n));
-  return all;
+    across.set(static_cast<std::size_t>((*face + (turn > 0 ? k : n - k)) % n));
 }
 
-/// Fails also what stands between columns that fail, or that failed before and bear loose soil:
-/// slices of feet whose faces differ leave gaps, and a needle in a gap does not stand.
-void close_gaps(const Columns& ground, WallFailure& failure) {
-  const std::vector<WallFailure::Column> found = failure.columns;
-  const auto fails = [&](int c) {
-    return found[static_cast<std::size_t>(c)].height < ground.firm_at(c);
-  };
-  const auto is_low = [&](int c) {
-    return fails(c) || ground.at(c) - ground.firm_at(c) > kFilmDepth;
-  };
-  const Eigen::AlignedBox2i all = failure.failed;
-  for (int x = all.min().x() - kGapColumns; x <= all.max().x() + kGapColumns; ++x) {
-    for (int y = all.min().y() - kGapColumns; y <= all.max().y() + kGapColumns; ++y) {
-      if (!ground.open(x, y) || is_low(ground.index(x, y))) continue;
-      WallFailure::Column highest{-std::numeric_limits<double>::infinity()};
-      for (const Coord2& step : {Coord2(1, 0), Coord2(0, 1), Coord2(1, 1), Coord2(1, -1)}) {
-        const auto along = [&](int k) { return Coord2(Coord2(x, y) + k * step); };
-        // The nearest low columns on both sides.
-        const auto nearest = [&](int side) {
-          for (int k = side; std::abs(k) <= kGapColumns; k += side) {
-            const Coord2 at = along(k);
-            if (!ground.open(at.x(), at.y())) return 0;
-            if (is_low(ground.index(at.x(), at.y()))) return std::abs(k);
-          }
-          return 0;
-        };
-        const int ahead = nearest(1), behind = nearest(-1);
-        if (ahead == 0 || behind == 0) continue;
-        const Coord2 first = along(ahead), last = along(-behind);
-        const int a = ground.index(first.x(), first.y()), b = ground.index(last.x(), last.y());
-        if (!fails(a) && !fails(b)) continue;
-        const double share = static_cast<double>(ahead) / (ahead + behind);
-        const WallFailure::Column &from = found[static_cast<std::size_t>(a)],
-                                  &to = found[static_cast<std::size_t>(b)];
-        const double height = from.height + share * (to.height - from.height);
-        if (height > highest.height)
-          highest = {height, from.slope + share * (to.slope - from.slope)};
-      }
-      WallFailure::Column& here = failure.columns[static_cast<std::size_t>(ground.index(x, y))];
-      if (std::isinf(highest.height) || highest.height >= here.height) continue;
-      here = highest;
-      failure.failed.extend(Coord2(x, y));
+/// What stands between columns that fail, or that failed before and bear loose soil.
+class Gaps {
+ public:
+  Gaps(const Columns& ground, const WallFailure& failure) : ground_(ground), failure_(failure) {}
+
+  /// How a column fails that does not by itself: as those on both sides of it.
+  std::optional<WallFailure::Column> fill(const Coord2& at) const {
+    std::optional<WallFailure::Column> highest;
+    if (!ground_.open(at.x(), at.y()) || is_low(index(at))) return highest;
+    for (const Coord2& step : {Coord2(1, 0), Coord2(0, 1), Coord2(1, 1), Coord2(1, -1)}) {
+      const int ahead = nearest_low(at, step), behind = nearest_low(at, -step);
+      if (ahead == 0 || behind == 0) continue;
+      const int a = index(at + ahead * step), b = index(at - behind * step);
+      if (!fails(a) && !fails(b)) continue;
+      const double share = static_cast<double>(ahead) / (ahead + behind);
+      const WallFailure::Column &from = of(a), &to = of(b);
+      const double height = from.height + share * (to.height - from.height);
+      if (!highest || height > highest->height)
+        highest = {height, from.slope + share * (to.slope - from.slope)};
     }
+    return highest;
+  }
+
+ private:
+  int index(const Coord2& at) const { return ground_.index(at.x(), at.y()); }
+  const WallFailure::Column& of(int c) const {
+    return failure_.columns[static_cast<std::size_t>(c)];
+  }
+  bool fails(int c) const { return of(c).height < ground_.firm_at(c); }
+  bool is_low(int c) const { return fails(c) || ground_.at(c) - ground_.firm_at(c) > kFilmDepth; }
+  /// So many steps; 0: none is near.
+  int nearest_low(const Coord2& from, const Coord2& step) const {
+    for (int k = 1; k <= kGapColumns; ++k) {
+      const Coord2 at = from + k * step;
+      if (!ground_.open(at.x(), at.y())) return 0;
+      if (is_low(index(at))) return k;
+    }
+    return 0;
+  }
+
+  const Columns& ground_;
+  const WallFailure& failure_;
+};
+
+/// Fails also what stands in gaps: slices of feet whose faces differ leave some, and a needle in a
+/// gap does not stand.
+void close_gaps(const Columns& ground, WallFailure& failure) {
+  const Gaps gaps(ground, failure);
+  const Eigen::AlignedBox2i all = failure.failed;
+  std::vector<std::pair<Coord2, WallFailure::Column>> closed;
+  for (int x = all.min().x() - kGapColumns; x <= all.max().x() + kGapColumns; ++x)
+    for (int y = all.min().y() - kGapColumns; y <= all.max().y() + kGapColumns; ++y)
+      if (const auto column = gaps.fill({x, y})) closed.emplace_back(Coord2(x, y), *column);
+  for (const auto& [at, column] : closed) {
+    WallFailure::Column& here =
+        failure.columns[static_cast<std::size_t>(ground.index(at.x(), at.y()))];
+    if (column.height >= here.height) continue;
+    here = column;
+    failure.failed.extend(at);
   }
 }
 
@@ -275,14 +287,13 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
                                const BankStrength& strength,
                                const std::function<double(int x, int y)>& dug) {
   WallFailure failure;
-  const auto lower = [&](int x, int y, std::size_t slice, const FailurePlane& plane) {
+  const auto lower = [&](int x, int y, const Vec2& direction, const FailurePlane& plane) {
     if (failure.columns.empty()) {
       for (std::size_t c = 0; c < ground.height_m.size(); ++c)
         failure.columns.push_back({ground.firm_at(static_cast<int>(c))});
     }
     const double zero = ground.at(ground.index(x, y));
     const int far = static_cast<int>(plane.end) + 1;
-    const Vec2& direction = directions()[slice];
     // Of the foot's column as seen along the slice: those of a cut that runs askew leave no gaps.
     const double half_width = (std::abs(direction.x()) + std::abs(direction.y())) / 2;
     for (int i = std::max(0, x - far); i <= std::min(ground.nx - 1, x + far); ++i) {
@@ -309,11 +320,11 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
     return false;
   };
   const Coord2 size = feet.sizes() + Coord2::Ones();
-  std::vector<Directions> all(static_cast<std::size_t>(std::max(0, size.prod())));
+  std::vector<std::optional<int>> faces(static_cast<std::size_t>(std::max(0, size.prod())));
   const auto of_foot = [&](int x, int y) {
     const Coord2 in = Coord2(x, y) - feet.min();
     const bool has = (in.array() >= 0).all() && (in.array() < size.array()).all();
-    return has ? &all[static_cast<std::size_t>(in.x() * size.y() + in.y())] : nullptr;
+    return has ? &faces[static_cast<std::size_t>(in.x() * size.y() + in.y())] : nullptr;
   };
   for (int x = feet.min().x(); x <= feet.max().x(); ++x)
     for (int y = feet.min().y(); y <= feet.max().y(); ++y)
@@ -321,11 +332,10 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
   std::vector<std::pair<std::size_t, FailurePlane>> planes;
   for (int x = feet.min().x(); x <= feet.max().x(); ++x) {
     for (int y = feet.min().y(); y <= feet.max().y(); ++y) {
-      const Directions& face = *of_foot(x, y);
-      Directions across = face;
+      Directions across;
       for (int i = x - 1; i <= x + 1; ++i)
         for (int j = y - 1; j <= y + 1; ++j)
-          if (const Directions* beside = of_foot(i, j)) across |= turned_towards(face, *beside);
+          if (const auto* beside = of_foot(i, j)) turn_towards(*of_foot(x, y), *beside, across);
       if (across.none()) continue;
       const int most = static_cast<int>(kMaxPlaneDepths * dug(x, y));
       planes.clear();
@@ -339,9 +349,9 @@ WallFailure find_wedge_failure(const Columns& ground, const Eigen::AlignedBox2i&
         fails = fails || plane->cohesion > strength.cohesion;
       }
       // Slices at different angles to a cut need the same but for what columns err by.
-      for (const auto& [slice, plane] : planes)
+      for (const auto& [direction, plane] : planes)
         if (fails && plane.cohesion > kSameCohesionShare * strength.cohesion)
-          lower(x, y, slice, plane);
+          lower(x, y, directions()[direction], plane);
     }
   }
   if (!failure.failed.isEmpty()) close_gaps(ground, failure);
