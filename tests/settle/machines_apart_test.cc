@@ -122,7 +122,7 @@ double wavy(double x, double y) { return 1.2 * std::sin(0.11 * x) + 0.8 * std::c
 
 TEST(MachinesApart, AtOnceAsInTurn) {
   batches = {};
-  for (std::uint64_t seed = 1; seed <= (kLong ? 20u : 2u); ++seed) {
+  for (std::uint64_t seed = 1; seed <= (kLong ? 20u : kSanitized ? 1u : 2u); ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937_64 random(seed);
     const auto draw = [&](double low, double high) {
@@ -165,6 +165,7 @@ TEST(MachinesApart, WhatSomebodyElsePutsThereComesToRest) {
   const std::int64_t slid = result(scene, 1, 0).balance[3],
                      tower = 512 * 64 * MassUnits(*loam().soil).loose;
   for (const Vec3& at : {Vec3(-20, 2, 0.4), Vec3(0, 0, 0.4), Vec3(60, 60, 0.4)}) {
+    if (kSanitized && at.x() >= 0) break;
     scene.tower = at;
     expect_same(scene, 1);
     EXPECT_GT(result(scene, 1, 0).balance[3], slid + tower / 10) << "it slides";
@@ -188,7 +189,7 @@ TEST(MachinesApart, SoilThatRunsDownToAnotherMachineMeetsItsGround) {
   scene.moves = in_step({tips, digs});
   batches = {};
   expect_same(scene, 1);
-  expect_same(scene, 2);
+  if (!kSanitized) expect_same(scene, 2);
   EXPECT_GT(batches.set_back, 0u);
 }
 
