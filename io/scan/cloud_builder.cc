@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "core/constants.h"
 #include "io/file/text.h"
 
 namespace soilvdb::inline v0::io {
@@ -23,6 +24,10 @@ double number_as(const char* at, bool swap) {
 }
 
 }  // namespace
+
+std::size_t PointCloud::leave_out_far() {
+  return std::erase_if(points_m, [](const Vec3& p) { return p.norm() > kMostScanRangeM; });
+}
 
 double number_at(const char* at, NumberType type, bool swap) {
   switch (type) {

@@ -167,9 +167,7 @@ PointCloud read_depth_image(std::string_view bytes, const CameraModel& camera) {
     for (std::size_t u = 0; u < width; ++u) {
       const double depth =
           number_at(data.data() + v * row + u * size_of(type), type, big_endian) / unit;
-      const double z = depth > 0 ? depth : 0;
-      const Vec3 p((static_cast<double>(u) - camera.cx) / camera.fx * z,
-                   (static_cast<double>(v) - camera.cy) / camera.fy * z, z);
+      const Vec3 p = camera.point(u, v, depth > 0 ? depth : 0);
       if (!cloud.add(p))
         throw ScanFault(
             fmt::format("has the pixel ({}, {}) that {}", u, v, CloudBuilder::too_far(p)));

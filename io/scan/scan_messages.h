@@ -32,6 +32,11 @@ struct CameraModel {
   std::uint32_t width = 0, height = 0;
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels; centres of pixels have whole numbers
 
+  /// What pixel (u, v) sees at a depth, m.
+  Vec3 point(std::size_t u, std::size_t v, double depth) const {
+    return {(static_cast<double>(u) - cx) / fx * depth, (static_cast<double>(v) - cy) / fy * depth,
+            depth};
+  }
   bool operator==(const CameraModel&) const = default;
 };
 

@@ -123,12 +123,6 @@ void check_points(const YamlMap& map, const ScanInput& scan, const std::vector<V
   }
 }
 
-/// Leaves out points of a recording that no sensor sees.
-std::vector<Vec3> near_points(std::vector<Vec3> points_m) {
-  std::erase_if(points_m, [](const Vec3& point) { return point.norm() > kMostScanRangeM; });
-  return points_m;
-}
-
 /// Is the machine that carries the sensor somewhere by then? Says since when where it is not.
 std::optional<double> begin_of_carrier(const ScanInput& scan, const Scenario& scenario) {
   if (!scan.machine) return {};
@@ -204,8 +198,7 @@ class RecordedInputs {
       ++lost_;
       frame_ = recorded.frame_id;
     } else {
-      const std::size_t points = recorded.cloud.points_m.size();
-      far_ += points - near_points(std::move(recorded.cloud.points_m)).size();
+      far_ += recorded.cloud.leave_out_far();
       next_s_ = scan_.time_s + kSameEvery * every_s_;
       result_.scans.push_back(scan_);
     }
@@ -279,7 +272,8 @@ ScanInput::Seen ScanInput::read(const Motion* carrier) const {
   if (link) seen.sensor.pose = carried({}, carrier->joint_values(time_s));
   if (recording) {
     RecordedScan recorded = recording->read(number);
-    seen.points_m = near_points(std::move(recorded.cloud.points_m));
+    recorded.cloud.leave_out_far();
+    seen.points_m = std::move(recorded.cloud.points_m);
     if (by_transforms && !recorded.world_from_sensor)
       throw InputError(file, "changed while it was being read");
     if (by_transforms) seen.sensor.pose = *recorded.world_from_sensor;

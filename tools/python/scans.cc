@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "core/constants.h"
+#include "io/scan/scan_messages.h"
 #include "soilvdb/survey.h"
 #include "tools/python/site.h"
 
@@ -46,6 +47,7 @@ std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsic
   numbers(intrinsics, "intrinsics", k);
   if (!(k[0] > 0) || !(k[1] > 0) || !std::isfinite(k[0] + k[1] + k[2] + k[3]))
     throw py::value_error("intrinsics must be (fx, fy, cx, cy) in pixels, fx and fy more than 0");
+  const io::CameraModel camera{0, 0, k[0], k[1], k[2], k[3]};
   std::vector<Vec3> points;
   points.reserve(static_cast<std::size_t>(image.size()));
   for (py::ssize_t v = 0; v < image.shape(0); ++v) {
@@ -57,8 +59,7 @@ std::vector<Vec3> points_of(const py::object& depth, const py::object& intrinsic
                         "millimetres?",
                         kMostScanRangeM, v, u, z));
       if (z > 0 && std::isfinite(z))
-        points.emplace_back(z * (static_cast<double>(u) - k[2]) / k[0],
-                            z * (static_cast<double>(v) - k[3]) / k[1], z);
+        points.push_back(camera.point(static_cast<std::size_t>(u), static_cast<std::size_t>(v), z));
     }
   }
   return points;

@@ -186,8 +186,7 @@ io::PointCloud depths_of(std::string_view bytes, const io::CameraModel& camera) 
             "points: pixel ({}, {}) has the depth {:g}; depths must be in metres, at most {}: are "
             "they millimetres?",
             u, v, z, kMostScanRangeM));
-      cloud.points_m.emplace_back((static_cast<double>(u) - camera.cx) / camera.fx * z,
-                                  (static_cast<double>(v) - camera.cy) / camera.fy * z, z);
+      cloud.points_m.push_back(camera.point(u, v, z));
     }
   }
   return cloud;
@@ -196,10 +195,7 @@ io::PointCloud depths_of(std::string_view bytes, const io::CameraModel& camera) 
 io::PointCloud cloud2_of(std::string_view bytes) {
   try {
     io::PointCloud cloud = io::read_point_cloud2(bytes, kMostScanPoints);
-    const std::size_t before = cloud.points_m.size();
-    // As in a recording, a lidar's strays are left out.
-    std::erase_if(cloud.points_m, [](const Vec3& p) { return p.norm() > kMostScanRangeM; });
-    cloud.without_return += before - cloud.points_m.size();
+    cloud.without_return += cloud.leave_out_far();
     return cloud;
   } catch (const io::CdrError& e) {
     throw std::invalid_argument(

@@ -15,6 +15,10 @@ namespace soilvdb::inline v0::io {
 struct PointCloud {
   std::vector<Vec3> points_m;      ///< in the file's order and frame, all finite
   std::size_t without_return = 0;  ///< points of the file that are not kept, see read_points()
+
+  /// Leaves out a recording's strays: points farther from its origin than any sensor sees.
+  /// @return how many
+  std::size_t leave_out_far();
 };
 
 /// Reads the points of a scan. The content gives the format, not the file's name:
