@@ -11,6 +11,7 @@ import * as format from '../../tools/view/src/format.js';
 import {vertexNormals, writeNormals} from '../../tools/view/src/normals.js';
 import {sectionAreas} from '../../tools/view/src/section_chart.js';
 import {boxOf, placeTag} from '../../tools/view/src/tag_place.js';
+import {TerrainMesh} from '../../tools/view/src/terrain_mesh.js';
 import {sliderStart} from '../../tools/view/src/timeline.js';
 
 /** An array as differences in planes of bytes: written from the protocol's text, not from the decoder. */
@@ -152,6 +153,117 @@ test('neighbours have the same normal at vertices they share: the whole surfaceâ
     if (String(a.slice(i, i + 3)) !== String(alone.slice(i, i + 3))) ++differ;
   }
   assert.ok(differ > 0, 'or the neighbour adds nothing');
+});
+
+/** Random ground with voids: nx x ny heights, and numbers from 0 to 1. */
+function randomGround(nx, ny, seed, voids) {
+  let state = seed;
+  const random = () => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) / 2 ** 32;
+  const waves = Array.from({length: 4}, () => [random() / 3, random() / 3, 6 * random()]), rough = random() ** 3;
+  const heights = Float32Array.from({length: nx * ny}, (_, k) => waves.reduce((z, [u, v, w]) => z + Math.sin(u * (k % nx) + v * Math.floor(k / nx) + w), rough * random()));
+  for (let n = 0; n < voids; ++n) {
+    const x = random() * nx, y = random() * ny, radius = 0.5 + random() * Math.min(nx, ny) / 6;
+    heights.forEach((_, k) => { if (Math.hypot((k % nx) - x, Math.floor(k / nx) - y) < radius) heights[k] = NaN; });
+  }
+  return heights;
+}
+
+/** Each cell's four triangles to its middle - south, east, north, west - by the triangles over them. */
+function quartersCovered(triangles, nx) {
+  const count = new Map();
+  for (const [a, b, c] of triangles) {
+    const inside = (x, y) => [[a, b], [b, c], [c, a]].every(([p, q]) => (q[0] - p[0]) * (y - p[1]) - (q[1] - p[1]) * (x - p[0]) > 0);
+    const [x0, x1, y0, y1] = [0, 1].flatMap((axis) => [Math.min(a[axis], b[axis], c[axis]), Math.max(a[axis], b[axis], c[axis])]);
+    for (let j = y0; j < y1; ++j) {
+      for (let i = x0; i < x1; ++i) {
+        [[0.5, 0.2], [0.8, 0.5], [0.5, 0.8], [0.2, 0.5]].forEach(([x, y], quarter) => {
+          const key = 4 * (j * nx + i) + quarter;
+          if (inside(i + x, j + y)) count.set(key, (count.get(key) ?? 0) + 1);
+        });
+      }
+    }
+  }
+  return count;
+}
+
+test('triangles of terrain cover its ground once, without gaps, and no post is farther from them than is tolerated', () => {
+  let partial = 0, voids = 0, coarse = 0;
+  const sizes = [[2, 2], [3, 3], [9, 2], [5, 40], [17, 17], [33, 21], [65, 65], [50, 64]];
+  for (let n = 0; n < 96; ++n) {
+    const [nx, ny] = sizes[n % sizes.length], z = randomGround(nx, ny, n + 1, n % 3 === 0 ? 0 : n % 5);
+    const isGround = (i, j) => i >= 0 && j >= 0 && i < nx && j < ny && !Number.isNaN(z[j * nx + i]);
+    const tolerance = [0, 0.02, 0.2, 1.5, 100][n % 5], where = `ground ${n}`, foot = (side, h) => h - 1 - side;
+    const mesh = new TerrainMesh(nx, ny, z).cut(tolerance, foot);
+    const at = (v) => [mesh.grid[2 * v], mesh.grid[2 * v + 1], mesh.height[v]];
+    const all = Array.from({length: mesh.index.length / 3}, (_, t) => mesh.index.slice(3 * t, 3 * t + 3));
+    const ground = all.filter(([a]) => mesh.side[a] < 0), triangles = ground.map((t) => t.map(at));
+    for (const [i, j, h] of triangles.flat()) assert.equal(h, z[j * nx + i], where);
+
+    const covered = quartersCovered(triangles, nx);
+    for (let j = 0; j + 1 < ny; ++j) {
+      for (let i = 0; i + 1 < nx; ++i) {
+        const [a, b, c, d] = [isGround(i, j), isGround(i + 1, j), isGround(i + 1, j + 1), isGround(i, j + 1)], known = a + b + c + d;
+        // Three posts have a triangle; its two legs are sides of the cell.
+        const legs = known === 4 ? [true, true, true, true] : known === 3 ? [a && b, b && c, c && d, d && a] : [false, false, false, false];
+        legs.forEach((is, quarter) => assert.equal(covered.get(4 * (j * nx + i) + quarter) ?? 0, is ? 1 : 0, `${where}, cell ${i}, ${j}`));
+        if (known === 3) ++partial;
+        if (known < 4) ++voids;
+      }
+    }
+
+    let worst = 0;
+    for (const [a, b, c] of triangles) {
+      const det = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+      assert.ok(det > 0, `${where}: counter-clockwise`);
+      const [x0, x1, y0, y1] = [0, 1].flatMap((axis) => [Math.min(a[axis], b[axis], c[axis]), Math.max(a[axis], b[axis], c[axis])]);
+      for (let y = y0; y <= y1; ++y) {
+        for (let x = x0; x <= x1; ++x) {
+          const s = ((x - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (y - a[1])) / det, t = ((b[0] - a[0]) * (y - a[1]) - (x - a[0]) * (b[1] - a[1])) / det;
+          if (s < 0 || t < 0 || s + t > 1) continue;
+          assert.ok(isGround(x, y), `${where}: ${x}, ${y} is void`);
+          worst = Math.max(worst, Math.abs((1 - s - t) * a[2] + s * b[2] + t * c[2] - z[y * nx + x]));
+        }
+      }
+    }
+    assert.ok(worst <= mesh.error + 1e-6 && mesh.error <= tolerance, `${where}: ${worst}, ${mesh.error}, ${tolerance}`);
+    if (worst > 0) ++coarse;
+
+    const edges = new Set(ground.flatMap(([a, b, c]) => [`${a},${b}`, `${b},${c}`, `${c},${a}`]));
+    assert.equal(edges.size, 3 * ground.length, `${where}: each edge once in each direction`);
+    const tops = new Set(), name = (a, b) => [a, b].map((v) => at(v).slice(0, 2)).join(' ');
+    for (const [a, b, c] of all.filter(([v]) => mesh.side[v] >= 0)) {
+      const side = mesh.side[a], [p, q, r] = [a, b, c].map(at), [u, v] = [q, r].map((e) => e.map((x, axis) => x - p[axis]));
+      assert.deepEqual([mesh.side[b], mesh.side[c]], [side, side]);
+      const out = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2]], towards = [[0, -1], [1, 0], [0, 1], [-1, 0]][side];
+      assert.ok(out[0] * towards[0] + out[1] * towards[1] > 0, `${where}: skirts face outwards`);
+      for (const [i, j, h] of [p, q, r]) assert.ok(h === z[j * nx + i] || Math.abs(h - foot(side, z[j * nx + i])) < 1e-6);
+      if (r[2] !== z[r[1] * nx + r[0]]) continue;
+      tops.add(name(a, c));
+      const steps = Math.max(Math.abs(r[0] - p[0]), Math.abs(r[1] - p[1]));
+      for (let k = 0; k <= steps; ++k) assert.ok(isGround(p[0] + ((r[0] - p[0]) * k) / steps, p[1] + ((r[1] - p[1]) * k) / steps), `${where}: no skirt at a void`);
+    }
+    for (const edge of edges) {
+      const [a, b] = edge.split(',').map(Number);
+      if (edges.has(`${b},${a}`)) continue;
+      const [i, j] = at(a), [u, v] = at(b), x = Math.sign(u - i), y = Math.sign(v - j);
+      // What is right of the edge's first cell: nothing, or another triangle would have a vertex within the edge.
+      const px = i + 0.5 * x + 0.2 * y, py = j + 0.5 * y - 0.2 * x, cx = Math.floor(px), cy = Math.floor(py), fx = px - cx - 0.5, fy = py - cy - 0.5;
+      const beside = x * y === 0 ? [Math.abs(fy) > Math.abs(fx) ? (fy < 0 ? 0 : 2) : fx > 0 ? 1 : 3] : [fy < 0 ? 0 : 2, fx > 0 ? 1 : 3];
+      for (const quarter of beside) assert.ok(!covered.has(4 * (cy * nx + cx) + quarter) || cx < 0 || cx > nx - 2, `${where}: ${edge} has another triangle beside it`);
+      const onSide = (i === u && (i === 0 || i === nx - 1)) || (j === v && (j === 0 || j === ny - 1));
+      if (onSide) assert.ok(tops.has(name(a, b)), `${where}: the side from ${[i, j]} to ${[u, v]} has a skirt`);
+    }
+  }
+  assert.ok(partial > 100 && voids > 1000 && coarse > 30, `${partial} ${voids} ${coarse}`);
+});
+
+test('level terrain has two triangles and a skirt at each side, an even slope no more', () => {
+  for (const slope of [0, 0.25]) {
+    const z = Float32Array.from({length: 257 * 257}, (_, k) => 400 + slope * (k % 257) - 2 * slope * Math.floor(k / 257));
+    const mesh = new TerrainMesh(257, 257, z).cut(1e-9, (side, h) => h - 1);
+    assert.equal(mesh.index.length, 3 * (2 + 4 * 2));
+    assert.equal(mesh.error, 0);
+  }
 });
 
 test('areas of a section are those of its triangles and trapezoids, also where it crosses the ground before', () => {

@@ -111,36 +111,48 @@ bool resident(ivec3 chunk) {
 }
 `;
 
-/** Tiles: a grid of posts, each with its height above the scene's datum. */
+/** Tiles: some of their posts, each with its height above the scene's datum. */
 export const kTerrainVertex = /* glsl */ `
 attribute vec2 grid;
 attribute float height;
-attribute vec4 facing;         // normal; w is 1 on the walls around the site
-attribute float above;         // height above the design; -1e9: unknown
-uniform float spacing_m, voxel_m;
+attribute vec2 outward;        // of walls around the site; else 0
+uniform float spacing_m, voxel_m, low_m;
 uniform vec3 tile_fraction;    // position of the tile's corner within its voxel
-varying vec3 scene_at, normal_at, voxel_at;
-uniform float low_m;
-varying float above_low_m, wall, above_m, unknown;
+varying vec3 scene_at, voxel_at;
+varying vec2 grid_at, wall;
+varying float above_low_m;
 void main() {
-  unknown = above < -1e8 ? 1.0 : 0.0;
-  above_m = unknown > 0.5 ? 0.0 : above;
   vec3 local = vec3(grid * spacing_m, height);
   voxel_at = local / voxel_m + tile_fraction;
   vec4 at = modelMatrix * vec4(local, 1.0);
   scene_at = at.xyz;
   above_low_m = at.z - low_m;
-  normal_at = facing.xyz;
-  wall = facing.w;
+  grid_at = grid;
+  wall = outward;
   gl_Position = projectionMatrix * modelViewMatrix * vec4(local, 1.0);
 }`;
 
 export const kTerrainFragment = kColouring + kResident + /* glsl */ `
 uniform ivec3 tile_voxel;      // voxel of the tile's corner; an integer, because floats have 24 bits
 uniform float reach;           // largest distance of the triangles from the ground, voxels
-varying vec3 scene_at, normal_at, voxel_at;
-varying float above_low_m, wall, above_m, unknown;
+uniform sampler2D normals, heights, above;   // of the posts: heights in the scene and above the design
+uniform bool designed;
+varying vec3 scene_at, voxel_at;
+varying vec2 grid_at, wall;
+varying float above_low_m;
 const float kOverlap = 1.0;
+
+// Bilinear between four posts, less a datum. Level ground has exactly the posts' value.
+float between(sampler2D posts, float datum, out bool known) {
+  ivec2 low = clamp(ivec2(grid_at), ivec2(0), textureSize(posts, 0) - 2);
+  vec2 share = grid_at - vec2(low);
+  vec4 four = vec4(texelFetch(posts, low, 0).r, texelFetch(posts, low + ivec2(1, 0), 0).r,
+                   texelFetch(posts, low + ivec2(0, 1), 0).r, texelFetch(posts, low + ivec2(1, 1), 0).r);
+  known = all(greaterThan(four, vec4(-1e8)));
+  four -= datum;
+  vec2 row = four.xz + share.x * (four.yw - four.xz);
+  return row.x + share.y * (row.y - row.x);
+}
 
 bool covered(ivec2 column, int bottom, int top) {
   for (int z = bottom; z <= top; ++z) {
@@ -159,15 +171,21 @@ void main() {
     if (covered(low, bottom, top) && (low == high || (covered(high, bottom, top) &&
         covered(ivec2(low.x, high.y), bottom, top) && covered(ivec2(high.x, low.y), bottom, top)))) discard;
   }
-  vec3 normal = normalize(normal_at);
-  if (wall > 0.5) {
+  if (length(wall) > 0.5) {
     float t = scene_at.z / max(0.5, 0.01 * grid_m * 10.0);
     float layers = clamp(0.5 + 0.28 * sin(2.1 * t) + 0.22 * sin(5.3 * t + 1.1), 0.0, 1.0);
-    gl_FragColor = vec4(lit(mix(kSection, kSectionDark, layers), normal), 1.0);
-  } else {
-    // Interpolates only if all corners of the triangle are known.
-    gl_FragColor = vec4(colored(scene_at, above_low_m, mode == 4 ? above_m : 0.0, mode != 4 || unknown < 1e-3, 0.0, normal), 1.0);
+    gl_FragColor = vec4(lit(mix(kSection, kSectionDark, layers), normalize(vec3(wall, 0.0))), 1.0);
+    return;
   }
+  vec3 normal = normalize(texture2D(normals, (grid_at + 0.5) / vec2(textureSize(normals, 0))).xyz);
+  float height_m = above_low_m, above_m = 0.0;
+  bool known = mode != 4;
+  if (mode == 2) {
+    float exact_m = between(heights, low_m, known);
+    if (known) height_m = exact_m;
+  }
+  if (mode == 4 && designed) above_m = between(above, 0.0, known);
+  gl_FragColor = vec4(colored(scene_at, height_m, known ? above_m : 0.0, known, 0.0, normal), 1.0);
 }`;
 
 /** Blocks: positions are 16-bit lattice coordinates; the model's matrix converts them to metres. */

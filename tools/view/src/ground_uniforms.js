@@ -5,7 +5,7 @@ import {DataTexture, FrontSide, DoubleSide, IntType, LinearFilter, LinearMipmapL
 import {kBlockFragment, kBlockVertex, kTerrainFragment, kTerrainVertex} from './ground_shader.js';
 import {clodTexels, kClodTexels, kRampRows, kRampWidth, rampTexels} from './ramps.js';
 
-/** Height above the design in tiles where it is unknown. */
+/** A height of tiles, in the scene or above the design, where it is unknown. */
 export const kNotKnown = -1e9;
 
 /** The colour modes; an index in this list is `mode` in the shaders. */
@@ -56,11 +56,9 @@ export class GroundUniforms {
 
   /** A material per tile; all use one program. */
   terrainMaterial(own) {
-    const material = new ShaderMaterial({
+    return new ShaderMaterial({
       uniforms: {...this.values, ...own}, vertexShader: kTerrainVertex, fragmentShader: kTerrainFragment, side: FrontSide,
     });
-    material.defaultAttributeValues = {above: [kNotKnown]};   // for a tile without heights of the design
-    return material;
   }
 
   /** @param {import('./chunk_table.js').ChunkTable} table rebuilt just before */

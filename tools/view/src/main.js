@@ -49,7 +49,7 @@ class Page {
     this.uniforms.values.voxel_m.value = site.voxel_size_m;
     this.uniforms.values.clod_m.value = Math.max(site.voxel_size_m, 0.08);
     this.terrain = new Terrain(site, api.getBytes, this.origin, this.uniforms, () => {
-      this.terrain.update(this.sceneView.camera, this.sceneView.height);   // prepares the next tiles independently of the drawing rate
+      this.updateTerrain();   // prepares the next tiles independently of the drawing rate
       changed();
     });
     this.views = new Views({site, origin: this.origin, uniforms: this.uniforms, parent: this.sceneView.scene}, changed);
@@ -116,13 +116,17 @@ class Page {
   beforeRender() {
     this.uniforms.values.pixel_ratio.value = this.sceneView.renderer.getPixelRatio();
     this.terrain.showsDesign = this.legend.mode === 'design';
-    this.terrain.update(this.sceneView.camera, this.sceneView.height);
+    this.updateTerrain();
     this.machines.placeArrows();
     if (!this.lifted && Number.isFinite(this.terrain.low)) {   // the ground's height is known now
       this.lifted = true;
       this.middle.z = (this.terrain.low + this.terrain.high) / 2;
       this.fitSite(true);
     }
+  }
+
+  updateTerrain() {
+    this.terrain.update(this.sceneView.camera, this.sceneView.height, this.sceneView.canvas.height);
   }
 
   afterFrame() {

@@ -7,6 +7,8 @@ import {TerrainTile} from './terrain_tile.js';
 
 const kTile = 256;            // posts along a tile, less one
 const kPostPx = 2.5;          // a larger spacing on screen loads finer tiles
+const kTolerancePx = 0.5;     // of heights, in pixels as they are drawn
+const kMostReach = 64;        // of the search for chunks above and below the ground, voxels
 const kRequests = 6;          // simultaneous requests
 const kKept = 160;            // tiles; the longest unused go first
 const kRetry_ms = 1500;
@@ -47,13 +49,20 @@ export class Terrain {
   get drawnTiles() {
     return this.#drawn.length;
   }
+  get drawnTriangles() {
+    return this.#drawn.reduce((sum, tile) => sum + tile.mesh.geometry.index.count / 3, 0);
+  }
 
-  /** Chooses the tiles to draw from here, and requests missing ones. */
-  update(camera, heightPx) {
+  /**
+   * Chooses the tiles to draw from here, and requests missing ones.
+   * @param {number} heightPx of the picture on the page, which all that is loaded depends on
+   * @param {number} drawnPx the same as it is drawn now
+   */
+  update(camera, heightPx, drawnPx) {
     ++this.#frame;
     const frustum = new Frustum().setFromProjectionMatrix(
       new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse));
-    const view = {frustum, eye: camera.position, pixel: (2 * Math.tan((camera.fov * Math.PI) / 360)) / heightPx};
+    const size = 2 * Math.tan((camera.fov * Math.PI) / 360), view = {frustum, eye: camera.position, pixel: size / heightPx};
     for (const tile of this.#drawn) tile.mesh.visible = false;
     this.#drawn = [];
     this.#wanted = [];
@@ -61,7 +70,7 @@ export class Terrain {
     for (let j = 0; j < this.counts[top][1]; ++j) {
       for (let i = 0; i < this.counts[top][0]; ++i) this.#visit(top, i, j, view);
     }
-    for (const tile of this.#drawn) tile.mesh.visible = true;
+    for (const tile of this.#drawn) this.#show(tile, camera, size / drawnPx);
     if (this.showsDesign) {
       for (const tile of this.#drawn) {
         if (!tile.designed) this.#wanted.push({key: tile.key, place: tile, level: -1, distance: 0});
@@ -93,6 +102,15 @@ export class Terrain {
       children.forEach((c) => this.#want(...c, view));
     }
     if (ready && seen) this.#drawn.push(tile);
+  }
+
+  #show(tile, camera, pixel) {
+    const distance = Math.max(camera.near, this.#box(tile, tile).distanceToPoint(camera.position));
+    // A power of two, so that triangles change only if the distance does much.
+    const error_m = tile.refine(2 ** Math.floor(Math.log2(kTolerancePx * pixel * distance)));
+    const voxel_m = this.site.voxel_size_m, between_m = tile.level === 0 ? 0 : 0.35 * tile.spacing_m;
+    tile.mesh.material.uniforms.reach.value = Math.min(kMostReach, Math.max(2, between_m / voxel_m) + error_m / voxel_m);
+    tile.mesh.visible = true;
   }
 
   #children(level, i, j) {
@@ -191,7 +209,8 @@ export class Terrain {
       spacing_m: {value: place.spacing_m},
       tile_voxel: {value: new Int32Array(voxels.map(Math.floor))},
       tile_fraction: {value: new Vector3(...voxels.map((v) => v - Math.floor(v)))},
-      reach: {value: Math.min(64, Math.max(2, place.level === 0 ? 0 : (0.35 * place.spacing_m) / voxel_m))},
+      reach: {value: 0},
+      designed: {value: false},
     });
     const tile = new TerrainTile(place, heights, material, this.footZ);
     tile.key = key;

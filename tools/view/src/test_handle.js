@@ -11,7 +11,7 @@ export function handle(page) {
       id: page.views.shown.id, blocks: page.views.shown.blocks.count, vertices: page.views.shown.blocks.vertices,
       settled: page.views.settled, rejected: page.views.rejected, error: page.views.lastError ?? null,
     }),
-    terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles, fromDesign_m: page.terrain.fromDesign_m}),
+    terrain: () => ({settled: page.terrain.settled, tiles: page.terrain.drawnTiles, triangles: page.terrain.drawnTriangles, fromDesign_m: page.terrain.fromDesign_m}),
     /** The shown time, s. */
     time: () => page.shownTimes().time ?? page.live?.time_s ?? null,
     /** Name and drawn position of each machine, and the arrow of its force from there, m. */
