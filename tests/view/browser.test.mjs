@@ -614,7 +614,7 @@ test('a clock that was at 0 first and then counts from 1970 has a slider over th
   }
 });
 
-test('level ground on a contour has one colour', options, async () => {
+test('level ground on a contour has one colour and few triangles', options, async () => {
   const server = await site.serve(...live(), '--port', '0');   // at 2 m, with a line every 10 cm
   try {
     const {page, said, close} = await site.open(browser, server.url, {deviceScaleFactor: 1});
@@ -627,6 +627,8 @@ test('level ground on a contour has one colour', options, async () => {
       const most = (channel) => pixels.reduce((a, p) => Math.max(a, p[channel]), 0), least = (channel) => pixels.reduce((a, p) => Math.min(a, p[channel]), 255);
       for (const channel of [0, 1, 2]) assert.ok(most(channel) - least(channel) <= 2, `${least(channel)} to ${most(channel)} after ${key}`);
     }
+    const {tiles, triangles} = await page.evaluate(() => window.soilvdb.terrain());
+    assert.ok(triangles <= 10 * tiles, `${triangles} triangles of ${tiles} level tiles`);
     assert.deepEqual(said, []);
     await close();
   } finally {

@@ -195,7 +195,7 @@ test('triangles of terrain cover its ground once, without gaps, and no post is f
     const tolerance = [0, 0.02, 0.2, 1.5, 100][n % 5], where = `ground ${n}`, foot = (side, h) => h - 1 - side;
     const mesh = new TerrainMesh(nx, ny, z).cut(tolerance, foot);
     const at = (v) => [mesh.grid[2 * v], mesh.grid[2 * v + 1], mesh.height[v]];
-    const all = Array.from({length: mesh.index.length / 3}, (_, t) => mesh.index.slice(3 * t, 3 * t + 3));
+    const all = Array.from({length: mesh.index.length / 3}, (_, t) => [...mesh.index.subarray(3 * t, 3 * t + 3)]);
     const ground = all.filter(([a]) => mesh.side[a] < 0), triangles = ground.map((t) => t.map(at));
     for (const [i, j, h] of triangles.flat()) assert.equal(h, z[j * nx + i], where);
 

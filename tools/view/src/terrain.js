@@ -70,7 +70,8 @@ export class Terrain {
     for (let j = 0; j < this.counts[top][1]; ++j) {
       for (let i = 0; i < this.counts[top][0]; ++i) this.#visit(top, i, j, view);
     }
-    for (const tile of this.#drawn) this.#show(tile, camera, size / drawnPx);
+    this.#refine(camera, size / drawnPx);
+    for (const tile of this.#drawn) tile.mesh.visible = true;
     if (this.showsDesign) {
       for (const tile of this.#drawn) {
         if (!tile.designed) this.#wanted.push({key: tile.key, place: tile, level: -1, distance: 0});
@@ -104,13 +105,16 @@ export class Terrain {
     if (ready && seen) this.#drawn.push(tile);
   }
 
-  #show(tile, camera, pixel) {
-    const distance = Math.max(camera.near, this.#box(tile, tile).distanceToPoint(camera.position));
-    // A power of two, so that triangles change only if the distance does much.
-    const error_m = tile.refine(2 ** Math.floor(Math.log2(kTolerancePx * pixel * distance)));
-    const voxel_m = this.site.voxel_size_m, between_m = tile.level === 0 ? 0 : 0.35 * tile.spacing_m;
-    tile.mesh.material.uniforms.reach.value = Math.min(kMostReach, Math.max(2, between_m / voxel_m) + error_m / voxel_m);
-    tile.mesh.visible = true;
+  #refine(camera, pixel) {
+    const voxel_m = this.site.voxel_size_m;
+    for (const tile of this.#drawn) {
+      const distance = Math.max(camera.near, this.#box(tile, tile).distanceToPoint(camera.position));
+      // A power of two, so that triangles change only if the distance does much.
+      const tolerance_m = 2 ** Math.floor(Math.log2(kTolerancePx * pixel * distance));
+      if (tile.tolerance_m === tolerance_m) continue;
+      const error_m = tile.refine(tolerance_m), between_m = tile.level === 0 ? 0 : 0.35 * tile.spacing_m;
+      tile.mesh.material.uniforms.reach.value = Math.min(kMostReach, Math.max(2, between_m / voxel_m) + error_m / voxel_m);
+    }
   }
 
   #children(level, i, j) {

@@ -81,18 +81,27 @@ export class TerrainMesh {
    * @param {number} tolerance of heights
    * @param {function(number, number): number} footOf the skirt's foot at a side (0 to 3: south,
    *     east, north, west) below a height
-   * @return {{grid: number[], height: number[], side: number[], index: number[], error: number}}
+   * @return {{grid: Uint16Array, height: Float32Array, side: Int8Array, index: Uint32Array, error: number}}
    *     column and row, height, and side (-1: on the ground) of each vertex; triangles,
    *     counter-clockwise from above or outside; largest distance of posts from them
    */
   cut(tolerance, footOf) {
     const {nx, ny, cells} = this, posts = cells + 1, z = this.#heights, errors = this.#errors;
-    const mesh = {grid: [], height: [], side: [], index: [], error: 0};
-    const vertexAt = new Int32Array(posts * posts).fill(-1);
-    const add = (post, height, side) => {
-      mesh.grid.push(post % posts, Math.floor(post / posts));
-      mesh.height.push(height);
-      return mesh.side.push(side) - 1;
+    const most = posts * posts + 8 * posts;   // vertices
+    const grid = new Uint16Array(2 * most), height = new Float32Array(most), side = new Int8Array(most);
+    const index = new Uint32Array(6 * (cells + 4) * cells), vertexAt = new Int32Array(posts * posts).fill(-1);
+    let vertices = 0, corners = 0, error = 0;
+    const add = (post, z, of) => {
+      grid[2 * vertices] = post % posts;
+      grid[2 * vertices + 1] = Math.floor(post / posts);
+      height[vertices] = z;
+      side[vertices] = of;
+      return vertices++;
+    };
+    const triangle = (a, b, c) => {
+      index[corners++] = a;
+      index[corners++] = b;
+      index[corners++] = c;
     };
     const vertex = (post) => {
       if (vertexAt[post] < 0) vertexAt[post] = add(post, z[post], -1);
@@ -106,25 +115,28 @@ export class TerrainMesh {
           divide(b, c, middle, times - 1);
           return;
         }
-        mesh.error = Math.max(mesh.error, errors[middle]);
+        error = Math.max(error, errors[middle]);
       }
-      if (!Number.isNaN(z[a] + z[b] + z[c])) mesh.index.push(vertex(a), vertex(b), vertex(c));
+      if (!Number.isNaN(z[a] + z[b] + z[c])) triangle(vertex(a), vertex(b), vertex(c));
     };
-    const first = 0, last = posts * posts - 1, most = 2 * Math.log2(cells);
-    divide(last, first, cells, most);
-    divide(first, last, last - cells, most);
-    for (const triangle of this.#corners) mesh.index.push(...triangle.map(vertex));
-    [[0, 1, nx], [nx - 1, posts, ny], [(ny - 1) * posts + nx - 1, -1, nx], [(ny - 1) * posts, -posts, ny]].forEach(([start, step, count], side) => {
+    const first = 0, last = posts * posts - 1, times = 2 * Math.log2(cells);
+    divide(last, first, cells, times);
+    divide(first, last, last - cells, times);
+    for (const corner of this.#corners) triangle(...corner.map(vertex));
+    [[0, 1, nx], [nx - 1, posts, ny], [(ny - 1) * posts + nx - 1, -1, nx], [(ny - 1) * posts, -posts, ny]].forEach(([start, step, count], at) => {
       let before = -1;
       for (let k = 0, post = start; k < count; ++k, post += step) {
         if (Number.isNaN(z[post])) before = -1;
         if (vertexAt[post] < 0) continue;
-        const top = add(post, z[post], side);
-        add(post, footOf(side, z[post]), side);
-        if (before >= 0) mesh.index.push(before, before + 1, top + 1, before, top + 1, top);
+        const top = add(post, z[post], at), foot = add(post, footOf(at, z[post]), at);
+        if (before >= 0) {
+          triangle(before, before + 1, foot);
+          triangle(before, foot, top);
+        }
         before = top;
       }
     });
-    return mesh;
+    const used = (array, count) => array.slice(0, count);
+    return {grid: used(grid, 2 * vertices), height: used(height, vertices), side: used(side, vertices), index: used(index, corners), error};
   }
 }

@@ -3,7 +3,7 @@
 // A tile of terrain: as few triangles as show its posts' heights, with skirts, which hide gaps to
 // neighbours. At the site's border a skirt is a wall. What varies along the ground - normals,
 // heights for colours - is read from textures of the posts, so that triangles don't show.
-import {BufferGeometry, ByteType, DataTexture, Float32BufferAttribute, FloatType, Int8BufferAttribute, LinearFilter, Mesh, RedFormat, RGBAFormat, Sphere, Uint16BufferAttribute, Vector3} from 'three';
+import {BufferAttribute, BufferGeometry, ByteType, DataTexture, FloatType, LinearFilter, Mesh, RedFormat, RGBAFormat, Sphere, Vector3} from 'three';
 import {kNotKnown} from './ground_uniforms.js';
 import {TerrainMesh} from './terrain_mesh.js';
 
@@ -23,9 +23,8 @@ function normalTexture(nx, ny) {
 }
 
 export class TerrainTile {
-  #network;      // made when it is first drawn
-  #tolerance_m;
-  #error_m = 0;
+  tolerance_m;   // of its triangles; it has none at first
+  #network;
 
   /**
    * @param {Object} place level, i, j; nx, ny posts; spacing_m; corner: in the scene; site: whether
@@ -52,23 +51,20 @@ export class TerrainTile {
     this.mesh.visible = false;
   }
 
-  /**
-   * Draws the ground to a tolerance from now on.
-   * @return {number} largest distance of posts from the triangles
-   */
+  /** Draws the ground to a tolerance from now on; returns the largest distance of posts from the triangles. */
   refine(tolerance_m) {
-    if (tolerance_m === this.#tolerance_m) return this.#error_m;
-    this.#tolerance_m = tolerance_m;
+    this.tolerance_m = tolerance_m;
     const {nx, ny, spacing_m, footZ} = this;
     this.#network ??= new TerrainMesh(nx, ny, this.heights);
     const skirt_m = 2 * spacing_m + 3 * tolerance_m;   // neighbours may have twice the tolerance
     const cut = this.#network.cut(tolerance_m, (side, z) => (this.site[side] ? footZ : z - skirt_m));
-    const outward = cut.side.flatMap((side) => (this.site[side] ? kOutwards[side] : [0, 0]));
+    const outward = new Int8Array(2 * cut.side.length);
+    cut.side.forEach((side, k) => { if (this.site[side]) outward.set(kOutwards[side], 2 * k); });
     const geometry = new BufferGeometry();
-    geometry.setIndex(cut.index);
-    geometry.setAttribute('grid', new Uint16BufferAttribute(cut.grid, 2));
-    geometry.setAttribute('height', new Float32BufferAttribute(cut.height, 1));
-    geometry.setAttribute('outward', new Int8BufferAttribute(outward, 2, true));
+    geometry.setIndex(new BufferAttribute(cut.index, 1));
+    geometry.setAttribute('grid', new BufferAttribute(cut.grid, 2));
+    geometry.setAttribute('height', new BufferAttribute(cut.height, 1));
+    geometry.setAttribute('outward', new BufferAttribute(outward, 2, true));
     const size = [(nx - 1) * spacing_m, (ny - 1) * spacing_m];
     const bottom = Math.min(this.low - skirt_m, this.site.includes(true) ? footZ : Infinity);
     geometry.boundingSphere = new Sphere(
@@ -76,7 +72,7 @@ export class TerrainTile {
       Math.hypot(size[0], size[1], this.high - bottom) / 2);
     this.mesh.geometry.dispose();
     this.mesh.geometry = geometry;
-    return this.#error_m = cut.error;
+    return cut.error;
   }
 
   /**
