@@ -336,7 +336,11 @@ void GroundSurvey::load(std::string_view& in) {
   }
   if (numbers.size() != s.sensors.size()) refuse_survey();
   // Machines may have come since.
-  const auto machines = take_number<std::size_t>(in, s.buckets.size() + 1);
+  const auto machines = take_number<std::size_t>(in, in.size() + 1);
+  if (machines > s.buckets.size())
+    throw std::invalid_argument("the state of the scans is of " + std::to_string(machines) +
+                                " machines, and the site has " + std::to_string(s.buckets.size()) +
+                                "; with scans machines stay, also those without a state");
   const std::size_t came = s.buckets.size() - machines;
   const auto known_errors = s.error_count() - static_cast<Eigen::Index>(came);
   Eigen::VectorXd mean(known_errors);

@@ -113,7 +113,7 @@ def test_what_cannot_be_asked_is_said(tmp_path):
              "/../../etc/passwd": (404, "no such page"), "/%2e%2e/etc/passwd": (404, "no such page"),
              "//etc/passwd": (404, "no such page"), "/%zz": (400, "can't be read"),
              "/view.js/../x": (404, "no such page"), "/index.html": (404, "no such page"),
-             "/feed": (404, "no such page")}
+             "/feed": (400, "/feed is a WebSocket"), "/scan": (400, "/scan is a WebSocket")}
     with Server(scenario(tmp_path), "--out", tmp_path / "out", cwd=tmp_path) as server:
         for path, (status, why) in asked.items():
             got, body = server.get(path)

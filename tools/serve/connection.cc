@@ -125,10 +125,12 @@ class Connection : public std::enable_shared_from_this<Connection> {
                           "printed"));
     wait_no_more();
     if (!post && !parser_->is_done()) return send(refusal(400, "only a POST may have a body"));
+    const bool is_stream = path == "/feed" || path == "/scan" || path == "/view";
+    if (is_stream && !upgrade && !post)
+      return send(refusal(400, path + " is a WebSocket; open it by ws:// or wss://"));
     if (upgrade) {
       if (path == "/view") return go_over(path);
-      if (path != "/feed" && path != "/scan")
-        return send(refusal(404, "streams are /feed, /scan and /view"));
+      if (!is_stream) return send(refusal(404, "streams are /feed, /scan and /view"));
       if (role != Role::kFeeder) return send(refusal(403, kOnlyViewer));
       return go_over(path);
     }
