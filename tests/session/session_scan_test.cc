@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scans of a session: recorded and gone on with, cloned, and in the mass balance.
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 
 #include <filesystem>
 #include <random>
@@ -151,6 +152,17 @@ TEST(SiteScans, CorrectEarlierGroundWhenALipIsKnownBetter) {
   EXPECT_GT(both, 1.6 * all_m3);  // a tenth or so is what floors err by themselves
   EXPECT_LT(both, 2.05 * all_m3);
   EXPECT_NEAR(site.lip_errors_m()[0].mean, kError_m, 0.003);
+}
+
+TEST(SiteScans, SayThatAMachineIsMissing) {
+  Ground ground(0.1, Vec3::Zero(), make_plane(0, {0, 0}));
+  std::string saved;
+  GroundSurvey(ground, {digger(), digger()}, {0.02, 0.02}).save(saved);
+  std::string_view in = saved;
+  GroundSurvey of_one(ground, {digger()}, {0.02});
+  EXPECT_THAT([&] { of_one.load(in); },
+              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr(
+                  "is of 2 machines, and the site has 1; with scans machines stay")));
 }
 
 TEST_P(SessionScans, AreBookedAndLeaveLoads) {
